@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/pose2.hpp"
+
+namespace situation_awareness {
+
+/// Ellipse in the plane of some frame b (ellipse paper, Sect. III-B): centre, orientation of its own x axis in b, and
+/// semi-axes along its own x and y axes. Four parameter sets describe the same curve; `canonical` picks one.
+struct Ellipse {
+  Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
+  double psi_rad = 0.0;
+  double rx_m = 0.0;
+  double ry_m = 0.0;
+};
+
+/// The same curve with rx >= ry and psi in [-pi/2, pi/2].
+Ellipse canonical(const Ellipse& ellipse);
+
+/// The ellipse `ellipse_b` of frame b seen in frame a.
+Ellipse operator*(const Pose2& T_a_b, const Ellipse& ellipse_b);
+
+/// Shape matrix C (2x2, m^2): the curve is (x - t)^T C^-1 (x - t) = 1, and sqrt(n^T C n) is its half width along a unit
+/// vector n.
+Eigen::Matrix2d shape_matrix(const Ellipse& ellipse);
+
+/// The four ends of the principal axes, counter-clockwise from +x (ellipse paper, Fig. 4).
+std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse);
+
+/// Mean distance of the four characteristic points (ellipse paper, eq. 1), pairing them in order.
+double characteristic_distance(const Ellipse& a, const Ellipse& b);
+
+/// The same, over the pairing that a rotation of either ellipse by pi leaves unchanged: the smaller of the two.
+double symmetric_characteristic_distance(const Ellipse& a, const Ellipse& b);
+
+/// Distance from `origin` along the unit vector `direction` to the first crossing of the curve in front of the origin,
+/// or nothing if the ray misses. From inside, the crossing is where the ray leaves.
+std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2d& origin,
+                                    const Eigen::Vector2d& direction);
+
+/// True if `point` lies inside or on the curve.
+bool contains(const Ellipse& ellipse, const Eigen::Vector2d& point);
+
+}  // namespace situation_awareness

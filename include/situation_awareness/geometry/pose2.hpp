@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace situation_awareness {
+
+/// Pose in the plane, an element of SE(2). `T_a_b` maps points of frame b into frame a: `p_a = T_a_b * p_b`.
+struct Pose2 {
+  Eigen::Vector2d translation_m = Eigen::Vector2d::Zero();
+  double yaw_rad = 0.0;
+
+  Eigen::Matrix2d rotation() const { return Eigen::Rotation2Dd(yaw_rad).toRotationMatrix(); }
+};
+
+inline Eigen::Vector2d operator*(const Pose2& T_a_b, const Eigen::Vector2d& p_b) {
+  return T_a_b.rotation() * p_b + T_a_b.translation_m;
+}
+
+inline Pose2 operator*(const Pose2& T_a_b, const Pose2& T_b_c) {
+  return {T_a_b * T_b_c.translation_m, T_a_b.yaw_rad + T_b_c.yaw_rad};
+}
+
+inline Pose2 inverse(const Pose2& T_a_b) {
+  return {-(T_a_b.rotation().transpose() * T_a_b.translation_m), -T_a_b.yaw_rad};
+}
+
+}  // namespace situation_awareness

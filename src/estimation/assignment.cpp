@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/estimation/assignment.hpp"
+
+#include <algorithm>
+#include <limits>
+#include <numeric>
+
+namespace situation_awareness {
+namespace {
+
+/// Disjoint sets with path halving.
+class Groups {
+ public:
+  explicit Groups(int size) : parent_(static_cast<std::size_t>(size)) {
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
+  int find(int i) {
+    while (at(i) != i) i = at(i) = at(at(i));
+    return i;
+  }
+  void join(int i, int j) { at(find(i)) = find(j); }
+
+ private:
+  int& at(int i) { return parent_[static_cast<std::size_t>(i)]; }
+  std::vector<int> parent_;
+};
+
+/// Minimum-cost assignment of every row of a dense rows x columns matrix, rows <= columns. Returns each row's column.
+std::vector<std::size_t> assign_dense(const std::vector<double>& cost, std::size_t rows, std::size_t columns) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const std::size_t none = columns;
+  std::vector<double> row_price(rows, 0.0);
+  std::vector<double> column_price(columns + 1, 0.0);
+  std::vector<std::size_t> row_of(columns + 1, rows);  // the extra column holds the row being placed
+
+  for (std::size_t row = 0; row < rows; ++row) {
+    std::vector<double> distance(columns, kInfinity);
+    std::vector<std::size_t> previous(columns, none);
+    std::vector<bool> done(columns + 1, false);
+    row_of[none] = row;
+    std::size_t column = none;
+    do {  // shortest path over reduced costs from the new row to a free column
+      done[column] = true;
+      const std::size_t i = row_of[column];
+      double step = kInfinity;
+      std::size_t next = none;
+      for (std::size_t j = 0; j < columns; ++j) {
+        if (done[j]) continue;
+        const double reduced = cost[i * columns + j] - row_price[i] - column_price[j];
+        if (reduced < distance[j]) {
+          distance[j] = reduced;
+          previous[j] = column;
+        }
+        if (distance[j] < step) {
+          step = distance[j];
+          next = j;
+        }
+      }
+      for (std::size_t j = 0; j <= columns; ++j) {
+        if (done[j]) {
+          row_price[row_of[j]] += step;
+          column_price[j] -= step;
+        } else if (j < columns) {
+          distance[j] -= step;
+        }
+      }
+      column = next;
+    } while (row_of[column] != rows);
+    while (column != none) {
+      const std::size_t before = previous[column];
+      row_of[column] = row_of[before];
+      column = before;
+    }
+    row_of[none] = rows;
+  }
+
+  std::vector<std::size_t> column_of(rows, none);
+  for (std::size_t j = 0; j < columns; ++j) {
+    if (row_of[j] != rows) column_of[row_of[j]] = j;
+  }
+  return column_of;
+}
+
+}  // namespace
+
+std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched) {
+  Groups groups(rows + columns);
+  for (const Candidate& candidate : candidates) groups.join(candidate.row, rows + candidate.column);
+
+  std::vector<Candidate> sorted = candidates;
+  std::vector<int> group_of(static_cast<std::size_t>(rows));
+  for (int row = 0; row < rows; ++row) group_of[static_cast<std::size_t>(row)] = groups.find(row);
+  const auto group = [&](const Candidate& candidate) { return group_of[static_cast<std::size_t>(candidate.row)]; };
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](const Candidate& a, const Candidate& b) { return group(a) < group(b); });
+
+  std::vector<int> result(static_cast<std::size_t>(rows), -1);
+  std::vector<int> local_rows;
+  std::vector<int> local_columns;
+  std::vector<double> cost;
+  for (auto begin = sorted.begin(); begin != sorted.end();) {
+    const auto end = std::find_if(begin, sorted.end(), [&](const Candidate& c) { return group(c) != group(*begin); });
+    local_rows.clear();
+    local_columns.clear();
+    for (auto c = begin; c != end; ++c) {
+      local_rows.push_back(c->row);
+      local_columns.push_back(c->column);
+    }
+    for (std::vector<int>* indices : {&local_rows, &local_columns}) {
+      std::sort(indices->begin(), indices->end());
+      indices->erase(std::unique(indices->begin(), indices->end()), indices->end());
+    }
+    const auto place = [](const std::vector<int>& indices, int value) {
+      return static_cast<std::size_t>(std::lower_bound(indices.begin(), indices.end(), value) - indices.begin());
+    };
+
+    // One private column per row stands for "left alone"; other pairs that are no candidates are never worth taking.
+    const std::size_t n = local_rows.size();
+    const std::size_t m = local_columns.size();
+    const double forbidden = 2.0 * cost_unmatched * static_cast<double>(n + 1);
+    cost.assign(n * (m + n), forbidden);
+    for (auto c = begin; c != end; ++c) {
+      cost[place(local_rows, c->row) * (m + n) + place(local_columns, c->column)] = c->cost;
+    }
+    for (std::size_t i = 0; i < n; ++i) cost[i * (m + n) + m + i] = cost_unmatched;
+    const std::vector<std::size_t> column_of = assign_dense(cost, n, m + n);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (column_of[i] < m) result[static_cast<std::size_t>(local_rows[i])] = local_columns[column_of[i]];
+    }
+    begin = end;
+  }
+  return result;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/geometry/ellipse.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+
+Ellipse canonical(const Ellipse& ellipse) {
+  Ellipse result = ellipse;
+  if (result.rx_m < result.ry_m) {
+    std::swap(result.rx_m, result.ry_m);
+    result.psi_rad += kPi / 2.0;
+  }
+  result.psi_rad = wrap_to_half_pi(result.psi_rad);
+  return result;
+}
+
+Ellipse operator*(const Pose2& T_a_b, const Ellipse& ellipse_b) {
+  return {T_a_b * ellipse_b.center_m, T_a_b.yaw_rad + ellipse_b.psi_rad, ellipse_b.rx_m, ellipse_b.ry_m};
+}
+
+Eigen::Matrix2d shape_matrix(const Ellipse& ellipse) {
+  const Eigen::Matrix2d R = Eigen::Rotation2Dd(ellipse.psi_rad).toRotationMatrix();
+  const Eigen::Vector2d squared_radii(ellipse.rx_m * ellipse.rx_m, ellipse.ry_m * ellipse.ry_m);
+  return R * squared_radii.asDiagonal() * R.transpose();
+}
+
+std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse) {
+  const Eigen::Vector2d x_axis(std::cos(ellipse.psi_rad), std::sin(ellipse.psi_rad));
+  const Eigen::Vector2d y_axis(-x_axis.y(), x_axis.x());
+  return {ellipse.center_m + ellipse.rx_m * x_axis, ellipse.center_m + ellipse.ry_m * y_axis,
+          ellipse.center_m - ellipse.rx_m * x_axis, ellipse.center_m - ellipse.ry_m * y_axis};
+}
+
+double characteristic_distance(const Ellipse& a, const Ellipse& b) {
+  const auto points_a = characteristic_points(a);
+  const auto points_b = characteristic_points(b);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < points_a.size(); ++i) sum += (points_a[i] - points_b[i]).norm();
+  return sum / 4.0;
+}
+
+double symmetric_characteristic_distance(const Ellipse& a, const Ellipse& b) {
+  Ellipse b_turned = b;
+  b_turned.psi_rad += kPi;
+  return std::min(characteristic_distance(a, b), characteristic_distance(a, b_turned));
+}
+
+std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2d& origin,
+                                    const Eigen::Vector2d& direction) {
+  // In the ellipse's own frame, scaled by its radii, the curve is the unit circle: |o + s d|^2 = 1.
+  const Eigen::Matrix2d R_ellipse = Eigen::Rotation2Dd(-ellipse.psi_rad).toRotationMatrix();
+  const Eigen::Vector2d inverse_radii(1.0 / ellipse.rx_m, 1.0 / ellipse.ry_m);
+  const Eigen::Vector2d o = inverse_radii.cwiseProduct(R_ellipse * (origin - ellipse.center_m));
+  const Eigen::Vector2d d = inverse_radii.cwiseProduct(R_ellipse * direction);
+  const double a = d.squaredNorm();
+  const double half_b = o.dot(d);
+  const double c = o.squaredNorm() - 1.0;
+  const double discriminant = half_b * half_b - a * c;
+  if (discriminant < 0.0) return std::nullopt;
+  const double root = std::sqrt(discriminant);
+  const double near = (-half_b - root) / a;
+  if (near >= 0.0) return near;
+  const double far = (-half_b + root) / a;
+  if (far >= 0.0) return far;
+  return std::nullopt;
+}
+
+bool contains(const Ellipse& ellipse, const Eigen::Vector2d& point) {
+  const Eigen::Vector2d p = Eigen::Rotation2Dd(-ellipse.psi_rad) * (point - ellipse.center_m);
+  return Eigen::Vector2d(p.x() / ellipse.rx_m, p.y() / ellipse.ry_m).squaredNorm() <= 1.0;
+}
+
+}  // namespace situation_awareness
