@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/scan/scan.hpp"
+
+namespace situation_awareness {
+
+/// Half-space of the world: points p with normal_world . p <= offset_m are inside.
+struct HalfSpace {
+  Eigen::Vector3d normal_world = Eigen::Vector3d::UnitX();
+  double offset_m = 0.0;
+};
+
+struct RangeLimiterParams {
+  double min_range_m = 0.1;
+  double max_range_m = 10.0;
+  /// Convex volume of interest, the intersection of these half-spaces; empty means everywhere.
+  std::vector<HalfSpace> volume;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "nearer hits count as too close");
+    visit("max_range_m", self.max_range_m, Bounds{0.0, 1000.0}, "m", "farther hits are not of interest");
+    visit("volume", self.volume, "half-spaces [nx, ny, nz, offset_m] of the world that bound the volume of interest");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// Limit a scan to the range and the volume of interest (circle paper, Sect. III-A, eq. 4).
+///
+/// Hits outside become kOutside and keep their range: they are of no interest, yet they still hide what is behind them
+/// and prove free what is before them. Hits nearer than min_range_m become kTooClose.
+Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params);
+
+}  // namespace situation_awareness

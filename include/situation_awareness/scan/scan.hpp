@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace situation_awareness {
+
+/// What one beam says. REP-117 keeps three ways of returning no range apart, because they are different facts:
+/// "nothing there", "something right in front of the lens" and "no idea".
+enum class BeamState : std::uint8_t {
+  kHit,       ///< an object at `range_m`
+  kOutside,   ///< an object at `range_m`, but outside the volume or range of interest
+  kFree,      ///< nothing within the sensor's range (REP-117: +inf)
+  kTooClose,  ///< something nearer than the sensor can measure (REP-117: -inf)
+  kInvalid,   ///< no information (REP-117: NaN, or a range that the sensor's own limits exclude)
+};
+
+struct Beam {
+  float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside, else 0
+  BeamState state = BeamState::kInvalid;
+};
+
+/// One revolution of a 2D LIDAR in the lidar frame: beam i points along
+/// (cos a_i, sin a_i, 0) with a_i = angle_min_rad + i * angle_increment_rad.
+/// Any number of beams, either sign of the increment, up to a full circle.
+struct Scan {
+  std::int64_t stamp_ns = 0;
+  double angle_min_rad = 0.0;
+  double angle_increment_rad = 0.0;  ///< not zero
+  std::vector<Beam> beams;
+};
+
+/// The three facts of REP-117 from one raw range. A finite range below `range_min_m` (drivers send 0 or negative codes)
+/// is invalid; one above `range_max_m` is free, as drivers older than REP-117 say "no return" by range_max + 1.
+Beam beam_from_range(float range_m, float range_min_m, float range_max_m);
+
+/// Why a scan cannot be used at all: empty text if it can. Checked: at least two beams, finite angles, an increment
+/// that is not zero, and not more than one revolution.
+const char* scan_defect(const Scan& scan);
+
+}  // namespace situation_awareness

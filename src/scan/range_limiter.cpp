@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/scan/range_limiter.hpp"
+
+#include <cmath>
+#include <stdexcept>
+
+namespace situation_awareness {
+
+void RangeLimiterParams::validate() const {
+  check_bounds(*this, "scan");
+  if (!(min_range_m < max_range_m)) throw std::invalid_argument("scan.min_range_m must be less than scan.max_range_m");
+  for (const HalfSpace& half_space : volume) {
+    if (!half_space.normal_world.allFinite() || !std::isfinite(half_space.offset_m) ||
+        half_space.normal_world.norm() < 1e-9) {
+      throw std::invalid_argument("scan.volume has a half-space without a finite normal that is not zero");
+    }
+  }
+}
+
+Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params) {
+  Scan limited = scan;
+  const Eigen::Vector3d x_world = T_world_lidar.linear().col(0);
+  const Eigen::Vector3d y_world = T_world_lidar.linear().col(1);
+  const Eigen::Vector3d lidar_world = T_world_lidar.translation();
+  for (std::size_t i = 0; i < limited.beams.size(); ++i) {
+    Beam& beam = limited.beams[i];
+    if (beam.state != BeamState::kHit) continue;
+    const double range_m = beam.range_m;
+    if (range_m < params.min_range_m) {
+      beam = {0.0F, BeamState::kTooClose};
+      continue;
+    }
+    if (range_m > params.max_range_m) {
+      beam.state = BeamState::kOutside;
+      continue;
+    }
+    if (params.volume.empty()) continue;
+    const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
+    const Eigen::Vector3d p_world =
+        lidar_world + range_m * (std::cos(angle_rad) * x_world + std::sin(angle_rad) * y_world);
+    for (const HalfSpace& half_space : params.volume) {
+      if (half_space.normal_world.dot(p_world) > half_space.offset_m) {
+        beam.state = BeamState::kOutside;
+        break;
+      }
+    }
+  }
+  return limited;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/scan/scan.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+TEST(BeamFromRange, KeepsTheThreeFactsOfRep117Apart) {
+  EXPECT_EQ(beam_from_range(kInfinity, 0.1F, 30.0F).state, BeamState::kFree);
+  EXPECT_EQ(beam_from_range(-kInfinity, 0.1F, 30.0F).state, BeamState::kTooClose);
+  EXPECT_EQ(beam_from_range(std::nanf(""), 0.1F, 30.0F).state, BeamState::kInvalid);
+}
+
+TEST(BeamFromRange, JudgesFiniteRangesByTheSensorsLimits) {
+  EXPECT_EQ(beam_from_range(31.0F, 0.1F, 30.0F).state, BeamState::kFree);
+  EXPECT_EQ(beam_from_range(0.05F, 0.1F, 30.0F).state, BeamState::kInvalid);
+  EXPECT_EQ(beam_from_range(0.0F, 0.0F, 30.0F).state, BeamState::kInvalid);
+  EXPECT_EQ(beam_from_range(-3.0F, 0.1F, 30.0F).state, BeamState::kInvalid);
+  const Beam hit = beam_from_range(2.5F, 0.1F, 30.0F);
+  EXPECT_EQ(hit.state, BeamState::kHit);
+  EXPECT_EQ(hit.range_m, 2.5F);
+}
+
+TEST(ScanDefect, NamesWhatCannotBeUsed) {
+  Scan scan;
+  scan.angle_increment_rad = 0.01;
+  EXPECT_STREQ(scan_defect(scan), "empty scan");
+  scan.beams.resize(1);
+  EXPECT_STREQ(scan_defect(scan), "scan of a single beam");
+  scan.beams.resize(2);
+  EXPECT_STREQ(scan_defect(scan), "");
+  scan.angle_increment_rad = 0.0;
+  EXPECT_STREQ(scan_defect(scan), "angle increment of zero");
+  scan.angle_increment_rad = std::nan("");
+  EXPECT_STREQ(scan_defect(scan), "scan angles not finite");
+  scan.angle_increment_rad = radians(-1.0);
+  scan.beams.resize(361);
+  EXPECT_STREQ(scan_defect(scan), "");
+  scan.beams.resize(400);
+  EXPECT_STREQ(scan_defect(scan), "scan of more than one revolution");
+}
+
+Scan circle_of_hits(float range_m) {
+  Scan scan;
+  scan.angle_min_rad = -kPi;
+  scan.angle_increment_rad = radians(1.0);
+  scan.beams.assign(360, {range_m, BeamState::kHit});
+  return scan;
+}
+
+TEST(RangeLimiter, KeepsOutsideHitsApartFromFreeBeams) {
+  RangeLimiterParams params;
+  params.min_range_m = 0.5;
+  params.max_range_m = 4.0;
+  Scan scan = circle_of_hits(3.0F);
+  scan.beams[0] = {0.4F, BeamState::kHit};
+  scan.beams[1] = {4.5F, BeamState::kHit};
+  scan.beams[2] = {0.0F, BeamState::kFree};
+  const Scan limited = limit_range(scan, Eigen::Isometry3d::Identity(), params);
+  EXPECT_EQ(limited.beams[0].state, BeamState::kTooClose);
+  EXPECT_EQ(limited.beams[1].state, BeamState::kOutside);
+  EXPECT_EQ(limited.beams[1].range_m, 4.5F);
+  EXPECT_EQ(limited.beams[2].state, BeamState::kFree);
+  EXPECT_EQ(limited.beams[3].state, BeamState::kHit);
+}
+
+// Eq. 4 of the circle paper: the volume stands in the world, wherever the robot is and however it tilts.
+TEST(RangeLimiter, VolumeStandsInTheWorld) {
+  RangeLimiterParams params;
+  params.volume = {{Eigen::Vector3d::UnitX(), 2.0}, {-Eigen::Vector3d::UnitZ(), -1.0}};  // x <= 2, z >= 1
+  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
+  T_world_lidar.translation() << 0.5, -1.0, 1.5;
+  T_world_lidar.rotate(Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()));
+  T_world_lidar.rotate(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY()));
+  const Scan scan = circle_of_hits(3.0F);
+  const Scan limited = limit_range(scan, T_world_lidar, params);
+  int inside = 0;
+  for (std::size_t i = 0; i < scan.beams.size(); ++i) {
+    const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
+    const Eigen::Vector3d p_world = T_world_lidar * Eigen::Vector3d(3.0 * std::cos(angle_rad), 3.0 * std::sin(angle_rad), 0.0);
+    const bool in_volume = p_world.x() <= 2.0 && p_world.z() >= 1.0;
+    EXPECT_EQ(limited.beams[i].state, in_volume ? BeamState::kHit : BeamState::kOutside);
+    inside += in_volume ? 1 : 0;
+  }
+  EXPECT_GT(inside, 50);
+  EXPECT_LT(inside, 310);
+}
+
+TEST(RangeLimiterParams, RefusesWrongValuesByName) {
+  RangeLimiterParams params;
+  params.max_range_m = -1.0;
+  try {
+    params.validate();
+    FAIL() << "accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("scan.max_range_m = -1 is outside [0, 1000] m"), std::string::npos);
+  }
+  params.max_range_m = std::nan("");
+  EXPECT_THROW(params.validate(), std::invalid_argument);
+  params.max_range_m = 0.05;
+  EXPECT_THROW(params.validate(), std::invalid_argument);
+  params = {};
+  params.volume = {{Eigen::Vector3d::Zero(), 1.0}};
+  EXPECT_THROW(params.validate(), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace situation_awareness
