@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/points/points.hpp"
+
+namespace situation_awareness {
+
+/// What is beside a segment at one of its ends, and so whether the end is the object's own.
+enum class SegmentEnd : std::uint8_t {
+  kFree,        ///< nothing within range beside it: the object's own edge
+  kBackground,  ///< something farther beside it: the object's own edge
+  kOccluded,    ///< something nearer beside it: the object may go on behind
+  kScanEdge,    ///< the scan ends: the object may go on
+};
+
+/// True where the end of the segment is the silhouette of the object.
+inline bool is_silhouette(SegmentEnd end) { return end == SegmentEnd::kFree || end == SegmentEnd::kBackground; }
+
+enum class SegmentKind : std::uint8_t {
+  kObject,     ///< may be one object of the size the map is for
+  kStructure,  ///< a wall, a corner or another thing larger than an object, or a visible piece of one
+};
+
+/// A run of neighbouring hits on one thing.
+struct Segment {
+  std::size_t first = 0;  ///< index of its first (lowest azimuth) point in Segments::points
+  std::size_t count = 0;
+  SegmentKind kind = SegmentKind::kObject;
+  SegmentEnd right_end = SegmentEnd::kFree;  ///< at its lowest azimuth
+  SegmentEnd left_end = SegmentEnd::kFree;   ///< at its highest azimuth
+};
+
+/// The segments of one scan, by growing azimuth. Every point is a hit; the points of a segment are contiguous and their
+/// azimuths grow, also across the seam of a full circle.
+struct Segments {
+  std::int64_t stamp_ns = 0;
+  Pose2 T_world_level;
+  double height_world_m = 0.0;
+  double resolution_rad = 0.0;  ///< mean azimuth between neighbouring beams
+  std::vector<Point> points;
+  std::vector<Segment> segments;
+};
+
+}  // namespace situation_awareness

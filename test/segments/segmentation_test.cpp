@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/segments/segmentation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "support/level_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+Segments segment_scan(const Scan& scan, const SegmentationParams& params = {}, double yaw_rad = 0.0) {
+  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
+  T_world_lidar.rotate(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()));
+  return segment(project_horizontally(scan, T_world_lidar), params);
+}
+
+std::set<int> beams_of(const Segments& segments, const Segment& segment) {
+  std::set<int> beams;
+  for (std::size_t i = 0; i < segment.count; ++i) beams.insert(segments.points[segment.first + i].beam);
+  return beams;
+}
+
+TEST(Segmentation, FindsEachEllipseWithExactlyItsBeams) {
+  Random random(1);
+  LevelScene scene;
+  scene.ellipses = {{{3.0, 0.0}, 0.3, 0.4, 0.2}, {{2.0, 2.0}, 1.0, 0.2, 0.1}, {{5.0, -4.0}, 0.0, 0.5, 0.3}};
+  const Scan scan = scene.scan(&random);
+  const Segments segments = segment_scan(scan);
+  ASSERT_EQ(segments.segments.size(), 3U);
+  std::size_t hits = 0;
+  for (const Beam& beam : scan.beams) hits += beam.state == BeamState::kHit ? 1U : 0U;
+  std::set<int> all;
+  for (const Segment& s : segments.segments) {
+    EXPECT_EQ(s.kind, SegmentKind::kObject);
+    EXPECT_EQ(s.right_end, SegmentEnd::kFree);
+    EXPECT_EQ(s.left_end, SegmentEnd::kFree);
+    all.merge(beams_of(segments, s));
+  }
+  EXPECT_EQ(all.size(), hits);
+}
+
+TEST(Segmentation, SaysWhyASegmentEnds) {
+  LevelScene scene;
+  scene.ellipses = {{{2.0, 0.0}, 0.0, 0.2, 0.2}, {{4.0, 0.5}, 0.0, 0.4, 0.4}};
+  scene.walls = {{{8.0, -20.0}, {8.0, 3.0}}};
+  // A post stands at the last beam, half out of view.
+  const double edge_rad = radians(135.0);
+  scene.ellipses.push_back({{3.0 * std::cos(edge_rad), 3.0 * std::sin(edge_rad)}, 0.0, 0.2, 0.2});
+  const Segments segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 5U);
+  const Segment& wall_right = segments.segments[0];
+  const Segment& near = segments.segments[1];
+  const Segment& far = segments.segments[2];
+  const Segment& wall_left = segments.segments[3];
+  const Segment& last = segments.segments[4];
+  EXPECT_EQ(wall_right.kind, SegmentKind::kStructure);
+  EXPECT_EQ(wall_right.left_end, SegmentEnd::kOccluded);
+  EXPECT_EQ(near.right_end, SegmentEnd::kBackground);
+  EXPECT_EQ(near.left_end, SegmentEnd::kBackground);
+  EXPECT_EQ(far.right_end, SegmentEnd::kOccluded);
+  EXPECT_EQ(far.left_end, SegmentEnd::kBackground);
+  EXPECT_EQ(wall_left.kind, SegmentKind::kStructure);
+  EXPECT_EQ(wall_left.right_end, SegmentEnd::kOccluded);
+  EXPECT_EQ(wall_left.left_end, SegmentEnd::kFree);
+  EXPECT_EQ(last.right_end, SegmentEnd::kFree);
+  EXPECT_EQ(last.left_end, SegmentEnd::kScanEdge);
+}
+
+TEST(Segmentation, LooksThroughInvalidBeamsAndStopsAtTooCloseOnes) {
+  LevelScene scene;
+  scene.ellipses = {{{3.0, 0.0}, 0.0, 0.3, 0.3}};
+  Scan scan = scene.scan();
+  std::size_t first = 0;
+  while (scan.beams[first].state != BeamState::kHit) ++first;
+  std::size_t last = scan.beams.size() - 1;
+  while (scan.beams[last].state != BeamState::kHit) --last;
+  scan.beams[first - 1] = {0.0F, BeamState::kTooClose};
+  scan.beams[last + 1] = {0.0F, BeamState::kInvalid};
+  scan.beams[(first + last) / 2] = {0.0F, BeamState::kInvalid};
+  const Segments segments = segment_scan(scan);
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].count, last - first);
+  EXPECT_EQ(segments.segments[0].right_end, SegmentEnd::kOccluded);
+  EXPECT_EQ(segments.segments[0].left_end, SegmentEnd::kFree);
+}
+
+TEST(Segmentation, DropsTooFewPoints) {
+  LevelScene scene;
+  scene.ellipses = {{{9.0, 0.0}, 0.0, 0.05, 0.05}};
+  EXPECT_TRUE(segment_scan(scene.scan()).segments.empty());
+  SegmentationParams params;
+  params.min_points = 2;
+  params.min_points_fraction = 0.0;
+  EXPECT_EQ(segment_scan(scene.scan(), params).segments.size(), 1U);
+}
+
+// The same scene seen by a scanner that turns anywhere, over the seam too, gives the same segments.
+TEST(Segmentation, FullCircleHasNoSeam) {
+  for (const double increment_deg : {0.5, -0.5}) {
+    for (int turn = 0; turn < 24; ++turn) {
+      const double yaw_rad = radians(15.0 * turn);
+      LevelScene scene;
+      scene.beams = 720;
+      scene.angle_increment_rad = radians(increment_deg);
+      scene.angle_min_rad = increment_deg > 0 ? -kPi : kPi;
+      for (const Eigen::Vector2d& center : {Eigen::Vector2d(2.0, 0.0), Eigen::Vector2d(-1.0, 2.0)}) {
+        scene.ellipses.push_back(Pose2{Eigen::Vector2d::Zero(), -yaw_rad} * Ellipse{center, 0.4, 0.3, 0.2});
+      }
+      const Segments segments = segment_scan(scene.scan(), {}, yaw_rad);
+      ASSERT_EQ(segments.segments.size(), 2U) << "turn " << turn;
+      for (const Segment& s : segments.segments) {
+        EXPECT_EQ(s.kind, SegmentKind::kObject);
+        EXPECT_EQ(s.left_end, SegmentEnd::kFree);
+        EXPECT_EQ(s.right_end, SegmentEnd::kFree);
+        for (std::size_t i = 1; i < s.count; ++i) {
+          const double step = segments.points[s.first + i].azimuth_rad - segments.points[s.first + i - 1].azimuth_rad;
+          EXPECT_NEAR(step, radians(0.5), 1e-6);
+        }
+      }
+    }
+  }
+}
+
+TEST(Segmentation, AClosedRoomAroundAFullCircleScannerIsOneStructure) {
+  LevelScene scene;
+  scene.beams = 720;
+  scene.angle_increment_rad = radians(0.5);
+  scene.angle_min_rad = -kPi;
+  scene.walls = {{{4, -3}, {4, 3}}, {{4, 3}, {-4, 3}}, {{-4, 3}, {-4, -3}}, {{-4, -3}, {4, -3}}};
+  const Segments segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].count, 720U);
+  EXPECT_EQ(segments.segments[0].kind, SegmentKind::kStructure);
+}
+
+TEST(Segmentation, PiecesOfAWallBehindPostsStayTheWall) {
+  Random random(2);
+  LevelScene scene;
+  scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}};
+  for (int i = -3; i <= 3; ++i) scene.ellipses.push_back({{2.5, 0.5 * i}, 0.0, 0.1, 0.1});
+  const Segments segments = segment_scan(scene.scan(&random));
+  int objects = 0;
+  int pieces = 0;
+  for (const Segment& s : segments.segments) {
+    const double x_m = segments.points[s.first + s.count / 2].p_level_m.x();
+    if (x_m > 4.0) {
+      EXPECT_EQ(s.kind, SegmentKind::kStructure);
+      ++pieces;
+    } else {
+      EXPECT_EQ(s.kind, SegmentKind::kObject);
+      ++objects;
+    }
+  }
+  EXPECT_EQ(objects, 7);
+  EXPECT_EQ(pieces, 8);
+}
+
+TEST(Segmentation, AnInnerCornerIsStructureAndAnObjectOfTheSameSizeIsNot) {
+  LevelScene scene;
+  scene.walls = {{{4.0, 0.0}, {3.6, 0.4}}, {{4.0, 0.0}, {3.6, -0.4}}};
+  Segments segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].kind, SegmentKind::kStructure);
+  scene.walls.clear();
+  scene.ellipses = {{{3.8, 0.0}, 0.0, 0.4, 0.4}};
+  segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].kind, SegmentKind::kObject);
+}
+
+TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsLeftOut) {
+  LevelScene scene;
+  scene.ellipses = {{{3.0, 0.0}, 0.0, 0.3, 0.3}, {{0.0, 3.0}, 0.0, 0.3, 0.3}};
+  Scan scan = scene.scan();
+  const auto index = [](double azimuth_deg) { return static_cast<std::size_t>((azimuth_deg + 135.0) * 4.0); };
+  for (std::size_t i = 0; i < index(-2.0); ++i) {
+    if (scan.beams[i].state == BeamState::kHit) scan.beams[i].state = BeamState::kOutside;
+  }
+  for (std::size_t i = index(45.0); i < scan.beams.size(); ++i) {
+    if (scan.beams[i].state == BeamState::kHit) scan.beams[i].state = BeamState::kOutside;
+  }
+  const Segments segments = segment_scan(scan);
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_GT(segments.points[segments.segments[0].first].p_level_m.x(), 2.0);
+  // All beams that see it, inside the volume or not: 2 asin(0.3 / 3) wide.
+  EXPECT_NEAR(static_cast<double>(segments.segments[0].count), degrees(2.0 * std::asin(0.1)) * 4.0, 1.01);
+}
+
+TEST(SegmentationParams, RefusesWrongValuesByName) {
+  SegmentationParams params;
+  params.max_missing_beams = -1;
+  try {
+    params.validate();
+    FAIL() << "accepted";
+  } catch (const std::invalid_argument& error) {
+    EXPECT_NE(std::string(error.what()).find("segments.max_missing_beams"), std::string::npos);
+  }
+}
+
+TEST(Segmentation, EmptyAndSilentScansHaveNoSegments) {
+  EXPECT_TRUE(segment(Points{}, {}).segments.empty());
+  LevelScene scene;
+  EXPECT_TRUE(segment_scan(scene.scan()).segments.empty());
+  scene.beams = 360;
+  scene.angle_min_rad = -kPi;
+  scene.angle_increment_rad = radians(1.0);
+  EXPECT_TRUE(segment_scan(scene.scan()).segments.empty());
+}
+
+}  // namespace
+}  // namespace situation_awareness
