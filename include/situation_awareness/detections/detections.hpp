@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+
+namespace situation_awareness {
+
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+
+/// An ellipse found in one segment.
+struct Detection {
+  Ellipse ellipse_level;                     ///< in the level frame, rx >= ry > 0
+  Matrix5d covariance = Matrix5d::Zero();    ///< of the error of (t_x, t_y, psi, rx, ry) in the level frame
+  double residual_rms_m = 0.0;               ///< of the hits against the ellipse, along its normal
+  int beams = 0;                             ///< number of hits it was found from
+  std::size_t segment = 0;                   ///< index in Segments::segments
+};
+
+/// The ellipses found in one scan, at most one per segment.
+struct Detections {
+  std::int64_t stamp_ns = 0;
+  Pose2 T_world_level;
+  double height_world_m = 0.0;
+  std::vector<Detection> detections;
+  Counters refused;  ///< segments of kind kObject without a detection, by reason
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/detections/detector.hpp"
+#include "situation_awareness/segments/segments.hpp"
+
+namespace situation_awareness {
+
+/// What a hit, a silhouette and an object look like: the sensor model and the prior that the least-squares fit
+/// minimises and that every detection's covariance is computed from.
+struct EllipseFitParams {
+  double range_sigma_m = 0.01;
+  double shape_sigma_m = 0.005;
+  double mean_radius_m = 0.22;
+  double mean_radius_sigma_m = 0.12;
+  double radius_difference_sigma_m = 0.06;
+  double min_radius_m = 0.03;
+  double max_radius_m = 0.8;
+  double max_residual_m = 0.06;
+  int max_iterations = 15;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m", "standard deviation of the sensor's range noise");
+    visit("shape_sigma_m", self.shape_sigma_m, Bounds{0.0, 1.0}, "m",
+          "how far real objects stand off a perfect ellipse, added to the range noise");
+    visit("mean_radius_m", self.mean_radius_m, Bounds{0.01, 10.0}, "m", "prior mean of (rx + ry) / 2");
+    visit("mean_radius_sigma_m", self.mean_radius_sigma_m, Bounds{1e-3, 10.0}, "m",
+          "prior standard deviation of (rx + ry) / 2");
+    visit("radius_difference_sigma_m", self.radius_difference_sigma_m, Bounds{1e-3, 10.0}, "m",
+          "prior standard deviation of each component of (rx - ry) / 2 (cos 2 psi, sin 2 psi)");
+    visit("min_radius_m", self.min_radius_m, Bounds{1e-3, 10.0}, "m", "a fitted radius is kept at or above this");
+    visit("max_radius_m", self.max_radius_m, Bounds{0.01, 100.0}, "m", "a larger ellipse is refused");
+    visit("max_residual_m", self.max_residual_m, Bounds{1e-3, 10.0}, "m",
+          "a segment whose points stand off its ellipse by more, root mean square, is refused");
+    visit("max_iterations", self.max_iterations, Bounds{1, 1000}, "", "Gauss-Newton iterations at most");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// The ellipse (t_x, t_y, m, p, q) with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi): smooth
+/// everywhere, at circles and at psi = +-pi/2 too.
+Vector5d smooth_parameters(const Ellipse& ellipse);
+Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
+
+/// Covariance of (t_x, t_y, psi, rx, ry) from that of the smooth parameters. Near a circle psi is unknown: its standard
+/// deviation is held at that of a uniform axis, pi / sqrt(12).
+Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance);
+
+/// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
+/// silhouette end miss it within the beam spacing, and radii follow the prior. `start` is refined in place of the
+/// built-in start where it is given.
+Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                      const Ellipse* start = nullptr);
+
+/// The detection that `ellipse_level` is, found by whatever means: its residual and, by the curvature of the same
+/// model at it (Laplace), its covariance.
+Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const Ellipse& ellipse_level);
+
+/// Why a detection is not to be trusted at all: empty text if it can be.
+const char* detection_defect(const Detection& detection, const EllipseFitParams& params);
+
+/// Detects by `fit_ellipse`: needs no model file.
+class LeastSquaresDetector final : public Detector {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit LeastSquaresDetector(const EllipseFitParams& params);
+
+  Detections detect(const Segments& segments) override;
+
+ private:
+  EllipseFitParams params_;
+};
+
+}  // namespace situation_awareness

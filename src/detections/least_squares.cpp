@@ -1,0 +1,335 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/least_squares.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include <Eigen/Cholesky>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+// x      (t_x, t_y, m, p, q), the smooth parameters               5
+// C      shape matrix, C(m, p, q)                                 2x2
+// M      C^-1                                                    2x2
+// F      sqrt((y - t)^T M (y - t)) - 1, zero on the curve         1
+// J, r   whitened Jacobian and residuals of all terms
+// A, b   J^T J and J^T r
+
+/// Shape matrix and its derivatives: rx, ry = m +- |(p, q)| give C = (m^2 + p^2 + q^2) I + 2 m [p q; q -p].
+struct Shape {
+  Eigen::Matrix2d C;
+  Eigen::Matrix2d dC_dm;
+  Eigen::Matrix2d dC_dp;
+  Eigen::Matrix2d dC_dq;
+};
+
+Shape shape_of(const Vector5d& x) {
+  const double m = x(2);
+  const double p = x(3);
+  const double q = x(4);
+  Eigen::Matrix2d deviator;
+  deviator << p, q, q, -p;
+  Eigen::Matrix2d along_p;
+  along_p << 1.0, 0.0, 0.0, -1.0;
+  Eigen::Matrix2d along_q;
+  along_q << 0.0, 1.0, 1.0, 0.0;
+  const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
+  return {(m * m + p * p + q * q) * I + 2.0 * m * deviator, 2.0 * m * I + 2.0 * deviator, 2.0 * p * I + 2.0 * m * along_p,
+          2.0 * q * I + 2.0 * m * along_q};
+}
+
+/// Distance of one hit from the curve to first order, D = F / |grad F| (Sampson, 1982), positive outside.
+class Curve {
+ public:
+  Curve(const Point& point, const Eigen::Vector2d& t, const Eigen::Matrix2d& M)
+      : M_(M), w_(M * (point.p_level_m - t)), a_(std::max((point.p_level_m - t).dot(w_), 1e-12)), g_(std::sqrt(a_)),
+        b_(w_.norm()) {}
+
+  double distance() const { return (a_ - g_) / b_; }
+  Eigen::Vector2d normal() const { return w_ / b_; }
+
+  /// Derivative of the distance where d = y - t changes by `dd` and C by `dC`.
+  double derivative(const Eigen::Vector2d& dd, const Eigen::Matrix2d& dC) const {
+    const double da = 2.0 * w_.dot(dd) - w_.dot(dC * w_);
+    const double dg = 0.5 * da / g_;
+    const double db = w_.dot(M_ * (dd - dC * w_)) / b_;
+    return (da - dg) / b_ - (a_ - g_) / (b_ * b_) * db;
+  }
+
+ private:
+  const Eigen::Matrix2d& M_;
+  Eigen::Vector2d w_;  ///< M d
+  double a_;           ///< d^T M d
+  double g_;           ///< its root, F + 1
+  double b_;           ///< |M d|
+};
+
+/// A fit costs about one per hit; above that by more than this it has not found the object.
+constexpr double kGoodCostMargin = 10.0;
+
+/// The sensor's model of one segment as a nonlinear least-squares problem.
+class Problem {
+ public:
+  Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params)
+      : points_(&segments.points[segment.first]),
+        count_(segment.count),
+        resolution_rad_(segments.resolution_rad),
+        segment_(segment),
+        params_(params) {}
+
+  /// Cost at `x`, and A and b, with the hits weighted as at `weights_at`.
+  double evaluate(const Vector5d& x, const Vector5d& weights_at, Matrix5d* A, Vector5d* b) const {
+    if (A != nullptr) {
+      A->setZero();
+      b->setZero();
+    }
+    double cost = 0.0;
+    const auto add = [&](double residual, const Vector5d& jacobian) {
+      cost += residual * residual;
+      if (A == nullptr) return;
+      A->noalias() += jacobian * jacobian.transpose();
+      b->noalias() += jacobian * residual;
+    };
+
+    const Shape shape = shape_of(x);
+    const Eigen::Matrix2d M = shape.C.inverse();
+    const Eigen::Matrix2d M_weights = shape_of(weights_at).C.inverse();
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Curve curve(points_[i], x.head<2>(), M);
+      const double sigma = hit_sigma(points_[i], Curve(points_[i], weights_at.head<2>(), M_weights).normal());
+      Vector5d jacobian;
+      jacobian(0) = curve.derivative(-Eigen::Vector2d::UnitX(), Eigen::Matrix2d::Zero());
+      jacobian(1) = curve.derivative(-Eigen::Vector2d::UnitY(), Eigen::Matrix2d::Zero());
+      jacobian(2) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dm);
+      jacobian(3) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dp);
+      jacobian(4) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dq);
+      add(curve.distance() / sigma, jacobian / sigma);
+    }
+
+    // The tangent from the sensor lies between the last hit and the first miss beside it.
+    const auto add_silhouette = [&](const Point& end, double side) {
+      const double azimuth_rad = end.azimuth_rad + side * 0.5 * resolution_rad_;
+      const Eigen::Vector2d n(-std::sin(azimuth_rad), std::cos(azimuth_rad));
+      const double half_width = std::sqrt(n.dot(shape.C * n));
+      const double sigma =
+          std::hypot(end.range_m * resolution_rad_ / std::sqrt(12.0), params_.shape_sigma_m) + 1e-6;
+      Vector5d jacobian;
+      jacobian.head<2>() = n;
+      jacobian(2) = side * 0.5 * n.dot(shape.dC_dm * n) / half_width;
+      jacobian(3) = side * 0.5 * n.dot(shape.dC_dp * n) / half_width;
+      jacobian(4) = side * 0.5 * n.dot(shape.dC_dq * n) / half_width;
+      add((n.dot(x.head<2>()) + side * half_width) / sigma, jacobian / sigma);
+    };
+    if (is_silhouette(segment_.right_end)) add_silhouette(points_[0], -1.0);
+    if (is_silhouette(segment_.left_end)) add_silhouette(points_[count_ - 1], +1.0);
+
+    add((x(2) - params_.mean_radius_m) / params_.mean_radius_sigma_m, Vector5d::Unit(2) / params_.mean_radius_sigma_m);
+    for (const int k : {3, 4}) {
+      add(x(k) / params_.radius_difference_sigma_m, Vector5d::Unit(k) / params_.radius_difference_sigma_m);
+    }
+    return cost;
+  }
+
+  /// Root mean square of the hits' distances from the curve, to first order.
+  double residual_rms_m(const Vector5d& x) const {
+    const Eigen::Matrix2d M = shape_of(x).C.inverse();
+    double sum = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const double distance = Curve(points_[i], x.head<2>(), M).distance();
+      sum += distance * distance;
+    }
+    return std::sqrt(sum / static_cast<double>(count_));
+  }
+
+  /// As wide as the segment, touching its middle from behind: a circle, or an ellipse leaning by `lean_rad` from the line
+  /// of sight.
+  Vector5d start(double half_difference_ratio, double lean_rad) const {
+    const double width_m = (points_[count_ - 1].p_level_m - points_[0].p_level_m).norm();
+    const double m = std::clamp(0.5 * width_m, 2.0 * params_.min_radius_m, params_.max_radius_m);
+    const Point& middle = points_[count_ / 2];
+    Vector5d x = Vector5d::Zero();
+    x.head<2>() = middle.p_level_m * (1.0 + m / middle.range_m);
+    x(2) = m;
+    const double psi_rad = middle.azimuth_rad + lean_rad;
+    x.tail<2>() = half_difference_ratio * m * Eigen::Vector2d(std::cos(2.0 * psi_rad), std::sin(2.0 * psi_rad));
+    return x;
+  }
+
+ private:
+  /// Standard deviation of a hit's distance from the curve: range noise along the beam, the spacing of the beams across
+  /// it, and the object's own roughness.
+  double hit_sigma(const Point& point, const Eigen::Vector2d& normal) const {
+    const Eigen::Vector2d u = point.p_level_m / point.range_m;
+    const Eigen::Vector2d across(-u.y(), u.x());
+    const double along_sigma = normal.dot(u) * params_.range_sigma_m;
+    const double across_sigma = normal.dot(across) * point.range_m * resolution_rad_ / std::sqrt(12.0);
+    return std::hypot(along_sigma, across_sigma, params_.shape_sigma_m) + 1e-6;
+  }
+
+  const Point* points_;
+  std::size_t count_;
+  double resolution_rad_;
+  Segment segment_;
+  const EllipseFitParams& params_;
+};
+
+/// Keep both radii at or above the smallest that is allowed.
+void bound_radii(Vector5d& x, double min_radius_m) {
+  x(2) = std::max(x(2), min_radius_m);
+  const double half_difference = x.tail<2>().norm();
+  const double most = x(2) - min_radius_m;
+  if (half_difference > most) x.tail<2>() *= half_difference > 0.0 ? most / half_difference : 0.0;
+}
+
+/// Levenberg and Marquardt, damped on the diagonal.
+Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& params) {
+  bound_radii(x, params.min_radius_m);
+  double damping = 1e-3;
+  for (int iteration = 0; iteration < params.max_iterations; ++iteration) {
+    Matrix5d A;
+    Vector5d b;
+    const double cost = problem.evaluate(x, x, &A, &b);
+    bool improved = false;
+    double change = 0.0;
+    for (int attempt = 0; attempt < 8 && !improved; ++attempt) {
+      Matrix5d damped = A;
+      damped.diagonal() *= 1.0 + damping;
+      Vector5d candidate = x - damped.llt().solve(b);
+      bound_radii(candidate, params.min_radius_m);
+      improved = problem.evaluate(candidate, x, nullptr, nullptr) < cost;
+      if (improved) {
+        change = (candidate - x).norm();
+        x = candidate;
+        damping = std::max(damping * 0.2, 1e-9);
+      } else {
+        damping *= 10.0;
+      }
+    }
+    if (!improved || change < 1e-6) break;
+  }
+  return x;
+}
+
+Detection make_detection(const Problem& problem, const Vector5d& x, std::size_t segment, std::size_t count) {
+  Matrix5d A;
+  Vector5d b;
+  problem.evaluate(x, x, &A, &b);
+  Detection detection;
+  detection.ellipse_level = ellipse_from_smooth_parameters(x);
+  detection.covariance = ellipse_covariance(detection.ellipse_level, A.llt().solve(Matrix5d::Identity()));
+  detection.residual_rms_m = problem.residual_rms_m(x);
+  detection.beams = static_cast<int>(count);
+  detection.segment = segment;
+  return detection;
+}
+
+}  // namespace
+
+void EllipseFitParams::validate() const {
+  check_bounds(*this, "detections.fit");
+  if (!(min_radius_m < max_radius_m)) {
+    throw std::invalid_argument("detections.fit.min_radius_m must be less than detections.fit.max_radius_m");
+  }
+}
+
+Vector5d smooth_parameters(const Ellipse& ellipse) {
+  const double half_difference = 0.5 * (ellipse.rx_m - ellipse.ry_m);
+  Vector5d x;
+  x << ellipse.center_m, 0.5 * (ellipse.rx_m + ellipse.ry_m), half_difference * std::cos(2.0 * ellipse.psi_rad),
+      half_difference * std::sin(2.0 * ellipse.psi_rad);
+  return x;
+}
+
+Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters) {
+  const double half_difference = parameters.tail<2>().norm();
+  return {parameters.head<2>(), 0.5 * std::atan2(parameters(4), parameters(3)), parameters(2) + half_difference,
+          parameters(2) - half_difference};
+}
+
+Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance) {
+  const double half_difference = std::max(0.5 * (ellipse.rx_m - ellipse.ry_m), 1e-6);
+  const double c = std::cos(2.0 * ellipse.psi_rad);
+  const double s = std::sin(2.0 * ellipse.psi_rad);
+  Matrix5d J = Matrix5d::Zero();
+  J.topLeftCorner<2, 2>().setIdentity();
+  J.row(2) << 0.0, 0.0, 0.0, -s / (2.0 * half_difference), c / (2.0 * half_difference);
+  J.row(3) << 0.0, 0.0, 1.0, c, s;
+  J.row(4) << 0.0, 0.0, 1.0, -c, -s;
+  Matrix5d covariance = J * smooth_covariance * J.transpose();
+
+  const double max_psi_sigma = kPi / std::sqrt(12.0);
+  const double psi_sigma = std::sqrt(covariance(2, 2));
+  if (psi_sigma > max_psi_sigma) {
+    const double scale = max_psi_sigma / psi_sigma;
+    covariance.row(2) *= scale;
+    covariance.col(2) *= scale;
+  }
+  return 0.5 * (covariance + covariance.transpose());
+}
+
+Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                      const Ellipse* start) {
+  const Segment& piece = segments.segments[segment];
+  const Problem problem(segments, piece, params);
+  if (start != nullptr) return make_detection(problem, minimise(problem, smooth_parameters(*start), params), segment, piece.count);
+
+  // The circle finds the least cost nearly always; where it ends in a corner, one of the leaning ellipses does.
+  Vector5d best = minimise(problem, problem.start(0.0, 0.0), params);
+  double best_cost = problem.evaluate(best, best, nullptr, nullptr);
+  for (const double lean_rad : {kPi / 4.0, -kPi / 4.0}) {
+    if (best_cost < static_cast<double>(piece.count) + kGoodCostMargin) break;
+    const Vector5d x = minimise(problem, problem.start(0.5, lean_rad), params);
+    const double cost = problem.evaluate(x, x, nullptr, nullptr);
+    if (!(cost < best_cost)) continue;
+    best = x;
+    best_cost = cost;
+  }
+  return make_detection(problem, best, segment, piece.count);
+}
+
+Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const Ellipse& ellipse_level) {
+  const Segment& piece = segments.segments[segment];
+  Vector5d x = smooth_parameters(canonical(ellipse_level));
+  bound_radii(x, params.min_radius_m);
+  return make_detection(Problem(segments, piece, params), x, segment, piece.count);
+}
+
+const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {
+  if (!detection.ellipse_level.center_m.allFinite() || !detection.covariance.allFinite()) return "ellipse not finite";
+  if (detection.ellipse_level.rx_m > params.max_radius_m) return "ellipse too large";
+  if (detection.residual_rms_m > params.max_residual_m) return "points do not lie on an ellipse";
+  if (contains(detection.ellipse_level, Eigen::Vector2d::Zero())) return "ellipse around the sensor";
+  return "";
+}
+
+LeastSquaresDetector::LeastSquaresDetector(const EllipseFitParams& params) : params_(params) { params_.validate(); }
+
+Detections LeastSquaresDetector::detect(const Segments& segments) {
+  Detections result;
+  result.stamp_ns = segments.stamp_ns;
+  result.T_world_level = segments.T_world_level;
+  result.height_world_m = segments.height_world_m;
+  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+    const Segment& segment = segments.segments[i];
+    if (segment.kind != SegmentKind::kObject) continue;
+    if (!is_silhouette(segment.right_end) && !is_silhouette(segment.left_end)) {
+      ++result.refused["both ends hidden"];
+      continue;
+    }
+    const Detection detection = fit_ellipse(segments, i, params_);
+    const char* defect = detection_defect(detection, params_);
+    if (*defect == '\0') {
+      result.detections.push_back(detection);
+    } else {
+      ++result.refused[defect];
+    }
+  }
+  return result;
+}
+
+}  // namespace situation_awareness
