@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/ellipse.hpp"
+
+namespace situation_awareness {
+
+using Matrix8d = Eigen::Matrix<double, 8, 8>;
+using Vector8d = Eigen::Matrix<double, 8, 1>;
+
+/// Place of each error state in `Object::covariance`.
+namespace object_error {
+constexpr int kPosition = 0;         ///< 2, m, world
+constexpr int kVelocity = 2;         ///< 2, m/s, world
+constexpr int kOrientation = 4;      ///< 1, rad, about world z
+constexpr int kAngularVelocity = 5;  ///< 1, rad/s, about world z
+constexpr int kRadii = 6;            ///< 2, m, (rx, ry)
+}  // namespace object_error
+
+/// One element of the semantic map: an ellipse that moves (ellipse paper, eq. 4).
+struct Object {
+  std::uint64_t id = 0;
+  Ellipse ellipse_world;  ///< rx >= ry > 0
+  Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
+  double angular_velocity_rad_s = 0.0;
+  Matrix8d covariance = Matrix8d::Zero();  ///< of the error state, ordered as object_error says
+  std::int64_t first_seen_ns = 0;
+  std::int64_t last_seen_ns = 0;
+  int observations = 0;  ///< number of scans it was seen in
+  int beams = 0;         ///< number of hits on it in the latest scan, 0 if it was not seen
+};
+
+/// The semantic map at one time, by growing id.
+struct Objects {
+  std::int64_t stamp_ns = 0;
+  double height_world_m = 0.0;
+  std::vector<Object> objects;
+};
+
+}  // namespace situation_awareness
