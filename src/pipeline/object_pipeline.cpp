@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+
+#include <stdexcept>
+
+#include "situation_awareness/detections/network.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+
+namespace situation_awareness {
+
+std::unique_ptr<Detector> make_detector(const DetectionParams& params) {
+  if (params.model.empty()) return std::make_unique<LeastSquaresDetector>(params.fit);
+  return std::make_unique<NetworkDetector>(params.model, params.fit);
+}
+
+ObjectPipeline::ObjectPipeline(const ObjectPipelineParams& params)
+    : params_(params), detector_(make_detector(params.detections)), map_(params.objects) {
+  params_.scan.validate();
+  params_.segments.validate();
+}
+
+ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
+  const std::string defect = scan_defect(scan);
+  if (!defect.empty()) throw std::invalid_argument(defect);
+
+  ObjectPipelineResult result;
+  const Scan limited = limit_range(scan, T_world_lidar, params_.scan);
+  result.points = project_horizontally(limited, T_world_lidar);
+  result.segments = segment(result.points, params_.segments);
+  result.detections = detector_->detect(result.segments);
+  result.update = map_.update(result.detections);
+  return result;
+}
+
+}  // namespace situation_awareness

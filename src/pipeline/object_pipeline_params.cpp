@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <sstream>
+#include <stdexcept>
+
+#include <yaml-cpp/yaml.h>
+
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+
+namespace situation_awareness {
+namespace {
+
+[[noreturn]] void fail(const std::string& source, const std::string& reason) {
+  throw std::invalid_argument(source + ": " + reason);
+}
+
+/// Reads the fields of one params struct from one YAML map, and notes which keys it knows.
+class ReadFields {
+ public:
+  ReadFields(const YAML::Node& node, std::string section, std::string source)
+      : node_(node), section_(std::move(section)), source_(std::move(source)) {
+    if (node_.IsDefined() && !node_.IsNull() && !node_.IsMap()) fail(source_, section_ + " must be a map of parameters");
+  }
+
+  void operator()(const char* name, double& value, Bounds bounds, const char* unit, const char* /*doc*/) {
+    read(name, value, "a number in " + text_of(bounds, unit));
+  }
+
+  void operator()(const char* name, int& value, Bounds bounds, const char* unit, const char* /*doc*/) {
+    read(name, value, "a whole number in " + text_of(bounds, unit));
+  }
+
+  void operator()(const char* name, std::string& value, const char* /*doc*/) { read(name, value, "a text"); }
+
+  void operator()(const char* name, std::vector<HalfSpace>& value, const char* /*doc*/) {
+    std::vector<std::array<double, 4>> rows;
+    read(name, rows, "a list of [nx, ny, nz, offset_m]");
+    if (!node_of(name)) return;
+    value.clear();
+    for (const auto& row : rows) value.push_back({{row[0], row[1], row[2]}, row[3]});
+  }
+
+  /// A nested map, read by its own struct.
+  YAML::Node nested(const char* name) {
+    known_.insert(name);
+    return node_of(name);
+  }
+
+  void refuse_unknown_keys() const {
+    if (!node_.IsMap()) return;
+    for (const auto& item : node_) {
+      const auto key = item.first.as<std::string>();
+      if (known_.count(key) != 0) continue;
+      std::string names;
+      for (const std::string& name : known_) names += (names.empty() ? "" : ", ") + name;
+      fail(source_, "unknown parameter " + path_of(key) + ", known are: " + names);
+    }
+  }
+
+ private:
+  static std::string text_of(Bounds bounds, const char* unit) {
+    std::ostringstream text;
+    text << '[' << bounds.low << ", " << bounds.high << ']' << (*unit != '\0' ? " " : "") << unit;
+    return text.str();
+  }
+
+  std::string path_of(const std::string& key) const { return section_.empty() ? key : section_ + "." + key; }
+
+  YAML::Node node_of(const char* name) const {
+    return node_.IsMap() ? node_[name] : YAML::Node(YAML::NodeType::Undefined);
+  }
+
+  template <class Value>
+  void read(const char* name, Value& value, const std::string& wanted) {
+    known_.insert(name);
+    const YAML::Node field = node_of(name);
+    if (!field) return;
+    try {
+      value = field.as<Value>();
+    } catch (const YAML::Exception&) {
+      fail(source_, path_of(name) + " must be " + wanted);
+    }
+  }
+
+  const YAML::Node node_;
+  std::string section_;
+  std::string source_;
+  std::set<std::string> known_;
+};
+
+template <class Params>
+void read_section(ReadFields& parent, const char* name, Params& params, const std::string& source) {
+  ReadFields fields(parent.nested(name), name, source);
+  Params::fields(params, fields);
+  fields.refuse_unknown_keys();
+}
+
+}  // namespace
+
+ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
+                                                  const std::string& model_folder) {
+  YAML::Node root;
+  try {
+    root = YAML::Load(yaml);
+  } catch (const YAML::Exception& error) {
+    fail(source, std::string("not valid YAML: ") + error.what());
+  }
+
+  ObjectPipelineParams params;
+  ReadFields sections(root, "", source);
+  read_section(sections, "scan", params.scan, source);
+  read_section(sections, "segments", params.segments, source);
+  read_section(sections, "objects", params.objects, source);
+
+  ReadFields detections(sections.nested("detections"), "detections", source);
+  detections("model", params.detections.model, "");
+  ReadFields fit(detections.nested("fit"), "detections.fit", source);
+  EllipseFitParams::fields(params.detections.fit, fit);
+  fit.refuse_unknown_keys();
+  detections.refuse_unknown_keys();
+  sections.refuse_unknown_keys();
+
+  if (!params.detections.model.empty()) {
+    params.detections.model = (std::filesystem::path(model_folder) / params.detections.model).string();
+  }
+  try {
+    params.scan.validate();
+    params.segments.validate();
+    params.detections.fit.validate();
+    params.objects.validate();
+  } catch (const std::invalid_argument& error) {
+    fail(source, error.what());
+  }
+  return params;
+}
+
+ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  if (!file || !(text << file.rdbuf())) throw std::invalid_argument(path + ": cannot be read");
+  return parse_object_pipeline_params(text.str(), path, model_folder);
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "situation_awareness/common/time.hpp"
+#include "support/level_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
+
+std::string refusal_of(const std::string& yaml) {
+  try {
+    parse_object_pipeline_params(yaml, "my.yaml", "");
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
+  const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
+  EXPECT_EQ(params.detections.model, kSource + "/models/ellipse_vgg.onnx");
+}
+
+TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
+  const ObjectPipelineParams params = parse_object_pipeline_params(
+      "scan: {max_range_m: 5, volume: [[1, 0, 0, 2.5], [0, -1, 0, 3]]}\n"
+      "segments: {min_points: 6}\n"
+      "detections: {model: /opt/m.onnx, fit: {range_sigma_m: 0.02}}\n"
+      "objects:\n",
+      "my.yaml", "models");
+  EXPECT_EQ(params.scan.max_range_m, 5.0);
+  EXPECT_EQ(params.scan.min_range_m, RangeLimiterParams{}.min_range_m);
+  ASSERT_EQ(params.scan.volume.size(), 2U);
+  EXPECT_EQ(params.scan.volume[1].normal_world, -Eigen::Vector3d::UnitY());
+  EXPECT_EQ(params.scan.volume[1].offset_m, 3.0);
+  EXPECT_EQ(params.segments.min_points, 6);
+  EXPECT_EQ(params.detections.model, "/opt/m.onnx");
+  EXPECT_EQ(params.detections.fit.range_sigma_m, 0.02);
+  EXPECT_EQ(params.objects.min_observations, ObjectMapParams{}.min_observations);
+  EXPECT_EQ(parse_object_pipeline_params("", "my.yaml", "").segments.min_points, SegmentationParams{}.min_points);
+}
+
+TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
+  EXPECT_EQ(refusal_of("scan: {max_range_m: -1}"), "my.yaml: scan.max_range_m = -1 is outside [0, 1000] m");
+  EXPECT_EQ(refusal_of("scan: {max_range_m: far}"), "my.yaml: scan.max_range_m must be a number in [0, 1000] m");
+  EXPECT_EQ(refusal_of("segments: {min_points: 4.5}"), "my.yaml: segments.min_points must be a whole number in [2, 1000]");
+  EXPECT_EQ(refusal_of("segments: {max_gap_m: .nan}"), "my.yaml: segments.max_gap_m = nan is outside [0.001, 10] m");
+  EXPECT_EQ(refusal_of("scan: {volume: [[1, 0, 0]]}"), "my.yaml: scan.volume must be a list of [nx, ny, nz, offset_m]");
+  EXPECT_EQ(refusal_of("scan: {range: 3}"),
+            "my.yaml: unknown parameter scan.range, known are: max_range_m, min_range_m, volume");
+  EXPECT_EQ(refusal_of("detections: {fit: {sigma: 1}}").find("my.yaml: unknown parameter detections.fit.sigma"), 0U);
+  EXPECT_EQ(refusal_of("segment: {min_points: 4}"),
+            "my.yaml: unknown parameter segment, known are: detections, objects, scan, segments");
+  EXPECT_EQ(refusal_of("scan: 3"), "my.yaml: scan must be a map of parameters");
+  EXPECT_EQ(refusal_of("scan: [").find("my.yaml: not valid YAML"), 0U);
+  EXPECT_THROW(load_object_pipeline_params("/does/not/exist.yaml", ""), std::invalid_argument);
+}
+
+TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
+  for (const char* model : {"", "ellipse_vgg.onnx"}) {
+    ObjectPipelineParams params = parse_object_pipeline_params(
+        std::string("detections: {model: \"") + model + "\"}", "test", kSource + "/models");
+    ObjectPipeline pipeline(params);
+    Random random(1);
+    const Ellipse standing{{3.0, 1.5}, 0.6, 0.4, 0.2};
+    const auto walking = [](double t) { return Ellipse{{3.5, -2.5 + 0.8 * t}, 0.2, 0.25, 0.15}; };
+    double time_s = 0.0;
+    for (int i = 0; i < 40; ++i) {
+      time_s = 0.05 * i;
+      LevelScene scene;
+      scene.ellipses = {standing, walking(time_s)};
+      scene.walls = {{{8.0, -9.0}, {8.0, 9.0}}};
+      Scan scan = scene.scan(&random);
+      scan.stamp_ns = nanoseconds(time_s);
+      pipeline.process(scan, Eigen::Isometry3d::Identity());
+    }
+    const Objects map = pipeline.map().at(nanoseconds(time_s));
+    ASSERT_EQ(map.objects.size(), 2U);
+    for (const Object& object : map.objects) {
+      const bool stands = object.ellipse_world.center_m.y() > 0.5;
+      const Ellipse truth = stands ? standing : walking(time_s);
+      EXPECT_LT((object.ellipse_world.center_m - truth.center_m).norm(), 0.05) << "model '" << model << "'";
+      EXPECT_LT((object.velocity_world_m_s - Eigen::Vector2d(0.0, stands ? 0.0 : 0.8)).norm(), 0.15);
+    }
+  }
+}
+
+TEST(ObjectPipeline, AnUnusableScanThrowsAndLeavesTheMapAlone) {
+  ObjectPipeline pipeline{ObjectPipelineParams{}};
+  Scan scan;
+  EXPECT_THROW(pipeline.process(scan, Eigen::Isometry3d::Identity()), std::invalid_argument);
+  LevelScene scene;
+  Eigen::Isometry3d on_edge = Eigen::Isometry3d::Identity();
+  on_edge.rotate(Eigen::AngleAxisd(kPi / 2.0, Eigen::Vector3d::UnitX()));
+  EXPECT_THROW(pipeline.process(scene.scan(), on_edge), std::invalid_argument);
+  EXPECT_EQ(pipeline.map().stamp_ns(), ObjectMap::kNoStamp);
+}
+
+TEST(ObjectPipeline, AnythingASensorMaySendIsHandled) {
+  ObjectPipeline pipeline{ObjectPipelineParams{}};
+  Random random(2);
+  for (int i = 0; i < 300; ++i) {
+    Scan scan;
+    scan.stamp_ns = nanoseconds(0.05 * i);
+    const int beams = 2 + static_cast<int>(random.uniform() * 1500);
+    scan.angle_min_rad = random.uniform(-7.0, 7.0);
+    scan.angle_increment_rad = (random.uniform() < 0.5 ? -1.0 : 1.0) * random.uniform(1e-4, 2.0 * kPi / beams);
+    for (int b = 0; b < beams; ++b) {
+      const double kind = random.uniform();
+      const float range_m = kind < 0.2   ? std::nanf("")
+                            : kind < 0.3 ? INFINITY
+                            : kind < 0.4 ? -INFINITY
+                            : kind < 0.5 ? -1.0F
+                            : kind < 0.6 ? 1e30F
+                                         : static_cast<float>(random.uniform(0.0, 12.0));
+      scan.beams.push_back(beam_from_range(range_m, 0.1F, 30.0F));
+    }
+    Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
+    T_world_lidar.rotate(Eigen::AngleAxisd(random.uniform(-1.0, 1.0), Eigen::Vector3d::UnitX()));
+    pipeline.process(scan, T_world_lidar);
+    for (const Object& object : pipeline.map().at(scan.stamp_ns).objects) {
+      ASSERT_TRUE(object.ellipse_world.center_m.allFinite());
+      ASSERT_TRUE(object.covariance.allFinite());
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
