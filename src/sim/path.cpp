@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/path.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <sstream>
+#include <stdexcept>
+#include <vector>
+
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/sim/periodic_spline.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Row = std::vector<double>;
+
+/// The words of a path's text: its kind, and the numbers behind each further word, in rows that `;` ends.
+class PathText {
+ public:
+  explicit PathText(const std::string& text) {
+    std::string spaced;
+    for (const char c : text) spaced += c == ';' ? std::string(" ; ") : std::string(1, c);
+    std::istringstream words(spaced);
+    if (!(words >> kind_)) throw std::invalid_argument("is empty");
+    std::vector<Row>* rows = nullptr;
+    for (std::string word; words >> word;) {
+      double number = 0.0;
+      const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+      const bool is_number = error == std::errc() && end == word.data() + word.size() && std::isfinite(number);
+      if (!is_number && word != ";") {
+        const auto [place, is_new] = rows_.emplace(word, std::vector<Row>(1));
+        if (!is_new) throw std::invalid_argument("has '" + word + "' twice");
+        rows = &place->second;
+      } else if (rows == nullptr) {
+        throw std::invalid_argument("has '" + word + "' where a word should be");
+      } else if (is_number) {
+        rows->back().push_back(number);
+      } else {
+        rows->emplace_back();
+      }
+    }
+  }
+
+  const std::string& kind() const { return kind_; }
+
+  bool has(const std::string& word) const { return rows_.count(word) != 0; }
+
+  /// The rows behind `word`, which then counts as used.
+  std::vector<Row> take_rows(const std::string& word) {
+    const auto place = rows_.find(word);
+    if (place == rows_.end()) throw std::invalid_argument("lacks '" + word + "'");
+    std::vector<Row> rows = std::move(place->second);
+    rows_.erase(place);
+    if (rows.size() > 1 && rows.back().empty()) rows.pop_back();  // a semicolon may also follow the last row
+    return rows;
+  }
+
+  Row take(const std::string& word, std::size_t count) {
+    const std::vector<Row> rows = take_rows(word);
+    if (rows.size() != 1 || rows[0].size() != count) {
+      throw std::invalid_argument("needs " + std::to_string(count) + " number(s) after '" + word + "'");
+    }
+    return rows[0];
+  }
+
+  double take_number(const std::string& word) { return take(word, 1)[0]; }
+  double take_number(const std::string& word, double otherwise) { return has(word) ? take_number(word) : otherwise; }
+
+  double take_positive(const std::string& word) {
+    const double number = take_number(word);
+    if (!(number > 0.0)) throw std::invalid_argument("needs a positive number after '" + word + "'");
+    return number;
+  }
+
+  void check_all_used() const {
+    if (!rows_.empty()) throw std::invalid_argument("has '" + rows_.begin()->first + "', which it does not know");
+  }
+
+ private:
+  std::string kind_;
+  std::map<std::string, std::vector<Row>> rows_;
+};
+
+Eigen::Vector3d in_plane(double x, double y, double z = 0.0) { return {x, y, z}; }
+
+Path stand(const Eigen::Vector3d& position_m) {
+  return [=](double /*time_s*/) {
+    PathState state;
+    state.position_m = position_m;
+    return state;
+  };
+}
+
+Path circle(PathText& text, double height_m) {
+  const Row center = text.take("center", 2);
+  const double r = text.take_positive("radius");
+  const double w = text.take_number("rate");
+  const double phase = text.take_number("phase", 0.0);
+  return [=](double time_s) {
+    const double c = std::cos(w * time_s + phase);
+    const double s = std::sin(w * time_s + phase);
+    PathState state;
+    state.position_m = in_plane(center[0] + r * c, center[1] + r * s, height_m);
+    state.velocity_m_s = r * w * in_plane(-s, c);
+    state.acceleration_m_s2 = -r * w * w * in_plane(c, s);
+    state.jerk_m_s3 = -r * w * w * w * in_plane(-s, c);
+    return state;
+  };
+}
+
+Path line(PathText& text, double height_m) {
+  const Row from = text.take("from", 2);
+  const Row to = text.take("to", 2);
+  const double w = 2.0 * kPi / text.take_positive("period");
+  const double phase = text.take_number("phase", 0.0);
+  const Eigen::Vector3d middle = in_plane(0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1]), height_m);
+  const Eigen::Vector3d half = in_plane(0.5 * (to[0] - from[0]), 0.5 * (to[1] - from[1]));
+  return [=](double time_s) {
+    const double c = std::cos(w * time_s + phase);
+    const double s = std::sin(w * time_s + phase);
+    PathState state;
+    state.position_m = middle - c * half;
+    state.velocity_m_s = w * s * half;
+    state.acceleration_m_s2 = w * w * c * half;
+    state.jerk_m_s3 = -w * w * w * s * half;
+    return state;
+  };
+}
+
+/// The waypoints of a loop as columns (x, y, z, yaw). Yaw goes the shorter way from point to point, without jumps.
+Eigen::Matrix4Xd waypoints(const std::vector<Row>& rows, double height_m) {
+  if (rows.size() < 3) throw std::invalid_argument("needs at least 3 points");
+  Eigen::Matrix4Xd points(4, static_cast<Eigen::Index>(rows.size()));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Row& row = rows[i];
+    if ((row.size() != 2 && row.size() != 4) || row.size() != rows[0].size()) {
+      throw std::invalid_argument("needs points of 2 numbers each (x y) or of 4 (x y z yaw)");
+    }
+    const auto column = static_cast<Eigen::Index>(i);
+    points.col(column) << row[0], row[1], height_m, 0.0;
+    if (row.size() == 2) continue;
+    const double yaw_before = i == 0 ? row[3] : points(3, column - 1);
+    points(2, column) = row[2];
+    points(3, column) = yaw_before + wrap_to_pi(row[3] - yaw_before);
+  }
+  return points;
+}
+
+/// Length of the closed curve's part in x, y, z. The midpoint rule converges fast for a periodic integrand.
+double length_of(const PeriodicSpline& curve) {
+  constexpr int kSamplesPerLeg = 64;
+  const int samples = kSamplesPerLeg * static_cast<int>(curve.period());
+  double sum = 0.0;
+  for (int i = 0; i < samples; ++i) sum += curve((i + 0.5) / kSamplesPerLeg, 1).head<3>().norm();
+  return sum / kSamplesPerLeg;
+}
+
+Path loop(PathText& text, double height_m) {
+  const double speed = text.take_positive("speed");
+  Eigen::Matrix4Xd points = waypoints(text.take_rows("points"), height_m);
+
+  // Yaw may gain whole turns in one round: the spline carries only what is left of it.
+  const Eigen::Index n = points.cols();
+  const double yaw_step =
+      (points(3, n - 1) - points(3, 0) + wrap_to_pi(points(3, 0) - points(3, n - 1))) / static_cast<double>(n);
+  for (Eigen::Index i = 0; i < n; ++i) points(3, i) -= yaw_step * static_cast<double>(i);
+  const PeriodicSpline curve(points);
+
+  const double length_m = length_of(curve);
+  if (!(length_m > 1e-6)) throw std::invalid_argument("has all its points at one place");
+  const double rate = curve.period() * speed / length_m;  // points per second
+  return [=](double time_s) {
+    const double u = rate * time_s;
+    const Eigen::Vector4d place = curve(u);
+    const Eigen::Vector4d slope = curve(u, 1);
+    PathState state;
+    state.position_m = place.head<3>();
+    state.velocity_m_s = rate * slope.head<3>();
+    state.acceleration_m_s2 = rate * rate * curve(u, 2).head<3>();
+    state.jerk_m_s3 = rate * rate * rate * curve(u, 3).head<3>();
+    state.yaw_rad = place[3] + yaw_step * u;
+    state.yaw_rate_rad_s = rate * (slope[3] + yaw_step);
+    return state;
+  };
+}
+
+/// The same path, turning about the vertical at its own rate, added to the turns that the path has.
+Path spinning(Path path, double yaw_rad, double rate_rad_s) {
+  return [=](double time_s) {
+    PathState state = path(time_s);
+    state.yaw_rad += yaw_rad + rate_rad_s * time_s;
+    state.yaw_rate_rad_s += rate_rad_s;
+    return state;
+  };
+}
+
+/// The same path, at a constant angle to the direction of motion.
+Path tangent(Path path, double yaw_rad) {
+  return [=](double time_s) {
+    PathState state = path(time_s);
+    const Eigen::Vector3d& v = state.velocity_m_s;
+    const Eigen::Vector3d& a = state.acceleration_m_s2;
+    state.yaw_rad = yaw_rad + std::atan2(v.y(), v.x());
+    state.yaw_rate_rad_s = (v.x() * a.y() - v.y() * a.x()) / v.head<2>().squaredNorm();
+    return state;
+  };
+}
+
+}  // namespace
+
+Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad) {
+  PathText words(text);
+  const std::string kind = words.kind();
+  Path path;
+  bool moves_on = false;  // never at rest, so that the direction of motion is defined
+  bool has_yaw = false;
+  if (kind == "stand") {
+    path = stand(position_m);
+  } else if (kind == "circle") {
+    path = circle(words, position_m.z());
+    moves_on = path(0.0).velocity_m_s.norm() > 0.0;
+  } else if (kind == "line") {
+    path = line(words, position_m.z());
+  } else if (kind == "loop") {
+    const std::vector<Row> rows = PathText(words).take_rows("points");
+    has_yaw = rows[0].size() == 4;
+    moves_on = true;
+    path = loop(words, position_m.z());
+  } else {
+    throw std::invalid_argument("starts with '" + kind + "' instead of stand, circle, line or loop");
+  }
+
+  if (has_yaw && (words.has("spin") || words.has("tangent"))) {
+    throw std::invalid_argument("turns in two ways: by the yaw of its points, and by 'spin' or 'tangent'");
+  }
+  if (words.has("tangent")) {
+    if (words.has("spin")) throw std::invalid_argument("turns in two ways: 'spin' and 'tangent'");
+    if (!moves_on) throw std::invalid_argument("has 'tangent' but does not move on all the time");
+    words.take("tangent", 0);
+    path = tangent(path, yaw_rad);
+  } else if (!has_yaw) {
+    path = spinning(path, yaw_rad, words.take_number("spin", 0.0));
+  }
+  words.check_all_used();
+  return path;
+}
+
+}  // namespace situation_awareness
