@@ -49,6 +49,8 @@ def judge(here, header: str, pkg: str):
                 return f"{here[0]}/ may not include <{header}>"
         return None
     *there, name = header.split("/")[1:]
+    if not there and re.match(r"[A-Z]\w*\.h$", name):  # generated from msg/ and srv/
+        return None if here[0] == "ros" else f"{here[0]}/ may not include <{header}>"
     if not there or there[0] not in ORDER:
         return f"{header} is no place on the data path"
     if ORDER.index(there[0]) > ORDER.index(here[0]) or (here[0] == "sim" and there[0] in ("pipeline", "evaluation")):

@@ -214,15 +214,19 @@ Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& pa
   return x;
 }
 
-Detection make_detection(const Problem& problem, const Vector5d& x, std::size_t segment, std::size_t count) {
+Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const Problem& problem, const Vector5d& x) {
+  const Segment& piece = segments.segments[segment];
   Matrix5d A;
   Vector5d b;
   problem.evaluate(x, x, &A, &b);
   Detection detection;
+  detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
   detection.ellipse_level = ellipse_from_smooth_parameters(x);
   detection.covariance = ellipse_covariance(detection.ellipse_level, A.llt().solve(Matrix5d::Identity()));
+  if (detection.hidden_end) detection.covariance *= params.hidden_end_factor * params.hidden_end_factor;
   detection.residual_rms_m = problem.residual_rms_m(x);
-  detection.beams = static_cast<int>(count);
+  detection.beams = static_cast<int>(piece.count);
   detection.segment = segment;
   return detection;
 }
@@ -275,7 +279,9 @@ Detection fit_ellipse(const Segments& segments, std::size_t segment, const Ellip
                       const Ellipse* start) {
   const Segment& piece = segments.segments[segment];
   const Problem problem(segments, piece, params);
-  if (start != nullptr) return make_detection(problem, minimise(problem, smooth_parameters(*start), params), segment, piece.count);
+  if (start != nullptr) {
+    return make_detection(segments, segment, params, problem, minimise(problem, smooth_parameters(*start), params));
+  }
 
   // The circle finds the least cost nearly always; where it ends in a corner, one of the leaning ellipses does.
   Vector5d best = minimise(problem, problem.start(0.0, 0.0), params);
@@ -288,15 +294,15 @@ Detection fit_ellipse(const Segments& segments, std::size_t segment, const Ellip
     best = x;
     best_cost = cost;
   }
-  return make_detection(problem, best, segment, piece.count);
+  return make_detection(segments, segment, params, problem, best);
 }
 
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Ellipse& ellipse_level) {
-  const Segment& piece = segments.segments[segment];
   Vector5d x = smooth_parameters(canonical(ellipse_level));
   bound_radii(x, params.min_radius_m);
-  return make_detection(Problem(segments, piece, params), x, segment, piece.count);
+  const Problem problem(segments, segments.segments[segment], params);
+  return make_detection(segments, segment, params, problem, x);
 }
 
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {

@@ -22,7 +22,7 @@ class ReadFields {
  public:
   ReadFields(const YAML::Node& node, std::string section, std::string source)
       : node_(node), section_(std::move(section)), source_(std::move(source)) {
-    if (node_.IsDefined() && !node_.IsNull() && !node_.IsMap()) fail(source_, section_ + " must be a map of parameters");
+    if (!node_.IsNull() && !node_.IsMap()) fail(source_, section_ + " must be a map of parameters");
   }
 
   void operator()(const char* name, double& value, Bounds bounds, const char* unit, const char* /*doc*/) {
@@ -38,15 +38,15 @@ class ReadFields {
   void operator()(const char* name, std::vector<HalfSpace>& value, const char* /*doc*/) {
     std::vector<std::array<double, 4>> rows;
     read(name, rows, "a list of [nx, ny, nz, offset_m]");
-    if (!node_of(name)) return;
+    if (!has(name)) return;
     value.clear();
     for (const auto& row : rows) value.push_back({{row[0], row[1], row[2]}, row[3]});
   }
 
-  /// A nested map, read by its own struct.
+  /// A nested map, read by its own struct; null where it is left out.
   YAML::Node nested(const char* name) {
     known_.insert(name);
-    return node_of(name);
+    return has(name) ? node_[name] : YAML::Node();
   }
 
   void refuse_unknown_keys() const {
@@ -69,17 +69,14 @@ class ReadFields {
 
   std::string path_of(const std::string& key) const { return section_.empty() ? key : section_ + "." + key; }
 
-  YAML::Node node_of(const char* name) const {
-    return node_.IsMap() ? node_[name] : YAML::Node(YAML::NodeType::Undefined);
-  }
+  bool has(const char* name) const { return node_.IsMap() && node_[name].IsDefined(); }
 
   template <class Value>
   void read(const char* name, Value& value, const std::string& wanted) {
     known_.insert(name);
-    const YAML::Node field = node_of(name);
-    if (!field) return;
+    if (!has(name)) return;
     try {
-      value = field.as<Value>();
+      value = node_[name].as<Value>();
     } catch (const YAML::Exception&) {
       fail(source_, path_of(name) + " must be " + wanted);
     }

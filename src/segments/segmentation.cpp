@@ -142,6 +142,13 @@ Line fit_line(const Point* points, std::size_t count) {
   return line;
 }
 
+/// Root mean square distance of points from a line.
+double rms_m(const Line& line, const Point* points, std::size_t count) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < count; ++i) sum += std::pow(line.normal.dot(points[i].p_level_m - line.through), 2);
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
 /// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
 /// structure a few segments further on that side. `step` is the side to look to, and the pieces are visited from there,
 /// so that a structure cut many times is followed piece by piece.
@@ -208,7 +215,9 @@ Segments segment(const Points& points, const SegmentationParams& params) {
       segment.right_end = end_at(reading, first_read, -1, params);
       segment.left_end = end_at(reading, last_read, +1, params);
       const Point* data = &result.points[first];
-      if (extent_m(data, count) > params.max_object_extent_m || concavity_m(data, count) > params.max_concavity_m) {
+      const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
+      if (extent_m(data, count) > params.max_object_extent_m || concavity_m(data, count) > params.max_concavity_m ||
+          (hidden && rms_m(fit_line(data, count), data, count) < params.max_straight_rms_m)) {
         segment.kind = SegmentKind::kStructure;
       }
       result.segments.push_back(segment);

@@ -352,7 +352,7 @@ class World::Impl {
         beam.state = BeamState::kHit;
         beam.range_m = std::clamp(static_cast<float>(range_m + error_m), min_range_m, max_range_m);
         const std::size_t object = object_of_geom_[static_cast<std::size_t>(geom)];
-        if (object != kNoObject) ++sightings_[object].beams;
+        if (object != kNoObject && range_m <= lidar_.truth_range_m) ++sightings_[object].beams;
       }
     }
     for (Object& sighting : sightings_) {

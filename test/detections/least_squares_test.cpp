@@ -202,7 +202,7 @@ TEST(LeastSquaresDetector, CountsWhatItRefuses) {
 
   // Between two nearer posts neither edge is seen, so neither is the size.
   scene.walls.clear();
-  scene.ellipses = {{{4.0, 0.0}, 0.0, 0.4, 0.4}, {{2.0, 0.2}, 0.0, 0.1, 0.1}, {{2.0, -0.2}, 0.0, 0.1, 0.1}};
+  scene.ellipses = {{{3.0, 0.0}, 0.0, 0.4, 0.4}, {{1.5, 0.26}, 0.0, 0.1, 0.1}, {{1.5, -0.26}, 0.0, 0.1, 0.1}};
   LeastSquaresDetector default_detector{EllipseFitParams{}};
   const Detections of_posts = default_detector.detect(segments_of(scene.scan()));
   EXPECT_EQ(of_posts.detections.size(), 2U);

@@ -159,6 +159,27 @@ TEST(Segmentation, PiecesOfAWallBehindPostsStayTheWall) {
   EXPECT_EQ(pieces, 8);
 }
 
+// With its own edge on both sides a board is an object; cut off by a post it may be any wall, and a curved thing cut off
+// alike is still an object.
+TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
+  LevelScene scene;
+  const auto kind_of_far = [&] {
+    const Segments segments = segment_scan(scene.scan());
+    for (const Segment& s : segments.segments) {
+      if (segments.points[s.first].p_level_m.x() > 2.0) return s.kind;
+    }
+    ADD_FAILURE() << "not seen";
+    return SegmentKind::kObject;
+  };
+  scene.walls = {{{4.0, -0.4}, {4.0, 0.4}}};
+  EXPECT_EQ(kind_of_far(), SegmentKind::kObject);
+  scene.ellipses = {{{1.5, 0.15}, 0.0, 0.1, 0.1}};
+  EXPECT_EQ(kind_of_far(), SegmentKind::kStructure);
+  scene.walls.clear();
+  scene.ellipses.push_back({{4.0, 0.0}, 0.0, 0.4, 0.4});
+  EXPECT_EQ(kind_of_far(), SegmentKind::kObject);
+}
+
 TEST(Segmentation, AnInnerCornerIsStructureAndAnObjectOfTheSameSizeIsNot) {
   LevelScene scene;
   scene.walls = {{{4.0, 0.0}, {3.6, 0.4}}, {{4.0, 0.0}, {3.6, -0.4}}};

@@ -16,6 +16,7 @@ struct SegmentationParams {
   double max_object_extent_m = 1.2;
   double max_concavity_m = 0.03;
   double max_structure_offset_m = 0.06;
+  double max_straight_rms_m = 0.015;
   double occlusion_margin_m = 0.05;
 
   template <class Self, class Visit>
@@ -36,6 +37,8 @@ struct SegmentationParams {
           "a segment whose points lie this far behind the chord of its ends, on average, is structure: an inner corner");
     visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
           "a piece with a hidden end whose points all lie this close to the line of a structure beside it belongs to it");
+    visit("max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
+          "a piece with a hidden end whose points lie this close to a line, root mean square, may be any wall: structure");
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "a neighbour this much nearer than the end of a segment hides what is beside it");
   }

@@ -25,6 +25,7 @@ struct SimulatedLidarParams {
   double range_min_m = 0.1;
   double range_max_m = 30.0;
   double range_sigma_m = 0.01;
+  double truth_range_m = 10.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -36,6 +37,8 @@ struct SimulatedLidarParams {
     visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer is too close");
     visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther is not seen");
     visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
+    visit("truth_range_m", self.truth_range_m, Bounds{0.001, 1000.0}, "m",
+          "hits farther away do not count as seen in the truth: the papers' range of interest");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -143,6 +143,9 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   const std::vector<int> detection_of = assign(static_cast<int>(elements_.size()),
                                                static_cast<int>(measurements.size()), candidates, most - least + 1.0);
 
+  const auto evidence_of = [&](const Detection& detection) {
+    return detection.hidden_end ? params_.hidden_observation_weight : 1.0;
+  };
   std::vector<bool> used(measurements.size(), false);
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     const auto i = static_cast<std::size_t>(candidates[c].row);
@@ -155,6 +158,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
     element.last_seen_ns = stamp_ns_;
     element.beams = detections.detections[j].beams;
     ++element.observations;
+    element.evidence += evidence_of(detections.detections[j]);
     used[j] = true;
     report.updated.push_back(element.id);
   }
@@ -187,6 +191,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
     element.first_seen_ns = element.last_seen_ns = stamp_ns_;
     element.beams = detections.detections[j].beams;
     element.observations = 1;
+    element.evidence = evidence_of(detections.detections[j]);
     report.created.push_back(element.id);
     elements_.push_back(element);
   }
@@ -195,13 +200,13 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   return report;
 }
 
-/// Map management (circle paper, Sect. V-B3).
+/// Map management (circle paper, Sect. V-B3): what has just been seen is uncertain at worst, not outdated.
 void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   const auto outdated = [&](const Element& element) -> const char* {
+    if (element.last_seen_ns == stamp_ns_) return "";
     if (!certain(element.P, kPosition, params_.max_position_sigma_m)) return "position too uncertain";
     if (!certain(element.P, kVelocity, params_.max_velocity_sigma_m_s)) return "velocity too uncertain";
     if (!certain(element.P, kRadii, params_.max_radius_sigma_m)) return "radii too uncertain";
-    if (element.last_seen_ns == stamp_ns_) return "";
     const bool replaced = std::any_of(elements_.begin(), elements_.end(), [&](const Element& other) {
       return other.last_seen_ns == stamp_ns_ && contains(ellipse_world_of(other.x), element.x.position_world_m);
     });
@@ -231,7 +236,7 @@ Objects ObjectMap::at(std::int64_t stamp_ns) const {
   const Matrix8d F = process_jacobian(dt_s);
   const Matrix8d Q = process_covariance(dt_s, process_noise_);
   for (const Element& element : elements_) {
-    if (element.observations < params_.min_observations) continue;
+    if (element.evidence < params_.min_observations) continue;
     const ObjectState x = predict(element.x, dt_s);
     Object object;
     object.id = element.id;

@@ -55,6 +55,17 @@ TEST(ObjectMap, IsOnTheMapAfterItsThirdObservation) {
   EXPECT_EQ(objects.objects[0].last_seen_ns, nanoseconds(2 * kScanPeriodS));
 }
 
+TEST(ObjectMap, ObservationsWithAHiddenEndTakeLongerToConvince) {
+  ObjectMap map{ObjectMapParams{}};
+  int scans = 0;
+  while (map.at(map.stamp_ns()).objects.empty() && scans < 100) {
+    Detections detections = detections_at(scans++ * kScanPeriodS, {{{3.0, 0.0}, 0.0, 0.3, 0.2}});
+    detections.detections[0].hidden_end = true;
+    map.update(detections);
+  }
+  EXPECT_EQ(scans, 12);  // 3 / 0.25
+}
+
 TEST(ObjectMap, FollowsAMovingObjectAndPredictsItOnDemand) {
   ObjectMap map{ObjectMapParams{}};
   double time_s = 0.0;

@@ -16,17 +16,18 @@
 namespace situation_awareness {
 
 struct ObjectMapParams {
-  double acceleration_noise = 0.5;
+  double acceleration_noise = 0.4;
   double angular_acceleration_noise = 0.3;
   double radius_noise = 0.005;
   double initial_velocity_sigma_m_s = 1.0;
   double initial_angular_velocity_sigma_rad_s = 0.3;
   double robot_position_sigma_m = 0.01;
   double robot_yaw_sigma_rad = 0.003;
-  double measurement_sigma_m = 0.01;
+  double measurement_sigma_m = 0.02;
   double gate_probability = 0.999;
-  int min_observations = 3;
-  double max_position_sigma_m = 0.5;
+  double min_observations = 3.0;
+  double hidden_observation_weight = 0.25;
+  double max_position_sigma_m = 0.4;
   double max_velocity_sigma_m_s = 5.0;
   double max_radius_sigma_m = 0.5;
   double reset_time_jump_s = 1.0;
@@ -51,8 +52,10 @@ struct ObjectMapParams {
           "added to each detection's own standard deviation of centre and radii");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
           "part of an element's true detections that its chi-square gate lets in");
-    visit("min_observations", self.min_observations, Bounds{1, 1000}, "",
+    visit("min_observations", self.min_observations, Bounds{1.0, 1000.0}, "",
           "an element is on the map from this many observations on");
+    visit("hidden_observation_weight", self.hidden_observation_weight, Bounds{0.0, 1.0}, "",
+          "what an observation with a hidden end counts for that: it may be a piece of anything");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
           "an element is deleted when its position is less certain in any direction");
     visit("max_velocity_sigma_m_s", self.max_velocity_sigma_m_s, Bounds{0.001, 1000.0}, "m/s",
@@ -87,7 +90,7 @@ class ObjectMap {
   ObjectMapUpdate update(const Detections& detections);
 
   /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
-  /// seen fewer than min_observations times are left out.
+  /// with less evidence than min_observations are left out.
   Objects at(std::int64_t stamp_ns) const;
 
   /// Stamp of the latest update, kNoStamp before the first.
@@ -105,6 +108,7 @@ class ObjectMap {
     std::int64_t first_seen_ns = 0;
     std::int64_t last_seen_ns = 0;
     int observations = 0;
+    double evidence = 0.0;  ///< observations, weighted by what they say of its existence
     int beams = 0;
   };
 
