@@ -7,6 +7,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "situation_awareness/detections/detect_each.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -316,26 +317,7 @@ const char* detection_defect(const Detection& detection, const EllipseFitParams&
 LeastSquaresDetector::LeastSquaresDetector(const EllipseFitParams& params) : params_(params) { params_.validate(); }
 
 Detections LeastSquaresDetector::detect(const Segments& segments) {
-  Detections result;
-  result.stamp_ns = segments.stamp_ns;
-  result.T_world_level = segments.T_world_level;
-  result.height_world_m = segments.height_world_m;
-  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
-    const Segment& segment = segments.segments[i];
-    if (segment.kind != SegmentKind::kObject) continue;
-    if (!is_silhouette(segment.right_end) && !is_silhouette(segment.left_end)) {
-      ++result.refused["both ends hidden"];
-      continue;
-    }
-    const Detection detection = fit_ellipse(segments, i, params_);
-    const char* defect = detection_defect(detection, params_);
-    if (*defect == '\0') {
-      result.detections.push_back(detection);
-    } else {
-      ++result.refused[defect];
-    }
-  }
-  return result;
+  return detect_each(segments, params_, [&](std::size_t i) { return fit_ellipse(segments, i, params_); });
 }
 
 }  // namespace situation_awareness

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/detections/least_squares.hpp"
+#include "situation_awareness/segments/segments.hpp"
+
+namespace situation_awareness {
+
+/// What every detector does around its own `detect_one(segment index) -> Detection`: asks it about each segment of kind
+/// kObject that shows at least one edge of the object, and refuses answers that are not to be trusted.
+template <class DetectOne>
+Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one) {
+  Detections result;
+  result.stamp_ns = segments.stamp_ns;
+  result.T_world_level = segments.T_world_level;
+  result.height_world_m = segments.height_world_m;
+  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+    const Segment& segment = segments.segments[i];
+    if (segment.kind != SegmentKind::kObject) continue;
+    if (!is_silhouette(segment.right_end) && !is_silhouette(segment.left_end)) {
+      ++result.refused["both ends hidden"];
+      continue;
+    }
+    const Detection detection = detect_one(i);
+    const char* const defect = detection_defect(detection, params);
+    if (*defect == '\0') {
+      result.detections.push_back(detection);
+    } else {
+      ++result.refused[defect];
+    }
+  }
+  return result;
+}
+
+}  // namespace situation_awareness
