@@ -1,0 +1,27 @@
+# Messages, and what other packages see of this one. Before every target: catkin_package sets where they are built.
+if(NOT catkin_FOUND)
+  message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
+endif()
+find_package(roslib REQUIRED)
+
+add_message_files(DIRECTORY msg FILES
+  DetectionArray.msg
+  EllipseDetection.msg
+  EllipseMap.msg
+  LaserSegment.msg
+  LevelFrame.msg
+  MappedEllipse.msg
+  SegmentArray.msg
+  SegmentPoint.msg)
+generate_messages(DEPENDENCIES geometry_msgs std_msgs)
+
+catkin_package(
+  INCLUDE_DIRS include
+  LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_ros
+  CATKIN_DEPENDS diagnostic_msgs diagnostic_updater geometry_msgs message_runtime nav_msgs nodelet roscpp sensor_msgs
+    std_msgs tf2 tf2_msgs visualization_msgs
+  DEPENDS EIGEN3)
+
+# Only what rosrun should offer goes where rosrun looks; tests and benchmarks stay in their own build folders.
+set(situation_awareness_node_dir ${CATKIN_DEVEL_PREFIX}/${CATKIN_PACKAGE_BIN_DESTINATION})
+unset(CMAKE_RUNTIME_OUTPUT_DIRECTORY)

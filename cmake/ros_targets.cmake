@@ -1,0 +1,52 @@
+# The ROS boundary: a library of conversions, the nodelets, the nodes and the offline tool, and where all is installed.
+add_library(${PROJECT_NAME}_ros
+  src/ros/convert/detections.cpp
+  src/ros/convert/objects.cpp
+  src/ros/convert/poses.cpp
+  src/ros/convert/scan.cpp
+  src/ros/convert/segments.cpp
+  src/ros/markers/object_markers.cpp
+  src/ros/params/nodelet_params.cpp
+  src/ros/params/package.cpp
+  src/ros/params/param_reader.cpp
+  src/ros/scan_check.cpp
+  src/ros/stage_diagnostics.cpp)
+situation_awareness_target(${PROJECT_NAME}_ros)
+target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
+  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})
+target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES})
+add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
+
+add_library(${PROJECT_NAME}_nodelets
+  src/ros/nodelets/detection_nodelet.cpp
+  src/ros/nodelets/mapping_nodelet.cpp
+  src/ros/nodelets/segmentation_nodelet.cpp)
+situation_awareness_target(${PROJECT_NAME}_nodelets)
+target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
+
+# situation_awareness_node(NAME SOURCE LIBRARY...): a program for rosrun.
+function(situation_awareness_node name source)
+  add_executable(${name} ${source})
+  situation_awareness_target(${name})
+  target_link_libraries(${name} PRIVATE ${PROJECT_NAME}_ros ${ARGN})
+  set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
+  install(TARGETS ${name} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+endfunction()
+
+situation_awareness_node(map_bag src/ros/tools/map_bag.cpp)
+situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
+if(SITUATION_AWARENESS_SIM)
+  situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
+  install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+    ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+endif()
+
+install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets
+  LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+  ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
+  FILES_MATCHING PATTERN *.hpp)
+install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(DIRECTORY scripts/ DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION} USE_SOURCE_PERMISSIONS
+  PATTERN __pycache__ EXCLUDE PATTERN train EXCLUDE PATTERN check_layers.py EXCLUDE)

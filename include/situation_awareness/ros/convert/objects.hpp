@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <situation_awareness/EllipseMap.h>
+
+#include "situation_awareness/map/objects/objects.hpp"
+
+namespace situation_awareness {
+
+/// `labels` names the objects in their order, or is empty.
+EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame,
+                          const std::vector<std::string>& labels = {});
+
+/// Throws std::invalid_argument if a number is not finite or a radius is not positive. The height of an empty map is 0:
+/// each element carries its own.
+Objects objects_from_msg(const EllipseMap& msg);
+
+}  // namespace situation_awareness

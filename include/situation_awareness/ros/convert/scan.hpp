@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <sensor_msgs/LaserScan.h>
+
+#include "situation_awareness/scan/scan.hpp"
+
+namespace situation_awareness {
+
+/// The scan of a driver by REP-117; whether it can be used is `scan_defect`'s to say.
+Scan scan_from_msg(const sensor_msgs::LaserScan& msg);
+
+/// What a driver that follows REP-117 would publish. Hits outside the volume of interest are hits to the sensor.
+sensor_msgs::LaserScan scan_to_msg(const Scan& scan, const std::string& lidar_frame, double range_min_m,
+                                   double range_max_m, double scan_time_s);
+
+}  // namespace situation_awareness

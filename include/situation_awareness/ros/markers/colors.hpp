@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace situation_awareness {
+
+struct Color {
+  float r, g, b;
+};
+
+constexpr Color kStructureColor{0.55F, 0.55F, 0.55F};
+
+/// A saturated colour for each number, far from those of its neighbours: hues advance by the golden ratio.
+inline Color color_of(std::uint64_t number) {
+  constexpr double kGoldenRatioMinusOne = 0.61803398874989484820;
+  constexpr double kSaturation = 0.85, kValue = 0.9;
+  const double hue = std::fmod(static_cast<double>(number % 100'000) * kGoldenRatioMinusOne, 1.0);
+  const auto channel = [hue](double offset) {
+    const double k = std::fmod(offset + 6.0 * hue, 6.0);
+    return static_cast<float>(kValue - kValue * kSaturation * std::clamp(std::min(k, 4.0 - k), 0.0, 1.0));
+  };
+  return {channel(5.0), channel(3.0), channel(1.0)};
+}
+
+/// As the field `rgb` of a PointCloud2 holds it.
+inline std::uint32_t packed_rgb(const Color& color) {
+  const auto byte = [](float channel) { return static_cast<std::uint32_t>(std::lround(255.0F * channel)); };
+  return byte(color.r) << 16 | byte(color.g) << 8 | byte(color.b);
+}
+
+}  // namespace situation_awareness

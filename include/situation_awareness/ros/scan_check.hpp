@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <sensor_msgs/LaserScan.h>
+
+namespace situation_awareness {
+
+/// Why a scan from a driver or a bag cannot be used, whatever its transform: empty text if it can. The texts are fixed,
+/// so they can be counted.
+std::string scan_msg_defect(const sensor_msgs::LaserScan& msg);
+
+namespace drop_reason {
+constexpr const char* kStamp = "stamp repeats or goes back";
+constexpr const char* kRestart = "stamp started again while it waited";
+constexpr const char* kQueueFull = "queue full";
+constexpr const char* kNoTransform = "no transform";
+constexpr const char* kBadTransform = "bad transform";
+constexpr const char* kTilt = "tilt";
+constexpr const char* kBadMessage = "bad message";
+constexpr const char* kError = "error";
+}  // namespace drop_reason
+
+}  // namespace situation_awareness

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+
+/// Judges whether a scan may follow those before it. Stamps grow; one that goes far back is a new beginning (a bag that
+/// loops, a simulation that starts again), one that goes back a little is not to be used.
+class StampOrder {
+ public:
+  enum class Verdict { kNext, kRestart, kRefused };
+
+  explicit StampOrder(double reset_time_jump_s) : reset_time_jump_s_(reset_time_jump_s) {}
+
+  Verdict judge(std::int64_t stamp_ns) {
+    Verdict verdict = Verdict::kNext;
+    if (stamp_ns <= latest_ns_) {
+      verdict = seconds_between(stamp_ns, latest_ns_) > reset_time_jump_s_ ? Verdict::kRestart : Verdict::kRefused;
+    }
+    if (verdict != Verdict::kRefused) latest_ns_ = stamp_ns;
+    return verdict;
+  }
+
+ private:
+  double reset_time_jump_s_;
+  std::int64_t latest_ns_ = -1;  ///< stamps of ROS are not negative
+};
+
+}  // namespace situation_awareness

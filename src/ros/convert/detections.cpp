@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/convert/detections.hpp"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using RowMajor5d = Eigen::Matrix<double, 5, 5, Eigen::RowMajor>;
+
+}  // namespace
+
+DetectionArray detections_to_msg(const Detections& detections, const std::string& world_frame) {
+  DetectionArray msg;
+  msg.header.stamp = to_ros_time(detections.stamp_ns);
+  msg.header.frame_id = world_frame;
+  msg.level = level_to_msg(detections.T_world_level, detections.height_world_m);
+  msg.detections.resize(detections.detections.size());
+  for (std::size_t i = 0; i < detections.detections.size(); ++i) {
+    const Detection& detection = detections.detections[i];
+    EllipseDetection& element = msg.detections[i];
+    element.x = detection.ellipse_level.center_m.x();
+    element.y = detection.ellipse_level.center_m.y();
+    element.psi = detection.ellipse_level.psi_rad;
+    element.rx = detection.ellipse_level.rx_m;
+    element.ry = detection.ellipse_level.ry_m;
+    Eigen::Map<RowMajor5d>(element.covariance.data()) = detection.covariance;
+    element.residual = detection.residual_rms_m;
+    element.beams = static_cast<std::uint32_t>(detection.beams);
+    element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
+    element.segment = static_cast<std::uint32_t>(detection.segment);
+  }
+  return msg;
+}
+
+Detections detections_from_msg(const DetectionArray& msg) {
+  Detections detections;
+  detections.stamp_ns = to_nanoseconds(msg.header.stamp);
+  detections.T_world_level.translation_m = {msg.level.x, msg.level.y};
+  detections.T_world_level.yaw_rad = msg.level.yaw;
+  detections.height_world_m = msg.level.z;
+  if (!std::isfinite(msg.level.x + msg.level.y + msg.level.z + msg.level.yaw)) {
+    throw std::invalid_argument("level frame is not finite");
+  }
+  detections.detections.resize(msg.detections.size());
+  for (std::size_t i = 0; i < msg.detections.size(); ++i) {
+    const EllipseDetection& element = msg.detections[i];
+    Detection& detection = detections.detections[i];
+    detection.ellipse_level = {{element.x, element.y}, element.psi, element.rx, element.ry};
+    detection.covariance = Eigen::Map<const RowMajor5d>(element.covariance.data());
+    detection.residual_rms_m = element.residual;
+    detection.beams = static_cast<int>(element.beams);
+    detection.hidden_end = element.hidden_end != 0;
+    detection.segment = element.segment;
+    if (!std::isfinite(element.x + element.y + element.psi + element.rx + element.ry + element.residual) ||
+        !detection.covariance.allFinite()) {
+      throw std::invalid_argument("a detection is not finite");
+    }
+    if (!(element.rx >= element.ry && element.ry > 0.0)) {
+      throw std::invalid_argument("the radii of a detection are not rx >= ry > 0");
+    }
+  }
+  return detections;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/convert/objects.hpp"
+
+#include <cmath>
+#include <stdexcept>
+
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using RowMajor8d = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
+
+}  // namespace
+
+EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame,
+                          const std::vector<std::string>& labels) {
+  EllipseMap msg;
+  msg.header.stamp = to_ros_time(objects.stamp_ns);
+  msg.header.frame_id = world_frame;
+  msg.ellipses.resize(objects.objects.size());
+  for (std::size_t i = 0; i < objects.objects.size(); ++i) {
+    const Object& object = objects.objects[i];
+    MappedEllipse& element = msg.ellipses[i];
+    element.id = object.id;
+    if (i < labels.size()) element.label = labels[i];
+    element.pose.position.x = object.ellipse_world.center_m.x();
+    element.pose.position.y = object.ellipse_world.center_m.y();
+    element.pose.position.z = objects.height_world_m;
+    element.pose.orientation.z = std::sin(0.5 * object.ellipse_world.psi_rad);
+    element.pose.orientation.w = std::cos(0.5 * object.ellipse_world.psi_rad);
+    element.rx = object.ellipse_world.rx_m;
+    element.ry = object.ellipse_world.ry_m;
+    element.twist.linear.x = object.velocity_world_m_s.x();
+    element.twist.linear.y = object.velocity_world_m_s.y();
+    element.twist.angular.z = object.angular_velocity_rad_s;
+    Eigen::Map<RowMajor8d>(element.covariance.data()) = object.covariance;
+    element.first_seen = to_ros_time(object.first_seen_ns);
+    element.last_seen = to_ros_time(object.last_seen_ns);
+    element.observations = static_cast<std::uint32_t>(object.observations);
+    element.beams = static_cast<std::uint32_t>(object.beams);
+  }
+  return msg;
+}
+
+Objects objects_from_msg(const EllipseMap& msg) {
+  Objects objects;
+  objects.stamp_ns = to_nanoseconds(msg.header.stamp);
+  if (!msg.ellipses.empty()) objects.height_world_m = msg.ellipses.front().pose.position.z;
+  objects.objects.resize(msg.ellipses.size());
+  for (std::size_t i = 0; i < msg.ellipses.size(); ++i) {
+    const MappedEllipse& element = msg.ellipses[i];
+    Object& object = objects.objects[i];
+    object.id = element.id;
+    object.ellipse_world.center_m = {element.pose.position.x, element.pose.position.y};
+    object.ellipse_world.psi_rad = wrap_to_pi(2.0 * std::atan2(element.pose.orientation.z, element.pose.orientation.w));
+    object.ellipse_world.rx_m = element.rx;
+    object.ellipse_world.ry_m = element.ry;
+    object.velocity_world_m_s = {element.twist.linear.x, element.twist.linear.y};
+    object.angular_velocity_rad_s = element.twist.angular.z;
+    object.covariance = Eigen::Map<const RowMajor8d>(element.covariance.data());
+    object.first_seen_ns = to_nanoseconds(element.first_seen);
+    object.last_seen_ns = to_nanoseconds(element.last_seen);
+    object.observations = static_cast<int>(element.observations);
+    object.beams = static_cast<int>(element.beams);
+    const bool finite = object.ellipse_world.center_m.allFinite() && std::isfinite(object.ellipse_world.psi_rad) &&
+                        object.velocity_world_m_s.allFinite() && std::isfinite(object.angular_velocity_rad_s) &&
+                        std::isfinite(element.rx + element.ry) && object.covariance.allFinite();
+    if (!finite) throw std::invalid_argument("an element is not finite");
+    if (!(element.rx > 0.0 && element.ry > 0.0)) throw std::invalid_argument("a radius is not positive");
+  }
+  return objects;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/convert/scan.hpp"
+
+#include <limits>
+
+#include "situation_awareness/ros/convert/time.hpp"
+
+namespace situation_awareness {
+
+Scan scan_from_msg(const sensor_msgs::LaserScan& msg) {
+  Scan scan;
+  scan.stamp_ns = to_nanoseconds(msg.header.stamp);
+  scan.angle_min_rad = msg.angle_min;
+  scan.angle_increment_rad = msg.angle_increment;
+  scan.beams.reserve(msg.ranges.size());
+  for (const float range_m : msg.ranges) {
+    scan.beams.push_back(beam_from_range(range_m, msg.range_min, msg.range_max));
+  }
+  return scan;
+}
+
+namespace {
+
+float range_of(const Beam& beam) {
+  switch (beam.state) {
+    case BeamState::kHit:
+    case BeamState::kOutside:
+      return beam.range_m;
+    case BeamState::kFree:
+      return std::numeric_limits<float>::infinity();
+    case BeamState::kTooClose:
+      return -std::numeric_limits<float>::infinity();
+    case BeamState::kInvalid:
+      break;
+  }
+  return std::numeric_limits<float>::quiet_NaN();
+}
+
+}  // namespace
+
+sensor_msgs::LaserScan scan_to_msg(const Scan& scan, const std::string& lidar_frame, double range_min_m,
+                                   double range_max_m, double scan_time_s) {
+  sensor_msgs::LaserScan msg;
+  msg.header.stamp = to_ros_time(scan.stamp_ns);
+  msg.header.frame_id = lidar_frame;
+  msg.angle_min = static_cast<float>(scan.angle_min_rad);
+  msg.angle_increment = static_cast<float>(scan.angle_increment_rad);
+  const auto last = scan.beams.empty() ? 0.0 : static_cast<double>(scan.beams.size() - 1);
+  msg.angle_max = static_cast<float>(scan.angle_min_rad + last * scan.angle_increment_rad);
+  msg.scan_time = static_cast<float>(scan_time_s);
+  msg.range_min = static_cast<float>(range_min_m);
+  msg.range_max = static_cast<float>(range_max_m);
+  msg.ranges.reserve(scan.beams.size());
+  for (const Beam& beam : scan.beams) msg.ranges.push_back(range_of(beam));
+  return msg;
+}
+
+}  // namespace situation_awareness

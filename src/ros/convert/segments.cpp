@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/convert/segments.hpp"
+
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/markers/colors.hpp"
+
+namespace situation_awareness {
+namespace {
+
+// The message names the same facts by the same numbers.
+static_assert(static_cast<int>(SegmentKind::kObject) == LaserSegment::OBJECT);
+static_assert(static_cast<int>(SegmentKind::kStructure) == LaserSegment::STRUCTURE);
+static_assert(static_cast<int>(SegmentEnd::kFree) == LaserSegment::FREE);
+static_assert(static_cast<int>(SegmentEnd::kBackground) == LaserSegment::BACKGROUND);
+static_assert(static_cast<int>(SegmentEnd::kOccluded) == LaserSegment::OCCLUDED);
+static_assert(static_cast<int>(SegmentEnd::kScanEdge) == LaserSegment::SCAN_EDGE);
+
+void check(bool truth, const char* sentence) {
+  if (!truth) throw std::invalid_argument(sentence);
+}
+
+}  // namespace
+
+SegmentArray segments_to_msg(const Segments& segments, const std::string& world_frame) {
+  SegmentArray msg;
+  msg.header.stamp = to_ros_time(segments.stamp_ns);
+  msg.header.frame_id = world_frame;
+  msg.level = level_to_msg(segments.T_world_level, segments.height_world_m);
+  msg.resolution = segments.resolution_rad;
+  msg.points.resize(segments.points.size());
+  for (std::size_t i = 0; i < segments.points.size(); ++i) {
+    const Point& point = segments.points[i];
+    msg.points[i].azimuth = point.azimuth_rad;
+    msg.points[i].range = point.range_m;
+    msg.points[i].x = point.p_level_m.x();
+    msg.points[i].y = point.p_level_m.y();
+    msg.points[i].beam = point.beam;
+  }
+  msg.segments.resize(segments.segments.size());
+  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+    const Segment& segment = segments.segments[i];
+    msg.segments[i].first = static_cast<std::uint32_t>(segment.first);
+    msg.segments[i].count = static_cast<std::uint32_t>(segment.count);
+    msg.segments[i].kind = static_cast<std::uint8_t>(segment.kind);
+    msg.segments[i].right_end = static_cast<std::uint8_t>(segment.right_end);
+    msg.segments[i].left_end = static_cast<std::uint8_t>(segment.left_end);
+  }
+  return msg;
+}
+
+Segments segments_from_msg(const SegmentArray& msg) {
+  Segments segments;
+  segments.stamp_ns = to_nanoseconds(msg.header.stamp);
+  segments.T_world_level.translation_m = {msg.level.x, msg.level.y};
+  segments.T_world_level.yaw_rad = msg.level.yaw;
+  segments.height_world_m = msg.level.z;
+  segments.resolution_rad = msg.resolution;
+  check(std::isfinite(msg.level.x + msg.level.y + msg.level.z + msg.level.yaw), "level frame is not finite");
+  check(std::isfinite(msg.resolution) && msg.resolution > 0.0, "resolution is not a positive number");
+  segments.points.resize(msg.points.size());
+  for (std::size_t i = 0; i < msg.points.size(); ++i) {
+    const SegmentPoint& point = msg.points[i];
+    check(std::isfinite(point.azimuth + point.range + point.x + point.y), "a point is not finite");
+    segments.points[i] = {point.azimuth, point.range, {point.x, point.y}, point.beam, BeamState::kHit};
+  }
+  segments.segments.resize(msg.segments.size());
+  for (std::size_t i = 0; i < msg.segments.size(); ++i) {
+    const LaserSegment& segment = msg.segments[i];
+    check(segment.count > 0, "a segment has no points");
+    check(std::size_t{segment.first} + segment.count <= msg.points.size(), "a segment names points that are not there");
+    check(segment.kind <= LaserSegment::STRUCTURE, "a segment is of an unknown kind");
+    check(segment.right_end <= LaserSegment::SCAN_EDGE && segment.left_end <= LaserSegment::SCAN_EDGE,
+          "an end of a segment is of an unknown kind");
+    segments.segments[i] = {segment.first, segment.count, static_cast<SegmentKind>(segment.kind),
+                            static_cast<SegmentEnd>(segment.right_end), static_cast<SegmentEnd>(segment.left_end)};
+  }
+  return segments;
+}
+
+sensor_msgs::PointCloud2 segments_to_cloud(const Segments& segments, const std::string& world_frame) {
+  struct CloudPoint {  // laid out as the fields below say
+    float x, y, z;
+    std::uint32_t rgb, segment;
+  };
+  sensor_msgs::PointCloud2 cloud;
+  cloud.header.stamp = to_ros_time(segments.stamp_ns);
+  cloud.header.frame_id = world_frame;
+  const char* const names[] = {"x", "y", "z", "rgb", "segment"};
+  for (std::uint32_t i = 0; i < 5; ++i) {
+    sensor_msgs::PointField field;
+    field.name = names[i];
+    field.offset = 4 * i;
+    field.datatype = i < 4 ? sensor_msgs::PointField::FLOAT32 : sensor_msgs::PointField::UINT32;
+    field.count = 1;
+    cloud.fields.push_back(field);
+  }
+  std::vector<CloudPoint> points;
+  points.reserve(segments.points.size());
+  for (std::size_t s = 0; s < segments.segments.size(); ++s) {
+    const Segment& segment = segments.segments[s];
+    const Color color = segment.kind == SegmentKind::kObject ? color_of(s) : kStructureColor;
+    for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
+      const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[i].p_level_m;
+      points.push_back({static_cast<float>(p_world_m.x()), static_cast<float>(p_world_m.y()),
+                        static_cast<float>(segments.height_world_m), packed_rgb(color), static_cast<std::uint32_t>(s)});
+    }
+  }
+  cloud.height = 1;
+  cloud.width = static_cast<std::uint32_t>(points.size());
+  cloud.point_step = sizeof(CloudPoint);
+  cloud.row_step = cloud.point_step * cloud.width;
+  cloud.is_dense = true;
+  cloud.data.resize(cloud.row_step);
+  if (!points.empty()) std::memcpy(cloud.data.data(), points.data(), cloud.row_step);
+  return cloud;
+}
+
+}  // namespace situation_awareness

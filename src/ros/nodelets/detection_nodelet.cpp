@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// segment_array  ->  detections
+#include <memory>
+
+#include <nodelet/nodelet.h>
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/ros/convert/detections.hpp"
+#include "situation_awareness/ros/convert/segments.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+class DetectionNodelet : public nodelet::Nodelet {
+ private:
+  void onInit() override {
+    try {
+      start();
+    } catch (const std::exception& error) {
+      NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
+      throw;  // the manager drops this nodelet and lives on
+    }
+  }
+
+  void start() {
+    ros::NodeHandle& node = getNodeHandle();  // one callback at a time
+    const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    detector_ = make_detector(params.pipeline.detections);
+    diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    publisher_ = node.advertise<DetectionArray>("detections", 20);
+    subscriber_ =
+        node.subscribe("segment_array", 20, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
+  }
+
+  void on_segments(const SegmentArrayConstPtr& msg) {
+    const ros::WallTime start = ros::WallTime::now();
+    Segments segments;
+    try {
+      diagnostics_->received();
+      segments = segments_from_msg(*msg);
+    } catch (const std::exception& error) {
+      return diagnostics_->dropped(drop_reason::kBadMessage, error.what());
+    }
+    try {
+      const Detections detections = detector_->detect(segments);
+      publisher_.publish(boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id)));
+      diagnostics_->counted(detections.refused);
+      diagnostics_->processed(msg->header.stamp, start);
+    } catch (const std::exception& error) {
+      diagnostics_->dropped(drop_reason::kError, error.what());
+    }
+  }
+
+  std::unique_ptr<Detector> detector_;
+  std::unique_ptr<StageDiagnostics> diagnostics_;
+  ros::Publisher publisher_;
+  ros::Subscriber subscriber_;
+};
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::DetectionNodelet, nodelet::Nodelet)

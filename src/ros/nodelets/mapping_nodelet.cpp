@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// detections  ->  map, markers (for the eye)
+#include <memory>
+
+#include <nodelet/nodelet.h>
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/ros/convert/detections.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+class MappingNodelet : public nodelet::Nodelet {
+ private:
+  void onInit() override {
+    try {
+      start();
+    } catch (const std::exception& error) {
+      NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
+      throw;  // the manager drops this nodelet and lives on
+    }
+  }
+
+  void start() {
+    ros::NodeHandle& node = getNodeHandle();  // one callback at a time
+    const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    map_ = std::make_unique<ObjectMap>(params.pipeline.objects);
+    diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    map_publisher_ = node.advertise<EllipseMap>("map", 20);
+    markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("markers", 5);
+    subscriber_ =
+        node.subscribe("detections", 20, &MappingNodelet::on_detections, this, ros::TransportHints().tcpNoDelay());
+  }
+
+  void on_detections(const DetectionArrayConstPtr& msg) {
+    const ros::WallTime start = ros::WallTime::now();
+    Detections detections;
+    try {
+      diagnostics_->received();
+      detections = detections_from_msg(*msg);
+    } catch (const std::exception& error) {
+      return diagnostics_->dropped(drop_reason::kBadMessage, error.what());
+    }
+    try {
+      const ObjectMapUpdate update = map_->update(detections);
+      diagnostics_->counted(update.reasons);
+      if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
+      const Objects objects = map_->at(detections.stamp_ns);
+      map_publisher_.publish(boost::make_shared<EllipseMap>(objects_to_msg(objects, msg->header.frame_id)));
+      if (markers_publisher_.getNumSubscribers() > 0) {
+        markers_publisher_.publish(
+            boost::make_shared<visualization_msgs::MarkerArray>(markers_.update(objects, msg->header.frame_id)));
+      }
+      diagnostics_->processed(msg->header.stamp, start);
+    } catch (const std::exception& error) {
+      diagnostics_->dropped(drop_reason::kError, error.what());
+    }
+  }
+
+  std::unique_ptr<ObjectMap> map_;
+  std::unique_ptr<StageDiagnostics> diagnostics_;
+  ObjectMarkers markers_{MarkerStyle::kEstimate};
+  ros::Publisher map_publisher_, markers_publisher_;
+  ros::Subscriber subscriber_;
+};
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::MappingNodelet, nodelet::Nodelet)

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// scan, TF world -> lidar  ->  segment_array, segments (for the eye)
+#include <deque>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include <nodelet/nodelet.h>
+#include <sensor_msgs/LaserScan.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/ros/convert/segments.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+#include "situation_awareness/ros/stamp_order.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+
+namespace situation_awareness {
+
+class SegmentationNodelet : public nodelet::Nodelet {
+ private:
+  struct Waiting {
+    sensor_msgs::LaserScanConstPtr msg;
+    ros::WallTime arrival;
+  };
+
+  void onInit() override {
+    try {
+      start();
+    } catch (const std::exception& error) {
+      NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
+      throw;  // the manager drops this nodelet and lives on
+    }
+  }
+
+  void start() {
+    ros::NodeHandle& node = getNodeHandle();  // one callback at a time
+    params_ = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
+    diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    listener_ = std::make_unique<tf2_ros::TransformListener>(tf_);
+    segments_publisher_ = node.advertise<sensor_msgs::PointCloud2>("segments", 5);
+    array_publisher_ = node.advertise<SegmentArray>("segment_array", 20);
+    const auto depth = static_cast<std::uint32_t>(params_.queue_size);
+    scan_subscriber_ =
+        node.subscribe("scan", depth, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
+    // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
+    const ros::WallDuration poll_period(0.005);
+    timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { work_off(); });
+  }
+
+  void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
+    try {
+      diagnostics_->received();
+      const std::string defect = scan_msg_defect(*msg);
+      if (!defect.empty()) return diagnostics_->dropped(defect);
+      switch (order_->judge(to_nanoseconds(msg->header.stamp))) {
+        case StampOrder::Verdict::kRefused:
+          return diagnostics_->dropped(drop_reason::kStamp);
+        case StampOrder::Verdict::kRestart:
+          for (; !queue_.empty(); queue_.pop_front()) diagnostics_->dropped(drop_reason::kRestart);
+          tf_.clear();  // what it holds is of a later time and would shut out what is to come
+          break;
+        case StampOrder::Verdict::kNext:
+          break;
+      }
+      queue_.push_back({msg, ros::WallTime::now()});
+      if (queue_.size() > static_cast<std::size_t>(params_.queue_size)) {
+        queue_.pop_front();
+        diagnostics_->dropped(drop_reason::kQueueFull);
+      }
+    } catch (const std::exception& error) {
+      diagnostics_->dropped(drop_reason::kError, error.what());
+    }
+    work_off();
+  }
+
+  bool has_transform(const sensor_msgs::LaserScan& msg, std::string* why = nullptr) const {
+    return tf_.canTransform(params_.world_frame, tf2_frame(msg.header.frame_id), msg.header.stamp, why);
+  }
+
+  /// Process what has its transform, in order; drop what will not get it any more.
+  void work_off() {
+    const ros::WallDuration timeout(params_.tf_timeout_s);
+    while (!queue_.empty()) {
+      const Waiting waiting = queue_.front();
+      std::string why;
+      if (!has_transform(*waiting.msg, &why)) {
+        // Transforms come in order: where a later scan has its own, that of an earlier one will not come.
+        const bool overtaken = queue_.size() > 1 && has_transform(*queue_.back().msg);
+        if (!overtaken && ros::WallTime::now() - waiting.arrival < timeout) return;
+        diagnostics_->dropped(drop_reason::kNoTransform, why);
+      } else {
+        try {
+          process(*waiting.msg);
+        } catch (const std::exception& error) {
+          diagnostics_->dropped(drop_reason::kError, error.what());
+        }
+      }
+      queue_.pop_front();
+    }
+  }
+
+  void process(const sensor_msgs::LaserScan& msg) {
+    const ros::WallTime start = ros::WallTime::now();
+    Eigen::Isometry3d T_world_lidar;
+    try {
+      T_world_lidar = isometry_from_msg(
+          tf_.lookupTransform(params_.world_frame, tf2_frame(msg.header.frame_id), msg.header.stamp).transform);
+    } catch (const std::exception& error) {
+      return diagnostics_->dropped(drop_reason::kBadTransform, error.what());
+    }
+    if (tilt_rad(T_world_lidar) > kMaxTiltRad) return diagnostics_->dropped(drop_reason::kTilt);
+
+    const Scan scan = scan_from_msg(msg);
+    const Scan limited = limit_range(scan, T_world_lidar, params_.pipeline.scan);
+    const Points points = project_horizontally(limited, T_world_lidar);
+    const Segments segments = segment(points, params_.pipeline.segments);
+
+    array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
+    if (segments_publisher_.getNumSubscribers() > 0) {
+      segments_publisher_.publish(
+          boost::make_shared<sensor_msgs::PointCloud2>(segments_to_cloud(segments, params_.world_frame)));
+    }
+    diagnostics_->processed(msg.header.stamp, start);
+  }
+
+  NodeletParams params_;
+  std::unique_ptr<StampOrder> order_;
+  std::unique_ptr<StageDiagnostics> diagnostics_;
+  tf2_ros::Buffer tf_;
+  std::unique_ptr<tf2_ros::TransformListener> listener_;
+  std::deque<Waiting> queue_;
+  ros::Publisher segments_publisher_, array_publisher_;
+  ros::Subscriber scan_subscriber_;
+  ros::WallTimer timer_;
+};
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::SegmentationNodelet, nodelet::Nodelet)

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Compares `map` with `truth` stamp by stamp, prints a table and says by its exit code whether the bounds were met.
+#include <cstdio>
+#include <map>
+
+#include <ros/ros.h>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/evaluation/map_evaluation.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/params/param_reader.hpp"
+
+namespace situation_awareness {
+namespace {
+
+struct EvaluatorParams {
+  double duration_s = 0.0;  ///< simulated time from the first compared scan; 0: until shutdown
+  double max_delay_s = 1.0;
+  double max_false_s = 1.0;
+  double max_center_rmse_m = 0.05;
+};
+
+EvaluatorParams read_evaluator_params(ParamReader reader) {
+  EvaluatorParams params;
+  params.duration_s = reader.take_number("duration_s", params.duration_s, Bounds{0.0, 1e6}, "s");
+  params.max_delay_s = reader.take_number("max_delay_s", params.max_delay_s, Bounds{0.0, 1e6}, "s");
+  params.max_false_s = reader.take_number("max_false_s", params.max_false_s, Bounds{0.0, 1e6}, "s");
+  params.max_center_rmse_m = reader.take_number("max_center_rmse_m", params.max_center_rmse_m, Bounds{0.0, 1e3}, "m");
+  reader.refuse_rest();
+  return params;
+}
+
+class Evaluator {
+ public:
+  Evaluator(ros::NodeHandle node, const EvaluatorParams& params) : params_(params) {
+    truth_subscriber_ = node.subscribe("truth", 200, &Evaluator::on_truth, this);
+    map_subscriber_ = node.subscribe("map", 200, &Evaluator::on_map, this);
+  }
+
+  /// Prints table and verdict; true if the bounds were met.
+  bool report() const {
+    const MapScore score = evaluation_.score();
+    std::printf("%s", format_table(score, names_).c_str());
+    bool met = true;
+    const auto judge = [&met](const char* what, double value, double bound, const char* unit) {
+      const bool ok = value <= bound;  // false for NaN
+      met = met && ok;
+      std::printf("%-34s %8.3f %-2s (bound %.3f) %s\n", what, value, unit, bound, ok ? "met" : "NOT MET");
+    };
+    judge("longest delay of a visible object", score.max_delay_s, params_.max_delay_s, "s");
+    judge("longest life of a false ellipse", score.longest_false_s, params_.max_false_s, "s");
+    judge("centre RMSE", score.center_rmse_m, params_.max_center_rmse_m, "m");
+    if (score.scans == 0 || score.recall <= 0.0) {
+      std::printf("nothing was compared: %d scans with map and truth\n", score.scans);
+      met = false;
+    }
+    std::fflush(stdout);
+    return met;
+  }
+
+ private:
+  void on_truth(const EllipseMapConstPtr& msg) {
+    for (const MappedEllipse& element : msg->ellipses) {
+      if (!element.label.empty()) names_[element.id] = element.label;
+    }
+    truths_[msg->header.stamp] = msg;
+    compare();
+  }
+
+  void on_map(const EllipseMapConstPtr& msg) {
+    maps_[msg->header.stamp] = msg;
+    compare();
+  }
+
+  void compare() try {
+    if (!ros::ok()) return;  // the run is over, what comes now was still on its way
+    for (auto map = maps_.begin(); map != maps_.end();) {
+      const auto truth = truths_.find(map->first);
+      if (truth == truths_.end()) {
+        ++map;
+        continue;
+      }
+      evaluation_.add(objects_from_msg(*truth->second), objects_from_msg(*map->second));
+      if (first_.isZero()) first_ = map->first;
+      if (params_.duration_s > 0.0 && (map->first - first_).toSec() >= params_.duration_s) return ros::shutdown();
+      truths_.erase(truths_.begin(), std::next(truth));  // stamps grow: earlier ones are over
+      map = maps_.erase(maps_.begin(), std::next(map));
+    }
+    constexpr std::size_t kMaxWaiting = 1000;
+    while (truths_.size() > kMaxWaiting) truths_.erase(truths_.begin());
+    while (maps_.size() > kMaxWaiting) maps_.erase(maps_.begin());
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(5.0, "map_evaluator: " << error.what());
+    maps_.clear();
+  }
+
+  EvaluatorParams params_;
+  MapEvaluation evaluation_;
+  std::map<ros::Time, EllipseMapConstPtr> truths_, maps_;  ///< without their counterpart yet
+  std::map<std::uint64_t, std::string> names_;
+  ros::Time first_;
+  ros::Subscriber truth_subscriber_, map_subscriber_;
+};
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "map_evaluator");
+  ros::NodeHandle node;  // outlives the handler below: without a node there is no log
+  const ros::NodeHandle private_node("~");
+  try {
+    situation_awareness::Evaluator evaluator(
+        node, situation_awareness::read_evaluator_params(situation_awareness::ParamReader(private_node)));
+    ros::spin();
+    return evaluator.report() ? 0 : 1;
+  } catch (const std::exception& error) {
+    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
+    return 1;
+  }
+}

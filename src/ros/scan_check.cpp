@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/scan_check.hpp"
+
+#include <cmath>
+
+#include "situation_awareness/ros/convert/scan.hpp"
+
+namespace situation_awareness {
+
+std::string scan_msg_defect(const sensor_msgs::LaserScan& msg) {
+  const std::string bad = "bad scan: ";
+  if (msg.header.frame_id.empty()) return bad + "no frame_id";
+  // To TF a stamp of zero means "the latest", which would be a made-up pose.
+  if (msg.header.stamp.isZero()) return bad + "stamp is zero";
+  if (std::isnan(msg.range_min) || std::isnan(msg.range_max)) return bad + "range limits are not numbers";
+  const std::string defect = scan_defect(scan_from_msg(msg));
+  return defect.empty() ? "" : bad + defect;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,102 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Scans in, a map with their stamps out: launch/objects.launch as a user runs it."""
+import math
+import pathlib
+import sys
+import time
+import unittest
+
+import rospy
+import rostest
+from sensor_msgs.msg import PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import BEAMS, Diagnostics, Latest, Robot, scan_msg, transform_msg, wait_until  # noqa: E402
+from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
+
+
+class ChainTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.map = Latest("map", EllipseMap)
+        cls.markers = Latest("markers", MarkerArray)
+        cls.cloud = Latest("segments", PointCloud2)
+        cls.segments = Latest("segment_array", SegmentArray)
+        cls.detections = Latest("detections", DetectionArray)
+        cls.diagnostics = Diagnostics()
+        cls.robot = Robot()
+        wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
+        wait_until(lambda: cls.detections.subscriber.get_num_connections() > 0, 60.0, "the detection nodelet")
+        time.sleep(1.0)
+
+    def test_1_objects_appear_with_the_stamps_of_the_scans(self):
+        stamps = self.robot.run(20, circles=[(3.0, 0.5, 0.25), (2.0, -2.0, 0.3)])
+        wait_until(lambda: self.map.messages and self.map.messages[-1].header.stamp == stamps[-1], 5.0, "the map")
+        latest = self.map.messages[-1]
+        self.assertEqual(latest.header.frame_id, "world")
+        self.assertEqual(self.map.stamps()[-10:], stamps[-10:])
+        self.assertEqual(len(latest.ellipses), 2)
+        first, second = sorted(latest.ellipses, key=lambda ellipse: -ellipse.pose.position.y)
+        self.assertAlmostEqual(first.pose.position.x, 3.0, delta=0.05)
+        self.assertAlmostEqual(first.pose.position.y, 0.5, delta=0.05)
+        self.assertAlmostEqual(first.rx, 0.25, delta=0.08)
+        self.assertAlmostEqual(second.pose.position.x, 2.0, delta=0.05)
+        self.assertEqual(first.last_seen, stamps[-1])
+        self.assertGreater(first.beams, 10)
+        self.assertEqual(len(first.covariance), 64)
+        for i in range(8):
+            self.assertGreater(first.covariance[9 * i], 0.0)
+
+    def test_2_every_stage_speaks(self):
+        stamps = self.robot.run(10)
+        wait_until(lambda: stamps[-1] in self.segments.stamps(), 5.0, "segments")
+        wait_until(lambda: stamps[-1] in self.detections.stamps(), 5.0, "detections")
+        wait_until(lambda: stamps[-1] in self.cloud.stamps(), 5.0, "the cloud")
+        cloud = self.cloud.messages[-1]
+        self.assertEqual(cloud.header.frame_id, "world")
+        self.assertEqual([field.name for field in cloud.fields], ["x", "y", "z", "rgb", "segment"])
+        self.assertGreater(cloud.width, 10)
+        self.assertLessEqual(cloud.width, BEAMS)
+        self.assertEqual(len(cloud.data), cloud.width * cloud.point_step)
+        wait_until(lambda: self.markers.messages, 5.0, "markers")
+        spaces = {marker.ns for array in self.markers.messages for marker in array.markers
+                  if marker.action == Marker.ADD}
+        self.assertLessEqual({"object", "id", "position_uncertainty"}, spaces)
+
+    def test_3_markers_show_the_map_and_nothing_else(self):
+        self.robot.run(20, circles=[(3.0, 0.5, 0.25)])
+        time.sleep(0.5)
+        shown = set()
+        for array in self.markers.messages:
+            for marker in array.markers:
+                if marker.action == Marker.ADD:
+                    shown.add((marker.ns, marker.id))
+                elif marker.action == Marker.DELETE:
+                    shown.discard((marker.ns, marker.id))
+                else:
+                    shown.clear()
+        self.assertEqual({id for ns, id in shown if ns == "object"},
+                         {ellipse.id for ellipse in self.map.messages[-1].ellipses})
+
+    def test_4_a_late_transform_is_waited_for(self):
+        self.robot.run(5)
+        stamp = rospy.Time.now()
+        self.robot.publish(scan_msg(stamp), transforms=False)
+        time.sleep(0.2)
+        self.assertNotIn(stamp, self.map.stamps(), "no transform, no map")
+        self.robot.tf.publish(transform_msg(stamp))
+        wait_until(lambda: stamp in self.map.stamps(), 2.0, "the scan whose transform came late")
+
+    def test_5_diagnostics_count(self):
+        self.robot.run(40)
+        wait_until(lambda: {"segmentation", "detection", "mapping"} <= set(self.diagnostics.stages), 5.0, "diagnostics")
+        for stage in ("segmentation", "detection", "mapping"):
+            self.assertGreater(self.diagnostics.count(stage, "processed"), 20, stage)
+            self.assertTrue(math.isfinite(float(self.diagnostics.stages[stage]["latency p99 [ms]"])))
+
+
+if __name__ == "__main__":
+    rospy.init_node("chain_test")
+    rostest.rosrun("situation_awareness", "chain_test", ChainTest)

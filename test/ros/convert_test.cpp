@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include <gtest/gtest.h>
+
+#include "situation_awareness/ros/convert/detections.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/ros/convert/segments.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr float kInf = std::numeric_limits<float>::infinity();
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+constexpr std::int64_t kStamp_ns = 1'403'201'183'690'000'123;
+
+sensor_msgs::LaserScan scan_msg(const std::vector<float>& ranges_m) {
+  sensor_msgs::LaserScan msg;
+  msg.header.frame_id = "laser";
+  msg.header.stamp = to_ros_time(kStamp_ns);
+  msg.angle_min = -1.0F;
+  msg.angle_increment = 0.1F;
+  msg.range_min = 0.1F;
+  msg.range_max = 30.0F;
+  msg.ranges = ranges_m;
+  return msg;
+}
+
+Segments some_segments() {
+  Segments segments;
+  segments.stamp_ns = kStamp_ns;
+  segments.T_world_level = {{1.1, -2.2}, 0.3};
+  segments.height_world_m = 1.5;
+  segments.resolution_rad = 0.00436;
+  for (int i = 0; i < 7; ++i) {
+    const double azimuth_rad = 0.1 * i;
+    segments.points.push_back(
+        {azimuth_rad, 2.0, {2.0 * std::cos(azimuth_rad), 2.0 * std::sin(azimuth_rad)}, i, BeamState::kHit});
+  }
+  segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree});
+  segments.segments.push_back({4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kBackground});
+  return segments;
+}
+
+TEST(ConvertScan, KeepsTheThreeFactsOfRep117Apart) {
+  const Scan scan = scan_from_msg(scan_msg({2.0F, kInf, -kInf, kNan, -1.0F, 0.0F, 31.0F}));
+  ASSERT_EQ(scan.beams.size(), 7U);
+  EXPECT_EQ(scan.stamp_ns, kStamp_ns);
+  EXPECT_EQ(scan.beams[0].state, BeamState::kHit);
+  EXPECT_EQ(scan.beams[0].range_m, 2.0F);
+  EXPECT_EQ(scan.beams[1].state, BeamState::kFree);
+  EXPECT_EQ(scan.beams[2].state, BeamState::kTooClose);
+  EXPECT_EQ(scan.beams[3].state, BeamState::kInvalid);
+  EXPECT_EQ(scan.beams[4].state, BeamState::kInvalid);
+  EXPECT_EQ(scan.beams[5].state, BeamState::kInvalid);
+  EXPECT_EQ(scan.beams[6].state, BeamState::kFree);
+}
+
+TEST(ConvertScan, SurvivesTheRoundTrip) {
+  const Scan scan = scan_from_msg(scan_msg({2.0F, kInf, -kInf, kNan, 29.5F}));
+  const sensor_msgs::LaserScan msg = scan_to_msg(scan, "lidar", 0.1, 30.0, 0.05);
+  EXPECT_EQ(msg.header.frame_id, "lidar");
+  EXPECT_TRUE(std::isinf(msg.ranges[1]) && msg.ranges[1] > 0.0F);
+  EXPECT_TRUE(std::isinf(msg.ranges[2]) && msg.ranges[2] < 0.0F);
+  EXPECT_TRUE(std::isnan(msg.ranges[3]));
+  EXPECT_NEAR(msg.angle_max, -1.0 + 4 * 0.1, 1e-6);
+  const Scan back = scan_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, scan.stamp_ns);
+  EXPECT_EQ(back.angle_min_rad, scan.angle_min_rad);
+  EXPECT_EQ(back.angle_increment_rad, scan.angle_increment_rad);
+  ASSERT_EQ(back.beams.size(), scan.beams.size());
+  for (std::size_t i = 0; i < scan.beams.size(); ++i) {
+    EXPECT_EQ(back.beams[i].state, scan.beams[i].state);
+    EXPECT_EQ(back.beams[i].range_m, scan.beams[i].range_m);
+  }
+}
+
+TEST(ScanCheck, NamesWhatCannotBeUsed) {
+  EXPECT_EQ(scan_msg_defect(scan_msg({1.0F, 2.0F, 3.0F})), "");
+  EXPECT_EQ(scan_msg_defect(scan_msg({kNan, kInf, -kInf})), "");  // no hit is no defect
+  EXPECT_NE(scan_msg_defect(scan_msg({})), "");
+  EXPECT_NE(scan_msg_defect(scan_msg({1.0F})), "");
+  auto msg = scan_msg({1.0F, 2.0F});
+  msg.header.stamp = ros::Time();
+  EXPECT_EQ(scan_msg_defect(msg), "bad scan: stamp is zero");
+  msg = scan_msg({1.0F, 2.0F});
+  msg.header.frame_id.clear();
+  EXPECT_EQ(scan_msg_defect(msg), "bad scan: no frame_id");
+  msg = scan_msg({1.0F, 2.0F});
+  msg.range_max = kNan;
+  EXPECT_NE(scan_msg_defect(msg), "");
+  msg = scan_msg({1.0F, 2.0F});
+  msg.angle_increment = kNan;
+  EXPECT_NE(scan_msg_defect(msg), "");
+  msg.angle_increment = 0.0F;
+  EXPECT_NE(scan_msg_defect(msg), "");
+}
+
+TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
+  const Segments segments = some_segments();
+  const SegmentArray msg = segments_to_msg(segments, "world");
+  EXPECT_EQ(msg.header.frame_id, "world");
+  const Segments back = segments_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, segments.stamp_ns);
+  EXPECT_EQ(back.T_world_level.translation_m, segments.T_world_level.translation_m);
+  EXPECT_EQ(back.T_world_level.yaw_rad, segments.T_world_level.yaw_rad);
+  EXPECT_EQ(back.height_world_m, segments.height_world_m);
+  EXPECT_EQ(back.resolution_rad, segments.resolution_rad);
+  ASSERT_EQ(back.points.size(), segments.points.size());
+  for (std::size_t i = 0; i < back.points.size(); ++i) {
+    EXPECT_EQ(back.points[i].azimuth_rad, segments.points[i].azimuth_rad);
+    EXPECT_EQ(back.points[i].range_m, segments.points[i].range_m);
+    EXPECT_EQ(back.points[i].p_level_m, segments.points[i].p_level_m);
+    EXPECT_EQ(back.points[i].beam, segments.points[i].beam);
+    EXPECT_EQ(back.points[i].state, BeamState::kHit);
+  }
+  ASSERT_EQ(back.segments.size(), segments.segments.size());
+  for (std::size_t i = 0; i < back.segments.size(); ++i) {
+    EXPECT_EQ(back.segments[i].first, segments.segments[i].first);
+    EXPECT_EQ(back.segments[i].count, segments.segments[i].count);
+    EXPECT_EQ(back.segments[i].kind, segments.segments[i].kind);
+    EXPECT_EQ(back.segments[i].right_end, segments.segments[i].right_end);
+    EXPECT_EQ(back.segments[i].left_end, segments.segments[i].left_end);
+  }
+}
+
+TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
+  const SegmentArray good = segments_to_msg(some_segments(), "world");
+  SegmentArray msg = good;
+  msg.segments[1].count = 4;
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.segments[1].first = 4'294'967'295U;
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.segments[0].count = 0;
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.segments[0].left_end = 4;
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.points[0].range = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.level.yaw = std::numeric_limits<double>::infinity();
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertSegments, CloudHoldsEveryPointInTheWorld) {
+  const Segments segments = some_segments();
+  const sensor_msgs::PointCloud2 cloud = segments_to_cloud(segments, "world");
+  ASSERT_EQ(cloud.width, 7U);
+  ASSERT_EQ(cloud.data.size(), 7U * cloud.point_step);
+  const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[5].p_level_m;
+  float xyz[3];
+  std::uint32_t rgb_segment[2];
+  std::memcpy(xyz, &cloud.data[5 * cloud.point_step], sizeof xyz);
+  std::memcpy(rgb_segment, &cloud.data[5 * cloud.point_step + 12], sizeof rgb_segment);
+  EXPECT_NEAR(xyz[0], p_world_m.x(), 1e-6);
+  EXPECT_NEAR(xyz[1], p_world_m.y(), 1e-6);
+  EXPECT_NEAR(xyz[2], 1.5, 1e-6);
+  EXPECT_EQ(rgb_segment[1], 1U);
+  const std::uint32_t r = rgb_segment[0] >> 16 & 0xff, g = rgb_segment[0] >> 8 & 0xff, b = rgb_segment[0] & 0xff;
+  EXPECT_TRUE(r == g && g == b) << "structures are grey";
+}
+
+TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
+  Detections detections;
+  detections.stamp_ns = kStamp_ns;
+  detections.T_world_level = {{1.0, 2.0}, -0.7};
+  detections.height_world_m = 0.4;
+  Detection detection;
+  detection.ellipse_level = {{3.0, -1.0}, 0.5, 0.3, 0.2};
+  for (int i = 0; i < 25; ++i) detection.covariance.data()[i] = 0.001 * i;
+  detection.residual_rms_m = 0.004;
+  detection.beams = 42;
+  detection.segment = 7;
+  detections.detections.push_back(detection);
+  const Detections back = detections_from_msg(detections_to_msg(detections, "world"));
+  EXPECT_EQ(back.stamp_ns, detections.stamp_ns);
+  EXPECT_EQ(back.T_world_level.translation_m, detections.T_world_level.translation_m);
+  EXPECT_EQ(back.T_world_level.yaw_rad, detections.T_world_level.yaw_rad);
+  EXPECT_EQ(back.height_world_m, detections.height_world_m);
+  ASSERT_EQ(back.detections.size(), 1U);
+  EXPECT_EQ(back.detections[0].ellipse_level.center_m, detection.ellipse_level.center_m);
+  EXPECT_EQ(back.detections[0].ellipse_level.psi_rad, detection.ellipse_level.psi_rad);
+  EXPECT_EQ(back.detections[0].ellipse_level.rx_m, detection.ellipse_level.rx_m);
+  EXPECT_EQ(back.detections[0].ellipse_level.ry_m, detection.ellipse_level.ry_m);
+  EXPECT_EQ(back.detections[0].covariance, detection.covariance);
+  EXPECT_EQ(back.detections[0].residual_rms_m, detection.residual_rms_m);
+  EXPECT_EQ(back.detections[0].beams, 42);
+  EXPECT_EQ(back.detections[0].segment, 7U);
+
+  DetectionArray msg = detections_to_msg(detections, "world");
+  msg.detections[0].ry = 0.0;
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  msg = detections_to_msg(detections, "world");
+  msg.detections[0].covariance[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertObjects, SurvivesTheRoundTrip) {
+  Objects objects;
+  objects.stamp_ns = kStamp_ns;
+  objects.height_world_m = 1.25;
+  Object object;
+  object.id = 18'000'000'000'000'000'000ULL;
+  object.ellipse_world = {{-3.0, 4.0}, -1.2, 0.5, 0.25};
+  object.velocity_world_m_s = {0.5, -0.25};
+  object.angular_velocity_rad_s = 0.125;
+  for (int i = 0; i < 64; ++i) object.covariance.data()[i] = 0.01 * i;
+  object.first_seen_ns = kStamp_ns - 5;
+  object.last_seen_ns = kStamp_ns;
+  object.observations = 12;
+  object.beams = 34;
+  objects.objects.push_back(object);
+  const EllipseMap msg = objects_to_msg(objects, "odom", {"pillar"});
+  EXPECT_EQ(msg.header.frame_id, "odom");
+  EXPECT_EQ(msg.ellipses[0].label, "pillar");
+  EXPECT_EQ(msg.ellipses[0].covariance[1], object.covariance(0, 1)) << "row-major";
+  EXPECT_EQ(msg.ellipses[0].pose.position.z, 1.25);
+  const Objects back = objects_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, objects.stamp_ns);
+  EXPECT_EQ(back.height_world_m, objects.height_world_m);
+  ASSERT_EQ(back.objects.size(), 1U);
+  EXPECT_EQ(back.objects[0].id, object.id);
+  EXPECT_EQ(back.objects[0].ellipse_world.center_m, object.ellipse_world.center_m);
+  EXPECT_NEAR(back.objects[0].ellipse_world.psi_rad, object.ellipse_world.psi_rad, 1e-15);
+  EXPECT_EQ(back.objects[0].ellipse_world.rx_m, object.ellipse_world.rx_m);
+  EXPECT_EQ(back.objects[0].ellipse_world.ry_m, object.ellipse_world.ry_m);
+  EXPECT_EQ(back.objects[0].velocity_world_m_s, object.velocity_world_m_s);
+  EXPECT_EQ(back.objects[0].angular_velocity_rad_s, object.angular_velocity_rad_s);
+  EXPECT_EQ(back.objects[0].covariance, object.covariance);
+  EXPECT_EQ(back.objects[0].first_seen_ns, object.first_seen_ns);
+  EXPECT_EQ(back.objects[0].last_seen_ns, object.last_seen_ns);
+  EXPECT_EQ(back.objects[0].observations, 12);
+  EXPECT_EQ(back.objects[0].beams, 34);
+}
+
+TEST(ConvertPoses, IsometrySurvivesAndNonsenseIsRefused) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.2, Eigen::Vector3d::UnitX()))
+                   .toRotationMatrix();
+  T.translation() = Eigen::Vector3d(1.0, -2.0, 3.0);
+  EXPECT_TRUE(isometry_from_msg(isometry_to_msg(T)).isApprox(T, 1e-12));
+  geometry_msgs::Transform msg;  // all zeros: no rotation
+  EXPECT_THROW(isometry_from_msg(msg), std::invalid_argument);
+  msg = isometry_to_msg(T);
+  msg.translation.x = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(isometry_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertTime, RefusesWhatRosCannotSay) {
+  EXPECT_EQ(to_nanoseconds(to_ros_time(kStamp_ns)), kStamp_ns);
+  EXPECT_THROW(to_ros_time(-1), std::invalid_argument);
+  EXPECT_THROW(to_ros_time(std::int64_t{5'000'000'000} * 1'000'000'000), std::invalid_argument);
+}
+
+TEST(ConvertPoses, FramesLoseTheirLeadingSlash) {
+  EXPECT_EQ(tf2_frame("/laser"), "laser");
+  EXPECT_EQ(tf2_frame("laser"), "laser");
+  EXPECT_EQ(tf2_frame(""), "");
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,190 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""map_bag end to end, on bags written here: no roscore."""
+import json
+import math
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import genpy
+import rosbag
+from std_msgs.msg import String
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import BEAMS, scan_msg, transform_msg  # noqa: E402
+
+START_S = 1_400_000_000
+CONFIG = pathlib.Path(__file__).resolve().parent / "objects_without_model.yaml"
+
+
+def stamp(i):
+    return genpy.Time(START_S, 0) + genpy.Duration(nsecs=50_000_000 * i)
+
+
+def write_bag(path, count=60, tf=True, static_tf=False, frame="lidar", extra=()):
+    """A round object moves at 0.5 m/s while the scanner moves at 0.2 m/s."""
+    with rosbag.Bag(str(path), "w") as bag:
+        bag.write("/chatter", String("hello"), stamp(0))
+        if static_tf:
+            bag.write("/tf_static", transform_msg(stamp(0), parent="robot", child=frame), stamp(0))
+        for i in range(count):
+            t = 0.05 * i
+            robot_x = 0.2 * t if tf else 0.0
+            if tf:
+                # a frame of an old bag, with its slash, and a transform that was recorded after its scan
+                msg = transform_msg(stamp(i), x=robot_x, parent="/world", child="robot" if static_tf else frame)
+                bag.write("/tf", msg, stamp(i) + genpy.Duration(0, 10**7))
+            msg = scan_msg(stamp(i), circles=[(3.0 - robot_x, -1.0 + 0.5 * t, 0.25)], frame=frame)
+            bag.write("/scan", msg, stamp(i))
+        for offset, msg in extra:
+            bag.write("/scan", msg, stamp(offset))
+
+
+class MapBagTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.TemporaryDirectory()
+        self.addCleanup(self.folder.cleanup)
+        self.path = pathlib.Path(self.folder.name)
+        self.bag = self.path / "in.bag"
+        self.out = self.path / "out.jsonl"
+
+    def run_tool(self, *arguments):
+        return subprocess.run(["rosrun", "situation_awareness", "map_bag", *map(str, arguments)], capture_output=True,
+                              text=True, timeout=120, check=False)
+
+    def map_bag(self, *arguments):
+        result = self.run_tool(self.bag, "--out", self.out, "--config", CONFIG, *arguments)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        def no_constants(name):
+            raise AssertionError(f"{name} is no JSON")
+        return [json.loads(line, parse_constant=no_constants) for line in self.out.read_text().splitlines()], result
+
+    def assert_fails(self, *arguments, parts=(), code=1):
+        result = self.run_tool(*arguments)
+        self.assertEqual(result.returncode, code, result.stderr)
+        sentence = result.stderr.strip().splitlines()[-1]
+        self.assertTrue(sentence.startswith("map_bag: "), result.stderr)
+        for part in parts:
+            self.assertIn(part, sentence)
+        self.assertFalse(self.out.exists(), "nothing half-written")
+        self.assertFalse(any(self.path.glob("*.part")), "nothing left behind")
+
+    def test_follows_a_moving_object(self):
+        write_bag(self.bag)
+        lines, result = self.map_bag()
+        self.assertEqual(len(lines), 60)
+        for i, line in enumerate(lines):
+            self.assertAlmostEqual(line["stamp"], stamp(i).to_sec(), delta=1e-6)
+        self.assertEqual(lines[0]["objects"], [], "a line even if nothing is known yet")
+        last = lines[-1]["objects"]
+        self.assertEqual(len(last), 1)
+        self.assertEqual(set(last[0]), {"id", "x", "y", "psi", "rx", "ry", "vx", "vy", "wz", "sigma", "beams"})
+        self.assertIsInstance(last[0]["id"], int)
+        self.assertIsInstance(last[0]["beams"], int)
+        self.assertGreater(last[0]["beams"], 10)
+        self.assertEqual(len(last[0]["sigma"]), 8)
+        self.assertTrue(all(sigma > 0.0 for sigma in last[0]["sigma"]))
+        self.assertAlmostEqual(last[0]["x"], 3.0, delta=0.05)
+        self.assertAlmostEqual(last[0]["y"], -1.0 + 0.5 * 0.05 * 59, delta=0.05)
+        self.assertAlmostEqual(last[0]["vy"], 0.5, delta=0.15)
+        self.assertEqual(len({line["objects"][0]["id"] for line in lines[5:]}), 1, "one id all the way")
+        self.assertIn("60 scans, 60 mapped", result.stdout)
+        self.assertIn("p50", result.stdout)
+        self.assertIn("p99", result.stdout)
+
+    def test_same_input_same_bytes(self):
+        write_bag(self.bag)
+        self.map_bag()
+        first = self.out.read_bytes()
+        self.map_bag()
+        self.assertEqual(first, self.out.read_bytes())
+
+    def test_numbers_are_not_rounded(self):
+        write_bag(self.bag, count=10)
+        self.map_bag()
+        texts = re.findall(r'"x": ([^,]+),', self.out.read_text())
+        self.assertTrue(texts)
+        self.assertGreaterEqual(max(len(text.strip("-").replace(".", "")) for text in texts), 16)
+
+    def test_static_sensor_and_static_tf_agree_with_tf(self):
+        write_bag(self.bag, tf=False)
+        static, _ = self.map_bag("--static-sensor", "--scan-topic", "scan")
+        self.assertAlmostEqual(static[-1]["objects"][0]["x"], 3.0, delta=0.05)
+        write_bag(self.bag, static_tf=True)
+        by_two, _ = self.map_bag()
+        write_bag(self.bag)
+        by_one, _ = self.map_bag("--world-frame=world")
+        self.assertEqual(by_one, by_two)
+
+    def test_counts_what_it_drops(self):
+        bad = [(60, scan_msg(stamp(60), ranges=[])), (61, scan_msg(stamp(61), ranges=[1.0])),
+               (62, scan_msg(stamp(59))), (63, scan_msg(stamp(50))), (64, scan_msg(stamp(64))),
+               (65, scan_msg(genpy.Time(0, 0))), (66, scan_msg(stamp(66), ranges=[math.nan] * BEAMS))]
+        write_bag(self.bag, extra=bad)
+        lines, result = self.map_bag()
+        self.assertEqual(len(lines), 60)
+        self.assertIn("67 scans, 60 mapped", result.stdout)
+        self.assertIn("2 dropped: stamp repeats or goes back", result.stdout)
+        self.assertIn("2 dropped: no transform", result.stdout)
+        self.assertIn("1 dropped: bad scan: stamp is zero", result.stdout)
+
+    def test_a_bag_without_transforms_maps_nothing(self):
+        write_bag(self.bag, tf=False)
+        lines, result = self.map_bag()
+        self.assertEqual(lines, [])
+        self.assertIn("60 dropped: no transform", result.stdout)
+
+    def test_a_loop_starts_a_new_map(self):
+        """Stamps go back by a minute while the recording goes on."""
+        write_bag(self.bag)
+        with rosbag.Bag(str(self.bag), "a") as bag:
+            for i in range(1000, 1020):
+                past = stamp(i - 2000)
+                bag.write("/tf", transform_msg(past, child="lidar"), stamp(i))
+                bag.write("/scan", scan_msg(past), stamp(i) + genpy.Duration(0, 10**6))
+        lines, result = self.map_bag()
+        self.assertGreaterEqual(len(lines), 60 + 19, result.stdout)
+        self.assertAlmostEqual(lines[-1]["stamp"], stamp(-981).to_sec(), delta=1e-6)
+        self.assertEqual(len(lines[-1]["objects"]), 1)
+
+    def test_refuses_in_one_sentence(self):
+        common = ("--out", self.out, "--config", CONFIG)
+        self.assert_fails(self.path / "none.bag", *common, parts=("none.bag", "no such bag"))
+        write_bag(self.bag, count=3)
+        self.assert_fails(self.bag, *common, "--scan-topic", "/laser", parts=("/laser", "/scan"))
+        self.assert_fails(self.bag, *common, "--scan-topic", "/chatter", parts=("/chatter", "std_msgs/String"))
+        self.assert_fails(self.bag, "--out", self.out, "--config", self.path / "none.yaml", parts=("none.yaml",))
+        config = self.path / "bad.yaml"
+        config.write_text("scan: {max_range_m: -1}\n")
+        self.assert_fails(self.bag, "--out", self.out, "--config", config, parts=("bad.yaml", "max_range_m", "1000"))
+        config.write_text("scan: {max_rage_m: 1}\n")
+        self.assert_fails(self.bag, "--out", self.out, "--config", config, parts=("bad.yaml", "max_rage_m"))
+        config.write_text("detections: {model: none.onnx}\n")
+        self.assert_fails(self.bag, "--out", self.out, "--config", config, parts=("none.onnx",))
+        self.assert_fails(self.bag, "--out", self.path / "none" / "out.jsonl", "--config", CONFIG, parts=("out.jsonl",))
+
+    def test_refuses_a_damaged_bag(self):
+        write_bag(self.bag)
+        whole = self.bag.read_bytes()
+        for damaged in (b"", b"no bag at all", whole[:100], whole[:len(whole) // 2], whole[:-50]):
+            self.bag.write_bytes(damaged)
+            self.assert_fails(self.bag, "--out", self.out, "--config", CONFIG, parts=("in.bag", "damaged"))
+
+    def test_arguments(self):
+        self.assert_fails(code=2, parts=("IN.bag",))
+        self.assert_fails("a.bag", code=2, parts=("--out",))
+        self.assert_fails("a.bag", "b.bag", code=2, parts=("b.bag",))
+        self.assert_fails("a.bag", "--fast", code=2, parts=("--fast",))
+        self.assert_fails("a.bag", "--out", code=2, parts=("--out needs a value",))
+        result = self.run_tool("--help")
+        self.assertEqual(result.returncode, 0)
+        for option in ("--scan-topic", "--world-frame", "--static-sensor", "--config", "--out"):
+            self.assertIn(option, result.stdout)
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,95 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""A nodelet that cannot do what it is asked to refuses to start with one sentence, and its manager lives on."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import rosnode
+import rospy
+import rostest
+from rosgraph_msgs.msg import Log
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import wait_until  # noqa: E402
+
+
+class RefuseTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.logs = []
+        cls.subscriber = rospy.Subscriber("/rosout", Log, cls.logs.append, queue_size=1000)
+        cls.loads = 0
+
+    def load(self, nodelet, params):
+        """Start the loader as a launch file does; it stays as long as its nodelet lives."""
+        RefuseTest.loads += 1
+        name = f"{nodelet}_{self.loads}"
+        rospy.set_param(name, params)
+        return name, subprocess.Popen(["rosrun", "nodelet", "nodelet", "load", f"situation_awareness/{nodelet}",
+                                       "manager", f"__name:={name}"])
+
+    def assert_refused(self, nodelet, params, *parts):
+        name, loader = self.load(nodelet, params)
+        self.assertNotEqual(loader.wait(timeout=30), 0)
+
+        def sentences():
+            return [log.msg for log in self.logs if log.level == Log.FATAL and f"{name} does not start" in log.msg]
+        wait_until(sentences, 5.0, "the sentence")
+        for part in parts:
+            self.assertIn(part, sentences()[0])
+        self.assertEqual(len(sentences()), 1)
+        self.assertEqual(sentences()[0].strip().count("\n"), 0, sentences()[0])
+        self.assertTrue(rosnode.rosnode_ping("/manager", max_count=1), "the manager lives")
+
+    def assert_starts(self, nodelet, params):
+        name, loader = self.load(nodelet, params)
+        try:
+            wait_until(lambda: f"/{name}" in rosnode.get_node_names(), 20.0, f"{name} to start")
+            with self.assertRaises(subprocess.TimeoutExpired):
+                loader.wait(timeout=2)
+        finally:
+            loader.terminate()
+            loader.wait(timeout=20)
+
+    def test_missing_model(self):
+        self.assert_refused("detection", {"detections": {"model": "/no/such/model.onnx"}}, "/no/such/model.onnx")
+        self.assert_refused("detection", {"model_folder": "/no/such", "detections": {"model": "net.onnx"}},
+                            "/no/such/net.onnx")
+
+    def test_damaged_model(self):
+        with tempfile.TemporaryDirectory() as folder:
+            model = pathlib.Path(folder) / "damaged.onnx"
+            model.write_bytes(b"\x08\x07garbage" * 100)
+            self.assert_refused("detection", {"detections": {"model": str(model)}}, str(folder))
+
+    def test_unknown_parameter(self):
+        for nodelet in ("segmentation", "detection", "mapping"):
+            self.assert_refused(nodelet, {"detections": {"model": ""}, "segments": {"max_gapp_m": 0.1}}, "max_gapp_m")
+            self.assert_refused(nodelet, {"detections": {"model": ""}, "tf_timeouts": 0.1}, "tf_timeouts")
+
+    def test_out_of_range(self):
+        self.assert_refused("segmentation", {"detections": {"model": ""}, "scan": {"max_range_m": -1.0}},
+                            "scan", "max_range_m", "-1", "1000")
+        self.assert_refused("segmentation", {"detections": {"model": ""}, "tf_timeout_s": 1000}, "tf_timeout_s", "60")
+        self.assert_refused("segmentation", {"detections": {"model": ""}, "queue_size": 0}, "queue_size", "1")
+        self.assert_refused("mapping", {"detections": {"model": ""}, "objects": {"gate_probability": 7}},
+                            "gate_probability", "0.5")
+
+    def test_wrong_type(self):
+        self.assert_refused("mapping", {"detections": {"model": ""}, "objects": {"min_observations": "many"}},
+                            "min_observations")
+        self.assert_refused("mapping", {"objects": 3}, "objects")
+        self.assert_refused("segmentation", {"world_frame": 3}, "world_frame")
+
+    def test_the_same_manager_still_takes_good_ones(self):
+        self.assert_refused("mapping", {"objects": {"nonsense": 1}}, "nonsense")
+        for nodelet in ("segmentation", "detection", "mapping"):
+            self.assert_starts(nodelet, {"detections": {"model": ""}})
+
+
+if __name__ == "__main__":
+    rospy.init_node("refuse_test")
+    rostest.rosrun("situation_awareness", "refuse_test", RefuseTest)

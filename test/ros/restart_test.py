@@ -1,0 +1,56 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""Beginnings anew: a bag that loops, and a manager that was killed. A static sensor needs no TF of its own."""
+import os
+import pathlib
+import signal
+import sys
+import time
+import unittest
+import xmlrpc.client
+
+import rosgraph
+import rospy
+import rostest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import Latest, Robot, scan_msg, wait_until  # noqa: E402
+from situation_awareness.msg import EllipseMap  # noqa: E402
+
+
+def pid_of(node):
+    uri = rosgraph.Master("restart_test").lookupNode(node)
+    return xmlrpc.client.ServerProxy(uri).getPid("restart_test")[2]
+
+
+class RestartTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.map = Latest("map", EllipseMap)
+        cls.robot = Robot(transforms=False)
+        wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
+        time.sleep(1.0)
+
+    def test_1_a_loop_starts_a_new_map(self):
+        """Stamps of the past, as rosbag play --loop sends them."""
+        for _ in range(2):
+            for i in range(10):
+                stamp = rospy.Time.from_sec(1.4e9 + 0.2 * i)
+                self.robot.publish(scan_msg(stamp))
+        wait_until(lambda: self.map.stamps().count(stamp) == 2, 5.0, "the second round")
+        self.assertEqual(len(self.map.messages[-1].ellipses), 1)
+        self.assertEqual(self.map.messages[-1].ellipses[0].observations, 10)
+
+    def test_2_a_killed_manager_comes_back(self):
+        os.kill(pid_of("/objects_manager"), signal.SIGKILL)
+
+        def maps_again():
+            stamp = self.robot.run(1)[0]
+            time.sleep(0.2)
+            return stamp in self.map.stamps()
+        wait_until(maps_again, 60.0, "the manager and its nodelets to come back")
+
+
+if __name__ == "__main__":
+    rospy.init_node("restart_test")
+    rostest.rosrun("situation_awareness", "restart_test", RestartTest)

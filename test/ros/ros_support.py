@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""What the tests of the ROS graph share: scans of round objects, their transforms, and patience."""
+import math
+import time
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import TransformStamped
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+ANGLE_MIN = -2.35619449
+INCREMENT = 0.0087266463  # 0.5 deg
+BEAMS = 541
+PERIOD_S = 0.05
+
+
+def ranges_to_circles(circles, beams=BEAMS, increment=INCREMENT):
+    """Ranges of a scanner at the origin among circles (x, y, radius); +inf where there is none."""
+    ranges = []
+    for i in range(beams):
+        angle = ANGLE_MIN + i * increment
+        nearest = math.inf
+        for x, y, radius in circles:
+            along = x * math.cos(angle) + y * math.sin(angle)
+            aside = -x * math.sin(angle) + y * math.cos(angle)
+            if along > 0 and abs(aside) < radius:
+                nearest = min(nearest, along - math.sqrt(radius ** 2 - aside ** 2))
+        ranges.append(nearest)
+    return ranges
+
+
+def scan_msg(stamp, ranges=None, circles=((3.0, 0.5, 0.25),), frame="lidar", increment=INCREMENT):
+    msg = LaserScan()
+    msg.header.stamp = stamp
+    msg.header.frame_id = frame
+    msg.angle_min = ANGLE_MIN
+    msg.angle_increment = increment
+    msg.ranges = ranges_to_circles(circles) if ranges is None else ranges
+    msg.angle_max = ANGLE_MIN + increment * max(len(msg.ranges) - 1, 0)
+    msg.range_min = 0.1
+    msg.range_max = 30.0
+    return msg
+
+
+def transform_msg(stamp, x=0.0, parent="world", child="lidar"):
+    transform = TransformStamped()
+    transform.header.stamp = stamp
+    transform.header.frame_id = parent
+    transform.child_frame_id = child
+    transform.transform.translation.x = x
+    transform.transform.rotation.w = 1.0
+    return TFMessage([transform])
+
+
+def wait_until(condition, timeout_s, what):
+    """Wait in wall time; fail naming what did not come."""
+    end = time.monotonic() + timeout_s
+    while time.monotonic() < end and not rospy.is_shutdown():
+        if condition():
+            return
+        time.sleep(0.02)
+    raise AssertionError(f"waited {timeout_s} s for {what}")
+
+
+class Latest:
+    """The messages of a topic as they come."""
+
+    def __init__(self, topic, kind):
+        self.messages = []
+        self.subscriber = rospy.Subscriber(topic, kind, self.messages.append, queue_size=1000)
+
+    def stamps(self):
+        return [message.header.stamp for message in list(self.messages)]
+
+
+class Diagnostics:
+    """What each stage last said about itself."""
+
+    def __init__(self):
+        self.stages = {}
+        self.subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, self.receive, queue_size=100)
+
+    def receive(self, message):
+        for status in message.status:
+            if status.values:
+                name = status.name.split(":")[0]
+                self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message)
+
+    def count(self, stage, key):
+        return int(self.stages.get(stage, {}).get(key, "0"))
+
+
+class Robot:
+    """A scanner that stands at the world's origin, one scan and its transform at a time."""
+
+    def __init__(self, transforms=True):
+        self.scans = rospy.Publisher("scan", LaserScan, queue_size=100)
+        self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        self.transforms = transforms
+        wait_until(lambda: self.scans.get_num_connections() > 0 and self.tf.get_num_connections() > 0, 60.0,
+                   "the segmentation nodelet")
+
+    def publish(self, msg, transforms=None):
+        if self.transforms if transforms is None else transforms:
+            self.tf.publish(transform_msg(msg.header.stamp))
+        self.scans.publish(msg)
+        time.sleep(PERIOD_S)
+
+    def run(self, count, **arguments):
+        """`count` good scans at the present time; their stamps."""
+        stamps = []
+        for _ in range(count):
+            stamps.append(rospy.Time.now())
+            self.publish(scan_msg(stamps[-1], **arguments))
+        return stamps

@@ -1,0 +1,56 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""launch/sim.launch with the model and the parameters that are shipped: a map of the demo world appears."""
+import pathlib
+import subprocess
+import sys
+import unittest
+
+import rospy
+import rostest
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import Latest, wait_until  # noqa: E402
+from situation_awareness.msg import EllipseMap  # noqa: E402
+
+
+class SimTest(unittest.TestCase):
+    def test_1_the_map_follows_the_truth(self):
+        scans, maps, truths = Latest("scan", LaserScan), Latest("map", EllipseMap), Latest("truth", EllipseMap)
+        odometry = Latest("odometry", Odometry)
+        wait_until(lambda: len(maps.messages) > 40, 90.0, "40 maps")
+        self.assertGreater(maps.messages[0].header.stamp.to_sec(), 999.0, "a simulation begins after zero")
+        self.assertLessEqual(set(maps.stamps()[5:20]), set(scans.stamps()) & set(truths.stamps()))
+        self.assertTrue(odometry.messages)
+        self.assertTrue(all(ellipse.label for ellipse in truths.messages[-1].ellipses))
+        self.assertGreaterEqual(len(truths.messages[-1].ellipses), 7)
+        self.assertGreaterEqual(len(maps.messages[-1].ellipses), 3)
+
+    def test_2_the_evaluator_prints_a_table_and_a_verdict(self):
+        strict = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=strict", "_duration_s:=3.0",
+                                 "_max_center_rmse_m:=0.0"], capture_output=True, text=True, timeout=60, check=False)
+        self.assertEqual(strict.returncode, 1, strict.stdout + strict.stderr)
+        self.assertIn("NOT MET", strict.stdout)
+        lenient = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=lenient",
+                                  "_duration_s:=3.0", "_max_center_rmse_m:=10", "_max_delay_s:=10", "_max_false_s:=10"],
+                                 capture_output=True, text=True, timeout=60, check=False)
+        self.assertEqual(lenient.returncode, 0, lenient.stdout + lenient.stderr)
+        self.assertIn("pillar", lenient.stdout)
+
+    def test_3_nodes_refuse_what_they_do_not_know(self):
+        for program, argument, part in (("simulator", "_rate:=-1", "rate = -1 is outside [0, 100]"),
+                                        ("simulator", "_speed:=2", "speed is unknown"),
+                                        ("simulator", "_world:=atlantis", "atlantis.xml"),
+                                        ("map_evaluator", "_max_delay:=2", "max_delay is unknown")):
+            result = subprocess.run(["rosrun", "situation_awareness", program, "__name:=refused_" + program, argument],
+                                    capture_output=True, text=True, timeout=30, check=False)
+            self.assertEqual(result.returncode, 1)
+            self.assertIn(part, result.stdout + result.stderr)
+            rospy.delete_param("/refused_" + program)
+
+
+if __name__ == "__main__":
+    rospy.init_node("sim_test")
+    rostest.rosrun("situation_awareness", "sim_test", SimTest)
