@@ -108,6 +108,26 @@ TEST(HorizontalProjection, BeamStatesStay) {
   for (std::size_t i = 0; i < scan.beams.size(); ++i) EXPECT_EQ(points.points[i].state, scan.beams[i].state);
 }
 
+// The numbers of docs/math/points.md: where eq. 5 of the circle paper, rho cos(theta) at the same azimuth, puts a hit 5 m
+// away under pitch, and where it is.
+TEST(HorizontalProjection, EquationFiveMisplacesHits) {
+  struct Row {
+    double azimuth_deg, pitch_deg, azimuth_error_deg, distance_m;
+  };
+  for (const Row& row : {Row{0, 5, 0, 0}, Row{0, 15, 0, 0}, Row{45, 5, 0.11, 0.013}, Row{45, 10, 0.44, 0.054},
+                         Row{45, 15, 0.99, 0.120}, Row{90, 5, 0, 0.019}, Row{90, 10, 0, 0.076}, Row{90, 15, 0, 0.170}}) {
+    Scan scan;
+    scan.angle_min_rad = radians(row.azimuth_deg);
+    scan.angle_increment_rad = 0.01;
+    scan.beams.assign(2, {5.0F, BeamState::kHit});
+    const Point exact = project_horizontally(scan, pose(0.0, radians(row.pitch_deg), 0.0)).points[0];
+    const double range_m = 5.0 * std::cos(radians(row.pitch_deg));
+    const Eigen::Vector2d by_equation_five(range_m * std::cos(scan.angle_min_rad), range_m * std::sin(scan.angle_min_rad));
+    EXPECT_NEAR((exact.p_level_m - by_equation_five).norm(), row.distance_m, 6e-4);
+    EXPECT_NEAR(degrees(exact.azimuth_rad) - row.azimuth_deg, row.azimuth_error_deg, 6e-3);
+  }
+}
+
 TEST(HorizontalProjection, RefusesAScanPlaneOnEdge) {
   Random random(5);
   const Scan scan = random_scan(random);
