@@ -39,15 +39,18 @@ Shape shape_of(const Vector5d& x) {
   Eigen::Matrix2d along_q;
   along_q << 0.0, 1.0, 1.0, 0.0;
   const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
-  return {(m * m + p * p + q * q) * I + 2.0 * m * deviator, 2.0 * m * I + 2.0 * deviator, 2.0 * p * I + 2.0 * m * along_p,
-          2.0 * q * I + 2.0 * m * along_q};
+  return {(m * m + p * p + q * q) * I + 2.0 * m * deviator, 2.0 * m * I + 2.0 * deviator,
+          2.0 * p * I + 2.0 * m * along_p, 2.0 * q * I + 2.0 * m * along_q};
 }
 
 /// Distance of one hit from the curve to first order, D = F / |grad F| (Sampson, 1982), positive outside.
 class Curve {
  public:
   Curve(const Point& point, const Eigen::Vector2d& t, const Eigen::Matrix2d& M)
-      : M_(M), w_(M * (point.p_level_m - t)), a_(std::max((point.p_level_m - t).dot(w_), 1e-12)), g_(std::sqrt(a_)),
+      : M_(M),
+        w_(M * (point.p_level_m - t)),
+        a_(std::max((point.p_level_m - t).dot(w_), 1e-12)),
+        g_(std::sqrt(a_)),
         b_(w_.norm()) {}
 
   double distance() const { return (a_ - g_) / b_; }
@@ -116,8 +119,7 @@ class Problem {
       const double azimuth_rad = end.azimuth_rad + side * 0.5 * resolution_rad_;
       const Eigen::Vector2d n(-std::sin(azimuth_rad), std::cos(azimuth_rad));
       const double half_width = std::sqrt(n.dot(shape.C * n));
-      const double sigma =
-          std::hypot(end.range_m * resolution_rad_ / std::sqrt(12.0), params_.shape_sigma_m) + 1e-6;
+      const double sigma = std::hypot(end.range_m * resolution_rad_ / std::sqrt(12.0), params_.shape_sigma_m) + 1e-6;
       Vector5d jacobian;
       jacobian.head<2>() = n;
       jacobian(2) = side * 0.5 * n.dot(shape.dC_dm * n) / half_width;
@@ -146,8 +148,8 @@ class Problem {
     return std::sqrt(sum / static_cast<double>(count_));
   }
 
-  /// As wide as the segment, touching its middle from behind: a circle, or an ellipse leaning by `lean_rad` from the line
-  /// of sight.
+  /// As wide as the segment, touching its middle from behind: a circle, or an ellipse leaning by `lean_rad` from the
+  /// line of sight.
   Vector5d start(double half_difference_ratio, double lean_rad) const {
     const double width_m = (points_[count_ - 1].p_level_m - points_[0].p_level_m).norm();
     const double m = std::clamp(0.5 * width_m, 2.0 * params_.min_radius_m, params_.max_radius_m);

@@ -11,9 +11,7 @@ namespace {
 /// Disjoint sets with path halving.
 class Groups {
  public:
-  explicit Groups(int size) : parent_(static_cast<std::size_t>(size)) {
-    std::iota(parent_.begin(), parent_.end(), 0);
-  }
+  explicit Groups(int size) : parent_(static_cast<std::size_t>(size)) { std::iota(parent_.begin(), parent_.end(), 0); }
   int find(int i) {
     while (at(i) != i) i = at(i) = at(at(i));
     return i;

@@ -2,6 +2,7 @@
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <exception>
 
 #include <ros/console.h>
@@ -13,6 +14,8 @@ namespace {
 
 const ros::WallDuration kReportPeriod(1.0);
 const ros::WallDuration kWarningPeriod(5.0);
+constexpr double kMaxLatencyMs =
+    60e3;  ///< beyond a minute the stamps are of another clock: a bag played without --clock
 
 using diagnostic_msgs::DiagnosticStatus;
 
@@ -56,7 +59,8 @@ void StageDiagnostics::processed(const ros::Time& stamp, const ros::WallTime& st
   ++processed_;
   // In integers: ros::Duration throws where stamps are more than 68 years apart.
   const std::int64_t latency_ns = to_nanoseconds(ros::Time::now()) - to_nanoseconds(stamp);
-  latencies_ms_.push_back(static_cast<double>(latency_ns) * 1e-6);
+  const double latency_ms = static_cast<double>(latency_ns) * 1e-6;
+  if (std::abs(latency_ms) <= kMaxLatencyMs) latencies_ms_.push_back(latency_ms);
   durations_ms_.push_back((ros::WallTime::now() - start).toSec() * 1e3);
 }
 
@@ -83,8 +87,12 @@ void StageDiagnostics::report(diagnostic_updater::DiagnosticStatusWrapper& statu
   status.add("received", received_);
   status.add("processed", processed_);
   status.addf("rate [Hz]", "%.1f", static_cast<double>(new_processed) / elapsed_s);
-  status.addf("latency p50 [ms]", "%.2f", quantile(latencies_ms_, 0.5));
-  status.addf("latency p99 [ms]", "%.2f", quantile(latencies_ms_, 0.99));
+  if (latencies_ms_.empty() && new_processed > 0) {
+    status.add("latency", "unknown: the stamps are of another clock");
+  } else {
+    status.addf("latency p50 [ms]", "%.2f", quantile(latencies_ms_, 0.5));
+    status.addf("latency p99 [ms]", "%.2f", quantile(latencies_ms_, 0.99));
+  }
   status.addf("processing p50 [ms]", "%.2f", quantile(durations_ms_, 0.5));
   status.addf("processing p99 [ms]", "%.2f", quantile(durations_ms_, 0.99));
   for (const auto& [reason, count] : dropped_) status.add("dropped: " + reason, count);

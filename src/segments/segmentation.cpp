@@ -85,7 +85,7 @@ SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const Segment
       case BeamState::kHit:
       case BeamState::kOutside:
         return beside.range_m < end.range_m - params.occlusion_margin_m ? SegmentEnd::kOccluded
-                                                                       : SegmentEnd::kBackground;
+                                                                        : SegmentEnd::kBackground;
     }
   }
   return SegmentEnd::kOccluded;  // nothing known about what is beside it
@@ -195,15 +195,14 @@ Segments segment(const Points& points, const SegmentationParams& params) {
   if (points.points.empty()) return result;
 
   const auto beams = static_cast<double>(points.points.size());
-  const auto min_points =
-      std::max(static_cast<std::size_t>(params.min_points),
-               static_cast<std::size_t>(std::ceil(params.min_points_fraction * beams)));
+  const auto min_points = std::max(static_cast<std::size_t>(params.min_points),
+                                   static_cast<std::size_t>(std::ceil(params.min_points_fraction * beams)));
 
   const Reading reading(points, params);
-  std::size_t first = 0;        // of the open segment, in result.points
-  std::size_t first_read = 0;   // reading positions of its ends
+  std::size_t first = 0;       // of the open segment, in result.points
+  std::size_t first_read = 0;  // reading positions of its ends
   std::size_t last_read = 0;
-  std::size_t inside = 0;       // its points in the volume of interest
+  std::size_t inside = 0;  // its points in the volume of interest
   const auto close_segment = [&] {
     const std::size_t count = result.points.size() - first;
     if (count < min_points || 2 * inside < count) {

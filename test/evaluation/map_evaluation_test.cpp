@@ -16,7 +16,9 @@ Object object_at(std::uint64_t id, double x_m, int beams = 20) {
   return object;
 }
 
-Objects objects_at(double time_s, std::vector<Object> objects) { return {nanoseconds(time_s), 0.0, std::move(objects)}; }
+Objects objects_at(double time_s, std::vector<Object> objects) {
+  return {nanoseconds(time_s), 0.0, std::move(objects)};
+}
 
 TEST(MapEvaluation, APerfectMapHasNoErrors) {
   MapEvaluation evaluation;
@@ -37,8 +39,8 @@ TEST(MapEvaluation, MeasuresErrorsDelaysAndFalseLives) {
   MapEvaluation evaluation;
   for (int i = 0; i < 20; ++i) {
     std::vector<Object> map;
-    if (i >= 5) map.push_back(object_at(7, 0.03));               // 0.5 s late, 3 cm off
-    if (i >= 8 && i <= 14) map.push_back(object_at(8, 3.0));     // on nothing for 0.6 s
+    if (i >= 5) map.push_back(object_at(7, 0.03));            // 0.5 s late, 3 cm off
+    if (i >= 8 && i <= 14) map.push_back(object_at(8, 3.0));  // on nothing for 0.6 s
     evaluation.add(objects_at(0.1 * i, {object_at(1, 0.0)}), objects_at(0.1 * i, map));
   }
   const MapScore score = evaluation.score();

@@ -3,10 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/ellipses_by_x.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -23,8 +26,8 @@ Pose2 random_pose(Random& random) {
 }
 
 Eigen::Vector2d point_on(const Ellipse& ellipse, double angle_rad) {
-  return ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) * Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad),
-                                                                                  ellipse.ry_m * std::sin(angle_rad));
+  return ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) *
+                                Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad));
 }
 
 TEST(Pose2, InverseUndoesAndCompositionChains) {
@@ -117,6 +120,23 @@ TEST(Ellipse, ContainsItsInsideOnly) {
   const Ellipse ellipse{{1.0, 1.0}, kPi / 2.0, 0.5, 0.1};
   EXPECT_TRUE(contains(ellipse, {1.0, 1.45}));
   EXPECT_FALSE(contains(ellipse, {1.15, 1.0}));
+}
+
+TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
+  Random random(7);
+  std::vector<Ellipse> ellipses;
+  for (int i = 0; i < 60; ++i) ellipses.push_back(random_ellipse(random));
+  const EllipsesByX by_x(ellipses);
+  int covered = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Eigen::Vector2d point(random.uniform(-6.0, 6.0), random.uniform(-6.0, 6.0));
+    const bool any =
+        std::any_of(ellipses.begin(), ellipses.end(), [&](const Ellipse& e) { return contains(e, point); });
+    EXPECT_EQ(by_x.cover(point), any);
+    covered += any ? 1 : 0;
+  }
+  EXPECT_GT(covered, 100);
+  EXPECT_FALSE(EllipsesByX({}).cover({0.0, 0.0}));
 }
 
 }  // namespace

@@ -50,7 +50,8 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
 TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
   EXPECT_EQ(refusal_of("scan: {max_range_m: -1}"), "my.yaml: scan.max_range_m = -1 is outside [0, 1000] m");
   EXPECT_EQ(refusal_of("scan: {max_range_m: far}"), "my.yaml: scan.max_range_m must be a number in [0, 1000] m");
-  EXPECT_EQ(refusal_of("segments: {min_points: 4.5}"), "my.yaml: segments.min_points must be a whole number in [2, 1000]");
+  EXPECT_EQ(refusal_of("segments: {min_points: 4.5}"),
+            "my.yaml: segments.min_points must be a whole number in [2, 1000]");
   EXPECT_EQ(refusal_of("segments: {max_gap_m: .nan}"), "my.yaml: segments.max_gap_m = nan is outside [0.001, 10] m");
   EXPECT_EQ(refusal_of("scan: {volume: [[1, 0, 0]]}"), "my.yaml: scan.volume must be a list of [nx, ny, nz, offset_m]");
   EXPECT_EQ(refusal_of("scan: {range: 3}"),
@@ -65,8 +66,8 @@ TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
 
 TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
   for (const char* model : {"", "ellipse_vgg.onnx"}) {
-    ObjectPipelineParams params = parse_object_pipeline_params(
-        std::string("detections: {model: \"") + model + "\"}", "test", kSource + "/models");
+    ObjectPipelineParams params = parse_object_pipeline_params(std::string("detections: {model: \"") + model + "\"}",
+                                                               "test", kSource + "/models");
     ObjectPipeline pipeline(params);
     Random random(1);
     const Ellipse standing{{3.0, 1.5}, 0.6, 0.4, 0.2};

@@ -26,7 +26,8 @@ Eigen::Isometry3d pose(double roll_rad, double pitch_rad, double yaw_rad) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.translation() << 1.0, -2.0, 1.5;
   T.rotate(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()) *
-           Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(roll_rad, Eigen::Vector3d::UnitX()));
+           Eigen::AngleAxisd(pitch_rad, Eigen::Vector3d::UnitY()) *
+           Eigen::AngleAxisd(roll_rad, Eigen::Vector3d::UnitX()));
   return T;
 }
 
@@ -46,8 +47,8 @@ TEST(HorizontalProjection, EveryPointIsAboveOrBelowTheOneMeasured) {
           T_world_lidar * Eigen::Vector3d(range_m * std::cos(angle_rad), range_m * std::sin(angle_rad), 0.0);
       EXPECT_LT((points.T_world_level * point.p_level_m - p_world.head<2>()).norm(), 1e-9);
       EXPECT_NEAR(point.range_m, point.p_level_m.norm(), 1e-12);
-      EXPECT_NEAR(std::remainder(point.azimuth_rad - std::atan2(point.p_level_m.y(), point.p_level_m.x()), 2 * kPi), 0.0,
-                  1e-9);
+      EXPECT_NEAR(std::remainder(point.azimuth_rad - std::atan2(point.p_level_m.y(), point.p_level_m.x()), 2 * kPi),
+                  0.0, 1e-9);
       EXPECT_GT(point.azimuth_rad, previous_rad);
       previous_rad = point.azimuth_rad;
     }
@@ -102,27 +103,29 @@ TEST(HorizontalProjection, KnowsAFullCircle) {
 TEST(HorizontalProjection, BeamStatesStay) {
   Scan scan;
   scan.angle_increment_rad = 0.1;
-  scan.beams = {{0.0F, BeamState::kFree}, {0.0F, BeamState::kTooClose}, {0.0F, BeamState::kInvalid},
-                {2.0F, BeamState::kOutside}};
+  scan.beams = {
+      {0.0F, BeamState::kFree}, {0.0F, BeamState::kTooClose}, {0.0F, BeamState::kInvalid}, {2.0F, BeamState::kOutside}};
   const Points points = project_horizontally(scan, pose(0.1, 0.1, 0.0));
   for (std::size_t i = 0; i < scan.beams.size(); ++i) EXPECT_EQ(points.points[i].state, scan.beams[i].state);
 }
 
-// The numbers of docs/math/points.md: where eq. 5 of the circle paper, rho cos(theta) at the same azimuth, puts a hit 5 m
-// away under pitch, and where it is.
+// The numbers of docs/math/points.md: where eq. 5 of the circle paper, rho cos(theta) at the same azimuth, puts a hit 5
+// m away under pitch, and where it is.
 TEST(HorizontalProjection, EquationFiveMisplacesHits) {
   struct Row {
     double azimuth_deg, pitch_deg, azimuth_error_deg, distance_m;
   };
-  for (const Row& row : {Row{0, 5, 0, 0}, Row{0, 15, 0, 0}, Row{45, 5, 0.11, 0.013}, Row{45, 10, 0.44, 0.054},
-                         Row{45, 15, 0.99, 0.120}, Row{90, 5, 0, 0.019}, Row{90, 10, 0, 0.076}, Row{90, 15, 0, 0.170}}) {
+  for (const Row& row :
+       {Row{0, 5, 0, 0}, Row{0, 15, 0, 0}, Row{45, 5, 0.11, 0.013}, Row{45, 10, 0.44, 0.054}, Row{45, 15, 0.99, 0.120},
+        Row{90, 5, 0, 0.019}, Row{90, 10, 0, 0.076}, Row{90, 15, 0, 0.170}}) {
     Scan scan;
     scan.angle_min_rad = radians(row.azimuth_deg);
     scan.angle_increment_rad = 0.01;
     scan.beams.assign(2, {5.0F, BeamState::kHit});
     const Point exact = project_horizontally(scan, pose(0.0, radians(row.pitch_deg), 0.0)).points[0];
     const double range_m = 5.0 * std::cos(radians(row.pitch_deg));
-    const Eigen::Vector2d by_equation_five(range_m * std::cos(scan.angle_min_rad), range_m * std::sin(scan.angle_min_rad));
+    const Eigen::Vector2d by_equation_five(range_m * std::cos(scan.angle_min_rad),
+                                           range_m * std::sin(scan.angle_min_rad));
     EXPECT_NEAR((exact.p_level_m - by_equation_five).norm(), row.distance_m, 6e-4);
     EXPECT_NEAR(degrees(exact.azimuth_rad) - row.azimuth_deg, row.azimuth_error_deg, 6e-3);
   }

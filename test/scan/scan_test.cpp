@@ -87,7 +87,8 @@ TEST(RangeLimiter, VolumeStandsInTheWorld) {
   int inside = 0;
   for (std::size_t i = 0; i < scan.beams.size(); ++i) {
     const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
-    const Eigen::Vector3d p_world = T_world_lidar * Eigen::Vector3d(3.0 * std::cos(angle_rad), 3.0 * std::sin(angle_rad), 0.0);
+    const Eigen::Vector3d p_world =
+        T_world_lidar * Eigen::Vector3d(3.0 * std::cos(angle_rad), 3.0 * std::sin(angle_rad), 0.0);
     const bool in_volume = p_world.x() <= 2.0 && p_world.z() >= 1.0;
     EXPECT_EQ(limited.beams[i].state, in_volume ? BeamState::kHit : BeamState::kOutside);
     inside += in_volume ? 1 : 0;

@@ -159,8 +159,8 @@ TEST(Segmentation, PiecesOfAWallBehindPostsStayTheWall) {
   EXPECT_EQ(pieces, 8);
 }
 
-// With its own edge on both sides a board is an object; cut off by a post it may be any wall, and a curved thing cut off
-// alike is still an object.
+// With its own edge on both sides a board is an object; cut off by a post it may be any wall, and a curved thing cut
+// off alike is still an object.
 TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
   LevelScene scene;
   const auto kind_of_far = [&] {

@@ -18,12 +18,12 @@ using Vector5d = Eigen::Matrix<double, 5, 1>;
 
 /// An ellipse found in one segment.
 struct Detection {
-  Ellipse ellipse_level;                     ///< in the level frame, rx >= ry > 0
-  Matrix5d covariance = Matrix5d::Zero();    ///< of the error of (t_x, t_y, psi, rx, ry) in the level frame
-  double residual_rms_m = 0.0;               ///< of the hits against the ellipse, along its normal
-  int beams = 0;                             ///< number of hits it was found from
-  bool hidden_end = false;                   ///< one end of the segment is no silhouette: the object may go on
-  std::size_t segment = 0;                   ///< index in Segments::segments
+  Ellipse ellipse_level;                   ///< in the level frame, rx >= ry > 0
+  Matrix5d covariance = Matrix5d::Zero();  ///< of the error of (t_x, t_y, psi, rx, ry) in the level frame
+  double residual_rms_m = 0.0;             ///< of the hits against the ellipse, along its normal
+  int beams = 0;                           ///< number of hits it was found from
+  bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may go on
+  std::size_t segment = 0;                 ///< index in Segments::segments
 };
 
 /// The ellipses found in one scan, at most one per segment.

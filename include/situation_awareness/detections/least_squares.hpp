@@ -24,7 +24,8 @@ struct EllipseFitParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m", "standard deviation of the sensor's range noise");
+    visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m",
+          "standard deviation of the sensor's range noise");
     visit("shape_sigma_m", self.shape_sigma_m, Bounds{0.0, 1.0}, "m",
           "how far real objects stand off a perfect ellipse, added to the range noise");
     visit("mean_radius_m", self.mean_radius_m, Bounds{0.01, 10.0}, "m", "prior mean of (rx + ry) / 2");

@@ -19,22 +19,22 @@ struct MapEvaluationParams {
 /// How one true object was mapped.
 struct ObjectScore {
   std::uint64_t truth_id = 0;
-  int visible_scans = 0;          ///< scans in which it was visible
-  int mapped_scans = 0;           ///< of those, with an element of the map on it
-  double max_delay_s = 0.0;       ///< longest time it was visible without being on the map
-  double center_rmse_m = 0.0;     ///< over mapped_scans
+  int visible_scans = 0;       ///< scans in which it was visible
+  int mapped_scans = 0;        ///< of those, with an element of the map on it
+  double max_delay_s = 0.0;    ///< longest time it was visible without being on the map
+  double center_rmse_m = 0.0;  ///< over mapped_scans
   double velocity_rmse_m_s = 0.0;
-  double radius_mae_m = 0.0;      ///< both radii, each sorted
-  int id_switches = 0;            ///< times another element took over
+  double radius_mae_m = 0.0;  ///< both radii, each sorted
+  int id_switches = 0;        ///< times another element took over
 };
 
 /// How a map compares with the truth over a run.
 struct MapScore {
   std::vector<ObjectScore> objects;
-  double center_rmse_m = 0.0;     ///< over all visible, mapped objects and scans
+  double center_rmse_m = 0.0;  ///< over all visible, mapped objects and scans
   double velocity_rmse_m_s = 0.0;
   double max_delay_s = 0.0;
-  double longest_false_s = 0.0;   ///< longest life of an element on nothing
+  double longest_false_s = 0.0;  ///< longest life of an element on nothing
   double false_per_scan = 0.0;
   double recall = 0.0;
   int scans = 0;

@@ -25,9 +25,9 @@ struct Point {
 struct Points {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
-  double height_world_m = 0.0;       ///< of the level plane
-  double resolution_rad = 0.0;       ///< mean azimuth between neighbouring beams
-  bool full_circle = false;          ///< the last beam is a neighbour of the first
+  double height_world_m = 0.0;  ///< of the level plane
+  double resolution_rad = 0.0;  ///< mean azimuth between neighbouring beams
+  bool full_circle = false;     ///< the last beam is a neighbour of the first
   std::vector<Point> points;
 };
 

@@ -33,12 +33,15 @@ struct SegmentationParams {
           "a segment with fewer points than this is dropped, however few beams the scanner has");
     visit("max_object_extent_m", self.max_object_extent_m, Bounds{0.01, 100.0}, "m",
           "a segment that extends farther is structure, not an object");
-    visit("max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
-          "a segment whose points lie this far behind the chord of its ends, on average, is structure: an inner corner");
-    visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
-          "a piece with a hidden end whose points all lie this close to the line of a structure beside it belongs to it");
+    visit(
+        "max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
+        "a segment whose points lie this far behind the chord of its ends, on average, is structure: an inner corner");
+    visit(
+        "max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
+        "a piece with a hidden end whose points all lie this close to the line of a structure beside it belongs to it");
     visit("max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
-          "a piece with a hidden end whose points lie this close to a line, root mean square, may be any wall: structure");
+          "a piece with a hidden end whose points lie this close to a line, root mean square, may be any wall: "
+          "structure");
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "a neighbour this much nearer than the end of a segment hides what is beside it");
   }

@@ -76,8 +76,9 @@ Ellipse measure(const ObjectState& x, const Pose2& T_world_level) {
 
 Vector5d innovation(const Ellipse& measured_level, const Ellipse& predicted_level) {
   Vector5d nu;
-  nu << measured_level.center_m - predicted_level.center_m, wrap_to_pi(measured_level.psi_rad - predicted_level.psi_rad),
-      measured_level.rx_m - predicted_level.rx_m, measured_level.ry_m - predicted_level.ry_m;
+  nu << measured_level.center_m - predicted_level.center_m,
+      wrap_to_pi(measured_level.psi_rad - predicted_level.psi_rad), measured_level.rx_m - predicted_level.rx_m,
+      measured_level.ry_m - predicted_level.ry_m;
   return nu;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
@@ -10,6 +11,7 @@
 #include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/ellipses_by_x.hpp"
 
 namespace situation_awareness {
 
@@ -47,8 +49,8 @@ ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params) {
 
 void ObjectMap::clear() { elements_.clear(); }
 
-/// What cannot be observed must not grow without end: the axis of a circle is at worst uniform, and its turning at worst
-/// as unknown as a new element's. Scaling a row and a column keeps P positive definite.
+/// What cannot be observed must not grow without end: the axis of a circle is at worst uniform, and its turning at
+/// worst as unknown as a new element's. Scaling a row and a column keeps P positive definite.
 void ObjectMap::bound_unobservable(Matrix8d& P) const {
   const auto bound = [&](int place, double max_sigma) {
     const double sigma = std::sqrt(P(place, place));
@@ -80,118 +82,33 @@ Measurement ObjectMap::measurement_of(const Detection& detection) const {
 
 ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   ObjectMapUpdate report;
-  const bool first = stamp_ns_ == kNoStamp;
-  const double dt_s = first ? 0.0 : seconds_between(stamp_ns_, detections.stamp_ns);
-  if (!first && dt_s <= 0.0) {
-    if (dt_s >= -params_.reset_time_jump_s) {
-      ++report.reasons[dt_s == 0.0 ? "stamp repeats" : "stamp goes back"];
-      return report;
-    }
-    for (const Element& element : elements_) report.deleted.push_back(element.id);
-    ++report.reasons["time jumped back: new map"];
-    clear();
-  }
-  stamp_ns_ = detections.stamp_ns;
+  if (!advance_to(detections.stamp_ns, report)) return report;
   height_world_m_ = detections.height_world_m;
-  const Pose2& T_world_level = detections.T_world_level;
 
-  if (dt_s > 0.0) predict_elements(dt_s);
-
-  // Association: detections sorted by x, so that each element looks only at those its gate can reach.
   std::vector<Measurement> measurements;
-  std::vector<std::pair<double, int>> by_x;
-  for (const Detection& detection : detections.detections) {
-    by_x.emplace_back((T_world_level * detection.ellipse_level.center_m).x(), static_cast<int>(measurements.size()));
-    measurements.push_back(measurement_of(detection));
-  }
-  std::sort(by_x.begin(), by_x.end());
-  double widest_variance = 0.0;
-  for (const Measurement& measurement : measurements) {
-    widest_variance = std::max(widest_variance, measurement.covariance.topLeftCorner<2, 2>().trace());
-  }
+  for (const Detection& detection : detections.detections) measurements.push_back(measurement_of(detection));
 
-  std::vector<Candidate> candidates;
-  std::vector<Match> matches;
-  for (std::size_t i = 0; i < elements_.size(); ++i) {
-    const Element& element = elements_[i];
-    const double lever_m = (element.x.position_world_m - T_world_level.translation_m).norm();
-    const double robot_variance =
-        robot_covariance_.topLeftCorner<2, 2>().trace() + lever_m * lever_m * robot_covariance_(2, 2);
-    const double variance = element.P.block<2, 2>(kPosition, kPosition).trace() + robot_variance + widest_variance;
-    const double reach_m = std::sqrt(gate_ * variance);
-    const double x = element.x.position_world_m.x();
-    auto near = std::lower_bound(by_x.begin(), by_x.end(), std::make_pair(x - reach_m, -1));
-    for (; near != by_x.end() && near->first <= x + reach_m; ++near) {
-      const Match candidate = match(element.x, element.P, T_world_level,
-                                    measurements[static_cast<std::size_t>(near->second)], robot_covariance_);
-      if (!(candidate.mahalanobis2 <= gate_)) continue;
-      candidates.push_back({static_cast<int>(i), near->second, candidate.mahalanobis2 + candidate.log_det_S});
-      matches.push_back(candidate);
-    }
-  }
-
-  // Costs are negative log-likelihoods, shifted so that every match inside its gate is worth more than none.
-  double least = 0.0;
-  double most = 0.0;
-  if (!candidates.empty()) {
-    const auto [low, high] = std::minmax_element(candidates.begin(), candidates.end(),
-                                                 [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
-    least = low->cost;
-    most = high->cost;
-  }
-  for (Candidate& candidate : candidates) candidate.cost -= least;
-  const std::vector<int> detection_of = assign(static_cast<int>(elements_.size()),
-                                               static_cast<int>(measurements.size()), candidates, most - least + 1.0);
-
-  const auto evidence_of = [&](const Detection& detection) {
-    return detection.hidden_end ? params_.hidden_observation_weight : 1.0;
-  };
   std::vector<bool> used(measurements.size(), false);
-  for (std::size_t c = 0; c < candidates.size(); ++c) {
-    const auto i = static_cast<std::size_t>(candidates[c].row);
-    if (detection_of[i] != candidates[c].column) continue;
-    const auto j = static_cast<std::size_t>(candidates[c].column);
-    Element& element = elements_[i];
-    situation_awareness::update(element.x, element.P, T_world_level, matches[c], robot_covariance_);
+  for (const Association& association : associate(measurements, detections.T_world_level)) {
+    Element& element = elements_[association.element];
+    situation_awareness::update(element.x, element.P, detections.T_world_level, association.match, robot_covariance_);
     element.x.radii_m = element.x.radii_m.cwiseMax(kMinRadiusM);
     make_canonical(element.x, element.P);
-    element.last_seen_ns = stamp_ns_;
-    element.beams = detections.detections[j].beams;
-    ++element.observations;
-    element.evidence += evidence_of(detections.detections[j]);
-    used[j] = true;
+    observe(element, detections.detections[association.measurement]);
+    used[association.measurement] = true;
     report.updated.push_back(element.id);
   }
 
-  // Mapping of what is new, unless it lies on an element that has just been seen: one body in two pieces.
-  const std::size_t known = elements_.size();
+  const EllipsesByX seen = seen_now();
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     if (used[j]) continue;
-    const Ellipse ellipse_world = T_world_level * measurements[j].ellipse_level;
-    const bool on_known = std::any_of(elements_.begin(), elements_.begin() + static_cast<std::ptrdiff_t>(known),
-                                      [&](const Element& element) {
-                                        return element.last_seen_ns == stamp_ns_ &&
-                                               contains(ellipse_world_of(element.x), ellipse_world.center_m);
-                                      });
-    if (on_known) {
+    // On an element that has just been seen it is a second piece of the same body.
+    if (seen.cover(detections.T_world_level * measurements[j].ellipse_level.center_m)) {
       ++report.reasons["detection on an element already seen"];
       continue;
     }
-    Element element;
-    element.id = next_id_++;
-    element.x = map_measurement(measurements[j].ellipse_level, T_world_level);
-    const auto G = mapping_jacobian(T_world_level);
-    const auto G_u = mapping_input_jacobian(measurements[j].ellipse_level, T_world_level);
-    element.P = G * measurements[j].covariance * G.transpose() + G_u * robot_covariance_ * G_u.transpose();
-    element.P.diagonal().segment<2>(kVelocity).array() +=
-        params_.initial_velocity_sigma_m_s * params_.initial_velocity_sigma_m_s;
-    element.P(kAngularVelocity, kAngularVelocity) +=
-        params_.initial_angular_velocity_sigma_rad_s * params_.initial_angular_velocity_sigma_rad_s;
-    make_canonical(element.x, element.P);
-    element.first_seen_ns = element.last_seen_ns = stamp_ns_;
-    element.beams = detections.detections[j].beams;
-    element.observations = 1;
-    element.evidence = evidence_of(detections.detections[j]);
+    Element element = new_element(measurements[j], detections.T_world_level);
+    observe(element, detections.detections[j]);
     report.created.push_back(element.id);
     elements_.push_back(element);
   }
@@ -200,17 +117,121 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   return report;
 }
 
+bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
+  if (stamp_ns_ != kNoStamp) {
+    const double dt_s = seconds_between(stamp_ns_, stamp_ns);
+    if (dt_s > 0.0) {
+      predict_elements(dt_s);
+    } else if (dt_s >= -params_.reset_time_jump_s) {
+      ++report.reasons[dt_s == 0.0 ? "stamp repeats" : "stamp goes back"];
+      return false;
+    } else {
+      for (const Element& element : elements_) report.deleted.push_back(element.id);
+      ++report.reasons["time jumped back: new map"];
+      clear();
+    }
+  }
+  stamp_ns_ = stamp_ns;
+  return true;
+}
+
+std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measurement>& measurements,
+                                                         const Pose2& T_world_level) const {
+  // Measurements sorted by x, so that each element looks only at those that its gate can reach.
+  struct Place {
+    Eigen::Vector2d center_world_m;
+    int measurement;
+  };
+  std::vector<Place> by_x;
+  double widest_variance = 0.0;
+  for (const Measurement& measurement : measurements) {
+    by_x.push_back({T_world_level * measurement.ellipse_level.center_m, static_cast<int>(by_x.size())});
+    widest_variance = std::max(widest_variance, measurement.covariance.topLeftCorner<2, 2>().trace());
+  }
+  std::sort(by_x.begin(), by_x.end(), [](const Place& a, const Place& b) {
+    return std::make_pair(a.center_world_m.x(), a.measurement) < std::make_pair(b.center_world_m.x(), b.measurement);
+  });
+
+  std::vector<Candidate> candidates;
+  std::vector<Match> matches;  // of the candidates
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    const Element& element = elements_[i];
+    const Eigen::Vector2d& center_m = element.x.position_world_m;
+    const double lever_m = (center_m - T_world_level.translation_m).norm();
+    const double robot_variance =
+        robot_covariance_.topLeftCorner<2, 2>().trace() + lever_m * lever_m * robot_covariance_(2, 2);
+    const double variance = element.P.block<2, 2>(kPosition, kPosition).trace() + robot_variance + widest_variance;
+    const double reach_m = std::sqrt(gate_ * variance);
+    auto near = std::lower_bound(by_x.begin(), by_x.end(), center_m.x() - reach_m,
+                                 [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
+    for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
+      if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
+      const Measurement& measurement = measurements[static_cast<std::size_t>(near->measurement)];
+      const Match candidate = match(element.x, element.P, T_world_level, measurement, robot_covariance_);
+      if (!(candidate.mahalanobis2 <= gate_)) continue;
+      candidates.push_back({static_cast<int>(i), near->measurement, candidate.mahalanobis2 + candidate.log_det_S});
+      matches.push_back(candidate);
+    }
+  }
+  if (candidates.empty()) return {};
+
+  // Costs are negative log-likelihoods, shifted so that every match inside its gate is worth more than none.
+  const auto [least, most] = std::minmax_element(
+      candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
+  const double shift = least->cost;
+  const double cost_unmatched = most->cost - shift + 1.0;
+  for (Candidate& candidate : candidates) candidate.cost -= shift;
+  const std::vector<int> measurement_of_element =
+      assign(static_cast<int>(elements_.size()), static_cast<int>(measurements.size()), candidates, cost_unmatched);
+
+  std::vector<Association> associations;
+  for (std::size_t c = 0; c < candidates.size(); ++c) {
+    const auto element = static_cast<std::size_t>(candidates[c].row);
+    if (measurement_of_element[element] != candidates[c].column) continue;
+    associations.push_back({element, static_cast<std::size_t>(candidates[c].column), matches[c]});
+  }
+  return associations;
+}
+
+ObjectMap::Element ObjectMap::new_element(const Measurement& measurement, const Pose2& T_world_level) {
+  Element element;
+  element.id = next_id_++;
+  element.x = map_measurement(measurement.ellipse_level, T_world_level);
+  const auto G = mapping_jacobian(T_world_level);
+  const auto G_u = mapping_input_jacobian(measurement.ellipse_level, T_world_level);
+  element.P = G * measurement.covariance * G.transpose() + G_u * robot_covariance_ * G_u.transpose();
+  element.P.diagonal().segment<2>(kVelocity).array() += std::pow(params_.initial_velocity_sigma_m_s, 2);
+  element.P(kAngularVelocity, kAngularVelocity) += std::pow(params_.initial_angular_velocity_sigma_rad_s, 2);
+  make_canonical(element.x, element.P);
+  element.first_seen_ns = stamp_ns_;
+  return element;
+}
+
+void ObjectMap::observe(Element& element, const Detection& detection) const {
+  element.last_seen_ns = stamp_ns_;
+  element.beams = detection.beams;
+  ++element.observations;
+  element.evidence += detection.hidden_end ? params_.hidden_observation_weight : 1.0;
+}
+
+EllipsesByX ObjectMap::seen_now() const {
+  std::vector<Ellipse> ellipses;
+  for (const Element& element : elements_) {
+    if (element.last_seen_ns == stamp_ns_) ellipses.push_back(ellipse_world_of(element.x));
+  }
+  return EllipsesByX(std::move(ellipses));
+}
+
 /// Map management (circle paper, Sect. V-B3): what has just been seen is uncertain at worst, not outdated.
 void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
+  const EllipsesByX seen = seen_now();
   const auto outdated = [&](const Element& element) -> const char* {
     if (element.last_seen_ns == stamp_ns_) return "";
     if (!certain(element.P, kPosition, params_.max_position_sigma_m)) return "position too uncertain";
     if (!certain(element.P, kVelocity, params_.max_velocity_sigma_m_s)) return "velocity too uncertain";
     if (!certain(element.P, kRadii, params_.max_radius_sigma_m)) return "radii too uncertain";
-    const bool replaced = std::any_of(elements_.begin(), elements_.end(), [&](const Element& other) {
-      return other.last_seen_ns == stamp_ns_ && contains(ellipse_world_of(other.x), element.x.position_world_m);
-    });
-    return replaced ? "another element was seen in its place" : "";
+    if (seen.cover(element.x.position_world_m)) return "another element was seen in its place";
+    return "";
   };
   std::vector<bool> drop;
   for (const Element& element : elements_) {

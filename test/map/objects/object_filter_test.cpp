@@ -33,9 +33,7 @@ Pose2 random_pose(Random& random) {
   return {{random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0)}, random.uniform(-kPi, kPi)};
 }
 
-Pose2 moved(const Pose2& T, const Eigen::Vector3d& du) {
-  return {T.translation_m + du.head<2>(), T.yaw_rad + du(2)};
-}
+Pose2 moved(const Pose2& T, const Eigen::Vector3d& du) { return {T.translation_m + du.head<2>(), T.yaw_rad + du(2)}; }
 
 template <int Rows, int Columns>
 using Function = std::function<Eigen::Matrix<double, Rows, 1>(const Eigen::Matrix<double, Columns, 1>&)>;
@@ -102,13 +100,12 @@ TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
     const auto mapped = [&](const Vector5d& dz) {
       return map_measurement({h.center_m + dz.head<2>(), h.psi_rad + dz(2), h.rx_m + dz(3), h.ry_m + dz(4)}, T);
     };
-    const auto G = numerical_jacobian<8, 5>(
-        [&](const Vector5d& dz) { return boxminus(mapped(dz), map_measurement(h, T)); });
+    const auto G =
+        numerical_jacobian<8, 5>([&](const Vector5d& dz) { return boxminus(mapped(dz), map_measurement(h, T)); });
     EXPECT_LT((G - mapping_jacobian(T)).cwiseAbs().maxCoeff(), 1e-8);
 
-    const auto G_u = numerical_jacobian<8, 3>([&](const Eigen::Vector3d& du) {
-      return boxminus(map_measurement(h, moved(T, du)), map_measurement(h, T));
-    });
+    const auto G_u = numerical_jacobian<8, 3>(
+        [&](const Eigen::Vector3d& du) { return boxminus(map_measurement(h, moved(T, du)), map_measurement(h, T)); });
     EXPECT_LT((G_u - mapping_input_jacobian(h, T)).cwiseAbs().maxCoeff(), 1e-6);
   }
 }
@@ -304,10 +301,9 @@ TEST(ObjectFilter, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandS
     simulation.step();
     most_asymmetry = std::max(most_asymmetry, (simulation.P - simulation.P.transpose()).cwiseAbs().maxCoeff());
     if (i % 10 == 0) {
-      least_eigenvalue =
-          std::min(least_eigenvalue, Eigen::SelfAdjointEigenSolver<Matrix8d>(simulation.P, Eigen::EigenvaluesOnly)
-                                         .eigenvalues()
-                                         .minCoeff());
+      least_eigenvalue = std::min(
+          least_eigenvalue,
+          Eigen::SelfAdjointEigenSolver<Matrix8d>(simulation.P, Eigen::EigenvaluesOnly).eigenvalues().minCoeff());
     }
   }
   EXPECT_GT(least_eigenvalue, 0.0);

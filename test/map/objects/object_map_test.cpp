@@ -104,7 +104,8 @@ TEST(ObjectMap, TwoObjectsThatCrossKeepTheirIdentities) {
   for (int i = 0; i <= 80; ++i) {
     const double time_s = i * kScanPeriodS;
     // The order of detections must not matter.
-    map.update(i % 2 == 0 ? detections_at(time_s, {a(time_s), b(time_s)}) : detections_at(time_s, {b(time_s), a(time_s)}));
+    map.update(i % 2 == 0 ? detections_at(time_s, {a(time_s), b(time_s)})
+                          : detections_at(time_s, {b(time_s), a(time_s)}));
   }
   const Objects objects = map.at(map.stamp_ns());
   ASSERT_EQ(objects.objects.size(), 2U);
@@ -145,8 +146,7 @@ TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
   ObjectMap map{ObjectMapParams{}};
   const Ellipse body{{3.0, 0.0}, 0.0, 0.3, 0.3};
   for (int i = 0; i < 10; ++i) map.update(detections_at(i * kScanPeriodS, {body}));
-  const ObjectMapUpdate update =
-      map.update(detections_at(10 * kScanPeriodS, {body, {{2.85, 0.1}, 0.0, 0.05, 0.05}}));
+  const ObjectMapUpdate update = map.update(detections_at(10 * kScanPeriodS, {body, {{2.85, 0.1}, 0.0, 0.05, 0.05}}));
   EXPECT_TRUE(update.created.empty());
   EXPECT_EQ(update.reasons, (Counters{{"detection on an element already seen", 1}}));
 }
@@ -191,7 +191,8 @@ TEST(ObjectMap, IsTheSameWhereverTheWorldsOriginIs) {
   ASSERT_EQ(b.objects.size(), 1U);
   EXPECT_LT(symmetric_characteristic_distance(T_other_world * a.objects[0].ellipse_world, b.objects[0].ellipse_world),
             1e-9);
-  EXPECT_LT((T_other_world.rotation() * a.objects[0].velocity_world_m_s - b.objects[0].velocity_world_m_s).norm(), 1e-9);
+  EXPECT_LT((T_other_world.rotation() * a.objects[0].velocity_world_m_s - b.objects[0].velocity_world_m_s).norm(),
+            1e-9);
 }
 
 TEST(ObjectMap, ACircleKeepsABoundedPositiveDefiniteCovariance) {
@@ -206,7 +207,8 @@ TEST(ObjectMap, ACircleKeepsABoundedPositiveDefiniteCovariance) {
   ASSERT_EQ(objects.objects.size(), 1U);
   const Matrix8d P = objects.objects[0].covariance;
   EXPECT_LE(std::sqrt(P(kOrientation, kOrientation)), kPi / std::sqrt(12.0) + 1e-9);
-  EXPECT_LE(std::sqrt(P(kAngularVelocity, kAngularVelocity)), ObjectMapParams{}.initial_angular_velocity_sigma_rad_s + 1e-9);
+  EXPECT_LE(std::sqrt(P(kAngularVelocity, kAngularVelocity)),
+            ObjectMapParams{}.initial_angular_velocity_sigma_rad_s + 1e-9);
   EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix8d>(P).eigenvalues().minCoeff(), 0.0);
   EXPECT_GE(objects.objects[0].ellipse_world.rx_m, objects.objects[0].ellipse_world.ry_m);
 }

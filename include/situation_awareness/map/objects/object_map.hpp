@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/geometry/ellipses_by_x.hpp"
 #include "situation_awareness/map/objects/object_filter.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
@@ -112,9 +114,22 @@ class ObjectMap {
     int beams = 0;
   };
 
+  /// A measurement that is of an element.
+  struct Association {
+    std::size_t element;
+    std::size_t measurement;
+    Match match;
+  };
+
+  /// False, and the map unchanged, if the stamp may not follow the latest.
+  bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
   void predict_elements(double dt_s);
   void bound_unobservable(Matrix8d& P) const;
   Measurement measurement_of(const Detection& detection) const;
+  std::vector<Association> associate(const std::vector<Measurement>& measurements, const Pose2& T_world_level) const;
+  Element new_element(const Measurement& measurement, const Pose2& T_world_level);
+  void observe(Element& element, const Detection& detection) const;
+  EllipsesByX seen_now() const;
   void delete_outdated(ObjectMapUpdate& report);
 
   ObjectMapParams params_;
