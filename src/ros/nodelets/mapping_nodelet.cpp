@@ -2,7 +2,6 @@
 // detections  ->  map, markers (for the eye)
 #include <memory>
 
-#include <nodelet/nodelet.h>
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -12,21 +11,13 @@
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
 
-class MappingNodelet : public nodelet::Nodelet {
+class MappingNodelet : public StageNodelet {
  private:
-  void onInit() override {
-    try {
-      start();
-    } catch (const std::exception& error) {
-      NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
-      throw;  // the manager drops this nodelet and lives on
-    }
-  }
-
-  void start() {
+  void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
     map_ = std::make_unique<ObjectMap>(params.pipeline.objects);

@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-#include <nodelet/nodelet.h>
 #include <sensor_msgs/LaserScan.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
@@ -20,29 +19,21 @@
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/stamp_order.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 
 namespace situation_awareness {
 
-class SegmentationNodelet : public nodelet::Nodelet {
+class SegmentationNodelet : public StageNodelet {
  private:
   struct Waiting {
     sensor_msgs::LaserScanConstPtr msg;
     ros::WallTime arrival;
   };
 
-  void onInit() override {
-    try {
-      start();
-    } catch (const std::exception& error) {
-      NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
-      throw;  // the manager drops this nodelet and lives on
-    }
-  }
-
-  void start() {
+  void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     params_ = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
     order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
@@ -91,22 +82,21 @@ class SegmentationNodelet : public nodelet::Nodelet {
   /// Process what has its transform, in order; drop what will not get it any more.
   void work_off() {
     const ros::WallDuration timeout(params_.tf_timeout_s);
-    while (!queue_.empty()) {
-      const Waiting waiting = queue_.front();
-      std::string why;
-      if (!has_transform(*waiting.msg, &why)) {
+    for (; !queue_.empty(); queue_.pop_front()) {
+      const Waiting& waiting = queue_.front();
+      try {
+        std::string why;
+        if (has_transform(*waiting.msg, &why)) {
+          process(*waiting.msg);
+          continue;
+        }
         // Transforms come in order: where a later scan has its own, that of an earlier one will not come.
         const bool overtaken = queue_.size() > 1 && has_transform(*queue_.back().msg);
         if (!overtaken && ros::WallTime::now() - waiting.arrival < timeout) return;
         diagnostics_->dropped(drop_reason::kNoTransform, why);
-      } else {
-        try {
-          process(*waiting.msg);
-        } catch (const std::exception& error) {
-          diagnostics_->dropped(drop_reason::kError, error.what());
-        }
+      } catch (const std::exception& error) {
+        diagnostics_->dropped(drop_reason::kError, error.what());
       }
-      queue_.pop_front();
     }
   }
 
