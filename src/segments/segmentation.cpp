@@ -53,8 +53,9 @@ class Reading {
   /// The k-th point read; for a full circle k may exceed the size, and azimuths go on growing.
   Point at(std::size_t k) const {
     const std::size_t i = start_ + k;
+    const std::size_t turns = i / size();
     Point point = points_.points[i % size()];
-    point.azimuth_rad += 2.0 * kPi * static_cast<double>(i / size());
+    point.azimuth_rad += 2.0 * kPi * static_cast<double>(turns);
     return point;
   }
 

@@ -187,7 +187,7 @@ Path loop(PathText& text, double height_m) {
 }
 
 /// The same path, turning about the vertical at its own rate, added to the turns that the path has.
-Path spinning(Path path, double yaw_rad, double rate_rad_s) {
+Path spinning(const Path& path, double yaw_rad, double rate_rad_s) {
   return [=](double time_s) {
     PathState state = path(time_s);
     state.yaw_rad += yaw_rad + rate_rad_s * time_s;
@@ -197,7 +197,7 @@ Path spinning(Path path, double yaw_rad, double rate_rad_s) {
 }
 
 /// The same path, at a constant angle to the direction of motion.
-Path tangent(Path path, double yaw_rad) {
+Path tangent(const Path& path, double yaw_rad) {
   return [=](double time_s) {
     PathState state = path(time_s);
     const Eigen::Vector3d& v = state.velocity_m_s;
