@@ -278,14 +278,9 @@ Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covar
   return 0.5 * (covariance + covariance.transpose());
 }
 
-Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
-                      const Ellipse* start) {
+Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
   const Segment& piece = segments.segments[segment];
   const Problem problem(segments, piece, params);
-  if (start != nullptr) {
-    return make_detection(segments, segment, params, problem, minimise(problem, smooth_parameters(*start), params));
-  }
-
   // The circle finds the least cost nearly always; where it ends in a corner, one of the leaning ellipses does.
   Vector5d best = minimise(problem, problem.start(0.0, 0.0), params);
   double best_cost = problem.evaluate(best, best, nullptr, nullptr);

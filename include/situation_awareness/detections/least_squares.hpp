@@ -56,10 +56,8 @@ Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
 Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance);
 
 /// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
-/// silhouette end miss it within the beam spacing, and radii follow the prior. `start` is refined in place of the
-/// built-in start where it is given.
-Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
-                      const Ellipse* start = nullptr);
+/// silhouette end miss it within the beam spacing, and radii follow the prior.
+Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params);
 
 /// The detection that `ellipse_level` is, found by whatever means: its residual and, by the curvature of the same
 /// model at it (Laplace), its covariance.
