@@ -38,7 +38,7 @@ bool certain(const Matrix8d& P, int place, double max_sigma) {
 
 void ObjectMapParams::validate() const { check_bounds(*this, "objects"); }
 
-ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params) {
+ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params), order_(params.reset_time_jump_s) {
   params_.validate();
   gate_ = chi_square_quantile(params_.gate_probability, kMeasurementSize);
   process_noise_ = {params_.acceleration_noise, params_.angular_acceleration_noise, params_.radius_noise};
@@ -46,8 +46,6 @@ ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params) {
                                     params_.robot_yaw_sigma_rad);
   robot_covariance_ = robot_sigma.array().square().matrix().asDiagonal();
 }
-
-void ObjectMap::clear() { elements_.clear(); }
 
 /// What cannot be observed must not grow without end: the axis of a circle is at worst uniform, and its turning at
 /// worst as unknown as a new element's. Scaling a row and a column keeps P positive definite.
@@ -118,21 +116,21 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
 }
 
 bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
-  if (stamp_ns_ != kNoStamp) {
-    const double dt_s = seconds_between(stamp_ns_, stamp_ns);
-    if (dt_s > 0.0) {
-      predict_elements(dt_s);
-    } else if (dt_s >= -params_.reset_time_jump_s) {
-      ++report.reasons[dt_s == 0.0 ? "stamp repeats" : "stamp goes back"];
+  const std::int64_t previous_ns = order_.latest_ns();
+  switch (order_.judge(stamp_ns)) {
+    case StampOrder::Verdict::kNext:
+      if (previous_ns != kNoStamp) predict_elements(seconds_between(previous_ns, stamp_ns));
+      return true;
+    case StampOrder::Verdict::kRefused:
+      ++report.reasons[stamp_ns == previous_ns ? "stamp repeats" : "stamp goes back"];
       return false;
-    } else {
+    case StampOrder::Verdict::kRestart:
       for (const Element& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
-      clear();
-    }
+      elements_.clear();
+      return true;
   }
-  stamp_ns_ = stamp_ns;
-  return true;
+  return false;
 }
 
 std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measurement>& measurements,
@@ -203,12 +201,12 @@ ObjectMap::Element ObjectMap::new_element(const Measurement& measurement, const 
   element.P.diagonal().segment<2>(kVelocity).array() += std::pow(params_.initial_velocity_sigma_m_s, 2);
   element.P(kAngularVelocity, kAngularVelocity) += std::pow(params_.initial_angular_velocity_sigma_rad_s, 2);
   make_canonical(element.x, element.P);
-  element.first_seen_ns = stamp_ns_;
+  element.first_seen_ns = stamp_ns();
   return element;
 }
 
 void ObjectMap::observe(Element& element, const Detection& detection) const {
-  element.last_seen_ns = stamp_ns_;
+  element.last_seen_ns = stamp_ns();
   element.beams = detection.beams;
   ++element.observations;
   element.evidence += detection.hidden_end ? params_.hidden_observation_weight : 1.0;
@@ -217,7 +215,7 @@ void ObjectMap::observe(Element& element, const Detection& detection) const {
 EllipsesByX ObjectMap::seen_now() const {
   std::vector<Ellipse> ellipses;
   for (const Element& element : elements_) {
-    if (element.last_seen_ns == stamp_ns_) ellipses.push_back(ellipse_world_of(element.x));
+    if (element.last_seen_ns == stamp_ns()) ellipses.push_back(ellipse_world_of(element.x));
   }
   return EllipsesByX(std::move(ellipses));
 }
@@ -226,7 +224,7 @@ EllipsesByX ObjectMap::seen_now() const {
 void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   const EllipsesByX seen = seen_now();
   const auto outdated = [&](const Element& element) -> const char* {
-    if (element.last_seen_ns == stamp_ns_) return "";
+    if (element.last_seen_ns == stamp_ns()) return "";
     if (!certain(element.P, kPosition, params_.max_position_sigma_m)) return "position too uncertain";
     if (!certain(element.P, kVelocity, params_.max_velocity_sigma_m_s)) return "velocity too uncertain";
     if (!certain(element.P, kRadii, params_.max_radius_sigma_m)) return "radii too uncertain";
@@ -253,7 +251,7 @@ Objects ObjectMap::at(std::int64_t stamp_ns) const {
   result.stamp_ns = stamp_ns;
   result.height_world_m = height_world_m_;
   if (elements_.empty()) return result;
-  const double dt_s = std::max(0.0, seconds_between(stamp_ns_, stamp_ns));
+  const double dt_s = std::max(0.0, seconds_between(order_.latest_ns(), stamp_ns));
   const Matrix8d F = process_jacobian(dt_s);
   const Matrix8d Q = process_covariance(dt_s, process_noise_);
   for (const Element& element : elements_) {

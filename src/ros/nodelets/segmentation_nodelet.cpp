@@ -11,6 +11,7 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -20,7 +21,6 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
-#include "situation_awareness/ros/stamp_order.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 

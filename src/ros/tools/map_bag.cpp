@@ -22,6 +22,7 @@
 #include <tf2/buffer_core.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -29,7 +30,6 @@
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
-#include "situation_awareness/ros/stamp_order.hpp"
 
 namespace situation_awareness {
 namespace {

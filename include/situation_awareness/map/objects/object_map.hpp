@@ -3,13 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
 #include "situation_awareness/map/objects/object_filter.hpp"
@@ -96,10 +96,8 @@ class ObjectMap {
   Objects at(std::int64_t stamp_ns) const;
 
   /// Stamp of the latest update, kNoStamp before the first.
-  std::int64_t stamp_ns() const { return stamp_ns_; }
-  static constexpr std::int64_t kNoStamp = std::numeric_limits<std::int64_t>::min();
-
-  void clear();
+  std::int64_t stamp_ns() const { return order_.latest_ns(); }
+  static constexpr std::int64_t kNoStamp = StampOrder::kNone;
 
  private:
   /// One element with its filter.
@@ -133,11 +131,11 @@ class ObjectMap {
   void delete_outdated(ObjectMapUpdate& report);
 
   ObjectMapParams params_;
+  StampOrder order_;
   double gate_;  ///< of the squared Mahalanobis distance
   ProcessNoise process_noise_;
   Eigen::Matrix3d robot_covariance_;
   std::vector<Element> elements_;  ///< by growing id
-  std::int64_t stamp_ns_ = kNoStamp;
   double height_world_m_ = 0.0;
   std::uint64_t next_id_ = 1;
 };

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "situation_awareness/common/time.hpp"
 
@@ -11,6 +12,8 @@ namespace situation_awareness {
 /// loops, a simulation that starts again), one that goes back a little is not to be used.
 class StampOrder {
  public:
+  static constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::min();
+
   enum class Verdict { kNext, kRestart, kRefused };
 
   explicit StampOrder(double reset_time_jump_s) : reset_time_jump_s_(reset_time_jump_s) {}
@@ -24,9 +27,12 @@ class StampOrder {
     return verdict;
   }
 
+  /// The latest that was not refused, kNone before the first.
+  std::int64_t latest_ns() const { return latest_ns_; }
+
  private:
   double reset_time_jump_s_;
-  std::int64_t latest_ns_ = -1;  ///< stamps of ROS are not negative
+  std::int64_t latest_ns_ = kNone;
 };
 
 }  // namespace situation_awareness

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/ros/stamp_order.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 
 #include <gtest/gtest.h>
 
