@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
 
@@ -13,7 +13,7 @@ std::string scan_msg_defect(const sensor_msgs::LaserScan& msg) {
   // To TF a stamp of zero means "the latest", which would be a made-up pose.
   if (msg.header.stamp.isZero()) return bad + "stamp is zero";
   if (std::isnan(msg.range_min) || std::isnan(msg.range_max)) return bad + "range limits are not numbers";
-  const std::string defect = scan_defect(scan_from_msg(msg));
+  const std::string defect = scan_defect(msg.ranges.size(), msg.angle_min, msg.angle_increment);
   return defect.empty() ? "" : bad + defect;
 }
 

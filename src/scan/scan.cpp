@@ -15,15 +15,19 @@ Beam beam_from_range(float range_m, float range_min_m, float range_max_m) {
   return {range_m, BeamState::kHit};
 }
 
-const char* scan_defect(const Scan& scan) {
-  if (scan.beams.empty()) return "empty scan";
-  if (scan.beams.size() < 2) return "scan of a single beam";
-  if (!std::isfinite(scan.angle_min_rad) || !std::isfinite(scan.angle_increment_rad)) return "scan angles not finite";
-  if (scan.angle_increment_rad == 0.0) return "angle increment of zero";
+const char* scan_defect(std::size_t beams, double angle_min_rad, double angle_increment_rad) {
+  if (beams == 0) return "empty scan";
+  if (beams < 2) return "scan of a single beam";
+  if (!std::isfinite(angle_min_rad) || !std::isfinite(angle_increment_rad)) return "scan angles not finite";
+  if (angle_increment_rad == 0.0) return "angle increment of zero";
   // Rounded increments of a full circle add up to a little more than one revolution.
-  const double sweep_rad = std::abs(scan.angle_increment_rad) * static_cast<double>(scan.beams.size() - 1);
+  const double sweep_rad = std::abs(angle_increment_rad) * static_cast<double>(beams - 1);
   if (sweep_rad > 2.0 * kPi * (1.0 + 1e-4)) return "scan of more than one revolution";
   return "";
+}
+
+const char* scan_defect(const Scan& scan) {
+  return scan_defect(scan.beams.size(), scan.angle_min_rad, scan.angle_increment_rad);
 }
 
 }  // namespace situation_awareness

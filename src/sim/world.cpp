@@ -233,11 +233,7 @@ std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
 void SimulatedLidarParams::validate() const {
   check_bounds(*this, "lidar");
   if (!(range_max_m > range_min_m)) throw std::invalid_argument("lidar.range_max_m must be above lidar.range_min_m");
-  Scan scan;
-  scan.angle_min_rad = angle_min_rad;
-  scan.angle_increment_rad = angle_increment_rad;
-  scan.beams.resize(static_cast<std::size_t>(beams));
-  const std::string defect = scan_defect(scan);
+  const std::string defect = scan_defect(static_cast<std::size_t>(beams), angle_min_rad, angle_increment_rad);
   if (!defect.empty()) throw std::invalid_argument("lidar.angle_increment_rad: " + defect);
 }
 
