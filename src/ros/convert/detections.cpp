@@ -40,12 +40,7 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
 Detections detections_from_msg(const DetectionArray& msg) {
   Detections detections;
   detections.stamp_ns = to_nanoseconds(msg.header.stamp);
-  detections.T_world_level.translation_m = {msg.level.x, msg.level.y};
-  detections.T_world_level.yaw_rad = msg.level.yaw;
-  detections.height_world_m = msg.level.z;
-  if (!std::isfinite(msg.level.x + msg.level.y + msg.level.z + msg.level.yaw)) {
-    throw std::invalid_argument("level frame is not finite");
-  }
+  level_from_msg(msg.level, detections.T_world_level, detections.height_world_m);
   detections.detections.resize(msg.detections.size());
   for (std::size_t i = 0; i < msg.detections.size(); ++i) {
     const EllipseDetection& element = msg.detections[i];

@@ -56,6 +56,12 @@ LevelFrame level_to_msg(const Pose2& T_world_level, double height_world_m) {
   return msg;
 }
 
+void level_from_msg(const LevelFrame& msg, Pose2& T_world_level, double& height_world_m) {
+  if (!std::isfinite(msg.x + msg.y + msg.z + msg.yaw)) throw std::invalid_argument("level frame is not finite");
+  T_world_level = {{msg.x, msg.y}, msg.yaw};
+  height_world_m = msg.z;
+}
+
 std::string tf2_frame(const std::string& frame) {
   return !frame.empty() && frame.front() == '/' ? frame.substr(1) : frame;
 }

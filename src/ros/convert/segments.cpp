@@ -56,11 +56,8 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
 Segments segments_from_msg(const SegmentArray& msg) {
   Segments segments;
   segments.stamp_ns = to_nanoseconds(msg.header.stamp);
-  segments.T_world_level.translation_m = {msg.level.x, msg.level.y};
-  segments.T_world_level.yaw_rad = msg.level.yaw;
-  segments.height_world_m = msg.level.z;
+  level_from_msg(msg.level, segments.T_world_level, segments.height_world_m);
   segments.resolution_rad = msg.resolution;
-  check(std::isfinite(msg.level.x + msg.level.y + msg.level.z + msg.level.yaw), "level frame is not finite");
   check(std::isfinite(msg.resolution) && msg.resolution > 0.0, "resolution is not a positive number");
   segments.points.resize(msg.points.size());
   for (std::size_t i = 0; i < msg.points.size(); ++i) {

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
@@ -25,8 +26,6 @@ namespace situation_awareness {
 //   H       d(nu) / d(dx)                                        J_z_dx         5x8
 //   H_u     d(nu) / d(du), du = (dt_x, dt_y in the world, dyaw)  J_z_du         5x3
 
-using Matrix5d = Eigen::Matrix<double, 5, 5>;
-using Vector5d = Eigen::Matrix<double, 5, 1>;
 using Matrix58d = Eigen::Matrix<double, 5, 8>;
 using Matrix53d = Eigen::Matrix<double, 5, 3>;
 
