@@ -1,0 +1,595 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/evaluation/synthetic_segments.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <utility>
+#include <vector>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kFirstAzimuthRad = radians(-135.0);
+constexpr double kFieldRad = radians(270.0);
+constexpr double kPaperResolutionRad = radians(0.25);
+constexpr double kPaperSigmaM = 0.01;
+constexpr double kMinRangeM = 0.1;
+constexpr double kPaperMaxRangeM = 10.0;
+constexpr double kMinRadiusM = 0.05;
+constexpr double kMaxRadiusM = 0.5;
+constexpr int kMinEllipseHits = 5;  // ellipse paper, Sect. IV-C
+constexpr int kMinHits = 4;         // circle paper, Sect. III-C: 0.3 % of 1081 beams
+constexpr int kMaxMissingBeams = 2;
+constexpr double kMaxRangeGapM = 0.2;  // neighbours farther apart are not one segment (segments/segmentation.hpp)
+constexpr double kMissM = std::numeric_limits<double>::infinity();
+
+using Edge = std::pair<Eigen::Vector2d, Eigen::Vector2d>;
+
+/// A coin that shows true with this probability.
+bool chance(Random& random, double probability) { return random.uniform() < probability; }
+
+int uniform_int(Random& random, int low, int high) {
+  return low + static_cast<int>(std::floor(random.uniform() * static_cast<double>(high - low + 1)));
+}
+
+double log_uniform(Random& random, double low, double high) { return low * std::pow(high / low, random.uniform()); }
+
+/// The scanner of one sample: the azimuth of beam k in the level frame, and how much of a slant range is horizontal.
+struct Scanner {
+  double resolution_rad = kPaperResolutionRad;
+  double range_sigma_m = kPaperSigmaM;  ///< as its data sheet says
+  double noise = 1.0;                   ///< true standard deviation over that
+  double max_range_m = kPaperMaxRangeM;
+  double tilt_rad = 0.0;
+  double tilt_axis_rad = 0.0;  ///< azimuth that the scanner turns about
+
+  int beams() const { return static_cast<int>(std::floor(kFieldRad / resolution_rad + 1e-6)) + 1; }
+
+  double azimuth_rad(int k) const {
+    const double azimuth = kFirstAzimuthRad + k * resolution_rad;
+    if (tilt_rad == 0.0) return azimuth;
+    const double from_axis = azimuth - tilt_axis_rad;
+    const double level = std::atan2(std::sin(from_axis) * std::cos(tilt_rad), std::cos(from_axis));
+    return azimuth + wrap_to_pi(level - from_axis);
+  }
+
+  double horizontal(int k) const {
+    if (tilt_rad == 0.0) return 1.0;
+    const double from_axis = kFirstAzimuthRad + k * resolution_rad - tilt_axis_rad;
+    return std::sqrt(1.0 - std::pow(std::sin(from_axis) * std::sin(tilt_rad), 2));
+  }
+
+  int beam_near(double azimuth) const {
+    return static_cast<int>(std::lround((azimuth - kFirstAzimuthRad) / resolution_rad));
+  }
+};
+
+/// What stands before the scanner.
+struct Thing {
+  std::vector<Ellipse> ellipses;
+  std::vector<Edge> edges;
+};
+
+double range_to(const Edge& edge, const Eigen::Vector2d& u) {
+  const Eigen::Vector2d along = edge.second - edge.first;
+  const double determinant = along.x() * u.y() - along.y() * u.x();
+  if (std::abs(determinant) < 1e-12) return kMissM;
+  const double range = (along.x() * edge.first.y() - along.y() * edge.first.x()) / determinant;
+  const double place = (u.x() * edge.first.y() - u.y() * edge.first.x()) / determinant;
+  return range > 0.0 && place >= 0.0 && place <= 1.0 ? range : kMissM;
+}
+
+double range_to(const Thing& thing, double azimuth_rad) {
+  const Eigen::Vector2d u(std::cos(azimuth_rad), std::sin(azimuth_rad));
+  double nearest = kMissM;
+  for (const Ellipse& ellipse : thing.ellipses) {
+    nearest = std::min(nearest, intersect_ray(ellipse, Eigen::Vector2d::Zero(), u).value_or(kMissM));
+  }
+  for (const Edge& edge : thing.edges) nearest = std::min(nearest, range_to(edge, u));
+  return nearest;
+}
+
+/// Azimuths of the two tangents of an ellipse from the sensor, which is outside of it. Scaled along its axes the
+/// ellipse is the unit circle, whose tangents from a point are known; the scaling maps them to tangents.
+std::pair<double, double> tangent_azimuths(const Ellipse& ellipse) {
+  const Eigen::Vector2d center_own = Eigen::Rotation2Dd(-ellipse.psi_rad) * ellipse.center_m;
+  const Eigen::Vector2d scaled(center_own.x() / ellipse.rx_m, center_own.y() / ellipse.ry_m);
+  const double half_angle = std::asin(1.0 / scaled.norm());
+  const double bearing = std::atan2(ellipse.center_m.y(), ellipse.center_m.x());
+  const auto tangent = [&](double side) {
+    const double angle = std::atan2(scaled.y(), scaled.x()) + side * half_angle;
+    const double own = std::atan2(ellipse.ry_m * std::sin(angle), ellipse.rx_m * std::cos(angle)) + ellipse.psi_rad;
+    return bearing + wrap_to_pi(own - bearing);
+  };
+  return {tangent(-1.0), tangent(+1.0)};
+}
+
+std::pair<double, double> azimuths_of(const Thing& thing) {
+  double low = kMissM;
+  double high = -kMissM;
+  for (const Ellipse& ellipse : thing.ellipses) {
+    const auto [right, left] = tangent_azimuths(ellipse);
+    low = std::min(low, right);
+    high = std::max(high, left);
+  }
+  for (const Edge& edge : thing.edges) {
+    const double first = std::atan2(edge.first.y(), edge.first.x());
+    const double second = first + wrap_to_pi(std::atan2(edge.second.y(), edge.second.x()) - first);
+    low = std::min({low, first, second});
+    high = std::max({high, first, second});
+  }
+  return {low, high};
+}
+
+/// Nearest and farthest distance of a curve from the sensor, found among points on it.
+std::pair<double, double> distances(const Ellipse& ellipse) {
+  constexpr int kPlaces = 64;
+  double low = kMissM;
+  double high = 0.0;
+  const Eigen::Rotation2Dd turn(ellipse.psi_rad);
+  for (int i = 0; i < kPlaces; ++i) {
+    const double angle = 2.0 * kPi * i / kPlaces;
+    const double r =
+        (ellipse.center_m + turn * Eigen::Vector2d(ellipse.rx_m * std::cos(angle), ellipse.ry_m * std::sin(angle)))
+            .norm();
+    low = std::min(low, r);
+    high = std::max(high, r);
+  }
+  return {low, high};
+}
+
+bool within_range(const Ellipse& ellipse, double max_range_m) {
+  const double distance_m = ellipse.center_m.norm();
+  if (distance_m - ellipse.rx_m > kMinRangeM && distance_m + ellipse.rx_m < max_range_m) return true;
+  if (distance_m - ellipse.ry_m > max_range_m || contains(ellipse, Eigen::Vector2d::Zero())) return false;
+  const auto [low, high] = distances(ellipse);
+  return low > kMinRangeM && high < max_range_m;
+}
+
+/// The beams that hit: first, and one range per beam from there, infinite where the beam misses.
+struct Hits {
+  int first = 0;
+  std::vector<double> ranges_m;
+
+  int count() const { return static_cast<int>(ranges_m.size()); }
+};
+
+/// Noiseless; empty if the thing reaches beyond the field of view.
+Hits cast(const Thing& thing, const Scanner& scanner) {
+  const auto [low, high] = azimuths_of(thing);
+  // A tilt moves azimuths by less than two degrees.
+  const double margin_rad = scanner.tilt_rad == 0.0 ? 0.0 : radians(2.0);
+  const int begin = scanner.beam_near(low - margin_rad) - 1;
+  const int end = scanner.beam_near(high + margin_rad) + 2;
+  Hits hits;
+  if (begin < 0 || end > scanner.beams()) return hits;
+  for (int k = begin; k < end; ++k) {
+    const double range_m = range_to(thing, scanner.azimuth_rad(k));
+    const bool hit = range_m > kMinRangeM && range_m < scanner.max_range_m;
+    if (hits.ranges_m.empty()) {
+      if (!hit) continue;
+      hits.first = k;
+    }
+    hits.ranges_m.push_back(hit ? range_m : kMissM);
+  }
+  while (!hits.ranges_m.empty() && std::isinf(hits.ranges_m.back())) hits.ranges_m.pop_back();
+  return hits;
+}
+
+/// True if segmentation would see one segment in it.
+bool in_one_piece(const Hits& hits) {
+  int missing = 0;
+  double previous_m = hits.ranges_m.front();
+  for (const double range_m : hits.ranges_m) {
+    if (std::isinf(range_m)) {
+      if (++missing > kMaxMissingBeams) return false;
+      continue;
+    }
+    if (std::abs(range_m - previous_m) > kMaxRangeGapM) return false;
+    missing = 0;
+    previous_m = range_m;
+  }
+  return true;
+}
+
+/// What is beside the ends of a segment.
+struct Ends {
+  SegmentEnd right = SegmentEnd::kFree;
+  SegmentEnd left = SegmentEnd::kFree;
+  int right_blocked = 0;  ///< beams
+  int left_blocked = 0;
+};
+
+/// Take `hidden` beams off one end, and say that `beyond` more behind it are blocked too.
+void hide(Hits& hits, Ends& ends, bool right, int hidden, int beyond) {
+  if (right) {
+    hits.ranges_m.erase(hits.ranges_m.begin(), hits.ranges_m.begin() + hidden);
+    hits.first += hidden;
+    ends.right = SegmentEnd::kOccluded;
+    ends.right_blocked = hidden + beyond;
+  } else {
+    hits.ranges_m.resize(hits.ranges_m.size() - static_cast<std::size_t>(hidden));
+    ends.left = SegmentEnd::kOccluded;
+    ends.left_blocked = hidden + beyond;
+  }
+}
+
+/// Hides one end by something nearer, 30 to 70 % of the beams that would hit. False if too few would be left.
+bool hide_one_end(Hits& hits, Ends& ends, int min_visible, Random& random) {
+  constexpr int kMaxBeyond = 20;
+  const int n = hits.count();
+  const int fewest = static_cast<int>(std::ceil(0.3 * n));
+  const int most = std::min(static_cast<int>(std::floor(0.7 * n)), n - min_visible);
+  if (most < fewest) return false;
+  const bool right = chance(random, 0.5);
+  const int hidden = uniform_int(random, fewest, most);
+  hide(hits, ends, right, hidden, uniform_int(random, 0, kMaxBeyond));
+  return true;
+}
+
+void add_noise(Hits& hits, const Scanner& scanner, Random& random) {
+  const double sigma_m = scanner.noise * scanner.range_sigma_m;
+  for (int i = 0; i < hits.count(); ++i) {
+    double& range_m = hits.ranges_m[static_cast<std::size_t>(i)];
+    if (!std::isinf(range_m)) range_m += sigma_m * scanner.horizontal(hits.first + i) * random.normal();
+  }
+}
+
+SyntheticSegment make_segment(const Hits& hits, const Ends& ends, const Scanner& scanner,
+                              const std::optional<Ellipse>& truth) {
+  SyntheticSegment result;
+  result.range_sigma_m = scanner.range_sigma_m;
+  if (truth) result.ellipse_level = canonical(*truth);
+  Segments& segments = result.segments;
+  segments.resolution_rad = scanner.resolution_rad;
+  for (int i = 0; i < hits.count(); ++i) {
+    const double range_m = hits.ranges_m[static_cast<std::size_t>(i)];
+    if (std::isinf(range_m)) continue;
+    Point point;
+    point.beam = hits.first + i;
+    point.azimuth_rad = scanner.azimuth_rad(point.beam);
+    point.range_m = range_m;
+    point.p_level_m = range_m * Eigen::Vector2d(std::cos(point.azimuth_rad), std::sin(point.azimuth_rad));
+    point.state = BeamState::kHit;
+    segments.points.push_back(point);
+  }
+  Segment segment;
+  segment.count = segments.points.size();
+  segment.right_end = ends.right;
+  segment.left_end = ends.left;
+  segment.right_hidden_rad = ends.right_blocked * scanner.resolution_rad;
+  segment.left_hidden_rad = ends.left_blocked * scanner.resolution_rad;
+  segments.segments.push_back(segment);
+  return result;
+}
+
+Eigen::Vector2d anywhere(Random& random, double distance_m) {
+  const double bearing_rad = random.uniform(kFirstAzimuthRad, kFirstAzimuthRad + kFieldRad);
+  return distance_m * Eigen::Vector2d(std::cos(bearing_rad), std::sin(bearing_rad));
+}
+
+double distance_in_disc(Random& random) { return kPaperMaxRangeM * std::sqrt(random.uniform()); }
+
+/// The ellipse paper's prior.
+Ellipse draw_ellipse(Random& random, double distance_m) {
+  Ellipse ellipse;
+  ellipse.center_m = anywhere(random, distance_m);
+  ellipse.psi_rad = random.uniform(-kPi / 2.0, kPi / 2.0);
+  ellipse.rx_m = random.uniform(kMinRadiusM, kMaxRadiusM);
+  ellipse.ry_m = random.uniform(kMinRadiusM, ellipse.rx_m);
+  return ellipse;
+}
+
+std::optional<SyntheticSegment> try_ellipse(bool occluded, Random& random) {
+  const Scanner scanner;
+  const Ellipse ellipse = draw_ellipse(random, distance_in_disc(random));
+  if (!within_range(ellipse, scanner.max_range_m)) return std::nullopt;
+  Hits hits = cast({{ellipse}, {}}, scanner);
+  if (hits.count() < kMinEllipseHits) return std::nullopt;
+  Ends ends;
+  if (occluded && !hide_one_end(hits, ends, kMinEllipseHits, random)) return std::nullopt;
+  add_noise(hits, scanner, random);
+  return make_segment(hits, ends, scanner, ellipse);
+}
+
+std::optional<SyntheticSegment> try_circle(Random& random) {
+  constexpr double kStepM = 0.05;
+  const Scanner scanner;
+  const double radius_m = kStepM * uniform_int(random, 1, 10);
+  const int reach = static_cast<int>(std::lround(kPaperMaxRangeM / kStepM));
+  const double x_m = kStepM * uniform_int(random, -reach, reach);
+  const double y_m = kStepM * uniform_int(random, -reach, reach);
+  const Ellipse circle{{x_m, y_m}, 0.0, radius_m, radius_m};
+  if (!within_range(circle, scanner.max_range_m)) return std::nullopt;
+  Hits hits = cast({{circle}, {}}, scanner);
+  if (hits.count() < kMinHits) return std::nullopt;
+  add_noise(hits, scanner, random);
+  return make_segment(hits, {}, scanner, circle);
+}
+
+Scanner draw_scanner(Random& random) {
+  constexpr double kMaxTiltRad = radians(15.0);
+  Scanner scanner;
+  if (chance(random, 0.5)) scanner.resolution_rad = radians(random.uniform(0.25, 1.0));
+  if (chance(random, 0.5)) scanner.range_sigma_m = log_uniform(random, 0.004, 0.03);
+  if (chance(random, 0.3)) scanner.noise = log_uniform(random, 0.7, 1.4);
+  scanner.max_range_m = 30.0;
+  if (chance(random, 0.2)) {
+    scanner.tilt_rad = random.uniform(0.0, kMaxTiltRad);
+    scanner.tilt_axis_rad = random.uniform(-kPi, kPi);
+  }
+  return scanner;
+}
+
+/// Uniform over the disc, where most are far, and uniform in distance, to 10 m and beyond.
+double draw_distance(Random& random) {
+  const double which = random.uniform();
+  if (which < 0.4) return distance_in_disc(random);
+  return which < 0.85 ? random.uniform(0.5, kPaperMaxRangeM) : random.uniform(kPaperMaxRangeM, 25.0);
+}
+
+Thing draw_wall(Random& random, double min_length_m, double max_length_m) {
+  const double length_m = log_uniform(random, min_length_m, max_length_m);
+  const Eigen::Vector2d middle = anywhere(random, draw_distance(random));
+  const double heading_rad = random.uniform(-kPi, kPi);
+  const Eigen::Vector2d half = 0.5 * length_m * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad));
+  return {{}, {{middle - half, middle + half}}};
+}
+
+Thing draw_corner(Random& random, double min_length_m, double max_length_m) {
+  const Eigen::Vector2d corner = anywhere(random, draw_distance(random));
+  const double heading_rad = random.uniform(-kPi, kPi);
+  const Eigen::Vector2d along(std::cos(heading_rad), std::sin(heading_rad));
+  const Eigen::Vector2d across(-along.y(), along.x());
+  const double first_m = log_uniform(random, min_length_m, max_length_m);
+  const double second_m = log_uniform(random, min_length_m, max_length_m);
+  return {{}, {{corner, corner + first_m * along}, {corner, corner + second_m * across}}};
+}
+
+Thing draw_box(Random& random) {
+  const Eigen::Vector2d middle = anywhere(random, draw_distance(random));
+  const double heading_rad = random.uniform(-kPi, kPi);
+  const Eigen::Vector2d along =
+      0.5 * random.uniform(0.1, 1.0) * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad));
+  const Eigen::Vector2d across =
+      0.5 * random.uniform(0.1, 1.0) * Eigen::Vector2d(-std::sin(heading_rad), std::cos(heading_rad));
+  const std::array<Eigen::Vector2d, 4> corners = {middle + along + across, middle - along + across,
+                                                  middle - along - across, middle + along - across};
+  Thing box;
+  for (std::size_t i = 0; i < corners.size(); ++i) box.edges.emplace_back(corners[i], corners[(i + 1) % 4]);
+  return box;
+}
+
+Thing draw_two(Random& random) {
+  Ellipse first = draw_ellipse(random, draw_distance(random));
+  Ellipse second = draw_ellipse(random, 0.0);
+  if (chance(random, 0.5)) {  // legs
+    for (Ellipse* leg : {&first, &second}) {
+      leg->rx_m = random.uniform(0.05, 0.12);
+      leg->ry_m = random.uniform(0.7, 1.0) * leg->rx_m;
+    }
+  }
+  const double heading_rad = random.uniform(-kPi, kPi);
+  const double distance_m = random.uniform(0.5, 1.1) * (first.rx_m + second.rx_m);
+  second.center_m = first.center_m + distance_m * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad));
+  return {{first, second}, {}};
+}
+
+/// True if each of the two ellipses is hit by at least two beams: else it is one that is seen.
+bool both_seen(const Thing& two, const Hits& hits, const Scanner& scanner) {
+  std::array<int, 2> seen = {0, 0};
+  for (int i = 0; i < hits.count(); ++i) {
+    const double range_m = hits.ranges_m[static_cast<std::size_t>(i)];
+    if (std::isinf(range_m)) continue;
+    const double azimuth_rad = scanner.azimuth_rad(hits.first + i);
+    ++seen[range_to({{two.ellipses[0]}, {}}, azimuth_rad) <= range_m ? 0 : 1];
+  }
+  return seen[0] >= 2 && seen[1] >= 2;
+}
+
+/// Leaves scatter in depth by more than the noise and less than a gap.
+void scatter(Hits& hits, Random& random) {
+  const double spread_m = log_uniform(random, 0.03, 0.15);
+  for (double& range_m : hits.ranges_m) {
+    if (!std::isinf(range_m)) range_m += random.uniform(-spread_m, spread_m);
+  }
+}
+
+/// Real things are no perfect ellipses: a few waves along the outline.
+void roughen(Hits& hits, Random& random) {
+  constexpr int kWaves = 3;
+  const double amplitude_m = log_uniform(random, 0.002, 0.015);
+  for (int wave = 0; wave < kWaves; ++wave) {
+    const double turns = random.uniform(0.5, 5.0);
+    const double phase = random.uniform(0.0, 2.0 * kPi);
+    for (std::size_t i = 0; i < hits.ranges_m.size(); ++i) {
+      const double place = static_cast<double>(i) / static_cast<double>(hits.ranges_m.size());
+      if (!std::isinf(hits.ranges_m[i])) {
+        hits.ranges_m[i] += amplitude_m / std::sqrt(kWaves) * std::sin(2.0 * kPi * turns * place + phase);
+      }
+    }
+  }
+}
+
+bool within_range(const Thing& thing, double max_range_m) {
+  for (const Ellipse& ellipse : thing.ellipses) {
+    if (!within_range(ellipse, max_range_m)) return false;
+  }
+  return std::all_of(thing.edges.begin(), thing.edges.end(), [max_range_m](const Edge& edge) {
+    const Eigen::Vector2d along = edge.second - edge.first;
+    const double place = std::clamp(-edge.first.dot(along) / along.squaredNorm(), 0.0, 1.0);
+    return (edge.first + place * along).norm() > 2.0 * kMinRangeM && edge.first.norm() < max_range_m &&
+           edge.second.norm() < max_range_m;
+  });
+}
+
+/// A wall, corner, box, bush or pair: not one ellipse.
+std::optional<SyntheticSegment> try_other(SegmentCase which, Random& random) {
+  const Scanner scanner = draw_scanner(random);
+  Thing thing;
+  switch (which) {
+    case SegmentCase::kWall:
+      thing = draw_wall(random, 1.0, 8.0);
+      break;
+    case SegmentCase::kCorner:
+      thing = draw_corner(random, 0.5, 4.0);
+      break;
+    case SegmentCase::kBox:
+      thing = draw_box(random);
+      break;
+    case SegmentCase::kBush:
+      thing.ellipses = {draw_ellipse(random, draw_distance(random))};
+      break;
+    default:
+      thing = draw_two(random);
+      break;
+  }
+  if (!within_range(thing, scanner.max_range_m)) return std::nullopt;
+  Hits hits = cast(thing, scanner);
+  if (hits.count() < kMinHits || !in_one_piece(hits)) return std::nullopt;
+  if (which == SegmentCase::kTwo && !both_seen(thing, hits, scanner)) return std::nullopt;
+  Ends ends;
+  if (chance(random, 0.5) && !hide_one_end(hits, ends, kMinHits, random)) return std::nullopt;
+  if (which == SegmentCase::kBush) scatter(hits, random);
+  add_noise(hits, scanner, random);
+  if (!in_one_piece(hits)) return std::nullopt;
+  return make_segment(hits, ends, scanner, std::nullopt);
+}
+
+/// A beam on the edge of a thing may return a range between it and what is beside it.
+void mix_pixels(Hits& hits, const Ends& ends, const Scanner& scanner, Random& random) {
+  const auto mixed = [&](SegmentEnd end, double range_m) -> std::optional<double> {
+    if (end == SegmentEnd::kBackground && chance(random, 0.2)) return range_m + random.uniform(0.0, kMaxRangeGapM);
+    if (end == SegmentEnd::kOccluded && chance(random, 0.2)) return range_m - random.uniform(0.0, kMaxRangeGapM);
+    return std::nullopt;
+  };
+  if (hits.first > 0) {
+    if (const auto range_m = mixed(ends.right, hits.ranges_m.front())) {
+      hits.ranges_m.insert(hits.ranges_m.begin(), *range_m);
+      --hits.first;
+    }
+  }
+  if (hits.first + hits.count() < scanner.beams()) {
+    if (const auto range_m = mixed(ends.left, hits.ranges_m.back())) hits.ranges_m.push_back(*range_m);
+  }
+}
+
+std::optional<SyntheticSegment> try_product(Random& random) {
+  const double kind = random.uniform();
+  // Most of what a detector is asked about is an ellipse; the rest teaches it to refuse.
+  constexpr double kEllipses = 0.7;
+  const Scanner scanner = draw_scanner(random);
+  Thing thing;
+  const bool one_ellipse = kind < kEllipses;
+  const bool two = kind >= 0.94;
+  const bool bush = kind >= 0.90 && kind < 0.94;
+  if (one_ellipse || bush) {
+    thing.ellipses = {draw_ellipse(random, draw_distance(random))};
+  } else if (kind < 0.78) {
+    thing = draw_wall(random, 0.5, 8.0);
+  } else if (kind < 0.85) {
+    thing = draw_corner(random, 0.2, 4.0);
+  } else if (kind < 0.90) {
+    thing = draw_box(random);
+  } else {
+    thing = draw_two(random);
+  }
+  if (!within_range(thing, scanner.max_range_m)) return std::nullopt;
+  Hits hits = cast(thing, scanner);
+  if (hits.count() < kMinHits) return std::nullopt;
+  if (!one_ellipse && !in_one_piece(hits)) return std::nullopt;
+  if (two && !both_seen(thing, hits, scanner)) return std::nullopt;
+
+  Ends ends;
+  if (chance(random, 0.4)) {
+    const double how = random.uniform();
+    if (how < 0.6) {
+      if (!hide_one_end(hits, ends, kMinHits, random)) return std::nullopt;
+    } else {  // by something of any size, and any part; sometimes both
+      const bool right = chance(random, 0.5);
+      for (const bool side : {right, !right}) {
+        const int hidden = uniform_int(random, 0, static_cast<int>(0.8 * hits.count()));
+        if (hits.count() - hidden < kMinHits) return std::nullopt;
+        const double widest_rad = radians(chance(random, 0.8) ? 40.0 : 180.0);
+        const int beyond = static_cast<int>(random.uniform(0.0, widest_rad) / scanner.resolution_rad);
+        hide(hits, ends, side, hidden, std::max(beyond, hidden == 0 ? 1 : 0));
+        if (how < 0.9) break;
+      }
+    }
+  }
+  for (SegmentEnd* end : {&ends.right, &ends.left}) {
+    if (*end == SegmentEnd::kFree && chance(random, 0.5)) *end = SegmentEnd::kBackground;
+  }
+  if (bush) scatter(hits, random);
+  if (chance(random, 0.3)) roughen(hits, random);
+  add_noise(hits, scanner, random);
+  mix_pixels(hits, ends, scanner, random);
+  if (chance(random, 0.1) && hits.count() > 2) {  // beams without an echo
+    const double lost = random.uniform(0.0, 0.3);
+    for (std::size_t i = 1; i + 1 < hits.ranges_m.size(); ++i) {
+      if (chance(random, lost)) hits.ranges_m[i] = kMissM;
+    }
+    const auto left =
+        std::count_if(hits.ranges_m.begin(), hits.ranges_m.end(), [](double r) { return !std::isinf(r); });
+    if (left < kMinHits) return std::nullopt;
+  }
+  if (!one_ellipse && !in_one_piece(hits)) return std::nullopt;
+  return make_segment(hits, ends, scanner, one_ellipse ? std::optional(thing.ellipses.front()) : std::nullopt);
+}
+
+constexpr std::array<std::pair<const char*, SegmentCase>, 9> kNames = {{{"ellipse", SegmentCase::kEllipse},
+                                                                        {"circle", SegmentCase::kCircle},
+                                                                        {"occluded", SegmentCase::kOccluded},
+                                                                        {"product", SegmentCase::kProduct},
+                                                                        {"wall", SegmentCase::kWall},
+                                                                        {"corner", SegmentCase::kCorner},
+                                                                        {"box", SegmentCase::kBox},
+                                                                        {"bush", SegmentCase::kBush},
+                                                                        {"two", SegmentCase::kTwo}}};
+
+}  // namespace
+
+SyntheticSegment draw_segment(SegmentCase which, Random& random) {
+  while (true) {
+    std::optional<SyntheticSegment> sample;
+    switch (which) {
+      case SegmentCase::kEllipse:
+      case SegmentCase::kOccluded:
+        sample = try_ellipse(which == SegmentCase::kOccluded, random);
+        break;
+      case SegmentCase::kCircle:
+        sample = try_circle(random);
+        break;
+      case SegmentCase::kProduct:
+        sample = try_product(random);
+        break;
+      default:
+        sample = try_other(which, random);
+        break;
+    }
+    if (sample) return *std::move(sample);
+  }
+}
+
+std::string name_of(SegmentCase which) {
+  for (const auto& [name, value] : kNames) {
+    if (value == which) return name;
+  }
+  throw std::invalid_argument("a segment case without a name");
+}
+
+SegmentCase segment_case(const std::string& name) {
+  std::string known;
+  for (const auto& [known_name, value] : kNames) {
+    if (name == known_name) return value;
+    known += (known.empty() ? "" : ", ") + std::string(known_name);
+  }
+  throw std::invalid_argument("unknown case '" + name + "', known are: " + known);
+}
+
+}  // namespace situation_awareness
