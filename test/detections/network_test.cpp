@@ -2,15 +2,10 @@
 #include "situation_awareness/detections/network.hpp"
 
 #include <gtest/gtest.h>
-#include <openssl/evp.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
-#include <optional>
 #include <string>
 
 #include "situation_awareness/common/random.hpp"
@@ -18,8 +13,6 @@
 
 namespace situation_awareness {
 namespace {
-
-namespace fs = std::filesystem;
 
 const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/ellipse_vgg.onnx";
 
@@ -282,127 +275,6 @@ TEST_F(EllipseNetworkTest, SurvivesSegmentsOfEveryWidth) {
     EXPECT_GE(answer.rx_m, answer.ry_m);
     EXPECT_GT(answer.ry_m, 0.0);
   }
-}
-
-// A nodelet manager has its own threads: the forward shall not wake others beside them.
-TEST_F(EllipseNetworkTest, StaysOnTheCallingThread) {
-  const auto threads = [] {
-    const fs::path tasks = "/proc/self/task";
-    return fs::exists(tasks) ? std::distance(fs::directory_iterator(tasks), fs::directory_iterator()) : 0;
-  };
-  const auto before = threads();
-  errors_on_near_grid(network_, level_scanner(0.25), nullptr);
-  EXPECT_EQ(threads(), before);
-}
-
-/// A copy of the published model that a test may damage.
-class ModelFileTest : public testing::Test {
- protected:
-  void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              ("situation_awareness_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
-    fs::remove_all(folder_);
-    fs::create_directories(folder_);
-    onnx_ = folder_ / "ellipse_vgg.onnx";
-    manifest_ = folder_ / "ellipse_vgg.manifest.yaml";
-    fs::copy_file(kModel, onnx_);
-    fs::copy_file(fs::path(kModel).replace_extension(".manifest.yaml"), manifest_);
-  }
-
-  void TearDown() override { fs::remove_all(folder_); }
-
-  static std::string read(const fs::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-  }
-
-  static void write(const fs::path& path, const std::string& content) {
-    std::ofstream(path, std::ios::binary | std::ios::trunc) << content;
-  }
-
-  /// Loading throws one sentence that names the file and says what is wrong with it.
-  void expect_refused(const fs::path& named, const std::string& reason) const {
-    try {
-      EllipseNetwork network(onnx_.string());
-      ADD_FAILURE() << "was loaded";
-    } catch (const std::runtime_error& error) {
-      EXPECT_NE(std::string(error.what()).find(named.string()), std::string::npos) << error.what();
-      EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
-    }
-  }
-
-  fs::path folder_;
-  fs::path onnx_;
-  fs::path manifest_;
-};
-
-TEST_F(ModelFileTest, LoadsWhole) { EXPECT_NO_THROW(EllipseNetwork{onnx_.string()}); }
-
-TEST_F(ModelFileTest, RefusesAFlippedBit) {
-  std::string content = read(onnx_);
-  for (const std::size_t byte : {std::size_t{0}, content.size() / 2, content.size() - 1}) {
-    content[byte] = static_cast<char>(content[byte] ^ 0x10);
-    write(onnx_, content);
-    expect_refused(onnx_, "SHA-256");
-    content[byte] = static_cast<char>(content[byte] ^ 0x10);
-  }
-}
-
-TEST_F(ModelFileTest, RefusesATruncatedFile) {
-  fs::resize_file(onnx_, fs::file_size(onnx_) - 1000);
-  expect_refused(onnx_, "SHA-256");
-  fs::resize_file(onnx_, 0);
-  expect_refused(onnx_, "SHA-256");
-}
-
-TEST_F(ModelFileTest, RefusesAMissingFile) {
-  fs::remove(onnx_);
-  expect_refused(onnx_, "cannot be read");
-  fs::create_directory(onnx_);
-  expect_refused(onnx_, "");
-}
-
-TEST_F(ModelFileTest, RefusesAMissingManifest) {
-  fs::remove(manifest_);
-  expect_refused(manifest_, "cannot be read");
-}
-
-TEST_F(ModelFileTest, RefusesADamagedManifest) {
-  const std::string content = read(manifest_);
-  for (const std::string& damaged :
-       {std::string(), std::string("a: [1, 2"), content.substr(0, content.find("output: ["))}) {
-    write(manifest_, damaged);
-    expect_refused(manifest_, "not a manifest");
-  }
-}
-
-TEST_F(ModelFileTest, RefusesAWrongAnswerToTheGoldenVector) {
-  std::string content = read(manifest_);
-  const std::size_t golden = content.find("  output: [");
-  ASSERT_NE(golden, std::string::npos);
-  content.replace(golden, 11, "  output: [1");
-  write(manifest_, content);
-  expect_refused(onnx_, "golden");
-}
-
-// A file that its manifest vouches for but that is no network: the importer's refusal becomes one sentence too.
-TEST_F(ModelFileTest, RefusesWhatIsNoNetwork) {
-  write(onnx_, "no network at all");
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  const std::string content = read(onnx_);
-  ASSERT_EQ(EVP_Digest(content.data(), content.size(), digest, &size, EVP_sha256(), nullptr), 1);
-  std::string hex;
-  for (unsigned int i = 0; i < size; ++i) {
-    char byte[3];
-    std::snprintf(byte, sizeof(byte), "%02x", digest[i]);
-    hex += byte;
-  }
-  std::string manifest = read(manifest_);
-  const std::size_t at = manifest.find("sha256: ") + 8;
-  manifest.replace(at, hex.size(), hex);
-  write(manifest_, manifest);
-  expect_refused(onnx_, "not usable");
 }
 
 class NetworkDetectorTest : public testing::Test {

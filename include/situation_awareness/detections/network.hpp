@@ -1,38 +1,32 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <memory>
 #include <string>
 #include <vector>
 
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
+#include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {
 
-/// The ellipse network: VGG-Net of the ellipse paper (Table II), read from an ONNX file and run by OpenCV dnn on one
-/// thread. It works in the segment's own polar frame; docs/math/detections.md writes input and output out.
+/// The ellipse network: VGG-Net of the ellipse paper (Table II), read from an ONNX file. It works in the segment's own
+/// polar frame; docs/math/detections.md writes input and output out.
 class EllipseNetwork {
  public:
   static constexpr int kBeams = 1081;
   static constexpr double kResolutionRad = 0.25 * 3.14159265358979323846 / 180.0;
 
-  /// Reads MODEL.onnx and, beside it, MODEL.manifest.yaml with the file's SHA-256 and a golden input and output.
-  /// Throws std::runtime_error naming the file and what is wrong with it: missing, damaged, or giving other numbers
-  /// than it was published with.
+  /// Throws as OnnxModel does, and std::runtime_error naming the file if it is of another shape.
   explicit EllipseNetwork(const std::string& onnx_path);
-  ~EllipseNetwork();
-  EllipseNetwork(EllipseNetwork&&) noexcept;
-  EllipseNetwork& operator=(EllipseNetwork&&) noexcept;
 
   /// The ellipse in the level frame for each listed segment, all in one batched forward.
   std::vector<Ellipse> infer(const Segments& segments, const std::vector<std::size_t>& which);
 
  private:
-  class Impl;
-  std::unique_ptr<Impl> impl_;
+  OnnxModel model_;
 };
 
 /// Detects by the network where both ends of a segment are silhouettes, which is what it was trained on, and by

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+
+namespace situation_awareness {
+
+/// A network from rows of numbers to rows of numbers, read from an ONNX file and run by OpenCV dnn on the calling
+/// thread alone. Not thread-safe: one model, one thread.
+class OnnxModel {
+ public:
+  /// Reads MODEL.onnx and, beside it, MODEL.manifest.yaml, which has (docs/math/detections.md, "Loading")
+  ///   version  1
+  ///   sha256   of the ONNX file, in hexadecimal
+  ///   input    {name, shape: [batch, N] or [batch, 1, 1, N]}
+  ///   output   {name, shape: [batch, M]}
+  ///   golden   {first, input, fill, output}: the inputs from index `first` on, the value of all others (0 where it is
+  ///            left out), and the answer
+  /// Throws std::runtime_error naming the file and what is wrong with it: missing, damaged, of other names or shapes,
+  /// or giving other numbers than it was published with.
+  explicit OnnxModel(const std::string& onnx_path);
+  ~OnnxModel();
+  OnnxModel(OnnxModel&&) noexcept;
+  OnnxModel& operator=(OnnxModel&&) noexcept;
+
+  int inputs() const;   ///< N, numbers per row
+  int outputs() const;  ///< M, numbers per row
+
+  /// The inputs of the next forward, all set to `value`: `rows` (at least 1) rows of inputs() numbers, one behind the
+  /// other. Valid until the next call.
+  float* resize(int rows, float value = 0.0F);
+
+  /// The answers to all rows in one forward: rows of outputs() numbers, one behind the other. Valid until the next
+  /// call. Throws std::runtime_error if the network does not answer in that shape.
+  const float* forward();
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace situation_awareness

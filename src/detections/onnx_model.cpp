@@ -1,0 +1,209 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/onnx_model.hpp"
+
+#include <openssl/evp.h>
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/core/utility.hpp>
+#include <opencv2/dnn.hpp>
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kGoldenTolerance = 1e-4;  // of an answer, or of 1: processors differ by 1e-6, damaged weights by more
+constexpr int kManifestVersion = 1;
+constexpr int kMaxRowSize = 1 << 20;
+
+struct Tensor {
+  std::string name;
+  std::vector<int> shape;  ///< without the batch
+
+  int size() const { return shape.back(); }
+};
+
+struct Golden {
+  int first = 0;  ///< index of the first input that `input` has
+  std::vector<float> input;
+  float fill = 0.0F;  ///< value of the inputs that it has not
+  std::vector<float> output;
+};
+
+struct Manifest {
+  std::string sha256;
+  Tensor input;
+  Tensor output;
+  Golden golden;
+};
+
+std::string read_file(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  if (!std::filesystem::is_regular_file(path) || !file) throw std::runtime_error(path + ": cannot be read");
+  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
+}
+
+std::string sha256(const std::string& content) {
+  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
+  unsigned int size = 0;
+  if (EVP_Digest(content.data(), content.size(), digest.data(), &size, EVP_sha256(), nullptr) != 1) {
+    throw std::runtime_error("SHA-256 is not available from OpenSSL");
+  }
+  std::string text;
+  for (unsigned int i = 0; i < size; ++i) {
+    std::array<char, 3> byte{};
+    std::snprintf(byte.data(), byte.size(), "%02x", digest[i]);
+    text += byte.data();
+  }
+  return text;
+}
+
+std::string manifest_path(const std::string& onnx_path) {
+  const std::string extension = ".onnx";
+  const bool has_extension = onnx_path.size() > extension.size() &&
+                             onnx_path.compare(onnx_path.size() - extension.size(), extension.size(), extension) == 0;
+  if (!has_extension) throw std::runtime_error(onnx_path + ": not the name of an .onnx file");
+  return onnx_path.substr(0, onnx_path.size() - extension.size()) + ".manifest.yaml";
+}
+
+Tensor read_tensor(const YAML::Node& node) {
+  Tensor tensor;
+  tensor.name = node["name"].as<std::string>();
+  const auto shape = node["shape"].as<std::vector<std::string>>();
+  if (shape.size() < 2 || shape[0] != "batch") throw std::runtime_error("a shape is not [batch, ...]");
+  for (std::size_t i = 1; i < shape.size(); ++i) {
+    const int size = YAML::Node(shape[i]).as<int>();
+    if (size < 1 || size > kMaxRowSize || (size > 1 && i + 1 < shape.size())) {
+      throw std::runtime_error("a shape is not that of rows");
+    }
+    tensor.shape.push_back(size);
+  }
+  return tensor;
+}
+
+Manifest read_manifest(const std::string& path) {
+  const std::string text = read_file(path);
+  Manifest manifest;
+  try {
+    const YAML::Node root = YAML::Load(text);
+    const int version = root["version"].as<int>();
+    if (version != kManifestVersion) throw std::runtime_error("unknown version " + std::to_string(version));
+    manifest.sha256 = root["sha256"].as<std::string>();
+    manifest.input = read_tensor(root["input"]);
+    manifest.output = read_tensor(root["output"]);
+    if (manifest.input.shape.size() != 1 && manifest.input.shape.size() != 3) {
+      throw std::runtime_error("the input's shape is neither [batch, N] nor [batch, 1, 1, N]");
+    }
+    if (manifest.output.shape.size() != 1) throw std::runtime_error("the output's shape is not [batch, M]");
+    const YAML::Node golden = root["golden"];
+    manifest.golden.first = golden["first"].as<int>();
+    manifest.golden.input = golden["input"].as<std::vector<float>>();
+    if (golden["fill"]) manifest.golden.fill = golden["fill"].as<float>();
+    manifest.golden.output = golden["output"].as<std::vector<float>>();
+  } catch (const std::exception& error) {
+    throw std::runtime_error(path + ": not a manifest of a network (" + error.what() + ")");
+  }
+  const Golden& golden = manifest.golden;
+  const auto last = static_cast<long>(golden.first) + static_cast<long>(golden.input.size());
+  if (golden.first < 0 || last > manifest.input.size() ||
+      golden.output.size() != static_cast<std::size_t>(manifest.output.size())) {
+    throw std::runtime_error(path + ": its golden vector does not have the network's shape");
+  }
+  return manifest;
+}
+
+}  // namespace
+
+class OnnxModel::Impl {
+ public:
+  explicit Impl(const std::string& onnx_path) {
+    const std::string manifest_file = manifest_path(onnx_path);
+    const std::string onnx = read_file(onnx_path);
+    const Manifest manifest = read_manifest(manifest_file);
+    // OpenCV's importer can be brought down by a damaged file, so it sees none (docs/math/detections.md).
+    if (sha256(onnx) != manifest.sha256) {
+      throw std::runtime_error(onnx_path + ": its SHA-256 is not the one in " + manifest_file +
+                               ": damaged, or of another version");
+    }
+    input_tensor_ = manifest.input;
+    output_tensor_ = manifest.output;
+    try {
+      net_ = cv::dnn::readNetFromONNX(onnx.data(), onnx.size());
+      net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
+      net_.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
+      const std::vector<std::string> outputs = net_.getUnconnectedOutLayersNames();
+      if (outputs != std::vector<std::string>{output_tensor_.name}) {
+        throw std::runtime_error("it does not answer with '" + output_tensor_.name + "' alone");
+      }
+      check_golden(manifest.golden);
+    } catch (const cv::Exception& error) {  // its what() is a page, its err the sentence
+      throw std::runtime_error(onnx_path + ": not usable as a network (" + error.err + ")");
+    } catch (const std::exception& error) {
+      throw std::runtime_error(onnx_path + ": not usable as a network (" + error.what() + ")");
+    }
+  }
+
+  int inputs() const { return input_tensor_.size(); }
+  int outputs() const { return output_tensor_.size(); }
+
+  float* resize(int rows, float value) {
+    std::vector<int> shape{rows};
+    shape.insert(shape.end(), input_tensor_.shape.begin(), input_tensor_.shape.end());
+    input_.create(static_cast<int>(shape.size()), shape.data(), CV_32F);
+    input_.setTo(value);
+    return input_.ptr<float>();
+  }
+
+  const float* forward() {
+    // OpenCV runs what is nested in one of its parallel loops on the calling thread, so a loop of one turn keeps this
+    // forward from waking a thread per core beside the nodelet manager's own; cv::setNumThreads would say the same to
+    // everyone else's OpenCV in the process.
+    cv::parallel_for_(cv::Range(0, 1), [this](const cv::Range&) {
+      net_.setInput(input_, input_tensor_.name);
+      net_.forward(output_);
+    });
+    if (output_.dims != 2 || output_.rows != input_.size[0] || output_.cols != outputs() || output_.type() != CV_32F ||
+        !output_.isContinuous()) {
+      throw std::runtime_error("it does not answer with " + std::to_string(outputs()) + " numbers per row");
+    }
+    return output_.ptr<float>();
+  }
+
+ private:
+  void check_golden(const Golden& golden) {
+    std::copy(golden.input.begin(), golden.input.end(), resize(1, golden.fill) + golden.first);
+    const float* const answer = forward();
+    for (std::size_t i = 0; i < golden.output.size(); ++i) {
+      const double tolerance = kGoldenTolerance * std::max(1.0, std::abs(static_cast<double>(golden.output[i])));
+      if (std::abs(answer[i] - golden.output[i]) <= tolerance) continue;  // false for NaN
+      throw std::runtime_error("its answer to the golden vector of its manifest is wrong");
+    }
+  }
+
+  Tensor input_tensor_;
+  Tensor output_tensor_;
+  cv::dnn::Net net_;
+  cv::Mat input_;
+  cv::Mat output_;
+};
+
+OnnxModel::OnnxModel(const std::string& onnx_path) : impl_(std::make_unique<Impl>(onnx_path)) {}
+OnnxModel::~OnnxModel() = default;
+OnnxModel::OnnxModel(OnnxModel&&) noexcept = default;
+OnnxModel& OnnxModel::operator=(OnnxModel&&) noexcept = default;
+
+int OnnxModel::inputs() const { return impl_->inputs(); }
+int OnnxModel::outputs() const { return impl_->outputs(); }
+float* OnnxModel::resize(int rows, float value) { return impl_->resize(rows, value); }
+const float* OnnxModel::forward() { return impl_->forward(); }
+
+}  // namespace situation_awareness
