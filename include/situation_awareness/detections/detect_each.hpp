@@ -8,18 +8,19 @@
 namespace situation_awareness {
 
 /// What every detector does around its own `detect_one(segment index) -> Detection`: asks it about each segment of kind
-/// kObject that shows at least one edge of the object, and refuses answers that are not to be trusted.
-template <class DetectOne>
-Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one) {
+/// kObject for which `refusal(segment index) -> const char*` is empty, and refuses answers that are not to be trusted.
+template <class DetectOne, class Refusal>
+Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one,
+                       Refusal&& refusal) {
   Detections result;
   result.stamp_ns = segments.stamp_ns;
   result.T_world_level = segments.T_world_level;
   result.height_world_m = segments.height_world_m;
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
-    const Segment& segment = segments.segments[i];
-    if (segment.kind != SegmentKind::kObject) continue;
-    if (!is_silhouette(segment.right_end) && !is_silhouette(segment.left_end)) {
-      ++result.refused["both ends hidden"];
+    if (segments.segments[i].kind != SegmentKind::kObject) continue;
+    const char* const reason = refusal(i);
+    if (*reason != '\0') {
+      ++result.refused[reason];
       continue;
     }
     const Detection detection = detect_one(i);
@@ -31,6 +32,15 @@ Detections detect_each(const Segments& segments, const EllipseFitParams& params,
     }
   }
   return result;
+}
+
+/// The same for detectors that need to see at least one edge of the object.
+template <class DetectOne>
+Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one) {
+  return detect_each(segments, params, detect_one, [&](std::size_t i) {
+    const Segment& segment = segments.segments[i];
+    return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : "both ends hidden";
+  });
 }
 
 }  // namespace situation_awareness
