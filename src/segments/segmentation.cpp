@@ -92,6 +92,29 @@ SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const Segment
   return SegmentEnd::kOccluded;  // nothing known about what is beside it
 }
 
+/// Azimuth beyond the hidden end at reading position `k` of which nothing is known: blocked by something nearer, or not
+/// in the scan. Looked for as far as an object could reach.
+double hidden_rad(const Reading& reading, std::size_t k, int step, double resolution_rad,
+                  const SegmentationParams& params) {
+  const auto n = static_cast<std::ptrdiff_t>(reading.size());
+  const Point end = reading.at(k);
+  const double reach_rad = std::min(2.0 * params.max_object_extent_m / end.range_m, kPi);
+  const auto most = std::min(static_cast<std::ptrdiff_t>(reach_rad / resolution_rad), n - 1);
+  auto position = static_cast<std::ptrdiff_t>(k);
+  for (std::ptrdiff_t blocked = 0; blocked < most; ++blocked) {
+    position += step;
+    if (position < 0 || position >= n) {
+      if (!reading.full_circle()) break;
+      position = (position + n) % n;
+    }
+    const Point beside = reading.at(static_cast<std::size_t>(position));
+    const bool passed = beside.state == BeamState::kFree ||
+                        (is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m);
+    if (passed) return static_cast<double>(blocked) * resolution_rad;
+  }
+  return reach_rad;
+}
+
 /// Largest distance between two points, found from one end by two sweeps: never more than 1 / sqrt(3) too small.
 double extent_m(const Point* points, std::size_t count) {
   std::size_t far = 0;
@@ -214,6 +237,11 @@ Segments segment(const Points& points, const SegmentationParams& params) {
       segment.count = count;
       segment.right_end = end_at(reading, first_read, -1, params);
       segment.left_end = end_at(reading, last_read, +1, params);
+      const auto hidden_beside = [&](SegmentEnd end, std::size_t k, int step) {
+        return is_silhouette(end) ? 0.0 : hidden_rad(reading, k, step, points.resolution_rad, params);
+      };
+      segment.right_hidden_rad = hidden_beside(segment.right_end, first_read, -1);
+      segment.left_hidden_rad = hidden_beside(segment.left_end, last_read, +1);
       const Point* data = &result.points[first];
       const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
       if (extent_m(data, count) > params.max_object_extent_m || concavity_m(data, count) > params.max_concavity_m ||

@@ -68,6 +68,13 @@ TEST(Segmentation, SaysWhyASegmentEnds) {
   EXPECT_EQ(wall_left.left_end, SegmentEnd::kFree);
   EXPECT_EQ(last.right_end, SegmentEnd::kFree);
   EXPECT_EQ(last.left_end, SegmentEnd::kScanEdge);
+
+  // Behind the near ellipse nothing is known; past it, the wall shows that the far one has ended.
+  const SegmentationParams params;
+  EXPECT_NEAR(far.right_hidden_rad, static_cast<double>(near.count) * segments.resolution_rad, 1e-9);
+  EXPECT_EQ(far.left_hidden_rad, 0.0);
+  EXPECT_EQ(near.right_hidden_rad, 0.0);
+  EXPECT_NEAR(last.left_hidden_rad, 2.0 * params.max_object_extent_m / 2.8, 0.05);  // as far as an object could reach
 }
 
 TEST(Segmentation, LooksThroughInvalidBeamsAndStopsAtTooCloseOnes) {
