@@ -23,7 +23,7 @@ Detections detections_of_grid(int elements, int scan, Random& random) {
     Detection detection;
     detection.ellipse_level = {
         {2.0 * (i % columns) + 0.01 * random.normal(), 2.0 * (i / columns) + 0.01 * random.normal()}, 0.3, 0.3, 0.2};
-    detection.covariance = Vector5d(0.02, 0.02, 0.1, 0.02, 0.02).array().square().matrix().asDiagonal();
+    detection.covariance = 4e-4 * Matrix5d::Identity();
     detection.beams = 20;
     detections.detections.push_back(detection);
   }

@@ -217,8 +217,7 @@ Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& pa
   return x;
 }
 
-Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
-                         const Problem& problem, const Vector5d& x) {
+Detection make_detection(const Segments& segments, std::size_t segment, const Problem& problem, const Vector5d& x) {
   const Segment& piece = segments.segments[segment];
   Matrix5d A;
   Vector5d b;
@@ -226,8 +225,7 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
   Detection detection;
   detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
   detection.ellipse_level = ellipse_from_smooth_parameters(x);
-  detection.covariance = ellipse_covariance(detection.ellipse_level, A.llt().solve(Matrix5d::Identity()));
-  if (detection.hidden_end) detection.covariance *= params.hidden_end_factor * params.hidden_end_factor;
+  detection.covariance = A.llt().solve(Matrix5d::Identity());
   detection.residual_rms_m = problem.residual_rms_m(x);
   detection.beams = static_cast<int>(piece.count);
   detection.segment = segment;
@@ -241,41 +239,6 @@ void EllipseFitParams::validate() const {
   if (!(min_radius_m < max_radius_m)) {
     throw std::invalid_argument("detections.fit.min_radius_m must be less than detections.fit.max_radius_m");
   }
-}
-
-Vector5d smooth_parameters(const Ellipse& ellipse) {
-  const double half_difference = 0.5 * (ellipse.rx_m - ellipse.ry_m);
-  Vector5d x;
-  x << ellipse.center_m, 0.5 * (ellipse.rx_m + ellipse.ry_m), half_difference * std::cos(2.0 * ellipse.psi_rad),
-      half_difference * std::sin(2.0 * ellipse.psi_rad);
-  return x;
-}
-
-Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters) {
-  const double half_difference = parameters.tail<2>().norm();
-  return {parameters.head<2>(), 0.5 * std::atan2(parameters(4), parameters(3)), parameters(2) + half_difference,
-          parameters(2) - half_difference};
-}
-
-Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance) {
-  const double half_difference = std::max(0.5 * (ellipse.rx_m - ellipse.ry_m), 1e-6);
-  const double c = std::cos(2.0 * ellipse.psi_rad);
-  const double s = std::sin(2.0 * ellipse.psi_rad);
-  Matrix5d J = Matrix5d::Zero();
-  J.topLeftCorner<2, 2>().setIdentity();
-  J.row(2) << 0.0, 0.0, 0.0, -s / (2.0 * half_difference), c / (2.0 * half_difference);
-  J.row(3) << 0.0, 0.0, 1.0, c, s;
-  J.row(4) << 0.0, 0.0, 1.0, -c, -s;
-  Matrix5d covariance = J * smooth_covariance * J.transpose();
-
-  const double max_psi_sigma = kPi / std::sqrt(12.0);
-  const double psi_sigma = std::sqrt(covariance(2, 2));
-  if (psi_sigma > max_psi_sigma) {
-    const double scale = max_psi_sigma / psi_sigma;
-    covariance.row(2) *= scale;
-    covariance.col(2) *= scale;
-  }
-  return 0.5 * (covariance + covariance.transpose());
 }
 
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
@@ -292,7 +255,7 @@ Detection fit_ellipse(const Segments& segments, std::size_t segment, const Ellip
     best = x;
     best_cost = cost;
   }
-  return make_detection(segments, segment, params, problem, best);
+  return make_detection(segments, segment, problem, best);
 }
 
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
@@ -300,7 +263,7 @@ Detection assess_ellipse(const Segments& segments, std::size_t segment, const El
   Vector5d x = smooth_parameters(canonical(ellipse_level));
   bound_radii(x, params.min_radius_m);
   const Problem problem(segments, segments.segments[segment], params);
-  return make_detection(segments, segment, params, problem, x);
+  return make_detection(segments, segment, problem, x);
 }
 
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {

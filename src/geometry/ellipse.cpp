@@ -50,6 +50,41 @@ double symmetric_characteristic_distance(const Ellipse& a, const Ellipse& b) {
   return std::min(characteristic_distance(a, b), characteristic_distance(a, b_turned));
 }
 
+Vector5d smooth_parameters(const Ellipse& ellipse) {
+  const double half_difference = 0.5 * (ellipse.rx_m - ellipse.ry_m);
+  Vector5d x;
+  x << ellipse.center_m, 0.5 * (ellipse.rx_m + ellipse.ry_m), half_difference * std::cos(2.0 * ellipse.psi_rad),
+      half_difference * std::sin(2.0 * ellipse.psi_rad);
+  return x;
+}
+
+Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters) {
+  const double half_difference = parameters.tail<2>().norm();
+  return {parameters.head<2>(), 0.5 * std::atan2(parameters(4), parameters(3)), parameters(2) + half_difference,
+          parameters(2) - half_difference};
+}
+
+Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance) {
+  const double half_difference = std::max(0.5 * (ellipse.rx_m - ellipse.ry_m), 1e-6);
+  const double c = std::cos(2.0 * ellipse.psi_rad);
+  const double s = std::sin(2.0 * ellipse.psi_rad);
+  Matrix5d J = Matrix5d::Zero();
+  J.topLeftCorner<2, 2>().setIdentity();
+  J.row(2) << 0.0, 0.0, 0.0, -s / (2.0 * half_difference), c / (2.0 * half_difference);
+  J.row(3) << 0.0, 0.0, 1.0, c, s;
+  J.row(4) << 0.0, 0.0, 1.0, -c, -s;
+  Matrix5d covariance = J * smooth_covariance * J.transpose();
+
+  const double max_psi_sigma = kPi / std::sqrt(12.0);
+  const double psi_sigma = std::sqrt(covariance(2, 2));
+  if (psi_sigma > max_psi_sigma) {
+    const double scale = max_psi_sigma / psi_sigma;
+    covariance.row(2) *= scale;
+    covariance.col(2) *= scale;
+  }
+  return 0.5 * (covariance + covariance.transpose());
+}
+
 std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2d& origin,
                                     const Eigen::Vector2d& direction) {
   // In the ellipse's own frame, scaled by its radii, the curve is the unit circle: |o + s d|^2 = 1.

@@ -5,7 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 #include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -137,6 +141,50 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
   }
   EXPECT_GT(covered, 100);
   EXPECT_FALSE(EllipsesByX({}).cover({0.0, 0.0}));
+}
+
+TEST(SmoothParameters, RoundTripAndAreTheSameForEveryDescription) {
+  Random random(1);
+  for (int i = 0; i < 200; ++i) {
+    const Ellipse ellipse = canonical(random_ellipse(random));
+    const Ellipse back = ellipse_from_smooth_parameters(smooth_parameters(ellipse));
+    EXPECT_LT(symmetric_characteristic_distance(ellipse, back), 1e-9);
+    Ellipse turned = ellipse;
+    turned.psi_rad += kPi / 2.0;
+    std::swap(turned.rx_m, turned.ry_m);
+    EXPECT_LT((smooth_parameters(turned) - smooth_parameters(ellipse)).norm(), 1e-9);
+  }
+}
+
+TEST(EllipseCovariance, EqualsThatOfManyDraws) {
+  Random random(2);
+  const Ellipse ellipse{{2.0, 1.0}, 0.4, 0.4, 0.15};
+  Matrix5d covariance = Matrix5d::Zero();
+  Matrix5d L = Matrix5d::Zero();
+  for (int i = 0; i < 5; ++i) {
+    for (int j = 0; j <= i; ++j) L(i, j) = 0.003 * random.normal();
+  }
+  const Matrix5d smooth_covariance = L * L.transpose() + 1e-8 * Matrix5d::Identity();
+  const Matrix5d root = smooth_covariance.llt().matrixL();
+  const int draws = 20000;
+  for (int i = 0; i < draws; ++i) {
+    Vector5d normal;
+    for (int k = 0; k < 5; ++k) normal(k) = random.normal();
+    const Ellipse draw = ellipse_from_smooth_parameters(smooth_parameters(ellipse) + root * normal);
+    Vector5d error;
+    error << draw.center_m - ellipse.center_m, wrap_to_half_pi(draw.psi_rad - ellipse.psi_rad),
+        draw.rx_m - ellipse.rx_m, draw.ry_m - ellipse.ry_m;
+    covariance += error * error.transpose() / draws;
+  }
+  const Matrix5d predicted = ellipse_covariance(ellipse, smooth_covariance);
+  EXPECT_LT((covariance - predicted).norm(), 0.05 * predicted.norm());
+}
+
+TEST(EllipseCovariance, OfACircleIsFiniteAndItsAxisUnknown) {
+  const Matrix5d covariance = ellipse_covariance({{2.0, 0.0}, 0.0, 0.2, 0.2}, 1e-4 * Matrix5d::Identity());
+  EXPECT_TRUE(covariance.allFinite());
+  EXPECT_NEAR(std::sqrt(covariance(2, 2)), kPi / std::sqrt(12.0), 1e-9);
+  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix5d>(covariance).eigenvalues().minCoeff(), 0.0);
 }
 
 }  // namespace

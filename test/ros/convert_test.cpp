@@ -178,6 +178,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   Detection detection;
   detection.ellipse_level = {{3.0, -1.0}, 0.5, 0.3, 0.2};
   for (int i = 0; i < 25; ++i) detection.covariance.data()[i] = 0.001 * i;
+  detection.p_ellipse = 0.75;
   detection.residual_rms_m = 0.004;
   detection.beams = 42;
   detection.segment = 7;
@@ -193,6 +194,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].ellipse_level.rx_m, detection.ellipse_level.rx_m);
   EXPECT_EQ(back.detections[0].ellipse_level.ry_m, detection.ellipse_level.ry_m);
   EXPECT_EQ(back.detections[0].covariance, detection.covariance);
+  EXPECT_EQ(back.detections[0].p_ellipse, 0.75);
   EXPECT_EQ(back.detections[0].residual_rms_m, detection.residual_rms_m);
   EXPECT_EQ(back.detections[0].beams, 42);
   EXPECT_EQ(back.detections[0].segment, 7U);
@@ -203,6 +205,11 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   msg = detections_to_msg(detections, "world");
   msg.detections[0].covariance[3] = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  for (const double p : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()}) {
+    msg = detections_to_msg(detections, "world");
+    msg.detections[0].p_ellipse = p;
+    EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  }
 }
 
 TEST(ConvertObjects, SurvivesTheRoundTrip) {

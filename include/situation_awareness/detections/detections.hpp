@@ -5,22 +5,18 @@
 #include <cstdint>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 
 namespace situation_awareness {
 
-using Matrix5d = Eigen::Matrix<double, 5, 5>;
-using Vector5d = Eigen::Matrix<double, 5, 1>;
-
 /// An ellipse found in one segment.
 struct Detection {
   Ellipse ellipse_level;                   ///< in the level frame, rx >= ry > 0
-  Matrix5d covariance = Matrix5d::Zero();  ///< of the error of (t_x, t_y, psi, rx, ry) in the level frame
+  Matrix5d covariance = Matrix5d::Zero();  ///< of the error of its smooth_parameters (t_x, t_y, m, p, q)
   double residual_rms_m = 0.0;             ///< of the hits against the ellipse, along its normal
+  double p_ellipse = 1.0;                  ///< probability that the segment is one ellipse at all
   int beams = 0;                           ///< number of hits it was found from
   bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may go on
   std::size_t segment = 0;                 ///< index in Segments::segments

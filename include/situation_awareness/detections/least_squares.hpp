@@ -16,7 +16,6 @@ struct EllipseFitParams {
   double mean_radius_m = 0.22;
   double mean_radius_sigma_m = 0.12;
   double radius_difference_sigma_m = 0.06;
-  double hidden_end_factor = 4.0;
   double min_radius_m = 0.03;
   double max_radius_m = 0.8;
   double max_residual_m = 0.06;
@@ -33,8 +32,6 @@ struct EllipseFitParams {
           "prior standard deviation of (rx + ry) / 2");
     visit("radius_difference_sigma_m", self.radius_difference_sigma_m, Bounds{1e-3, 10.0}, "m",
           "prior standard deviation of each component of (rx - ry) / 2 (cos 2 psi, sin 2 psi)");
-    visit("hidden_end_factor", self.hidden_end_factor, Bounds{1.0, 100.0}, "",
-          "standard deviations grow by this where an end is hidden: such errors repeat from scan to scan");
     visit("min_radius_m", self.min_radius_m, Bounds{1e-3, 10.0}, "m", "a fitted radius is kept at or above this");
     visit("max_radius_m", self.max_radius_m, Bounds{0.01, 100.0}, "m", "a larger ellipse is refused");
     visit("max_residual_m", self.max_residual_m, Bounds{1e-3, 10.0}, "m",
@@ -45,15 +42,6 @@ struct EllipseFitParams {
   /// Throws std::invalid_argument naming field and bound.
   void validate() const;
 };
-
-/// The ellipse (t_x, t_y, m, p, q) with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi): smooth
-/// everywhere, at circles and at psi = +-pi/2 too.
-Vector5d smooth_parameters(const Ellipse& ellipse);
-Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
-
-/// Covariance of (t_x, t_y, psi, rx, ry) from that of the smooth parameters. Near a circle psi is unknown: its standard
-/// deviation is held at that of a uniform axis, pi / sqrt(12).
-Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance);
 
 /// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
 /// silhouette end miss it within the beam spacing, and radii follow the prior.

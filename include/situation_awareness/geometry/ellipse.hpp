@@ -10,6 +10,9 @@
 
 namespace situation_awareness {
 
+using Matrix5d = Eigen::Matrix<double, 5, 5>;
+using Vector5d = Eigen::Matrix<double, 5, 1>;
+
 /// Ellipse in the plane of some frame b (ellipse paper, Sect. III-B): centre, orientation of its own x axis in b, and
 /// semi-axes along its own x and y axes. Four parameter sets describe the same curve; `canonical` picks one.
 struct Ellipse {
@@ -37,6 +40,15 @@ double characteristic_distance(const Ellipse& a, const Ellipse& b);
 
 /// The same, over the pairing that a rotation of either ellipse by pi leaves unchanged: the smaller of the two.
 double symmetric_characteristic_distance(const Ellipse& a, const Ellipse& b);
+
+/// The ellipse (t_x, t_y, m, p, q) with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi): smooth
+/// everywhere, at circles and at psi = +-pi/2 too.
+Vector5d smooth_parameters(const Ellipse& ellipse);
+Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
+
+/// Covariance of (t_x, t_y, psi, rx, ry) from that of the smooth parameters. Near a circle psi is unknown: its standard
+/// deviation is held at that of a uniform axis, pi / sqrt(12).
+Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance);
 
 /// Distance from `origin` along the unit vector `direction` to the first crossing of the curve in front of the origin,
 /// or nothing if the ray misses. From inside, the crossing is where the ray leaves.

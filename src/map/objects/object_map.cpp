@@ -72,7 +72,8 @@ void ObjectMap::predict_elements(double dt_s) {
 }
 
 Measurement ObjectMap::measurement_of(const Detection& detection) const {
-  Measurement measurement{detection.ellipse_level, detection.covariance};
+  Measurement measurement{detection.ellipse_level, ellipse_covariance(detection.ellipse_level, detection.covariance)};
+  if (detection.hidden_end) measurement.covariance *= params_.hidden_end_factor * params_.hidden_end_factor;
   const double variance = params_.measurement_sigma_m * params_.measurement_sigma_m;
   for (const int place : {0, 1, 3, 4}) measurement.covariance(place, place) += variance;
   return measurement;

@@ -29,6 +29,7 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     element.rx = detection.ellipse_level.rx_m;
     element.ry = detection.ellipse_level.ry_m;
     Eigen::Map<RowMajor5d>(element.covariance.data()) = detection.covariance;
+    element.p_ellipse = detection.p_ellipse;
     element.residual = detection.residual_rms_m;
     element.beams = static_cast<std::uint32_t>(detection.beams);
     element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
@@ -47,6 +48,7 @@ Detections detections_from_msg(const DetectionArray& msg) {
     Detection& detection = detections.detections[i];
     detection.ellipse_level = {{element.x, element.y}, element.psi, element.rx, element.ry};
     detection.covariance = Eigen::Map<const RowMajor5d>(element.covariance.data());
+    detection.p_ellipse = element.p_ellipse;
     detection.residual_rms_m = element.residual;
     detection.beams = static_cast<int>(element.beams);
     detection.hidden_end = element.hidden_end != 0;
@@ -54,6 +56,9 @@ Detections detections_from_msg(const DetectionArray& msg) {
     if (!std::isfinite(element.x + element.y + element.psi + element.rx + element.ry + element.residual) ||
         !detection.covariance.allFinite()) {
       throw std::invalid_argument("a detection is not finite");
+    }
+    if (!(element.p_ellipse >= 0.0 && element.p_ellipse <= 1.0)) {
+      throw std::invalid_argument("the p_ellipse of a detection is not in [0, 1]");
     }
     if (!(element.rx >= element.ry && element.ry > 0.0)) {
       throw std::invalid_argument("the radii of a detection are not rx >= ry > 0");

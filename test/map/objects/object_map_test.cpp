@@ -23,7 +23,7 @@ constexpr double kScanPeriodS = 0.05;
 Detection detection_of(const Ellipse& ellipse_level) {
   Detection detection;
   detection.ellipse_level = canonical(ellipse_level);
-  detection.covariance = Vector5d(0.02, 0.02, 0.1, 0.02, 0.02).array().square().matrix().asDiagonal();
+  detection.covariance = 4e-4 * Matrix5d::Identity();
   detection.beams = 20;
   return detection;
 }
@@ -64,6 +64,30 @@ TEST(ObjectMap, ObservationsWithAHiddenEndTakeLongerToConvince) {
     map.update(detections);
   }
   EXPECT_EQ(scans, 12);  // 3 / 0.25
+}
+
+TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
+  ObjectMapParams params;
+  params.robot_position_sigma_m = params.robot_yaw_sigma_rad = params.measurement_sigma_m = 0.0;
+  params.min_observations = params.hidden_observation_weight = 1.0;
+  params.hidden_end_factor = 3.0;
+  const auto covariance_of = [&](bool hidden_end) {
+    ObjectMap map(params);
+    Detections detections = detections_at(0.0, {{{3.0, 0.0}, 0.4, 0.3, 0.1}});
+    detections.detections[0].hidden_end = hidden_end;
+    map.update(detections);
+    const Matrix8d P = map.at(0).objects.at(0).covariance;
+    Matrix5d covariance = Matrix5d::Zero();  // of position, orientation and radii
+    const int places[] = {kPosition, kPosition + 1, kOrientation, kRadii, kRadii + 1};
+    for (int r = 0; r < 5; ++r) {
+      for (int c = 0; c < 5; ++c) covariance(r, c) = P(places[r], places[c]);
+    }
+    return covariance;
+  };
+  const Ellipse ellipse{{3.0, 0.0}, 0.4, 0.3, 0.1};
+  const Matrix5d R = ellipse_covariance(ellipse, detection_of(ellipse).covariance);
+  EXPECT_LT((covariance_of(false) - R).norm(), 1e-9);
+  EXPECT_LT((covariance_of(true) - 9.0 * R).norm(), 1e-9);
 }
 
 TEST(ObjectMap, FollowsAMovingObjectAndPredictsItOnDemand) {
@@ -199,9 +223,7 @@ TEST(ObjectMap, ACircleKeepsABoundedPositiveDefiniteCovariance) {
   ObjectMap map{ObjectMapParams{}};
   Random random(4);
   for (int i = 0; i < 5000; ++i) {
-    Detections detections = detections_at(i * kScanPeriodS, {{{3.0, 0.0}, random.uniform(-1.5, 1.5), 0.2, 0.2}});
-    detections.detections[0].covariance(2, 2) = kPi * kPi / 12.0;
-    map.update(detections);
+    map.update(detections_at(i * kScanPeriodS, {{{3.0, 0.0}, random.uniform(-1.5, 1.5), 0.2, 0.2}}));
   }
   const Objects objects = map.at(map.stamp_ns());
   ASSERT_EQ(objects.objects.size(), 1U);

@@ -26,6 +26,7 @@ struct ObjectMapParams {
   double robot_position_sigma_m = 0.01;
   double robot_yaw_sigma_rad = 0.003;
   double measurement_sigma_m = 0.02;
+  double hidden_end_factor = 4.0;
   double gate_probability = 0.999;
   double min_observations = 3.0;
   double hidden_observation_weight = 0.25;
@@ -52,6 +53,9 @@ struct ObjectMapParams {
           "standard deviation of the robot's yaw");
     visit("measurement_sigma_m", self.measurement_sigma_m, Bounds{0.0, 1.0}, "m",
           "added to each detection's own standard deviation of centre and radii");
+    visit("hidden_end_factor", self.hidden_end_factor, Bounds{1.0, 100.0}, "",
+          "a detection's own standard deviations grow by this where an end is hidden: such errors repeat from scan to "
+          "scan");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
           "part of an element's true detections that its chi-square gate lets in");
     visit("min_observations", self.min_observations, Bounds{1.0, 1000.0}, "",
