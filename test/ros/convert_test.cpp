@@ -43,8 +43,9 @@ Segments some_segments() {
     segments.points.push_back(
         {azimuth_rad, 2.0, {2.0 * std::cos(azimuth_rad), 2.0 * std::sin(azimuth_rad)}, i, BeamState::kHit});
   }
-  segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree});
-  segments.segments.push_back({4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kBackground});
+  segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree, 0.03125, 0.0});
+  segments.segments.push_back(
+      {4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1});
   return segments;
 }
 
@@ -127,6 +128,8 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
     EXPECT_EQ(back.segments[i].kind, segments.segments[i].kind);
     EXPECT_EQ(back.segments[i].right_end, segments.segments[i].right_end);
     EXPECT_EQ(back.segments[i].left_end, segments.segments[i].left_end);
+    EXPECT_EQ(back.segments[i].right_hidden_rad, segments.segments[i].right_hidden_rad);
+    EXPECT_EQ(back.segments[i].left_hidden_rad, segments.segments[i].left_hidden_rad);
   }
 }
 
@@ -144,6 +147,15 @@ TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
   msg = good;
   msg.segments[0].left_end = 4;
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  for (const double hidden : {-0.001, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    msg = good;
+    msg.segments[0].right_hidden = hidden;
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+    msg = good;
+    msg.segments[1].left_hidden = hidden;
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  }
   msg = good;
   msg.points[0].range = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);

@@ -33,8 +33,9 @@ struct Segment {
   SegmentKind kind = SegmentKind::kObject;
   SegmentEnd right_end = SegmentEnd::kFree;  ///< at its lowest azimuth
   SegmentEnd left_end = SegmentEnd::kFree;   ///< at its highest azimuth
-  double right_hidden_rad = 0.0;  ///< azimuth beyond that end which something nearer blocks, or the scan does not reach
-  double left_hidden_rad = 0.0;   ///< the same at the other end; 0 at a silhouette
+  /// Azimuth beyond that end which something nearer blocks, or the scan does not reach; 0 at a silhouette.
+  double right_hidden_rad = 0.0;
+  double left_hidden_rad = 0.0;
 };
 
 /// The segments of one scan, by growing azimuth. Every point is a hit; the points of a segment are contiguous and their

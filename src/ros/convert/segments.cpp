@@ -49,6 +49,8 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
     msg.segments[i].kind = static_cast<std::uint8_t>(segment.kind);
     msg.segments[i].right_end = static_cast<std::uint8_t>(segment.right_end);
     msg.segments[i].left_end = static_cast<std::uint8_t>(segment.left_end);
+    msg.segments[i].right_hidden = segment.right_hidden_rad;
+    msg.segments[i].left_hidden = segment.left_hidden_rad;
   }
   return msg;
 }
@@ -73,8 +75,16 @@ Segments segments_from_msg(const SegmentArray& msg) {
     check(segment.kind <= LaserSegment::STRUCTURE, "a segment is of an unknown kind");
     check(segment.right_end <= LaserSegment::SCAN_EDGE && segment.left_end <= LaserSegment::SCAN_EDGE,
           "an end of a segment is of an unknown kind");
-    segments.segments[i] = {segment.first, segment.count, static_cast<SegmentKind>(segment.kind),
-                            static_cast<SegmentEnd>(segment.right_end), static_cast<SegmentEnd>(segment.left_end)};
+    check(std::isfinite(segment.right_hidden + segment.left_hidden) && segment.right_hidden >= 0.0 &&
+              segment.left_hidden >= 0.0,
+          "a hidden azimuth of a segment is not a number >= 0");
+    segments.segments[i] = {segment.first,
+                            segment.count,
+                            static_cast<SegmentKind>(segment.kind),
+                            static_cast<SegmentEnd>(segment.right_end),
+                            static_cast<SegmentEnd>(segment.left_end),
+                            segment.right_hidden,
+                            segment.left_hidden};
   }
   return segments;
 }
