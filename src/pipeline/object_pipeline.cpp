@@ -3,15 +3,9 @@
 
 #include <stdexcept>
 
-#include "situation_awareness/detections/network.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
-
-std::unique_ptr<Detector> make_detector(const DetectionParams& params) {
-  if (params.model.empty()) return std::make_unique<LeastSquaresDetector>(params.fit);
-  return std::make_unique<NetworkDetector>(params.model, params.fit);
-}
 
 ObjectPipeline::ObjectPipeline(const ObjectPipelineParams& params)
     : params_(params), detector_(make_detector(params.detections)), map_(params.objects) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <array>
-#include <filesystem>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -113,20 +112,18 @@ ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const
   read_section(sections, "objects", params.objects, source);
 
   ReadFields detections(sections.nested("detections"), "detections", source);
-  detections("model", params.detections.model, "");
+  DetectionParams::fields(params.detections, detections);
   ReadFields fit(detections.nested("fit"), "detections.fit", source);
   EllipseFitParams::fields(params.detections.fit, fit);
   fit.refuse_unknown_keys();
   detections.refuse_unknown_keys();
   sections.refuse_unknown_keys();
 
-  if (!params.detections.model.empty()) {
-    params.detections.model = (std::filesystem::path(model_folder) / params.detections.model).string();
-  }
+  params.detections.model_folder = model_folder;
   try {
     params.scan.validate();
     params.segments.validate();
-    params.detections.fit.validate();
+    params.detections.validate();
     params.objects.validate();
   } catch (const std::invalid_argument& error) {
     fail(source, error.what());

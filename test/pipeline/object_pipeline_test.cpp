@@ -25,14 +25,15 @@ std::string refusal_of(const std::string& yaml) {
 
 TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
   const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
-  EXPECT_EQ(params.detections.model, kSource + "/models/ellipse_vgg.onnx");
+  EXPECT_EQ(params.detections.detector, "network");
+  EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse_vgg.onnx");
 }
 
 TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
   const ObjectPipelineParams params = parse_object_pipeline_params(
       "scan: {max_range_m: 5, volume: [[1, 0, 0, 2.5], [0, -1, 0, 3]]}\n"
       "segments: {min_points: 6}\n"
-      "detections: {model: /opt/m.onnx, fit: {range_sigma_m: 0.02}}\n"
+      "detections: {detector: vgg_polar, model: /opt/m.onnx, min_p_ellipse: 0.9, fit: {range_sigma_m: 0.02}}\n"
       "objects:\n",
       "my.yaml", "models");
   EXPECT_EQ(params.scan.max_range_m, 5.0);
@@ -41,7 +42,9 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
   EXPECT_EQ(params.scan.volume[1].normal_world, -Eigen::Vector3d::UnitY());
   EXPECT_EQ(params.scan.volume[1].offset_m, 3.0);
   EXPECT_EQ(params.segments.min_points, 6);
-  EXPECT_EQ(params.detections.model, "/opt/m.onnx");
+  EXPECT_EQ(params.detections.detector, "vgg_polar");
+  EXPECT_EQ(model_path(params.detections), "/opt/m.onnx");
+  EXPECT_EQ(params.detections.min_p_ellipse, 0.9);
   EXPECT_EQ(params.detections.fit.range_sigma_m, 0.02);
   EXPECT_EQ(params.objects.min_observations, ObjectMapParams{}.min_observations);
   EXPECT_EQ(parse_object_pipeline_params("", "my.yaml", "").segments.min_points, SegmentationParams{}.min_points);
@@ -57,6 +60,9 @@ TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
   EXPECT_EQ(refusal_of("scan: {range: 3}"),
             "my.yaml: unknown parameter scan.range, known are: max_range_m, min_range_m, volume");
   EXPECT_EQ(refusal_of("detections: {fit: {sigma: 1}}").find("my.yaml: unknown parameter detections.fit.sigma"), 0U);
+  EXPECT_EQ(refusal_of("detections: {min_p_ellipse: 1.5}"),
+            "my.yaml: detections.min_p_ellipse = 1.5 is outside [0, 1]");
+  EXPECT_EQ(refusal_of("detections: {detector: magic}").find("my.yaml: detections.detector = magic is unknown"), 0U);
   EXPECT_EQ(refusal_of("segment: {min_points: 4}"),
             "my.yaml: unknown parameter segment, known are: detections, objects, scan, segments");
   EXPECT_EQ(refusal_of("scan: 3"), "my.yaml: scan must be a map of parameters");
@@ -64,10 +70,17 @@ TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
   EXPECT_THROW(load_object_pipeline_params("/does/not/exist.yaml", ""), std::invalid_argument);
 }
 
+ObjectPipelineParams params_without_model() {
+  ObjectPipelineParams params;
+  params.detections.detector = "least_squares";
+  return params;
+}
+
 TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
-  for (const char* model : {"", "ellipse_vgg.onnx"}) {
-    ObjectPipelineParams params = parse_object_pipeline_params(std::string("detections: {model: \"") + model + "\"}",
-                                                               "test", kSource + "/models");
+  for (const char* detector : {"least_squares", "network", "vgg_polar"}) {
+    ObjectPipelineParams params;
+    params.detections.detector = detector;
+    params.detections.model_folder = kSource + "/models";
     ObjectPipeline pipeline(params);
     Random random(1);
     const Ellipse standing{{3.0, 1.5}, 0.6, 0.4, 0.2};
@@ -87,14 +100,14 @@ TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
     for (const Object& object : map.objects) {
       const bool stands = object.ellipse_world.center_m.y() > 0.5;
       const Ellipse truth = stands ? standing : walking(time_s);
-      EXPECT_LT((object.ellipse_world.center_m - truth.center_m).norm(), 0.05) << "model '" << model << "'";
+      EXPECT_LT((object.ellipse_world.center_m - truth.center_m).norm(), 0.05) << detector;
       EXPECT_LT((object.velocity_world_m_s - Eigen::Vector2d(0.0, stands ? 0.0 : 0.8)).norm(), 0.15);
     }
   }
 }
 
 TEST(ObjectPipeline, AnUnusableScanThrowsAndLeavesTheMapAlone) {
-  ObjectPipeline pipeline{ObjectPipelineParams{}};
+  ObjectPipeline pipeline(params_without_model());
   Scan scan;
   EXPECT_THROW(pipeline.process(scan, Eigen::Isometry3d::Identity()), std::invalid_argument);
   LevelScene scene;
@@ -105,7 +118,7 @@ TEST(ObjectPipeline, AnUnusableScanThrowsAndLeavesTheMapAlone) {
 }
 
 TEST(ObjectPipeline, AnythingASensorMaySendIsHandled) {
-  ObjectPipeline pipeline{ObjectPipelineParams{}};
+  ObjectPipeline pipeline(params_without_model());
   Random random(2);
   for (int i = 0; i < 300; ++i) {
     Scan scan;

@@ -83,7 +83,7 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   EXPECT_EQ(params.pipeline.scan.max_range_m, 7.0);
   ASSERT_EQ(params.pipeline.scan.volume.size(), 1U);
   EXPECT_EQ(params.pipeline.scan.volume[0].offset_m, 4.5);
-  EXPECT_EQ(params.pipeline.detections.model, "/models/net.onnx");
+  EXPECT_EQ(model_path(params.pipeline.detections), "/models/net.onnx");
 }
 
 TEST(NodeletParams, RefuseInOneSentence) {

@@ -15,6 +15,8 @@ from rosgraph_msgs.msg import Log
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import wait_until  # noqa: E402
 
+LEAST_SQUARES = {"detections": {"detector": "least_squares"}}  # needs no model
+
 
 class RefuseTest(unittest.TestCase):
     @classmethod
@@ -59,6 +61,10 @@ class RefuseTest(unittest.TestCase):
         self.assert_refused("detection", {"model_folder": "/no/such", "detections": {"model": "net.onnx"}},
                             "/no/such/net.onnx")
 
+    def test_unknown_detector(self):
+        self.assert_refused("detection", {"detections": {"detector": "magic"}}, "detections.detector", "magic",
+                            "least_squares", "network")
+
     def test_damaged_model(self):
         with tempfile.TemporaryDirectory() as folder:
             model = pathlib.Path(folder) / "damaged.onnx"
@@ -67,27 +73,25 @@ class RefuseTest(unittest.TestCase):
 
     def test_unknown_parameter(self):
         for nodelet in ("segmentation", "detection", "mapping"):
-            self.assert_refused(nodelet, {"detections": {"model": ""}, "segments": {"max_gapp_m": 0.1}}, "max_gapp_m")
-            self.assert_refused(nodelet, {"detections": {"model": ""}, "tf_timeouts": 0.1}, "tf_timeouts")
+            self.assert_refused(nodelet, {**LEAST_SQUARES, "segments": {"max_gapp_m": 0.1}}, "max_gapp_m")
+            self.assert_refused(nodelet, {**LEAST_SQUARES, "tf_timeouts": 0.1}, "tf_timeouts")
 
     def test_out_of_range(self):
-        self.assert_refused("segmentation", {"detections": {"model": ""}, "scan": {"max_range_m": -1.0}},
+        self.assert_refused("segmentation", {**LEAST_SQUARES, "scan": {"max_range_m": -1.0}},
                             "scan", "max_range_m", "-1", "1000")
-        self.assert_refused("segmentation", {"detections": {"model": ""}, "tf_timeout_s": 1000}, "tf_timeout_s", "60")
-        self.assert_refused("segmentation", {"detections": {"model": ""}, "queue_size": 0}, "queue_size", "1")
-        self.assert_refused("mapping", {"detections": {"model": ""}, "objects": {"gate_probability": 7}},
-                            "gate_probability", "0.5")
+        self.assert_refused("segmentation", {**LEAST_SQUARES, "tf_timeout_s": 1000}, "tf_timeout_s", "60")
+        self.assert_refused("segmentation", {**LEAST_SQUARES, "queue_size": 0}, "queue_size", "1")
+        self.assert_refused("mapping", {**LEAST_SQUARES, "objects": {"gate_probability": 7}}, "gate_probability", "0.5")
 
     def test_wrong_type(self):
-        self.assert_refused("mapping", {"detections": {"model": ""}, "objects": {"min_observations": "many"}},
-                            "min_observations")
+        self.assert_refused("mapping", {**LEAST_SQUARES, "objects": {"min_observations": "many"}}, "min_observations")
         self.assert_refused("mapping", {"objects": 3}, "objects")
         self.assert_refused("segmentation", {"world_frame": 3}, "world_frame")
 
     def test_the_same_manager_still_takes_good_ones(self):
         self.assert_refused("mapping", {"objects": {"nonsense": 1}}, "nonsense")
         for nodelet in ("segmentation", "detection", "mapping"):
-            self.assert_starts(nodelet, {"detections": {"model": ""}})
+            self.assert_starts(nodelet, LEAST_SQUARES)
 
 
 if __name__ == "__main__":

@@ -3,9 +3,11 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/common/params.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
@@ -16,10 +18,31 @@
 
 namespace situation_awareness {
 
+/// Which detector, and what it needs; `detector_names()` lists those there are.
 struct DetectionParams {
-  std::string model;  ///< path of the ONNX file; empty: least squares without a model
+  std::string detector = "network";
+  std::string model;         ///< ONNX file instead of the detector's own, absolute or in model_folder; empty: its own
+  std::string model_folder;  ///< where models are looked for
+  double min_p_ellipse = 0.5;
   EllipseFitParams fit;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("detector", self.detector, "name of the detector");
+    visit("model", self.model, "ONNX file instead of the detector's own, absolute or in the folder of models");
+    visit("min_p_ellipse", self.min_p_ellipse, Bounds{0.0, 1.0}, "",
+          "a segment that is less probably one ellipse is refused");
+  }
+
+  /// Throws std::invalid_argument naming field and bound, or the known detectors.
+  void validate() const;
 };
+
+/// The names that DetectionParams::detector may have, sorted.
+std::vector<std::string> detector_names();
+
+/// Path of the network's file that the parameters ask for; empty for a detector without one.
+std::string model_path(const DetectionParams& params);
 
 /// All parameters of the way from scan to map; cfg/objects.yaml mirrors it.
 struct ObjectPipelineParams {
@@ -29,8 +52,8 @@ struct ObjectPipelineParams {
   ObjectMapParams objects;
 };
 
-/// Read parameters from YAML text; what it leaves out keeps its default. A relative detections.model is taken relative
-/// to `model_folder`. Throws std::invalid_argument with one sentence that names `source`, the field and its bound for
+/// Read parameters from YAML text; what it leaves out keeps its default. Models are looked for in
+/// `model_folder`. Throws std::invalid_argument with one sentence that names `source`, the field and its bound for
 /// an unknown key, a wrong type and a value out of bounds.
 ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
                                                   const std::string& model_folder);
@@ -38,7 +61,8 @@ ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const
 /// Same, from a file; models are looked for in `model_folder`.
 ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder);
 
-/// The detector that the parameters ask for: the network, or least squares where no model is named.
+/// The detector that the parameters ask for. It refuses detections below min_p_ellipse as "not one ellipse". Throws
+/// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming a model that cannot be used.
 std::unique_ptr<Detector> make_detector(const DetectionParams& params);
 
 /// What each stage made of one scan.

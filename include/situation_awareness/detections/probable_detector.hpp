@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+
+#include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/detections/detector.hpp"
+#include "situation_awareness/segments/segments.hpp"
+
+namespace situation_awareness {
+
+/// Another detector's detections, less those whose p_ellipse is below `min_p_ellipse`; they are refused as
+/// "not one ellipse".
+class ProbableDetector final : public Detector {
+ public:
+  ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse);
+
+  Detections detect(const Segments& segments) override;
+
+ private:
+  std::unique_ptr<Detector> detector_;
+  double min_p_ellipse_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/probable_detector.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+namespace situation_awareness {
+namespace {
+
+/// Finds an ellipse of the given probability in each segment.
+class Dice final : public Detector {
+ public:
+  explicit Dice(std::vector<double> p_ellipse) : p_ellipse_(std::move(p_ellipse)) {}
+
+  Detections detect(const Segments& segments) override {
+    Detections result;
+    result.stamp_ns = segments.stamp_ns;
+    result.refused["ellipse too large"] = 3;
+    for (std::size_t i = 0; i < p_ellipse_.size(); ++i) {
+      Detection detection;
+      detection.p_ellipse = p_ellipse_[i];
+      detection.segment = i;
+      result.detections.push_back(detection);
+    }
+    return result;
+  }
+
+ private:
+  std::vector<double> p_ellipse_;
+};
+
+TEST(ProbableDetector, KeepsWhatIsProbableInItsOrderAndCountsTheRest) {
+  Segments segments;
+  segments.stamp_ns = 7;
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6);
+  const Detections detections = detector.detect(segments);
+  EXPECT_EQ(detections.stamp_ns, 7);
+  ASSERT_EQ(detections.detections.size(), 2U);
+  EXPECT_EQ(detections.detections[0].segment, 1U);
+  EXPECT_EQ(detections.detections[1].segment, 4U);
+  EXPECT_EQ(detections.refused, (Counters{{"ellipse too large", 3}, {"not one ellipse", 3}}));
+}
+
+TEST(ProbableDetector, CountsNothingWhereNothingIsRefused) {
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.0, 1.0}), 0.0);
+  const Detections detections = detector.detect(Segments());
+  EXPECT_EQ(detections.detections.size(), 2U);
+  EXPECT_EQ(detections.refused.count("not one ellipse"), 0U);
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <stdexcept>
+#include <string>
+
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "support/affine_model.hpp"
+#include "support/lone_segments.hpp"
+
+namespace situation_awareness {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A folder with a model for every detector that needs one: networks that answer with the same ellipse always.
+class MakeDetectorTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / (std::string("situation_awareness_make_detector_") +
+                                              testing::UnitTest::GetInstance()->current_test_info()->name());
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+    for (const char* name : {"paper_vgg.onnx", "paper_alex.onnx", "paper_circle.onnx", "other.onnx"}) {
+      const bool circle = std::string(name) == "paper_circle.onnx";
+      AffineModel model = AffineModel::zero(1081, circle ? 3 : 5);
+      model.b(0) = name == std::string("other.onnx") ? 2.1F : 2.0F;
+      model.b.tail(circle ? 1 : 2).setConstant(0.2F);
+      model.write(folder_ / name);
+    }
+    const fs::path models = SITUATION_AWARENESS_SOURCE_DIR "/models";
+    for (const char* name : {"ellipse_vgg.onnx", "ellipse_vgg.manifest.yaml"}) {
+      fs::copy_file(models / name, folder_ / name);
+    }
+  }
+
+  void TearDown() override { fs::remove_all(folder_); }
+
+  DetectionParams params(const std::string& detector) const {
+    DetectionParams params;
+    params.detector = detector;
+    params.model_folder = folder_.string();
+    return params;
+  }
+
+  static std::string refusal(const DetectionParams& params) {
+    try {
+      make_detector(params);
+    } catch (const std::exception& error) {
+      return error.what();
+    }
+    return "made";
+  }
+
+  fs::path folder_;
+};
+
+TEST_F(MakeDetectorTest, EveryNameMakesADetectorThatFindsAnEllipse) {
+  const std::vector<double> azimuths_rad = level_scanner(0.25);
+  Segments segments = empty_segments(azimuths_rad);
+  ASSERT_TRUE(append_segment({{2.0, 0.0}, 0.0, 0.2, 0.2}, azimuths_rad, nullptr, segments));
+  for (const std::string& name : detector_names()) {
+    const Detections detections = make_detector(params(name))->detect(segments);
+    ASSERT_EQ(detections.detections.size(), 1U) << name;
+    EXPECT_LT((detections.detections[0].ellipse_level.center_m - Eigen::Vector2d(2.0, 0.0)).norm(), 0.05) << name;
+  }
+}
+
+TEST_F(MakeDetectorTest, AnUnknownNameIsRefusedWithThoseThatAreKnown) {
+  EXPECT_THROW(make_detector(params("magic")), std::invalid_argument);
+  const std::string sentence = refusal(params("magic"));
+  EXPECT_EQ(sentence.find("detections.detector = magic is unknown, known are: "), 0U) << sentence;
+  ASSERT_FALSE(detector_names().empty());
+  for (const std::string& name : detector_names()) EXPECT_NE(sentence.find(name), std::string::npos) << name;
+  EXPECT_EQ(refusal(params("")).find("detections.detector =  is unknown"), 0U);
+}
+
+TEST_F(MakeDetectorTest, AModelReplacesTheDetectorsOwn) {
+  const std::vector<double> azimuths_rad = level_scanner(0.25);
+  Segments segments = empty_segments(azimuths_rad);
+  ASSERT_TRUE(append_segment({{2.1, 0.0}, 0.0, 0.2, 0.2}, azimuths_rad, nullptr, segments));
+  DetectionParams other = params("vgg");
+  for (const std::string& model : {std::string("other.onnx"), (folder_ / "other.onnx").string()}) {
+    other.model = model;
+    const Detections detections = make_detector(other)->detect(segments);
+    ASSERT_EQ(detections.detections.size(), 1U);
+    EXPECT_NEAR(detections.detections[0].ellipse_level.center_m.x(), 2.1, 1e-6);
+  }
+  other.model = "none.onnx";
+  EXPECT_NE(refusal(other).find((folder_ / "none.onnx").string()), std::string::npos);
+  other = params("least_squares");
+  other.model = "other.onnx";
+  EXPECT_EQ(refusal(other), "detections.model = other.onnx, but detections.detector = least_squares has no network");
+}
+
+TEST_F(MakeDetectorTest, ParametersOutOfBoundsAreRefusedByName) {
+  DetectionParams wrong = params("least_squares");
+  wrong.min_p_ellipse = -0.1;
+  EXPECT_EQ(refusal(wrong), "detections.min_p_ellipse = -0.1 is outside [0, 1]");
+  wrong = params("least_squares");
+  wrong.fit.range_sigma_m = 0.0;
+  EXPECT_EQ(refusal(wrong).find("detections.fit.range_sigma_m"), 0U);
+}
+
+}  // namespace
+}  // namespace situation_awareness
