@@ -1,82 +1,103 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write what the C++ side loads: the ONNX file and the manifest that it is checked against."""
+"""Write what the C++ side loads: an ONNX file and the manifest that it is checked against.
+
+Besides what trainer.py asks for, a task that is to be published has
+
+    input_name, output_name, shape, outputs, fill    names, the input's shape without the batch, numbers in the
+                                                     answer, and the input where nothing returned
+    parameters                                       trainable numbers that the ONNX file must hold
+    published()                                      the nn.Module to write, with the weights as they are now
+    golden_input()                                   one input of that shape, float32
+"""
 
 import hashlib
 import io
+import pathlib
 
 import numpy as np
 import onnx
 import torch
 
-import dataset
-from network import PARAMETERS
-
 OPSET = 12
-NAME = "ellipse_vgg"
-INPUT, OUTPUT = "segment", "ellipse"
 
 
-def export(network, path):
+def export(task, network, path):
     """One ONNX file with a free batch size; its initialisers keep PyTorch's names."""
-    network.eval()
+    network = network.cpu().eval()
     buffer = io.BytesIO()
     torch.onnx.export(
-        network, (torch.zeros(2, 1, 1, dataset.BEAMS),), buffer, opset_version=OPSET, input_names=[INPUT],
-        output_names=[OUTPUT], dynamic_axes={INPUT: {0: "batch"}, OUTPUT: {0: "batch"}}, dynamo=False,
+        network, (torch.zeros(2, *task.shape),), buffer, opset_version=OPSET, input_names=[task.input_name],
+        output_names=[task.output_name], dynamic_axes={task.input_name: {0: "batch"}, task.output_name: {0: "batch"}},
+        dynamo=False,
     )
     model = onnx.load_from_string(buffer.getvalue())
-    onnx.checker.check_model(model)
+    onnx.checker.check_model(model, full_check=True)
     stored = sum(int(np.prod(tensor.dims)) for tensor in model.graph.initializer)
-    assert stored == PARAMETERS, f"{stored} parameters in the ONNX file, {PARAMETERS} expected"
+    if stored != task.parameters:
+        raise ValueError(f"{stored} parameters in the ONNX file, {task.parameters} expected")
     path.write_bytes(model.SerializeToString())
 
 
-def golden(network):
-    """One synthetic segment as (index of its first input that is not 0, its inputs, the answer)."""
-    samples = dataset.sample(np.random.default_rng(2020), 1, near_fraction=1.0)
-    row = samples.inputs(np.array([0]), dataset.MIDDLE)
-    filled = np.flatnonzero(row[0])
-    values = np.array([float(f"{v:.6f}") for v in row[0, filled[0] : filled[-1] + 1]], np.float32)
-    row[0, filled[0] : filled[-1] + 1] = values
+def golden(task, network):
+    """One input as (index of its first number that is not `fill`, its numbers with 6 decimals, the answer to these)."""
+    row = task.golden_input().reshape(-1).copy()
+    filled = np.flatnonzero(row != np.float32(task.fill))
+    part = slice(filled[0], filled[-1] + 1)
+    row[part] = np.round(row[part].astype(float), 6)
     with torch.no_grad():
-        answer = network(torch.from_numpy(row)[:, None, None]).numpy()[0]
-    return int(filled[0]), values, answer
+        answer = network(torch.from_numpy(row).reshape(1, *task.shape))[0].numpy()
+    return int(filled[0]), row[part], answer
 
 
-def numbers(values):
+def load(network, path):
+    """Put the weights of a file written by `export` into `network`, a module of the same class."""
+    tensors = {t.name: onnx.numpy_helper.to_array(t).copy() for t in onnx.load(path).graph.initializer}
+    state = network.state_dict()
+    # The exporter writes a layer without a bias as a product with the transposed matrix, under a name of its own.
+    unnamed = [tensor.T for name, tensor in tensors.items() if name not in state]
+    network.load_state_dict({
+        name: torch.from_numpy(np.ascontiguousarray(tensors[name] if name in tensors else unnamed.pop(0)))
+        for name in state
+    })
+    return network
+
+
+def _numbers(values):
     return "[" + ", ".join(f"{value:.6f}" for value in values) + "]"
 
 
-def publish(network, folder, command, seed, samples, losses):
+def _yaml(value):
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{name}: {_yaml(part)}" for name, part in value.items()) + "}"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def publish(task, folder, training):
+    """Write <task.name>.onnx and its manifest; `training` is told in the manifest, name by name."""
+    folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{NAME}.onnx"
-    export(network, path)
+    path = folder / f"{task.name}.onnx"
+    network = task.published()
+    export(task, network, path)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    first, values, answer = golden(network)
-    figures = "\n".join(
-        f"    {name}: {{samples: {n}, ordered_m: {ordered:.4f}, symmetric_m: {symmetric:.4f}, error_m: {error:.4f}}}"
-        for name, n, ordered, symmetric, error in losses
-    )
-    text = f"""\
-# Checked by situation_awareness::EllipseNetwork before {NAME}.onnx is parsed; written by scripts/train/train.py.
+    first, values, answer = golden(task, network)
+    shape = ", ".join(str(size) for size in task.shape)
+    told = "\n".join(f"  {name}: {_yaml(value)}" for name, value in training.items())
+    (folder / f"{task.name}.manifest.yaml").write_text(f"""\
+# Checked before {task.name}.onnx is parsed; written by scripts/train/train.py.
 version: 1
-file: {NAME}.onnx
+file: {task.name}.onnx
 sha256: {digest}
-parameters: {PARAMETERS}
-input: {{name: {INPUT}, shape: [batch, 1, 1, {dataset.BEAMS}]}}
-output: {{name: {OUTPUT}, shape: [batch, 5]}}
-# One segment of one ellipse: the inputs from `first` on (all others are 0) and the answer in metres.
+parameters: {task.parameters}
+input: {{name: {task.input_name}, shape: [batch, {shape}]}}
+output: {{name: {task.output_name}, shape: [batch, {task.outputs}]}}
+# One input, from index `first` on; all its other numbers are `fill`. The network must give `output`.
 golden:
   first: {first}
-  input: {numbers(values)}
-  output: {numbers(answer)}
+  fill: {task.fill:g}
+  input: {_numbers(values)}
+  output: {_numbers(answer)}
 training:
-  command: {command}
-  seed: {seed}
-  samples: {samples}
-  # Mean losses on fresh samples of the ellipse paper's distribution; the standard error is the symmetric one's.
-  losses:
-{figures}
-"""
-    (folder / f"{NAME}.manifest.yaml").write_text(text)
+{told}
+""")
     print(f"wrote {path} and its manifest, sha256 {digest}")
