@@ -19,6 +19,7 @@ from ros_support import BEAMS, scan_msg, transform_msg  # noqa: E402
 
 START_S = 1_400_000_000
 CONFIG = pathlib.Path(__file__).resolve().parent / "objects_without_model.yaml"
+MIN_POINTS = 4  # segments/min_points by default
 
 
 def stamp(i):
@@ -44,6 +45,25 @@ def write_bag(path, count=60, tf=True, static_tf=False, frame="lidar", extra=())
             bag.write("/scan", msg, stamp(offset))
 
 
+def read_lines(path):
+    def no_constants(name):
+        raise AssertionError(f"{name} is no JSON")
+    return [json.loads(line, parse_constant=no_constants) for line in path.read_text().splitlines()]
+
+
+def is_positive_definite(matrix):
+    """By Cholesky's decomposition, which exists for no other symmetric matrix."""
+    n = len(matrix)
+    L = [[0.0] * n for _ in range(n)]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i][j] - sum(L[i][k] * L[j][k] for k in range(j))
+            if i == j and rest <= 0.0:
+                return False
+            L[i][j] = math.sqrt(rest) if i == j else rest / L[j][j]
+    return True
+
+
 class MapBagTest(unittest.TestCase):
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory()
@@ -52,6 +72,8 @@ class MapBagTest(unittest.TestCase):
         self.bag = self.path / "in.bag"
         self.out = self.path / "out.jsonl"
 
+        self.detections = self.path / "detections.jsonl"
+
     def run_tool(self, *arguments):
         return subprocess.run(["rosrun", "situation_awareness", "map_bag", *map(str, arguments)], capture_output=True,
                               text=True, timeout=120, check=False)
@@ -59,9 +81,7 @@ class MapBagTest(unittest.TestCase):
     def map_bag(self, *arguments):
         result = self.run_tool(self.bag, "--out", self.out, "--config", CONFIG, *arguments)
         self.assertEqual(result.returncode, 0, result.stderr)
-        def no_constants(name):
-            raise AssertionError(f"{name} is no JSON")
-        return [json.loads(line, parse_constant=no_constants) for line in self.out.read_text().splitlines()], result
+        return read_lines(self.out), result
 
     def assert_fails(self, *arguments, parts=(), code=1):
         result = self.run_tool(*arguments)
@@ -70,7 +90,7 @@ class MapBagTest(unittest.TestCase):
         self.assertTrue(sentence.startswith("map_bag: "), result.stderr)
         for part in parts:
             self.assertIn(part, sentence)
-        self.assertFalse(self.out.exists(), "nothing half-written")
+        self.assertFalse(self.out.exists() or self.detections.exists(), "nothing half-written")
         self.assertFalse(any(self.path.glob("*.part")), "nothing left behind")
 
     def test_follows_a_moving_object(self):
@@ -102,6 +122,63 @@ class MapBagTest(unittest.TestCase):
         first = self.out.read_bytes()
         self.map_bag()
         self.assertEqual(first, self.out.read_bytes())
+
+    def test_writes_the_detections_of_every_scan(self):
+        write_bag(self.bag)
+        lines, _ = self.map_bag("--detections", self.detections)
+        found = read_lines(self.detections)
+        self.assertEqual([line["stamp"] for line in found], [line["stamp"] for line in lines])
+        for i, line in enumerate(found):
+            self.assertEqual(set(line), {"stamp", "detections"})
+            self.assertEqual(len(line["detections"]), 1)
+            detection = line["detections"][0]
+            self.assertEqual(set(detection), {"x", "y", "psi", "rx", "ry", "covariance", "p_ellipse", "beams"})
+            t = 0.05 * i
+            self.assertAlmostEqual(detection["x"], 3.0 - 0.2 * t, delta=0.1, msg="in the sensor's frame")
+            self.assertAlmostEqual(detection["y"], -1.0 + 0.5 * t, delta=0.1)
+            self.assertAlmostEqual(detection["rx"], 0.25, delta=0.1)
+            self.assertGreaterEqual(detection["rx"], detection["ry"])
+            self.assertGreater(detection["ry"], 0.0)
+            self.assertLessEqual(abs(detection["psi"]), math.pi / 2 + 1e-12)
+            self.assertEqual(len(detection["covariance"]), 25)
+            covariance = [detection["covariance"][5 * row:5 * row + 5] for row in range(5)]
+            for row in range(5):
+                for column in range(5):
+                    self.assertAlmostEqual(covariance[row][column], covariance[column][row], delta=1e-12)
+            self.assertTrue(is_positive_definite(covariance), covariance)
+            self.assertTrue(0.0 <= detection["p_ellipse"] <= 1.0)
+            self.assertIsInstance(detection["beams"], int)
+            self.assertGreaterEqual(detection["beams"], MIN_POINTS)
+
+    def test_detections_alone_are_the_same_bytes_twice(self):
+        write_bag(self.bag, count=20)
+        self.map_bag("--detections", self.detections)
+        first = self.detections.read_bytes()
+        self.out.unlink()
+        result = self.run_tool(self.bag, "--detections", self.detections, "--config", CONFIG)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(first, self.detections.read_bytes())
+        self.assertFalse(self.out.exists())
+
+    def test_the_detector_can_be_chosen(self):
+        write_bag(self.bag, count=5)
+        self.map_bag("--detections", self.detections)
+        by_least_squares = self.detections.read_bytes()
+        config = self.path / "network.yaml"
+        config.write_text("detections: {detector: network, model: none.onnx}\n")
+        for detector in ("least_squares", "network", "vgg_polar"):
+            result = self.run_tool(self.bag, "--detections", self.detections, "--config", config,
+                                   "--detector", detector)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(self.detections.read_bytes() == by_least_squares, detector == "least_squares")
+            for line in read_lines(self.detections):
+                self.assertAlmostEqual(line["detections"][0]["x"], 3.0, delta=0.1)
+        self.detections.unlink()
+        self.out.unlink()
+        self.assert_fails(self.bag, "--detections", self.detections, "--config", CONFIG, "--detector", "magic",
+                          parts=("magic", "least_squares", "network"))
+        self.assert_fails(self.bag, "--detections", self.path / "none" / "out.jsonl", "--out", self.out,
+                          "--config", CONFIG, parts=("out.jsonl",))
 
     def test_numbers_are_not_rounded(self):
         write_bag(self.bag, count=10)
@@ -176,13 +253,16 @@ class MapBagTest(unittest.TestCase):
 
     def test_arguments(self):
         self.assert_fails(code=2, parts=("IN.bag",))
-        self.assert_fails("a.bag", code=2, parts=("--out",))
+        self.assert_fails("a.bag", code=2, parts=("--out", "--detections"))
+        self.assert_fails("a.bag", "--out", "a", "--detections", "a", code=2, parts=("the same file",))
+        self.assert_fails("a.bag", "--out", "a", "--detector", code=2, parts=("--detector needs a value",))
         self.assert_fails("a.bag", "b.bag", code=2, parts=("b.bag",))
         self.assert_fails("a.bag", "--fast", code=2, parts=("--fast",))
         self.assert_fails("a.bag", "--out", code=2, parts=("--out needs a value",))
         result = self.run_tool("--help")
         self.assertEqual(result.returncode, 0)
-        for option in ("--scan-topic", "--world-frame", "--static-sensor", "--config", "--out"):
+        for option in ("--scan-topic", "--world-frame", "--static-sensor", "--config", "--out", "--detections",
+                       "--detector"):
             self.assertIn(option, result.stdout)
 
 

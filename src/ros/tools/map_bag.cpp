@@ -10,10 +10,13 @@
 #include <deque>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <map>
+#include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <rosbag/bag.h>
@@ -35,15 +38,21 @@ namespace situation_awareness {
 namespace {
 
 constexpr const char* kUsage =
-    "usage: map_bag IN.bag --out OUT.jsonl [options]\n"
+    "usage: map_bag IN.bag [--out OUT.jsonl] [--detections OUT.jsonl] [options]\n"
     "\n"
     "Reads laser scans and transforms from a bag and writes the map of ellipses after each scan as one line of JSON:\n"
     "  {\"stamp\": s, \"objects\": [{\"id\": int, \"x\", \"y\", \"psi\", \"rx\", \"ry\", \"vx\", \"vy\", \"wz\": "
     "number,\n"
     "   \"sigma\": [8 standard deviations, order x y vx vy psi wz rx ry], \"beams\": int}]}\n"
-    "in m, rad and s, in the world frame. A scan that cannot be used has no line; such scans are counted by reason.\n"
+    "in m, rad and s, in the world frame; or what was detected in each scan, before it came to the map:\n"
+    "  {\"stamp\": s, \"detections\": [{\"x\", \"y\", \"psi\", \"rx\", \"ry\": number,\n"
+    "   \"covariance\": [25 numbers, row by row, of x y m p q], \"p_ellipse\": number, \"beams\": int}]}\n"
+    "in the sensor's level frame, with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi).\n"
+    "A scan that cannot be used has no line; such scans are counted by reason.\n"
     "\n"
-    "  --out FILE          where the lines go; replaced only when all went well\n"
+    "  --out FILE          where the map's lines go; replaced only when all went well\n"
+    "  --detections FILE   where the detections' lines go, likewise; one of the two is needed\n"
+    "  --detector NAME     instead of the configuration's detector, with the model that is its own\n"
     "  --scan-topic TOPIC  sensor_msgs/LaserScan (default /scan)\n"
     "  --world-frame NAME  frame of the map, found in /tf and /tf_static (default world)\n"
     "  --static-sensor     the lidar is the world: for bags without transforms\n"
@@ -56,7 +65,7 @@ struct UsageError : std::runtime_error {
 };
 
 struct Arguments {
-  std::string bag, out, config, model_folder;
+  std::string bag, out, detections, detector, config, model_folder;
   std::string scan_topic = "/scan";
   std::string world_frame = "world";
   bool static_sensor = false;
@@ -66,6 +75,8 @@ struct Arguments {
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
   const std::map<std::string, std::string*> texts = {{"--out", &arguments.out},
+                                                     {"--detections", &arguments.detections},
+                                                     {"--detector", &arguments.detector},
                                                      {"--scan-topic", &arguments.scan_topic},
                                                      {"--world-frame", &arguments.world_frame},
                                                      {"--config", &arguments.config},
@@ -93,7 +104,10 @@ Arguments parse_arguments(int argc, char** argv) {
     }
   }
   if (arguments.bag.empty()) throw UsageError("which bag? IN.bag is missing");
-  if (arguments.out.empty()) throw UsageError("where to? --out OUT.jsonl is missing");
+  if (arguments.out.empty() && arguments.detections.empty()) {
+    throw UsageError("where to? --out OUT.jsonl or --detections OUT.jsonl is missing");
+  }
+  if (arguments.out == arguments.detections) throw UsageError("--out and --detections are the same file");
   arguments.world_frame = tf2_frame(arguments.world_frame);
   return arguments;
 }
@@ -122,30 +136,65 @@ std::string find_scan_topic(const rosbag::Bag& bag, const std::string& path, con
 
 /// The shortest text that reads back as the same number.
 void append(std::string& line, double value) {
-  if (!std::isfinite(value)) throw std::runtime_error("the map holds a number that is not finite");
+  if (!std::isfinite(value)) throw std::runtime_error("a number to be written is not finite");
   char text[32];
   const auto [end, error] = std::to_chars(text, text + sizeof text, value);
   if (error != std::errc()) throw std::runtime_error("a number has no text");
   line.append(text, end);
 }
 
-std::string json_line(const Objects& objects) {
+/// The start of a line, up to the first element of its list.
+std::string json_start(std::int64_t stamp_ns, const char* list) {
   char stamp[40];
-  std::snprintf(stamp, sizeof stamp, "%lld.%09lld", static_cast<long long>(objects.stamp_ns / kNanosecondsPerSecond),
-                static_cast<long long>(objects.stamp_ns % kNanosecondsPerSecond));
-  std::string line = std::string("{\"stamp\": ") + stamp + ", \"objects\": [";
-  for (const Object& object : objects.objects) {
-    if (line.back() == '}') line += ", ";
-    line += "{\"id\": " + std::to_string(object.id);
-    const std::pair<const char*, double> numbers[] = {
-        {"x", object.ellipse_world.center_m.x()}, {"y", object.ellipse_world.center_m.y()},
-        {"psi", object.ellipse_world.psi_rad},    {"rx", object.ellipse_world.rx_m},
-        {"ry", object.ellipse_world.ry_m},        {"vx", object.velocity_world_m_s.x()},
-        {"vy", object.velocity_world_m_s.y()},    {"wz", object.angular_velocity_rad_s}};
-    for (const auto& [name, value] : numbers) {
-      line += std::string(", \"") + name + "\": ";
-      append(line, value);
+  std::snprintf(stamp, sizeof stamp, "%lld.%09lld", static_cast<long long>(stamp_ns / kNanosecondsPerSecond),
+                static_cast<long long>(stamp_ns % kNanosecondsPerSecond));
+  return std::string("{\"stamp\": ") + stamp + ", \"" + list + "\": [";
+}
+
+/// Named numbers, with commas between them.
+void append(std::string& line, std::initializer_list<std::pair<const char*, double>> numbers) {
+  const char* separator = "\"";
+  for (const auto& [name, value] : numbers) {
+    line += separator + std::string(name) + "\": ";
+    append(line, value);
+    separator = ", \"";
+  }
+}
+
+std::string json_line(const Detections& detections) {
+  std::string line = json_start(detections.stamp_ns, "detections");
+  for (const Detection& detection : detections.detections) {
+    line += line.back() == '}' ? ", {" : "{";
+    append(line, {{"x", detection.ellipse_level.center_m.x()},
+                  {"y", detection.ellipse_level.center_m.y()},
+                  {"psi", detection.ellipse_level.psi_rad},
+                  {"rx", detection.ellipse_level.rx_m},
+                  {"ry", detection.ellipse_level.ry_m}});
+    line += ", \"covariance\": [";
+    for (int i = 0; i < 25; ++i) {
+      if (i > 0) line += ", ";
+      append(line, detection.covariance(i / 5, i % 5));
     }
+    line += "], ";
+    append(line, {{"p_ellipse", detection.p_ellipse}});
+    line += ", \"beams\": " + std::to_string(detection.beams) + "}";
+  }
+  return line + "]}\n";
+}
+
+std::string json_line(const Objects& objects) {
+  std::string line = json_start(objects.stamp_ns, "objects");
+  for (const Object& object : objects.objects) {
+    line += line.back() == '}' ? ", {" : "{";
+    line += "\"id\": " + std::to_string(object.id) + ", ";
+    append(line, {{"x", object.ellipse_world.center_m.x()},
+                  {"y", object.ellipse_world.center_m.y()},
+                  {"psi", object.ellipse_world.psi_rad},
+                  {"rx", object.ellipse_world.rx_m},
+                  {"ry", object.ellipse_world.ry_m},
+                  {"vx", object.velocity_world_m_s.x()},
+                  {"vy", object.velocity_world_m_s.y()},
+                  {"wz", object.angular_velocity_rad_s}});
     line += ", \"sigma\": [";
     for (int i = 0; i < 8; ++i) {
       if (i > 0) line += ", ";
@@ -212,12 +261,15 @@ class Progress {
 /// by the time of the recording: however fast the bag is read.
 class BagMapper {
  public:
-  BagMapper(const Arguments& arguments, const ObjectPipelineParams& params, Output& output)
+  /// Writes the map and the detections where the outputs are not null.
+  BagMapper(const Arguments& arguments, const ObjectPipelineParams& params, Output* map_output,
+            Output* detections_output)
       : world_frame_(arguments.world_frame),
         static_sensor_(arguments.static_sensor),
         order_(params.objects.reset_time_jump_s),
         pipeline_(params),
-        output_(output) {}
+        map_output_(map_output),
+        detections_output_(detections_output) {}
 
   void add(const tf2_msgs::TFMessage& msg, bool is_static) {
     for (geometry_msgs::TransformStamped transform : msg.transforms) {
@@ -309,18 +361,20 @@ class BagMapper {
     }
     const auto before = std::chrono::steady_clock::now();
     const Scan scan = scan_from_msg(msg);
-    pipeline_.process(scan, T_world_lidar);
+    const Detections detections = pipeline_.process(scan, T_world_lidar).detections;
     const Objects objects = pipeline_.map().at(scan.stamp_ns);
     const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - before;
     durations_ms_.push_back(duration.count());
-    output_.write(json_line(objects));
+    if (map_output_ != nullptr) map_output_->write(json_line(objects));
+    if (detections_output_ != nullptr) detections_output_->write(json_line(detections));
   }
 
   std::string world_frame_;
   bool static_sensor_;
   StampOrder order_;
   ObjectPipeline pipeline_;
-  Output& output_;
+  Output* map_output_;
+  Output* detections_output_;
   tf2::BufferCore transforms_{ros::Duration(3.0 * kPatience_s)};  ///< not longer: lookups cost its length
   std::deque<Waiting> waiting_;
   std::size_t scans_ = 0;
@@ -339,7 +393,11 @@ void map_bag(const Arguments& arguments) {
   const std::string config = arguments.config.empty() ? package_folder() + "/cfg/objects.yaml" : arguments.config;
   const std::string model_folder =
       arguments.model_folder.empty() ? package_folder() + "/models" : arguments.model_folder;
-  const ObjectPipelineParams params = load_object_pipeline_params(config, model_folder);
+  ObjectPipelineParams params = load_object_pipeline_params(config, model_folder);
+  if (!arguments.detector.empty()) {
+    params.detections.detector = arguments.detector;
+    params.detections.model.clear();
+  }
 
   if (!std::filesystem::is_regular_file(arguments.bag)) throw std::runtime_error(arguments.bag + ": no such bag");
   rosbag::Bag bag;
@@ -349,8 +407,12 @@ void map_bag(const Arguments& arguments) {
   rosbag::View view(bag, rosbag::TopicQuery(std::vector<std::string>{scan_topic, "/tf", "tf"}));
   rosbag::View static_view(bag, rosbag::TopicQuery(std::vector<std::string>{"/tf_static", "tf_static"}));
 
-  Output output(arguments.out);
-  BagMapper mapper(arguments, params, output);
+  std::optional<Output> map_output;
+  std::optional<Output> detections_output;
+  if (!arguments.out.empty()) map_output.emplace(arguments.out);
+  if (!arguments.detections.empty()) detections_output.emplace(arguments.detections);
+  BagMapper mapper(arguments, params, map_output ? &*map_output : nullptr,
+                   detections_output ? &*detections_output : nullptr);
   Progress progress(scans.size());
   const auto start = std::chrono::steady_clock::now();
   for (const rosbag::MessageInstance& instance : static_view) mapper.add(*read<tf2_msgs::TFMessage>(instance), true);
@@ -365,7 +427,8 @@ void map_bag(const Arguments& arguments) {
   }
   mapper.work_off(ros::TIME_MAX);
   progress.at(mapper.scans());
-  output.finish();
+  if (map_output) map_output->finish();
+  if (detections_output) detections_output->finish();
   const double bag_s = scans.size() > 0 ? (scans.getEndTime() - scans.getBeginTime()).toSec() : 0.0;
   mapper.print_summary(bag_s, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
 }
