@@ -15,6 +15,11 @@ WIDE = 128  # beams of a window; of wider ones there are few, and empty rows are
 MIN_GROUP = 5  # fewer samples of one width than this join the next wider ones
 
 
+DIFFERENCE_GAIN = 10.0  # of differences against ranges, when training starts
+CLIP = 2.0
+EXACT_LAYERS = 2  # products with whole ranges in single precision: others would lose centimetres
+
+
 class Layer(NamedTuple):
     channels: int  # 0: max pooling
     kernel: int
@@ -80,9 +85,7 @@ class PaperNetwork(nn.Module):
             nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
             nn.init.zeros_(layer.bias)
         with torch.no_grad():
-            first = self.convolutions[0]
-            first.weight.mul_(MAX_RANGE_M)  # the rest starts with metres
-            first.bias.copy_(-design.fill * first.weight.sum((1, 2, 3)))  # and silent where nothing returned
+            self._start_with_differences()
             for layer in self.outputs:
                 nn.init.normal_(layer.weight, 0.0, 0.02)
                 if layer.bias is not None:
@@ -91,6 +94,22 @@ class PaperNetwork(nn.Module):
                 self.outputs[2].bias.copy_(torch.tensor([0.3, 0.15]))  # not dead from the start
         count = sum(parameter.numel() for parameter in self.parameters())
         assert count == design.parameters, f"{design.name} has {count} parameters, {design.parameters} are printed"
+
+    def _start_with_differences(self):
+        """Shapes are centimetres in ranges of metres, so most of the first filters start as differences of
+        neighbouring ranges, amplified, in pairs which the second layer subtracts: min(difference, CLIP), since at the
+        ends of an object the difference is the whole range. The others start with the range itself.
+        """
+        first, second = self.convolutions[:2]
+        whole = first.out_channels // 5
+        first.weight[:whole] *= MAX_RANGE_M
+        first.bias[:whole] = -self.design.fill * first.weight[:whole].sum((1, 2, 3))  # silent where nothing returned
+        differences = first.weight[whole::2]
+        differences -= differences.mean(3, keepdim=True)
+        differences *= MAX_RANGE_M * DIFFERENCE_GAIN
+        first.weight[whole + 1 :: 2] = differences
+        first.bias[whole + 1 :: 2] = -CLIP
+        second.weight[:, whole + 1 :: 2] = -second.weight[:, whole::2]
 
     def forward(self, x):
         """x: n x 1 x 1 x 1081, ranges / 10 m or `fill` -> (t_x, t_y, psi, rx, ry) or (t_x, t_y, r)."""
@@ -192,11 +211,11 @@ class Trainee(nn.Module):
         return backgrounds
 
     def prepare(self, dtype=torch.float32):
-        """What all windows of one step share, for products of that type (the first layer keeps its own)."""
+        """What all windows of one step share, for products of that type (EXACT_LAYERS keep their own)."""
         backgrounds = self._backgrounds()
         filters = []
         for i, c in enumerate(self.published.convolutions):
-            kind = c.weight.dtype if i == 0 else dtype
+            kind = c.weight.dtype if i < EXACT_LAYERS else dtype
             filters.append((c.weight[:, :, 0].permute(2, 1, 0).reshape(-1, c.out_channels).to(kind), c.bias.to(kind)))
         return Prepared(backgrounds, filters, self._dense().to(dtype), dtype)
 
@@ -236,7 +255,7 @@ class Trainee(nn.Module):
                 weight, bias = next(filters)
                 outside = _outside(offset, first, last, lengths[i + 1]) if padded else None
                 x = _Convolve.apply(x, weight, bias, layer.kernel, layer.stride, outside)
-                if i == 0:
+                if i == EXACT_LAYERS - 1:
                     x = x.to(prepared.dtype)
             else:
                 x = torch.maximum(x[:, ::2], x[:, 1::2])

@@ -10,7 +10,8 @@ from paper_networks import ALEX, CIRCLE, VGG, Trainee, Window, inputs, windows
 BATCH = 256
 CHUNK = 100  # batches drawn at once
 TINY = 1e-10  # under square roots, in m^2
-SMOOTH_UNTIL = 0.6  # progress at which the smooth output no longer counts
+SMOOTH_UNTIL = 0.7  # progress at which only the printed loss is left; half of it before, the rest fades
+SHAPE_WEIGHT = 3.0  # of what the position does not enter, and would drown
 LEAK = 0.1  # slope of the radii's ReLU below zero until then
 PRINTED_FROM = 0.7  # progress from which circles are trained with the printed loss, not its root
 FLOAT32_FROM = 0.85  # progress from which all products are in single precision
@@ -22,15 +23,11 @@ def axes_of(ellipse):
     return ellipse[:, 3:4] * torch.stack((cos, sin), 1), ellipse[:, 4:5] * torch.stack((-sin, cos), 1)
 
 
-def axes_of_smooth(smooth):
-    """The same for rows (t_x, t_y, m, p, q), with (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi)."""
-    m, p, q = smooth[:, 2:3], smooth[:, 3], smooth[:, 4]
-    half_difference = torch.sqrt(p * p + q * q + TINY)
-    cos_doubled = p / half_difference
-    cos = torch.sqrt((1 + cos_doubled).clamp(min=1e-6) / 2)
-    sin = torch.sqrt((1 - cos_doubled).clamp(min=1e-6) / 2) * torch.where(q < 0, -1.0, 1.0)
-    half_difference = half_difference[:, None]
-    return (m + half_difference) * torch.stack((cos, sin), 1), (m - half_difference) * torch.stack((-sin, cos), 1)
+def smooth_of(ellipse):
+    """(rx + ry) / 2 and (rx - ry) / 2 (cos 2 psi, sin 2 psi), for rows (t_x, t_y, psi, rx, ry): without jumps."""
+    psi, rx, ry = ellipse[:, 2], ellipse[:, 3], ellipse[:, 4]
+    half = (rx - ry) / 2
+    return torch.stack(((rx + ry) / 2, half * torch.cos(2 * psi), half * torch.sin(2 * psi)), 1)
 
 
 def ellipse_losses(center, axes, true_center, true_axes):
@@ -96,15 +93,23 @@ class PaperTask:
         truth = torch.from_numpy(samples.ellipses[which[np.concatenate(places)]].astype(np.float32)).to(device)
         answer = network.published.answer(hidden, LEAK if progress < SMOOTH_UNTIL else 0.0)
         if self.circles:
-            squared = circle_losses(answer, truth[:, [0, 1, 3]])
+            truth = truth[:, [0, 1, 3]]
+            squared = circle_losses(answer, truth)
             printed = min(1.0, max(0.0, (progress - PRINTED_FROM) / 0.1))
-            return (printed * squared + (1 - printed) * torch.sqrt(squared + TINY)).mean()
+            rooted = torch.sqrt(squared + TINY) + SHAPE_WEIGHT * (answer[:, 2] - truth[:, 2]).abs()
+            return (printed * squared + (1 - printed) * rooted).mean()
         true_axes = axes_of(truth)
-        loss = ellipse_losses(answer[:, :2], axes_of(answer), truth[:, :2], true_axes)[0].mean()
-        share = 1 - progress / SMOOTH_UNTIL
+        true_center = truth[:, :2]
+        loss = ellipse_losses(answer[:, :2], axes_of(answer), true_center, true_axes)[0].mean()
+        share = min(1.0, 2 * (1 - progress / SMOOTH_UNTIL))
         if share > 0:
             smooth = network.smooth(hidden)
-            loss = loss + share * ellipse_losses(smooth[:, :2], axes_of_smooth(smooth), truth[:, :2], true_axes)[1].mean()
+            at_center = torch.zeros_like(true_center)
+            shape = ellipse_losses(at_center, axes_of(answer), at_center, true_axes)[0].mean()
+            smooth_shape = (smooth[:, 2:] - smooth_of(truth)).square().sum(1)
+            smooth_shape = torch.sqrt(smooth_shape + TINY).mean()
+            smooth_center = torch.sqrt((smooth[:, :2] - true_center).square().sum(1) + TINY).mean()
+            loss = loss + share * (SHAPE_WEIGHT * (shape + smooth_shape) + smooth_center)
         return loss
 
     def published(self):
