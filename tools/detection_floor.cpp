@@ -130,10 +130,22 @@ Sample draw_sample(SegmentCase which, std::uint64_t seed) {
   return sample;
 }
 
+int beams_that_meet(const Ellipse& ellipse, const SegmentModel& model) {
+  int count = 0;
+  for (int beam = 0; beam < model.beams; ++beam) {
+    const double azimuth_rad = model.first_azimuth_rad + beam * model.resolution_rad;
+    const Eigen::Vector2d direction(std::cos(azimuth_rad), std::sin(azimuth_rad));
+    count += intersect_ray(ellipse, Eigen::Vector2d::Zero(), direction) ? 1 : 0;
+  }
+  return count;
+}
+
 struct Floor {
   std::size_t hits = 0;
   double distance_m = 0.0;
-  std::vector<double> expected;  ///< by loss
+  double hidden_share = 0.0;       ///< of the beams that would hit
+  double symmetric_psi_rad = 0.0;  ///< of the estimate by the symmetric loss
+  std::vector<double> expected;    ///< by loss
   std::vector<double> achieved;
   double effective_samples = 0.0;
 };
@@ -155,11 +167,13 @@ Floor floor_of(const Arguments& arguments, std::uint64_t seed) {
   Floor floor;
   floor.hits = sample.observation.ranges_m.size();
   floor.distance_m = sample.truth.center_m.norm();
+  floor.hidden_share = 1.0 - static_cast<double>(floor.hits) / beams_that_meet(sample.truth, sample.model);
   floor.effective_samples = std::min(chooser.effective_samples, judge.effective_samples);
   for (const DetectionLoss loss : losses_of(arguments.segment_case)) {
     const Ellipse estimate = bayes_estimate(loss, chooser.draws);
     floor.expected.push_back(expected_loss(loss, estimate, judge.draws));
     floor.achieved.push_back(loss_of(loss, estimate, sample.truth));
+    if (loss == DetectionLoss::kSymmetric) floor.symmetric_psi_rad = estimate.psi_rad;
   }
   return floor;
 }
@@ -200,7 +214,7 @@ std::vector<Floor> floors_of(const Arguments& arguments) {
 void write(const Arguments& arguments, const std::vector<Floor>& floors) {
   const bool circle = arguments.segment_case == SegmentCase::kCircle;
   std::ofstream file(arguments.out);
-  file << "seed,hits,distance_m,"
+  file << "seed,hits,distance_m," << (circle ? "" : "hidden_share,symmetric_psi_rad,")
        << (circle ? "expected_squared_m2,achieved_squared_m2,expected_mean_m,achieved_mean_m,"
                   : "expected_ordered_m,achieved_ordered_m,expected_symmetric_m,achieved_symmetric_m,")
        << "effective_samples\n";
@@ -208,6 +222,7 @@ void write(const Arguments& arguments, const std::vector<Floor>& floors) {
   for (std::size_t k = 0; k < floors.size(); ++k) {
     const Floor& floor = floors[k];
     file << arguments.first_seed + k << ',' << floor.hits << ',' << floor.distance_m;
+    if (!circle) file << ',' << floor.hidden_share << ',' << floor.symmetric_psi_rad;
     for (std::size_t i = 0; i < floor.expected.size(); ++i)
       file << ',' << floor.expected[i] << ',' << floor.achieved[i];
     file << ',' << floor.effective_samples << '\n';

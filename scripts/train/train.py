@@ -17,11 +17,13 @@ os.environ.setdefault("ONEDNN_PRIMITIVE_CACHE_CAPACITY", "8192")
 import numpy as np  # noqa: E402
 import torch  # noqa: E402
 
+import ellipse_network  # noqa: E402
 import paper_tasks  # noqa: E402
 import publish  # noqa: E402
 from trainer import Options, join_processes, steps_in, train  # noqa: E402
 
 TASKS = {  # name: what makes the task from a seed and a precision
+    "ellipse": ellipse_network.EllipseTask,
     "vgg": paper_tasks.vgg,
     "alex": paper_tasks.alex,
     "circle": paper_tasks.circle,

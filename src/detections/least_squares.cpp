@@ -72,6 +72,14 @@ class Curve {
   double b_;           ///< |M d|
 };
 
+/// Of hits against the curve, along its normal.
+double residual_rms_m(const Point* points, std::size_t count, const Vector5d& x) {
+  const Eigen::Matrix2d M = shape_of(x).C.inverse();
+  double sum = 0.0;
+  for (std::size_t i = 0; i < count; ++i) sum += std::pow(Curve(points[i], x.head<2>(), M).distance(), 2);
+  return std::sqrt(sum / static_cast<double>(count));
+}
+
 /// A fit costs about one per hit; above that by more than this it has not found the object.
 constexpr double kGoodCostMargin = 10.0;
 
@@ -138,16 +146,6 @@ class Problem {
   }
 
   /// Root mean square of the hits' distances from the curve, to first order.
-  double residual_rms_m(const Vector5d& x) const {
-    const Eigen::Matrix2d M = shape_of(x).C.inverse();
-    double sum = 0.0;
-    for (std::size_t i = 0; i < count_; ++i) {
-      const double distance = Curve(points_[i], x.head<2>(), M).distance();
-      sum += distance * distance;
-    }
-    return std::sqrt(sum / static_cast<double>(count_));
-  }
-
   /// As wide as the segment, touching its middle from behind: a circle, or an ellipse leaning by `lean_rad` from the
   /// line of sight.
   Vector5d start(double half_difference_ratio, double lean_rad) const {
@@ -217,19 +215,12 @@ Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& pa
   return x;
 }
 
-Detection make_detection(const Segments& segments, std::size_t segment, const Problem& problem, const Vector5d& x) {
-  const Segment& piece = segments.segments[segment];
+/// Covariance by the curvature of the problem at its answer.
+Matrix5d laplace_covariance(const Problem& problem, const Vector5d& x) {
   Matrix5d A;
   Vector5d b;
   problem.evaluate(x, x, &A, &b);
-  Detection detection;
-  detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
-  detection.ellipse_level = ellipse_from_smooth_parameters(x);
-  detection.covariance = A.llt().solve(Matrix5d::Identity());
-  detection.residual_rms_m = problem.residual_rms_m(x);
-  detection.beams = static_cast<int>(piece.count);
-  detection.segment = segment;
-  return detection;
+  return A.llt().solve(Matrix5d::Identity());
 }
 
 }  // namespace
@@ -255,7 +246,23 @@ Detection fit_ellipse(const Segments& segments, std::size_t segment, const Ellip
     best = x;
     best_cost = cost;
   }
-  return make_detection(segments, segment, problem, best);
+  Detection detection = make_detection(segments, segment, params, best);
+  detection.covariance = laplace_covariance(problem, best);
+  return detection;
+}
+
+Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const Vector5d& smooth_level) {
+  const Segment& piece = segments.segments[segment];
+  Vector5d x = smooth_level;
+  bound_radii(x, params.min_radius_m);
+  Detection detection;
+  detection.ellipse_level = ellipse_from_smooth_parameters(x);
+  detection.residual_rms_m = residual_rms_m(&segments.points[piece.first], piece.count, x);
+  detection.beams = static_cast<int>(piece.count);
+  detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
+  detection.segment = segment;
+  return detection;
 }
 
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
@@ -263,7 +270,9 @@ Detection assess_ellipse(const Segments& segments, std::size_t segment, const El
   Vector5d x = smooth_parameters(canonical(ellipse_level));
   bound_radii(x, params.min_radius_m);
   const Problem problem(segments, segments.segments[segment], params);
-  return make_detection(segments, segment, problem, x);
+  Detection detection = make_detection(segments, segment, params, x);
+  detection.covariance = laplace_covariance(problem, x);
+  return detection;
 }
 
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/ellipse_vgg.onnx";
+const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/paper_vgg_polar.onnx";
 
 /// A copy of the published model that a test may damage.
 class ModelFileTest : public testing::Test {
@@ -27,8 +27,8 @@ class ModelFileTest : public testing::Test {
               ("situation_awareness_" + std::string(testing::UnitTest::GetInstance()->current_test_info()->name()));
     fs::remove_all(folder_);
     fs::create_directories(folder_);
-    onnx_ = folder_ / "ellipse_vgg.onnx";
-    manifest_ = folder_ / "ellipse_vgg.manifest.yaml";
+    onnx_ = folder_ / "paper_vgg_polar.onnx";
+    manifest_ = folder_ / "paper_vgg_polar.manifest.yaml";
     fs::copy_file(kModel, onnx_);
     fs::copy_file(fs::path(kModel).replace_extension(".manifest.yaml"), manifest_);
   }

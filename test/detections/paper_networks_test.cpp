@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 using Kind = PaperNetwork::Kind;
 
-const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/ellipse_vgg.onnx";
+const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/paper_vgg_polar.onnx";
 
 std::vector<std::size_t> all_of(const Segments& segments) {
   std::vector<std::size_t> which(segments.segments.size());

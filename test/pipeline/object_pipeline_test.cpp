@@ -26,7 +26,7 @@ std::string refusal_of(const std::string& yaml) {
 TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
   const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
   EXPECT_EQ(params.detections.detector, "network");
-  EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse_vgg.onnx");
+  EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse.onnx");
 }
 
 TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {

@@ -34,13 +34,15 @@ Detections detect_each(const Segments& segments, const EllipseFitParams& params,
   return result;
 }
 
+/// Why a segment says too little about the object for most detectors; empty text if it shows at least one of its edges.
+inline const char* hidden_defect(const Segment& segment) {
+  return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : "both ends hidden";
+}
+
 /// The same for detectors that need to see at least one edge of the object.
 template <class DetectOne>
 Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one) {
-  return detect_each(segments, params, detect_one, [&](std::size_t i) {
-    const Segment& segment = segments.segments[i];
-    return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : "both ends hidden";
-  });
+  return detect_each(segments, params, detect_one, [&](std::size_t i) { return hidden_defect(segments.segments[i]); });
 }
 
 }  // namespace situation_awareness

@@ -13,6 +13,7 @@ namespace situation_awareness {
 struct EllipseFitParams {
   double range_sigma_m = 0.01;
   double shape_sigma_m = 0.005;
+  double prior_max_radius_m = 0.5;
   double mean_radius_m = 0.22;
   double mean_radius_sigma_m = 0.12;
   double radius_difference_sigma_m = 0.06;
@@ -27,6 +28,8 @@ struct EllipseFitParams {
           "standard deviation of the sensor's range noise");
     visit("shape_sigma_m", self.shape_sigma_m, Bounds{0.0, 1.0}, "m",
           "how far real objects stand off a perfect ellipse, added to the range noise");
+    visit("prior_max_radius_m", self.prior_max_radius_m, Bounds{0.05, 10.0}, "m",
+          "radii are expected between a tenth of this and this: the scale of what the ellipse network has learnt");
     visit("mean_radius_m", self.mean_radius_m, Bounds{0.01, 10.0}, "m", "prior mean of (rx + ry) / 2");
     visit("mean_radius_sigma_m", self.mean_radius_sigma_m, Bounds{1e-3, 10.0}, "m",
           "prior standard deviation of (rx + ry) / 2");
@@ -46,6 +49,11 @@ struct EllipseFitParams {
 /// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
 /// silhouette end miss it within the beam spacing, and radii follow the prior.
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params);
+
+/// The detection of an ellipse (t_x, t_y, m, p, q) in one segment, radii kept at or above their bound; its covariance
+/// is left at zero.
+Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const Vector5d& smooth_level);
 
 /// The detection that `ellipse_level` is, found by whatever means: its residual and, by the curvature of the same
 /// model at it (Laplace), its covariance.

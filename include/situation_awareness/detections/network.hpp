@@ -8,24 +8,49 @@
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
-#include "situation_awareness/detections/paper_networks.hpp"
+#include "situation_awareness/detections/onnx_model.hpp"
+#include "situation_awareness/detections/segment_encoding.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {
 
-/// Detects by the network in the segment's polar frame where both ends of a segment are silhouettes, which is what it
-/// was trained on, and by least squares where an end is hidden.
+/// What the ellipse network says about one segment.
+struct EllipseEstimate {
+  Vector5d smooth_level = Vector5d::Zero();  ///< (t_x, t_y, m, p, q) in the level frame
+  Matrix5d covariance = Matrix5d::Zero();    ///< of its error; its 90 % region holds 90 % of the truths
+  double p_ellipse = 0.0;                    ///< probability that the segment is one ellipse
+};
+
+/// The product's ellipse network, read from an ONNX file. It is told of hits, free and hidden ends, works at any place,
+/// resolution and scale, and says how sure it is; docs/math/detections.md writes input and output out.
+class EllipseNetwork {
+ public:
+  /// Throws as OnnxModel does, and std::runtime_error naming the file if it is of another shape.
+  explicit EllipseNetwork(const std::string& onnx_path);
+
+  /// One estimate for each listed segment, all in one batched forward; valid until the next call. `range_sigma_m` and
+  /// `max_radius_m` as for `encode`.
+  const std::vector<EllipseEstimate>& infer(const Segments& segments, const std::vector<std::size_t>& which,
+                                            double range_sigma_m, double max_radius_m);
+
+ private:
+  OnnxModel model_;
+  std::vector<SegmentEncoding> encodings_;  ///< kept for its memory
+  std::vector<EllipseEstimate> estimates_;  ///< kept for its memory
+};
+
+/// Detects by the ellipse network, hidden ends included.
 class NetworkDetector final : public Detector {
  public:
-  /// Throws as PaperNetwork does, and std::invalid_argument naming field and bound.
+  /// Throws as EllipseNetwork does, and std::invalid_argument naming field and bound.
   NetworkDetector(const std::string& onnx_path, const EllipseFitParams& params);
 
   Detections detect(const Segments& segments) override;
 
  private:
-  PaperNetwork network_;
+  EllipseNetwork network_;
   EllipseFitParams params_;
-  std::vector<std::size_t> whole_;  ///< segments for the network, kept for its memory
+  std::vector<std::size_t> asked_;  ///< segments for the network, kept for its memory
 };
 
 }  // namespace situation_awareness

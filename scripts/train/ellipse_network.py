@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The product's ellipse network: what it looks like, what it learns from and what it is judged by.
+
+Input and output are written out in docs/math/detections.md; the C++ side of both is detections/segment_encoding.hpp and
+detections/network.cpp. Samples come encoded from build/detection_samples, so that there is one encoder.
+"""
+
+import concurrent.futures
+import pathlib
+import subprocess
+
+import numpy as np
+import torch
+from torch import nn
+from torch.nn import functional
+
+from paper_tasks import TINY, ellipse_losses
+
+SLOTS, SCALARS = 32, 12
+INPUTS = SLOTS + SCALARS
+POINT, FACTOR = 5, 15  # outputs: correction of (t_x, t_y, m, p, q), lower triangle of the precision's factor,
+OUTPUTS = POINT + FACTOR + 2  # logarithm of the 90 % quantile over chi-square's, logit of "one ellipse"
+WIDTH, LAYERS = 256, 4
+TOOL = pathlib.Path(__file__).resolve().parents[2] / "build/detection_samples"
+MAX_RADIUS_M = 0.5
+FIRST_GUESS = (0.5, 0.0, 1.0, 0.0, 0.0)  # of (t_x, t_y, m, p, q), in half widths
+FACTOR_LOG_DIAGONAL, FACTOR_SCALE = 3.0, 10.0  # where the factor starts, and the unit of what is beside its diagonal
+CHI_SQUARE_90 = 9.2364  # of 5 degrees of freedom
+
+TRUTH = slice(INPUTS, INPUTS + 5)  # columns of a row of detection_samples
+IS_ELLIPSE, MEAN_RANGE, HALF_WIDTH, HITS = range(INPUTS + 5, INPUTS + 9)
+COLUMNS = INPUTS + 10
+
+MIX = (("ellipse", 0.4), ("occluded", 0.15), ("product", 0.45))
+BATCHES_DRAWN = 100  # at once
+TRAINING_SEEDS = 1 << 63  # all samples seen in training have seeds from here on; evaluation uses small ones
+LOSS_SCALE_M = 0.04
+WEIGHTS = {"likelihood": 0.1, "quantile": 0.05, "is_ellipse": 0.3}
+EXACT_FROM = 0.8  # of the run: before, the wide layers multiply in bfloat16
+
+
+class EllipseNetwork(nn.Module):
+    """A plain perceptron. `mean` and `deviation` standardise its input and are folded into it by `folded`."""
+
+    def __init__(self, mean=None, deviation=None):
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(INPUTS) if mean is None else mean)
+        self.register_buffer("deviation", torch.ones(INPUTS) if deviation is None else deviation)
+        self.first = nn.Linear(INPUTS, WIDTH)
+        self.hidden = nn.ModuleList(nn.Linear(WIDTH, WIDTH) for _ in range(LAYERS - 1))
+        self.output = nn.Linear(WIDTH, OUTPUTS)
+        for layer in (self.first, *self.hidden):
+            nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
+            nn.init.zeros_(layer.bias)
+        nn.init.normal_(self.output.weight, std=0.01)
+        nn.init.zeros_(self.output.bias)
+
+    def forward(self, x, narrow=False):
+        """x: n x INPUTS; narrow: the products between wide layers in bfloat16."""
+        x = functional.relu(self.first((x - self.mean) / self.deviation))
+        with torch.autocast(x.device.type, torch.bfloat16, enabled=narrow):
+            for layer in self.hidden:
+                x = functional.relu(layer(x))
+            return self.output(x).float()
+
+    def folded(self):
+        """The same function as plain layers, without the standardisation: what is published."""
+        weight = self.first.weight.double() / self.deviation.double()
+        first = nn.Linear(INPUTS, WIDTH)
+        with torch.no_grad():
+            first.weight.copy_(weight)
+            first.bias.copy_(self.first.bias.double() - weight @ self.mean.double())
+        layers = [first]
+        for layer in (*self.hidden, self.output):
+            layers += [nn.ReLU(), layer]
+        return nn.Sequential(*layers)
+
+
+def point_of(answer, rows):
+    """(t_x, t_y, m, p, q) in m in the segment's frame."""
+    guess = torch.tensor(FIRST_GUESS, device=rows.device)
+    return rows[:, HALF_WIDTH, None] * guess + MAX_RADIUS_M * answer[:, :POINT]
+
+
+def whitened(factor, error_m):
+    """A e for the lower triangular factor A of the precision, and the logarithm of A's determinant."""
+    error = error_m / MAX_RADIUS_M
+    whitened_rows, log_determinant, k = [], 0.0, 0
+    for i in range(POINT):
+        row = 0.0
+        for j in range(i):
+            row = row + FACTOR_SCALE * factor[:, k] * error[:, j]
+            k += 1
+        log_diagonal = FACTOR_LOG_DIAGONAL + factor[:, k]
+        k += 1
+        whitened_rows.append(row + torch.exp(log_diagonal) * error[:, i])
+        log_determinant = log_determinant + log_diagonal
+    return torch.stack(whitened_rows, dim=1), log_determinant
+
+
+def axes_of_smooth(smooth):
+    """rx and ry times the unit vectors of the axes, for rows (t_x, t_y, m, p, q)."""
+    m, p, q = smooth[:, 2:3], smooth[:, 3], smooth[:, 4]
+    half_difference = torch.sqrt(p * p + q * q + TINY)
+    cos_doubled = p / half_difference
+    cos = torch.sqrt((1 + cos_doubled).clamp(min=1e-6) / 2)
+    sin = torch.sqrt((1 - cos_doubled).clamp(min=1e-6) / 2) * torch.where(q < 0, -1.0, 1.0)
+    half_difference = half_difference[:, None]
+    return (m + half_difference) * torch.stack((cos, sin), 1), (m - half_difference) * torch.stack((-sin, cos), 1)
+
+
+def symmetric_loss(answer, truth):
+    """Eq. 1 of the ellipse paper for rows (t_x, t_y, m, p, q), over the better of the pairings that a rotation by pi
+    leaves open."""
+    return ellipse_losses(answer[:, :2], axes_of_smooth(answer), truth[:, :2], axes_of_smooth(truth))[1]
+
+
+def draw(case, seed, count):
+    """`count` rows of samples, whose seeds are seed, seed + 1, ..."""
+    output = subprocess.run([TOOL, case, str(seed), "0", str(count)], check=True, stdout=subprocess.PIPE).stdout
+    return np.frombuffer(output, np.float32).reshape(count, COLUMNS)
+
+
+class EllipseTask:
+    """For trainer.train() and publish.publish()."""
+
+    name = "ellipse"
+    unit = "1"
+    batch = 4096
+    ema = 0.999
+    peak_learning_rate = 1e-3
+    input_name, output_name = "segment", "ellipse"
+    shape, outputs, fill = (INPUTS,), OUTPUTS, 0.0
+    parameters = INPUTS * WIDTH + (LAYERS - 1) * WIDTH * WIDTH + WIDTH * OUTPUTS + LAYERS * WIDTH + OUTPUTS
+
+    def __init__(self, seed=1, precision="float32"):
+        if not TOOL.exists():
+            raise SystemExit(f"{TOOL} draws the samples and is not there: scripts/build makes it")
+        self.narrow = precision == "bfloat16"
+        torch.manual_seed(seed)
+        inputs = draw("product", TRAINING_SEEDS, 200_000)[:, :INPUTS]
+        self.network = EllipseNetwork(
+            torch.from_numpy(inputs.mean(axis=0)), torch.from_numpy(inputs.std(axis=0) + np.float32(1e-3))
+        )
+
+    def _chunk(self, seed, chunk):
+        rows = []
+        for i, (case, share) in enumerate(MIX):
+            state = np.random.SeedSequence((*np.atleast_1d(seed), chunk, i)).generate_state(1, np.uint64)[0]
+            rows.append(draw(case, int(state) | TRAINING_SEEDS, round(share * BATCHES_DRAWN * self.batch)))
+        rows = np.concatenate(rows)
+        return rows[np.random.default_rng((*np.atleast_1d(seed), chunk)).permutation(len(rows))]
+
+    def batches(self, seed, first_step, steps):
+        with concurrent.futures.ThreadPoolExecutor(1) as ahead:
+            waiting = None
+            for step in range(first_step, steps):
+                chunk, place = divmod(step, BATCHES_DRAWN)
+                if waiting is None or place == 0:
+                    rows = torch.from_numpy(waiting.result() if waiting else self._chunk(seed, chunk))
+                    waiting = ahead.submit(self._chunk, seed, chunk + 1)
+                yield rows[place * self.batch : (place + 1) * self.batch]
+
+    def loss(self, rows, progress):
+        rows = rows.to(self.network.first.weight.device)
+        answer = self.network(rows[:, :INPUTS], narrow=self.narrow and progress < EXACT_FROM)
+        truth, is_ellipse = rows[:, TRUTH], rows[:, IS_ELLIPSE]
+        point = point_of(answer, rows)
+        distance = symmetric_loss(point, truth)
+
+        # Covariance and quantile are of the error as it is: they do not pull at the answer.
+        white, log_determinant = whitened(answer[:, POINT : POINT + FACTOR], (truth - point).detach())
+        square = white.square().sum(1)
+        likelihood = square / 2 - log_determinant
+        over = torch.log(square.detach() / CHI_SQUARE_90) - answer[:, POINT + FACTOR]
+        quantile = torch.maximum(0.9 * over, -0.1 * over)
+
+        of_ellipses = distance / LOSS_SCALE_M + WEIGHTS["likelihood"] * likelihood + WEIGHTS["quantile"] * quantile
+        refusal = functional.binary_cross_entropy_with_logits(answer[:, -1], is_ellipse)
+        return (of_ellipses * is_ellipse).sum() / is_ellipse.sum() + WEIGHTS["is_ellipse"] * refusal
+
+    def published(self):
+        return self.network.cpu().folded()
+
+    def golden_input(self):
+        return draw("product", 1, 1)[:, :INPUTS]
+
+    def measure(self, network, random, n=20_000):
+        """Loss and share of truths in the 90 % region on n samples of a case, alone and with a hidden end."""
+        figures = {"samples": n}
+        for case in ("ellipse", "occluded"):
+            rows = torch.from_numpy(draw(case, int(random.integers(1 << 62)), n).copy())
+            with torch.no_grad():
+                answer = network(rows[:, :INPUTS])
+                point = point_of(answer, rows)
+                loss = symmetric_loss(point, rows[:, TRUTH]).double()
+                white, _ = whitened(answer[:, POINT : POINT + FACTOR], rows[:, TRUTH] - point)
+                inside = white.square().sum(1) < CHI_SQUARE_90 * torch.exp(answer[:, POINT + FACTOR])
+            figures |= {
+                f"{case}_symmetric_m": loss.mean().item(), f"{case}_error_m": loss.std().item() / n**0.5,
+                f"{case}_inside_90": inside.double().mean().item(),
+            }
+        return figures

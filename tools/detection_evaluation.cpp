@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What one detector answers on synthetic segments, and how long each takes: the raw numbers behind scripts/evaluate.
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <exception>
+#include <limits>
+#include <memory>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <Eigen/Cholesky>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/detections/detector.hpp"
+#include "situation_awareness/detections/network.hpp"
+#include "situation_awareness/evaluation/synthetic_segments.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kUsage =
+    "usage: detection_evaluation answers MODEL_FOLDER DETECTOR CASE FIRST COUNT\n"
+    "       detection_evaluation points CASE SEED\n"
+    "       detection_evaluation times MODEL_FOLDER DETECTOR...\n"
+    "\n"
+    "answers: one row of 64-bit floats per sample on the standard output, samples with the seeds FIRST ... FIRST + "
+    "COUNT - 1:\n"
+    "  hits, mean range, one end hidden (0 or 1), truth (t_x t_y psi rx ry), answer (the same), p_ellipse, ordered "
+    "and\n"
+    "  symmetric characteristic distance, squared Mahalanobis distance of the truth in (t_x t_y m p q); m and rad; "
+    "NaN\n"
+    "  where there is no truth or no answer.\n"
+    "points: x y of each hit of one sample, as text.\n"
+    "times: microseconds of each detector per segment of the case `ellipse`, sixteen segments to a scan, on one "
+    "thread;\n"
+    "  median over rounds that take turns.\n";
+
+constexpr std::size_t kScanSegments = 16;
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+
+/// What is measured is the estimate, so nothing is refused that can be compared at all.
+DetectionParams detection_params(const std::string& detector, const std::string& model_folder) {
+  DetectionParams params;
+  params.detector = detector;
+  params.model_folder = model_folder;
+  params.min_p_ellipse = 0.0;
+  params.fit.min_radius_m = 0.001;
+  params.fit.max_radius_m = 100.0;
+  params.fit.max_residual_m = 10.0;
+  return params;
+}
+
+/// The segments of several samples as those of one scan. All have the resolution of the first.
+Segments merge(const std::vector<SyntheticSegment>& samples) {
+  Segments scan = samples.front().segments;
+  for (std::size_t i = 1; i < samples.size(); ++i) {
+    Segment segment = samples[i].segments.segments.front();
+    segment.first = scan.points.size();
+    const std::vector<Point>& points = samples[i].segments.points;
+    scan.points.insert(scan.points.end(), points.begin(), points.end());
+    scan.segments.push_back(segment);
+  }
+  return scan;
+}
+
+struct Answer {
+  bool given = false;
+  Ellipse ellipse_level;
+  Matrix5d covariance = Matrix5d::Identity();
+  double p_ellipse = kNothing;
+};
+
+/// Asks any detector by its name.
+class Asked {
+ public:
+  Asked(const std::string& detector, const std::string& model_folder) {
+    const DetectionParams params = detection_params(detector, model_folder);
+    if (detector == "network") {
+      network_ = std::make_unique<EllipseNetwork>(model_path(params));
+    } else {
+      detector_ = make_detector(params);
+    }
+    fit_ = params.fit;
+  }
+
+  Answer answer(const SyntheticSegment& sample) {
+    Answer result;
+    if (network_) {  // it is told each sample's own noise
+      const auto& estimate =
+          network_->infer(sample.segments, {0}, sample.range_sigma_m, fit_.prior_max_radius_m).front();
+      const Detection detection = make_detection(sample.segments, 0, fit_, estimate.smooth_level);
+      return {true, detection.ellipse_level, estimate.covariance, estimate.p_ellipse};
+    }
+    const Detections detections = detector_->detect(sample.segments);
+    if (detections.detections.empty()) return result;
+    const Detection& detection = detections.detections.front();
+    return {true, detection.ellipse_level, detection.covariance, detection.p_ellipse};
+  }
+
+ private:
+  std::unique_ptr<EllipseNetwork> network_;
+  std::unique_ptr<Detector> detector_;
+  EllipseFitParams fit_;
+};
+
+void append(std::vector<double>& row, const Ellipse& ellipse) {
+  const Ellipse c = canonical(ellipse);
+  row.insert(row.end(), {c.center_m.x(), c.center_m.y(), c.psi_rad, c.rx_m, c.ry_m});
+}
+
+void write_answers(Asked& asked, SegmentCase which, std::uint64_t first, std::uint64_t count) {
+  std::vector<double> row;
+  for (std::uint64_t seed = first; seed < first + count; ++seed) {
+    Random random(seed);
+    const SyntheticSegment sample = draw_segment(which, random);
+    const Segment& segment = sample.segments.segments.front();
+    const Answer answer = asked.answer(sample);
+    const auto& points = sample.segments.points;
+    const double sum_m =
+        std::accumulate(points.begin(), points.end(), 0.0, [](double sum, const Point& p) { return sum + p.range_m; });
+    const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
+    row = {static_cast<double>(segment.count), sum_m / static_cast<double>(points.size()), hidden ? 1.0 : 0.0};
+    if (sample.ellipse_level) {
+      append(row, *sample.ellipse_level);
+    } else {
+      row.insert(row.end(), 5, kNothing);
+    }
+    if (answer.given) {
+      append(row, answer.ellipse_level);
+    } else {
+      row.insert(row.end(), 5, kNothing);
+    }
+    row.push_back(answer.p_ellipse);
+    if (sample.ellipse_level && answer.given) {
+      const Vector5d error = smooth_parameters(answer.ellipse_level) - smooth_parameters(*sample.ellipse_level);
+      row.push_back(characteristic_distance(canonical(answer.ellipse_level), *sample.ellipse_level));
+      row.push_back(symmetric_characteristic_distance(answer.ellipse_level, *sample.ellipse_level));
+      row.push_back(error.dot(answer.covariance.llt().solve(error)));
+    } else {
+      row.insert(row.end(), 3, kNothing);
+    }
+    if (std::fwrite(row.data(), sizeof(double), row.size(), stdout) != row.size()) {
+      throw std::runtime_error("the standard output is closed");
+    }
+  }
+}
+
+void write_points(SegmentCase which, std::uint64_t seed) {
+  Random random(seed);
+  for (const Point& point : draw_segment(which, random).segments.points) {
+    std::printf("%.6f %.6f\n", point.p_level_m.x(), point.p_level_m.y());
+  }
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  return values[values.size() / 2];
+}
+
+void write_times(const std::string& model_folder, const std::vector<std::string>& names) {
+  constexpr int kScans = 4;
+  constexpr int kRounds = 15;
+  std::vector<Segments> scans;
+  Random random(1);
+  for (int i = 0; i < kScans; ++i) {
+    std::vector<SyntheticSegment> samples;
+    for (std::size_t k = 0; k < kScanSegments; ++k) samples.push_back(draw_segment(SegmentCase::kEllipse, random));
+    scans.push_back(merge(samples));
+  }
+  std::vector<std::unique_ptr<Detector>> detectors;
+  for (const std::string& name : names) detectors.push_back(make_detector(detection_params(name, model_folder)));
+  std::vector<std::vector<double>> times_us(names.size());
+  for (int round = 0; round < kRounds; ++round) {
+    for (std::size_t i = 0; i < detectors.size(); ++i) {
+      const auto start = std::chrono::steady_clock::now();
+      for (const Segments& scan : scans) detectors[i]->detect(scan);
+      const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+      if (round > 0) times_us[i].push_back(spent.count() / static_cast<double>(kScans * kScanSegments));
+    }
+  }
+  for (std::size_t i = 0; i < names.size(); ++i) std::printf("%s %.3f\n", names[i].c_str(), median(times_us[i]));
+}
+
+int run(const std::vector<std::string>& arguments) {
+  const auto number = [&](std::size_t i) { return static_cast<std::uint64_t>(std::stoull(arguments[i])); };
+  if (arguments.size() == 6 && arguments[0] == "answers") {
+    Asked asked(arguments[2], arguments[1]);
+    write_answers(asked, segment_case(arguments[3]), number(4), number(5));
+  } else if (arguments.size() == 3 && arguments[0] == "points") {
+    write_points(segment_case(arguments[1]), number(2));
+  } else if (arguments.size() >= 3 && arguments[0] == "times") {
+    write_times(arguments[1], {arguments.begin() + 2, arguments.end()});
+  } else {
+    std::fputs(kUsage, stderr);
+    return 2;
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  try {
+    return situation_awareness::run({argv + 1, argv + argc});
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "detection_evaluation: %s\n", error.what());
+    return 1;
+  }
+}
