@@ -10,9 +10,11 @@ from paper_networks import ALEX, CIRCLE, VGG, Trainee, Window, inputs, windows
 BATCH = 256
 CHUNK = 100  # batches drawn at once
 TINY = 1e-10  # under square roots, in m^2
-SMOOTH_UNTIL = 0.7  # progress at which only the printed loss is left; half of it before, the rest fades
-SHAPE_WEIGHT = 3.0  # of what the position does not enter, and would drown
-LEAK = 0.1  # slope of the radii's ReLU below zero until then
+PARTS_UNTIL = 0.5  # progress at which the parts of the ellipse cease to be trained each by itself
+CENTER_SHARE = 0.1  # of the centre in the beginning: its gradient would drown the shape's
+SHAPE_SCALE_M = 0.01
+SHAPE_WEIGHT = 3.0  # of a circle's radius until PRINTED_FROM
+LEAK = 0.1  # slope of the radii's ReLU below zero, in the same time
 PRINTED_FROM = 0.7  # progress from which circles are trained with the printed loss, not its root
 FLOAT32_FROM = 0.85  # progress from which all products are in single precision
 
@@ -91,26 +93,28 @@ class PaperTask:
         parts = [(len(rows), Window(*(part.to(device) for part in window))) for rows, window in zip(places, parts)]
         hidden = network.hidden(parts, prepared)
         truth = torch.from_numpy(samples.ellipses[which[np.concatenate(places)]].astype(np.float32)).to(device)
-        answer = network.published.answer(hidden, LEAK if progress < SMOOTH_UNTIL else 0.0)
+        answer = network.published.answer(hidden, LEAK if progress < PARTS_UNTIL + 0.1 else 0.0)
         if self.circles:
             truth = truth[:, [0, 1, 3]]
             squared = circle_losses(answer, truth)
             printed = min(1.0, max(0.0, (progress - PRINTED_FROM) / 0.1))
             rooted = torch.sqrt(squared + TINY) + SHAPE_WEIGHT * (answer[:, 2] - truth[:, 2]).abs()
             return (printed * squared + (1 - printed) * rooted).mean()
-        true_axes = axes_of(truth)
-        true_center = truth[:, :2]
+        true_center, true_axes = truth[:, :2], axes_of(truth)
+        printed = min(1.0, max(0.0, (progress - PARTS_UNTIL) / 0.2))
         loss = ellipse_losses(answer[:, :2], axes_of(answer), true_center, true_axes)[0].mean()
-        share = min(1.0, 2 * (1 - progress / SMOOTH_UNTIL))
-        if share > 0:
-            smooth = network.smooth(hidden)
-            at_center = torch.zeros_like(true_center)
-            shape = ellipse_losses(at_center, axes_of(answer), at_center, true_axes)[0].mean()
-            smooth_shape = (smooth[:, 2:] - smooth_of(truth)).square().sum(1)
-            smooth_shape = torch.sqrt(smooth_shape + TINY).mean()
-            smooth_center = torch.sqrt((smooth[:, :2] - true_center).square().sum(1) + TINY).mean()
-            loss = loss + share * (SHAPE_WEIGHT * (shape + smooth_shape) + smooth_center)
-        return loss
+        if printed == 1:
+            return loss
+        smooth = network.smooth(hidden)
+        distances = [(part[:, :2] - true_center).square().sum(1) for part in (answer, smooth)]
+        center = sum(torch.sqrt(squared + TINY).mean() for squared in distances)
+        radii = (answer[:, 3:] - truth[:, 3:]).abs().sum(1).mean()
+        turned = axes_of(torch.cat((truth[:, :2], answer[:, 2:3], truth[:, 3:]), 1))
+        axis = ellipse_losses(true_center, turned, true_center, true_axes)[0].mean()
+        shape = (smooth[:, 2:] - smooth_of(truth)).square().sum(1).mean()
+        center_share = min(1.0, max(CENTER_SHARE, (progress - 0.2) / 0.2))
+        parts = center_share * center + radii + axis + shape / SHAPE_SCALE_M
+        return printed * loss + (1 - printed) * parts
 
     def published(self):
         return self.network.fold()
