@@ -177,7 +177,7 @@ class _Run:
                     parameter.copy_(average)
 
 
-def train(task, options, folder, processes=Processes(), resume=False, checkpoint_minutes=1.0, stop_after=None):
+def train(task, options, folder, processes=Processes(), resume=False, checkpoint_minutes=2.0, stop_after=None):
     """Train task.network in place. Returns (minutes spent, mean loss of the last twentieth of the steps).
 
     Files in `folder`: a checkpoint every `checkpoint_minutes` and at the end, the loss curve as .csv and .png.
