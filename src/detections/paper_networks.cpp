@@ -14,7 +14,7 @@ namespace {
 using Kind = PaperNetwork::Kind;
 
 constexpr int kMiddle = PaperNetwork::kBeams / 2;
-constexpr double kRangeScale = 0.1;     // docs/math/detections.md, eqs. 2 and 4
+constexpr double kRangeScale = 0.1;     // docs/math/paper_networks.md, eq. 2
 constexpr double kDeviationGain = 4.0;  // eq. 2
 constexpr double kMinRadiusM = 0.01;    // the networks' answers are not bounded
 
@@ -40,7 +40,7 @@ double in_beams(double azimuth_rad, double middle_rad) {
   return (azimuth_rad - middle_rad) / PaperNetwork::kResolutionRad;
 }
 
-/// Docs/math/detections.md, eq. 1.
+/// Docs/math/paper_networks.md, eq. 1.
 BeamRange beams_on(const Segments& segments, const Segment& segment, double middle_rad) {
   // A beam exactly half a beam beyond the outermost hit is no hit: it belongs as much to the miss beside it. The
   // tolerance is that of single-precision angles over a scan; the hits themselves count by the same.
@@ -53,7 +53,7 @@ BeamRange beams_on(const Segments& segments, const Segment& segment, double midd
           kMiddle + static_cast<int>(std::floor(std::clamp(high, -kEdge - 1.0, kEdge)))};
 }
 
-/// Ranges that the beams would have met the segment at (docs/math/detections.md, below eq. 1).
+/// Ranges that the beams would have met the segment at (docs/math/paper_networks.md, eq. 1).
 std::vector<double> ranges_on(const Segments& segments, const Segment& segment, double middle_rad, BeamRange beams) {
   const Point* const points = &segments.points[segment.first];
   std::vector<double> ranges_m;
@@ -78,7 +78,7 @@ double mean_of(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-/// The network's answer in the frame whose x axis is its middle beam (docs/math/detections.md, eqs. 3 and 5).
+/// The network's answer in the frame whose x axis is its middle beam (docs/math/paper_networks.md, eq. 3).
 Ellipse ellipse_of(Kind kind, const float* answer, double mean_range_m) {
   Ellipse ellipse;
   ellipse.center_m = {static_cast<double>(answer[0]), static_cast<double>(answer[1])};

@@ -14,7 +14,7 @@
 namespace situation_awareness {
 
 /// A network of the ellipse or the circle paper: one segment as the ranges of 1081 beams, everything else in the scan
-/// left out. What goes in and what comes out is written out in docs/math/detections.md.
+/// left out. What goes in and what comes out is written out in docs/math/paper_networks.md.
 class PaperNetwork {
  public:
   enum class Kind {

@@ -26,7 +26,7 @@ struct ObjectMapParams {
   double robot_position_sigma_m = 0.01;
   double robot_yaw_sigma_rad = 0.003;
   double measurement_sigma_m = 0.02;
-  double hidden_end_factor = 4.0;
+  double hidden_end_factor = 10.0;
   double gate_probability = 0.999;
   double min_observations = 3.0;
   double hidden_observation_weight = 0.25;
