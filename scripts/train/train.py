@@ -43,6 +43,7 @@ def parse_arguments():
         help="of the large products; bfloat16 is faster where the processor has it",
     )
     parser.add_argument("--peak-learning-rate", type=float, help="instead of the task's own")
+    parser.add_argument("--initial", type=pathlib.Path, help="published network to start from (ellipse only)")
     parser.add_argument("--resume", action="store_true", help="from the checkpoint of a run with the same arguments")
     parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("training"), help="checkpoints and curves")
     parser.add_argument("--output", type=pathlib.Path, default=pathlib.Path("models"))
@@ -54,6 +55,13 @@ def main():
     torch.set_num_threads(arguments.threads)
     processes = join_processes()
     task = TASKS[arguments.task](arguments.seed, arguments.precision)
+    before = {}
+    if arguments.initial:
+        if not hasattr(task, "start_from"):
+            raise SystemExit(f"{arguments.task} starts from nothing: --initial is for ellipse")
+        task.start_from(arguments.initial)
+        manifest = arguments.initial.with_suffix(".manifest.yaml").read_text()
+        before = {"after": manifest.split("  command: ")[1].split("\n")[0]}
     if arguments.minutes:
         if processes.size > 1 or arguments.resume:
             raise SystemExit("--minutes cannot be resumed or shared by processes: give the --samples that it printed")
@@ -72,9 +80,12 @@ def main():
         f"--threads {arguments.threads} --precision {arguments.precision} "
         f"--peak-learning-rate {options.peak_learning_rate}"
     )
+    if arguments.initial:
+        command += f" --initial {arguments.initial}"
     figures = task.measure(task.published().cpu().eval(), np.random.default_rng((arguments.seed, 1)))
     publish.publish(task, arguments.output, {
-        "command": command, "seed": arguments.seed, "samples": samples, "minutes": round(minutes, 1), "losses": figures,
+        "command": command, "seed": arguments.seed, "samples": samples, "minutes": round(minutes, 1), **before,
+        "losses": figures,
     })
 
 

@@ -241,7 +241,8 @@ def write_curve(folder, task, options, losses, processes=1):
         for end, n, mean in zip(bounds[1:], samples, means):
             writer.writerow((n, f"{learning_rate(end - 1, options):.6g}", f"{mean:.6g}"))
     figure, axes = pyplot.subplots(figsize=(7, 4), layout="constrained")
-    axes.semilogy(samples, means)
+    axes.plot(samples, means)
+    axes.set_yscale("log" if min(means) > 0 else "linear")
     axes.set(xlabel="samples", ylabel=f"training loss in {task.unit}", title=task.name)
     axes.grid(True, which="both", alpha=0.3)
     figure.savefig(pathlib.Path(folder) / f"{task.name}.png", dpi=120)
