@@ -74,6 +74,8 @@ def main():
     minutes, _ = train(task, options, arguments.work, processes, arguments.resume)
     if processes.rank > 0:
         return
+    if hasattr(task, "finish"):
+        task.finish(arguments.seed)
     samples = options.steps * task.batch * processes.size
     command = (
         f"scripts/train/train.py {arguments.task} --samples {samples} --seed {arguments.seed} "

@@ -42,6 +42,22 @@ class EllipseTaskTest(unittest.TestCase):
             difference = other.network(self.rows[:, : product.INPUTS]) - self.task.network(self.rows[:, : product.INPUTS])
         self.assertLess(difference.abs().max().item(), 1e-4)
 
+    def test_finishing_puts_nine_tenths_inside_at_every_range(self):
+        task = product.EllipseTask(seed=5)
+        product.FINISHING_SAMPLES, product.FINISHING_STEPS, product.FINISHING_RATE = 40_000, 600, 0.01
+        task.finish(seed=5)
+        rows = torch.from_numpy(product.draw("ellipse", 1, 20_000).copy())
+        with torch.no_grad():
+            answer = task.network(rows[:, : product.INPUTS])
+            error = rows[:, product.TRUTH] - product.point_of(answer, rows)
+            factor = slice(product.POINT, product.POINT + product.FACTOR)
+            square = product.whitened(answer[:, factor], error)[0].square().sum(1)
+            inside = square < product.CHI_SQUARE_90 * torch.exp(answer[:, product.POINT + product.FACTOR])
+        distance = rows[:, product.MEAN_RANGE]
+        for low, high in ((0, 3), (3, 6), (6, 10)):  # of a network that has learnt nothing
+            share = inside[(distance >= low) & (distance < high)].double().mean().item()
+            self.assertAlmostEqual(share, 0.9, delta=0.04)
+
     def test_a_batch_depends_on_seed_and_step_alone(self):
         batches = list(self.task.batches(7, 0, 3))
         (third,) = self.task.batches(7, 2, 3)
