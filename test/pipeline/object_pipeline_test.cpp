@@ -33,7 +33,7 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
   const ObjectPipelineParams params = parse_object_pipeline_params(
       "scan: {max_range_m: 5, volume: [[1, 0, 0, 2.5], [0, -1, 0, 3]]}\n"
       "segments: {min_points: 6}\n"
-      "detections: {detector: vgg_polar, model: /opt/m.onnx, min_p_ellipse: 0.9, fit: {range_sigma_m: 0.02}}\n"
+      "detections: {detector: vgg_polar, model: /opt/m.onnx, min_p_ellipse: 0.7, fit: {range_sigma_m: 0.02}}\n"
       "objects:\n",
       "my.yaml", "models");
   EXPECT_EQ(params.scan.max_range_m, 5.0);
@@ -44,7 +44,7 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
   EXPECT_EQ(params.segments.min_points, 6);
   EXPECT_EQ(params.detections.detector, "vgg_polar");
   EXPECT_EQ(model_path(params.detections), "/opt/m.onnx");
-  EXPECT_EQ(params.detections.min_p_ellipse, 0.9);
+  EXPECT_EQ(params.detections.min_p_ellipse, 0.7);
   EXPECT_EQ(params.detections.fit.range_sigma_m, 0.02);
   EXPECT_EQ(params.objects.min_observations, ObjectMapParams{}.min_observations);
   EXPECT_EQ(parse_object_pipeline_params("", "my.yaml", "").segments.min_points, SegmentationParams{}.min_points);

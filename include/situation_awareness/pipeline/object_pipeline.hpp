@@ -23,7 +23,7 @@ struct DetectionParams {
   std::string detector = "network";
   std::string model;         ///< ONNX file instead of the detector's own, absolute or in model_folder; empty: its own
   std::string model_folder;  ///< where models are looked for
-  double min_p_ellipse = 0.5;
+  double min_p_ellipse = 0.9;
   EllipseFitParams fit;
 
   template <class Self, class Visit>
