@@ -80,6 +80,12 @@ double residual_rms_m(const Point* points, std::size_t count, const Vector5d& x)
   return std::sqrt(sum / static_cast<double>(count));
 }
 
+double mean_beam(const Point* points, std::size_t count) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < count; ++i) sum += points[i].beam;
+  return sum / static_cast<double>(count);
+}
+
 /// A fit costs about one per hit; above that by more than this it has not found the object.
 constexpr double kGoodCostMargin = 10.0;
 
@@ -232,6 +238,10 @@ void EllipseFitParams::validate() const {
   }
 }
 
+ShapePrior shape_prior(const EllipseFitParams& params) {
+  return {params.mean_radius_m, params.mean_radius_sigma_m, params.radius_difference_sigma_m};
+}
+
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
   const Segment& piece = segments.segments[segment];
   const Problem problem(segments, piece, params);
@@ -262,6 +272,7 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
   detection.beams = static_cast<int>(piece.count);
   detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
   detection.segment = segment;
+  detection.time_offset_s = mean_beam(&segments.points[piece.first], piece.count) * segments.time_increment_s;
   return detection;
 }
 

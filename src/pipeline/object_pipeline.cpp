@@ -14,12 +14,17 @@ ObjectPipeline::ObjectPipeline(const ObjectPipelineParams& params)
 }
 
 ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
+  return process(scan, T_world_lidar, T_world_lidar);
+}
+
+ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                             const Eigen::Isometry3d& T_world_lidar_end) {
   const std::string defect = scan_defect(scan);
   if (!defect.empty()) throw std::invalid_argument(defect);
 
   ObjectPipelineResult result;
   const Scan limited = limit_range(scan, T_world_lidar, params_.scan);
-  result.points = project_horizontally(limited, T_world_lidar);
+  result.points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
   result.segments = segment(result.points, params_.segments);
   result.detections = detector_->detect(result.segments);
   result.update = map_.update(result.detections);

@@ -3,63 +3,176 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <limits>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
+namespace {
+
+/// From the lidar's pose at its first beam to that at its last.
+struct Motion {
+  Eigen::Vector3d axis_lidar = Eigen::Vector3d::UnitZ();  ///< of the turn
+  double turn_rad = 0.0;
+  Eigen::Vector3d translation_world_m = Eigen::Vector3d::Zero();
+  bool moves = false;
+};
+
+Motion motion_between(const Eigen::Isometry3d& T_world_first, const Eigen::Isometry3d& T_world_last) {
+  Motion motion;
+  motion.moves = T_world_first.matrix() != T_world_last.matrix();
+  if (!motion.moves) return motion;  // exactly none: the product of a rotation and its inverse is not quite that
+  const Eigen::AngleAxisd turn(T_world_first.linear().transpose() * T_world_last.linear());
+  motion.axis_lidar = turn.axis();
+  motion.turn_rad = turn.angle();
+  motion.translation_world_m = T_world_last.translation() - T_world_first.translation();
+  return motion;
+}
+
+/// `v` turned about the unit vector `axis` (Rodrigues).
+Eigen::Vector3d turned(const Eigen::Vector3d& v, const Eigen::Vector3d& axis, double angle_rad) {
+  const double c = std::cos(angle_rad);
+  return c * v + std::sin(angle_rad) * axis.cross(v) + (1.0 - c) * axis.dot(v) * axis;
+}
+
+bool is_hit(const Point& point) { return point.state == BeamState::kHit || point.state == BeamState::kOutside; }
+
+double distance_m(const Point& point) {
+  return is_hit(point) ? point.range_m : std::numeric_limits<double>::infinity();
+}
+
+/// Make azimuths grow again that step back, because things at different distances moved past one another while the
+/// lidar did. Seen from the origin the nearer one covers the other: it keeps its azimuths, and what it covers is put at
+/// its edge.
+void order_azimuths(Points& points) {
+  struct Block {  // of points at one azimuth, that of the nearest of them
+    double azimuth_rad;
+    double distance_m;
+    std::size_t end;
+  };
+  const std::size_t n = points.points.size();
+  // The nearest point never gives way, so that a circle is complete when it is met again.
+  const auto nearest = std::min_element(points.points.begin(), points.points.end(),
+                                        [](const Point& a, const Point& b) { return distance_m(a) < distance_m(b); });
+  const std::size_t start = points.full_circle ? static_cast<std::size_t>(nearest - points.points.begin()) : 0;
+  const auto turn_rad = [&](std::size_t k) { return start + k < n ? 0.0 : 2.0 * kPi; };
+
+  std::vector<Block> blocks;
+  for (std::size_t k = 0; k < n; ++k) {
+    const Point& point = points.points[(start + k) % n];
+    Block block{point.azimuth_rad + turn_rad(k), distance_m(point), k + 1};
+    while (!blocks.empty() && blocks.back().azimuth_rad > block.azimuth_rad) {
+      if (blocks.back().distance_m <= block.distance_m) {
+        block.azimuth_rad = blocks.back().azimuth_rad;
+        block.distance_m = blocks.back().distance_m;
+      }
+      blocks.pop_back();
+    }
+    blocks.push_back(block);
+  }
+  const double last_rad =
+      points.full_circle ? points.points[start].azimuth_rad + 2.0 * kPi : std::numeric_limits<double>::infinity();
+  std::size_t k = 0;
+  for (const Block& block : blocks) {
+    for (; k < block.end; ++k) {
+      points.points[(start + k) % n].azimuth_rad = std::min(block.azimuth_rad, last_rad) - turn_rad(k);
+    }
+  }
+}
+
+}  // namespace
 
 double tilt_rad(const Eigen::Isometry3d& T_world_lidar) {
   return std::acos(std::min(1.0, std::abs(T_world_lidar.linear()(2, 2))));
 }
 
+const char* projection_defect(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                              const Eigen::Isometry3d& T_world_lidar_end) {
+  const bool level_enough = tilt_rad(T_world_lidar) <= kMaxTiltRad && tilt_rad(T_world_lidar_end) <= kMaxTiltRad;
+  if (!level_enough) return "tilt";
+  const double steps = scan.beams.empty() ? 0.0 : static_cast<double>(scan.beams.size() - 1);
+  const double most_rad = kMaxTurnOfSweep * steps * std::abs(scan.angle_increment_rad);
+  return motion_between(T_world_lidar, T_world_lidar_end).turn_rad <= most_rad ? "" : "turn";
+}
+
 Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
-  const double tilt = tilt_rad(T_world_lidar);
-  if (!(tilt <= kMaxTiltRad)) {
+  return project_horizontally(scan, T_world_lidar, T_world_lidar);
+}
+
+Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                            const Eigen::Isometry3d& T_world_lidar_end) {
+  const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
+  const Motion motion = motion_between(T_world_lidar, T_world_lidar_end);
+  if (defect == "tilt") {
+    const double tilt = std::max(tilt_rad(T_world_lidar), tilt_rad(T_world_lidar_end));
     throw std::invalid_argument("scan plane tilted by " + std::to_string(degrees(tilt)) + " deg, at most " +
                                 std::to_string(degrees(kMaxTiltRad)) + " deg can be projected");
+  }
+  if (defect == "turn") {
+    throw std::invalid_argument("lidar turned by " + std::to_string(degrees(motion.turn_rad)) +
+                                " deg during a scan, more than " + std::to_string(kMaxTurnOfSweep) + " of its sweep");
   }
 
   const Eigen::Matrix3d R_world_lidar = T_world_lidar.linear();
   const double yaw_rad = std::atan2(R_world_lidar(1, 0), R_world_lidar(0, 0));
   const Eigen::Matrix3d R_level_world = Eigen::AngleAxisd(-yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
   const Eigen::Matrix<double, 2, 3> R_level_lidar = (R_level_world * R_world_lidar).topRows<2>();
+  const Eigen::Vector2d translation_level_m = (R_level_world * motion.translation_world_m).head<2>();
 
   Points result;
   result.stamp_ns = scan.stamp_ns;
   result.T_world_level = {T_world_lidar.translation().head<2>(), yaw_rad};
   result.height_world_m = T_world_lidar.translation().z();
+  result.time_increment_s = scan.time_increment_s;
   const std::size_t n = scan.beams.size();
   result.points.reserve(n);
   if (n == 0) return result;
 
   // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it backwards.
   const bool clockwise = (R_world_lidar(2, 2) < 0.0) != (scan.angle_increment_rad < 0.0);
+  const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
+  double first_rad = 0.0;
   double previous_rad = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = clockwise ? n - 1 - k : k;
     const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
+    const double part = static_cast<double>(i) / steps;  // of the motion, by the time of this beam
+    const Eigen::Vector3d ray_lidar(std::cos(angle_rad), std::sin(angle_rad), 0.0);
     const Eigen::Vector2d direction_level =
-        R_level_lidar.leftCols<2>() * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+        R_level_lidar * (motion.moves ? turned(ray_lidar, motion.axis_lidar, part * motion.turn_rad) : ray_lidar);
+    const Eigen::Vector2d lidar_level_m = part * translation_level_m;
+
+    const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
+    const double azimuth_rad = k == 0 ? wrapped_rad : previous_rad + wrap_to_pi(wrapped_rad - previous_rad);
+    if (k == 0) first_rad = azimuth_rad;
+    if (motion.moves && azimuth_rad > first_rad + 2.0 * kPi) break;  // the lidar's own turn carried it beyond a circle
+    previous_rad = azimuth_rad;
 
     Point point;
     point.beam = static_cast<int>(i);
     point.state = scan.beams[i].state;
-    const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
-    point.azimuth_rad = k == 0 ? wrapped_rad : previous_rad + wrap_to_pi(wrapped_rad - previous_rad);
-    previous_rad = point.azimuth_rad;
-    if (point.state == BeamState::kHit || point.state == BeamState::kOutside) {
+    point.azimuth_rad = azimuth_rad;
+    if (is_hit(point)) {
       point.p_level_m = scan.beams[i].range_m * direction_level;
+      if (motion.moves) {
+        point.p_level_m += lidar_level_m;
+        const double across = direction_level.x() * lidar_level_m.y() - direction_level.y() * lidar_level_m.x();
+        point.azimuth_rad += std::atan2(across, direction_level.dot(point.p_level_m));  // as seen from the origin
+      }
       point.range_m = point.p_level_m.norm();
     }
     result.points.push_back(point);
   }
 
-  const double sweep_rad = result.points.back().azimuth_rad - result.points.front().azimuth_rad;
   const double increment_rad = std::abs(scan.angle_increment_rad);
-  result.resolution_rad = n > 1 ? sweep_rad / static_cast<double>(n - 1) : increment_rad;
+  const std::size_t count = result.points.size();
+  result.resolution_rad = count > 1 ? (previous_rad - first_rad) / static_cast<double>(count - 1) : increment_rad;
   result.full_circle = increment_rad * (static_cast<double>(n) + 0.5) >= 2.0 * kPi;
+  if (motion.moves) order_azimuths(result);
   return result;
 }
 

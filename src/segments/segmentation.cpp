@@ -215,6 +215,8 @@ Segments segment(const Points& points, const SegmentationParams& params) {
   result.T_world_level = points.T_world_level;
   result.height_world_m = points.height_world_m;
   result.resolution_rad = points.resolution_rad;
+  result.time_increment_s = points.time_increment_s;
+  result.free_space = free_space(points);
   result.points.reserve(points.points.size());
   if (points.points.empty()) return result;
 

@@ -9,6 +9,7 @@ namespace situation_awareness {
 
 /// What every detector does around its own `detect_one(segment index) -> Detection`: asks it about each segment of kind
 /// kObject for which `refusal(segment index) -> const char*` is empty, and refuses answers that are not to be trusted.
+/// The prior it names is that of assess_ellipse's covariance.
 template <class DetectOne, class Refusal>
 Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one,
                        Refusal&& refusal) {
@@ -16,6 +17,8 @@ Detections detect_each(const Segments& segments, const EllipseFitParams& params,
   result.stamp_ns = segments.stamp_ns;
   result.T_world_level = segments.T_world_level;
   result.height_world_m = segments.height_world_m;
+  result.free_space = segments.free_space;
+  result.prior = shape_prior(params);
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     if (segments.segments[i].kind != SegmentKind::kObject) continue;
     const char* const reason = refusal(i);

@@ -8,6 +8,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/points/points.hpp"
 
 namespace situation_awareness {
 
@@ -17,9 +18,18 @@ struct Detection {
   Matrix5d covariance = Matrix5d::Zero();  ///< of the error of its smooth_parameters (t_x, t_y, m, p, q)
   double residual_rms_m = 0.0;             ///< of the hits against the ellipse, along its normal
   double p_ellipse = 1.0;                  ///< probability that the segment is one ellipse at all
+  double time_offset_s = 0.0;              ///< of the middle of its beams after the stamp
   int beams = 0;                           ///< number of hits it was found from
   bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may go on
   std::size_t segment = 0;                 ///< index in Segments::segments
+};
+
+/// What a detector took for granted of an object's shape before it saw the segment, as a Gaussian over (m, p, q): the
+/// map divides it out, because it would count again with every scan. A sigma of 0: no prior was used.
+struct ShapePrior {
+  double mean_radius_m = 0.0;              ///< mean of m
+  double mean_radius_sigma_m = 0.0;        ///< standard deviation of m
+  double radius_difference_sigma_m = 0.0;  ///< standard deviation of p and of q, whose means are 0
 };
 
 /// The ellipses found in one scan, at most one per segment.
@@ -28,7 +38,9 @@ struct Detections {
   Pose2 T_world_level;
   double height_world_m = 0.0;
   std::vector<Detection> detections;
-  Counters refused;  ///< segments of kind kObject without a detection, by reason
+  ShapePrior prior;      ///< of every detection's covariance
+  FreeSpace free_space;  ///< of the whole scan, as Segments::free_space
+  Counters refused;      ///< segments of kind kObject without a detection, by reason
 };
 
 }  // namespace situation_awareness

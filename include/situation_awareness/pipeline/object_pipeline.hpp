@@ -82,6 +82,10 @@ class ObjectPipeline {
   /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged.
   ObjectPipelineResult process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
 
+  /// The same for a lidar that moves between its first beam, at the stamp, and its last.
+  ObjectPipelineResult process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                               const Eigen::Isometry3d& T_world_lidar_end);
+
   const ObjectMap& map() const { return map_; }
 
  private:

@@ -14,11 +14,26 @@ constexpr double kMaxTiltRad = 1.2;
 /// Angle between the scan plane and the horizontal plane, in [0, pi/2]; the same for a scanner mounted upside down.
 double tilt_rad(const Eigen::Isometry3d& T_world_lidar);
 
+/// Largest turn of the lidar from the first beam to the last that `project_horizontally` accepts, as a part of the
+/// angle between these two in the lidar's frame: well below what would let neighbouring beams swap order.
+constexpr double kMaxTurnOfSweep = 0.1;
+
+/// Why a scan taken between these poses cannot be projected, as a word that can be counted: "tilt" (beyond kMaxTiltRad
+/// at one of them), "turn" (beyond kMaxTurnOfSweep); empty text if it can.
+const char* projection_defect(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                              const Eigen::Isometry3d& T_world_lidar_end);
+
 /// Rotate every beam by the attitude and take its azimuth and range in the level frame.
 ///
 /// This replaces eq. 5 of the circle paper (rho cos(theta) cos(phi) for every beam), which shortens beams that tilt
 /// does not shorten and leaves azimuths alone; docs/math/points.md compares both in numbers.
-/// Throws std::invalid_argument if tilt_rad exceeds kMaxTiltRad.
+/// Throws std::invalid_argument if projection_defect says so.
 Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
+
+/// The same for a lidar that moves from `T_world_lidar`, its pose at the stamp and so at beam 0, to
+/// `T_world_lidar_end`, its pose at the last beam: each beam is taken from the pose between them at its own time.
+/// Everything is in the level frame of the stamp, and seen from its origin (docs/math/points.md, "Motion").
+Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                            const Eigen::Isometry3d& T_world_lidar_end);
 
 }  // namespace situation_awareness

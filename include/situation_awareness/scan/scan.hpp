@@ -26,9 +26,10 @@ struct Beam {
 /// (cos a_i, sin a_i, 0) with a_i = angle_min_rad + i * angle_increment_rad.
 /// Any number of beams, either sign of the increment, up to a full circle.
 struct Scan {
-  std::int64_t stamp_ns = 0;
+  std::int64_t stamp_ns = 0;  ///< when beam 0 was taken
   double angle_min_rad = 0.0;
   double angle_increment_rad = 0.0;  ///< not zero
+  double time_increment_s = 0.0;     ///< from beam to beam, 0: all at one instant
   std::vector<Beam> beams;
 };
 

@@ -44,9 +44,11 @@ struct Segments {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
   double height_world_m = 0.0;
-  double resolution_rad = 0.0;  ///< mean azimuth between neighbouring beams
+  double resolution_rad = 0.0;    ///< mean azimuth between neighbouring beams
+  double time_increment_s = 0.0;  ///< from beam to beam, 0: all at one instant
   std::vector<Point> points;
   std::vector<Segment> segments;
+  FreeSpace free_space;  ///< of the whole scan
 };
 
 }  // namespace situation_awareness

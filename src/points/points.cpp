@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/points/points.hpp"
+
+#include <limits>
+
+namespace situation_awareness {
+namespace {
+
+float clear_m(const Point& point) {
+  switch (point.state) {
+    case BeamState::kHit:
+    case BeamState::kOutside:
+      return static_cast<float>(point.range_m);
+    case BeamState::kFree:
+      return std::numeric_limits<float>::infinity();
+    case BeamState::kTooClose:
+    case BeamState::kInvalid:
+      break;
+  }
+  return 0.0F;
+}
+
+}  // namespace
+
+FreeSpace free_space(const Points& points) {
+  FreeSpace result;
+  result.full_circle = points.full_circle;
+  result.azimuth_rad.reserve(points.points.size());
+  result.range_m.reserve(points.points.size());
+  for (const Point& point : points.points) {
+    result.azimuth_rad.push_back(static_cast<float>(point.azimuth_rad));
+    result.range_m.push_back(clear_m(point));
+  }
+  return result;
+}
+
+}  // namespace situation_awareness
