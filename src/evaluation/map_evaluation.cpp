@@ -5,104 +5,293 @@
 #include <cmath>
 #include <cstdio>
 
+#include <Eigen/Cholesky>
+
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/estimation/assignment.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/evaluation/gospa.hpp"
+#include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
+namespace {
 
-void MapEvaluation::add(const Objects& truth, const Objects& map) {
-  ++scans_;
+constexpr double kHeldProbability = 0.99;
+
+template <int N>
+bool is_held(const Eigen::Matrix<double, N, 1>& error, const Eigen::Matrix<double, N, N>& covariance) {
+  static const double bound = chi_square_quantile(kHeldProbability, N);
+  return error.dot(covariance.ldlt().solve(error)) <= bound;  // false for NaN
+}
+
+/// Add the square of an error to its sum, and keep the largest.
+void tally_error(double error, double& sum_of_squares, double& max_absolute) {
+  sum_of_squares += error * error;
+  max_absolute = std::max(max_absolute, std::abs(error));
+}
+
+double ratio(double part, double whole) { return whole > 0.0 ? part / whole : 0.0; }
+
+}  // namespace
+
+std::vector<MapEvaluation::Thing> MapEvaluation::things_of(const Objects& truth) const {
+  std::vector<Thing> things;
+  if (bodies_.empty()) {
+    for (const Object& object : truth.objects) things.push_back({&object, {object.ellipse_world}, object.beams});
+    return things;
+  }
+  for (const Body& body : bodies_) {
+    Thing thing;
+    thing.reference = &truth.objects.at(body.parts.front());
+    for (const std::size_t part : body.parts) {
+      thing.parts.push_back(truth.objects.at(part).ellipse_world);
+      thing.beams += truth.objects[part].beams;
+    }
+    things.push_back(std::move(thing));
+  }
+  return things;
+}
+
+std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Objects& map) const {
   std::vector<Candidate> candidates;
-  for (std::size_t i = 0; i < truth.objects.size(); ++i) {
+  for (std::size_t i = 0; i < things.size(); ++i) {
     for (std::size_t j = 0; j < map.objects.size(); ++j) {
-      const double distance_m =
-          (truth.objects[i].ellipse_world.center_m - map.objects[j].ellipse_world.center_m).norm();
-      if (distance_m <= params_.max_match_distance_m) {
-        candidates.push_back({static_cast<int>(i), static_cast<int>(j), distance_m});
+      const Eigen::Vector2d& center_m = map.objects[j].ellipse_world.center_m;
+      const double distance_m = (things[i].reference->ellipse_world.center_m - center_m).norm();
+      const bool on_body = things[i].parts.size() > 1 && within_reach(things[i].parts, center_m, params_.body_margin_m);
+      if (distance_m <= params_.max_match_distance_m || on_body) {
+        candidates.push_back(
+            {static_cast<int>(i), static_cast<int>(j), std::min(distance_m, params_.max_match_distance_m)});
       }
     }
   }
-  const std::vector<int> element_of =
-      assign(static_cast<int>(truth.objects.size()), static_cast<int>(map.objects.size()), candidates,
-             2.0 * params_.max_match_distance_m);
+  return assign(static_cast<int>(things.size()), static_cast<int>(map.objects.size()), candidates,
+                2.0 * params_.max_match_distance_m);
+}
 
-  std::vector<bool> on_truth(map.objects.size(), false);
-  for (std::size_t i = 0; i < truth.objects.size(); ++i) {
-    const Object& object = truth.objects[i];
+void MapEvaluation::compare(ObjectTally& tally, const Object& truth, const Object& element) const {
+  const Ellipse a = canonical(truth.ellipse_world);
+  const Ellipse b = canonical(element.ellipse_world);
+  EllipseErrors& squares = tally.sum_of_squares;
+  EllipseErrors& largest = tally.max_absolute;
+  const Eigen::Vector2d radii_error(b.rx_m - a.rx_m, b.ry_m - a.ry_m);
+  const Eigen::Vector2d center_error = b.center_m - a.center_m;
+  tally_error(radii_error.x(), squares.rx_m, largest.rx_m);
+  tally_error(radii_error.y(), squares.ry_m, largest.ry_m);
+  tally_error(center_error.x(), squares.tx_m, largest.tx_m);
+  tally_error(center_error.y(), squares.ty_m, largest.ty_m);
+  tally_error(wrap_to_half_pi(b.psi_rad - a.psi_rad), squares.psi_rad, largest.psi_rad);
+  tally.radius_sae_m += 0.5 * radii_error.cwiseAbs().sum();
+
+  using namespace object_error;
+  const Eigen::Vector2d velocity_error = element.velocity_world_m_s - truth.velocity_world_m_s;
+  tally.velocity_sse_m2_s2 += velocity_error.squaredNorm();
+  tally.psi_variance_sum_rad2 += element.covariance(kOrientation, kOrientation);
+
+  static_assert(kVelocity == kPosition + 2, "position and velocity are one block");
+  Eigen::Vector4d position_velocity_error;
+  position_velocity_error << center_error, velocity_error;
+  tally.held_position += is_held<2>(center_error, element.covariance.block<2, 2>(kPosition, kPosition)) ? 1 : 0;
+  tally.held_position_velocity +=
+      is_held<4>(position_velocity_error, element.covariance.block<4, 4>(kPosition, kPosition)) ? 1 : 0;
+  tally.held_radii += is_held<2>(radii_error, element.covariance.block<2, 2>(kRadii, kRadii)) ? 1 : 0;
+}
+
+HiddenTime MapEvaluation::hidden_time(const Hiding& hiding, std::int64_t end_ns, std::optional<bool> same_id) const {
+  HiddenTime time;
+  time.from_s = seconds_between(0, hiding.from_ns);
+  time.to_s = seconds_between(0, hiding.to_ns != kNever ? hiding.to_ns : end_ns);
+  time.same_id = same_id;
+  time.deleted_after_s = hiding.deleted_after_s;
+  return time;
+}
+
+void MapEvaluation::follow_hiding(ObjectTally& tally, const Thing& thing, const Object* element,
+                                  const Objects& map) const {
+  if (thing.beams == 0) {
+    if (!tally.hiding && tally.element_id != 0) tally.hiding = Hiding{stamp_ns_, kNever, kNever, std::nullopt};
+    if (!tally.hiding) return;
+    tally.hiding->to_ns = tally.hiding->visible_again_ns = kNever;  // a glimpse does not end it
+    const bool on_map = std::any_of(map.objects.begin(), map.objects.end(),
+                                    [&](const Object& object) { return object.id == tally.element_id; });
+    if (!on_map && !tally.hiding->deleted_after_s) {
+      tally.hiding->deleted_after_s = seconds_between(tally.hiding->from_ns, stamp_ns_);
+    }
+    return;
+  }
+  if (!tally.hiding) return;
+  Hiding& hiding = *tally.hiding;
+  if (hiding.to_ns == kNever) hiding.to_ns = stamp_ns_;
+  if (seconds_between(hiding.from_ns, hiding.to_ns) < params_.min_hidden_s) {
+    tally.hiding.reset();
+    return;
+  }
+  if (thing.beams < params_.visible_beams) return;
+  if (hiding.visible_again_ns == kNever) hiding.visible_again_ns = stamp_ns_;
+  const bool in_time = seconds_between(hiding.visible_again_ns, stamp_ns_) <= params_.recognition_s;
+  if (in_time && element == nullptr) return;
+  tally.hidden.push_back(hidden_time(hiding, stamp_ns_, in_time && element->id == tally.element_id));
+  tally.hiding.reset();
+}
+
+void MapEvaluation::judge_bodies(const std::vector<Thing>& things, const Objects& map,
+                                 const std::vector<int>& separate_parts) {
+  body_tallies_.resize(bodies_.size());
+  for (std::size_t i = 0; i < separate_parts.size(); ++i) {
+    BodyTally& tally = body_tallies_.at(i);
+    const Thing& thing = things[i];
+    if (thing.parts.size() < 2) continue;
+    if (tally.first_visible_ns == kNever && thing.beams >= params_.visible_beams) tally.first_visible_ns = stamp_ns_;
+    if (tally.first_visible_ns == kNever || separate_parts[i] < 2) continue;
+    if (seconds_between(tally.first_visible_ns, stamp_ns_) < params_.body_settling_s) continue;
+    ++tally.scans_apart;
+    const auto on_body = std::count_if(map.objects.begin(), map.objects.end(), [&](const Object& element) {
+      return within_reach(thing.parts, element.ellipse_world.center_m, params_.body_margin_m);
+    });
+    if (on_body == 1) ++tally.scans_one;
+  }
+}
+
+ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts) {
+  ++scans_;
+  stamp_ns_ = truth.stamp_ns;
+  const std::vector<Thing> things = things_of(truth);
+  const std::vector<int> element_of = match(things, map);
+
+  ScanScore scan;
+  std::vector<Eigen::Vector2d> truths_m, estimates_m;  // what GOSPA sees
+  std::vector<bool> on_truth(map.objects.size(), false), on_hidden(map.objects.size(), false);
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    const Object& object = *things[i].reference;
     ObjectTally& tally = objects_[object.id];
-    const bool mapped = element_of[i] >= 0;
-    if (mapped) on_truth[static_cast<std::size_t>(element_of[i])] = true;
-    if (object.beams < params_.visible_beams) {
+    has_parts_[object.id] = things[i].parts.size() > 1;
+    tally.moves = tally.moves || !object.velocity_world_m_s.isZero(0.0);
+    const Object* const element = element_of[i] >= 0 ? &map.objects[static_cast<std::size_t>(element_of[i])] : nullptr;
+    if (element != nullptr) on_truth[static_cast<std::size_t>(element_of[i])] = true;
+    follow_hiding(tally, things[i], element, map);
+    if (things[i].beams < params_.visible_beams) {
+      if (element != nullptr) on_hidden[static_cast<std::size_t>(element_of[i])] = true;
       tally.unmapped_since_ns = kNever;
       continue;
     }
+    truths_m.push_back(object.ellipse_world.center_m);
     ++tally.visible_scans;
-    if (!mapped) {
-      if (tally.unmapped_since_ns == kNever) tally.unmapped_since_ns = truth.stamp_ns;
-      tally.max_delay_s = std::max(tally.max_delay_s, seconds_between(tally.unmapped_since_ns, truth.stamp_ns));
+    if (tally.unmapped_since_ns != kNever) {
+      tally.max_delay_s = std::max(tally.max_delay_s, seconds_between(tally.unmapped_since_ns, stamp_ns_));
+    }
+    if (element == nullptr) {
+      ++scan.missed;
+      if (tally.unmapped_since_ns == kNever) tally.unmapped_since_ns = stamp_ns_;
       continue;
     }
-    if (tally.unmapped_since_ns != kNever) {
-      tally.max_delay_s = std::max(tally.max_delay_s, seconds_between(tally.unmapped_since_ns, truth.stamp_ns));
-      tally.unmapped_since_ns = kNever;
-    }
-    const Object& element = map.objects[static_cast<std::size_t>(element_of[i])];
+    tally.unmapped_since_ns = kNever;
     ++tally.mapped_scans;
-    if (tally.element_id != 0 && tally.element_id != element.id) ++tally.id_switches;
-    tally.element_id = element.id;
-    tally.center_sse_m2 += (object.ellipse_world.center_m - element.ellipse_world.center_m).squaredNorm();
-    tally.velocity_sse_m2_s2 += (object.velocity_world_m_s - element.velocity_world_m_s).squaredNorm();
-    const Ellipse a = canonical(object.ellipse_world);
-    const Ellipse b = canonical(element.ellipse_world);
-    tally.radius_sae_m += 0.5 * (std::abs(a.rx_m - b.rx_m) + std::abs(a.ry_m - b.ry_m));
+    if (tally.element_id != 0 && tally.element_id != element->id) ++tally.id_switches;
+    tally.element_id = element->id;
+    compare(tally, object, *element);
   }
 
   std::map<std::uint64_t, std::int64_t> false_since;
   for (std::size_t j = 0; j < map.objects.size(); ++j) {
+    if (!on_hidden[j]) estimates_m.push_back(map.objects[j].ellipse_world.center_m);
     if (on_truth[j]) continue;
     const std::uint64_t id = map.objects[j].id;
     const auto before = false_since_.find(id);
-    const std::int64_t since_ns = before != false_since_.end() ? before->second : truth.stamp_ns;
+    const std::int64_t since_ns = before != false_since_.end() ? before->second : stamp_ns_;
     false_since[id] = since_ns;
-    longest_false_s_ = std::max(longest_false_s_, seconds_between(since_ns, truth.stamp_ns));
-    ++false_elements_;
+    longest_false_s_ = std::max(longest_false_s_, seconds_between(since_ns, stamp_ns_));
+    ++scan.false_elements;
   }
   false_since_ = std::move(false_since);
+  false_elements_ += scan.false_elements;
+  scan.gospa_m = gospa(truths_m, estimates_m, params_.max_match_distance_m).distance_m;
+  gospa_sum_m_ += scan.gospa_m;
+  judge_bodies(things, map, separate_parts);
+  return scan;
+}
+
+int MapEvaluation::id_switches() const {
+  int sum = 0;
+  for (const auto& [id, tally] : objects_) sum += tally.id_switches;
+  return sum;
 }
 
 MapScore MapEvaluation::score() const {
+  /// Sums over the objects of a class.
+  struct Sums {
+    int scans = 0, scans_of_one_ellipse = 0;
+    double center_sse_m2 = 0.0, velocity_sse_m2_s2 = 0.0, radius_sae_m = 0.0;
+
+    ClassScore score() const {
+      return {scans, std::sqrt(ratio(center_sse_m2, scans)), std::sqrt(ratio(velocity_sse_m2_s2, scans)),
+              ratio(radius_sae_m, scans_of_one_ellipse)};
+    }
+  };
+
   MapScore score;
   score.scans = scans_;
+  score.id_switches = id_switches();
   score.longest_false_s = longest_false_s_;
-  score.false_per_scan = scans_ > 0 ? static_cast<double>(false_elements_) / scans_ : 0.0;
+  score.false_per_scan = ratio(static_cast<double>(false_elements_), scans_);
+  score.gospa_m = ratio(gospa_sum_m_, scans_);
   long visible = 0;
-  long mapped = 0;
-  double center_sse_m2 = 0.0;
-  double velocity_sse_m2_s2 = 0.0;
+  Sums all, standing, moving;
   for (const auto& [id, tally] : objects_) {
     ObjectScore object;
     object.truth_id = id;
+    object.moves = tally.moves;
     object.visible_scans = tally.visible_scans;
     object.mapped_scans = tally.mapped_scans;
     object.max_delay_s = tally.max_delay_s;
     object.id_switches = tally.id_switches;
-    if (tally.mapped_scans > 0) {
-      object.center_rmse_m = std::sqrt(tally.center_sse_m2 / tally.mapped_scans);
-      object.velocity_rmse_m_s = std::sqrt(tally.velocity_sse_m2_s2 / tally.mapped_scans);
-      object.radius_mae_m = tally.radius_sae_m / tally.mapped_scans;
+    object.hidden = tally.hidden;
+    if (tally.hiding) {
+      const std::int64_t to_ns = tally.hiding->to_ns != kNever ? tally.hiding->to_ns : stamp_ns_;
+      if (seconds_between(tally.hiding->from_ns, to_ns) >= params_.min_hidden_s) {
+        object.hidden.push_back(hidden_time(*tally.hiding, stamp_ns_, std::nullopt));
+      }
     }
+    const EllipseErrors& squares = tally.sum_of_squares;
+    const double n = tally.mapped_scans;
+    const double center_sse_m2 = squares.tx_m + squares.ty_m;
+    object.center_rmse_m = std::sqrt(ratio(center_sse_m2, n));
+    object.velocity_rmse_m_s = std::sqrt(ratio(tally.velocity_sse_m2_s2, n));
+    object.radius_mae_m = ratio(tally.radius_sae_m, n);
+    object.mean_square = {ratio(squares.rx_m, n), ratio(squares.ry_m, n), ratio(squares.tx_m, n),
+                          ratio(squares.ty_m, n), ratio(squares.psi_rad, n)};
+    object.max_absolute = tally.max_absolute;
+    object.psi_sigma_rms_rad = std::sqrt(ratio(tally.psi_variance_sum_rad2, n));
+
     score.max_delay_s = std::max(score.max_delay_s, tally.max_delay_s);
     visible += tally.visible_scans;
-    mapped += tally.mapped_scans;
-    center_sse_m2 += tally.center_sse_m2;
-    velocity_sse_m2_s2 += tally.velocity_sse_m2_s2;
-    score.objects.push_back(object);
+    const bool is_one_ellipse = !has_parts_.at(id);
+    for (Sums* const sums : {&all, tally.moves ? &moving : &standing}) {
+      sums->scans += tally.mapped_scans;
+      sums->center_sse_m2 += center_sse_m2;
+      sums->velocity_sse_m2_s2 += tally.velocity_sse_m2_s2;
+      if (!is_one_ellipse) continue;
+      sums->scans_of_one_ellipse += tally.mapped_scans;
+      sums->radius_sae_m += tally.radius_sae_m;
+    }
+    if (is_one_ellipse) {
+      score.held_99.position += tally.held_position;
+      score.held_99.position_velocity += tally.held_position_velocity;
+      score.held_99.radii += tally.held_radii;
+    }
+    score.objects.push_back(std::move(object));
   }
-  if (visible > 0) score.recall = static_cast<double>(mapped) / static_cast<double>(visible);
-  if (mapped > 0) {
-    score.center_rmse_m = std::sqrt(center_sse_m2 / static_cast<double>(mapped));
-    score.velocity_rmse_m_s = std::sqrt(velocity_sse_m2_s2 / static_cast<double>(mapped));
+  for (double* const held : {&score.held_99.position, &score.held_99.position_velocity, &score.held_99.radii}) {
+    *held = ratio(*held, all.scans_of_one_ellipse);
   }
+  for (std::size_t i = 0; i < body_tallies_.size(); ++i) {
+    if (bodies_[i].parts.size() < 2) continue;
+    score.bodies.push_back({bodies_[i].name, body_tallies_[i].scans_apart, body_tallies_[i].scans_one});
+  }
+  score.recall = ratio(all.scans, static_cast<double>(visible));
+  score.standing = standing.score();
+  score.moving = moving.score();
+  score.center_rmse_m = all.score().center_rmse_m;
+  score.velocity_rmse_m_s = all.score().velocity_rmse_m_s;
   return score;
 }
 

@@ -3,10 +3,13 @@
 
 #include <charconv>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <sstream>
 #include <stdexcept>
 #include <vector>
+
+#include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/periodic_spline.hpp"
@@ -24,6 +27,7 @@ class PathText {
     for (const char c : text) spaced += c == ';' ? std::string(" ; ") : std::string(1, c);
     std::istringstream words(spaced);
     if (!(words >> kind_)) throw std::invalid_argument("is empty");
+    if (kind_ == "with" && !(words >> body_)) throw std::invalid_argument("lacks the body to move with");
     std::vector<Row>* rows = nullptr;
     for (std::string word; words >> word;) {
       double number = 0.0;
@@ -44,6 +48,9 @@ class PathText {
   }
 
   const std::string& kind() const { return kind_; }
+
+  /// The body to move with, of the kind `with`.
+  const std::string& body() const { return body_; }
 
   bool has(const std::string& word) const { return rows_.count(word) != 0; }
 
@@ -79,7 +86,7 @@ class PathText {
   }
 
  private:
-  std::string kind_;
+  std::string kind_, body_;
   std::map<std::string, std::vector<Row>> rows_;
 };
 
@@ -125,6 +132,43 @@ Path line(PathText& text, double height_m) {
     state.velocity_m_s = w * s * half;
     state.acceleration_m_s2 = w * w * c * half;
     state.jerk_m_s3 = -w * w * w * s * half;
+    return state;
+  };
+}
+
+Path straight(PathText& text, double height_m) {
+  const Row from = text.take("from", 2);
+  const Row velocity = text.take("velocity", 2);
+  const Eigen::Vector3d start = in_plane(from[0], from[1], height_m);
+  const Eigen::Vector3d step = in_plane(velocity[0], velocity[1]);
+  return [=](double time_s) {
+    PathState state;
+    state.position_m = start + time_s * step;
+    state.velocity_m_s = step;
+    return state;
+  };
+}
+
+/// p = b + R q, where R turns by the carrying body's yaw and q(t) is the place in its axes; v = b' + R (yaw' J q + q').
+Path with_body(PathText& text, double height_m, const Path& body) {
+  const Row at = text.take("at", 2);
+  const bool swings = text.has("swing");
+  const double amplitude_m = text.take_number("swing", 0.0);
+  const double w = swings ? 2.0 * kPi / text.take_positive("period") : 0.0;
+  const double phase = swings ? text.take_number("phase", 0.0) : 0.0;
+  return [=](double time_s) {
+    const PathState carrier = body(time_s);
+    const Eigen::Rotation2Dd R(carrier.yaw_rad);
+    const Eigen::Vector2d q(at[0] + amplitude_m * std::sin(w * time_s + phase), at[1]);
+    const Eigen::Vector2d q_rate(amplitude_m * w * std::cos(w * time_s + phase), 0.0);
+    const Eigen::Vector2d J_q(-q.y(), q.x());
+    PathState state;
+    state.position_m << carrier.position_m.head<2>() + R * q, height_m;
+    state.velocity_m_s << carrier.velocity_m_s.head<2>() + R * (carrier.yaw_rate_rad_s * J_q + q_rate), 0.0;
+    state.acceleration_m_s2.setConstant(std::numeric_limits<double>::quiet_NaN());
+    state.jerk_m_s3.setConstant(std::numeric_limits<double>::quiet_NaN());
+    state.yaw_rad = carrier.yaw_rad;
+    state.yaw_rate_rad_s = carrier.yaw_rate_rad_s;
     return state;
   };
 }
@@ -210,7 +254,8 @@ Path tangent(const Path& path, double yaw_rad) {
 
 }  // namespace
 
-Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad) {
+Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
+                const PathOfBody& path_of_body) {
   PathText words(text);
   const std::string kind = words.kind();
   Path path;
@@ -223,13 +268,23 @@ Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, doub
     moves_on = path(0.0).velocity_m_s.norm() > 0.0;
   } else if (kind == "line") {
     path = line(words, position_m.z());
+  } else if (kind == "straight") {
+    path = straight(words, position_m.z());
+    moves_on = path(0.0).velocity_m_s.norm() > 0.0;
   } else if (kind == "loop") {
     const std::vector<Row> rows = PathText(words).take_rows("points");
     has_yaw = rows[0].size() == 4;
     moves_on = true;
     path = loop(words, position_m.z());
+  } else if (kind == "with") {
+    const Path body = path_of_body ? path_of_body(words.body()) : Path();
+    if (!body) {
+      throw std::invalid_argument("moves with '" + words.body() +
+                                  "', which only an object may, and only with a body that has a path of its own");
+    }
+    path = with_body(words, position_m.z(), body);
   } else {
-    throw std::invalid_argument("starts with '" + kind + "' instead of stand, circle, line or loop");
+    throw std::invalid_argument("starts with '" + kind + "' instead of stand, circle, line, straight, loop or with");
   }
 
   if (has_yaw && (words.has("spin") || words.has("tangent"))) {

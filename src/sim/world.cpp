@@ -105,7 +105,7 @@ Eigen::Isometry3d body_pose(const mjData& data, int body) {
 }
 
 /// The path in the <text> named like the body, or where there is none an empty one.
-Path path_of(const mjModel& model, const mjData& data, int body) {
+Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
   const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
   const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
   if (text < 0) return {};
@@ -115,7 +115,7 @@ Path path_of(const mjModel& model, const mjData& data, int body) {
   const Eigen::Isometry3d T_world_body = body_pose(data, body);
   const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
   try {
-    return parse_path(model.text_data + model.text_adr[text], T_world_body.translation(), yaw_rad);
+    return parse_path(model.text_data + model.text_adr[text], T_world_body.translation(), yaw_rad, path_of_body);
   } catch (const std::invalid_argument& error) {
     throw std::runtime_error("the path of '" + body_name + "' " + error.what());
   }
@@ -153,7 +153,10 @@ WorldObject object_of(mjModel& model, const mjData& data, int geom) {
   object.mocap = model.body_mocapid[body];
   object.rx_m = model.geom_size[3 * geom];
   object.ry_m = model.geom_size[3 * geom + 1];
-  object.path = path_of(model, data, body);
+  object.path = path_of(model, data, body, [&](const std::string& other) -> Path {
+    const int carrier = mj_name2id(&model, mjOBJ_BODY, other.c_str());
+    return carrier < 0 ? Path() : path_of(model, data, carrier);
+  });
   if (!object.path) {
     const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
     object.path = parse_path("stand", T_world_body.translation(), yaw_rad);
@@ -233,6 +236,7 @@ std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
 void SimulatedLidarParams::validate() const {
   check_bounds(*this, "lidar");
   if (!(range_max_m > range_min_m)) throw std::invalid_argument("lidar.range_max_m must be above lidar.range_min_m");
+  if (!(sweep_s < 1.0 / rate_hz)) throw std::invalid_argument("lidar.sweep_s must be below 1 / lidar.rate_hz");
   const std::string defect = scan_defect(static_cast<std::size_t>(beams), angle_min_rad, angle_increment_rad);
   if (!defect.empty()) throw std::invalid_argument("lidar.angle_increment_rad: " + defect);
 }
@@ -261,12 +265,11 @@ class World::Impl {
 
   SimulatedScan next() {
     const double time_s = static_cast<double>(scans_) / lidar_.rate_hz;
-    move_to(time_s);
-
     SimulatedScan out;
     out.robot = robot_at(time_s);
     out.T_world_lidar = out.robot.T_world_robot * T_robot_lidar_;
-    out.scan = scan_from(out.T_world_lidar, nanoseconds(time_s));
+    out.T_world_lidar_end = robot_at(time_s + lidar_.sweep_s).T_world_robot * T_robot_lidar_;
+    scan_from(time_s, out);
     ++scans_;
     out.truth = truth_at(time_s);
     for (const WorldObject& object : objects_) out.names.push_back(object.name);
@@ -303,7 +306,8 @@ class World::Impl {
     Eigen::Map<Eigen::Vector4d>(mujoco_.data->mocap_quat + 4 * mocap) << q_world.w(), q_world.vec();
   }
 
-  void move_to(double time_s) {
+  /// Returns where the lidar is then.
+  Eigen::Isometry3d move_to(double time_s) {
     for (const WorldObject& object : objects_) {
       if (object.mocap < 0) continue;
       const PathState state = object.path(time_s);
@@ -313,24 +317,29 @@ class World::Impl {
     const Eigen::Isometry3d T_world_robot = robot_at(time_s).T_world_robot;
     set_mocap(robot_mocap_, T_world_robot.translation(), Eigen::Quaterniond(T_world_robot.linear()));
     mj_kinematics(mujoco_.model.get(), mujoco_.data.get());
+    return T_world_robot * T_robot_lidar_;
   }
 
-  /// Scan the world as it stands, and note in sightings_ what was hit.
-  Scan scan_from(const Eigen::Isometry3d& T_world_lidar, std::int64_t stamp_ns) {
+  /// Scan the world as it moves from `start_s` on, and note in sightings_ what was hit.
+  void scan_from(double start_s, SimulatedScan& out) {
     std::array<mjtByte, mjNGROUP> seen_groups{};
     seen_groups[kSceneryGroup] = seen_groups[kObjectGroup] = 1;
     const auto min_range_m = static_cast<float>(lidar_.range_min_m);
     const auto max_range_m = static_cast<float>(lidar_.range_max_m);
-    const Eigen::Vector3d origin_world = T_world_lidar.translation();
     Random noise(seed_of_scan(seed_, scans_));
 
-    Scan scan;
-    scan.stamp_ns = stamp_ns;
+    Scan& scan = out.scan;
+    scan.stamp_ns = nanoseconds(start_s);
     scan.angle_min_rad = lidar_.angle_min_rad;
     scan.angle_increment_rad = lidar_.angle_increment_rad;
+    scan.time_increment_s = lidar_.sweep_s / (lidar_.beams - 1);
     scan.beams.resize(static_cast<std::size_t>(lidar_.beams));
+    out.object_of_beam.assign(scan.beams.size(), -1);
     for (Object& sighting : sightings_) sighting.beams = 0;
+    Eigen::Isometry3d T_world_lidar = move_to(start_s);
     for (int i = 0; i < lidar_.beams; ++i) {
+      if (i > 0 && scan.time_increment_s > 0.0) T_world_lidar = move_to(start_s + i * scan.time_increment_s);
+      const Eigen::Vector3d origin_world = T_world_lidar.translation();
       const double angle_rad = lidar_.angle_min_rad + i * lidar_.angle_increment_rad;
       const Eigen::Vector3d beam_world =
           T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
@@ -348,15 +357,17 @@ class World::Impl {
         beam.state = BeamState::kHit;
         beam.range_m = std::clamp(static_cast<float>(range_m + error_m), min_range_m, max_range_m);
         const std::size_t object = object_of_geom_[static_cast<std::size_t>(geom)];
-        if (object != kNoObject && range_m <= lidar_.truth_range_m) ++sightings_[object].beams;
+        if (object != kNoObject && range_m <= lidar_.truth_range_m) {
+          ++sightings_[object].beams;
+          out.object_of_beam[static_cast<std::size_t>(i)] = static_cast<int>(object);
+        }
       }
     }
     for (Object& sighting : sightings_) {
       if (sighting.beams == 0) continue;
-      if (sighting.observations++ == 0) sighting.first_seen_ns = stamp_ns;
-      sighting.last_seen_ns = stamp_ns;
+      if (sighting.observations++ == 0) sighting.first_seen_ns = scan.stamp_ns;
+      sighting.last_seen_ns = scan.stamp_ns;
     }
-    return scan;
   }
 
   SimulatedLidarParams lidar_;

@@ -4,72 +4,180 @@
 #include <cstdint>
 #include <limits>
 #include <map>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "situation_awareness/evaluation/bodies.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
 namespace situation_awareness {
 
 struct MapEvaluationParams {
-  double max_match_distance_m = 0.5;  ///< centres farther apart are not the same object
+  double max_match_distance_m = 0.5;  ///< centres farther apart are not the same object; also GOSPA's cut-off
   int visible_beams = 5;              ///< a true object hit by at least this many beams is visible
+  double body_margin_m = 0.1;         ///< an element this near to the hull of a body's parts is on the body
+  double body_settling_s = 1.0;       ///< time from its first sight after which a body should be one element
+  double min_hidden_s = 0.5;          ///< a shorter time without a beam is not counted as hidden
+  double recognition_s = 1.0;         ///< an object that is visible again should be on the map within this time
 };
 
-/// How one true object was mapped.
+/// An object was hit by no beam for a while, after it had been on the map.
+struct HiddenTime {
+  double from_s = 0.0;  ///< first scan without a beam on it, on the clock of the stamps
+  double to_s = 0.0;    ///< first scan with a beam on it again, or the last scan of the run
+  /// Whether the first element on it, within recognition_s of its being visible again, has the id it had before;
+  /// nothing where the run ended before that was known.
+  std::optional<bool> same_id;
+  std::optional<double> deleted_after_s;  ///< time from from_s until its element was not on the map, if while hidden
+};
+
+/// Errors of the five parameters of an ellipse in the world, rx >= ry, psi modulo pi.
+struct EllipseErrors {
+  double rx_m = 0.0, ry_m = 0.0, tx_m = 0.0, ty_m = 0.0, psi_rad = 0.0;
+};
+
+/// How one true object, or a body of several, was mapped. A body's centre, velocity and shape are its first part's.
 struct ObjectScore {
-  std::uint64_t truth_id = 0;
+  std::uint64_t truth_id = 0;  ///< of a body: its first part's
+  bool moves = false;          ///< its velocity was not zero in some scan
   int visible_scans = 0;       ///< scans in which it was visible
   int mapped_scans = 0;        ///< of those, with an element of the map on it
   double max_delay_s = 0.0;    ///< longest time it was visible without being on the map
-  double center_rmse_m = 0.0;  ///< over mapped_scans
+  double center_rmse_m = 0.0;  ///< over mapped_scans, as all errors
   double velocity_rmse_m_s = 0.0;
-  double radius_mae_m = 0.0;  ///< both radii, each sorted
-  int id_switches = 0;        ///< times another element took over
+  double radius_mae_m = 0.0;       ///< both radii, each sorted
+  EllipseErrors mean_square;       ///< of each error; m^2, rad^2
+  EllipseErrors max_absolute;      ///< of each error
+  double psi_sigma_rms_rad = 0.0;  ///< root mean square of the map's own standard deviation of psi
+  int id_switches = 0;             ///< times another element took over, whatever time passed between
+  std::vector<HiddenTime> hidden;
+};
+
+/// Errors over a class of objects: the visible, mapped ones and their scans.
+struct ClassScore {
+  int scans = 0;
+  double center_rmse_m = 0.0;
+  double velocity_rmse_m_s = 0.0;
+  double semi_axis_mae_m = 0.0;  ///< without bodies of several parts, whose one ellipse has no true axes
+};
+
+/// Parts of the visible, mapped objects and their scans in which the truth is inside the map's own 99 % region: of
+/// objects that are one ellipse, not of bodies of several parts.
+struct Held99 {
+  double position = 0.0;           ///< 2 degrees of freedom
+  double position_velocity = 0.0;  ///< 4
+  double radii = 0.0;              ///< 2
+};
+
+/// How a body of several parts was mapped while its parts were segments of their own.
+struct BodyScore {
+  std::string name;
+  int scans_apart = 0;  ///< scans with two or more separate parts, once the body had been seen for body_settling_s
+  int scans_one = 0;    ///< of those, with exactly one element on the body
 };
 
 /// How a map compares with the truth over a run.
 struct MapScore {
   std::vector<ObjectScore> objects;
+  std::vector<BodyScore> bodies;
   double center_rmse_m = 0.0;  ///< over all visible, mapped objects and scans
   double velocity_rmse_m_s = 0.0;
+  ClassScore standing, moving;
+  Held99 held_99;
   double max_delay_s = 0.0;
   double longest_false_s = 0.0;  ///< longest life of an element on nothing
   double false_per_scan = 0.0;
   double recall = 0.0;
+  double gospa_m = 0.0;  ///< mean over the scans
+  int id_switches = 0;
   int scans = 0;
 };
 
+/// How a map compares with the truth at one time.
+struct ScanScore {
+  double gospa_m = 0.0;
+  int missed = 0;  ///< visible objects without an element
+  int false_elements = 0;
+};
+
 /// Compares map and truth scan by scan: elements are matched one to one to true objects at the least total distance.
-/// A visible object counts for recall, delay and errors; an element on a hidden object is neither right nor false.
+/// A visible object counts for recall, delay and errors; an element on a hidden object, or on one hit by few beams, is
+/// neither right nor false, and GOSPA sees neither of the two. The parts of a body are one object, on which an element
+/// may be anywhere; a second one there is false.
 class MapEvaluation {
  public:
-  explicit MapEvaluation(const MapEvaluationParams& params = {}) : params_(params) {}
+  /// `bodies` says which objects are one, as indices of the truth's objects; without it each is for itself.
+  explicit MapEvaluation(const MapEvaluationParams& params = {}, std::vector<Body> bodies = {})
+      : params_(params), bodies_(std::move(bodies)) {}
 
-  /// Truth and map at the same stamp; stamps grow. `Object::beams` of the truth counts the beams that hit it.
-  void add(const Objects& truth, const Objects& map);
+  /// Truth and map at the same stamp; stamps grow, and the truth's objects keep their order. `Object::beams` of the
+  /// truth counts the beams that hit it. `separate_parts`, one number per body, counts the parts that are segments of
+  /// their own in this scan (`separate_parts()`); without it bodies are not judged.
+  ScanScore add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts = {});
 
   MapScore score() const;
 
+  /// Times that another element took over an object, so far.
+  int id_switches() const;
+
  private:
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::min();
+  /// A time without beams that is not over yet, or after which no element has been seen yet.
+  struct Hiding {
+    std::int64_t from_ns = kNever;
+    std::int64_t to_ns = kNever;             ///< kNever while it lasts
+    std::int64_t visible_again_ns = kNever;  ///< kNever while beams are few
+    std::optional<double> deleted_after_s;
+  };
   struct ObjectTally {
+    bool moves = false;
     int visible_scans = 0;
     int mapped_scans = 0;
     int id_switches = 0;
     std::uint64_t element_id = 0;
     std::int64_t unmapped_since_ns = kNever;
     double max_delay_s = 0.0;
-    double center_sse_m2 = 0.0;
     double velocity_sse_m2_s2 = 0.0;
+    EllipseErrors sum_of_squares, max_absolute;
     double radius_sae_m = 0.0;
+    double psi_variance_sum_rad2 = 0.0;
+    int held_position = 0, held_position_velocity = 0, held_radii = 0;
+    std::optional<Hiding> hiding;
+    std::vector<HiddenTime> hidden;
   };
+  struct BodyTally {
+    std::int64_t first_visible_ns = kNever;
+    int scans_apart = 0;
+    int scans_one = 0;
+  };
+  /// One thing to be mapped, in one scan.
+  struct Thing {
+    const Object* reference = nullptr;
+    std::vector<Ellipse> parts;
+    int beams = 0;
+  };
+
+  std::vector<Thing> things_of(const Objects& truth) const;
+  std::vector<int> match(const std::vector<Thing>& things, const Objects& map) const;
+  void compare(ObjectTally& tally, const Object& truth, const Object& element) const;
+  void follow_hiding(ObjectTally& tally, const Thing& thing, const Object* element, const Objects& map) const;
+  HiddenTime hidden_time(const Hiding& hiding, std::int64_t end_ns, std::optional<bool> same_id) const;
+  void judge_bodies(const std::vector<Thing>& things, const Objects& map, const std::vector<int>& separate_parts);
+
   MapEvaluationParams params_;
+  std::vector<Body> bodies_;
   std::map<std::uint64_t, ObjectTally> objects_;       ///< by truth id
+  std::vector<BodyTally> body_tallies_;                ///< as bodies_
+  std::map<std::uint64_t, bool> has_parts_;            ///< by truth id: a body of several
   std::map<std::uint64_t, std::int64_t> false_since_;  ///< by element id
   double longest_false_s_ = 0.0;
+  double gospa_sum_m_ = 0.0;
   long false_elements_ = 0;
   int scans_ = 0;
+  std::int64_t stamp_ns_ = 0;
 };
 
 /// The score as a text table, one line per true object, named by `names` where it has the id.

@@ -22,6 +22,7 @@ struct SimulatedLidarParams {
   double angle_min_rad = radians(-135.0);
   double angle_increment_rad = radians(0.25);
   double rate_hz = 20.0;
+  double sweep_s = 0.0;
   double range_min_m = 0.1;
   double range_max_m = 30.0;
   double range_sigma_m = 0.01;
@@ -34,6 +35,9 @@ struct SimulatedLidarParams {
     visit("angle_increment_rad", self.angle_increment_rad, Bounds{-kPi, kPi}, "rad",
           "azimuth from beam to beam, negative for a scanner that turns clockwise");
     visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz", "scans per second");
+    visit(
+        "sweep_s", self.sweep_s, Bounds{0.0, 1.0}, "s",
+        "time from the first beam to the last, less than from scan to scan; 0: all at one instant (UTM-30LX: 0.01875)");
     visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer is too close");
     visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther is not seen");
     visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
@@ -47,14 +51,18 @@ struct SimulatedLidarParams {
 
 /// One simulated scan and the truth at its stamp.
 ///
-/// All beams are taken at one instant, the stamp: nothing moves during a scan. True ranges decide whether a beam is a
-/// hit, too close or free; noise is added to hits only and never takes them across the sensor's limits.
+/// The stamp is the time of the first beam. Where the scanner takes time to sweep, each beam is cast from where the
+/// robot is at the beam's own time, among the objects where they are then; else nothing moves during a scan. True
+/// ranges decide whether a beam is a hit, too close or free; noise is added to hits only and never takes them across
+/// the sensor's limits.
 struct SimulatedScan {
   Scan scan;
   RobotState robot;
-  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
-  Objects truth;                   ///< every object of the world; `beams` counts the beams that hit it in this scan
-  std::vector<std::string> names;  ///< of the truth's objects, same order
+  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();      ///< at the stamp
+  Eigen::Isometry3d T_world_lidar_end = Eigen::Isometry3d::Identity();  ///< at the last beam's time
+  Objects truth;                    ///< every object of the world; `beams` counts the beams that hit it in this scan
+  std::vector<std::string> names;   ///< of the truth's objects, same order
+  std::vector<int> object_of_beam;  ///< what each beam hit that counts as seen: index in the truth, else -1
 };
 
 /// A world in MuJoCo: named objects that stand or follow scripted paths, and a multirotor that follows its own, tilted

@@ -1,0 +1,407 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Flies a robot through a simulated world, maps what it scans and compares the map with the truth: the raw numbers
+// behind scripts/evaluate map.
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <yaml-cpp/yaml.h>
+#include <nlohmann/json.hpp>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/evaluation/bodies.hpp"
+#include "situation_awareness/evaluation/map_evaluation.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr const char* kUsage =
+    "usage: map_flights --world FILE.xml --config FILE.yaml --models FOLDER [options]\n"
+    "\n"
+    "Flies a world once per seed and writes how well it was mapped as one line of JSON each; m, rad (deg where the "
+    "name\n"
+    "says so) and s. Every time is on the clock of the flight, which starts at 0.\n"
+    "\n"
+    "  --world FILE           the world (models/worlds/README.md)\n"
+    "  --config FILE          parameters of the map, such as cfg/objects.yaml\n"
+    "  --models FOLDER        where a relative model is looked for\n"
+    "  --set FILE             YAML whose keys override those of the configuration\n"
+    "  --seeds A-B            or one number (default 1)\n"
+    "  --duration S           length of a flight (default 60)\n"
+    "  --pose-sigma-m S       white noise of the position given to the map, x and y each (default 0)\n"
+    "  --pose-sigma-rad S     the same of its yaw (default 0)\n"
+    "  --range-sigma-m S      noise of the ranges (default 0.01)\n"
+    "  --sweep-s S            time from the first beam of a scan to the last (default 0: all at one instant)\n"
+    "  --trace FILE           one line of JSON per scan of the first seed\n"
+    "  --trace-points         in which the hits are, too\n"
+    "  --help                 this text\n";
+
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct Arguments {
+  std::string world, config, models, set, trace;
+  std::uint64_t first_seed = 1, last_seed = 1;
+  double duration_s = 60.0;
+  double pose_sigma_m = 0.0, pose_sigma_rad = 0.0;
+  SimulatedLidarParams lidar;
+  bool trace_points = false;
+  bool help = false;
+};
+
+double number(const std::string& option, const std::string& text) {
+  std::size_t end = 0;
+  double value = 0.0;
+  try {
+    value = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  if (end == 0 || end != text.size() || !std::isfinite(value) || value < 0.0) {
+    throw UsageError(option + " needs a number that is not negative, not " + text);
+  }
+  return value;
+}
+
+std::uint64_t whole_number(const std::string& option, const std::string& text) {
+  if (text.empty() || text.size() > 18 || text.find_first_not_of("0123456789") != std::string::npos) {
+    throw UsageError(option + " needs whole numbers, not " + text);
+  }
+  return std::stoull(text);
+}
+
+Arguments parse_arguments(int argc, char** argv) {
+  Arguments arguments;
+  std::string seeds;
+  const std::map<std::string, std::string*> texts = {{"--world", &arguments.world},   {"--config", &arguments.config},
+                                                     {"--models", &arguments.models}, {"--set", &arguments.set},
+                                                     {"--trace", &arguments.trace},   {"--seeds", &seeds}};
+  const std::map<std::string, double*> numbers = {{"--duration", &arguments.duration_s},
+                                                  {"--pose-sigma-m", &arguments.pose_sigma_m},
+                                                  {"--pose-sigma-rad", &arguments.pose_sigma_rad},
+                                                  {"--range-sigma-m", &arguments.lidar.range_sigma_m},
+                                                  {"--sweep-s", &arguments.lidar.sweep_s}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string option = argv[i];
+    if (option == "--help" || option == "-h") {
+      arguments.help = true;
+      return arguments;
+    }
+    if (option == "--trace-points") {
+      arguments.trace_points = true;
+      continue;
+    }
+    const auto text = texts.find(option);
+    const auto value = numbers.find(option);
+    if (text == texts.end() && value == numbers.end()) throw UsageError("unknown option " + option);
+    if (i + 1 >= argc) throw UsageError(option + " needs a value");
+    ++i;
+    if (text != texts.end()) {
+      *text->second = argv[i];
+    } else {
+      *value->second = number(option, argv[i]);
+    }
+  }
+  for (const char* const needed : {"--world", "--config", "--models"}) {
+    if (texts.at(needed)->empty()) throw UsageError(std::string(needed) + " is missing");
+  }
+  if (!seeds.empty()) {
+    const std::size_t dash = seeds.find('-');
+    arguments.first_seed = whole_number("--seeds", seeds.substr(0, dash));
+    arguments.last_seed =
+        dash == std::string::npos ? arguments.first_seed : whole_number("--seeds", seeds.substr(dash + 1));
+    if (arguments.last_seed < arguments.first_seed) throw UsageError("--seeds has its first after its last");
+  }
+  return arguments;
+}
+
+/// `base` with the keys of `over` put in their place, map by map.
+YAML::Node merged(const YAML::Node& base, const YAML::Node& over) {
+  if (!base.IsMap() || !over.IsMap()) return over;
+  YAML::Node result = YAML::Clone(base);
+  for (const auto& item : over) {
+    const auto key = item.first.as<std::string>();
+    const YAML::Node before = base[key];
+    result[key] = before.IsDefined() ? merged(before, item.second) : item.second;
+  }
+  return result;
+}
+
+YAML::Node yaml_of(const std::string& path) try { return YAML::LoadFile(path); } catch (const YAML::Exception& error) {
+  throw std::invalid_argument(path + ": " + error.what());
+}
+
+ObjectPipelineParams pipeline_params(const Arguments& arguments) {
+  if (arguments.set.empty()) return load_object_pipeline_params(arguments.config, arguments.models);
+  YAML::Node over = yaml_of(arguments.set);
+  if (over.IsNull()) return load_object_pipeline_params(arguments.config, arguments.models);
+  std::ostringstream text;
+  text << merged(yaml_of(arguments.config), over);
+  return parse_object_pipeline_params(text.str(), arguments.config + " with " + arguments.set, arguments.models);
+}
+
+/// An error of the pose that the map is told, constant over a scan.
+class PoseNoise {
+ public:
+  PoseNoise(double sigma_m, double sigma_rad, std::uint64_t seed)
+      : sigma_m_(sigma_m), sigma_rad_(sigma_rad), random_(seed) {}
+
+  /// Draw the next scan's error.
+  void next() {
+    offset_m_.head<2>() << sigma_m_ * random_.normal(), sigma_m_ * random_.normal();
+    yaw_rad_ = sigma_rad_ * random_.normal();
+  }
+
+  Eigen::Isometry3d operator()(const Eigen::Isometry3d& T_world_lidar) const {
+    Eigen::Isometry3d noisy = T_world_lidar;
+    noisy.linear() = Eigen::AngleAxisd(yaw_rad_, Eigen::Vector3d::UnitZ()) * T_world_lidar.linear();
+    noisy.translation() += offset_m_;
+    return noisy;
+  }
+
+ private:
+  double sigma_m_, sigma_rad_;
+  Random random_;
+  Eigen::Vector3d offset_m_ = Eigen::Vector3d::Zero();
+  double yaw_rad_ = 0.0;
+};
+
+double cpu_ms() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
+}
+
+double yaw_of(const Eigen::Isometry3d& T) { return std::atan2(T(1, 0), T(0, 0)); }
+
+/// The names as bodies bear them, by the id of the first part.
+std::map<std::uint64_t, std::string> names_of(const std::vector<Body>& bodies, const Objects& truth) {
+  std::map<std::uint64_t, std::string> names;
+  for (const Body& body : bodies) names[truth.objects.at(body.parts.front()).id] = body.name;
+  return names;
+}
+
+Json motion_json(const Object& object) {
+  return {{"x", object.ellipse_world.center_m.x()}, {"y", object.ellipse_world.center_m.y()},
+          {"psi", object.ellipse_world.psi_rad},    {"rx", object.ellipse_world.rx_m},
+          {"ry", object.ellipse_world.ry_m},        {"vx", object.velocity_world_m_s.x()},
+          {"vy", object.velocity_world_m_s.y()}};
+}
+
+/// Writes what was true and what was mapped, scan by scan.
+class Trace {
+ public:
+  Trace(const std::string& path, bool with_points) : path_(path), with_points_(with_points), stream_(path) {
+    if (!stream_) throw std::runtime_error(path_ + ": cannot be written");
+  }
+
+  void add(const SimulatedScan& scan, const ObjectPipelineResult& result, const Objects& map, const ScanScore& score,
+           int id_switches) {
+    const Eigen::Vector3d robot = scan.robot.T_world_robot.translation();
+    Json line = {{"t", seconds_between(0, scan.scan.stamp_ns)},
+                 {"robot", {robot.x(), robot.y(), yaw_of(scan.robot.T_world_robot)}},
+                 {"truth", Json::array()},
+                 {"map", Json::array()},
+                 {"gospa_m", score.gospa_m},
+                 {"missed", score.missed},
+                 {"false", score.false_elements},
+                 {"id_switches", id_switches}};
+    for (std::size_t i = 0; i < scan.names.size(); ++i) {
+      Json truth = {{"name", scan.names[i]}};
+      truth.update(motion_json(scan.truth.objects[i]));
+      truth["beams"] = scan.truth.objects[i].beams;
+      line["truth"].push_back(std::move(truth));
+    }
+    for (const Object& object : map.objects) {
+      Json element = {{"id", object.id}};
+      element.update(motion_json(object));
+      constexpr int k = object_error::kPosition;
+      element["covariance_xy"] = {object.covariance(k, k), object.covariance(k, k + 1),
+                                  object.covariance(k + 1, k + 1)};
+      line["map"].push_back(std::move(element));
+    }
+    if (with_points_) {
+      Json points = Json::array();
+      for (const Point& point : result.points.points) {
+        if (point.state != BeamState::kHit) continue;
+        const Eigen::Vector2d p_world_m = result.points.T_world_level * point.p_level_m;
+        points.push_back({p_world_m.x(), p_world_m.y()});
+      }
+      line["points"] = std::move(points);
+    }
+    stream_ << line.dump() << '\n';
+  }
+
+  void finish() {
+    stream_.close();
+    if (!stream_) throw std::runtime_error(path_ + ": cannot be written");
+  }
+
+ private:
+  std::string path_;
+  bool with_points_;
+  std::ofstream stream_;
+};
+
+Json errors_json(const EllipseErrors& errors, const char* psi_name, double psi) {
+  return {{"rx", errors.rx_m}, {"ry", errors.ry_m}, {"tx", errors.tx_m}, {"ty", errors.ty_m}, {psi_name, psi}};
+}
+
+Json class_json(const ClassScore& score) {
+  return {{"center_rmse_m", score.center_rmse_m},
+          {"velocity_rmse_m_s", score.velocity_rmse_m_s},
+          {"semi_axis_mae_m", score.semi_axis_mae_m},
+          {"scans", score.scans}};
+}
+
+Json hidden_json(const HiddenTime& hidden) {
+  return {{"from_s", hidden.from_s},
+          {"to_s", hidden.to_s},
+          {"same_id", hidden.same_id ? Json(*hidden.same_id) : Json()},
+          {"deleted", hidden.deleted_after_s.has_value()},
+          {"deleted_after_s", hidden.deleted_after_s ? Json(*hidden.deleted_after_s) : Json()}};
+}
+
+Json object_json(const ObjectScore& object, const std::string& name) {
+  const double degrees2 = degrees(1.0) * degrees(1.0);
+  Json json = {{"name", name},
+               {"moves", object.moves},
+               {"visible_scans", object.visible_scans},
+               {"mapped_scans", object.mapped_scans},
+               {"id_switches", object.id_switches},
+               {"max_delay_s", object.max_delay_s},
+               {"mse", errors_json(object.mean_square, "psi_deg2", degrees2 * object.mean_square.psi_rad)},
+               {"maae", errors_json(object.max_absolute, "psi_deg", degrees(object.max_absolute.psi_rad))},
+               {"psi_sigma_deg", degrees(object.psi_sigma_rms_rad)},
+               {"hidden", Json::array()}};
+  for (const HiddenTime& hidden : object.hidden) json["hidden"].push_back(hidden_json(hidden));
+  return json;
+}
+
+Json score_json(const MapScore& score, const std::map<std::uint64_t, std::string>& names) {
+  Json json = {{"recall", score.recall},
+               {"false_per_scan", score.false_per_scan},
+               {"id_switches", score.id_switches},
+               {"longest_false_s", score.longest_false_s},
+               {"gospa_m", score.gospa_m},
+               {"standing", class_json(score.standing)},
+               {"moving", class_json(score.moving)},
+               {"held_99",
+                {{"position", score.held_99.position},
+                 {"position_velocity", score.held_99.position_velocity},
+                 {"radii", score.held_99.radii}}},
+               {"objects", Json::array()},
+               {"bodies", Json::array()}};
+  for (const ObjectScore& object : score.objects) {
+    json["objects"].push_back(object_json(object, names.at(object.truth_id)));
+  }
+  for (const BodyScore& body : score.bodies) {
+    json["bodies"].push_back({{"name", body.name}, {"scans_apart", body.scans_apart}, {"scans_one", body.scans_one}});
+  }
+  return json;
+}
+
+/// The value that the given part of the sorted numbers stays below.
+double quantile(const std::vector<double>& sorted, double part) {
+  return sorted.empty() ? 0.0 : sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1) + 0.5)];
+}
+
+Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::uint64_t seed, Trace* trace) {
+  constexpr std::uint64_t kPoseStream = 0x706F7365;  // so that the pose's noise is not that of the ranges
+  World world(arguments.world, arguments.lidar, seed);
+  ObjectPipeline pipeline(params);
+  PoseNoise pose_noise(arguments.pose_sigma_m, arguments.pose_sigma_rad, seed ^ (kPoseStream << 32));
+  std::optional<MapEvaluation> evaluation;
+  std::vector<Body> bodies;
+  std::map<std::uint64_t, std::string> names;
+
+  const auto scans = static_cast<int>(std::lround(arguments.duration_s * arguments.lidar.rate_hz));
+  std::vector<double> latencies_ms;
+  double cpu_sum_ms = 0.0;
+  for (int i = 0; i < scans; ++i) {
+    const SimulatedScan scan = world.next();
+    if (!evaluation) {
+      bodies = bodies_of(scan.names);
+      names = names_of(bodies, scan.truth);
+      evaluation.emplace(MapEvaluationParams{}, bodies);
+    }
+    pose_noise.next();
+    const Eigen::Isometry3d T_world_lidar = pose_noise(scan.T_world_lidar);
+
+    const double cpu_before_ms = cpu_ms();
+    const auto before = std::chrono::steady_clock::now();
+    // A de-skewing pipeline is also given pose_noise(scan.T_world_lidar_end) here.
+    const ObjectPipelineResult result = pipeline.process(scan.scan, T_world_lidar);
+    const std::chrono::duration<double, std::milli> latency = std::chrono::steady_clock::now() - before;
+    cpu_sum_ms += cpu_ms() - cpu_before_ms;
+    latencies_ms.push_back(latency.count());
+
+    const Objects map = pipeline.map().at(scan.scan.stamp_ns);
+    std::vector<int> parts;
+    for (const Body& body : bodies) {
+      parts.push_back(separate_parts(body, result.segments, scan.object_of_beam, params.segments.min_points));
+    }
+    const ScanScore score = evaluation->add(scan.truth, map, parts);
+    if (trace != nullptr) trace->add(scan, result, map, score, evaluation->id_switches());
+  }
+
+  std::sort(latencies_ms.begin(), latencies_ms.end());
+  Json json = {{"world", std::filesystem::path(arguments.world).filename().string()},
+               {"seed", seed},
+               {"scans", scans},
+               {"cpu_ms_per_scan", cpu_sum_ms / std::max(scans, 1)},
+               {"latency_ms", {{"p50", quantile(latencies_ms, 0.5)}, {"p95", quantile(latencies_ms, 0.95)}}}};
+  json.update(score_json(evaluation ? evaluation->score() : MapScore{}, names));
+  return json;
+}
+
+void fly_all(const Arguments& arguments) {
+  const ObjectPipelineParams params = pipeline_params(arguments);
+  std::optional<Trace> trace;
+  if (!arguments.trace.empty()) trace.emplace(arguments.trace, arguments.trace_points);
+  for (std::uint64_t seed = arguments.first_seed; seed <= arguments.last_seed; ++seed) {
+    const bool is_traced = trace && seed == arguments.first_seed;
+    const std::string line = fly(arguments, params, seed, is_traced ? &*trace : nullptr).dump();
+    if (is_traced) trace->finish();
+    std::printf("%s\n", line.c_str());
+    if (std::fflush(stdout) != 0) throw std::runtime_error("the standard output cannot be written");
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) try {
+  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
+  if (arguments.help) {
+    std::printf("%s", situation_awareness::kUsage);
+    return 0;
+  }
+  situation_awareness::fly_all(arguments);
+  return 0;
+} catch (const situation_awareness::UsageError& error) {
+  std::fprintf(stderr, "map_flights: %s\n\n%s", error.what(), situation_awareness::kUsage);
+  return 2;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "map_flights: %s\n", error.what());
+  return 1;
+}
