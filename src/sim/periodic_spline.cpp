@@ -12,15 +12,17 @@ namespace {
 constexpr int kDegree = 5;
 
 /// Derivative of the uniform B-spline of degree 5 that is not zero on (0, 6), as a sum of truncated powers:
-/// B(x) = sum_k (-1)^k C(6, k) max(x - k, 0)^5 / 5!.
+/// B(x) = sum_k (-1)^k C(6, k) max(x - k, 0)^5 / 5!. A world whose beams each have their own time asks this often.
 double basis(double x, int derivative) {
   constexpr std::array<double, kDegree + 2> kSignedBinomial = {1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0};
   const int power = kDegree - derivative;
   double sum = 0.0;
   for (int k = 0; k <= kDegree + 1 && x > k; ++k) {
-    sum += kSignedBinomial[static_cast<std::size_t>(k)] * std::pow(x - k, power);
+    double term = kSignedBinomial[static_cast<std::size_t>(k)];
+    for (int i = 1; i <= power; ++i) term *= (x - k) / i;
+    sum += term;
   }
-  return sum / std::tgamma(power + 1.0);
+  return sum;
 }
 
 Eigen::Index wrap(Eigen::Index i, Eigen::Index n) { return ((i % n) + n) % n; }
