@@ -79,6 +79,15 @@ double beam_angle(const Scan& scan, std::size_t beam) {
   return scan.angle_min_rad + static_cast<double>(beam) * scan.angle_increment_rad;
 }
 
+/// Everything moves: the robot, an object on a circle, and one that the first carries.
+const std::string kMovingWorld =
+    world_text(object_text("cart", "mocap=\"true\" pos=\"2 0 1\" euler=\"0 0 0.4\"", "0.3 0.15 1") +
+                   object_text("load", "mocap=\"true\" pos=\"0 0 1\" euler=\"0 0 0.9\"", "0.2 0.1 1") +
+                   R"(<body name="robot" mocap="true"> <site name="lidar" pos="0.1 -0.05 -0.2"/> </body>)",
+               R"(<text name="cart" data="circle center 0.5 0.5 radius 3 rate 0.9 tangent"/>
+       <text name="load" data="with cart at -0.2 0.7 swing 0.3 period 1.1 phase 0.4 spin 0.8"/>
+       <text name="robot" data="loop speed 2.0 points 0 -1 1.5 0; 1 -1 1.7 1; 2 0.5 2.0 2; 1 1.5 1.6 3; -1 1 1.4 4"/>)");
+
 /// Range at which a ray enters an infinite upright elliptic cylinder: the smaller root of
 /// |B (o + s d - c)|^2 = 1, where B = diag(1/rx, 1/ry) R(psi)^T acts in the plane.
 std::optional<double> cylinder_range(const Ellipse& ellipse, const Eigen::Vector3d& origin,
@@ -98,17 +107,19 @@ struct Expected {
   int object = -1;  // index in the truth
 };
 
-/// What a beam must see in a world without scenery.
-Expected expected(const SimulatedScan& simulated, std::size_t beam) {
-  const double angle = beam_angle(simulated.scan, beam);
-  const Eigen::Vector3d ray = simulated.T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
+/// What a beam at `angle` must see in a world without scenery.
+Expected expected(const Objects& truth, const Eigen::Isometry3d& T_world_lidar, double angle) {
+  const Eigen::Vector3d ray = T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
   Expected nearest;
-  for (std::size_t i = 0; i < simulated.truth.objects.size(); ++i) {
-    const auto range =
-        cylinder_range(simulated.truth.objects[i].ellipse_world, simulated.T_world_lidar.translation(), ray);
+  for (std::size_t i = 0; i < truth.objects.size(); ++i) {
+    const auto range = cylinder_range(truth.objects[i].ellipse_world, T_world_lidar.translation(), ray);
     if (range && *range < nearest.range_m) nearest = {*range, static_cast<int>(i)};
   }
   return nearest;
+}
+
+Expected expected(const SimulatedScan& simulated, std::size_t beam) {
+  return expected(simulated.truth, simulated.T_world_lidar, beam_angle(simulated.scan, beam));
 }
 
 double tilt(const Eigen::Isometry3d& T_world_robot) { return std::acos(T_world_robot(2, 2)); }
@@ -131,9 +142,9 @@ void expect_error(const std::string& text, const std::string& part) {
   EXPECT_NE(what.find(part), std::string::npos) << what << "\n  lacks: " << part;
 }
 
-std::string path_error(const std::string& path) {
+std::string path_error(const std::string& path, const PathOfBody& path_of_body = {}) {
   try {
-    parse_path(path, Eigen::Vector3d::Zero(), 0.0);
+    parse_path(path, Eigen::Vector3d::Zero(), 0.0, path_of_body);
   } catch (const std::invalid_argument& error) {
     return error.what();
   }
@@ -197,6 +208,56 @@ TEST(SimulatedScan, RangesAndBeamCountsAreExactForATiltedRobotAndAnyMount) {
   EXPECT_GT(largest_tilt, radians(10.0));
   EXPECT_GT(total[0], 1000);
   EXPECT_GT(total[1], 1000);
+}
+
+TEST(SimulatedScan, EachBeamOfASweepSeesTheWorldAtItsOwnTime) {
+  const WorldFile file(kMovingWorld);
+  SimulatedLidarParams lidar = without_noise();
+  lidar.sweep_s = 0.04;
+  World world(file.path(), lidar, 1);
+  std::vector<int> total(2, 0);
+  for (int scan = 0; scan < 100; ++scan) {
+    const SimulatedScan simulated = world.next();
+    const double start_s = 0.05 * scan;
+    ASSERT_NEAR(simulated.scan.time_increment_s * 1080, 0.04, 1e-12);
+    ASSERT_TRUE(simulated.T_world_lidar.isApprox(world.robot_at(start_s).T_world_robot * world.T_robot_lidar(), 1e-9));
+    ASSERT_TRUE(simulated.T_world_lidar_end.isApprox(
+        world.robot_at(start_s + 0.04).T_world_robot * world.T_robot_lidar(), 1e-9));
+    std::vector<int> beams(2, 0);
+    for (std::size_t i = 0; i < simulated.scan.beams.size(); ++i) {
+      const double time_s = start_s + static_cast<double>(i) * simulated.scan.time_increment_s;
+      const Expected truth =
+          expected(world.truth_at(time_s), world.robot_at(time_s).T_world_robot * world.T_robot_lidar(),
+                   beam_angle(simulated.scan, i));
+      const Beam& beam = simulated.scan.beams[i];
+      ASSERT_EQ(beam.state == BeamState::kHit, truth.object >= 0) << "scan " << scan << " beam " << i;
+      ASSERT_EQ(simulated.object_of_beam[i], truth.object) << "scan " << scan << " beam " << i;
+      if (truth.object < 0) continue;
+      ASSERT_NEAR(beam.range_m, truth.range_m, 1e-4) << "scan " << scan << " beam " << i;
+      ++beams[static_cast<std::size_t>(truth.object)];
+    }
+    for (std::size_t i = 0; i < 2; ++i) {
+      ASSERT_EQ(simulated.truth.objects[i].beams, beams[i]);
+      total[i] += beams[i];
+    }
+  }
+  EXPECT_GT(total[0], 1000);
+  EXPECT_GT(total[1], 1000);
+}
+
+TEST(SimulatedScan, WhereNothingMovesASweepChangesNothing) {
+  const WorldFile file(world_text(kRobot + object_text("post", "pos=\"2 0.5 1\"", "0.3 0.15 1")));
+  SimulatedLidarParams sweeping;
+  sweeping.sweep_s = 0.01875;
+  World a(file.path(), {}, 5), b(file.path(), sweeping, 5);
+  for (int scan = 0; scan < 5; ++scan) {
+    const SimulatedScan from_a = a.next(), from_b = b.next();
+    EXPECT_EQ(from_a.scan.time_increment_s, 0.0);
+    EXPECT_TRUE(from_b.T_world_lidar_end.isApprox(from_a.T_world_lidar, 1e-12));
+    for (std::size_t i = 0; i < from_a.scan.beams.size(); ++i) {
+      ASSERT_EQ(from_a.scan.beams[i].range_m, from_b.scan.beams[i].range_m);
+    }
+  }
 }
 
 TEST(SimulatedScan, TrueRangesDecideBetweenHitTooCloseAndFree) {
@@ -423,6 +484,8 @@ TEST(Path, DerivativesAgreeForEveryKind) {
       "circle center 1 2 radius 0.8 rate 0.5 phase 0.3",
       "circle center 1 2 radius 0.8 rate -0.5 tangent",
       "line from 0 1 to 2 -1 period 7 spin 0.2",
+      "straight from 0 1 velocity 0.4 -0.7 spin 0.2",
+      "straight from 0 1 velocity 0.4 -0.7 tangent",
       "loop speed 0.9 points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5",
       "loop speed 0.9 tangent points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5;",
       "loop speed 1.3 points 0 0 1 0; 2 0.3 1.2 2; 3 2 1.4 4; 1 2.5 1 6; -1 1.5 1 5",
@@ -437,6 +500,38 @@ TEST(Path, DerivativesAgreeForEveryKind) {
       EXPECT_LT(((after.acceleration_m_s2 - before.acceleration_m_s2) / (2 * h) - now.jerk_m_s3).norm(), 1e-6) << text;
       EXPECT_NEAR(wrap_to_pi(after.yaw_rad - before.yaw_rad) / (2 * h), now.yaw_rate_rad_s, 1e-6) << text;
     }
+  }
+}
+
+TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
+  const std::vector<std::string> carriers = {"stand spin -0.7", "circle center 1 2 radius 0.8 rate -0.5 tangent",
+                                             "loop speed 0.9 tangent points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5"};
+  constexpr double h = 1e-4;
+  for (const std::string& carrier : carriers) {
+    const PathOfBody path_of_body = [&](const std::string&) { return parse_path(carrier, {0.5, -0.5, 0.9}, 0.4); };
+    for (const std::string text :
+         {"with it at 0.3 -0.2", "with it at 0.3 -0.2 swing 0.4 period 1.3 phase 2 spin 0.6"}) {
+      const Path path = parse_path(text, {0.0, 0.0, 0.9}, 0.4, path_of_body);
+      for (double t = -3.0; t < 20.0; t += 0.317) {
+        const PathState now = path(t), before = path(t - h), after = path(t + h);
+        EXPECT_LT(((after.position_m - before.position_m) / (2 * h) - now.velocity_m_s).norm(), 1e-6) << text;
+        EXPECT_NEAR(wrap_to_pi(after.yaw_rad - before.yaw_rad) / (2 * h), now.yaw_rate_rad_s, 1e-6) << text;
+      }
+    }
+  }
+}
+
+TEST(Path, KeepsItsPlaceInTheAxesOfTheBodyItMovesWith) {
+  const Path carrier = parse_path("circle center 1 2 radius 0.5 rate 2 tangent", {5, 6, 7}, 0.2);
+  const PathOfBody path_of_body = [&](const std::string& body) { return body == "it" ? carrier : Path(); };
+  const Path path = parse_path("with it at 0.3 -0.2 swing 0.1 period 4 phase 0.5", {8, 9, 3}, 0.7, path_of_body);
+  for (const double t : {0.0, 0.6, 1.9}) {
+    const PathState it = carrier(t), state = path(t);
+    const double ahead = 0.3 + 0.1 * std::sin(0.5 * kPi * t + 0.5);
+    const Eigen::Vector2d x(std::cos(it.yaw_rad), std::sin(it.yaw_rad)), y(-x.y(), x.x());
+    EXPECT_LT((state.position_m.head<2>() - (it.position_m.head<2>() + ahead * x - 0.2 * y)).norm(), 1e-12);
+    EXPECT_EQ(state.position_m.z(), 3.0);
+    EXPECT_NEAR(state.yaw_rad - it.yaw_rad, 0.7, 1e-12);
   }
 }
 
@@ -457,11 +552,15 @@ TEST(Path, MeansWhatTheManualSays) {
   EXPECT_LT((line(4.0).position_m - Eigen::Vector3d(4, 1, 7)).norm(), 1e-12);
   EXPECT_LT(line(4.0).velocity_m_s.norm(), 1e-12);
   EXPECT_DOUBLE_EQ(line(1.0).yaw_rad, 0.2);
+
+  const PathState straight = parse_path("straight from 1 2 velocity -0.5 0.5 tangent", place, 0.2)(4.0);
+  EXPECT_LT((straight.position_m - Eigen::Vector3d(-1, 4, 7)).norm(), 1e-12);
+  EXPECT_NEAR(straight.yaw_rad, 0.75 * kPi + 0.2, 1e-12);
 }
 
 TEST(Path, SaysWhatIsWrongWithItsText) {
   EXPECT_EQ(path_error(" "), "is empty");
-  EXPECT_EQ(path_error("hop over 1"), "starts with 'hop' instead of stand, circle, line or loop");
+  EXPECT_EQ(path_error("hop over 1"), "starts with 'hop' instead of stand, circle, line, straight, loop or with");
   EXPECT_EQ(path_error("circle center 1 2 radius 1"), "lacks 'rate'");
   EXPECT_EQ(path_error("circle center 1 radius 1 rate 1"), "needs 2 number(s) after 'center'");
   EXPECT_EQ(path_error("circle center 1 2 radius -1 rate 1"), "needs a positive number after 'radius'");
@@ -479,6 +578,19 @@ TEST(Path, SaysWhatIsWrongWithItsText) {
   EXPECT_EQ(path_error("loop speed 1 points 1 1; 1 1; 1 1"), "has all its points at one place");
   EXPECT_EQ(path_error("loop speed 1 spin 1 points 0 0 0 0; 1 0 0 0; 1 1 0 0"),
             "turns in two ways: by the yaw of its points, and by 'spin' or 'tangent'");
+  EXPECT_EQ(path_error("straight from 0 0 velocity 0 0 tangent"), "has 'tangent' but does not move on all the time");
+  EXPECT_EQ(path_error("with"), "lacks the body to move with");
+  const PathOfBody path_of_body = [](const std::string& body) {
+    return body == "it" ? parse_path("stand", Eigen::Vector3d::Zero(), 0.0) : Path();
+  };
+  const std::string of_none = "', which only an object may, and only with a body that has a path of its own";
+  EXPECT_EQ(path_error("with it at 0 1"), "moves with 'it" + of_none);
+  EXPECT_EQ(path_error("with other at 0 1", path_of_body), "moves with 'other" + of_none);
+  EXPECT_EQ(path_error("with it at 0 1", path_of_body), "no error");
+  EXPECT_EQ(path_error("with it", path_of_body), "lacks 'at'");
+  EXPECT_EQ(path_error("with it at 0 1 swing 1", path_of_body), "lacks 'period'");
+  EXPECT_EQ(path_error("with it at 0 1 period 1", path_of_body), "has 'period', which it does not know");
+  EXPECT_EQ(path_error("with it at 0 1 tangent", path_of_body), "has 'tangent' but does not move on all the time");
 }
 
 TEST(PeriodicSpline, PassesItsPointsWithFourContinuousDerivatives) {
@@ -538,6 +650,21 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
                "body 'post' has a path and so needs mocap");
   expect_error(world_text(kRobot, "<text name=\"robot\" data=\"circle center 1\"/>"),
                "the path of 'robot' needs 2 number(s) after 'center'");
+  const std::string pair = object_text("a", "mocap=\"true\"", "1 1 1") + object_text("b", "mocap=\"true\"", "1 1 1");
+  EXPECT_EQ(error_of(world_text(kRobot + pair,
+                                "<text name=\"a\" data=\"with b at 0 1\"/>"
+                                "<text name=\"b\" data=\"stand\"/>")),
+            "no error");
+  expect_error(world_text(kRobot + pair, "<text name=\"a\" data=\"with b at 0 1\"/>"),
+               "the path of 'a' moves with 'b', which only an object may");
+  expect_error(world_text(kRobot + pair,
+                          "<text name=\"a\" data=\"with b at 0 1\"/>"
+                          "<text name=\"b\" data=\"with a at 0 1\"/>"),
+               "the path of 'b' moves with 'a', which only an object may");
+  expect_error(world_text(kRobot + pair,
+                          "<text name=\"robot\" data=\"with b at 0 1\"/>"
+                          "<text name=\"b\" data=\"stand\"/>"),
+               "the path of 'robot' moves with 'b', which only an object may");
   expect_error(world_text(kRobot, "<numeric name=\"robot_drag\" data=\"-1\"/>"),
                "numeric 'robot_drag' is outside [0, 10]");
 }
@@ -558,6 +685,9 @@ TEST(World, RefusesBadScannersNamingFieldAndBound) {
   lidar = {};
   lidar.range_max_m = 0.05;
   EXPECT_EQ(message(lidar), "lidar.range_max_m must be above lidar.range_min_m");
+  lidar = {};
+  lidar.sweep_s = 0.05;
+  EXPECT_EQ(message(lidar), "lidar.sweep_s must be below 1 / lidar.rate_hz");
   lidar = {};
   lidar.beams = 2000;
   EXPECT_NE(message(lidar).find("lidar.angle_increment_rad"), std::string::npos);
