@@ -1,0 +1,103 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""map_flights end to end: what its lines say of one another, and what it refuses."""
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+TOOL = pathlib.Path(sys.argv.pop(1))
+SOURCE = pathlib.Path(__file__).resolve().parent.parent.parent
+TIMES = ("cpu_ms_per_scan", "latency_ms")  # all else is the same in every run
+
+
+def run(*options, world="demo"):
+    return subprocess.run(
+        [TOOL, "--world", SOURCE / f"models/worlds/{world}.xml", "--config", SOURCE / "cfg/objects.yaml",
+         "--models", SOURCE / "models", "--duration", "3", *options], capture_output=True, text=True)
+
+
+def fly(*options, world="demo"):
+    """The lines of a run without what depends on the machine."""
+    result = run(*options, world=world)
+    assert result.returncode == 0, result.stderr
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    return [{key: value for key, value in line.items() if key not in TIMES} for line in lines]
+
+
+class MapFlights(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def written(self, text):
+        path = self.folder / "set.yaml"
+        path.write_text(text)
+        return path
+
+    def test_a_seed_gives_its_own_numbers_in_any_company(self):
+        noise = ["--pose-sigma-m", "0.02", "--pose-sigma-rad", "0.01"]
+        both = fly("--seeds", "4-5", *noise)
+        self.assertEqual([line["seed"] for line in both], [4, 5])
+        self.assertEqual(fly("--seeds", "5", *noise), both[1:])
+        self.assertNotEqual(both[0]["gospa_m"], both[1]["gospa_m"])
+
+    def test_the_trace_adds_up_to_the_line(self):
+        path = self.folder / "trace.jsonl"
+        line, other = fly("--seeds", "1-2", "--trace", path, "--trace-points")
+        trace = [json.loads(text) for text in path.read_text().splitlines()]
+        self.assertEqual(line["scans"], 60)
+        self.assertEqual([round(scan["t"], 9) for scan in trace], [i * 50 / 1000 for i in range(60)])
+        self.assertAlmostEqual(sum(scan["gospa_m"] for scan in trace) / 60, line["gospa_m"], places=12)
+        self.assertAlmostEqual(sum(scan["false"] for scan in trace) / 60, line["false_per_scan"], places=12)
+        self.assertEqual(trace[-1]["id_switches"], line["id_switches"])
+        visible = sum(truth["visible_scans"] for truth in line["objects"])
+        self.assertAlmostEqual(1 - sum(scan["missed"] for scan in trace) / visible, line["recall"], places=12)
+        for truth in line["objects"]:
+            beams = [t["beams"] for scan in trace for t in scan["truth"] if t["name"] == truth["name"]]
+            self.assertEqual(sum(count >= 5 for count in beams), truth["visible_scans"])
+        hits = sum(truth["beams"] for truth in trace[0]["truth"])
+        self.assertGreaterEqual(len(trace[0]["points"]), hits)
+
+    def test_standing_and_moving_objects_are_all_objects(self):
+        (line,) = fly()
+        for moves, name in ((False, "standing"), (True, "moving")):
+            objects = [truth for truth in line["objects"] if truth["moves"] == moves]
+            self.assertEqual(line[name]["scans"], sum(truth["mapped_scans"] for truth in objects))
+        self.assertEqual({truth["name"] for truth in line["objects"] if truth["moves"]},
+                         {"walker", "patrol", "cart", "visitor"})
+
+    def test_noise_of_the_pose_and_a_sweep_reach_the_map(self):
+        (exact,) = fly(world="single")
+        for option, value in (("--pose-sigma-m", "0.05"), ("--pose-sigma-rad", "0.02"), ("--range-sigma-m", "0.03"),
+                              ("--sweep-s", "0.04")):
+            (disturbed,) = fly(option, value, world="single")
+            self.assertGreater(disturbed["gospa_m"], exact["gospa_m"], option)
+
+    def test_set_overrides_the_configuration(self):
+        (line,) = fly("--set", self.written("objects: {min_observations: 1000}"))
+        self.assertEqual(line["recall"], 0.0)
+        self.assertEqual(fly("--set", self.written("")), fly())
+        refused = run("--set", self.written("objects: {nonsense: 1}"))
+        self.assertEqual(refused.returncode, 1)
+        self.assertIn("set.yaml: unknown parameter objects.nonsense", refused.stderr)
+
+    def test_it_refuses_what_it_cannot_use(self):
+        for options, reason in ((["--hop", "1"], "unknown option --hop"), (["--seeds", "3-2"], "first after its last"),
+                                (["--seeds", "x"], "--seeds needs whole numbers, not x"),
+                                (["--duration", "-1"], "--duration needs a number that is not negative, not -1"),
+                                (["--duration"], "--duration needs a value")):
+            result = run(*options)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn(reason, result.stderr)
+        result = run("--sweep-s", "0.05")
+        self.assertEqual(result.returncode, 1)
+        self.assertIn("lidar.sweep_s must be below 1 / lidar.rate_hz", result.stderr)
+        self.assertEqual(run(world="missing").returncode, 1)
+
+
+if __name__ == "__main__":
+    unittest.main()
