@@ -74,12 +74,14 @@ void order_azimuths(Points& points) {
     }
     blocks.push_back(block);
   }
-  const double last_rad =
-      points.full_circle ? points.points[start].azimuth_rad + 2.0 * kPi : std::numeric_limits<double>::infinity();
+  // Each point from its own side of the seam, so that rounding does not part what is equal.
+  const double first_rad = points.full_circle ? points.points[start].azimuth_rad : 0.0;
   std::size_t k = 0;
   for (const Block& block : blocks) {
     for (; k < block.end; ++k) {
-      points.points[(start + k) % n].azimuth_rad = std::min(block.azimuth_rad, last_rad) - turn_rad(k);
+      double& azimuth_rad = points.points[(start + k) % n].azimuth_rad;
+      azimuth_rad = block.azimuth_rad - turn_rad(k);
+      if (points.full_circle) azimuth_rad = std::min(azimuth_rad, first_rad + (2.0 * kPi - turn_rad(k)));
     }
   }
 }

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -163,6 +164,45 @@ TEST(LeastSquaresDetector, CountsWhatItRefuses) {
   const Detections of_posts = default_detector.detect(segments_of(scene.scan()));
   EXPECT_EQ(of_posts.detections.size(), 2U);
   EXPECT_EQ(of_posts.refused, (Counters{{"both ends hidden", 1}}));
+}
+
+// What is left of a covariance's information without the prior it names is the segment's own: the same under any prior.
+TEST(LeastSquaresDetector, NamesThePriorThatIsInItsCovariance) {
+  LevelScene scene;
+  scene.ellipses = {{{4.0, 1.0}, 0.3, 0.3, 0.2}};
+  const Segments segments = segments_of(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  const auto information_without_prior = [&](const EllipseFitParams& params) {
+    const ShapePrior prior = LeastSquaresDetector(params).detect(segments).prior;
+    Matrix5d information = assess_ellipse(segments, 0, params, scene.ellipses[0]).covariance.inverse();
+    information(2, 2) -= 1.0 / std::pow(prior.mean_radius_sigma_m, 2);
+    information(3, 3) -= 1.0 / std::pow(prior.radius_difference_sigma_m, 2);
+    information(4, 4) -= 1.0 / std::pow(prior.radius_difference_sigma_m, 2);
+    return information;
+  };
+  EllipseFitParams params;
+  const Matrix5d usual = information_without_prior(params);
+  params.mean_radius_sigma_m = 0.02;
+  params.radius_difference_sigma_m = 0.01;
+  EXPECT_TRUE(information_without_prior(params).isApprox(usual, 1e-9));
+  params.mean_radius_m = 0.3;
+  EXPECT_EQ(LeastSquaresDetector(params).detect(segments).prior.mean_radius_m, 0.3);
+}
+
+TEST(LeastSquaresDetector, HandsOnTheFreeSpaceAndTheTimeOfItsBeams) {
+  LevelScene scene;
+  scene.ellipses = {{{2.0, 0.0}, 0.0, 0.3, 0.2}, {{0.0, 2.0}, 0.0, 0.2, 0.2}};
+  Scan scan = scene.scan();
+  scan.time_increment_s = 2e-5;
+  const Segments segments = segments_of(scan);
+  const Detections detections = LeastSquaresDetector(EllipseFitParams{}).detect(segments);
+  EXPECT_EQ(detections.free_space.azimuth_rad.size(), 1081U);
+  EXPECT_EQ(detections.free_space.azimuth_rad, segments.free_space.azimuth_rad);
+  EXPECT_EQ(detections.free_space.range_m, segments.free_space.range_m);
+  ASSERT_EQ(detections.detections.size(), 2U);
+  // Beams start at -135 deg; the objects are symmetric about 0 and 90 deg.
+  EXPECT_NEAR(detections.detections[0].time_offset_s, 135.0 * 4.0 * 2e-5, 1e-12);
+  EXPECT_NEAR(detections.detections[1].time_offset_s, 225.0 * 4.0 * 2e-5, 1e-12);
 }
 
 TEST(EllipseFitParams, RefusesWrongValuesByName) {
