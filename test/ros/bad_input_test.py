@@ -15,7 +15,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
                          wait_until)
 from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
-from situation_awareness.msg import EllipseDetection, LaserSegment  # noqa: E402
+from situation_awareness.msg import EllipseDetection, LaserSegment, MappedEllipse  # noqa: E402
 
 CIRCLE = ((3.0, 0.5, 0.25),)
 
@@ -86,6 +86,25 @@ class BadInputTest(unittest.TestCase):
         msg.scan_time = msg.time_increment = math.nan
         self.assert_mapped(msg)
 
+    def test_times_that_cannot_be(self):
+        before = self.diagnostics.count("segmentation", "time increment ignored")
+        for increment in (-1e-5, 0.1, math.inf):
+            msg = scan_msg(rospy.Time.now())
+            msg.time_increment = increment
+            self.assert_mapped(msg)
+        wait_until(lambda: self.diagnostics.count("segmentation", "time increment ignored") >= before + 3, 5.0,
+                   "the count of time increments")
+
+    def test_a_turn_that_would_swap_beams(self):
+        stamp = rospy.Time.now()
+        msg = scan_msg(stamp)
+        msg.time_increment = 1e-5
+        turned = transform_msg(stamp + rospy.Duration(0.01))
+        turned.transforms[0].transform.rotation.z = turned.transforms[0].transform.rotation.w = math.sqrt(0.5)
+        self.robot.tf.publish(transform_msg(stamp))
+        self.robot.tf.publish(turned)
+        self.assert_dropped("turn", lambda: self.robot.publish(msg, transforms=False))
+
     def test_no_frame(self):
         self.assert_bad_scan(scan_msg(rospy.Time.now(), frame=""))
 
@@ -149,6 +168,18 @@ class BadInputTest(unittest.TestCase):
         steep.transforms[0].transform.rotation.w = math.cos(math.pi / 4)
         self.robot.tf.publish(steep)
         self.assert_dropped("tilt", lambda: self.robot.publish(scan_msg(stamp), transforms=False))
+
+    def test_maps_that_cannot_be(self):
+        publisher = rospy.Publisher("map", EllipseMap, queue_size=10)
+        wait_until(lambda: publisher.get_num_connections() > 1, 10.0, "the segmentation nodelet")
+        msg = EllipseMap(ellipses=[MappedEllipse(rx=math.nan, ry=0.1)])
+        msg.header.frame_id = "world"
+        msg.header.stamp = rospy.Time.now()
+        self.assert_dropped("bad message", lambda: publisher.publish(msg))
+        msg = EllipseMap(header=msg.header)
+        msg.header.frame_id = "elsewhere"
+        self.assert_dropped("bad message", lambda: publisher.publish(msg))
+        publisher.unregister()
 
     def test_segments_that_do_not_fit_together(self):
         publisher = rospy.Publisher("segment_array", SegmentArray, queue_size=10)

@@ -13,7 +13,8 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import BEAMS, Diagnostics, Latest, Robot, scan_msg, transform_msg, wait_until  # noqa: E402
+from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
+                         wait_until)
 from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
 
 
@@ -89,7 +90,33 @@ class ChainTest(unittest.TestCase):
         self.robot.tf.publish(transform_msg(stamp))
         wait_until(lambda: stamp in self.map.stamps(), 2.0, "the scan whose transform came late")
 
-    def test_5_diagnostics_count(self):
+    def test_5_each_beam_is_taken_at_its_own_time(self):
+        """A scanner that flies 5 cm while it scans, past a post that its beams meet late."""
+        increment = 1e-4
+        sweep = rospy.Duration(increment * (BEAMS - 1))
+        stamp = rospy.Time.now()
+        msg = scan_msg(stamp, ranges=ranges_to_circles([(0.0, 2.0, 0.3)], moved_x=0.05))
+        msg.time_increment = increment
+        self.robot.publish(msg)
+        time.sleep(0.2)
+        self.assertNotIn(stamp, self.segments.stamps(), "no transform at the last beam, no segments")
+        self.robot.tf.publish(transform_msg(stamp + sweep, x=0.05))
+        wait_until(lambda: stamp in self.detections.stamps(), 2.0, "detections")
+        segments = next(message for message in self.segments.messages if message.header.stamp == stamp)
+        self.assertAlmostEqual(segments.time_increment, increment, delta=1e-9)
+        self.assertEqual(len(segments.free_azimuth), BEAMS)
+        self.assertEqual(sum(math.isfinite(reach) for reach in segments.free_range), len(segments.points))
+        detections = next(message for message in self.detections.messages if message.header.stamp == stamp)
+        self.assertEqual(detections.free_range, segments.free_range)
+        self.assertGreater(detections.prior_mean_radius_sigma, 0.0)
+        self.assertEqual(len(detections.detections), 1)
+        post = detections.detections[0]
+        self.assertAlmostEqual(post.x, 0.0, delta=0.01, msg="4 cm off if all beams were taken at one instant")
+        self.assertAlmostEqual(post.y, 2.0, delta=0.05)
+        self.assertAlmostEqual(post.time_offset, increment * 450, delta=3 * increment)
+        self.robot.run(3)
+
+    def test_6_diagnostics_count(self):
         self.robot.run(40)
         wait_until(lambda: {"segmentation", "detection", "mapping"} <= set(self.diagnostics.stages), 5.0, "diagnostics")
         for stage in ("segmentation", "detection", "mapping"):

@@ -43,6 +43,8 @@ Segments some_segments() {
     segments.points.push_back(
         {azimuth_rad, 2.0, {2.0 * std::cos(azimuth_rad), 2.0 * std::sin(azimuth_rad)}, i, BeamState::kHit});
   }
+  segments.time_increment_s = 1.76e-5;
+  segments.free_space = {{-0.5F, 0.0F, 0.0F, 3.25F}, {kInf, 2.0F, 0.0F, 29.5F}, true};
   segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree, 0.03125, 0.0});
   segments.segments.push_back(
       {4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1});
@@ -82,6 +84,28 @@ TEST(ConvertScan, SurvivesTheRoundTrip) {
   }
 }
 
+TEST(ConvertScan, TakesATimeIncrementThatCanBe) {
+  auto msg = scan_msg({1.0F, 2.0F, 3.0F, 4.0F, 5.0F});
+  msg.time_increment = 0.125F;  // exact in binary
+  EXPECT_EQ(scan_from_msg(msg).time_increment_s, 0.125);
+  EXPECT_EQ(to_nanoseconds(time_of_last_beam(msg)), kStamp_ns + 500'000'000);
+  EXPECT_EQ(scan_from_msg(scan_to_msg(scan_from_msg(msg), "lidar", 0.1, 30.0, 0.05)).time_increment_s, 0.125);
+  msg.time_increment = 0.25F;  // a second for all five beams
+  EXPECT_EQ(usable_time_increment_s(msg), 0.25);
+  for (const float nonsense : {0.2501F, -0.001F, kNan, kInf, -kInf}) {
+    msg.time_increment = nonsense;
+    EXPECT_EQ(usable_time_increment_s(msg), 0.0);
+    EXPECT_EQ(scan_from_msg(msg).time_increment_s, 0.0);
+    EXPECT_EQ(time_of_last_beam(msg), msg.header.stamp);
+  }
+  msg.time_increment = 0.125F;
+  msg.header.stamp = ros::TIME_MAX;
+  EXPECT_EQ(time_of_last_beam(msg), ros::TIME_MAX);
+  msg = scan_msg({});
+  msg.time_increment = 0.125F;
+  EXPECT_EQ(time_of_last_beam(msg), msg.header.stamp);
+}
+
 TEST(ScanCheck, NamesWhatCannotBeUsed) {
   EXPECT_EQ(scan_msg_defect(scan_msg({1.0F, 2.0F, 3.0F})), "");
   EXPECT_EQ(scan_msg_defect(scan_msg({kNan, kInf, -kInf})), "");  // no hit is no defect
@@ -113,6 +137,12 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.T_world_level.yaw_rad, segments.T_world_level.yaw_rad);
   EXPECT_EQ(back.height_world_m, segments.height_world_m);
   EXPECT_EQ(back.resolution_rad, segments.resolution_rad);
+  EXPECT_EQ(back.time_increment_s, segments.time_increment_s);
+  EXPECT_EQ(back.free_space.azimuth_rad, segments.free_space.azimuth_rad);
+  EXPECT_EQ(back.free_space.range_m, segments.free_space.range_m);
+  EXPECT_TRUE(back.free_space.full_circle);
+  EXPECT_TRUE(
+      segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}}, "world")).free_space.range_m.empty());
   ASSERT_EQ(back.points.size(), segments.points.size());
   for (std::size_t i = 0; i < back.points.size(); ++i) {
     EXPECT_EQ(back.points[i].azimuth_rad, segments.points[i].azimuth_rad);
@@ -164,6 +194,35 @@ TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
 }
 
+/// What both messages with free space must refuse.
+template <class Message, class FromMsg>
+void check_refused_free_space(const Message& good, FromMsg&& from_msg) {
+  EXPECT_NO_THROW(from_msg(good));
+  Message msg = good;
+  msg.free_range.pop_back();
+  EXPECT_THROW(from_msg(msg), std::invalid_argument);
+  for (const float azimuth_rad : {kNan, kInf, -9.0F}) {
+    msg = good;
+    msg.free_azimuth[1] = azimuth_rad;
+    EXPECT_THROW(from_msg(msg), std::invalid_argument);
+  }
+  for (const float range_m : {kNan, -kInf, -0.1F}) {
+    msg = good;
+    msg.free_range[1] = range_m;
+    EXPECT_THROW(from_msg(msg), std::invalid_argument);
+  }
+}
+
+TEST(ConvertSegments, RefusesTimesAndFreeSpaceThatCannotBe) {
+  const SegmentArray good = segments_to_msg(some_segments(), "world");
+  check_refused_free_space(good, segments_from_msg);
+  for (const double increment_s : {-1e-6, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    SegmentArray msg = good;
+    msg.time_increment = increment_s;
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  }
+}
+
 TEST(ConvertSegments, CloudHoldsEveryPointInTheWorld) {
   const Segments segments = some_segments();
   const sensor_msgs::PointCloud2 cloud = segments_to_cloud(segments, "world");
@@ -194,7 +253,10 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detection.residual_rms_m = 0.004;
   detection.beams = 42;
   detection.segment = 7;
+  detection.time_offset_s = 0.0123;
   detections.detections.push_back(detection);
+  detections.prior = {0.21, 0.104, 0.053};
+  detections.free_space = {{-0.5F, 0.0F, 3.25F}, {kInf, 0.0F, 29.5F}, true};
   const Detections back = detections_from_msg(detections_to_msg(detections, "world"));
   EXPECT_EQ(back.stamp_ns, detections.stamp_ns);
   EXPECT_EQ(back.T_world_level.translation_m, detections.T_world_level.translation_m);
@@ -210,6 +272,16 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].residual_rms_m, detection.residual_rms_m);
   EXPECT_EQ(back.detections[0].beams, 42);
   EXPECT_EQ(back.detections[0].segment, 7U);
+  EXPECT_EQ(back.detections[0].time_offset_s, 0.0123);
+  EXPECT_EQ(back.prior.mean_radius_m, 0.21);
+  EXPECT_EQ(back.prior.mean_radius_sigma_m, 0.104);
+  EXPECT_EQ(back.prior.radius_difference_sigma_m, 0.053);
+  EXPECT_EQ(back.free_space.azimuth_rad, detections.free_space.azimuth_rad);
+  EXPECT_EQ(back.free_space.range_m, detections.free_space.range_m);
+  EXPECT_TRUE(back.free_space.full_circle);
+  const Detections without = detections_from_msg(detections_to_msg(Detections{}, "world"));
+  EXPECT_EQ(without.prior.mean_radius_sigma_m, 0.0);
+  EXPECT_TRUE(without.free_space.azimuth_rad.empty());
 
   DetectionArray msg = detections_to_msg(detections, "world");
   msg.detections[0].ry = 0.0;
@@ -222,6 +294,18 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
     msg.detections[0].p_ellipse = p;
     EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   }
+  msg = detections_to_msg(detections, "world");
+  msg.detections[0].time_offset = std::nan("");
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  for (const double bad : {-0.1, std::numeric_limits<double>::infinity(), std::nan("")}) {
+    msg = detections_to_msg(detections, "world");
+    msg.prior_mean_radius_sigma = bad;
+    EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+    msg = detections_to_msg(detections, "world");
+    msg.prior_radius_difference_sigma = bad;
+    EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  }
+  check_refused_free_space(detections_to_msg(detections, "world"), detections_from_msg);
 }
 
 TEST(ConvertObjects, SurvivesTheRoundTrip) {

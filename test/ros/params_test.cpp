@@ -67,6 +67,7 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   XmlRpcValue tree;
   tree["world_frame"] = "/odom";
   tree["tf_timeout_s"] = 1;
+  tree["deskew"] = false;
   tree["queue_size"] = 5;
   tree["segments"]["min_points"] = 6;
   tree["scan"]["max_range_m"] = 7;
@@ -78,6 +79,7 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   const NodeletParams params = read_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
   EXPECT_EQ(params.world_frame, "odom");
   EXPECT_EQ(params.tf_timeout_s, 1.0);
+  EXPECT_FALSE(params.deskew);
   EXPECT_EQ(params.queue_size, 5);
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.pipeline.scan.max_range_m, 7.0);
@@ -100,6 +102,10 @@ TEST(NodeletParams, RefuseInOneSentence) {
   tree = XmlRpcValue();
   tree["queue_size"] = 1.5;
   EXPECT_TRUE(has(refusal(with_model_folder(tree)), "queue_size = 1.5 is not an integer"));
+
+  tree = XmlRpcValue();
+  tree["deskew"] = "no";
+  EXPECT_EQ(refusal(with_model_folder(tree)), "parameters of /mapping: deskew = \"no\" is not true or false");
 
   tree = XmlRpcValue();
   tree["world_frame"] = 3;

@@ -15,13 +15,15 @@ BEAMS = 541
 PERIOD_S = 0.05
 
 
-def ranges_to_circles(circles, beams=BEAMS, increment=INCREMENT):
-    """Ranges of a scanner at the origin among circles (x, y, radius); +inf where there is none."""
+def ranges_to_circles(circles, beams=BEAMS, increment=INCREMENT, moved_x=0.0):
+    """Ranges of a scanner among circles (x, y, radius), which moves from the origin by moved_x; +inf where there is
+    none."""
     ranges = []
     for i in range(beams):
         angle = ANGLE_MIN + i * increment
         nearest = math.inf
-        for x, y, radius in circles:
+        for world_x, y, radius in circles:
+            x = world_x - moved_x * i / (beams - 1)
             along = x * math.cos(angle) + y * math.sin(angle)
             aside = -x * math.sin(angle) + y * math.cos(angle)
             if along > 0 and abs(aside) < radius:

@@ -17,7 +17,6 @@ constexpr const char* kRestart = "stamp started again while it waited";
 constexpr const char* kQueueFull = "queue full";
 constexpr const char* kNoTransform = "no transform";
 constexpr const char* kBadTransform = "bad transform";
-constexpr const char* kTilt = "tilt";
 constexpr const char* kBadMessage = "bad message";
 constexpr const char* kError = "error";
 }  // namespace drop_reason

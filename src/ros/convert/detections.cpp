@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "situation_awareness/ros/convert/free_space.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
@@ -19,6 +20,10 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
   msg.header.stamp = to_ros_time(detections.stamp_ns);
   msg.header.frame_id = world_frame;
   msg.level = level_to_msg(detections.T_world_level, detections.height_world_m);
+  msg.prior_mean_radius = detections.prior.mean_radius_m;
+  msg.prior_mean_radius_sigma = detections.prior.mean_radius_sigma_m;
+  msg.prior_radius_difference_sigma = detections.prior.radius_difference_sigma_m;
+  free_space_to_msg(detections.free_space, msg);
   msg.detections.resize(detections.detections.size());
   for (std::size_t i = 0; i < detections.detections.size(); ++i) {
     const Detection& detection = detections.detections[i];
@@ -31,6 +36,7 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     Eigen::Map<RowMajor5d>(element.covariance.data()) = detection.covariance;
     element.p_ellipse = detection.p_ellipse;
     element.residual = detection.residual_rms_m;
+    element.time_offset = detection.time_offset_s;
     element.beams = static_cast<std::uint32_t>(detection.beams);
     element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
     element.segment = static_cast<std::uint32_t>(detection.segment);
@@ -42,6 +48,12 @@ Detections detections_from_msg(const DetectionArray& msg) {
   Detections detections;
   detections.stamp_ns = to_nanoseconds(msg.header.stamp);
   level_from_msg(msg.level, detections.T_world_level, detections.height_world_m);
+  detections.prior = {msg.prior_mean_radius, msg.prior_mean_radius_sigma, msg.prior_radius_difference_sigma};
+  if (!std::isfinite(msg.prior_mean_radius + msg.prior_mean_radius_sigma + msg.prior_radius_difference_sigma) ||
+      !(msg.prior_mean_radius_sigma >= 0.0 && msg.prior_radius_difference_sigma >= 0.0)) {
+    throw std::invalid_argument("the prior of the detections is not finite, or a sigma is negative");
+  }
+  detections.free_space = free_space_from_msg(msg);
   detections.detections.resize(msg.detections.size());
   for (std::size_t i = 0; i < msg.detections.size(); ++i) {
     const EllipseDetection& element = msg.detections[i];
@@ -50,10 +62,12 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.covariance = Eigen::Map<const RowMajor5d>(element.covariance.data());
     detection.p_ellipse = element.p_ellipse;
     detection.residual_rms_m = element.residual;
+    detection.time_offset_s = element.time_offset;
     detection.beams = static_cast<int>(element.beams);
     detection.hidden_end = element.hidden_end != 0;
     detection.segment = element.segment;
-    if (!std::isfinite(element.x + element.y + element.psi + element.rx + element.ry + element.residual) ||
+    if (!std::isfinite(element.x + element.y + element.psi + element.rx + element.ry + element.residual +
+                       element.time_offset) ||
         !detection.covariance.allFinite()) {
       throw std::invalid_argument("a detection is not finite");
     }

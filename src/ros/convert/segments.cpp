@@ -5,6 +5,7 @@
 #include <cstring>
 #include <stdexcept>
 
+#include "situation_awareness/ros/convert/free_space.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
@@ -32,6 +33,8 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
   msg.header.frame_id = world_frame;
   msg.level = level_to_msg(segments.T_world_level, segments.height_world_m);
   msg.resolution = segments.resolution_rad;
+  msg.time_increment = segments.time_increment_s;
+  free_space_to_msg(segments.free_space, msg);
   msg.points.resize(segments.points.size());
   for (std::size_t i = 0; i < segments.points.size(); ++i) {
     const Point& point = segments.points[i];
@@ -61,6 +64,9 @@ Segments segments_from_msg(const SegmentArray& msg) {
   level_from_msg(msg.level, segments.T_world_level, segments.height_world_m);
   segments.resolution_rad = msg.resolution;
   check(std::isfinite(msg.resolution) && msg.resolution > 0.0, "resolution is not a positive number");
+  segments.time_increment_s = msg.time_increment;
+  check(std::isfinite(msg.time_increment) && msg.time_increment >= 0.0, "time increment is not a number >= 0");
+  segments.free_space = free_space_from_msg(msg);
   segments.points.resize(msg.points.size());
   for (std::size_t i = 0; i < msg.points.size(); ++i) {
     const SegmentPoint& point = msg.points[i];

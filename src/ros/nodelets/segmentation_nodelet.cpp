@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, TF world -> lidar  ->  segment_array, segments (for the eye)
+// scan, TF world -> lidar, map  ->  segment_array, segments (for the eye)
 #include <deque>
+#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -12,7 +13,9 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
@@ -44,6 +47,7 @@ class SegmentationNodelet : public StageNodelet {
     const auto depth = static_cast<std::uint32_t>(params_.queue_size);
     scan_subscriber_ =
         node.subscribe("scan", depth, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
+    map_subscriber_ = node.subscribe("map", 1, &SegmentationNodelet::on_map, this, ros::TransportHints().tcpNoDelay());
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     const ros::WallDuration poll_period(0.005);
     timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { work_off(); });
@@ -60,10 +64,12 @@ class SegmentationNodelet : public StageNodelet {
         case StampOrder::Verdict::kRestart:
           for (; !queue_.empty(); queue_.pop_front()) diagnostics_->dropped(drop_reason::kRestart);
           tf_.clear();  // what it holds is of a later time and would shut out what is to come
+          known_ = {};
           break;
         case StampOrder::Verdict::kNext:
           break;
       }
+      latest_scan_ns_ = to_nanoseconds(msg->header.stamp);
       queue_.push_back({msg, ros::WallTime::now()});
       if (queue_.size() > static_cast<std::size_t>(params_.queue_size)) {
         queue_.pop_front();
@@ -75,8 +81,33 @@ class SegmentationNodelet : public StageNodelet {
     work_off();
   }
 
+  /// What the map says is kept for the scans to come; it was made from those before.
+  void on_map(const EllipseMapConstPtr& msg) {
+    try {
+      if (tf2_frame(msg->header.frame_id) != params_.world_frame) {
+        return diagnostics_->dropped(drop_reason::kBadMessage, "a map in the frame " + msg->header.frame_id);
+      }
+      Objects objects = objects_from_msg(*msg);
+      if (objects.stamp_ns > latest_scan_ns_)
+        return diagnostics_->counted({{"map of a later time", 1}});  // a restart's
+      known_ = std::move(objects);
+    } catch (const std::exception& error) {
+      diagnostics_->dropped(drop_reason::kBadMessage, error.what());
+    }
+  }
+
+  ros::Time last_beam_of(const sensor_msgs::LaserScan& msg) const {
+    return params_.deskew ? time_of_last_beam(msg) : msg.header.stamp;
+  }
+
   bool has_transform(const sensor_msgs::LaserScan& msg, std::string* why = nullptr) const {
-    return tf_.canTransform(params_.world_frame, tf2_frame(msg.header.frame_id), msg.header.stamp, why);
+    const std::string frame = tf2_frame(msg.header.frame_id);
+    return tf_.canTransform(params_.world_frame, frame, msg.header.stamp, why) &&
+           tf_.canTransform(params_.world_frame, frame, last_beam_of(msg), why);
+  }
+
+  Eigen::Isometry3d T_world_lidar_at(const sensor_msgs::LaserScan& msg, const ros::Time& time) const {
+    return isometry_from_msg(tf_.lookupTransform(params_.world_frame, tf2_frame(msg.header.frame_id), time).transform);
   }
 
   /// Process what has its transform, in order; drop what will not get it any more.
@@ -102,18 +133,20 @@ class SegmentationNodelet : public StageNodelet {
 
   void process(const sensor_msgs::LaserScan& msg) {
     const ros::WallTime start = ros::WallTime::now();
-    Eigen::Isometry3d T_world_lidar;
+    Eigen::Isometry3d T_world_lidar, T_world_lidar_end;
     try {
-      T_world_lidar = isometry_from_msg(
-          tf_.lookupTransform(params_.world_frame, tf2_frame(msg.header.frame_id), msg.header.stamp).transform);
+      T_world_lidar = T_world_lidar_at(msg, msg.header.stamp);
+      T_world_lidar_end = T_world_lidar_at(msg, last_beam_of(msg));
     } catch (const std::exception& error) {
       return diagnostics_->dropped(drop_reason::kBadTransform, error.what());
     }
-    if (tilt_rad(T_world_lidar) > kMaxTiltRad) return diagnostics_->dropped(drop_reason::kTilt);
-
     const Scan scan = scan_from_msg(msg);
+    const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
+    if (!defect.empty()) return diagnostics_->dropped(defect);
+    if (!(scan.time_increment_s == msg.time_increment)) diagnostics_->counted({{"time increment ignored", 1}});
+
     const Scan limited = limit_range(scan, T_world_lidar, params_.pipeline.scan);
-    const Points points = project_horizontally(limited, T_world_lidar);
+    const Points points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
     const Segments segments = segment(points, params_.pipeline.segments);
 
     array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
@@ -130,8 +163,10 @@ class SegmentationNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::deque<Waiting> queue_;
+  std::int64_t latest_scan_ns_ = std::numeric_limits<std::int64_t>::min();
+  Objects known_;  ///< the latest map
   ros::Publisher segments_publisher_, array_publisher_;
-  ros::Subscriber scan_subscriber_;
+  ros::Subscriber scan_subscriber_, map_subscriber_;
   ros::WallTimer timer_;
 };
 

@@ -117,6 +117,14 @@ int ParamReader::take_integer(const std::string& name, int otherwise, Bounds bou
   return static_cast<int>(result);
 }
 
+bool ParamReader::take_flag(const std::string& name, bool otherwise) {
+  XmlRpcValue value = take(name);
+  if (!value.valid()) return otherwise;
+  if (value.getType() != XmlRpcValue::TypeBoolean)
+    refuse(name, "= " + yaml_from_xmlrpc(value) + " is not true or false");
+  return static_cast<bool&>(value);
+}
+
 std::string ParamReader::take_text(const std::string& name, const std::string& otherwise) {
   XmlRpcValue value = take(name);
   if (!value.valid()) return otherwise;

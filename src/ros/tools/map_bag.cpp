@@ -338,30 +338,33 @@ class BagMapper {
   static constexpr double kPatience_s = 10.0;
 
   bool has_transform(const sensor_msgs::LaserScan& msg) const {
-    return static_sensor_ || transforms_.canTransform(world_frame_, tf2_frame(msg.header.frame_id), msg.header.stamp);
+    const std::string frame = tf2_frame(msg.header.frame_id);
+    return static_sensor_ || (transforms_.canTransform(world_frame_, frame, msg.header.stamp) &&
+                              transforms_.canTransform(world_frame_, frame, time_of_last_beam(msg)));
   }
 
-  Eigen::Isometry3d T_world_lidar_of(const sensor_msgs::LaserScan& msg) const {
+  Eigen::Isometry3d T_world_lidar_at(const sensor_msgs::LaserScan& msg, const ros::Time& time) const {
     if (static_sensor_) return Eigen::Isometry3d::Identity();
-    return isometry_from_msg(
-        transforms_.lookupTransform(world_frame_, tf2_frame(msg.header.frame_id), msg.header.stamp).transform);
+    return isometry_from_msg(transforms_.lookupTransform(world_frame_, tf2_frame(msg.header.frame_id), time).transform);
   }
 
   void process(const sensor_msgs::LaserScan& msg) {
-    Eigen::Isometry3d T_world_lidar;
+    Eigen::Isometry3d T_world_lidar, T_world_lidar_end;
     try {
-      T_world_lidar = T_world_lidar_of(msg);
+      T_world_lidar = T_world_lidar_at(msg, msg.header.stamp);
+      T_world_lidar_end = T_world_lidar_at(msg, time_of_last_beam(msg));
     } catch (const std::exception&) {
       ++dropped_[drop_reason::kBadTransform];
       return;
     }
-    if (tilt_rad(T_world_lidar) > kMaxTiltRad) {
-      ++dropped_[drop_reason::kTilt];
+    const Scan scan = scan_from_msg(msg);
+    const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
+    if (!defect.empty()) {
+      ++dropped_[defect];
       return;
     }
     const auto before = std::chrono::steady_clock::now();
-    const Scan scan = scan_from_msg(msg);
-    const Detections detections = pipeline_.process(scan, T_world_lidar).detections;
+    const Detections detections = pipeline_.process(scan, T_world_lidar, T_world_lidar_end).detections;
     const Objects objects = pipeline_.map().at(scan.stamp_ns);
     const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - before;
     durations_ms_.push_back(duration.count());

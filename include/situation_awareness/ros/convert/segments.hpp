@@ -12,7 +12,8 @@ namespace situation_awareness {
 
 SegmentArray segments_to_msg(const Segments& segments, const std::string& world_frame);
 
-/// Throws std::invalid_argument if a segment names points that are not there, or a number is not finite.
+/// Throws std::invalid_argument if a segment names points that are not there, a number is not finite, or as
+/// free_space_from_msg does.
 Segments segments_from_msg(const SegmentArray& msg);
 
 /// The hits in the world with fields x, y, z, rgb and segment (index in Segments::segments): one colour per object,

@@ -13,6 +13,7 @@ namespace situation_awareness {
 struct NodeletParams {
   std::string world_frame = "world";  ///< frame of the map, the root of TF
   double tf_timeout_s = 0.5;          ///< how long a scan waits for world -> lidar at its stamp, in wall time
+  bool deskew = true;                 ///< take each beam at its own time, where a scan says time_increment
   int queue_size = 20;                ///< how many scans may wait
   ObjectPipelineParams pipeline;
 };

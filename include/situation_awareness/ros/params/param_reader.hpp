@@ -28,6 +28,7 @@ class ParamReader {
 
   double take_number(const std::string& name, double otherwise, Bounds bounds, const std::string& unit);
   int take_integer(const std::string& name, int otherwise, Bounds bounds, const std::string& unit);
+  bool take_flag(const std::string& name, bool otherwise);
   std::string take_text(const std::string& name, const std::string& otherwise);
 
   /// What has not been taken, as YAML text.
