@@ -321,8 +321,8 @@ def mover_thing(chance, name, path, people, largest=0.45):
 
 def crowd(seed, manoeuvring=False):
     """Six standing and six moving objects within 8 m of a hovering robot, so many of them hide one another. Two movers
-    go round something that stands, two pass behind across the view, two go where they like. Manoeuvring ones go at 0.8
-    to 1.2 m/s in turns of up to 3 m/s^2; the others are as in the walled room."""
+    go round something that stands, two pass behind across the view, two go where they like, all as in the walled room.
+    Or eight that manoeuvre, at 0.8 to 1.2 m/s in turns of up to 3 m/s^2, and nothing that stands."""
     for attempt in range(100):
         chance = random.Random(f"crowd {seed} {manoeuvring} {attempt}")
         try:
@@ -344,10 +344,7 @@ def crowd_of(chance, manoeuvring):
     def somewhere(low, high, angle=math.radians(115)):
         return chance.uniform(low, high) * direction(chance.uniform(-angle, angle))
 
-    def speed():
-        return chance.uniform(0.8, 1.2) if manoeuvring else chance.uniform(0.3, 1.2)
-
-    acceleration = 3.0 if manoeuvring else 1.0
+    speeds, acceleration = ((0.8, 1.2), 3.0) if manoeuvring else ((0.3, 1.2), 1.0)
 
     def standing(i):
         place = somewhere(1.8, 4.0) if i < 4 else somewhere(4.0, 6.5)
@@ -355,25 +352,25 @@ def crowd_of(chance, manoeuvring):
         return placement.add(thing, 0.4)
 
     def moving(i):
-        name = f"moving_{i + 1}"
-        if i < 2:
+        speed = chance.uniform(*speeds)
+        if i < 2 and not manoeuvring:
             middle = chance.choice(placement.things[:6])
-            path, people = random_mover(chance, "circle", middle.path.at(np.zeros(1))[0], speed(), acceleration)
+            path, people = random_mover(chance, "circle", middle.path.at(np.zeros(1))[0], speed, acceleration)
         elif i < 4:
-            v, start = speed(), somewhere(4.5, 7.0)
+            start = somewhere(4.5, 7.0)
             across = direction(math.atan2(start[1], start[0]) + math.pi / 2 + chance.uniform(-0.3, 0.3))
-            end = start + chance.uniform(3.0, 6.0) * (0.7 if manoeuvring else 1.0) * across
-            period = math.pi * np.hypot(*(end - start)) / v
+            end = start + (chance.uniform(2.0, 4.0) if manoeuvring else chance.uniform(3.0, 6.0)) * across
+            period = math.pi * np.hypot(*(end - start)) / speed
             path, people = line(*start, *end, period, chance.uniform(0, 6.28)), False
         else:
-            path, people = random_mover(chance, chance.choice(("circle", "loop")), somewhere(2.5, 7.0), speed(),
+            path, people = random_mover(chance, chance.choice(("circle", "loop")), somewhere(2.5, 7.0), speed,
                                         acceleration)
-        thing = mover_thing(chance, name, path, people)
+        thing = mover_thing(chance, f"moving_{i + 1}", path, people)
         return in_view(thing) and placement.add(thing, 0.35)
 
-    for i in range(6):
+    for i in range(0 if manoeuvring else 6):
         until_placed(lambda: standing(i), 300)
-    for i in range(6):
+    for i in range(8 if manoeuvring else 6):
         until_placed(lambda: moving(i), 300)
     return placement.things
 
