@@ -346,11 +346,11 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
     }
     pose_noise.next();
     const Eigen::Isometry3d T_world_lidar = pose_noise(scan.T_world_lidar);
+    const Eigen::Isometry3d T_world_lidar_end = pose_noise(scan.T_world_lidar_end);
 
     const double cpu_before_ms = cpu_ms();
     const auto before = std::chrono::steady_clock::now();
-    // A de-skewing pipeline is also given pose_noise(scan.T_world_lidar_end) here.
-    const ObjectPipelineResult result = pipeline.process(scan.scan, T_world_lidar);
+    const ObjectPipelineResult result = pipeline.process(scan.scan, T_world_lidar, T_world_lidar_end);
     const std::chrono::duration<double, std::milli> latency = std::chrono::steady_clock::now() - before;
     cpu_sum_ms += cpu_ms() - cpu_before_ms;
     latencies_ms.push_back(latency.count());

@@ -227,7 +227,7 @@ CIRCLE_TABLES = {
 # The same for all rows. Without the wider limits an object of 1.2 m across is structure, and its radius beyond belief.
 CIRCLE_SETTINGS = """\
 segments: {max_object_extent_m: 1.5}
-detections: {fit: {prior_max_radius_m: 0.7, max_radius_m: 1.0}}
+detections: {detector: least_squares, fit: {radius_difference_sigma_m: 0.001, max_radius_m: 1.0}}
 objects: {shape: circle}
 """
 

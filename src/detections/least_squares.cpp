@@ -238,10 +238,6 @@ void EllipseFitParams::validate() const {
   }
 }
 
-ShapePrior shape_prior(const EllipseFitParams& params) {
-  return {params.mean_radius_m, params.mean_radius_sigma_m, params.radius_difference_sigma_m};
-}
-
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
   const Segment& piece = segments.segments[segment];
   const Problem problem(segments, piece, params);

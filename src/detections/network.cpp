@@ -89,14 +89,6 @@ const std::vector<EllipseEstimate>& EllipseNetwork::infer(const Segments& segmen
   return estimates_;
 }
 
-ShapePrior learnt_prior(double max_radius_m) {
-  // With u, v uniform in [0, 1], L = 9/10 R: rx = R/10 + L u and ry = R/10 + L u v, so m = R/10 + L u (1 + v) / 2 with
-  // E[u (1 + v)] = 3/4, E[u^2 (1 + v)^2] = 7/9 and the variance 31/144; (rx - ry) / 2 = L u (1 - v) / 2 has the mean
-  // square L^2 / 36, half of which goes to each of p and q as psi is uniform.
-  const double L = 0.9 * max_radius_m;
-  return {0.1 * max_radius_m + 3.0 / 8.0 * L, std::sqrt(31.0) / 24.0 * L, L / std::sqrt(72.0)};
-}
-
 NetworkDetector::NetworkDetector(const std::string& onnx_path, const EllipseFitParams& params)
     : network_(onnx_path), params_(params) {
   params_.validate();
@@ -112,15 +104,13 @@ Detections NetworkDetector::detect(const Segments& segments) {
       network_.infer(segments, asked_, params_.range_sigma_m, params_.prior_max_radius_m);
 
   auto estimate = estimates.begin();
-  Detections result = detect_each(segments, params_, [&](std::size_t i) {
+  return detect_each(segments, params_, [&](std::size_t i) {
     Detection detection = make_detection(segments, i, params_, estimate->smooth_level);
     detection.covariance = estimate->covariance;
     detection.p_ellipse = estimate->p_ellipse;
     ++estimate;
     return detection;
   });
-  result.prior = learnt_prior(params_.prior_max_radius_m);
-  return result;
 }
 
 }  // namespace situation_awareness

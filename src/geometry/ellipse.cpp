@@ -64,25 +64,17 @@ Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters) {
           parameters(2) - half_difference};
 }
 
-Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance) {
-  const double half_difference = std::max(0.5 * (ellipse.rx_m - ellipse.ry_m), 1e-6);
+Eigen::RowVector3d psi_jacobian(const Ellipse& ellipse) {
+  const double difference = std::max(ellipse.rx_m - ellipse.ry_m, 1e-6);
+  return {0.0, -std::sin(2.0 * ellipse.psi_rad) / difference, std::cos(2.0 * ellipse.psi_rad) / difference};
+}
+
+Eigen::Matrix<double, 2, 3> radii_jacobian(const Ellipse& ellipse) {
   const double c = std::cos(2.0 * ellipse.psi_rad);
   const double s = std::sin(2.0 * ellipse.psi_rad);
-  Matrix5d J = Matrix5d::Zero();
-  J.topLeftCorner<2, 2>().setIdentity();
-  J.row(2) << 0.0, 0.0, 0.0, -s / (2.0 * half_difference), c / (2.0 * half_difference);
-  J.row(3) << 0.0, 0.0, 1.0, c, s;
-  J.row(4) << 0.0, 0.0, 1.0, -c, -s;
-  Matrix5d covariance = J * smooth_covariance * J.transpose();
-
-  const double max_psi_sigma = kPi / std::sqrt(12.0);
-  const double psi_sigma = std::sqrt(covariance(2, 2));
-  if (psi_sigma > max_psi_sigma) {
-    const double scale = max_psi_sigma / psi_sigma;
-    covariance.row(2) *= scale;
-    covariance.col(2) *= scale;
-  }
-  return 0.5 * (covariance + covariance.transpose());
+  Eigen::Matrix<double, 2, 3> J;
+  J << 1.0, c, s, 1.0, -c, -s;
+  return J;
 }
 
 std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2d& origin,

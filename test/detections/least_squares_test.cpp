@@ -166,29 +166,6 @@ TEST(LeastSquaresDetector, CountsWhatItRefuses) {
   EXPECT_EQ(of_posts.refused, (Counters{{"both ends hidden", 1}}));
 }
 
-// What is left of a covariance's information without the prior it names is the segment's own: the same under any prior.
-TEST(LeastSquaresDetector, NamesThePriorThatIsInItsCovariance) {
-  LevelScene scene;
-  scene.ellipses = {{{4.0, 1.0}, 0.3, 0.3, 0.2}};
-  const Segments segments = segments_of(scene.scan());
-  ASSERT_EQ(segments.segments.size(), 1U);
-  const auto information_without_prior = [&](const EllipseFitParams& params) {
-    const ShapePrior prior = LeastSquaresDetector(params).detect(segments).prior;
-    Matrix5d information = assess_ellipse(segments, 0, params, scene.ellipses[0]).covariance.inverse();
-    information(2, 2) -= 1.0 / std::pow(prior.mean_radius_sigma_m, 2);
-    information(3, 3) -= 1.0 / std::pow(prior.radius_difference_sigma_m, 2);
-    information(4, 4) -= 1.0 / std::pow(prior.radius_difference_sigma_m, 2);
-    return information;
-  };
-  EllipseFitParams params;
-  const Matrix5d usual = information_without_prior(params);
-  params.mean_radius_sigma_m = 0.02;
-  params.radius_difference_sigma_m = 0.01;
-  EXPECT_TRUE(information_without_prior(params).isApprox(usual, 1e-9));
-  params.mean_radius_m = 0.3;
-  EXPECT_EQ(LeastSquaresDetector(params).detect(segments).prior.mean_radius_m, 0.3);
-}
-
 TEST(LeastSquaresDetector, HandsOnTheFreeSpaceAndTheTimeOfItsBeams) {
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.0}, 0.0, 0.3, 0.2}, {{0.0, 2.0}, 0.0, 0.2, 0.2}};

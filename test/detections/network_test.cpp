@@ -190,50 +190,6 @@ TEST(NetworkDetector, AsksAboutObjectsThatShowAnEdgeAndKeepsTheirOrder) {
   }
 }
 
-// Samples of the training's distribution whose size decided nothing about whether they were taken: whole, in the middle
-// of the field of view, and so near that the smallest is met by enough beams.
-TEST(NetworkDetector, NamesThePriorThatItHasLearnt) {
-  std::vector<Eigen::Vector3d> shapes;
-  for (const SegmentCase which : {SegmentCase::kEllipse, SegmentCase::kProduct}) {
-    Random random(9);
-    for (int i = 0; i < 120000; ++i) {
-      const SyntheticSegment sample = draw_segment(which, random);
-      if (!sample.ellipse_level || sample.segments.resolution_rad > radians(0.35)) continue;
-      const Segment& segment = sample.segments.segments.front();
-      if (!is_silhouette(segment.right_end) || !is_silhouette(segment.left_end)) continue;
-      const Eigen::Vector2d& center_m = sample.ellipse_level->center_m;
-      if (center_m.norm() < 0.7 || center_m.norm() > 2.0) continue;
-      if (std::abs(std::atan2(center_m.y(), center_m.x())) > radians(85.0)) continue;
-      shapes.push_back(smooth_parameters(*sample.ellipse_level).tail<3>());
-    }
-  }
-  const auto n = static_cast<double>(shapes.size());
-  ASSERT_GT(n, 3000.0);
-  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-  Eigen::Vector3d square = Eigen::Vector3d::Zero();
-  for (const Eigen::Vector3d& shape : shapes) {
-    mean += shape / n;
-    square += shape.cwiseAbs2() / n;
-  }
-  const Eigen::Vector3d sigma = (square - mean.cwiseAbs2()).cwiseSqrt();
-
-  const ShapePrior prior = learnt_prior(kMaxRadiusM);
-  const double tolerance = 4.0 / std::sqrt(n);  // in standard deviations
-  EXPECT_NEAR(mean(0), prior.mean_radius_m, tolerance * prior.mean_radius_sigma_m);
-  EXPECT_NEAR(mean(1), 0.0, tolerance * prior.radius_difference_sigma_m);
-  EXPECT_NEAR(mean(2), 0.0, tolerance * prior.radius_difference_sigma_m);
-  EXPECT_NEAR(sigma(0), prior.mean_radius_sigma_m, tolerance * prior.mean_radius_sigma_m);
-  EXPECT_NEAR(sigma(1), prior.radius_difference_sigma_m, 1.5 * tolerance * prior.radius_difference_sigma_m);
-  EXPECT_NEAR(sigma(2), prior.radius_difference_sigma_m, 1.5 * tolerance * prior.radius_difference_sigma_m);
-
-  EllipseFitParams params;
-  params.prior_max_radius_m = 2.0 * kMaxRadiusM;
-  const ShapePrior scaled = NetworkDetector(kModels + "ellipse.onnx", params).detect(Segments{}).prior;
-  EXPECT_NEAR(scaled.mean_radius_m, 2.0 * prior.mean_radius_m, 1e-12);
-  EXPECT_NEAR(scaled.mean_radius_sigma_m, 2.0 * prior.mean_radius_sigma_m, 1e-12);
-  EXPECT_NEAR(scaled.radius_difference_sigma_m, 2.0 * prior.radius_difference_sigma_m, 1e-12);
-}
-
 TEST(EllipseNetwork, RefusesANetworkOfAnotherShape) {
   try {
     EllipseNetwork(kModels + "paper_vgg_polar.onnx");

@@ -108,7 +108,6 @@ class ChainTest(unittest.TestCase):
         self.assertEqual(sum(math.isfinite(reach) for reach in segments.free_range), len(segments.points))
         detections = next(message for message in self.detections.messages if message.header.stamp == stamp)
         self.assertEqual(detections.free_range, segments.free_range)
-        self.assertGreater(detections.prior_mean_radius_sigma, 0.0)
         self.assertEqual(len(detections.detections), 1)
         post = detections.detections[0]
         self.assertAlmostEqual(post.x, 0.0, delta=0.01, msg="4 cm off if all beams were taken at one instant")

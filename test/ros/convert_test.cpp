@@ -255,7 +255,6 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detection.segment = 7;
   detection.time_offset_s = 0.0123;
   detections.detections.push_back(detection);
-  detections.prior = {0.21, 0.104, 0.053};
   detections.free_space = {{-0.5F, 0.0F, 3.25F}, {kInf, 0.0F, 29.5F}, true};
   const Detections back = detections_from_msg(detections_to_msg(detections, "world"));
   EXPECT_EQ(back.stamp_ns, detections.stamp_ns);
@@ -273,14 +272,10 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].beams, 42);
   EXPECT_EQ(back.detections[0].segment, 7U);
   EXPECT_EQ(back.detections[0].time_offset_s, 0.0123);
-  EXPECT_EQ(back.prior.mean_radius_m, 0.21);
-  EXPECT_EQ(back.prior.mean_radius_sigma_m, 0.104);
-  EXPECT_EQ(back.prior.radius_difference_sigma_m, 0.053);
   EXPECT_EQ(back.free_space.azimuth_rad, detections.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, detections.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
   const Detections without = detections_from_msg(detections_to_msg(Detections{}, "world"));
-  EXPECT_EQ(without.prior.mean_radius_sigma_m, 0.0);
   EXPECT_TRUE(without.free_space.azimuth_rad.empty());
 
   DetectionArray msg = detections_to_msg(detections, "world");
@@ -297,14 +292,6 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   msg = detections_to_msg(detections, "world");
   msg.detections[0].time_offset = std::nan("");
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
-  for (const double bad : {-0.1, std::numeric_limits<double>::infinity(), std::nan("")}) {
-    msg = detections_to_msg(detections, "world");
-    msg.prior_mean_radius_sigma = bad;
-    EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
-    msg = detections_to_msg(detections, "world");
-    msg.prior_radius_difference_sigma = bad;
-    EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
-  }
   check_refused_free_space(detections_to_msg(detections, "world"), detections_from_msg);
 }
 

@@ -18,7 +18,6 @@ Detections detect_each(const Segments& segments, const EllipseFitParams& params,
   result.T_world_level = segments.T_world_level;
   result.height_world_m = segments.height_world_m;
   result.free_space = segments.free_space;
-  result.prior = shape_prior(params);
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     if (segments.segments[i].kind != SegmentKind::kObject) continue;
     const char* const reason = refusal(i);

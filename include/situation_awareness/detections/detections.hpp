@@ -24,21 +24,12 @@ struct Detection {
   std::size_t segment = 0;                 ///< index in Segments::segments
 };
 
-/// What a detector took for granted of an object's shape before it saw the segment, as a Gaussian over (m, p, q): the
-/// map divides it out, because it would count again with every scan. A sigma of 0: no prior was used.
-struct ShapePrior {
-  double mean_radius_m = 0.0;              ///< mean of m
-  double mean_radius_sigma_m = 0.0;        ///< standard deviation of m
-  double radius_difference_sigma_m = 0.0;  ///< standard deviation of p and of q, whose means are 0
-};
-
 /// The ellipses found in one scan, at most one per segment.
 struct Detections {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
   double height_world_m = 0.0;
   std::vector<Detection> detections;
-  ShapePrior prior;      ///< of every detection's covariance
   FreeSpace free_space;  ///< of the whole scan, as Segments::free_space
   Counters refused;      ///< segments of kind kObject without a detection, by reason
 };

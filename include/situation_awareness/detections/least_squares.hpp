@@ -46,9 +46,6 @@ struct EllipseFitParams {
   void validate() const;
 };
 
-/// The prior in every covariance that this model gives.
-ShapePrior shape_prior(const EllipseFitParams& params);
-
 /// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
 /// silhouette end miss it within the beam spacing, and radii follow the prior.
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params);

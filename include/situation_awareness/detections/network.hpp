@@ -39,10 +39,6 @@ class EllipseNetwork {
   std::vector<EllipseEstimate> estimates_;  ///< kept for its memory
 };
 
-/// The moments of what the network has learnt from: rx uniform between a tenth of `max_radius_m` and all of it, ry
-/// uniform between that tenth and rx, in any direction (docs/math/synthetic_segments.md).
-ShapePrior learnt_prior(double max_radius_m);
-
 /// Detects by the ellipse network, hidden ends included.
 class NetworkDetector final : public Detector {
  public:

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 
 namespace situation_awareness {
@@ -46,9 +47,12 @@ double symmetric_characteristic_distance(const Ellipse& a, const Ellipse& b);
 Vector5d smooth_parameters(const Ellipse& ellipse);
 Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
 
-/// Covariance of (t_x, t_y, psi, rx, ry) from that of the smooth parameters. Near a circle psi is unknown: its standard
-/// deviation is held at that of a uniform axis, pi / sqrt(12).
-Matrix5d ellipse_covariance(const Ellipse& ellipse, const Matrix5d& smooth_covariance);
+/// Derivatives of psi, and of (rx, ry), by (m, p, q). That of psi grows without bound towards a circle.
+Eigen::RowVector3d psi_jacobian(const Ellipse& ellipse);
+Eigen::Matrix<double, 2, 3> radii_jacobian(const Ellipse& ellipse);
+
+/// Variance of an axis of which nothing is known: uniform over half a turn.
+constexpr double kUniformAxisVariance = kPi * kPi / 12.0;  // rad^2
 
 /// Distance from `origin` along the unit vector `direction` to the first crossing of the curve in front of the origin,
 /// or nothing if the ray misses. From inside, the crossing is where the ray leaves.

@@ -16,8 +16,9 @@ struct SegmentationParams {
   double max_object_extent_m = 1.2;
   double max_concavity_m = 0.03;
   double max_structure_offset_m = 0.06;
-  double max_straight_rms_m = 0.015;
+  double max_straight_rms_m = 0.008;
   double occlusion_margin_m = 0.05;
+  double max_division_offset_m = 0.06;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -44,6 +45,8 @@ struct SegmentationParams {
           "structure");
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "a neighbour this much nearer than the end of a segment hides what is beside it");
+    visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",
+          "where a segment holds several things, hits this close to the outline of a known object are its own");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -1,183 +1,206 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/map/objects/object_filter.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
 
-using namespace object_error;
+using namespace object_state;
 
 namespace {
+
+constexpr int kAxis = kShape + 1;  // (p, q) in x
 
 /// d(R p) / d(angle) = hat(R p): a quarter turn.
 Eigen::Vector2d quarter_turn(const Eigen::Vector2d& p) { return {-p.y(), p.x()}; }
 
+Eigen::Matrix2d turn(double angle_rad) { return Eigen::Rotation2Dd(angle_rad).toRotationMatrix(); }
+
 }  // namespace
 
-ObjectState boxplus(const ObjectState& x, const Vector8d& dx) {
-  ObjectState result = x;
-  result.position_world_m += dx.segment<2>(kPosition);
-  result.velocity_world_m_s += dx.segment<2>(kVelocity);
-  result.orientation_world *= std::polar(1.0, dx(kOrientation));
-  result.orientation_world /= std::abs(result.orientation_world);  // keep rounding from adding up
-  result.angular_velocity_rad_s += dx(kAngularVelocity);
-  result.radii_m += dx.segment<2>(kRadii);
+Vector8d predict(const Vector8d& x, double dt_s) {
+  Vector8d result = x;
+  result.segment<2>(kPosition) += dt_s * x.segment<2>(kVelocity);
+  result.segment<2>(kAxis) = turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis);
   return result;
 }
 
-Vector8d boxminus(const ObjectState& a, const ObjectState& b) {
-  Vector8d dx;
-  dx.segment<2>(kPosition) = a.position_world_m - b.position_world_m;
-  dx.segment<2>(kVelocity) = a.velocity_world_m_s - b.velocity_world_m_s;
-  dx(kOrientation) = std::arg(a.orientation_world * std::conj(b.orientation_world));
-  dx(kAngularVelocity) = a.angular_velocity_rad_s - b.angular_velocity_rad_s;
-  dx.segment<2>(kRadii) = a.radii_m - b.radii_m;
-  return dx;
-}
-
-ObjectState predict(const ObjectState& x, double dt_s) {
-  Vector8d dx = Vector8d::Zero();
-  dx.segment<2>(kPosition) = dt_s * x.velocity_world_m_s;
-  dx(kOrientation) = dt_s * x.angular_velocity_rad_s;
-  return boxplus(x, dx);
-}
-
-Matrix8d process_jacobian(double dt_s) {
+Matrix8d process_jacobian(const Vector8d& x, double dt_s) {
+  const Eigen::Matrix2d R = turn(2.0 * dt_s * x(kAngularVelocity));
   Matrix8d F = Matrix8d::Identity();
   F.block<2, 2>(kPosition, kVelocity) = dt_s * Eigen::Matrix2d::Identity();
-  F(kOrientation, kAngularVelocity) = dt_s;
+  F.block<2, 2>(kAxis, kAxis) = R;
+  F.block<2, 1>(kAxis, kAngularVelocity) = 2.0 * dt_s * quarter_turn(R * x.segment<2>(kAxis));
   return F;
 }
 
-Matrix8d process_covariance(double dt_s, const ProcessNoise& noise) {
+Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise) {
+  const double dt2 = dt_s * dt_s / 2.0;
+  const double dt3 = dt_s * dt_s * dt_s / 3.0;
   Matrix8d Q = Matrix8d::Zero();
-  const auto add_integrated = [&](int value, int rate, double density) {
-    const double q = density * density;
-    Q(value, value) = q * dt_s * dt_s * dt_s / 3.0;
-    Q(value, rate) = Q(rate, value) = q * dt_s * dt_s / 2.0;
-    Q(rate, rate) = q * dt_s;
-  };
-  add_integrated(kPosition, kVelocity, noise.acceleration);
-  add_integrated(kPosition + 1, kVelocity + 1, noise.acceleration);
-  add_integrated(kOrientation, kAngularVelocity, noise.angular_acceleration);
-  Q(kRadii, kRadii) = Q(kRadii + 1, kRadii + 1) = noise.radius * noise.radius * dt_s;
+  const double q_a = noise.acceleration * noise.acceleration;
+  const Eigen::Matrix2d I = Eigen::Matrix2d::Identity();
+  Q.block<2, 2>(kPosition, kPosition) = (q_a * dt3 + noise.position * noise.position * dt_s) * I;
+  Q.block<2, 2>(kPosition, kVelocity) = Q.block<2, 2>(kVelocity, kPosition) = q_a * dt2 * I;
+  Q.block<2, 2>(kVelocity, kVelocity) = q_a * dt_s * I;
+
+  const double q_w = noise.angular_acceleration * noise.angular_acceleration;
+  const Eigen::Vector2d by_psi = 2.0 * quarter_turn(turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis));
+  Q(kAngularVelocity, kAngularVelocity) = q_w * dt_s;
+  Q.block<2, 1>(kAxis, kAngularVelocity) = q_w * dt2 * by_psi;
+  Q.block<1, 2>(kAngularVelocity, kAxis) = q_w * dt2 * by_psi.transpose();
+  Q.block<2, 2>(kAxis, kAxis) = q_w * dt3 * by_psi * by_psi.transpose();
+  Q.block<2, 2>(kAxis, kAxis) += noise.radius_difference * noise.radius_difference * dt_s * I;
+  Q(kShape, kShape) = noise.mean_radius * noise.mean_radius * dt_s;
   return Q;
 }
 
-Ellipse measure(const ObjectState& x, const Pose2& T_world_level) {
-  const Ellipse ellipse_world{x.position_world_m, std::arg(x.orientation_world), x.radii_m.x(), x.radii_m.y()};
-  return inverse(T_world_level) * ellipse_world;
+void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
+  const Matrix8d F = process_jacobian(estimate.x, dt_s);
+  const Matrix8d P = F * estimate.P * F.transpose() + process_covariance(estimate.x, dt_s, noise);
+  estimate.P = 0.5 * (P + P.transpose());
+  estimate.x = predict(estimate.x, dt_s);
 }
 
-Vector5d innovation(const Ellipse& measured_level, const Ellipse& predicted_level) {
-  Vector5d nu;
-  nu << measured_level.center_m - predicted_level.center_m,
-      wrap_to_pi(measured_level.psi_rad - predicted_level.psi_rad), measured_level.rx_m - predicted_level.rx_m,
-      measured_level.ry_m - predicted_level.ry_m;
-  return nu;
-}
-
-Matrix58d measurement_jacobian(const Pose2& T_world_level) {
-  Matrix58d H = Matrix58d::Zero();
-  H.block<2, 2>(0, kPosition) = T_world_level.rotation().transpose();
-  H(2, kOrientation) = 1.0;
-  H.block<2, 2>(3, kRadii).setIdentity();
-  return H;
-}
-
-Matrix53d measurement_input_jacobian(const ObjectState& x, const Pose2& T_world_level) {
-  const Eigen::Matrix2d R_level_world = T_world_level.rotation().transpose();
-  Matrix53d H_u = Matrix53d::Zero();
-  H_u.topLeftCorner<2, 2>() = -R_level_world;
-  H_u.block<2, 1>(0, 2) = -quarter_turn(R_level_world * (x.position_world_m - T_world_level.translation_m));
-  H_u(2, 2) = -1.0;
-  return H_u;
-}
-
-ObjectState map_measurement(const Ellipse& measured_level, const Pose2& T_world_level) {
-  const Ellipse ellipse_world = T_world_level * measured_level;
-  ObjectState x;
-  x.position_world_m = ellipse_world.center_m;
-  x.orientation_world = std::polar(1.0, ellipse_world.psi_rad);
-  x.radii_m = {ellipse_world.rx_m, ellipse_world.ry_m};
-  return x;
-}
-
-Eigen::Matrix<double, 8, 5> mapping_jacobian(const Pose2& T_world_level) {
-  Eigen::Matrix<double, 8, 5> G = Eigen::Matrix<double, 8, 5>::Zero();
-  G.block<2, 2>(kPosition, 0) = T_world_level.rotation();
-  G(kOrientation, 2) = 1.0;
-  G.block<2, 2>(kRadii, 3).setIdentity();
-  return G;
-}
-
-Eigen::Matrix<double, 8, 3> mapping_input_jacobian(const Ellipse& measured_level, const Pose2& T_world_level) {
-  Eigen::Matrix<double, 8, 3> G_u = Eigen::Matrix<double, 8, 3>::Zero();
-  G_u.block<2, 2>(kPosition, 0).setIdentity();
-  G_u.block<2, 1>(kPosition, 2) = quarter_turn(T_world_level.rotation() * measured_level.center_m);
-  G_u(kOrientation, 2) = 1.0;
-  return G_u;
-}
-
-std::array<Measurement, 4> equivalent_measurements(const Measurement& measurement) {
-  Measurement turned = measurement;
-  turned.ellipse_level.psi_rad += kPi;
-  std::array<Measurement, 4> result{measurement, turned, measurement, turned};
-  for (std::size_t i : {2U, 3U}) {
-    Measurement& swapped = result[i];
-    swapped.ellipse_level.psi_rad += kPi / 2.0;
-    std::swap(swapped.ellipse_level.rx_m, swapped.ellipse_level.ry_m);
-    swapped.covariance.row(3).swap(swapped.covariance.row(4));
-    swapped.covariance.col(3).swap(swapped.covariance.col(4));
-  }
+Measurement measurement_of(const Detection& detection) {
+  Measurement result;
+  result.z = smooth_parameters(detection.ellipse_level);
+  result.R = detection.covariance;
+  result.time_offset_s = detection.time_offset_s;
   return result;
 }
 
-Match match(const ObjectState& x, const Matrix8d& P, const Pose2& T_world_level, const Measurement& measurement,
-            const Eigen::Matrix3d& robot_covariance) {
-  const Ellipse predicted_level = measure(x, T_world_level);
-  const Matrix58d H = measurement_jacobian(T_world_level);
-  const Matrix53d H_u = measurement_input_jacobian(x, T_world_level);
-  const Matrix5d S_state = H * P * H.transpose() + H_u * robot_covariance * H_u.transpose();
-
-  Match best;
-  bool found = false;
-  for (const Measurement& candidate : equivalent_measurements(measurement)) {
-    const Vector5d nu = innovation(candidate.ellipse_level, predicted_level);
-    const Matrix5d S = S_state + candidate.covariance;
-    const Eigen::LLT<Matrix5d> llt(S);
-    const double mahalanobis2 = llt.matrixL().solve(nu).squaredNorm();
-    if (found && !(mahalanobis2 < best.mahalanobis2)) continue;
-    const double log_det_S = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-    best = {candidate, nu, S, mahalanobis2, log_det_S};
-    found = true;
-  }
-  return best;
+Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level) {
+  const Matrix58d H = measurement_jacobian(T_world_level, 0.0);  // its rows are orthonormal: H^T undoes it
+  return H.transpose() * R * H;
 }
 
-void update(ObjectState& x, Matrix8d& P, const Pose2& T_world_level, const Match& match,
-            const Eigen::Matrix3d& robot_covariance) {
-  const Matrix58d H = measurement_jacobian(T_world_level);
-  const Matrix53d H_u = measurement_input_jacobian(x, T_world_level);
-  const Matrix5d R = match.measurement.covariance + H_u * robot_covariance * H_u.transpose();
-  const Eigen::Matrix<double, 8, 5> K = match.S.llt().solve(H * P).transpose();
+Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
+  Vector5d z;
+  z.head<2>() = inverse(T_world_level) * Eigen::Vector2d(x.segment<2>(kPosition) + offset_s * x.segment<2>(kVelocity));
+  z(2) = x(kShape);
+  z.tail<2>() = turn(-2.0 * T_world_level.yaw_rad) * x.segment<2>(kAxis);
+  return z;
+}
+
+Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s) {
+  const Eigen::Matrix2d R_level_world = T_world_level.rotation().transpose();
+  Matrix58d H = Matrix58d::Zero();
+  H.block<2, 2>(0, kPosition) = R_level_world;
+  H.block<2, 2>(0, kVelocity) = offset_s * R_level_world;
+  H(2, kShape) = 1.0;
+  H.block<2, 2>(3, kAxis) = turn(-2.0 * T_world_level.yaw_rad);
+  return H;
+}
+
+Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level) {
+  const Vector5d z = measure(x, T_world_level, 0.0);
+  Matrix53d H_u = Matrix53d::Zero();
+  H_u.topLeftCorner<2, 2>() = -T_world_level.rotation().transpose();
+  H_u.block<2, 1>(0, 2) = -quarter_turn(z.head<2>());
+  H_u.block<2, 1>(3, 2) = -2.0 * quarter_turn(z.tail<2>());
+  return H_u;
+}
+
+Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
+            const Eigen::Matrix3d& U) {
+  const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  Match result;
+  result.nu = measurement.z - measure(estimate.x, T_world_level, measurement.time_offset_s);
+  result.S = H * estimate.P * H.transpose() + H_u * U * H_u.transpose() + measurement.R;
+  const Eigen::LLT<Matrix5d> llt(result.S);
+  result.mahalanobis2 = llt.matrixL().solve(result.nu).squaredNorm();
+  const double log_det_S = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
+  result.log_likelihood = -0.5 * (result.mahalanobis2 + log_det_S + 5.0 * std::log(2.0 * kPi));
+  return result;
+}
+
+void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
+            const Eigen::Matrix3d& U) {
+  const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  const Matrix5d R = measurement.R + H_u * U * H_u.transpose();
+  const Eigen::Matrix<double, 8, 5> K = match.S.llt().solve(H * estimate.P).transpose();
   const Matrix8d I_KH = Matrix8d::Identity() - K * H;
-  const Matrix8d corrected = I_KH * P * I_KH.transpose() + K * R * K.transpose();
-  P = 0.5 * (corrected + corrected.transpose());
-  x = boxplus(x, K * match.nu);
+  const Matrix8d P = I_KH * estimate.P * I_KH.transpose() + K * R * K.transpose();
+  estimate.P = 0.5 * (P + P.transpose());
+  estimate.x += K * match.nu;
 }
 
-void make_canonical(ObjectState& x, Matrix8d& P) {
-  if (x.radii_m.x() >= x.radii_m.y()) return;
-  std::swap(x.radii_m.x(), x.radii_m.y());
-  x.orientation_world *= std::complex<double>(0.0, 1.0);
-  P.row(kRadii).swap(P.row(kRadii + 1));
-  P.col(kRadii).swap(P.col(kRadii + 1));
+void bound_radii(Vector8d& x, double min_radius_m) {
+  x(kShape) = std::max(x(kShape), min_radius_m);
+  const double half_difference = x.segment<2>(kAxis).norm();
+  const double most = x(kShape) - min_radius_m;
+  if (half_difference > most) x.segment<2>(kAxis) *= most / half_difference;
+}
+
+ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U) {
+  ObjectEstimate estimate;
+  estimate.x.segment<2>(kPosition) = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
+  estimate.x(kShape) = measurement.z(2);
+  estimate.x.segment<2>(kAxis) = turn(2.0 * T_world_level.yaw_rad) * measurement.z.tail<2>();
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  estimate.P = state_covariance(measurement.R + H_u * U * H_u.transpose(), T_world_level);
+  return estimate;
+}
+
+void make_circle(ObjectEstimate& estimate) {
+  const Eigen::Matrix2d P_axis = estimate.P.block<2, 2>(kAxis, kAxis);
+  const Eigen::Matrix<double, 8, 2> K = P_axis.llt().solve(estimate.P.middleRows<2>(kAxis)).transpose();
+  estimate.x -= K * estimate.x.segment<2>(kAxis);
+  const Matrix8d P = estimate.P - K * estimate.P.middleRows<2>(kAxis);
+  estimate.P = 0.5 * (P + P.transpose());
+  estimate.x.segment<2>(kAxis).setZero();
+  estimate.P.middleRows<2>(kAxis).setZero();
+  estimate.P.middleCols<2>(kAxis).setZero();
+}
+
+Ellipse ellipse_world(const Vector8d& x) {
+  Vector5d smooth;
+  smooth << x.segment<2>(kPosition), x.segment<3>(kShape);
+  return ellipse_from_smooth_parameters(smooth);
+}
+
+void fill_object(const ObjectEstimate& estimate, Object& object) {
+  // (p, q) with an error is longer than without, on average, as sqrt(|(p, q)|^2 + tr P) is.
+  const Eigen::Vector2d axis = estimate.x.segment<2>(kAxis);
+  const Eigen::Matrix2d P_axis = estimate.P.block<2, 2>(kAxis, kAxis);
+  Vector8d x = estimate.x;
+  if (axis.squaredNorm() > 0.0) {
+    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - P_axis.trace() / axis.squaredNorm()));
+  }
+  object.ellipse_world = ellipse_world(x);
+  object.velocity_world_m_s = estimate.x.segment<2>(kVelocity);
+  object.angular_velocity_rad_s = estimate.x(kAngularVelocity);
+
+  Matrix8d J = Matrix8d::Zero();
+  J.block<2, 2>(object_error::kPosition, kPosition).setIdentity();
+  J.block<2, 2>(object_error::kVelocity, kVelocity).setIdentity();
+  J(object_error::kAngularVelocity, kAngularVelocity) = 1.0;
+  J.block<1, 3>(object_error::kOrientation, kShape) = psi_jacobian(object.ellipse_world);
+  J.block<2, 3>(object_error::kRadii, kShape) = radii_jacobian(object.ellipse_world);
+  object.covariance = J * estimate.P * J.transpose();
+
+  constexpr double kChiSquare99 = 9.2103;  // of 2 degrees of freedom
+  // det(P) d^2 by Cramer's rule, which a circle's P of zero passes through too.
+  const double scaled_distance2 = axis.x() * (P_axis(1, 1) * axis.x() - P_axis(0, 1) * axis.y()) +
+                                  axis.y() * (P_axis(0, 0) * axis.y() - P_axis(1, 0) * axis.x());
+  const bool may_be_circle = scaled_distance2 <= kChiSquare99 * P_axis.determinant();
+  const double psi_variance = object.covariance(object_error::kOrientation, object_error::kOrientation);
+  if (may_be_circle || psi_variance > kUniformAxisVariance) {
+    object.covariance.row(object_error::kOrientation).setZero();
+    object.covariance.col(object_error::kOrientation).setZero();
+    object.covariance(object_error::kOrientation, object_error::kOrientation) = kUniformAxisVariance;
+  }
+  object.covariance = 0.5 * (object.covariance + object.covariance.transpose()).eval();
 }
 
 }  // namespace situation_awareness

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include <Eigen/Eigenvalues>
@@ -11,107 +12,177 @@
 #include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/geometry/ellipses_by_x.hpp"
+#include "situation_awareness/map/objects/visibility.hpp"
 
 namespace situation_awareness {
 
-using namespace object_error;
+using namespace object_state;
 
 namespace {
 
 constexpr int kMeasurementSize = 5;
-constexpr double kMinRadiusM = 0.01;
+constexpr double kMinRadius_m = 0.01;
+/// How long an acceleration lasts: with the standard deviation s of an exponentially correlated one, the spectral
+/// density of the white one that moves an object as far is s sqrt(2 tau) (Singer, 1970).
+constexpr double kManoeuvre_s = 0.5;
+/// Natural logarithm of how many objects appear per scan, square metre and cubic metre of (m, p, q): one in 10,000
+/// scans on each square metre, with shapes as the detectors expect them.
+constexpr double kLogNewObjectDensity = -4.4;
+/// What each whole detection adds to the logarithmic odds of existence: a true object is detected where it is expected
+/// so much more often than something that is none.
+const double kLogOddsOfDetection = std::log(4.0);
+constexpr double kMaxLogOdds = 6.9;        // p = 0.999: so much doubt is always possible
+constexpr double kDoubtOfHit = 0.1;        // part of detection_probability where something else may be in its place
+constexpr double kSightMargin_m = 0.1;     // beams that end nearer to the outline than this end on it
+constexpr double kMaxUnconfirmed_s = 1.0;  // a guess is not kept longer unseen
+constexpr double kViewForgetting = 0.02;   // per scan
+constexpr double kNoiseGain = 0.01;        // per detection
+constexpr double kMaxNoise = 10.0;
+constexpr double kRecently_s = 0.5;
+constexpr double kSettling_s = 0.7;  // what has stood for longer is less and less likely to be a mover at rest
+constexpr double kStoodLong_s = 2.0;
+constexpr double kSurelyMoves = 0.95;
+constexpr double kTravel_m = 0.25;  // an object that has surely moved this far may do so again
 
-Ellipse ellipse_world_of(const ObjectState& x) {
-  return {x.position_world_m, std::arg(x.orientation_world), x.radii_m.x(), x.radii_m.y()};
+double log_odds(double p) { return std::log(p / (1.0 - p)); }
+
+Eigen::Vector2d position(const ObjectEstimate& estimate) { return estimate.x.segment<2>(kPosition); }
+
+/// The more probable of the two motions.
+const ObjectEstimate& likelier(const MotionEstimate& estimate) {
+  return estimate.p_moving > 0.5 ? estimate.moving : estimate.standing;
 }
 
-/// True if no direction of the 2x2 block at `place` is less certain than `max_sigma` (circle paper, eq. 33; in blocks
-/// of one unit each, because an eigenvector over metres and radians has no unit to compare a threshold with).
-bool certain(const Matrix8d& P, int place, double max_sigma) {
+/// Standard deviation of the position in its least certain direction.
+double position_sigma_m(const ObjectEstimate& estimate) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
-  solver.computeDirect(P.block<2, 2>(place, place), Eigen::EigenvaluesOnly);
-  return solver.eigenvalues().maxCoeff() <= max_sigma * max_sigma;
+  solver.computeDirect(estimate.P.block<2, 2>(kPosition, kPosition), Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+/// Distance between the outlines of two ellipses along the line of their centres; negative if they overlap.
+double gap_m(const Ellipse& a, const Ellipse& b) {
+  const Eigen::Vector2d d = b.center_m - a.center_m;
+  const double distance_m = d.norm();
+  if (distance_m < 1e-9) return -(a.rx_m + b.rx_m);
+  const Eigen::Vector2d n = d / distance_m;
+  return distance_m - std::sqrt(n.dot(shape_matrix(a) * n)) - std::sqrt(n.dot(shape_matrix(b) * n));
 }
 
 }  // namespace
 
-void ObjectMapParams::validate() const { check_bounds(*this, "objects"); }
+void ObjectMapParams::validate() const {
+  check_bounds(*this, "objects");
+  if (shape != "ellipse" && shape != "circle") {
+    throw std::invalid_argument("objects.shape = " + shape + " is unknown, known are: circle, ellipse");
+  }
+}
 
 ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params), order_(params.reset_time_jump_s) {
   params_.validate();
   gate_ = chi_square_quantile(params_.gate_probability, kMeasurementSize);
-  process_noise_ = {params_.acceleration_noise, params_.angular_acceleration_noise, params_.radius_noise};
-  const Eigen::Vector3d robot_sigma(params_.robot_position_sigma_m, params_.robot_position_sigma_m,
-                                    params_.robot_yaw_sigma_rad);
-  robot_covariance_ = robot_sigma.array().square().matrix().asDiagonal();
+  const bool circle = params_.shape == "circle";
+  const double density = std::sqrt(2.0 * kManoeuvre_s);
+  motion_.moving.acceleration = density * params_.acceleration_sigma_m_s2;
+  motion_.moving.angular_acceleration = circle ? 0.0 : density * params_.angular_acceleration_sigma_rad_s2;
+  motion_.moving.mean_radius = params_.radius_drift_m;
+  motion_.moving.radius_difference = circle ? 0.0 : params_.radius_drift_m;
+  motion_.standing = motion_.moving;
+  motion_.standing.acceleration = motion_.standing.angular_acceleration = 0.0;
+  motion_.standing.position = params_.standing_drift_m;
+  motion_.start_rate_1_s = params_.start_rate_1_s;
+  motion_.stop_rate_1_s = params_.stop_rate_1_s;
+  motion_.start_velocity_sigma = params_.start_velocity_sigma_m_s;
+  motion_.start_angular_velocity_sigma = circle ? 0.0 : params_.start_angular_velocity_sigma_rad_s;
 }
 
-/// What cannot be observed must not grow without end: the axis of a circle is at worst uniform, and its turning at
-/// worst as unknown as a new element's. Scaling a row and a column keeps P positive definite.
-void ObjectMap::bound_unobservable(Matrix8d& P) const {
-  const auto bound = [&](int place, double max_sigma) {
-    const double sigma = std::sqrt(P(place, place));
-    if (sigma <= max_sigma) return;
-    P.row(place) *= max_sigma / sigma;
-    P.col(place) *= max_sigma / sigma;
-  };
-  bound(kOrientation, kPi / std::sqrt(12.0));
-  bound(kAngularVelocity, params_.initial_angular_velocity_sigma_rad_s);
-}
-
-void ObjectMap::predict_elements(double dt_s) {
-  const Matrix8d F = process_jacobian(dt_s);
-  const Matrix8d Q = process_covariance(dt_s, process_noise_);
-  for (Element& element : elements_) {
-    element.x = predict(element.x, dt_s);
-    element.P = F * element.P * F.transpose() + Q;
-    bound_unobservable(element.P);
-    element.beams = 0;
+/// U: what is not known of the level frame's pose. An error of the stamps shifts it along its own motion.
+Eigen::Matrix3d ObjectMap::robot_covariance(const Detections& detections) {
+  const Eigen::Vector3d sigma(params_.robot_position_sigma_m, params_.robot_position_sigma_m,
+                              params_.robot_yaw_sigma_rad);
+  Eigen::Matrix3d U = sigma.array().square().matrix().asDiagonal();
+  if (step_s_ > 0.0) {
+    Eigen::Vector3d shift;
+    shift << detections.T_world_level.translation_m - T_world_level_.translation_m,
+        wrap_to_pi(detections.T_world_level.yaw_rad - T_world_level_.yaw_rad);
+    shift *= params_.robot_stamp_sigma_s / step_s_;
+    U += shift * shift.transpose();
   }
+  T_world_level_ = detections.T_world_level;
+  return U;
 }
 
-Measurement ObjectMap::measurement_of(const Detection& detection) const {
-  Measurement measurement{detection.ellipse_level, ellipse_covariance(detection.ellipse_level, detection.covariance)};
-  if (detection.hidden_end) measurement.covariance *= params_.hidden_end_factor * params_.hidden_end_factor;
-  const double variance = params_.measurement_sigma_m * params_.measurement_sigma_m;
-  for (const int place : {0, 1, 3, 4}) measurement.covariance(place, place) += variance;
+/// What has moved may well set off again, and so may what has not been seen to stand for long. Out of sight, what stood
+/// is expected where it stood and what moved where its way leads, and no other ways are thought up.
+MotionParams ObjectMap::motion_of(const Element& element) const {
+  MotionParams motion = motion_;
+  if (seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s)
+    motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
+  const double unsettled = element.mobile ? 1.0 : std::exp(-element.stood_s / kSettling_s);
+  motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
+  return motion;
+}
+
+/// What the map takes a detection's errors for.
+Measurement ObjectMap::widened(const Detection& detection) const {
+  Measurement measurement = measurement_of(detection);
+  measurement.R *= noise_;
+  if (detection.hidden_end) measurement.R *= params_.hidden_end_factor * params_.hidden_end_factor;
+  measurement.R.diagonal().array() += params_.measurement_sigma_m * params_.measurement_sigma_m;
   return measurement;
+}
+
+/// Innovations of standing elements tell how true the detections' covariances are (Mehra, 1970). They are never taken
+/// for too large: what is too certain does harm.
+void ObjectMap::learn_noise(double mahalanobis2) {
+  noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
 }
 
 ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   ObjectMapUpdate report;
   if (!advance_to(detections.stamp_ns, report)) return report;
   height_world_m_ = detections.height_world_m;
+  const Eigen::Matrix3d U = robot_covariance(detections);
 
   std::vector<Measurement> measurements;
-  for (const Detection& detection : detections.detections) measurements.push_back(measurement_of(detection));
+  for (const Detection& detection : detections.detections) {
+    measurements.push_back(widened(detection));
+  }
 
   std::vector<bool> used(measurements.size(), false);
-  for (const Association& association : associate(measurements, detections.T_world_level)) {
+  for (const Association& association : associate(measurements, detections.T_world_level, U)) {
     Element& element = elements_[association.element];
-    situation_awareness::update(element.x, element.P, detections.T_world_level, association.match, robot_covariance_);
-    element.x.radii_m = element.x.radii_m.cwiseMax(kMinRadiusM);
-    make_canonical(element.x, element.P);
-    observe(element, detections.detections[association.measurement]);
+    situation_awareness::update(element.estimate, detections.T_world_level, measurements[association.measurement],
+                                association.match, U);
+    bound_radii(element.estimate.standing.x, kMinRadius_m);
+    bound_radii(element.estimate.moving.x, kMinRadius_m);
+    if (element.estimate.p_moving < 0.5) learn_noise(association.match.standing.mahalanobis2);
+    observe(element, detections.detections[association.measurement], measurements[association.measurement],
+            detections.T_world_level);
     used[association.measurement] = true;
     report.updated.push_back(element.id);
+    report.log_likelihood += association.match.log_likelihood;
   }
+  doubt_unseen(detections);
 
   const EllipsesByX seen = seen_now();
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     if (used[j]) continue;
     // On an element that has just been seen it is a second piece of the same body.
-    if (seen.cover(detections.T_world_level * measurements[j].ellipse_level.center_m)) {
+    if (seen.cover(detections.T_world_level * Eigen::Vector2d(measurements[j].z.head<2>()))) {
       ++report.reasons["detection on an element already seen"];
       continue;
     }
-    Element element = new_element(measurements[j], detections.T_world_level);
-    observe(element, detections.detections[j]);
+    Element element = new_element(measurements[j], detections.T_world_level, U);
+    observe(element, detections.detections[j], measurements[j], detections.T_world_level);
+    element.log_odds = log_odds(params_.birth_probability);
+    element.confirmed = element.just_confirmed = element.log_odds >= log_odds(params_.confirmation_probability);
     report.created.push_back(element.id);
     elements_.push_back(element);
   }
 
+  recognise_lost();
+  join_parts();
   delete_outdated(report);
   return report;
 }
@@ -120,7 +191,12 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
   const std::int64_t previous_ns = order_.latest_ns();
   switch (order_.judge(stamp_ns)) {
     case StampOrder::Verdict::kNext:
-      if (previous_ns != kNoStamp) predict_elements(seconds_between(previous_ns, stamp_ns));
+      step_s_ = previous_ns != kNoStamp ? seconds_between(previous_ns, stamp_ns) : 0.0;
+      for (Element& element : elements_) {
+        predict(element.estimate, step_s_, motion_of(element));
+        element.beams = 0;
+        element.just_confirmed = false;
+      }
       return true;
     case StampOrder::Verdict::kRefused:
       ++report.reasons[stamp_ns == previous_ns ? "stamp repeats" : "stamp goes back"];
@@ -129,13 +205,14 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
       for (const Element& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
       elements_.clear();
+      step_s_ = 0.0;
       return true;
   }
   return false;
 }
 
 std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measurement>& measurements,
-                                                         const Pose2& T_world_level) const {
+                                                         const Pose2& T_world_level, const Eigen::Matrix3d& U) const {
   // Measurements sorted by x, so that each element looks only at those that its gate can reach.
   struct Place {
     Eigen::Vector2d center_world_m;
@@ -144,31 +221,30 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
   std::vector<Place> by_x;
   double widest_variance = 0.0;
   for (const Measurement& measurement : measurements) {
-    by_x.push_back({T_world_level * measurement.ellipse_level.center_m, static_cast<int>(by_x.size())});
-    widest_variance = std::max(widest_variance, measurement.covariance.topLeftCorner<2, 2>().trace());
+    by_x.push_back({T_world_level * Eigen::Vector2d(measurement.z.head<2>()), static_cast<int>(by_x.size())});
+    widest_variance = std::max(widest_variance, measurement.R.topLeftCorner<2, 2>().trace());
   }
   std::sort(by_x.begin(), by_x.end(), [](const Place& a, const Place& b) {
     return std::make_pair(a.center_world_m.x(), a.measurement) < std::make_pair(b.center_world_m.x(), b.measurement);
   });
 
   std::vector<Candidate> candidates;
-  std::vector<Match> matches;  // of the candidates
+  std::vector<MotionMatch> matches;  // of the candidates
   for (std::size_t i = 0; i < elements_.size(); ++i) {
-    const Element& element = elements_[i];
-    const Eigen::Vector2d& center_m = element.x.position_world_m;
+    const MotionEstimate& estimate = elements_[i].estimate;
+    const Eigen::Vector2d center_m = position(estimate.moving);
     const double lever_m = (center_m - T_world_level.translation_m).norm();
-    const double robot_variance =
-        robot_covariance_.topLeftCorner<2, 2>().trace() + lever_m * lever_m * robot_covariance_(2, 2);
-    const double variance = element.P.block<2, 2>(kPosition, kPosition).trace() + robot_variance + widest_variance;
-    const double reach_m = std::sqrt(gate_ * variance);
+    const double variance = estimate.moving.P.block<2, 2>(kPosition, kPosition).trace() +
+                            U.topLeftCorner<2, 2>().trace() + lever_m * lever_m * U(2, 2) + widest_variance;
+    const double reach_m = std::sqrt(gate_ * variance) + (center_m - position(estimate.standing)).norm();
     auto near = std::lower_bound(by_x.begin(), by_x.end(), center_m.x() - reach_m,
                                  [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
       if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
       const Measurement& measurement = measurements[static_cast<std::size_t>(near->measurement)];
-      const Match candidate = match(element.x, element.P, T_world_level, measurement, robot_covariance_);
-      if (!(candidate.mahalanobis2 <= gate_)) continue;
-      candidates.push_back({static_cast<int>(i), near->measurement, candidate.mahalanobis2 + candidate.log_det_S});
+      const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
+      if (!may_be(elements_[i], candidate)) continue;
+      candidates.push_back({static_cast<int>(i), near->measurement, -candidate.log_likelihood});
       matches.push_back(candidate);
     }
   }
@@ -192,59 +268,255 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
   return associations;
 }
 
-ObjectMap::Element ObjectMap::new_element(const Measurement& measurement, const Pose2& T_world_level) {
+/// True if a match may be of an element: inside its gate, and more probable than something new. What stood when it was
+/// last seen, a while ago, is looked for where it stood: as something that has set off since, it could be anywhere.
+bool ObjectMap::may_be(const Element& element, const MotionMatch& match) const {
+  if (match.log_likelihood < kLogNewObjectDensity) return false;
+  if (match.standing.mahalanobis2 <= gate_) return true;
+  const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && element.stood_s > kStoodLong_s &&
+                     seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s;
+  return !stood && match.moving.mahalanobis2 <= gate_;
+}
+
+ObjectMap::Element ObjectMap::new_element(const Measurement& measurement, const Pose2& T_world_level,
+                                          const Eigen::Matrix3d& U) {
   Element element;
   element.id = next_id_++;
-  element.x = map_measurement(measurement.ellipse_level, T_world_level);
-  const auto G = mapping_jacobian(T_world_level);
-  const auto G_u = mapping_input_jacobian(measurement.ellipse_level, T_world_level);
-  element.P = G * measurement.covariance * G.transpose() + G_u * robot_covariance_ * G_u.transpose();
-  element.P.diagonal().segment<2>(kVelocity).array() += std::pow(params_.initial_velocity_sigma_m_s, 2);
-  element.P(kAngularVelocity, kAngularVelocity) += std::pow(params_.initial_angular_velocity_sigma_rad_s, 2);
-  make_canonical(element.x, element.P);
+  ObjectEstimate mapped = map_measurement(measurement, T_world_level, U);
+  if (params_.shape == "circle") make_circle(mapped);
+  bound_radii(mapped.x, kMinRadius_m);
+  element.estimate = start(mapped, motion_);
   element.first_seen_ns = stamp_ns();
   return element;
 }
 
-void ObjectMap::observe(Element& element, const Detection& detection) const {
+void ObjectMap::observe(Element& element, const Detection& detection, const Measurement& measurement,
+                        const Pose2& T_world_level) const {
+  // A better view counts at once, a worse one as it lasts.
+  const Matrix8d P_view = state_covariance(measurement.R, T_world_level);
+  const bool better = element.observations == 0 || P_view.trace() < element.P_view.trace();
+  element.P_view += (better ? 1.0 : kViewForgetting) * (P_view - element.P_view);
   element.last_seen_ns = stamp_ns();
   element.beams = detection.beams;
   ++element.observations;
-  element.evidence += detection.hidden_end ? params_.hidden_observation_weight : 1.0;
+  const double weight = detection.hidden_end ? params_.hidden_observation_weight : 1.0;
+  element.log_odds = std::min(element.log_odds + weight * kLogOddsOfDetection, kMaxLogOdds);
+  if (element.estimate.p_moving < 0.5) element.stood_s += step_s_;
+  const bool moved = element.moves;
+  element.moves = element.estimate.p_moving > kSurelyMoves;
+  if (element.moves && !moved) element.set_off_world_m = position(element.estimate.moving);
+  const double way_m = (position(element.estimate.moving) - element.set_off_world_m).norm();
+  element.mobile |= element.moves && way_m > kTravel_m;
+  element.just_confirmed = !element.confirmed && element.log_odds >= log_odds(params_.confirmation_probability);
+  element.confirmed |= element.just_confirmed;
 }
 
 EllipsesByX ObjectMap::seen_now() const {
   std::vector<Ellipse> ellipses;
   for (const Element& element : elements_) {
-    if (element.last_seen_ns == stamp_ns()) ellipses.push_back(ellipse_world_of(element.x));
+    if (element.last_seen_ns == stamp_ns()) ellipses.push_back(ellipse_world(combine(element.estimate).x));
   }
   return EllipsesByX(std::move(ellipses));
 }
 
-/// Map management (circle paper, Sect. V-B3): what has just been seen is uncertain at worst, not outdated.
-void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
+/// Doubt the elements that were not detected, but only where beams say that they are not there: what is hidden keeps
+/// its existence. The less certain the place, the less does seeing through it say.
+void ObjectMap::doubt_unseen(const Detections& detections) {
   const EllipsesByX seen = seen_now();
+  const Pose2 T_level_world = inverse(detections.T_world_level);
+  for (Element& element : elements_) {
+    if (element.last_seen_ns == stamp_ns()) continue;
+    const ObjectEstimate& estimate = likelier(element.estimate);
+    const Ellipse ellipse = ellipse_world(estimate.x);
+    const double sigma_m = position_sigma_m(estimate);
+    const Sight sight = look_at(T_level_world * ellipse, detections.free_space, kSightMargin_m);
+    double p_detection = params_.detection_probability;
+    if (sight == Sight::kHidden) continue;
+    if (sight == Sight::kHit && !seen.cover(ellipse.center_m)) p_detection *= kDoubtOfHit;
+    const double radius2 = ellipse.rx_m * ellipse.ry_m;
+    p_detection *= radius2 / (radius2 + sigma_m * sigma_m);
+    element.log_odds += std::log(1.0 - p_detection);
+    // What can move is not where it should be, but may be elsewhere: it is off the map, and remembered.
+    if (element.confirmed && (element.mobile || element.estimate.p_moving > 0.5)) {
+      element.log_odds = std::max(element.log_odds, log_odds(params_.birth_probability));
+    }
+  }
+}
+
+ObjectMap::Element* ObjectMap::find(std::uint64_t id) {
+  const auto place = std::lower_bound(elements_.begin(), elements_.end(), id,
+                                      [](const Element& element, std::uint64_t wanted) { return element.id < wanted; });
+  return place != elements_.end() && place->id == id ? &*place : nullptr;
+}
+
+/// What is new may be one that was out of sight: its shape says so, if it could have come here. It then gets its
+/// identity back.
+void ObjectMap::recognise_lost() {
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!elements_[i].just_confirmed) continue;
+    const ObjectEstimate found = combine(elements_[i].estimate);
+    Measurement as_measurement;
+    const Matrix58d H = measurement_jacobian({}, 0.0);
+    as_measurement.z = measure(found.x, {}, 0.0);
+    as_measurement.R = H * found.P * H.transpose();
+    std::size_t best = i;
+    double most = kLogNewObjectDensity;
+    for (std::size_t j = 0; j < i; ++j) {  // ids grow: the lost are before
+      const Element& lost = elements_[j];
+      if (!lost.confirmed || lost.is_part || seconds_between(lost.last_seen_ns, stamp_ns()) < kRecently_s) continue;
+      const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
+      if (!may_be(lost, candidate) || candidate.log_likelihood <= most) continue;
+      most = candidate.log_likelihood;
+      best = j;
+    }
+    if (best == i) continue;
+    Element& lost = elements_[best];
+    Element& element = elements_[i];
+    lost.estimate = element.estimate;
+    lost.log_odds = element.log_odds;
+    lost.last_seen_ns = element.last_seen_ns;
+    lost.beams = element.beams;
+    lost.observations += element.observations;
+    element.log_odds = -kMaxLogOdds;  // the other is it
+    element.confirmed = false;
+    element.last_seen_ns = element.first_seen_ns;
+  }
+}
+
+/// Elements that stay side by side while they travel are one body: the small one becomes part of the other, goes on
+/// being followed, and comes back as itself when they part. An arm swings, so velocities say little: the way travelled
+/// since they met does.
+void ObjectMap::join_parts() {
+  struct Body {
+    Ellipse ellipse_world;
+    std::size_t element;
+  };
+  const auto recently = [&](const Element& element) {
+    return seconds_between(element.last_seen_ns, stamp_ns()) <= kRecently_s;
+  };
+  std::vector<Body> bodies;
+  double largest_m = 0.0;
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    const Element& element = elements_[i];
+    if (element.is_part || element.estimate.p_moving < 0.5 || !recently(element)) continue;
+    bodies.push_back({ellipse_world(element.estimate.moving.x), i});
+    largest_m = std::max(largest_m, bodies.back().ellipse_world.rx_m);
+  }
+  std::sort(bodies.begin(), bodies.end(), [](const Body& a, const Body& b) {
+    return std::make_pair(a.ellipse_world.center_m.x(), a.element) <
+           std::make_pair(b.ellipse_world.center_m.x(), b.element);
+  });
+
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    Element& part = elements_[i];
+    if (part.last_seen_ns != stamp_ns()) continue;
+    const Ellipse ellipse = ellipse_world(likelier(part.estimate).x);
+    if (part.is_part) {
+      const Element* const body = find(part.body);
+      if (body != nullptr && gap_m(ellipse_world(combine(body->estimate).x), ellipse) <= 2.0 * params_.max_part_gap_m) {
+        continue;
+      }
+      part.is_part = false;
+      part.body = 0;
+    }
+    const double mean_radius_m = 0.5 * (ellipse.rx_m + ellipse.ry_m);
+    if (mean_radius_m > params_.max_part_radius_m) continue;
+
+    // The nearest body that is larger, or as large and older.
+    const double reach_m = largest_m + ellipse.rx_m + params_.max_part_gap_m;
+    auto near = std::lower_bound(bodies.begin(), bodies.end(), ellipse.center_m.x() - reach_m,
+                                 [](const Body& body, double x_m) { return body.ellipse_world.center_m.x() < x_m; });
+    const Body* nearest = nullptr;
+    double nearest_m = params_.max_part_gap_m;
+    for (; near != bodies.end() && near->ellipse_world.center_m.x() <= ellipse.center_m.x() + reach_m; ++near) {
+      const Element& body = elements_[near->element];
+      if (body.id == part.id || body.is_part) continue;
+      const double body_radius_m = 0.5 * (near->ellipse_world.rx_m + near->ellipse_world.ry_m);
+      const bool larger = body_radius_m > 1.5 * mean_radius_m;
+      const bool as_large = body_radius_m > mean_radius_m / 1.5;
+      if (!larger && !(as_large && body.id < part.id)) continue;
+      const double gap = gap_m(near->ellipse_world, ellipse);
+      if (gap > nearest_m) continue;
+      nearest_m = gap;
+      nearest = &*near;
+    }
+    if (nearest == nullptr) {
+      part.body = 0;
+      continue;
+    }
+    Element& body = elements_[nearest->element];
+    if (part.body != body.id) {
+      part.body = body.id;
+      part.met_world_m = ellipse.center_m;
+      part.body_met_world_m = nearest->ellipse_world.center_m;
+    }
+    const Eigen::Vector2d body_way_m = nearest->ellipse_world.center_m - part.body_met_world_m;
+    const Eigen::Vector2d way_m = ellipse.center_m - part.met_world_m;
+    const bool together =
+        body_way_m.norm() >= params_.min_part_travel_m && way_m.dot(body_way_m) >= 0.5 * body_way_m.squaredNorm();
+    const bool new_limb = body.has_parts && part.observations == 1;
+    if (!together && !new_limb) continue;
+    part.is_part = true;
+    body.has_parts = true;
+    for (Element& other : elements_) {
+      if (other.is_part && other.body == part.id) other.body = body.id;
+    }
+  }
+}
+
+/// Map management (circle paper, Sect. V-B3).
+void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   const auto outdated = [&](const Element& element) -> const char* {
     if (element.last_seen_ns == stamp_ns()) return "";
-    if (!certain(element.P, kPosition, params_.max_position_sigma_m)) return "position too uncertain";
-    if (!certain(element.P, kVelocity, params_.max_velocity_sigma_m_s)) return "velocity too uncertain";
-    if (!certain(element.P, kRadii, params_.max_radius_sigma_m)) return "radii too uncertain";
-    if (seen.cover(element.x.position_world_m)) return "another element was seen in its place";
+    const double unseen_s = seconds_between(element.last_seen_ns, stamp_ns());
+    if (element.log_odds < log_odds(params_.deletion_probability)) return "seen through";
+    if (!element.confirmed && unseen_s > kMaxUnconfirmed_s) return "not confirmed";
+    if (unseen_s > params_.max_unseen_s) return "unseen for too long";
+    if (position_sigma_m(likelier(element.estimate)) > params_.lost_position_sigma_m) return "position too uncertain";
     return "";
   };
   std::vector<bool> drop;
   for (const Element& element : elements_) {
     const char* reason = outdated(element);
     drop.push_back(*reason != '\0');
-    if (!drop.back()) continue;
-    ++report.reasons[reason];
-    report.deleted.push_back(element.id);
+    if (drop.back()) ++report.reasons[reason];
+  }
+  // The identity of a body goes on in its largest part.
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (!drop[i] || !elements_[i].has_parts || elements_[i].is_part) continue;
+    std::size_t heir = elements_.size();
+    double heir_m = 0.0;
+    for (std::size_t j = 0; j < elements_.size(); ++j) {
+      if (drop[j] || !elements_[j].is_part || elements_[j].body != elements_[i].id) continue;
+      const double mean_radius_m = likelier(elements_[j].estimate).x(kShape);
+      if (mean_radius_m <= heir_m) continue;
+      heir = j;
+      heir_m = mean_radius_m;
+    }
+    if (heir == elements_.size()) continue;
+    std::swap(elements_[i].id, elements_[heir].id);
+    std::swap(elements_[i].first_seen_ns, elements_[heir].first_seen_ns);
+    elements_[heir].is_part = false;
+    elements_[heir].body = 0;
+    elements_[heir].has_parts = true;
+    std::swap(elements_[i], elements_[heir]);
+    drop[i] = false;
+    drop[heir] = true;
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!drop[i]) elements_[kept++] = elements_[i];
+    if (drop[i]) {
+      report.deleted.push_back(elements_[i].id);
+    } else {
+      elements_[kept++] = elements_[i];
+    }
   }
   elements_.resize(kept);
+}
+
+bool ObjectMap::shown(const Element& element) const {
+  return element.confirmed && element.log_odds > 0.0 && !element.is_part &&
+         position_sigma_m(likelier(element.estimate)) <= params_.max_position_sigma_m;
 }
 
 Objects ObjectMap::at(std::int64_t stamp_ns) const {
@@ -253,18 +525,18 @@ Objects ObjectMap::at(std::int64_t stamp_ns) const {
   result.height_world_m = height_world_m_;
   if (elements_.empty()) return result;
   const double dt_s = std::max(0.0, seconds_between(order_.latest_ns(), stamp_ns));
-  const Matrix8d F = process_jacobian(dt_s);
-  const Matrix8d Q = process_covariance(dt_s, process_noise_);
   for (const Element& element : elements_) {
-    if (element.evidence < params_.min_observations) continue;
-    const ObjectState x = predict(element.x, dt_s);
+    if (!shown(element)) continue;
+    MotionEstimate estimate = element.estimate;
+    if (dt_s > 0.0) predict(estimate, dt_s, motion_of(element));
     Object object;
     object.id = element.id;
-    object.ellipse_world = canonical(ellipse_world_of(x));
-    object.velocity_world_m_s = x.velocity_world_m_s;
-    object.angular_velocity_rad_s = x.angular_velocity_rad_s;
-    object.covariance = F * element.P * F.transpose() + Q;
-    bound_unobservable(object.covariance);
+    ObjectEstimate combined = combine(estimate);
+    combined.P += params_.repeated_part * element.P_view;
+    if (params_.shape == "circle") make_circle(combined);
+    fill_object(combined, object);
+    object.p_moving = estimate.p_moving;
+    object.p_exists = 1.0 / (1.0 + std::exp(-element.log_odds));
     object.first_seen_ns = element.first_seen_ns;
     object.last_seen_ns = element.last_seen_ns;
     object.observations = element.observations;

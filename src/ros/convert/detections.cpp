@@ -20,9 +20,6 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
   msg.header.stamp = to_ros_time(detections.stamp_ns);
   msg.header.frame_id = world_frame;
   msg.level = level_to_msg(detections.T_world_level, detections.height_world_m);
-  msg.prior_mean_radius = detections.prior.mean_radius_m;
-  msg.prior_mean_radius_sigma = detections.prior.mean_radius_sigma_m;
-  msg.prior_radius_difference_sigma = detections.prior.radius_difference_sigma_m;
   free_space_to_msg(detections.free_space, msg);
   msg.detections.resize(detections.detections.size());
   for (std::size_t i = 0; i < detections.detections.size(); ++i) {
@@ -48,11 +45,6 @@ Detections detections_from_msg(const DetectionArray& msg) {
   Detections detections;
   detections.stamp_ns = to_nanoseconds(msg.header.stamp);
   level_from_msg(msg.level, detections.T_world_level, detections.height_world_m);
-  detections.prior = {msg.prior_mean_radius, msg.prior_mean_radius_sigma, msg.prior_radius_difference_sigma};
-  if (!std::isfinite(msg.prior_mean_radius + msg.prior_mean_radius_sigma + msg.prior_radius_difference_sigma) ||
-      !(msg.prior_mean_radius_sigma >= 0.0 && msg.prior_radius_difference_sigma >= 0.0)) {
-    throw std::invalid_argument("the prior of the detections is not finite, or a sigma is negative");
-  }
   detections.free_space = free_space_from_msg(msg);
   detections.detections.resize(msg.detections.size());
   for (std::size_t i = 0; i < msg.detections.size(); ++i) {

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
-#include <complex>
-
 #include <Eigen/Core>
 
 #include "situation_awareness/detections/detections.hpp"
@@ -13,100 +10,117 @@
 
 namespace situation_awareness {
 
-// The error-state EKF of one element of the map (ellipse paper, Sect. V; circle paper, Sect. V-B).
+// The EKF of one element of the map under one motion (ellipse paper, Sect. V; circle paper, Sect. V-B).
 //
-//   symbol  meaning                                              space          size
-//   x       nominal state: t, v, q, w, r                         R^4 x S^1 x R^3   -
-//   dx      error state: dt, dv, dtheta, dw, dr                  R^8            8
-//   P       covariance of dx                                     R^8x8          8x8
-//   u       robot input: pose of the level frame in the world    SE(2)          3
-//   z       measurement: centre, psi, radii in the level frame   R^2 x S^1 x R^2   5
-//   nu      innovation, psi wrapped                              R^5            5
-//   F       d(dx') / d(dx) over a time step                      J_dx_dx        8x8
-//   H       d(nu) / d(dx)                                        J_z_dx         5x8
-//   H_u     d(nu) / d(du), du = (dt_x, dt_y in the world, dyaw)  J_z_du         5x3
+//   symbol  meaning                                               space     size
+//   x       state: t, v, w, s                                     R^8       8
+//   t, v    position and velocity of the centre, in the world     R^2       2
+//   w       angular velocity                                      R         1
+//   s       shape: m = (rx + ry) / 2 and                          R^3       3
+//           (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi)
+//   P       covariance of the error of x                          R^8x8     8x8
+//   u, U    robot input: pose of the level frame in the world     SE(2)     3, 3x3
+//   z, R    measurement: centre and shape in the level frame      R^5       5, 5x5
+//   nu, S   innovation and its covariance                         R^5       5, 5x5
+//   F       d(x') / d(x) over a time step                         J_x_x     8x8
+//   H       d(z) / d(x)                                           J_z_x     5x8
+//   H_u     d(z) / d(u), u = (x, y in the world, yaw)             J_z_u     5x3
+//
+// The papers' state has psi, rx and ry where this one has s. The two say the same of an ellipse, but s has no seam at
+// psi = +-90 deg, no second description of the same curve, and no false certainty of psi at a circle; every error is a
+// plain difference, and the measurement is linear in the state.
+
+/// Place of each part in the filter's state.
+namespace object_state {
+constexpr int kPosition = 0;         ///< 2, m, world
+constexpr int kVelocity = 2;         ///< 2, m/s, world
+constexpr int kAngularVelocity = 4;  ///< 1, rad/s, about world z
+constexpr int kShape = 5;            ///< 3, m: m, p, q, in the world
+}  // namespace object_state
 
 using Matrix58d = Eigen::Matrix<double, 5, 8>;
 using Matrix53d = Eigen::Matrix<double, 5, 3>;
 
-/// Nominal state. The orientation is a unit complex number (cos psi + i sin psi): it has no seam, and its error is one
-/// angle.
-struct ObjectState {
-  Eigen::Vector2d position_world_m = Eigen::Vector2d::Zero();
-  Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
-  std::complex<double> orientation_world = 1.0;
-  double angular_velocity_rad_s = 0.0;
-  Eigen::Vector2d radii_m = Eigen::Vector2d::Zero();
+/// Mean and covariance of the filter's state.
+struct ObjectEstimate {
+  Vector8d x = Vector8d::Zero();
+  Matrix8d P = Matrix8d::Zero();
 };
 
-/// x (+) dx (ellipse paper, eq. 2): the orientation turns by dtheta, everything else adds.
-ObjectState boxplus(const ObjectState& x, const Vector8d& dx);
-
-/// a (-) b, so that boxplus(b, boxminus(a, b)) is a; the turn is in [-pi, pi].
-Vector8d boxminus(const ObjectState& a, const ObjectState& b);
-
-/// Spectral densities of the white noises that drive the process model, and of the random walk of the radii.
+/// Spectral densities of the white noises that drive the process model, and of the random walks.
 struct ProcessNoise {
   double acceleration = 0.0;          ///< m/s^2/sqrt(Hz)
   double angular_acceleration = 0.0;  ///< rad/s^2/sqrt(Hz)
-  double radius = 0.0;                ///< m/sqrt(s)
+  double position = 0.0;              ///< m/sqrt(s)
+  double mean_radius = 0.0;           ///< m/sqrt(s), of m
+  double radius_difference = 0.0;     ///< m/sqrt(s), of p and q
 };
 
 /// State after `dt_s` (ellipse paper, eqs. 8 to 12): constant velocity, constant angular velocity, constant radii.
-ObjectState predict(const ObjectState& x, double dt_s);
+Vector8d predict(const Vector8d& x, double dt_s);
 
-/// F of that step; it depends on the time alone.
-Matrix8d process_jacobian(double dt_s);
+/// F of that step.
+Matrix8d process_jacobian(const Vector8d& x, double dt_s);
 
-/// Covariance that the process noise adds in `dt_s`. Integrated over continuous time, so that one long step and many
-/// short ones give the same.
-Matrix8d process_covariance(double dt_s, const ProcessNoise& noise);
+/// Covariance that the process noise adds in `dt_s`, integrated over continuous time, so that one long step and many
+/// short ones give the same (exactly so where the object does not turn).
+Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise);
 
-/// h(x): the ellipse in the level frame (ellipse paper, eqs. 13 to 15).
-Ellipse measure(const ObjectState& x, const Pose2& T_world_level);
+void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
 
-/// z (-) h, with psi wrapped to [-pi, pi].
-Vector5d innovation(const Ellipse& measured_level, const Ellipse& predicted_level);
-
-/// H depends on the robot's heading alone.
-Matrix58d measurement_jacobian(const Pose2& T_world_level);
-Matrix53d measurement_input_jacobian(const ObjectState& x, const Pose2& T_world_level);
-
-/// g(z): the state of a new element, at rest (ellipse paper, eqs. 16 to 20).
-ObjectState map_measurement(const Ellipse& measured_level, const Pose2& T_world_level);
-
-/// G_z, G_u: derivatives of the mapped error state by measurement and robot input.
-Eigen::Matrix<double, 8, 5> mapping_jacobian(const Pose2& T_world_level);
-Eigen::Matrix<double, 8, 3> mapping_input_jacobian(const Ellipse& measured_level, const Pose2& T_world_level);
-
-/// A measurement of the same curve may be described in four ways: turned by pi (the ellipse paper's ambiguity) and by
-/// +-pi/2 with its radii swapped. Each with its covariance.
+/// What a detection says of the ellipse.
 struct Measurement {
-  Ellipse ellipse_level;
-  Matrix5d covariance = Matrix5d::Zero();
+  Vector5d z = Vector5d::Zero();  ///< smooth_parameters in the level frame
+  Matrix5d R = Matrix5d::Identity();
+  double time_offset_s = 0.0;  ///< when it was seen, after the stamp of the scan
 };
-std::array<Measurement, 4> equivalent_measurements(const Measurement& measurement);
+
+Measurement measurement_of(const Detection& detection);
+
+/// R in the place of the state that it speaks of; zero for the velocities.
+Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level);
+
+/// h(x): centre and shape in the level frame (ellipse paper, eqs. 13 to 15), `offset_s` after the time of x.
+Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s);
+
+/// H depends on the robot's heading and the offset alone.
+Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s);
+Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level);
 
 /// An innovation with its covariance.
 struct Match {
-  Measurement measurement;
   Vector5d nu = Vector5d::Zero();
   Matrix5d S = Matrix5d::Identity();
   double mahalanobis2 = 0.0;
-  double log_det_S = 0.0;
+  double log_likelihood = 0.0;
 };
 
-/// Compare an element with a measurement in the description of it that is nearest to the element (circle paper,
-/// eqs. 24 to 26; ellipse paper, Sect. V-C). `robot_covariance` is of (t_x, t_y, yaw).
-Match match(const ObjectState& x, const Matrix8d& P, const Pose2& T_world_level, const Measurement& measurement,
-            const Eigen::Matrix3d& robot_covariance);
+/// Compare an element with a measurement (circle paper, eqs. 24 to 26). `U` is the covariance of the robot input.
+Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
+            const Eigen::Matrix3d& U);
 
 /// Correct state and covariance (circle paper, eqs. 27 to 30, in Joseph's form, which keeps P symmetric positive
-/// definite).
-void update(ObjectState& x, Matrix8d& P, const Pose2& T_world_level, const Match& match,
-            const Eigen::Matrix3d& robot_covariance);
+/// semi-definite).
+void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
+            const Eigen::Matrix3d& U);
 
-/// The same element described with rx >= ry.
-void make_canonical(ObjectState& x, Matrix8d& P);
+/// Keep both radii at or above `min_radius_m`.
+void bound_radii(Vector8d& x, double min_radius_m);
+
+/// g(z): a new element at rest, its velocities unknown (ellipse paper, eqs. 16 to 20); P of v and w is zero.
+ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
+
+/// Add what is known of a circle: p = q = 0, for good. What was known of them improves the rest; with P zero there, no
+/// measurement moves them again.
+void make_circle(ObjectEstimate& estimate);
+
+/// The ellipse in the world, rx >= ry.
+Ellipse ellipse_world(const Vector8d& x);
+
+/// Mean and covariance as the map gives them, in position, velocity, psi, angular velocity and radii: ellipse,
+/// velocities and covariance are filled in. The covariance goes through the Jacobian of (psi, rx, ry) by (m, p, q).
+/// Where (p, q) is not 99 % certainly different from zero the ellipse may be a circle: psi then counts as unknown, with
+/// the variance of a uniform axis. The difference of the radii is what remains of |(p, q)| without its mean error.
+void fill_object(const ObjectEstimate& estimate, Object& object);
 
 }  // namespace situation_awareness

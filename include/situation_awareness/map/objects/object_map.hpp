@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,62 +13,98 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
-#include "situation_awareness/map/objects/object_filter.hpp"
+#include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
 namespace situation_awareness {
 
 struct ObjectMapParams {
-  double acceleration_noise = 0.4;
-  double angular_acceleration_noise = 0.3;
-  double radius_noise = 0.005;
-  double initial_velocity_sigma_m_s = 1.0;
-  double initial_angular_velocity_sigma_rad_s = 0.3;
+  std::string shape = "ellipse";
+  double acceleration_sigma_m_s2 = 0.4;
+  double angular_acceleration_sigma_rad_s2 = 0.3;
+  double standing_drift_m = 0.002;
+  double radius_drift_m = 0.002;
+  double start_rate_1_s = 0.005;
+  double restart_rate_1_s = 0.5;
+  double stop_rate_1_s = 0.1;
+  double start_velocity_sigma_m_s = 1.0;
+  double start_angular_velocity_sigma_rad_s = 0.3;
   double robot_position_sigma_m = 0.01;
   double robot_yaw_sigma_rad = 0.003;
-  double measurement_sigma_m = 0.02;
-  double hidden_end_factor = 10.0;
+  double robot_stamp_sigma_s = 0.002;
+  double measurement_sigma_m = 0.01;
+  double hidden_end_factor = 3.0;
+  double repeated_part = 0.4;
   double gate_probability = 0.999;
-  double min_observations = 3.0;
+  double birth_probability = 0.2;
+  double confirmation_probability = 0.75;
+  double deletion_probability = 0.05;
+  double detection_probability = 0.6;
   double hidden_observation_weight = 0.25;
-  double max_position_sigma_m = 0.4;
-  double max_velocity_sigma_m_s = 5.0;
-  double max_radius_sigma_m = 0.5;
+  double max_part_radius_m = 0.15;
+  double max_part_gap_m = 0.3;
+  double min_part_travel_m = 0.4;
+  double max_position_sigma_m = 0.27;
+  double lost_position_sigma_m = 10.0;
+  double max_unseen_s = 60.0;
   double reset_time_jump_s = 1.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("acceleration_noise", self.acceleration_noise, Bounds{0.0, 100.0}, "m/s^2/sqrt(Hz)",
-          "spectral density of the white acceleration that moves objects off constant velocity");
-    visit("angular_acceleration_noise", self.angular_acceleration_noise, Bounds{0.0, 100.0}, "rad/s^2/sqrt(Hz)",
-          "spectral density of the white angular acceleration");
-    visit("radius_noise", self.radius_noise, Bounds{0.0, 1.0}, "m/sqrt(s)",
-          "random walk of the radii: the shape a detector sees changes with the side it looks at");
-    visit("initial_velocity_sigma_m_s", self.initial_velocity_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
-          "standard deviation of the velocity of a new element (ellipse paper, eq. 17)");
-    visit("initial_angular_velocity_sigma_rad_s", self.initial_angular_velocity_sigma_rad_s, Bounds{0.0, 100.0},
-          "rad/s", "standard deviation of the angular velocity of a new element (ellipse paper, eq. 19)");
+    visit("shape", self.shape, "what objects are taken for: ellipse, or circle (circle paper)");
+    visit("acceleration_sigma_m_s2", self.acceleration_sigma_m_s2, Bounds{0.0, 100.0}, "m/s^2",
+          "typical acceleration of what moves, per axis, kept up for about half a second");
+    visit("angular_acceleration_sigma_rad_s2", self.angular_acceleration_sigma_rad_s2, Bounds{0.0, 100.0}, "rad/s^2",
+          "typical angular acceleration of what moves, kept up for about half a second");
+    visit("standing_drift_m", self.standing_drift_m, Bounds{0.0, 1.0}, "m",
+          "how far the place of a standing object may creep in a second, per axis");
+    visit("radius_drift_m", self.radius_drift_m, Bounds{0.0, 1.0}, "m",
+          "how far (rx + ry) / 2 and (rx - ry) / 2 may creep in a second: radii are constant, detections of real "
+          "objects differ a little with the side they are seen from");
+    visit("start_rate_1_s", self.start_rate_1_s, Bounds{0.0, 100.0}, "1/s",
+          "how often an object sets off that has not been seen to move");
+    visit("restart_rate_1_s", self.restart_rate_1_s, Bounds{0.0, 100.0}, "1/s",
+          "how often one sets off that has moved before, or that has not been seen to stand for long yet");
+    visit("stop_rate_1_s", self.stop_rate_1_s, Bounds{0.0, 100.0}, "1/s", "how often a moving object stops");
+    visit("start_velocity_sigma_m_s", self.start_velocity_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
+          "typical velocity of what is new or sets off, per axis (ellipse paper, eq. 17)");
+    visit("start_angular_velocity_sigma_rad_s", self.start_angular_velocity_sigma_rad_s, Bounds{0.0, 100.0}, "rad/s",
+          "typical angular velocity of what is new or sets off (ellipse paper, eq. 19)");
     visit("robot_position_sigma_m", self.robot_position_sigma_m, Bounds{0.0, 10.0}, "m",
           "standard deviation of the robot's position, per axis");
     visit("robot_yaw_sigma_rad", self.robot_yaw_sigma_rad, Bounds{0.0, 1.0}, "rad",
           "standard deviation of the robot's yaw");
+    visit("robot_stamp_sigma_s", self.robot_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
+          "standard deviation of the time between the stamps of scan and pose: it counts as the robot moves and turns");
     visit("measurement_sigma_m", self.measurement_sigma_m, Bounds{0.0, 1.0}, "m",
-          "added to each detection's own standard deviation of centre and radii");
+          "added to each detection's own standard deviation of centre and shape");
     visit("hidden_end_factor", self.hidden_end_factor, Bounds{1.0, 100.0}, "",
-          "a detection's own standard deviations grow by this where an end is hidden: such errors repeat from scan to "
-          "scan");
+          "a detection's own standard deviations grow by this where an end is hidden: what is behind is a guess");
+    visit("repeated_part", self.repeated_part, Bounds{0.0, 1.0}, "",
+          "part of a detection's variance that repeats from scan to scan while the view is the same, so that no number "
+          "of scans makes an element more certain than that");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
           "part of an element's true detections that its chi-square gate lets in");
-    visit("min_observations", self.min_observations, Bounds{1.0, 1000.0}, "",
-          "an element is on the map from this many observations on");
+    visit("birth_probability", self.birth_probability, Bounds{0.001, 0.999}, "",
+          "probability that what is detected for the first time exists");
+    visit("confirmation_probability", self.confirmation_probability, Bounds{0.001, 0.999}, "",
+          "an element is on the map from this probability of existence on, until it is less likely there than not");
+    visit("deletion_probability", self.deletion_probability, Bounds{0.0, 0.5}, "",
+          "an element that exists with less probability is deleted");
+    visit("detection_probability", self.detection_probability, Bounds{0.01, 0.99}, "",
+          "part of the scans in which an object that nothing hides is detected where it is expected");
     visit("hidden_observation_weight", self.hidden_observation_weight, Bounds{0.0, 1.0}, "",
-          "what an observation with a hidden end counts for that: it may be a piece of anything");
+          "what a detection with a hidden end counts for existence: it may be a piece of anything");
+    visit("max_part_radius_m", self.max_part_radius_m, Bounds{0.0, 10.0}, "m",
+          "only elements with a mean radius up to this can be part of a body: limbs");
+    visit("max_part_gap_m", self.max_part_gap_m, Bounds{0.0, 10.0}, "m", "largest gap between a part and its body");
+    visit("min_part_travel_m", self.min_part_travel_m, Bounds{0.01, 100.0}, "m",
+          "two elements that stay together while they travel this far are one body");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "an element is deleted when its position is less certain in any direction");
-    visit("max_velocity_sigma_m_s", self.max_velocity_sigma_m_s, Bounds{0.001, 1000.0}, "m/s",
-          "an element is deleted when its velocity is less certain in any direction");
-    visit("max_radius_sigma_m", self.max_radius_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "an element is deleted when its radii are less certain in any direction");
+          "an element is on the map only while its position is this certain in every direction (circle paper, eq. 33)");
+    visit("lost_position_sigma_m", self.lost_position_sigma_m, Bounds{0.001, 1000.0}, "m",
+          "it is remembered, to be known again, until its position is less certain than this in some direction");
+    visit("max_unseen_s", self.max_unseen_s, Bounds{0.0, 1e6}, "s", "an element is forgotten when unseen for longer");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "time going back by more than this starts a new map (a bag that loops); by less, the scan is dropped");
   }
@@ -82,21 +119,23 @@ struct ObjectMapUpdate {
   std::vector<std::uint64_t> created;  ///< ids
   std::vector<std::uint64_t> deleted;  ///< ids
   Counters reasons;                    ///< why elements were deleted or the whole update was dropped
+  double log_likelihood = 0.0;         ///< of the detections of `updated`, given the map before: what tunes the filter
 };
 
-/// The semantic map of ellipses: one error-state EKF per element (ellipse paper, Sect. V; circle paper, Sect. V-B),
-/// written out in docs/math/objects.md. The elements are independent given the robot's pose, which is an input with a
-/// covariance, so the cost grows linearly with the elements.
+/// The semantic map of ellipses: for each element an EKF under two motions (ellipse paper, Sect. V; circle paper,
+/// Sect. V-B) and a probability of existence, written out in docs/math/objects.md. The elements are independent given
+/// the robot's pose, which is an input with a covariance, so the cost grows linearly with the elements.
 class ObjectMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
   explicit ObjectMap(const ObjectMapParams& params);
 
-  /// Predict to the stamp of the detections, associate one to one, update, map what is new, delete what is outdated.
+  /// Predict to the stamp of the detections, associate one to one, update, doubt what should have been seen, map what
+  /// is new, join what moves as one, delete what is not there any more.
   ObjectMapUpdate update(const Detections& detections);
 
   /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
-  /// with less evidence than min_observations are left out.
+  /// that are not confirmed, and those that are part of another, are left out.
   Objects at(std::int64_t stamp_ns) const;
 
   /// Stamp of the latest update, kNoStamp before the first.
@@ -107,39 +146,61 @@ class ObjectMap {
   /// One element with its filter.
   struct Element {
     std::uint64_t id = 0;
-    ObjectState x;
-    Matrix8d P = Matrix8d::Zero();
+    MotionEstimate estimate;
+    Matrix8d P_view = Matrix8d::Zero();  ///< of one detection from the side it was seen from lately, at its best
+    double log_odds = 0.0;               ///< of its existence
+    bool confirmed = false;
+    bool just_confirmed = false;
     std::int64_t first_seen_ns = 0;
     std::int64_t last_seen_ns = 0;
     int observations = 0;
-    double evidence = 0.0;  ///< observations, weighted by what they say of its existence
     int beams = 0;
+    double stood_s = 0.0;                                       ///< for how long it was seen to stand
+    bool moves = false;                                         ///< it is surely on its way
+    bool mobile = false;                                        ///< it has travelled
+    Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it was when `moves` began
+    std::uint64_t body = 0;  ///< id of the element that it is part of, or may be; 0: of none
+    bool is_part = false;    ///< it is part of `body`
+    bool has_parts = false;  ///< others were part of it
+    Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< where it was when it met `body`
+    Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< where `body` was
   };
 
   /// A measurement that is of an element.
   struct Association {
     std::size_t element;
     std::size_t measurement;
-    Match match;
+    MotionMatch match;
   };
 
   /// False, and the map unchanged, if the stamp may not follow the latest.
   bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
-  void predict_elements(double dt_s);
-  void bound_unobservable(Matrix8d& P) const;
-  Measurement measurement_of(const Detection& detection) const;
-  std::vector<Association> associate(const std::vector<Measurement>& measurements, const Pose2& T_world_level) const;
-  Element new_element(const Measurement& measurement, const Pose2& T_world_level);
-  void observe(Element& element, const Detection& detection) const;
+  Eigen::Matrix3d robot_covariance(const Detections& detections);
+  void learn_noise(double mahalanobis2);
+  Measurement widened(const Detection& detection) const;
+  std::vector<Association> associate(const std::vector<Measurement>& measurements, const Pose2& T_world_level,
+                                     const Eigen::Matrix3d& U) const;
+  bool may_be(const Element& element, const MotionMatch& match) const;
+  Element new_element(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
+  void observe(Element& element, const Detection& detection, const Measurement& measurement,
+               const Pose2& T_world_level) const;
   EllipsesByX seen_now() const;
+  MotionParams motion_of(const Element& element) const;
+  void doubt_unseen(const Detections& detections);
+  void recognise_lost();
+  void join_parts();
   void delete_outdated(ObjectMapUpdate& report);
+  Element* find(std::uint64_t id);
+  bool shown(const Element& element) const;
 
   ObjectMapParams params_;
+  MotionParams motion_;
   StampOrder order_;
-  double gate_;  ///< of the squared Mahalanobis distance
-  ProcessNoise process_noise_;
-  Eigen::Matrix3d robot_covariance_;
+  double gate_;                    ///< of the squared Mahalanobis distance
   std::vector<Element> elements_;  ///< by growing id
+  Pose2 T_world_level_;            ///< of the latest update
+  double noise_ = 1.0;             ///< how much larger errors are than the detections say, squared
+  double step_s_ = 0.0;            ///< from the update before to the latest
   double height_world_m_ = 0.0;
   std::uint64_t next_id_ = 1;
 };

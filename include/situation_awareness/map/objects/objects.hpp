@@ -29,6 +29,8 @@ struct Object {
   Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
   double angular_velocity_rad_s = 0.0;
   Matrix8d covariance = Matrix8d::Zero();  ///< of the error state, ordered as object_error says
+  double p_moving = 0.0;                   ///< probability that it moves rather than stands
+  double p_exists = 1.0;                   ///< probability that it is there at all
   std::int64_t first_seen_ns = 0;
   std::int64_t last_seen_ns = 0;
   int observations = 0;  ///< number of scans it was seen in
@@ -41,5 +43,14 @@ struct Objects {
   double height_world_m = 0.0;
   std::vector<Object> objects;
 };
+
+/// The outlines of the map's elements in the level frame.
+inline std::vector<Ellipse> ellipses_in(const Pose2& T_world_level, const Objects& map) {
+  const Pose2 T_level_world = inverse(T_world_level);
+  std::vector<Ellipse> ellipses_level;
+  ellipses_level.reserve(map.objects.size());
+  for (const Object& object : map.objects) ellipses_level.push_back(T_level_world * object.ellipse_world);
+  return ellipses_level;
+}
 
 }  // namespace situation_awareness

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/objects/object_filter.hpp"
+
+namespace situation_awareness {
+
+/// How objects move and when they begin and stop to: the parameters of the two motions.
+struct MotionParams {
+  ProcessNoise standing;                      ///< of what stands; only its shape changes
+  ProcessNoise moving;                        ///< of what moves
+  double start_rate_1_s = 0.0;                ///< a standing object begins to move so often
+  double stop_rate_1_s = 0.0;                 ///< a moving one stops so often
+  double start_velocity_sigma = 0.0;          ///< m/s, per axis, of what begins to move
+  double start_angular_velocity_sigma = 0.0;  ///< rad/s
+};
+
+/// The estimate of one element under two motions, standing (v = 0, w = 0) and moving (ellipse paper, eqs. 8 to 12),
+/// each with its own EKF, and the probability of either: interacting multiple models (Blom and Bar-Shalom, 1988). A
+/// standing object's velocity goes to zero and its place and shape converge; a manoeuvring one is followed.
+struct MotionEstimate {
+  ObjectEstimate standing;
+  ObjectEstimate moving;
+  double p_moving = 0.5;
+};
+
+/// A new element: it may stand or move.
+MotionEstimate start(const ObjectEstimate& mapped, const MotionParams& params);
+
+/// Let objects begin and stop, mix the estimates accordingly, and predict either.
+void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params);
+
+/// A measurement compared with both motions.
+struct MotionMatch {
+  Match standing;
+  Match moving;
+  double log_likelihood = 0.0;  ///< of the measurement under the mixture
+};
+MotionMatch match(const MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
+                  const Eigen::Matrix3d& U);
+
+/// Correct both motions and their probabilities.
+void update(MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
+            const MotionMatch& match, const Eigen::Matrix3d& U);
+
+/// Mean and covariance of the mixture.
+ObjectEstimate combine(const MotionEstimate& estimate);
+
+}  // namespace situation_awareness

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/segments/divide.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include <Eigen/LU>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr int kNobody = -1;
+constexpr std::size_t kMinRun = 3;        // hits in a row of one owner: fewer are noise
+constexpr double kMinSticksOut_m = 0.12;  // what sticks out of a known object by less is that object, seen badly
+
+struct Outline {
+  Eigen::Vector2d center_m;
+  Eigen::Matrix2d inverse_shape;
+};
+
+/// Distance of a point from the outline along the line to its centre; negative inside.
+double offset_m(const Outline& outline, const Eigen::Vector2d& p) {
+  const Eigen::Vector2d d = p - outline.center_m;
+  const double scale = std::sqrt(d.dot(outline.inverse_shape * d));
+  return scale > 1e-9 ? d.norm() * (1.0 - 1.0 / scale) : -std::numeric_limits<double>::infinity();
+}
+
+/// Neighbouring hits of one owner.
+struct Run {
+  std::size_t first = 0;
+  std::size_t count = 0;
+  int owner = kNobody;
+};
+
+/// For each segment the outlines that its azimuths overlap.
+std::vector<std::vector<int>> outlines_of_segments(const Segments& segments, const std::vector<Ellipse>& known_level) {
+  std::vector<std::vector<int>> result(segments.segments.size());
+  if (segments.segments.empty()) return result;
+  const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
+  const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
+  for (std::size_t k = 0; k < known_level.size(); ++k) {
+    const Ellipse& ellipse = known_level[k];
+    const double distance_m = ellipse.center_m.norm();
+    const double reach_m = std::max(ellipse.rx_m, ellipse.ry_m);
+    if (distance_m <= reach_m) continue;
+    const double half_rad = std::asin(reach_m / distance_m);
+    const double wrapped_rad = std::atan2(ellipse.center_m.y(), ellipse.center_m.x());
+    for (const double azimuth_rad : {wrapped_rad - 2.0 * kPi, wrapped_rad, wrapped_rad + 2.0 * kPi}) {
+      auto segment = std::lower_bound(segments.segments.begin(), segments.segments.end(), azimuth_rad - half_rad,
+                                      [&](const Segment& s, double low_rad) { return last_rad(s) < low_rad; });
+      for (; segment != segments.segments.end() && first_rad(*segment) <= azimuth_rad + half_rad; ++segment) {
+        result[static_cast<std::size_t>(segment - segments.segments.begin())].push_back(static_cast<int>(k));
+      }
+    }
+  }
+  return result;
+}
+
+/// The hits of a segment by owner, short runs given to the run before.
+std::vector<Run> runs_of(const Segments& segments, const Segment& segment, const std::vector<int>& candidates,
+                         const std::vector<Outline>& outlines, double max_offset_m) {
+  std::vector<Run> runs;
+  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
+    int owner = kNobody;
+    double nearest_m = max_offset_m;
+    for (const int candidate : candidates) {
+      const double offset =
+          std::abs(offset_m(outlines[static_cast<std::size_t>(candidate)], segments.points[i].p_level_m));
+      if (offset > nearest_m) continue;
+      nearest_m = offset;
+      owner = candidate;
+    }
+    if (runs.empty() || runs.back().owner != owner) runs.push_back({i, 0, owner});
+    ++runs.back().count;
+  }
+  std::vector<Run> smooth;
+  for (const Run& run : runs) {
+    if (!smooth.empty() && (run.count < kMinRun || run.owner == smooth.back().owner)) {
+      smooth.back().count += run.count;
+    } else if (!smooth.empty() && smooth.back().count < kMinRun) {  // only the first can be short
+      smooth.back() = {smooth.back().first, smooth.back().count + run.count, run.owner};
+    } else {
+      smooth.push_back(run);
+    }
+  }
+  return smooth;
+}
+
+/// True if the runs are worth being segments of their own.
+bool hold_several(const Segments& segments, const std::vector<Run>& runs, const std::vector<Outline>& outlines,
+                  const SegmentationParams& params) {
+  if (runs.size() < 2) return false;
+  const auto min_points = static_cast<std::size_t>(params.min_points);
+  int known = kNobody;
+  for (const Run& run : runs) {
+    if (run.owner == kNobody || run.count < min_points) continue;
+    if (known != kNobody && known != run.owner) return true;
+    known = run.owner;
+  }
+  if (known == kNobody) return false;
+  const Outline& outline = outlines[static_cast<std::size_t>(known)];
+  return std::any_of(runs.begin(), runs.end(), [&](const Run& run) {
+    if (run.owner != kNobody || run.count < min_points) return false;
+    const Point* points = &segments.points[run.first];
+    return std::any_of(points, points + run.count, [&](const Point& point) {
+      return std::abs(offset_m(outline, point.p_level_m)) > kMinSticksOut_m;
+    });
+  });
+}
+
+/// What is beside a piece where the segment was cut, and how far that may hide it.
+SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
+  return beside.range_m > end.range_m + margin_m ? SegmentEnd::kBackground : SegmentEnd::kOccluded;
+}
+
+}  // namespace
+
+Segments divide(const Segments& segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
+  Segments result = segments;
+  result.segments.clear();
+  std::vector<Outline> outlines;
+  for (const Ellipse& ellipse : known_level) {
+    outlines.push_back({ellipse.center_m, shape_matrix(ellipse).inverse()});
+  }
+  const std::vector<std::vector<int>> candidates = outlines_of_segments(segments, known_level);
+  for (std::size_t s = 0; s < segments.segments.size(); ++s) {
+    const Segment& whole = segments.segments[s];
+    std::vector<Run> runs;
+    if (!candidates[s].empty()) {
+      runs = runs_of(segments, whole, candidates[s], outlines, params.max_division_offset_m);
+    }
+    if (!hold_several(segments, runs, outlines, params)) {
+      result.segments.push_back(whole);
+      continue;
+    }
+    for (std::size_t r = 0; r < runs.size(); ++r) {
+      const Run& run = runs[r];
+      if (run.count < static_cast<std::size_t>(params.min_points)) continue;
+      Segment piece = whole;
+      piece.first = run.first;
+      piece.count = run.count;
+      if (run.owner != kNobody) piece.kind = SegmentKind::kObject;
+      const auto width_rad = [&](const Run& other) {
+        return segments.points[other.first + other.count - 1].azimuth_rad - segments.points[other.first].azimuth_rad;
+      };
+      if (r > 0) {
+        piece.right_end =
+            end_at_cut(segments.points[run.first], segments.points[run.first - 1], params.occlusion_margin_m);
+        piece.right_hidden_rad = is_silhouette(piece.right_end) ? 0.0 : width_rad(runs[r - 1]);
+      }
+      if (r + 1 < runs.size()) {
+        const std::size_t last = run.first + run.count - 1;
+        piece.left_end = end_at_cut(segments.points[last], segments.points[last + 1], params.occlusion_margin_m);
+        piece.left_hidden_rad = is_silhouette(piece.left_end) ? 0.0 : width_rad(runs[r + 1]);
+      }
+      result.segments.push_back(piece);
+    }
+  }
+  return result;
+}
+
+}  // namespace situation_awareness
