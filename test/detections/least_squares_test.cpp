@@ -99,12 +99,9 @@ TEST(LeastSquares, ErrorsAreAsLargeAsTheCovarianceSays) {
     Eigen::Vector4d error;
     error << detection.ellipse_level.center_m - truth.center_m, detection.ellipse_level.rx_m - truth.rx_m,
         detection.ellipse_level.ry_m - truth.ry_m;
-    const Matrix5d all = ellipse_covariance(detection.ellipse_level, detection.covariance);
-    Eigen::Matrix4d covariance;
-    const int keep[] = {0, 1, 3, 4};
-    for (int r = 0; r < 4; ++r) {
-      for (int c = 0; c < 4; ++c) covariance(r, c) = all(keep[r], keep[c]);
-    }
+    Eigen::Matrix<double, 4, 5> J = Eigen::Matrix<double, 4, 5>::Identity();
+    J.bottomRightCorner<2, 3>() = radii_jacobian(detection.ellipse_level);
+    const Eigen::Matrix4d covariance = J * detection.covariance * J.transpose();
     distances.push_back(error.dot(covariance.ldlt().solve(error)));
   }
   ASSERT_GT(distances.size(), 1000U);

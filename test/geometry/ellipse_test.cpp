@@ -8,12 +8,13 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
+#include "support/numerical_jacobian.hpp"
+#include "support/random_gaussian.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -156,35 +157,66 @@ TEST(SmoothParameters, RoundTripAndAreTheSameForEveryDescription) {
   }
 }
 
-TEST(EllipseCovariance, EqualsThatOfManyDraws) {
+TEST(SmoothParameters, JacobiansOfPsiAndRadiiEqualNumericalOnes) {
   Random random(2);
-  const Ellipse ellipse{{2.0, 1.0}, 0.4, 0.4, 0.15};
-  Matrix5d covariance = Matrix5d::Zero();
-  Matrix5d L = Matrix5d::Zero();
-  for (int i = 0; i < 5; ++i) {
-    for (int j = 0; j <= i; ++j) L(i, j) = 0.003 * random.normal();
+  for (int i = 0; i < 200; ++i) {
+    Ellipse ellipse = canonical(random_ellipse(random));
+    if (ellipse.rx_m - ellipse.ry_m < 0.02) continue;
+    // Not beside the seam of psi, where numerical differences jump.
+    if (std::abs(ellipse.psi_rad) > 1.5) ellipse.psi_rad = 0.3;
+    const Vector5d smooth = smooth_parameters(ellipse);
+    const auto at = [&](const Eigen::Vector3d& shape) {
+      Vector5d parameters = smooth;
+      parameters.tail<3>() = shape;
+      return ellipse_from_smooth_parameters(parameters);
+    };
+    const auto J = numerical_jacobian<3, 3>(
+        [&](const Eigen::Vector3d& shape) {
+          const Ellipse e = at(shape);
+          return Eigen::Vector3d(e.psi_rad, e.rx_m, e.ry_m);
+        },
+        Eigen::Vector3d(smooth.tail<3>()));
+    EXPECT_LT((J.topRows<1>() - psi_jacobian(ellipse)).norm(), 1e-6 * psi_jacobian(ellipse).norm());
+    EXPECT_LT((J.bottomRows<2>() - radii_jacobian(ellipse)).norm(), 1e-5);
+    // Every description of the curve has the same axis and so the same derivative.
+    Ellipse turned = ellipse;
+    turned.psi_rad += kPi;
+    EXPECT_LT((psi_jacobian(turned) - psi_jacobian(ellipse)).norm(), 1e-9);
   }
-  const Matrix5d smooth_covariance = L * L.transpose() + 1e-8 * Matrix5d::Identity();
-  const Matrix5d root = smooth_covariance.llt().matrixL();
+}
+
+TEST(SmoothParameters, JacobiansCarryACovarianceOverAsManyDrawsDo) {
+  Random random(3);
+  const Ellipse ellipse{{2.0, 1.0}, 0.4, 0.4, 0.15};
+  const auto smooth_covariance = random_covariance<Matrix5d>(random, 0.003);
+  Eigen::Matrix3d J;
+  J << psi_jacobian(ellipse), radii_jacobian(ellipse);
+  const Eigen::Matrix3d predicted = J * smooth_covariance.bottomRightCorner<3, 3>() * J.transpose();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
   const int draws = 20000;
   for (int i = 0; i < draws; ++i) {
-    Vector5d normal;
-    for (int k = 0; k < 5; ++k) normal(k) = random.normal();
-    const Ellipse draw = ellipse_from_smooth_parameters(smooth_parameters(ellipse) + root * normal);
-    Vector5d error;
-    error << draw.center_m - ellipse.center_m, wrap_to_half_pi(draw.psi_rad - ellipse.psi_rad),
-        draw.rx_m - ellipse.rx_m, draw.ry_m - ellipse.ry_m;
+    const Ellipse drawn = ellipse_from_smooth_parameters(smooth_parameters(ellipse) + draw(smooth_covariance, random));
+    const Eigen::Vector3d error(wrap_to_half_pi(drawn.psi_rad - ellipse.psi_rad), drawn.rx_m - ellipse.rx_m,
+                                drawn.ry_m - ellipse.ry_m);
     covariance += error * error.transpose() / draws;
   }
-  const Matrix5d predicted = ellipse_covariance(ellipse, smooth_covariance);
   EXPECT_LT((covariance - predicted).norm(), 0.05 * predicted.norm());
 }
 
-TEST(EllipseCovariance, OfACircleIsFiniteAndItsAxisUnknown) {
-  const Matrix5d covariance = ellipse_covariance({{2.0, 0.0}, 0.0, 0.2, 0.2}, 1e-4 * Matrix5d::Identity());
-  EXPECT_TRUE(covariance.allFinite());
-  EXPECT_NEAR(std::sqrt(covariance(2, 2)), kPi / std::sqrt(12.0), 1e-9);
-  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix5d>(covariance).eigenvalues().minCoeff(), 0.0);
+TEST(SmoothParameters, ACircleHasFiniteDerivativesAndAnAxisThatAnyErrorTurnsFully) {
+  const Ellipse circle{{2.0, 0.0}, 0.0, 0.2, 0.2};
+  EXPECT_TRUE(psi_jacobian(circle).allFinite());
+  EXPECT_TRUE(radii_jacobian(circle).allFinite());
+  const Eigen::Matrix3d covariance = 1e-4 * Eigen::Matrix3d::Identity();
+  EXPECT_GT(psi_jacobian(circle) * covariance * psi_jacobian(circle).transpose(), kUniformAxisVariance);
+}
+
+TEST(SmoothParameters, TheVarianceOfAnUnknownAxisIsThatOfUniformDraws) {
+  Random random(4);
+  double variance = 0.0;
+  const int draws = 100000;
+  for (int i = 0; i < draws; ++i) variance += std::pow(random.uniform(-kPi / 2.0, kPi / 2.0), 2) / draws;
+  EXPECT_NEAR(variance, kUniformAxisVariance, 0.01);
 }
 
 }  // namespace
