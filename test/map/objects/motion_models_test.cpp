@@ -1,0 +1,255 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/motion_models.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <functional>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+
+#include "situation_awareness/common/random.hpp"
+#include "support/random_gaussian.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using namespace object_state;
+
+constexpr double kScanPeriod_s = 0.05;
+constexpr double kSeen_m = 0.02;  // noise of what is seen, per axis
+const Eigen::Matrix3d kRobotIsKnown = Eigen::Matrix3d::Zero();
+
+MotionParams motion() {
+  MotionParams params;
+  params.moving = {0.4, 0.3, 0.0, 0.002, 0.002};
+  params.standing = {0.0, 0.0, 0.002, 0.002, 0.002};
+  params.start_rate_1_s = 0.005;
+  params.stop_rate_1_s = 0.1;
+  params.start_velocity_sigma = 1.0;
+  params.start_angular_velocity_sigma = 0.3;
+  return params;
+}
+
+Measurement seen_at(const Eigen::Vector2d& position, Random& random) {
+  Measurement measurement;
+  measurement.R = kSeen_m * kSeen_m * Matrix5d::Identity();
+  measurement.z << position, 0.25, 0.05, 0.02;
+  measurement.z += kSeen_m * normal_vector<5>(random);
+  return measurement;
+}
+
+/// An object on a way, followed scan by scan.
+struct Follower {
+  explicit Follower(std::function<Eigen::Vector2d(double)> position_at, std::uint64_t seed)
+      : position_at(std::move(position_at)), random(seed) {
+    estimate = start(map_measurement(seen_at(this->position_at(0.0), random), {}, kRobotIsKnown), params);
+  }
+
+  void step() {
+    time_s += kScanPeriod_s;
+    predict(estimate, kScanPeriod_s, params);
+    const Measurement measurement = seen_at(position_at(time_s), random);
+    update(estimate, {}, measurement, match(estimate, {}, measurement, kRobotIsKnown), kRobotIsKnown);
+  }
+
+  void follow_until(double until_s) {
+    while (time_s < until_s - 1e-9) step();
+  }
+
+  std::function<Eigen::Vector2d(double)> position_at;
+  MotionParams params = motion();
+  Random random;
+  MotionEstimate estimate;
+  double time_s = 0.0;
+};
+
+TEST(MotionModels, AStandingObjectComesToRestAndItsPlaceConverges) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Follower follower([](double) { return Eigen::Vector2d(3.0, 1.0); }, seed);
+    follower.follow_until(10.0);
+    const ObjectEstimate estimate = combine(follower.estimate);
+    EXPECT_LT(follower.estimate.p_moving, 0.1) << seed;
+    EXPECT_LT(estimate.x.segment<2>(kVelocity).norm(), 0.01) << seed;
+    EXPECT_LT(std::abs(estimate.x(kAngularVelocity)), 0.02) << seed;
+    EXPECT_LT((estimate.x.head<2>() - Eigen::Vector2d(3.0, 1.0)).norm(), 0.5 * kSeen_m) << seed;
+    EXPECT_LT(estimate.P(0, 0), 0.1 * kSeen_m * kSeen_m) << seed;
+    EXPECT_LT(estimate.P(kShape, kShape), 0.1 * kSeen_m * kSeen_m) << seed;
+  }
+}
+
+TEST(MotionModels, AMovingObjectIsKnownToMoveAndItsVelocityIsRight) {
+  double square_sum = 0.0;
+  const int runs = 20;
+  for (int seed = 1; seed <= runs; ++seed) {
+    Follower follower([](double t) { return Eigen::Vector2d(3.0 + 0.8 * t, 1.0 - 0.4 * t); },
+                      static_cast<std::uint64_t>(seed));
+    follower.follow_until(4.0);
+    const ObjectEstimate estimate = combine(follower.estimate);
+    EXPECT_GT(follower.estimate.p_moving, 0.95) << seed;
+    EXPECT_LT((estimate.x.head<2>() - follower.position_at(follower.time_s)).norm(), 2.0 * kSeen_m) << seed;
+    square_sum += (estimate.x.segment<2>(kVelocity) - Eigen::Vector2d(0.8, -0.4)).squaredNorm();
+  }
+  EXPECT_LT(std::sqrt(square_sum / runs), 0.12);
+}
+
+TEST(MotionModels, NoticesWithinTenScansThatAnObjectSetsOff) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Follower follower([](double t) { return Eigen::Vector2d(3.0 + std::max(0.0, t - 5.0), 1.0); }, seed);
+    follower.follow_until(5.0);
+    ASSERT_LT(follower.estimate.p_moving, 0.5) << seed;
+    follower.follow_until(5.0 + 10 * kScanPeriod_s);
+    EXPECT_GT(follower.estimate.p_moving, 0.5) << seed;
+    // Already then it is where it is, not where it stood.
+    EXPECT_LT((combine(follower.estimate).x.head<2>() - follower.position_at(follower.time_s)).norm(), 0.1) << seed;
+  }
+}
+
+TEST(MotionModels, NoticesWithinTwoSecondsThatAnObjectStops) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Follower follower([](double t) { return Eigen::Vector2d(std::min(3.0, t), 1.0); }, seed);
+    follower.follow_until(3.0);
+    ASSERT_GT(follower.estimate.p_moving, 0.5) << seed;
+    follower.follow_until(5.0);
+    EXPECT_LT(follower.estimate.p_moving, 0.5) << seed;
+    EXPECT_LT(combine(follower.estimate).x.segment<2>(kVelocity).norm(), 0.1) << seed;
+  }
+}
+
+MotionEstimate random_estimate(Random& random) {
+  MotionEstimate estimate;
+  estimate.standing.x << 3.0, 1.0, 0.0, 0.0, 0.0, 0.25, 0.05, 0.02;
+  estimate.moving.x = estimate.standing.x + 0.1 * normal_vector<8>(random);
+  estimate.standing.P = random_covariance<Matrix8d>(random, 0.03);
+  estimate.standing.P.middleRows<3>(kVelocity).setZero();
+  estimate.standing.P.middleCols<3>(kVelocity).setZero();
+  estimate.moving.P = random_covariance<Matrix8d>(random, 0.05);
+  estimate.p_moving = random.uniform(0.05, 0.95);
+  return estimate;
+}
+
+TEST(MotionModels, CombineHasTheMomentsOfTheMixture) {
+  Random random(1);
+  for (int i = 0; i < 20; ++i) {
+    const MotionEstimate estimate = random_estimate(random);
+    const auto second_moment = [](const ObjectEstimate& e) -> Matrix8d { return e.P + e.x * e.x.transpose(); };
+    const double p = estimate.p_moving;
+    const Vector8d mean = (1.0 - p) * estimate.standing.x + p * estimate.moving.x;
+    const Matrix8d covariance =
+        (1.0 - p) * second_moment(estimate.standing) + p * second_moment(estimate.moving) - mean * mean.transpose();
+    const ObjectEstimate combined = combine(estimate);
+    EXPECT_LT((combined.x - mean).norm(), 1e-12);
+    EXPECT_LT((combined.P - covariance).cwiseAbs().maxCoeff(), 1e-12);
+  }
+}
+
+TEST(MotionModels, LikelihoodIsThatOfTheMixture) {
+  Random random(2);
+  for (int i = 0; i < 20; ++i) {
+    const MotionEstimate estimate = random_estimate(random);
+    const Measurement measurement = seen_at({3.1, 1.05}, random);
+    const MotionMatch m = match(estimate, {}, measurement, kRobotIsKnown);
+    const double p = estimate.p_moving;
+    const double standing =
+        (1.0 - p) * std::exp(match(estimate.standing, {}, measurement, kRobotIsKnown).log_likelihood);
+    const double moving = p * std::exp(match(estimate.moving, {}, measurement, kRobotIsKnown).log_likelihood);
+    EXPECT_NEAR(std::exp(m.log_likelihood), standing + moving, 1e-9 * (standing + moving));
+    // Bayes' rule.
+    MotionEstimate updated = estimate;
+    update(updated, {}, measurement, m, kRobotIsKnown);
+    EXPECT_NEAR(updated.p_moving, moving / (standing + moving), 1e-8);
+  }
+}
+
+TEST(MotionModels, ALikelihoodThatOneMotionCannotExplainStaysFinite) {
+  Random random(3);
+  MotionEstimate estimate = random_estimate(random);
+  for (const double p : {0.0, 1e-9, 1.0 - 1e-9, 1.0}) {
+    estimate.p_moving = p;
+    const Measurement measurement = seen_at({60.0, 1.0}, random);
+    const MotionMatch m = match(estimate, {}, measurement, kRobotIsKnown);
+    EXPECT_TRUE(std::isfinite(m.log_likelihood)) << p;
+    MotionEstimate updated = estimate;
+    update(updated, {}, measurement, m, kRobotIsKnown);
+    EXPECT_GT(updated.p_moving, 0.0) << p;
+    EXPECT_LT(updated.p_moving, 1.0) << p;
+  }
+}
+
+TEST(MotionModels, UnseenForLongItMovesAsOftenAsObjectsDo) {
+  Random random(4);
+  const MotionParams params = motion();
+  const double expected = params.start_rate_1_s / (params.start_rate_1_s + params.stop_rate_1_s);
+  for (const double p : {0.01, 0.99}) {
+    MotionEstimate in_scans = random_estimate(random);
+    in_scans.p_moving = p;
+    MotionEstimate at_once = in_scans;
+    for (int i = 0; i < 4000; ++i) predict(in_scans, kScanPeriod_s, params);
+    EXPECT_NEAR(in_scans.p_moving, expected, 0.002) << p;
+    predict(at_once, 200.0, params);
+    EXPECT_NEAR(at_once.p_moving, expected, 0.002) << p;
+  }
+}
+
+TEST(MotionModels, ProbabilitiesDoNotDependOnTheSteps) {
+  Random random(5);
+  const MotionParams params = motion();
+  for (const double dt_s : {0.05, 0.5, 5.0}) {
+    MotionEstimate once = random_estimate(random);
+    MotionEstimate twice = once;
+    predict(once, dt_s, params);
+    predict(twice, 0.5 * dt_s, params);
+    predict(twice, 0.5 * dt_s, params);
+    EXPECT_NEAR(once.p_moving, twice.p_moving, 1e-9) << dt_s;
+    if (dt_s < 0.1) {
+      const ObjectEstimate a = combine(once);
+      const ObjectEstimate b = combine(twice);
+      EXPECT_LT((a.x - b.x).norm(), 1e-3);
+      EXPECT_LT((a.P - b.P).norm(), 0.02 * a.P.norm());
+    }
+  }
+}
+
+TEST(MotionModels, NothingBeginsOrStopsWhereTheRatesSayNever) {
+  Random random(6);
+  MotionParams params = motion();
+  params.start_rate_1_s = params.stop_rate_1_s = 0.0;
+  const MotionEstimate before = random_estimate(random);
+  MotionEstimate after = before;
+  predict(after, 2.0, params);
+  EXPECT_EQ(after.p_moving, before.p_moving);
+  ObjectEstimate moving = before.moving;
+  predict(moving, 2.0, params.moving);
+  EXPECT_LT((after.moving.P - moving.P).norm(), 1e-12);
+  EXPECT_LT((after.moving.x - moving.x).norm(), 1e-12);
+}
+
+TEST(MotionModels, ANewElementMayStandOrMove) {
+  Random random(7);
+  const MotionParams params = motion();
+  const ObjectEstimate mapped = map_measurement(seen_at({3.0, 0.0}, random), {}, kRobotIsKnown);
+  const MotionEstimate estimate = start(mapped, params);
+  EXPECT_EQ(estimate.p_moving, 0.5);
+  EXPECT_EQ(estimate.standing.P.middleRows<3>(kVelocity).norm(), 0.0);
+  EXPECT_EQ(estimate.moving.P(kVelocity, kVelocity), 1.0);
+  EXPECT_NEAR(estimate.moving.P(kAngularVelocity, kAngularVelocity), 0.09, 1e-12);
+  EXPECT_EQ(estimate.standing.x, mapped.x);
+  EXPECT_EQ(estimate.moving.x, mapped.x);
+}
+
+TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
+  Follower follower([](double t) { return Eigen::Vector2d(3.0 + std::sin(t), std::cos(0.7 * t)); }, 8);
+  for (int i = 0; i < 5000; ++i) {
+    follower.step();
+    for (const Matrix8d& P : {follower.estimate.standing.P, follower.estimate.moving.P}) {
+      ASSERT_EQ(P, P.transpose());
+      ASSERT_GE(Eigen::SelfAdjointEigenSolver<Matrix8d>(P, Eigen::EigenvaluesOnly).eigenvalues().minCoeff(), -1e-14);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
