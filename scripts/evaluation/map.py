@@ -324,10 +324,10 @@ def targets(results, cells):
     rooms = {mode: room_numbers(results["room", mode]) for mode in worlds.ROOM_MODES if ("room", mode) in results}
     for key, what, unit, target, more in ROOM_TARGETS if rooms else ():
         values = [numbers[key] for numbers in rooms.values()]
-        figure = ", ".join(f"{value:.3f}" for value in values)
+        figure = ", ".join(f"{value:.3f} {mode}" for value, mode in zip(values, rooms))
         if key == "id_switches":
             runs = [run["id_switches"] for mode in rooms for run in results["room", mode]]
-            figure = (f"{', '.join(f'{value:.2f}' for value in values)} on average; more than 2 in "
+            figure = (f"{', '.join(f'{value:.2f} {mode}' for value, mode in zip(values, rooms))}; more than 2 in "
                       f"{sum(n > 2 for n in runs)} of {len(runs)} runs, at most {max(runs)}")
         met = all(value >= target if more else value <= target for value in values)
         yield (f"the room: {what} at {'least' if more else 'most'} {target:g} {unit}".strip(), figure, met)
@@ -357,6 +357,12 @@ def targets(results, cells):
 def table(header, rows):
     lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
+
+
+def pair(numbers, kind):
+    """Of standing and moving objects, a dash where there are none."""
+    values = (numbers[f"{kind}_standing"], numbers[f"{kind}_moving"])
+    return " / ".join("-" if math.isnan(value) else f"{value:.3f}" for value in values)
 
 
 def number(value):
@@ -404,8 +410,7 @@ def room_table(results):
         n = room_numbers(runs)
         rows.append((
             f"**ours, {mode}** ({len(runs)} rooms)", f"{n['recall']:.3f}", f"{n['false_per_scan']:.3f}",
-            f"{n['center_standing']:.3f} / {n['center_moving']:.3f}",
-            f"{n['velocity_standing']:.3f} / {n['velocity_moving']:.3f}", f"{n['semi_axes']:.3f}",
+            pair(n, "center"), pair(n, "velocity"), f"{n['semi_axes']:.3f}",
             f"{n['id_switches']:.2f} (most {n['id_switches_most']})",
             f"{n['latency'][0]:.2f} / {n['latency'][1]:.2f}", f"{n['cpu_ms']:.2f}",
         ))
@@ -425,8 +430,7 @@ def crowd_table(results):
         runs = results[experiment, "crowd"]
         n, held = room_numbers(runs), held_numbers(runs)
         rows.append((what, str(len(runs)), f"{n['gospa_m']:.3f}", f"{n['recall']:.3f}", f"{n['false_per_scan']:.3f}",
-                     f"{n['id_switches']:.2f}", f"{n['center_standing']:.3f} / {n['center_moving']:.3f}",
-                     f"{n['velocity_standing']:.3f} / {n['velocity_moving']:.3f}",
+                     f"{n['id_switches']:.2f}", pair(n, "center"), pair(n, "velocity"),
                      " / ".join(f"{100 * held[key]:.1f}" for key, _ in HELD)))
     return table(("", "runs", "GOSPA, m", "recall", "false per scan", "id switches per run",
                   "centre RMSE standing / moving, m", "velocity RMSE standing / moving, m/s",
