@@ -337,6 +337,8 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
   const auto scans = static_cast<int>(std::lround(arguments.duration_s * arguments.lidar.rate_hz));
   std::vector<double> latencies_ms;
   double cpu_sum_ms = 0.0;
+  double log_likelihood = 0.0;
+  std::size_t detections = 0;
   for (int i = 0; i < scans; ++i) {
     const SimulatedScan scan = world.next();
     if (!evaluation) {
@@ -354,6 +356,8 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
     const std::chrono::duration<double, std::milli> latency = std::chrono::steady_clock::now() - before;
     cpu_sum_ms += cpu_ms() - cpu_before_ms;
     latencies_ms.push_back(latency.count());
+    log_likelihood += result.update.log_likelihood;
+    detections += result.update.updated.size() + result.update.created.size();
 
     const Objects map = pipeline.map().at(scan.scan.stamp_ns);
     std::vector<int> parts;
@@ -368,6 +372,7 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
   Json json = {{"world", std::filesystem::path(arguments.world).filename().string()},
                {"seed", seed},
                {"scans", scans},
+               {"log_likelihood", log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1))},
                {"cpu_ms_per_scan", cpu_sum_ms / std::max(scans, 1)},
                {"latency_ms", {{"p50", quantile(latencies_ms, 0.5)}, {"p95", quantile(latencies_ms, 0.95)}}}};
   json.update(score_json(evaluation ? evaluation->score() : MapScore{}, names));

@@ -26,7 +26,8 @@ ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isom
   ObjectPipelineResult result;
   const Scan limited = limit_range(scan, T_world_lidar, params_.scan);
   result.points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
-  const std::vector<Ellipse> known_level = ellipses_in(result.points.T_world_level, map_.at(result.points.stamp_ns));
+  const std::vector<Ellipse> known_level =
+      outlines_at(scan.stamp_ns, result.points.T_world_level, map_.at(map_.stamp_ns()));
   result.segments = divide(segment(result.points, params_.segments), known_level, params_.segments);
   result.detections = detector_->detect(result.segments);
   result.update = map_.update(result.detections);

@@ -73,6 +73,7 @@ Measurement measurement_of(const Detection& detection) {
   Measurement result;
   result.z = smooth_parameters(detection.ellipse_level);
   result.R = detection.covariance;
+  result.hidden_end = detection.hidden_end;
   result.time_offset_s = detection.time_offset_s;
   return result;
 }

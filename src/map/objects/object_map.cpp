@@ -38,6 +38,10 @@ constexpr double kMaxUnconfirmed_s = 1.0;  // a guess is not kept longer unseen
 constexpr double kViewForgetting = 0.02;   // per scan
 constexpr double kNoiseGain = 0.01;        // per detection
 constexpr double kMaxNoise = 10.0;
+constexpr double kAlike_m = 0.01;       // shapes that differ by less are no means of telling objects apart
+constexpr double kCommonReach_m = 1.2;  // how uncertain the place of such an object may be if it is to be known again
+constexpr double kUndecided = 0.1;
+constexpr double kLost = 3.0;  // times max_position_sigma_m: a piece of something is not taken for what may be that far
 constexpr double kRecently_s = 0.5;
 constexpr double kSettling_s = 0.7;  // what has stood for longer is less and less likely to be a mover at rest
 constexpr double kStoodLong_s = 2.0;
@@ -149,6 +153,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
     measurements.push_back(widened(detection));
   }
 
+  compare_shapes();
   std::vector<bool> used(measurements.size(), false);
   for (const Association& association : associate(measurements, detections.T_world_level, U)) {
     Element& element = elements_[association.element];
@@ -168,6 +173,14 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   const EllipsesByX seen = seen_now();
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     if (used[j]) continue;
+    if (Element* const element = in_the_place_of(measurements[j], detections.T_world_level)) {
+      element->estimate = new_estimate(measurements[j], detections.T_world_level, U);
+      observe(*element, detections.detections[j], measurements[j], detections.T_world_level);
+      report.updated.push_back(element->id);
+      report.log_likelihood += kLogNewObjectDensity;
+      ++report.reasons["element corrected"];
+      continue;
+    }
     // On an element that has just been seen it is a second piece of the same body.
     if (seen.cover(detections.T_world_level * Eigen::Vector2d(measurements[j].z.head<2>()))) {
       ++report.reasons["detection on an element already seen"];
@@ -178,6 +191,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
     element.log_odds = log_odds(params_.birth_probability);
     element.confirmed = element.just_confirmed = element.log_odds >= log_odds(params_.confirmation_probability);
     report.created.push_back(element.id);
+    report.log_likelihood += kLogNewObjectDensity;
     elements_.push_back(element);
   }
 
@@ -236,12 +250,14 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
     const double lever_m = (center_m - T_world_level.translation_m).norm();
     const double variance = estimate.moving.P.block<2, 2>(kPosition, kPosition).trace() +
                             U.topLeftCorner<2, 2>().trace() + lever_m * lever_m * U(2, 2) + widest_variance;
+    const bool lost = uncertain_by_m(elements_[i]) > kLost * params_.max_position_sigma_m;
     const double reach_m = std::sqrt(gate_ * variance) + (center_m - position(estimate.standing)).norm();
     auto near = std::lower_bound(by_x.begin(), by_x.end(), center_m.x() - reach_m,
                                  [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
       if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
       const Measurement& measurement = measurements[static_cast<std::size_t>(near->measurement)];
+      if (lost && measurement.hidden_end) continue;  // nothing sure is said by a piece about what may be anywhere
       const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
       if (!may_be(elements_[i], candidate)) continue;
       candidates.push_back({static_cast<int>(i), near->measurement, -candidate.log_likelihood});
@@ -272,22 +288,48 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
 /// last seen, a while ago, is looked for where it stood: as something that has set off since, it could be anywhere.
 bool ObjectMap::may_be(const Element& element, const MotionMatch& match) const {
   if (match.log_likelihood < kLogNewObjectDensity) return false;
+  if (element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m) return false;
   if (match.standing.mahalanobis2 <= gate_) return true;
   const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && element.stood_s > kStoodLong_s &&
                      seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s;
   return !stood && match.moving.mahalanobis2 <= gate_;
 }
 
+/// The element that a whole detection lies on although it does not match: two objects are not in one place, so the
+/// element was wrong (its first views were pieces of it, say). Elements that were lost sight of do not count.
+ObjectMap::Element* ObjectMap::in_the_place_of(const Measurement& measurement, const Pose2& T_world_level) {
+  if (measurement.hidden_end) return nullptr;
+  const Eigen::Vector2d center_world_m = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
+  Element* nearest = nullptr;
+  double nearest_m = 0.0;
+  for (Element& element : elements_) {
+    const double unseen_s = seconds_between(element.last_seen_ns, stamp_ns());
+    if (unseen_s <= 0.0 || unseen_s > kRecently_s) continue;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    if (!contains(ellipse, center_world_m)) continue;
+    const double distance_m = (ellipse.center_m - center_world_m).norm();
+    if (nearest != nullptr && distance_m >= nearest_m) continue;
+    nearest = &element;
+    nearest_m = distance_m;
+  }
+  return nearest;
+}
+
 ObjectMap::Element ObjectMap::new_element(const Measurement& measurement, const Pose2& T_world_level,
                                           const Eigen::Matrix3d& U) {
   Element element;
   element.id = next_id_++;
+  element.estimate = new_estimate(measurement, T_world_level, U);
+  element.first_seen_ns = stamp_ns();
+  return element;
+}
+
+MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pose2& T_world_level,
+                                       const Eigen::Matrix3d& U) const {
   ObjectEstimate mapped = map_measurement(measurement, T_world_level, U);
   if (params_.shape == "circle") make_circle(mapped);
   bound_radii(mapped.x, kMinRadius_m);
-  element.estimate = start(mapped, motion_);
-  element.first_seen_ns = stamp_ns();
-  return element;
+  return start(mapped, motion_);
 }
 
 void ObjectMap::observe(Element& element, const Detection& detection, const Measurement& measurement,
@@ -347,6 +389,32 @@ ObjectMap::Element* ObjectMap::find(std::uint64_t id) {
   const auto place = std::lower_bound(elements_.begin(), elements_.end(), id,
                                       [](const Element& element, std::uint64_t wanted) { return element.id < wanted; });
   return place != elements_.end() && place->id == id ? &*place : nullptr;
+}
+
+/// A shape that others have, too, says little of which one it is.
+void ObjectMap::compare_shapes() {
+  std::vector<std::pair<double, std::size_t>> by_mean_radius;
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    if (elements_[i].confirmed) by_mean_radius.emplace_back(likelier(elements_[i].estimate).x(kShape), i);
+  }
+  std::sort(by_mean_radius.begin(), by_mean_radius.end());
+  const auto half_difference_m = [&](std::size_t i) { return likelier(elements_[i].estimate).x.tail<2>().norm(); };
+  for (std::size_t k = 0; k < by_mean_radius.size(); ++k) {
+    Element& element = elements_[by_mean_radius[k].second];
+    if (element.last_seen_ns == stamp_ns()) continue;
+    element.common_shape = false;
+    const auto alike = [&](std::size_t other) {
+      return std::abs(half_difference_m(by_mean_radius[other].second) - half_difference_m(by_mean_radius[k].second)) <=
+             kAlike_m;
+    };
+    for (std::size_t j = k; j-- > 0 && by_mean_radius[k].first - by_mean_radius[j].first <= kAlike_m;) {
+      element.common_shape |= alike(j);
+    }
+    for (std::size_t j = k + 1;
+         j < by_mean_radius.size() && by_mean_radius[j].first - by_mean_radius[k].first <= kAlike_m; ++j) {
+      element.common_shape |= alike(j);
+    }
+  }
 }
 
 /// What is new may be one that was out of sight: its shape says so, if it could have come here. It then gets its
@@ -454,8 +522,9 @@ void ObjectMap::join_parts() {
     const Eigen::Vector2d way_m = ellipse.center_m - part.met_world_m;
     const bool together =
         body_way_m.norm() >= params_.min_part_travel_m && way_m.dot(body_way_m) >= 0.5 * body_way_m.squaredNorm();
-    const bool new_limb = body.has_parts && part.observations == 1;
-    if (!together && !new_limb) continue;
+    // A body that has limbs may show another; what was standing there before is none.
+    const bool limb = body.has_parts && (part.observations == 1 || part.mobile);
+    if (!together && !limb) continue;
     part.is_part = true;
     body.has_parts = true;
     for (Element& other : elements_) {
@@ -514,9 +583,16 @@ void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   elements_.resize(kept);
 }
 
+/// How uncertain it is where an element is: under both motions, unless one is all but certain.
+double ObjectMap::uncertain_by_m(const Element& element) const {
+  const double p = element.estimate.p_moving;
+  const bool undecided = p > kUndecided && p < 1.0 - kUndecided;
+  return position_sigma_m(undecided ? combine(element.estimate) : likelier(element.estimate));
+}
+
 bool ObjectMap::shown(const Element& element) const {
   return element.confirmed && element.log_odds > 0.0 && !element.is_part &&
-         position_sigma_m(likelier(element.estimate)) <= params_.max_position_sigma_m;
+         uncertain_by_m(element) <= params_.max_position_sigma_m;
 }
 
 Objects ObjectMap::at(std::int64_t stamp_ns) const {

@@ -36,6 +36,8 @@ EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame
     element.twist.linear.y = object.velocity_world_m_s.y();
     element.twist.angular.z = object.angular_velocity_rad_s;
     Eigen::Map<RowMajor8d>(element.covariance.data()) = object.covariance;
+    element.p_moving = object.p_moving;
+    element.p_exists = object.p_exists;
     element.first_seen = to_ros_time(object.first_seen_ns);
     element.last_seen = to_ros_time(object.last_seen_ns);
     element.observations = static_cast<std::uint32_t>(object.observations);
@@ -60,6 +62,8 @@ Objects objects_from_msg(const EllipseMap& msg) {
     object.velocity_world_m_s = {element.twist.linear.x, element.twist.linear.y};
     object.angular_velocity_rad_s = element.twist.angular.z;
     object.covariance = Eigen::Map<const RowMajor8d>(element.covariance.data());
+    object.p_moving = element.p_moving;
+    object.p_exists = element.p_exists;
     object.first_seen_ns = to_nanoseconds(element.first_seen);
     object.last_seen_ns = to_nanoseconds(element.last_seen);
     object.observations = static_cast<int>(element.observations);

@@ -148,8 +148,9 @@ class SegmentationNodelet : public StageNodelet {
 
     const Scan limited = limit_range(scan, T_world_lidar, params_.pipeline.scan);
     const Points points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
-    const Segments segments = divide(segment(points, params_.pipeline.segments),
-                                     ellipses_in(points.T_world_level, known_), params_.pipeline.segments);
+    const Segments segments =
+        divide(segment(points, params_.pipeline.segments), outlines_at(points.stamp_ns, points.T_world_level, known_),
+               params_.pipeline.segments);
 
     array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
     if (segments_publisher_.getNumSubscribers() > 0) {

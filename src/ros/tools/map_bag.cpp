@@ -327,6 +327,8 @@ class BagMapper {
       return durations_ms_[static_cast<std::size_t>(part * static_cast<double>(durations_ms_.size() - 1) + 0.5)];
     };
     std::printf("per scan: p50 %.3f ms, p99 %.3f ms, max %.3f ms\n", quantile(0.5), quantile(0.99), quantile(1.0));
+    std::printf("%zu detections, log-likelihood %.3f each given the map before\n", detections_,
+                log_likelihood_ / static_cast<double>(std::max<std::size_t>(detections_, 1)));
     std::printf("%.1f s of scans in %.1f s: %.0f times real time\n", bag_s, wall_s, bag_s / std::max(wall_s, 1e-9));
   }
 
@@ -364,12 +366,14 @@ class BagMapper {
       return;
     }
     const auto before = std::chrono::steady_clock::now();
-    const Detections detections = pipeline_.process(scan, T_world_lidar, T_world_lidar_end).detections;
+    const ObjectPipelineResult result = pipeline_.process(scan, T_world_lidar, T_world_lidar_end);
     const Objects objects = pipeline_.map().at(scan.stamp_ns);
     const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - before;
     durations_ms_.push_back(duration.count());
     if (map_output_ != nullptr) map_output_->write(json_line(objects));
-    if (detections_output_ != nullptr) detections_output_->write(json_line(detections));
+    if (detections_output_ != nullptr) detections_output_->write(json_line(result.detections));
+    log_likelihood_ += result.update.log_likelihood;
+    detections_ += result.update.updated.size() + result.update.created.size();
   }
 
   std::string world_frame_;
@@ -383,6 +387,8 @@ class BagMapper {
   std::size_t scans_ = 0;
   Counters dropped_;
   std::vector<double> durations_ms_;
+  double log_likelihood_ = 0.0;
+  std::size_t detections_ = 0;
 };
 
 template <class Message>

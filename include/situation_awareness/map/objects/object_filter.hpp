@@ -72,6 +72,7 @@ void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
 struct Measurement {
   Vector5d z = Vector5d::Zero();  ///< smooth_parameters in the level frame
   Matrix5d R = Matrix5d::Identity();
+  bool hidden_end = false;     ///< an end of its segment is hidden: it may be a piece of anything
   double time_offset_s = 0.0;  ///< when it was seen, after the stamp of the scan
 };
 

@@ -44,7 +44,7 @@ struct ObjectMapParams {
   double max_part_radius_m = 0.15;
   double max_part_gap_m = 0.3;
   double min_part_travel_m = 0.4;
-  double max_position_sigma_m = 0.27;
+  double max_position_sigma_m = 0.24;
   double lost_position_sigma_m = 10.0;
   double max_unseen_s = 60.0;
   double reset_time_jump_s = 1.0;
@@ -119,7 +119,7 @@ struct ObjectMapUpdate {
   std::vector<std::uint64_t> created;  ///< ids
   std::vector<std::uint64_t> deleted;  ///< ids
   Counters reasons;                    ///< why elements were deleted or the whole update was dropped
-  double log_likelihood = 0.0;         ///< of the detections of `updated`, given the map before: what tunes the filter
+  double log_likelihood = 0.0;         ///< of the detections of `updated` and `created`: what tunes the filter
 };
 
 /// The semantic map of ellipses: for each element an EKF under two motions (ellipse paper, Sect. V; circle paper,
@@ -157,6 +157,7 @@ class ObjectMap {
     int beams = 0;
     double stood_s = 0.0;                                       ///< for how long it was seen to stand
     bool moves = false;                                         ///< it is surely on its way
+    bool common_shape = false;                                  ///< others look the same
     bool mobile = false;                                        ///< it has travelled
     Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it was when `moves` began
     std::uint64_t body = 0;  ///< id of the element that it is part of, or may be; 0: of none
@@ -181,16 +182,21 @@ class ObjectMap {
   std::vector<Association> associate(const std::vector<Measurement>& measurements, const Pose2& T_world_level,
                                      const Eigen::Matrix3d& U) const;
   bool may_be(const Element& element, const MotionMatch& match) const;
+  Element* in_the_place_of(const Measurement& measurement, const Pose2& T_world_level);
+  MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
+                              const Eigen::Matrix3d& U) const;
   Element new_element(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
   void observe(Element& element, const Detection& detection, const Measurement& measurement,
                const Pose2& T_world_level) const;
   EllipsesByX seen_now() const;
   MotionParams motion_of(const Element& element) const;
   void doubt_unseen(const Detections& detections);
+  void compare_shapes();
   void recognise_lost();
   void join_parts();
   void delete_outdated(ObjectMapUpdate& report);
   Element* find(std::uint64_t id);
+  double uncertain_by_m(const Element& element) const;
   bool shown(const Element& element) const;
 
   ObjectMapParams params_;

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
 
 namespace situation_awareness {
 
@@ -44,13 +45,9 @@ struct Objects {
   std::vector<Object> objects;
 };
 
-/// The outlines of the map's elements in the level frame.
-inline std::vector<Ellipse> ellipses_in(const Pose2& T_world_level, const Objects& map) {
-  const Pose2 T_level_world = inverse(T_world_level);
-  std::vector<Ellipse> ellipses_level;
-  ellipses_level.reserve(map.objects.size());
-  for (const Object& object : map.objects) ellipses_level.push_back(T_level_world * object.ellipse_world);
-  return ellipses_level;
-}
+/// The outlines of the map's elements in the level frame at a later time, by their velocities; none where the map is
+/// older than `max_age_s` or of a later time: it then says nothing of that moment.
+std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
+                                 double max_age_s = 0.5);
 
 }  // namespace situation_awareness

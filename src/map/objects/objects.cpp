@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/objects.hpp"
+
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+
+std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
+                                 double max_age_s) {
+  if (map.objects.empty()) return {};
+  const double age_s = seconds_between(map.stamp_ns, stamp_ns);
+  if (age_s < 0.0 || age_s > max_age_s) return {};
+  const Pose2 T_level_world = inverse(T_world_level);
+  std::vector<Ellipse> outlines_level;
+  outlines_level.reserve(map.objects.size());
+  for (const Object& object : map.objects) {
+    Ellipse ellipse_world = object.ellipse_world;
+    ellipse_world.center_m += age_s * object.velocity_world_m_s;
+    ellipse_world.psi_rad += age_s * object.angular_velocity_rad_s;
+    outlines_level.push_back(T_level_world * ellipse_world);
+  }
+  return outlines_level;
+}
+
+}  // namespace situation_awareness
