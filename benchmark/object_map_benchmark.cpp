@@ -45,7 +45,6 @@ class Field {
   Detections scan(int seen, FreeSpace free_space) {
     Detections detections;
     detections.stamp_ns = scans_++ * (kNanosecondsPerSecond / 40);
-    detections.prior = {0.15, 0.1, 0.08};
     detections.free_space = std::move(free_space);
     const int columns = static_cast<int>(std::ceil(std::sqrt(elements_)));
     for (int k = 0; k < seen; ++k) {

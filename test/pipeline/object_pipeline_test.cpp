@@ -47,7 +47,7 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
   EXPECT_EQ(model_path(params.detections), "/opt/m.onnx");
   EXPECT_EQ(params.detections.min_p_ellipse, 0.7);
   EXPECT_EQ(params.detections.fit.range_sigma_m, 0.02);
-  EXPECT_EQ(params.objects.min_observations, ObjectMapParams{}.min_observations);
+  EXPECT_EQ(params.objects.confirmation_probability, ObjectMapParams{}.confirmation_probability);
   EXPECT_EQ(parse_object_pipeline_params("", "my.yaml", "").segments.min_points, SegmentationParams{}.min_points);
 }
 

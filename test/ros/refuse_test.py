@@ -84,7 +84,7 @@ class RefuseTest(unittest.TestCase):
         self.assert_refused("mapping", {**LEAST_SQUARES, "objects": {"gate_probability": 7}}, "gate_probability", "0.5")
 
     def test_wrong_type(self):
-        self.assert_refused("mapping", {**LEAST_SQUARES, "objects": {"min_observations": "many"}}, "min_observations")
+        self.assert_refused("mapping", {**LEAST_SQUARES, "objects": {"max_unseen_s": "many"}}, "max_unseen_s")
         self.assert_refused("mapping", {"objects": 3}, "objects")
         self.assert_refused("segmentation", {"world_frame": 3}, "world_frame")
 

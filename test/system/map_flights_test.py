@@ -78,7 +78,7 @@ class MapFlights(unittest.TestCase):
             self.assertGreater(disturbed["gospa_m"], exact["gospa_m"], option)
 
     def test_set_overrides_the_configuration(self):
-        (line,) = fly("--set", self.written("objects: {min_observations: 1000}"))
+        (line,) = fly("--set", self.written("objects: {max_position_sigma_m: 0.001}"))
         self.assertEqual(line["recall"], 0.0)
         self.assertEqual(fly("--set", self.written("")), fly())
         refused = run("--set", self.written("objects: {nonsense: 1}"))

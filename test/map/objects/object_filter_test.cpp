@@ -194,101 +194,31 @@ TEST(ObjectFilter, TheDescriptionOfTheMeasuredCurveDoesNotMatter) {
     Detection detection;
     detection.ellipse_level = ellipse_world(random_state(random));
     detection.covariance = random_covariance<Matrix5d>(random, 0.02);
-    const ShapePrior prior{0.2, 0.1, 0.08};
-    const Measurement expected = without_prior(detection, prior);
+    const Measurement expected = measurement_of(detection);
     detection.ellipse_level.psi_rad += kPi;
-    const Measurement turned = without_prior(detection, prior);
+    const Measurement turned = measurement_of(detection);
     detection.ellipse_level.psi_rad += kPi / 2.0;
     std::swap(detection.ellipse_level.rx_m, detection.ellipse_level.ry_m);
-    const Measurement swapped = without_prior(detection, prior);
+    const Measurement swapped = measurement_of(detection);
     EXPECT_LT((turned.z - expected.z).norm(), 1e-9);
     EXPECT_LT((swapped.z - expected.z).norm(), 1e-9);
     EXPECT_LT((swapped.R - expected.R).norm(), 1e-9);
   }
 }
 
-Detection random_detection(Random& random, double sigma) {
-  Detection detection;
-  detection.ellipse_level = {{random.uniform(1.0, 5.0), random.uniform(-2.0, 2.0)}, 0.4, 0.3, 0.15};
-  detection.covariance = random_covariance<Matrix5d>(random, sigma);
-  detection.time_offset_s = 0.01;
-  return detection;
-}
-
-TEST(WithoutPrior, TimesThePriorIsTheDetectionAgain) {
+// What R says of z, and nothing of the velocities: the state's covariance seen from the level frame again.
+TEST(ObjectFilter, StateCovarianceIsThatOfWhatWasMeasured) {
   Random random(9);
-  const ShapePrior prior{0.2, 0.15, 0.1};
-  for (int i = 0; i < 100; ++i) {
-    const Detection detection = random_detection(random, 0.015);
-    const Measurement likelihood = without_prior(detection, prior);
-    EXPECT_EQ(likelihood.time_offset_s, detection.time_offset_s);
-    EXPECT_GT(least_eigenvalue(likelihood.R), 0.0);
-
-    Vector5d prior_information;
-    prior_information << 0.0, 0.0, std::pow(prior.mean_radius_sigma_m, -2),
-        std::pow(prior.radius_difference_sigma_m, -2), std::pow(prior.radius_difference_sigma_m, -2);
-    Vector5d prior_mean = Vector5d::Zero();
-    prior_mean(2) = prior.mean_radius_m;
-    const Matrix5d likelihood_information = likelihood.R.inverse();
-    const Matrix5d information = likelihood_information + Matrix5d(prior_information.asDiagonal());
-    EXPECT_LT((information.inverse() - detection.covariance).norm(), 1e-7 * detection.covariance.norm());
-    const Vector5d mean =
-        information.inverse() * (likelihood_information * likelihood.z + prior_information.cwiseProduct(prior_mean));
-    EXPECT_LT((mean - smooth_parameters(detection.ellipse_level)).norm(), 1e-7);
+  for (int i = 0; i < 50; ++i) {
+    const Pose2 T = random_pose(random);
+    const auto R = random_covariance<Matrix5d>(random, 0.02);
+    const Matrix8d P = state_covariance(R, T);
+    const auto H =
+        numerical_jacobian<5, 8>([&](const Vector8d& x) { return measure(x, T, 0.0); }, random_state(random));
+    EXPECT_LT((H * P * H.transpose() - R).cwiseAbs().maxCoeff(), 1e-9);
+    EXPECT_EQ(P.middleRows<3>(kVelocity).norm(), 0.0);
+    EXPECT_EQ(P.middleCols<3>(kVelocity).norm(), 0.0);
   }
-}
-
-TEST(WithoutPrior, OfADetectionThatIsNothingButThePriorIsFiniteAndWeak) {
-  const ShapePrior prior{0.2, 0.15, 0.1};
-  Detection detection;
-  detection.ellipse_level = {{3.0, 0.0}, 0.0, 0.2, 0.2};
-  detection.covariance = 1e-4 * Matrix5d::Identity();
-  detection.covariance.diagonal().tail<3>() << 0.15 * 0.15, 0.01, 0.01;
-  const Measurement measurement = without_prior(detection, prior);
-  ASSERT_TRUE(measurement.R.allFinite());
-  EXPECT_GT(least_eigenvalue(measurement.R), 0.0);
-  EXPECT_LT((measurement.z - smooth_parameters(detection.ellipse_level)).norm(), 1e-9);
-  EXPECT_LT((measurement.R.topLeftCorner<2, 2>() - 1e-4 * Eigen::Matrix2d::Identity()).norm(), 1e-12);
-  for (int k = 2; k < 5; ++k) EXPECT_GT(measurement.R(k, k), 3.0 * detection.covariance(k, k));
-
-  // A little worse than the prior by rounding, or by a detector's own floor: still finite, still positive definite.
-  detection.covariance *= 1.05;
-  EXPECT_GT(least_eigenvalue(without_prior(detection, prior).R), 0.0);
-}
-
-// The point of it: a thing seen many times converges to what it is, not to what the detector expects.
-TEST(WithoutPrior, ManyDetectionsOfOneThingDoNotCountThePriorAgain) {
-  Random random(10);
-  const ShapePrior prior{0.2, 0.1, 0.08};
-  const Vector5d truth = smooth_parameters({{3.0, 0.0}, 0.5, 0.55, 0.35});
-  const Matrix5d R = (Vector5d() << 0.02, 0.02, 0.06, 0.05, 0.05).finished().cwiseAbs2().asDiagonal();
-  Matrix5d prior_information = Matrix5d::Zero();
-  prior_information.diagonal() << 0.0, 0.0, 1.0 / 0.01, 1.0 / 0.0064, 1.0 / 0.0064;
-  Vector5d prior_mean = Vector5d::Zero();
-  prior_mean(2) = 0.2;
-  Matrix5d information = Matrix5d::Zero();
-  Vector5d vector = Vector5d::Zero();
-  for (int i = 0; i < 400; ++i) {
-    const Vector5d seen = truth + draw(R, random);
-    const Matrix5d posterior_information = R.inverse() + prior_information;
-    Detection detection;
-    detection.covariance = posterior_information.inverse();
-    detection.ellipse_level =
-        ellipse_from_smooth_parameters(detection.covariance * (R.inverse() * seen + prior_information * prior_mean));
-    const Measurement measurement = without_prior(detection, prior);
-    EXPECT_LT((measurement.z - seen).norm(), 1e-6);
-    information += measurement.R.inverse();
-    vector += measurement.R.inverse() * measurement.z;
-  }
-  EXPECT_LT((information.ldlt().solve(vector) - truth).norm(), 0.015);
-}
-
-TEST(WithoutPrior, ChangesNothingIfThereWasNone) {
-  Random random(11);
-  const Detection detection = random_detection(random, 0.02);
-  const Measurement measurement = without_prior(detection, ShapePrior{});
-  EXPECT_EQ(measurement.z, smooth_parameters(detection.ellipse_level));
-  EXPECT_EQ(measurement.R, detection.covariance);
 }
 
 TEST(ObjectFilter, UpdateEqualsTheInformationForm) {
@@ -420,7 +350,7 @@ TEST(ObjectFilter, AnEllipseAcrossItsOwnSeamIsTrackedWithoutJumps) {
       Detection detection;
       detection.ellipse_level = canonical(ellipse_from_smooth_parameters(smooth_parameters(truth) + draw(R, random)));
       detection.covariance = R;
-      const Measurement measurement = without_prior(detection, ShapePrior{});
+      const Measurement measurement = measurement_of(detection);
       if (i == 0) {
         estimate = map_measurement(measurement, {}, Eigen::Matrix3d::Zero());
         estimate.P.diagonal().segment<3>(kVelocity).setConstant(0.01);
@@ -481,7 +411,7 @@ TEST(FillObject, CovarianceGoesThroughTheJacobian) {
               ellipse.ry_m;
           return y;
         },
-        estimate.x);
+        state_of(object.ellipse_world, object.velocity_world_m_s, object.angular_velocity_rad_s));
     EXPECT_LT((object.covariance - J * estimate.P * J.transpose()).cwiseAbs().maxCoeff(), 1e-8);
     EXPECT_EQ(object.covariance, object.covariance.transpose());
     EXPECT_GE(object.ellipse_world.rx_m, object.ellipse_world.ry_m);

@@ -41,6 +41,7 @@ ObjectMapParams params() {
   result.standing_drift_m = 0.002;
   result.radius_drift_m = 0.002;
   result.start_rate_1_s = 0.005;
+  result.restart_rate_1_s = 0.5;
   result.stop_rate_1_s = 0.1;
   result.start_velocity_sigma_m_s = 1.0;
   result.start_angular_velocity_sigma_rad_s = 0.3;
@@ -49,6 +50,7 @@ ObjectMapParams params() {
   result.robot_stamp_sigma_s = 0.002;
   result.measurement_sigma_m = 0.01;
   result.hidden_end_factor = 3.0;
+  result.repeated_part = 0.4;
   result.gate_probability = 0.999;
   result.birth_probability = 0.2;
   result.confirmation_probability = 0.75;
@@ -58,7 +60,7 @@ ObjectMapParams params() {
   result.max_part_radius_m = 0.15;
   result.max_part_gap_m = 0.3;
   result.min_part_travel_m = 0.4;
-  result.max_position_sigma_m = 0.5;
+  result.max_position_sigma_m = 0.27;
   result.lost_position_sigma_m = 10.0;
   result.max_unseen_s = 60.0;
   result.reset_time_jump_s = 1.0;
@@ -231,35 +233,6 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
   const Matrix5d expected = J * R * J.transpose();
   EXPECT_LT((covariance_of(false) - expected).norm(), 1e-9);
   EXPECT_LT((covariance_of(true) - 9.0 * expected).norm(), 1e-9);
-}
-
-// The detector's prior must not count with every scan.
-TEST(ObjectMap, AnUnusualShapeIsNotPulledToWhatTheDetectorExpects) {
-  ObjectMap map{params()};
-  const Ellipse truth{{3.0, 0.0}, 0.0, 0.6, 0.4};
-  const ShapePrior prior{0.2, 0.1, 0.1};
-  // What a detector with this prior makes of hits that alone would give the truth with variance R.
-  const Vector5d smooth = smooth_parameters(truth);
-  const Eigen::Vector3d R(9e-4, 9e-4, 9e-4);
-  for (int i = 0; i < 100; ++i) {
-    Detections detections = detections_at(i * kScanPeriod_s, {truth});
-    detections.prior = prior;
-    Vector5d posterior = smooth;
-    for (int k = 0; k < 3; ++k) {
-      const double mean = k == 0 ? prior.mean_radius_m : 0.0;
-      const double variance =
-          k == 0 ? std::pow(prior.mean_radius_sigma_m, 2) : std::pow(prior.radius_difference_sigma_m, 2);
-      const double gain = variance / (variance + R(k));
-      posterior(2 + k) = mean + gain * (smooth(2 + k) - mean);
-      detections.detections[0].covariance(2 + k, 2 + k) = gain * R(k);
-    }
-    detections.detections[0].ellipse_level = ellipse_from_smooth_parameters(posterior);
-    map.update(detections);
-  }
-  const Objects objects = objects_now(map);
-  ASSERT_EQ(objects.objects.size(), 1U);
-  // One such detection is 25 mm too small.
-  EXPECT_LT(symmetric_characteristic_distance(objects.objects[0].ellipse_world, truth), 0.015);
 }
 
 TEST(ObjectMap, FollowsAMovingObjectAndPredictsItOnDemand) {
