@@ -170,7 +170,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
   }
   doubt_unseen(detections);
 
-  const EllipsesByX seen = seen_now();
+  const EllipsesByX seen = seen_within(kRecently_s);
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     if (used[j]) continue;
     if (Element* const element = in_the_place_of(measurements[j], detections.T_world_level)) {
@@ -181,7 +181,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
       ++report.reasons["element corrected"];
       continue;
     }
-    // On an element that has just been seen it is a second piece of the same body.
+    // On an element that has just been seen it is a second piece of the same body, or the whole of it badly seen.
     if (seen.cover(detections.T_world_level * Eigen::Vector2d(measurements[j].z.head<2>()))) {
       ++report.reasons["detection on an element already seen"];
       continue;
@@ -233,9 +233,12 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
     int measurement;
   };
   std::vector<Place> by_x;
+  std::vector<bool> on_seen;  // on an element that has just been seen: that one's, not one's that was out of sight
+  const EllipsesByX seen = seen_within(kRecently_s);
   double widest_variance = 0.0;
   for (const Measurement& measurement : measurements) {
     by_x.push_back({T_world_level * Eigen::Vector2d(measurement.z.head<2>()), static_cast<int>(by_x.size())});
+    on_seen.push_back(seen.cover(by_x.back().center_world_m));
     widest_variance = std::max(widest_variance, measurement.R.topLeftCorner<2, 2>().trace());
   }
   std::sort(by_x.begin(), by_x.end(), [](const Place& a, const Place& b) {
@@ -246,6 +249,7 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
   std::vector<MotionMatch> matches;  // of the candidates
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const MotionEstimate& estimate = elements_[i].estimate;
+    const bool was_lost = seconds_between(elements_[i].last_seen_ns, stamp_ns()) > kRecently_s;
     const Eigen::Vector2d center_m = position(estimate.moving);
     const double lever_m = (center_m - T_world_level.translation_m).norm();
     const double variance = estimate.moving.P.block<2, 2>(kPosition, kPosition).trace() +
@@ -256,7 +260,9 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
                                  [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
       if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
-      const Measurement& measurement = measurements[static_cast<std::size_t>(near->measurement)];
+      const auto j = static_cast<std::size_t>(near->measurement);
+      if (was_lost && on_seen[j]) continue;
+      const Measurement& measurement = measurements[j];
       if (lost && measurement.hidden_end) continue;  // nothing sure is said by a piece about what may be anywhere
       const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
       if (!may_be(elements_[i], candidate)) continue;
@@ -353,10 +359,11 @@ void ObjectMap::observe(Element& element, const Detection& detection, const Meas
   element.confirmed |= element.just_confirmed;
 }
 
-EllipsesByX ObjectMap::seen_now() const {
+EllipsesByX ObjectMap::seen_within(double past_s) const {
   std::vector<Ellipse> ellipses;
   for (const Element& element : elements_) {
-    if (element.last_seen_ns == stamp_ns()) ellipses.push_back(ellipse_world(combine(element.estimate).x));
+    if (seconds_between(element.last_seen_ns, stamp_ns()) > past_s) continue;
+    ellipses.push_back(ellipse_world(combine(element.estimate).x));
   }
   return EllipsesByX(std::move(ellipses));
 }
@@ -364,7 +371,7 @@ EllipsesByX ObjectMap::seen_now() const {
 /// Doubt the elements that were not detected, but only where beams say that they are not there: what is hidden keeps
 /// its existence. The less certain the place, the less does seeing through it say.
 void ObjectMap::doubt_unseen(const Detections& detections) {
-  const EllipsesByX seen = seen_now();
+  const EllipsesByX seen = seen_within(0.0);
   const Pose2 T_level_world = inverse(detections.T_world_level);
   for (Element& element : elements_) {
     if (element.last_seen_ns == stamp_ns()) continue;

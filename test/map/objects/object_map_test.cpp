@@ -301,6 +301,39 @@ TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
   EXPECT_EQ(update.reasons, (Counters{{"detection on an element already seen", 1}}));
 }
 
+TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
+  const Ellipse body{{3.0, 0.0}, 0.3, 0.4, 0.35};
+  const Ellipse badly_seen{{3.2, 0.15}, 0.0, 0.3, 0.2};  // far outside the gate, and on the body
+  for (const double unseen_s : {0.0, 0.4, 0.6}) {
+    ObjectMap map{params()};
+    int i = 0;
+    for (; i < 40; ++i) map.update(detections_at(i * kScanPeriod_s, {body}));
+    for (; i < 39 + unseen_s / kScanPeriod_s; ++i) map.update(detections_at(i * kScanPeriod_s, {}));
+    const ObjectMapUpdate update = map.update(detections_at(i * kScanPeriod_s, {badly_seen}));
+    EXPECT_TRUE(update.updated.empty()) << unseen_s;
+    EXPECT_EQ(update.created.size(), unseen_s > 0.5 ? 1U : 0U) << unseen_s;
+  }
+}
+
+// A pole before a pillar divides it, while someone has gone behind both.
+TEST(ObjectMap, WhatIsOutOfSightDoesNotTakeAPieceOfWhatIsSeen) {
+  ObjectMap map{params()};
+  Random random(6);
+  const Ellipse pillar{{4.0, 0.0}, 0.0, 0.5, 0.45};
+  const auto walker = [](double t) { return Ellipse{{4.6, -2.0 + t}, 0.0, 0.2, 0.18}; };
+  for (int i = 0; i < 80; ++i) {
+    const double time_s = i * kScanPeriod_s;
+    std::vector<Ellipse> seen{pillar};
+    if (time_s < 1.4) seen.push_back(walker(time_s));
+    if (time_s > 2.0) seen.push_back({{4.15, 0.2}, 0.0, 0.2, 0.18});
+    const ObjectMapUpdate update = map.update(detections_at(time_s, seen, {}, &random));
+    if (time_s > 2.0) {
+      EXPECT_EQ(update.updated, (std::vector<std::uint64_t>{1})) << time_s;
+      EXPECT_TRUE(update.created.empty()) << time_s;
+    }
+  }
+}
+
 /// Scans of one standing thing, then of what `later` gives, until `until_s`. Returns for how long it stayed on the map
 /// after that, and why it was deleted.
 struct Stay {

@@ -188,7 +188,7 @@ class ObjectMap {
   Element new_element(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
   void observe(Element& element, const Detection& detection, const Measurement& measurement,
                const Pose2& T_world_level) const;
-  EllipsesByX seen_now() const;
+  EllipsesByX seen_within(double past_s) const;
   MotionParams motion_of(const Element& element) const;
   void doubt_unseen(const Detections& detections);
   void compare_shapes();
