@@ -557,19 +557,23 @@ void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
     drop.push_back(*reason != '\0');
     if (drop.back()) ++report.reasons[reason];
   }
-  // The identity of a body goes on in its largest part.
+  // The identity of a body goes on in its largest part: at the latest when the body is off the map, which would take
+  // the parts that are seen along.
   for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (!drop[i] || !elements_[i].has_parts || elements_[i].is_part) continue;
+    const bool off_the_map = elements_[i].confirmed && elements_[i].log_odds <= 0.0;
+    if (!(drop[i] || off_the_map) || !elements_[i].has_parts || elements_[i].is_part) continue;
     std::size_t heir = elements_.size();
     double heir_m = 0.0;
     for (std::size_t j = 0; j < elements_.size(); ++j) {
       if (drop[j] || !elements_[j].is_part || elements_[j].body != elements_[i].id) continue;
+      if (!drop[i] && elements_[j].last_seen_ns != stamp_ns()) continue;
       const double mean_radius_m = likelier(elements_[j].estimate).x(kShape);
       if (mean_radius_m <= heir_m) continue;
       heir = j;
       heir_m = mean_radius_m;
     }
     if (heir == elements_.size()) continue;
+    if (!drop[i]) ++report.reasons["seen through"];
     std::swap(elements_[i].id, elements_[heir].id);
     std::swap(elements_[i].first_seen_ns, elements_[heir].first_seen_ns);
     elements_[heir].is_part = false;
