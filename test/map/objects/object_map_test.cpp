@@ -212,27 +212,59 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
   ObjectMapParams p = params();
   p.robot_position_sigma_m = p.robot_yaw_sigma_rad = p.measurement_sigma_m = 0.0;
   p.birth_probability = 0.9;
-  const Ellipse ellipse{{3.0, 0.0}, 0.4, 0.3, 0.1};
   const Matrix5d R = 2.5e-5 * Matrix5d::Identity();
-  const auto covariance_of = [&](bool hidden_end) {
+  const auto published = [&](bool hidden_end, double repeated_part) {
+    p.repeated_part = repeated_part;
     ObjectMap map(p);
-    Detections detections = detections_at(0.0, {ellipse});
+    Detections detections = detections_at(0.0, {{{3.0, 0.0}, 0.4, 0.3, 0.1}});
     detections.detections[0].hidden_end = hidden_end;
     detections.detections[0].covariance = R;
     map.update(detections);
-    const Matrix8d P = map.at(0).objects.at(0).covariance;
-    Matrix5d covariance = Matrix5d::Zero();  // of position, orientation and radii
-    const int places[] = {kPosition, kPosition + 1, kOrientation, kRadii, kRadii + 1};
-    for (int r = 0; r < 5; ++r) {
-      for (int c = 0; c < 5; ++c) covariance(r, c) = P(places[r], places[c]);
-    }
-    return covariance;
+    return map.at(0).objects.at(0);
   };
-  Matrix5d J = Matrix5d::Identity();
-  J.bottomRightCorner<3, 3>() << psi_jacobian(ellipse), radii_jacobian(ellipse);
-  const Matrix5d expected = J * R * J.transpose();
-  EXPECT_LT((covariance_of(false) - expected).norm(), 1e-9);
-  EXPECT_LT((covariance_of(true) - 9.0 * expected).norm(), 1e-9);
+  for (const bool hidden_end : {false, true}) {
+    for (const double repeated_part : {0.0, 0.4}) {
+      const Object object = published(hidden_end, repeated_part);
+      Matrix5d covariance = Matrix5d::Zero();  // of position, orientation and radii
+      const int places[] = {kPosition, kPosition + 1, kOrientation, kRadii, kRadii + 1};
+      for (int r = 0; r < 5; ++r) {
+        for (int c = 0; c < 5; ++c) covariance(r, c) = object.covariance(places[r], places[c]);
+      }
+      Matrix5d J = Matrix5d::Identity();
+      J.bottomRightCorner<3, 3>() << psi_jacobian(object.ellipse_world), radii_jacobian(object.ellipse_world);
+      // What repeats comes on top of what is known of the mean.
+      const double factor = (hidden_end ? 9.0 : 1.0) * (1.0 + repeated_part);
+      EXPECT_LT((covariance - factor * J * R * J.transpose()).norm(), 1e-9) << hidden_end << ' ' << repeated_part;
+    }
+  }
+}
+
+// However long it looks from one side, errors that repeat stay; from a better side they are smaller at once.
+TEST(ObjectMap, NoNumberOfScansMakesAnElementMoreCertainThanWhatRepeats) {
+  ObjectMapParams p = params();
+  p.measurement_sigma_m = p.standing_drift_m = p.radius_drift_m = 0.0;
+  const Ellipse standing{{3.0, 0.0}, 0.4, 0.4, 0.2};
+  const auto variances_after = [&](double repeated_part, int scans, int better_scans) {
+    p.repeated_part = repeated_part;
+    ObjectMap map(p);
+    for (int i = 0; i < scans + better_scans; ++i) {
+      Detections detections = detections_at(i * kScanPeriod_s, {standing});
+      if (i >= scans) detections.detections[0].covariance *= 0.25;
+      map.update(detections);
+    }
+    return Vector8d(objects_now(map).objects.at(0).covariance.diagonal());
+  };
+  const double seen_variance = kSeen_m * kSeen_m;
+  for (const int place : {kPosition, kPosition + 1}) {
+    EXPECT_LT(variances_after(0.0, 1000, 0)(place), 0.02 * seen_variance);
+    const double floor = variances_after(0.4, 1000, 0)(place);
+    EXPECT_GT(floor, 0.4 * seen_variance);
+    EXPECT_LT(floor, 0.45 * seen_variance);
+    EXPECT_GT(variances_after(0.4, 3, 0)(place), floor);
+    EXPECT_NEAR(variances_after(0.4, 1000, 1)(place), 0.25 * floor, 0.02 * seen_variance);
+  }
+  // Velocities do not repeat.
+  EXPECT_LT(variances_after(0.4, 1000, 0).segment<2>(kVelocity).maxCoeff(), 1e-4);
 }
 
 TEST(ObjectMap, FollowsAMovingObjectAndPredictsItOnDemand) {
