@@ -36,7 +36,7 @@ constexpr double kDoubtOfHit = 0.1;        // part of detection_probability wher
 constexpr double kSightMargin_m = 0.1;     // beams that end nearer to the outline than this end on it
 constexpr double kMaxUnconfirmed_s = 1.0;  // a guess is not kept longer unseen
 constexpr double kViewForgetting = 0.02;   // per scan
-constexpr double kNoiseGain = 0.01;        // per detection
+constexpr double kNoiseGain = 0.03;        // per detection
 constexpr double kMaxNoise = 10.0;
 constexpr double kAlike_m = 0.01;       // shapes that differ by less are no means of telling objects apart
 constexpr double kCommonReach_m = 1.2;  // how uncertain the place of such an object may be if it is to be known again
@@ -44,7 +44,7 @@ constexpr double kUndecided = 0.1;
 constexpr double kLost = 3.0;  // times max_position_sigma_m: a piece of something is not taken for what may be that far
 constexpr double kRecently_s = 0.5;
 constexpr double kSettling_s = 0.7;  // what has stood for longer is less and less likely to be a mover at rest
-constexpr double kStoodLong_s = 2.0;
+constexpr double kStoodLong_s = 1.5;
 constexpr double kSurelyMoves = 0.95;
 constexpr double kTravel_m = 0.25;  // an object that has surely moved this far may do so again
 
@@ -122,7 +122,8 @@ MotionParams ObjectMap::motion_of(const Element& element) const {
   MotionParams motion = motion_;
   if (seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s)
     motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
-  const double unsettled = element.mobile ? 1.0 : std::exp(-element.stood_s / kSettling_s);
+  const bool settled = !element.mobile && element.stood_s > kStoodLong_s;
+  const double unsettled = settled ? 0.0 : element.mobile ? 1.0 : std::exp(-element.stood_s / kSettling_s);
   motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
   return motion;
 }
@@ -136,7 +137,7 @@ Measurement ObjectMap::widened(const Detection& detection) const {
   return measurement;
 }
 
-/// Innovations of standing elements tell how true the detections' covariances are (Mehra, 1970). They are never taken
+/// Innovations tell how true the detections' covariances are (Mehra, 1970). They are never taken
 /// for too large: what is too certain does harm.
 void ObjectMap::learn_noise(double mahalanobis2) {
   noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
@@ -161,7 +162,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
                                 association.match, U);
     bound_radii(element.estimate.standing.x, kMinRadius_m);
     bound_radii(element.estimate.moving.x, kMinRadius_m);
-    if (element.estimate.p_moving < 0.5) learn_noise(association.match.standing.mahalanobis2);
+    learn_noise((element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2);
     observe(element, detections.detections[association.measurement], measurements[association.measurement],
             detections.T_world_level);
     used[association.measurement] = true;

@@ -333,7 +333,7 @@ TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
   EXPECT_EQ(update.reasons, (Counters{{"detection on an element already seen", 1}}));
 }
 
-TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
+TEST(ObjectMap, AWholeDetectionOnAnElementSeenHalfASecondAgoCorrectsIt) {
   const Ellipse body{{3.0, 0.0}, 0.3, 0.4, 0.35};
   const Ellipse badly_seen{{3.2, 0.15}, 0.0, 0.3, 0.2};  // far outside the gate, and on the body
   for (const double unseen_s : {0.0, 0.4, 0.6}) {
@@ -342,9 +342,25 @@ TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
     for (; i < 40; ++i) map.update(detections_at(i * kScanPeriod_s, {body}));
     for (; i < 39 + unseen_s / kScanPeriod_s; ++i) map.update(detections_at(i * kScanPeriod_s, {}));
     const ObjectMapUpdate update = map.update(detections_at(i * kScanPeriod_s, {badly_seen}));
-    EXPECT_TRUE(update.updated.empty()) << unseen_s;
+    EXPECT_EQ(update.updated.size(), unseen_s > 0.5 ? 0U : 1U) << unseen_s;
     EXPECT_EQ(update.created.size(), unseen_s > 0.5 ? 1U : 0U) << unseen_s;
+    if (unseen_s > 0.5) continue;
+    const Objects objects = objects_now(map);
+    ASSERT_EQ(objects.objects.size(), 1U);
+    EXPECT_EQ(objects.objects[0].id, 1U);
+    EXPECT_LT((objects.objects[0].ellipse_world.center_m - badly_seen.center_m).norm(), 1e-9);
   }
+}
+
+TEST(ObjectMap, APieceOnAnElementSeenHalfASecondAgoChangesNothing) {
+  const Ellipse body{{3.0, 0.0}, 0.3, 0.4, 0.35};
+  ObjectMap map{params()};
+  for (int i = 0; i < 40; ++i) map.update(detections_at(i * kScanPeriod_s, {body}));
+  Detections piece = detections_at(40 * kScanPeriod_s, {{{3.2, 0.15}, 0.0, 0.05, 0.04}});
+  piece.detections[0].hidden_end = true;
+  const ObjectMapUpdate update = map.update(piece);
+  EXPECT_TRUE(update.updated.empty());
+  EXPECT_TRUE(update.created.empty());
 }
 
 // A pole before a pillar divides it, while someone has gone behind both.
