@@ -170,13 +170,13 @@ Ellipse ellipse_world(const Vector8d& x) {
   return ellipse_from_smooth_parameters(smooth);
 }
 
-void fill_object(const ObjectEstimate& estimate, Object& object) {
+void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object) {
   // (p, q) with an error is longer than without, on average, as sqrt(|(p, q)|^2 + tr P) is.
   const Eigen::Vector2d axis = estimate.x.segment<2>(kAxis);
-  const Eigen::Matrix2d P_axis = estimate.P.block<2, 2>(kAxis, kAxis);
   Vector8d x = estimate.x;
   if (axis.squaredNorm() > 0.0) {
-    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - P_axis.trace() / axis.squaredNorm()));
+    const double mean_error2 = estimate.P.block<2, 2>(kAxis, kAxis).trace();
+    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - mean_error2 / axis.squaredNorm()));
   }
   object.ellipse_world = ellipse_world(x);
   object.velocity_world_m_s = estimate.x.segment<2>(kVelocity);
@@ -188,8 +188,10 @@ void fill_object(const ObjectEstimate& estimate, Object& object) {
   J(object_error::kAngularVelocity, kAngularVelocity) = 1.0;
   J.block<1, 3>(object_error::kOrientation, kShape) = psi_jacobian(object.ellipse_world);
   J.block<2, 3>(object_error::kRadii, kShape) = radii_jacobian(object.ellipse_world);
-  object.covariance = J * estimate.P * J.transpose();
+  const Matrix8d P = estimate.P + P_repeated;
+  object.covariance = J * P * J.transpose();
 
+  const Eigen::Matrix2d P_axis = P.block<2, 2>(kAxis, kAxis);
   constexpr double kChiSquare99 = 9.2103;  // of 2 degrees of freedom
   // det(P) d^2 by Cramer's rule, which a circle's P of zero passes through too.
   const double scaled_distance2 = axis.x() * (P_axis(1, 1) * axis.x() - P_axis(0, 1) * axis.y()) +

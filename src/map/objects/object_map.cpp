@@ -39,6 +39,7 @@ constexpr double kViewForgetting = 0.02;   // per scan
 constexpr double kNoiseGain = 0.03;        // per detection
 constexpr double kMaxNoise = 10.0;
 constexpr double kAlike_m = 0.01;       // shapes that differ by less are no means of telling objects apart
+constexpr int kCommon = 3;              // objects that look like another
 constexpr double kCommonReach_m = 1.2;  // how uncertain the place of such an object may be if it is to be known again
 constexpr double kUndecided = 0.1;
 constexpr double kLost = 3.0;  // times max_position_sigma_m: a piece of something is not taken for what may be that far
@@ -297,7 +298,7 @@ bool ObjectMap::may_be(const Element& element, const MotionMatch& match) const {
   if (match.log_likelihood < kLogNewObjectDensity) return false;
   if (element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m) return false;
   if (match.standing.mahalanobis2 <= gate_) return true;
-  const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && element.stood_s > kStoodLong_s &&
+  const bool stood = !element.mobile && element.estimate.p_moving < 0.5 &&
                      seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s;
   return !stood && match.moving.mahalanobis2 <= gate_;
 }
@@ -399,7 +400,7 @@ ObjectMap::Element* ObjectMap::find(std::uint64_t id) {
   return place != elements_.end() && place->id == id ? &*place : nullptr;
 }
 
-/// A shape that others have, too, says little of which one it is.
+/// A shape that several others have, too, says little of which one it is.
 void ObjectMap::compare_shapes() {
   std::vector<std::pair<double, std::size_t>> by_mean_radius;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
@@ -410,18 +411,21 @@ void ObjectMap::compare_shapes() {
   for (std::size_t k = 0; k < by_mean_radius.size(); ++k) {
     Element& element = elements_[by_mean_radius[k].second];
     if (element.last_seen_ns == stamp_ns()) continue;
-    element.common_shape = false;
+    int others = 0;
     const auto alike = [&](std::size_t other) {
       return std::abs(half_difference_m(by_mean_radius[other].second) - half_difference_m(by_mean_radius[k].second)) <=
              kAlike_m;
     };
-    for (std::size_t j = k; j-- > 0 && by_mean_radius[k].first - by_mean_radius[j].first <= kAlike_m;) {
-      element.common_shape |= alike(j);
+    for (std::size_t j = k;
+         others < kCommon && j-- > 0 && by_mean_radius[k].first - by_mean_radius[j].first <= kAlike_m;) {
+      others += alike(j) ? 1 : 0;
     }
     for (std::size_t j = k + 1;
-         j < by_mean_radius.size() && by_mean_radius[j].first - by_mean_radius[k].first <= kAlike_m; ++j) {
-      element.common_shape |= alike(j);
+         others < kCommon && j < by_mean_radius.size() && by_mean_radius[j].first - by_mean_radius[k].first <= kAlike_m;
+         ++j) {
+      others += alike(j) ? 1 : 0;
     }
+    element.common_shape = others >= kCommon;
   }
 }
 
@@ -599,7 +603,9 @@ void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
 double ObjectMap::uncertain_by_m(const Element& element) const {
   const double p = element.estimate.p_moving;
   const bool undecided = p > kUndecided && p < 1.0 - kUndecided;
-  return position_sigma_m(undecided ? combine(element.estimate) : likelier(element.estimate));
+  ObjectEstimate estimate = undecided ? combine(element.estimate) : likelier(element.estimate);
+  estimate.P += params_.repeated_part * element.P_view;
+  return position_sigma_m(estimate);
 }
 
 bool ObjectMap::shown(const Element& element) const {
@@ -619,10 +625,12 @@ Objects ObjectMap::at(std::int64_t stamp_ns) const {
     if (dt_s > 0.0) predict(estimate, dt_s, motion_of(element));
     Object object;
     object.id = element.id;
-    ObjectEstimate combined = combine(estimate);
-    combined.P += params_.repeated_part * element.P_view;
-    if (params_.shape == "circle") make_circle(combined);
-    fill_object(combined, object);
+    Matrix8d P_repeated = params_.repeated_part * element.P_view;
+    if (params_.shape == "circle") {
+      P_repeated.bottomRows<2>().setZero();
+      P_repeated.rightCols<2>().setZero();
+    }
+    fill_object(combine(estimate), P_repeated, object);
     object.p_moving = estimate.p_moving;
     object.p_exists = 1.0 / (1.0 + std::exp(-element.log_odds));
     object.first_seen_ns = element.first_seen_ns;

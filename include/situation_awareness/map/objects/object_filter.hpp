@@ -119,9 +119,10 @@ void make_circle(ObjectEstimate& estimate);
 Ellipse ellipse_world(const Vector8d& x);
 
 /// Mean and covariance as the map gives them, in position, velocity, psi, angular velocity and radii: ellipse,
-/// velocities and covariance are filled in. The covariance goes through the Jacobian of (psi, rx, ry) by (m, p, q).
-/// Where (p, q) is not 99 % certainly different from zero the ellipse may be a circle: psi then counts as unknown, with
-/// the variance of a uniform axis. The difference of the radii is what remains of |(p, q)| without its mean error.
-void fill_object(const ObjectEstimate& estimate, Object& object);
+/// velocities and covariance are filled in. The covariance, with that of the errors that repeat, goes through the
+/// Jacobian of (psi, rx, ry) by (m, p, q). Where (p, q) is not 99 % certainly different from zero the ellipse may be a
+/// circle: psi then counts as unknown, with the variance of a uniform axis. The difference of the radii is what remains
+/// of |(p, q)| without its mean error.
+void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object);
 
 }  // namespace situation_awareness
