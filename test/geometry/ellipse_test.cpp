@@ -144,6 +144,30 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
   EXPECT_FALSE(EllipsesByX({}).cover({0.0, 0.0}));
 }
 
+// Circles, for which everything is known: at a distance d, radii r of the one asked for and R of the other, r + R - d
+// of its width 2 r lies on the other.
+TEST(EllipsesByX, OverlapWhatLiesOnOneOfThemWithMoreThanAQuarterOfItsWidth) {
+  Random random(8);
+  for (int i = 0; i < 500; ++i) {
+    const Ellipse other{{random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0)}, 0.0, 0.4, 0.4};
+    const EllipsesByX by_x({{{-20.0, 0.0}, 0.0, 0.1, 0.1}, other, {{20.0, 0.0}, 0.0, 0.1, 0.1}});
+    const double r_m = random.uniform(0.05, 1.0);
+    const double distance_m = random.uniform(0.0, 2.0);
+    const double direction_rad = random.uniform(-kPi, kPi);
+    const Eigen::Vector2d center_m =
+        other.center_m + distance_m * Eigen::Vector2d(std::cos(direction_rad), std::sin(direction_rad));
+    EXPECT_EQ(by_x.overlap({center_m, 0.0, r_m, r_m}), r_m + 0.4 - distance_m > 0.25 * 2.0 * r_m) << i;
+  }
+  // Along the line of centres the half widths are those of the ellipses.
+  const EllipsesByX by_x({{{0.0, 0.0}, 0.0, 0.5, 0.1}});
+  EXPECT_TRUE(by_x.overlap({{0.59, 0.0}, kPi / 2.0, 0.6, 0.2}));
+  EXPECT_FALSE(by_x.overlap({{0.61, 0.0}, kPi / 2.0, 0.6, 0.2}));
+  EXPECT_TRUE(by_x.overlap({{0.0, 0.39}, kPi / 2.0, 0.6, 0.2}));
+  EXPECT_FALSE(by_x.overlap({{0.0, 0.41}, kPi / 2.0, 0.6, 0.2}));
+  EXPECT_TRUE(by_x.overlap({{0.0, 0.0}, 0.0, 0.1, 0.1}));
+  EXPECT_FALSE(EllipsesByX({}).overlap({{0.0, 0.0}, 0.0, 0.1, 0.1}));
+}
+
 TEST(SmoothParameters, RoundTripAndAreTheSameForEveryDescription) {
   Random random(1);
   for (int i = 0; i < 200; ++i) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -11,7 +12,7 @@
 
 namespace situation_awareness {
 
-/// Answers whether a point lies on one of many ellipses, looking only at those near it.
+/// Answers whether something lies on one of many ellipses, looking only at those near it.
 class EllipsesByX {
  public:
   explicit EllipsesByX(std::vector<Ellipse> ellipses) : ellipses_(std::move(ellipses)) {
@@ -20,16 +21,38 @@ class EllipsesByX {
               [](const Ellipse& a, const Ellipse& b) { return a.center_m.x() < b.center_m.x(); });
   }
 
+  /// Whether a point lies on one.
   bool cover(const Eigen::Vector2d& point) const {
-    auto near = std::lower_bound(ellipses_.begin(), ellipses_.end(), point.x() - reach_m_,
+    return any_within(0.0, point, [&](const Ellipse& other) { return contains(other, point); });
+  }
+
+  /// Whether an ellipse lies on one with more than a quarter of its width, along the line of their centres: more than
+  /// what errors make of two that touch.
+  bool overlap(const Ellipse& ellipse) const {
+    const Eigen::Matrix2d C = shape_matrix(ellipse);
+    return any_within(std::max(ellipse.rx_m, ellipse.ry_m), ellipse.center_m, [&](const Ellipse& other) {
+      const Eigen::Vector2d d = other.center_m - ellipse.center_m;
+      const double distance2 = d.squaredNorm();
+      if (distance2 == 0.0) return true;
+      // Half widths along d, times its length.
+      const double half_width = std::sqrt(d.dot(C * d));
+      const double other_half_width = std::sqrt(d.dot(shape_matrix(other) * d));
+      return distance2 < other_half_width + 0.5 * half_width;
+    });
+  }
+
+ private:
+  template <class Predicate>
+  bool any_within(double reach_m, const Eigen::Vector2d& point, Predicate&& predicate) const {
+    reach_m += reach_m_;
+    auto near = std::lower_bound(ellipses_.begin(), ellipses_.end(), point.x() - reach_m,
                                  [](const Ellipse& ellipse, double x_m) { return ellipse.center_m.x() < x_m; });
-    for (; near != ellipses_.end() && near->center_m.x() <= point.x() + reach_m_; ++near) {
-      if (contains(*near, point)) return true;
+    for (; near != ellipses_.end() && near->center_m.x() <= point.x() + reach_m; ++near) {
+      if (predicate(*near)) return true;
     }
     return false;
   }
 
- private:
   std::vector<Ellipse> ellipses_;
   double reach_m_ = 0.0;  ///< of the largest
 };

@@ -184,7 +184,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
       continue;
     }
     // On an element that has just been seen it is a second piece of the same body, or the whole of it badly seen.
-    if (seen.cover(detections.T_world_level * Eigen::Vector2d(measurements[j].z.head<2>()))) {
+    if (seen.overlap(detections.T_world_level * detections.detections[j].ellipse_level)) {
       ++report.reasons["detection on an element already seen"];
       continue;
     }
