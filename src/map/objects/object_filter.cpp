@@ -171,12 +171,14 @@ Ellipse ellipse_world(const Vector8d& x) {
 }
 
 void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object) {
-  // (p, q) with an error is longer than without, on average, as sqrt(|(p, q)|^2 + tr P) is.
+  // (p, q) with an error is longer than without, on average: what is across it makes the way longer, what is along it
+  // cancels. E |a + e| = |a| + P_across / (2 |a|) to second order, which this undoes.
   const Eigen::Vector2d axis = estimate.x.segment<2>(kAxis);
   Vector8d x = estimate.x;
   if (axis.squaredNorm() > 0.0) {
-    const double mean_error2 = estimate.P.block<2, 2>(kAxis, kAxis).trace();
-    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - mean_error2 / axis.squaredNorm()));
+    const Eigen::Vector2d across = quarter_turn(axis.normalized());
+    const double across_variance = across.dot(estimate.P.block<2, 2>(kAxis, kAxis) * across);
+    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - across_variance / axis.squaredNorm()));
   }
   object.ellipse_world = ellipse_world(x);
   object.velocity_world_m_s = estimate.x.segment<2>(kVelocity);

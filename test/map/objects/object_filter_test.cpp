@@ -283,7 +283,7 @@ struct MatchedRun {
   /// Of what the map publishes.
   double published_nees() const {
     Object object;
-    fill_object(estimate, object);
+    fill_object(estimate, Matrix8d::Zero(), object);
     const Ellipse true_ellipse = ellipse_world(truth);
     Vector8d error;
     error << true_ellipse.center_m - object.ellipse_world.center_m,
@@ -360,7 +360,7 @@ TEST(ObjectFilter, AnEllipseAcrossItsOwnSeamIsTrackedWithoutJumps) {
                Eigen::Matrix3d::Zero());
       }
       Object object;
-      fill_object(estimate, object);
+      fill_object(estimate, Matrix8d::Zero(), object);
       const double error_rad = wrap_to_half_pi(object.ellipse_world.psi_rad - truth.psi_rad);
       const double sigma_rad = std::sqrt(object.covariance(object_error::kOrientation, object_error::kOrientation));
       EXPECT_LT(std::abs(error_rad), 4.0 * sigma_rad) << psi_deg << " deg, scan " << i;
@@ -402,7 +402,7 @@ TEST(FillObject, CovarianceGoesThroughTheJacobian) {
     ObjectEstimate estimate{random_state(random), random_covariance<Matrix8d>(random, 0.002)};
     if (std::abs(ellipse_world(estimate.x).psi_rad) > 1.5) continue;  // numerical differences jump there
     Object object;
-    fill_object(estimate, object);
+    fill_object(estimate, Matrix8d::Zero(), object);
     const auto J = numerical_jacobian<8, 8>(
         [](const Vector8d& x) {
           const Ellipse ellipse = ellipse_world(x);
@@ -418,13 +418,47 @@ TEST(FillObject, CovarianceGoesThroughTheJacobian) {
   }
 }
 
+// Errors make (p, q) longer on average, whatever their direction: the difference of the radii must not grow by that. At
+// a circle some remains, since no radii differ by less than nothing: half of what it would be.
+TEST(FillObject, TheDifferenceOfTheRadiiIsNotGrownByErrors) {
+  Random random(20);
+  const double sigma_m = 0.01;
+  for (const double difference_m : {0.3, 0.1, 0.06, 0.0}) {
+    const Vector8d truth = state_of({{3.0, 1.0}, 0.4, 0.25 + 0.5 * difference_m, 0.25 - 0.5 * difference_m});
+    ObjectEstimate estimate;
+    estimate.P.diagonal() << 1e-4, 1e-4, 0.0, 0.0, 0.0, 1e-4, sigma_m * sigma_m, sigma_m * sigma_m;
+    const int draws = 20000;
+    double published_m = 0.0;
+    double as_is_m = 0.0;
+    double square_m2 = 0.0;
+    for (int i = 0; i < draws; ++i) {
+      estimate.x = truth + draw(estimate.P, random);
+      Object object;
+      fill_object(estimate, Matrix8d::Zero(), object);
+      const double error_m = object.ellipse_world.rx_m - object.ellipse_world.ry_m - difference_m;
+      published_m += error_m / draws;
+      square_m2 += error_m * error_m / draws;
+      as_is_m += (2.0 * estimate.x.segment<2>(kAxis).norm() - difference_m) / draws;
+      // The mean radius is not touched.
+      EXPECT_NEAR(0.5 * (object.ellipse_world.rx_m + object.ellipse_world.ry_m), estimate.x(kShape), 1e-12);
+    }
+    const double error_of_mean_m = std::sqrt(square_m2 / draws);
+    if (difference_m >= 0.1) {
+      // The square root is not linear: what remains is of fourth order in sigma / |(p, q)|.
+      const double remaining_m = difference_m * std::pow(2.0 * sigma_m / difference_m, 4);
+      EXPECT_NEAR(published_m, 0.0, 3.0 * error_of_mean_m + 2.0 * remaining_m) << difference_m;
+    }
+    EXPECT_LT(std::abs(published_m), 0.65 * as_is_m) << difference_m;
+  }
+}
+
 TEST(FillObject, TheAxisOfWhatMayBeACircleIsUnknown) {
   Random random(15);
   for (const double difference_m : {0.0, 1e-9, 0.005}) {
     ObjectEstimate estimate{state_of({{3.0, 1.0}, 0.4, 0.2 + difference_m, 0.2}),
                             random_covariance<Matrix8d>(random, 0.01)};
     Object object;
-    fill_object(estimate, object);
+    fill_object(estimate, Matrix8d::Zero(), object);
     const int psi = object_error::kOrientation;
     EXPECT_EQ(object.covariance(psi, psi), kUniformAxisVariance);
     EXPECT_EQ(object.covariance.row(psi).cwiseAbs().sum(), kUniformAxisVariance);
@@ -442,7 +476,7 @@ TEST(FillObject, NeverSaysMoreOfAnAxisThanAUniformOneLeaves) {
     ObjectEstimate estimate{state_of({{3.0, 1.0}, random.uniform(-kPi, kPi), 0.2 + random.uniform(0.0, 0.1), 0.2}),
                             random_covariance<Matrix8d>(random, random.uniform(0.001, 0.05))};
     Object object;
-    fill_object(estimate, object);
+    fill_object(estimate, Matrix8d::Zero(), object);
     EXPECT_LE(object.covariance(object_error::kOrientation, object_error::kOrientation), kUniformAxisVariance);
   }
 }
@@ -482,7 +516,7 @@ TEST(MakeCircle, IsForGood) {
     EXPECT_EQ(estimate.P.bottomRows<2>().norm(), 0.0);
     EXPECT_EQ(estimate.P.rightCols<2>().norm(), 0.0);
     Object object;
-    fill_object(estimate, object);
+    fill_object(estimate, Matrix8d::Zero(), object);
     EXPECT_EQ(object.ellipse_world.rx_m, object.ellipse_world.ry_m);
     EXPECT_EQ(object.covariance(object_error::kOrientation, object_error::kOrientation), kUniformAxisVariance);
     EXPECT_NEAR(object.covariance(object_error::kRadii, object_error::kRadii),
