@@ -12,6 +12,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/level_scene.hpp"
+#include "support/lone_segments.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -35,23 +36,6 @@ Ellipse random_ellipse(Random& random) {
           random.uniform(-kPi / 2.0, kPi / 2.0),
           random.uniform(0.06, 0.48),
           random.uniform(0.06, 0.48)};
-}
-
-/// One segment of the given points, which need not be ones that a scanner sees.
-Segments segments_of(const std::vector<Eigen::Vector2d>& points_m) {
-  Segments segments;
-  segments.resolution_rad = radians(0.25);
-  for (const Eigen::Vector2d& point_m : points_m) {
-    Point point;
-    point.azimuth_rad = std::atan2(point_m.y(), point_m.x());
-    point.range_m = point_m.norm();
-    point.p_level_m = point_m;
-    point.state = BeamState::kHit;
-    segments.points.push_back(point);
-  }
-  segments.segments.resize(1);
-  segments.segments[0].count = points_m.size();
-  return segments;
 }
 
 TEST(Dogleg, RecoversExactEllipsesSeenFromAllAround) {
@@ -180,7 +164,7 @@ TEST(DoglegDetector, GivesAFiniteDetectionOrARefusalOfDegenerateSegments) {
       {{12.0, 0.0}, {12.0, 0.05}, {12.0, 0.1}, {12.0, 0.15}},
   };
   for (const auto& points_m : degenerate) {
-    const Detections detections = detector.detect(segments_of(points_m));
+    const Detections detections = detector.detect(lone_segment(points_m));
     EXPECT_EQ(detections.detections.size() + detections.refused.size(), 1U);
     for (const Detection& detection : detections.detections) {
       EXPECT_TRUE(detection.ellipse_level.center_m.allFinite());

@@ -13,6 +13,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/level_scene.hpp"
+#include "support/lone_segments.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -110,19 +111,7 @@ TEST(RansacDetector, GivesAFiniteDetectionOrARefusalOfDegenerateSegments) {
       {{2.0, -9.0}, {2.0, -3.0}, {2.0, 3.0}, {2.0, 9.0}},
   };
   for (const auto& points_m : degenerate) {
-    Segments segments;
-    segments.resolution_rad = radians(0.25);
-    for (const Eigen::Vector2d& point_m : points_m) {
-      Point point;
-      point.azimuth_rad = std::atan2(point_m.y(), point_m.x());
-      point.range_m = point_m.norm();
-      point.p_level_m = point_m;
-      point.state = BeamState::kHit;
-      segments.points.push_back(point);
-    }
-    segments.segments.resize(1);
-    segments.segments[0].count = points_m.size();
-    const Detections detections = detector.detect(segments);
+    const Detections detections = detector.detect(lone_segment(points_m));
     EXPECT_EQ(detections.detections.size() + detections.refused.size(), 1U);
     for (const Detection& detection : detections.detections) {
       EXPECT_TRUE(detection.ellipse_level.center_m.allFinite());

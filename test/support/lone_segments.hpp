@@ -61,4 +61,21 @@ inline bool append_segment(const Ellipse& ellipse, const std::vector<double>& az
   return segment.count > 0;
 }
 
+/// One segment of the given points, which need not be ones that a scanner sees.
+inline Segments lone_segment(const std::vector<Eigen::Vector2d>& points_m) {
+  Segments segments;
+  segments.resolution_rad = radians(0.25);
+  for (const Eigen::Vector2d& point_m : points_m) {
+    Point point;
+    point.azimuth_rad = std::atan2(point_m.y(), point_m.x());
+    point.range_m = point_m.norm();
+    point.p_level_m = point_m;
+    point.state = BeamState::kHit;
+    segments.points.push_back(point);
+  }
+  segments.segments.resize(1);
+  segments.segments[0].count = points_m.size();
+  return segments;
+}
+
 }  // namespace situation_awareness

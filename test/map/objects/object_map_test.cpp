@@ -856,7 +856,8 @@ TEST(ObjectMap, The99PercentRegionHoldsWhatItPromisesOnMatchedRuns) {
 }
 
 TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsWhenTheNoiseIsDoubled) {
-  for (const Mismatch& noisy : {Mismatch{2.0, 0.0, {0.0, 0.0}}, Mismatch{2.0, 0.0, {0.6, -0.4}, 5}}) {
+  for (const Mismatch& noisy : {Mismatch{2.0, 0.0, {0.0, 0.0}}, Mismatch{2.0, 0.0, {0.6, -0.4}},
+                                Mismatch{2.0, 0.4, {0.6, -0.4}}, Mismatch{2.0, 0.0, {0.6, -0.4}, 5}}) {
     const Held held = held_by_99_percent_region(noisy);
     EXPECT_GE(held.part, 0.97);
     EXPECT_LE(held.doubles, 0.001);
@@ -888,7 +889,7 @@ double position_sigma_after(double noise, std::uint64_t seed) {
   return std::sqrt(objects_now(map).objects.at(0).covariance(0, 0));
 }
 
-TEST(ObjectMap, LearnsFromWhatStandsHowLargeTheErrorsOfDetectionsAre) {
+TEST(ObjectMap, LearnsHowLargeTheErrorsOfDetectionsAre) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const double exact = position_sigma_after(0.0, seed);  // errors are never taken for smaller than they say
     const double matched = position_sigma_after(1.0, seed);
