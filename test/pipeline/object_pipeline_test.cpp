@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <sstream>
 #include <string>
 
 #include "situation_awareness/common/time.hpp"
@@ -28,6 +30,24 @@ TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
   const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
   EXPECT_EQ(params.detections.detector, "network");
   EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse.onnx");
+}
+
+template <class Params>
+std::map<std::string, std::string> written(const Params& params) {
+  std::map<std::string, std::string> fields;
+  Params::fields(params, [&](const char* name, const auto& value, const auto&...) {
+    std::ostringstream text;
+    text << value;
+    fields[name] = text.str();
+  });
+  return fields;
+}
+
+// A copy of it is where users begin: what it writes out must be what it leaves out.
+TEST(ObjectPipelineParams, TheShippedFileRepeatsTheDefaultsOfSegmentsAndObjects) {
+  const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
+  EXPECT_EQ(written(params.segments), written(SegmentationParams{}));
+  EXPECT_EQ(written(params.objects), written(ObjectMapParams{}));
 }
 
 TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
