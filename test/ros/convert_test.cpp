@@ -308,6 +308,8 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   object.first_seen_ns = kStamp_ns - 5;
   object.last_seen_ns = kStamp_ns;
   object.observations = 12;
+  object.p_moving = 0.25;
+  object.p_exists = 0.75;
   object.beams = 34;
   objects.objects.push_back(object);
   const EllipseMap msg = objects_to_msg(objects, "odom", {"pillar"});
@@ -330,6 +332,8 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   EXPECT_EQ(back.objects[0].first_seen_ns, object.first_seen_ns);
   EXPECT_EQ(back.objects[0].last_seen_ns, object.last_seen_ns);
   EXPECT_EQ(back.objects[0].observations, 12);
+  EXPECT_EQ(back.objects[0].p_moving, 0.25);
+  EXPECT_EQ(back.objects[0].p_exists, 0.75);
   EXPECT_EQ(back.objects[0].beams, 34);
 }
 

@@ -138,8 +138,8 @@ Measurement ObjectMap::widened(const Detection& detection) const {
   return measurement;
 }
 
-/// Innovations tell how true the detections' covariances are (Mehra, 1970). They are never taken
-/// for too large: what is too certain does harm.
+/// Innovations tell how true the detections' covariances are (Mehra, 1970). They are never taken for too large: what is
+/// too certain does harm.
 void ObjectMap::learn_noise(double mahalanobis2) {
   noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
 }
@@ -221,6 +221,7 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
       for (const Element& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
       elements_.clear();
+      noise_ = 1.0;
       step_s_ = 0.0;
       return true;
   }
