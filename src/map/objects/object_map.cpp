@@ -411,7 +411,6 @@ void ObjectMap::compare_shapes() {
   const auto half_difference_m = [&](std::size_t i) { return likelier(elements_[i].estimate).x.tail<2>().norm(); };
   for (std::size_t k = 0; k < by_mean_radius.size(); ++k) {
     Element& element = elements_[by_mean_radius[k].second];
-    if (element.last_seen_ns == stamp_ns()) continue;
     int others = 0;
     const auto alike = [&](std::size_t other) {
       return std::abs(half_difference_m(by_mean_radius[other].second) - half_difference_m(by_mean_radius[k].second)) <=
