@@ -34,7 +34,7 @@ bool within_reach(const std::vector<Ellipse>& ellipses, const Eigen::Vector2d& p
     const Eigen::Vector2d n(std::cos(angle_rad), std::sin(angle_rad));
     double reach_m = -std::numeric_limits<double>::infinity();
     for (const Ellipse& ellipse : ellipses) {
-      reach_m = std::max(reach_m, n.dot(ellipse.center_m) + std::sqrt(n.dot(shape_matrix(ellipse) * n)));
+      reach_m = std::max(reach_m, n.dot(ellipse.center_m) + half_width_m(ellipse, n));
     }
     if (n.dot(point_m) > reach_m + margin_m) return false;
   }

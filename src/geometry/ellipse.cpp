@@ -29,6 +29,10 @@ Eigen::Matrix2d shape_matrix(const Ellipse& ellipse) {
   return R * squared_radii.asDiagonal() * R.transpose();
 }
 
+double half_width_m(const Ellipse& ellipse, const Eigen::Vector2d& direction) {
+  return std::sqrt(direction.dot(shape_matrix(ellipse) * direction));
+}
+
 std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse) {
   const Eigen::Vector2d x_axis(std::cos(ellipse.psi_rad), std::sin(ellipse.psi_rad));
   const Eigen::Vector2d y_axis(-x_axis.y(), x_axis.x());

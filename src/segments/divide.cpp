@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <utility>
 
 #include <Eigen/LU>
 
@@ -119,22 +120,22 @@ SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
 
 }  // namespace
 
-Segments divide(const Segments& segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
-  Segments result = segments;
-  result.segments.clear();
+Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
+  if (known_level.empty()) return segments;
   std::vector<Outline> outlines;
   for (const Ellipse& ellipse : known_level) {
     outlines.push_back({ellipse.center_m, shape_matrix(ellipse).inverse()});
   }
   const std::vector<std::vector<int>> candidates = outlines_of_segments(segments, known_level);
-  for (std::size_t s = 0; s < segments.segments.size(); ++s) {
-    const Segment& whole = segments.segments[s];
+  const std::vector<Segment> wholes = std::exchange(segments.segments, {});
+  for (std::size_t s = 0; s < wholes.size(); ++s) {
+    const Segment& whole = wholes[s];
     std::vector<Run> runs;
     if (!candidates[s].empty()) {
       runs = runs_of(segments, whole, candidates[s], outlines, params.max_division_offset_m);
     }
     if (!hold_several(segments, runs, outlines, params)) {
-      result.segments.push_back(whole);
+      segments.segments.push_back(whole);
       continue;
     }
     for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -157,10 +158,10 @@ Segments divide(const Segments& segments, const std::vector<Ellipse>& known_leve
         piece.left_end = end_at_cut(segments.points[last], segments.points[last + 1], params.occlusion_margin_m);
         piece.left_hidden_rad = is_silhouette(piece.left_end) ? 0.0 : width_rad(runs[r + 1]);
       }
-      result.segments.push_back(piece);
+      segments.segments.push_back(piece);
     }
   }
-  return result;
+  return segments;
 }
 
 }  // namespace situation_awareness

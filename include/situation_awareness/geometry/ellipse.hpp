@@ -33,6 +33,9 @@ Ellipse operator*(const Pose2& T_a_b, const Ellipse& ellipse_b);
 /// vector n.
 Eigen::Matrix2d shape_matrix(const Ellipse& ellipse);
 
+/// Half width of the ellipse along a unit vector; along any other, times its length.
+double half_width_m(const Ellipse& ellipse, const Eigen::Vector2d& direction);
+
 /// The four ends of the principal axes, counter-clockwise from +x (ellipse paper, Fig. 4).
 std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse);
 

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -29,15 +28,11 @@ class EllipsesByX {
   /// Whether an ellipse lies on one with more than a quarter of its width, along the line of their centres: more than
   /// what errors make of two that touch.
   bool overlap(const Ellipse& ellipse) const {
-    const Eigen::Matrix2d C = shape_matrix(ellipse);
     return any_within(std::max(ellipse.rx_m, ellipse.ry_m), ellipse.center_m, [&](const Ellipse& other) {
       const Eigen::Vector2d d = other.center_m - ellipse.center_m;
       const double distance2 = d.squaredNorm();
       if (distance2 == 0.0) return true;
-      // Half widths along d, times its length.
-      const double half_width = std::sqrt(d.dot(C * d));
-      const double other_half_width = std::sqrt(d.dot(shape_matrix(other) * d));
-      return distance2 < other_half_width + 0.5 * half_width;
+      return distance2 < half_width_m(other, d) + 0.5 * half_width_m(ellipse, d);  // times the length of d
     });
   }
 

@@ -17,6 +17,6 @@ namespace situation_awareness {
 /// holds two known objects, or one and something else that sticks out of it; pieces with fewer than params.min_points
 /// hits are dropped. What is known becomes an object's segment; the rest keeps the kind of the whole. Hits of nothing
 /// known are never taken for something that is, so an empty list changes nothing.
-Segments divide(const Segments& segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params);
+Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params);
 
 }  // namespace situation_awareness

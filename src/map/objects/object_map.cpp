@@ -71,7 +71,7 @@ double gap_m(const Ellipse& a, const Ellipse& b) {
   const double distance_m = d.norm();
   if (distance_m < 1e-9) return -(a.rx_m + b.rx_m);
   const Eigen::Vector2d n = d / distance_m;
-  return distance_m - std::sqrt(n.dot(shape_matrix(a) * n)) - std::sqrt(n.dot(shape_matrix(b) * n));
+  return distance_m - half_width_m(a, n) - half_width_m(b, n);
 }
 
 }  // namespace
@@ -121,8 +121,7 @@ Eigen::Matrix3d ObjectMap::robot_covariance(const Detections& detections) {
 /// is expected where it stood and what moved where its way leads, and no other ways are thought up.
 MotionParams ObjectMap::motion_of(const Element& element) const {
   MotionParams motion = motion_;
-  if (seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s)
-    motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
+  if (unseen_s(element) > kRecently_s) motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
   const bool settled = !element.mobile && element.stood_s > kStoodLong_s;
   const double unsettled = settled ? 0.0 : element.mobile ? 1.0 : std::exp(-element.stood_s / kSettling_s);
   motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
@@ -252,7 +251,7 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
   std::vector<MotionMatch> matches;  // of the candidates
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const MotionEstimate& estimate = elements_[i].estimate;
-    const bool was_lost = seconds_between(elements_[i].last_seen_ns, stamp_ns()) > kRecently_s;
+    const bool was_lost = unseen_s(elements_[i]) > kRecently_s;
     const Eigen::Vector2d center_m = position(estimate.moving);
     const double lever_m = (center_m - T_world_level.translation_m).norm();
     const double variance = estimate.moving.P.block<2, 2>(kPosition, kPosition).trace() +
@@ -299,8 +298,7 @@ bool ObjectMap::may_be(const Element& element, const MotionMatch& match) const {
   if (match.log_likelihood < kLogNewObjectDensity) return false;
   if (element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m) return false;
   if (match.standing.mahalanobis2 <= gate_) return true;
-  const bool stood = !element.mobile && element.estimate.p_moving < 0.5 &&
-                     seconds_between(element.last_seen_ns, stamp_ns()) > kRecently_s;
+  const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && unseen_s(element) > kRecently_s;
   return !stood && match.moving.mahalanobis2 <= gate_;
 }
 
@@ -312,8 +310,7 @@ ObjectMap::Element* ObjectMap::in_the_place_of(const Measurement& measurement, c
   Element* nearest = nullptr;
   double nearest_m = 0.0;
   for (Element& element : elements_) {
-    const double unseen_s = seconds_between(element.last_seen_ns, stamp_ns());
-    if (unseen_s <= 0.0 || unseen_s > kRecently_s) continue;
+    if (unseen_s(element) <= 0.0 || unseen_s(element) > kRecently_s) continue;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
     if (!contains(ellipse, center_world_m)) continue;
     const double distance_m = (ellipse.center_m - center_world_m).norm();
@@ -365,7 +362,7 @@ void ObjectMap::observe(Element& element, const Detection& detection, const Meas
 EllipsesByX ObjectMap::seen_within(double past_s) const {
   std::vector<Ellipse> ellipses;
   for (const Element& element : elements_) {
-    if (seconds_between(element.last_seen_ns, stamp_ns()) > past_s) continue;
+    if (unseen_s(element) > past_s) continue;
     ellipses.push_back(ellipse_world(combine(element.estimate).x));
   }
   return EllipsesByX(std::move(ellipses));
@@ -443,7 +440,7 @@ void ObjectMap::recognise_lost() {
     double most = kLogNewObjectDensity;
     for (std::size_t j = 0; j < i; ++j) {  // ids grow: the lost are before
       const Element& lost = elements_[j];
-      if (!lost.confirmed || lost.is_part || seconds_between(lost.last_seen_ns, stamp_ns()) < kRecently_s) continue;
+      if (!lost.confirmed || lost.is_part || unseen_s(lost) < kRecently_s) continue;
       const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
       if (!may_be(lost, candidate) || candidate.log_likelihood <= most) continue;
       most = candidate.log_likelihood;
@@ -471,14 +468,11 @@ void ObjectMap::join_parts() {
     Ellipse ellipse_world;
     std::size_t element;
   };
-  const auto recently = [&](const Element& element) {
-    return seconds_between(element.last_seen_ns, stamp_ns()) <= kRecently_s;
-  };
   std::vector<Body> bodies;
   double largest_m = 0.0;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const Element& element = elements_[i];
-    if (element.is_part || element.estimate.p_moving < 0.5 || !recently(element)) continue;
+    if (element.is_part || element.estimate.p_moving < 0.5 || unseen_s(element) > kRecently_s) continue;
     bodies.push_back({ellipse_world(element.estimate.moving.x), i});
     largest_m = std::max(largest_m, bodies.back().ellipse_world.rx_m);
   }
@@ -549,10 +543,9 @@ void ObjectMap::join_parts() {
 void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   const auto outdated = [&](const Element& element) -> const char* {
     if (element.last_seen_ns == stamp_ns()) return "";
-    const double unseen_s = seconds_between(element.last_seen_ns, stamp_ns());
     if (element.log_odds < log_odds(params_.deletion_probability)) return "seen through";
-    if (!element.confirmed && unseen_s > kMaxUnconfirmed_s) return "not confirmed";
-    if (unseen_s > params_.max_unseen_s) return "unseen for too long";
+    if (!element.confirmed && unseen_s(element) > kMaxUnconfirmed_s) return "not confirmed";
+    if (unseen_s(element) > params_.max_unseen_s) return "unseen for too long";
     if (position_sigma_m(likelier(element.estimate)) > params_.lost_position_sigma_m) return "position too uncertain";
     return "";
   };

@@ -18,12 +18,11 @@ Sight look_at(const Ellipse& ellipse_level, const FreeSpace& free_space, double 
   // Half widths of the ellipse across and along the line of sight.
   const Eigen::Vector2d along = ellipse_level.center_m / distance_m;
   const Eigen::Vector2d across(-along.y(), along.x());
-  const Eigen::Matrix2d C = shape_matrix(ellipse_level);
-  const double half_width_m = std::sqrt(across.dot(C * across));
-  const double half_depth_m = std::sqrt(along.dot(C * along));
+  const double half_breadth_m = half_width_m(ellipse_level, across);
+  const double half_depth_m = half_width_m(ellipse_level, along);
   const double spacing_rad =
       static_cast<double>(azimuths.back() - azimuths.front()) / static_cast<double>(azimuths.size() - 1);
-  const double reach_rad = std::max(kInnerPart * std::atan2(half_width_m, distance_m), 0.5 * spacing_rad);
+  const double reach_rad = std::max(kInnerPart * std::atan2(half_breadth_m, distance_m), 0.5 * spacing_rad);
 
   // The place's azimuth, turned to where the scan has it.
   double azimuth_rad = std::atan2(along.y(), along.x());

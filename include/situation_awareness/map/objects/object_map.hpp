@@ -11,6 +11,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
 #include "situation_awareness/map/objects/motion_models.hpp"
@@ -196,6 +197,7 @@ class ObjectMap {
   void join_parts();
   void delete_outdated(ObjectMapUpdate& report);
   Element* find(std::uint64_t id);
+  double unseen_s(const Element& element) const { return seconds_between(element.last_seen_ns, stamp_ns()); }
   double uncertain_by_m(const Element& element) const;
   bool shown(const Element& element) const;
 
