@@ -89,15 +89,27 @@ double mean_beam(const Point* points, std::size_t count) {
 /// A fit costs about one per hit; above that by more than this it has not found the object.
 constexpr double kGoodCostMargin = 10.0;
 
+/// What is known of an object before its hits are looked at.
+struct Expectation {
+  Eigen::Vector3d shape;          ///< m, p, q
+  double silhouette_slack_beams;  ///< a tangent off the middle between hit and miss by up to this is as good as in it
+};
+
 /// The sensor's model of one segment as a nonlinear least-squares problem.
 class Problem {
  public:
-  Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params)
+  Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params,
+          const Expectation& expectation)
       : points_(&segments.points[segment.first]),
         count_(segment.count),
         resolution_rad_(segments.resolution_rad),
         segment_(segment),
-        params_(params) {}
+        params_(params),
+        expectation_(expectation) {}
+
+  /// The problem of an object of which only the prior is known.
+  Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params)
+      : Problem(segments, segment, params, {{params.mean_radius_m, 0.0, 0.0}, 0.0}) {}
 
   /// Cost at `x`, and A and b, with the hits weighted as at `weights_at`.
   double evaluate(const Vector5d& x, const Vector5d& weights_at, Matrix5d* A, Vector5d* b) const {
@@ -139,14 +151,17 @@ class Problem {
       jacobian(2) = side * 0.5 * n.dot(shape.dC_dm * n) / half_width;
       jacobian(3) = side * 0.5 * n.dot(shape.dC_dp * n) / half_width;
       jacobian(4) = side * 0.5 * n.dot(shape.dC_dq * n) / half_width;
-      add((n.dot(x.head<2>()) + side * half_width) / sigma, jacobian / sigma);
+      const double off_m = n.dot(x.head<2>()) + side * half_width;
+      const double slack_m = expectation_.silhouette_slack_beams * end.range_m * resolution_rad_;
+      add(std::copysign(std::max(0.0, std::abs(off_m) - slack_m), off_m) / sigma, jacobian / sigma);
     };
     if (is_silhouette(segment_.right_end)) add_silhouette(points_[0], -1.0);
     if (is_silhouette(segment_.left_end)) add_silhouette(points_[count_ - 1], +1.0);
 
-    add((x(2) - params_.mean_radius_m) / params_.mean_radius_sigma_m, Vector5d::Unit(2) / params_.mean_radius_sigma_m);
-    for (const int k : {3, 4}) {
-      add(x(k) / params_.radius_difference_sigma_m, Vector5d::Unit(k) / params_.radius_difference_sigma_m);
+    const Eigen::Vector3d sigma(params_.mean_radius_sigma_m, params_.radius_difference_sigma_m,
+                                params_.radius_difference_sigma_m);
+    for (int k = 0; k < 3; ++k) {
+      add((x(2 + k) - expectation_.shape(k)) / sigma(k), Vector5d::Unit(2 + k) / sigma(k));
     }
     return cost;
   }
@@ -182,6 +197,7 @@ class Problem {
   double resolution_rad_;
   Segment segment_;
   const EllipseFitParams& params_;
+  Expectation expectation_;
 };
 
 /// Keep both radii at or above the smallest that is allowed.
@@ -221,6 +237,10 @@ Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& pa
   return x;
 }
 
+/// Of a known object, the tangent is anywhere in the middle half between hit and miss: its error repeats from scan to
+/// scan while the view is the same, and drawing it to the very middle each time would end there.
+constexpr double kSilhouetteSlack_beams = 0.25;
+
 /// Covariance by the curvature of the problem at its answer.
 Matrix5d laplace_covariance(const Problem& problem, const Vector5d& x) {
   Matrix5d A;
@@ -254,6 +274,20 @@ Detection fit_ellipse(const Segments& segments, std::size_t segment, const Ellip
   }
   Detection detection = make_detection(segments, segment, params, best);
   detection.covariance = laplace_covariance(problem, best);
+  return detection;
+}
+
+Detection refit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                        const Ellipse& known_level) {
+  Vector5d x = smooth_parameters(canonical(known_level));
+  bound_radii(x, params.min_radius_m);
+  const Problem problem(segments, segments.segments[segment], params, {x.tail<3>(), kSilhouetteSlack_beams});
+  Matrix5d A;
+  Vector5d b;
+  problem.evaluate(x, x, &A, &b);
+  const Eigen::LLT<Matrix5d> llt(A);
+  Detection detection = make_detection(segments, segment, params, x - llt.solve(b));
+  detection.covariance = llt.solve(Matrix5d::Identity());
   return detection;
 }
 

@@ -3,6 +3,7 @@
 
 #include <stdexcept>
 
+#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/divide.hpp"
 
@@ -29,7 +30,7 @@ ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isom
   const std::vector<Ellipse> known_level =
       outlines_at(scan.stamp_ns, result.points.T_world_level, map_.at(map_.stamp_ns()));
   result.segments = divide(segment(result.points, params_.segments), known_level, params_.segments);
-  result.detections = detector_->detect(result.segments);
+  result.detections = refine(detector_->detect(result.segments), result.segments, known_level, params_.detections.fit);
   result.update = map_.update(result.detections);
   return result;
 }

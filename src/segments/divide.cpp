@@ -4,12 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <utility>
 
-#include <Eigen/LU>
-
-#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/outline.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -18,48 +15,12 @@ constexpr int kNobody = -1;
 constexpr std::size_t kMinRun = 3;        // hits in a row of one owner: fewer are noise
 constexpr double kMinSticksOut_m = 0.12;  // what sticks out of a known object by less is that object, seen badly
 
-struct Outline {
-  Eigen::Vector2d center_m;
-  Eigen::Matrix2d inverse_shape;
-};
-
-/// Distance of a point from the outline along the line to its centre; negative inside.
-double offset_m(const Outline& outline, const Eigen::Vector2d& p) {
-  const Eigen::Vector2d d = p - outline.center_m;
-  const double scale = std::sqrt(d.dot(outline.inverse_shape * d));
-  return scale > 1e-9 ? d.norm() * (1.0 - 1.0 / scale) : -std::numeric_limits<double>::infinity();
-}
-
 /// Neighbouring hits of one owner.
 struct Run {
   std::size_t first = 0;
   std::size_t count = 0;
   int owner = kNobody;
 };
-
-/// For each segment the outlines that its azimuths overlap.
-std::vector<std::vector<int>> outlines_of_segments(const Segments& segments, const std::vector<Ellipse>& known_level) {
-  std::vector<std::vector<int>> result(segments.segments.size());
-  if (segments.segments.empty()) return result;
-  const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
-  const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
-  for (std::size_t k = 0; k < known_level.size(); ++k) {
-    const Ellipse& ellipse = known_level[k];
-    const double distance_m = ellipse.center_m.norm();
-    const double reach_m = std::max(ellipse.rx_m, ellipse.ry_m);
-    if (distance_m <= reach_m) continue;
-    const double half_rad = std::asin(reach_m / distance_m);
-    const double wrapped_rad = std::atan2(ellipse.center_m.y(), ellipse.center_m.x());
-    for (const double azimuth_rad : {wrapped_rad - 2.0 * kPi, wrapped_rad, wrapped_rad + 2.0 * kPi}) {
-      auto segment = std::lower_bound(segments.segments.begin(), segments.segments.end(), azimuth_rad - half_rad,
-                                      [&](const Segment& s, double low_rad) { return last_rad(s) < low_rad; });
-      for (; segment != segments.segments.end() && first_rad(*segment) <= azimuth_rad + half_rad; ++segment) {
-        result[static_cast<std::size_t>(segment - segments.segments.begin())].push_back(static_cast<int>(k));
-      }
-    }
-  }
-  return result;
-}
 
 /// The hits of a segment by owner, short runs given to the run before.
 std::vector<Run> runs_of(const Segments& segments, const Segment& segment, const std::vector<int>& candidates,
@@ -122,11 +83,8 @@ SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
 
 Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
   if (known_level.empty()) return segments;
-  std::vector<Outline> outlines;
-  for (const Ellipse& ellipse : known_level) {
-    outlines.push_back({ellipse.center_m, shape_matrix(ellipse).inverse()});
-  }
-  const std::vector<std::vector<int>> candidates = outlines_of_segments(segments, known_level);
+  const std::vector<Outline> outlines = outlines_of(known_level);
+  const std::vector<std::vector<int>> candidates = ellipses_by_segment(segments, known_level);
   const std::vector<Segment> wholes = std::exchange(segments.segments, {});
   for (std::size_t s = 0; s < wholes.size(); ++s) {
     const Segment& whole = wholes[s];

@@ -50,6 +50,12 @@ struct EllipseFitParams {
 /// silhouette end miss it within the beam spacing, and radii follow the prior.
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params);
 
+/// The same of an object that is known: one step of Gauss and Newton from the ellipse that it is expected to be, about
+/// whose shape the prior then is. Unlike the fit's own answers, these are linear in the noise of the hits, so that a
+/// filter that averages them converges to what all scans together say (an iterated Kalman filter's step).
+Detection refit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                        const Ellipse& known_level);
+
 /// The detection of an ellipse (t_x, t_y, m, p, q) in one segment, radii kept at or above their bound; its covariance
 /// is left at zero.
 Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,

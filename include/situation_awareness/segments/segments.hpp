@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/points/points.hpp"
 
@@ -50,5 +51,9 @@ struct Segments {
   std::vector<Segment> segments;
   FreeSpace free_space;  ///< of the whole scan
 };
+
+/// For each segment the indices of the ellipses that its azimuths overlap; ellipses around the sensor are on none.
+/// Costs grow with what overlaps, not with all pairs.
+std::vector<std::vector<int>> ellipses_by_segment(const Segments& segments, const std::vector<Ellipse>& ellipses_level);
 
 }  // namespace situation_awareness

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// segment_array  ->  detections
+// segment_array, map  ->  detections
 #include <memory>
 
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
+#include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
@@ -19,8 +21,10 @@ class DetectionNodelet : public StageNodelet {
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    fit_ = params.pipeline.detections.fit;
     detector_ = make_detector(params.pipeline.detections);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
     publisher_ = node.advertise<DetectionArray>("detections", 20);
     subscriber_ =
         node.subscribe("segment_array", 20, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
@@ -36,7 +40,8 @@ class DetectionNodelet : public StageNodelet {
       return diagnostics_->dropped(drop_reason::kBadMessage, error.what());
     }
     try {
-      const Detections detections = detector_->detect(segments);
+      const Detections detections = refine(detector_->detect(segments), segments,
+                                           map_->outlines_at(segments.stamp_ns, segments.T_world_level), fit_);
       publisher_.publish(boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id)));
       diagnostics_->counted(detections.refused);
       diagnostics_->processed(msg->header.stamp, start);
@@ -45,8 +50,10 @@ class DetectionNodelet : public StageNodelet {
     }
   }
 
+  EllipseFitParams fit_;
   std::unique_ptr<Detector> detector_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
+  std::unique_ptr<MapSubscriber> map_;
   ros::Publisher publisher_;
   ros::Subscriber subscriber_;
 };

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // scan, TF world -> lidar, map  ->  segment_array, segments (for the eye)
 #include <deque>
-#include <limits>
 #include <memory>
 #include <string>
 #include <utility>
@@ -13,13 +12,12 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/common/stamp_order.hpp"
-#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
-#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
@@ -48,7 +46,7 @@ class SegmentationNodelet : public StageNodelet {
     const auto depth = static_cast<std::uint32_t>(params_.queue_size);
     scan_subscriber_ =
         node.subscribe("scan", depth, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
-    map_subscriber_ = node.subscribe("map", 1, &SegmentationNodelet::on_map, this, ros::TransportHints().tcpNoDelay());
+    map_ = std::make_unique<MapSubscriber>(node, params_.world_frame, *diagnostics_);
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     const ros::WallDuration poll_period(0.005);
     timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { work_off(); });
@@ -65,12 +63,11 @@ class SegmentationNodelet : public StageNodelet {
         case StampOrder::Verdict::kRestart:
           for (; !queue_.empty(); queue_.pop_front()) diagnostics_->dropped(drop_reason::kRestart);
           tf_.clear();  // what it holds is of a later time and would shut out what is to come
-          known_ = {};
+          map_->forget();
           break;
         case StampOrder::Verdict::kNext:
           break;
       }
-      latest_scan_ns_ = to_nanoseconds(msg->header.stamp);
       queue_.push_back({msg, ros::WallTime::now()});
       if (queue_.size() > static_cast<std::size_t>(params_.queue_size)) {
         queue_.pop_front();
@@ -80,21 +77,6 @@ class SegmentationNodelet : public StageNodelet {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
     work_off();
-  }
-
-  /// What the map says is kept for the scans to come; it was made from those before.
-  void on_map(const EllipseMapConstPtr& msg) {
-    try {
-      if (tf2_frame(msg->header.frame_id) != params_.world_frame) {
-        return diagnostics_->dropped(drop_reason::kBadMessage, "a map in the frame " + msg->header.frame_id);
-      }
-      Objects objects = objects_from_msg(*msg);
-      if (objects.stamp_ns > latest_scan_ns_)
-        return diagnostics_->counted({{"map of a later time", 1}});  // a restart's
-      known_ = std::move(objects);
-    } catch (const std::exception& error) {
-      diagnostics_->dropped(drop_reason::kBadMessage, error.what());
-    }
   }
 
   ros::Time last_beam_of(const sensor_msgs::LaserScan& msg) const {
@@ -149,7 +131,7 @@ class SegmentationNodelet : public StageNodelet {
     const Scan limited = limit_range(scan, T_world_lidar, params_.pipeline.scan);
     const Points points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
     const Segments segments =
-        divide(segment(points, params_.pipeline.segments), outlines_at(points.stamp_ns, points.T_world_level, known_),
+        divide(segment(points, params_.pipeline.segments), map_->outlines_at(points.stamp_ns, points.T_world_level),
                params_.pipeline.segments);
 
     array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
@@ -166,10 +148,9 @@ class SegmentationNodelet : public StageNodelet {
   tf2_ros::Buffer tf_;
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::deque<Waiting> queue_;
-  std::int64_t latest_scan_ns_ = std::numeric_limits<std::int64_t>::min();
-  Objects known_;  ///< the latest map
+  std::unique_ptr<MapSubscriber> map_;
   ros::Publisher segments_publisher_, array_publisher_;
-  ros::Subscriber scan_subscriber_, map_subscriber_;
+  ros::Subscriber scan_subscriber_;
   ros::WallTimer timer_;
 };
 

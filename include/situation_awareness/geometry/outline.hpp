@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+
+#include "situation_awareness/geometry/ellipse.hpp"
+
+namespace situation_awareness {
+
+/// An ellipse as what points are compared with.
+struct Outline {
+  Eigen::Vector2d center_m;
+  Eigen::Matrix2d inverse_shape;
+};
+
+inline std::vector<Outline> outlines_of(const std::vector<Ellipse>& ellipses) {
+  std::vector<Outline> outlines;
+  outlines.reserve(ellipses.size());
+  for (const Ellipse& ellipse : ellipses) outlines.push_back({ellipse.center_m, shape_matrix(ellipse).inverse()});
+  return outlines;
+}
+
+/// Distance of a point from the outline along the line to its centre; negative inside.
+inline double offset_m(const Outline& outline, const Eigen::Vector2d& p) {
+  const Eigen::Vector2d d = p - outline.center_m;
+  const double scale = std::sqrt(d.dot(outline.inverse_shape * d));
+  return scale > 1e-9 ? d.norm() * (1.0 - 1.0 / scale) : -std::numeric_limits<double>::infinity();
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <ros/node_handle.h>
+#include <ros/subscriber.h>
+
+#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+/// The latest `map`, for stages that look at the next scan in its light. Lives on the callback queue of its node
+/// handle, so it needs no lock; `diagnostics` must outlive it.
+class MapSubscriber {
+ public:
+  MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics);
+
+  /// What the map expects in a scan, in its level frame. A map of a later time is none: time has started again.
+  std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
+
+  /// Time starts again.
+  void forget() { map_ = {}; }
+
+ private:
+  void on_map(const EllipseMapConstPtr& msg);
+
+  std::string world_frame_;
+  StageDiagnostics& diagnostics_;
+  Objects map_;
+  ros::Subscriber subscriber_;
+};
+
+}  // namespace situation_awareness

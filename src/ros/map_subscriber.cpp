@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/map_subscriber.hpp"
+
+#include <exception>
+
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+
+namespace situation_awareness {
+
+MapSubscriber::MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics)
+    : world_frame_(world_frame),
+      diagnostics_(diagnostics),
+      subscriber_(node.subscribe("map", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay())) {}
+
+void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
+  try {
+    if (tf2_frame(msg->header.frame_id) != world_frame_) {
+      return diagnostics_.dropped(drop_reason::kBadMessage, "a map in the frame " + msg->header.frame_id);
+    }
+    map_ = objects_from_msg(*msg);
+  } catch (const std::exception& error) {
+    diagnostics_.dropped(drop_reason::kBadMessage, error.what());
+  }
+}
+
+std::vector<Ellipse> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
+  if (!map_.objects.empty() && map_.stamp_ns > stamp_ns) {
+    diagnostics_.counted({{"map of a later time", 1}});
+    forget();
+  }
+  return situation_awareness::outlines_at(stamp_ns, T_world_level, map_);
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/segments/segments.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+
+std::vector<std::vector<int>> ellipses_by_segment(const Segments& segments,
+                                                  const std::vector<Ellipse>& ellipses_level) {
+  std::vector<std::vector<int>> result(segments.segments.size());
+  if (segments.segments.empty()) return result;
+  const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
+  const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
+  for (std::size_t k = 0; k < ellipses_level.size(); ++k) {
+    const Ellipse& ellipse = ellipses_level[k];
+    const double distance_m = ellipse.center_m.norm();
+    const double reach_m = std::max(ellipse.rx_m, ellipse.ry_m);
+    if (distance_m <= reach_m) continue;
+    const double half_rad = std::asin(reach_m / distance_m);
+    const double wrapped_rad = std::atan2(ellipse.center_m.y(), ellipse.center_m.x());
+    for (const double azimuth_rad : {wrapped_rad - 2.0 * kPi, wrapped_rad, wrapped_rad + 2.0 * kPi}) {
+      auto segment = std::lower_bound(segments.segments.begin(), segments.segments.end(), azimuth_rad - half_rad,
+                                      [&](const Segment& s, double low_rad) { return last_rad(s) < low_rad; });
+      for (; segment != segments.segments.end() && first_rad(*segment) <= azimuth_rad + half_rad; ++segment) {
+        result[static_cast<std::size_t>(segment - segments.segments.begin())].push_back(static_cast<int>(k));
+      }
+    }
+  }
+  return result;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/refine.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+#include "support/level_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const EllipseFitParams kParams;
+
+/// An ellipse whose left third is behind something nearer.
+LevelScene half_hidden(const Ellipse& ellipse) {
+  LevelScene scene;
+  scene.ellipses = {ellipse, {{1.5, 0.27}, 0.0, 0.22, 0.22}};
+  return scene;
+}
+
+/// The far segment alone.
+Segments far_segment(const LevelScene& scene, Random* random) {
+  Segments segments = segment(project_horizontally(scene.scan(random), Eigen::Isometry3d::Identity()), {});
+  std::vector<Segment> far;
+  for (const Segment& segment : segments.segments) {
+    if (segments.points[segment.first].range_m > 2.0) far.push_back(segment);
+  }
+  segments.segments = std::move(far);
+  return segments;
+}
+
+Detections detected(const Segments& segments) { return LeastSquaresDetector(kParams).detect(segments); }
+
+double center_distance_m(const Ellipse& a, const Ellipse& b) { return (a.center_m - b.center_m).norm(); }
+
+/// Kalman's average of detections of one object that stands.
+struct Average {
+  Vector5d x;
+  Matrix5d P;
+
+  void add(const Detection& detection) {
+    const Matrix5d K = P * (P + detection.covariance).inverse();
+    x += K * (smooth_parameters(detection.ellipse_level) - x);
+    P = ((Matrix5d::Identity() - K) * P).eval();
+    P = (0.5 * (P + P.transpose())).eval();
+  }
+};
+
+// Fits of single scans are biased the same way each time; what is found from where the last scans were is not.
+TEST(Refine, AveragesConvergeToTheTruthWhereThoseOfFitsDoNot) {
+  double refined_m = 0.0;
+  double fitted_m = 0.0;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    Random random(seed);
+    const Ellipse truth{{4.0, 0.1}, random.uniform(-1.5, 1.5), 0.35, 0.16};
+    const LevelScene scene = half_hidden(truth);
+    Average refined;
+    Average fitted;
+    for (int scan = 0; scan < 400; ++scan) {
+      const Segments segments = far_segment(scene, &random);
+      ASSERT_EQ(segments.segments.size(), 1U);
+      const Detection fit = fit_ellipse(segments, 0, kParams);
+      if (scan == 0) {
+        refined = fitted = {smooth_parameters(fit.ellipse_level), fit.covariance};
+        continue;
+      }
+      fitted.add(fit);
+      refined.add(refit_ellipse(segments, 0, kParams, ellipse_from_smooth_parameters(refined.x)));
+    }
+    refined_m += center_distance_m(ellipse_from_smooth_parameters(refined.x), truth) / 5.0;
+    fitted_m += center_distance_m(ellipse_from_smooth_parameters(fitted.x), truth) / 5.0;
+  }
+  RecordProperty("refined_mm", static_cast<int>(1e3 * refined_m));
+  RecordProperty("fitted_mm", static_cast<int>(1e3 * fitted_m));
+  EXPECT_LT(refined_m, 0.5 * fitted_m);
+}
+
+TEST(Refine, LeavesTheTruthWhereItIs) {
+  const Ellipse truth{{4.0, 0.1}, 0.4, 0.35, 0.16};
+  const Segments segments = far_segment(half_hidden(truth), nullptr);
+  const Detections refined = refine(detected(segments), segments, {truth}, kParams);
+  ASSERT_EQ(refined.detections.size(), 1U);
+  // To what a tangent within the beam beside the last hit leaves open.
+  EXPECT_LT(center_distance_m(refined.detections[0].ellipse_level, truth), 4.0 * segments.resolution_rad);
+  EXPECT_LT(symmetric_characteristic_distance(refined.detections[0].ellipse_level, truth), 0.01);
+}
+
+// Whatever the noise is, twice of it is twice the change: what makes averages free of bias.
+TEST(Refine, IsLinearInTheNoiseOfTheHits) {
+  const Ellipse known{{4.02, 0.12}, 0.5, 0.33, 0.18};
+  const Segments clean = far_segment(half_hidden({{4.0, 0.1}, 0.4, 0.35, 0.16}), nullptr);
+  ASSERT_EQ(clean.segments.size(), 1U);
+  Random random(7);
+  std::vector<double> noise_m;
+  for (std::size_t i = 0; i < clean.points.size(); ++i) noise_m.push_back(1e-4 * random.normal());
+  const auto answer = [&](double scale) {
+    Segments noisy = clean;
+    for (std::size_t i = 0; i < noisy.points.size(); ++i) {
+      Point& point = noisy.points[i];
+      point.p_level_m *= 1.0 + scale * noise_m[i] / point.range_m;
+      point.range_m += scale * noise_m[i];
+    }
+    return smooth_parameters(refit_ellipse(noisy, 0, kParams, known).ellipse_level);
+  };
+  const Vector5d none = answer(0.0);
+  const Vector5d once = answer(1.0) - none;
+  const Vector5d twice = answer(2.0) - none;
+  ASSERT_GT(once.norm(), 1e-5);
+  EXPECT_LT((twice - 2.0 * once).norm(), 0.02 * once.norm());
+}
+
+TEST(Refine, TurnsWithTheScene) {
+  const Ellipse truth{{4.0, 0.1}, 0.4, 0.35, 0.16};
+  const Ellipse known{{4.03, 0.12}, 0.5, 0.33, 0.18};
+  const LevelScene scene = half_hidden(truth);
+  LevelScene turned = scene;
+  const Pose2 rotation{Eigen::Vector2d::Zero(), 200 * scene.angle_increment_rad};
+  for (Ellipse& ellipse : turned.ellipses) ellipse = rotation * ellipse;
+  const Segments a = far_segment(scene, nullptr);
+  const Segments b = far_segment(turned, nullptr);
+  const Detections of_a = refine(detected(a), a, {known}, kParams);
+  const Detections of_b = refine(detected(b), b, {rotation * known}, kParams);
+  ASSERT_EQ(of_a.detections.size(), 1U);
+  ASSERT_EQ(of_b.detections.size(), 1U);
+  EXPECT_LT(
+      symmetric_characteristic_distance(rotation * of_a.detections[0].ellipse_level, of_b.detections[0].ellipse_level),
+      1e-4);
+  const auto spread = [](const Detections& detections) {
+    return detections.detections[0].covariance.topLeftCorner(2, 2).trace();
+  };
+  EXPECT_NEAR(spread(of_a), spread(of_b), 1e-6);
+}
+
+TEST(Refine, ChangesNothingOfWhatIsNotKnown) {
+  Random random(8);
+  const Segments segments = far_segment(half_hidden({{4.0, 0.1}, 0.4, 0.35, 0.16}), &random);
+  const Detections plain = detected(segments);
+  ASSERT_EQ(plain.detections.size(), 1U);
+  const Ellipse behind{{5.5, 0.1}, 0.4, 0.35, 0.16};
+  const Ellipse beside{{4.0, -0.9}, 0.4, 0.35, 0.16};
+  const Ellipse around_the_sensor{{0.0, 0.0}, 0.0, 4.0, 4.0};
+  for (const std::vector<Ellipse>& known :
+       {std::vector<Ellipse>{}, std::vector<Ellipse>{behind, beside, around_the_sensor}}) {
+    const Detections same = refine(plain, segments, known, kParams);
+    ASSERT_EQ(same.detections.size(), 1U);
+    EXPECT_EQ(smooth_parameters(same.detections[0].ellipse_level),
+              smooth_parameters(plain.detections[0].ellipse_level));
+    EXPECT_EQ(same.detections[0].covariance, plain.detections[0].covariance);
+  }
+}
+
+TEST(Refine, LooksFromTheNearestOfWhatIsKnownAndKeepsWhatTheDetectorSaid) {
+  Random random(9);
+  const Ellipse truth{{4.0, 0.1}, 0.4, 0.35, 0.16};
+  const Segments segments = far_segment(half_hidden(truth), &random);
+  Detections plain = detected(segments);
+  ASSERT_EQ(plain.detections.size(), 1U);
+  plain.detections[0].p_ellipse = 0.93;
+  const Ellipse near = truth;
+  const Ellipse off{{4.07, 0.1}, 0.4, 0.35, 0.16};
+  const Detections both = refine(plain, segments, {off, near}, kParams);
+  const Detections one = refine(plain, segments, {near}, kParams);
+  EXPECT_EQ(smooth_parameters(both.detections[0].ellipse_level), smooth_parameters(one.detections[0].ellipse_level));
+  EXPECT_EQ(one.detections[0].p_ellipse, 0.93);
+  EXPECT_EQ(one.detections[0].segment, plain.detections[0].segment);
+  EXPECT_EQ(one.detections[0].hidden_end, plain.detections[0].hidden_end);
+  EXPECT_EQ(one.detections[0].beams, plain.detections[0].beams);
+  const Eigen::LLT<Matrix5d> llt(one.detections[0].covariance);
+  EXPECT_EQ(llt.info(), Eigen::Success);
+}
+
+}  // namespace
+}  // namespace situation_awareness
