@@ -102,7 +102,6 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
       Segment piece = whole;
       piece.first = run.first;
       piece.count = run.count;
-      if (run.owner != kNobody) piece.kind = SegmentKind::kObject;
       const auto width_rad = [&](const Run& other) {
         return segments.points[other.first + other.count - 1].azimuth_rad - segments.points[other.first].azimuth_rad;
       };
@@ -115,6 +114,9 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
         const std::size_t last = run.first + run.count - 1;
         piece.left_end = end_at_cut(segments.points[last], segments.points[last + 1], params.occlusion_margin_m);
         piece.left_hidden_rad = is_silhouette(piece.left_end) ? 0.0 : width_rad(runs[r + 1]);
+      }
+      if (run.owner != kNobody) {
+        piece.kind = is_flat(segments, piece, params) ? SegmentKind::kStructure : SegmentKind::kObject;
       }
       segments.segments.push_back(piece);
     }

@@ -173,6 +173,50 @@ double rms_m(const Line& line, const Point* points, std::size_t count) {
   return std::sqrt(sum / static_cast<double>(count));
 }
 
+/// How far the middle of points along a line stands out before their ends, towards the sensor, as part of half their
+/// length (by the parabola over the line), and that half length.
+struct Bulge {
+  double ratio = 0.0;
+  double half_m = 0.0;
+};
+
+Bulge bulge_of(const Line& line, const Point* points, std::size_t count) {
+  const Eigen::Vector2d along(-line.normal.y(), line.normal.x());
+  const double towards = line.normal.dot(line.through) > 0.0 ? -1.0 : 1.0;  // the sensor is at the origin
+  Bulge bulge;
+  double s2 = 0.0;
+  double s3 = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double s = along.dot(points[i].p_level_m - line.through);
+    s2 += s * s;
+    s3 += s * s * s;
+    bulge.half_m = std::max(bulge.half_m, std::abs(s));
+  }
+  if (!(s2 > 0.0)) return bulge;
+  double rq = 0.0;
+  double qq = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Eigen::Vector2d d = points[i].p_level_m - line.through;
+    const double s = along.dot(d);
+    const double q = s * s - s2 / static_cast<double>(count) - s3 / s2 * s;  // of s^2 what no line has
+    rq += towards * line.normal.dot(d) * q;
+    qq += q * q;
+  }
+  if (qq > 0.0) bulge.ratio = -rq / qq * bulge.half_m;
+  return bulge;
+}
+
+/// What a segment is taken for by its own hits and ends, whatever is beside it.
+SegmentKind kind_alone(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+  const Point* points = &segments.points[segment.first];
+  if (extent_m(points, segment.count) > params.max_object_extent_m) return SegmentKind::kStructure;
+  if (concavity_m(points, segment.count) > params.max_concavity_m) return SegmentKind::kStructure;
+  const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
+  const bool straight =
+      hidden && rms_m(fit_line(points, segment.count), points, segment.count) < params.max_straight_rms_m;
+  return straight || is_flat(segments, segment, params) ? SegmentKind::kStructure : SegmentKind::kObject;
+}
+
 /// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
 /// structure a few segments further on that side. `step` is the side to look to, and the pieces are visited from there,
 /// so that a structure cut many times is followed piece by piece.
@@ -209,6 +253,14 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
 
 void SegmentationParams::validate() const { check_bounds(*this, "segments"); }
 
+bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+  const Point* points = &segments.points[segment.first];
+  if (extent_m(points, segment.count) < params.flat_extent_m) return false;
+  const Line line = fit_line(points, segment.count);
+  const Bulge bulge = bulge_of(line, points, segment.count);
+  return bulge.ratio < params.min_bulge && rms_m(line, points, segment.count) < params.min_bulge * bulge.half_m;
+}
+
 Segments segment(const Points& points, const SegmentationParams& params) {
   Segments result;
   result.stamp_ns = points.stamp_ns;
@@ -244,12 +296,7 @@ Segments segment(const Points& points, const SegmentationParams& params) {
       };
       segment.right_hidden_rad = hidden_beside(segment.right_end, first_read, -1);
       segment.left_hidden_rad = hidden_beside(segment.left_end, last_read, +1);
-      const Point* data = &result.points[first];
-      const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
-      if (extent_m(data, count) > params.max_object_extent_m || concavity_m(data, count) > params.max_concavity_m ||
-          (hidden && rms_m(fit_line(data, count), data, count) < params.max_straight_rms_m)) {
-        segment.kind = SegmentKind::kStructure;
-      }
+      segment.kind = kind_alone(result, segment, params);
       result.segments.push_back(segment);
     }
     first = result.points.size();

@@ -166,7 +166,33 @@ TEST(Segmentation, PiecesOfAWallBehindPostsStayTheWall) {
   EXPECT_EQ(pieces, 8);
 }
 
-// With its own edge on both sides a board is an object; cut off by a post it may be any wall, and a curved thing cut
+// Ellipses bulge, however they stand and however flat they are up to 1 : 4; a cabinet's front does not, even if it is
+// not quite straight.
+TEST(Segmentation, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
+  Random random(5);
+  for (int i = 0; i < 200; ++i) {
+    const double turn_rad = random.uniform(-0.6, 0.6);
+    const Eigen::Vector2d along(-std::sin(turn_rad), std::cos(turn_rad));
+    const Eigen::Vector2d middle(random.uniform(1.5, 4.0), random.uniform(-0.5, 0.5));
+    const double half_m = random.uniform(0.25, 0.5);
+    const double step_m = random.uniform(0.0, 0.02);
+    LevelScene front;
+    const Eigen::Vector2d step(step_m, 0.0);
+    front.walls = {{middle - half_m * along, middle}, {middle + step, middle + step + half_m * along}};
+    const Segments flat = segment_scan(front.scan(&random));
+    ASSERT_EQ(flat.segments.size(), 1U);
+    EXPECT_EQ(flat.segments[0].kind, SegmentKind::kStructure) << "front " << i;
+
+    LevelScene body;
+    const double rx_m = random.uniform(0.1, 0.5);
+    body.ellipses = {{middle, random.uniform(-kPi / 2.0, kPi / 2.0), rx_m, rx_m / random.uniform(1.0, 4.0)}};
+    const Segments round = segment_scan(body.scan(&random));
+    ASSERT_EQ(round.segments.size(), 1U);
+    EXPECT_EQ(round.segments[0].kind, SegmentKind::kObject) << "ellipse " << i;
+  }
+}
+
+// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing cut
 // off alike is still an object.
 TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
   LevelScene scene;
@@ -178,9 +204,9 @@ TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
     ADD_FAILURE() << "not seen";
     return SegmentKind::kObject;
   };
-  scene.walls = {{{4.0, -0.4}, {4.0, 0.4}}};
+  scene.walls = {{{4.0, -0.14}, {4.0, 0.14}}};
   EXPECT_EQ(kind_of_far(), SegmentKind::kObject);
-  scene.ellipses = {{{1.5, 0.15}, 0.0, 0.1, 0.1}};
+  scene.ellipses = {{{1.5, 0.08}, 0.0, 0.06, 0.06}};
   EXPECT_EQ(kind_of_far(), SegmentKind::kStructure);
   scene.walls.clear();
   scene.ellipses.push_back({{4.0, 0.0}, 0.0, 0.4, 0.4});

@@ -17,6 +17,8 @@ struct SegmentationParams {
   double max_concavity_m = 0.03;
   double max_structure_offset_m = 0.06;
   double max_straight_rms_m = 0.008;
+  double flat_extent_m = 0.4;
+  double min_bulge = 0.1;
   double occlusion_margin_m = 0.05;
   double max_division_offset_m = 0.06;
 
@@ -43,6 +45,11 @@ struct SegmentationParams {
     visit("max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
           "a piece with a hidden end whose points lie this close to a line, root mean square, may be any wall: "
           "structure");
+    visit("flat_extent_m", self.flat_extent_m, Bounds{0.0, 100.0}, "m",
+          "a segment that extends at least this far and is flat is structure: the front of a wall or a cabinet");
+    visit("min_bulge", self.min_bulge, Bounds{0.0, 1.0}, "",
+          "flat is what lies closer to a line than this part of half its length, root mean square, and stands out by "
+          "less than this part from its ends to its middle");
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "a neighbour this much nearer than the end of a segment hides what is beside it");
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",
@@ -58,5 +65,8 @@ struct SegmentationParams {
 /// Hits outside the volume of interest are grouped too, so that a wall that leaves the volume is still seen as a wall
 /// and an object on its border as a whole; segments that lie mostly outside are then left out.
 Segments segment(const Points& points, const SegmentationParams& params);
+
+/// True if a segment is long and flat: the front of a wall or a cabinet, whatever else speaks for an object.
+bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params);
 
 }  // namespace situation_awareness
