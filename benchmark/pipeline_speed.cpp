@@ -1,0 +1,475 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What a scan costs on its way to the map, in time and in allocations: the raw numbers behind scripts/evaluate speed.
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <exception>
+#include <map>
+#include <memory>
+#include <numeric>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include <nlohmann/json.hpp>
+
+#include "allocations.hpp"
+#include "situation_awareness/detections/network.hpp"
+#include "situation_awareness/detections/onnx_model.hpp"
+#include "situation_awareness/detections/paper_networks.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "staged_pipeline.hpp"
+#include "synthetic_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kUsage =
+    "usage: pipeline_speed --config FILE.yaml --models FOLDER [options]\n"
+    "\n"
+    "Takes synthetic scans to a map, one behind the other, and writes what that cost as one line of JSON: in us and\n"
+    "allocations per scan. 'whole' is ObjectPipeline::process, 'stages' are the same scans stage by stage.\n"
+    "\n"
+    "  --config FILE      parameters of the map, such as cfg/objects.yaml\n"
+    "  --models FOLDER    where a relative model is looked for\n"
+    "  --beams N          of the scanner, over 270 degrees (default 1081)\n"
+    "  --objects N        in a ring around it (default 12)\n"
+    "  --elements N       that the map remembers besides, from other rooms, about (default 0)\n"
+    "  --threads N        as many pipelines at once, each with its own scans (default 1)\n"
+    "  --scans N          that count (default 600)\n"
+    "  --warm-up N        before these (default 160)\n"
+    "  --rate-hz R        of the scans: pause between them as a scanner does (default 0: none)\n"
+    "  --seed N           of the scene (default 1)\n"
+    "  --networks         time per segment beside that of a full forward of the paper's VGG-Net\n"
+    "  --help             this text\n";
+
+struct UsageError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+struct Arguments {
+  std::string config, models;
+  int beams = 1081, objects = 12, elements = 0, threads = 1, scans = 600, warm_up = 160, rate_hz = 0, seed = 1;
+  bool networks = false;
+  bool help = false;
+};
+
+int whole_number(const std::string& option, const std::string& text, int low) {
+  if (text.empty() || text.size() > 8 || text.find_first_not_of("0123456789") != std::string::npos ||
+      std::stoi(text) < low) {
+    throw UsageError(option + " needs a whole number of at least " + std::to_string(low) + ", not " + text);
+  }
+  return std::stoi(text);
+}
+
+Arguments parse_arguments(int argc, char** argv) {
+  Arguments arguments;
+  struct Number {
+    int* value;
+    int low;
+  };
+  const std::map<std::string, std::string*> texts = {{"--config", &arguments.config}, {"--models", &arguments.models}};
+  const std::map<std::string, Number> numbers = {
+      {"--beams", {&arguments.beams, 2}},       {"--objects", {&arguments.objects, 1}},
+      {"--elements", {&arguments.elements, 0}}, {"--threads", {&arguments.threads, 1}},
+      {"--scans", {&arguments.scans, 1}},       {"--warm-up", {&arguments.warm_up, 0}},
+      {"--rate-hz", {&arguments.rate_hz, 0}},   {"--seed", {&arguments.seed, 0}}};
+  for (int i = 1; i < argc; ++i) {
+    const std::string option = argv[i];
+    if (option == "--help" || option == "-h") {
+      arguments.help = true;
+      return arguments;
+    }
+    if (option == "--networks") {
+      arguments.networks = true;
+      continue;
+    }
+    const auto text = texts.find(option);
+    const auto number = numbers.find(option);
+    if (text == texts.end() && number == numbers.end()) throw UsageError("unknown option " + option);
+    if (i + 1 >= argc) throw UsageError(option + " needs a value");
+    ++i;
+    if (text != texts.end()) {
+      *text->second = argv[i];
+    } else {
+      *number->second.value = whole_number(option, argv[i], number->second.low);
+    }
+  }
+  for (const auto& [option, value] : texts) {
+    if (value->empty()) throw UsageError(option + " is missing");
+  }
+  return arguments;
+}
+
+double cpu_now_us(clockid_t clock) {
+  timespec time{};
+  clock_gettime(clock, &time);
+  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
+}
+
+// --- what is counted
+
+/// The value that the given part of the numbers stays below.
+double quantile(std::vector<double> values, double part) {
+  if (values.empty()) return 0.0;
+  std::sort(values.begin(), values.end());
+  return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
+}
+
+/// What one thing cost, scan by scan.
+struct Costs {
+  std::vector<double> times_us;
+  std::vector<double> cpu_us;  ///< what other programs take from the core is in the times, and not here
+  Allocations allocations;
+
+  void reserve(std::size_t scans) {
+    times_us.reserve(scans);
+    cpu_us.reserve(scans);
+  }
+
+  /// Runs what() and counts it.
+  template <class What>
+  auto operator()(What&& what) {
+    const double cpu_before_us = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
+    const Allocations before = situation_awareness::allocations();
+    const Clock::time_point begin = Clock::now();
+    auto result = what();
+    const std::chrono::duration<double, std::micro> time = Clock::now() - begin;
+    const Allocations during = situation_awareness::allocations() - before;
+    cpu_us.push_back(cpu_now_us(CLOCK_THREAD_CPUTIME_ID) - cpu_before_us);
+    times_us.push_back(time.count());
+    allocations.count += during.count;
+    allocations.bytes += during.bytes;
+    return result;
+  }
+
+  void add(const Costs& other) {
+    times_us.insert(times_us.end(), other.times_us.begin(), other.times_us.end());
+    cpu_us.insert(cpu_us.end(), other.cpu_us.begin(), other.cpu_us.end());
+    allocations.count += other.allocations.count;
+    allocations.bytes += other.allocations.bytes;
+  }
+
+  Json json() const {
+    const double n = static_cast<double>(std::max<std::size_t>(times_us.size(), 1));
+    return {{"p50_us", quantile(times_us, 0.5)},
+            {"p99_us", quantile(times_us, 0.99)},
+            {"max_us", quantile(times_us, 1.0)},
+            {"cpu_us", std::accumulate(cpu_us.begin(), cpu_us.end(), 0.0) / n},
+            {"cpu_p50_us", quantile(cpu_us, 0.5)},
+            {"cpu_p99_us", quantile(cpu_us, 0.99)},
+            {"cpu_max_us", quantile(cpu_us, 1.0)},
+            {"allocations", static_cast<double>(allocations.count) / n},
+            {"bytes", static_cast<double>(allocations.bytes) / n}};
+  }
+};
+
+/// Costs of the stages, in the order in which they were met first.
+class StageCosts {
+ public:
+  explicit StageCosts(std::size_t scans) : scans_(scans) {}
+
+  template <class What>
+  auto operator()(const char* name, What&& what) {
+    return of(name)(std::forward<What>(what));
+  }
+
+  void add(const StageCosts& other) {
+    for (const auto& [name, costs] : other.stages_) of(name).add(costs);
+  }
+
+  Json json() const {
+    Json json = Json::object();
+    for (const auto& [name, costs] : stages_) json[name] = costs.json();
+    return json;
+  }
+
+ private:
+  Costs& of(const std::string& name) {
+    const auto stage =
+        std::find_if(stages_.begin(), stages_.end(), [&](const auto& known) { return known.first == name; });
+    if (stage != stages_.end()) return stage->second;
+    stages_.emplace_back(name, Costs{});
+    stages_.back().second.reserve(scans_);
+    return stages_.back().second;
+  }
+
+  std::size_t scans_;
+  std::vector<std::pair<std::string, Costs>> stages_;
+};
+
+// --- the networks, per segment
+
+/// The product's detector beside full forwards of the paper's VGG-Net, on the same segments, in turns.
+class NetworkComparison {
+ public:
+  NetworkComparison(const ObjectPipelineParams& params, const std::string& model_folder)
+      : detector_(make_detector(params.detections)), vgg_(model_folder + "/paper_vgg.onnx") {
+    DetectionParams vgg = params.detections;
+    vgg.detector = "vgg";
+    vgg.model.clear();
+    vgg_detector_ = make_detector(vgg);
+  }
+
+  void add(const Segments& segments) {
+    std::vector<std::size_t> asked;
+    for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+      if (segments.segments[i].kind == SegmentKind::kObject) asked.push_back(i);
+    }
+    if (asked.empty()) return;
+    const std::size_t n = asked.size();
+    time(detector_us_, n, [&] { return detector_->detect(segments); });
+    time(vgg_detector_us_, n, [&] { return vgg_detector_->detect(segments); });
+    time(vgg_forward_us_, n, [&] {
+      for (const std::size_t i : asked) forward(segments, {i});
+      return 0;
+    });
+    time(vgg_batched_us_, n, [&] {
+      forward(segments, asked);
+      return 0;
+    });
+  }
+
+  /// Medians, in us per segment. `whole_us`: of the whole way from scan to map, likewise.
+  Json json(double whole_us) const {
+    const double detector_us = quantile(detector_us_, 0.5);
+    const double vgg_us = quantile(vgg_forward_us_, 0.5);
+    return {{"vgg_forward_us", vgg_us},
+            {"vgg_batched_us", quantile(vgg_batched_us_, 0.5)},
+            {"vgg_detector_us", quantile(vgg_detector_us_, 0.5)},
+            {"detector_us", detector_us},
+            {"whole_us", whole_us},
+            {"vgg_forward_to_detector", vgg_us / detector_us},
+            {"vgg_forward_to_whole", vgg_us / whole_us}};
+  }
+
+ private:
+  template <class What>
+  static void time(std::vector<double>& times_us, std::size_t segments, What&& what) {
+    Costs costs;
+    costs(what);
+    times_us.push_back(costs.times_us.front() / static_cast<double>(segments));
+  }
+
+  /// The network's input is zero outside the segment (docs/math/paper_networks.md, eq. 2).
+  void forward(const Segments& segments, const std::vector<std::size_t>& which) {
+    float* input = vgg_.resize(static_cast<int>(which.size()));
+    for (const std::size_t i : which) {
+      const Segment& segment = segments.segments[i];
+      for (std::size_t k = segment.first; k < segment.first + segment.count; ++k) {
+        const Point& point = segments.points[k];
+        const double beam = point.azimuth_rad / PaperNetwork::kResolutionRad + PaperNetwork::kBeams / 2;
+        input[std::clamp(static_cast<int>(std::lround(beam)), 0, PaperNetwork::kBeams - 1)] =
+            static_cast<float>(0.1 * point.range_m);
+      }
+      input += PaperNetwork::kBeams;
+    }
+    vgg_.forward();
+  }
+
+  std::unique_ptr<Detector> detector_;
+  std::unique_ptr<Detector> vgg_detector_;
+  OnnxModel vgg_;
+  std::vector<double> detector_us_, vgg_detector_us_, vgg_forward_us_, vgg_batched_us_;
+};
+
+// --- running
+
+/// What one thread found.
+struct Result {
+  explicit Result(std::size_t scans) : stages(scans) { whole.reserve(scans); }
+
+  Costs whole;
+  StageCosts stages;
+  std::size_t hit = 0, segments = 0, detections = 0;  ///< sums over the scans
+  std::size_t elements = 0;                           ///< on the map at last
+  Json networks;
+};
+
+bool same(const Object& a, const Object& b) {
+  return a.id == b.id && a.ellipse_world.center_m == b.ellipse_world.center_m &&
+         a.ellipse_world.psi_rad == b.ellipse_world.psi_rad && a.ellipse_world.rx_m == b.ellipse_world.rx_m &&
+         a.ellipse_world.ry_m == b.ellipse_world.ry_m && a.velocity_world_m_s == b.velocity_world_m_s &&
+         a.angular_velocity_rad_s == b.angular_velocity_rad_s && a.covariance == b.covariance &&
+         a.p_moving == b.p_moving && a.p_exists == b.p_exists && a.observations == b.observations;
+}
+
+void check_same(const Objects& whole, const Objects& staged) {
+  if (whole.stamp_ns == staged.stamp_ns &&
+      std::equal(whole.objects.begin(), whole.objects.end(), staged.objects.begin(), staged.objects.end(), same)) {
+    return;
+  }
+  throw std::logic_error("ObjectPipeline and the stages that are timed here give different maps");
+}
+
+class Run {
+ public:
+  Run(const Arguments& arguments, const ObjectPipelineParams& params, int thread)
+      : arguments_(arguments),
+        pipeline_(params),
+        staged_(params),
+        result_(static_cast<std::size_t>(arguments.scans)),
+        seed_(static_cast<std::uint64_t>(arguments.seed) + 1000 * static_cast<std::uint64_t>(thread)) {
+    if (arguments.networks) networks_ = std::make_unique<NetworkComparison>(params, arguments.models);
+    visit_other_rooms();
+    const SyntheticScene scene(arguments.beams, arguments.objects, seed_);
+    for (int i = 0; i < arguments.warm_up + arguments.scans; ++i) {
+      scans_.push_back(scene.scan(next_scan_++));
+      if (i < arguments.warm_up) warm_up(scans_.back());
+    }
+  }
+
+  /// Without a word to the heap of its own between the scans.
+  void run() {
+    constexpr std::size_t kNetworksEvery = 10;  // a full forward is slow
+    const std::chrono::duration<double> step(arguments_.rate_hz > 0 ? 1.0 / arguments_.rate_hz : 0.0);
+    Clock::time_point due = Clock::now();
+    for (std::size_t i = static_cast<std::size_t>(arguments_.warm_up); i < scans_.size(); ++i) {
+      const SyntheticScan& scan = scans_[i];
+      const bool whole_first = i % 2 == 0;
+      if (whole_first) process_whole(scan);
+      wait(due, step);
+      const StageValues values = staged_.process(
+          scan.scan, scan.T_world_lidar, scan.T_world_lidar_end,
+          [&](const char* name, auto&& what) { return result_.stages(name, std::forward<decltype(what)>(what)); });
+      wait(due, step);
+      if (!whole_first) process_whole(scan);
+      check_same(pipeline_.map().at(scan.scan.stamp_ns), values.map);
+      if (networks_ && i % kNetworksEvery == 0) networks_->add(values.segments);
+
+      result_.hit += static_cast<std::size_t>(
+          std::count_if(scan.hits.begin(), scan.hits.end(), [](int hits) { return hits > 0; }));
+      result_.segments += static_cast<std::size_t>(
+          std::count_if(values.segments.segments.begin(), values.segments.segments.end(),
+                        [](const Segment& segment) { return segment.kind == SegmentKind::kObject; }));
+      result_.detections += values.detections.detections.size();
+      result_.elements = values.map.objects.size();
+    }
+    if (!networks_) return;
+    const double segments = static_cast<double>(result_.segments) / arguments_.scans;
+    result_.networks = networks_->json(quantile(result_.whole.times_us, 0.5) / segments);
+  }
+
+  const Result& result() const { return result_; }
+
+ private:
+  /// So that the map has elements which are out of sight: seen shortly, in rooms far from here.
+  void visit_other_rooms() {
+    constexpr int kObjectsOfRoom = 60, kScansOfRoom = 20;
+    const int rooms = (arguments_.elements + kObjectsOfRoom - 1) / kObjectsOfRoom;
+    for (int room = 0; room < rooms; ++room) {
+      const int objects = std::min(kObjectsOfRoom, arguments_.elements - room * kObjectsOfRoom);
+      const SyntheticScene scene(1081, objects, seed_ + 10 + static_cast<std::uint64_t>(room), {100.0 * (room + 1), 0});
+      for (int i = 0; i < kScansOfRoom; ++i) warm_up(scene.scan(next_scan_++));
+    }
+  }
+
+  void warm_up(const SyntheticScan& scan) {
+    pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end);
+    staged_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end,
+                    [](const char* /*name*/, auto&& what) { return what(); });
+  }
+
+  void process_whole(const SyntheticScan& scan) {
+    result_.whole([&] { return pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end); });
+  }
+
+  static void wait(Clock::time_point& due, std::chrono::duration<double> step) {
+    if (step.count() == 0.0) return;
+    due += std::chrono::duration_cast<Clock::duration>(0.5 * step);
+    std::this_thread::sleep_until(due);
+  }
+
+  const Arguments& arguments_;
+  ObjectPipeline pipeline_;
+  StagedPipeline staged_;
+  std::unique_ptr<NetworkComparison> networks_;
+  Result result_;
+  std::uint64_t seed_;
+  int next_scan_ = 0;
+  std::vector<SyntheticScan> scans_;
+};
+
+Json run_case(const Arguments& arguments) {
+  const ObjectPipelineParams params = load_object_pipeline_params(arguments.config, arguments.models);
+  std::vector<std::unique_ptr<Run>> runs;
+  for (int i = 0; i < arguments.threads; ++i) runs.push_back(std::make_unique<Run>(arguments, params, i));
+
+  std::vector<std::exception_ptr> errors(runs.size());
+  std::vector<double> thread_cpu_us(runs.size());
+  std::vector<std::thread> threads;
+  std::atomic<std::size_t> waiting{runs.size()};
+  const double cpu_before_us = cpu_now_us(CLOCK_PROCESS_CPUTIME_ID);
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    threads.emplace_back([&, i] {
+      --waiting;
+      while (waiting > 0) std::this_thread::yield();
+      try {
+        runs[i]->run();
+      } catch (...) {
+        errors[i] = std::current_exception();
+      }
+      thread_cpu_us[i] = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  const double cpu_of_all_us = cpu_now_us(CLOCK_PROCESS_CPUTIME_ID) - cpu_before_us;
+  for (const std::exception_ptr& error : errors) {
+    if (error) std::rethrow_exception(error);
+  }
+
+  Result all(0);
+  for (const std::unique_ptr<Run>& run : runs) {
+    all.whole.add(run->result().whole);
+    all.stages.add(run->result().stages);
+    all.hit += run->result().hit;
+    all.segments += run->result().segments;
+    all.detections += run->result().detections;
+    all.elements += run->result().elements;
+  }
+  const double scans = static_cast<double>(arguments.scans) * arguments.threads;
+  const double own_cpu_us = std::accumulate(thread_cpu_us.begin(), thread_cpu_us.end(), 0.0);
+  Json json = {{"beams", arguments.beams},
+               {"objects", arguments.objects},
+               {"threads", arguments.threads},
+               {"scans", arguments.scans},
+               {"rate_hz", arguments.rate_hz},
+               {"hit", static_cast<double>(all.hit) / scans},
+               {"segments", static_cast<double>(all.segments) / scans},
+               {"detections", static_cast<double>(all.detections) / scans},
+               {"elements", static_cast<double>(all.elements) / arguments.threads},
+               {"whole", all.whole.json()},
+               {"stages", all.stages.json()},
+               {"other_threads_cpu_part", (cpu_of_all_us - own_cpu_us) / cpu_of_all_us}};
+  if (arguments.networks) json["networks"] = runs.front()->result().networks;
+  return json;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) try {
+  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
+  if (arguments.help) {
+    std::printf("%s", situation_awareness::kUsage);
+    return 0;
+  }
+  std::printf("%s\n", situation_awareness::run_case(arguments).dump().c_str());
+  return 0;
+} catch (const situation_awareness::UsageError& error) {
+  std::fprintf(stderr, "pipeline_speed: %s\n\n%s", error.what(), situation_awareness::kUsage);
+  return 2;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "pipeline_speed: %s\n", error.what());
+  return 1;
+}

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/segments/divide.hpp"
+
+namespace situation_awareness {
+
+/// What went into each stage and came out of it, for one scan.
+struct StageValues {
+  Scan limited;
+  Points points;
+  std::vector<Ellipse> known_level;
+  Segments undivided;
+  Segments segments;
+  Detections detections;
+  ObjectMapUpdate update;
+  Objects map;  ///< at the stamp: what is published
+};
+
+/// ObjectPipeline taken apart, so that each stage can be timed on its own. pipeline_speed holds both to the same maps.
+class StagedPipeline {
+ public:
+  explicit StagedPipeline(const ObjectPipelineParams& params)
+      : params_(params), detector_(make_detector(params.detections)), map_(params.objects) {}
+
+  /// `stage(name, what)` returns what() and may time it. Values are copied between the stages, where the pipeline moves
+  /// them, and only there.
+  template <class Stage>
+  StageValues process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                      const Eigen::Isometry3d& T_world_lidar_end, Stage&& stage) {
+    StageValues v;
+    v.limited = stage("limit", [&] { return limit_range(scan, T_world_lidar, params_.scan); });
+    v.points = stage("project", [&] { return project_horizontally(v.limited, T_world_lidar, T_world_lidar_end); });
+    v.known_level =
+        stage("expect", [&] { return outlines_at(scan.stamp_ns, v.points.T_world_level, map_.at(map_.stamp_ns())); });
+    v.undivided = stage("segment", [&] { return segment(v.points, params_.segments); });
+    Segments divided = v.undivided;
+    v.segments = stage("divide", [&] { return divide(std::move(divided), v.known_level, params_.segments); });
+    v.detections = stage("detect", [&] { return detector_->detect(v.segments); });
+    v.update = stage("update", [&] { return map_.update(v.detections); });
+    v.map = stage("publish", [&] { return map_.at(scan.stamp_ns); });
+    return v;
+  }
+
+  const ObjectMap& map() const { return map_; }
+
+ private:
+  ObjectPipelineParams params_;
+  std::unique_ptr<Detector> detector_;
+  ObjectMap map_;
+};
+
+}  // namespace situation_awareness
