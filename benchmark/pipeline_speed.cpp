@@ -363,14 +363,17 @@ class Run {
   const Result& result() const { return result_; }
 
  private:
-  /// So that the map has elements which are out of sight: seen shortly, in rooms far from here.
+  /// So that the map has elements which are out of sight: seen before, in rooms on the way here.
   void visit_other_rooms() {
-    constexpr int kObjectsOfRoom = 60, kScansOfRoom = 20;
+    constexpr int kObjectsOfRoom = 200, kBeams = 3600, kScansOfRoom = 60, kScansToNextRoom = 20;
+    constexpr double kToNextRoom_m = 30.0;
     const int rooms = (arguments_.elements + kObjectsOfRoom - 1) / kObjectsOfRoom;
-    for (int room = 0; room < rooms; ++room) {
-      const int objects = std::min(kObjectsOfRoom, arguments_.elements - room * kObjectsOfRoom);
-      const SyntheticScene scene(1081, objects, seed_ + 10 + static_cast<std::uint64_t>(room), {100.0 * (room + 1), 0});
+    for (int room = rooms; room > 0; --room) {
+      const SyntheticScene scene(kBeams, std::min(kObjectsOfRoom, arguments_.elements - (room - 1) * kObjectsOfRoom),
+                                 seed_ + 10 + static_cast<std::uint64_t>(room), SceneMotion::kNone,
+                                 {kToNextRoom_m * room, 0.0});
       for (int i = 0; i < kScansOfRoom; ++i) warm_up(scene.scan(next_scan_++));
+      next_scan_ += kScansToNextRoom;
     }
   }
 
@@ -401,7 +404,8 @@ class Run {
 };
 
 Json run_case(const Arguments& arguments) {
-  const ObjectPipelineParams params = load_object_pipeline_params(arguments.config, arguments.models);
+  ObjectPipelineParams params = load_object_pipeline_params(arguments.config, arguments.models);
+  if (arguments.elements > 0) params.objects.max_unseen_s = 1e6;  // to have them all until the last scan
   std::vector<std::unique_ptr<Run>> runs;
   for (int i = 0; i < arguments.threads; ++i) runs.push_back(std::make_unique<Run>(arguments, params, i));
 

@@ -42,7 +42,8 @@ Ellipse SyntheticScene::Thing::at(double turns) const {
   return moved;
 }
 
-SyntheticScene::SyntheticScene(int beams, int objects, std::uint64_t seed, const Eigen::Vector2d& origin_world_m)
+SyntheticScene::SyntheticScene(int beams, int objects, std::uint64_t seed, SceneMotion motion,
+                               const Eigen::Vector2d& origin_world_m)
     : beams_(beams), seed_(seed), origin_world_m_(origin_world_m), sector_rad_(kObjectsRad / objects) {
   Random random(seed);
   for (int i = 0; i < objects; ++i) {
@@ -58,7 +59,7 @@ SyntheticScene::SyntheticScene(int beams, int objects, std::uint64_t seed, const
     thing.ellipse_room.rx_m = std::min(rx_m, widest_m);
     thing.ellipse_room.ry_m = std::min(rx_m * random.uniform(0.5, 1.0), widest_m);
     thing.phase_rad = random.uniform(-kPi, kPi);
-    if (i % 4 < 2) {
+    if (motion == SceneMotion::kHalfOfThem && i % 4 < 2) {
       thing.radial_m = 0.3 * ahead;
       thing.tangential_m = std::min(0.3, 0.05 * sector_rad_ * range_m) * Eigen::Vector2d(-ahead.y(), ahead.x());
     }

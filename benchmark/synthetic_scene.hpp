@@ -20,16 +20,21 @@ struct SyntheticScan {
   std::vector<int> hits;  ///< on each object
 };
 
-/// A robot that hovers and sways in a walled room, in a ring of ellipses of which none hides another: half of them
-/// stand, half move. Each has the same part of the scanner's 270 degrees to itself, so more objects are smaller ones.
-/// Everything but the noise repeats every kPeriodScans, and follows from the arguments: same seed, same scans.
+enum class SceneMotion {
+  kNone,        ///< all objects stand
+  kHalfOfThem,  ///< half of them move
+};
+
+/// A robot that hovers and sways in a walled room, in a ring of ellipses of which none hides another. Each has the same
+/// part of the scanner's 270 degrees to itself, so more objects are smaller ones. Everything but the noise repeats
+/// every kPeriodScans, and follows from the arguments: same seed, same scans.
 class SyntheticScene {
  public:
   static constexpr int kPeriodScans = 80;
   static constexpr std::int64_t kStep_ns = kNanosecondsPerSecond / 20;
 
   /// `origin_world_m`: the middle of the room. There is one object at least, and two beams.
-  SyntheticScene(int beams, int objects, std::uint64_t seed,
+  SyntheticScene(int beams, int objects, std::uint64_t seed, SceneMotion motion = SceneMotion::kHalfOfThem,
                  const Eigen::Vector2d& origin_world_m = Eigen::Vector2d::Zero());
 
   /// The scan taken at i * kStep_ns, whichever were asked for before.
