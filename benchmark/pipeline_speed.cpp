@@ -240,7 +240,8 @@ class NetworkComparison {
     });
   }
 
-  /// Medians, in us per segment. `whole_us`: of the whole way from scan to map, likewise.
+  /// Medians of the CPU time, in us per segment, so that a busy machine does not spoil the ratios. `whole_us`: of the
+  /// whole way from scan to map, likewise.
   Json json(double whole_us) const {
     const double detector_us = quantile(detector_us_, 0.5);
     const double vgg_us = quantile(vgg_forward_us_, 0.5);
@@ -258,7 +259,7 @@ class NetworkComparison {
   static void time(std::vector<double>& times_us, std::size_t segments, What&& what) {
     Costs costs;
     costs(what);
-    times_us.push_back(costs.times_us.front() / static_cast<double>(segments));
+    times_us.push_back(costs.cpu_us.front() / static_cast<double>(segments));
   }
 
   /// The network's input is zero outside the segment (docs/math/paper_networks.md, eq. 2).
@@ -357,7 +358,7 @@ class Run {
     }
     if (!networks_) return;
     const double segments = static_cast<double>(result_.segments) / arguments_.scans;
-    result_.networks = networks_->json(quantile(result_.whole.times_us, 0.5) / segments);
+    result_.networks = networks_->json(quantile(result_.whole.cpu_us, 0.5) / segments);
   }
 
   const Result& result() const { return result_; }
