@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -21,6 +22,7 @@ struct StageValues {
   std::vector<Ellipse> known_level;
   Segments undivided;
   Segments segments;
+  Detections detected;
   Detections detections;
   ObjectMapUpdate update;
   Objects map;  ///< at the stamp: what is published
@@ -45,7 +47,10 @@ class StagedPipeline {
     v.undivided = stage("segment", [&] { return segment(v.points, params_.segments); });
     Segments divided = v.undivided;
     v.segments = stage("divide", [&] { return divide(std::move(divided), v.known_level, params_.segments); });
-    v.detections = stage("detect", [&] { return detector_->detect(v.segments); });
+    v.detected = stage("detect", [&] { return detector_->detect(v.segments); });
+    Detections refined = v.detected;
+    v.detections =
+        stage("refine", [&] { return refine(std::move(refined), v.segments, v.known_level, params_.detections.fit); });
     v.update = stage("update", [&] { return map_.update(v.detections); });
     v.map = stage("publish", [&] { return map_.at(scan.stamp_ns); });
     return v;

@@ -115,6 +115,16 @@ void detect(benchmark::State& state, const Recording& recording) {
           [&](const SyntheticScan&, const StageValues& values) { return detector->detect(values.segments); });
 }
 
+void refine(benchmark::State& state, const Recording& recording) {
+  Detections detected;
+  measure(
+      state, recording, [&](std::size_t i) { detected = recording.stages[i % recording.stages.size()].detected; },
+      [&](const SyntheticScan&, const StageValues& values) {
+        return situation_awareness::refine(std::move(detected), values.segments, values.known_level,
+                                           shipped_params().detections.fit);
+      });
+}
+
 void update(benchmark::State& state, const Recording& recording) {
   ObjectMap map(shipped_params().objects);
   Detections detections;
@@ -158,8 +168,8 @@ struct Stage {
 };
 
 constexpr Stage kStages[] = {
-    {"limit", limit},   {"project", project}, {"expect", expect},   {"segment", segment}, {"divide", divide},
-    {"detect", detect}, {"update", update},   {"publish", publish}, {"whole", whole},
+    {"limit", limit},   {"project", project}, {"expect", expect}, {"segment", segment}, {"divide", divide},
+    {"detect", detect}, {"refine", refine},   {"update", update}, {"publish", publish}, {"whole", whole},
 };
 
 benchmark::internal::Benchmark* add(const std::string& name, const std::function<void(benchmark::State&)>& run) {
