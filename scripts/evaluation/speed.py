@@ -111,6 +111,13 @@ def ratios_of(news, olds):
 # --- numbers
 
 
+def rounded(value):
+    """To what is read of it."""
+    if isinstance(value, dict):
+        return {name: rounded(part) for name, part in value.items()}
+    return value if isinstance(value, (bool, int)) else float(f"{value:.4g}")
+
+
 class Results:
     def __init__(self, lines):
         self.medians = {of: median_of(new_and_old[0]) for of, new_and_old in lines.items()}
@@ -121,8 +128,8 @@ class Results:
 
     def json(self):
         names = ("beams", "objects", "threads", "elements", "rate_hz", "networks")
-        return [{"case": dict(zip(names, of)), "result": result,
-                 **({"ratios_to_baseline": self.ratios[of]} if of in self.ratios else {})}
+        return [{"case": dict(zip(names, of)), "result": rounded(result),
+                 **({"ratios_to_baseline": rounded(self.ratios[of])} if of in self.ratios else {})}
                 for of, result in self.medians.items()]
 
 
@@ -470,7 +477,9 @@ def main():
     images = output / "images"
     images.mkdir(parents=True, exist_ok=True)
 
-    words = [word for i, word in enumerate(sys.argv[1:]) if i > 1]  # without --tool, which scripts/evaluate gives
+    words = sys.argv[3:]  # without --tool, which scripts/evaluate gives
+    if arguments.baseline and "--baseline" in words:  # where it lies is of no interest to others
+        words[words.index("--baseline") + 1] = arguments.baseline_name
     facts = {"command": shlex.join(["scripts/evaluate", "speed", *words]), "date": str(datetime.date.today()),
              "commit": commit(), "machine": machine(), "load": os.getloadavg()[0], "scans": arguments.scans,
              "rounds": arguments.rounds}
@@ -479,8 +488,9 @@ def main():
     draw_stages(results, images / "speed_stages.png")
     report = report_of(arguments, results, facts)
     (output / "speed.md").write_text(report)
-    record = {**facts, "cases": results.json()}
-    (output / "speed_baseline.json").write_text(json.dumps(record, indent=1) + "\n")
+    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in facts.items())
+    lines = ",\n".join(json.dumps(line) for line in results.json())
+    (output / "speed_baseline.json").write_text(f"{{\n{head},\n\"cases\": [\n{lines}\n]}}\n")
     print(report)
     print(f"wrote {output / 'speed.md'}, {output / 'speed_baseline.json'} and pictures in {images}")
 
