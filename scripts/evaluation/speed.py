@@ -99,7 +99,8 @@ def median_of(values):
 def ratios_of(news, olds):
     """Medians of new / old, each within its round."""
     def ratio(of):
-        return statistics.median(of(new) / of(old) if of(old) else math.nan for new, old in zip(news, olds))
+        return statistics.median(of(new) / of(old) if of(old) else math.inf if of(new) else 1.0
+                                 for new, old in zip(news, olds))
 
     ratios = {name: ratio(lambda line, name=name: line["whole"][name])
               for name in ("p50_us", "p99_us", "cpu_us", "cpu_p50_us", "cpu_p99_us", "allocations", "bytes")}
@@ -115,7 +116,9 @@ def rounded(value):
     """To what is read of it."""
     if isinstance(value, dict):
         return {name: rounded(part) for name, part in value.items()}
-    return value if isinstance(value, (bool, int)) else float(f"{value:.4g}")
+    if isinstance(value, float):
+        return float(f"{value:.4g}") if math.isfinite(value) else None
+    return value
 
 
 class Results:
@@ -251,7 +254,7 @@ def networks_table(results):
 
 
 def ratio_text(ratio):
-    return "-" if math.isnan(ratio) else f"{ratio:.2f}"
+    return "from none" if math.isinf(ratio) else f"{ratio:.2f}"
 
 
 def ratios_table(results):
