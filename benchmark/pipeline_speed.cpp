@@ -137,13 +137,13 @@ struct Costs {
     cpu_us.reserve(scans);
   }
 
-  /// Runs what() and counts it.
+  /// Runs what() and counts it; a reference that it returns is handed on as one.
   template <class What>
-  auto operator()(What&& what) {
+  decltype(auto) operator()(What&& what) {
     const double cpu_before_us = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
     const Allocations before = situation_awareness::allocations();
     const Clock::time_point begin = Clock::now();
-    auto result = what();
+    decltype(auto) result = what();
     const std::chrono::duration<double, std::micro> time = Clock::now() - begin;
     const Allocations during = situation_awareness::allocations() - before;
     cpu_us.push_back(cpu_now_us(CLOCK_THREAD_CPUTIME_ID) - cpu_before_us);
@@ -340,7 +340,7 @@ class Run {
       const bool whole_first = i % 2 == 0;
       if (whole_first) process_whole(scan);
       wait(due, step);
-      const StageValues values = staged_.process(
+      const StageValues& values = staged_.process(
           scan.scan, scan.T_world_lidar, scan.T_world_lidar_end,
           [&](const char* name, auto&& what) { return result_.stages(name, std::forward<decltype(what)>(what)); });
       wait(due, step);
@@ -385,7 +385,8 @@ class Run {
   }
 
   void process_whole(const SyntheticScan& scan) {
-    result_.whole([&] { return pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end); });
+    result_.whole(
+        [&]() -> decltype(auto) { return pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end); });
   }
 
   static void wait(Clock::time_point& due, std::chrono::duration<double> step) {

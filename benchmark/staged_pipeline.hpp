@@ -35,24 +35,28 @@ class StagedPipeline {
       : params_(params), detector_(make_detector(params.detections)), map_(params.objects) {}
 
   /// `stage(name, what)` returns what() and may time it. Values are copied between the stages, where the pipeline moves
-  /// them, and only there.
+  /// them, and only there. The result is valid until the next call.
   template <class Stage>
-  StageValues process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                      const Eigen::Isometry3d& T_world_lidar_end, Stage&& stage) {
-    StageValues v;
-    v.limited = stage("limit", [&] { return limit_range(scan, T_world_lidar, params_.scan); });
-    v.points = stage("project", [&] { return project_horizontally(v.limited, T_world_lidar, T_world_lidar_end); });
-    v.known_level =
-        stage("expect", [&] { return outlines_at(scan.stamp_ns, v.points.T_world_level, map_.at(map_.stamp_ns())); });
-    v.undivided = stage("segment", [&] { return segment(v.points, params_.segments); });
-    Segments divided = v.undivided;
-    v.segments = stage("divide", [&] { return divide(std::move(divided), v.known_level, params_.segments); });
-    v.detected = stage("detect", [&] { return detector_->detect(v.segments); });
-    Detections refined = v.detected;
-    v.detections =
-        stage("refine", [&] { return refine(std::move(refined), v.segments, v.known_level, params_.detections.fit); });
-    v.update = stage("update", [&] { return map_.update(v.detections); });
-    v.map = stage("publish", [&] { return map_.at(scan.stamp_ns); });
+  const StageValues& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                             const Eigen::Isometry3d& T_world_lidar_end, Stage&& stage) {
+    StageValues& v = values_;
+    v.limited = stage("limit", [&] { return limit_range(scan, T_world_lidar, params_.scan, std::move(v.limited)); });
+    v.points = stage("project", [&] {
+      return project_horizontally(v.limited, T_world_lidar, T_world_lidar_end, std::move(v.points));
+    });
+    v.known_level = stage("expect", [&] {
+      known_ = map_.at(map_.stamp_ns(), std::move(known_));
+      return outlines_at(scan.stamp_ns, v.points.T_world_level, known_, kMaxMapAge_s, std::move(v.known_level));
+    });
+    v.undivided = stage("segment", [&] { return segment(v.points, params_.segments, std::move(v.undivided)); });
+    v.segments = v.undivided;
+    v.segments = stage("divide", [&] { return divide(std::move(v.segments), v.known_level, params_.segments); });
+    v.detected = stage("detect", [&] { return detector_->detect(v.segments, std::move(v.detected)); });
+    v.detections = v.detected;
+    v.detections = stage(
+        "refine", [&] { return refine(std::move(v.detections), v.segments, v.known_level, params_.detections.fit); });
+    v.update = stage("update", [&] { return map_.update(v.detections, std::move(v.update)); });
+    v.map = stage("publish", [&] { return map_.at(scan.stamp_ns, std::move(v.map)); });
     return v;
   }
 
@@ -62,6 +66,8 @@ class StagedPipeline {
   ObjectPipelineParams params_;
   std::unique_ptr<Detector> detector_;
   ObjectMap map_;
+  Objects known_;
+  StageValues values_;
 };
 
 }  // namespace situation_awareness

@@ -255,15 +255,18 @@ DoglegDetector::DoglegDetector(const DoglegParams& params, const EllipseFitParam
   fit_params_.validate();
 }
 
-Detections DoglegDetector::detect(const Segments& segments) {
-  return detect_each(segments, fit_params_, [&](std::size_t i) {
-    const Segment& segment = segments.segments[i];
-    points_level_m_.clear();
-    for (std::size_t k = 0; k < segment.count; ++k) {
-      points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
-    }
-    return assess_ellipse(segments, i, fit_params_, fit_dogleg(points_level_m_, params_).ellipse_level);
-  });
+void DoglegDetector::find(const Segments& segments, Detections& found) {
+  detect_each(
+      segments, fit_params_,
+      [&](std::size_t i) {
+        const Segment& segment = segments.segments[i];
+        points_level_m_.clear();
+        for (std::size_t k = 0; k < segment.count; ++k) {
+          points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
+        }
+        return assess_ellipse(segments, i, fit_params_, fit_dogleg(points_level_m_, params_).ellipse_level);
+      },
+      found);
 }
 
 }  // namespace situation_awareness

@@ -326,8 +326,9 @@ const char* detection_defect(const Detection& detection, const EllipseFitParams&
 
 LeastSquaresDetector::LeastSquaresDetector(const EllipseFitParams& params) : params_(params) { params_.validate(); }
 
-Detections LeastSquaresDetector::detect(const Segments& segments) {
-  return detect_each(segments, params_, [&](std::size_t i) { return fit_ellipse(segments, i, params_); });
+void LeastSquaresDetector::find(const Segments& segments, Detections& found) {
+  detect_each(
+      segments, params_, [&](std::size_t i) { return fit_ellipse(segments, i, params_); }, found);
 }
 
 }  // namespace situation_awareness

@@ -94,7 +94,7 @@ NetworkDetector::NetworkDetector(const std::string& onnx_path, const EllipseFitP
   params_.validate();
 }
 
-Detections NetworkDetector::detect(const Segments& segments) {
+void NetworkDetector::find(const Segments& segments, Detections& found) {
   asked_.clear();
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     const Segment& segment = segments.segments[i];
@@ -104,13 +104,16 @@ Detections NetworkDetector::detect(const Segments& segments) {
       network_.infer(segments, asked_, params_.range_sigma_m, params_.prior_max_radius_m);
 
   auto estimate = estimates.begin();
-  return detect_each(segments, params_, [&](std::size_t i) {
-    Detection detection = make_detection(segments, i, params_, estimate->smooth_level);
-    detection.covariance = estimate->covariance;
-    detection.p_ellipse = estimate->p_ellipse;
-    ++estimate;
-    return detection;
-  });
+  detect_each(
+      segments, params_,
+      [&](std::size_t i) {
+        Detection detection = make_detection(segments, i, params_, estimate->smooth_level);
+        detection.covariance = estimate->covariance;
+        detection.p_ellipse = estimate->p_ellipse;
+        ++estimate;
+        return detection;
+      },
+      found);
 }
 
 }  // namespace situation_awareness

@@ -158,7 +158,7 @@ PaperNetworkDetector::PaperNetworkDetector(PaperNetwork::Kind kind, const std::s
   params_.validate();
 }
 
-Detections PaperNetworkDetector::detect(const Segments& segments) {
+void PaperNetworkDetector::find(const Segments& segments, Detections& found) {
   seen_.clear();
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     if (segments.segments[i].kind == SegmentKind::kObject && network_.sees(segments, i)) seen_.push_back(i);
@@ -170,7 +170,7 @@ Detections PaperNetworkDetector::detect(const Segments& segments) {
   const auto refusal = [&](std::size_t i) {
     return next < seen_.size() && seen_[next] == i ? "" : "outside the network's field of view";
   };
-  return detect_each(segments, params_, detect_one, refusal);
+  detect_each(segments, params_, detect_one, refusal, found);
 }
 
 }  // namespace situation_awareness

@@ -79,17 +79,20 @@ RansacDetector::RansacDetector(const RansacParams& params, const DoglegParams& d
   fit_params_.validate();
 }
 
-Detections RansacDetector::detect(const Segments& segments) {
-  return detect_each(segments, fit_params_, [&](std::size_t i) {
-    const Segment& segment = segments.segments[i];
-    points_level_m_.clear();
-    for (std::size_t k = 0; k < segment.count; ++k) {
-      points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
-    }
-    Random random(static_cast<std::uint64_t>(params_.seed));
-    const RansacFit fit = fit_ransac(points_level_m_, params_, dogleg_params_, random);
-    return assess_ellipse(segments, i, fit_params_, fit.refined.ellipse_level);
-  });
+void RansacDetector::find(const Segments& segments, Detections& found) {
+  detect_each(
+      segments, fit_params_,
+      [&](std::size_t i) {
+        const Segment& segment = segments.segments[i];
+        points_level_m_.clear();
+        for (std::size_t k = 0; k < segment.count; ++k) {
+          points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
+        }
+        Random random(static_cast<std::uint64_t>(params_.seed));
+        const RansacFit fit = fit_ransac(points_level_m_, params_, dogleg_params_, random);
+        return assess_ellipse(segments, i, fit_params_, fit.refined.ellipse_level);
+      },
+      found);
 }
 
 }  // namespace situation_awareness

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/refine.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <utility>
 
 #include "situation_awareness/geometry/outline.hpp"
 
@@ -24,17 +26,19 @@ double mean_offset_m(const Segments& segments, const Segment& segment, const Out
 Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
                   const EllipseFitParams& params) {
   if (known_level.empty()) return detections;
-  const std::vector<Outline> outlines = outlines_of(known_level);
-  const std::vector<std::vector<int>> candidates = ellipses_by_segment(segments, known_level);
+  thread_local std::vector<Overlap> overlaps;  // kept for its memory
+  overlaps = overlaps_of(segments, known_level, std::move(overlaps));
   for (Detection& detection : detections.detections) {
     const Ellipse* known = nullptr;
     double nearest_m = kMaxOffset_m;
-    for (const int candidate : candidates[detection.segment]) {
-      const auto k = static_cast<std::size_t>(candidate);
-      const double offset = mean_offset_m(segments, segments.segments[detection.segment], outlines[k]);
+    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), detection.segment,
+                                    [](const Overlap& o, std::size_t segment) { return o.segment < segment; });
+    for (; overlap != overlaps.cend() && overlap->segment == detection.segment; ++overlap) {
+      const Ellipse& candidate = known_level[overlap->ellipse];
+      const double offset = mean_offset_m(segments, segments.segments[detection.segment], outline_of(candidate));
       if (!(offset < nearest_m)) continue;
       nearest_m = offset;
-      known = &known_level[k];
+      known = &candidate;
     }
     if (known == nullptr) continue;
     Detection refined = refit_ellipse(segments, detection.segment, params, *known);

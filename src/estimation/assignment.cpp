@@ -4,14 +4,36 @@
 #include <algorithm>
 #include <limits>
 #include <numeric>
+#include <tuple>
+#include <utility>
 
 namespace situation_awareness {
 namespace {
 
+/// What is kept for its memory from call to call.
+struct Workspace {
+  std::vector<int> parents;
+  std::vector<int> group_of;
+  std::vector<Candidate> sorted;
+  std::vector<int> local_rows;
+  std::vector<int> local_columns;
+  std::vector<double> cost;
+  std::vector<double> row_price;
+  std::vector<double> column_price;
+  std::vector<std::size_t> row_of;
+  std::vector<double> distance;
+  std::vector<std::size_t> previous;
+  std::vector<char> done;
+  std::vector<std::size_t> column_of;
+};
+
 /// Disjoint sets with path halving.
 class Groups {
  public:
-  explicit Groups(int size) : parent_(static_cast<std::size_t>(size)) { std::iota(parent_.begin(), parent_.end(), 0); }
+  Groups(int size, std::vector<int>& memory) : parent_(memory) {
+    parent_.resize(static_cast<std::size_t>(size));
+    std::iota(parent_.begin(), parent_.end(), 0);
+  }
   int find(int i) {
     while (at(i) != i) i = at(i) = at(at(i));
     return i;
@@ -20,30 +42,38 @@ class Groups {
 
  private:
   int& at(int i) { return parent_[static_cast<std::size_t>(i)]; }
-  std::vector<int> parent_;
+  std::vector<int>& parent_;
 };
 
-/// Minimum-cost assignment of every row of a dense rows x columns matrix, rows <= columns. Returns each row's column.
-std::vector<std::size_t> assign_dense(const std::vector<double>& cost, std::size_t rows, std::size_t columns) {
+/// Minimum-cost assignment of every row of a dense rows x columns matrix `work.cost`, rows <= columns: each row's
+/// column, into `work.column_of`.
+void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::size_t none = columns;
-  std::vector<double> row_price(rows, 0.0);
-  std::vector<double> column_price(columns + 1, 0.0);
-  std::vector<std::size_t> row_of(columns + 1, rows);  // the extra column holds the row being placed
+  const std::vector<double>& cost = work.cost;
+  std::vector<double>& row_price = work.row_price;
+  std::vector<double>& column_price = work.column_price;
+  std::vector<std::size_t>& row_of = work.row_of;
+  std::vector<double>& distance = work.distance;
+  std::vector<std::size_t>& previous = work.previous;
+  std::vector<char>& done = work.done;
+  row_price.assign(rows, 0.0);
+  column_price.assign(columns + 1, 0.0);
+  row_of.assign(columns + 1, rows);  // the extra column holds the row being placed
 
   for (std::size_t row = 0; row < rows; ++row) {
-    std::vector<double> distance(columns, kInfinity);
-    std::vector<std::size_t> previous(columns, none);
-    std::vector<bool> done(columns + 1, false);
+    distance.assign(columns, kInfinity);
+    previous.assign(columns, none);
+    done.assign(columns + 1, 0);
     row_of[none] = row;
     std::size_t column = none;
     do {  // shortest path over reduced costs from the new row to a free column
-      done[column] = true;
+      done[column] = 1;
       const std::size_t i = row_of[column];
       double step = kInfinity;
       std::size_t next = none;
       for (std::size_t j = 0; j < columns; ++j) {
-        if (done[j]) continue;
+        if (done[j] != 0) continue;
         const double reduced = cost[i * columns + j] - row_price[i] - column_price[j];
         if (reduced < distance[j]) {
           distance[j] = reduced;
@@ -55,7 +85,7 @@ std::vector<std::size_t> assign_dense(const std::vector<double>& cost, std::size
         }
       }
       for (std::size_t j = 0; j <= columns; ++j) {
-        if (done[j]) {
+        if (done[j] != 0) {
           row_price[row_of[j]] += step;
           column_price[j] -= step;
         } else if (j < columns) {
@@ -72,30 +102,34 @@ std::vector<std::size_t> assign_dense(const std::vector<double>& cost, std::size
     row_of[none] = rows;
   }
 
-  std::vector<std::size_t> column_of(rows, none);
+  work.column_of.assign(rows, none);
   for (std::size_t j = 0; j < columns; ++j) {
-    if (row_of[j] != rows) column_of[row_of[j]] = j;
+    if (row_of[j] != rows) work.column_of[row_of[j]] = j;
   }
-  return column_of;
 }
 
 }  // namespace
 
-std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched) {
-  Groups groups(rows + columns);
+std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched,
+                        std::vector<int> memory) {
+  thread_local Workspace work;
+  Groups groups(rows + columns, work.parents);
   for (const Candidate& candidate : candidates) groups.join(candidate.row, rows + candidate.column);
 
-  std::vector<Candidate> sorted = candidates;
-  std::vector<int> group_of(static_cast<std::size_t>(rows));
-  for (int row = 0; row < rows; ++row) group_of[static_cast<std::size_t>(row)] = groups.find(row);
-  const auto group = [&](const Candidate& candidate) { return group_of[static_cast<std::size_t>(candidate.row)]; };
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [&](const Candidate& a, const Candidate& b) { return group(a) < group(b); });
+  work.group_of.resize(static_cast<std::size_t>(rows));
+  for (int row = 0; row < rows; ++row) work.group_of[static_cast<std::size_t>(row)] = groups.find(row);
+  const auto group = [](const Candidate& candidate) { return work.group_of[static_cast<std::size_t>(candidate.row)]; };
+  std::vector<Candidate>& sorted = work.sorted;
+  sorted.assign(candidates.begin(), candidates.end());
+  std::sort(sorted.begin(), sorted.end(), [&](const Candidate& a, const Candidate& b) {
+    return std::make_tuple(group(a), a.row, a.column) < std::make_tuple(group(b), b.row, b.column);
+  });
 
-  std::vector<int> result(static_cast<std::size_t>(rows), -1);
-  std::vector<int> local_rows;
-  std::vector<int> local_columns;
-  std::vector<double> cost;
+  std::vector<int> result = std::move(memory);
+  result.assign(static_cast<std::size_t>(rows), -1);
+  std::vector<int>& local_rows = work.local_rows;
+  std::vector<int>& local_columns = work.local_columns;
+  std::vector<double>& cost = work.cost;
   for (auto begin = sorted.begin(); begin != sorted.end();) {
     const auto end = std::find_if(begin, sorted.end(), [&](const Candidate& c) { return group(c) != group(*begin); });
     local_rows.clear();
@@ -121,7 +155,8 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
       cost[place(local_rows, c->row) * (m + n) + place(local_columns, c->column)] = c->cost;
     }
     for (std::size_t i = 0; i < n; ++i) cost[i * (m + n) + m + i] = cost_unmatched;
-    const std::vector<std::size_t> column_of = assign_dense(cost, n, m + n);
+    assign_dense(n, m + n, work);
+    const std::vector<std::size_t>& column_of = work.column_of;
     for (std::size_t i = 0; i < n; ++i) {
       if (column_of[i] < m) result[static_cast<std::size_t>(local_rows[i])] = local_columns[column_of[i]];
     }

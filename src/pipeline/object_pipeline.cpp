@@ -2,6 +2,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 
 #include <stdexcept>
+#include <utility>
 
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -15,24 +16,27 @@ ObjectPipeline::ObjectPipeline(const ObjectPipelineParams& params)
   params_.segments.validate();
 }
 
-ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
+const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
   return process(scan, T_world_lidar, T_world_lidar);
 }
 
-ObjectPipelineResult ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                                             const Eigen::Isometry3d& T_world_lidar_end) {
+const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                                    const Eigen::Isometry3d& T_world_lidar_end) {
   const std::string defect = scan_defect(scan);
   if (!defect.empty()) throw std::invalid_argument(defect);
 
-  ObjectPipelineResult result;
-  const Scan limited = limit_range(scan, T_world_lidar, params_.scan);
-  result.points = project_horizontally(limited, T_world_lidar, T_world_lidar_end);
-  const std::vector<Ellipse> known_level =
-      outlines_at(scan.stamp_ns, result.points.T_world_level, map_.at(map_.stamp_ns()));
-  result.segments = divide(segment(result.points, params_.segments), known_level, params_.segments);
-  result.detections = refine(detector_->detect(result.segments), result.segments, known_level, params_.detections.fit);
-  result.update = map_.update(result.detections);
-  return result;
+  limited_ = limit_range(scan, T_world_lidar, params_.scan, std::move(limited_));
+  Points& points = result_.points;
+  Segments& segments = result_.segments;
+  Detections& detections = result_.detections;
+  points = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(points));
+  known_ = map_.at(map_.stamp_ns(), std::move(known_));
+  known_level_ = outlines_at(scan.stamp_ns, points.T_world_level, known_, kMaxMapAge_s, std::move(known_level_));
+  segments = divide(segment(points, params_.segments, std::move(segments)), known_level_, params_.segments);
+  detections =
+      refine(detector_->detect(segments, std::move(detections)), segments, known_level_, params_.detections.fit);
+  result_.update = map_.update(detections, std::move(result_.update));
+  return result_;
 }
 
 }  // namespace situation_awareness

@@ -7,6 +7,7 @@
 #include <limits>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "situation_awareness/geometry/angles.hpp"
@@ -61,7 +62,8 @@ void order_azimuths(Points& points) {
   const std::size_t start = points.full_circle ? static_cast<std::size_t>(nearest - points.points.begin()) : 0;
   const auto turn_rad = [&](std::size_t k) { return start + k < n ? 0.0 : 2.0 * kPi; };
 
-  std::vector<Block> blocks;
+  thread_local std::vector<Block> blocks;  // kept for its memory
+  blocks.clear();
   for (std::size_t k = 0; k < n; ++k) {
     const Point& point = points.points[(start + k) % n];
     Block block{point.azimuth_rad + turn_rad(k), distance_m(point), k + 1};
@@ -106,7 +108,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
 }
 
 Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                            const Eigen::Isometry3d& T_world_lidar_end) {
+                            const Eigen::Isometry3d& T_world_lidar_end, Points memory) {
   const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
   const Motion motion = motion_between(T_world_lidar, T_world_lidar_end);
   if (defect == "tilt") {
@@ -125,7 +127,10 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   const Eigen::Matrix<double, 2, 3> R_level_lidar = (R_level_world * R_world_lidar).topRows<2>();
   const Eigen::Vector2d translation_level_m = (R_level_world * motion.translation_world_m).head<2>();
 
-  Points result;
+  Points result = std::move(memory);
+  result.points.clear();
+  result.full_circle = false;
+  result.resolution_rad = 0.0;
   result.stamp_ns = scan.stamp_ns;
   result.T_world_level = {T_world_lidar.translation().head<2>(), yaw_rad};
   result.height_world_m = T_world_lidar.translation().z();

@@ -2,6 +2,7 @@
 #include "situation_awareness/points/points.hpp"
 
 #include <limits>
+#include <utility>
 
 namespace situation_awareness {
 namespace {
@@ -22,8 +23,10 @@ float clear_m(const Point& point) {
 
 }  // namespace
 
-FreeSpace free_space(const Points& points) {
-  FreeSpace result;
+FreeSpace free_space(const Points& points, FreeSpace memory) {
+  FreeSpace result = std::move(memory);
+  result.azimuth_rad.clear();
+  result.range_m.clear();
   result.full_circle = points.full_circle;
   result.azimuth_rad.reserve(points.points.size());
   result.range_m.reserve(points.points.size());

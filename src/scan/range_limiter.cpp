@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 namespace situation_awareness {
 
@@ -17,8 +18,10 @@ void RangeLimiterParams::validate() const {
   }
 }
 
-Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params) {
-  Scan limited = scan;
+Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params,
+                 Scan memory) {
+  Scan limited = std::move(memory);
+  limited = scan;
   const Eigen::Vector3d x_world = T_world_lidar.linear().col(0);
   const Eigen::Vector3d y_world = T_world_lidar.linear().col(1);
   const Eigen::Vector3d lidar_world = T_world_lidar.translation();

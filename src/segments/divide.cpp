@@ -5,42 +5,50 @@
 #include <cmath>
 #include <cstddef>
 #include <utility>
+#include <vector>
 
 #include "situation_awareness/geometry/outline.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr int kNobody = -1;
+constexpr std::size_t kNobody = static_cast<std::size_t>(-1);
 constexpr std::size_t kMinRun = 3;        // hits in a row of one owner: fewer are noise
 constexpr double kMinSticksOut_m = 0.12;  // what sticks out of a known object by less is that object, seen badly
 
-/// Neighbouring hits of one owner.
+/// Neighbouring hits of one owner, an index into what is expected.
 struct Run {
   std::size_t first = 0;
   std::size_t count = 0;
-  int owner = kNobody;
+  std::size_t owner = kNobody;
 };
 
-/// The hits of a segment by owner, short runs given to the run before.
-std::vector<Run> runs_of(const Segments& segments, const Segment& segment, const std::vector<int>& candidates,
-                         const std::vector<Outline>& outlines, double max_offset_m) {
+/// What is kept for its memory from scan to scan.
+struct Workspace {
+  std::vector<Overlap> overlaps;
+  std::vector<Segment> wholes;
+  std::vector<Outline> expected;  ///< in a segment
+  std::vector<Run> raw;
   std::vector<Run> runs;
+};
+
+/// The hits of a segment by owner, short runs given to the run before: into `work.runs`.
+void find_runs(const Segments& segments, const Segment& segment, double max_offset_m, Workspace& work) {
+  work.raw.clear();
   for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
-    int owner = kNobody;
+    std::size_t owner = kNobody;
     double nearest_m = max_offset_m;
-    for (const int candidate : candidates) {
-      const double offset =
-          std::abs(offset_m(outlines[static_cast<std::size_t>(candidate)], segments.points[i].p_level_m));
+    for (std::size_t k = 0; k < work.expected.size(); ++k) {
+      const double offset = std::abs(offset_m(work.expected[k], segments.points[i].p_level_m));
       if (offset > nearest_m) continue;
       nearest_m = offset;
-      owner = candidate;
+      owner = k;
     }
-    if (runs.empty() || runs.back().owner != owner) runs.push_back({i, 0, owner});
-    ++runs.back().count;
+    if (work.raw.empty() || work.raw.back().owner != owner) work.raw.push_back({i, 0, owner});
+    ++work.raw.back().count;
   }
-  std::vector<Run> smooth;
-  for (const Run& run : runs) {
+  std::vector<Run>& smooth = work.runs;
+  for (const Run& run : work.raw) {
     if (!smooth.empty() && (run.count < kMinRun || run.owner == smooth.back().owner)) {
       smooth.back().count += run.count;
     } else if (!smooth.empty() && smooth.back().count < kMinRun) {  // only the first can be short
@@ -49,23 +57,21 @@ std::vector<Run> runs_of(const Segments& segments, const Segment& segment, const
       smooth.push_back(run);
     }
   }
-  return smooth;
 }
 
 /// True if the runs are worth being segments of their own.
-bool hold_several(const Segments& segments, const std::vector<Run>& runs, const std::vector<Outline>& outlines,
-                  const SegmentationParams& params) {
-  if (runs.size() < 2) return false;
+bool hold_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
+  if (work.runs.size() < 2) return false;
   const auto min_points = static_cast<std::size_t>(params.min_points);
-  int known = kNobody;
-  for (const Run& run : runs) {
+  std::size_t known = kNobody;
+  for (const Run& run : work.runs) {
     if (run.owner == kNobody || run.count < min_points) continue;
     if (known != kNobody && known != run.owner) return true;
     known = run.owner;
   }
   if (known == kNobody) return false;
-  const Outline& outline = outlines[static_cast<std::size_t>(known)];
-  return std::any_of(runs.begin(), runs.end(), [&](const Run& run) {
+  const Outline& outline = work.expected[known];
+  return std::any_of(work.runs.begin(), work.runs.end(), [&](const Run& run) {
     if (run.owner != kNobody || run.count < min_points) return false;
     const Point* points = &segments.points[run.first];
     return std::any_of(points, points + run.count, [&](const Point& point) {
@@ -83,19 +89,24 @@ SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
 
 Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
   if (known_level.empty()) return segments;
-  const std::vector<Outline> outlines = outlines_of(known_level);
-  const std::vector<std::vector<int>> candidates = ellipses_by_segment(segments, known_level);
-  const std::vector<Segment> wholes = std::exchange(segments.segments, {});
-  for (std::size_t s = 0; s < wholes.size(); ++s) {
-    const Segment& whole = wholes[s];
-    std::vector<Run> runs;
-    if (!candidates[s].empty()) {
-      runs = runs_of(segments, whole, candidates[s], outlines, params.max_division_offset_m);
+  thread_local Workspace work;
+  work.overlaps = overlaps_of(segments, known_level, std::move(work.overlaps));
+  work.wholes.swap(segments.segments);
+  segments.segments.clear();
+  auto overlap = work.overlaps.cbegin();
+  for (std::size_t s = 0; s < work.wholes.size(); ++s) {
+    const Segment& whole = work.wholes[s];
+    work.expected.clear();
+    for (; overlap != work.overlaps.cend() && overlap->segment == s; ++overlap) {
+      work.expected.push_back(outline_of(known_level[overlap->ellipse]));
     }
-    if (!hold_several(segments, runs, outlines, params)) {
+    work.runs.clear();
+    if (!work.expected.empty()) find_runs(segments, whole, params.max_division_offset_m, work);
+    if (!hold_several(segments, work, params)) {
       segments.segments.push_back(whole);
       continue;
     }
+    const std::vector<Run>& runs = work.runs;
     for (std::size_t r = 0; r < runs.size(); ++r) {
       const Run& run = runs[r];
       if (run.count < static_cast<std::size_t>(params.min_points)) continue;

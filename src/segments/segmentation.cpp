@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
@@ -261,14 +262,16 @@ bool is_flat(const Segments& segments, const Segment& segment, const Segmentatio
   return bulge.ratio < params.min_bulge && rms_m(line, points, segment.count) < params.min_bulge * bulge.half_m;
 }
 
-Segments segment(const Points& points, const SegmentationParams& params) {
-  Segments result;
+Segments segment(const Points& points, const SegmentationParams& params, Segments memory) {
+  Segments result = std::move(memory);
+  result.points.clear();
+  result.segments.clear();
   result.stamp_ns = points.stamp_ns;
   result.T_world_level = points.T_world_level;
   result.height_world_m = points.height_world_m;
   result.resolution_rad = points.resolution_rad;
   result.time_increment_s = points.time_increment_s;
-  result.free_space = free_space(points);
+  result.free_space = free_space(points, std::move(result.free_space));
   result.points.reserve(points.points.size());
   if (points.points.empty()) return result;
 

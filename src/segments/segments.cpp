@@ -3,14 +3,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
 
-std::vector<std::vector<int>> ellipses_by_segment(const Segments& segments,
-                                                  const std::vector<Ellipse>& ellipses_level) {
-  std::vector<std::vector<int>> result(segments.segments.size());
+std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
+                                 std::vector<Overlap> memory) {
+  std::vector<Overlap> result = std::move(memory);
+  result.clear();
   if (segments.segments.empty()) return result;
   const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
   const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
@@ -25,10 +27,13 @@ std::vector<std::vector<int>> ellipses_by_segment(const Segments& segments,
       auto segment = std::lower_bound(segments.segments.begin(), segments.segments.end(), azimuth_rad - half_rad,
                                       [&](const Segment& s, double low_rad) { return last_rad(s) < low_rad; });
       for (; segment != segments.segments.end() && first_rad(*segment) <= azimuth_rad + half_rad; ++segment) {
-        result[static_cast<std::size_t>(segment - segments.segments.begin())].push_back(static_cast<int>(k));
+        result.push_back({static_cast<std::size_t>(segment - segments.segments.begin()), k});
       }
     }
   }
+  std::sort(result.begin(), result.end(), [](const Overlap& a, const Overlap& b) {
+    return std::make_pair(a.segment, a.ellipse) < std::make_pair(b.segment, b.ellipse);
+  });
   return result;
 }
 

@@ -175,7 +175,7 @@ TEST(NetworkDetector, AsksAboutObjectsThatShowAnEdgeAndKeepsTheirOrder) {
   NetworkDetector detector(kModels + "ellipse.onnx", EllipseFitParams{});
   const Detections detections = detector.detect(segments);
   EXPECT_EQ(detections.stamp_ns, 5);
-  EXPECT_EQ(detections.refused.at("both ends hidden"), 1U);
+  EXPECT_EQ(detections.refused.of("both ends hidden"), 1U);
   std::map<std::size_t, const Detection*> found;
   for (const Detection& detection : detections.detections) found[detection.segment] = &detection;
   EXPECT_EQ(found.count(1), 0U);

@@ -15,17 +15,14 @@ class Dice final : public Detector {
  public:
   explicit Dice(std::vector<double> p_ellipse) : p_ellipse_(std::move(p_ellipse)) {}
 
-  Detections detect(const Segments& segments) override {
-    Detections result;
-    result.stamp_ns = segments.stamp_ns;
-    result.refused["ellipse too large"] = 3;
+  void find(const Segments& /*segments*/, Detections& found) override {
+    found.refused["ellipse too large"] = 3;
     for (std::size_t i = 0; i < p_ellipse_.size(); ++i) {
       Detection detection;
       detection.p_ellipse = p_ellipse_[i];
       detection.segment = i;
-      result.detections.push_back(detection);
+      found.detections.push_back(detection);
     }
-    return result;
   }
 
  private:
@@ -48,7 +45,7 @@ TEST(ProbableDetector, CountsNothingWhereNothingIsRefused) {
   ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.0, 1.0}), 0.0);
   const Detections detections = detector.detect(Segments());
   EXPECT_EQ(detections.detections.size(), 2U);
-  EXPECT_EQ(detections.refused.count("not one ellipse"), 0U);
+  EXPECT_EQ(detections.refused.of("not one ellipse"), 0U);
 }
 
 }  // namespace

@@ -141,7 +141,7 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
     covered += any ? 1 : 0;
   }
   EXPECT_GT(covered, 100);
-  EXPECT_FALSE(EllipsesByX({}).cover({0.0, 0.0}));
+  EXPECT_FALSE(EllipsesByX().cover({0.0, 0.0}));
 }
 
 // Circles, for which everything is known: at a distance d, radii r of the one asked for and R of the other, r + R - d
@@ -150,7 +150,7 @@ TEST(EllipsesByX, OverlapWhatLiesOnOneOfThemWithMoreThanAQuarterOfItsWidth) {
   Random random(8);
   for (int i = 0; i < 500; ++i) {
     const Ellipse other{{random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0)}, 0.0, 0.4, 0.4};
-    const EllipsesByX by_x({{{-20.0, 0.0}, 0.0, 0.1, 0.1}, other, {{20.0, 0.0}, 0.0, 0.1, 0.1}});
+    const EllipsesByX by_x(std::vector<Ellipse>{{{-20.0, 0.0}, 0.0, 0.1, 0.1}, other, {{20.0, 0.0}, 0.0, 0.1, 0.1}});
     const double r_m = random.uniform(0.05, 1.0);
     const double distance_m = random.uniform(0.0, 2.0);
     const double direction_rad = random.uniform(-kPi, kPi);
@@ -159,13 +159,13 @@ TEST(EllipsesByX, OverlapWhatLiesOnOneOfThemWithMoreThanAQuarterOfItsWidth) {
     EXPECT_EQ(by_x.overlap({center_m, 0.0, r_m, r_m}), r_m + 0.4 - distance_m > 0.25 * 2.0 * r_m) << i;
   }
   // Along the line of centres the half widths are those of the ellipses.
-  const EllipsesByX by_x({{{0.0, 0.0}, 0.0, 0.5, 0.1}});
+  const EllipsesByX by_x(std::vector<Ellipse>{{{0.0, 0.0}, 0.0, 0.5, 0.1}});
   EXPECT_TRUE(by_x.overlap({{0.59, 0.0}, kPi / 2.0, 0.6, 0.2}));
   EXPECT_FALSE(by_x.overlap({{0.61, 0.0}, kPi / 2.0, 0.6, 0.2}));
   EXPECT_TRUE(by_x.overlap({{0.0, 0.39}, kPi / 2.0, 0.6, 0.2}));
   EXPECT_FALSE(by_x.overlap({{0.0, 0.41}, kPi / 2.0, 0.6, 0.2}));
   EXPECT_TRUE(by_x.overlap({{0.0, 0.0}, 0.0, 0.1, 0.1}));
-  EXPECT_FALSE(EllipsesByX({}).overlap({{0.0, 0.0}, 0.0, 0.1, 0.1}));
+  EXPECT_FALSE(EllipsesByX().overlap({{0.0, 0.0}, 0.0, 0.1, 0.1}));
 }
 
 TEST(SmoothParameters, RoundTripAndAreTheSameForEveryDescription) {

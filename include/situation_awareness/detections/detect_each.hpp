@@ -11,29 +11,23 @@ namespace situation_awareness {
 /// kObject for which `refusal(segment index) -> const char*` is empty, and refuses answers that are not to be trusted.
 /// The prior it names is that of assess_ellipse's covariance.
 template <class DetectOne, class Refusal>
-Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one,
-                       Refusal&& refusal) {
-  Detections result;
-  result.stamp_ns = segments.stamp_ns;
-  result.T_world_level = segments.T_world_level;
-  result.height_world_m = segments.height_world_m;
-  result.free_space = segments.free_space;
+void detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one, Refusal&& refusal,
+                 Detections& found) {
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     if (segments.segments[i].kind != SegmentKind::kObject) continue;
     const char* const reason = refusal(i);
     if (*reason != '\0') {
-      ++result.refused[reason];
+      ++found.refused[reason];
       continue;
     }
     const Detection detection = detect_one(i);
     const char* const defect = detection_defect(detection, params);
     if (*defect == '\0') {
-      result.detections.push_back(detection);
+      found.detections.push_back(detection);
     } else {
-      ++result.refused[defect];
+      ++found.refused[defect];
     }
   }
-  return result;
 }
 
 /// Why a segment says too little about the object for most detectors; empty text if it shows at least one of its edges.
@@ -43,8 +37,9 @@ inline const char* hidden_defect(const Segment& segment) {
 
 /// The same for detectors that need to see at least one edge of the object.
 template <class DetectOne>
-Detections detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one) {
-  return detect_each(segments, params, detect_one, [&](std::size_t i) { return hidden_defect(segments.segments[i]); });
+void detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one, Detections& found) {
+  const auto refusal = [&](std::size_t i) { return hidden_defect(segments.segments[i]); };
+  detect_each(segments, params, detect_one, refusal, found);
 }
 
 }  // namespace situation_awareness

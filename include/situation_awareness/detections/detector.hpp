@@ -11,7 +11,13 @@ class Detector {
  public:
   virtual ~Detector() = default;
 
-  virtual Detections detect(const Segments& segments) = 0;
+  /// `memory`: detections no longer needed, whose memory the result takes over.
+  Detections detect(const Segments& segments, Detections memory = {});
+
+ private:
+  /// Add to `found` what is in the segments, and why in others nothing is; it is empty but for what is copied from the
+  /// segments.
+  virtual void find(const Segments& segments, Detections& found) = 0;
 };
 
 }  // namespace situation_awareness

@@ -69,9 +69,9 @@ class DoglegDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   DoglegDetector(const DoglegParams& params, const EllipseFitParams& fit_params);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   DoglegParams params_;
   EllipseFitParams fit_params_;
   std::vector<Eigen::Vector2d> points_level_m_;  ///< of one segment, kept for its memory

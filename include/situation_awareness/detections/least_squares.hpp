@@ -75,9 +75,9 @@ class LeastSquaresDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   explicit LeastSquaresDetector(const EllipseFitParams& params);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   EllipseFitParams params_;
 };
 

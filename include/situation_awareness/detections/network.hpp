@@ -45,9 +45,9 @@ class NetworkDetector final : public Detector {
   /// Throws as EllipseNetwork does, and std::invalid_argument naming field and bound.
   NetworkDetector(const std::string& onnx_path, const EllipseFitParams& params);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   EllipseNetwork network_;
   EllipseFitParams params_;
   std::vector<std::size_t> asked_;  ///< segments for the network, kept for its memory

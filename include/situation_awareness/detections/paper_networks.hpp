@@ -47,9 +47,9 @@ class PaperNetworkDetector final : public Detector {
   /// Throws as PaperNetwork does, and std::invalid_argument naming field and bound.
   PaperNetworkDetector(PaperNetwork::Kind kind, const std::string& onnx_path, const EllipseFitParams& params);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   PaperNetwork network_;
   EllipseFitParams params_;
   std::vector<std::size_t> seen_;  ///< segments for the network, kept for its memory

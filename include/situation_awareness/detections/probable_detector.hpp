@@ -15,9 +15,9 @@ class ProbableDetector final : public Detector {
  public:
   ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   std::unique_ptr<Detector> detector_;
   double min_p_ellipse_;
 };

@@ -56,9 +56,9 @@ class RansacDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   RansacDetector(const RansacParams& params, const DoglegParams& dogleg_params, const EllipseFitParams& fit_params);
 
-  Detections detect(const Segments& segments) override;
-
  private:
+  void find(const Segments& segments, Detections& found) override;
+
   RansacParams params_;
   DoglegParams dogleg_params_;
   EllipseFitParams fit_params_;

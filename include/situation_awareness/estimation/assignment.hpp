@@ -17,7 +17,8 @@ struct Candidate {
 ///
 /// Rows and columns that no chain of candidates connects are solved apart, so the time grows linearly with the number
 /// of such groups and with the cube only of the largest (shortest augmenting paths: Jonker and Volgenant, 1987).
-/// Returns for each row its column, or -1.
-std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched);
+/// Returns for each row its column, or -1; in `memory`, a result no longer needed.
+std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched,
+                        std::vector<int> memory = {});
 
 }  // namespace situation_awareness

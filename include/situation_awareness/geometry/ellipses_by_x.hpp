@@ -14,10 +14,17 @@ namespace situation_awareness {
 /// Answers whether something lies on one of many ellipses, looking only at those near it.
 class EllipsesByX {
  public:
+  EllipsesByX() = default;
   explicit EllipsesByX(std::vector<Ellipse> ellipses) : ellipses_(std::move(ellipses)) {
     for (const Ellipse& ellipse : ellipses_) reach_m_ = std::max({reach_m_, ellipse.rx_m, ellipse.ry_m});
     std::sort(ellipses_.begin(), ellipses_.end(),
               [](const Ellipse& a, const Ellipse& b) { return a.center_m.x() < b.center_m.x(); });
+  }
+
+  /// Gives up its ellipses, in any order, for their memory.
+  std::vector<Ellipse> release() {
+    reach_m_ = 0.0;
+    return std::move(ellipses_);
   }
 
   /// Whether a point lies on one.

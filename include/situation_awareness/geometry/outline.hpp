@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <limits>
-#include <vector>
 
 #include <Eigen/Core>
 #include <Eigen/LU>
@@ -18,12 +17,7 @@ struct Outline {
   Eigen::Matrix2d inverse_shape;
 };
 
-inline std::vector<Outline> outlines_of(const std::vector<Ellipse>& ellipses) {
-  std::vector<Outline> outlines;
-  outlines.reserve(ellipses.size());
-  for (const Ellipse& ellipse : ellipses) outlines.push_back({ellipse.center_m, shape_matrix(ellipse).inverse()});
-  return outlines;
-}
+inline Outline outline_of(const Ellipse& ellipse) { return {ellipse.center_m, shape_matrix(ellipse).inverse()}; }
 
 /// Distance of a point from the outline along the line to its centre; negative inside.
 inline double offset_m(const Outline& outline, const Eigen::Vector2d& p) {

@@ -79,12 +79,13 @@ class ObjectPipeline {
   /// Throws std::invalid_argument or std::runtime_error naming what is wrong.
   explicit ObjectPipeline(const ObjectPipelineParams& params);
 
-  /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged.
-  ObjectPipelineResult process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
+  /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged. The result is
+  /// valid until the next call, which uses its memory again: once warm, scans ask nothing of the heap.
+  const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
 
   /// The same for a lidar that moves between its first beam, at the stamp, and its last.
-  ObjectPipelineResult process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                               const Eigen::Isometry3d& T_world_lidar_end);
+  const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                      const Eigen::Isometry3d& T_world_lidar_end);
 
   const ObjectMap& map() const { return map_; }
 
@@ -92,6 +93,10 @@ class ObjectPipeline {
   ObjectPipelineParams params_;
   std::unique_ptr<Detector> detector_;
   ObjectMap map_;
+  Scan limited_;
+  Objects known_;
+  std::vector<Ellipse> known_level_;
+  ObjectPipelineResult result_;
 };
 
 }  // namespace situation_awareness

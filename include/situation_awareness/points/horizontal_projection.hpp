@@ -33,7 +33,8 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
 /// The same for a lidar that moves from `T_world_lidar`, its pose at the stamp and so at beam 0, to
 /// `T_world_lidar_end`, its pose at the last beam: each beam is taken from the pose between them at its own time.
 /// Everything is in the level frame of the stamp, and seen from its origin (docs/math/points.md, "Motion").
+/// `memory`: as for limit_range.
 Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                            const Eigen::Isometry3d& T_world_lidar_end);
+                            const Eigen::Isometry3d& T_world_lidar_end, Points memory = {});
 
 }  // namespace situation_awareness

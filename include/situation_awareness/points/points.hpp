@@ -43,6 +43,7 @@ struct FreeSpace {
 };
 
 /// One value per point. A beam that met something of no interest is clear up to it as well.
-FreeSpace free_space(const Points& points);
+/// `memory`: as for limit_range.
+FreeSpace free_space(const Points& points, FreeSpace memory = {});
 
 }  // namespace situation_awareness

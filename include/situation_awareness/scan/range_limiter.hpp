@@ -37,6 +37,10 @@ struct RangeLimiterParams {
 ///
 /// Hits outside become kOutside and keep their range: they are of no interest, yet they still hide what is behind them
 /// and prove free what is before them. Hits nearer than min_range_m become kTooClose.
-Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params);
+///
+/// `memory` is a scan no longer needed, whose memory the result takes over: handed on from scan to scan it spares the
+/// heap. The later stages do the same.
+Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params,
+                 Scan memory = {});
 
 }  // namespace situation_awareness

@@ -64,7 +64,8 @@ struct SegmentationParams {
 ///
 /// Hits outside the volume of interest are grouped too, so that a wall that leaves the volume is still seen as a wall
 /// and an object on its border as a whole; segments that lie mostly outside are then left out.
-Segments segment(const Points& points, const SegmentationParams& params);
+/// `memory`: as for limit_range.
+Segments segment(const Points& points, const SegmentationParams& params, Segments memory = {});
 
 /// True if a segment is long and flat: the front of a wall or a cabinet, whatever else speaks for an object.
 bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params);

@@ -52,8 +52,15 @@ struct Segments {
   FreeSpace free_space;  ///< of the whole scan
 };
 
-/// For each segment the indices of the ellipses that its azimuths overlap; ellipses around the sensor are on none.
-/// Costs grow with what overlaps, not with all pairs.
-std::vector<std::vector<int>> ellipses_by_segment(const Segments& segments, const std::vector<Ellipse>& ellipses_level);
+/// Which ellipses a segment's azimuths overlap.
+struct Overlap {
+  std::size_t segment = 0;
+  std::size_t ellipse = 0;
+};
+
+/// All overlaps, by growing segment and then ellipse; ellipses around the sensor overlap none. Costs grow with what
+/// overlaps, not with all pairs. `memory`: as for limit_range.
+std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
+                                 std::vector<Overlap> memory = {});
 
 }  // namespace situation_awareness

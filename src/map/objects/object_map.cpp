@@ -143,20 +143,25 @@ void ObjectMap::learn_noise(double mahalanobis2) {
   noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
 }
 
-ObjectMapUpdate ObjectMap::update(const Detections& detections) {
-  ObjectMapUpdate report;
+ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate memory) {
+  ObjectMapUpdate report = std::move(memory);
+  report.updated.clear();
+  report.created.clear();
+  report.deleted.clear();
+  report.reasons.reset();
+  report.log_likelihood = 0.0;
   if (!advance_to(detections.stamp_ns, report)) return report;
   height_world_m_ = detections.height_world_m;
   const Eigen::Matrix3d U = robot_covariance(detections);
 
-  std::vector<Measurement> measurements;
-  for (const Detection& detection : detections.detections) {
-    measurements.push_back(widened(detection));
-  }
+  std::vector<Measurement>& measurements = work_.measurements;
+  measurements.clear();
+  for (const Detection& detection : detections.detections) measurements.push_back(widened(detection));
 
   compare_shapes();
-  std::vector<bool> used(measurements.size(), false);
-  for (const Association& association : associate(measurements, detections.T_world_level, U)) {
+  work_.used.assign(measurements.size(), 0);
+  associate(detections.T_world_level, U);
+  for (const Association& association : work_.associations) {
     Element& element = elements_[association.element];
     situation_awareness::update(element.estimate, detections.T_world_level, measurements[association.measurement],
                                 association.match, U);
@@ -165,15 +170,15 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
     learn_noise((element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2);
     observe(element, detections.detections[association.measurement], measurements[association.measurement],
             detections.T_world_level);
-    used[association.measurement] = true;
+    work_.used[association.measurement] = 1;
     report.updated.push_back(element.id);
     report.log_likelihood += association.match.log_likelihood;
   }
   doubt_unseen(detections);
 
-  const EllipsesByX seen = seen_within(kRecently_s);
+  work_.seen_lately = seen_within(kRecently_s, std::move(work_.seen_lately));
   for (std::size_t j = 0; j < measurements.size(); ++j) {
-    if (used[j]) continue;
+    if (work_.used[j] != 0) continue;
     if (Element* const element = in_the_place_of(measurements[j], detections.T_world_level)) {
       element->estimate = new_estimate(measurements[j], detections.T_world_level, U);
       observe(*element, detections.detections[j], measurements[j], detections.T_world_level);
@@ -183,7 +188,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections) {
       continue;
     }
     // On an element that has just been seen it is a second piece of the same body, or the whole of it badly seen.
-    if (seen.overlap(detections.T_world_level * detections.detections[j].ellipse_level)) {
+    if (work_.seen_lately.overlap(detections.T_world_level * detections.detections[j].ellipse_level)) {
       ++report.reasons["detection on an element already seen"];
       continue;
     }
@@ -227,28 +232,31 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
   return false;
 }
 
-std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measurement>& measurements,
-                                                         const Pose2& T_world_level, const Eigen::Matrix3d& U) const {
+/// Finds out which of the measurements are of which elements: into `work_.associations`.
+void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) {
   // Measurements sorted by x, so that each element looks only at those that its gate can reach.
-  struct Place {
-    Eigen::Vector2d center_world_m;
-    int measurement;
-  };
-  std::vector<Place> by_x;
-  std::vector<bool> on_seen;  // on an element that has just been seen: that one's, not one's that was out of sight
-  const EllipsesByX seen = seen_within(kRecently_s);
+  const std::vector<Measurement>& measurements = work_.measurements;
+  std::vector<Place>& by_x = work_.by_x;
+  by_x.clear();
+  // On an element that has just been seen: that one's, not one's that was out of sight.
+  std::vector<char>& on_seen = work_.on_seen;
+  on_seen.clear();
+  work_.seen_lately = seen_within(kRecently_s, std::move(work_.seen_lately));
   double widest_variance = 0.0;
   for (const Measurement& measurement : measurements) {
     by_x.push_back({T_world_level * Eigen::Vector2d(measurement.z.head<2>()), static_cast<int>(by_x.size())});
-    on_seen.push_back(seen.cover(by_x.back().center_world_m));
+    on_seen.push_back(work_.seen_lately.cover(by_x.back().center_world_m) ? 1 : 0);
     widest_variance = std::max(widest_variance, measurement.R.topLeftCorner<2, 2>().trace());
   }
   std::sort(by_x.begin(), by_x.end(), [](const Place& a, const Place& b) {
     return std::make_pair(a.center_world_m.x(), a.measurement) < std::make_pair(b.center_world_m.x(), b.measurement);
   });
 
-  std::vector<Candidate> candidates;
-  std::vector<MotionMatch> matches;  // of the candidates
+  std::vector<Candidate>& candidates = work_.candidates;
+  std::vector<MotionMatch>& matches = work_.matches;
+  candidates.clear();
+  matches.clear();
+  work_.associations.clear();
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const MotionEstimate& estimate = elements_[i].estimate;
     const bool was_lost = unseen_s(elements_[i]) > kRecently_s;
@@ -263,7 +271,7 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
       if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
       const auto j = static_cast<std::size_t>(near->measurement);
-      if (was_lost && on_seen[j]) continue;
+      if (was_lost && on_seen[j] != 0) continue;
       const Measurement& measurement = measurements[j];
       if (lost && measurement.hidden_end) continue;  // nothing sure is said by a piece about what may be anywhere
       const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
@@ -272,7 +280,7 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
       matches.push_back(candidate);
     }
   }
-  if (candidates.empty()) return {};
+  if (candidates.empty()) return;
 
   // Costs are negative log-likelihoods, shifted so that every match inside its gate is worth more than none.
   const auto [least, most] = std::minmax_element(
@@ -280,16 +288,15 @@ std::vector<ObjectMap::Association> ObjectMap::associate(const std::vector<Measu
   const double shift = least->cost;
   const double cost_unmatched = most->cost - shift + 1.0;
   for (Candidate& candidate : candidates) candidate.cost -= shift;
-  const std::vector<int> measurement_of_element =
-      assign(static_cast<int>(elements_.size()), static_cast<int>(measurements.size()), candidates, cost_unmatched);
+  std::vector<int>& measurement_of_element = work_.measurement_of_element;
+  measurement_of_element = assign(static_cast<int>(elements_.size()), static_cast<int>(measurements.size()), candidates,
+                                  cost_unmatched, std::move(measurement_of_element));
 
-  std::vector<Association> associations;
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     const auto element = static_cast<std::size_t>(candidates[c].row);
     if (measurement_of_element[element] != candidates[c].column) continue;
-    associations.push_back({element, static_cast<std::size_t>(candidates[c].column), matches[c]});
+    work_.associations.push_back({element, static_cast<std::size_t>(candidates[c].column), matches[c]});
   }
-  return associations;
 }
 
 /// True if a match may be of an element: inside its gate, and more probable than something new. What stood when it was
@@ -359,8 +366,9 @@ void ObjectMap::observe(Element& element, const Detection& detection, const Meas
   element.confirmed |= element.just_confirmed;
 }
 
-EllipsesByX ObjectMap::seen_within(double past_s) const {
-  std::vector<Ellipse> ellipses;
+EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
+  std::vector<Ellipse> ellipses = memory.release();
+  ellipses.clear();
   for (const Element& element : elements_) {
     if (unseen_s(element) > past_s) continue;
     ellipses.push_back(ellipse_world(combine(element.estimate).x));
@@ -371,7 +379,7 @@ EllipsesByX ObjectMap::seen_within(double past_s) const {
 /// Doubt the elements that were not detected, but only where beams say that they are not there: what is hidden keeps
 /// its existence. The less certain the place, the less does seeing through it say.
 void ObjectMap::doubt_unseen(const Detections& detections) {
-  const EllipsesByX seen = seen_within(0.0);
+  work_.seen_now = seen_within(0.0, std::move(work_.seen_now));
   const Pose2 T_level_world = inverse(detections.T_world_level);
   for (Element& element : elements_) {
     if (element.last_seen_ns == stamp_ns()) continue;
@@ -381,7 +389,7 @@ void ObjectMap::doubt_unseen(const Detections& detections) {
     const Sight sight = look_at(T_level_world * ellipse, detections.free_space, kSightMargin_m);
     double p_detection = params_.detection_probability;
     if (sight == Sight::kHidden) continue;
-    if (sight == Sight::kHit && !seen.cover(ellipse.center_m)) p_detection *= kDoubtOfHit;
+    if (sight == Sight::kHit && !work_.seen_now.cover(ellipse.center_m)) p_detection *= kDoubtOfHit;
     const double radius2 = ellipse.rx_m * ellipse.ry_m;
     p_detection *= radius2 / (radius2 + sigma_m * sigma_m);
     element.log_odds += std::log(1.0 - p_detection);
@@ -400,7 +408,8 @@ ObjectMap::Element* ObjectMap::find(std::uint64_t id) {
 
 /// A shape that several others have, too, says little of which one it is.
 void ObjectMap::compare_shapes() {
-  std::vector<std::pair<double, std::size_t>> by_mean_radius;
+  std::vector<std::pair<double, std::size_t>>& by_mean_radius = work_.by_mean_radius;
+  by_mean_radius.clear();
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     if (elements_[i].confirmed) by_mean_radius.emplace_back(likelier(elements_[i].estimate).x(kShape), i);
   }
@@ -464,11 +473,8 @@ void ObjectMap::recognise_lost() {
 /// being followed, and comes back as itself when they part. An arm swings, so velocities say little: the way travelled
 /// since they met does.
 void ObjectMap::join_parts() {
-  struct Body {
-    Ellipse ellipse_world;
-    std::size_t element;
-  };
-  std::vector<Body> bodies;
+  std::vector<Body>& bodies = work_.bodies;
+  bodies.clear();
   double largest_m = 0.0;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const Element& element = elements_[i];
@@ -549,41 +555,42 @@ void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
     if (position_sigma_m(likelier(element.estimate)) > params_.lost_position_sigma_m) return "position too uncertain";
     return "";
   };
-  std::vector<bool> drop;
+  std::vector<char>& drop = work_.drop;
+  drop.clear();
   for (const Element& element : elements_) {
     const char* reason = outdated(element);
-    drop.push_back(*reason != '\0');
-    if (drop.back()) ++report.reasons[reason];
+    drop.push_back(*reason != '\0' ? 1 : 0);
+    if (drop.back() != 0) ++report.reasons[reason];
   }
   // The identity of a body goes on in its largest part: at the latest when the body is off the map, which would take
   // the parts that are seen along.
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const bool off_the_map = elements_[i].confirmed && elements_[i].log_odds <= 0.0;
-    if (!(drop[i] || off_the_map) || !elements_[i].has_parts || elements_[i].is_part) continue;
+    if (!(drop[i] != 0 || off_the_map) || !elements_[i].has_parts || elements_[i].is_part) continue;
     std::size_t heir = elements_.size();
     double heir_m = 0.0;
     for (std::size_t j = 0; j < elements_.size(); ++j) {
-      if (drop[j] || !elements_[j].is_part || elements_[j].body != elements_[i].id) continue;
-      if (!drop[i] && elements_[j].last_seen_ns != stamp_ns()) continue;
+      if (drop[j] != 0 || !elements_[j].is_part || elements_[j].body != elements_[i].id) continue;
+      if (drop[i] == 0 && elements_[j].last_seen_ns != stamp_ns()) continue;
       const double mean_radius_m = likelier(elements_[j].estimate).x(kShape);
       if (mean_radius_m <= heir_m) continue;
       heir = j;
       heir_m = mean_radius_m;
     }
     if (heir == elements_.size()) continue;
-    if (!drop[i]) ++report.reasons["seen through"];
+    if (drop[i] == 0) ++report.reasons["seen through"];
     std::swap(elements_[i].id, elements_[heir].id);
     std::swap(elements_[i].first_seen_ns, elements_[heir].first_seen_ns);
     elements_[heir].is_part = false;
     elements_[heir].body = 0;
     elements_[heir].has_parts = true;
     std::swap(elements_[i], elements_[heir]);
-    drop[i] = false;
-    drop[heir] = true;
+    drop[i] = 0;
+    drop[heir] = 1;
   }
   std::size_t kept = 0;
   for (std::size_t i = 0; i < elements_.size(); ++i) {
-    if (drop[i]) {
+    if (drop[i] != 0) {
       report.deleted.push_back(elements_[i].id);
     } else {
       elements_[kept++] = elements_[i];
@@ -606,8 +613,9 @@ bool ObjectMap::shown(const Element& element) const {
          uncertain_by_m(element) <= params_.max_position_sigma_m;
 }
 
-Objects ObjectMap::at(std::int64_t stamp_ns) const {
-  Objects result;
+Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
+  Objects result = std::move(memory);
+  result.objects.clear();
   result.stamp_ns = stamp_ns;
   result.height_world_m = height_world_m_;
   if (elements_.empty()) return result;

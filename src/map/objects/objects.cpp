@@ -1,17 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/map/objects/objects.hpp"
 
+#include <utility>
+
 #include "situation_awareness/common/time.hpp"
 
 namespace situation_awareness {
 
 std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
-                                 double max_age_s) {
-  if (map.objects.empty()) return {};
+                                 double max_age_s, std::vector<Ellipse> memory) {
+  std::vector<Ellipse> outlines_level = std::move(memory);
+  outlines_level.clear();
+  if (map.objects.empty()) return outlines_level;
   const double age_s = seconds_between(map.stamp_ns, stamp_ns);
-  if (age_s < 0.0 || age_s > max_age_s) return {};
+  if (age_s < 0.0 || age_s > max_age_s) return outlines_level;
   const Pose2 T_level_world = inverse(T_world_level);
-  std::vector<Ellipse> outlines_level;
   outlines_level.reserve(map.objects.size());
   for (const Object& object : map.objects) {
     Ellipse ellipse_world = object.ellipse_world;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,6 +14,7 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
 #include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
@@ -132,12 +134,13 @@ class ObjectMap {
   explicit ObjectMap(const ObjectMapParams& params);
 
   /// Predict to the stamp of the detections, associate one to one, update, doubt what should have been seen, map what
-  /// is new, join what moves as one, delete what is not there any more.
-  ObjectMapUpdate update(const Detections& detections);
+  /// is new, join what moves as one, delete what is not there any more. `memory`: a report no longer needed, whose
+  /// memory this one takes over; with it nothing is asked of the heap but for more elements or detections than before.
+  ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
   /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
   /// that are not confirmed, and those that are part of another, are left out.
-  Objects at(std::int64_t stamp_ns) const;
+  Objects at(std::int64_t stamp_ns, Objects memory = {}) const;
 
   /// Stamp of the latest update, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
@@ -175,13 +178,41 @@ class ObjectMap {
     MotionMatch match;
   };
 
+  /// A measurement's place, to look for it by.
+  struct Place {
+    Eigen::Vector2d center_world_m;
+    int measurement;
+  };
+
+  /// An ellipse that others may be part of.
+  struct Body {
+    Ellipse ellipse_world;
+    std::size_t element;
+  };
+
+  /// What is kept for its memory from scan to scan, and means nothing between updates.
+  struct Workspace {
+    std::vector<Measurement> measurements;
+    std::vector<char> used;  ///< measurements
+    EllipsesByX seen_lately;
+    EllipsesByX seen_now;
+    std::vector<Place> by_x;
+    std::vector<char> on_seen;  ///< measurements
+    std::vector<Candidate> candidates;
+    std::vector<MotionMatch> matches;  ///< of the candidates
+    std::vector<int> measurement_of_element;
+    std::vector<Association> associations;
+    std::vector<std::pair<double, std::size_t>> by_mean_radius;
+    std::vector<Body> bodies;
+    std::vector<char> drop;  ///< elements
+  };
+
   /// False, and the map unchanged, if the stamp may not follow the latest.
   bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
   Eigen::Matrix3d robot_covariance(const Detections& detections);
   void learn_noise(double mahalanobis2);
   Measurement widened(const Detection& detection) const;
-  std::vector<Association> associate(const std::vector<Measurement>& measurements, const Pose2& T_world_level,
-                                     const Eigen::Matrix3d& U) const;
+  void associate(const Pose2& T_world_level, const Eigen::Matrix3d& U);
   bool may_be(const Element& element, const MotionMatch& match) const;
   Element* in_the_place_of(const Measurement& measurement, const Pose2& T_world_level);
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
@@ -189,7 +220,7 @@ class ObjectMap {
   Element new_element(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
   void observe(Element& element, const Detection& detection, const Measurement& measurement,
                const Pose2& T_world_level) const;
-  EllipsesByX seen_within(double past_s) const;
+  EllipsesByX seen_within(double past_s, EllipsesByX memory) const;
   MotionParams motion_of(const Element& element) const;
   void doubt_unseen(const Detections& detections);
   void compare_shapes();
@@ -211,6 +242,7 @@ class ObjectMap {
   double step_s_ = 0.0;            ///< from the update before to the latest
   double height_world_m_ = 0.0;
   std::uint64_t next_id_ = 1;
+  Workspace work_;
 };
 
 }  // namespace situation_awareness

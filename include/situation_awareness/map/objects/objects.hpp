@@ -45,9 +45,13 @@ struct Objects {
   std::vector<Object> objects;
 };
 
+/// A map older than this says nothing of what a scan will show.
+constexpr double kMaxMapAge_s = 0.5;
+
 /// The outlines of the map's elements in the level frame at a later time, by their velocities; none where the map is
-/// older than `max_age_s` or of a later time: it then says nothing of that moment.
+/// older than `max_age_s` or of a later time: it then says nothing of that moment. `memory` is a result no longer
+/// needed, whose memory this one takes over.
 std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
-                                 double max_age_s = 0.5);
+                                 double max_age_s = kMaxMapAge_s, std::vector<Ellipse> memory = {});
 
 }  // namespace situation_awareness

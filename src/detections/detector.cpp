@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/detector.hpp"
+
+#include <utility>
+
+namespace situation_awareness {
+
+Detections Detector::detect(const Segments& segments, Detections memory) {
+  Detections found = std::move(memory);
+  found.stamp_ns = segments.stamp_ns;
+  found.T_world_level = segments.T_world_level;
+  found.height_world_m = segments.height_world_m;
+  found.free_space = segments.free_space;
+  found.detections.clear();
+  found.refused.reset();
+  find(segments, found);
+  return found;
+}
+
+}  // namespace situation_awareness

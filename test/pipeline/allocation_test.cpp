@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "allocations.hpp"
+#include "situation_awareness/detections/detect_each.hpp"
+#include "situation_awareness/detections/onnx_model.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "support/level_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
+constexpr int kScans = 314;  // two rounds of the moving object
+
+/// A room with standing objects, one half hidden and one at the wall, and a moving one that comes and goes.
+std::vector<Scan> scans() {
+  Random random(1);
+  std::vector<Scan> result;
+  for (int i = 0; i < kScans; ++i) {
+    LevelScene scene;
+    scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}, {{6.0, 8.0}, {-3.0, 8.0}}};
+    scene.ellipses = {{{3.0, -1.0}, 0.3, 0.3, 0.2},
+                      {{2.0, 1.5}, 0.0, 0.2, 0.2},
+                      {{3.4, 2.1}, 1.0, 0.4, 0.25},
+                      {{5.7, 0.5}, 0.0, 0.25, 0.25},
+                      {{4.0, 3.0 * std::sin(4.0 * kPi * i / kScans)}, 0.5, 0.25, 0.15}};
+    result.push_back(scene.scan(&random));
+  }
+  return result;
+}
+
+/// What a second round of the same scans asks of the heap.
+struct SecondRound {
+  std::int64_t asked = 0;
+  std::vector<int> rows;  ///< segments that the detector was asked about, scan by scan, in both rounds
+  std::size_t objects = 0;
+};
+
+SecondRound second_round(const std::string& detector) {
+  ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
+  params.detections.detector = detector;
+  ObjectPipeline pipeline(params);
+  std::vector<Scan> all = scans();
+  SecondRound result;
+  result.rows.reserve(2 * all.size());
+  Objects map;
+  std::int64_t stamp_ns = 1'000'000'000;
+  for (int round = 0; round < 2; ++round) {
+    const std::int64_t before = allocations().count;
+    for (Scan& scan : all) {
+      scan.stamp_ns = stamp_ns += 50'000'000;
+      const Segments& segments = pipeline.process(scan, Eigen::Isometry3d::Identity()).segments;
+      result.rows.push_back(static_cast<int>(
+          std::count_if(segments.segments.begin(), segments.segments.end(), [](const Segment& segment) {
+            return segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0';
+          })));
+      map = pipeline.map().at(scan.stamp_ns, std::move(map));
+    }
+    result.asked = allocations().count - before;
+  }
+  result.objects = map.objects.size();
+  return result;
+}
+
+TEST(Allocation, TheCounterCounts) {
+  const Allocations before = allocations();
+  const std::vector<double> some(100);
+  const Allocations during = allocations() - before;
+  EXPECT_EQ(during.count, 1);
+  EXPECT_EQ(during.bytes, static_cast<std::int64_t>(some.size() * sizeof(double)));
+}
+
+TEST(Allocation, OnceWarmTheWayFromScanToMapAsksNothingOfTheHeap) {
+  const SecondRound round = second_round("least_squares");
+  EXPECT_GE(round.objects, 4U);
+  EXPECT_EQ(round.asked, 0);
+}
+
+// OpenCV's forward asks for some of its own, more where the number of rows changes: nothing else does.
+TEST(Allocation, WithTheNetworkOnlyItsForwardDoes) {
+  const SecondRound round = second_round("network");
+  EXPECT_GE(round.objects, 4U);
+
+  OnnxModel model(kSource + "/models/ellipse.onnx");
+  std::int64_t of_forwards = 0;
+  for (std::size_t i = 0; i < round.rows.size(); ++i) {
+    const std::int64_t before = allocations().count;
+    if (round.rows[i] > 0) {
+      model.resize(round.rows[i]);
+      model.forward();
+    }
+    if (i >= kScans) of_forwards += allocations().count - before;
+  }
+  RecordProperty("per_scan", std::to_string(static_cast<double>(round.asked) / kScans));
+  EXPECT_GT(of_forwards, 0);
+  EXPECT_EQ(round.asked, of_forwards);
+}
+
+}  // namespace
+}  // namespace situation_awareness
