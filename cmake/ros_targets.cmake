@@ -7,6 +7,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/segments.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
+  src/ros/pace.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp

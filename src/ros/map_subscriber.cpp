@@ -17,11 +17,11 @@ MapSubscriber::MapSubscriber(ros::NodeHandle& node, const std::string& world_fra
 void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
   try {
     if (tf2_frame(msg->header.frame_id) != world_frame_) {
-      return diagnostics_.dropped(drop_reason::kBadMessage, "a map in the frame " + msg->header.frame_id);
+      return diagnostics_.dropped(drop_reason::kBadMap, "a map in the frame " + msg->header.frame_id);
     }
     map_ = objects_from_msg(*msg);
   } catch (const std::exception& error) {
-    diagnostics_.dropped(drop_reason::kBadMessage, error.what());
+    diagnostics_.dropped(drop_reason::kBadMap, error.what());
   }
 }
 

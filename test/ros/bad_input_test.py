@@ -175,10 +175,10 @@ class BadInputTest(unittest.TestCase):
         msg = EllipseMap(ellipses=[MappedEllipse(rx=math.nan, ry=0.1)])
         msg.header.frame_id = "world"
         msg.header.stamp = rospy.Time.now()
-        self.assert_dropped("bad message", lambda: publisher.publish(msg))
+        self.assert_dropped("bad map", lambda: publisher.publish(msg))
         msg = EllipseMap(header=msg.header)
         msg.header.frame_id = "elsewhere"
-        self.assert_dropped("bad message", lambda: publisher.publish(msg))
+        self.assert_dropped("bad map", lambda: publisher.publish(msg))
         publisher.unregister()
 
     def test_segments_that_do_not_fit_together(self):

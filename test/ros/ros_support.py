@@ -77,10 +77,11 @@ class Latest:
 
 
 class Diagnostics:
-    """What each stage last said about itself."""
+    """What each stage last said about itself, and all that was said: `history` holds (stage, status)."""
 
     def __init__(self):
         self.stages = {}
+        self.history = []
         self.subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, self.receive, queue_size=100)
 
     def receive(self, message):
@@ -88,6 +89,7 @@ class Diagnostics:
             if status.values:
                 name = status.name.split(":")[0]
                 self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message)
+                self.history.append((name, self.stages[name]))
 
     def count(self, stage, key):
         return int(self.stages.get(stage, {}).get(key, "0"))
@@ -97,8 +99,8 @@ class Robot:
     """A scanner that stands at the world's origin, one scan and its transform at a time."""
 
     def __init__(self, transforms=True):
-        self.scans = rospy.Publisher("scan", LaserScan, queue_size=100)
-        self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        self.scans = rospy.Publisher("scan", LaserScan, queue_size=1000)
+        self.tf = rospy.Publisher("/tf", TFMessage, queue_size=1000)
         self.transforms = transforms
         wait_until(lambda: self.scans.get_num_connections() > 0 and self.tf.get_num_connections() > 0, 60.0,
                    "the segmentation nodelet")

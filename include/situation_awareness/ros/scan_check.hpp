@@ -14,10 +14,12 @@ std::string scan_msg_defect(const sensor_msgs::LaserScan& msg);
 namespace drop_reason {
 constexpr const char* kStamp = "stamp repeats or goes back";
 constexpr const char* kRestart = "stamp started again while it waited";
+constexpr const char* kOvertaken = "overtaken";
 constexpr const char* kQueueFull = "queue full";
 constexpr const char* kNoTransform = "no transform";
 constexpr const char* kBadTransform = "bad transform";
 constexpr const char* kBadMessage = "bad message";
+constexpr const char* kBadMap = "bad map";
 constexpr const char* kError = "error";
 }  // namespace drop_reason
 

@@ -6,6 +6,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/detections/refine.hpp"
+#include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
@@ -26,15 +27,21 @@ class DetectionNodelet : public StageNodelet {
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
     publisher_ = node.advertise<DetectionArray>("detections", 20);
-    subscriber_ =
-        node.subscribe("segment_array", 20, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
+    backlog_ = std::make_unique<Backlog<SegmentArray>>(node, *diagnostics_,
+                                                       [this](const SegmentArrayConstPtr& msg) { process(msg); });
+    subscriber_ = node.subscribe("segment_array", kTakeAll, &DetectionNodelet::on_segments, this,
+                                 ros::TransportHints().tcpNoDelay());
   }
 
   void on_segments(const SegmentArrayConstPtr& msg) {
+    diagnostics_->received();
+    backlog_->add(msg);
+  }
+
+  void process(const SegmentArrayConstPtr& msg) {
     const ros::WallTime start = ros::WallTime::now();
     Segments segments;
     try {
-      diagnostics_->received();
       segments = segments_from_msg(*msg);
     } catch (const std::exception& error) {
       return diagnostics_->dropped(drop_reason::kBadMessage, error.what());
@@ -54,6 +61,7 @@ class DetectionNodelet : public StageNodelet {
   std::unique_ptr<Detector> detector_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<MapSubscriber> map_;
+  std::unique_ptr<Backlog<SegmentArray>> backlog_;
   ros::Publisher publisher_;
   ros::Subscriber subscriber_;
 };

@@ -5,6 +5,7 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
@@ -24,15 +25,21 @@ class MappingNodelet : public StageNodelet {
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_publisher_ = node.advertise<EllipseMap>("map", 20);
     markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("markers", 5);
-    subscriber_ =
-        node.subscribe("detections", 20, &MappingNodelet::on_detections, this, ros::TransportHints().tcpNoDelay());
+    backlog_ = std::make_unique<Backlog<DetectionArray>>(node, *diagnostics_,
+                                                         [this](const DetectionArrayConstPtr& msg) { process(msg); });
+    subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
+                                 ros::TransportHints().tcpNoDelay());
   }
 
   void on_detections(const DetectionArrayConstPtr& msg) {
+    diagnostics_->received();
+    backlog_->add(msg);
+  }
+
+  void process(const DetectionArrayConstPtr& msg) {
     const ros::WallTime start = ros::WallTime::now();
     Detections detections;
     try {
-      diagnostics_->received();
       detections = detections_from_msg(*msg);
     } catch (const std::exception& error) {
       return diagnostics_->dropped(drop_reason::kBadMessage, error.what());
@@ -55,6 +62,7 @@ class MappingNodelet : public StageNodelet {
 
   std::unique_ptr<ObjectMap> map_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
+  std::unique_ptr<Backlog<DetectionArray>> backlog_;
   ObjectMarkers markers_{MarkerStyle::kEstimate};
   ros::Publisher map_publisher_, markers_publisher_;
   ros::Subscriber subscriber_;

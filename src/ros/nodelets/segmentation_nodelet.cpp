@@ -13,6 +13,7 @@
 
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
@@ -40,16 +41,18 @@ class SegmentationNodelet : public StageNodelet {
     params_ = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
     order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
-    listener_ = std::make_unique<tf2_ros::TransformListener>(tf_);
+    const bool own_thread = true;
+    listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node, own_thread, ros::TransportHints().tcpNoDelay());
     segments_publisher_ = node.advertise<sensor_msgs::PointCloud2>("segments", 5);
     array_publisher_ = node.advertise<SegmentArray>("segment_array", 20);
-    const auto depth = static_cast<std::uint32_t>(params_.queue_size);
+    backlog_ = std::make_unique<Backlog<sensor_msgs::LaserScan>>(
+        node, *diagnostics_, [this](const sensor_msgs::LaserScanConstPtr& msg) { handle(*msg); });
     scan_subscriber_ =
-        node.subscribe("scan", depth, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
+        node.subscribe("scan", kTakeAll, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
     map_ = std::make_unique<MapSubscriber>(node, params_.world_frame, *diagnostics_);
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     const ros::WallDuration poll_period(0.005);
-    timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { work_off(); });
+    timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { release(); });
   }
 
   void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
@@ -61,22 +64,26 @@ class SegmentationNodelet : public StageNodelet {
         case StampOrder::Verdict::kRefused:
           return diagnostics_->dropped(drop_reason::kStamp);
         case StampOrder::Verdict::kRestart:
-          for (; !queue_.empty(); queue_.pop_front()) diagnostics_->dropped(drop_reason::kRestart);
+          for (; !without_transform_.empty(); without_transform_.pop_front()) {
+            diagnostics_->dropped(drop_reason::kRestart);
+          }
+          backlog_->drop_all(drop_reason::kRestart);
           tf_.clear();  // what it holds is of a later time and would shut out what is to come
           map_->forget();
           break;
         case StampOrder::Verdict::kNext:
           break;
       }
-      queue_.push_back({msg, ros::WallTime::now()});
-      if (queue_.size() > static_cast<std::size_t>(params_.queue_size)) {
-        queue_.pop_front();
-        diagnostics_->dropped(drop_reason::kQueueFull);
-      }
+      without_transform_.push_back({msg, ros::WallTime::now()});
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
-    work_off();
+    release();
+    if (without_transform_.size() > static_cast<std::size_t>(params_.queue_size)) {
+      // Not the oldest: where transforms are later than the queue is long, it is the next to get its own.
+      without_transform_.erase(without_transform_.end() - 2);
+      diagnostics_->dropped(drop_reason::kQueueFull);
+    }
   }
 
   ros::Time last_beam_of(const sensor_msgs::LaserScan& msg) const {
@@ -93,24 +100,32 @@ class SegmentationNodelet : public StageNodelet {
     return isometry_from_msg(tf_.lookupTransform(params_.world_frame, tf2_frame(msg.header.frame_id), time).transform);
   }
 
-  /// Process what has its transform, in order; drop what will not get it any more.
-  void work_off() {
+  /// Let go on what has its transform, in order; drop what will not get it any more.
+  void release() {
     const ros::WallDuration timeout(params_.tf_timeout_s);
-    for (; !queue_.empty(); queue_.pop_front()) {
-      const Waiting& waiting = queue_.front();
+    for (; !without_transform_.empty(); without_transform_.pop_front()) {
+      const Waiting& waiting = without_transform_.front();
       try {
         std::string why;
         if (has_transform(*waiting.msg, &why)) {
-          process(*waiting.msg);
+          backlog_->add(waiting.msg);
           continue;
         }
         // Transforms come in order: where a later scan has its own, that of an earlier one will not come.
-        const bool overtaken = queue_.size() > 1 && has_transform(*queue_.back().msg);
+        const bool overtaken = without_transform_.size() > 1 && has_transform(*without_transform_.back().msg);
         if (!overtaken && ros::WallTime::now() - waiting.arrival < timeout) return;
         diagnostics_->dropped(drop_reason::kNoTransform, why);
       } catch (const std::exception& error) {
         diagnostics_->dropped(drop_reason::kError, error.what());
       }
+    }
+  }
+
+  void handle(const sensor_msgs::LaserScan& msg) {
+    try {
+      process(msg);
+    } catch (const std::exception& error) {
+      diagnostics_->dropped(drop_reason::kError, error.what());
     }
   }
 
@@ -147,7 +162,8 @@ class SegmentationNodelet : public StageNodelet {
   std::unique_ptr<StageDiagnostics> diagnostics_;
   tf2_ros::Buffer tf_;
   std::unique_ptr<tf2_ros::TransformListener> listener_;
-  std::deque<Waiting> queue_;
+  std::deque<Waiting> without_transform_;
+  std::unique_ptr<Backlog<sensor_msgs::LaserScan>> backlog_;
   std::unique_ptr<MapSubscriber> map_;
   ros::Publisher segments_publisher_, array_publisher_;
   ros::Subscriber scan_subscriber_;

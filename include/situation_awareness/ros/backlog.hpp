@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <utility>
+
+#include <ros/callback_queue_interface.h>
+#include <ros/node_handle.h>
+#include <boost/make_shared.hpp>
+#include <boost/shared_ptr.hpp>
+
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/pace.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+/// How deep roscpp's own queue before a backlog is: without bound. It would drop uncounted, and holds no more than came
+/// while one message was handled.
+constexpr std::uint32_t kTakeAll = 0;
+
+/// Messages that wait for a stage. They are handled one at a time and in order; those that there is no time for (see
+/// Pace) are dropped and counted. A message is handled behind all that had arrived with it, in a turn of its own on the
+/// callback queue of the node handle: only then is it known what has come since. Lives on that queue, so it needs no
+/// lock; `diagnostics` must outlive it, and `handle` throws nothing.
+template <typename M>
+class Backlog {
+ public:
+  using ConstPtr = boost::shared_ptr<const M>;
+  using Handler = std::function<void(const ConstPtr&)>;
+
+  Backlog(ros::NodeHandle& node, StageDiagnostics& diagnostics, Handler handle)
+      : queue_(*node.getCallbackQueue()), diagnostics_(diagnostics), handle_(std::move(handle)) {}
+  Backlog(const Backlog&) = delete;
+  Backlog& operator=(const Backlog&) = delete;
+  ~Backlog() { queue_.removeByID(id()); }
+
+  void add(const ConstPtr& msg) {
+    waiting_.push_back(msg);
+    ask_for_turn();
+  }
+
+  void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
+
+ private:
+  struct Turn : ros::CallbackInterface {
+    explicit Turn(Backlog& backlog) : backlog(backlog) {}
+    CallResult call() override {
+      backlog.take_turn();
+      return Success;
+    }
+    Backlog& backlog;
+  };
+
+  std::uint64_t id() const { return reinterpret_cast<std::uint64_t>(this); }
+
+  void ask_for_turn() {
+    if (asked_) return;
+    asked_ = true;
+    queue_.addCallback(boost::make_shared<Turn>(*this), id());
+  }
+
+  void take_turn() {
+    asked_ = false;
+    if (waiting_.empty()) return;
+    drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front()->header.stamp),
+                                  to_nanoseconds(waiting_.back()->header.stamp)),
+                drop_reason::kOvertaken);
+    const ConstPtr msg = waiting_.front();
+    waiting_.pop_front();
+    const ros::WallTime start = ros::WallTime::now();
+    handle_(msg);
+    pace_.handled((ros::WallTime::now() - start).toSec());
+    if (!waiting_.empty()) ask_for_turn();
+  }
+
+  void drop_oldest(std::size_t count, const char* reason) {
+    for (; count > 0; --count, waiting_.pop_front()) diagnostics_.dropped(reason);
+  }
+
+  ros::CallbackQueueInterface& queue_;
+  StageDiagnostics& diagnostics_;
+  Handler handle_;
+  std::deque<ConstPtr> waiting_;
+  Pace pace_;
+  bool asked_ = false;  ///< for a turn that has not come yet
+};
+
+}  // namespace situation_awareness
