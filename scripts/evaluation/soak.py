@@ -1,0 +1,337 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Whether memory and time stay flat over days of scans (docs/benchmarks/soak.md): runs soak on simulated scans and on
+those recorded in ../shared/data, where they are. Run by scripts/evaluate."""
+
+import argparse
+import datetime
+import json
+import os
+import pathlib
+import shlex
+import statistics
+import struct
+import subprocess
+import sys
+import tempfile
+import textwrap
+import time
+
+import matplotlib
+
+matplotlib.use("Agg")
+from matplotlib import pyplot
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+RECORDINGS = ROOT.parent / "shared/data"
+TOPICS = {"leg_tracker_walking_person.bag": ("/scan",),
+          "obstacle_detector_two_scanners.bag": ("/front_scan", "/rear_scan"),
+          "scan_tools_hand_moved.bag": ("/scan",)}
+HOURS = 40.0
+WARM_UP_HOURS = 1.0
+MAX_GROWTH_BYTES = 1_000_000
+MAX_RATIO = 1.1  # of the p50 in the last quarter to that in the second
+COLORS = {"simulated": "#0b6e4f", "recorded": "#c8553d"}
+RESIDENT, HEAP = "#3d5a80", "#8a5a83"
+
+
+# --- running
+
+
+def write_recorded(path):
+    """Write all recorded scans there are into a file for soak; {topic of a bag: scans}."""
+    try:
+        import rosbag
+    except ImportError:
+        print("no python3-rosbag: simulated scans alone")
+        return {}
+    counts = {}
+    with path.open("wb") as file:
+        for name, topics in TOPICS.items():
+            if not (RECORDINGS / name).is_file():
+                print(f"no {name}")
+                continue
+            with rosbag.Bag(str(RECORDINGS / name)) as bag:
+                for topic in topics:
+                    messages = [message for _, message, _ in bag.read_messages(topics=[topic])]
+                    for scan in messages:
+                        file.write(struct.pack(f"=5dI{len(scan.ranges)}f", scan.angle_min, scan.angle_increment,
+                                               scan.time_increment, scan.range_min, scan.range_max, len(scan.ranges),
+                                               *scan.ranges))
+                    counts[f"{name} {topic}"] = len(messages)
+    return counts
+
+
+def run(arguments, scans):
+    """(lines of the blocks, what became of the scans, seconds that it took), with a line that tells how far it is."""
+    command = [arguments.tool, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models", "--hours",
+               str(arguments.hours), *(["--scans", scans] if scans else [])]
+    begin, blocks, accounts = time.monotonic(), [], None
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        for text in process.stdout:
+            line = json.loads(text)
+            if "kinds" in line:
+                accounts = line
+                continue
+            blocks.append(line)
+            part, spent_s = line["scans"] / line["of"], time.monotonic() - begin
+            print(f"\r[{'#' * int(30 * part):30}] {line['hours']:.1f} of {arguments.hours:g} h of scans, "
+                  f"{spent_s / 60:.0f} min, about {spent_s * (1 / part - 1) / 60:.0f} min to go   ", end="", flush=True)
+    print()
+    if accounts is None:
+        sys.exit(f"soak ended with code {process.returncode}")
+    return blocks, accounts, time.monotonic() - begin
+
+
+# --- numbers
+
+
+class Results:
+    def __init__(self, blocks):
+        self.blocks = blocks
+        self.hours = blocks[-1]["hours"]
+        self.sources = [name for name in COLORS if any(self.source(block) == name for block in blocks)]
+
+    @staticmethod
+    def source(block):
+        return "recorded" if block["recorded"] else "simulated"
+
+    def within(self, source, begin, end):
+        """Blocks of the source that end in (begin, end] hours."""
+        return [block for block in self.blocks if self.source(block) == source and begin < block["hours"] <= end]
+
+    def quarter(self, source, i):
+        """Medians over the blocks of a quarter of the time."""
+        blocks = self.within(source, i * self.hours / 4, (i + 1) * self.hours / 4 + 1e-9)
+        medians = {name: statistics.median(block[name] for block in blocks)
+                   for name in ("p50_us", "p99_us", "yardstick_us", "detections", "objects")}
+        return {**medians, "max_us": max(block["max_us"] for block in blocks),
+                "p50_yardsticks": statistics.median(block["p50_us"] / block["yardstick_us"] for block in blocks),
+                "p99_yardsticks": statistics.median(block["p99_us"] / block["yardstick_us"] for block in blocks)}
+
+    def hourly(self, source, name):
+        """(hours, medians over the blocks of each hour)"""
+        hours, values = [], []
+        for hour in range(int(self.hours)):
+            blocks = self.within(source, hour, hour + 1 + 1e-9)
+            hours.append(hour + 0.5)
+            values.append(statistics.median(block[name] for block in blocks))
+        return hours, values
+
+    def ratio(self, source, name):
+        return self.quarter(source, 3)[name] / self.quarter(source, 1)[name]
+
+    def growth_bytes(self, name):
+        """From the end of the warm-up to the largest after it."""
+        warm = [block[name] for block in self.blocks if block["hours"] >= WARM_UP_HOURS - 1e-9]
+        return max(warm) - warm[0]
+
+
+def targets(results, accounts):
+    """(sentence, figure, met)"""
+    growth = results.growth_bytes("resident_bytes")
+    yield (f"resident memory grows by less than 1 MB after the first hour", f"{growth / 1e6:.3f} MB",
+           growth < MAX_GROWTH_BYTES)
+    for source in results.sources:
+        ratio = results.ratio(source, "p50_yardsticks")
+        yield (f"{source} scans: p50 in the last quarter of the time at most {MAX_RATIO} times that in the second",
+               f"{ratio:.3f}", ratio <= MAX_RATIO)
+    lost = accounts["sent"] - sum(kind["outcomes"].get(kind["must"], 0) for kind in accounts["kinds"])
+    yield ("every scan ends as its kind must", f"{lost} of {accounts['sent']:,} do not", accounts["accounted"])
+
+
+# --- tables
+
+
+def table(header, rows):
+    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
+    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
+
+
+def memory_table(results):
+    rows = []
+    for hours in [WARM_UP_HOURS] + [results.hours * part / 4 for part in (1, 2, 3, 4)]:
+        block = min(results.blocks, key=lambda block: abs(block["hours"] - hours))
+        rows.append((f"{block['hours']:.0f}", f"{block['resident_bytes'] / 1e6:.3f}",
+                     f"{block['heap_bytes'] / 1e6:.3f}"))
+    return table(("after hours", "resident, MB", "given out by the heap, MB"), rows)
+
+
+def time_table(results):
+    rows = []
+    for source in results.sources:
+        for i in range(4):
+            quarter = results.quarter(source, i)
+            rows.append((source, f"{i + 1}", *(f"{quarter[name] / 1000:.3f}" for name in ("p50_us", "p99_us", "max_us")),
+                         f"{quarter['yardstick_us']:.1f}",
+                         *(f"{quarter[name]:.2f}" for name in ("p50_yardsticks", "p99_yardsticks")),
+                         f"{quarter['detections']:.1f}", f"{quarter['objects']:.1f}"))
+        rows.append((f"**{source}**", "**4th / 2nd**",
+                     *(f"**{results.ratio(source, name):.3f}**" for name in ("p50_us", "p99_us")), "",
+                     *(f"**{results.ratio(source, name):.3f}**"
+                       for name in ("yardstick_us", "p50_yardsticks", "p99_yardsticks")), "", ""))
+    return table(("scans", "quarter", "p50, ms", "p99, ms", "max, ms", "yardstick, µs", "p50, yardsticks",
+                  "p99, yardsticks", "detections", "objects on the map"), rows)
+
+
+def accounts_table(accounts):
+    rows = [(kind["kind"], f"{kind['sent']:,}", kind["must"].strip(),
+             ", ".join(f"{count:,} {outcome.strip()}" for outcome, count in kind["outcomes"].items()))
+            for kind in accounts["kinds"]]
+    rows.append(("**all**", f"**{accounts['sent']:,}**", "",
+                 f"**{sum(sum(kind['outcomes'].values()) for kind in accounts['kinds']):,}**"))
+    return table(("kind", "sent", "must be", "was"), rows)
+
+
+# --- picture
+
+
+def draw(results, path):
+    figure, (memory, latency) = pyplot.subplots(2, 1, figsize=(11, 7.2), layout="constrained", sharex=True,
+                                                height_ratios=(1, 1.5))
+    hours = [block["hours"] for block in results.blocks]
+    for name, label, color in (("resident_bytes", "resident", RESIDENT), ("heap_bytes", "given out by the heap", HEAP)):
+        warm = next(block[name] for block in results.blocks if block["hours"] >= WARM_UP_HOURS - 1e-9)
+        memory.plot(hours, [(block[name] - warm) / 1e6 for block in results.blocks], color=color, lw=1.6,
+                    label=f"{label}, {warm / 1e6:.1f} MB after {WARM_UP_HOURS:g} h")
+    memory.axhline(MAX_GROWTH_BYTES / 1e6, color="black", lw=1.0, ls="--")
+    memory.text(hours[-1], MAX_GROWTH_BYTES / 1e6 - 0.05, "at most", ha="right", va="top", fontsize=9)
+    memory.axvspan(0.0, WARM_UP_HOURS, color="0.92", lw=0)
+    memory.set_ylim(-1.15, 1.15)
+    memory.set_ylabel(f"memory, MB more than after {WARM_UP_HOURS:g} h")
+    memory.legend(loc="lower right", frameon=False)
+
+    for source in results.sources:
+        color = COLORS[source]
+        blocks = results.within(source, 0.0, results.hours)
+        for name, style, label in (("p50_us", "-", "p50"), ("p99_us", "--", "p99")):
+            latency.plot([block["hours"] for block in blocks], [block[name] / 1000 for block in blocks], "o",
+                         color=color, ms=2.5, alpha=0.3, mew=0)
+            at, values = results.hourly(source, name)
+            latency.plot(at, [value / 1000 for value in values], style, color=color, lw=1.8,
+                         label=f"{source}, {label}")
+    latency.set_ylim(bottom=0.0)
+    latency.set_ylabel("CPU time, ms per scan")
+    latency.set_xlabel("hours of scans")
+    latency.set_xlim(0.0, results.hours)
+    latency.legend(loc="upper right", ncol=len(results.sources), frameon=False)
+    for ax in (memory, latency):
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.grid(alpha=0.25, lw=0.6)
+    figure.savefig(path, dpi=110, bbox_inches="tight")
+    pyplot.close(figure)
+
+
+# --- report
+
+
+def machine():
+    model = [line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")]
+    return f"{os.cpu_count()} cores of {model[0] if model else 'an unknown processor'}"
+
+
+def commit():
+    """Of the working tree, with a word if what was measured is not what it has."""
+    def git(*words):
+        return subprocess.run(["git", "-C", ROOT, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+                              text=True).stdout.strip()
+
+    measured = ("CMakeLists.txt", "benchmark", "cfg", "include", "models", "src")
+    name = git("rev-parse", "--short=10", "HEAD") or "unknown"
+    return name + (" with changes" if git("status", "--porcelain", "--", *measured) else "")
+
+
+def section(title, *parts):
+    return f"## {title}\n\n" + "\n".join(part for part in parts if part)
+
+
+def prose(text):
+    """A paragraph of the report."""
+    return textwrap.fill(" ".join(text.split()), 120, break_long_words=False, break_on_hyphens=False) + "\n"
+
+
+INTRODUCTION = """
+{scans:,} scans, {hours:g} hours at 20 Hz of their stamps, one behind the other through one `ObjectPipeline` with
+`cfg/objects.yaml` as it is shipped, in {minutes:.0f} minutes: no ROS, no messages. Simulated scans are of a walled room
+with 12 objects, half of them moving, 1081 beams, a loop of 64 s with noise
+([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)). {recorded}
+Stamps start again from the same time after 10 min, 20 min, 30 min and 4 h, over and over, as a bag that loops: the map then
+starts anew. In between they grow, from one source to the other too: what is on the map vanishes at once.
+"""
+RECORDED = """
+Ten minutes of them and ten of recorded ones take turns: a loop of {count:,} scans of four scanners, one after the
+other ({bags}), taken at 10 Hz and sent at 20, with the scanner standing still at the world's origin.
+"""
+NOT_RECORDED = "**No recorded scans were at hand, so all are simulated.**"
+MEMORY_TEXT = """
+Every ten minutes of scans: resident memory of the whole process (`/proc/self/statm`), and what its heap has given out
+and not got back (`mallinfo2`); nothing is handed back to the system by `malloc_trim`. The first hour is to warm up;
+growth is from its end to the largest figure after it.
+"""
+TIME_TEXT = """
+CPU time of the thread for `ObjectPipeline::process` and `ObjectMap::at`: p50 and p99 of each ten minutes of scans, and
+the medians of those over a quarter of the time; max is the largest of all. The yardstick is the projection and
+segmentation of one and the same scan by functions that remember nothing, every 20 scans: it says how fast the machine
+was just then, beside what else it did, and the ratio that is judged is of times in yardsticks.
+"""
+ACCOUNTS_TEXT = """
+Of each kind of bad scans there are some 2 in 1,000, at random. A scan counts as mapped if the map has its stamp then, and
+as refused or thrown only if the map kept the stamp that it had; reasons are those of `ObjectMapUpdate`, texts those of
+`std::invalid_argument`.
+"""
+
+
+def report_of(results, accounts, recorded, facts):
+    verdicts = list(targets(results, accounts))
+    met = sum(kept for _, _, kept in verdicts)
+    words = RECORDED.format(count=sum(recorded.values()), bags=", ".join(
+        f"`{name}` {count:,}" for name, count in recorded.items())) if recorded else NOT_RECORDED
+    return "\n".join((
+        "# Hours and hours of scans\n",
+        prose(f"`{facts['command']}`, {facts['date']}, commit {facts['commit']}, {facts['machine']}, load average "
+              f"{facts['load']:.1f} at the start. " + INTRODUCTION.format(
+                  scans=accounts["sent"], hours=results.hours, minutes=facts["minutes"], recorded=words)),
+        section(f"What it is held to: {met} of {len(verdicts)} met",
+                table(("target", "measured", "met"),
+                      [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])),
+        "![Memory, and CPU time per scan, over the hours](images/soak.png)\n",
+        section("Memory", prose(MEMORY_TEXT), memory_table(results)),
+        section("Time", prose(TIME_TEXT), time_table(results)),
+        section("What became of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), met == len(verdicts)
+
+
+def hours_of(text):
+    hours = float(text)
+    if not hours >= 4.0:
+        raise argparse.ArgumentTypeError("must be at least 4: an hour to each quarter")
+    return hours
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tool", required=True)
+    parser.add_argument("--output", type=pathlib.Path,
+                        help="default: docs/benchmarks, or build/evaluation/soak for fewer hours")
+    parser.add_argument("--hours", type=hours_of, default=HOURS, help=f"of scans (default {HOURS:g})")
+    arguments = parser.parse_args()
+    output = arguments.output or ROOT / ("docs/benchmarks" if arguments.hours >= HOURS else "build/evaluation/soak")
+    images = output / "images"
+    images.mkdir(parents=True, exist_ok=True)
+
+    words = sys.argv[3:]  # without --tool, which scripts/evaluate gives
+    facts = {"command": shlex.join(["scripts/evaluate", "soak", *words]), "date": str(datetime.date.today()),
+             "commit": commit(), "machine": machine(), "load": os.getloadavg()[0]}
+    with tempfile.TemporaryDirectory() as folder:
+        scans = pathlib.Path(folder) / "scans"
+        recorded = write_recorded(scans)
+        blocks, accounts, took_s = run(arguments, scans if recorded else None)
+    results = Results(blocks)
+    draw(results, images / "soak.png")
+    report, kept = report_of(results, accounts, recorded, {**facts, "minutes": took_s / 60})
+    (output / "soak.md").write_text(report)
+    print(report)
+    print(f"wrote {output / 'soak.md'} and its picture in {images}")
+    sys.exit(0 if kept else 1)
+
+
+if __name__ == "__main__":
+    main()
