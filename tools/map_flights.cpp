@@ -352,7 +352,7 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
 
     const double cpu_before_ms = cpu_ms();
     const auto before = std::chrono::steady_clock::now();
-    const ObjectPipelineResult result = pipeline.process(scan.scan, T_world_lidar, T_world_lidar_end);
+    const ObjectPipelineResult& result = pipeline.process(scan.scan, T_world_lidar, T_world_lidar_end);
     const std::chrono::duration<double, std::milli> latency = std::chrono::steady_clock::now() - before;
     cpu_sum_ms += cpu_ms() - cpu_before_ms;
     latencies_ms.push_back(latency.count());

@@ -366,7 +366,7 @@ class BagMapper {
       return;
     }
     const auto before = std::chrono::steady_clock::now();
-    const ObjectPipelineResult result = pipeline_.process(scan, T_world_lidar, T_world_lidar_end);
+    const ObjectPipelineResult& result = pipeline_.process(scan, T_world_lidar, T_world_lidar_end);
     const Objects objects = pipeline_.map().at(scan.stamp_ns);
     const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - before;
     durations_ms_.push_back(duration.count());
