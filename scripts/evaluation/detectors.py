@@ -20,6 +20,8 @@ matplotlib.use("Agg")
 import numpy as np
 from matplotlib import patches, pyplot
 
+from report import machine
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 COLUMNS = (
     "hits range_m hidden t_x t_y psi rx ry a_t_x a_t_y a_psi a_rx a_ry p_ellipse ordered_m symmetric_m mahalanobis"
@@ -364,11 +366,6 @@ def targets(data, floor, occluded_floor, times):
            all(88 <= value <= 92 for value in calibrated))
     yield ("99 % of walls and corners refused at 99 % of ellipses kept", f"{refused['wall'][0]:.2f} and "
            f"{refused['corner'][0]:.2f} %", min(refused["wall"][0], refused["corner"][0]) >= 99)
-
-
-def machine():
-    model = [line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")]
-    return f"{os.cpu_count()} cores of {model[0] if model else 'an unknown processor'}"
 
 
 def main():

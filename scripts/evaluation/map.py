@@ -11,7 +11,6 @@ import os
 import pathlib
 import subprocess
 import tempfile
-import textwrap
 import time
 
 import matplotlib
@@ -21,6 +20,7 @@ import numpy as np
 from matplotlib import patches, pyplot
 
 import worlds
+from report import machine, prose, section
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 SEEDS_OF_PIECE = 2
@@ -735,20 +735,6 @@ def draw_room_errors(results, path):
 
 
 # --- report
-
-
-def machine():
-    model = [line.split(":")[1].strip() for line in open("/proc/cpuinfo") if line.startswith("model name")]
-    return f"{os.cpu_count()} cores of {model[0] if model else 'an unknown processor'}"
-
-
-def section(title, *parts):
-    return f"## {title}\n\n" + "\n".join(part for part in parts if part)
-
-
-def prose(text):
-    """A paragraph of the report."""
-    return textwrap.fill(" ".join(text.split()), 120, break_long_words=False, break_on_hyphens=False) + "\n"
 
 
 def picture(images, name, text):
