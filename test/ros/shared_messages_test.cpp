@@ -127,7 +127,8 @@ class Listener {
                  [this](const boost::shared_ptr<const M>& msg) {
                    std::atomic_store(&handled_, std::make_shared<Held>(Held{msg}));
                  }),
-        subscriber_(listen<M>(node, topic, [this](const boost::shared_ptr<const M>& msg) { backlog_.add(msg); })) {}
+        subscriber_(listen<M>(node, topic,
+                              [this](const boost::shared_ptr<const M>& msg) { backlog_.add(msg, ros::Time()); })) {}
 
   const M* handled() const {
     const auto held = std::atomic_load(&handled_);

@@ -23,9 +23,10 @@ namespace situation_awareness {
 constexpr std::uint32_t kTakeAll = 0;
 
 /// Messages that wait for a stage. They are handled one at a time and in order; those that there is no time for (see
-/// Pace) are dropped and counted. A message is handled behind all that had arrived with it, in a turn of its own on the
-/// callback queue of the node handle: only then is it known what has come since. Lives on that queue, so it needs no
-/// lock; `diagnostics` must outlive it, and `handle` throws nothing.
+/// Pace) are dropped and counted. What comes to a stage that is free is handled at once. Otherwise more may have come,
+/// and all that has arrived is let in first: the next is handled in a turn of its own, which queues up behind on the
+/// callback queue of the node handle. Lives on that queue, so it needs no lock; `diagnostics` must outlive it, and
+/// `handle` throws nothing.
 template <typename M>
 class Backlog {
  public:
@@ -38,9 +39,14 @@ class Backlog {
   Backlog& operator=(const Backlog&) = delete;
   ~Backlog() { queue_.removeByID(id()); }
 
-  void add(const ConstPtr& msg) {
+  /// `arrival` is when roscpp received it (ros::MessageEvent), in ROS time.
+  void add(const ConstPtr& msg, const ros::Time& arrival) {
     waiting_.push_back(msg);
-    ask_for_turn();
+    if (waiting_.size() == 1 && !asked_ && arrival > free_since_) {
+      take_turn();
+    } else {
+      ask_for_turn();
+    }
   }
 
   void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
@@ -74,6 +80,7 @@ class Backlog {
     const ros::WallTime start = ros::WallTime::now();
     handle_(msg);
     pace_.handled((ros::WallTime::now() - start).toSec());
+    free_since_ = ros::Time::now();
     if (!waiting_.empty()) ask_for_turn();
   }
 
@@ -86,6 +93,7 @@ class Backlog {
   Handler handle_;
   std::deque<ConstPtr> waiting_;
   Pace pace_;
+  ros::Time free_since_;
   bool asked_ = false;  ///< for a turn that has not come yet
 };
 

@@ -33,9 +33,9 @@ class DetectionNodelet : public StageNodelet {
                                  ros::TransportHints().tcpNoDelay());
   }
 
-  void on_segments(const SegmentArrayConstPtr& msg) {
+  void on_segments(const ros::MessageEvent<SegmentArray const>& event) {
     diagnostics_->received();
-    backlog_->add(msg);
+    backlog_->add(event.getConstMessage(), event.getReceiptTime());
   }
 
   void process(const SegmentArrayConstPtr& msg) {

@@ -31,9 +31,9 @@ class MappingNodelet : public StageNodelet {
                                  ros::TransportHints().tcpNoDelay());
   }
 
-  void on_detections(const DetectionArrayConstPtr& msg) {
+  void on_detections(const ros::MessageEvent<DetectionArray const>& event) {
     diagnostics_->received();
-    backlog_->add(msg);
+    backlog_->add(event.getConstMessage(), event.getReceiptTime());
   }
 
   void process(const DetectionArrayConstPtr& msg) {

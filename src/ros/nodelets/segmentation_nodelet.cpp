@@ -33,7 +33,8 @@ class SegmentationNodelet : public StageNodelet {
  private:
   struct Waiting {
     sensor_msgs::LaserScanConstPtr msg;
-    ros::WallTime arrival;
+    ros::WallTime since;
+    ros::Time arrival;  ///< in ROS time
   };
 
   void start() override {
@@ -55,7 +56,8 @@ class SegmentationNodelet : public StageNodelet {
     timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { release(); });
   }
 
-  void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
+  void on_scan(const ros::MessageEvent<sensor_msgs::LaserScan const>& event) {
+    const sensor_msgs::LaserScanConstPtr msg = event.getConstMessage();
     try {
       diagnostics_->received();
       const std::string defect = scan_msg_defect(*msg);
@@ -74,7 +76,7 @@ class SegmentationNodelet : public StageNodelet {
         case StampOrder::Verdict::kNext:
           break;
       }
-      without_transform_.push_back({msg, ros::WallTime::now()});
+      without_transform_.push_back({msg, ros::WallTime::now(), event.getReceiptTime()});
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
@@ -108,12 +110,12 @@ class SegmentationNodelet : public StageNodelet {
       try {
         std::string why;
         if (has_transform(*waiting.msg, &why)) {
-          backlog_->add(waiting.msg);
+          backlog_->add(waiting.msg, waiting.arrival);
           continue;
         }
         // Transforms come in order: where a later scan has its own, that of an earlier one will not come.
         const bool overtaken = without_transform_.size() > 1 && has_transform(*without_transform_.back().msg);
-        if (!overtaken && ros::WallTime::now() - waiting.arrival < timeout) return;
+        if (!overtaken && ros::WallTime::now() - waiting.since < timeout) return;
         diagnostics_->dropped(drop_reason::kNoTransform, why);
       } catch (const std::exception& error) {
         diagnostics_->dropped(drop_reason::kError, error.what());
