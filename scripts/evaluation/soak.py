@@ -130,14 +130,14 @@ class Results:
 def targets(results, accounts):
     """(sentence, figure, met)"""
     growth = results.growth_bytes("resident_bytes")
-    yield (f"resident memory grows by less than 1 MB after the first hour", f"{growth / 1e6:.3f} MB",
+    yield ("resident memory grows by less than 1 MB after the first hour", f"{growth / 1e6:.3f} MB",
            growth < MAX_GROWTH_BYTES)
     for source in results.sources:
         ratio = results.ratio(source, "p50_yardsticks")
         yield (f"{source} scans: p50 in the last quarter of the time at most {MAX_RATIO} times that in the second",
                f"{ratio:.3f}", ratio <= MAX_RATIO)
     lost = accounts["sent"] - sum(kind["outcomes"].get(kind["must"], 0) for kind in accounts["kinds"])
-    yield ("every scan ends as its kind must", f"{lost} of {accounts['sent']:,} do not", accounts["accounted"])
+    yield ("every scan ends as its kind must", f"{lost:,} of {accounts['sent']:,} do not", accounts["accounted"])
 
 
 # --- tables
@@ -162,7 +162,8 @@ def time_table(results):
     for source in results.sources:
         for i in range(4):
             quarter = results.quarter(source, i)
-            rows.append((source, f"{i + 1}", *(f"{quarter[name] / 1000:.3f}" for name in ("p50_us", "p99_us", "max_us")),
+            rows.append((source, f"{i + 1}",
+                         *(f"{quarter[name] / 1000:.3f}" for name in ("p50_us", "p99_us", "max_us")),
                          f"{quarter['yardstick_us']:.1f}",
                          *(f"{quarter[name]:.2f}" for name in ("p50_yardsticks", "p99_yardsticks")),
                          f"{quarter['detections']:.1f}", f"{quarter['objects']:.1f}"))
@@ -214,7 +215,7 @@ def draw(results, path):
     latency.set_ylabel("CPU time, ms per scan")
     latency.set_xlabel("hours of scans")
     latency.set_xlim(0.0, results.hours)
-    latency.legend(loc="upper right", ncol=len(results.sources), frameon=False)
+    latency.legend(loc="lower right", ncol=len(results.sources), frameon=False)
     for ax in (memory, latency):
         ax.spines[["top", "right"]].set_visible(False)
         ax.grid(alpha=0.25, lw=0.6)
@@ -230,8 +231,8 @@ INTRODUCTION = """
 `cfg/objects.yaml` as it is shipped, in {minutes:.0f} minutes: no ROS, no messages. Simulated scans are of a walled room
 with 12 objects, half of them moving, 1081 beams, a loop of 64 s with noise
 ([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)). {recorded}
-Stamps start again from the same time after 10 min, 20 min, 30 min and 4 h, over and over, as a bag that loops: the map then
-starts anew. In between they grow, from one source to the other too: what is on the map vanishes at once.
+Stamps start again from the same time after 10 min, 20 min, 30 min and 4 h, over and over, as a bag that loops: the map
+then starts anew. In between they grow, from one source to the other too: what is on the map vanishes at once.
 """
 RECORDED = """
 Ten minutes of them and ten of recorded ones take turns: a loop of {count:,} scans of four scanners, one after the
@@ -250,9 +251,9 @@ segmentation of one and the same scan by functions that remember nothing, every 
 was just then, beside what else it did, and the ratio that is judged is of times in yardsticks.
 """
 ACCOUNTS_TEXT = """
-Of each kind of bad scans there are some 2 in 1,000, at random. A scan counts as mapped if the map has its stamp then, and
-as refused or thrown only if the map kept the stamp that it had; reasons are those of `ObjectMapUpdate`, texts those of
-`std::invalid_argument`.
+Of each kind of bad scans there are some 2 in 1,000, at random. A scan counts as mapped if the map has its stamp then,
+and as refused or thrown only if the map kept the stamp that it had; reasons are those of `ObjectMapUpdate`, texts those
+of `std::invalid_argument`.
 """
 
 
