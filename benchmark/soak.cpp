@@ -341,10 +341,10 @@ class Soak {
     bool mapped = false;
     try {
       const double begin_us = thread_cpu_us();
-      const ObjectPipelineResult result = pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end);
-      const Objects map = pipeline_.map().at(scan.scan.stamp_ns);
+      const ObjectPipelineResult& result = pipeline_.process(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end);
+      map_ = pipeline_.map().at(scan.scan.stamp_ns, std::move(map_));
       times_.add(thread_cpu_us() - begin_us);
-      objects_ += map.objects.size();
+      objects_ += map_.objects.size();
       detections_ += result.detections.detections.size();
       outcome = outcome_of(result);
       mapped = outcome[0] == kMapped[0];
@@ -358,9 +358,9 @@ class Soak {
 
   static std::string outcome_of(const ObjectPipelineResult& result) {
     for (const char* reason : {"stamp repeats", "stamp goes back"}) {
-      if (result.update.reasons.count(reason) != 0) return std::string("refused: ") + reason;
+      if (result.update.reasons.of(reason) != 0) return std::string("refused: ") + reason;
     }
-    if (result.update.reasons.count("time jumped back: new map") != 0) return kNewMap;
+    if (result.update.reasons.of("time jumped back: new map") != 0) return kNewMap;
     const bool hits = std::any_of(result.points.points.begin(), result.points.points.end(), [](const Point& point) {
       return point.state == BeamState::kHit || point.state == BeamState::kOutside;
     });
@@ -426,6 +426,7 @@ class Soak {
   std::int64_t scans_;
   ObjectPipelineParams params_;
   ObjectPipeline pipeline_;
+  Objects map_;  ///< what would be published
   Feed feed_;
   Times times_, yardstick_;
   std::array<Counters, kKinds> outcomes_;
