@@ -96,6 +96,7 @@ double tilt_rad(const Eigen::Isometry3d& T_world_lidar) {
 
 const char* projection_defect(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                               const Eigen::Isometry3d& T_world_lidar_end) {
+  if (!T_world_lidar.matrix().allFinite() || !T_world_lidar_end.matrix().allFinite()) return "pose";
   const bool level_enough = tilt_rad(T_world_lidar) <= kMaxTiltRad && tilt_rad(T_world_lidar_end) <= kMaxTiltRad;
   if (!level_enough) return "tilt";
   const double steps = scan.beams.empty() ? 0.0 : static_cast<double>(scan.beams.size() - 1);
@@ -111,6 +112,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
                             const Eigen::Isometry3d& T_world_lidar_end, Points memory) {
   const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
   const Motion motion = motion_between(T_world_lidar, T_world_lidar_end);
+  if (defect == "pose") throw std::invalid_argument("the lidar's pose is not finite");
   if (defect == "tilt") {
     const double tilt = std::max(tilt_rad(T_world_lidar), tilt_rad(T_world_lidar_end));
     throw std::invalid_argument("scan plane tilted by " + std::to_string(degrees(tilt)) + " deg, at most " +

@@ -226,7 +226,12 @@ TEST(Motion, RefusesWhatWouldSwapBeams) {
   EXPECT_STREQ(projection_defect(scan, pose({0.0, 0.0, 0.0}, 0.0, 70.0), pose({0.0, 0.0, 0.0}, 0.0, 60.0)), "tilt");
   Eigen::Isometry3d nonsense = level;
   nonsense.linear()(0, 1) = std::nan("");
-  EXPECT_STREQ(projection_defect(scan, level, nonsense), "turn");
+  EXPECT_STREQ(projection_defect(scan, level, nonsense), "pose");
+  Eigen::Isometry3d nowhere = level;
+  nowhere.translation().y() = std::nan("");
+  EXPECT_STREQ(projection_defect(scan, nowhere, nowhere), "pose");
+  EXPECT_STREQ(projection_defect(scan, level, nowhere), "pose");
+  EXPECT_THROW(project_horizontally(scan, nowhere), std::invalid_argument);
   EXPECT_THROW(project_horizontally(scan, level, pose({0.0, 0.0, 0.0}, 30.0)), std::invalid_argument);
   EXPECT_THROW(project_horizontally(scan, level, pose({0.0, 0.0, 0.0}, 0.0, 70.0)), std::invalid_argument);
 }

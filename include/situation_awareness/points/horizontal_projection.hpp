@@ -18,8 +18,8 @@ double tilt_rad(const Eigen::Isometry3d& T_world_lidar);
 /// angle between these two in the lidar's frame: well below what would let neighbouring beams swap order.
 constexpr double kMaxTurnOfSweep = 0.1;
 
-/// Why a scan taken between these poses cannot be projected, as a word that can be counted: "tilt" (beyond kMaxTiltRad
-/// at one of them), "turn" (beyond kMaxTurnOfSweep); empty text if it can.
+/// Why a scan taken between these poses cannot be projected, as a word that can be counted: "pose" (one of them is not
+/// finite), "tilt" (beyond kMaxTiltRad at one of them), "turn" (beyond kMaxTurnOfSweep); empty text if it can.
 const char* projection_defect(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                               const Eigen::Isometry3d& T_world_lidar_end);
 
