@@ -9,10 +9,8 @@
 #include <cstdio>
 #include <ctime>
 #include <exception>
-#include <map>
 #include <memory>
 #include <numeric>
-#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
@@ -21,6 +19,7 @@
 #include <nlohmann/json.hpp>
 
 #include "allocations.hpp"
+#include "options.hpp"
 #include "situation_awareness/detections/network.hpp"
 #include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/detections/paper_networks.hpp"
@@ -53,10 +52,6 @@ constexpr const char* kUsage =
     "  --networks         time per segment beside that of a full forward of the paper's VGG-Net\n"
     "  --help             this text\n";
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
 struct Arguments {
   std::string config, models;
   int beams = 1081, objects = 12, elements = 0, threads = 1, scans = 600, warm_up = 160, rate_hz = 0, seed = 1;
@@ -74,40 +69,25 @@ int whole_number(const std::string& option, const std::string& text, int low) {
 
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
-  struct Number {
-    int* value;
-    int low;
+  const auto number_into = [](int& place, int low) {
+    return
+        [&place, low](const std::string& option, const std::string& text) { place = whole_number(option, text, low); };
   };
-  const std::map<std::string, std::string*> texts = {{"--config", &arguments.config}, {"--models", &arguments.models}};
-  const std::map<std::string, Number> numbers = {
-      {"--beams", {&arguments.beams, 2}},       {"--objects", {&arguments.objects, 1}},
-      {"--elements", {&arguments.elements, 0}}, {"--threads", {&arguments.threads, 1}},
-      {"--scans", {&arguments.scans, 1}},       {"--warm-up", {&arguments.warm_up, 0}},
-      {"--rate-hz", {&arguments.rate_hz, 0}},   {"--seed", {&arguments.seed, 0}}};
-  for (int i = 1; i < argc; ++i) {
-    const std::string option = argv[i];
-    if (option == "--help" || option == "-h") {
-      arguments.help = true;
-      return arguments;
-    }
-    if (option == "--networks") {
-      arguments.networks = true;
-      continue;
-    }
-    const auto text = texts.find(option);
-    const auto number = numbers.find(option);
-    if (text == texts.end() && number == numbers.end()) throw UsageError("unknown option " + option);
-    if (i + 1 >= argc) throw UsageError(option + " needs a value");
-    ++i;
-    if (text != texts.end()) {
-      *text->second = argv[i];
-    } else {
-      *number->second.value = whole_number(option, argv[i], number->second.low);
-    }
-  }
-  for (const auto& [option, value] : texts) {
-    if (value->empty()) throw UsageError(option + " is missing");
-  }
+  arguments.help = read_options(argc, argv,
+                                {{"--config", into(arguments.config)},
+                                 {"--models", into(arguments.models)},
+                                 {"--beams", number_into(arguments.beams, 2)},
+                                 {"--objects", number_into(arguments.objects, 1)},
+                                 {"--elements", number_into(arguments.elements, 0)},
+                                 {"--threads", number_into(arguments.threads, 1)},
+                                 {"--scans", number_into(arguments.scans, 1)},
+                                 {"--warm-up", number_into(arguments.warm_up, 0)},
+                                 {"--rate-hz", number_into(arguments.rate_hz, 0)},
+                                 {"--seed", number_into(arguments.seed, 0)}},
+                                {{"--networks", &arguments.networks}});
+  if (arguments.help) return arguments;
+  require("--config", arguments.config);
+  require("--models", arguments.models);
   return arguments;
 }
 

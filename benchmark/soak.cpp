@@ -13,7 +13,6 @@
 #include <exception>
 #include <fstream>
 #include <limits>
-#include <map>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -21,6 +20,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "options.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -52,10 +52,6 @@ constexpr const char* kUsage =
     "  --seed N           of scene and bad scans (default 1)\n"
     "  --help             this text\n";
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
 struct Arguments {
   std::string config, models, scans;
   double hours = 40.0, block_s = 600.0, bad_part = 0.002, seed = 1.0;
@@ -78,35 +74,22 @@ double number(const std::string& option, const std::string& text, double low, do
 
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
-  struct Number {
-    double* value;
-    double low, high;
+  const auto number_into = [](double& place, double low, double high) {
+    return [&place, low, high](const std::string& option, const std::string& text) {
+      place = number(option, text, low, high);
+    };
   };
-  const std::map<std::string, std::string*> texts = {
-      {"--config", &arguments.config}, {"--models", &arguments.models}, {"--scans", &arguments.scans}};
-  const std::map<std::string, Number> numbers = {{"--hours", {&arguments.hours, 0.001, 10000.0}},
-                                                 {"--block-s", {&arguments.block_s, 2.0, 3600.0}},
-                                                 {"--bad-part", {&arguments.bad_part, 0.0, 0.1}},
-                                                 {"--seed", {&arguments.seed, 0.0, 1e9}}};
-  for (int i = 1; i < argc; ++i) {
-    const std::string option = argv[i];
-    if (option == "--help" || option == "-h") {
-      arguments.help = true;
-      return arguments;
-    }
-    const auto text = texts.find(option);
-    const auto found = numbers.find(option);
-    if (text == texts.end() && found == numbers.end()) throw UsageError("unknown option " + option);
-    if (i + 1 >= argc) throw UsageError(option + " needs a value");
-    ++i;
-    if (text != texts.end()) {
-      *text->second = argv[i];
-    } else {
-      *found->second.value = number(option, argv[i], found->second.low, found->second.high);
-    }
-  }
-  if (arguments.config.empty()) throw UsageError("--config is missing");
-  if (arguments.models.empty()) throw UsageError("--models is missing");
+  arguments.help = read_options(argc, argv,
+                                {{"--config", into(arguments.config)},
+                                 {"--models", into(arguments.models)},
+                                 {"--scans", into(arguments.scans)},
+                                 {"--hours", number_into(arguments.hours, 0.001, 10000.0)},
+                                 {"--block-s", number_into(arguments.block_s, 2.0, 3600.0)},
+                                 {"--bad-part", number_into(arguments.bad_part, 0.0, 0.1)},
+                                 {"--seed", number_into(arguments.seed, 0.0, 1e9)}});
+  if (arguments.help) return arguments;
+  require("--config", arguments.config);
+  require("--models", arguments.models);
   return arguments;
 }
 

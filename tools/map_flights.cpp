@@ -20,6 +20,7 @@
 #include <yaml-cpp/yaml.h>
 #include <nlohmann/json.hpp>
 
+#include "options.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/bodies.hpp"
@@ -53,10 +54,6 @@ constexpr const char* kUsage =
     "  --trace FILE           one line of JSON per scan of the first seed\n"
     "  --trace-points         in which the hits are, too\n"
     "  --help                 this text\n";
-
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
 
 struct Arguments {
   std::string world, config, models, set, trace;
@@ -92,38 +89,26 @@ std::uint64_t whole_number(const std::string& option, const std::string& text) {
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
   std::string seeds;
-  const std::map<std::string, std::string*> texts = {{"--world", &arguments.world},   {"--config", &arguments.config},
-                                                     {"--models", &arguments.models}, {"--set", &arguments.set},
-                                                     {"--trace", &arguments.trace},   {"--seeds", &seeds}};
-  const std::map<std::string, double*> numbers = {{"--duration", &arguments.duration_s},
-                                                  {"--pose-sigma-m", &arguments.pose_sigma_m},
-                                                  {"--pose-sigma-rad", &arguments.pose_sigma_rad},
-                                                  {"--range-sigma-m", &arguments.lidar.range_sigma_m},
-                                                  {"--sweep-s", &arguments.lidar.sweep_s}};
-  for (int i = 1; i < argc; ++i) {
-    const std::string option = argv[i];
-    if (option == "--help" || option == "-h") {
-      arguments.help = true;
-      return arguments;
-    }
-    if (option == "--trace-points") {
-      arguments.trace_points = true;
-      continue;
-    }
-    const auto text = texts.find(option);
-    const auto value = numbers.find(option);
-    if (text == texts.end() && value == numbers.end()) throw UsageError("unknown option " + option);
-    if (i + 1 >= argc) throw UsageError(option + " needs a value");
-    ++i;
-    if (text != texts.end()) {
-      *text->second = argv[i];
-    } else {
-      *value->second = number(option, argv[i]);
-    }
-  }
-  for (const char* const needed : {"--world", "--config", "--models"}) {
-    if (texts.at(needed)->empty()) throw UsageError(std::string(needed) + " is missing");
-  }
+  const auto number_into = [](double& place) {
+    return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
+  };
+  arguments.help = read_options(argc, argv,
+                                {{"--world", into(arguments.world)},
+                                 {"--config", into(arguments.config)},
+                                 {"--models", into(arguments.models)},
+                                 {"--set", into(arguments.set)},
+                                 {"--trace", into(arguments.trace)},
+                                 {"--seeds", into(seeds)},
+                                 {"--duration", number_into(arguments.duration_s)},
+                                 {"--pose-sigma-m", number_into(arguments.pose_sigma_m)},
+                                 {"--pose-sigma-rad", number_into(arguments.pose_sigma_rad)},
+                                 {"--range-sigma-m", number_into(arguments.lidar.range_sigma_m)},
+                                 {"--sweep-s", number_into(arguments.lidar.sweep_s)}},
+                                {{"--trace-points", &arguments.trace_points}});
+  if (arguments.help) return arguments;
+  require("--world", arguments.world);
+  require("--config", arguments.config);
+  require("--models", arguments.models);
   if (!seeds.empty()) {
     const std::size_t dash = seeds.find('-');
     arguments.first_seed = whole_number("--seeds", seeds.substr(0, dash));
