@@ -13,13 +13,17 @@ add_message_files(DIRECTORY msg FILES
   MappedEllipse.msg
   SegmentArray.msg
   SegmentPoint.msg)
+add_service_files(DIRECTORY srv FILES
+  GetMap.srv
+  LoadMap.srv
+  SaveMap.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 catkin_package(
   INCLUDE_DIRS include
   LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_ros
-  CATKIN_DEPENDS diagnostic_msgs diagnostic_updater geometry_msgs message_runtime nav_msgs nodelet roscpp sensor_msgs
-    std_msgs tf2 tf2_msgs visualization_msgs
+  CATKIN_DEPENDS diagnostic_msgs diagnostic_updater dynamic_reconfigure geometry_msgs message_runtime nav_msgs nodelet
+    roscpp sensor_msgs std_msgs std_srvs tf2 tf2_msgs visualization_msgs
   DEPENDS EIGEN3)
 
 # Only what rosrun should offer goes where rosrun looks; tests and benchmarks stay in their own build folders.
