@@ -1,4 +1,4 @@
-# Messages, and what other packages see of this one. Before every target: catkin_package sets where they are built.
+# Messages, live parameters, and what other packages see of this one. Before every target: catkin_package sets where they are built.
 if(NOT catkin_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
 endif()
@@ -18,6 +18,7 @@ add_service_files(DIRECTORY srv FILES
   LoadMap.srv
   SaveMap.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
+generate_dynamic_reconfigure_options(cfg/Detection.cfg cfg/Mapping.cfg cfg/Segmentation.cfg)
 
 catkin_package(
   INCLUDE_DIRS include

@@ -8,6 +8,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/pace.cpp
+  src/ros/params/live_params.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
@@ -17,7 +18,8 @@ situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})
 target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES})
-add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
+add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${PROJECT_NAME}_gencfg
+  ${catkin_EXPORTED_TARGETS})
 
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp

@@ -87,7 +87,7 @@ std::string model_path(const DetectionParams& params) {
   return file.empty() ? "" : (std::filesystem::path(params.model_folder) / file).string();
 }
 
-std::unique_ptr<Detector> make_detector(const DetectionParams& params) {
+std::unique_ptr<ProbableDetector> make_detector(const DetectionParams& params) {
   params.validate();
   return std::make_unique<ProbableDetector>(entry_of(params.detector).make(params), params.min_p_ellipse);
 }

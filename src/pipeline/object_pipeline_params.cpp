@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <array>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -35,11 +34,13 @@ class ReadFields {
   void operator()(const char* name, std::string& value, const char* /*doc*/) { read(name, value, "a text"); }
 
   void operator()(const char* name, std::vector<HalfSpace>& value, const char* /*doc*/) {
-    std::vector<std::array<double, 4>> rows;
-    read(name, rows, "a list of [nx, ny, nz, offset_m]");
+    known_.insert(name);
     if (!has(name)) return;
-    value.clear();
-    for (const auto& row : rows) value.push_back({{row[0], row[1], row[2]}, row[3]});
+    try {
+      value = volume_from_yaml(YAML::Dump(node_[name]));
+    } catch (const std::invalid_argument& error) {
+      fail(source_, error.what());
+    }
   }
 
   /// A nested map, read by its own struct; null where it is left out.

@@ -15,6 +15,8 @@ class Dice final : public Detector {
  public:
   explicit Dice(std::vector<double> p_ellipse) : p_ellipse_(std::move(p_ellipse)) {}
 
+  void set_fit(const EllipseFitParams& /*fit*/) override {}
+
   void find(const Segments& /*segments*/, Detections& found) override {
     found.refused["ellipse too large"] = 3;
     for (std::size_t i = 0; i < p_ellipse_.size(); ++i) {
@@ -39,6 +41,13 @@ TEST(ProbableDetector, KeepsWhatIsProbableInItsOrderAndCountsTheRest) {
   EXPECT_EQ(detections.detections[0].segment, 1U);
   EXPECT_EQ(detections.detections[1].segment, 4U);
   EXPECT_EQ(detections.refused, (Counters{{"ellipse too large", 3}, {"not one ellipse", 3}}));
+}
+
+TEST(ProbableDetector, TakesAnotherBound) {
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6}), 0.6);
+  EXPECT_EQ(detector.detect(Segments()).detections.size(), 1U);
+  detector.set_min_p_ellipse(0.1);
+  EXPECT_EQ(detector.detect(Segments()).detections.size(), 2U);
 }
 
 TEST(ProbableDetector, CountsNothingWhereNothingIsRefused) {

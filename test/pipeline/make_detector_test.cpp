@@ -68,6 +68,21 @@ TEST_F(MakeDetectorTest, EveryNameMakesADetectorThatFindsAnEllipse) {
   }
 }
 
+TEST_F(MakeDetectorTest, EveryDetectorTakesOtherFitParameters) {
+  const std::vector<double> azimuths_rad = level_scanner(0.25);
+  Segments segments = empty_segments(azimuths_rad);
+  ASSERT_TRUE(append_segment({{2.0, 0.0}, 0.0, 0.2, 0.2}, azimuths_rad, nullptr, segments));
+  for (const std::string& name : detector_names()) {
+    const auto detector = make_detector(params(name));
+    EllipseFitParams fit = params(name).fit;
+    fit.max_radius_m = 0.02;
+    detector->set_fit(fit);
+    EXPECT_TRUE(detector->detect(segments).detections.empty()) << name;
+    detector->set_fit(params(name).fit);
+    EXPECT_EQ(detector->detect(segments).detections.size(), 1U) << name;
+  }
+}
+
 TEST_F(MakeDetectorTest, AnUnknownNameIsRefusedWithThoseThatAreKnown) {
   EXPECT_THROW(make_detector(params("magic")), std::invalid_argument);
   const std::string sentence = refusal(params("magic"));

@@ -7,20 +7,13 @@ import signal
 import sys
 import time
 import unittest
-import xmlrpc.client
 
-import rosgraph
 import rospy
 import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, Robot, scan_msg, wait_until  # noqa: E402
+from ros_support import Latest, Robot, pid_of, scan_msg, wait_until  # noqa: E402
 from situation_awareness.msg import EllipseMap  # noqa: E402
-
-
-def pid_of(node):
-    uri = rosgraph.Master("restart_test").lookupNode(node)
-    return xmlrpc.client.ServerProxy(uri).getPid("restart_test")[2]
 
 
 class RestartTest(unittest.TestCase):

@@ -2,7 +2,9 @@
 """What the tests of the ROS graph share: scans of round objects, their transforms, and patience."""
 import math
 import time
+import xmlrpc.client
 
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
@@ -63,6 +65,11 @@ def wait_until(condition, timeout_s, what):
             return
         time.sleep(0.02)
     raise AssertionError(f"waited {timeout_s} s for {what}")
+
+
+def pid_of(node):
+    uri = rosgraph.Master("ros_support").lookupNode(node)
+    return xmlrpc.client.ServerProxy(uri).getPid("ros_support")[2]
 
 
 class Latest:

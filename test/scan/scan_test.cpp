@@ -6,7 +6,9 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <vector>
 
+#include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 
@@ -113,6 +115,31 @@ TEST(RangeLimiterParams, RefusesWrongValuesByName) {
   params = {};
   params.volume = {{Eigen::Vector3d::Zero(), 1.0}};
   EXPECT_THROW(params.validate(), std::invalid_argument);
+}
+
+TEST(Volume, ReadsBackWhatItWrites) {
+  Random random(1);
+  std::vector<HalfSpace> volume;
+  EXPECT_EQ(yaml_from_volume(volume), "[]");
+  for (int i = 0; i < 200; ++i) {
+    const double scale = std::pow(10.0, random.uniform(-12.0, 12.0));
+    volume.push_back({{scale * random.normal(), random.normal(), 0.1 * i}, scale * random.normal()});
+  }
+  const std::vector<HalfSpace> read = volume_from_yaml(yaml_from_volume(volume));
+  ASSERT_EQ(read.size(), volume.size());
+  for (std::size_t i = 0; i < read.size(); ++i) {
+    EXPECT_EQ(read[i].normal_world, volume[i].normal_world);
+    EXPECT_EQ(read[i].offset_m, volume[i].offset_m);
+  }
+  EXPECT_EQ(yaml_from_volume({{{0.1, -1.0, 0.0}, 2.5}}), "[[0.1, -1, 0, 2.5]]");
+}
+
+TEST(Volume, IsNothingButAListOfFours) {
+  EXPECT_TRUE(volume_from_yaml("[]").empty());
+  for (const char* text : {"", "{}", "7", "a room", "[1, 0, 0, 2]", "[[1, 0, 0]]", "[[1, 0, 0, 2, 3]]",
+                           "[[1, 0, 0, x]]", "[[1, 0, 0, 2]", "[[1, 0, 0, 2]]]", "\t", "&a [*a]"}) {
+    EXPECT_THROW(volume_from_yaml(text), std::invalid_argument) << text;
+  }
 }
 
 }  // namespace

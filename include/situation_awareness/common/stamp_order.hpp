@@ -18,6 +18,9 @@ class StampOrder {
 
   explicit StampOrder(double reset_time_jump_s) : reset_time_jump_s_(reset_time_jump_s) {}
 
+  /// For the stamps to come.
+  void set_reset_time_jump_s(double reset_time_jump_s) { reset_time_jump_s_ = reset_time_jump_s; }
+
   Verdict judge(std::int64_t stamp_ns) {
     Verdict verdict = Verdict::kNext;
     if (stamp_ns <= latest_ns_) {

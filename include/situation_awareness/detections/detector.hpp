@@ -6,6 +6,8 @@
 
 namespace situation_awareness {
 
+struct EllipseFitParams;
+
 /// Finds the ellipse in each segment of kind kObject. Not thread-safe: one detector, one thread.
 class Detector {
  public:
@@ -13,6 +15,9 @@ class Detector {
 
   /// `memory`: detections no longer needed, whose memory the result takes over.
   Detections detect(const Segments& segments, Detections memory = {});
+
+  /// Other parameters from the next scan on; they have been validated.
+  virtual void set_fit(const EllipseFitParams& fit) = 0;
 
  private:
   /// Add to `found` what is in the segments, and why in others nothing is; it is empty but for what is copied from the

@@ -69,6 +69,8 @@ class DoglegDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   DoglegDetector(const DoglegParams& params, const EllipseFitParams& fit_params);
 
+  void set_fit(const EllipseFitParams& fit) override { fit_params_ = fit; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

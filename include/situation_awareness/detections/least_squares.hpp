@@ -75,6 +75,8 @@ class LeastSquaresDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   explicit LeastSquaresDetector(const EllipseFitParams& params);
 
+  void set_fit(const EllipseFitParams& fit) override { params_ = fit; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

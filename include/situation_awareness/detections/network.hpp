@@ -45,6 +45,8 @@ class NetworkDetector final : public Detector {
   /// Throws as EllipseNetwork does, and std::invalid_argument naming field and bound.
   NetworkDetector(const std::string& onnx_path, const EllipseFitParams& params);
 
+  void set_fit(const EllipseFitParams& fit) override { params_ = fit; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

@@ -47,6 +47,8 @@ class PaperNetworkDetector final : public Detector {
   /// Throws as PaperNetwork does, and std::invalid_argument naming field and bound.
   PaperNetworkDetector(PaperNetwork::Kind kind, const std::string& onnx_path, const EllipseFitParams& params);
 
+  void set_fit(const EllipseFitParams& fit) override { params_ = fit; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

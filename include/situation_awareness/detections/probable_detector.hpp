@@ -15,6 +15,11 @@ class ProbableDetector final : public Detector {
  public:
   ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse);
 
+  void set_fit(const EllipseFitParams& fit) override { detector_->set_fit(fit); }
+
+  /// From the next scan on.
+  void set_min_p_ellipse(double min_p_ellipse) { min_p_ellipse_ = min_p_ellipse; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

@@ -56,6 +56,8 @@ class RansacDetector final : public Detector {
   /// Throws std::invalid_argument naming field and bound.
   RansacDetector(const RansacParams& params, const DoglegParams& dogleg_params, const EllipseFitParams& fit_params);
 
+  void set_fit(const EllipseFitParams& fit) override { fit_params_ = fit; }
+
  private:
   void find(const Segments& segments, Detections& found) override;
 

@@ -10,6 +10,7 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
+#include "situation_awareness/detections/probable_detector.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -63,7 +64,7 @@ ObjectPipelineParams load_object_pipeline_params(const std::string& path, const 
 
 /// The detector that the parameters ask for. It refuses detections below min_p_ellipse as "not one ellipse". Throws
 /// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming a model that cannot be used.
-std::unique_ptr<Detector> make_detector(const DetectionParams& params);
+std::unique_ptr<ProbableDetector> make_detector(const DetectionParams& params);
 
 /// What each stage made of one scan.
 struct ObjectPipelineResult {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -15,6 +16,12 @@ struct HalfSpace {
   Eigen::Vector3d normal_world = Eigen::Vector3d::UnitX();
   double offset_m = 0.0;
 };
+
+/// A volume as YAML text, [[nx, ny, nz, offset_m], ...], from which the same numbers are read again.
+std::string yaml_from_volume(const std::vector<HalfSpace>& volume);
+
+/// Throws std::invalid_argument if the text is anything else than such a list; its numbers are not looked at.
+std::vector<HalfSpace> volume_from_yaml(const std::string& yaml);
 
 struct RangeLimiterParams {
   double min_range_m = 0.1;

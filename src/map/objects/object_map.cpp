@@ -84,7 +84,17 @@ void ObjectMapParams::validate() const {
 }
 
 ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params), order_(params.reset_time_jump_s) {
-  params_.validate();
+  set_params(params);
+}
+
+void ObjectMap::set_params(const ObjectMapParams& params) {
+  params.validate();
+  if (params.shape != params_.shape) {
+    throw std::invalid_argument("objects.shape = " + params.shape + ", but this map is one of the shape " +
+                                params_.shape);
+  }
+  params_ = params;
+  order_.set_reset_time_jump_s(params_.reset_time_jump_s);
   gate_ = chi_square_quantile(params_.gate_probability, kMeasurementSize);
   const bool circle = params_.shape == "circle";
   const double density = std::sqrt(2.0 * kManoeuvre_s);

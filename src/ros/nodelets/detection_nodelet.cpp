@@ -5,11 +5,13 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/DetectionConfig.h"
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
+#include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
@@ -19,10 +21,11 @@ namespace situation_awareness {
 
 class DetectionNodelet : public StageNodelet {
  private:
+  using Live = LiveParams<DetectionConfig, DetectionParams, EllipseFitParams>;
+
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
-    fit_ = params.pipeline.detections.fit;
     detector_ = make_detector(params.pipeline.detections);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
@@ -31,6 +34,13 @@ class DetectionNodelet : public StageNodelet {
                                                        [this](const SegmentArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("segment_array", kTakeAll, &DetectionNodelet::on_segments, this,
                                  ros::TransportHints().tcpNoDelay());
+    live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.detections,
+                                   params.pipeline.detections.fit,
+                                   [this](const DetectionParams& detections, const EllipseFitParams& fit) {
+                                     detector_->set_min_p_ellipse(detections.min_p_ellipse);
+                                     detector_->set_fit(fit);
+                                     fit_ = fit;
+                                   });
   }
 
   void on_segments(const ros::MessageEvent<SegmentArray const>& event) {
@@ -58,7 +68,8 @@ class DetectionNodelet : public StageNodelet {
   }
 
   EllipseFitParams fit_;
-  std::unique_ptr<Detector> detector_;
+  std::unique_ptr<ProbableDetector> detector_;
+  std::unique_ptr<Live> live_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<MapSubscriber> map_;
   std::unique_ptr<Backlog<SegmentArray>> backlog_;

@@ -5,10 +5,12 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/MappingConfig.h"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
@@ -18,6 +20,8 @@ namespace situation_awareness {
 
 class MappingNodelet : public StageNodelet {
  private:
+  using Live = LiveParams<MappingConfig, ObjectMapParams>;
+
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
@@ -29,6 +33,8 @@ class MappingNodelet : public StageNodelet {
                                                          [this](const DetectionArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
                                  ros::TransportHints().tcpNoDelay());
+    live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.objects,
+                                   [this](const ObjectMapParams& objects) { map_->set_params(objects); });
   }
 
   void on_detections(const ros::MessageEvent<DetectionArray const>& event) {
@@ -61,6 +67,7 @@ class MappingNodelet : public StageNodelet {
   }
 
   std::unique_ptr<ObjectMap> map_;
+  std::unique_ptr<Live> live_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<Backlog<DetectionArray>> backlog_;
   ObjectMarkers markers_{MarkerStyle::kEstimate};

@@ -11,6 +11,7 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/SegmentationConfig.h"
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/backlog.hpp"
@@ -19,6 +20,7 @@
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
+#include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
@@ -31,6 +33,8 @@ namespace situation_awareness {
 
 class SegmentationNodelet : public StageNodelet {
  private:
+  using Live = LiveParams<SegmentationConfig, RangeLimiterParams, SegmentationParams>;
+
   struct Waiting {
     sensor_msgs::LaserScanConstPtr msg;
     ros::WallTime since;
@@ -51,6 +55,11 @@ class SegmentationNodelet : public StageNodelet {
     scan_subscriber_ =
         node.subscribe("scan", kTakeAll, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
     map_ = std::make_unique<MapSubscriber>(node, params_.world_frame, *diagnostics_);
+    live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params_.pipeline.scan, params_.pipeline.segments,
+                                   [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
+                                     params_.pipeline.scan = scan;
+                                     params_.pipeline.segments = segments;
+                                   });
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     const ros::WallDuration poll_period(0.005);
     timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { release(); });
@@ -160,6 +169,7 @@ class SegmentationNodelet : public StageNodelet {
   }
 
   NodeletParams params_;
+  std::unique_ptr<Live> live_;
   std::unique_ptr<StampOrder> order_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
   tf2_ros::Buffer tf_;

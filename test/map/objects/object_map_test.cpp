@@ -694,6 +694,44 @@ TEST(ObjectMap, AnElementUnseenForTooLongIsForgotten) {
   EXPECT_EQ(update.reasons, (Counters{{"unseen for too long", 1}}));
 }
 
+TEST(ObjectMap, TakesOtherParametersAndKeepsItsElements) {
+  const Ellipse standing{{3.0, 0.0}, 0.0, 0.3, 0.2};
+  ObjectMap map{params()};
+  ObjectMap other{params()};
+  int i = 0;
+  for (; i < 40; ++i) {
+    map.update(detections_at(i * kScanPeriod_s, {standing}));
+    other.update(detections_at(i * kScanPeriod_s, {standing}));
+  }
+  map.set_params(params());
+  EXPECT_EQ(objects_now(map).objects[0].covariance, objects_now(other).objects[0].covariance);
+
+  ObjectMapParams p = params();
+  p.max_unseen_s = 1.0;
+  map.set_params(p);
+  const double seen_s = (i - 1) * kScanPeriod_s;
+  EXPECT_TRUE(map.update(detections_at(seen_s + 0.9, {})).deleted.empty());
+  EXPECT_EQ(map.update(detections_at(seen_s + 1.1, {})).reasons, (Counters{{"unseen for too long", 1}}));
+  EXPECT_TRUE(other.update(detections_at(seen_s + 1.1, {})).deleted.empty());
+
+  p.reset_time_jump_s = 0.1;
+  other.set_params(p);
+  EXPECT_EQ(other.update(detections_at(seen_s + 0.9, {})).reasons.of("time jumped back: new map"), 1U);
+}
+
+TEST(ObjectMap, KeepsItsParametersWhereOthersCannotBe) {
+  ObjectMap map{params()};
+  for (int i = 0; i < 10; ++i) map.update(detections_at(i * kScanPeriod_s, {{{3.0, 0.0}, 0.0, 0.3, 0.2}}));
+  ObjectMapParams p = params();
+  p.max_unseen_s = 0.0;
+  p.gate_probability = 1.0;
+  EXPECT_THROW(map.set_params(p), std::invalid_argument);
+  p.gate_probability = 0.9;
+  p.shape = "circle";
+  EXPECT_THROW(map.set_params(p), std::invalid_argument);
+  EXPECT_TRUE(map.update(detections_at(10 * kScanPeriod_s, {})).deleted.empty());
+}
+
 TEST(ObjectMap, AMovingElementOutOfSightLeavesTheMapAndIsForgottenAsItsPositionBlurs) {
   ObjectMapParams p = params();
   p.lost_position_sigma_m = 2.0;

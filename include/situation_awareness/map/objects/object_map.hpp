@@ -133,6 +133,10 @@ class ObjectMap {
   /// Throws std::invalid_argument naming field and bound.
   explicit ObjectMap(const ObjectMapParams& params);
 
+  /// Other parameters from the next update on; the elements stay. Throws std::invalid_argument naming field and bound,
+  /// and for another shape; the old ones then stay.
+  void set_params(const ObjectMapParams& params);
+
   /// Predict to the stamp of the detections, associate one to one, update, doubt what should have been seen, map what
   /// is new, join what moves as one, delete what is not there any more. `memory`: a report no longer needed, whose
   /// memory this one takes over; with it nothing is asked of the heap but for more elements or detections than before.

@@ -31,6 +31,9 @@ class ParamReader {
   bool take_flag(const std::string& name, bool otherwise);
   std::string take_text(const std::string& name, const std::string& otherwise);
 
+  /// Leaves out what others read.
+  void skip(const std::string& name) { take(name); }
+
   /// What has not been taken, as YAML text.
   std::string rest_as_yaml() const;
 
