@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 namespace situation_awareness {
 namespace {
 
@@ -18,6 +20,19 @@ TEST(StampOrder, TellsALoopFromJitter) {
   EXPECT_EQ(order.judge(nanoseconds(5.0)), Verdict::kRestart);
   EXPECT_EQ(order.judge(nanoseconds(5.1)), Verdict::kNext);
   EXPECT_EQ(order.judge(nanoseconds(1000.0)), Verdict::kNext) << "forward is forward";
+}
+
+// A driver may stamp with anything; the difference of two stamps need not fit into one.
+TEST(StampOrder, KnowsBeforeFromAfterForAnyTwoStamps) {
+  constexpr std::int64_t kFirst = std::numeric_limits<std::int64_t>::min() + 1;
+  constexpr std::int64_t kLast = std::numeric_limits<std::int64_t>::max();
+  EXPECT_NEAR(seconds_between(kFirst, kLast), 0x1.0p64 * 1e-9, 1e-3);
+  EXPECT_NEAR(seconds_between(kLast, kFirst), -0x1.0p64 * 1e-9, 1e-3);
+  EXPECT_EQ(seconds_between(kLast - 1, kLast), 1e-9) << "small differences of large stamps are exact";
+  StampOrder order(1.0);
+  EXPECT_EQ(order.judge(kLast), Verdict::kNext);
+  EXPECT_EQ(order.judge(kFirst), Verdict::kRestart);
+  EXPECT_EQ(order.judge(kLast), Verdict::kNext);
 }
 
 }  // namespace
