@@ -6,6 +6,14 @@
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
+namespace {
+
+// Within these, azimuths grow from beam to beam whatever the attitude, and rounding leaves them apart.
+constexpr double kMaxFirstAngle_rad = 100.0;
+constexpr double kMinIncrement_rad = 1e-6;
+constexpr double kMaxIncrement_rad = radians(150.0);
+
+}  // namespace
 
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m) {
   if (std::isnan(range_m)) return {0.0F, BeamState::kInvalid};
@@ -20,6 +28,9 @@ const char* scan_defect(std::size_t beams, double angle_min_rad, double angle_in
   if (beams < 2) return "scan of a single beam";
   if (!std::isfinite(angle_min_rad) || !std::isfinite(angle_increment_rad)) return "scan angles not finite";
   if (angle_increment_rad == 0.0) return "angle increment of zero";
+  if (std::abs(angle_min_rad) > kMaxFirstAngle_rad) return "first angle too large";
+  if (std::abs(angle_increment_rad) < kMinIncrement_rad) return "angle increment too small";
+  if (std::abs(angle_increment_rad) > kMaxIncrement_rad) return "angle increment too large";
   // Rounded increments of a full circle add up to a little more than one revolution.
   const double sweep_rad = std::abs(angle_increment_rad) * static_cast<double>(beams - 1);
   if (sweep_rad > 2.0 * kPi * (1.0 + 1e-4)) return "scan of more than one revolution";

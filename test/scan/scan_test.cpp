@@ -52,6 +52,22 @@ TEST(ScanDefect, NamesWhatCannotBeUsed) {
   EXPECT_STREQ(scan_defect(scan), "scan of more than one revolution");
 }
 
+// Azimuths that rounding makes equal, or a step of which nobody knows the direction, are no order of beams.
+TEST(ScanDefect, NamesAnglesThatAreNoOrderOfBeams) {
+  Scan scan;
+  scan.beams.resize(2);
+  scan.angle_increment_rad = 1e-20;
+  EXPECT_STREQ(scan_defect(scan), "angle increment too small");
+  scan.angle_increment_rad = -radians(200.0);
+  EXPECT_STREQ(scan_defect(scan), "angle increment too large");
+  scan.angle_increment_rad = radians(-135.0);
+  EXPECT_STREQ(scan_defect(scan), "");
+  scan.angle_min_rad = 1e9;
+  EXPECT_STREQ(scan_defect(scan), "first angle too large");
+  scan.angle_min_rad = 4.0 * kPi;
+  EXPECT_STREQ(scan_defect(scan), "");
+}
+
 Scan circle_of_hits(float range_m) {
   Scan scan;
   scan.angle_min_rad = -kPi;
