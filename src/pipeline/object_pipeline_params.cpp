@@ -52,6 +52,9 @@ class ReadFields {
   void refuse_unknown_keys() const {
     if (!node_.IsMap()) return;
     for (const auto& item : node_) {
+      if (!item.first.IsScalar()) {
+        fail(source_, "the name of a parameter" + (section_.empty() ? "" : " in " + section_) + " must be a text");
+      }
       const auto key = item.first.as<std::string>();
       if (known_.count(key) != 0) continue;
       std::string names;

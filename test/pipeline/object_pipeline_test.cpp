@@ -88,6 +88,8 @@ TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
             "my.yaml: unknown parameter segment, known are: detections, objects, scan, segments");
   EXPECT_EQ(refusal_of("scan: 3"), "my.yaml: scan must be a map of parameters");
   EXPECT_EQ(refusal_of("scan: [").find("my.yaml: not valid YAML"), 0U);
+  EXPECT_EQ(refusal_of("[scan]: 3"), "my.yaml: the name of a parameter must be a text");
+  EXPECT_EQ(refusal_of("scan: {? {a: b} : 3}"), "my.yaml: the name of a parameter in scan must be a text");
   EXPECT_THROW(load_object_pipeline_params("/does/not/exist.yaml", ""), std::invalid_argument);
 }
 
