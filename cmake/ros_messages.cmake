@@ -20,11 +20,14 @@ add_service_files(DIRECTORY srv FILES
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 generate_dynamic_reconfigure_options(cfg/Detection.cfg cfg/Mapping.cfg cfg/Segmentation.cfg)
 
+if(SITUATION_AWARENESS_SIM)
+  set(situation_awareness_sim_library ${PROJECT_NAME}_sim)
+endif()
 catkin_package(
   INCLUDE_DIRS include
-  LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_ros
+  LIBRARIES ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${situation_awareness_sim_library}
   CATKIN_DEPENDS diagnostic_msgs diagnostic_updater dynamic_reconfigure geometry_msgs message_runtime nav_msgs nodelet
-    roscpp sensor_msgs std_msgs std_srvs tf2 tf2_msgs visualization_msgs
+    roscpp rosgraph_msgs sensor_msgs std_msgs std_srvs tf2 tf2_msgs visualization_msgs
   DEPENDS EIGEN3)
 
 # Only what rosrun should offer goes where rosrun looks; tests and benchmarks stay in their own build folders.
