@@ -32,6 +32,7 @@ constexpr int kMaxScansAhead = 3;  ///< of the map, when running as fast as it g
 
 struct SimulatorParams {
   std::string world;
+  bool clock = true;  ///< publish /clock; false: stamps of the wall clock
   double rate = 1.0;  ///< simulated seconds per second; 0: as fast as the map follows
   int seed = 1;
   double duration_s = 0.0;  ///< 0: for ever
@@ -41,6 +42,7 @@ struct SimulatorParams {
 SimulatorParams read_simulator_params(ParamReader reader) {
   SimulatorParams params;
   params.world = reader.take_text("world", "demo");
+  params.clock = reader.take_flag("clock", params.clock);
   params.rate = reader.take_number("rate", params.rate, Bounds{0.0, 100.0}, "");
   params.seed = reader.take_integer("seed", params.seed, Bounds{0, 2147483647}, "");
   params.duration_s = reader.take_number("duration_s", params.duration_s, Bounds{0.0, 1e6}, "s");
@@ -48,6 +50,9 @@ SimulatorParams read_simulator_params(ParamReader reader) {
   params.robot_frame = reader.take_text("robot_frame", "robot");
   params.lidar_frame = reader.take_text("lidar_frame", "lidar");
   reader.refuse_rest();
+  if (!params.clock && (params.rate != 1.0 || !ros::Time::isSystemTime())) {
+    throw std::invalid_argument("clock = false is the wall clock: it needs rate = 1 and /use_sim_time = false");
+  }
   return params;
 }
 
@@ -61,7 +66,7 @@ class Simulator {
  public:
   Simulator(ros::NodeHandle node, const SimulatorParams& params)
       : params_(params), world_(world_file(params.world), lidar_, static_cast<std::uint64_t>(params.seed)) {
-    clock_ = node.advertise<rosgraph_msgs::Clock>("/clock", 100);
+    if (params.clock) clock_ = node.advertise<rosgraph_msgs::Clock>("/clock", 100);
     odometry_ = node.advertise<nav_msgs::Odometry>("odometry", 100);
     scan_ = node.advertise<sensor_msgs::LaserScan>("scan", 50);
     truth_ = node.advertise<EllipseMap>("truth", 50);
@@ -70,7 +75,7 @@ class Simulator {
       mapped_ns_ = std::max(mapped_ns_.load(), to_nanoseconds(msg->header.stamp));
     });
     static_tf_.sendTransform(
-        transform_to_msg(world_.T_robot_lidar(), kStart_ns, params_.robot_frame, params_.lidar_frame));
+        transform_to_msg(world_.T_robot_lidar(), start_ns_, params_.robot_frame, params_.lidar_frame));
   }
 
   void run() {
@@ -79,6 +84,7 @@ class Simulator {
     wait_for([this] { return scan_.getNumSubscribers() > 0; }, 30.0);
     wait_for([this] { return map_.getNumPublishers() > 0; }, 5.0);
     ros::WallTime start = ros::WallTime::now();
+    if (!params_.clock) start_ns_ = static_cast<std::int64_t>(start.toNSec());
     std::int64_t time_ns = 0;
     while (ros::ok() && (params_.duration_s <= 0.0 || seconds_between(0, time_ns) <= params_.duration_s)) {
       const SimulatedScan simulated = world_.next();
@@ -87,11 +93,11 @@ class Simulator {
       for (int i = 1; i <= kPosesPerScan && ros::ok(); ++i) {
         const std::int64_t pose_time_ns = time_ns + i * period_ns / kPosesPerScan;
         if (params_.rate > 0.0) start = pace(start, seconds_between(0, pose_time_ns) / params_.rate);
-        publish_clock(kStart_ns + pose_time_ns);
+        publish_clock(start_ns_ + pose_time_ns);
         // The pose at the next scan's stamp goes out with that scan.
         if (i < kPosesPerScan) publish_pose(world_.robot_at(seconds_between(0, pose_time_ns)), pose_time_ns);
       }
-      if (params_.rate <= 0.0) wait_for_map(kStart_ns + time_ns - kMaxScansAhead * period_ns);
+      if (params_.rate <= 0.0) wait_for_map(start_ns_ + time_ns - kMaxScansAhead * period_ns);
     }
   }
 
@@ -110,7 +116,7 @@ class Simulator {
   void wait_for(const Condition& there, double patience_s) {
     const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(patience_s);
     while (ros::ok() && !there() && ros::WallTime::now() < end) {
-      publish_clock(kStart_ns);
+      publish_clock(start_ns_);
       ros::WallDuration(0.05).sleep();
     }
   }
@@ -126,6 +132,7 @@ class Simulator {
   }
 
   void publish_clock(std::int64_t stamp_ns) {
+    if (!params_.clock) return;
     rosgraph_msgs::Clock msg;
     msg.clock = to_ros_time(stamp_ns);
     clock_.publish(msg);
@@ -133,7 +140,7 @@ class Simulator {
 
   void publish_pose(const RobotState& robot, std::int64_t time_ns) {
     const auto tf =
-        transform_to_msg(robot.T_world_robot, kStart_ns + time_ns, params_.world_frame, params_.robot_frame);
+        transform_to_msg(robot.T_world_robot, start_ns_ + time_ns, params_.world_frame, params_.robot_frame);
     tf_.sendTransform(tf);
     nav_msgs::Odometry msg;
     msg.header = tf.header;
@@ -154,24 +161,25 @@ class Simulator {
   }
 
   void publish(const SimulatedScan& simulated) {
-    publish_clock(kStart_ns + simulated.scan.stamp_ns);
+    publish_clock(start_ns_ + simulated.scan.stamp_ns);
     publish_pose(simulated.robot, simulated.scan.stamp_ns);
     Objects truth = simulated.truth;
-    truth.stamp_ns += kStart_ns;
+    truth.stamp_ns += start_ns_;
     for (Object& object : truth.objects) {
-      object.first_seen_ns += kStart_ns;
-      object.last_seen_ns += kStart_ns;
+      object.first_seen_ns += start_ns_;
+      object.last_seen_ns += start_ns_;
     }
     truth_.publish(objects_to_msg(truth, params_.world_frame, simulated.names));
     if (markers_.getNumSubscribers() > 0) {
       markers_.publish(truth_markers_.update(truth, params_.world_frame, simulated.names));
     }
     Scan scan = simulated.scan;
-    scan.stamp_ns += kStart_ns;
+    scan.stamp_ns += start_ns_;
     scan_.publish(scan_to_msg(scan, params_.lidar_frame, lidar_.range_min_m, lidar_.range_max_m, 1.0 / lidar_.rate_hz));
   }
 
   SimulatorParams params_;
+  std::int64_t start_ns_ = kStart_ns;  ///< stamp of the first scan
   SimulatedLidarParams lidar_;
   World world_;
   ros::Publisher clock_, odometry_, scan_, truth_, markers_;

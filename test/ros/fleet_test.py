@@ -1,0 +1,100 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""launch/fleet.launch: two robots under one master, each with a map and frames of its own."""
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+import time
+import unittest
+
+import rosgraph
+import rospy
+import rostest
+import yaml
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from restart_test import pid_of  # noqa: E402
+from ros_support import Latest, wait_until  # noqa: E402
+from situation_awareness.msg import EllipseMap  # noqa: E402
+
+ROBOTS = ("alpha", "bravo")
+SHARED = {"/tf", "/tf_static", "/rosout", "/diagnostics"}
+
+
+class FleetTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.maps = {robot: Latest(f"/{robot}/map", EllipseMap) for robot in ROBOTS}
+        cls.parents = {}
+        cls.tf = [rospy.Subscriber(topic, TFMessage, cls.on_tf, queue_size=100) for topic in ("/tf", "/tf_static")]
+
+    @classmethod
+    def on_tf(cls, message):
+        for transform in message.transforms:
+            cls.parents.setdefault(transform.child_frame_id, set()).add(transform.header.frame_id)
+
+    def test_1_each_robot_has_a_map(self):
+        for robot, maps in self.maps.items():
+            wait_until(lambda maps=maps: len(maps.messages) > 40, 90.0, f"40 maps of {robot}")
+            newest = maps.messages[-1]
+            self.assertGreaterEqual(len(newest.ellipses), 3)
+            self.assertEqual(newest.header.frame_id, f"{robot}/world")
+            self.assertLess(abs(newest.header.stamp.to_sec() - time.time()), 30.0, "stamps of the wall clock")
+
+    def test_2_no_topic_is_another_robots(self):
+        seen = {}
+        for part in rosgraph.Master("fleet_test").getSystemState():
+            for name, nodes in part:
+                for node in nodes:
+                    seen.setdefault(node, set()).add(name)
+        for robot in ROBOTS:
+            nodes = [node for node in seen if node.startswith(f"/{robot}/")]
+            self.assertIn(f"/{robot}/objects_manager", nodes)
+            for node in nodes:
+                foreign = [name for name in seen[node] - SHARED if not name.startswith(f"/{robot}/")]
+                self.assertEqual(foreign, [], f"of {node}")
+
+    def test_3_frames_have_the_robots_name(self):
+        wanted = {}
+        for robot in ROBOTS:
+            wanted.update({f"{robot}/lidar": {f"{robot}/robot"}, f"{robot}/robot": {f"{robot}/world"},
+                           f"{robot}/world": {"world"}})
+            scan = rospy.wait_for_message(f"/{robot}/scan", LaserScan, timeout=10.0)
+            self.assertEqual(scan.header.frame_id, f"{robot}/lidar")
+        wait_until(lambda: len(self.parents) >= len(wanted), 10.0, "all frames")
+        self.assertEqual(self.parents, wanted)
+
+    def test_4_a_robot_without_its_manager_leaves_the_other_alone(self):
+        alpha, bravo = self.maps["alpha"], self.maps["bravo"]
+        before = len(bravo.messages)
+        pid = pid_of("/alpha/objects_manager")
+        os.kill(pid, signal.SIGKILL)
+        killed = time.time()
+        wait_until(lambda: alpha.messages[-1].header.stamp.to_sec() > killed + 1.0, 60.0, "alpha's map to come back")
+        self.assertNotEqual(pid_of("/alpha/objects_manager"), pid)
+        stamps = [stamp.to_sec() for stamp in bravo.stamps()[before:]]
+        self.assertGreater(len(stamps), 20)
+        self.assertLess(max(later - earlier for earlier, later in zip(stamps, stamps[1:])), 1.0, "bravo's map stopped")
+
+    def test_5_rviz_shows_the_topics_of_each(self):
+        config = pathlib.Path(__file__).resolve().parents[2] / "cfg/rviz/sim.rviz"
+        shown = yaml.safe_load(subprocess.run(
+            ["rosrun", "situation_awareness", "fleet_rviz", "--print", "--config", config, *ROBOTS],
+            capture_output=True, text=True, timeout=30, check=True).stdout)
+        displays = shown["Visualization Manager"]["Displays"]
+        groups = {display["Name"]: display["Displays"] for display in displays if display["Class"] == "rviz/Group"}
+        self.assertEqual(set(groups), set(ROBOTS))
+        for robot, members in groups.items():
+            topics = [value for member in members for key, value in member.items() if key.endswith("Topic")]
+            self.assertIn(f"/{robot}/scan", topics)
+            self.assertIn(f"/{robot}/markers", topics)
+            self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics), topics)
+
+
+if __name__ == "__main__":
+    rospy.init_node("fleet_test")
+    rostest.rosrun("situation_awareness", "fleet_test", FleetTest)
