@@ -218,6 +218,13 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
 }
 
 bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
+  if (resumed_) {
+    move_stamps_to(stamp_ns);
+    resumed_ = false;
+    step_s_ = 0.0;
+    for (Element& element : elements_) element.beams = 0;
+    return true;
+  }
   const std::int64_t previous_ns = order_.latest_ns();
   switch (order_.judge(stamp_ns)) {
     case StampOrder::Verdict::kNext:
@@ -234,12 +241,75 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
     case StampOrder::Verdict::kRestart:
       for (const Element& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
-      elements_.clear();
-      noise_ = 1.0;
-      step_s_ = 0.0;
+      forget();
       return true;
   }
   return false;
+}
+
+void ObjectMap::forget() {
+  elements_.clear();
+  noise_ = 1.0;
+  step_s_ = 0.0;
+  resumed_ = false;
+}
+
+void ObjectMap::reset() {
+  forget();
+  order_ = StampOrder(params_.reset_time_jump_s);
+}
+
+MapSnapshot ObjectMap::snapshot() const {
+  MapSnapshot result;
+  result.shape = params_.shape;
+  result.stamp_ns = stamp_ns();
+  result.step_s = step_s_;
+  result.T_world_level = T_world_level_;
+  result.height_world_m = height_world_m_;
+  result.noise = noise_;
+  result.next_id = next_id_;
+  result.elements.assign(elements_.begin(), elements_.end());
+  // A body that is gone is as good as none: ids are never used again.
+  for (MapElement& element : result.elements) {
+    if (find(element.body) == nullptr) element.body = 0;
+  }
+  return result;
+}
+
+void ObjectMap::restore(const MapSnapshot& snapshot) {
+  snapshot.validate();
+  if (snapshot.shape != params_.shape) {
+    throw std::invalid_argument("shape = " + snapshot.shape + " is not this map's, " + params_.shape);
+  }
+  std::vector<Element> elements;
+  elements.reserve(snapshot.elements.size());
+  for (const MapElement& element : snapshot.elements) elements.push_back({element});
+  reset();
+  order_.judge(snapshot.stamp_ns);
+  elements_ = std::move(elements);
+  T_world_level_ = snapshot.T_world_level;
+  noise_ = snapshot.noise;
+  step_s_ = snapshot.step_s;
+  height_world_m_ = snapshot.height_world_m;
+  next_id_ = std::max(next_id_, snapshot.next_id);
+}
+
+void ObjectMap::resume(const MapSnapshot& snapshot) {
+  const std::int64_t latest_ns = stamp_ns();
+  restore(snapshot);
+  if (latest_ns != kNoStamp) move_stamps_to(latest_ns);
+  resumed_ = true;
+}
+
+/// Take the map for one of another time.
+void ObjectMap::move_stamps_to(std::int64_t stamp_ns) {
+  const std::int64_t later_ns = stamp_ns - order_.latest_ns();
+  for (Element& element : elements_) {
+    element.first_seen_ns += later_ns;
+    element.last_seen_ns += later_ns;
+  }
+  order_ = StampOrder(params_.reset_time_jump_s);
+  order_.judge(stamp_ns);
 }
 
 /// Finds out which of the measurements are of which elements: into `work_.associations`.
@@ -410,7 +480,7 @@ void ObjectMap::doubt_unseen(const Detections& detections) {
   }
 }
 
-ObjectMap::Element* ObjectMap::find(std::uint64_t id) {
+const ObjectMap::Element* ObjectMap::find(std::uint64_t id) const {
   const auto place = std::lower_bound(elements_.begin(), elements_.end(), id,
                                       [](const Element& element, std::uint64_t wanted) { return element.id < wanted; });
   return place != elements_.end() && place->id == id ? &*place : nullptr;

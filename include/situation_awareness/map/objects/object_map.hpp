@@ -16,6 +16,7 @@
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/geometry/ellipses_by_x.hpp"
+#include "situation_awareness/map/objects/map_snapshot.hpp"
 #include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
@@ -150,29 +151,28 @@ class ObjectMap {
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
   static constexpr std::int64_t kNoStamp = StampOrder::kNone;
 
+  /// Forget everything and start anew, at whatever time. Ids go on.
+  void reset();
+
+  /// All that is known; `world_frame` is left empty. Before the first update there is nothing to keep: `stamp_ns` is
+  /// then kNoStamp.
+  MapSnapshot snapshot() const;
+
+  /// Become the map that the snapshot is of; what comes next does to this one, bit for bit, what it would have done to
+  /// that. New ids are above those of both maps. Throws std::invalid_argument as MapSnapshot::validate, or if the
+  /// snapshot is of another shape; this map is then unchanged.
+  void restore(const MapSnapshot& snapshot);
+
+  /// The same at another time and maybe place of the robot, as if no time had passed since the snapshot: all its stamps
+  /// are moved to the latest update of this map, if there was one, and then to the next, whatever its stamp. That one
+  /// finds everything where it was, and nothing is concluded from where the robot was.
+  void resume(const MapSnapshot& snapshot);
+
  private:
-  /// One element with its filter.
-  struct Element {
-    std::uint64_t id = 0;
-    MotionEstimate estimate;
-    Matrix8d P_view = Matrix8d::Zero();  ///< of one detection from the side it was seen from lately, at its best
-    double log_odds = 0.0;               ///< of its existence
-    bool confirmed = false;
+  /// What is known of one element, and what is found out anew in each update.
+  struct Element : MapElement {
     bool just_confirmed = false;
-    std::int64_t first_seen_ns = 0;
-    std::int64_t last_seen_ns = 0;
-    int observations = 0;
-    int beams = 0;
-    double stood_s = 0.0;                                       ///< for how long it was seen to stand
-    bool moves = false;                                         ///< it is surely on its way
-    bool common_shape = false;                                  ///< others look the same
-    bool mobile = false;                                        ///< it has travelled
-    Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it was when `moves` began
-    std::uint64_t body = 0;  ///< id of the element that it is part of, or may be; 0: of none
-    bool is_part = false;    ///< it is part of `body`
-    bool has_parts = false;  ///< others were part of it
-    Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< where it was when it met `body`
-    Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< where `body` was
+    bool common_shape = false;  ///< others look the same
   };
 
   /// A measurement that is of an element.
@@ -213,6 +213,8 @@ class ObjectMap {
 
   /// False, and the map unchanged, if the stamp may not follow the latest.
   bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
+  void move_stamps_to(std::int64_t stamp_ns);
+  void forget();
   Eigen::Matrix3d robot_covariance(const Detections& detections);
   void learn_noise(double mahalanobis2);
   Measurement widened(const Detection& detection) const;
@@ -231,7 +233,7 @@ class ObjectMap {
   void recognise_lost();
   void join_parts();
   void delete_outdated(ObjectMapUpdate& report);
-  Element* find(std::uint64_t id);
+  const Element* find(std::uint64_t id) const;
   double unseen_s(const Element& element) const { return seconds_between(element.last_seen_ns, stamp_ns()); }
   double uncertain_by_m(const Element& element) const;
   bool shown(const Element& element) const;
@@ -246,6 +248,7 @@ class ObjectMap {
   double step_s_ = 0.0;            ///< from the update before to the latest
   double height_world_m_ = 0.0;
   std::uint64_t next_id_ = 1;
+  bool resumed_ = false;  ///< and not updated since: its time is that of the next update
   Workspace work_;
 };
 

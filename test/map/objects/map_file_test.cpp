@@ -1,0 +1,444 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/map_file.hpp"
+
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/map/objects/object_map.hpp"
+#include "support/lively_scene.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'123;
+
+MapSnapshot snapshot_of(const ObjectMap& map) {
+  MapSnapshot snapshot = map.snapshot();
+  snapshot.world_frame = "world";
+  return snapshot;
+}
+
+/// The map after `scans` scans of the lively scene.
+ObjectMap lively_map(int scans, const ObjectMapParams& params = {}) {
+  ObjectMap map(params);
+  for (const Detections& detections : lively_scene(scans, kStart_ns, 1)) map.update(detections);
+  return map;
+}
+
+std::string refusal_of(const std::string& yaml) {
+  try {
+    map_from_yaml(yaml, "a.yaml");
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// The file with its last line as a person writes it who has edited it.
+std::string edited(std::string yaml) {
+  const std::size_t last_line = yaml.rfind("\nsha256: ") + 1;
+  return yaml.substr(0, last_line) + "sha256: edited\n";
+}
+
+/// The `count`th line that begins with this name gets another value; `value` may be several lines.
+std::string with(std::string yaml, const std::string& name, const std::string& value, int count = 1) {
+  std::size_t at = 0;
+  for (int i = 0; i < count; ++i) {
+    at = yaml.find(" " + name + ":", at + 1);
+    if (at == std::string::npos) at = yaml.find("\n" + name + ":");
+  }
+  EXPECT_NE(at, std::string::npos) << name;
+  const std::size_t from = at + name.size() + 2;
+  return yaml.replace(from, yaml.find('\n', from) - from, " " + value);
+}
+
+void expect_same(const Objects& a, const Objects& b) {
+  ASSERT_EQ(a.stamp_ns, b.stamp_ns);
+  EXPECT_EQ(a.height_world_m, b.height_world_m);
+  ASSERT_EQ(a.objects.size(), b.objects.size());
+  for (std::size_t i = 0; i < a.objects.size(); ++i) {
+    const Object& p = a.objects[i];
+    const Object& q = b.objects[i];
+    EXPECT_EQ(p.id, q.id);
+    EXPECT_EQ(p.ellipse_world.center_m, q.ellipse_world.center_m);
+    EXPECT_EQ(p.ellipse_world.psi_rad, q.ellipse_world.psi_rad);
+    EXPECT_EQ(p.ellipse_world.rx_m, q.ellipse_world.rx_m);
+    EXPECT_EQ(p.ellipse_world.ry_m, q.ellipse_world.ry_m);
+    EXPECT_EQ(p.velocity_world_m_s, q.velocity_world_m_s);
+    EXPECT_EQ(p.angular_velocity_rad_s, q.angular_velocity_rad_s);
+    EXPECT_EQ(p.covariance, q.covariance);
+    EXPECT_EQ(p.p_moving, q.p_moving);
+    EXPECT_EQ(p.p_exists, q.p_exists);
+    EXPECT_EQ(p.first_seen_ns, q.first_seen_ns);
+    EXPECT_EQ(p.last_seen_ns, q.last_seen_ns);
+    EXPECT_EQ(p.observations, q.observations);
+    EXPECT_EQ(p.beams, q.beams);
+  }
+}
+
+TEST(MapFile, AMapSavedLoadedAndContinuedIsTheOneThatWentOnBitForBit) {
+  for (const std::string shape : {"ellipse", "circle"}) {
+    ObjectMapParams params;
+    params.shape = shape;
+    params.max_unseen_s = 3.0;
+    const std::vector<Detections> scene = lively_scene(300, kStart_ns, 2);
+    int parts = 0;
+    int forgotten = 0;
+    for (std::size_t saved = 3; saved < scene.size(); saved += 11) {
+      ObjectMap map(params);
+      for (std::size_t i = 0; i < saved; ++i) map.update(scene[i]);
+      ObjectMap loaded(params);
+      loaded.restore(map_from_yaml(map_to_yaml(snapshot_of(map)), "a.yaml"));
+      expect_same(map.at(map.stamp_ns()), loaded.at(loaded.stamp_ns()));
+      for (std::size_t i = saved; i < std::min(saved + 80, scene.size()); ++i) {
+        const ObjectMapUpdate a = map.update(scene[i]);
+        const ObjectMapUpdate b = loaded.update(scene[i]);
+        EXPECT_EQ(a.updated, b.updated);
+        EXPECT_EQ(a.created, b.created);
+        EXPECT_EQ(a.deleted, b.deleted);
+        EXPECT_EQ(a.reasons, b.reasons);
+        EXPECT_EQ(a.log_likelihood, b.log_likelihood);
+        forgotten += static_cast<int>(a.deleted.size());
+        for (const std::int64_t later_ns : {0, 700'000'000}) {
+          expect_same(map.at(map.stamp_ns() + later_ns), loaded.at(map.stamp_ns() + later_ns));
+        }
+        if (HasFailure()) FAIL() << shape << ": saved after " << saved << ", differs after " << i;
+      }
+      ASSERT_EQ(map_to_yaml(snapshot_of(map)), map_to_yaml(snapshot_of(loaded)));
+      for (const MapElement& element : map.snapshot().elements) parts += element.is_part ? 1 : 0;
+    }
+    EXPECT_GT(parts, 0) << "the scene is not as lively as it should be";
+    EXPECT_GT(forgotten, 10) << "the scene is not as lively as it should be";
+  }
+}
+
+TEST(MapFile, AnEmptyMapIsAMap) {
+  ObjectMap map{ObjectMapParams()};
+  Detections none;
+  none.stamp_ns = kStart_ns;
+  map.update(none);
+  const MapSnapshot snapshot = map_from_yaml(map_to_yaml(snapshot_of(map)), "a.yaml");
+  EXPECT_EQ(snapshot.stamp_ns, kStart_ns);
+  EXPECT_TRUE(snapshot.elements.empty());
+}
+
+TEST(MapFile, BeforeItsFirstUpdateThereIsNothingToSave) {
+  EXPECT_THROW(map_to_yaml(snapshot_of(ObjectMap{ObjectMapParams()})), std::invalid_argument);
+}
+
+TEST(MapFile, KeepsTheFirstAndTheLastBitOfEveryNumber) {
+  MapSnapshot snapshot = snapshot_of(lively_map(40));
+  snapshot.height_world_m = -0.0;
+  snapshot.elements[0].estimate.moving.x(0) = 0.1 + 0.2;
+  snapshot.elements[0].estimate.moving.x(2) = 5e-324;
+  snapshot.elements[0].stood_s = std::nextafter(1e9, 0.0);
+  snapshot.next_id = std::uint64_t{1} << 53;
+  const MapSnapshot read = map_from_yaml(map_to_yaml(snapshot), "a.yaml");
+  EXPECT_TRUE(std::signbit(read.height_world_m));
+  EXPECT_EQ(read.elements[0].estimate.moving.x, snapshot.elements[0].estimate.moving.x);
+  EXPECT_EQ(read.elements[0].stood_s, snapshot.elements[0].stood_s);
+  EXPECT_EQ(read.next_id, snapshot.next_id);
+  EXPECT_EQ(read.stamp_ns, snapshot.stamp_ns);
+}
+
+TEST(MapFile, CutOffAnywhereItIsRefused) {
+  const std::string yaml = map_to_yaml(snapshot_of(lively_map(20)));
+  for (const std::string& whole : {yaml, edited(yaml)}) {
+    EXPECT_EQ(refusal_of(whole), "");
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      ASSERT_NE(refusal_of(whole.substr(0, size)).find("a.yaml: does not end with its line"), std::string::npos)
+          << size;
+    }
+  }
+}
+
+/// Some bytes changed, lost, doubled or put in.
+std::string damaged(std::string yaml, Random& random) {
+  const auto below = [&](std::size_t n) { return static_cast<std::size_t>(random.uniform() * static_cast<double>(n)); };
+  for (std::size_t damages = 1 + below(3); damages > 0; --damages) {
+    const std::size_t at = below(yaml.size());
+    const std::size_t count = 1 + below(20);
+    switch (below(5)) {
+      case 0:
+        yaml[at] = static_cast<char>(yaml[at] ^ (1 << below(8)));
+        break;
+      case 1:
+        yaml[at] = static_cast<char>(below(256));
+        break;
+      case 2:
+        yaml.erase(at, count);
+        break;
+      case 3:
+        yaml.insert(at, yaml.substr(below(yaml.size()), count));
+        break;
+      default:
+        yaml[at] = "0123456789-.e:{[&*#\n"[below(20)];
+    }
+  }
+  return yaml;
+}
+
+TEST(MapFile, DamagedItIsRefused) {
+  const std::string yaml = map_to_yaml(snapshot_of(lively_map(40)));
+  Random random(1);
+  for (int i = 0; i < 5000; ++i) {
+    const std::string file = damaged(yaml, random);
+    if (file == yaml) continue;
+    ASSERT_NE(refusal_of(file).find("a.yaml: "), std::string::npos) << i;
+  }
+}
+
+TEST(MapFile, DamagedAndEditedItIsRefusedOrAMapToGoOnWith) {
+  MapSnapshot few = snapshot_of(lively_map(8));
+  few.elements.resize(2);
+  const std::string yaml = edited(map_to_yaml(few));
+  const std::vector<Detections> scene = lively_scene(13, kStart_ns, 1);
+  Random random(2);
+  int maps = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const std::string file = edited(damaged(yaml, random));
+    MapSnapshot snapshot;
+    try {
+      snapshot = map_from_yaml(file, "a.yaml");
+    } catch (const std::invalid_argument& error) {
+      ASSERT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+      continue;
+    }
+    ++maps;
+    ObjectMap map{ObjectMapParams()};
+    map.resume(snapshot);
+    for (std::size_t k = 8; k < scene.size(); ++k) map.update(scene[k]);
+    for (const Object& object : map.at(map.stamp_ns()).objects) {
+      ASSERT_TRUE(object.covariance.allFinite() && object.ellipse_world.center_m.allFinite()) << i;
+    }
+  }
+  EXPECT_GT(maps, 100);  // some digits say as much of a map as others
+}
+
+TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
+  const MapSnapshot snapshot = snapshot_of(lively_map(60));
+  ASSERT_GE(snapshot.elements.size(), 3U);
+  const std::string yaml = edited(map_to_yaml(snapshot));
+  const std::string id_0 = std::to_string(snapshot.elements[0].id);
+  const std::string id_1 = std::to_string(snapshot.elements[1].id);
+  const std::string at_0 = "elements[0] (id " + id_0 + "): ";
+  const std::string at_1 = "elements[1] (id " + id_1 + "): ";
+  const std::string at_1_unread = "elements[1]: ";
+  struct Case {
+    std::string yaml, says;
+  };
+  const std::string state = "{x_m: 1, y_m: 1, vx_m_s: 0, vy_m_s: 0, wz_rad_s: 0, mean_radius_m: ";
+  const auto matrix = [](const std::string& first_row, const std::string& second_row) {
+    std::string text = "\n      - " + first_row + "\n      - " + second_row;
+    for (int i = 2; i < 8; ++i) {
+      text += "\n      - [";
+      for (int j = 0; j < 8; ++j) text += (j == 0 ? "" : ", ") + std::string(i == j ? "1" : "0");
+      text += "]";
+    }
+    return text;
+  };
+  // Each matrix stands before the one that it pushes down, whose rows then have no name.
+  const auto replaced = [&](const std::string& first_row, const std::string& second_row) {
+    std::string text = yaml;
+    const std::size_t from = text.find("    moving_covariance:");
+    const std::size_t to = text.find("    view_covariance:");
+    return text.replace(from, to - from, "    moving_covariance:" + matrix(first_row, second_row) + "\n");
+  };
+  const std::string good_row = "[0, 1, 0, 0, 0, 0, 0, 0]";
+  const std::vector<Case> cases = {
+      {with(yaml, "format", "octomap"), "format = octomap"},
+      {with(yaml, "version", "2"), "version = 2 is unknown"},
+      {with(yaml, "world_frame", "\"\""), "world_frame is no name"},
+      {with(yaml, "world_frame", "[a]"), "world_frame is no single value"},
+      {with(yaml, "shape", "square"), "shape = square"},
+      {with(yaml, "stamp_ns", "-1"), "stamp_ns = -1 is outside"},
+      {with(yaml, "stamp_ns", "1.5"), "stamp_ns = 1.5 is no whole number"},
+      {with(yaml, "stamp_ns", "99999999999999999999"), "stamp_ns = 99999999999999999999 is no whole number that fits"},
+      {with(yaml, "height_world_m", ".nan"), "height_world_m = .nan is no number"},
+      {with(yaml, "height_world_m", "nan"), "height_world_m = nan is outside"},
+      {with(yaml, "height_world_m", "inf"), "height_world_m = inf is outside"},
+      {with(yaml, "height_world_m", "1e999"), "height_world_m = 1e999 is no number that fits"},
+      {with(yaml, "height_world_m", ""), "height_world_m is no single value"},
+      {with(yaml, "height_world_m", "0\nhue: 1"), "hue is unknown"},
+      {with(yaml, "height_world_m", "0\nnext_id: 1"), "next_id is there twice"},
+      {with(yaml, "noise_factor", "0.5"), "noise_factor = 0.5 is outside [1, 100]"},
+      {with(yaml, "next_id", id_1), at_1 + "id is not below next_id"},
+      {with(yaml, "world_level", "{x_m: 1, y_m: 2}"), "world_level: yaw_rad is missing"},
+      {with(yaml, "id", id_0, 2), "elements[1] (id " + id_0 + "): id does not grow"},
+      {with(yaml, "id", "0"), "id = 0 is outside"},
+      {with(yaml, "confirmed", "yes", 2), at_1_unread + "confirmed = yes is neither true nor false"},
+      {with(yaml, "confirmed", "true\n    colour: red", 2), at_1_unread + "colour is unknown"},
+      {with(yaml, "confirmed", "true\n    confirmed: true", 2), at_1_unread + "confirmed is there twice"},
+      {with(yaml, "p_moving", "1.5", 2), at_1 + "p_moving = 1.5 is outside [0, 1]"},
+      {with(yaml, "log_odds", "8", 2), at_1 + "log_odds = 8 is outside"},
+      {with(yaml, "last_seen_ns", std::to_string(snapshot.stamp_ns + 1)), at_0 + "last_seen_ns is after stamp_ns"},
+      {with(yaml, "first_seen_ns", "-2000000000000000000"), at_0 + "first_seen_ns is too long before stamp_ns"},
+      {with(yaml, "observations", "-1"), at_0 + "observations = -1 is negative"},
+      {with(yaml, "body", "77777"), at_0 + "body = 77777 is not there"},
+      {with(yaml, "body", id_0), at_0 + "body is the element itself"},
+      {with(yaml, "moving", state + "0.2, p_m: 0.3, q_m: 0}"), at_0 + "moving has a radius that is not positive"},
+      {with(yaml, "moving", state + "-0.2, p_m: 0, q_m: 0}"), at_0 + "moving has a radius that is not positive"},
+      {with(yaml, "moving", state + "0.2, p_m: 0}"), "elements[0]: moving: q_m is missing"},
+      {with(yaml, "moving", state + "0.2, p_m: 0, q_m: 0, r_m: 1}"), "elements[0]: moving: r_m is unknown"},
+      {with(yaml, "moving", "[1, 2]"), "elements[0]: moving: is no map"},
+      {replaced("[1, 0, 0, 0, 0, 0, 0]", good_row), "elements[0]: moving_covariance has a row"},
+      {replaced("[1, 0.5, 0, 0, 0, 0, 0, 0]", good_row), at_0 + "moving_covariance is not symmetric"},
+      {replaced("[1, 2, 0, 0, 0, 0, 0, 0]", "[2, 1, 0, 0, 0, 0, 0, 0]"),
+       at_0 + "moving_covariance is not positive semidefinite"},
+      {replaced("[-1, 0, 0, 0, 0, 0, 0, 0]", good_row), at_0 + "moving_covariance = -1 is outside"},
+      {replaced("[0, 0.1, 0, 0, 0, 0, 0, 0]", "[0.1, 1, 0, 0, 0, 0, 0, 0]"),
+       at_0 + "moving_covariance has a variance of zero with a covariance"},
+      {yaml.substr(0, yaml.find("elements:")) + "sha256: edited\n", "elements is missing"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: 3\nsha256: edited\n", "elements is no list"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: [3]\nsha256: edited\n", "elements[0]: is no map"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: &a [*a]\nsha256: edited\n", "elements[0]: is no map"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: []\n---\n3\nsha256: edited\n", "is not one YAML document"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: [\nsha256: edited\n", "not valid YAML"},
+      {yaml.substr(0, yaml.find("elements:")) + "elements: " + std::string(100'000, '[') + "\nsha256: edited\n",
+       "not valid YAML"},
+      {"sha256: edited\n", "cut off, or no map"},
+      {"", "cut off, or no map"},
+  };
+  EXPECT_EQ(refusal_of(replaced("[1, 0, 0, 0, 0, 0, 0, 0]", good_row)), "");
+  for (const Case& c : cases) {
+    EXPECT_EQ(refusal_of(c.yaml).rfind("a.yaml: ", 0), 0U) << c.says;
+    EXPECT_NE(refusal_of(c.yaml).find(c.says), std::string::npos) << refusal_of(c.yaml) << "\nshould say: " << c.says;
+    EXPECT_EQ(refusal_of(c.yaml).find('\n'), std::string::npos) << "one sentence: " << refusal_of(c.yaml);
+  }
+}
+
+TEST(MapFile, RefusesMoreThanAnyMapHas) {
+  MapSnapshot snapshot = snapshot_of(lively_map(20));
+  MapElement element = snapshot.elements[0];
+  element.id = snapshot.next_id = 1000;
+  while (snapshot.elements.size() <= map_bounds::kMaxElements) {
+    element.id = snapshot.next_id++;
+    snapshot.elements.push_back(element);
+  }
+  EXPECT_THROW(map_to_yaml(snapshot), std::invalid_argument);
+  EXPECT_THROW(ObjectMap{ObjectMapParams()}.restore(snapshot), std::invalid_argument);
+}
+
+TEST(MapFile, CanBeEditedByHand) {
+  const MapSnapshot snapshot = snapshot_of(lively_map(40));
+  const std::string yaml = with(map_to_yaml(snapshot), "log_odds", "2.25   # I am sure of it", 2);
+  EXPECT_NE(refusal_of(yaml).find("sha256: edited"), std::string::npos) << "the sentence says how";
+  const MapSnapshot read = map_from_yaml(edited(yaml), "a.yaml");
+  EXPECT_EQ(read.elements[1].log_odds, 2.25);
+  MapSnapshot expected = snapshot;
+  expected.elements[1].log_odds = 2.25;
+  EXPECT_EQ(map_to_yaml(read), map_to_yaml(expected)) << "and nothing else";
+}
+
+/// A folder of the test's own.
+class MapFileOnDisk : public testing::Test {
+ protected:
+  MapFileOnDisk() : folder_(testing::TempDir() + "map_file_test_" + std::to_string(::getpid())) {
+    std::filesystem::create_directories(folder_);
+  }
+  ~MapFileOnDisk() override { std::filesystem::remove_all(folder_); }
+
+  std::string file(const std::string& name) const { return folder_ + "/" + name; }
+  std::string content(const std::string& name) const {
+    std::ifstream stream(file(name), std::ios::binary);
+    return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  }
+  std::size_t files() const {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder_), std::filesystem::directory_iterator()));
+  }
+
+  std::string folder_;
+  const MapSnapshot small_ = snapshot_of(lively_map(10));
+  const MapSnapshot large_ = snapshot_of(lively_map(60));
+};
+
+TEST_F(MapFileOnDisk, IsSavedAndLoaded) {
+  save_map(file("a.yaml"), large_);
+  EXPECT_EQ(map_to_yaml(load_map(file("a.yaml"))), map_to_yaml(large_));
+  save_map(file("a.yaml"), small_);
+  EXPECT_EQ(content("a.yaml"), map_to_yaml(small_));
+  EXPECT_EQ(files(), 1U);
+}
+
+TEST_F(MapFileOnDisk, OnAFullDiskTheOldFileStays) {
+  save_map(file("a.yaml"), small_);
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  rlimit little = before;
+  little.rlim_cur = 5000;
+  const auto handler = signal(SIGXFSZ, SIG_IGN);
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &little), 0);
+  EXPECT_THROW(save_map(file("a.yaml"), large_), std::runtime_error);
+  setrlimit(RLIMIT_FSIZE, &before);
+  signal(SIGXFSZ, handler);
+  EXPECT_EQ(content("a.yaml"), map_to_yaml(small_));
+  EXPECT_EQ(files(), 1U);
+}
+
+TEST_F(MapFileOnDisk, AProcessKilledWhileItSavesLeavesAWholeFile) {
+  save_map(file("a.yaml"), small_);
+  const std::string small = map_to_yaml(small_);
+  const std::string large = map_to_yaml(large_);
+  Random random(1);
+  for (int i = 0; i < 30; ++i) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      for (;;) {
+        save_map(file("a.yaml"), large_);
+        save_map(file("a.yaml"), small_);
+      }
+    }
+    usleep(static_cast<useconds_t>(random.uniform(1000.0, 30'000.0)));
+    kill(child, SIGKILL);
+    waitpid(child, nullptr, 0);
+    const std::string found = content("a.yaml");
+    ASSERT_TRUE(found == small || found == large) << i;
+  }
+  save_map(file("a.yaml"), large_);
+  EXPECT_EQ(files(), 1U) << "what the killed ones left is gone";
+}
+
+TEST_F(MapFileOnDisk, ReplacesNothingButMaps) {
+  std::ofstream(file("thesis.tex")) << "years of work\n";
+  EXPECT_THROW(save_map(file("thesis.tex"), small_), std::runtime_error);
+  EXPECT_EQ(content("thesis.tex"), "years of work\n");
+  EXPECT_THROW(save_map(folder_, small_), std::runtime_error);
+  EXPECT_THROW(save_map(file("missing/a.yaml"), small_), std::runtime_error);
+  EXPECT_EQ(files(), 1U);
+}
+
+TEST_F(MapFileOnDisk, NamesTheFileThatCannotBeRead) {
+  const auto says = [](const std::string& path) {
+    try {
+      load_map(path);
+    } catch (const std::exception& error) {
+      return std::string(error.what()).rfind(path + ": ", 0) == 0;
+    }
+    return false;
+  };
+  EXPECT_TRUE(says(file("missing.yaml")));
+  EXPECT_TRUE(says(folder_));
+  EXPECT_TRUE(says("/dev/zero"));
+  std::ofstream(file("huge.yaml")) << "x";
+  std::filesystem::resize_file(file("huge.yaml"), std::uintmax_t{1} << 33);
+  EXPECT_TRUE(says(file("huge.yaml")));
+}
+
+}  // namespace
+}  // namespace situation_awareness
