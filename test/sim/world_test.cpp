@@ -2,19 +2,15 @@
 #include "situation_awareness/sim/world.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
-#include <filesystem>
 #include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
-#include <mujoco/mujoco.h>
 
+#include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/path.hpp"
 #include "situation_awareness/sim/periodic_spline.hpp"
@@ -22,43 +18,8 @@
 namespace situation_awareness {
 namespace {
 
-const std::string kWorlds = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/worlds/";
-
-/// A world file that lives as long as the test.
-class WorldFile {
- public:
-  explicit WorldFile(const std::string& text) {
-    std::string name = (std::filesystem::temp_directory_path() / "world_XXXXXX").string();
-    const int descriptor = mkstemp(name.data());
-    EXPECT_GE(descriptor, 0);
-    FILE* const file = fdopen(descriptor, "w");
-    std::fputs(text.c_str(), file);
-    std::fclose(file);
-    path_ = name;
-  }
-  ~WorldFile() { std::filesystem::remove(path_); }
-  WorldFile(const WorldFile&) = delete;
-  WorldFile& operator=(const WorldFile&) = delete;
-
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
-
 const std::string kRobot = R"(<body name="robot" mocap="true" pos="0 0 1.5"> <site name="lidar"/>
                                 <geom group="2" size="0.2"/> </body>)";
-
-std::string world_text(const std::string& bodies, const std::string& custom = "") {
-  return "<mujoco><compiler angle=\"radian\"/><custom>" + custom + "</custom><worldbody>" + bodies +
-         "</worldbody></mujoco>";
-}
-
-/// A standing object.
-std::string object_text(const std::string& name, const std::string& pose, const std::string& radii) {
-  return "<body name=\"" + name + "\" " + pose + "><geom type=\"ellipsoid\" group=\"1\" size=\"" + radii +
-         "\"/></body>";
-}
 
 /// A robot in brisk flight, with a scanner mounted aslant and upside down, and two objects.
 const std::string kBriskWorld = world_text(
@@ -80,13 +41,18 @@ double beam_angle(const Scan& scan, std::size_t beam) {
 }
 
 /// Everything moves: the robot, an object on a circle, and one that the first carries.
-const std::string kMovingWorld =
-    world_text(object_text("cart", "mocap=\"true\" pos=\"2 0 1\" euler=\"0 0 0.4\"", "0.3 0.15 1") +
-                   object_text("load", "mocap=\"true\" pos=\"0 0 1\" euler=\"0 0 0.9\"", "0.2 0.1 1") +
-                   R"(<body name="robot" mocap="true"> <site name="lidar" pos="0.1 -0.05 -0.2"/> </body>)",
-               R"(<text name="cart" data="circle center 0.5 0.5 radius 3 rate 0.9 tangent"/>
+std::string moving_world(const std::string& robot) {
+  return world_text(object_text("cart", "mocap=\"true\" pos=\"2 0 1\" euler=\"0 0 0.4\"", "0.3 0.15 1") +
+                        object_text("load", "mocap=\"true\" pos=\"0 0 1\" euler=\"0 0 0.9\"", "0.2 0.1 1"),
+                    R"(<text name="cart" data="circle center 0.5 0.5 radius 3 rate 0.9 tangent"/>
        <text name="load" data="with cart at -0.2 0.7 swing 0.3 period 1.1 phase 0.4 spin 0.8"/>
-       <text name="robot" data="loop speed 2.0 points 0 -1 1.5 0; 1 -1 1.7 1; 2 0.5 2.0 2; 1 1.5 1.6 3; -1 1 1.4 4"/>)");
+       <text name="robot" data="loop speed 2.0 points 0 -1 1.5 0; 1 -1 1.7 1; 2 0.5 2.0 2; 1 1.5 1.6 3; -1 1 1.4 4"/>)",
+                    robot);
+}
+
+const std::string kExactRobot =
+    R"(<worldbody> <body name="robot" mocap="true"> <site name="lidar" pos="0.1 -0.05 -0.2"/>
+                                     </body> </worldbody>)";
 
 /// Range at which a ray enters an infinite upright elliptic cylinder: the smaller root of
 /// |B (o + s d - c)|^2 = 1, where B = diag(1/rx, 1/ry) R(psi)^T acts in the plane.
@@ -123,24 +89,6 @@ Expected expected(const SimulatedScan& simulated, std::size_t beam) {
 }
 
 double tilt(const Eigen::Isometry3d& T_world_robot) { return std::acos(T_world_robot(2, 2)); }
-
-std::string error_of(const std::string& text) {
-  const WorldFile file(text);
-  try {
-    const World world(file.path(), {}, 0);
-  } catch (const std::runtime_error& error) {
-    const std::string what = error.what();
-    EXPECT_EQ(what.find(file.path() + ": "), 0U) << what;
-    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
-    return what;
-  }
-  return "no error";
-}
-
-void expect_error(const std::string& text, const std::string& part) {
-  const std::string what = error_of(text);
-  EXPECT_NE(what.find(part), std::string::npos) << what << "\n  lacks: " << part;
-}
 
 std::string path_error(const std::string& path, const PathOfBody& path_of_body = {}) {
   try {
@@ -210,8 +158,10 @@ TEST(SimulatedScan, RangesAndBeamCountsAreExactForATiltedRobotAndAnyMount) {
   EXPECT_GT(total[1], 1000);
 }
 
-TEST(SimulatedScan, EachBeamOfASweepSeesTheWorldAtItsOwnTime) {
-  const WorldFile file(kMovingWorld);
+class SweepOf : public testing::TestWithParam<std::string> {};
+
+TEST_P(SweepOf, EachBeamSeesTheWorldAtItsOwnTime) {
+  const WorldFile file(moving_world(GetParam()));
   SimulatedLidarParams lidar = without_noise();
   lidar.sweep_s = 0.04;
   World world(file.path(), lidar, 1);
@@ -244,6 +194,9 @@ TEST(SimulatedScan, EachBeamOfASweepSeesTheWorldAtItsOwnTime) {
   EXPECT_GT(total[0], 1000);
   EXPECT_GT(total[1], 1000);
 }
+
+INSTANTIATE_TEST_SUITE_P(Robots, SweepOf, testing::Values(kExactRobot, kQuadrotor),
+                         [](const auto& info) { return info.index == 0 ? "Exact" : "Flown"; });
 
 TEST(SimulatedScan, WhereNothingMovesASweepChangesNothing) {
   const WorldFile file(world_text(kRobot + object_text("post", "pos=\"2 0.5 1\"", "0.3 0.15 1")));
@@ -644,8 +597,7 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
                "object 'two' has more than one geom in group 1");
   expect_error(world_text(kRobot + "<body name=\"b\"><joint name=\"hinge\"/><geom size=\"1\"/></body>"),
                "joint 'hinge' cannot move");
-  expect_error(world_text(kRobot + post, "<text name=\"pots\" data=\"stand\"/>"),
-               "text 'pots' is the path of no object");
+  expect_error(world_text(kRobot + post, "<text name=\"pots\" data=\"stand\"/>"), "text 'pots' is the path of no body");
   expect_error(world_text(kRobot + post, "<text name=\"post\" data=\"stand\"/>"),
                "body 'post' has a path and so needs mocap");
   expect_error(world_text(kRobot, "<text name=\"robot\" data=\"circle center 1\"/>"),
@@ -694,67 +646,6 @@ TEST(World, RefusesBadScannersNamingFieldAndBound) {
 }
 
 // --- the demo world -------------------------------------------------------------------------------------------------
-
-std::vector<Eigen::Vector2d> outline(const Ellipse& ellipse) {
-  constexpr int kPoints = 64;
-  std::vector<Eigen::Vector2d> points;
-  for (int i = 0; i < kPoints; ++i) {
-    const double angle = 2.0 * kPi * i / kPoints;
-    points.push_back(ellipse.center_m +
-                     Eigen::Rotation2Dd(ellipse.psi_rad) *
-                         Eigen::Vector2d(ellipse.rx_m * std::cos(angle), ellipse.ry_m * std::sin(angle)));
-  }
-  return points;
-}
-
-struct Box {
-  Eigen::Vector2d center_m;
-  Eigen::Vector2d half_m;
-};
-
-/// The walls of a world, straight from the file; axis-parallel as they are there.
-std::vector<Box> walls_of(const std::string& path) {
-  std::array<char, 1000> error{};
-  mjModel* const model = mj_loadXML(path.c_str(), nullptr, error.data(), static_cast<int>(error.size()));
-  EXPECT_NE(model, nullptr) << error.data();
-  std::vector<Box> walls;
-  for (int i = 0; model != nullptr && i < model->ngeom; ++i) {
-    if (model->geom_type[i] != mjGEOM_BOX || model->geom_group[i] != 0) continue;
-    const mjtNum* const p = model->geom_pos + 3 * i;
-    const mjtNum* const s = model->geom_size + 3 * i;
-    walls.push_back({{p[0], p[1]}, {s[0], s[1]}});
-  }
-  mj_deleteModel(model);
-  return walls;
-}
-
-TEST(DemoWorld, EverythingKeepsClearOfEverythingElse) {
-  constexpr double kClearance_m = 0.4;
-  constexpr double kRobotRadius_m = 0.5;
-  const std::vector<Box> walls = walls_of(kWorlds + "demo.xml");
-  ASSERT_EQ(walls.size(), 6U);
-  const World world(kWorlds + "demo.xml", {}, 0);
-  for (double t = 0.0; t < 60.0; t += 0.25) {
-    std::vector<std::vector<Eigen::Vector2d>> outlines;
-    for (const Object& object : world.truth_at(t).objects) outlines.push_back(outline(object.ellipse_world));
-    const Eigen::Vector2d robot = world.robot_at(t).T_world_robot.translation().head<2>();
-    outlines.push_back(outline({robot, 0.0, kRobotRadius_m, kRobotRadius_m}));
-    for (std::size_t a = 0; a < outlines.size(); ++a) {
-      double to_others_m = std::numeric_limits<double>::infinity();
-      double to_walls_m = std::numeric_limits<double>::infinity();
-      for (const Eigen::Vector2d& p : outlines[a]) {
-        for (std::size_t b = 0; b < a; ++b) {
-          for (const Eigen::Vector2d& q : outlines[b]) to_others_m = std::min(to_others_m, (p - q).norm());
-        }
-        for (const Box& wall : walls) {
-          to_walls_m = std::min(to_walls_m, ((p - wall.center_m).cwiseAbs() - wall.half_m).cwiseMax(0.0).norm());
-        }
-      }
-      EXPECT_GT(to_others_m, kClearance_m) << "object " << a + 1 << " at " << t << " s";
-      EXPECT_GT(to_walls_m, kClearance_m) << "object " << a + 1 << " at " << t << " s";
-    }
-  }
-}
 
 TEST(DemoWorld, ShowsStandingAndMovingObjectsAndHidesThePoleForAWhile) {
   World world(kWorlds + "demo.xml", {}, 0);

@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "world_model.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
+
+#include "flight.hpp"
+
+namespace situation_awareness {
+namespace {
+
+std::mutex& mujoco_mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+void throw_text(const char* text) { throw std::runtime_error(text); }
+
+/// What MuJoCo says, on one line.
+std::string one_line(std::string text) {
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+/// The compiled file, and its bodies where it puts them.
+std::pair<ModelPtr, DataPtr> load(const std::string& mjcf_path) try {
+  const MujocoThrows guard;
+  std::array<char, 1000> complaint{};
+  ModelPtr model(mj_loadXML(mjcf_path.c_str(), nullptr, complaint.data(), static_cast<int>(complaint.size())));
+  if (!model || complaint[0] != '\0') throw std::runtime_error(complaint.data());
+  // Nothing collides: bodies keep clear of one another, and what moves on a path moves through anything.
+  model->opt.disableflags |= mjDSBL_CONTACT;
+  DataPtr data(mj_makeData(model.get()));
+  if (!data) throw std::runtime_error("not enough memory for its data");
+  mj_kinematics(model.get(), data.get());
+  return {std::move(model), std::move(data)};
+} catch (const std::runtime_error& error) {
+  throw std::runtime_error("MuJoCo refuses it: " + one_line(error.what()));
+}
+
+Eigen::Isometry3d isometry(const mjtNum* position, const mjtNum* rotation) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() = Eigen::Map<const Eigen::Vector3d>(position);
+  T.linear() = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rotation);
+  return T;
+}
+
+Eigen::Isometry3d body_pose(const mjData& data, int body) {
+  return isometry(data.xpos + 3 * body, data.xmat + 9 * body);
+}
+
+/// The path in the <text> named like the body, or where there is none an empty one.
+Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
+  const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
+  const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
+  if (text < 0) return {};
+  if (model.body_mocapid[body] < 0 && body_name != "robot") {
+    throw std::runtime_error("body '" + body_name + "' has a path and so needs mocap=\"true\"");
+  }
+  const Eigen::Isometry3d T_world_body = body_pose(data, body);
+  const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
+  try {
+    return parse_path(model.text_data + model.text_adr[text], T_world_body.translation(), yaw_rad, path_of_body);
+  } catch (const std::invalid_argument& error) {
+    throw std::runtime_error("the path of '" + body_name + "' " + error.what());
+  }
+}
+
+/// Finds the paths that others may move with.
+PathOfBody any_path(const mjModel& model, const mjData& data) {
+  return [&](const std::string& other) -> Path {
+    const int carrier = mj_name2id(&model, mjOBJ_BODY, other.c_str());
+    return carrier < 0 ? Path() : path_of(model, data, carrier);
+  };
+}
+
+WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
+  const int body = model.geom_bodyid[geom];
+  const std::string body_name = quoted_name(model, mjOBJ_BODY, body);
+  const auto refuse = [&](const std::string& reason) {
+    throw std::runtime_error("object " + body_name + " " + reason);
+  };
+  if (body == 0)
+    throw std::runtime_error("geom " + quoted_name(model, mjOBJ_GEOM, geom) + " is an object without a body");
+  if (mj_id2name(&model, mjOBJ_BODY, body) == nullptr) refuse("needs a name");
+  if (model.geom_type[geom] != mjGEOM_ELLIPSOID) refuse("is not of type ellipsoid");
+
+  const Eigen::Isometry3d T_world_body = body_pose(data, body);
+  const Eigen::Isometry3d T_world_geom = isometry(data.geom_xpos + 3 * geom, data.geom_xmat + 9 * geom);
+  if (!T_world_geom.isApprox(T_world_body, 1e-9)) refuse("has a geom with a pose of its own: put it on the body");
+  if (T_world_geom(2, 2) < 1.0 - 1e-9) refuse("is not upright");
+
+  WorldObject object;
+  object.name = mj_id2name(&model, mjOBJ_BODY, body);
+  object.geom = geom;
+  object.mocap = model.body_mocapid[body];
+  object.rx_m = model.geom_size[3 * geom];
+  object.ry_m = model.geom_size[3 * geom + 1];
+  object.path = path_of(model, data, body, any_path(model, data));
+  if (!object.path) {
+    const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
+    object.path = parse_path("stand", T_world_body.translation(), yaw_rad);
+  }
+  return object;
+}
+
+/// The objects, in the order of the file.
+std::vector<WorldObject> objects_of(const mjModel& model, const mjData& data) {
+  std::vector<WorldObject> objects;
+  for (int geom = 0; geom < model.ngeom; ++geom) {  // MuJoCo sorts geoms by body
+    if (model.geom_group[geom] != kObjectGroup) continue;
+    objects.push_back(object_of(model, data, geom));
+    if (objects.size() > 1 && objects[objects.size() - 2].name == objects.back().name) {
+      throw std::runtime_error("object '" + objects.back().name + "' has more than one geom in group 1");
+    }
+  }
+  return objects;
+}
+
+bool has_free_joint(const mjModel& model, int body) {
+  return model.body_jntnum[body] == 1 && model.jnt_type[model.body_jntadr[body]] == mjJNT_FREE;
+}
+
+int robot_body(const mjModel& model) {
+  const int robot = mj_name2id(&model, mjOBJ_BODY, "robot");
+  if (robot < 0) throw std::runtime_error("there is no body 'robot'");
+  if (model.body_mocapid[robot] < 0 && !has_free_joint(model, robot)) {
+    throw std::runtime_error(
+        "body 'robot' needs mocap=\"true\" to follow its path exactly, or <freejoint/> and motors");
+  }
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    if (model.body_rootid[model.geom_bodyid[geom]] == robot && model.geom_group[geom] <= kObjectGroup) {
+      throw std::runtime_error("geom " + quoted_name(model, mjOBJ_GEOM, geom) +
+                               " of 'robot' needs group=\"2\", which the scanner does not see");
+    }
+  }
+  return robot;
+}
+
+Eigen::Isometry3d lidar_mount(const mjModel& model, const mjData& data, int robot) {
+  const int lidar = mj_name2id(&model, mjOBJ_SITE, "lidar");
+  if (lidar < 0) throw std::runtime_error("there is no site 'lidar' on 'robot'");
+  if (model.body_rootid[model.site_bodyid[lidar]] != robot) throw std::runtime_error("site 'lidar' is not on 'robot'");
+  return body_pose(data, robot).inverse() * isometry(data.site_xpos + 3 * lidar, data.site_xmat + 9 * lidar);
+}
+
+/// The bodies that move on paths and bear nothing that the scanner sees.
+std::vector<WorldDecoration> decorations_of(const mjModel& model, const mjData& data, int robot) {
+  std::vector<WorldDecoration> decorations;
+  for (int body = 1; body < model.nbody; ++body) {
+    const char* const name = mj_id2name(&model, mjOBJ_BODY, body);
+    if (body == robot || name == nullptr || mj_name2id(&model, mjOBJ_TEXT, name) < 0) continue;
+    bool is_object = false, is_scenery = false;
+    for (int geom = 0; geom < model.ngeom; ++geom) {
+      if (model.body_rootid[model.geom_bodyid[geom]] != body) continue;
+      is_object = is_object || model.geom_group[geom] == kObjectGroup;
+      is_scenery = is_scenery || model.geom_group[geom] == kSceneryGroup;
+    }
+    if (is_scenery) {
+      throw std::runtime_error("body '" + std::string(name) + "' moves and has a geom in group 0, where nothing does");
+    }
+    if (!is_object)
+      decorations.push_back({model.body_mocapid[body], path_of(model, data, body, any_path(model, data))});
+  }
+  return decorations;
+}
+
+void check_elements(const mjModel& model, int robot) {
+  for (int joint = 0; joint < model.njnt; ++joint) {
+    if (model.jnt_bodyid[joint] == robot) continue;
+    throw std::runtime_error("joint " + quoted_name(model, mjOBJ_JOINT, joint) +
+                             " cannot move: things move on paths, by mocap bodies");
+  }
+  if (model.njnt == 0 && model.nu > 0) {
+    throw std::runtime_error("motor " + quoted_name(model, mjOBJ_ACTUATOR, 0) +
+                             " has nothing to move: 'robot' has no free joint");
+  }
+  for (int text = 0; text < model.ntext; ++text) {
+    const std::string name = mj_id2name(&model, mjOBJ_TEXT, text);
+    const bool known = name == "robot" || mj_name2id(&model, mjOBJ_BODY, name.c_str()) >= 0;
+    if (!known) throw std::runtime_error("text '" + name + "' is the path of no body");
+  }
+}
+
+double robot_drag(const mjModel& model) {
+  const int numeric = mj_name2id(&model, mjOBJ_NUMERIC, "robot_drag");
+  if (numeric < 0) return 0.0;
+  const double drag_1_s = model.numeric_data[model.numeric_adr[numeric]];
+  if (!(drag_1_s >= 0.0 && drag_1_s <= 10.0)) throw std::runtime_error("numeric 'robot_drag' is outside [0, 10] 1/s");
+  return drag_1_s;
+}
+
+}  // namespace
+
+MujocoThrows::MujocoThrows() : lock_(mujoco_mutex()), error_(mju_user_error), warning_(mju_user_warning) {
+  mju_user_error = throw_text;
+  mju_user_warning = throw_text;
+}
+
+MujocoThrows::~MujocoThrows() {
+  mju_user_error = error_;
+  mju_user_warning = warning_;
+}
+
+std::string quoted_name(const mjModel& model, mjtObj type, int id) {
+  const char* const name = mj_id2name(&model, type, id);
+  return name != nullptr ? "'" + std::string(name) + "'" : "number " + std::to_string(id) + " (without a name)";
+}
+
+WorldModel::WorldModel(const std::string& mjcf_path) try {
+  std::tie(model_, data_) = load(mjcf_path);
+  objects_ = objects_of(*model_, *data_);
+  robot_ = robot_body(*model_);
+  robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
+  robot_path_ = path_of(*model_, *data_, robot_);
+  robot_drag_1_s_ = robot_drag(*model_);
+  T_robot_lidar_ = lidar_mount(*model_, *data_, robot_);
+  decorations_ = decorations_of(*model_, *data_, robot_);
+  check_elements(*model_, robot_);
+  if (model_->body_mocapid[robot_] < 0) {
+    const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
+    Path path = robot_path_ ? robot_path_ : parse_path("stand", T.translation(), std::atan2(T(1, 0), T(0, 0)));
+    flight_ = std::make_unique<Flight>(*model_, robot_, std::move(path), robot_drag_1_s_);
+  }
+} catch (const std::runtime_error& error) {
+  throw std::runtime_error(mjcf_path + ": " + error.what());
+}
+
+WorldModel::~WorldModel() = default;
+
+RobotState WorldModel::robot_at(double time_s) const {
+  if (flight_) return flight_->at(time_s);
+  return robot_path_ ? multirotor_state(robot_path_(time_s), robot_drag_1_s_) : robot_at_rest_;
+}
+
+void WorldModel::set_mocap(int mocap, const Eigen::Vector3d& position_world, const Eigen::Quaterniond& q_world) {
+  Eigen::Map<Eigen::Vector3d>(data_->mocap_pos + 3 * mocap) = position_world;
+  Eigen::Map<Eigen::Vector4d>(data_->mocap_quat + 4 * mocap) << q_world.w(), q_world.vec();
+}
+
+void WorldModel::move_along(int mocap, const Path& path, double time_s) {
+  const PathState state = path(time_s);
+  set_mocap(mocap, state.position_m, Eigen::Quaterniond(Eigen::AngleAxisd(state.yaw_rad, Eigen::Vector3d::UnitZ())));
+}
+
+void WorldModel::place(double time_s, const Eigen::Isometry3d& T_world_robot) {
+  for (const WorldObject& object : objects_) {
+    if (object.mocap >= 0) move_along(object.mocap, object.path, time_s);
+  }
+  const Eigen::Quaterniond q_world_robot(T_world_robot.linear());
+  if (flight_) {
+    Eigen::Map<Eigen::Vector3d>(data_->qpos) = T_world_robot.translation();
+    Eigen::Map<Eigen::Vector4d>(data_->qpos + 3) << q_world_robot.w(), q_world_robot.vec();
+  } else {
+    set_mocap(model_->body_mocapid[robot_], T_world_robot.translation(), q_world_robot);
+  }
+  mj_kinematics(model_.get(), data_.get());
+}
+
+void WorldModel::place_decorations(double time_s) {
+  for (const WorldDecoration& decoration : decorations_) move_along(decoration.mocap, decoration.path, time_s);
+  mj_kinematics(model_.get(), data_.get());
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A world as its file says: shared by what scans it and what draws it. Private to sim/, because it shows MuJoCo.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include <mujoco/mujoco.h>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/sim/multirotor.hpp"
+#include "situation_awareness/sim/path.hpp"
+
+namespace situation_awareness {
+
+// Geom groups of a world file; what is higher is decoration, which the scanner does not see.
+constexpr int kSceneryGroup = 0;  // MuJoCo's default: walls, floor
+constexpr int kObjectGroup = 1;   // the objects' ellipsoids
+
+struct DeleteModel {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+};
+struct DeleteData {
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+using ModelPtr = std::unique_ptr<mjModel, DeleteModel>;
+using DataPtr = std::unique_ptr<mjData, DeleteData>;
+
+/// Turns what MuJoCo calls errors and warnings into exceptions for as long as it lives. By default MuJoCo ends the
+/// process or writes MUJOCO_LOG.TXT. Its handlers, and the model it loaded last, are globals: hence the lock.
+class MujocoThrows {
+ public:
+  MujocoThrows();
+  ~MujocoThrows();
+  MujocoThrows(const MujocoThrows&) = delete;
+  MujocoThrows& operator=(const MujocoThrows&) = delete;
+
+ private:
+  std::lock_guard<std::mutex> lock_;
+  void (*error_)(const char*);
+  void (*warning_)(const char*);
+};
+
+/// The element's name in quotes, or its number where it has none.
+std::string quoted_name(const mjModel& model, mjtObj type, int id);
+
+/// An elliptic cylinder of the world.
+struct WorldObject {
+  std::string name;
+  int geom = -1;
+  int mocap = -1;  // -1: cannot move
+  double rx_m = 0.0;
+  double ry_m = 0.0;
+  Path path;
+};
+
+/// Something that moves and that only a camera sees.
+struct WorldDecoration {
+  int mocap = -1;
+  Path path;
+};
+
+class Flight;
+
+/// A world file, loaded and checked, and where everything in it is at any time.
+class WorldModel {
+ public:
+  /// Throws std::runtime_error naming the file, the element and what is wrong with it.
+  explicit WorldModel(const std::string& mjcf_path);
+  ~WorldModel();
+
+  mjModel& model() { return *model_; }
+  mjData& data() { return *data_; }
+  const std::vector<WorldObject>& objects() const { return objects_; }
+  const Eigen::Isometry3d& T_robot_lidar() const { return T_robot_lidar_; }
+
+  RobotState robot_at(double time_s) const;
+
+  /// Put the objects where they are at that time, and the robot where it is said to be.
+  void place(double time_s, const Eigen::Isometry3d& T_world_robot);
+
+  /// Put the moving decoration where it is at that time; what scans need not.
+  void place_decorations(double time_s);
+
+ private:
+  void set_mocap(int mocap, const Eigen::Vector3d& position_world, const Eigen::Quaterniond& q_world);
+  void move_along(int mocap, const Path& path, double time_s);
+
+  ModelPtr model_;
+  DataPtr data_;
+  std::vector<WorldObject> objects_;
+  std::vector<WorldDecoration> decorations_;
+  int robot_ = -1;
+  RobotState robot_at_rest_;  // where the robot is if it has no path
+  Path robot_path_;
+  double robot_drag_1_s_ = 0.0;
+  std::unique_ptr<Flight> flight_;  // of a robot that is flown; one that follows its path exactly has none
+  Eigen::Isometry3d T_robot_lidar_;
+};
+
+}  // namespace situation_awareness

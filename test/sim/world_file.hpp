@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+
+inline const std::string kWorlds = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/worlds/";
+
+/// A world file that lives as long as the test.
+class WorldFile {
+ public:
+  explicit WorldFile(const std::string& text) {
+    std::string name = (std::filesystem::temp_directory_path() / "world_XXXXXX").string();
+    const int descriptor = mkstemp(name.data());
+    EXPECT_GE(descriptor, 0);
+    FILE* const file = fdopen(descriptor, "w");
+    std::fputs(text.c_str(), file);
+    std::fclose(file);
+    path_ = name;
+  }
+  ~WorldFile() { std::filesystem::remove(path_); }
+  WorldFile(const WorldFile&) = delete;
+  WorldFile& operator=(const WorldFile&) = delete;
+
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+/// `more` is for sections besides the custom one and that of the bodies.
+inline std::string world_text(const std::string& bodies, const std::string& custom = "", const std::string& more = "") {
+  return "<mujoco><compiler angle=\"radian\"/><custom>" + custom + "</custom>" + more + "<worldbody>" + bodies +
+         "</worldbody></mujoco>";
+}
+
+/// A standing object.
+inline std::string object_text(const std::string& name, const std::string& pose, const std::string& radii) {
+  return "<body name=\"" + name + "\" " + pose + "><geom type=\"ellipsoid\" group=\"1\" size=\"" + radii +
+         "\"/></body>";
+}
+
+inline std::string text_of_file(const std::string& path) {
+  std::ostringstream text;
+  text << std::ifstream(path).rdbuf();
+  return text.str();
+}
+
+/// `text` with its only `from` replaced.
+inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t place = text.find(from);
+  EXPECT_NE(place, std::string::npos) << from;
+  EXPECT_EQ(text.find(from, place + 1), std::string::npos) << from;
+  return text.replace(place, from.size(), to);
+}
+
+/// The sections of the robot that is flown by motors, as worlds include them.
+inline const std::string kQuadrotor = [] {
+  std::string text = text_of_file(kWorlds + "parts/quadrotor.xml");
+  text.erase(0, text.find("<mujocoinclude>") + 15);
+  return text.erase(text.find("</mujocoinclude>"));
+}();
+
+/// What loading a world of this text complains of: one line that begins with the file.
+inline std::string error_of(const std::string& text) {
+  const WorldFile file(text);
+  try {
+    const World world(file.path(), {}, 0);
+  } catch (const std::runtime_error& error) {
+    const std::string what = error.what();
+    EXPECT_EQ(what.find(file.path() + ": "), 0U) << what;
+    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+    return what;
+  }
+  return "no error";
+}
+
+inline void expect_error(const std::string& text, const std::string& part) {
+  const std::string what = error_of(text);
+  EXPECT_NE(what.find(part), std::string::npos) << what << "\n  lacks: " << part;
+}
+
+}  // namespace situation_awareness
