@@ -117,13 +117,14 @@ class SegmentationNodelet : public StageNodelet {
     for (; !without_transform_.empty(); without_transform_.pop_front()) {
       const Waiting& waiting = without_transform_.front();
       try {
+        // Transforms come in order: where a later scan has its own, that of an earlier one will not come. They come at
+        // any time, on another thread, so the later scan is asked about first.
+        const bool overtaken = without_transform_.size() > 1 && has_transform(*without_transform_.back().msg);
         std::string why;
         if (has_transform(*waiting.msg, &why)) {
           backlog_->add(waiting.msg, waiting.arrival);
           continue;
         }
-        // Transforms come in order: where a later scan has its own, that of an earlier one will not come.
-        const bool overtaken = without_transform_.size() > 1 && has_transform(*without_transform_.back().msg);
         if (!overtaken && ros::WallTime::now() - waiting.since < timeout) return;
         diagnostics_->dropped(drop_reason::kNoTransform, why);
       } catch (const std::exception& error) {
