@@ -45,6 +45,11 @@ if(SITUATION_AWARENESS_SIM)
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 endif()
 
+# What docs/parameters.md is made by.
+add_executable(parameter_reference tools/parameter_reference.cpp)
+situation_awareness_target(parameter_reference)
+target_link_libraries(parameter_reference PRIVATE ${PROJECT_NAME}_ros)
+
 install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelets
   LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
