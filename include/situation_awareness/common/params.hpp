@@ -15,6 +15,7 @@ struct Bounds {
 
 namespace detail {
 
+/// The visitor of check_bounds.
 struct CheckBounds {
   std::string section;
 

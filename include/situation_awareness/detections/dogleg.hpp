@@ -45,6 +45,7 @@ struct DoglegParams {
   void validate() const;
 };
 
+/// What fit_dogleg found.
 struct DoglegFit {
   Ellipse ellipse_level;  ///< canonical; radii within the bounds
   double cost = 0.0;      ///< half the sum of squared residuals

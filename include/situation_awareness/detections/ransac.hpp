@@ -37,6 +37,7 @@ struct RansacParams {
   void validate() const;
 };
 
+/// What fit_ransac found.
 struct RansacFit {
   DoglegFit refined;                 ///< on the inliers
   std::vector<std::size_t> inliers;  ///< of the best candidate, growing indices of the points

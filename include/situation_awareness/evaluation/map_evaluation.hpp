@@ -15,6 +15,7 @@
 
 namespace situation_awareness {
 
+/// What counts as a match, as visible and as hidden, where a map is judged by the truth.
 struct MapEvaluationParams {
   double max_match_distance_m = 0.5;  ///< centres farther apart are not the same object; also GOSPA's cut-off
   int visible_beams = 5;              ///< a true object hit by at least this many beams is visible

@@ -24,6 +24,7 @@ enum class SegmentCase {
   kTwo,       ///< two ellipses so close together that they make one segment
 };
 
+/// A segment drawn at random, with the truth about it.
 struct SyntheticSegment {
   Segments segments;                     ///< with one segment, in a level frame
   std::optional<Ellipse> ellipse_level;  ///< the truth, canonical; none if the segment is not one ellipse

@@ -23,6 +23,7 @@ std::string yaml_from_volume(const std::vector<HalfSpace>& volume);
 /// Throws std::invalid_argument if the text is anything else than such a list; its numbers are not looked at.
 std::vector<HalfSpace> volume_from_yaml(const std::string& yaml);
 
+/// Which hits are of interest.
 struct RangeLimiterParams {
   double min_range_m = 0.1;
   double max_range_m = 10.0;

@@ -17,6 +17,7 @@ enum class BeamState : std::uint8_t {
   kInvalid,   ///< no information (REP-117: NaN, or a range that the sensor's own limits exclude)
 };
 
+/// What one beam of a scan says, and how far it went.
 struct Beam {
   float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside, else 0
   BeamState state = BeamState::kInvalid;

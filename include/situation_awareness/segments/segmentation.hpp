@@ -7,6 +7,7 @@
 
 namespace situation_awareness {
 
+/// Which hits are one thing, and which things are structure (walls, cabinets) rather than objects.
 struct SegmentationParams {
   double max_gap_m = 0.2;
   double max_range_gap_m = 0.2;

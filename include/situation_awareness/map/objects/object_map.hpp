@@ -22,6 +22,7 @@
 
 namespace situation_awareness {
 
+/// How objects move, how far detections and poses can be trusted, and when an element is on the map.
 struct ObjectMapParams {
   std::string shape = "ellipse";
   double acceleration_sigma_m_s2 = 0.4;

@@ -7,6 +7,7 @@
 
 namespace situation_awareness {
 
+/// Red, green and blue in [0, 1].
 struct Color {
   float r, g, b;
 };
