@@ -37,6 +37,7 @@ function(situation_awareness_node name source)
   install(TARGETS ${name} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 endfunction()
 
+situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(map_bag src/ros/tools/map_bag.cpp)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
 if(SITUATION_AWARENESS_SIM)

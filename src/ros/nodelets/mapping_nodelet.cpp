@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// detections  ->  map, markers (for the eye)
+// detections  ->  map, markers (for the eye), downlink/map (for other hosts)
 #include <memory>
 
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/MappingConfig.h"
+#include "situation_awareness/common/rate_limit.hpp"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
@@ -29,6 +30,9 @@ class MappingNodelet : public StageNodelet {
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_publisher_ = node.advertise<EllipseMap>("map", 20);
     markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("markers", 5);
+    // A queue of one: what a broken link holds up is out of date when it comes back.
+    downlink_publisher_ = node.advertise<EllipseMap>("downlink/map", 1);
+    downlink_limit_ = std::make_unique<RateLimit>(params.downlink_rate_hz);
     backlog_ = std::make_unique<Backlog<DetectionArray>>(node, *diagnostics_,
                                                          [this](const DetectionArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
@@ -55,7 +59,10 @@ class MappingNodelet : public StageNodelet {
       diagnostics_->counted(update.reasons);
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
       const Objects objects = map_->at(detections.stamp_ns);
-      map_publisher_.publish(boost::make_shared<EllipseMap>(objects_to_msg(objects, msg->header.frame_id)));
+      const auto map_msg = boost::make_shared<const EllipseMap>(objects_to_msg(objects, msg->header.frame_id));
+      map_publisher_.publish(map_msg);
+      const auto now_ns = static_cast<std::int64_t>(ros::SteadyTime::now().toNSec());
+      if (downlink_limit_->passes(now_ns)) downlink_publisher_.publish(map_msg);
       if (markers_publisher_.getNumSubscribers() > 0) {
         markers_publisher_.publish(
             boost::make_shared<visualization_msgs::MarkerArray>(markers_.update(objects, msg->header.frame_id)));
@@ -71,7 +78,8 @@ class MappingNodelet : public StageNodelet {
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<Backlog<DetectionArray>> backlog_;
   ObjectMarkers markers_{MarkerStyle::kEstimate};
-  ros::Publisher map_publisher_, markers_publisher_;
+  std::unique_ptr<RateLimit> downlink_limit_;
+  ros::Publisher map_publisher_, markers_publisher_, downlink_publisher_;
   ros::Subscriber subscriber_;
 };
 

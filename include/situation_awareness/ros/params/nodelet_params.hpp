@@ -15,6 +15,7 @@ struct NodeletParams {
   double tf_timeout_s = 0.5;
   bool deskew = true;
   int queue_size = 20;
+  double downlink_rate_hz = 5.0;
   std::string model_folder;  ///< where models are looked for; empty: models/ of this package
   ObjectPipelineParams pipeline;
 
@@ -29,6 +30,8 @@ struct NodeletParams {
           "the last beam as well, for up to a period of TF longer");
     visit("queue_size", self.queue_size, Bounds{1, 1000}, "scans",
           "how many may wait for their transforms; of more, the newest takes the place of the one before it");
+    visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
+          "how often downlink/map is sent at most, in wall time");
     visit("model_folder", self.model_folder,
           "where the detector's network is looked for; empty: models/ of this package");
   }

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// downlink/map of a robot on another host  ->  ground/map, ground/markers for all that run on this one
+#include <chrono>
+#include <string>
+
+#include <ros/callback_queue.h>
+#include <ros/ros.h>
+#include <boost/asio/ip/tcp.hpp>
+
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/markers/object_markers.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const ros::WallDuration kPatience(2.0);  ///< without a map, until it asks for the cause
+constexpr std::chrono::seconds kAnswerTime(1);
+constexpr int kDatagramBytes = 1400;  ///< with all headers less than an Ethernet frame
+
+/// UDP, because a datagram after a broken link arrives at once: TCP waits for its next retransmission, which may take
+/// as long as the link was down, and then delivers what is out of date. Drawn here, markers need no link at all, and
+/// none that should be taken away is ever lost.
+class GroundMap {
+ public:
+  explicit GroundMap(const ros::NodeHandle& node) : node_(node) {
+    map_ = node_.advertise<EllipseMap>("ground/map", 1);
+    markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/markers", 5);
+    subscribe();
+  }
+
+  /// A link that is back may be one that the robot has given up, or the robot's nodes may be new ones that could not
+  /// tell us. The master knows, but a call to it blocks for as long as the link is down: so see first if it answers.
+  void look_after_link() {
+    if (ros::SteadyTime::now() - alive_at_ < kPatience) return;
+    boost::asio::ip::tcp::iostream master;
+    master.expires_after(kAnswerTime);
+    master.connect(ros::master::getHost(), std::to_string(ros::master::getPort()));
+    if (master) {
+      subscriber_.shutdown();
+      subscribe();
+    }
+    alive_at_ = ros::SteadyTime::now();
+  }
+
+ private:
+  void subscribe() {
+    subscriber_ = node_.subscribe("downlink/map", 1, &GroundMap::on_map, this,
+                                  ros::TransportHints().unreliable().maxDatagramSize(kDatagramBytes));
+  }
+
+  void on_map(const EllipseMapConstPtr& msg) {
+    alive_at_ = ros::SteadyTime::now();
+    map_.publish(msg);
+    if (markers_.getNumSubscribers() == 0) return;
+    try {
+      markers_.publish(draw_.update(objects_from_msg(*msg), msg->header.frame_id));
+    } catch (const std::exception& error) {
+      ROS_WARN_STREAM_THROTTLE(5.0, ros::this_node::getName() << ": a map that cannot be drawn: " << error.what());
+    }
+  }
+
+  ros::NodeHandle node_;
+  ros::Publisher map_, markers_;
+  ros::Subscriber subscriber_;
+  ros::SteadyTime alive_at_ = ros::SteadyTime::now();
+  ObjectMarkers draw_{MarkerStyle::kEstimate};
+};
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "ground");
+  const ros::NodeHandle node;
+  situation_awareness::GroundMap ground(node);
+  while (ros::ok()) {
+    ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.1));
+    ground.look_after_link();
+  }
+  return 0;
+}
