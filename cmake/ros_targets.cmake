@@ -5,6 +5,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
+  src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/pace.cpp

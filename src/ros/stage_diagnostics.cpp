@@ -73,7 +73,9 @@ void StageDiagnostics::report(diagnostic_updater::DiagnosticStatusWrapper& statu
   const std::uint64_t new_processed = processed_ - reported_processed_;
   const std::uint64_t new_dropped = dropped - reported_dropped_;
 
-  if (received_ == 0) {
+  if (paused_) {
+    status.summary(DiagnosticStatus::WARN, "paused");
+  } else if (received_ == 0) {
     status.summary(DiagnosticStatus::WARN, "no input yet");
   } else if (new_received == 0 && new_processed == 0) {
     status.summary(DiagnosticStatus::WARN, "no input");

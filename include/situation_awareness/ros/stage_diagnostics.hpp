@@ -28,6 +28,9 @@ class StageDiagnostics {
   /// Adds to what is counted but no fault (why elements were deleted, why segments were no ellipse).
   void counted(const Counters& counters);
 
+  /// What comes is passed over on purpose, from now on or no longer.
+  void pause(bool paused) { paused_ = paused; }
+
   /// Output for the input of `stamp` went out; work on it began at `start`.
   void processed(const ros::Time& stamp, const ros::WallTime& start);
 
@@ -35,6 +38,7 @@ class StageDiagnostics {
   void report(diagnostic_updater::DiagnosticStatusWrapper& status);
 
   std::string name_;
+  bool paused_ = false;
   std::uint64_t received_ = 0;
   std::uint64_t processed_ = 0;
   Counters dropped_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/objects.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -38,8 +39,9 @@ EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame
     Eigen::Map<RowMajor8d>(element.covariance.data()) = object.covariance;
     element.p_moving = object.p_moving;
     element.p_exists = object.p_exists;
-    element.first_seen = to_ros_time(object.first_seen_ns);
-    element.last_seen = to_ros_time(object.last_seen_ns);
+    // A loaded map may know of times before this clock's first.
+    element.first_seen = to_ros_time(std::max<std::int64_t>(object.first_seen_ns, 0));
+    element.last_seen = to_ros_time(std::max<std::int64_t>(object.last_seen_ns, 0));
     element.observations = static_cast<std::uint32_t>(object.observations);
     element.beams = static_cast<std::uint32_t>(object.beams);
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // detections  ->  map, markers (for the eye), downlink/map (for other hosts)
 #include <memory>
+#include <string>
 
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
@@ -10,6 +11,8 @@
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
@@ -26,6 +29,7 @@ class MappingNodelet : public StageNodelet {
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    world_frame_ = params.world_frame;
     map_ = std::make_unique<ObjectMap>(params.pipeline.objects);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_publisher_ = node.advertise<EllipseMap>("map", 20);
@@ -33,6 +37,8 @@ class MappingNodelet : public StageNodelet {
     // A queue of one: what a broken link holds up is out of date when it comes back.
     downlink_publisher_ = node.advertise<EllipseMap>("downlink/map", 1);
     downlink_limit_ = std::make_unique<RateLimit>(params.downlink_rate_hz);
+    services_ = std::make_unique<MapServices>(node, getPrivateNodeHandle(), getName(), world_frame_, *map_,
+                                              *diagnostics_, [this](const Objects& objects) { publish(objects); });
     backlog_ = std::make_unique<Backlog<DetectionArray>>(node, *diagnostics_,
                                                          [this](const DetectionArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
@@ -48,6 +54,10 @@ class MappingNodelet : public StageNodelet {
 
   void process(const DetectionArrayConstPtr& msg) {
     const ros::WallTime start = ros::WallTime::now();
+    if (services_->paused()) return diagnostics_->counted({{"passed over while paused", 1}});
+    if (tf2_frame(msg->header.frame_id) != world_frame_) {
+      return diagnostics_->dropped(drop_reason::kBadMessage, "detections in the frame " + msg->header.frame_id);
+    }
     Detections detections;
     try {
       detections = detections_from_msg(*msg);
@@ -58,24 +68,28 @@ class MappingNodelet : public StageNodelet {
       const ObjectMapUpdate update = map_->update(detections);
       diagnostics_->counted(update.reasons);
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
-      const Objects objects = map_->at(detections.stamp_ns);
-      const auto map_msg = boost::make_shared<const EllipseMap>(objects_to_msg(objects, msg->header.frame_id));
-      map_publisher_.publish(map_msg);
-      const auto now_ns = static_cast<std::int64_t>(ros::SteadyTime::now().toNSec());
-      if (downlink_limit_->passes(now_ns)) downlink_publisher_.publish(map_msg);
-      if (markers_publisher_.getNumSubscribers() > 0) {
-        markers_publisher_.publish(
-            boost::make_shared<visualization_msgs::MarkerArray>(markers_.update(objects, msg->header.frame_id)));
-      }
+      publish(map_->at(detections.stamp_ns));
       diagnostics_->processed(msg->header.stamp, start);
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
   }
 
+  void publish(const Objects& objects) {
+    const auto map_msg = boost::make_shared<const EllipseMap>(objects_to_msg(objects, world_frame_));
+    map_publisher_.publish(map_msg);
+    const auto now_ns = static_cast<std::int64_t>(ros::SteadyTime::now().toNSec());
+    if (downlink_limit_->passes(now_ns)) downlink_publisher_.publish(map_msg);
+    if (markers_publisher_.getNumSubscribers() == 0) return;
+    markers_publisher_.publish(
+        boost::make_shared<visualization_msgs::MarkerArray>(markers_.update(objects, world_frame_)));
+  }
+
+  std::string world_frame_;
   std::unique_ptr<ObjectMap> map_;
   std::unique_ptr<Live> live_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
+  std::unique_ptr<MapServices> services_;
   std::unique_ptr<Backlog<DetectionArray>> backlog_;
   ObjectMarkers markers_{MarkerStyle::kEstimate};
   std::unique_ptr<RateLimit> downlink_limit_;

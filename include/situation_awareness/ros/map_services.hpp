@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <ros/node_handle.h>
+#include <ros/service_server.h>
+#include <ros/timer.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+
+#include "situation_awareness/GetMap.h"
+#include "situation_awareness/LoadMap.h"
+#include "situation_awareness/SaveMap.h"
+#include "situation_awareness/map/objects/object_map.hpp"
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+/// What the mapping nodelet does on request (docs/ros.md, "Services"). Lives on the callback queue of its node handles,
+/// so it needs no lock; `map` and `diagnostics` must outlive it.
+class MapServices {
+ public:
+  /// Publishes what the map has become, at once.
+  using Publish = std::function<void(const Objects&)>;
+
+  MapServices(const ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name,
+              const std::string& world_frame, ObjectMap& map, StageDiagnostics& diagnostics, Publish publish);
+
+  /// The map is to stay as it is.
+  bool paused() const { return paused_; }
+
+ private:
+  void advertise();
+  std::string reset();
+  std::string pause(bool paused);
+  EllipseMap map_at(const ros::Time& stamp) const;
+  std::string save(const std::string& file) const;
+  std::string load(const std::string& file);
+
+  ros::NodeHandle node_, private_node_;
+  std::string name_, world_frame_;
+  ObjectMap& map_;
+  StageDiagnostics& diagnostics_;
+  Publish publish_;
+  bool paused_ = false;
+  ros::WallTimer start_;
+  std::vector<ros::ServiceServer> servers_;
+};
+
+}  // namespace situation_awareness
