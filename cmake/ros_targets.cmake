@@ -14,6 +14,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
   src/ros/scan_check.cpp
+  src/ros/simulation.cpp
   src/ros/stage_diagnostics.cpp)
 situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
@@ -45,6 +46,11 @@ if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+  if(TARGET ${PROJECT_NAME}_camera)
+    situation_awareness_node(camera src/ros/nodes/camera.cpp ${PROJECT_NAME}_camera)
+    install(TARGETS ${PROJECT_NAME}_camera LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+      ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+  endif()
 endif()
 
 # What docs/parameters.md is made by.

@@ -2,7 +2,6 @@
 // A simulated world in place of a robot: /clock, TF, odometry and scan, and the truth that a map is judged by.
 #include <algorithm>
 #include <atomic>
-#include <filesystem>
 #include <optional>
 
 #include <nav_msgs/Odometry.h>
@@ -18,15 +17,13 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
-#include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
 namespace {
 
-// To ROS a time of zero means "not started" on /clock and "the latest" in TF, so simulations begin later.
-constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;
 constexpr int kPosesPerScan = 5;   ///< TF and /clock come this much faster than scans
 constexpr int kMaxScansAhead = 3;  ///< of the map, when running as fast as it goes
 
@@ -54,12 +51,6 @@ SimulatorParams read_simulator_params(ParamReader reader) {
     throw std::invalid_argument("clock = false is the wall clock: it needs rate = 1 and /use_sim_time = false");
   }
   return params;
-}
-
-/// A path as it is, a name as that of a world of this package.
-std::string world_file(const std::string& world) {
-  if (world.find('/') != std::string::npos || std::filesystem::path(world).extension() == ".xml") return world;
-  return package_folder() + "/models/worlds/" + world + ".xml";
 }
 
 class Simulator {
@@ -179,7 +170,7 @@ class Simulator {
   }
 
   SimulatorParams params_;
-  std::int64_t start_ns_ = kStart_ns;  ///< stamp of the first scan
+  std::int64_t start_ns_ = kSimulationStart_ns;  ///< stamp of the first scan
   SimulatedLidarParams lidar_;
   World world_;
   ros::Publisher clock_, odometry_, scan_, truth_, markers_;

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+namespace situation_awareness {
+
+/// Rows from the top, three bytes (red, green, blue) per pixel.
+struct Picture {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> rgb;
+};
+
+/// A camera of a world as MuJoCo draws it, without a screen (EGL, in software where there is no GPU). It draws what the
+/// file says of shapes and colours, which is more than the scanner sees. Use it from one thread.
+class CameraView {
+ public:
+  /// Throws std::runtime_error where the file is no world, has no camera of that name, or nothing can be drawn here;
+  /// std::invalid_argument for sizes outside [16, 4096].
+  CameraView(const std::string& mjcf_path, const std::string& camera, int width, int height);
+  ~CameraView();
+
+  /// The world at that time, with the robot where it is said to be.
+  Picture at(double time_s, const Eigen::Isometry3d& T_world_robot);
+
+  /// Where the camera was when it last looked: z ahead, x to the right and y down in the picture.
+  const Eigen::Isometry3d& T_world_camera() const;
+
+  /// Focal length in pixels, the same in both directions; the optical axis meets the picture's centre.
+  double focal_length_px() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A camera of the simulated world, for people to watch: draws the world as it is at the stamps of the simulator's
+// odometry. A process of its own, so that the simulation waits for no picture; pictures that come too late are not
+// drawn.
+#include <cmath>
+#include <limits>
+
+#include <nav_msgs/Odometry.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/image_encodings.h>
+#include <tf2_ros/transform_broadcaster.h>
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/sim/camera_view.hpp"
+
+namespace situation_awareness {
+namespace {
+
+struct CameraParams {
+  std::string world, camera, world_frame, camera_frame;
+  int width = 640, height = 480;
+  double rate_hz = 10.0;  ///< pictures per simulated second, at most
+};
+
+CameraParams read_camera_params(ParamReader reader) {
+  CameraParams params;
+  params.world = reader.take_text("world", "demo");
+  params.camera = reader.take_text("camera", "overview");
+  params.width = reader.take_integer("width", params.width, Bounds{16, 4096}, "");
+  params.height = reader.take_integer("height", params.height, Bounds{16, 4096}, "");
+  params.rate_hz = reader.take_number("rate_hz", params.rate_hz, Bounds{0.1, 100.0}, "Hz");
+  params.world_frame = reader.take_text("world_frame", "world");
+  params.camera_frame = reader.take_text("camera_frame", "camera");
+  reader.refuse_rest();
+  return params;
+}
+
+class Camera {
+ public:
+  Camera(ros::NodeHandle node, const CameraParams& params)
+      : params_(params), view_(world_file(params.world), params.camera, params.width, params.height) {
+    image_ = node.advertise<sensor_msgs::Image>("camera/image", 2);
+    info_ = node.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 2);
+    odometry_ = node.subscribe("odometry", 1, &Camera::on_odometry, this, ros::TransportHints().tcpNoDelay());
+  }
+
+ private:
+  void on_odometry(const nav_msgs::OdometryConstPtr& msg) try {
+    const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
+    const auto period_ns = static_cast<std::int64_t>(1e9 / params_.rate_hz);
+    const std::int64_t picture = stamp_ns / period_ns;
+    if (picture == last_picture_) return;
+    if (image_.getNumSubscribers() == 0 && info_.getNumSubscribers() == 0) return;
+    last_picture_ = picture;
+
+    geometry_msgs::Transform pose;
+    pose.translation.x = msg->pose.pose.position.x;
+    pose.translation.y = msg->pose.pose.position.y;
+    pose.translation.z = msg->pose.pose.position.z;
+    pose.rotation = msg->pose.pose.orientation;
+    const Picture drawn = view_.at(1e-9 * static_cast<double>(stamp_ns - kSimulationStart_ns), isometry_from_msg(pose));
+    publish(drawn, stamp_ns);
+  } catch (const std::exception& error) {
+    ROS_ERROR_STREAM_THROTTLE(5.0, ros::this_node::getName() << ": " << error.what());
+  }
+
+  void publish(const Picture& drawn, std::int64_t stamp_ns) {
+    const auto tf = transform_to_msg(view_.T_world_camera(), stamp_ns, params_.world_frame, params_.camera_frame);
+    tf_.sendTransform(tf);
+    sensor_msgs::Image image;
+    image.header.stamp = tf.header.stamp;
+    image.header.frame_id = params_.camera_frame;
+    image.width = static_cast<std::uint32_t>(drawn.width);
+    image.height = static_cast<std::uint32_t>(drawn.height);
+    image.encoding = sensor_msgs::image_encodings::RGB8;
+    image.step = 3 * image.width;
+    image.data = drawn.rgb;
+
+    sensor_msgs::CameraInfo info;
+    info.header = image.header;
+    info.width = image.width;
+    info.height = image.height;
+    info.distortion_model = "plumb_bob";
+    info.D.assign(5, 0.0);
+    const double f = view_.focal_length_px(), u = 0.5 * drawn.width, v = 0.5 * drawn.height;
+    info.K = {f, 0.0, u, 0.0, f, v, 0.0, 0.0, 1.0};
+    info.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
+    info.P = {f, 0.0, u, 0.0, 0.0, f, v, 0.0, 0.0, 0.0, 1.0, 0.0};
+    info_.publish(info);
+    image_.publish(image);
+  }
+
+  CameraParams params_;
+  CameraView view_;
+  std::int64_t last_picture_ = std::numeric_limits<std::int64_t>::min();
+  ros::Publisher image_, info_;
+  ros::Subscriber odometry_;
+  tf2_ros::TransformBroadcaster tf_;
+};
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "camera");
+  ros::NodeHandle node;  // outlives the handler below: without a node there is no log
+  const ros::NodeHandle private_node("~");
+  try {
+    const situation_awareness::Camera camera(
+        node, situation_awareness::read_camera_params(situation_awareness::ParamReader(private_node)));
+    ros::spin();
+  } catch (const std::exception& error) {
+    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
+    return 1;
+  }
+  return 0;
+}

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Pictures of a world as one of its cameras sees it, at chosen times: for documents, and for films.
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <stdexcept>
+#include <string>
+
+#include "options.hpp"
+#include "situation_awareness/sim/camera_view.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kUsage =
+    "usage: world_pictures --world FILE.xml --out PREFIX [options]\n"
+    "\n"
+    "Draws a world (models/worlds/README.md) into PREFIX0000.ppm, PREFIX0001.ppm, ...\n"
+    "\n"
+    "  --camera NAME          of the world (overview)\n"
+    "  --from S               time of the first picture (0)\n"
+    "  --every S              time from one to the next (0.1)\n"
+    "  --frames N             how many (1)\n"
+    "  --width N --height N   of a picture, in pixels (640 x 480)\n"
+    "  --help                 this text\n";
+
+double number(const std::string& option, const std::string& text) {
+  std::size_t end = 0;
+  double value = NAN;
+  try {
+    value = std::stod(text, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  if (end == 0 || end != text.size() || !(value >= 0.0 && value <= 1e6)) {
+    throw UsageError(option + " needs a number from 0 to 1e6, not " + text);
+  }
+  return value;
+}
+
+void write_ppm(const std::string& path, const Picture& picture) {
+  std::ofstream stream(path, std::ios::binary);
+  stream << "P6\n" << picture.width << ' ' << picture.height << "\n255\n";
+  stream.write(reinterpret_cast<const char*>(picture.rgb.data()), static_cast<std::streamsize>(picture.rgb.size()));
+  stream.close();
+  if (!stream) throw std::runtime_error(path + ": cannot be written");
+}
+
+int run(int argc, char** argv) {
+  std::string world_file, out, camera = "overview";
+  double from_s = 0.0, every_s = 0.1, frames = 1.0, width = 640.0, height = 480.0;
+  const auto number_into = [](double& place) {
+    return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
+  };
+  const bool help = read_options(argc, argv,
+                                 {{"--world", into(world_file)},
+                                  {"--out", into(out)},
+                                  {"--camera", into(camera)},
+                                  {"--from", number_into(from_s)},
+                                  {"--every", number_into(every_s)},
+                                  {"--frames", number_into(frames)},
+                                  {"--width", number_into(width)},
+                                  {"--height", number_into(height)}});
+  if (help) {
+    std::printf("%s", kUsage);
+    return 0;
+  }
+  require("--world", world_file);
+  require("--out", out);
+  const World world(world_file, {}, 0);
+  CameraView view(world_file, camera, static_cast<int>(width), static_cast<int>(height));
+  for (int i = 0; i < static_cast<int>(frames); ++i) {
+    const double time_s = from_s + i * every_s;
+    std::array<char, 16> name{};
+    std::snprintf(name.data(), name.size(), "%04d.ppm", i);
+    write_ppm(out + name.data(), view.at(time_s, world.robot_at(time_s).T_world_robot));
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) try {
+  return situation_awareness::run(argc, argv);
+} catch (const situation_awareness::UsageError& error) {
+  std::fprintf(stderr, "world_pictures: %s\n\n%s", error.what(), situation_awareness::kUsage);
+  return 2;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "world_pictures: %s\n", error.what());
+  return 1;
+}
