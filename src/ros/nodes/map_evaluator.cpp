@@ -2,10 +2,14 @@
 // Compares `map` with `truth` stamp by stamp, prints a table and says by its exit code whether the bounds were met.
 #include <cstdio>
 #include <map>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include <ros/ros.h>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/evaluation/bodies.hpp"
 #include "situation_awareness/evaluation/map_evaluation.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
@@ -39,7 +43,7 @@ class Evaluator {
 
   /// Prints table and verdict; true if the bounds were met.
   bool report() const {
-    const MapScore score = evaluation_.score();
+    const MapScore score = evaluation_ ? evaluation_->score() : MapScore{};
     std::printf("%s", format_table(score, names_).c_str());
     bool met = true;
     const auto judge = [&met](const char* what, double value, double bound, const char* unit) {
@@ -60,11 +64,18 @@ class Evaluator {
 
  private:
   void on_truth(const EllipseMapConstPtr& msg) {
-    for (const MappedEllipse& element : msg->ellipses) {
-      if (!element.label.empty()) names_[element.id] = element.label;
-    }
+    if (!evaluation_) begin(*msg);
     truths_[msg->header.stamp] = msg;
     compare();
+  }
+
+  /// The parts of a person are one object.
+  void begin(const EllipseMap& truth) {
+    std::vector<std::string> labels;
+    for (const MappedEllipse& element : truth.ellipses) labels.push_back(element.label);
+    const std::vector<Body> bodies = bodies_of(labels);
+    for (const Body& body : bodies) names_[truth.ellipses.at(body.parts.front()).id] = body.name;
+    evaluation_.emplace(MapEvaluationParams{}, bodies);
   }
 
   void on_map(const EllipseMapConstPtr& msg) {
@@ -80,7 +91,7 @@ class Evaluator {
         ++map;
         continue;
       }
-      evaluation_.add(objects_from_msg(*truth->second), objects_from_msg(*map->second));
+      evaluation_->add(objects_from_msg(*truth->second), objects_from_msg(*map->second));
       if (first_.isZero()) first_ = map->first;
       if (params_.duration_s > 0.0 && (map->first - first_).toSec() >= params_.duration_s) return ros::shutdown();
       truths_.erase(truths_.begin(), std::next(truth));  // stamps grow: earlier ones are over
@@ -95,7 +106,7 @@ class Evaluator {
   }
 
   EvaluatorParams params_;
-  MapEvaluation evaluation_;
+  std::optional<MapEvaluation> evaluation_;
   std::map<ros::Time, EllipseMapConstPtr> truths_, maps_;  ///< without their counterpart yet
   std::map<std::uint64_t, std::string> names_;
   ros::Time first_;
