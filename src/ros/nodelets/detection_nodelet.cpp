@@ -11,6 +11,7 @@
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
+#include "situation_awareness/ros/master_watch.hpp"
 #include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -26,6 +27,7 @@ class DetectionNodelet : public StageNodelet {
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     detector_ = make_detector(params.pipeline.detections);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
@@ -62,6 +64,7 @@ class DetectionNodelet : public StageNodelet {
       publisher_.publish(boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id)));
       diagnostics_->counted(detections.refused);
       diagnostics_->processed(msg->header.stamp, start);
+      master_->worked();
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
@@ -71,6 +74,7 @@ class DetectionNodelet : public StageNodelet {
   std::unique_ptr<ProbableDetector> detector_;
   std::unique_ptr<Live> live_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
+  std::unique_ptr<MasterWatch> master_;
   std::unique_ptr<MapSubscriber> map_;
   std::unique_ptr<Backlog<SegmentArray>> backlog_;
   ros::Publisher publisher_;

@@ -14,6 +14,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/master_watch.hpp"
 #include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -30,6 +31,7 @@ class MappingNodelet : public StageNodelet {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     const NodeletParams params = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
     world_frame_ = params.world_frame;
+    master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     map_ = std::make_unique<ObjectMap>(params.pipeline.objects);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     map_publisher_ = node.advertise<EllipseMap>("map", 20);
@@ -70,6 +72,7 @@ class MappingNodelet : public StageNodelet {
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
       publish(map_->at(detections.stamp_ns));
       diagnostics_->processed(msg->header.stamp, start);
+      master_->worked();
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
@@ -90,6 +93,7 @@ class MappingNodelet : public StageNodelet {
   std::unique_ptr<Live> live_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<MapServices> services_;
+  std::unique_ptr<MasterWatch> master_;
   std::unique_ptr<Backlog<DetectionArray>> backlog_;
   ObjectMarkers markers_{MarkerStyle::kEstimate};
   std::unique_ptr<RateLimit> downlink_limit_;

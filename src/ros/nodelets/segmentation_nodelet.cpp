@@ -20,6 +20,7 @@
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
+#include "situation_awareness/ros/master_watch.hpp"
 #include "situation_awareness/ros/params/live_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -44,6 +45,7 @@ class SegmentationNodelet : public StageNodelet {
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
     params_ = read_nodelet_params(ParamReader(getPrivateNodeHandle()));
+    master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     const bool own_thread = true;
@@ -167,12 +169,14 @@ class SegmentationNodelet : public StageNodelet {
           boost::make_shared<sensor_msgs::PointCloud2>(segments_to_cloud(segments, params_.world_frame)));
     }
     diagnostics_->processed(msg.header.stamp, start);
+    master_->worked();
   }
 
   NodeletParams params_;
   std::unique_ptr<Live> live_;
   std::unique_ptr<StampOrder> order_;
   std::unique_ptr<StageDiagnostics> diagnostics_;
+  std::unique_ptr<MasterWatch> master_;
   tf2_ros::Buffer tf_;
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::deque<Waiting> without_transform_;

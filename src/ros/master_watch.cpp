@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/master_watch.hpp"
+
+#include <chrono>
+#include <exception>
+
+#include <ros/console.h>
+#include <ros/init.h>
+#include <ros/master.h>
+#include <ros/param.h>
+#include <ros/this_node.h>
+#include <ros/time.h>
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kSimulatedTime = "/use_sim_time";
+
+/// Of the master that answers just now; empty if none does. ros::param::get would wait for one.
+std::string run_id() {
+  XmlRpc::XmlRpcValue request, response, payload;
+  request[0] = ros::this_node::getName();
+  request[1] = "/run_id";
+  const bool wait_for_master = false;
+  if (!ros::master::execute("getParam", request, response, payload, wait_for_master)) return "";
+  return payload.getType() == XmlRpc::XmlRpcValue::TypeString ? static_cast<std::string>(payload) : "";
+}
+
+}  // namespace
+
+MasterWatch::MasterWatch(const ros::NodeHandle& private_node)
+    : private_node_(private_node), run_id_(run_id()), simulated_time_(ros::Time::isSimTime()), worked_at_ns_(now_ns()) {
+  private_node_.getParam(private_node_.getNamespace(), parameters_);
+  thread_ = std::thread([this] { watch(); });
+}
+
+MasterWatch::~MasterWatch() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopped_ = true;
+  }
+  stop_.notify_all();
+  thread_.join();
+}
+
+std::int64_t MasterWatch::now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
+      .count();
+}
+
+void MasterWatch::watch() {
+  const auto period = std::chrono::duration<double>(kPeriod_s);
+  bool at_new_master = false;
+  std::unique_lock<std::mutex> lock(mutex_);
+  while (!stop_.wait_for(lock, period, [this] { return stopped_; })) {
+    lock.unlock();
+    try {
+      const std::string id = run_id();
+      if (!id.empty() && run_id_.empty()) run_id_ = id;
+      if (!id.empty() && id != run_id_) {
+        run_id_ = id;
+        at_new_master = true;
+        give_parameters_back();
+        ROS_WARN_STREAM(private_node_.getNamespace() << ": a new master was started, which does not know this node; "
+                                                        "work goes on over the links there are");
+      } else if (at_new_master && 1e-9 * static_cast<double>(now_ns() - worked_at_ns_) > kIdle_s) {
+        ROS_FATAL_STREAM(private_node_.getNamespace() << ": no work comes any more and a new master was started: "
+                                                         "ending, to be started again at the new one");
+        ros::requestShutdown();
+        return;
+      }
+    } catch (const std::exception& error) {
+      ROS_WARN_STREAM(private_node_.getNamespace() << ": " << error.what());
+    }
+    lock.lock();
+  }
+}
+
+void MasterWatch::give_parameters_back() const {
+  const std::string& name = private_node_.getNamespace();
+  if (parameters_.valid() && !ros::param::has(name)) ros::param::set(name, parameters_);
+  if (simulated_time_ && !ros::param::has(kSimulatedTime)) ros::param::set(kSimulatedTime, true);
+}
+
+}  // namespace situation_awareness
