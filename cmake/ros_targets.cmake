@@ -53,6 +53,7 @@ if(SITUATION_AWARENESS_SIM)
       ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
   endif()
 endif()
+include(cmake/ros_bridges.cmake)
 
 # What docs/parameters.md is made by.
 add_executable(parameter_reference tools/parameter_reference.cpp)
@@ -63,7 +64,7 @@ install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelet
   LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
-  FILES_MATCHING PATTERN *.hpp)
+  FILES_MATCHING PATTERN *.hpp PATTERN bridges EXCLUDE)  # those need messages of other packages
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Of the scripts none: they build and test a source tree.

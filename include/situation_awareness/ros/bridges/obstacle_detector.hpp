@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include <obstacle_detector/Obstacles.h>
+
+#include "situation_awareness/EllipseMap.h"
+
+namespace situation_awareness {
+
+/// The map as users of obstacle_detector know it: circles around the ellipses, no segments, which the map has not.
+/// `true_radius` is the longer semi-axis; `radius` has the position's 95 % uncertainty as its margin.
+inline obstacle_detector::Obstacles circles_from_map(const EllipseMap& map) {
+  constexpr double kChiSquare95 = 5.991464547107979;  // 95 % quantile, two degrees of freedom
+  obstacle_detector::Obstacles result;
+  result.header = map.header;
+  for (const MappedEllipse& element : map.ellipses) {
+    const double xx = element.covariance[0], xy = element.covariance[1], yy = element.covariance[9];
+    const double largest_variance = 0.5 * (xx + yy) + std::hypot(0.5 * (xx - yy), xy);
+    obstacle_detector::CircleObstacle circle;
+    circle.center = element.pose.position;
+    circle.velocity = element.twist.linear;
+    circle.true_radius = element.rx;
+    circle.radius = element.rx + std::sqrt(kChiSquare95 * std::max(largest_variance, 0.0));
+    result.circles.push_back(circle);
+  }
+  return result;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// map  ->  obstacles, for what takes costmap_converter/ObstacleArrayMsg
+#include <ros/ros.h>
+
+#include "situation_awareness/ros/bridges/costmap_converter.hpp"
+
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  ros::init(argc, argv, "costmap_converter_bridge");
+  ros::NodeHandle node;
+  const ros::Publisher obstacles = node.advertise<costmap_converter::ObstacleArrayMsg>("obstacles", 5);
+  const ros::Subscriber map = node.subscribe<EllipseMap>(
+      "map", 1, [&](const EllipseMapConstPtr& msg) { obstacles.publish(obstacle_array_from_map(*msg)); });
+  ros::spin();
+  return 0;
+}
