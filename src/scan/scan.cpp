@@ -8,10 +8,9 @@
 namespace situation_awareness {
 namespace {
 
-// Within these, azimuths grow from beam to beam whatever the attitude, and rounding leaves them apart.
+// Within these, rounding leaves the azimuths of neighbouring beams apart.
 constexpr double kMaxFirstAngle_rad = 100.0;
 constexpr double kMinIncrement_rad = 1e-6;
-constexpr double kMaxIncrement_rad = radians(150.0);
 
 }  // namespace
 
@@ -30,10 +29,11 @@ const char* scan_defect(std::size_t beams, double angle_min_rad, double angle_in
   if (angle_increment_rad == 0.0) return "angle increment of zero";
   if (std::abs(angle_min_rad) > kMaxFirstAngle_rad) return "first angle too large";
   if (std::abs(angle_increment_rad) < kMinIncrement_rad) return "angle increment too small";
-  if (std::abs(angle_increment_rad) > kMaxIncrement_rad) return "angle increment too large";
   // Rounded increments of a full circle add up to a little more than one revolution.
   const double sweep_rad = std::abs(angle_increment_rad) * static_cast<double>(beams - 1);
   if (sweep_rad > 2.0 * kPi * (1.0 + 1e-4)) return "scan of more than one revolution";
+  // Which of two neighbours is to the right of the other could not be said.
+  if (std::abs(angle_increment_rad) > kPi) return "angle increment of more than half a turn";
   return "";
 }
 

@@ -39,7 +39,7 @@ struct Scan {
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m);
 
 /// Why a scan cannot be used at all: empty text if it can. Checked: at least two beams, finite angles, an increment
-/// between a millionth of a radian and 150 degrees, and not more than one revolution.
+/// between a millionth of a radian and half a turn, and not more than one revolution.
 const char* scan_defect(std::size_t beams, double angle_min_rad, double angle_increment_rad);
 const char* scan_defect(const Scan& scan);
 
