@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import unittest
+import xml.etree.ElementTree as ElementTree
 
 TEST = pathlib.Path(__file__).resolve().parent
 SOURCE = TEST.parents[1]
@@ -87,7 +88,17 @@ class InstallTest(unittest.TestCase):
                 if path.is_file():
                     self.assertTrue((PACKAGE / path.relative_to(SOURCE)).is_file(), f"{path} is not installed")
 
-    def test_3_a_simulated_flight_makes_a_map(self):
+    def test_3_plugins_are_found_with_and_without_a_workspace(self):
+        exports = ElementTree.parse(PACKAGE / "package.xml").getroot().findall("export/*[@plugin]")
+        self.assertTrue(exports)
+        for export in exports:
+            description = pathlib.Path(export.get("plugin").replace("${prefix}", str(PACKAGE)))
+            library = ElementTree.parse(description).getroot().get("path")
+            # Below /usr pluginlib asks the loader for the bare name: a folder in front of it would not be found there.
+            self.assertNotIn("/", library, str(description))
+            self.assertTrue((PREFIX / "lib" / f"{library}.so").is_file(), str(description))
+
+    def test_4_a_simulated_flight_makes_a_map(self):
         bag = pathlib.Path(self.work.name) / "flight.bag"
         command = ["roslaunch", "-p", str(self.port), "situation_awareness", "sim.launch", "world:=demo", "rviz:=false"]
         launch = subprocess.Popen(command, env=self.environment, cwd=self.work.name, stdout=subprocess.PIPE,
@@ -113,7 +124,7 @@ class InstallTest(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertTrue(json.loads(out.read_text(encoding="utf-8").splitlines()[-1])["objects"], result.stderr)
 
-    def test_4_another_package_builds_against_it(self):
+    def test_5_another_package_builds_against_it(self):
         build = pathlib.Path(self.work.name) / "consumer"
         for command in (["cmake", "-S", str(TEST / "consumer"), "-B", str(build)], ["cmake", "--build", str(build)]):
             result = self.run_installed(*command, timeout=300)

@@ -1,0 +1,20 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""debian/control asks for every library that scripts/packages.txt lists for the build."""
+import pathlib
+import re
+import sys
+
+SOURCE = pathlib.Path(__file__).resolve().parents[2]
+TESTS_ONLY = {"libbenchmark-dev", "libclang-rt-14-dev", "libgtest-dev"}
+
+wanted = set()
+for line in (SOURCE / "scripts/packages.txt").read_text(encoding="utf-8").splitlines():
+    package = line.partition("#")[0].strip()
+    if package.endswith("-dev"):
+        wanted.add(package)
+control = (SOURCE / "debian/control").read_text(encoding="utf-8")
+build_depends = re.search(r"^Build-Depends:(.*?)^\S", control, re.MULTILINE | re.DOTALL).group(1)
+missing = wanted - TESTS_ONLY - {entry.split()[0] for entry in build_depends.split(",") if entry.strip()}
+if missing:
+    sys.exit("debian/control, Build-Depends, lacks " + ", ".join(sorted(missing)))
