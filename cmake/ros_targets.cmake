@@ -8,6 +8,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
+  src/ros/markers/object_shapes.cpp
   src/ros/master_watch.cpp
   src/ros/pace.cpp
   src/ros/params/live_params.cpp

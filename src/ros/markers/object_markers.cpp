@@ -4,22 +4,18 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
-
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
+#include "situation_awareness/ros/markers/object_shapes.hpp"
 
 namespace situation_awareness {
 namespace {
 
 using visualization_msgs::Marker;
 
-constexpr double kChiSquare95 = 5.991464547107979;  ///< 95 % quantile, two degrees of freedom
-constexpr double kMinSpeed_m_s = 0.05;
 constexpr double kBodyHeight_m = 0.3;
 constexpr Color kTruthColor{0.1F, 0.1F, 0.1F};
-constexpr Color kUncertaintyColor{0.85F, 0.1F, 0.1F};
 
 struct Style {
   MarkerStyle kind;
@@ -79,15 +75,6 @@ Marker body(const Style& style, const Object& object, std::int32_t id) {
   return m;
 }
 
-/// A velocity that its own uncertainty does not explain.
-bool moves(const Object& object) {
-  using namespace object_error;
-  const Eigen::Matrix2d covariance = object.covariance.block<2, 2>(kVelocity, kVelocity);
-  const double variance = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff();
-  const double speed_m_s = object.velocity_world_m_s.norm();
-  return speed_m_s > kMinSpeed_m_s && speed_m_s * speed_m_s > kChiSquare95 * variance;
-}
-
 Marker velocity(const Style& style, const Object& object, std::int32_t id) {
   const bool truth = style.kind == MarkerStyle::kTruth;
   Marker m = marker(style, "velocity", id, Marker::ARROW, truth ? kTruthColor : color_of(object.id), 1.0F);
@@ -112,15 +99,12 @@ Marker name(const Style& style, const Object& object, std::int32_t id, const std
 }
 
 Marker uncertainty(const Style& style, const Object& object, std::int32_t id) {
-  using namespace object_error;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver(object.covariance.block<2, 2>(kPosition, kPosition));
-  const Eigen::Vector2d radii_m = (kChiSquare95 * solver.eigenvalues().cwiseMax(0.0)).cwiseSqrt();
-  const Eigen::Vector2d major = solver.eigenvectors().col(1);  // eigenvalues grow
+  const Ellipse area = position_uncertainty(object);
   constexpr double kVisible_m = 0.005;
   Marker m = marker(style, "position_uncertainty", id, Marker::CYLINDER, kUncertaintyColor, 0.4F);
-  place(m, object.ellipse_world.center_m, style.height_m + 0.55 * kBodyHeight_m, std::atan2(major.y(), major.x()));
-  m.scale.x = 2.0 * std::max(radii_m.y(), kVisible_m);
-  m.scale.y = 2.0 * std::max(radii_m.x(), kVisible_m);
+  place(m, area.center_m, style.height_m + 0.55 * kBodyHeight_m, area.psi_rad);
+  m.scale.x = 2.0 * std::max(area.rx_m, kVisible_m);
+  m.scale.y = 2.0 * std::max(area.ry_m, kVisible_m);
   m.scale.z = 0.005;
   return m;
 }

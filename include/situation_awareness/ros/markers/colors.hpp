@@ -13,6 +13,9 @@ struct Color {
 };
 
 constexpr Color kStructureColor{0.55F, 0.55F, 0.55F};
+constexpr Color kUncertaintyColor{0.85F, 0.1F, 0.1F};
+constexpr Color kStandingColor{0.12F, 0.42F, 0.82F};
+constexpr Color kMovingColor{0.97F, 0.48F, 0.04F};
 
 /// A saturated colour for each number, far from those of its neighbours: hues advance by the golden ratio.
 inline Color color_of(std::uint64_t number) {
