@@ -1,0 +1,29 @@
+# What rviz loads: a display of the map and a panel. Its logic without Ogre and Qt is a library of its own, for the tests.
+if(NOT rviz_FOUND)
+  message(FATAL_ERROR "SITUATION_AWARENESS_RVIZ is ON, but rviz was not found")
+endif()
+find_package(Qt5 REQUIRED COMPONENTS Widgets)
+
+add_library(${PROJECT_NAME}_rviz_logic STATIC
+  src/ros/rviz/drawable_map.cpp
+  src/ros/rviz/knobs.cpp
+  src/ros/rviz/map_history.cpp
+  src/ros/rviz/map_mesh.cpp
+  src/ros/rviz/stage_board.cpp)
+situation_awareness_target(${PROJECT_NAME}_rviz_logic)
+target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
+
+add_library(${PROJECT_NAME}_rviz
+  src/ros/rviz/ellipse_map_display.cpp
+  src/ros/rviz/knob_form.cpp
+  src/ros/rviz/service_caller.cpp
+  src/ros/rviz/status_panel.cpp)
+situation_awareness_target(${PROJECT_NAME}_rviz)
+set_target_properties(${PROJECT_NAME}_rviz PROPERTIES AUTOMOC ON)
+target_compile_definitions(${PROJECT_NAME}_rviz PRIVATE QT_NO_KEYWORDS)  # Boost has signals of its own
+target_include_directories(${PROJECT_NAME}_rviz SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
+target_link_libraries(${PROJECT_NAME}_rviz PRIVATE ${PROJECT_NAME}_rviz_logic Qt5::Widgets ${rviz_LIBRARIES})
+
+install(TARGETS ${PROJECT_NAME}_rviz LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
+  ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(FILES rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

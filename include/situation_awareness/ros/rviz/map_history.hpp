@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <unordered_map>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/map/objects/objects.hpp"
+
+namespace situation_awareness {
+
+struct PathPoint {
+  std::int64_t stamp_ns;
+  Eigen::Vector2d position_world_m;
+};
+
+/// The way that each element of the map went of late. It goes with its element, and all of them where time goes back.
+class MapHistory {
+ public:
+  /// Adds a map, and forgets what is older than `length_s` before it.
+  void add(const Objects& map, double length_s);
+
+  /// From the oldest point to where the element is now; empty for an element that is not on the map.
+  const std::deque<PathPoint>& path(std::uint64_t id) const;
+
+  void clear() { paths_.clear(); }
+
+ private:
+  struct Path {
+    std::deque<PathPoint> points;
+    std::uint64_t last_map = 0;
+  };
+
+  std::unordered_map<std::uint64_t, Path> paths_;
+  std::uint64_t maps_ = 0;
+  std::int64_t stamp_ns_ = 0;
+};
+
+}  // namespace situation_awareness

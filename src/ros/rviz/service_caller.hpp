@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#ifndef Q_MOC_RUN
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include <QObject>
+#include <QString>
+#include <QTimer>
+
+#include <ros/node_handle.h>
+#include <ros/service.h>
+#endif
+
+namespace situation_awareness {
+
+/// Calls services one after the other in a thread beside that of the GUI. A call ends within kPatience_ms: it is then
+/// given up, and those that wait behind it are forgotten. Lives in the GUI's thread, where the answers are handed over.
+class ServiceCaller : public QObject {
+  Q_OBJECT
+
+ public:
+  static constexpr int kPatience_ms = 10'000;
+
+  explicit ServiceCaller(QObject* parent);
+  ~ServiceCaller() override;
+
+  /// `done` gets the answer, or none and why there is none.
+  template <class Service>
+  void call(const ros::NodeHandle& node, const std::string& name, const typename Service::Request& request,
+            std::function<void(const typename Service::Response*, const QString&)> done) {
+    auto service = std::make_shared<Service>();
+    service->request = request;
+    add({[node, name, service](Link& link) { return ask(node, name, *service, link); },
+         [service, done](const QString& error) { done(error.isEmpty() ? &service->response : nullptr, error); }});
+  }
+
+  bool busy() const { return thread_.joinable(); }
+
+ Q_SIGNALS:
+  void busy_changed(bool busy);
+
+ private:
+  /// The connection of the call under way, which another thread may cut.
+  struct Link {
+    std::mutex mutex;
+    bool cut = false;
+    ros::ServiceClient client;
+  };
+
+  struct Call {
+    std::function<QString(Link&)> ask;  ///< returns why there is no answer, or nothing
+    std::function<void(const QString&)> done;
+  };
+
+  template <class Service>
+  static QString ask(ros::NodeHandle node, const std::string& name, Service& service, Link& link) {
+    const QString shown = QString::fromStdString(name);
+    if (!ros::service::exists(node.resolveName(name), false)) return shown + " is not there";
+    // Only a persistent connection can be cut while one waits for the answer.
+    ros::ServiceClient client = node.serviceClient<Service>(name, true);
+    {
+      const std::lock_guard lock(link.mutex);
+      if (link.cut) return shown + ": given up";
+      link.client = client;
+    }
+    if (client.call(service)) return {};
+    const std::lock_guard lock(link.mutex);
+    return shown + (link.cut ? ": no answer, given up" : ": the call failed");
+  }
+
+  void add(Call call);
+  void start_next();
+  void finish(const QString& error);
+  void cut();
+
+  std::deque<Call> calls_;  ///< the first is under way
+  std::shared_ptr<Link> link_;
+  std::thread thread_;
+  QTimer patience_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,329 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "status_panel.hpp"
+
+#include <array>
+#include <exception>
+
+#include <QFileDialog>
+#include <QFormLayout>
+#include <QHBoxLayout>
+#include <QHeaderView>
+#include <QLabel>
+#include <QLineEdit>
+#include <QPainter>
+#include <QPixmap>
+#include <QPushButton>
+#include <QSplitter>
+#include <QTabWidget>
+#include <QTreeWidget>
+#include <QVBoxLayout>
+
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/LoadMap.h"
+#include "situation_awareness/SaveMap.h"
+
+namespace situation_awareness {
+namespace {
+
+constexpr int kSpinPeriod_ms = 50;
+constexpr int kShowPeriod_ms = 500;
+const char* const kMapFiles = "Maps (*.yaml);;All files (*)";
+
+enum StageColumn { kStage, kState, kRate, kLatency };
+
+QColor color_of(StageStatus::Level level) {
+  switch (level) {
+    case StageStatus::Level::kOk:
+      return {0x2e, 0x9e, 0x4f};
+    case StageStatus::Level::kWarn:
+      return {0xe0, 0x8a, 0x00};
+    case StageStatus::Level::kError:
+      return {0xcc, 0x22, 0x22};
+    case StageStatus::Level::kStale:
+      break;
+  }
+  return {0x88, 0x88, 0x88};
+}
+
+QIcon dot(const QColor& color) {
+  QPixmap pixmap(16, 16);
+  pixmap.fill(Qt::transparent);
+  QPainter painter(&pixmap);
+  painter.setRenderHint(QPainter::Antialiasing);
+  painter.setPen(Qt::NoPen);
+  painter.setBrush(color);
+  painter.drawEllipse(2, 2, 12, 12);
+  return QIcon(pixmap);
+}
+
+QString value_or_dash(const StageStatus& stage, const char* key) {
+  const auto value = stage.value(key);
+  return value && stage.level != StageStatus::Level::kStale ? QString::fromStdString(*value) : QString("–");
+}
+
+QTreeWidget* make_table(const char* name, const QStringList& columns) {
+  auto* table = new QTreeWidget;
+  table->setObjectName(name);
+  table->setHeaderLabels(columns);
+  table->setRootIsDecorated(false);
+  table->setAlternatingRowColors(true);
+  table->setUniformRowHeights(true);
+  return table;
+}
+
+}  // namespace
+
+StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
+  node_.setCallbackQueue(queue_.get());
+
+  namespace_ = new QLineEdit;
+  namespace_->setObjectName("namespace");
+  namespace_->setPlaceholderText("that of rviz; or /robot1");
+  auto* header = new QFormLayout;
+  header->addRow("Namespace", namespace_);
+  connect(namespace_, &QLineEdit::editingFinished, this, [this] {
+    if (!namespace_->isModified()) return;
+    namespace_->setModified(false);
+    connect_to_namespace();
+    Q_EMIT configChanged();
+  });
+
+  answer_ = new QLabel;
+  answer_->setObjectName("answer");
+  answer_->setWordWrap(true);
+  answer_->setTextInteractionFlags(Qt::TextSelectableByMouse);
+
+  auto* splitter = new QSplitter(Qt::Vertical);
+  splitter->addWidget(make_stages());
+  splitter->addWidget(make_knobs());
+  splitter->setChildrenCollapsible(false);
+  splitter->setStretchFactor(0, 1);
+  splitter->setSizes({300, 260});
+
+  auto* layout = new QVBoxLayout(this);
+  layout->setContentsMargins(6, 6, 6, 6);
+  layout->addLayout(header);
+  layout->addWidget(make_buttons());
+  layout->addWidget(answer_);
+  layout->addWidget(splitter, 1);
+
+  connect(&spin_timer_, &QTimer::timeout, this, &StatusPanel::spin);
+  connect(&show_timer_, &QTimer::timeout, this, &StatusPanel::show_stages);
+}
+
+StatusPanel::~StatusPanel() {
+  qDeleteAll(forms_);  // before the queue that their subscribers use
+}
+
+QWidget* StatusPanel::make_stages() {
+  stages_ = make_table("stages", {"Stage", "State", "Hz", "Latency ms"});
+  stages_->header()->setSectionResizeMode(QHeaderView::ResizeToContents);
+  stages_->header()->setSectionResizeMode(kState, QHeaderView::Stretch);
+  stages_->header()->setStretchLastSection(false);
+  for (const char* stage : kStages) new QTreeWidgetItem(stages_, {stage, "", "", ""});
+  for (int column : {kRate, kLatency}) stages_->headerItem()->setTextAlignment(column, Qt::AlignRight);
+  stages_->setFixedHeight(stages_->header()->sizeHint().height() + 3 * (stages_->fontMetrics().height() + 4) + 2);
+  stages_->setCurrentItem(stages_->topLevelItem(static_cast<int>(kStages.size()) - 1));
+
+  values_ = make_table("values", {"Value", ""});
+  values_->header()->setSectionResizeMode(0, QHeaderView::Stretch);
+  values_->header()->setSectionResizeMode(1, QHeaderView::ResizeToContents);
+  values_->header()->setStretchLastSection(false);
+  values_->setSelectionMode(QAbstractItemView::NoSelection);
+  connect(stages_, &QTreeWidget::currentItemChanged, this, &StatusPanel::show_stages);
+
+  auto* part = new QWidget;
+  auto* layout = new QVBoxLayout(part);
+  layout->setContentsMargins(0, 0, 0, 0);
+  layout->addWidget(stages_);
+  layout->addWidget(values_, 1);
+  return part;
+}
+
+QWidget* StatusPanel::make_buttons() {
+  auto* part = new QWidget;
+  auto* layout = new QHBoxLayout(part);
+  layout->setContentsMargins(0, 0, 0, 0);
+  const auto add = [this, layout](const char* name, const QString& text, const QString& tip,
+                                  void (StatusPanel::*slot)()) {
+    auto* button = new QPushButton(text);
+    button->setObjectName(name);
+    button->setToolTip(tip);
+    connect(button, &QPushButton::clicked, this, slot);
+    connect(&caller_, &ServiceCaller::busy_changed, button, &QPushButton::setDisabled);
+    layout->addWidget(button);
+    return button;
+  };
+  add("reset", "Reset", "Forget the map and start a new one", &StatusPanel::reset_map);
+  pause_ = add("pause", "Pause", "Keep the map as it is, or let it go on", &StatusPanel::toggle_pause);
+  add("save", "Save map…", "Write the map to a file on the host of the node", &StatusPanel::save_map);
+  add("load", "Load map…", "Replace the map by one of a file on the host of the node", &StatusPanel::load_map);
+  return part;
+}
+
+QWidget* StatusPanel::make_knobs() {
+  auto* tabs = new QTabWidget;
+  tabs->setDocumentMode(true);
+  for (const char* stage : kStages) {
+    forms_.push_back(new KnobForm(std::string(stage) + "/live", caller_, nullptr));
+    forms_.back()->setObjectName(stage);
+    connect(forms_.back(), &KnobForm::answered, this, &StatusPanel::show_answer);
+    tabs->addTab(forms_.back(), stage);
+  }
+  return tabs;
+}
+
+void StatusPanel::onInitialize() {
+  if (!board_) connect_to_namespace();
+  spin_timer_.start(kSpinPeriod_ms);
+  show_timer_.start(kShowPeriod_ms);
+}
+
+void StatusPanel::load(const rviz::Config& config) {
+  rviz::Panel::load(config);
+  QString name;
+  if (!config.mapGetString("Namespace", &name) || name == namespace_->text()) return;
+  namespace_->setText(name);
+  connect_to_namespace();
+}
+
+void StatusPanel::save(rviz::Config config) const {
+  rviz::Panel::save(config);
+  config.mapSetValue("Namespace", namespace_->text());
+}
+
+void StatusPanel::connect_to_namespace() {
+  try {
+    ros::NodeHandle node(namespace_->text().trimmed().toStdString());
+    node.setCallbackQueue(queue_.get());
+    std::array<std::string, kStages.size()> names;
+    for (std::size_t i = 0; i < kStages.size(); ++i) names[i] = node.resolveName(kStages[i]).substr(1);
+    board_ = std::make_unique<StageBoard>(names);
+    node_ = node;
+    diagnostics_ = node_.subscribe<diagnostic_msgs::DiagnosticArray>(
+        "/diagnostics", 100,
+        [this](const diagnostic_msgs::DiagnosticArrayConstPtr& msg) { board_->receive(*msg, now_s()); });
+    for (KnobForm* form : forms_) form->connect_to(node_);
+    paused_ = false;
+    show_answer(true, "");
+  } catch (const std::exception& error) {
+    show_answer(false, error.what());
+  }
+  show_stages();
+}
+
+double StatusPanel::now_s() const {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+}
+
+void StatusPanel::spin() {
+  try {
+    queue_->callAvailable(ros::WallDuration(0));
+  } catch (const std::exception& error) {
+    show_answer(false, error.what());
+  }
+}
+
+void StatusPanel::show_stages() {
+  for (KnobForm* form : forms_) form->refresh();
+  if (!board_) return;
+  const std::vector<StageStatus> stages = board_->stages(now_s());
+  for (std::size_t i = 0; i < stages.size(); ++i) {
+    const StageStatus& stage = stages[i];
+    QTreeWidgetItem& row = *stages_->topLevelItem(static_cast<int>(i));
+    row.setIcon(kStage, dot(color_of(stage.level)));
+    row.setText(kState, QString::fromStdString(stage.summary));
+    row.setToolTip(kState, row.text(kState));
+    row.setForeground(kState, color_of(stage.level));
+    row.setText(kRate, value_or_dash(stage, "rate [Hz]"));
+    row.setText(kLatency, value_or_dash(stage, "latency p50 [ms]"));
+    for (int column : {kRate, kLatency}) row.setTextAlignment(column, Qt::AlignRight);
+  }
+  show_values(stages[static_cast<std::size_t>(stages_->currentIndex().row())]);
+  show_pause(stages.back());
+}
+
+void StatusPanel::show_values(const StageStatus& stage) {
+  values_->setHeaderLabels({QString::fromStdString(stage.name), ""});
+  values_->setEnabled(stage.level != StageStatus::Level::kStale);
+  const int count = static_cast<int>(stage.values.size());
+  while (values_->topLevelItemCount() > count) delete values_->takeTopLevelItem(count);
+  while (values_->topLevelItemCount() < count) new QTreeWidgetItem(values_);
+  for (int i = 0; i < count; ++i) {
+    const StageValue& value = stage.values[static_cast<std::size_t>(i)];
+    QTreeWidgetItem& row = *values_->topLevelItem(i);
+    row.setText(0, QString::fromStdString(value.key));
+    row.setText(1, QString::fromStdString(value.value));
+    row.setTextAlignment(1, Qt::AlignRight);
+    row.setToolTip(1, row.text(1));
+    const QBrush ink = value.grows_badly ? QBrush(color_of(StageStatus::Level::kWarn)) : QBrush();
+    for (int column : {0, 1}) row.setForeground(column, ink);
+  }
+}
+
+void StatusPanel::show_pause(const StageStatus& mapping) {
+  // The answer to the button is newer than what was said before it.
+  if (mapping.heard_s.value_or(0.0) > paused_at_s_) paused_ = mapping.paused;
+  pause_->setText(paused_ ? "Go on" : "Pause");
+}
+
+void StatusPanel::show_answer(bool good, const QString& text) {
+  QPalette palette = answer_->palette();
+  palette.setColor(QPalette::WindowText, color_of(good ? StageStatus::Level::kOk : StageStatus::Level::kError));
+  answer_->setPalette(palette);
+  answer_->setText(text);
+}
+
+template <class Service>
+void StatusPanel::call(const std::string& name, const typename Service::Request& request,
+                       std::function<void()> succeeded) {
+  show_answer(true, QString::fromStdString(name) + " …");
+  caller_.call<Service>(node_, name, request,
+                        [this, name, succeeded](const typename Service::Response* response, const QString& error) {
+                          if (response == nullptr) return show_answer(false, error);
+                          const bool good = response->success != 0;
+                          if (good && succeeded) succeeded();
+                          show_answer(good, QString::fromStdString(name + ": " + response->message));
+                          show_stages();
+                        });
+}
+
+void StatusPanel::reset_map() { call<std_srvs::Trigger>("mapping/reset", {}); }
+
+void StatusPanel::toggle_pause() {
+  std_srvs::SetBoolRequest request;
+  request.data = !paused_;
+  call<std_srvs::SetBool>("mapping/pause", request, [this, pause = !paused_] {
+    paused_ = pause;
+    paused_at_s_ = now_s();
+  });
+}
+
+void StatusPanel::save_map() {
+  QFileDialog dialog(this, "Save the map on the host of the node", "map.yaml", kMapFiles);
+  dialog.setAcceptMode(QFileDialog::AcceptSave);
+  dialog.setDefaultSuffix("yaml");
+  dialog.setOption(QFileDialog::DontUseNativeDialog);
+  if (dialog.exec() != QDialog::Accepted) return;
+  SaveMapRequest request;
+  request.file = dialog.selectedFiles().front().toStdString();
+  call<SaveMap>("mapping/save_map", request);
+}
+
+void StatusPanel::load_map() {
+  QFileDialog dialog(this, "Load a map from the host of the node", "", kMapFiles);
+  dialog.setAcceptMode(QFileDialog::AcceptOpen);
+  dialog.setFileMode(QFileDialog::AnyFile);
+  dialog.setOption(QFileDialog::DontUseNativeDialog);
+  if (dialog.exec() != QDialog::Accepted) return;
+  LoadMapRequest request;
+  request.file = dialog.selectedFiles().front().toStdString();
+  call<LoadMap>("mapping/load_map", request);
+}
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::StatusPanel, rviz::Panel)

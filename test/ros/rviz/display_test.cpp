@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The display as rviz loads it, drawing into a window that nobody sees: what is on the picture, and where.
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <vector>
+
+#include <OgreImage.h>
+#include <OgreRenderWindow.h>
+#include <QApplication>
+#include <QTest>
+
+#include <geometry_msgs/TransformStamped.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <rviz/display.h>
+#include <rviz/frame_manager.h>
+#include <rviz/properties/status_list.h>
+#include <rviz/render_panel.h>
+#include <rviz/view_manager.h>
+#include <rviz/visualization_manager.h>
+#include <tf2_msgs/TFMessage.h>
+
+#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/markers/colors.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kScale = 80.0;  // pixels per metre
+
+class DisplayTest : public testing::Test {
+ protected:
+  // Ogre can be started once in a process.
+  static void SetUpTestSuite() {
+    panel_ = new rviz::RenderPanel;
+    panel_->resize(800, 600);
+    panel_->show();
+    manager_ = new rviz::VisualizationManager(panel_);
+    panel_->initialize(manager_->getSceneManager(), manager_);
+    manager_->initialize();
+    manager_->startUpdate();
+    manager_->setFixedFrame("world");
+    manager_->getViewManager()->setCurrentViewControllerType("rviz/TopDownOrtho");
+    manager_->getViewManager()->getCurrent()->subProp("Scale")->setValue(kScale);
+  }
+
+  static void TearDownTestSuite() {
+    delete panel_;
+    delete manager_;
+  }
+
+  void SetUp() override {
+    maps_ = node_.advertise<EllipseMap>("map", 10);
+    tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf_static", 10, true);
+    geometry_msgs::TransformStamped T_world_odom;
+    T_world_odom.header.frame_id = "world";
+    T_world_odom.child_frame_id = "odom";
+    T_world_odom.transform.translation.y = 1.0;
+    T_world_odom.transform.rotation.w = 1.0;
+    tf2_msgs::TFMessage transforms;
+    transforms.transforms = {T_world_odom};
+    tf_.publish(transforms);
+
+    display_ = manager_->createDisplay("situation_awareness/EllipseMap", "Map", true);
+    ASSERT_NE(display_, nullptr);
+    display_->subProp("Topic")->setValue("map");
+    display_->subProp("Alpha")->setValue(1.0);
+    display_->subProp("IDs")->setValue(false);
+    display_->subProp("Covariance")->setValue(false);
+    ASSERT_TRUE(until([this] { return maps_.getNumSubscribers() > 0; }));
+    const auto known = [] {
+      Ogre::Vector3 position;
+      Ogre::Quaternion orientation;
+      return manager_->getFrameManager()->getTransform("odom", ros::Time(), position, orientation);
+    };
+    ASSERT_TRUE(until(known));
+  }
+
+  void TearDown() override { delete display_; }
+
+  static bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
+    for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
+    return condition();
+  }
+
+  static MappedEllipse element(std::uint64_t id, const Ellipse& ellipse, const Eigen::Vector2d& velocity_m_s = {0, 0}) {
+    Object object;
+    object.id = id;
+    object.ellipse_world = ellipse;
+    object.velocity_world_m_s = velocity_m_s;
+    object.covariance = 1e-6 * Matrix8d::Identity();
+    Objects map;
+    map.objects = {object};
+    return objects_to_msg(map, "world").ellipses.front();
+  }
+
+  void publish(double stamp_s, const std::vector<MappedEllipse>& elements, const std::string& frame = "world") {
+    EllipseMap msg;
+    msg.header.stamp = ros::Time(stamp_s);
+    msg.header.frame_id = frame;
+    msg.ellipses = elements;
+    for (MappedEllipse& element : msg.ellipses) element.last_seen = msg.header.stamp;
+    maps_.publish(msg);
+  }
+
+  /// What the display says of the map.
+  QString status() const {
+    for (int i = 0; i < display_->numChildren(); ++i) {
+      const rviz::Property* all = display_->childAt(i);
+      if (dynamic_cast<const rviz::StatusList*>(all) == nullptr) continue;
+      for (int k = 0; k < all->numChildren(); ++k) {
+        if (all->childAt(k)->getName() == "Map") return all->childAt(k)->getValue().toString();
+      }
+    }
+    return {};
+  }
+
+  /// What was drawn last.
+  Ogre::Image picture() const {
+    QTest::qWait(300);
+    Ogre::RenderWindow* window = panel_->getRenderWindow();
+    window->update();
+    Ogre::Image image;
+    const std::size_t size = std::size_t{3} * window->getWidth() * window->getHeight();
+    auto* memory = OGRE_ALLOC_T(Ogre::uchar, size, Ogre::MEMCATEGORY_RENDERSYS);
+    image.loadDynamicImage(memory, window->getWidth(), window->getHeight(), 1, Ogre::PF_BYTE_RGB, true);
+    window->copyContentsToMemory(image.getPixelBox(), image.getPixelBox());
+    return image;
+  }
+
+  static Color color_at(const Ogre::Image& image, const Eigen::Vector2d& p_world_m) {
+    const auto column = std::lround(0.5 * static_cast<double>(image.getWidth()) + kScale * p_world_m.x());
+    const auto row = std::lround(0.5 * static_cast<double>(image.getHeight()) - kScale * p_world_m.y());
+    const Ogre::ColourValue color =
+        image.getColourAt(static_cast<std::size_t>(column), static_cast<std::size_t>(row), 0);
+    return {color.r, color.g, color.b};
+  }
+
+  static bool alike(const Color& a, const Color& b) {
+    return std::abs(a.r - b.r) + std::abs(a.g - b.g) + std::abs(a.b - b.b) < 0.06F;
+  }
+
+  struct Blob {
+    double area_m2 = 0.0;
+    Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
+  };
+
+  static Blob blob_of(const Ogre::Image& image, const Color& wanted) {
+    Blob blob;
+    int count = 0;
+    for (std::size_t row = 0; row < image.getHeight(); ++row) {
+      for (std::size_t column = 0; column < image.getWidth(); ++column) {
+        const Ogre::ColourValue color = image.getColourAt(column, row, 0);
+        if (!alike({color.r, color.g, color.b}, wanted)) continue;
+        ++count;
+        blob.center_m += Eigen::Vector2d(static_cast<double>(column), -static_cast<double>(row));
+      }
+    }
+    if (count == 0) return blob;
+    blob.center_m /= count;
+    blob.center_m -=
+        0.5 * Eigen::Vector2d(static_cast<double>(image.getWidth()), -static_cast<double>(image.getHeight()));
+    blob.center_m /= kScale;
+    blob.area_m2 = count / (kScale * kScale);
+    return blob;
+  }
+
+  ros::NodeHandle node_;
+  ros::Publisher maps_, tf_;
+  static inline rviz::RenderPanel* panel_ = nullptr;
+  static inline rviz::VisualizationManager* manager_ = nullptr;
+  rviz::Display* display_ = nullptr;
+};
+
+TEST_F(DisplayTest, DrawsTheEllipseWhereItIsUntilTheMapIsEmpty) {
+  const Ellipse ellipse{{1.5, -0.75}, 0.5, 0.9, 0.4};
+  publish(10.0, {element(5, ellipse)});
+  ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
+  Ogre::Image image = picture();
+  const Blob blob = blob_of(image, color_of(std::uint64_t{5}));
+  EXPECT_NEAR(blob.area_m2, M_PI * 0.9 * 0.4, 0.05);
+  EXPECT_NEAR(blob.center_m.x(), 1.5, 0.03);
+  EXPECT_NEAR(blob.center_m.y(), -0.75, 0.03);
+  const Eigen::Vector2d major(std::cos(0.5), std::sin(0.5)), minor(-std::sin(0.5), std::cos(0.5));
+  EXPECT_TRUE(alike(color_at(image, ellipse.center_m + 0.8 * major), color_of(std::uint64_t{5})));
+  EXPECT_FALSE(alike(color_at(image, ellipse.center_m + 0.8 * minor), color_of(std::uint64_t{5})));
+
+  publish(10.1, {});
+  ASSERT_TRUE(until([this] { return status() == "0 elements"; }));
+  EXPECT_EQ(blob_of(picture(), color_of(std::uint64_t{5})).area_m2, 0.0);
+}
+
+TEST_F(DisplayTest, FollowsTheTransformOfTheMapsFrame) {
+  publish(10.0, {element(5, {{0.0, 0.0}, 0.0, 0.5, 0.5})}, "odom");
+  ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
+  const Blob blob = blob_of(picture(), color_of(std::uint64_t{5}));
+  EXPECT_NEAR(blob.center_m.x(), 0.0, 0.03);
+  EXPECT_NEAR(blob.center_m.y(), 1.0, 0.03);
+}
+
+TEST_F(DisplayTest, ShowsThePathUntilItIsReset) {
+  for (int i = 0; i <= 20; ++i) {
+    publish(10.0 + 0.1 * i, {element(5, {{-2.0 + 0.2 * i, 0.5}, 0.0, 0.3, 0.3})});
+    QTest::qWait(20);
+  }
+  ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
+  Ogre::Image image = picture();
+  EXPECT_TRUE(alike(color_at(image, {2.0, 0.5}), color_of(std::uint64_t{5})));
+  const Color background = color_at(image, {0.0, -2.0});
+  const auto strength = [&](double x_m) {
+    const Color color = color_at(image, {x_m, 0.5});
+    return std::abs(color.r - background.r) + std::abs(color.g - background.g) + std::abs(color.b - background.b);
+  };
+  EXPECT_GT(strength(1.0), 0.2F);
+  EXPECT_GT(strength(1.0), strength(-0.5));
+  EXPECT_GT(strength(-0.5), strength(-1.8));
+
+  display_->reset();
+  image = picture();
+  for (const double x_m : {2.0, 1.0, -0.5}) EXPECT_TRUE(alike(color_at(image, {x_m, 0.5}), background)) << x_m;
+}
+
+TEST_F(DisplayTest, ShowsWhatMovesAndWhatStands) {
+  display_->subProp("Color")->setValue("standing or moving");
+  std::vector<MappedEllipse> elements{element(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}),
+                                      element(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
+  elements[1].p_moving = 0.95;
+  publish(10.0, elements);
+  ASSERT_TRUE(until([this] { return status() == "2 elements"; }));
+  Ogre::Image image = picture();
+  EXPECT_TRUE(alike(color_at(image, {-1.0, 0.0}), kStandingColor));
+  EXPECT_TRUE(alike(color_at(image, {1.0, 0.0}), kMovingColor));
+  const Color background = color_at(image, {0.0, -2.0});
+  EXPECT_FALSE(alike(color_at(image, {1.0, 1.0}), background)) << "the arrow of what moves";
+  EXPECT_TRUE(alike(color_at(image, {-1.0, 1.0}), background));
+  display_->subProp("Velocity")->setValue(false);
+  EXPECT_TRUE(alike(color_at(picture(), {1.0, 1.0}), background));
+}
+
+TEST_F(DisplayTest, RefusesOddMapsAndGoesOn) {
+  const Ellipse ellipse{{0.0, 0.0}, 0.0, 0.5, 0.5};
+  publish(10.0, {element(5, ellipse)});
+  ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const std::vector<std::function<void(MappedEllipse&)>> faults{[&](MappedEllipse& e) { e.pose.position.x = nan; },
+                                                                [&](MappedEllipse& e) { e.covariance[0] = nan; },
+                                                                [&](MappedEllipse& e) { e.twist.linear.x = nan; },
+                                                                [](MappedEllipse& e) { e.pose.orientation.w = 0.0; },
+                                                                [](MappedEllipse& e) { e.rx = 1e12; },
+                                                                [](MappedEllipse& e) { e.pose.position.y = 1e300; }};
+  double stamp_s = 10.0;
+  for (const auto& spoil : faults) {
+    MappedEllipse bad = element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5});
+    spoil(bad);
+    publish(stamp_s += 0.1, {element(5, ellipse), bad});
+    ASSERT_TRUE(until([this] { return status().startsWith("not drawn: element 6: "); })) << status().toStdString();
+    publish(stamp_s += 0.1, {element(5, ellipse), element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5})});
+    ASSERT_TRUE(until([this] { return status() == "2 elements"; })) << status().toStdString();
+  }
+  EXPECT_TRUE(alike(color_at(picture(), {2.0, 0.0}), color_of(std::uint64_t{6})));
+}
+
+TEST_F(DisplayTest, DrawsHundredsAndForgetsThem) {
+  display_->subProp("IDs")->setValue(true);
+  display_->subProp("Covariance")->setValue(true);
+  for (int frame = 0; frame < 20; ++frame) {
+    std::vector<MappedEllipse> elements;
+    for (int i = 0; i < (frame % 2 == 0 ? 500 : 250); ++i) {
+      elements.push_back(
+          element(static_cast<std::uint64_t>(i), {{0.5 * (i % 25) - 6.0, 0.5 * (i / 25) - 5.0}, 0.1, 0.2, 0.1}));
+      elements.back().label = std::string(static_cast<std::size_t>(i % 40), 'x');
+    }
+    publish(10.0 + 0.05 * frame, elements);
+    QTest::qWait(30);
+  }
+  ASSERT_TRUE(until([this] { return status() == "250 elements"; }));
+  publish(12.0, {});
+  ASSERT_TRUE(until([this] { return status() == "0 elements"; }));
+  Ogre::Image image = picture();
+  const Color background = color_at(image, {4.5, 3.5});
+  std::size_t drawn = 0;
+  for (std::size_t row = 0; row < image.getHeight(); ++row) {
+    for (std::size_t column = 0; column < image.getWidth(); ++column) {
+      const Ogre::ColourValue color = image.getColourAt(column, row, 0);
+      if (!alike({color.r, color.g, color.b}, background)) ++drawn;
+    }
+  }
+  EXPECT_EQ(drawn, 0U);
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  QApplication app(argc, argv);
+  ros::init(argc, argv, "rviz_display_test");
+  ros::NodeHandle node;  // keeps ROS up between the tests
+  return RUN_ALL_TESTS();
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/rviz/drawable_map.hpp"
+
+#include <functional>
+#include <limits>
+#include <stdexcept>
+
+#include <gtest/gtest.h>
+
+namespace situation_awareness {
+namespace {
+
+EllipseMap good_map() {
+  EllipseMap msg;
+  msg.header.frame_id = "world";
+  msg.ellipses.resize(2);
+  for (std::size_t i = 0; i < 2; ++i) {
+    MappedEllipse& element = msg.ellipses[i];
+    element.id = i + 1;
+    element.rx = 0.4;
+    element.ry = 0.2;
+    element.pose.orientation.w = 1.0;
+  }
+  return msg;
+}
+
+TEST(DrawableMap, IsTheMap) {
+  EllipseMap msg = good_map();
+  msg.ellipses[1].label = "pillar\n\xc3\xa4";
+  const DrawableMap map = drawable_map(msg);
+  EXPECT_EQ(map.objects.objects.size(), 2U);
+  EXPECT_EQ(map.names, (std::vector<std::string>{"1", "2 pillar???"}));
+}
+
+TEST(DrawableMap, RefusesWhatCannotBeDrawnAndSaysWhy) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double inf = std::numeric_limits<double>::infinity();
+  const std::vector<std::pair<std::string, std::function<void(MappedEllipse&)>>> faults{
+      {"position", [&](MappedEllipse& e) { e.pose.position.x = nan; }},
+      {"position", [&](MappedEllipse& e) { e.pose.position.z = inf; }},
+      {"100 km", [](MappedEllipse& e) { e.pose.position.y = 1e30; }},
+      {"orientation", [](MappedEllipse& e) { e.pose.orientation.w = 0.0; }},
+      {"orientation", [&](MappedEllipse& e) { e.pose.orientation.z = nan; }},
+      {"orientation", [](MappedEllipse& e) { e.pose.orientation.x = e.pose.orientation.w = std::sqrt(0.5); }},
+      {"radius", [](MappedEllipse& e) { e.rx = 1e9; }},
+      {"radius", [](MappedEllipse& e) { e.ry = 0.0; }},
+      {"radius", [&](MappedEllipse& e) { e.ry = nan; }},
+      {"velocity", [&](MappedEllipse& e) { e.twist.linear.y = nan; }},
+      {"faster", [](MappedEllipse& e) { e.twist.linear.x = 1e200; }},
+      {"covariance", [&](MappedEllipse& e) { e.covariance[9] = nan; }},
+      {"covariance", [](MappedEllipse& e) { e.covariance[0] = 1e300; }},
+      {"probability", [&](MappedEllipse& e) { e.p_moving = nan; }},
+      {"probability", [](MappedEllipse& e) { e.p_exists = 1.5; }},
+      {"twice", [](MappedEllipse& e) { e.id = 1; }}};
+  for (const auto& [part, spoil] : faults) {
+    EllipseMap msg = good_map();
+    spoil(msg.ellipses[1]);
+    try {
+      drawable_map(msg);
+      ADD_FAILURE() << part << " was drawn";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_NE(std::string(error.what()).find(part), std::string::npos) << error.what();
+      EXPECT_EQ(std::string(error.what()).rfind("element " + std::to_string(msg.ellipses[1].id) + ": ", 0), 0U);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,349 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The panel as rviz loads it, driven by a user's events against nodes that are played here.
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include <QApplication>
+#include <QDoubleSpinBox>
+#include <QFileDialog>
+#include <QLabel>
+#include <QLineEdit>
+#include <QPushButton>
+#include <QSpinBox>
+#include <QTest>
+#include <QTimer>
+#include <QTreeWidget>
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <dynamic_reconfigure/ConfigDescription.h>
+#include <dynamic_reconfigure/Reconfigure.h>
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+#include <rviz/config.h>
+#include <rviz/panel.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <pluginlib/class_loader.hpp>
+
+#include "situation_awareness/LoadMap.h"
+#include "situation_awareness/SaveMap.h"
+
+namespace situation_awareness {
+namespace {
+
+bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
+  for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
+  return condition();
+}
+
+/// The mapping nodelet as others see it: services, live parameters and what it says of itself.
+class FakeMapping {
+ public:
+  explicit FakeMapping(const std::string& ns = "") : node_(ns) {
+    services_ = {node_.advertiseService("mapping/reset", &FakeMapping::reset, this),
+                 node_.advertiseService("mapping/pause", &FakeMapping::pause, this),
+                 node_.advertiseService("mapping/save_map", &FakeMapping::save, this),
+                 node_.advertiseService("mapping/load_map", &FakeMapping::load, this),
+                 node_.advertiseService("mapping/live/set_parameters", &FakeMapping::set, this)};
+    diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
+    descriptions_ =
+        node_.advertise<dynamic_reconfigure::ConfigDescription>("mapping/live/parameter_descriptions", 1, true);
+    updates_ = node_.advertise<dynamic_reconfigure::Config>("mapping/live/parameter_updates", 1, true);
+    descriptions_.publish(description());
+    tell(0.999, 60);
+  }
+
+  void say(std::int8_t level, const std::string& summary, const std::string& dropped) const {
+    diagnostic_msgs::DiagnosticArray msg;
+    msg.status.resize(1);
+    diagnostic_msgs::DiagnosticStatus& status = msg.status.front();
+    status.name = node_.resolveName("mapping").substr(1) + ": stage";
+    status.level = level;
+    status.message = summary;
+    for (const auto& [key, value] : {std::pair<const char*, std::string>{"rate [Hz]", "19.7"},
+                                     {"latency p50 [ms]", "3.10"},
+                                     {"dropped: queue full", dropped}}) {
+      status.values.emplace_back();
+      status.values.back().key = key;
+      status.values.back().value = value;
+    }
+    diagnostics_.publish(msg);
+  }
+
+  void tell(double gate_probability, int max_unseen) {
+    values_.doubles.resize(1);
+    values_.doubles[0].name = "gate_probability";
+    values_.doubles[0].value = gate_probability;
+    values_.ints.resize(1);
+    values_.ints[0].name = "max_unseen";
+    values_.ints[0].value = max_unseen;
+    updates_.publish(values_);
+  }
+
+  std::string summary() const { return paused_ ? "paused" : "running"; }
+
+  double gate_probability() const { return values_.doubles[0].value; }
+
+  std::vector<std::string> asked() const {
+    const std::lock_guard lock(mutex_);
+    return asked_;
+  }
+
+  void set_paused(bool paused) { paused_ = paused; }
+
+  std::atomic<bool> good = true;
+  std::atomic<int> delay_ms = 0;
+
+ private:
+  static dynamic_reconfigure::ConfigDescription description() {
+    dynamic_reconfigure::ConfigDescription msg;
+    msg.groups.resize(1);
+    const auto add = [&msg](const char* name, auto member, auto low, auto high, auto value) {
+      msg.groups[0].parameters.emplace_back();
+      msg.groups[0].parameters.back().name = name;
+      for (const auto& [config, number] : {std::pair{&msg.min, low}, {&msg.max, high}, {&msg.dflt, value}}) {
+        (config->*member).emplace_back();
+        (config->*member).back().name = name;
+        (config->*member).back().value = number;
+      }
+    };
+    add("gate_probability", &dynamic_reconfigure::Config::doubles, 0.5, 0.999999, 0.99);
+    add("max_unseen", &dynamic_reconfigure::Config::ints, 0, 3600, 30);
+    return msg;
+  }
+
+  bool note(const std::string& what) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(delay_ms));
+    const std::lock_guard lock(mutex_);
+    asked_.push_back(what);
+    return good;
+  }
+
+  template <class Response>
+  bool answer(const std::string& what, Response& response) {
+    response.success = note(what);
+    response.message = response.success ? what + " done" : "cannot " + what;
+    return true;
+  }
+
+  bool reset(std_srvs::TriggerRequest&, std_srvs::TriggerResponse& response) { return answer("reset", response); }
+  bool pause(std_srvs::SetBoolRequest& request, std_srvs::SetBoolResponse& response) {
+    answer(request.data ? "pause" : "go on", response);
+    if (response.success) paused_ = request.data != 0;
+    return true;
+  }
+  bool save(SaveMapRequest& request, SaveMapResponse& response) { return answer("save " + request.file, response); }
+  bool load(LoadMapRequest& request, LoadMapResponse& response) { return answer("load " + request.file, response); }
+  bool set(dynamic_reconfigure::ReconfigureRequest& request, dynamic_reconfigure::ReconfigureResponse& response) {
+    if (note("set")) {
+      for (const auto& parameter : request.config.doubles) values_.doubles[0].value = parameter.value;
+      for (const auto& parameter : request.config.ints) values_.ints[0].value = parameter.value;
+    }
+    updates_.publish(values_);
+    response.config = values_;
+    return true;
+  }
+
+  ros::NodeHandle node_;
+  std::vector<ros::ServiceServer> services_;
+  ros::Publisher diagnostics_, descriptions_, updates_;
+  dynamic_reconfigure::Config values_;
+  std::atomic<bool> paused_ = false;
+  mutable std::mutex mutex_;
+  std::vector<std::string> asked_;
+};
+
+class PanelTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() { loader_ = new pluginlib::ClassLoader<rviz::Panel>("rviz", "rviz::Panel"); }
+  static void TearDownTestSuite() { delete loader_; }
+
+  void SetUp() override {
+    panel_.reset(loader_->createUnmanagedInstance("situation_awareness/Status"));
+    panel_->initialize(nullptr);
+    panel_->resize(360, 700);
+    panel_->show();
+  }
+
+  template <class Widget>
+  Widget& part(const char* name) const {
+    auto* widget = panel_->findChild<Widget*>(name);
+    if (widget == nullptr) throw std::runtime_error(std::string(name) + " is not on the panel");
+    return *widget;
+  }
+
+  std::string cell(int stage, int column) const {
+    return part<QTreeWidget>("stages").topLevelItem(stage)->text(column).toStdString();
+  }
+  std::string answer() const { return part<QLabel>("answer").text().toStdString(); }
+  void click(const char* button) const { QTest::mouseClick(&part<QPushButton>(button), Qt::LeftButton); }
+
+  /// Clicks a button that opens a file dialog, and chooses `file` in it.
+  void choose(const char* button, const QString& file) const {
+    QTimer::singleShot(500, [file] {
+      auto* dialog = qobject_cast<QFileDialog*>(QApplication::activeModalWidget());
+      ASSERT_NE(dialog, nullptr);
+      dialog->findChild<QLineEdit*>("fileNameEdit")->setText(file);
+      QMetaObject::invokeMethod(dialog, "accept");
+    });
+    click(button);
+  }
+
+  static inline pluginlib::ClassLoader<rviz::Panel>* loader_ = nullptr;
+  std::unique_ptr<rviz::Panel> panel_;
+};
+
+TEST_F(PanelTest, ShowsTheStagesAndWhatIsSilent) {
+  EXPECT_EQ(cell(0, 0), "segmentation");
+  EXPECT_EQ(cell(2, 1), "not there");
+  const FakeMapping mapping;
+  QTest::qWait(500);
+  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "3");
+  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  EXPECT_EQ(cell(2, 2), "19.7");
+  EXPECT_EQ(cell(2, 3), "3.10");
+  mapping.say(diagnostic_msgs::DiagnosticStatus::WARN, "input dropped", "4");
+  ASSERT_TRUE(until([this] { return cell(2, 1) == "input dropped"; }));
+  const QTreeWidget& values = part<QTreeWidget>("values");
+  ASSERT_EQ(values.topLevelItemCount(), 3);
+  EXPECT_EQ(values.topLevelItem(2)->text(0), "dropped: queue full");
+  EXPECT_EQ(values.topLevelItem(2)->text(1), "4");
+  EXPECT_NE(values.topLevelItem(2)->foreground(1), values.topLevelItem(1)->foreground(1));
+  ASSERT_TRUE(until([this] { return cell(2, 1).rfind("silent for ", 0) == 0; }));
+  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "4");
+  EXPECT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+}
+
+TEST_F(PanelTest, AsksTheServices) {
+  FakeMapping mapping;
+  QTimer life;
+  QObject::connect(&life, &QTimer::timeout,
+                   [&mapping] { mapping.say(diagnostic_msgs::DiagnosticStatus::OK, mapping.summary(), "0"); });
+  life.start(300);
+  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  click("reset");
+  ASSERT_TRUE(until([this] { return answer() == "mapping/reset: reset done"; })) << answer();
+
+  EXPECT_EQ(part<QPushButton>("pause").text(), "Pause");
+  click("pause");
+  ASSERT_TRUE(until([this] { return answer() == "mapping/pause: pause done"; })) << answer();
+  EXPECT_EQ(part<QPushButton>("pause").text(), "Go on");
+  click("pause");
+  ASSERT_TRUE(until([this] { return answer() == "mapping/pause: go on done"; })) << answer();
+  EXPECT_EQ(part<QPushButton>("pause").text(), "Pause");
+  mapping.set_paused(true);  // by another client
+  ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Go on"; }));
+
+  choose("save", "/tmp/situation_awareness_panel_test_map");
+  ASSERT_TRUE(until([this] {
+    return answer() == "mapping/save_map: save /tmp/situation_awareness_panel_test_map.yaml done";
+  })) << answer();
+  mapping.good = false;
+  choose("load", "/tmp/situation_awareness_panel_test_none.yaml");
+  ASSERT_TRUE(until([&] {
+    return answer() == "mapping/load_map: cannot load /tmp/situation_awareness_panel_test_none.yaml";
+  })) << answer();
+}
+
+TEST_F(PanelTest, NeverWaits) {
+  click("reset");
+  ASSERT_TRUE(until([this] { return answer() == "mapping/reset is not there"; })) << answer();
+
+  FakeMapping mapping;
+  mapping.delay_ms = 1500;
+  click("reset");
+  double longest_s = 0.0;
+  auto before = std::chrono::steady_clock::now();
+  ASSERT_TRUE(until([&] {
+    const auto now = std::chrono::steady_clock::now();
+    longest_s = std::max(longest_s, std::chrono::duration<double>(now - before).count());
+    before = now;
+    return answer() == "mapping/reset: reset done";
+  }));
+  EXPECT_LT(longest_s, 0.7) << "the GUI stood still";
+
+  // A panel that is closed in the middle of a call does not wait for the answer either.
+  mapping.delay_ms = 2500;
+  click("reset");
+  QTest::qWait(500);
+  before = std::chrono::steady_clock::now();
+  panel_.reset();
+  EXPECT_LT(std::chrono::duration<double>(std::chrono::steady_clock::now() - before).count(), 1.5);
+  ASSERT_TRUE(until([&mapping] { return mapping.asked().size() == 2; })) << "the server itself goes on";
+}
+
+TEST_F(PanelTest, SetsLiveParameters) {
+  QWidget& form = part<QWidget>("mapping");
+  const auto gate = [&form] { return form.findChild<QDoubleSpinBox*>("gate_probability"); };
+  EXPECT_EQ(gate(), nullptr);
+  auto mapping = std::make_unique<FakeMapping>();
+  ASSERT_TRUE(until([&] { return gate() != nullptr && gate()->isEnabled(); }));
+  ASSERT_TRUE(until([&] { return gate()->value() == 0.999; })) << gate()->value();
+  EXPECT_EQ(gate()->text(), "0.999");
+  EXPECT_EQ(gate()->maximum(), 0.999999);
+  EXPECT_EQ(form.findChild<QSpinBox*>("max_unseen")->value(), 60);
+
+  const auto type = [](QAbstractSpinBox* box, const char* text) {
+    box->selectAll();
+    QTest::keyClicks(box, text);
+    QTest::keyClick(box, Qt::Key_Return);
+  };
+  type(gate(), "0.95");
+  ASSERT_TRUE(until([this] { return answer() == "gate_probability = 0.95"; })) << answer();
+  EXPECT_EQ(mapping->gate_probability(), 0.95);
+
+  mapping->good = false;
+  type(gate(), "0.6");
+  ASSERT_TRUE(until([this] { return answer() == "gate_probability = 0.95, not 0.6"; })) << answer();
+  EXPECT_EQ(gate()->value(), 0.95);
+
+  mapping->tell(0.75, 10);  // changed by another client
+  ASSERT_TRUE(until([&] { return gate()->value() == 0.75; }));
+  EXPECT_EQ(mapping->asked().size(), 2U) << "what is shown is not set";
+
+  mapping.reset();
+  ASSERT_TRUE(until([&] { return !gate()->isEnabled(); }));
+  mapping = std::make_unique<FakeMapping>();
+  EXPECT_TRUE(until([&] { return gate()->isEnabled() && gate()->value() == 0.999; }));
+}
+
+TEST_F(PanelTest, LooksIntoItsNamespaceAndKeepsItInTheConfig) {
+  const FakeMapping other, own("/robot1");
+  QLineEdit& field = part<QLineEdit>("namespace");
+  QTest::keyClicks(&field, "/robot1");
+  QTest::keyClick(&field, Qt::Key_Return);
+  QTest::qWait(500);
+  other.say(diagnostic_msgs::DiagnosticStatus::ERROR, "another robot's", "0");
+  own.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "0");
+  ASSERT_TRUE(until([this] { return cell(2, 1) == "running"; }));
+  click("reset");
+  ASSERT_TRUE(until([&] { return !own.asked().empty(); }));
+  EXPECT_TRUE(other.asked().empty());
+
+  rviz::Config config;
+  panel_->save(config);
+  SetUp();
+  panel_->load(config);
+  EXPECT_EQ(part<QLineEdit>("namespace").text(), "/robot1");
+  QTest::keyClicks(&part<QLineEdit>("namespace"), " $");
+  QTest::keyClick(&part<QLineEdit>("namespace"), Qt::Key_Return);
+  EXPECT_NE(answer(), "") << "no name";
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  QApplication app(argc, argv);
+  ros::init(argc, argv, "rviz_panel_test");
+  ros::AsyncSpinner spinner(2);  // of the nodes that are played
+  spinner.start();
+  return RUN_ALL_TESTS();
+}

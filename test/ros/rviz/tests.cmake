@@ -1,0 +1,20 @@
+# Tests of what rviz loads: its logic, and the plugins themselves without a screen.
+foreach(name drawable_map knobs map_history map_mesh stage_board)
+  situation_awareness_ros_gtest(rviz/${name}_test)
+  target_link_libraries(ros_rviz_${name}_test PRIVATE ${PROJECT_NAME}_rviz_logic)
+endforeach()
+
+# rostest finds a program where rosrun does; these are not installed.
+find_package(Qt5 REQUIRED COMPONENTS Test Widgets)
+foreach(name display panel)
+  add_executable(rviz_${name}_test rviz/${name}_test.cpp)
+  situation_awareness_target(rviz_${name}_test)
+  target_compile_definitions(rviz_${name}_test PRIVATE QT_NO_KEYWORDS)
+  target_include_directories(rviz_${name}_test SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
+  target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt5::Test Qt5::Widgets ${rviz_LIBRARIES}
+    GTest::gtest)
+  set_target_properties(rviz_${name}_test PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
+  add_dependencies(rviz_${name}_test ${PROJECT_NAME}_rviz)  # loaded by its name, as rviz does
+  situation_awareness_ros_test(rviz/${name}_test xvfb-run -a -s "-screen 0 1280x800x24 +extension GLX +render -noreset"
+    rostest ${CMAKE_CURRENT_SOURCE_DIR}/rviz/${name}.test)
+endforeach()
