@@ -79,6 +79,15 @@ Eigen::Isometry3d SyntheticScene::T_world_lidar_at(double turns) const {
   return T_world_lidar;
 }
 
+std::vector<Ellipse> SyntheticScene::objects_at(double i) const {
+  std::vector<Ellipse> objects;
+  for (const Thing& thing : things_) {
+    objects.push_back(thing.at(i / kPeriodScans));
+    objects.back().center_m += origin_world_m_;
+  }
+  return objects;
+}
+
 SyntheticScan SyntheticScene::scan(int i) const {
   const double turns = static_cast<double>(i) / kPeriodScans;
   const double sweep_turns = kSweep_s / period_s();

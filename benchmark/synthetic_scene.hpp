@@ -40,6 +40,9 @@ class SyntheticScene {
   /// The scan taken at i * kStep_ns, whichever were asked for before.
   SyntheticScan scan(int i) const;
 
+  /// The objects at i * kStep_ns in the world, also between scans.
+  std::vector<Ellipse> objects_at(double i) const;
+
  private:
   struct Thing {
     Ellipse ellipse_room;  ///< about the middle of its orbit

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+#include <ros/ros.h>
+#include <sensor_msgs/LaserScan.h>
+#include <tf2_msgs/TFMessage.h>
+#include <tf2_ros/static_transform_broadcaster.h>
+
+#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/common/random.hpp"
+#include "synthetic_scene.hpp"
+
+namespace situation_awareness {
+
+constexpr const char* kWorldFrame = "world";
+constexpr const char* kLidarFrame = "lidar";
+constexpr const char* kUpsideDownFrame = "lidar_upside_down";  ///< turned about the lidar's x axis by pi
+constexpr float kRangeMin_m = 0.1F, kRangeMax_m = 30.0F;
+constexpr double kScanPeriod_s = 1e-9 * static_cast<double>(SyntheticScene::kStep_ns);
+
+/// Scans that wait for their maps at most, and so by how many scans the map is behind in whose light a scan is read.
+constexpr int kMostUnderWay = 3;
+
+/// What must become of a scan.
+enum class Fate {
+  kMapped,   ///< a map with its stamp
+  kDropped,  ///< dropped by the segmentation nodelet for one known reason
+  kEither,   ///< mapped, or dropped because there is no time or no transform for it: the machine's speed decides
+};
+
+enum class Transforms {
+  kAhead,  ///< known before their scans
+  kEach,   ///< sent with their scans
+  kNone,   ///< not sent
+};
+
+/// Process id of a node, -1 if it is not known.
+int pid_of(const std::string& node);
+
+/// Where a map stands.
+struct MapState {
+  bool good = false;               ///< each object once, nothing else, all bounded
+  std::string defect;              ///< why not
+  std::vector<std::uint64_t> ids;  ///< of the objects, if it is good
+};
+
+/// A simulated scanner and its transforms in lock-step with the map that is made of them, which it compares with the
+/// truth. Time is simulated: scan k of a stretch of time has the stamp kBegin_ns + k * SyntheticScene::kStep_ns.
+class Feed {
+ public:
+  Feed(ros::NodeHandle& node, std::uint64_t seed);
+
+  /// Until all stages are there and speak. False if they do not come.
+  bool wait_for_stages();
+
+  /// Good scans, a few under way, each to be mapped.
+  void stream(int scans);
+  /// The same, the next when the map of the one before has come: however slow the stages are just then, there is time.
+  void step(int scans);
+
+  // --- for faults
+  /// The scan that is due.
+  sensor_msgs::LaserScanPtr due() const;
+  /// The same with another number of beams, over the same field of view.
+  sensor_msgs::LaserScanPtr due_with_beams(int beams) const;
+  /// Time goes on by a scan with each, or not.
+  void send(const sensor_msgs::LaserScanPtr& msg, Fate fate, const std::string& reason = "", bool advance = true);
+  void transforms(Transforms mode);
+  /// Transforms of `scans` scans from that which is due on, moved and turned.
+  void send_transforms(int scans, const Eigen::Isometry3d& moved = Eigen::Isometry3d::Identity());
+  /// As `transforms(kNone)`, and transforms of those scans back from the one before what is due are sent now.
+  void send_late_transforms(int scans);
+  void skip(int scans) { slot_ += scans; }
+  void stop_clock(bool stopped) { clock_stopped_ = stopped; }
+  /// Time starts again, in another scene.
+  void start_again();
+  /// Wait for all maps that must come.
+  void drain();
+  /// No maps came for a while.
+  struct Outage {
+    double down_s = 0.0;       ///< in wall time
+    std::int64_t back_ns = 0;  ///< stamp of the first map after it
+  };
+  /// Scans at their own pace in wall time, which may be lost, until maps come again after these stages began anew;
+  /// nothing if they do not for `patience_s`.
+  std::optional<Outage> outlive(const std::set<std::string>& reborn, double patience_s);
+  /// Besides scans: messages of others, which a stage drops for this reason.
+  void expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received);
+
+  // --- what came of it
+  std::int64_t stamp_ns() const { return stamp_of(slot_); }
+  std::int64_t sent() const { return sent_all_; }
+  std::int64_t mapped() const { return mapped_all_; }
+  std::int64_t maps() const { return maps_all_; }
+  /// Since this stamp every map was good; nothing if the latest is not.
+  std::optional<std::int64_t> good_since_ns() const { return good_since_ns_; }
+  const MapState& latest() const { return latest_; }
+  const MapState& latest_good() const { return latest_good_; }
+  std::uint64_t highest_id() const { return highest_id_; }
+  /// Compare what the stages say they received, processed and dropped with what was sent. Empty if all agrees.
+  std::string settle();
+  /// What stages have received so far is not known: they began anew.
+  void forget_accounts();
+  std::vector<std::string> take_failures();
+  ros::NodeHandle& node() { return node_; }
+  Random& random() { return random_; }
+
+ private:
+  using Counts = std::map<std::string, std::int64_t>;
+  struct Received {
+    EllipseMapConstPtr msg;
+    ros::WallTime at;
+  };
+
+  static constexpr std::int64_t kBegin_ns = 1'700'000'000 * kNanosecondsPerSecond;
+  static std::int64_t stamp_of(std::int64_t slot) { return kBegin_ns + slot * SyntheticScene::kStep_ns; }
+
+  void make_scene();
+  const SyntheticScan& scan_at(std::int64_t slot) const;
+  void add_transforms(std::int64_t slot, const Eigen::Isometry3d& moved, tf2_msgs::TFMessage& msg) const;
+  void provide_transforms();
+  void on_map(const EllipseMapConstPtr& msg);
+  void on_diagnostics(const diagnostic_msgs::DiagnosticArrayConstPtr& msg);
+  /// Judge what has come; wait for at least one map if asked to, false if none came.
+  bool take_maps(bool wait);
+  void take_map(const Received& received);
+  MapState judge(const EllipseMap& map) const;
+  std::string imbalance(std::map<std::string, Counts>& counts) const;
+  std::map<std::string, Counts> counts() const;
+  void fail(const std::string& what) { failures_.push_back(what); }
+
+  ros::NodeHandle& node_;
+  Random random_;
+  ros::Publisher clock_, tf_, scan_;
+  ros::Subscriber map_, diagnostics_;
+  tf2_ros::StaticTransformBroadcaster static_tf_;
+
+  std::uint64_t scene_seed_;
+  std::optional<SyntheticScene> scene_;
+  std::vector<SyntheticScan> loop_;
+  std::int64_t slot_ = 0;
+  std::int64_t transforms_until_ = 0;  ///< slot from which on they have not been sent
+  Transforms transforms_ = Transforms::kAhead;
+  bool clock_stopped_ = false;
+
+  std::deque<std::int64_t> must_map_;  ///< stamps, ns
+  std::int64_t sent_ = 0;              ///< since the accounts began
+  std::int64_t either_ = 0;            ///< of them, those that may be dropped
+  std::int64_t sent_all_ = 0, mapped_all_ = 0, maps_all_ = 0;
+  std::map<std::string, Counts> expected_drops_;  ///< by stage and reason, since the accounts began
+  Counts foreign_;                                ///< received from others, by stage
+  std::map<std::string, Counts> base_;            ///< what the stages said when the accounts began
+
+  std::optional<std::int64_t> good_since_ns_;
+  MapState latest_, latest_good_;
+  std::uint64_t highest_id_ = 0;
+  ros::WallTime latest_map_at_;
+  std::optional<Outage> outage_;  ///< the longest since it was asked for
+  std::vector<std::string> failures_;
+
+  mutable std::mutex mutex_;  ///< of what callbacks write: all below
+  std::condition_variable came_;
+  std::deque<Received> received_;
+  std::map<std::string, Counts> counts_;
+  std::map<std::string, std::int64_t> reports_;  ///< of each stage
+  std::map<std::string, ros::WallTime> reported_at_;
+  Counts lives_;  ///< of each stage: how often it began anew
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,25 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Faults that are tried by a test: what is said of them here is what docs/reliability.md says."""
+import functools
+import json
+import os
+
+
+def fault(name, how, must, times=1):
+    """Decorates the test of a fault that is injected `times` times; where SITUATION_AWARENESS_FAULTS names a file, a line
+    of JSON is added to it with the outcome."""
+    def decorate(test):
+        @functools.wraps(test)
+        def recorded(self):
+            passed = False
+            try:
+                test(self)
+                passed = True
+            finally:
+                path = os.environ.get("SITUATION_AWARENESS_FAULTS")
+                if path:
+                    with open(path, "a", encoding="utf-8") as file:
+                        file.write(json.dumps({"fault": name, "how": how, "must": must, "times": times,
+                                               "passed": passed}) + "\n")
+        return recorded
+    return decorate
