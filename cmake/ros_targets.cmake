@@ -46,6 +46,8 @@ situation_awareness_node(map_bag src/ros/tools/map_bag.cpp)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
 if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
+  situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_sim)
+  target_include_directories(simulate_bag PRIVATE tools)
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
   if(TARGET ${PROJECT_NAME}_camera)
