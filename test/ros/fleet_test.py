@@ -13,6 +13,7 @@ import rosgraph
 import rospy
 import rostest
 import yaml
+from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
@@ -58,7 +59,18 @@ class FleetTest(unittest.TestCase):
                 foreign = [name for name in seen[node] - SHARED if not name.startswith(f"/{robot}/")]
                 self.assertEqual(foreign, [], f"of {node}")
 
-    def test_3_frames_have_the_robots_name(self):
+    def test_3_diagnostics_name_the_robot(self):
+        names = set()
+
+        def on_diagnostics(message):
+            names.update(status.name for status in message.status)
+        subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, on_diagnostics, queue_size=100)
+        stages = [f"{robot}/{stage}" for robot in ROBOTS for stage in ("segmentation", "detection", "mapping")]
+        wait_until(lambda: all(any(stage in name for name in names) for stage in stages), 10.0,
+                   f"all of {stages}")
+        subscriber.unregister()
+
+    def test_4_frames_have_the_robots_name(self):
         wanted = {}
         for robot in ROBOTS:
             wanted.update({f"{robot}/lidar": {f"{robot}/robot"}, f"{robot}/robot": {f"{robot}/world"},
@@ -68,7 +80,7 @@ class FleetTest(unittest.TestCase):
         wait_until(lambda: len(self.parents) >= len(wanted), 10.0, "all frames")
         self.assertEqual(self.parents, wanted)
 
-    def test_4_a_robot_without_its_manager_leaves_the_other_alone(self):
+    def test_5_a_robot_without_its_manager_leaves_the_other_alone(self):
         alpha, bravo = self.maps["alpha"], self.maps["bravo"]
         before = len(bravo.messages)
         pid = pid_of("/alpha/objects_manager")
@@ -80,19 +92,26 @@ class FleetTest(unittest.TestCase):
         self.assertGreater(len(stamps), 20)
         self.assertLess(max(later - earlier for earlier, later in zip(stamps, stamps[1:])), 1.0, "bravo's map stopped")
 
-    def test_5_rviz_shows_the_topics_of_each(self):
+    def rviz_topics(self, *arguments):
+        """What rviz shows at first, by group."""
         config = pathlib.Path(__file__).resolve().parents[2] / "cfg/rviz/sim.rviz"
         shown = yaml.safe_load(subprocess.run(
-            ["rosrun", "situation_awareness", "fleet_rviz", "--print", "--config", config, *ROBOTS],
+            ["rosrun", "situation_awareness", "fleet_rviz", "--print", "--config", config, *arguments],
             capture_output=True, text=True, timeout=30, check=True).stdout)
-        displays = shown["Visualization Manager"]["Displays"]
-        groups = {display["Name"]: display["Displays"] for display in displays if display["Class"] == "rviz/Group"}
-        self.assertEqual(set(groups), set(ROBOTS))
-        for robot, members in groups.items():
-            topics = [value for member in members for key, value in member.items() if key.endswith("Topic")]
-            self.assertIn(f"/{robot}/scan", topics)
-            self.assertIn(f"/{robot}/markers", topics)
-            self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics), topics)
+        groups = [display for display in shown["Visualization Manager"]["Displays"] if display["Class"] == "rviz/Group"]
+        return {group["Name"]: [value for member in group["Displays"] if member["Enabled"]
+                                for key, value in member.items() if key.endswith("Topic")] for group in groups}
+
+    def test_6_rviz_shows_the_topics_of_each(self):
+        topics = self.rviz_topics(*ROBOTS)
+        self.assertEqual(set(topics), set(ROBOTS))
+        for robot in ROBOTS:
+            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/markers"}, set(topics[robot]))
+            self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics[robot]), topics)
+        on_ground = {topic for part in self.rviz_topics("--ground", *ROBOTS).values() for topic in part}
+        self.assertLessEqual({"/alpha/ground/markers", "/bravo/ground/markers"}, on_ground)
+        self.assertTrue(all("/ground/" in topic for topic in on_ground), on_ground)
+        self.assertIn("ground/markers", self.rviz_topics("--ground", "none")["none"])
 
 
 if __name__ == "__main__":

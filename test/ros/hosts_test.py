@@ -178,6 +178,7 @@ class HostsTest(unittest.TestCase):
 
         scans = {stamp for _, stamp in self.on_robot.of("scan", down, up)}
         maps = {stamp for _, stamp in self.on_robot.of("map", down, up + 1.0)}
+        print(f"of {len(scans)} scans of that time {len(scans & maps)} are on the robot's map")
         self.assertGreater(len(scans), 100)
         self.assertGreaterEqual(len(scans & maps), 0.98 * len(scans), "perception lost scans while the link was cut")
 
@@ -192,6 +193,19 @@ class HostsTest(unittest.TestCase):
 
     def test_4_nothing_has_ended(self):
         self.assertEqual(self.robot.deaths() + self.ground.deaths(), [])
+
+    def test_5_a_manager_that_was_replaced_while_the_link_was_cut_is_found(self):
+        """The master tells subscribers of a new publisher once, and this one could not hear it."""
+        managers = [pid for pid in ip("netns", "pids", self.network.names["robot"]).split()
+                    if b"\0manager\0" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes()]
+        self.assertEqual(len(managers), 1)
+        self.network.set_link("switch", "ground", "down")
+        os.kill(int(managers[0]), signal.SIGKILL)
+        self.on_robot.wait("map", time.time() + 1.0, 0.5, 60.0)
+        self.network.set_link("switch", "ground", "up")
+        up = time.time()
+        back = self.on_ground.wait("ground/map", up, 0.5, 15.0)
+        print(f"a new manager's map came {back - up:.2f} s after the link")
 
 
 if __name__ == "__main__":
