@@ -118,6 +118,7 @@ class OnnxModel::Impl {
       throw std::runtime_error(onnx_path + ": its SHA-256 is not the one in " + manifest_file +
                                ": damaged, or of another version");
     }
+    sha256_ = manifest.sha256;
     input_tensor_ = manifest.input;
     output_tensor_ = manifest.output;
     try {
@@ -138,6 +139,7 @@ class OnnxModel::Impl {
 
   int inputs() const { return input_tensor_.size(); }
   int outputs() const { return output_tensor_.size(); }
+  const std::string& file_sha256() const { return sha256_; }
 
   float* resize(int rows, float value) {
     std::vector<int> shape{rows};
@@ -173,6 +175,7 @@ class OnnxModel::Impl {
     }
   }
 
+  std::string sha256_;
   Tensor input_tensor_;
   Tensor output_tensor_;
   cv::dnn::Net net_;
@@ -187,6 +190,7 @@ OnnxModel& OnnxModel::operator=(OnnxModel&&) noexcept = default;
 
 int OnnxModel::inputs() const { return impl_->inputs(); }
 int OnnxModel::outputs() const { return impl_->outputs(); }
+const std::string& OnnxModel::file_sha256() const { return impl_->file_sha256(); }
 float* OnnxModel::resize(int rows, float value) { return impl_->resize(rows, value); }
 const float* OnnxModel::forward() { return impl_->forward(); }
 

@@ -109,7 +109,10 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
     const std::vector<Run>& runs = work.runs;
     for (std::size_t r = 0; r < runs.size(); ++r) {
       const Run& run = runs[r];
-      if (run.count < static_cast<std::size_t>(params.min_points)) continue;
+      if (run.count < static_cast<std::size_t>(params.min_points)) {
+        ++segments.refused[kTooFewPoints];
+        continue;
+      }
       Segment piece = whole;
       piece.first = run.first;
       piece.count = run.count;

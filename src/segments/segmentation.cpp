@@ -207,15 +207,16 @@ Bulge bulge_of(const Line& line, const Point* points, std::size_t count) {
   return bulge;
 }
 
-/// What a segment is taken for by its own hits and ends, whatever is beside it.
-SegmentKind kind_alone(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+/// Why a segment is structure by its own hits and ends, whatever is beside it; empty text if it may be an object.
+const char* structure_alone(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
   const Point* points = &segments.points[segment.first];
-  if (extent_m(points, segment.count) > params.max_object_extent_m) return SegmentKind::kStructure;
-  if (concavity_m(points, segment.count) > params.max_concavity_m) return SegmentKind::kStructure;
+  if (extent_m(points, segment.count) > params.max_object_extent_m) return "structure: larger than an object";
+  if (concavity_m(points, segment.count) > params.max_concavity_m) return "structure: inner corner";
   const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
   const bool straight =
       hidden && rms_m(fit_line(points, segment.count), points, segment.count) < params.max_straight_rms_m;
-  return straight || is_flat(segments, segment, params) ? SegmentKind::kStructure : SegmentKind::kObject;
+  if (straight) return "structure: straight, an end hidden";
+  return is_flat(segments, segment, params) ? "structure: flat" : "";
 }
 
 /// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
@@ -244,6 +245,7 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
       });
       if (on_line) {
         piece.kind = SegmentKind::kStructure;
+        ++segments.refused["structure: in line with another"];
         break;
       }
     }
@@ -266,6 +268,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   Segments result = std::move(memory);
   result.points.clear();
   result.segments.clear();
+  result.refused.reset();
   result.stamp_ns = points.stamp_ns;
   result.T_world_level = points.T_world_level;
   result.height_world_m = points.height_world_m;
@@ -286,7 +289,9 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   std::size_t inside = 0;  // its points in the volume of interest
   const auto close_segment = [&] {
     const std::size_t count = result.points.size() - first;
-    if (count < min_points || 2 * inside < count) {
+    const bool too_few = count < min_points;
+    if (too_few || 2 * inside < count) {
+      if (count > 0) ++result.refused[too_few ? kTooFewPoints : "segment refused: out of range or volume"];
       result.points.resize(first);
     } else {
       Segment segment;
@@ -299,7 +304,11 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
       };
       segment.right_hidden_rad = hidden_beside(segment.right_end, first_read, -1);
       segment.left_hidden_rad = hidden_beside(segment.left_end, last_read, +1);
-      segment.kind = kind_alone(result, segment, params);
+      const char* const structure = structure_alone(result, segment, params);
+      if (*structure != '\0') {
+        segment.kind = SegmentKind::kStructure;
+        ++result.refused[structure];
+      }
       result.segments.push_back(segment);
     }
     first = result.points.size();

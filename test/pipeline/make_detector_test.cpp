@@ -78,6 +78,7 @@ TEST_F(MakeDetectorTest, EveryDetectorTakesOtherFitParameters) {
     fit.max_radius_m = 0.02;
     detector->set_fit(fit);
     EXPECT_TRUE(detector->detect(segments).detections.empty()) << name;
+    EXPECT_EQ(detector->model_sha256().size(), model_path(params(name)).empty() ? 0U : 64U) << name;
     detector->set_fit(params(name).fit);
     EXPECT_EQ(detector->detect(segments).detections.size(), 1U) << name;
   }

@@ -142,7 +142,7 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.free_space.range_m, segments.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
   EXPECT_TRUE(
-      segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}}, "world")).free_space.range_m.empty());
+      segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}}, "world")).free_space.range_m.empty());
   ASSERT_EQ(back.points.size(), segments.points.size());
   for (std::size_t i = 0; i < back.points.size(); ++i) {
     EXPECT_EQ(back.points[i].azimuth_rad, segments.points[i].azimuth_rad);

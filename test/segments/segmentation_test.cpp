@@ -192,8 +192,8 @@ TEST(Segmentation, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
   }
 }
 
-// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing cut
-// off alike is still an object.
+// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing
+// cut off alike is still an object.
 TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
   LevelScene scene;
   const auto kind_of_far = [&] {
@@ -242,6 +242,31 @@ TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsLeftOu
   EXPECT_GT(segments.points[segments.segments[0].first].p_level_m.x(), 2.0);
   // All beams that see it, inside the volume or not: 2 asin(0.3 / 3) wide.
   EXPECT_NEAR(static_cast<double>(segments.segments[0].count), degrees(2.0 * std::asin(0.1)) * 4.0, 1.01);
+}
+
+// Every structure and every run of hits that is left out has its reason.
+TEST(Segmentation, CountsWhyWhatIsNoObject) {
+  Random random(2);
+  for (int seed = 0; seed < 20; ++seed) {
+    LevelScene scene;
+    scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}, {{6.0, 8.0}, {-3.0, 8.0}}};
+    scene.ellipses = {{{3.0, random.uniform(-2.0, 2.0)}, 0.3, 0.4, 0.2},
+                      {{2.0, random.uniform(-2.0, 2.0)}, 1.0, 0.2, 0.1},
+                      {{5.0, random.uniform(-4.0, 4.0)}, 0.0, 0.02, 0.02}};
+    const Segments segments = segment_scan(scene.scan(&random));
+    std::uint64_t structures = 0;
+    for (const Segment& s : segments.segments) structures += s.kind == SegmentKind::kStructure ? 1U : 0U;
+    std::uint64_t counted = 0;
+    for (const auto& [reason, count] : segments.refused) counted += reason.find("structure: ") == 0 ? count : 0U;
+    EXPECT_EQ(structures, counted);
+    EXPECT_GT(segments.refused.of("structure: larger than an object"), 0U);
+  }
+  SegmentationParams params;
+  LevelScene scene;
+  scene.ellipses = {{{3.0, 0.0}, 0.3, 0.4, 0.2}};
+  EXPECT_EQ(segment_scan(scene.scan(), params).refused, Counters{});
+  params.min_points = 1000;
+  EXPECT_EQ(segment_scan(scene.scan(), params).refused, (Counters{{"segment refused: too few points", 1}}));
 }
 
 TEST(SegmentationParams, RefusesWrongValuesByName) {

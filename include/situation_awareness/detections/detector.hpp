@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
+
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
@@ -18,6 +20,9 @@ class Detector {
 
   /// Other parameters from the next scan on; they have been validated.
   virtual void set_fit(const EllipseFitParams& fit) = 0;
+
+  /// SHA-256 of its network's file in hexadecimal; empty if it has none.
+  virtual std::string model_sha256() const { return ""; }
 
  private:
   /// Add to `found` what is in the segments, and why in others nothing is; it is empty but for what is copied from the

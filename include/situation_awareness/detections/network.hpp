@@ -33,6 +33,8 @@ class EllipseNetwork {
   const std::vector<EllipseEstimate>& infer(const Segments& segments, const std::vector<std::size_t>& which,
                                             double range_sigma_m, double max_radius_m);
 
+  const OnnxModel& model() const { return model_; }
+
  private:
   OnnxModel model_;
   std::vector<SegmentEncoding> encodings_;  ///< kept for its memory
@@ -46,6 +48,7 @@ class NetworkDetector final : public Detector {
   NetworkDetector(const std::string& onnx_path, const EllipseFitParams& params);
 
   void set_fit(const EllipseFitParams& fit) override { params_ = fit; }
+  std::string model_sha256() const override { return network_.model().file_sha256(); }
 
  private:
   void find(const Segments& segments, Detections& found) override;

@@ -24,8 +24,9 @@ class OnnxModel {
   OnnxModel(OnnxModel&&) noexcept;
   OnnxModel& operator=(OnnxModel&&) noexcept;
 
-  int inputs() const;   ///< N, numbers per row
-  int outputs() const;  ///< M, numbers per row
+  int inputs() const;                      ///< N, numbers per row
+  int outputs() const;                     ///< M, numbers per row
+  const std::string& file_sha256() const;  ///< of the ONNX file, in hexadecimal
 
   /// The inputs of the next forward, all set to `value`: `rows` (at least 1) rows of inputs() numbers, one behind the
   /// other. Valid until the next call.

@@ -35,6 +35,8 @@ class PaperNetwork {
   /// each of them.
   std::vector<Ellipse> infer(const Segments& segments, const std::vector<std::size_t>& which);
 
+  const OnnxModel& model() const { return model_; }
+
  private:
   Kind kind_;
   OnnxModel model_;
@@ -48,6 +50,7 @@ class PaperNetworkDetector final : public Detector {
   PaperNetworkDetector(PaperNetwork::Kind kind, const std::string& onnx_path, const EllipseFitParams& params);
 
   void set_fit(const EllipseFitParams& fit) override { params_ = fit; }
+  std::string model_sha256() const override { return network_.model().file_sha256(); }
 
  private:
   void find(const Segments& segments, Detections& found) override;

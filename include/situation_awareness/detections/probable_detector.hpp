@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <string>
 
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
@@ -16,6 +17,7 @@ class ProbableDetector final : public Detector {
   ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse);
 
   void set_fit(const EllipseFitParams& fit) override { detector_->set_fit(fit); }
+  std::string model_sha256() const override { return detector_->model_sha256(); }
 
   /// From the next scan on.
   void set_min_p_ellipse(double min_p_ellipse) { min_p_ellipse_ = min_p_ellipse; }

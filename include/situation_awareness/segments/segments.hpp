@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/points/points.hpp"
@@ -26,6 +27,9 @@ enum class SegmentKind : std::uint8_t {
   kObject,     ///< may be one object of the size the map is for
   kStructure,  ///< a wall, a corner or another thing larger than an object, or a visible piece of one
 };
+
+/// Of runs of hits with fewer than SegmentationParams::min_points, or what a segment is divided into.
+constexpr const char* kTooFewPoints = "segment refused: too few points";
 
 /// A run of neighbouring hits on one thing.
 struct Segment {
@@ -50,6 +54,7 @@ struct Segments {
   std::vector<Point> points;
   std::vector<Segment> segments;
   FreeSpace free_space;  ///< of the whole scan
+  Counters refused;      ///< why runs of hits are no segment, and why segments are structure
 };
 
 /// Which ellipses a segment's azimuths overlap.

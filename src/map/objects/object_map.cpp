@@ -20,7 +20,6 @@ using namespace object_state;
 
 namespace {
 
-constexpr int kMeasurementSize = 5;
 constexpr double kMinRadius_m = 0.01;
 /// How long an acceleration lasts: with the standard deviation s of an exponentially correlated one, the spectral
 /// density of the white one that moves an object as far is s sqrt(2 tau) (Singer, 1970).
@@ -48,6 +47,7 @@ constexpr double kSettling_s = 0.7;  // what has stood for longer is less and le
 constexpr double kStoodLong_s = 1.5;
 constexpr double kSurelyMoves = 0.95;
 constexpr double kTravel_m = 0.25;  // an object that has surely moved this far may do so again
+constexpr const char* kOutOfSight = "match rejected: element out of sight";
 
 double log_odds(double p) { return std::log(p / (1.0 - p)); }
 
@@ -159,6 +159,8 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
   report.created.clear();
   report.deleted.clear();
   report.reasons.reset();
+  report.matches = 0;
+  report.mahalanobis2 = 0.0;
   report.log_likelihood = 0.0;
   if (!advance_to(detections.stamp_ns, report)) return report;
   height_world_m_ = detections.height_world_m;
@@ -177,7 +179,11 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
                                 association.match, U);
     bound_radii(element.estimate.standing.x, kMinRadius_m);
     bound_radii(element.estimate.moving.x, kMinRadius_m);
-    learn_noise((element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2);
+    const double mahalanobis2 =
+        (element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2;
+    learn_noise(mahalanobis2);
+    ++report.matches;
+    report.mahalanobis2 += mahalanobis2;
     observe(element, detections.detections[association.measurement], measurements[association.measurement],
             detections.T_world_level);
     work_.used[association.measurement] = 1;
@@ -189,6 +195,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
   work_.seen_lately = seen_within(kRecently_s, std::move(work_.seen_lately));
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     if (work_.used[j] != 0) continue;
+    if (*work_.rejections[j].reason != '\0') ++report.reasons[work_.rejections[j].reason];
     if (Element* const element = in_the_place_of(measurements[j], detections.T_world_level)) {
       element->estimate = new_estimate(measurements[j], detections.T_world_level, U);
       observe(*element, detections.detections[j], measurements[j], detections.T_world_level);
@@ -241,6 +248,7 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
     case StampOrder::Verdict::kRestart:
       for (const Element& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
+      if (!elements_.empty()) report.reasons["deleted with the map before"] += elements_.size();
       forget();
       return true;
   }
@@ -337,6 +345,8 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
   candidates.clear();
   matches.clear();
   work_.associations.clear();
+  std::vector<Rejection>& rejections = work_.rejections;
+  rejections.assign(measurements.size(), {});
   for (std::size_t i = 0; i < elements_.size(); ++i) {
     const MotionEstimate& estimate = elements_[i].estimate;
     const bool was_lost = unseen_s(elements_[i]) > kRecently_s;
@@ -351,11 +361,19 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
       if (std::abs(near->center_world_m.y() - center_m.y()) > reach_m) continue;
       const auto j = static_cast<std::size_t>(near->measurement);
-      if (was_lost && on_seen[j] != 0) continue;
       const Measurement& measurement = measurements[j];
-      if (lost && measurement.hidden_end) continue;  // nothing sure is said by a piece about what may be anywhere
+      Rejection& rejection = rejections[j];
+      // Nothing sure is said by a piece about what may be anywhere.
+      if ((was_lost && on_seen[j] != 0) || (lost && measurement.hidden_end)) {
+        if (*rejection.reason == '\0') rejection.reason = kOutOfSight;
+        continue;
+      }
       const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
-      if (!may_be(elements_[i], candidate)) continue;
+      const char* const defect = mismatch(elements_[i], candidate);
+      if (candidate.log_likelihood > rejection.log_likelihood) {
+        rejection = {*defect != '\0' ? defect : "match rejected: taken by another", candidate.log_likelihood};
+      }
+      if (*defect != '\0') continue;
       candidates.push_back({static_cast<int>(i), near->measurement, -candidate.log_likelihood});
       matches.push_back(candidate);
     }
@@ -379,14 +397,16 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
   }
 }
 
-/// True if a match may be of an element: inside its gate, and more probable than something new. What stood when it was
-/// last seen, a while ago, is looked for where it stood: as something that has set off since, it could be anywhere.
-bool ObjectMap::may_be(const Element& element, const MotionMatch& match) const {
-  if (match.log_likelihood < kLogNewObjectDensity) return false;
-  if (element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m) return false;
-  if (match.standing.mahalanobis2 <= gate_) return true;
+/// Why a match cannot be of an element; empty text if it may be: inside its gate, and more probable than something new.
+/// What stood when it was last seen, a while ago, is looked for where it stood: as something that has set off since, it
+/// could be anywhere.
+const char* ObjectMap::mismatch(const Element& element, const MotionMatch& match) const {
   const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && unseen_s(element) > kRecently_s;
-  return !stood && match.moving.mahalanobis2 <= gate_;
+  const bool inside = match.standing.mahalanobis2 <= gate_ || (!stood && match.moving.mahalanobis2 <= gate_);
+  if (!inside) return "match rejected: outside the gate";
+  if (match.log_likelihood < kLogNewObjectDensity) return "match rejected: more probably something new";
+  const bool anywhere = element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m;
+  return anywhere ? kOutOfSight : "";
 }
 
 /// The element that a whole detection lies on although it does not match: two objects are not in one place, so the
@@ -531,7 +551,7 @@ void ObjectMap::recognise_lost() {
       const Element& lost = elements_[j];
       if (!lost.confirmed || lost.is_part || unseen_s(lost) < kRecently_s) continue;
       const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
-      if (!may_be(lost, candidate) || candidate.log_likelihood <= most) continue;
+      if (*mismatch(lost, candidate) != '\0' || candidate.log_likelihood <= most) continue;
       most = candidate.log_likelihood;
       best = j;
     }
@@ -544,6 +564,7 @@ void ObjectMap::recognise_lost() {
     lost.beams = element.beams;
     lost.observations += element.observations;
     element.log_odds = -kMaxLogOdds;  // the other is it
+    element.known_again = true;
     element.confirmed = false;
     element.last_seen_ns = element.first_seen_ns;
   }
@@ -629,7 +650,9 @@ void ObjectMap::join_parts() {
 void ObjectMap::delete_outdated(ObjectMapUpdate& report) {
   const auto outdated = [&](const Element& element) -> const char* {
     if (element.last_seen_ns == stamp_ns()) return "";
-    if (element.log_odds < log_odds(params_.deletion_probability)) return "seen through";
+    if (element.log_odds < log_odds(params_.deletion_probability)) {
+      return element.known_again ? "known again as another" : "seen through";
+    }
     if (!element.confirmed && unseen_s(element) > kMaxUnconfirmed_s) return "not confirmed";
     if (unseen_s(element) > params_.max_unseen_s) return "unseen for too long";
     if (position_sigma_m(likelier(element.estimate)) > params_.lost_position_sigma_m) return "position too uncertain";

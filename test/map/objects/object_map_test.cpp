@@ -330,7 +330,79 @@ TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
   for (int i = 0; i < 10; ++i) map.update(detections_at(i * kScanPeriod_s, {body}));
   const ObjectMapUpdate update = map.update(detections_at(10 * kScanPeriod_s, {body, {{2.85, 0.1}, 0.0, 0.05, 0.05}}));
   EXPECT_TRUE(update.created.empty());
-  EXPECT_EQ(update.reasons, (Counters{{"detection on an element already seen", 1}}));
+  EXPECT_EQ(update.reasons,
+            (Counters{{"detection on an element already seen", 1}, {"match rejected: outside the gate", 1}}));
+}
+
+TEST(ObjectMap, SaysWhyADetectionNearAnElementIsNotTakenForIt) {
+  const Ellipse standing{{3.0, 0.0}, 0.0, 0.1, 0.1};
+  ObjectMap map{params()};
+  int i = 0;
+  for (; i < 40; ++i) EXPECT_EQ(map.update(detections_at(i * kScanPeriod_s, {standing})).reasons, Counters{});
+  const Ellipse beside{{3.02, 0.005}, 0.0, 0.1, 0.1};
+  EXPECT_EQ(map.update(detections_at(i++ * kScanPeriod_s, {standing, beside}))
+                .reasons.of("match rejected: taken by "
+                            "another"),
+            1U);
+  const Ellipse large{{3.0, 0.0}, 0.0, 0.4, 0.4};
+  EXPECT_EQ(map.update(detections_at(i++ * kScanPeriod_s, {large})).reasons.of("match rejected: outside the gate"), 1U);
+  const Ellipse elsewhere{{6.0, 3.0}, 0.0, 0.1, 0.1};
+  EXPECT_EQ(map.update(detections_at(i++ * kScanPeriod_s, {elsewhere})).reasons, Counters{});
+}
+
+// Every detection corrects an element, makes one, or is counted with a reason; every deletion is, too.
+TEST(ObjectMap, AccountsForEveryDetectionAndEveryDeletion) {
+  Random random(5);
+  ObjectMap map{params()};
+  std::size_t alive = 0;
+  std::uint64_t deletions = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const double t_s = (i % 1000) * kScanPeriod_s;  // once, time jumps back
+    std::vector<Ellipse> things;
+    for (int k = 0; k < 4; ++k) {
+      const double gone = std::sin(0.013 * i + k);
+      if (gone < -0.3) continue;
+      things.push_back({{3.0 + k + random.uniform(-0.2, 0.2) * (k == 3 ? 1.0 : 0.0), 1.5 * std::sin(0.7 * t_s) * k},
+                        0.3,
+                        0.3,
+                        0.15 + 0.05 * k});
+    }
+    const Detections detections = scan_of(t_s, things, &random);
+    const ObjectMapUpdate update = map.update(detections);
+    EXPECT_EQ(detections.detections.size(), update.updated.size() + update.created.size() +
+                                                update.reasons.of("detection on an element already seen"));
+    EXPECT_EQ(update.matches + update.reasons.of("element corrected"), update.updated.size());
+    std::uint64_t reasons = 0;
+    for (const char* reason : {"seen through", "known again as another", "not confirmed", "unseen for too long",
+                               "position too uncertain", "deleted with the map before"}) {
+      reasons += update.reasons.of(reason);
+    }
+    EXPECT_EQ(update.deleted.size(), reasons) << i;
+    alive = alive + update.created.size() - update.deleted.size();
+    EXPECT_EQ(map.size(), alive) << i;
+    deletions += update.deleted.size();
+  }
+  EXPECT_GT(deletions, 5U);
+}
+
+// Detections whose errors are those that their covariances say, of an object that stands: NIS is then 1 at most.
+TEST(ObjectMap, SumsUpTheInnovationsOfItsMatches) {
+  Random random(6);
+  ObjectMapParams p = params();
+  p.robot_position_sigma_m = p.robot_yaw_sigma_rad = p.robot_stamp_sigma_s = p.measurement_sigma_m = 0.0;
+  ObjectMap map(p);
+  double mahalanobis2 = 0.0;
+  std::uint64_t matches = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const ObjectMapUpdate update =
+        map.update(detections_at(i * kScanPeriod_s, {{{3.0, 0.0}, 0.0, 0.3, 0.2}}, {}, &random));
+    matches += update.matches;
+    mahalanobis2 += update.mahalanobis2;
+  }
+  EXPECT_GT(matches, 3900U);
+  const double nis = mahalanobis2 / (5.0 * static_cast<double>(matches));
+  EXPECT_GT(nis, 0.8);
+  EXPECT_LT(nis, 1.1);
 }
 
 TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
@@ -765,7 +837,7 @@ TEST(ObjectMap, TimeThatRepeatsOrGoesBackIsDroppedAndAJumpBackStartsANewMap) {
   EXPECT_EQ(after.objects[0].observations, before.objects[0].observations);
 
   const ObjectMapUpdate update = map.update(detections_at(5.0, {standing}));
-  EXPECT_EQ(update.reasons, (Counters{{"time jumped back: new map", 1}}));
+  EXPECT_EQ(update.reasons, (Counters{{"deleted with the map before", 1}, {"time jumped back: new map", 1}}));
   EXPECT_EQ(update.deleted, (std::vector<std::uint64_t>{1}));
   EXPECT_EQ(update.created, (std::vector<std::uint64_t>{2}));  // identities are never used twice
 }

@@ -38,6 +38,8 @@ constexpr int kAngularVelocity = 4;  ///< 1, rad/s, about world z
 constexpr int kShape = 5;            ///< 3, m: m, p, q, in the world
 }  // namespace object_state
 
+constexpr int kMeasurementSize = 5;  ///< of z
+
 using Matrix58d = Eigen::Matrix<double, 5, 8>;
 using Matrix53d = Eigen::Matrix<double, 5, 3>;
 

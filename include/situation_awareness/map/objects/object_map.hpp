@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -123,7 +124,9 @@ struct ObjectMapUpdate {
   std::vector<std::uint64_t> updated;  ///< ids
   std::vector<std::uint64_t> created;  ///< ids
   std::vector<std::uint64_t> deleted;  ///< ids
-  Counters reasons;                    ///< why elements were deleted or the whole update was dropped
+  Counters reasons;                    ///< why elements were deleted, matches rejected or the whole update dropped
+  std::uint64_t matches = 0;           ///< detections that corrected an element
+  double mahalanobis2 = 0.0;           ///< sum of their squared Mahalanobis distances, each under the likelier motion
   double log_likelihood = 0.0;         ///< of the detections of `updated` and `created`: what tunes the filter
 };
 
@@ -147,6 +150,9 @@ class ObjectMap {
   /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
   /// that are not confirmed, and those that are part of another, are left out.
   Objects at(std::int64_t stamp_ns, Objects memory = {}) const;
+
+  /// How many elements are alive, on the map or not.
+  std::size_t size() const { return elements_.size(); }
 
   /// Stamp of the latest update, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
@@ -174,6 +180,7 @@ class ObjectMap {
   struct Element : MapElement {
     bool just_confirmed = false;
     bool common_shape = false;  ///< others look the same
+    bool known_again = false;   ///< it is another, which goes on in its place
   };
 
   /// A measurement that is of an element.
@@ -181,6 +188,12 @@ class ObjectMap {
     std::size_t element;
     std::size_t measurement;
     MotionMatch match;
+  };
+
+  /// Why a measurement near elements is of none: what speaks against the likeliest of them.
+  struct Rejection {
+    const char* reason = "";  ///< empty: none is near
+    double log_likelihood = -std::numeric_limits<double>::infinity();
   };
 
   /// A measurement's place, to look for it by.
@@ -202,7 +215,8 @@ class ObjectMap {
     EllipsesByX seen_lately;
     EllipsesByX seen_now;
     std::vector<Place> by_x;
-    std::vector<char> on_seen;  ///< measurements
+    std::vector<char> on_seen;          ///< measurements
+    std::vector<Rejection> rejections;  ///< of the measurements
     std::vector<Candidate> candidates;
     std::vector<MotionMatch> matches;  ///< of the candidates
     std::vector<int> measurement_of_element;
@@ -220,7 +234,7 @@ class ObjectMap {
   void learn_noise(double mahalanobis2);
   Measurement widened(const Detection& detection) const;
   void associate(const Pose2& T_world_level, const Eigen::Matrix3d& U);
-  bool may_be(const Element& element, const MotionMatch& match) const;
+  const char* mismatch(const Element& element, const MotionMatch& match) const;
   Element* in_the_place_of(const Measurement& measurement, const Pose2& T_world_level);
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
                               const Eigen::Matrix3d& U) const;
