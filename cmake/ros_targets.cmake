@@ -5,6 +5,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
+  src/ros/map_report.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
@@ -17,7 +18,8 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/param_reader.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp
-  src/ros/stage_diagnostics.cpp)
+  src/ros/stage_diagnostics.cpp
+  src/ros/transform_age.cpp)
 situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <cstdio>
 #include <fstream>
 #include <set>
 #include <sstream>
@@ -49,17 +50,14 @@ class ReadFields {
     return has(name) ? node_[name] : YAML::Node();
   }
 
-  void refuse_unknown_keys() const {
+  void report_unknown_keys(const OnUnknownKey& on_unknown_key) const {
     if (!node_.IsMap()) return;
     for (const auto& item : node_) {
       if (!item.first.IsScalar()) {
         fail(source_, "the name of a parameter" + (section_.empty() ? "" : " in " + section_) + " must be a text");
       }
-      const auto key = item.first.as<std::string>();
-      if (known_.count(key) != 0) continue;
-      std::string names;
-      for (const std::string& name : known_) names += (names.empty() ? "" : ", ") + name;
-      fail(source_, "unknown parameter " + path_of(key) + ", known are: " + names);
+      const std::string& key = item.first.Scalar();
+      if (known_.count(key) == 0) on_unknown_key({source_, path_of(key), {known_.begin(), known_.end()}});
     }
   }
 
@@ -92,16 +90,25 @@ class ReadFields {
 };
 
 template <class Params>
-void read_section(ReadFields& parent, const char* name, Params& params, const std::string& source) {
+void read_section(ReadFields& parent, const char* name, Params& params, const std::string& source,
+                  const OnUnknownKey& on_unknown_key) {
   ReadFields fields(parent.nested(name), name, source);
   Params::fields(params, fields);
-  fields.refuse_unknown_keys();
+  fields.report_unknown_keys(on_unknown_key);
 }
 
 }  // namespace
 
+std::string sentence_of(const UnknownKey& key) {
+  std::string names;
+  for (const std::string& name : key.known) names += (names.empty() ? "" : ", ") + name;
+  return key.source + ": unknown parameter " + key.path + " has no effect, known are: " + names;
+}
+
+void warn_on_stderr(const UnknownKey& key) { std::fprintf(stderr, "warning: %s\n", sentence_of(key).c_str()); }
+
 ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
-                                                  const std::string& model_folder) {
+                                                  const std::string& model_folder, const OnUnknownKey& on_unknown_key) {
   YAML::Node root;
   try {
     root = YAML::Load(yaml);
@@ -111,17 +118,17 @@ ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const
 
   ObjectPipelineParams params;
   ReadFields sections(root, "", source);
-  read_section(sections, "scan", params.scan, source);
-  read_section(sections, "segments", params.segments, source);
-  read_section(sections, "objects", params.objects, source);
+  read_section(sections, "scan", params.scan, source, on_unknown_key);
+  read_section(sections, "segments", params.segments, source, on_unknown_key);
+  read_section(sections, "objects", params.objects, source, on_unknown_key);
 
   ReadFields detections(sections.nested("detections"), "detections", source);
   DetectionParams::fields(params.detections, detections);
   ReadFields fit(detections.nested("fit"), "detections.fit", source);
   EllipseFitParams::fields(params.detections.fit, fit);
-  fit.refuse_unknown_keys();
-  detections.refuse_unknown_keys();
-  sections.refuse_unknown_keys();
+  fit.report_unknown_keys(on_unknown_key);
+  detections.report_unknown_keys(on_unknown_key);
+  sections.report_unknown_keys(on_unknown_key);
 
   params.detections.model_folder = model_folder;
   try {
@@ -135,11 +142,12 @@ ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const
   return params;
 }
 
-ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder) {
+ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder,
+                                                 const OnUnknownKey& on_unknown_key) {
   std::ifstream file(path);
   std::ostringstream text;
   if (!file || !(text << file.rdbuf())) throw std::invalid_argument(path + ": cannot be read");
-  return parse_object_pipeline_params(text.str(), path, model_folder);
+  return parse_object_pipeline_params(text.str(), path, model_folder, on_unknown_key);
 }
 
 }  // namespace situation_awareness

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <utility>
 
 #include <ros/console.h>
 
@@ -14,8 +15,6 @@ namespace {
 
 const ros::WallDuration kReportPeriod(1.0);
 const ros::WallDuration kWarningPeriod(5.0);
-constexpr double kMaxLatencyMs =
-    60e3;  ///< beyond a minute the stamps are of another clock: a bag played without --clock
 
 using diagnostic_msgs::DiagnosticStatus;
 
@@ -26,12 +25,22 @@ double quantile(std::vector<double>& values, double part) {
   return values[static_cast<std::size_t>(index)];
 }
 
+std::string with_detail(const std::string& reason, const std::string& detail) {
+  return detail.empty() ? reason : reason + " (" + detail + ")";
+}
+
 }  // namespace
+
+void Samples::report(const std::string& name, diagnostic_updater::DiagnosticStatusWrapper& status) {
+  status.addf(name + " p50 [ms]", "%.2f", quantile(values_ms_, 0.5));
+  status.addf(name + " p99 [ms]", "%.2f", quantile(values_ms_, 0.99));
+  values_ms_.clear();
+}
 
 StageDiagnostics::StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& private_node, const std::string& name)
     : name_(name), reported_at_(ros::WallTime::now()), updater_(node, private_node, name) {
   updater_.setHardwareID("none");
-  updater_.add("stage", [this](diagnostic_updater::DiagnosticStatusWrapper& status) { report(status); });
+  updater_.add("stage", [this](Status& status) { report(status); });
   timer_ = node.createWallTimer(kReportPeriod, [this](const ros::WallTimerEvent&) {
     try {
       updater_.force_update();
@@ -41,14 +50,24 @@ StageDiagnostics::StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& 
   });
 }
 
+void StageDiagnostics::watch(const ros::Subscriber& subscriber, std::function<std::size_t()> waiting) {
+  subscriber_ = &subscriber;
+  waiting_ = std::move(waiting);
+}
+
+void StageDiagnostics::unknown_parameters(const std::vector<UnknownKey>& keys) {
+  unknown_ = keys;
+  for (const UnknownKey& key : unknown_) ROS_WARN_STREAM(name_ << ": " << sentence_of(key));
+}
+
 void StageDiagnostics::dropped(const std::string& reason, const std::string& detail) {
-  const std::uint64_t count = ++dropped_[reason];
-  ros::WallTime& warned_at = warned_at_[reason];
+  Drops& drops = drops_[reason];
+  ++drops.count;
+  drops.detail = detail;
   const ros::WallTime now = ros::WallTime::now();
-  if (!warned_at.isZero() && now - warned_at < kWarningPeriod) return;
-  warned_at = now;
-  ROS_WARN_STREAM(name_ << ": dropped, " << reason << (detail.empty() ? "" : " (" + detail + ")") << "; " << count
-                        << " so far");
+  if (!drops.warned_at.isZero() && now - drops.warned_at < kWarningPeriod) return;
+  drops.warned_at = now;
+  ROS_WARN_STREAM(name_ << ": dropped, " << with_detail(reason, detail) << "; " << drops.count << " so far");
 }
 
 void StageDiagnostics::counted(const Counters& counters) {
@@ -60,52 +79,70 @@ void StageDiagnostics::processed(const ros::Time& stamp, const ros::WallTime& st
   // In integers: ros::Duration throws where stamps are more than 68 years apart.
   const std::int64_t latency_ns = to_nanoseconds(ros::Time::now()) - to_nanoseconds(stamp);
   const double latency_ms = static_cast<double>(latency_ns) * 1e-6;
-  if (std::abs(latency_ms) <= kMaxLatencyMs) latencies_ms_.push_back(latency_ms);
-  durations_ms_.push_back((ros::WallTime::now() - start).toSec() * 1e3);
+  if (std::abs(latency_ms) <= Samples::kMost_ms) latencies_.add(latency_ms);
+  durations_.add((ros::WallTime::now() - start).toSec() * 1e3);
 }
 
-void StageDiagnostics::report(diagnostic_updater::DiagnosticStatusWrapper& status) {
-  const ros::WallTime now = ros::WallTime::now();
-  const double elapsed_s = std::max((now - reported_at_).toSec(), 1e-3);
-  std::uint64_t dropped = 0;
-  for (const auto& [reason, count] : dropped_) dropped += count;
-  const std::uint64_t new_received = received_ - reported_received_;
-  const std::uint64_t new_processed = processed_ - reported_processed_;
-  const std::uint64_t new_dropped = dropped - reported_dropped_;
+/// What follows on "no input": that nobody publishes, or where nothing comes.
+std::string StageDiagnostics::missing_input() const {
+  if (subscriber_ == nullptr) return "";
+  const std::string topic = subscriber_->getTopic();
+  return subscriber_->getNumPublishers() == 0 ? ": nobody publishes " + topic : " on " + topic;
+}
 
+void StageDiagnostics::summarise(std::uint64_t new_received, std::uint64_t new_processed, Status& status) const {
+  std::uint64_t most = 0;
+  std::string why;
+  for (const auto& [reason, drops] : drops_) {
+    if (drops.count - drops.reported <= most) continue;
+    most = drops.count - drops.reported;
+    why = with_detail(reason, drops.detail);
+  }
   if (paused_) {
     status.summary(DiagnosticStatus::WARN, "paused");
   } else if (received_ == 0) {
-    status.summary(DiagnosticStatus::WARN, "no input yet");
-  } else if (new_received == 0 && new_processed == 0) {
-    status.summary(DiagnosticStatus::WARN, "no input");
-  } else if (new_processed == 0 && new_dropped > 0) {
-    status.summary(DiagnosticStatus::ERROR, "all input dropped");
-  } else if (new_dropped > 0) {
-    status.summary(DiagnosticStatus::WARN, "input dropped");
+    status.summary(DiagnosticStatus::WARN, "no input yet" + missing_input());
+  } else if (new_received == 0 && new_processed == 0 && most == 0) {
+    status.summary(DiagnosticStatus::WARN, "no input" + missing_input());
+  } else if (new_processed == 0 && most > 0) {
+    status.summary(DiagnosticStatus::ERROR, "all input dropped: " + why);
+  } else if (most > 0) {
+    status.summary(DiagnosticStatus::WARN, "input dropped: " + why);
   } else {
     status.summary(DiagnosticStatus::OK, "running");
   }
+  for (const UnknownKey& key : unknown_) status.mergeSummary(DiagnosticStatus::WARN, "unknown parameter " + key.path);
+}
+
+void StageDiagnostics::report(Status& status) {
+  const ros::WallTime now = ros::WallTime::now();
+  const double elapsed_s = std::max((now - reported_at_).toSec(), 1e-3);
+  const std::uint64_t new_received = received_ - reported_received_;
+  const std::uint64_t new_processed = processed_ - reported_processed_;
+
+  summarise(new_received, new_processed, status);
   status.add("received", received_);
   status.add("processed", processed_);
+  if (waiting_) status.add("waiting", waiting_());
+  status.addf("input rate [Hz]", "%.1f", static_cast<double>(new_received) / elapsed_s);
   status.addf("rate [Hz]", "%.1f", static_cast<double>(new_processed) / elapsed_s);
-  if (latencies_ms_.empty() && new_processed > 0) {
+  if (latencies_.empty() && new_processed > 0) {
     status.add("latency", "unknown: the stamps are of another clock");
   } else {
-    status.addf("latency p50 [ms]", "%.2f", quantile(latencies_ms_, 0.5));
-    status.addf("latency p99 [ms]", "%.2f", quantile(latencies_ms_, 0.99));
+    latencies_.report("latency", status);
   }
-  status.addf("processing p50 [ms]", "%.2f", quantile(durations_ms_, 0.5));
-  status.addf("processing p99 [ms]", "%.2f", quantile(durations_ms_, 0.99));
-  for (const auto& [reason, count] : dropped_) status.add("dropped: " + reason, count);
+  durations_.report("processing", status);
+  if (add_) add_(status);
+  for (auto& [reason, drops] : drops_) {
+    status.add("dropped: " + reason, drops.count);
+    drops.reported = drops.count;
+  }
   for (const auto& [reason, count] : counted_) status.add(reason, count);
+  for (const UnknownKey& key : unknown_) status.add("unknown parameter " + key.path, sentence_of(key));
 
   reported_at_ = now;
   reported_received_ = received_;
   reported_processed_ = processed_;
-  reported_dropped_ = dropped;
-  latencies_ms_.clear();
-  durations_ms_.clear();
 }
 
 }  // namespace situation_awareness

@@ -7,6 +7,7 @@
 #include <map>
 #include <sstream>
 #include <string>
+#include <vector>
 
 #include "situation_awareness/common/time.hpp"
 #include "support/level_scene.hpp"
@@ -27,7 +28,9 @@ std::string refusal_of(const std::string& yaml) {
 }
 
 TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
-  const ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
+  const ObjectPipelineParams params =
+      load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models",
+                                  [](const UnknownKey& key) { ADD_FAILURE() << sentence_of(key); });
   EXPECT_EQ(params.detections.detector, "network");
   EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse.onnx");
 }
@@ -78,19 +81,47 @@ TEST(ObjectPipelineParams, RefusesInOneSentenceWithFileFieldAndBound) {
             "my.yaml: segments.min_points must be a whole number in [2, 1000]");
   EXPECT_EQ(refusal_of("segments: {max_gap_m: .nan}"), "my.yaml: segments.max_gap_m = nan is outside [0.001, 10] m");
   EXPECT_EQ(refusal_of("scan: {volume: [[1, 0, 0]]}"), "my.yaml: scan.volume must be a list of [nx, ny, nz, offset_m]");
-  EXPECT_EQ(refusal_of("scan: {range: 3}"),
-            "my.yaml: unknown parameter scan.range, known are: max_range_m, min_range_m, volume");
-  EXPECT_EQ(refusal_of("detections: {fit: {sigma: 1}}").find("my.yaml: unknown parameter detections.fit.sigma"), 0U);
   EXPECT_EQ(refusal_of("detections: {min_p_ellipse: 1.5}"),
             "my.yaml: detections.min_p_ellipse = 1.5 is outside [0, 1]");
   EXPECT_EQ(refusal_of("detections: {detector: magic}").find("my.yaml: detections.detector = magic is unknown"), 0U);
-  EXPECT_EQ(refusal_of("segment: {min_points: 4}"),
-            "my.yaml: unknown parameter segment, known are: detections, objects, scan, segments");
   EXPECT_EQ(refusal_of("scan: 3"), "my.yaml: scan must be a map of parameters");
   EXPECT_EQ(refusal_of("scan: [").find("my.yaml: not valid YAML"), 0U);
   EXPECT_EQ(refusal_of("[scan]: 3"), "my.yaml: the name of a parameter must be a text");
   EXPECT_EQ(refusal_of("scan: {? {a: b} : 3}"), "my.yaml: the name of a parameter in scan must be a text");
   EXPECT_THROW(load_object_pipeline_params("/does/not/exist.yaml", ""), std::invalid_argument);
+}
+
+/// The sentences on keys of `yaml` that nothing reads.
+std::vector<std::string> unknown_in(const std::string& yaml) {
+  std::vector<std::string> sentences;
+  parse_object_pipeline_params(yaml, "my.yaml", "",
+                               [&](const UnknownKey& key) { sentences.push_back(sentence_of(key)); });
+  return sentences;
+}
+
+TEST(ObjectPipelineParams, TellOfUnknownKeysAndReadTheRest) {
+  using Sentences = std::vector<std::string>;
+  EXPECT_EQ(unknown_in("scan: {max_range_m: 3}"), Sentences{});
+  EXPECT_EQ(unknown_in("scan: {range: 3}"),
+            Sentences{"my.yaml: unknown parameter scan.range has no effect, known are: max_range_m, min_range_m, "
+                      "volume"});
+  EXPECT_EQ(unknown_in("segment: {min_points: 4}"),
+            Sentences{"my.yaml: unknown parameter segment has no effect, known are: detections, objects, scan, "
+                      "segments"});
+  EXPECT_EQ(unknown_in("detections: {fit: {sigma: 1}}").at(0).find("my.yaml: unknown parameter detections.fit.sigma"),
+            0U);
+
+  int told = 0;
+  const ObjectPipelineParams params = parse_object_pipeline_params("scan: {range: 3, max_range_m: 5}", "my.yaml", "",
+                                                                   [&told](const UnknownKey& /*key*/) { ++told; });
+  EXPECT_EQ(told, 1);
+  EXPECT_EQ(params.scan.max_range_m, 5.0);
+}
+
+TEST(ObjectPipelineParams, UnknownKeysAreWarnedOfOnStderrUnlessSomeoneElseIsTold) {
+  testing::internal::CaptureStderr();
+  parse_object_pipeline_params("scan: {range: 3}", "my.yaml", "");
+  EXPECT_EQ(testing::internal::GetCapturedStderr().find("warning: my.yaml: unknown parameter scan.range"), 0U);
 }
 
 ObjectPipelineParams params_without_model() {

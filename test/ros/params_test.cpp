@@ -112,20 +112,29 @@ TEST(NodeletParams, RefuseInOneSentence) {
   EXPECT_TRUE(has(refusal(with_model_folder(tree)), "world_frame = 3 is not a text"));
 
   tree = XmlRpcValue();
-  tree["tf_timeout"] = 0.5;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "tf_timeout"));
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "parameters of /mapping"));
-
-  tree = XmlRpcValue();
   tree["objects"]["gate_probability"] = 2.0;
   EXPECT_TRUE(has(refusal(with_model_folder(tree)), "gate_probability"));
   EXPECT_TRUE(has(refusal(with_model_folder(tree)), "0.5"));
 
-  tree = XmlRpcValue();
-  tree["segments"]["max_gap"] = 0.2;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "max_gap"));
-
   EXPECT_TRUE(has(refusal(XmlRpcValue(42)), "parameters of /mapping"));
+}
+
+TEST(NodeletParams, TellOfUnknownKeysOfBothKinds) {
+  XmlRpcValue tree;
+  tree["tf_timeout"] = 0.5;
+  tree["segments"]["max_gap"] = 0.2;
+  tree["segments"]["min_points"] = 6;
+  tree["live"]["max_gap_m"] = 0.3;  // of another reader
+  const NodeletParams params = read_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
+  ASSERT_EQ(params.unknown.size(), 2U);
+  EXPECT_TRUE(has(sentence_of(params.unknown[0]), "parameters of /mapping: unknown parameter segments.max_gap has no"));
+  EXPECT_TRUE(has(sentence_of(params.unknown[0]), " max_gap_m, "));
+  EXPECT_EQ(sentence_of(params.unknown[1]),
+            "parameters of /mapping: unknown parameter tf_timeout has no effect, known are: deskew, detections, "
+            "downlink_rate_hz, "
+            "model_folder, objects, queue_size, scan, segments, tf_timeout_s, world_frame");
+  EXPECT_EQ(params.pipeline.segments.min_points, 6);
+  EXPECT_EQ(params.tf_timeout_s, NodeletParams{}.tf_timeout_s);
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ import rostest
 from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import wait_until  # noqa: E402
+from ros_support import Diagnostics, wait_until  # noqa: E402
 
 LEAST_SQUARES = {"detections": {"detector": "least_squares"}}  # needs no model
 
@@ -23,6 +23,7 @@ class RefuseTest(unittest.TestCase):
     def setUpClass(cls):
         cls.logs = []
         cls.subscriber = rospy.Subscriber("/rosout", Log, cls.logs.append, queue_size=1000)
+        cls.diagnostics = Diagnostics()
         cls.loads = 0
 
     def load(self, nodelet, params):
@@ -46,12 +47,17 @@ class RefuseTest(unittest.TestCase):
         self.assertEqual(sentences()[0].strip().count("\n"), 0, sentences()[0])
         self.assertTrue(rosnode.rosnode_ping("/manager", max_count=1), "the manager lives")
 
-    def assert_starts(self, nodelet, params):
+    def assert_starts(self, nodelet, params, *warnings):
+        """It does, and says each of `warnings` once in the log and always on /diagnostics."""
         name, loader = self.load(nodelet, params)
         try:
             wait_until(lambda: f"/{name}" in rosnode.get_node_names(), 20.0, f"{name} to start")
             with self.assertRaises(subprocess.TimeoutExpired):
                 loader.wait(timeout=2)
+            for warning in warnings:
+                wait_until(lambda: [log for log in self.logs if log.level == Log.WARN and f"/{name}: " in log.msg
+                                    and warning in log.msg], 5.0, warning)
+                wait_until(lambda: warning in self.diagnostics.stages.get(name, {}).get("summary", ""), 5.0, warning)
         finally:
             loader.terminate()
             loader.wait(timeout=20)
@@ -71,10 +77,10 @@ class RefuseTest(unittest.TestCase):
             model.write_bytes(b"\x08\x07garbage" * 100)
             self.assert_refused("detection", {"detections": {"model": str(model)}}, str(folder))
 
-    def test_unknown_parameter(self):
+    def test_an_unknown_parameter_is_warned_of(self):
         for nodelet in ("segmentation", "detection", "mapping"):
-            self.assert_refused(nodelet, {**LEAST_SQUARES, "segments": {"max_gapp_m": 0.1}}, "max_gapp_m")
-            self.assert_refused(nodelet, {**LEAST_SQUARES, "tf_timeouts": 0.1}, "tf_timeouts")
+            self.assert_starts(nodelet, {**LEAST_SQUARES, "segments": {"max_gapp_m": 0.1}, "tf_timeouts": 0.1},
+                               "unknown parameter segments.max_gapp_m", "unknown parameter tf_timeouts")
 
     def test_out_of_range(self):
         self.assert_refused("segmentation", {**LEAST_SQUARES, "scan": {"max_range_m": -1.0}},
@@ -89,7 +95,7 @@ class RefuseTest(unittest.TestCase):
         self.assert_refused("segmentation", {"world_frame": 3}, "world_frame")
 
     def test_the_same_manager_still_takes_good_ones(self):
-        self.assert_refused("mapping", {"objects": {"nonsense": 1}}, "nonsense")
+        self.assert_refused("mapping", {"objects": {"max_unseen_s": -1}}, "max_unseen_s")
         for nodelet in ("segmentation", "detection", "mapping"):
             self.assert_starts(nodelet, LEAST_SQUARES)
 

@@ -95,7 +95,8 @@ class Diagnostics:
         for status in message.status:
             if status.values:
                 name = status.name.split(":")[0]
-                self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message)
+                self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message,
+                                         level=status.level)
                 self.history.append((name, self.stages[name]))
 
     def count(self, stage, key):

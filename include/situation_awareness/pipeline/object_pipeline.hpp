@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -53,14 +54,31 @@ struct ObjectPipelineParams {
   ObjectMapParams objects;
 };
 
-/// Read parameters from YAML text; what it leaves out keeps its default. Models are looked for in
-/// `model_folder`. Throws std::invalid_argument with one sentence that names `source`, the field and its bound for
-/// an unknown key, a wrong type and a value out of bounds.
-ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
-                                                  const std::string& model_folder);
+/// A key that no parameter has, a slip of the pen most likely.
+struct UnknownKey {
+  std::string source;              ///< what was read
+  std::string path;                ///< with its section: segments.max_gap
+  std::vector<std::string> known;  ///< the keys that its section has
+};
 
-/// Same, from a file; models are looked for in `model_folder`.
-ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder);
+/// "my.yaml: unknown parameter segments.max_gap has no effect, known are: max_concavity_m, ..."
+std::string sentence_of(const UnknownKey& key);
+
+/// Its sentence on stderr, for programs without a log.
+void warn_on_stderr(const UnknownKey& key);
+
+using OnUnknownKey = std::function<void(const UnknownKey&)>;
+
+/// Read parameters from YAML text; what it leaves out keeps its default. Models are looked for in `model_folder`.
+/// Throws std::invalid_argument with one sentence that names `source`, the field and its bound for a wrong type and a
+/// value out of bounds; `on_unknown_key` is told of each key that it does not know.
+ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
+                                                  const std::string& model_folder,
+                                                  const OnUnknownKey& on_unknown_key = warn_on_stderr);
+
+/// Same, from a file.
+ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder,
+                                                 const OnUnknownKey& on_unknown_key = warn_on_stderr);
 
 /// The detector that the parameters ask for. It refuses detections below min_p_ellipse as "not one ellipse". Throws
 /// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming a model that cannot be used.

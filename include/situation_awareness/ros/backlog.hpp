@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
@@ -48,6 +49,8 @@ class Backlog {
       ask_for_turn();
     }
   }
+
+  std::size_t waiting() const { return waiting_.size(); }
 
   void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
 

@@ -1,28 +1,60 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
+#include <ros/subscriber.h>
 #include <ros/timer.h>
 
 #include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
 
 namespace situation_awareness {
+
+/// Times in milliseconds that came since the last report.
+class Samples {
+ public:
+  /// Beyond a minute the stamps are of another clock (a bag played without --clock): that says nothing.
+  static constexpr double kMost_ms = 60e3;
+
+  void add(double value_ms) { values_ms_.push_back(value_ms); }
+  bool empty() const { return values_ms_.empty(); }
+
+  /// "NAME p50 [ms]" and "NAME p99 [ms]", 0 where nothing came; then begins anew.
+  void report(const std::string& name, diagnostic_updater::DiagnosticStatusWrapper& status);
+
+ private:
+  std::vector<double> values_ms_;
+};
 
 /// What one nodelet says about itself on /diagnostics, once a second in wall time: what came in, what went out, what
 /// was dropped and why, and how long it took. Lives on the callback queue of its node handle, so it needs no lock.
 class StageDiagnostics {
  public:
+  using Status = diagnostic_updater::DiagnosticStatusWrapper;
+
   StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& private_node, const std::string& name);
+
+  /// Where the input comes from, and how many messages wait for their turn. `subscriber` must outlive this.
+  void watch(const ros::Subscriber& subscriber, std::function<std::size_t()> waiting);
+
+  /// Called at each report, to add what this stage alone knows.
+  void on_report(std::function<void(Status&)> add) { add_ = std::move(add); }
+
+  /// Warns now, once of each, and says it on every report.
+  void unknown_parameters(const std::vector<UnknownKey>& keys);
 
   void received() { ++received_; }
 
-  /// Counts, and warns at most every few seconds per reason; `detail` is for the warning alone.
+  /// Counts, and warns at most every few seconds per reason; `detail` is for the warning and the summary alone.
   void dropped(const std::string& reason, const std::string& detail = "");
 
   /// Adds to what is counted but no fault (why elements were deleted, why segments were no ellipse).
@@ -35,21 +67,32 @@ class StageDiagnostics {
   void processed(const ros::Time& stamp, const ros::WallTime& start);
 
  private:
-  void report(diagnostic_updater::DiagnosticStatusWrapper& status);
+  struct Drops {
+    std::uint64_t count = 0;
+    std::uint64_t reported = 0;
+    std::string detail;  ///< of the latest
+    ros::WallTime warned_at;
+  };
+
+  void summarise(std::uint64_t new_received, std::uint64_t new_processed, Status& status) const;
+  std::string missing_input() const;
+  void report(Status& status);
 
   std::string name_;
   bool paused_ = false;
+  const ros::Subscriber* subscriber_ = nullptr;
+  std::function<std::size_t()> waiting_;
+  std::function<void(Status&)> add_;
+  std::vector<UnknownKey> unknown_;
   std::uint64_t received_ = 0;
   std::uint64_t processed_ = 0;
-  Counters dropped_;
+  std::map<std::string, Drops> drops_;
   Counters counted_;
   std::uint64_t reported_received_ = 0;
   std::uint64_t reported_processed_ = 0;
-  std::uint64_t reported_dropped_ = 0;
   ros::WallTime reported_at_;
-  std::vector<double> latencies_ms_;  ///< since the last report
-  std::vector<double> durations_ms_;  ///< since the last report
-  std::map<std::string, ros::WallTime> warned_at_;
+  Samples latencies_;
+  Samples durations_;
   diagnostic_updater::Updater updater_;
   ros::WallTimer timer_;
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // segment_array, map  ->  detections
 #include <memory>
+#include <string>
 
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
@@ -30,12 +31,20 @@ class DetectionNodelet : public StageNodelet {
     master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     detector_ = make_detector(params.pipeline.detections);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    diagnostics_->unknown_parameters(params.unknown);
+    diagnostics_->on_report([this, detections = params.pipeline.detections](StageDiagnostics::Status& status) {
+      const std::string path = model_path(detections);
+      status.add("detector", detections.detector);
+      status.add("model", path.empty() ? "none" : path);
+      status.add("model SHA-256", path.empty() ? "none" : detector_->model_sha256());
+    });
     map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
     publisher_ = node.advertise<DetectionArray>("detections", 20);
     backlog_ = std::make_unique<Backlog<SegmentArray>>(node, *diagnostics_,
                                                        [this](const SegmentArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("segment_array", kTakeAll, &DetectionNodelet::on_segments, this,
                                  ros::TransportHints().tcpNoDelay());
+    diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.detections,
                                    params.pipeline.detections.fit,
                                    [this](const DetectionParams& detections, const EllipseFitParams& fit) {

@@ -12,6 +12,7 @@
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/map_report.hpp"
 #include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/master_watch.hpp"
@@ -34,6 +35,8 @@ class MappingNodelet : public StageNodelet {
     master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     map_ = std::make_unique<ObjectMap>(params.pipeline.objects);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    diagnostics_->unknown_parameters(params.unknown);
+    diagnostics_->on_report([this](StageDiagnostics::Status& status) { report_map(*map_, nis_, status); });
     map_publisher_ = node.advertise<EllipseMap>("map", 20);
     markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("markers", 5);
     // A queue of one: what a broken link holds up is out of date when it comes back.
@@ -45,6 +48,7 @@ class MappingNodelet : public StageNodelet {
                                                          [this](const DetectionArrayConstPtr& msg) { process(msg); });
     subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
                                  ros::TransportHints().tcpNoDelay());
+    diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.objects,
                                    [this](const ObjectMapParams& objects) { map_->set_params(objects); });
   }
@@ -69,6 +73,7 @@ class MappingNodelet : public StageNodelet {
     try {
       const ObjectMapUpdate update = map_->update(detections);
       diagnostics_->counted(update.reasons);
+      nis_.add(update.matches, update.mahalanobis2);
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
       publish(map_->at(detections.stamp_ns));
       diagnostics_->processed(msg->header.stamp, start);
@@ -91,6 +96,7 @@ class MappingNodelet : public StageNodelet {
   std::string world_frame_;
   std::unique_ptr<ObjectMap> map_;
   std::unique_ptr<Live> live_;
+  NisMonitor nis_{kMeasurementSize};
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<MapServices> services_;
   std::unique_ptr<MasterWatch> master_;

@@ -26,6 +26,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/transform_age.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/divide.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
@@ -48,6 +49,9 @@ class SegmentationNodelet : public StageNodelet {
     master_ = std::make_unique<MasterWatch>(getPrivateNodeHandle());
     order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
+    diagnostics_->unknown_parameters(params_.unknown);
+    diagnostics_->on_report([this](StageDiagnostics::Status& status) { transform_age_->report(status); });
+    transform_age_ = std::make_unique<TransformAge>(tf_, params_.world_frame);
     const bool own_thread = true;
     listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node, own_thread, ros::TransportHints().tcpNoDelay());
     segments_publisher_ = node.advertise<sensor_msgs::PointCloud2>("segments", 5);
@@ -56,6 +60,7 @@ class SegmentationNodelet : public StageNodelet {
         node, *diagnostics_, [this](const sensor_msgs::LaserScanConstPtr& msg) { handle(*msg); });
     scan_subscriber_ =
         node.subscribe("scan", kTakeAll, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
+    diagnostics_->watch(scan_subscriber_, [this] { return without_transform_.size() + backlog_->waiting(); });
     map_ = std::make_unique<MapSubscriber>(node, params_.world_frame, *diagnostics_);
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params_.pipeline.scan, params_.pipeline.segments,
                                    [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
@@ -87,6 +92,7 @@ class SegmentationNodelet : public StageNodelet {
         case StampOrder::Verdict::kNext:
           break;
       }
+      transform_age_->scan_arrived(tf2_frame(msg->header.frame_id));
       without_transform_.push_back({msg, ros::WallTime::now(), event.getReceiptTime()});
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
@@ -124,11 +130,13 @@ class SegmentationNodelet : public StageNodelet {
         const bool overtaken = without_transform_.size() > 1 && has_transform(*without_transform_.back().msg);
         std::string why;
         if (has_transform(*waiting.msg, &why)) {
+          transform_age_->scan_waited(waiting.since);
           backlog_->add(waiting.msg, waiting.arrival);
           continue;
         }
         if (!overtaken && ros::WallTime::now() - waiting.since < timeout) return;
-        diagnostics_->dropped(drop_reason::kNoTransform, why);
+        diagnostics_->dropped(drop_reason::kNoTransform,
+                              "from " + params_.world_frame + " to " + waiting.msg->header.frame_id + ": " + why);
       } catch (const std::exception& error) {
         diagnostics_->dropped(drop_reason::kError, error.what());
       }
@@ -163,6 +171,7 @@ class SegmentationNodelet : public StageNodelet {
         divide(segment(points, params_.pipeline.segments), map_->outlines_at(points.stamp_ns, points.T_world_level),
                params_.pipeline.segments);
 
+    diagnostics_->counted(segments.refused);
     array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
     if (segments_publisher_.getNumSubscribers() > 0) {
       segments_publisher_.publish(
@@ -178,6 +187,7 @@ class SegmentationNodelet : public StageNodelet {
   std::unique_ptr<StageDiagnostics> diagnostics_;
   std::unique_ptr<MasterWatch> master_;
   tf2_ros::Buffer tf_;
+  std::unique_ptr<TransformAge> transform_age_;
   std::unique_ptr<tf2_ros::TransformListener> listener_;
   std::deque<Waiting> without_transform_;
   std::unique_ptr<Backlog<sensor_msgs::LaserScan>> backlog_;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -33,7 +34,15 @@ NodeletParams read_nodelet_params(ParamReader reader) {
   if (params.world_frame.empty()) throw std::invalid_argument(reader.source() + ": world_frame is empty");
   reader.skip("live");  // LiveParams'
   if (params.model_folder.empty()) params.model_folder = package_folder() + "/models";
-  params.pipeline = parse_object_pipeline_params(reader.rest_as_yaml(), reader.source(), params.model_folder);
+  const auto on_unknown_key = [&](const UnknownKey& key) {
+    params.unknown.push_back(key);
+    if (key.path.find('.') != std::string::npos) return;
+    std::vector<std::string>& known = params.unknown.back().known;
+    known.insert(known.end(), reader.known().begin(), reader.known().end());
+    std::sort(known.begin(), known.end());
+  };
+  params.pipeline =
+      parse_object_pipeline_params(reader.rest_as_yaml(), reader.source(), params.model_folder, on_unknown_key);
   return params;
 }
 

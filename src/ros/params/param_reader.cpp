@@ -81,6 +81,7 @@ ParamReader::ParamReader(const XmlRpcValue& tree, const std::string& source) : t
 }
 
 XmlRpcValue ParamReader::take(const std::string& name) {
+  known_.push_back(name);
   if (!tree_.valid() || !tree_.hasMember(name)) return {};
   // XmlRpcValue cannot forget a member, so the rest is copied.
   XmlRpcValue value, rest;
@@ -88,6 +89,11 @@ XmlRpcValue ParamReader::take(const std::string& name) {
   for (auto& [member_name, member] : tree_) (member_name == name ? value : rest[member_name]) = member;
   tree_ = rest;
   return value;
+}
+
+void ParamReader::skip(const std::string& name) {
+  take(name);
+  known_.pop_back();
 }
 
 void ParamReader::refuse(const std::string& name, const std::string& defect) const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
@@ -18,6 +19,7 @@ struct NodeletParams {
   double downlink_rate_hz = 5.0;
   std::string model_folder;  ///< where models are looked for; empty: models/ of this package
   ObjectPipelineParams pipeline;
+  std::vector<UnknownKey> unknown;  ///< what none of these is
 
   /// Those of the boundary.
   template <class Self, class Visit>

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <xmlrpcpp/XmlRpcValue.h>
 
@@ -32,13 +33,16 @@ class ParamReader {
   std::string take_text(const std::string& name, const std::string& otherwise);
 
   /// Leaves out what others read.
-  void skip(const std::string& name) { take(name); }
+  void skip(const std::string& name);
 
   /// What has not been taken, as YAML text.
   std::string rest_as_yaml() const;
 
   /// Refuses what has not been taken.
   void refuse_rest() const;
+
+  /// The names that were asked for.
+  const std::vector<std::string>& known() const { return known_; }
 
   const std::string& source() const { return source_; }
 
@@ -48,6 +52,7 @@ class ParamReader {
 
   XmlRpc::XmlRpcValue tree_;
   std::string source_;
+  std::vector<std::string> known_;
 };
 
 }  // namespace situation_awareness

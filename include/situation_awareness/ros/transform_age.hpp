@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <ros/time.h>
+#include <tf2_ros/buffer.h>
+
+#include "situation_awareness/ros/stage_diagnostics.hpp"
+
+namespace situation_awareness {
+
+/// How late transforms are, for /diagnostics.
+class TransformAge {
+ public:
+  /// `tf` must outlive this.
+  TransformAge(const tf2_ros::Buffer& tf, const std::string& world_frame) : tf_(tf), world_frame_(world_frame) {}
+
+  /// A scan came: how old is the newest transform to its frame? Throws nothing.
+  void scan_arrived(const std::string& frame);
+
+  /// A scan has its transform.
+  void scan_waited(const ros::WallTime& since);
+
+  void report(StageDiagnostics::Status& status);
+
+ private:
+  const tf2_ros::Buffer& tf_;
+  std::string world_frame_;
+  bool static_ = false;  ///< the transform has no time, so no age
+  Samples ages_;
+  Samples waits_;
+};
+
+}  // namespace situation_awareness
