@@ -11,7 +11,6 @@
 
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
-#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
@@ -137,11 +136,7 @@ std::string MapServices::save(const std::string& file) const {
 
 std::string MapServices::load(const std::string& file) {
   check_absolute(file);
-  const MapSnapshot snapshot = load_map(file);
-  if (tf2_frame(snapshot.world_frame) != world_frame_) {
-    throw std::invalid_argument(file + ": world_frame = " + snapshot.world_frame + " is not this map's, " +
-                                world_frame_);
-  }
+  const MapSnapshot snapshot = load_map(file, world_frame_);
   try {
     map_.resume(snapshot);
   } catch (const std::invalid_argument& error) {

@@ -337,6 +337,16 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   EXPECT_EQ(back.objects[0].beams, 34);
 }
 
+TEST(ConvertObjects, WhatWasSeenBeforeTheClockBeganWasSeenAtItsZero) {
+  Objects objects;
+  objects.stamp_ns = 5;
+  objects.objects.emplace_back().first_seen_ns = -3'600'000'000'000;
+  objects.objects[0].last_seen_ns = -1;
+  const EllipseMap msg = objects_to_msg(objects, "odom");
+  EXPECT_TRUE(msg.ellipses[0].first_seen.isZero());
+  EXPECT_TRUE(msg.ellipses[0].last_seen.isZero());
+}
+
 TEST(ConvertPoses, IsometrySurvivesAndNonsenseIsRefused) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.2, Eigen::Vector3d::UnitX()))

@@ -22,27 +22,30 @@ CONFIG = pathlib.Path(__file__).resolve().parent / "objects_without_model.yaml"
 MIN_POINTS = 4  # segments/min_points by default
 
 
-def stamp(i):
-    return genpy.Time(START_S, 0) + genpy.Duration(nsecs=50_000_000 * i)
+def stamp(i, shift=0):
+    return genpy.Time(START_S + shift, 0) + genpy.Duration(nsecs=50_000_000 * i)
 
 
-def write_bag(path, count=60, tf=True, static_tf=False, frame="lidar", extra=()):
-    """A round object moves at 0.5 m/s while the scanner moves at 0.2 m/s."""
+def write_bag(path, count=60, tf=True, static_tf=False, frame="lidar", extra=(), shift=0, start_y=-1.0):
+    """A round object moves at 0.5 m/s while the scanner moves at 0.2 m/s; `shift` seconds later than usual."""
+    def at(i):
+        return stamp(i, shift)
+
     with rosbag.Bag(str(path), "w") as bag:
-        bag.write("/chatter", String("hello"), stamp(0))
+        bag.write("/chatter", String("hello"), at(0))
         if static_tf:
-            bag.write("/tf_static", transform_msg(stamp(0), parent="robot", child=frame), stamp(0))
+            bag.write("/tf_static", transform_msg(at(0), parent="robot", child=frame), at(0))
         for i in range(count):
             t = 0.05 * i
             robot_x = 0.2 * t if tf else 0.0
             if tf:
                 # a frame of an old bag, with its slash, and a transform that was recorded after its scan
-                msg = transform_msg(stamp(i), x=robot_x, parent="/world", child="robot" if static_tf else frame)
-                bag.write("/tf", msg, stamp(i) + genpy.Duration(0, 10**7))
-            msg = scan_msg(stamp(i), circles=[(3.0 - robot_x, -1.0 + 0.5 * t, 0.25)], frame=frame)
-            bag.write("/scan", msg, stamp(i))
+                msg = transform_msg(at(i), x=robot_x, parent="/world", child="robot" if static_tf else frame)
+                bag.write("/tf", msg, at(i) + genpy.Duration(0, 10**7))
+            msg = scan_msg(at(i), circles=[(3.0 - robot_x, start_y + 0.5 * t, 0.25)], frame=frame)
+            bag.write("/scan", msg, at(i))
         for offset, msg in extra:
-            bag.write("/scan", msg, stamp(offset))
+            bag.write("/scan", msg, at(offset))
 
 
 def read_lines(path):
@@ -246,6 +249,25 @@ class MapBagTest(unittest.TestCase):
         self.assertAlmostEqual(lines[-1]["stamp"], stamp(-981).to_sec(), delta=1e-6)
         self.assertEqual(len(lines[-1]["objects"]), 1)
 
+    def test_goes_on_with_a_saved_map(self):
+        """A bag in two halves, the second a day later."""
+        saved = self.path / "map.yaml"
+        write_bag(self.bag)
+        self.map_bag("--save-map", saved)
+        first = read_lines(self.out)
+        write_bag(self.bag, count=10, shift=86400, start_y=-1.0 + 0.5 * 0.05 * 60)
+        lines, _ = self.map_bag("--load-map", saved, "--save-map", saved)
+        self.assertEqual({line["objects"][0]["id"] for line in lines}, {first[-1]["objects"][0]["id"]})
+        self.assertAlmostEqual(lines[0]["objects"][0]["vy"], 0.5, delta=0.15, msg="it is known how it moves")
+        self.map_bag("--load-map", saved)
+        self.out.unlink()
+        common = (self.bag, "--out", self.out, "--config", CONFIG)
+        self.assert_fails(*common, "--load-map", saved, "--world-frame", "robot", parts=("map.yaml", "world_frame"))
+        saved.write_text(saved.read_text()[:-1])
+        self.assert_fails(*common, "--load-map", saved, parts=("map.yaml", "cut off"))
+        self.assert_fails(*common, "--load-map", self.path / "none.yaml", parts=("none.yaml",))
+        self.assert_fails(*common, "--save-map", self.path / "none" / "map.yaml", parts=("map.yaml",))
+
     def test_refuses_in_one_sentence(self):
         common = ("--out", self.out, "--config", CONFIG)
         self.assert_fails(self.path / "none.bag", *common, parts=("none.bag", "no such bag"))
@@ -269,7 +291,7 @@ class MapBagTest(unittest.TestCase):
 
     def test_arguments(self):
         self.assert_fails(code=2, parts=("IN.bag",))
-        self.assert_fails("a.bag", code=2, parts=("--out", "--detections"))
+        self.assert_fails("a.bag", code=2, parts=("--out", "--detections", "--save-map"))
         self.assert_fails("a.bag", "--out", "a", "--detections", "a", code=2, parts=("the same file",))
         self.assert_fails("a.bag", "--out", "a", "--detector", code=2, parts=("--detector needs a value",))
         self.assert_fails("a.bag", "b.bag", code=2, parts=("b.bag",))
@@ -278,7 +300,7 @@ class MapBagTest(unittest.TestCase):
         result = self.run_tool("--help")
         self.assertEqual(result.returncode, 0)
         for option in ("--scan-topic", "--world-frame", "--static-sensor", "--config", "--out", "--detections",
-                       "--detector"):
+                       "--detector", "--load-map", "--save-map"):
             self.assertIn(option, result.stdout)
 
 

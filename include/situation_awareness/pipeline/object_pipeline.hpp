@@ -107,6 +107,7 @@ class ObjectPipeline {
                                       const Eigen::Isometry3d& T_world_lidar_end);
 
   const ObjectMap& map() const { return map_; }
+  ObjectMap& map() { return map_; }
 
  private:
   ObjectPipelineParams params_;

@@ -28,7 +28,7 @@ namespace {
 
 constexpr const char* kFormat = "situation_awareness map";
 constexpr std::uint64_t kVersion = 1;
-constexpr std::size_t kMaxBytes = std::size_t{64} << 20;
+constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
 constexpr std::string_view kSeal = "sha256: ";        // the last line begins with it
 constexpr std::string_view kEditedByHand = "edited";  // instead of the sum
 
@@ -335,6 +335,15 @@ MapSnapshot load_map(const std::string& path) {
   }
   const std::string yaml{std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
   return map_from_yaml(yaml, path);
+}
+
+MapSnapshot load_map(const std::string& path, const std::string& world_frame) {
+  MapSnapshot snapshot = load_map(path);
+  if (snapshot.world_frame != world_frame) {
+    throw std::invalid_argument(path + ": world_frame = " + snapshot.world_frame + " is not the wanted one, " +
+                                world_frame);
+  }
+  return snapshot;
 }
 
 }  // namespace situation_awareness

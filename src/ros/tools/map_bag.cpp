@@ -26,6 +26,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -51,7 +52,9 @@ constexpr const char* kUsage =
     "A scan that cannot be used has no line; such scans are counted by reason.\n"
     "\n"
     "  --out FILE          where the map's lines go; replaced only when all went well\n"
-    "  --detections FILE   where the detections' lines go, likewise; one of the two is needed\n"
+    "  --detections FILE   where the detections' lines go, likewise\n"
+    "  --load-map FILE     go on with this map (docs/map_file.md) instead of an empty one\n"
+    "  --save-map FILE     where the map after the last scan goes, for --load-map or the nodelets\n"
     "  --detector NAME     instead of the configuration's detector, with the model that is its own\n"
     "  --scan-topic TOPIC  sensor_msgs/LaserScan (default /scan)\n"
     "  --world-frame NAME  frame of the map, found in /tf and /tf_static (default world)\n"
@@ -65,7 +68,7 @@ struct UsageError : std::runtime_error {
 };
 
 struct Arguments {
-  std::string bag, out, detections, detector, config, model_folder;
+  std::string bag, out, detections, load_map, save_map, detector, config, model_folder;
   std::string scan_topic = "/scan";
   std::string world_frame = "world";
   bool static_sensor = false;
@@ -76,6 +79,8 @@ Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
   const std::map<std::string, std::string*> texts = {{"--out", &arguments.out},
                                                      {"--detections", &arguments.detections},
+                                                     {"--load-map", &arguments.load_map},
+                                                     {"--save-map", &arguments.save_map},
                                                      {"--detector", &arguments.detector},
                                                      {"--scan-topic", &arguments.scan_topic},
                                                      {"--world-frame", &arguments.world_frame},
@@ -104,10 +109,11 @@ Arguments parse_arguments(int argc, char** argv) {
     }
   }
   if (arguments.bag.empty()) throw UsageError("which bag? IN.bag is missing");
-  if (arguments.out.empty() && arguments.detections.empty()) {
-    throw UsageError("where to? --out OUT.jsonl or --detections OUT.jsonl is missing");
+  if (arguments.out.empty() && arguments.detections.empty() && arguments.save_map.empty()) {
+    throw UsageError("where to? --out OUT.jsonl, --detections OUT.jsonl or --save-map FILE is missing");
   }
-  if (arguments.out == arguments.detections) throw UsageError("--out and --detections are the same file");
+  if (!arguments.out.empty() && arguments.out == arguments.detections)
+    throw UsageError("--out and --detections are the same file");
   arguments.world_frame = tf2_frame(arguments.world_frame);
   return arguments;
 }
@@ -316,6 +322,14 @@ class BagMapper {
 
   std::size_t scans() const { return scans_; }
 
+  void load(const std::string& path) { pipeline_.map().resume(load_map(path, world_frame_)); }
+
+  void save(const std::string& path) const {
+    MapSnapshot snapshot = pipeline_.map().snapshot();
+    snapshot.world_frame = world_frame_;
+    save_map(path, snapshot);
+  }
+
   void print_summary(double bag_s, double wall_s) {
     std::printf("%zu scans, %zu mapped", scans_, durations_ms_.size());
     for (const auto& [reason, count] : dropped_)
@@ -422,6 +436,7 @@ void map_bag(const Arguments& arguments) {
   if (!arguments.detections.empty()) detections_output.emplace(arguments.detections);
   BagMapper mapper(arguments, params, map_output ? &*map_output : nullptr,
                    detections_output ? &*detections_output : nullptr);
+  if (!arguments.load_map.empty()) mapper.load(arguments.load_map);
   Progress progress(scans.size());
   const auto start = std::chrono::steady_clock::now();
   for (const rosbag::MessageInstance& instance : static_view) mapper.add(*read<tf2_msgs::TFMessage>(instance), true);
@@ -436,6 +451,7 @@ void map_bag(const Arguments& arguments) {
   }
   mapper.work_off(ros::TIME_MAX);
   progress.at(mapper.scans());
+  if (!arguments.save_map.empty()) mapper.save(arguments.save_map);
   if (map_output) map_output->finish();
   if (detections_output) detections_output->finish();
   const double bag_s = scans.size() > 0 ? (scans.getEndTime() - scans.getBeginTime()).toSec() : 0.0;

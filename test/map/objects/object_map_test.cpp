@@ -804,6 +804,18 @@ TEST(ObjectMap, KeepsItsParametersWhereOthersCannotBe) {
   EXPECT_TRUE(map.update(detections_at(10 * kScanPeriod_s, {})).deleted.empty());
 }
 
+TEST(ObjectMap, AfterABreakOfAnyLengthWhatStandsIsKnownAgain) {
+  for (const double break_s : {0.1, 30.0, 600.0, 86'400.0}) {
+    ObjectMap map{params()};
+    const Ellipse barrel{{3.0, 0.0}, 0.0, 0.3, 0.3};
+    for (int i = 0; i < 60; ++i) map.update(detections_at(i * kScanPeriod_s, {barrel, moving(i * kScanPeriod_s)}));
+    ASSERT_EQ(ids_now(map), (std::set<std::uint64_t>{1, 2}));
+    for (int i = 0; i < 10; ++i) map.update(detections_at(3.0 + break_s + i * kScanPeriod_s, {barrel}));
+    EXPECT_EQ(id_at(map, barrel.center_m), 1U) << break_s;
+    for (const Object& object : objects_now(map).objects) EXPECT_TRUE(object.covariance.allFinite()) << break_s;
+  }
+}
+
 TEST(ObjectMap, AMovingElementOutOfSightLeavesTheMapAndIsForgottenAsItsPositionBlurs) {
   ObjectMapParams p = params();
   p.lost_position_sigma_m = 2.0;

@@ -26,4 +26,7 @@ void save_map(const std::string& path, const MapSnapshot& snapshot);
 /// Throws std::invalid_argument as map_from_yaml, and std::runtime_error naming a path that cannot be read.
 MapSnapshot load_map(const std::string& path);
 
+/// The same; a map in another frame is refused, too.
+MapSnapshot load_map(const std::string& path, const std::string& world_frame);
+
 }  // namespace situation_awareness

@@ -25,7 +25,7 @@ constexpr Bounds kDuration_s{0.0, 1e9};
 constexpr std::int64_t kEnd_ns = (std::int64_t{1} << 32) * 1'000'000'000;  ///< stamps are from 1970 to 2106, as in ROS
 constexpr std::int64_t kMaxAge_ns = std::int64_t{1} << 61;                 ///< 73 years
 constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
-constexpr std::size_t kMaxElements = 10'000;
+constexpr std::size_t kMaxElements = 2000;  ///< which load in 2 s
 }  // namespace map_bounds
 
 /// All that the map knows of one element from one update to the next.
