@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <fstream>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 
@@ -21,9 +22,7 @@ constexpr const char* kUsage =
     "Draws a world (models/worlds/README.md) into PREFIX0000.ppm, PREFIX0001.ppm, ...\n"
     "\n"
     "  --camera NAME          of the world (overview)\n"
-    "  --from S               time of the first picture (0)\n"
-    "  --every S              time from one to the next (0.1)\n"
-    "  --frames N             how many (1)\n"
+    "  --times S,S,...        one picture each (0)\n"
     "  --width N --height N   of a picture, in pixels (640 x 480)\n"
     "  --help                 this text\n";
 
@@ -50,8 +49,8 @@ void write_ppm(const std::string& path, const Picture& picture) {
 }
 
 int run(int argc, char** argv) {
-  std::string world_file, out, camera = "overview";
-  double from_s = 0.0, every_s = 0.1, frames = 1.0, width = 640.0, height = 480.0;
+  std::string world_file, out, camera = "overview", times = "0";
+  double width = 640.0, height = 480.0;
   const auto number_into = [](double& place) {
     return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
   };
@@ -59,9 +58,7 @@ int run(int argc, char** argv) {
                                  {{"--world", into(world_file)},
                                   {"--out", into(out)},
                                   {"--camera", into(camera)},
-                                  {"--from", number_into(from_s)},
-                                  {"--every", number_into(every_s)},
-                                  {"--frames", number_into(frames)},
+                                  {"--times", into(times)},
                                   {"--width", number_into(width)},
                                   {"--height", number_into(height)}});
   if (help) {
@@ -72,10 +69,12 @@ int run(int argc, char** argv) {
   require("--out", out);
   const World world(world_file, {}, 0);
   CameraView view(world_file, camera, static_cast<int>(width), static_cast<int>(height));
-  for (int i = 0; i < static_cast<int>(frames); ++i) {
-    const double time_s = from_s + i * every_s;
+  std::istringstream words(times);
+  int count = 0;
+  for (std::string word; std::getline(words, word, ',');) {
+    const double time_s = number("--times", word);
     std::array<char, 16> name{};
-    std::snprintf(name.data(), name.size(), "%04d.ppm", i);
+    std::snprintf(name.data(), name.size(), "%04d.ppm", count++);
     write_ppm(out + name.data(), view.at(time_s, world.robot_at(time_s).T_world_robot));
   }
   return 0;
