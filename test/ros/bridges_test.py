@@ -34,7 +34,7 @@ class BridgesTest(unittest.TestCase):
         for package in PACKAGES:
             (packages / package).symlink_to(SOURCE / "test/ros/bridges" / package)
         cls.build = cls.workspace / "build"
-        run("cmake", "-S", packages, "-B", cls.build, "-DSITUATION_AWARENESS_SIM=OFF",
+        run("cmake", "-S", packages, "-B", cls.build, "-DSITUATION_AWARENESS_SIM=OFF", "-DCMAKE_BUILD_TYPE=Debug",
             f"-DCATKIN_DEVEL_PREFIX={cls.workspace}/devel", "-DSITUATION_AWARENESS_WERROR=ON")
         run("cmake", "--build", cls.build, "--parallel", os.cpu_count(), "--target", "bridges_gtest",
             *(f"{package}_generate_messages_py" for package in PACKAGES))
