@@ -2,7 +2,6 @@
 // The panel as rviz loads it, driven by a user's events against nodes that are played here.
 #include <atomic>
 #include <chrono>
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -11,8 +10,6 @@
 
 #include <QApplication>
 #include <QDoubleSpinBox>
-#include <QFileDialog>
-#include <QLabel>
 #include <QLineEdit>
 #include <QPushButton>
 #include <QSpinBox>
@@ -26,21 +23,15 @@
 #include <gtest/gtest.h>
 #include <ros/ros.h>
 #include <rviz/config.h>
-#include <rviz/panel.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
-#include <pluginlib/class_loader.hpp>
 
+#include "panel_fixture.hpp"
 #include "situation_awareness/LoadMap.h"
 #include "situation_awareness/SaveMap.h"
 
 namespace situation_awareness {
 namespace {
-
-bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
-  for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
-  return condition();
-}
 
 /// The mapping nodelet as others see it: services, live parameters and what it says of itself.
 class FakeMapping {
@@ -159,46 +150,6 @@ class FakeMapping {
   std::vector<std::string> asked_;
 };
 
-class PanelTest : public testing::Test {
- protected:
-  static void SetUpTestSuite() { loader_ = new pluginlib::ClassLoader<rviz::Panel>("rviz", "rviz::Panel"); }
-  static void TearDownTestSuite() { delete loader_; }
-
-  void SetUp() override {
-    panel_.reset(loader_->createUnmanagedInstance("situation_awareness/Status"));
-    panel_->initialize(nullptr);
-    panel_->resize(360, 700);
-    panel_->show();
-  }
-
-  template <class Widget>
-  Widget& part(const char* name) const {
-    auto* widget = panel_->findChild<Widget*>(name);
-    if (widget == nullptr) throw std::runtime_error(std::string(name) + " is not on the panel");
-    return *widget;
-  }
-
-  std::string cell(int stage, int column) const {
-    return part<QTreeWidget>("stages").topLevelItem(stage)->text(column).toStdString();
-  }
-  std::string answer() const { return part<QLabel>("answer").text().toStdString(); }
-  void click(const char* button) const { QTest::mouseClick(&part<QPushButton>(button), Qt::LeftButton); }
-
-  /// Clicks a button that opens a file dialog, and chooses `file` in it.
-  void choose(const char* button, const QString& file) const {
-    QTimer::singleShot(500, [file] {
-      auto* dialog = qobject_cast<QFileDialog*>(QApplication::activeModalWidget());
-      ASSERT_NE(dialog, nullptr);
-      dialog->findChild<QLineEdit*>("fileNameEdit")->setText(file);
-      QMetaObject::invokeMethod(dialog, "accept");
-    });
-    click(button);
-  }
-
-  static inline pluginlib::ClassLoader<rviz::Panel>* loader_ = nullptr;
-  std::unique_ptr<rviz::Panel> panel_;
-};
-
 TEST_F(PanelTest, ShowsTheStagesAndWhatIsSilent) {
   EXPECT_EQ(cell(0, 0), "segmentation");
   EXPECT_EQ(cell(2, 1), "not there");
@@ -289,11 +240,6 @@ TEST_F(PanelTest, SetsLiveParameters) {
   EXPECT_EQ(gate()->maximum(), 0.999999);
   EXPECT_EQ(form.findChild<QSpinBox*>("max_unseen")->value(), 60);
 
-  const auto type = [](QAbstractSpinBox* box, const char* text) {
-    box->selectAll();
-    QTest::keyClicks(box, text);
-    QTest::keyClick(box, Qt::Key_Return);
-  };
   type(gate(), "0.95");
   ASSERT_TRUE(until([this] { return answer() == "gate_probability = 0.95"; })) << answer();
   EXPECT_EQ(mapping->gate_probability(), 0.95);

@@ -6,7 +6,7 @@ endforeach()
 
 # rostest finds a program where rosrun does; these are not installed.
 find_package(Qt5 REQUIRED COMPONENTS Test Widgets)
-foreach(name display panel)
+foreach(name display panel panel_live)
   add_executable(rviz_${name}_test rviz/${name}_test.cpp)
   situation_awareness_target(rviz_${name}_test)
   target_compile_definitions(rviz_${name}_test PRIVATE QT_NO_KEYWORDS)

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The panel as rviz loads it, driven by a user's events against the nodelets themselves, with the simulator before
+// them.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <mutex>
+#include <string>
+
+#include <QApplication>
+#include <QDoubleSpinBox>
+#include <QPushButton>
+
+#include <gtest/gtest.h>
+#include <ros/ros.h>
+
+#include "panel_fixture.hpp"
+#include "situation_awareness/EllipseMap.h"
+
+namespace situation_awareness {
+namespace {
+
+class PanelLiveTest : public PanelTest {
+ protected:
+  void SetUp() override {
+    PanelTest::SetUp();
+    subscriber_ = node_.subscribe<EllipseMap>("map", 10, [this](const EllipseMapConstPtr& msg) {
+      const std::lock_guard lock(mutex_);
+      map_ = *msg;
+      ++maps_;
+    });
+    const auto running = [this] {
+      return cell(0, 1) == "running" && cell(1, 1) == "running" && cell(2, 1) == "running";
+    };
+    ASSERT_TRUE(until(running, 90'000)) << cell(0, 1) << ", " << cell(1, 1) << ", " << cell(2, 1);
+  }
+
+  EllipseMap map() {
+    const std::lock_guard lock(mutex_);
+    return map_;
+  }
+  int maps() {
+    const std::lock_guard lock(mutex_);
+    return maps_;
+  }
+
+  ros::NodeHandle node_;
+  ros::Subscriber subscriber_;
+  std::mutex mutex_;
+  EllipseMap map_;
+  int maps_ = 0;
+};
+
+TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
+  ASSERT_TRUE(until([this] { return map().ellipses.size() >= 3; }, 60'000));
+  click("pause");
+  ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Go on"; })) << answer();
+  QTest::qWait(1000);
+  const int before = maps();
+  QTest::qWait(2000);
+  EXPECT_EQ(maps(), before) << "a paused map is not published";
+  ASSERT_TRUE(until([this] { return cell(2, 1) == "paused"; })) << cell(2, 1);
+
+  const std::string file = "/tmp/situation_awareness_panel_live_test_" + std::to_string(getpid()) + ".yaml";
+  const std::size_t saved = map().ellipses.size();
+  choose("save", file.c_str());
+  ASSERT_TRUE(until([this] { return answer().rfind("mapping/save_map: ", 0) == 0; })) << answer();
+  EXPECT_TRUE(std::ifstream(file).good()) << answer();
+
+  click("reset");
+  ASSERT_TRUE(until([this] { return answer().rfind("mapping/reset: ", 0) == 0; })) << answer();
+  choose("load", file.c_str());
+  ASSERT_TRUE(until([this] { return answer().rfind("mapping/load_map: ", 0) == 0; })) << answer();
+  choose("load", "/dev/null");
+  ASSERT_TRUE(until([this] { return answer().find("/dev/null") != std::string::npos; })) << answer();
+
+  click("pause");
+  ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Pause"; })) << answer();
+  ASSERT_TRUE(until([&] { return maps() > before + 5; })) << answer();
+  EXPECT_GE(map().ellipses.size() + 2, saved);
+  std::remove(file.c_str());
+}
+
+TEST_F(PanelLiveTest, ChangesWhatASegmentMayBe) {
+  ASSERT_TRUE(until([this] { return map().ellipses.size() >= 3; }, 60'000));
+  QWidget& form = part<QWidget>("segmentation");
+  const auto range = [&form] { return form.findChild<QDoubleSpinBox*>("max_range_m"); };
+  ASSERT_TRUE(until([&] { return range() != nullptr && range()->isEnabled() && range()->value() == 10.0; }));
+  type(range(), "0.2");
+  ASSERT_TRUE(until([this] { return answer() == "max_range_m = 0.2"; })) << answer();
+  ASSERT_TRUE(until([this] {
+    const EllipseMap now = map();
+    return std::none_of(now.ellipses.begin(), now.ellipses.end(), [](const MappedEllipse& e) { return e.beams > 0; });
+  })) << "nothing is seen nearer than 0.2 m";
+  type(range(), "10");
+  ASSERT_TRUE(until([this] { return answer() == "max_range_m = 10"; })) << answer();
+  EXPECT_TRUE(until([this] {
+    const EllipseMap now = map();
+    return std::any_of(now.ellipses.begin(), now.ellipses.end(), [](const MappedEllipse& e) { return e.beams > 0; });
+  }));
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  QApplication app(argc, argv);
+  ros::init(argc, argv, "rviz_panel_live_test");
+  ros::AsyncSpinner spinner(1);
+  spinner.start();
+  return RUN_ALL_TESTS();
+}
