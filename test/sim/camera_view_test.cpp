@@ -14,21 +14,23 @@
 namespace situation_awareness {
 namespace {
 
-/// A red post that moves, a blue robot that is where it is told, on a green floor; one camera aslant from above, one
-/// straight down, one on the robot.
+/// A red post that moves, a red flag that only cameras see, a blue robot that is where it is told, on a green floor;
+/// one camera aslant from above, one straight down, one on the robot.
 const std::string kColours = world_text(
     R"(<light pos="0 0 9" dir="0 0 -1" directional="true" diffuse="0.3 0.3 0.3"/>
        <geom type="plane" size="20 20 1" rgba="0 1 0 1"/>
        <body name="post" mocap="true" pos="0 0 0.5">
          <geom type="ellipsoid" group="1" size="0.2 0.2 0.5" rgba="1 0 0 1"/>
        </body>
+       <body name="flag" mocap="true" pos="0 0 0.3"> <geom group="2" type="sphere" size="0.2" rgba="1 0 0 1"/> </body>
        <body name="robot" mocap="true" pos="0 0 1">
          <site name="lidar"/> <camera name="ahead" pos="0.3 0 0" xyaxes="0 -1 0 0 0 1"/>
          <geom group="2" type="sphere" size="0.2" rgba="0 0 1 1"/>
        </body>
        <camera name="aslant" pos="0 -6 5" xyaxes="1 0 0 0 0.64 0.768" fovy="50"/>
        <camera name="down" pos="0 0 10" xyaxes="1 0 0 0 1 0" fovy="50"/>)",
-    R"(<text name="post" data="circle center 0 0 radius 2 rate 1"/>)");
+    R"(<text name="post" data="circle center 0 0 radius 2 rate 1"/>
+       <text name="flag" data="circle center 0 0 radius 3 rate -1"/>)");
 
 /// Index of the strongest of red, green, blue at the pixel that the point in the world projects to.
 int colour_at(const CameraView& view, const Picture& picture, const Eigen::Vector3d& p_world) {
@@ -52,6 +54,7 @@ TEST(CameraView, ShowsThingsWhereTheyProjectTo) {
       const Picture picture = view.at(t, T_world_robot);
       ASSERT_EQ(picture.rgb.size(), 400U * 300U * 3U);
       EXPECT_EQ(colour_at(view, picture, {2.0 * std::cos(t), 2.0 * std::sin(t), 0.5}), 0) << camera << t;
+      EXPECT_EQ(colour_at(view, picture, {3.0 * std::cos(t), -3.0 * std::sin(t), 0.3}), 0) << camera << t;
       EXPECT_EQ(colour_at(view, picture, T_world_robot.translation()), 2) << camera << t;
       EXPECT_EQ(colour_at(view, picture, {-2.0 * std::cos(t), -2.0 * std::sin(t), 0.0}), 1) << camera << t;
     }

@@ -600,6 +600,12 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
   expect_error(world_text(kRobot + post, "<text name=\"pots\" data=\"stand\"/>"), "text 'pots' is the path of no body");
   expect_error(world_text(kRobot + post, "<text name=\"post\" data=\"stand\"/>"),
                "body 'post' has a path and so needs mocap");
+  const std::string turns = "<text name=\"hat\" data=\"stand spin 1\"/>";
+  EXPECT_EQ(
+      error_of(world_text(kRobot + "<body name=\"hat\" mocap=\"true\"><geom group=\"2\" size=\"0.1\"/></body>", turns)),
+      "no error");
+  expect_error(world_text(kRobot + "<body name=\"hat\" mocap=\"true\"><geom size=\"0.1\"/></body>", turns),
+               "body 'hat' moves and has a geom in group 0");
   expect_error(world_text(kRobot, "<text name=\"robot\" data=\"circle center 1\"/>"),
                "the path of 'robot' needs 2 number(s) after 'center'");
   const std::string pair = object_text("a", "mocap=\"true\"", "1 1 1") + object_text("b", "mocap=\"true\"", "1 1 1");
