@@ -185,8 +185,10 @@ the 0.24 m of `max_position_sigma_m`; and when it stays so until the next fault,
 in stamps, from the last scan of the fault to the first map of those good ones; where time starts again, from the first
 scan of the new time; **where a process ends, from the first map after it**, for respawn takes wall time, told below.
 Scans of a fault that are not mapped are dropped for a reason that is counted: every ten minutes what all stages say they
-received, processed and dropped, by reason, is compared with what was sent. `kept` ids are compared for all 12 objects;
-*other ids after* counts the faults after which one of them had another. The faults themselves are a table in
+received, processed and dropped, by reason, is compared with what was sent. Ids are
+compared for all 12 objects: *other ids after* counts the faults after which one of them had another. Those that move
+accelerate by up to 0.74 m/s², nearly twice `acceleration_sigma_m_s2`: unseen for half a second, one may not be known
+again, so ids are held to stay only where fewer than ten scans in a row are lost. The faults themselves are a table in
 [faults.cpp](../test/ros/fault_day/faults.cpp); CI runs
 each twice and ends processes once (`ros/fault_day_test`).
 """

@@ -16,7 +16,7 @@ class FaultDayTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             out = pathlib.Path(folder) / "day.jsonl"
             code = subprocess.run(["rosrun", "situation_awareness", "fault_day", "--out", str(out), "--rounds", "2",
-                                   "--fault-every-s", "6"], timeout=220, check=False).returncode
+                                   "--fault-every-s", "6", "--under-way", "1"], timeout=220, check=False).returncode
             result = json.loads(out.read_text().splitlines()[-1])
         self.assertEqual(result["accounts"], [])
         for fault in result["faults"]:

@@ -38,6 +38,7 @@ struct Arguments {
   double hours = 12.0;
   double fault_every_s = 15.0;
   int seed = 1;
+  int under_way = 3;
   int rounds = 0;    ///< of all faults, ends of processes in the first alone; 0: as many as there is time for
   std::string only;  ///< the fault of that name alone
 };
@@ -58,6 +59,7 @@ Arguments parse_arguments(int argc, char** argv) {
                 {"--hours", number(arguments.hours)},
                 {"--fault-every-s", number(arguments.fault_every_s)},
                 {"--seed", number(arguments.seed)},
+                {"--under-way", number(arguments.under_way)},
                 {"--rounds", number(arguments.rounds)},
                 {"--only", into(arguments.only)}});
   require("--out", arguments.out);
@@ -93,7 +95,7 @@ class Day {
  public:
   Day(ros::NodeHandle& node, const Arguments& arguments)
       : arguments_(arguments),
-        feed_(node, static_cast<std::uint64_t>(arguments.seed)),
+        feed_(node, static_cast<std::uint64_t>(arguments.seed), arguments.under_way),
         faults_(all_faults()),
         tallies_(faults_.size()),
         out_(arguments.out) {

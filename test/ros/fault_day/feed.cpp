@@ -56,7 +56,8 @@ int pid_of(const std::string& node) {
   return client.execute("getPid", caller, answer) ? static_cast<int>(answer[2]) : -1;
 }
 
-Feed::Feed(ros::NodeHandle& node, std::uint64_t seed) : node_(node), random_(seed), scene_seed_(seed) {
+Feed::Feed(ros::NodeHandle& node, std::uint64_t seed, int under_way)
+    : node_(node), random_(seed), under_way_(under_way), scene_seed_(seed) {
   clock_ = node.advertise<rosgraph_msgs::Clock>("/clock", 0);
   tf_ = node.advertise<tf2_msgs::TFMessage>("/tf", 0);
   scan_ = node.advertise<sensor_msgs::LaserScan>("scan", 0);
@@ -153,7 +154,7 @@ void Feed::transforms(Transforms mode) {
 }
 
 void Feed::send(const sensor_msgs::LaserScanPtr& msg, Fate fate, const std::string& reason, bool advance) {
-  while (must_map_.size() >= std::size_t{kMostUnderWay}) take_maps(true);
+  while (must_map_.size() >= static_cast<std::size_t>(under_way_)) take_maps(true);
   provide_transforms();
   if (!clock_stopped_) {
     rosgraph_msgs::Clock clock;

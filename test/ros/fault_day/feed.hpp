@@ -29,9 +29,6 @@ constexpr const char* kUpsideDownFrame = "lidar_upside_down";  ///< turned about
 constexpr float kRangeMin_m = 0.1F, kRangeMax_m = 30.0F;
 constexpr double kScanPeriod_s = 1e-9 * static_cast<double>(SyntheticScene::kStep_ns);
 
-/// Scans that wait for their maps at most, and so by how many scans the map is behind in whose light a scan is read.
-constexpr int kMostUnderWay = 3;
-
 /// What must become of a scan.
 enum class Fate {
   kMapped,   ///< a map with its stamp
@@ -59,7 +56,9 @@ struct MapState {
 /// truth. Time is simulated: scan k of a stretch of time has the stamp kBegin_ns + k * SyntheticScene::kStep_ns.
 class Feed {
  public:
-  Feed(ros::NodeHandle& node, std::uint64_t seed);
+  /// `under_way`: scans that wait for their maps at most, and so by how many scans the map may be behind in whose light
+  /// a scan is read. More are faster; with one alone there is time for each, however busy the machine.
+  Feed(ros::NodeHandle& node, std::uint64_t seed, int under_way);
 
   /// Until all stages are there and speak. False if they do not come.
   bool wait_for_stages();
@@ -113,6 +112,7 @@ class Feed {
   /// What stages have received so far is not known: they began anew.
   void forget_accounts();
   std::vector<std::string> take_failures();
+  int under_way() const { return under_way_; }
   ros::NodeHandle& node() { return node_; }
   Random& random() { return random_; }
 
@@ -142,6 +142,7 @@ class Feed {
 
   ros::NodeHandle& node_;
   Random random_;
+  int under_way_;
   ros::Publisher clock_, tf_, scan_;
   ros::Subscriber map_, diagnostics_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
