@@ -337,39 +337,34 @@ std::string silence(Feed& feed, double from_s, double to_s) {
   return "";
 }
 
-Injected death(Feed& feed, const std::set<std::string>& stages, const std::function<std::string()>& end_process) {
-  constexpr double kPatience_s = 60.0;
+Injected death(Feed& feed, const std::string& node, int signal, const std::function<bool()>& reborn) {
+  constexpr double kPatience_s = 120.0;
   feed.drain();
   feed.transforms(Transforms::kEach);
-  Injected injected;
-  injected.wrong = end_process();
-  if (!injected.wrong.empty()) return injected;
-  const std::optional<Feed::Outage> outage = feed.outlive(stages, kPatience_s);
+  const int pid = pid_of(node);
+  if (pid <= 0 || kill(pid, signal) != 0) return {node + " has no process to end", {}, {}};
+  const std::optional<Feed::Outage> outage = feed.outlive(reborn, kPatience_s);
   feed.transforms(Transforms::kAhead);
-  if (!outage) return {"no maps again within 60 s", {}, {}};
-  injected.down_s = outage->down_s;
-  injected.from_ns = outage->back_ns;
-  return injected;
+  if (!outage) return {"no maps again within 120 s", {}, {}};
+  return {"", outage->down_s, outage->back_ns};
 }
 
-std::string kill_node(const std::string& node) {
-  const int pid = pid_of(node);
-  if (pid <= 0) return node + " has no process";
-  return kill(pid, SIGKILL) == 0 ? "" : node + " cannot be killed";
+std::function<Injected(Feed&)> end_manager(int signal) {
+  return [signal](Feed& feed) {
+    constexpr const char* kManager = "objects_manager";
+    const int pid = pid_of(kManager);
+    return death(feed, kManager, signal, [pid, kManager] {
+      const int now = pid_of(kManager);
+      return now > 0 && now != pid;
+    });
+  };
 }
-
-std::string shut_down(const std::string& node) {
-  const int pid = pid_of(node);
-  if (pid <= 0) return node + " has no process";
-  return kill(pid, SIGTERM) == 0 ? "" : node + " cannot be ended";
-}
-
-const std::set<std::string> kAllStages = {"segmentation", "detection", "mapping"};
 
 Injected kill_loader(Feed& feed) {
-  auto stage = kAllStages.begin();
-  std::advance(stage, draw(feed, 0, 2));
-  return death(feed, {*stage}, [&] { return kill_node(*stage); });
+  const std::array<std::string, 3> stages = {"segmentation", "detection", "mapping"};
+  const std::string& stage = stages[static_cast<std::size_t>(draw(feed, 0, 2))];
+  const std::int64_t lives = feed.lives_of(stage);
+  return death(feed, stage, SIGKILL, [&feed, &stage, lives] { return feed.lives_of(stage) > lives; });
 }
 
 /// An injection that ends no process.
@@ -435,9 +430,9 @@ std::vector<Fault> all_faults() {
        kDropped, Ids::kKept, false, alive(foreign_messages)},
       {"viewers come and go", "subscribers of markers and segments", kMapped, Ids::kKept, false, alive(viewers)},
       {"manager killed", "SIGKILL", "respawn brings all back, with a new map", Ids::kRestart, true,
-       [](Feed& feed) { return death(feed, kAllStages, [] { return kill_node("objects_manager"); }); }},
+       end_manager(SIGKILL)},
       {"manager ended", "SIGTERM", "respawn brings all back, with a new map", Ids::kRestart, true,
-       [](Feed& feed) { return death(feed, kAllStages, [] { return shut_down("objects_manager"); }); }},
+       end_manager(SIGTERM)},
       {"a loader killed", "SIGKILL to the process that loaded one of the nodelets, by chance",
        "respawn brings the nodelet back, the others live on", Ids::kFree, true, kill_loader},
   };

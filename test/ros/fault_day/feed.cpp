@@ -194,34 +194,32 @@ void Feed::start_again() {
   good_since_ns_.reset();
 }
 
-std::optional<Feed::Outage> Feed::outlive(const std::set<std::string>& reborn, double patience_s) {
-  const auto lives = [this] {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    return lives_;
-  };
-  Counts before = lives();
+std::optional<Feed::Outage> Feed::outlive(const std::function<bool()>& reborn, double patience_s) {
   const ros::WallTime begin = ros::WallTime::now();
   ros::WallTime due_at = begin;
   latest_map_at_ = begin;
   outage_.reset();
+  std::optional<std::int64_t> reborn_ns;
   while (ros::ok() && (ros::WallTime::now() - begin).toSec() < patience_s) {
+    if (!reborn_ns && reborn()) reborn_ns = stamp_ns();
     send(due(), Fate::kEither);
     due_at += ros::WallDuration(kScanPeriod_s);
     const ros::WallDuration left = due_at - ros::WallTime::now();
     if (left.toSec() > 0.0) left.sleep();
     take_maps(false);
-    Counts now = lives();
-    const bool all_reborn =
-        std::all_of(reborn.begin(), reborn.end(), [&](const std::string& stage) { return now[stage] > before[stage]; });
-    const double since_map_s = (ros::WallTime::now() - latest_map_at_).toSec();
-    if (outage_ && all_reborn && since_map_s < 0.5) {
-      const Outage outage = *outage_;
-      highest_id_ = 0;  // ids begin anew
-      forget_accounts();
-      return outage;
-    }
+    if (!reborn_ns || latest_map_ns_ < *reborn_ns) continue;
+    const Outage outage = outage_.value_or(Outage{0.0, *reborn_ns});
+    highest_id_ = 0;  // ids may begin anew
+    forget_accounts();
+    return outage;
   }
   return std::nullopt;
+}
+
+std::int64_t Feed::lives_of(const std::string& stage) const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto lives = lives_.find(stage);
+  return lives == lives_.end() ? 0 : lives->second;
 }
 
 void Feed::expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received) {
@@ -249,13 +247,8 @@ void Feed::on_diagnostics(const diagnostic_msgs::DiagnosticArrayConstPtr& msg) {
         counts[pair.key] = to_count(pair.value);
     }
     if (counts.count("received") == 0) continue;
-    const ros::WallTime now = ros::WallTime::now();
-    constexpr double kReborn_s = 2.0;  // reports come once a second
-    if (counts["received"] < counts_[stage]["received"] || (now - reported_at_[stage]).toSec() > kReborn_s) {
-      ++lives_[stage];
-    }
+    if (counts["received"] < counts_[stage]["received"]) ++lives_[stage];
     counts_[stage] = counts;
-    reported_at_[stage] = now;
     ++reports_[stage];
   }
 }
@@ -287,6 +280,7 @@ void Feed::take_map(const Received& received) {
     good_since_ns_.reset();
   }
   latest_map_at_ = received.at;
+  latest_map_ns_ = map_ns;
   while (!must_map_.empty() && must_map_.front() < map_ns) {
     fail("no map came for the scan of stamp " + std::to_string(must_map_.front()));
     must_map_.pop_front();

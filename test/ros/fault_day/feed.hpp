@@ -4,10 +4,10 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
 #include <map>
 #include <mutex>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -91,9 +91,11 @@ class Feed {
     double down_s = 0.0;       ///< in wall time
     std::int64_t back_ns = 0;  ///< stamp of the first map after it
   };
-  /// Scans at their own pace in wall time, which may be lost, until maps come again after these stages began anew;
-  /// nothing if they do not for `patience_s`.
-  std::optional<Outage> outlive(const std::set<std::string>& reborn, double patience_s);
+  /// Scans at their own pace in wall time, which may be lost, until a map comes of one that was sent after `reborn`;
+  /// nothing if none does for `patience_s`.
+  std::optional<Outage> outlive(const std::function<bool()>& reborn, double patience_s);
+  /// How often a stage has begun to count anew.
+  std::int64_t lives_of(const std::string& stage) const;
   /// Besides scans: messages of others, which a stage drops for this reason.
   void expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received);
 
@@ -167,6 +169,7 @@ class Feed {
   MapState latest_, latest_good_;
   std::uint64_t highest_id_ = 0;
   ros::WallTime latest_map_at_;
+  std::int64_t latest_map_ns_ = 0;
   std::optional<Outage> outage_;  ///< the longest since it was asked for
   std::vector<std::string> failures_;
 
@@ -175,8 +178,7 @@ class Feed {
   std::deque<Received> received_;
   std::map<std::string, Counts> counts_;
   std::map<std::string, std::int64_t> reports_;  ///< of each stage
-  std::map<std::string, ros::WallTime> reported_at_;
-  Counts lives_;  ///< of each stage: how often it began anew
+  Counts lives_;                                 ///< of each stage: how often it began anew
 };
 
 }  // namespace situation_awareness
