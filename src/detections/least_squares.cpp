@@ -317,7 +317,8 @@ Detection assess_ellipse(const Segments& segments, std::size_t segment, const El
 }
 
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {
-  if (!detection.ellipse_level.center_m.allFinite() || !detection.covariance.allFinite()) return "ellipse not finite";
+  const char* const defect = detection_defect(detection);
+  if (*defect != '\0') return defect;
   if (detection.ellipse_level.rx_m > params.max_radius_m) return "ellipse too large";
   if (detection.residual_rms_m > params.max_residual_m) return "points do not lie on an ellipse";
   if (contains(detection.ellipse_level, Eigen::Vector2d::Zero())) return "ellipse around the sensor";

@@ -248,7 +248,9 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detections.height_world_m = 0.4;
   Detection detection;
   detection.ellipse_level = {{3.0, -1.0}, 0.5, 0.3, 0.2};
-  for (int i = 0; i < 25; ++i) detection.covariance.data()[i] = 0.001 * i;
+  for (int i = 0; i < 5; ++i) {
+    for (int j = 0; j < 5; ++j) detection.covariance(i, j) = i == j ? 0.01 * (1 + i) : 1e-4 * (1 + i + j);
+  }
   detection.p_ellipse = 0.75;
   detection.residual_rms_m = 0.004;
   detection.beams = 42;
@@ -283,6 +285,9 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   msg = detections_to_msg(detections, "world");
   msg.detections[0].covariance[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  msg = detections_to_msg(detections, "world");
+  msg.detections[0].covariance[0] = -1.0;
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   for (const double p : {-0.1, 1.1, std::numeric_limits<double>::quiet_NaN()}) {
     msg = detections_to_msg(detections, "world");

@@ -24,6 +24,14 @@ struct Detection {
   std::size_t segment = 0;                 ///< index in Segments::segments
 };
 
+/// A detection that is less certain than this says nothing, and next to precise ones would cost a filter its digits.
+constexpr double kMaxDetectionSigma_m = 100.0;
+
+/// Why a detection is none, whoever made it, as a text that can be counted; empty text if it is one. Checked: finite
+/// numbers, rx >= ry > 0, p_ellipse in [0, 1], and a covariance that is symmetric, positive definite and of standard
+/// deviations up to kMaxDetectionSigma_m.
+const char* detection_defect(const Detection& detection);
+
 /// The ellipses found in one scan, at most one per segment.
 struct Detections {
   std::int64_t stamp_ns = 0;

@@ -66,7 +66,7 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Ellipse& ellipse_level);
 
-/// Why a detection is not to be trusted at all: empty text if it can be.
+/// Why a detection is not to be trusted at all: empty text if it can be; first of all, if it is none.
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params);
 
 /// Detects by `fit_ellipse`: needs no model file.

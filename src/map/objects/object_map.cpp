@@ -404,7 +404,9 @@ const char* ObjectMap::mismatch(const Element& element, const MotionMatch& match
   const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && unseen_s(element) > kRecently_s;
   const bool inside = match.standing.mahalanobis2 <= gate_ || (!stood && match.moving.mahalanobis2 <= gate_);
   if (!inside) return "match rejected: outside the gate";
-  if (match.log_likelihood < kLogNewObjectDensity) return "match rejected: more probably something new";
+  if (!(match.log_likelihood >= kLogNewObjectDensity)) {  // nor NaN, on which no assignment can end
+    return "match rejected: more probably something new";
+  }
   const bool anywhere = element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m;
   return anywhere ? kOutOfSight : "";
 }

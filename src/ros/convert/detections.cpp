@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/detections.hpp"
 
-#include <cmath>
 #include <stdexcept>
+#include <string>
 
 #include "situation_awareness/ros/convert/free_space.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -58,17 +58,8 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.beams = static_cast<int>(element.beams);
     detection.hidden_end = element.hidden_end != 0;
     detection.segment = element.segment;
-    if (!std::isfinite(element.x + element.y + element.psi + element.rx + element.ry + element.residual +
-                       element.time_offset) ||
-        !detection.covariance.allFinite()) {
-      throw std::invalid_argument("a detection is not finite");
-    }
-    if (!(element.p_ellipse >= 0.0 && element.p_ellipse <= 1.0)) {
-      throw std::invalid_argument("the p_ellipse of a detection is not in [0, 1]");
-    }
-    if (!(element.rx >= element.ry && element.ry > 0.0)) {
-      throw std::invalid_argument("the radii of a detection are not rx >= ry > 0");
-    }
+    const std::string defect = detection_defect(detection);
+    if (!defect.empty()) throw std::invalid_argument("a detection cannot be used: " + defect);
   }
   return detections;
 }

@@ -11,8 +11,8 @@ namespace situation_awareness {
 
 DetectionArray detections_to_msg(const Detections& detections, const std::string& world_frame);
 
-/// Throws std::invalid_argument if a number is not finite, the radii are not rx >= ry > 0, or as free_space_from_msg
-/// does.
+/// Throws std::invalid_argument if a detection has a detection_defect, the level frame is not finite, or as
+/// free_space_from_msg does.
 Detections detections_from_msg(const DetectionArray& msg);
 
 }  // namespace situation_awareness
