@@ -22,6 +22,7 @@ namespace {
 constexpr int kPoint = 5;
 constexpr int kFactor = 15;
 constexpr int kOutputs = kPoint + kFactor + 2;
+static_assert(kOutputs == static_cast<int>(kEllipseAnswer));
 constexpr double kFactorLogDiagonal = 3.0;
 constexpr double kFactorScale = 10.0;
 constexpr double kMaxLog = 15.0;  // of what is exponentiated: no answer overflows
@@ -37,7 +38,10 @@ Matrix5d precision_factor(const float* o) {
   return A;
 }
 
-EllipseEstimate to_estimate(const float* o, const SegmentEncoding& encoding, double max_radius_m) {
+}  // namespace
+
+EllipseEstimate estimate_of(const float* answer, const SegmentEncoding& encoding, double max_radius_m) {
+  const float* const o = answer;
   const double w = encoding.half_width_m;
   const double R = max_radius_m;
   Vector5d smooth_segment;
@@ -60,7 +64,13 @@ EllipseEstimate to_estimate(const float* o, const SegmentEncoding& encoding, dou
   return estimate;
 }
 
-}  // namespace
+Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const EllipseEstimate& estimate) {
+  Detection detection = make_detection(segments, segment, params, estimate.smooth_level);
+  detection.covariance = estimate.covariance;
+  detection.p_ellipse = estimate.p_ellipse;
+  return detection;
+}
 
 EllipseNetwork::EllipseNetwork(const std::string& onnx_path) : model_(onnx_path) {
   if (model_.inputs() != static_cast<int>(SegmentEncoding::kInputs) || model_.outputs() != kOutputs) {
@@ -83,7 +93,7 @@ const std::vector<EllipseEstimate>& EllipseNetwork::infer(const Segments& segmen
   }
   const float* answer = model_.forward();
   for (const SegmentEncoding& encoding : encodings_) {
-    estimates_.push_back(to_estimate(answer, encoding, max_radius_m));
+    estimates_.push_back(estimate_of(answer, encoding, max_radius_m));
     answer += kOutputs;
   }
   return estimates_;
@@ -105,15 +115,7 @@ void NetworkDetector::find(const Segments& segments, Detections& found) {
 
   auto estimate = estimates.begin();
   detect_each(
-      segments, params_,
-      [&](std::size_t i) {
-        Detection detection = make_detection(segments, i, params_, estimate->smooth_level);
-        detection.covariance = estimate->covariance;
-        detection.p_ellipse = estimate->p_ellipse;
-        ++estimate;
-        return detection;
-      },
-      found);
+      segments, params_, [&](std::size_t i) { return make_detection(segments, i, params_, *estimate++); }, found);
 }
 
 }  // namespace situation_awareness

@@ -21,6 +21,17 @@ struct EllipseEstimate {
   double p_ellipse = 0.0;                    ///< probability that the segment is one ellipse
 };
 
+/// How many numbers the network answers with.
+constexpr std::size_t kEllipseAnswer = 22;
+
+/// What its answer means for the segment that was encoded, whatever numbers it consists of; `max_radius_m` as for
+/// `encode`.
+EllipseEstimate estimate_of(const float* answer, const SegmentEncoding& encoding, double max_radius_m);
+
+/// The detection that the estimate for a segment is.
+Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                         const EllipseEstimate& estimate);
+
 /// The product's ellipse network, read from an ONNX file. It is told of hits, free and hidden ends, works at any place,
 /// resolution and scale, and says how sure it is; docs/math/detections.md writes input and output out.
 class EllipseNetwork {
