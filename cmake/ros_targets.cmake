@@ -72,5 +72,5 @@ install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_
   FILES_MATCHING PATTERN *.hpp PATTERN bridges EXCLUDE)  # those need messages of other packages
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# Of the scripts none: they build and test a source tree.
-install(PROGRAMS examples/plot_map_bag.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+# Of the scripts only what a launch file starts: the others build and test a source tree.
+install(PROGRAMS examples/plot_map_bag.py scripts/fleet_rviz DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -83,6 +83,10 @@ class InstallTest(unittest.TestCase):
             self.assertEqual(files.returncode, 0, files.stderr)
             for path in files.stdout.split():
                 self.assertTrue(path.startswith(str(PACKAGE)), path)
+            for node in ElementTree.parse(launch).getroot().iter("node"):
+                if node.get("pkg") == "situation_awareness":
+                    program = PREFIX / "lib" / "situation_awareness" / node.get("type")
+                    self.assertTrue(os.access(program, os.X_OK), f"{launch.name} starts {program}")
         for folder in ("cfg", "launch", "models", "msg", "srv"):
             for path in (SOURCE / folder).rglob("*"):
                 if path.is_file():
