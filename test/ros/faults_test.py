@@ -17,7 +17,6 @@ import rosgraph
 import rosnode
 import rospy
 import rostest
-import tf2_ros
 from geometry_msgs.msg import TransformStamped
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import LaserScan
@@ -78,12 +77,12 @@ class FaultsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.tf = rospy.Publisher("/tf", TFMessage, queue_size=1000)
-        cls.static_tf = tf2_ros.StaticTransformBroadcaster()
+        cls.static_tf = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
         turned = TransformStamped()
         turned.header.frame_id = "lidar"
         turned.child_frame_id = "lidar_upside_down"
         turned.transform.rotation.x = 1.0
-        cls.static_tf.sendTransform(turned)
+        cls.static_tf.publish(TFMessage([turned]))
         cls.logs = []
         cls.log_subscriber = rospy.Subscriber("/rosout", Log, cls.logs.append, queue_size=1000)
 
