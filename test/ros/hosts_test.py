@@ -17,6 +17,7 @@ import unittest
 MAX_BITS_PER_S = 1e6
 CUT_S = 10.0
 ROBOT, GROUND = "10.77.0.1", "10.77.0.2"
+SIMULATED_ROBOT = ("roslaunch", "situation_awareness", "sim.launch", "clock:=false", "rviz:=false")
 SKIPPED = 77
 
 
@@ -142,7 +143,7 @@ class HostsTest(unittest.TestCase):
         cls.ground = Host(cls.network, "ground", GROUND, cls.folder)
         cls.addClassCleanup(cls.robot.stop)
         cls.addClassCleanup(cls.ground.stop)
-        cls.robot.start("roslaunch", "situation_awareness", "sim.launch", "clock:=false", "rviz:=false")
+        cls.robot.start(*SIMULATED_ROBOT)
         cls.ground.start("roslaunch", "--wait", "situation_awareness", "ground.launch", "rviz:=false")
         time.sleep(5.0)
         cls.on_robot = cls.robot.record("scan", "map")
@@ -206,6 +207,14 @@ class HostsTest(unittest.TestCase):
         up = time.time()
         back = self.on_ground.wait("ground/map", up, 0.5, 15.0)
         print(f"a new manager's map came {back - up:.2f} s after the link")
+
+    def test_6_a_robot_that_was_started_anew_is_found(self):
+        """With its master. Who listens on the ground need not be started again."""
+        self.robot.stop()
+        stopped = time.time()
+        self.robot.start(*SIMULATED_ROBOT)
+        back = self.on_ground.wait("ground/map", stopped, 0.5, 60.0)
+        print(f"a new robot's map came {back - stopped:.0f} s after the old one had ended")
 
 
 if __name__ == "__main__":

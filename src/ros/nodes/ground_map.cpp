@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // downlink/map of a robot on another host  ->  ground/map, ground/markers for all that run on this one
+#include <algorithm>
 #include <chrono>
 #include <string>
 
@@ -30,12 +31,13 @@ class GroundMap {
 
   /// A link that is back may be one that the robot has given up, or the robot's nodes may be new ones that could not
   /// tell us. The master knows, but a call to it blocks for as long as the link is down: so see first if it answers.
+  /// A master that was started anew may not know the robot's nodes, while their link to us lives on: it is then kept.
   void look_after_link() {
     if (ros::SteadyTime::now() - alive_at_ < kPatience) return;
     boost::asio::ip::tcp::iostream master;
     master.expires_after(kAnswerTime);
     master.connect(ros::master::getHost(), std::to_string(ros::master::getPort()));
-    if (master) {
+    if (master && is_published()) {
       subscriber_.shutdown();
       subscribe();
     }
@@ -43,6 +45,13 @@ class GroundMap {
   }
 
  private:
+  bool is_published() const {
+    ros::master::V_TopicInfo topics;
+    return ros::master::getTopics(topics) && std::any_of(topics.begin(), topics.end(), [this](const auto& topic) {
+             return topic.name == node_.resolveName("downlink/map");
+           });
+  }
+
   void subscribe() {
     subscriber_ = node_.subscribe("downlink/map", 1, &GroundMap::on_map, this,
                                   ros::TransportHints().unreliable().maxDatagramSize(kDatagramBytes));
