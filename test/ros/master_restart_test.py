@@ -13,6 +13,9 @@ import time
 import unittest
 import xmlrpc.client
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from fault_record import fault  # noqa: E402
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 STAGES = ("/segmentation", "/detection", "/mapping")
@@ -117,6 +120,7 @@ class MasterRestartTest(unittest.TestCase):
             time.sleep(1.0)
             self.assertGreater(self.maps_of("robot"), before, "a second without a map")
 
+    @fault("master out of reach", "stopped for 6 s, then it goes on", "maps go on, nothing ends")
     def test_1_no_master_for_a_while(self):
         """A link that is cut looks the same: nothing happens."""
         os.kill(self.master.pid, signal.SIGSTOP)
@@ -125,6 +129,8 @@ class MasterRestartTest(unittest.TestCase):
         self.assert_maps_go_on(6.0)
         self.assertLessEqual(set(STAGES), self.nodes())
 
+    @fault("master restarts", "killed and started anew; 8 s later the robot is, too",
+           "maps go on over the links there are; then the nodelets come back at the new master, with their parameters")
     def test_2_a_new_master_and_then_a_new_robot(self):
         self.end(self.master)
         self.assert_maps_go_on(3.0)
