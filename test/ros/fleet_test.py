@@ -106,12 +106,12 @@ class FleetTest(unittest.TestCase):
         topics = self.rviz_topics(*ROBOTS)
         self.assertEqual(set(topics), set(ROBOTS))
         for robot in ROBOTS:
-            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/markers"}, set(topics[robot]))
+            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/map"}, set(topics[robot]))
             self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics[robot]), topics)
         on_ground = {topic for part in self.rviz_topics("--ground", *ROBOTS).values() for topic in part}
-        self.assertLessEqual({"/alpha/ground/markers", "/bravo/ground/markers"}, on_ground)
+        self.assertLessEqual({"/alpha/ground/map", "/bravo/ground/map"}, on_ground)
         self.assertTrue(all("/ground/" in topic for topic in on_ground), on_ground)
-        self.assertIn("ground/markers", self.rviz_topics("--ground", "none")["none"])
+        self.assertIn("ground/map", self.rviz_topics("--ground", "none")["none"])
 
 
 if __name__ == "__main__":
