@@ -196,6 +196,14 @@ DEATHS = """
 Scans go on at 20 Hz of wall time while a process is gone. `respawn_delay` is 2 s, as shipped. Processes end in the last
 quarter of the day only, so that one process lives through the first three and its memory can be watched.
 """
+LIMITS = """
+Left out of the day, because the map is not always back within 2 s (tried with earlier versions of the driver):
+
+- **A `range_max` that falls below what is there.** A beam without a return is taken to be free as far as the map reaches,
+  so what it does not reach is said to be gone; ellipses that are none were left for 20 s and more, seen twice.
+- **A whole second without a usable range** (20 scans): back after up to 3.1 s, once in 20 times.
+- **A fifth of the beams that say, falsely, that nothing is there** (+inf): back after up to 3.3 s.
+"""
 TESTED = """
 What a day cannot have, each with a test of its own that runs in CI.
 """
@@ -217,7 +225,8 @@ def report_of(blocks, result, tests, facts):
         section("A day", prose(DAY), day_table(result)),
         section("Where a process ends", prose(DEATHS), death_table(result)),
         section("What did not happen as it must", failures_list(result)),
-        section("Faults with tests of their own", prose(TESTED), test_table(tests)))), met == len(verdicts)
+        section("Faults with tests of their own", prose(TESTED), test_table(tests)),
+        section("What it takes longer over", LIMITS.lstrip()))), met == len(verdicts)
 
 
 def main():
