@@ -48,7 +48,7 @@ void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) 
   const double switched_s = rate_1_s > 0.0 ? -std::expm1(-rate_1_s * dt_s) / rate_1_s : 0.0;
   const double starts = (1.0 - p) * params.start_rate_1_s * switched_s;
   const double stops = p * params.stop_rate_1_s * switched_s;
-  const double moves = p - stops + starts;
+  const double moves = std::clamp(p - stops + starts, 0.0, 1.0);  // rounding may step over
   const double stands = 1.0 - moves;
   const ObjectEstimate moving =
       moves > 0.0 ? mixed(estimate.moving, started(estimate.standing, params), starts / moves) : estimate.moving;

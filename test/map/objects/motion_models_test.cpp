@@ -251,5 +251,22 @@ TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
   }
 }
 
+TEST(MotionModels, ProbabilitiesStaySoAtAnyRates) {
+  for (const double start_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {
+    for (const double stop_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {
+      MotionParams params = motion();
+      params.start_rate_1_s = start_rate_1_s;
+      params.stop_rate_1_s = stop_rate_1_s;
+      for (int i = 1; i < 1000; ++i) {
+        MotionEstimate estimate = start(ObjectEstimate{Vector8d::Zero(), Matrix8d::Identity()}, params);
+        estimate.p_moving = i / 1000.0;
+        predict(estimate, 1000.0, params);
+        ASSERT_GE(estimate.p_moving, 0.0) << start_rate_1_s << ' ' << stop_rate_1_s << ' ' << i;
+        ASSERT_LE(estimate.p_moving, 1.0) << start_rate_1_s << ' ' << stop_rate_1_s << ' ' << i;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace situation_awareness
