@@ -311,6 +311,7 @@ TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
       {yaml.substr(0, yaml.find("elements:")) + "elements: " + std::string(100'000, '[') + "\nsha256: edited\n",
        "not valid YAML"},
       {"sha256: edited\n", "cut off, or no map"},
+      {",\nsha256: edited\n", ""},
       {"", "cut off, or no map"},
   };
   EXPECT_EQ(refusal_of(replaced("[1, 0, 0, 0, 0, 0, 0, 0]", good_row)), "");
