@@ -444,18 +444,15 @@ Json run_case(const Arguments& arguments) {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) try {
-  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
-  if (arguments.help) {
-    std::printf("%s", situation_awareness::kUsage);
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program("pipeline_speed", kUsage, [&] {
+    const Arguments arguments = parse_arguments(argc, argv);
+    if (arguments.help) {
+      std::printf("%s", kUsage);
+      return 0;
+    }
+    std::printf("%s\n", run_case(arguments).dump().c_str());
     return 0;
-  }
-  std::printf("%s\n", situation_awareness::run_case(arguments).dump().c_str());
-  return 0;
-} catch (const situation_awareness::UsageError& error) {
-  std::fprintf(stderr, "pipeline_speed: %s\n\n%s", error.what(), situation_awareness::kUsage);
-  return 2;
-} catch (const std::exception& error) {
-  std::fprintf(stderr, "pipeline_speed: %s\n", error.what());
-  return 1;
+  });
 }

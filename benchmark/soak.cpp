@@ -59,13 +59,8 @@ struct Arguments {
 };
 
 double number(const std::string& option, const std::string& text, double low, double high) {
-  std::size_t read = 0;
-  double value = std::numeric_limits<double>::quiet_NaN();
-  try {
-    value = std::stod(text, &read);
-  } catch (const std::logic_error&) {
-  }
-  if (read != text.size() || !(value >= low && value <= high)) {
+  const double value = number_of(text);
+  if (!(value >= low && value <= high)) {
     throw UsageError(option + " needs a number from " + std::to_string(low) + " to " + std::to_string(high) + ", not " +
                      text);
   }
@@ -419,19 +414,15 @@ class Soak {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) try {
-  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
-  if (arguments.help) {
-    std::printf("%s", situation_awareness::kUsage);
-    return 0;
-  }
-  situation_awareness::Soak soak(arguments,
-                                 situation_awareness::load_object_pipeline_params(arguments.config, arguments.models));
-  return soak.run() ? 0 : 1;
-} catch (const situation_awareness::UsageError& error) {
-  std::fprintf(stderr, "soak: %s\n\n%s", error.what(), situation_awareness::kUsage);
-  return 2;
-} catch (const std::exception& error) {
-  std::fprintf(stderr, "soak: %s\n", error.what());
-  return 1;
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program("soak", kUsage, [&] {
+    const Arguments arguments = parse_arguments(argc, argv);
+    if (arguments.help) {
+      std::printf("%s", kUsage);
+      return 0;
+    }
+    Soak soak(arguments, load_object_pipeline_params(arguments.config, arguments.models));
+    return soak.run() ? 0 : 1;
+  });
 }

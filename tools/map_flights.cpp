@@ -66,14 +66,8 @@ struct Arguments {
 };
 
 double number(const std::string& option, const std::string& text) {
-  std::size_t end = 0;
-  double value = 0.0;
-  try {
-    value = std::stod(text, &end);
-  } catch (const std::exception&) {
-    end = 0;
-  }
-  if (end == 0 || end != text.size() || !std::isfinite(value) || value < 0.0) {
+  const double value = number_of(text);
+  if (!std::isfinite(value) || value < 0.0) {
     throw UsageError(option + " needs a number that is not negative, not " + text);
   }
   return value;
@@ -380,18 +374,15 @@ void fly_all(const Arguments& arguments) {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) try {
-  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
-  if (arguments.help) {
-    std::printf("%s", situation_awareness::kUsage);
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program("map_flights", kUsage, [&] {
+    const Arguments arguments = parse_arguments(argc, argv);
+    if (arguments.help) {
+      std::printf("%s", kUsage);
+      return 0;
+    }
+    fly_all(arguments);
     return 0;
-  }
-  situation_awareness::fly_all(arguments);
-  return 0;
-} catch (const situation_awareness::UsageError& error) {
-  std::fprintf(stderr, "map_flights: %s\n\n%s", error.what(), situation_awareness::kUsage);
-  return 2;
-} catch (const std::exception& error) {
-  std::fprintf(stderr, "map_flights: %s\n", error.what());
-  return 1;
+  });
 }

@@ -1,7 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
+#include <cstdio>
+#include <exception>
 #include <functional>
+#include <limits>
 #include <map>
 #include <stdexcept>
 #include <string>
@@ -15,6 +19,15 @@ struct UsageError : std::runtime_error {
 
 /// Takes the value of the named option; throws UsageError if it cannot be used.
 using TakeValue = std::function<void(const std::string& option, const std::string& value)>;
+
+/// The number that a text is, and NaN if it is none.
+inline double number_of(const std::string& text) try {
+  std::size_t end = 0;
+  const double value = std::stod(text, &end);
+  return end == text.size() ? value : std::numeric_limits<double>::quiet_NaN();
+} catch (const std::logic_error&) {
+  return std::numeric_limits<double>::quiet_NaN();
+}
 
 inline TakeValue into(std::string& text) {
   return [&text](const std::string& /*option*/, const std::string& value) { text = value; };
@@ -40,6 +53,18 @@ inline bool read_options(int argc, char** argv, const std::map<std::string, Take
 
 inline void require(const std::string& option, const std::string& value) {
   if (value.empty()) throw UsageError(option + " is missing");
+}
+
+/// The exit status of a program whose main is `run`; says on stderr, after the program's name, what it throws.
+template <class Run>
+int run_program(const char* name, const char* usage, const Run& run) try {
+  return run();
+} catch (const UsageError& error) {
+  std::fprintf(stderr, "%s: %s\n\n%s", name, error.what(), usage);
+  return 2;
+} catch (const std::exception& error) {
+  std::fprintf(stderr, "%s: %s\n", name, error.what());
+  return 1;
 }
 
 }  // namespace situation_awareness

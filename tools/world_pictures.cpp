@@ -27,14 +27,8 @@ constexpr const char* kUsage =
     "  --help                 this text\n";
 
 double number(const std::string& option, const std::string& text) {
-  std::size_t end = 0;
-  double value = NAN;
-  try {
-    value = std::stod(text, &end);
-  } catch (const std::exception&) {
-    end = 0;
-  }
-  if (end == 0 || end != text.size() || !(value >= 0.0 && value <= 1e6)) {
+  const double value = number_of(text);
+  if (!(value >= 0.0 && value <= 1e6)) {
     throw UsageError(option + " needs a number from 0 to 1e6, not " + text);
   }
   return value;
@@ -83,12 +77,7 @@ int run(int argc, char** argv) {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) try {
-  return situation_awareness::run(argc, argv);
-} catch (const situation_awareness::UsageError& error) {
-  std::fprintf(stderr, "world_pictures: %s\n\n%s", error.what(), situation_awareness::kUsage);
-  return 2;
-} catch (const std::exception& error) {
-  std::fprintf(stderr, "world_pictures: %s\n", error.what());
-  return 1;
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program("world_pictures", kUsage, [&] { return run(argc, argv); });
 }

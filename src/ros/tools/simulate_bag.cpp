@@ -47,15 +47,8 @@ struct Arguments {
 
 TakeValue number_into(double& place) {
   return [&place](const std::string& option, const std::string& text) {
-    std::size_t end = 0;
-    try {
-      place = std::stod(text, &end);
-    } catch (const std::exception&) {
-      end = 0;
-    }
-    if (end == 0 || end != text.size() || !std::isfinite(place)) {
-      throw UsageError(option + " needs a number, not " + text);
-    }
+    place = number_of(text);
+    if (!std::isfinite(place)) throw UsageError(option + " needs a number, not " + text);
   };
 }
 
@@ -112,18 +105,15 @@ void simulate_bag(const Arguments& arguments) {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) try {
-  const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
-  if (arguments.help) {
-    std::printf("%s", situation_awareness::kUsage);
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program("simulate_bag", kUsage, [&] {
+    const Arguments arguments = parse_arguments(argc, argv);
+    if (arguments.help) {
+      std::printf("%s", kUsage);
+      return 0;
+    }
+    simulate_bag(arguments);
     return 0;
-  }
-  situation_awareness::simulate_bag(arguments);
-  return 0;
-} catch (const situation_awareness::UsageError& error) {
-  std::fprintf(stderr, "simulate_bag: %s\n\n%s", error.what(), situation_awareness::kUsage);
-  return 2;
-} catch (const std::exception& error) {
-  std::fprintf(stderr, "simulate_bag: %s\n", error.what());
-  return 1;
+  });
 }
