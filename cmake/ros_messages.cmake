@@ -1,4 +1,5 @@
-# Messages, live parameters, and what other packages see of this one. Before every target: catkin_package sets where they are built.
+# Messages, live parameters, and what other packages see of this one. Before every target: catkin_package sets where
+# they are built.
 if(NOT catkin_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
 endif()

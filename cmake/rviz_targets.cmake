@@ -1,4 +1,5 @@
-# What rviz loads: a display of the map and a panel. Its logic without Ogre and Qt is a library of its own, for the tests.
+# What rviz loads: a display of the map and a panel. Its logic without Ogre and Qt is a library of its own, for the
+# tests.
 if(NOT rviz_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_RVIZ is ON, but rviz was not found")
 endif()

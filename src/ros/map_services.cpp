@@ -96,7 +96,7 @@ void MapServices::advertise() {
 
 std::string MapServices::reset() {
   const std::int64_t latest_ns = map_.stamp_ns();
-  const std::size_t elements = map_.snapshot().elements.size();
+  const std::size_t elements = map_.size();
   map_.reset();
   // The other stages and whoever draws the map are to forget too.
   if (latest_ns != ObjectMap::kNoStamp) publish_(map_.at(latest_ns));

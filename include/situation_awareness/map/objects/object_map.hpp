@@ -144,8 +144,8 @@ class ObjectMap {
 
   /// Predict to the stamp of the detections, associate one to one, update, doubt what should have been seen, map what
   /// is new, join what moves as one, delete what is not there any more. None of the detections has a detection_defect,
-  /// and their pose is finite. `memory`: a report no longer needed, whose
-  /// memory this one takes over; with it nothing is asked of the heap but for more elements or detections than before.
+  /// and their pose is finite. `memory`: a report no longer needed, whose memory this one takes over; with it nothing
+  /// is asked of the heap but for more elements or detections than before.
   ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
   /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
