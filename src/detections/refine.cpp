@@ -21,6 +21,17 @@ double mean_offset_m(const Segments& segments, const Segment& segment, const Out
   return sum_m / static_cast<double>(segment.count);
 }
 
+/// Whether the beams go into the outline where they end, by and large: on its far side, where they would come out, no
+/// hit can be of it.
+bool on_near_side(const Segments& segments, const Segment& segment, const Outline& outline) {
+  double sum = 0.0;
+  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
+    const Eigen::Vector2d& p_m = segments.points[i].p_level_m;
+    sum += p_m.dot(outline.inverse_shape * (p_m - outline.center_m));
+  }
+  return sum < 0.0;
+}
+
 }  // namespace
 
 Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
@@ -35,8 +46,10 @@ Detections refine(Detections detections, const Segments& segments, const std::ve
                                     [](const Overlap& o, std::size_t segment) { return o.segment < segment; });
     for (; overlap != overlaps.cend() && overlap->segment == detection.segment; ++overlap) {
       const Ellipse& candidate = known_level[overlap->ellipse];
-      const double offset = mean_offset_m(segments, segments.segments[detection.segment], outline_of(candidate));
-      if (!(offset < nearest_m)) continue;
+      const Segment& segment = segments.segments[detection.segment];
+      const Outline outline = outline_of(candidate);
+      const double offset = mean_offset_m(segments, segment, outline);
+      if (!(offset < nearest_m) || !on_near_side(segments, segment, outline)) continue;
       nearest_m = offset;
       known = &candidate;
     }

@@ -177,5 +177,25 @@ TEST(Refine, LooksFromTheNearestOfWhatIsKnownAndKeepsWhatTheDetectorSaid) {
   EXPECT_EQ(llt.info(), Eigen::Success);
 }
 
+// A small object is followed with a place that fell behind: its hits lie on the far side of what is known, where no beam
+// can end. Looked for from there, it would be found inside out.
+TEST(Refine, LooksFromNothingWhoseFarSideTheHitsLieOn) {
+  const Ellipse truth{{7.5, 0.1}, 0.3, 0.1, 0.08};
+  LevelScene scene;
+  scene.ellipses = {truth};
+  Random random(10);
+  for (const double ahead_m : {0.12, 0.15, 0.18, 0.21}) {
+    SCOPED_TRACE(ahead_m);
+    const Segments segments = far_segment(scene, &random);
+    const Detections plain = detected(segments);
+    ASSERT_EQ(plain.detections.size(), 1U);
+    Ellipse known = truth;
+    known.center_m.x() -= ahead_m;
+    const Detections refined = refine(plain, segments, {known}, kParams);
+    EXPECT_LE(center_distance_m(refined.detections[0].ellipse_level, truth),
+              center_distance_m(plain.detections[0].ellipse_level, truth));
+  }
+}
+
 }  // namespace
 }  // namespace situation_awareness
