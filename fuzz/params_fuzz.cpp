@@ -89,7 +89,7 @@ void run(const std::string& yaml) {
   Scan scan;
   scan.angle_min_rad = -1.0;
   scan.angle_increment_rad = 0.02;
-  scan.beams.assign(100, {0.0F, BeamState::kFree});
+  scan.beams.assign(100, {std::numeric_limits<float>::infinity(), BeamState::kFree});
   for (std::size_t i = 40; i < 60; ++i) {
     scan.beams[i] = {2.0F - 0.01F * static_cast<float>(std::min(i - 40, 60 - i)), BeamState::kHit};
   }

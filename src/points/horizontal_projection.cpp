@@ -173,6 +173,8 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
         point.azimuth_rad += std::atan2(across, direction_level.dot(point.p_level_m));  // as seen from the origin
       }
       point.range_m = point.p_level_m.norm();
+    } else if (point.state == BeamState::kFree) {
+      point.range_m = scan.beams[i].range_m * direction_level.norm();
     }
     result.points.push_back(point);
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/points/points.hpp"
 
-#include <limits>
 #include <utility>
 
 namespace situation_awareness {
@@ -11,9 +10,8 @@ float clear_m(const Point& point) {
   switch (point.state) {
     case BeamState::kHit:
     case BeamState::kOutside:
-      return static_cast<float>(point.range_m);
     case BeamState::kFree:
-      return std::numeric_limits<float>::infinity();
+      return static_cast<float>(point.range_m);
     case BeamState::kTooClose:
     case BeamState::kInvalid:
       break;

@@ -80,8 +80,8 @@ SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const Segment
     switch (beside.state) {
       case BeamState::kInvalid:
         continue;
-      case BeamState::kFree:
-        return SegmentEnd::kFree;
+      case BeamState::kFree:  // as far as the beam reaches: what is at its end may go on beyond
+        return beside.range_m > end.range_m + params.occlusion_margin_m ? SegmentEnd::kFree : SegmentEnd::kOccluded;
       case BeamState::kTooClose:
         return SegmentEnd::kOccluded;
       case BeamState::kHit:
@@ -109,8 +109,9 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
       position = (position + n) % n;
     }
     const Point beside = reading.at(static_cast<std::size_t>(position));
-    const bool passed = beside.state == BeamState::kFree ||
-                        (is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m);
+    const bool passed =
+        beside.state == BeamState::kFree ? beside.range_m > end.range_m + params.occlusion_margin_m
+                                         : is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m;
     if (passed) return static_cast<double>(blocked) * resolution_rad;
   }
   return reach_rad;

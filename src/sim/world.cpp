@@ -130,7 +130,7 @@ class World::Impl {
 
       Beam& beam = scan.beams[static_cast<std::size_t>(i)];
       if (geom < 0 || range_m > lidar_.range_max_m) {
-        beam.state = BeamState::kFree;
+        beam = {max_range_m, BeamState::kFree};
       } else if (range_m < lidar_.range_min_m) {
         beam.state = BeamState::kTooClose;
       } else {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -103,10 +104,26 @@ TEST(HorizontalProjection, KnowsAFullCircle) {
 TEST(HorizontalProjection, BeamStatesStay) {
   Scan scan;
   scan.angle_increment_rad = 0.1;
-  scan.beams = {
-      {0.0F, BeamState::kFree}, {0.0F, BeamState::kTooClose}, {0.0F, BeamState::kInvalid}, {2.0F, BeamState::kOutside}};
+  scan.beams = {{30.0F, BeamState::kFree},
+                {0.0F, BeamState::kTooClose},
+                {0.0F, BeamState::kInvalid},
+                {2.0F, BeamState::kOutside}};
   const Points points = project_horizontally(scan, pose(0.1, 0.1, 0.0));
   for (std::size_t i = 0; i < scan.beams.size(); ++i) EXPECT_EQ(points.points[i].state, scan.beams[i].state);
+}
+
+// A beam without a return has gone as far over the ground as one that meets something there.
+TEST(HorizontalProjection, WhatIsFreeReachesAsFarAsAHit) {
+  Scan scan;
+  scan.angle_increment_rad = 0.1;
+  scan.beams = {{30.0F, BeamState::kFree}, {std::numeric_limits<float>::infinity(), BeamState::kFree}};
+  Scan hits = scan;
+  hits.beams[0].state = BeamState::kHit;
+  for (const double pitch_rad : {0.0, 0.3}) {
+    const Points points = project_horizontally(scan, pose(0.1, pitch_rad, 0.2));
+    EXPECT_NEAR(points.points[0].range_m, project_horizontally(hits, pose(0.1, pitch_rad, 0.2)).points[0].range_m, 1e-9);
+    EXPECT_TRUE(std::isinf(points.points[1].range_m));
+  }
 }
 
 // The numbers of docs/math/points.md: where eq. 5 of the circle paper, rho cos(theta) at the same azimuth, puts a hit 5

@@ -199,7 +199,7 @@ TEST(Motion, AnyRangesGiveGrowingAzimuths) {
     scan.angle_min_rad = random.uniform(-4.0, 4.0);
     for (int i = 0; i < 360; ++i) {
       const double kind = random.uniform();
-      scan.beams.push_back(kind < 0.1   ? Beam{0.0F, BeamState::kFree}
+      scan.beams.push_back(kind < 0.1   ? Beam{30.0F, BeamState::kFree}
                            : kind < 0.2 ? Beam{0.0F, BeamState::kInvalid}
                                         : Beam{static_cast<float>(random.uniform(0.1, 10.0)), BeamState::kHit});
     }

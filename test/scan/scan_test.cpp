@@ -33,6 +33,18 @@ TEST(BeamFromRange, JudgesFiniteRangesByTheSensorsLimits) {
   EXPECT_EQ(hit.range_m, 2.5F);
 }
 
+TEST(BeamFromRange, IsFreeAsFarAsTheSensorReaches) {
+  EXPECT_EQ(beam_from_range(kInfinity, 0.1F, 30.0F).range_m, 30.0F);
+  EXPECT_EQ(beam_from_range(31.0F, 0.1F, 30.0F).range_m, 30.0F);
+  EXPECT_EQ(beam_from_range(kInfinity, 0.1F, kInfinity).range_m, kInfinity);
+  EXPECT_EQ(beam_from_range(kInfinity, 0.1F, kInfinity).state, BeamState::kFree);
+  for (const float nothing_m : {0.0F, -1.0F, -kInfinity, std::nanf("")}) {
+    const Beam beam = beam_from_range(kInfinity, 0.1F, nothing_m);
+    EXPECT_EQ(beam.state, BeamState::kFree);
+    EXPECT_EQ(beam.range_m, 0.0F);
+  }
+}
+
 TEST(ScanDefect, NamesWhatCannotBeUsed) {
   Scan scan;
   scan.angle_increment_rad = 0.01;
@@ -86,12 +98,13 @@ TEST(RangeLimiter, KeepsOutsideHitsApartFromFreeBeams) {
   Scan scan = circle_of_hits(3.0F);
   scan.beams[0] = {0.4F, BeamState::kHit};
   scan.beams[1] = {4.5F, BeamState::kHit};
-  scan.beams[2] = {0.0F, BeamState::kFree};
+  scan.beams[2] = {30.0F, BeamState::kFree};
   const Scan limited = limit_range(scan, Eigen::Isometry3d::Identity(), params);
   EXPECT_EQ(limited.beams[0].state, BeamState::kTooClose);
   EXPECT_EQ(limited.beams[1].state, BeamState::kOutside);
   EXPECT_EQ(limited.beams[1].range_m, 4.5F);
   EXPECT_EQ(limited.beams[2].state, BeamState::kFree);
+  EXPECT_EQ(limited.beams[2].range_m, 30.0F);
   EXPECT_EQ(limited.beams[3].state, BeamState::kHit);
 }
 

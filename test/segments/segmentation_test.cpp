@@ -95,6 +95,29 @@ TEST(Segmentation, LooksThroughInvalidBeamsAndStopsAtTooCloseOnes) {
   EXPECT_EQ(segments.segments[0].left_end, SegmentEnd::kFree);
 }
 
+// A beam without a return says nothing of what is beyond its reach.
+TEST(Segmentation, WhatGoesOnBeyondTheReachHasHiddenEnds) {
+  LevelScene scene;
+  scene.ellipses = {{{3.1, 0.0}, 0.0, 0.4, 0.4}};
+  const Segments whole = segment_scan(scene.scan());
+  ASSERT_EQ(whole.segments.size(), 1U);
+  scene.max_range_m = 2.8;
+  const Segments cut = segment_scan(scene.scan());
+  ASSERT_EQ(cut.segments.size(), 1U);
+  const Segment& segment = cut.segments[0];
+  EXPECT_LT(segment.count, whole.segments[0].count);
+  EXPECT_EQ(segment.right_end, SegmentEnd::kOccluded);
+  EXPECT_EQ(segment.left_end, SegmentEnd::kOccluded);
+  EXPECT_GT(segment.right_hidden_rad, 0.1);
+  EXPECT_GT(segment.left_hidden_rad, 0.1);
+  scene.max_range_m = 3.2;  // beyond its ends
+  const Segments reached = segment_scan(scene.scan());
+  ASSERT_EQ(reached.segments.size(), 1U);
+  EXPECT_EQ(reached.segments[0].count, whole.segments[0].count);
+  EXPECT_EQ(reached.segments[0].right_end, SegmentEnd::kFree);
+  EXPECT_EQ(reached.segments[0].left_end, SegmentEnd::kFree);
+}
+
 TEST(Segmentation, DropsTooFewPoints) {
   LevelScene scene;
   scene.ellipses = {{{9.0, 0.0}, 0.0, 0.05, 0.05}};

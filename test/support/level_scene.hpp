@@ -47,7 +47,7 @@ struct LevelScene {
         if (s.x() > 0.0 && s.y() >= 0.0 && s.y() <= 1.0 && s.x() < range_m) range_m = s.x();
       }
       if (range_m > max_range_m) {
-        result.beams.push_back({0.0F, BeamState::kFree});
+        result.beams.push_back({static_cast<float>(max_range_m), BeamState::kFree});
         continue;
       }
       if (random != nullptr) range_m += sigma_m * random->normal();

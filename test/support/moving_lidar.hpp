@@ -71,7 +71,7 @@ struct MovingLidar {
     for (int i = 0; i < beams; ++i) {
       const Eigen::Vector2d hit = hits[static_cast<std::size_t>(i)];
       if (!hit.allFinite()) {
-        result.beams.push_back({0.0F, BeamState::kFree});
+        result.beams.push_back({std::numeric_limits<float>::infinity(), BeamState::kFree});
         continue;
       }
       const Eigen::Isometry3d T = T_world_lidar_at(i);

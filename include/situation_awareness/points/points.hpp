@@ -15,7 +15,7 @@ namespace situation_awareness {
 /// turned into the horizontal plane.
 struct Point {
   double azimuth_rad = 0.0;  ///< of the hit, else of the beam; growing along Points::points, not wrapped
-  double range_m = 0.0;      ///< horizontal distance of the hit where the state is kHit or kOutside, else 0
+  double range_m = 0.0;      ///< horizontal: of the hit where the state is kHit or kOutside, reach where kFree, else 0
   Eigen::Vector2d p_level_m = Eigen::Vector2d::Zero();
   int beam = 0;  ///< index in the scan
   BeamState state = BeamState::kInvalid;
@@ -38,7 +38,7 @@ struct Points {
 /// on them is free. Empty: nothing is known.
 struct FreeSpace {
   std::vector<float> azimuth_rad;  ///< not wrapped
-  std::vector<float> range_m;      ///< +inf where nothing was met, 0 where nothing is known (kInvalid, kTooClose)
+  std::vector<float> range_m;      ///< the sensor's reach where nothing was met, 0 where nothing is known
   bool full_circle = false;        ///< the last beam is a neighbour of the first
 };
 

@@ -12,14 +12,14 @@ namespace situation_awareness {
 enum class BeamState : std::uint8_t {
   kHit,       ///< an object at `range_m`
   kOutside,   ///< an object at `range_m`, but outside the volume or range of interest
-  kFree,      ///< nothing within the sensor's range (REP-117: +inf)
+  kFree,      ///< nothing within the sensor's range, `range_m` (REP-117: +inf)
   kTooClose,  ///< something nearer than the sensor can measure (REP-117: -inf)
   kInvalid,   ///< no information (REP-117: NaN, or a range that the sensor's own limits exclude)
 };
 
 /// What one beam of a scan says, and how far it went.
 struct Beam {
-  float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside, else 0
+  float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside; >= 0, maybe +inf, where kFree; else 0
   BeamState state = BeamState::kInvalid;
 };
 
@@ -35,7 +35,8 @@ struct Scan {
 };
 
 /// The three facts of REP-117 from one raw range. A finite range below `range_min_m` (drivers send 0 or negative codes)
-/// is invalid; one above `range_max_m` is free, as drivers older than REP-117 say "no return" by range_max + 1.
+/// is invalid; one above `range_max_m` is free, as drivers older than REP-117 say "no return" by range_max + 1. What is
+/// free is so as far as the sensor reaches, which no range beyond `range_max_m` shows.
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m);
 
 /// Why a scan cannot be used at all: empty text if it can. Checked: at least two beams, finite angles, an increment
