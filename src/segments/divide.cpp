@@ -59,6 +59,26 @@ void find_runs(const Segments& segments, const Segment& segment, double max_offs
   }
 }
 
+/// Make one of neighbouring runs where the outline stays convex from the middle of one to that of the other: between two
+/// things there is a corner or a step. What was once mapped as two by mistake, a hole in it say, would be cut in two for
+/// ever.
+void join_convex(const Segments& segments, std::vector<Run>& runs) {
+  std::size_t kept = 0;
+  for (std::size_t r = 1; r < runs.size(); ++r) {
+    Run& last = runs[kept];
+    const Run& next = runs[r];
+    const std::size_t from = last.first + last.count / 2;
+    const std::size_t to = next.first + next.count / 2;
+    if (concavity_m(&segments.points[from], to - from + 1) >= 0.0) {
+      runs[++kept] = next;
+      continue;
+    }
+    if (next.count > last.count) last.owner = next.owner;
+    last.count += next.count;
+  }
+  if (!runs.empty()) runs.resize(kept + 1);
+}
+
 /// True if the runs are worth being segments of their own.
 bool hold_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
   if (work.runs.size() < 2) return false;
@@ -102,6 +122,7 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
     }
     work.runs.clear();
     if (!work.expected.empty()) find_runs(segments, whole, params.max_division_offset_m, work);
+    join_convex(segments, work.runs);
     if (!hold_several(segments, work, params)) {
       segments.segments.push_back(whole);
       continue;

@@ -134,19 +134,6 @@ double extent_m(const Point* points, std::size_t count) {
   return extent;
 }
 
-/// Mean distance of the points behind the chord of the ends, as seen from the sensor; negative in front of it.
-double concavity_m(const Point* points, std::size_t count) {
-  const Eigen::Vector2d right = points[0].p_level_m;
-  const Eigen::Vector2d chord = points[count - 1].p_level_m - right;
-  if (count < 3 || chord.norm() < 1e-9) return 0.0;
-  Eigen::Vector2d away(chord.y(), -chord.x());
-  away.normalize();
-  if (away.dot(right) < 0.0) away = -away;
-  double sum = 0.0;
-  for (std::size_t i = 1; i + 1 < count; ++i) sum += away.dot(points[i].p_level_m - right);
-  return sum / static_cast<double>(count - 2);
-}
-
 /// A straight line through points, by total least squares.
 struct Line {
   Eigen::Vector2d through = Eigen::Vector2d::Zero();
@@ -256,6 +243,19 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
 }  // namespace
 
 void SegmentationParams::validate() const { check_bounds(*this, "segments"); }
+
+double concavity_m(const Point* points, std::size_t count) {
+  if (count < 3) return 0.0;
+  const Eigen::Vector2d right = points[0].p_level_m;
+  const Eigen::Vector2d chord = points[count - 1].p_level_m - right;
+  if (chord.norm() < 1e-9) return 0.0;
+  Eigen::Vector2d away(chord.y(), -chord.x());
+  away.normalize();
+  if (away.dot(right) < 0.0) away = -away;
+  double sum = 0.0;
+  for (std::size_t i = 1; i + 1 < count; ++i) sum += away.dot(points[i].p_level_m - right);
+  return sum / static_cast<double>(count - 2);
+}
 
 bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
   const Point* points = &segments.points[segment.first];

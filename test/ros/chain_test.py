@@ -105,7 +105,7 @@ class ChainTest(unittest.TestCase):
         segments = next(message for message in self.segments.messages if message.header.stamp == stamp)
         self.assertAlmostEqual(segments.time_increment, increment, delta=1e-9)
         self.assertEqual(len(segments.free_azimuth), BEAMS)
-        self.assertEqual(sum(math.isfinite(reach) for reach in segments.free_range), len(segments.points))
+        self.assertEqual(sum(reach < msg.range_max for reach in segments.free_range), len(segments.points))
         detections = next(message for message in self.detections.messages if message.header.stamp == stamp)
         self.assertEqual(detections.free_range, segments.free_range)
         self.assertEqual(len(detections.detections), 1)

@@ -128,6 +128,31 @@ TEST(Divide, TwoKnownThatTouchAreDividedUnderNoiseToo) {
   }
 }
 
+// It was seen with a hole in it once, and each half became an element. Noise may still divide a scan now and then.
+TEST(Divide, OneThingKnownAsTwoIsWhole) {
+  constexpr int kScans = 100;
+  for (const double azimuth_rad : {-1.0, 0.0, 2.0}) {
+    Random random(3);
+    const auto at = [azimuth_rad](double x_m, double y_m, double rx_m, double ry_m) {
+      const Eigen::Rotation2Dd R(azimuth_rad);
+      return Ellipse{R * Eigen::Vector2d(x_m, y_m), azimuth_rad + 0.5 * kPi, rx_m, ry_m};
+    };
+    for (const double ry_m : {0.25, 0.1}) {
+      LevelScene scene;
+      scene.ellipses = {at(3.0, 0.0, 0.25, ry_m)};
+      const double x_m = 3.0 - 0.4 * ry_m;
+      const std::vector<Ellipse> halves = {at(x_m, -0.12, 0.12, 0.5 * ry_m), at(x_m, 0.12, 0.12, 0.5 * ry_m)};
+      int wholes = 0;
+      for (int i = 0; i < kScans; ++i) {
+        const Segments whole = segments_of(scene, &random);
+        ASSERT_EQ(whole.segments.size(), 1U);
+        wholes += divide(whole, halves, params()).segments.size() == 1 ? 1 : 0;
+      }
+      EXPECT_GT(wholes, 3 * kScans / 4) << azimuth_rad << " " << ry_m;
+    }
+  }
+}
+
 TEST(Divide, WithNothingKnownNothingChanges) {
   LevelScene scene;
   scene.ellipses = {kRight, kLeft, {{2.0, 2.0}, 0.3, 0.3, 0.2}};
