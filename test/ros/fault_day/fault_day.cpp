@@ -130,8 +130,8 @@ class Day {
       const bool late = static_cast<double>(feed_.sent()) >= kFirstDeathPart * static_cast<double>(of());
       const bool deaths = arguments_.rounds > 0 ? round_ == 1 : late && round_ % kRoundsPerDeath == 0;
       for (std::size_t i = 0; i < faults_.size(); ++i) {
-        const bool wanted =
-            arguments_.only.empty() ? deaths || !faults_[i].process_ends : faults_[i].name == arguments_.only;
+        const bool wanted = arguments_.only.empty() ? faults_[i].in_day && (deaths || !faults_[i].process_ends)
+                                                    : faults_[i].name == arguments_.only;
         if (wanted) order_.push_back(i);
       }
       for (std::size_t i = order_.size(); i > 1; --i) {
@@ -219,6 +219,7 @@ class Day {
                         {"how", faults_[i].how},
                         {"must", faults_[i].must},
                         {"process_ends", faults_[i].process_ends},
+                        {"in_day", faults_[i].in_day},
                         {"count", tally.count},
                         {"sent", tally.sent},
                         {"mapped", tally.mapped},

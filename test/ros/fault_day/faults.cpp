@@ -53,11 +53,19 @@ std::string some_ranges(Feed& feed) {
 std::string no_ranges(Feed& feed) {
   const std::array<float, 4> values = {kNan, -kInf, -1.0F, 0.0F};
   const float value = values[static_cast<std::size_t>(draw(feed, 0, 3))];
-  return mapped(feed, 10, [value](LaserScan& msg) { std::fill(msg.ranges.begin(), msg.ranges.end(), value); });
+  return mapped(feed, 20, [value](LaserScan& msg) { std::fill(msg.ranges.begin(), msg.ranges.end(), value); });
 }
 
 std::string all_free(Feed& feed) {
   return mapped(feed, 40, [](LaserScan& msg) { std::fill(msg.ranges.begin(), msg.ranges.end(), kInf); });
+}
+
+std::string holes(Feed& feed) {
+  return mapped(feed, 20, [&feed](LaserScan& msg) {
+    for (float& range_m : msg.ranges) {
+      if (feed.random().uniform() < 0.2) range_m = kInf;
+    }
+  });
 }
 
 std::string malformed(Feed& feed) {
@@ -114,6 +122,11 @@ std::string range_max(Feed& feed) {
     const std::array<float, 4> limits_m = {farthest_m, kInf, kRangeMax_m, 2.0F * kRangeMax_m};
     msg.range_max = limits_m[static_cast<std::size_t>(draw(feed, 0, 3))];
   });
+}
+
+std::string short_range_max(Feed& feed) {
+  const auto range_max_m = static_cast<float>(feed.random().uniform(2.0, 9.5));
+  return mapped(feed, 40, [range_max_m](LaserScan& msg) { msg.range_max = range_max_m; });
 }
 
 std::string stamps(Feed& feed, double most_back_s) {
@@ -383,10 +396,12 @@ std::vector<Fault> all_faults() {
        alive([](Feed& /*feed*/) { return std::string(); })},
       {"ranges that cannot be", "1 to 20 scans, a fifth of the ranges NaN, -inf, -3 or 0", kMapped, Ids::kKept, false,
        alive(some_ranges)},
-      {"no range at all", "1 to 10 scans all NaN, -inf, -1 or 0",
+      {"no range at all", "1 to 20 scans all NaN, -inf, -1 or 0",
        "every scan is mapped; what moves meanwhile may get a new id", Ids::kFree, false, alive(no_ranges)},
       {"nothing there", "1 to 40 scans all +inf", "every scan is mapped; what is said to be gone may go", Ids::kFree,
        false, alive(all_free)},
+      {"nothing there in places", "1 to 20 scans, a fifth of the ranges +inf",
+       "every scan is mapped; what is said to be gone may go", Ids::kFree, false, alive(holes), false},
       {"malformed scans",
        "1 to 5 scans: no beam, one beam, angles or limits not numbers, no increment, two turns, no frame, stamp zero",
        kDropped, Ids::kKept, false, alive(malformed)},
@@ -398,6 +413,8 @@ std::vector<Fault> all_faults() {
        alive([](Feed& feed) { return mapped(feed, 40, turn_upside_down); })},
       {"range_max varies", "1 to 40 scans: the farthest range of the scan, 30 m, 60 m, infinite", kMapped, Ids::kKept,
        false, alive(range_max)},
+      {"range_max too short", "1 to 40 scans: 2 to 9.5 m, so that what is farther counts as no return",
+       "every scan is mapped; what is out of reach may get a new id", Ids::kFree, false, alive(short_range_max)},
       {"stamp repeats", "1 to 10 scans", kDropped, Ids::kKept, false,
        alive([](Feed& feed) { return stamps(feed, 0.0); })},
       {"stamp goes back", "1 to 10 scans, by up to 0.9 s", kDropped, Ids::kKept, false,

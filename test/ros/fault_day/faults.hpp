@@ -34,6 +34,7 @@ struct Fault {
   Ids ids = Ids::kKept;
   bool process_ends = false;
   std::function<Injected(Feed& feed)> inject;
+  bool in_day = true;  ///< else only by its name
 };
 
 std::vector<Fault> all_faults();
