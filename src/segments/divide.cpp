@@ -59,9 +59,9 @@ void find_runs(const Segments& segments, const Segment& segment, double max_offs
   }
 }
 
-/// Make one of neighbouring runs where the outline stays convex from the middle of one to that of the other: between two
-/// things there is a corner or a step. What was once mapped as two by mistake, a hole in it say, would be cut in two for
-/// ever.
+/// Make one of neighbouring runs where the outline stays convex from the middle of one to that of the other: between
+/// two things there is a corner or a step. What was once mapped as two by mistake, a hole in it say, would be cut in
+/// two for ever.
 void join_convex(const Segments& segments, std::vector<Run>& runs) {
   std::size_t kept = 0;
   for (std::size_t r = 1; r < runs.size(); ++r) {

@@ -109,9 +109,9 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
       position = (position + n) % n;
     }
     const Point beside = reading.at(static_cast<std::size_t>(position));
-    const bool passed =
-        beside.state == BeamState::kFree ? beside.range_m > end.range_m + params.occlusion_margin_m
-                                         : is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m;
+    const bool passed = beside.state == BeamState::kFree
+                            ? beside.range_m > end.range_m + params.occlusion_margin_m
+                            : is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m;
     if (passed) return static_cast<double>(blocked) * resolution_rad;
   }
   return reach_rad;

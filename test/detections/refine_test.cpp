@@ -177,8 +177,8 @@ TEST(Refine, LooksFromTheNearestOfWhatIsKnownAndKeepsWhatTheDetectorSaid) {
   EXPECT_EQ(llt.info(), Eigen::Success);
 }
 
-// A small object is followed with a place that fell behind: its hits lie on the far side of what is known, where no beam
-// can end. Looked for from there, it would be found inside out.
+// A small object is followed with a place that fell behind: its hits lie on the far side of what is known, where no
+// beam can end. Looked for from there, it would be found inside out.
 TEST(Refine, LooksFromNothingWhoseFarSideTheHitsLieOn) {
   const Ellipse truth{{7.5, 0.1}, 0.3, 0.1, 0.08};
   LevelScene scene;

@@ -121,7 +121,8 @@ TEST(HorizontalProjection, WhatIsFreeReachesAsFarAsAHit) {
   hits.beams[0].state = BeamState::kHit;
   for (const double pitch_rad : {0.0, 0.3}) {
     const Points points = project_horizontally(scan, pose(0.1, pitch_rad, 0.2));
-    EXPECT_NEAR(points.points[0].range_m, project_horizontally(hits, pose(0.1, pitch_rad, 0.2)).points[0].range_m, 1e-9);
+    EXPECT_NEAR(points.points[0].range_m, project_horizontally(hits, pose(0.1, pitch_rad, 0.2)).points[0].range_m,
+                1e-9);
     EXPECT_TRUE(std::isinf(points.points[1].range_m));
   }
 }

@@ -17,12 +17,9 @@ TEST(FreeSpace, ReachesAsFarAsEachBeamSaysItWent) {
   Scan scan;
   scan.angle_min_rad = -0.2;
   scan.angle_increment_rad = 0.1;
-  scan.beams = {{2.0F, BeamState::kHit},
-                {9.0F, BeamState::kOutside},
-                {30.0F, BeamState::kFree},
-                {std::numeric_limits<float>::infinity(), BeamState::kFree},
-                {0.0F, BeamState::kTooClose},
-                {0.0F, BeamState::kInvalid}};
+  scan.beams = {{2.0F, BeamState::kHit},      {9.0F, BeamState::kOutside},
+                {30.0F, BeamState::kFree},    {std::numeric_limits<float>::infinity(), BeamState::kFree},
+                {0.0F, BeamState::kTooClose}, {0.0F, BeamState::kInvalid}};
   const FreeSpace free = free_space(project_horizontally(scan, Eigen::Isometry3d::Identity()));
   const std::vector<float> expected_m = {2.0F, 9.0F, 30.0F, std::numeric_limits<float>::infinity(), 0.0F, 0.0F};
   ASSERT_EQ(free.azimuth_rad.size(), expected_m.size());

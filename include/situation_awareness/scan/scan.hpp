@@ -36,7 +36,7 @@ struct Scan {
 
 /// The three facts of REP-117 from one raw range. A finite range below `range_min_m` (drivers send 0 or negative codes)
 /// is invalid; one above `range_max_m` is free, as drivers older than REP-117 say "no return" by range_max + 1. What is
-/// free is so as far as the sensor reaches, which no range beyond `range_max_m` shows.
+/// free is so as far as `range_max_m`: the sensor knows nothing of what is beyond.
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m);
 
 /// Why a scan cannot be used at all: empty text if it can. Checked: at least two beams, finite angles, an increment

@@ -68,8 +68,8 @@ struct SegmentationParams {
 /// `memory`: as for limit_range.
 Segments segment(const Points& points, const SegmentationParams& params, Segments memory = {});
 
-/// Mean distance of points in reading order behind the chord of their ends, as seen from the sensor; negative in front of
-/// it, as on any convex thing.
+/// Mean distance of points in reading order behind the chord of their ends, as seen from the sensor; negative in front
+/// of it, as on any convex thing.
 double concavity_m(const Point* points, std::size_t count);
 
 /// True if a segment is long and flat: the front of a wall or a cabinet, whatever else speaks for an object.
