@@ -37,7 +37,9 @@ Scan draw_scan(Input& input) {
   }
   scene.max_range_m = input.flag() ? 30.0 : 1e4;
   Scan scan = scene.scan();
-  for (Beam& beam : scan.beams) beam = beam_from_range(beam.range_m, 0.0F, 1e5F);
+  for (Beam& beam : scan.beams) {
+    if (beam.state == BeamState::kHit) beam = beam_from_range(beam.range_m, 0.0F, 1e5F);
+  }
   scan.stamp_ns = input.any_int64();
   scan.time_increment_s = input.flag() ? 0.0 : input.uniform(0.0, 1e-3);
   const float range_min_m = input.flag() ? 0.1F : input.any<float>();
@@ -95,7 +97,8 @@ Scan check_limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
     const Beam& before = scan.beams[i];
     const Beam& after = limited.beams[i];
     require(before.state == BeamState::kHit || same(before, after), "what is no hit stays as it is");
-    require(is_hit(after.state) ? after.range_m == before.range_m : after.range_m == 0.0F, "a hit keeps its range");
+    require(before.state != BeamState::kHit || after.range_m == (is_hit(after.state) ? before.range_m : 0.0F),
+            "a hit keeps its range");
     require(same(after, again.beams[i]), "what is limited once stays as it is");
   }
   return limited;
@@ -111,8 +114,10 @@ void check_points(const Points& points, const Scan& scan, bool moved) {
     const auto beam = static_cast<std::size_t>(point.beam);
     require(point.beam >= 0 && beam < scan.beams.size(), "a point names its beam");
     require(point.state == scan.beams[beam].state, "a point has the state of its beam");
-    require(std::isfinite(point.azimuth_rad + point.range_m) && point.p_level_m.allFinite(), "points are finite");
-    require(is_hit(point.state) || point.range_m == 0.0, "what is no hit has no range");
+    const bool free = point.state == BeamState::kFree;
+    require(std::isfinite(point.azimuth_rad) && point.p_level_m.allFinite(), "points are finite");
+    require(point.range_m >= 0.0 && (free || std::isfinite(point.range_m)), "what is free alone may have no end");
+    require(is_hit(point.state) || free || point.range_m == 0.0, "what is neither hit nor free has no range");
     require(i == 0 || point.azimuth_rad >= points.points[i - 1].azimuth_rad, "azimuths grow");
     if (!is_hit(point.state)) continue;
     require(std::abs(point.p_level_m.norm() - point.range_m) <= 1e-9 * point.range_m, "a point lies at its range");
