@@ -48,13 +48,15 @@ void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) 
   const double switched_s = rate_1_s > 0.0 ? -std::expm1(-rate_1_s * dt_s) / rate_1_s : 0.0;
   const double starts = (1.0 - p) * params.start_rate_1_s * switched_s;
   const double stops = p * params.stop_rate_1_s * switched_s;
-  const double moves = std::clamp(p - stops + starts, 0.0, 1.0);  // rounding may step over
-  const double stands = 1.0 - moves;
+  const double goes_on = p * std::max(0.0, 1.0 - params.stop_rate_1_s * switched_s);  // rounding may step below
+  const double stays = (1.0 - p) * std::max(0.0, 1.0 - params.start_rate_1_s * switched_s);
+  const double moves = goes_on + starts;
+  const double stands = stays + stops;
   const ObjectEstimate moving =
       moves > 0.0 ? mixed(estimate.moving, started(estimate.standing, params), starts / moves) : estimate.moving;
   if (stands > 0.0) estimate.standing = mixed(estimate.standing, stopped(estimate.moving), stops / stands);
   estimate.moving = moving;
-  estimate.p_moving = moves;
+  estimate.p_moving = std::min(moves, 1.0);
   predict(estimate.standing, dt_s, params.standing);
   predict(estimate.moving, dt_s, params.moving);
 }

@@ -268,5 +268,28 @@ TEST(MotionModels, ProbabilitiesStaySoAtAnyRates) {
   }
 }
 
+// A mixture of shapes has a shape between them: no weight is outside [0, 1], whatever rounding makes of rates at which
+// all but nothing goes on as it was.
+TEST(MotionModels, WhatIsMixedLiesBetweenTheTwo) {
+  Random random(12);
+  const auto rate_1_s = [&random] { return std::pow(10.0, random.uniform(-25.0, 2.0)); };
+  for (int i = 0; i < 20000; ++i) {
+    MotionParams params;
+    params.start_rate_1_s = rate_1_s();
+    params.stop_rate_1_s = rate_1_s();
+    MotionEstimate estimate;
+    estimate.standing.x.tail<3>() << 0.2, 0.0, 0.0;
+    estimate.moving.x.tail<3>() << 0.3, 0.1, -0.1;
+    estimate.p_moving = random.uniform() < 0.5 ? 1e-9 : 1.0 - 1e-9;
+    const Eigen::Vector3d least = estimate.standing.x.tail<3>().cwiseMin(estimate.moving.x.tail<3>());
+    const Eigen::Vector3d most = estimate.standing.x.tail<3>().cwiseMax(estimate.moving.x.tail<3>());
+    predict(estimate, std::pow(10.0, random.uniform(-3.0, 9.0)), params);
+    for (const Vector8d& x : {estimate.standing.x, estimate.moving.x}) {
+      ASSERT_TRUE(((x.tail<3>() - least).array() >= -1e-12).all()) << x.tail<3>().transpose();
+      ASSERT_TRUE(((most - x.tail<3>()).array() >= -1e-12).all()) << x.tail<3>().transpose();
+    }
+  }
+}
+
 }  // namespace
 }  // namespace situation_awareness
