@@ -178,7 +178,7 @@ void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Obj
   if (axis.squaredNorm() > 0.0) {
     const Eigen::Vector2d across = quarter_turn(axis.normalized());
     const double across_variance = across.dot(estimate.P.block<2, 2>(kAxis, kAxis) * across);
-    x.segment<2>(kAxis) *= std::sqrt(std::max(0.0, 1.0 - across_variance / axis.squaredNorm()));
+    x.segment<2>(kAxis) *= std::sqrt(std::clamp(1.0 - across_variance / axis.squaredNorm(), 0.0, 1.0));
   }
   object.ellipse_world = ellipse_world(x);
   object.velocity_world_m_s = estimate.x.segment<2>(kVelocity);

@@ -539,5 +539,16 @@ TEST(BoundRadii, KeepsBothAndTheAxis) {
   EXPECT_NEAR(ellipse_world(x).ry_m, 0.1, 1e-12);
 }
 
+// After a step of a century, say, a variance may be left with a rounding error that is larger than itself.
+TEST(ObjectFilter, AVarianceThatRoundingLeftNegativeMakesNoAxisLonger) {
+  ObjectEstimate estimate;
+  estimate.x.segment<3>(kShape) << 0.25, 1e-3, 0.0;
+  estimate.P(kShape + 2, kShape + 2) = -68.0;
+  Object object;
+  fill_object(estimate, Matrix8d::Zero(), object);
+  EXPECT_DOUBLE_EQ(object.ellipse_world.rx_m, 0.251);
+  EXPECT_DOUBLE_EQ(object.ellipse_world.ry_m, 0.249);
+}
+
 }  // namespace
 }  // namespace situation_awareness
