@@ -446,12 +446,7 @@ Json run_case(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("pipeline_speed", kUsage, [&] {
-    const Arguments arguments = parse_arguments(argc, argv);
-    if (arguments.help) {
-      std::printf("%s", kUsage);
-      return 0;
-    }
+  return run_program("pipeline_speed", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
     std::printf("%s\n", run_case(arguments).dump().c_str());
     return 0;
   });

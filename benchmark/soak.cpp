@@ -416,12 +416,7 @@ class Soak {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("soak", kUsage, [&] {
-    const Arguments arguments = parse_arguments(argc, argv);
-    if (arguments.help) {
-      std::printf("%s", kUsage);
-      return 0;
-    }
+  return run_program("soak", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
     Soak soak(arguments, load_object_pipeline_params(arguments.config, arguments.models));
     return soak.run() ? 0 : 1;
   });

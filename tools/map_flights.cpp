@@ -376,12 +376,7 @@ void fly_all(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("map_flights", kUsage, [&] {
-    const Arguments arguments = parse_arguments(argc, argv);
-    if (arguments.help) {
-      std::printf("%s", kUsage);
-      return 0;
-    }
+  return run_program("map_flights", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
     fly_all(arguments);
     return 0;
   });

@@ -55,10 +55,16 @@ inline void require(const std::string& option, const std::string& value) {
   if (value.empty()) throw UsageError(option + " is missing");
 }
 
-/// The exit status of a program whose main is `run`; says on stderr, after the program's name, what it throws.
-template <class Run>
-int run_program(const char* name, const char* usage, const Run& run) try {
-  return run();
+/// The exit status of a program: `run` with the arguments that `parse` makes of the command line, or `usage` where
+/// their `help` is set. Says on stderr, after the program's name, what they throw.
+template <class Parse, class Run>
+int run_program(const char* name, const char* usage, int argc, char** argv, const Parse& parse, const Run& run) try {
+  const auto arguments = parse(argc, argv);
+  if (arguments.help) {
+    std::printf("%s", usage);
+    return 0;
+  }
+  return run(arguments);
 } catch (const UsageError& error) {
   std::fprintf(stderr, "%s: %s\n\n%s", name, error.what(), usage);
   return 2;

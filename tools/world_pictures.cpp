@@ -42,36 +42,42 @@ void write_ppm(const std::string& path, const Picture& picture) {
   if (!stream) throw std::runtime_error(path + ": cannot be written");
 }
 
-int run(int argc, char** argv) {
+struct Arguments {
+  bool help = false;
   std::string world_file, out, camera = "overview", times = "0";
   double width = 640.0, height = 480.0;
+};
+
+Arguments parse_arguments(int argc, char** argv) {
+  Arguments arguments;
   const auto number_into = [](double& place) {
     return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
   };
-  const bool help = read_options(argc, argv,
-                                 {{"--world", into(world_file)},
-                                  {"--out", into(out)},
-                                  {"--camera", into(camera)},
-                                  {"--times", into(times)},
-                                  {"--width", number_into(width)},
-                                  {"--height", number_into(height)}});
-  if (help) {
-    std::printf("%s", kUsage);
-    return 0;
-  }
-  require("--world", world_file);
-  require("--out", out);
-  const World world(world_file, {}, 0);
-  CameraView view(world_file, camera, static_cast<int>(width), static_cast<int>(height));
-  std::istringstream words(times);
+  arguments.help = read_options(argc, argv,
+                                {{"--world", into(arguments.world_file)},
+                                 {"--out", into(arguments.out)},
+                                 {"--camera", into(arguments.camera)},
+                                 {"--times", into(arguments.times)},
+                                 {"--width", number_into(arguments.width)},
+                                 {"--height", number_into(arguments.height)}});
+  if (arguments.help) return arguments;
+  require("--world", arguments.world_file);
+  require("--out", arguments.out);
+  return arguments;
+}
+
+void take_pictures(const Arguments& arguments) {
+  const World world(arguments.world_file, {}, 0);
+  CameraView view(arguments.world_file, arguments.camera, static_cast<int>(arguments.width),
+                  static_cast<int>(arguments.height));
+  std::istringstream words(arguments.times);
   int count = 0;
   for (std::string word; std::getline(words, word, ',');) {
     const double time_s = number("--times", word);
     std::array<char, 16> name{};
     std::snprintf(name.data(), name.size(), "%04d.ppm", count++);
-    write_ppm(out + name.data(), view.at(time_s, world.robot_at(time_s).T_world_robot));
+    write_ppm(arguments.out + name.data(), view.at(time_s, world.robot_at(time_s).T_world_robot));
   }
-  return 0;
 }
 
 }  // namespace
@@ -79,5 +85,8 @@ int run(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("world_pictures", kUsage, [&] { return run(argc, argv); });
+  return run_program("world_pictures", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
+    take_pictures(arguments);
+    return 0;
+  });
 }

@@ -107,12 +107,7 @@ void simulate_bag(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("simulate_bag", kUsage, [&] {
-    const Arguments arguments = parse_arguments(argc, argv);
-    if (arguments.help) {
-      std::printf("%s", kUsage);
-      return 0;
-    }
+  return run_program("simulate_bag", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
     simulate_bag(arguments);
     return 0;
   });
