@@ -21,8 +21,7 @@ FAULT_EVERY_S = 15.0
 MOST_UNTIL_BACK_S = 2.0
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
-LIMIT = "nothing there in places"  # the fault that a day leaves out
-LIMIT_TIMES = 200
+LEFT_OUT_TIMES = 200  # of the fault that a day leaves out
 TESTS = "ros/(faults|master_restart)_test"
 
 
@@ -160,8 +159,13 @@ def death_table(result):
     return table(("process", "times", "without a map, p50, s", "max, s"), rows) if rows else ""
 
 
+def left_out(result):
+    """The fault that a day leaves out."""
+    return next(fault for fault in result["faults"] if not fault["in_day"])
+
+
 def limit_table(result):
-    fault = next(fault for fault in result["faults"] if fault["name"] == LIMIT)
+    fault = left_out(result)
     back = fault["back_s"]
     within = sum(value <= MOST_UNTIL_BACK_S for value in back)
     return table(("fault", "how it is injected", "times", "back within 2 s", "back after, p50, s", "p90, s",
@@ -254,8 +258,8 @@ def main():
              "load": os.getloadavg()[0], "hours": arguments.hours, "seed": arguments.seed}
     seed = ["--seed", str(arguments.seed)]
     blocks, result, took_s = run_faults(["--hours", str(arguments.hours), *seed], folder, "day", arguments.hours)
-    _, limit, _ = run_faults(["--only", LIMIT, "--rounds", str(LIMIT_TIMES), *seed], folder, "limit",
-                             LIMIT_TIMES * FAULT_EVERY_S / 3600)
+    only = ["--only", left_out(result)["name"], "--rounds", str(LEFT_OUT_TIMES)]
+    _, limit, _ = run_faults([*only, *seed], folder, "limit", LEFT_OUT_TIMES * FAULT_EVERY_S / 3600)
     tests = run_tests(folder)
     report, kept = report_of(blocks, result, tests, limit, {**facts, "minutes": took_s / 60})
     (output / "reliability.md").write_text(report)

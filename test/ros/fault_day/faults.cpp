@@ -41,13 +41,18 @@ std::string mapped(Feed& feed, int most, const std::function<void(LaserScan&)>& 
   return "";
 }
 
-std::string some_ranges(Feed& feed) {
-  return mapped(feed, 20, [&feed](LaserScan& msg) {
-    const std::array<float, 4> odd = {kNan, -kInf, -3.0F, 0.0F};
+/// A fifth of the ranges are what `odd_range_m` gives.
+std::string in_places(Feed& feed, const std::function<float()>& odd_range_m) {
+  return mapped(feed, 20, [&](LaserScan& msg) {
     for (float& range_m : msg.ranges) {
-      if (feed.random().uniform() < 0.2) range_m = odd[static_cast<std::size_t>(draw(feed, 0, 3))];
+      if (feed.random().uniform() < 0.2) range_m = odd_range_m();
     }
   });
+}
+
+std::string some_ranges(Feed& feed) {
+  const std::array<float, 4> odd = {kNan, -kInf, -3.0F, 0.0F};
+  return in_places(feed, [&] { return odd[static_cast<std::size_t>(draw(feed, 0, 3))]; });
 }
 
 std::string no_ranges(Feed& feed) {
@@ -61,11 +66,7 @@ std::string all_free(Feed& feed) {
 }
 
 std::string holes(Feed& feed) {
-  return mapped(feed, 20, [&feed](LaserScan& msg) {
-    for (float& range_m : msg.ranges) {
-      if (feed.random().uniform() < 0.2) range_m = kInf;
-    }
-  });
+  return in_places(feed, [] { return kInf; });
 }
 
 std::string malformed(Feed& feed) {
