@@ -10,6 +10,9 @@ using namespace object_state;
 
 namespace {
 
+/// What has not been seen for longer is not predicted farther: it may be anywhere.
+constexpr double kLongestPrediction_s = 3600.0;
+
 /// The estimate of what has just stopped: where it is, with no velocities.
 ObjectEstimate stopped(const ObjectEstimate& moving) {
   ObjectEstimate result = moving;
@@ -42,6 +45,7 @@ MotionEstimate start(const ObjectEstimate& mapped, const MotionParams& params) {
 }
 
 void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) {
+  dt_s = std::min(dt_s, kLongestPrediction_s);
   const double p = estimate.p_moving;
   // The two-state Markov chain over the whole step: however often it starts and stops within.
   const double rate_1_s = params.start_rate_1_s + params.stop_rate_1_s;

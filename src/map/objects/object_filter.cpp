@@ -23,25 +23,24 @@ Eigen::Vector2d quarter_turn(const Eigen::Vector2d& p) { return {-p.y(), p.x()};
 
 Eigen::Matrix2d turn(double angle_rad) { return Eigen::Rotation2Dd(angle_rad).toRotationMatrix(); }
 
-}  // namespace
+/// A turn as uncertain as this may be any. More would say nothing, and the covariance of the radii would drown in its
+/// rounding.
+constexpr double kAnyTurn_rad = 30.0;
 
-Vector8d predict(const Vector8d& x, double dt_s) {
-  Vector8d result = x;
-  result.segment<2>(kPosition) += dt_s * x.segment<2>(kVelocity);
-  result.segment<2>(kAxis) = turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis);
-  return result;
+/// d(p, q) / d(psi) after `dt_s`.
+Eigen::Vector2d axis_by_psi(const Vector8d& x, double dt_s) {
+  return 2.0 * quarter_turn(turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis));
 }
 
-Matrix8d process_jacobian(const Vector8d& x, double dt_s) {
-  const Eigen::Matrix2d R = turn(2.0 * dt_s * x(kAngularVelocity));
+Matrix8d jacobian(const Vector8d& x, double dt_s, const Eigen::Vector2d& by_psi) {
   Matrix8d F = Matrix8d::Identity();
   F.block<2, 2>(kPosition, kVelocity) = dt_s * Eigen::Matrix2d::Identity();
-  F.block<2, 2>(kAxis, kAxis) = R;
-  F.block<2, 1>(kAxis, kAngularVelocity) = 2.0 * dt_s * quarter_turn(R * x.segment<2>(kAxis));
+  F.block<2, 2>(kAxis, kAxis) = turn(2.0 * dt_s * x(kAngularVelocity));
+  F.block<2, 1>(kAxis, kAngularVelocity) = dt_s * by_psi;
   return F;
 }
 
-Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise) {
+Matrix8d added_covariance(double dt_s, const ProcessNoise& noise, const Eigen::Vector2d& by_psi) {
   const double dt2 = dt_s * dt_s / 2.0;
   const double dt3 = dt_s * dt_s * dt_s / 3.0;
   Matrix8d Q = Matrix8d::Zero();
@@ -52,7 +51,6 @@ Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& 
   Q.block<2, 2>(kVelocity, kVelocity) = q_a * dt_s * I;
 
   const double q_w = noise.angular_acceleration * noise.angular_acceleration;
-  const Eigen::Vector2d by_psi = 2.0 * quarter_turn(turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis));
   Q(kAngularVelocity, kAngularVelocity) = q_w * dt_s;
   Q.block<2, 1>(kAxis, kAngularVelocity) = q_w * dt2 * by_psi;
   Q.block<1, 2>(kAngularVelocity, kAxis) = q_w * dt2 * by_psi.transpose();
@@ -62,9 +60,33 @@ Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& 
   return Q;
 }
 
+/// How uncertain the turn of `dt_s` is, whatever it was before.
+double turn_sigma_rad(const ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
+  const double q_w = noise.angular_acceleration * noise.angular_acceleration;
+  return dt_s * std::sqrt(estimate.P(kAngularVelocity, kAngularVelocity) + q_w * dt_s / 3.0);
+}
+
+}  // namespace
+
+Vector8d predict(const Vector8d& x, double dt_s) {
+  Vector8d result = x;
+  result.segment<2>(kPosition) += dt_s * x.segment<2>(kVelocity);
+  result.segment<2>(kAxis) = turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis);
+  return result;
+}
+
+Matrix8d process_jacobian(const Vector8d& x, double dt_s) { return jacobian(x, dt_s, axis_by_psi(x, dt_s)); }
+
+Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise) {
+  return added_covariance(dt_s, noise, axis_by_psi(x, dt_s));
+}
+
 void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
-  const Matrix8d F = process_jacobian(estimate.x, dt_s);
-  const Matrix8d P = F * estimate.P * F.transpose() + process_covariance(estimate.x, dt_s, noise);
+  Eigen::Vector2d by_psi = axis_by_psi(estimate.x, dt_s);
+  const double sigma_rad = turn_sigma_rad(estimate, dt_s, noise);
+  if (sigma_rad > kAnyTurn_rad) by_psi *= kAnyTurn_rad / sigma_rad;
+  const Matrix8d F = jacobian(estimate.x, dt_s, by_psi);
+  const Matrix8d P = F * estimate.P * F.transpose() + added_covariance(dt_s, noise, by_psi);
   estimate.P = 0.5 * (P + P.transpose());
   estimate.x = predict(estimate.x, dt_s);
 }

@@ -251,6 +251,37 @@ TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
   }
 }
 
+/// Least eigenvalue of the correlations.
+double least_correlation(const Matrix8d& P) {
+  const Vector8d sigma = P.diagonal().cwiseSqrt().cwiseMax(1e-8);
+  const Matrix8d correlations = sigma.cwiseInverse().asDiagonal() * P * sigma.cwiseInverse().asDiagonal();
+  return Eigen::SelfAdjointEigenSolver<Matrix8d>(correlations, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+}
+
+// The spread of what may turn grows with the cube of time; what is known of its radii must not drown in it.
+TEST(MotionModels, SeenAgainAfterAnyTimeItHasACovariance) {
+  Random random(13);
+  for (int i = 0; i < 2000; ++i) {
+    const Measurement measurement = seen_at({3.0, 1.0}, random);
+    MotionEstimate estimate = start(map_measurement(measurement, {}, kRobotIsKnown), motion());
+    const double dt_s = std::pow(10.0, random.uniform(-2.0, 10.0));
+    for (int scan = 0; scan < 3; ++scan) {
+      predict(estimate, dt_s, motion());
+      Object object;
+      fill_object(combine(estimate), Matrix8d::Zero(), object);
+      ASSERT_TRUE(object.covariance.allFinite());
+      ASSERT_GE(least_correlation(object.covariance), -1e-9) << dt_s << " s, before scan " << scan;
+
+      const MotionMatch seen = match(estimate, {}, measurement, kRobotIsKnown);
+      ASSERT_TRUE(std::isfinite(seen.log_likelihood)) << dt_s << " s, scan " << scan;
+      update(estimate, {}, measurement, seen, kRobotIsKnown);
+      fill_object(combine(estimate), Matrix8d::Zero(), object);
+      ASSERT_TRUE(object.covariance.allFinite());
+      ASSERT_GE(least_correlation(object.covariance), -1e-9) << dt_s << " s, scan " << scan;
+    }
+  }
+}
+
 TEST(MotionModels, ProbabilitiesStaySoAtAnyRates) {
   for (const double start_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {
     for (const double stop_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {

@@ -30,7 +30,7 @@ struct MotionEstimate {
 /// A new element: it may stand or move.
 MotionEstimate start(const ObjectEstimate& mapped, const MotionParams& params);
 
-/// Let objects begin and stop, mix the estimates accordingly, and predict either.
+/// Let objects begin and stop, mix the estimates accordingly, and predict either: an hour at most, whatever the step.
 void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params);
 
 /// A measurement compared with both motions.

@@ -68,6 +68,8 @@ Matrix8d process_jacobian(const Vector8d& x, double dt_s);
 /// short ones give the same (exactly so where the object does not turn).
 Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise);
 
+/// State and covariance. A step so long that the object may have turned by anything makes its orientation no more
+/// uncertain than that.
 void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
 
 /// What a detection says of the ellipse.

@@ -148,8 +148,8 @@ class ObjectMap {
   /// is asked of the heap but for more elements or detections than before.
   ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
-  /// The map at any time from the latest update on, by prediction (earlier times: as of the latest update). Elements
-  /// that are not confirmed, and those that are part of another, are left out.
+  /// The map at any time from the latest update on, by prediction of up to an hour (earlier times: as of the latest
+  /// update). Elements that are not confirmed, and those that are part of another, are left out.
   Objects at(std::int64_t stamp_ns, Objects memory = {}) const;
 
   /// How many elements are alive, on the map or not.
