@@ -156,7 +156,7 @@ def day_table(result):
 def death_table(result):
     rows = [(fault["name"], str(fault["count"]), *(seconds(quantile(fault["down_s"], part)) for part in (0.5, 1.0)))
             for fault in result["faults"] if fault["down_s"]]
-    return table(("process", "times", "without a map, p50, s", "max, s"), rows) if rows else ""
+    return table(("fault", "times", "without a map, p50, s", "max, s"), rows) if rows else ""
 
 
 def left_out(result):
@@ -198,7 +198,8 @@ out in lock-step with the map, at most 3 under way, with `/clock` and TF. The ma
 is on it exactly once, within 15 cm of where it is, nothing else is, and every position's standard deviation is at most
 the 0.24 m of `max_position_sigma_m`; and when it stays so until the next fault, 4 s later at least. *Back after* counts,
 in stamps, from the last scan of the fault to the first map of those good ones; where time starts again, from the first
-scan of the new time; **where a process ends, from the first map after it**, for respawn takes wall time, told below.
+scan of the new time; where something dies, from the last scan before it, and scans then go on at 20 Hz of wall time, so
+that what respawn takes is in it.
 Scans of a fault that are not mapped are dropped for a reason that is counted: every ten minutes what all stages say they
 received, processed and dropped, by reason, is compared with what was sent. Ids are
 compared for all 12 objects: *other ids after* counts the faults after which one of them had another. Those that move
@@ -208,8 +209,9 @@ again, so ids are held to stay only where fewer than ten scans in a row are lost
 each twice and ends processes once (`ros/fault_day_test`).
 """
 DEATHS = """
-Scans go on at 20 Hz of wall time while a process is gone. `respawn_delay` is 2 s, as shipped. Processes end in the last
-quarter of the day only, so that one process lives through the first three and its memory can be watched.
+How long no map comes then, in wall time; it is part of *back after*. `respawn_delay` is 0.5 s, as shipped. What dies
+does so in the last quarter of the day only, so that one process lives through the first three and its memory can be
+watched.
 """
 LIMITS = """
 One fault is left out of the day, for the map is not always back within 2 s: where beams say falsely that there is
@@ -235,7 +237,7 @@ def report_of(blocks, result, tests, limit, facts):
                 table(("target", "measured", "met"),
                       [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])),
         section("A day", prose(DAY), day_table(result)),
-        section("Where a process ends", prose(DEATHS), death_table(result)),
+        section("Where something dies", prose(DEATHS), death_table(result)),
         section("What did not happen as it must", failures_list(result)),
         section("Faults with tests of their own", prose(TESTED), test_table(tests)),
         section("What it takes longer over", prose(LIMITS.format(every=FAULT_EVERY_S)), limit_table(limit)))), \

@@ -21,7 +21,7 @@ class FaultDayTest(unittest.TestCase):
         self.assertEqual(result["accounts"], [])
         for fault in (fault for fault in result["faults"] if fault["in_day"]):
             with self.subTest(fault["name"]):
-                self.assertEqual(fault["count"], 1 if fault["process_ends"] else 2)
+                self.assertEqual(fault["count"], 1 if fault["death"] else 2)
                 self.assertEqual(fault["failures"], [])
                 self.assertLessEqual(max(fault["back_s"]), 2.0)
         self.assertEqual(code, 0)

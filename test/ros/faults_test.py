@@ -39,7 +39,7 @@ class Robot:
     def __init__(self, namespace, *arguments):
         self.namespace = namespace
         self.launch = subprocess.Popen(
-            ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false", "respawn_delay:=1", *arguments],
+            ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false", *arguments],
             env=dict(os.environ, ROS_NAMESPACE=namespace), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.maps = Latest(f"/{namespace}/map", EllipseMap)
         self.segments = Latest(f"/{namespace}/segment_array", SegmentArray)
@@ -183,7 +183,7 @@ class FaultsTest(unittest.TestCase):
                 time.sleep(0.1)
                 return stamp in robot.segments.stamps()
             wait_until(segments_again, PATIENCE_S, "segments, which need no model")
-            self.assertTrue(rosnode.rosnode_ping("/model/mapping", max_count=1), "mapping lives")
+            rospy.wait_for_service("/model/mapping/reset", timeout=5.0)  # mapping lives
             self.assertNotIn(self.scan(robot), robot.maps.stamps())
             model.write_bytes(good)
             wait_until(lambda: self.maps_again(robot), PATIENCE_S, "the map to be back")

@@ -2,10 +2,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Run a test whose nodelets are built with sanitizers: any report of theirs fails it, whatever the test says.
 
-    sanitized.py LIBASAN REPORT_FOLDER COMMAND...
+    sanitized.py REPORT_FOLDER COMMAND...
 
-The manager is a program of ROS, built without, so that the runtime must be loaded before it. A manager that was ended
-by a report may be back by respawn before the test notices: hence the reports' files.
+A manager that was ended by a report may be back by respawn before the test notices: hence the reports' files.
 """
 import os
 import pathlib
@@ -14,14 +13,13 @@ import sys
 
 
 def main():
-    runtime, folder, command = sys.argv[1], pathlib.Path(sys.argv[2]), sys.argv[3:]
+    folder, command = pathlib.Path(sys.argv[1]), sys.argv[2:]
     folder.mkdir(parents=True, exist_ok=True)
     for report in folder.iterdir():
         report.unlink()
     # What ROS and its plugins leave allocated at the end is no concern of this test.
     options = f"log_path={folder}/report:detect_leaks=0:print_stacktrace=1"
-    environment = dict(os.environ, ASAN_OPTIONS=options, UBSAN_OPTIONS=options,
-                       OBJECTS_LAUNCH_PREFIX=f"env LD_PRELOAD={runtime}")
+    environment = dict(os.environ, ASAN_OPTIONS=options, UBSAN_OPTIONS=options)
     code = subprocess.run(command, env=environment, check=False).returncode
     reports = sorted(folder.iterdir())
     for report in reports:

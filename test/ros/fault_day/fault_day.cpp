@@ -30,7 +30,6 @@ constexpr double kMostUntilBack_s = 2.0;
 constexpr double kLeastGap_s = 4.0;       ///< from fault to fault: twice the time that the map has
 constexpr double kBlock_s = 600.0;        ///< from settling of accounts to settling of accounts
 constexpr double kFirstDeathPart = 0.75;  ///< before, one process lives: its memory is watched
-constexpr int kRoundsPerDeath = 4;        ///< processes end more rarely than other faults happen: it takes seconds
 constexpr std::size_t kMostSentences = 100;
 
 struct Arguments {
@@ -128,9 +127,9 @@ class Day {
     if (order_.empty()) {
       ++round_;
       const bool late = static_cast<double>(feed_.sent()) >= kFirstDeathPart * static_cast<double>(of());
-      const bool deaths = arguments_.rounds > 0 ? round_ == 1 : late && round_ % kRoundsPerDeath == 0;
+      const bool deaths = arguments_.rounds > 0 ? round_ == 1 : late;
       for (std::size_t i = 0; i < faults_.size(); ++i) {
-        const bool wanted = arguments_.only.empty() ? faults_[i].in_day && (deaths || !faults_[i].process_ends)
+        const bool wanted = arguments_.only.empty() ? faults_[i].in_day && (deaths || !faults_[i].death)
                                                     : faults_[i].name == arguments_.only;
         if (wanted) order_.push_back(i);
       }
@@ -218,7 +217,7 @@ class Day {
       faults.push_back({{"name", faults_[i].name},
                         {"how", faults_[i].how},
                         {"must", faults_[i].must},
-                        {"process_ends", faults_[i].process_ends},
+                        {"death", faults_[i].death},
                         {"in_day", faults_[i].in_day},
                         {"count", tally.count},
                         {"sent", tally.sent},

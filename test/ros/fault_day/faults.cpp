@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include <nodelet/NodeletUnload.h>
 #include <ros/callback_queue.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -351,38 +352,47 @@ std::string silence(Feed& feed, double from_s, double to_s) {
   return "";
 }
 
-Injected death(Feed& feed, const std::string& node, int signal, const std::function<bool()>& reborn) {
+/// `end` ends something that comes back by itself, and says what went wrong.
+Injected death(Feed& feed, const std::function<std::string()>& end, const std::function<bool()>& reborn) {
   constexpr double kPatience_s = 120.0;
   feed.drain();
   feed.transforms(Transforms::kEach);
   feed.drain();  // nothing is under way that would be lost
-  const int pid = pid_of(node);
-  if (pid <= 0 || kill(pid, signal) != 0) return {node + " has no process to end", {}, {}};
-  const std::optional<Feed::Outage> outage = feed.outlive(reborn, kPatience_s);
+  const std::int64_t latest_ns = feed.stamp_ns() - SyntheticScene::kStep_ns;
+  const std::string wrong = end();
+  if (!wrong.empty()) return {wrong, {}, {}};
+  const std::optional<double> down_s = feed.outlive(reborn, kPatience_s);
   feed.transforms(Transforms::kAhead);
-  if (!outage) return {"no maps again within 120 s", {}, {}};
-  return {"", outage->down_s, outage->back_ns};
+  if (!down_s) return {"no maps again within 120 s", {}, {}};
+  return {"", down_s, latest_ns};
 }
+
+constexpr const char* kManager = "objects_manager";
 
 std::function<Injected(Feed&)> end_manager(int signal) {
   return [signal](Feed& feed) {
-    constexpr const char* kManager = "objects_manager";
     const int pid = pid_of(kManager);
-    return death(feed, kManager, signal, [pid, kManager] {
+    const auto end = [signal, pid] { return pid > 0 && kill(pid, signal) == 0 ? "" : "no process to end"; };
+    return death(feed, end, [pid] {
       const int now = pid_of(kManager);
       return now > 0 && now != pid;
     });
   };
 }
 
-Injected kill_loader(Feed& feed) {
+Injected unload_stage(Feed& feed) {
   const std::array<std::string, 3> stages = {"segmentation", "detection", "mapping"};
   const std::string& stage = stages[static_cast<std::size_t>(draw(feed, 0, 2))];
-  const std::int64_t lives = feed.lives_of(stage);
-  return death(feed, stage, SIGKILL, [&feed, &stage, lives] { return feed.lives_of(stage) > lives; });
+  const auto end = [&stage] {
+    nodelet::NodeletUnload unload;
+    unload.request.name = ros::names::resolve(stage);
+    const bool unloaded = ros::service::call(std::string(kManager) + "/unload_nodelet", unload);
+    return unloaded && unload.response.success ? "" : "not unloaded";
+  };
+  return death(feed, end, [] { return true; });  // it is gone when the service has answered
 }
 
-/// An injection that ends no process.
+/// An injection of which nothing dies.
 std::function<Injected(Feed&)> alive(std::function<std::string(Feed&)> inject) {
   return [inject = std::move(inject)](Feed& feed) { return Injected{inject(feed), {}, {}}; };
 }
@@ -452,8 +462,8 @@ std::vector<Fault> all_faults() {
        end_manager(SIGKILL)},
       {"manager ended", "SIGTERM", "respawn brings all back, with a new map", Ids::kRestart, true,
        end_manager(SIGTERM)},
-      {"a loader killed", "SIGKILL to the process that loaded one of the nodelets, by chance",
-       "respawn brings the nodelet back, the others live on", Ids::kFree, true, kill_loader},
+      {"a stage unloaded", "by the manager's service: one of the three, by chance",
+       "the manager loads it again, the others live on", Ids::kFree, true, unload_stage},
   };
 }
 

@@ -22,7 +22,7 @@ enum class Ids {
 /// How an injection went.
 struct Injected {
   std::string wrong;                    ///< that could be seen at once
-  std::optional<double> down_s;         ///< for how long no map came, where a process ended, in wall time
+  std::optional<double> down_s;         ///< for how long no map came, where something died, in wall time
   std::optional<std::int64_t> from_ns;  ///< stamp from which on the map must come back; else that of the latest scan
 };
 
@@ -32,7 +32,7 @@ struct Fault {
   std::string how;   ///< what is done
   std::string must;  ///< what must happen, beside the map being back
   Ids ids = Ids::kKept;
-  bool process_ends = false;
+  bool death = false;  ///< of a process or a stage: late in a day only
   std::function<Injected(Feed& feed)> inject;
   bool in_day = true;  ///< else only by its name
 };

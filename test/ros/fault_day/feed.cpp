@@ -194,11 +194,11 @@ void Feed::start_again() {
   good_since_ns_.reset();
 }
 
-std::optional<Feed::Outage> Feed::outlive(const std::function<bool()>& reborn, double patience_s) {
+std::optional<double> Feed::outlive(const std::function<bool()>& reborn, double patience_s) {
   const ros::WallTime begin = ros::WallTime::now();
   ros::WallTime due_at = begin;
   latest_map_at_ = begin;
-  outage_.reset();
+  outage_s_ = 0.0;
   std::optional<std::int64_t> reborn_ns;
   while (ros::ok() && (ros::WallTime::now() - begin).toSec() < patience_s) {
     if (!reborn_ns && reborn()) reborn_ns = stamp_ns();
@@ -208,18 +208,11 @@ std::optional<Feed::Outage> Feed::outlive(const std::function<bool()>& reborn, d
     if (left.toSec() > 0.0) left.sleep();
     take_maps(false);
     if (!reborn_ns || latest_map_ns_ < *reborn_ns) continue;
-    const Outage outage = outage_.value_or(Outage{0.0, *reborn_ns});
     highest_id_ = 0;  // ids may begin anew
     forget_accounts();
-    return outage;
+    return outage_s_;
   }
   return std::nullopt;
-}
-
-std::int64_t Feed::lives_of(const std::string& stage) const {
-  const std::lock_guard<std::mutex> lock(mutex_);
-  const auto lives = lives_.find(stage);
-  return lives == lives_.end() ? 0 : lives->second;
 }
 
 void Feed::expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received) {
@@ -247,7 +240,6 @@ void Feed::on_diagnostics(const diagnostic_msgs::DiagnosticArrayConstPtr& msg) {
         counts[pair.key] = to_count(pair.value);
     }
     if (counts.count("received") == 0) continue;
-    if (counts["received"] < counts_[stage]["received"]) ++lives_[stage];
     counts_[stage] = counts;
     ++reports_[stage];
   }
@@ -275,8 +267,8 @@ void Feed::take_map(const Received& received) {
   ++maps_all_;
   const double gap_s = (received.at - latest_map_at_).toSec();
   constexpr double kOutage_s = 0.5;
-  if (gap_s > std::max(kOutage_s, outage_ ? outage_->down_s : 0.0)) {
-    outage_ = {gap_s, map_ns};
+  if (gap_s > std::max(kOutage_s, outage_s_)) {
+    outage_s_ = gap_s;
     good_since_ns_.reset();
   }
   latest_map_at_ = received.at;

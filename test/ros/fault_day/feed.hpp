@@ -86,16 +86,9 @@ class Feed {
   void start_again();
   /// Wait for all maps that must come.
   void drain();
-  /// No maps came for a while.
-  struct Outage {
-    double down_s = 0.0;       ///< in wall time
-    std::int64_t back_ns = 0;  ///< stamp of the first map after it
-  };
-  /// Scans at their own pace in wall time, which may be lost, until a map comes of one that was sent after `reborn`;
-  /// nothing if none does for `patience_s`.
-  std::optional<Outage> outlive(const std::function<bool()>& reborn, double patience_s);
-  /// How often a stage has begun to count anew.
-  std::int64_t lives_of(const std::string& stage) const;
+  /// Scans at their own pace in wall time, which may be lost, until a map comes of one that was sent after `reborn`:
+  /// for how long none came, in wall time; nothing if none does for `patience_s`.
+  std::optional<double> outlive(const std::function<bool()>& reborn, double patience_s);
   /// Besides scans: messages of others, which a stage drops for this reason.
   void expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received);
 
@@ -170,7 +163,7 @@ class Feed {
   std::uint64_t highest_id_ = 0;
   ros::WallTime latest_map_at_;
   std::int64_t latest_map_ns_ = 0;
-  std::optional<Outage> outage_;  ///< the longest since it was asked for
+  double outage_s_ = 0.0;  ///< the longest since it was asked for
   std::vector<std::string> failures_;
 
   mutable std::mutex mutex_;  ///< of what callbacks write: all below
@@ -178,7 +171,6 @@ class Feed {
   std::deque<Received> received_;
   std::map<std::string, Counts> counts_;
   std::map<std::string, std::int64_t> reports_;  ///< of each stage
-  Counts lives_;                                 ///< of each stage: how often it began anew
 };
 
 }  // namespace situation_awareness
