@@ -340,7 +340,7 @@ class Soak {
     }
     if (result.update.reasons.of("time jumped back: new map") != 0) return kNewMap;
     const bool hits = std::any_of(result.points.points.begin(), result.points.points.end(), [](const Point& point) {
-      return point.state == BeamState::kHit || point.state == BeamState::kOutside;
+      return is_hit(point.state);
     });
     return hits ? kMapped : kMappedBlind;
   }

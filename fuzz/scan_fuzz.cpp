@@ -16,8 +16,6 @@ namespace {
 
 constexpr std::size_t kMaxBeams = 600;
 
-bool is_hit(BeamState state) { return state == BeamState::kHit || state == BeamState::kOutside; }
-
 /// What a scanner sees of a few things, and any ranges in some places.
 Scan draw_scan(Input& input) {
   LevelScene scene;

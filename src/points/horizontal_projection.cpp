@@ -40,10 +40,8 @@ Eigen::Vector3d turned(const Eigen::Vector3d& v, const Eigen::Vector3d& axis, do
   return c * v + std::sin(angle_rad) * axis.cross(v) + (1.0 - c) * axis.dot(v) * axis;
 }
 
-bool is_hit(const Point& point) { return point.state == BeamState::kHit || point.state == BeamState::kOutside; }
-
 double distance_m(const Point& point) {
-  return is_hit(point) ? point.range_m : std::numeric_limits<double>::infinity();
+  return is_hit(point.state) ? point.range_m : std::numeric_limits<double>::infinity();
 }
 
 /// Make azimuths grow again that step back, because things at different distances moved past one another while the
@@ -165,7 +163,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
     point.beam = static_cast<int>(i);
     point.state = scan.beams[i].state;
     point.azimuth_rad = azimuth_rad;
-    if (is_hit(point)) {
+    if (is_hit(point.state)) {
       point.p_level_m = scan.beams[i].range_m * direction_level;
       if (motion.moves) {
         point.p_level_m += lidar_level_m;

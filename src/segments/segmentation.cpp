@@ -14,8 +14,6 @@
 namespace situation_awareness {
 namespace {
 
-bool is_hit(const Point& point) { return point.state == BeamState::kHit || point.state == BeamState::kOutside; }
-
 /// True if two hits with `missing` beams between them, none of which saw something else, are on the same thing.
 bool same_thing(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
   if (missing > params.max_missing_beams) return false;
@@ -35,7 +33,7 @@ class Reading {
     int missing = 0;
     for (std::size_t k = 0; k < 2 * n; ++k) {  // a second turn meets the seam with a known previous hit
       const Point point = at(k);
-      if (!is_hit(point)) {
+      if (!is_hit(point.state)) {
         ++missing;
         continue;
       }
@@ -65,6 +63,13 @@ class Reading {
   std::size_t start_ = 0;
 };
 
+/// True if a beam went by beside an end: nothing blocked it there.
+bool passed(const Point& beside, const Point& end, const SegmentationParams& params) {
+  // What is at the end of a free beam's reach may go on beyond it.
+  if (beside.state == BeamState::kFree) return beside.range_m > end.range_m + params.occlusion_margin_m;
+  return is_hit(beside.state) && beside.range_m >= end.range_m - params.occlusion_margin_m;
+}
+
 /// What is beside the end at reading position `k`, looking in direction `step` (-1: to the right, +1: to the left).
 SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const SegmentationParams& params) {
   const auto n = static_cast<std::ptrdiff_t>(reading.size());
@@ -77,18 +82,9 @@ SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const Segment
       position = (position + n) % n;
     }
     const Point beside = reading.at(static_cast<std::size_t>(position));
-    switch (beside.state) {
-      case BeamState::kInvalid:
-        continue;
-      case BeamState::kFree:  // as far as the beam reaches: what is at its end may go on beyond
-        return beside.range_m > end.range_m + params.occlusion_margin_m ? SegmentEnd::kFree : SegmentEnd::kOccluded;
-      case BeamState::kTooClose:
-        return SegmentEnd::kOccluded;
-      case BeamState::kHit:
-      case BeamState::kOutside:
-        return beside.range_m < end.range_m - params.occlusion_margin_m ? SegmentEnd::kOccluded
-                                                                        : SegmentEnd::kBackground;
-    }
+    if (beside.state == BeamState::kInvalid) continue;
+    if (!passed(beside, end, params)) return SegmentEnd::kOccluded;
+    return beside.state == BeamState::kFree ? SegmentEnd::kFree : SegmentEnd::kBackground;
   }
   return SegmentEnd::kOccluded;  // nothing known about what is beside it
 }
@@ -109,10 +105,7 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
       position = (position + n) % n;
     }
     const Point beside = reading.at(static_cast<std::size_t>(position));
-    const bool passed = beside.state == BeamState::kFree
-                            ? beside.range_m > end.range_m + params.occlusion_margin_m
-                            : is_hit(beside) && beside.range_m >= end.range_m - params.occlusion_margin_m;
-    if (passed) return static_cast<double>(blocked) * resolution_rad;
+    if (passed(beside, end, params)) return static_cast<double>(blocked) * resolution_rad;
   }
   return reach_rad;
 }
@@ -319,7 +312,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   int missing = 0;
   for (std::size_t k = 0; k < reading.size(); ++k) {
     const Point point = reading.at(k);
-    if (!is_hit(point)) {
+    if (!is_hit(point.state)) {
       ++missing;
       continue;
     }

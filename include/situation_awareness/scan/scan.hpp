@@ -17,6 +17,9 @@ enum class BeamState : std::uint8_t {
   kInvalid,   ///< no information (REP-117: NaN, or a range that the sensor's own limits exclude)
 };
 
+/// An object, of interest or not.
+constexpr bool is_hit(BeamState state) { return state == BeamState::kHit || state == BeamState::kOutside; }
+
 /// What one beam of a scan says, and how far it went.
 struct Beam {
   float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside; >= 0, maybe +inf, where kFree; else 0

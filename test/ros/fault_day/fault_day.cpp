@@ -46,11 +46,9 @@ Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
   const auto number = [](auto& place) {
     return [&place](const std::string& option, const std::string& text) {
-      try {
-        place = static_cast<std::decay_t<decltype(place)>>(std::stod(text));
-      } catch (const std::logic_error&) {
-        throw UsageError(option + " needs a number, not " + text);
-      }
+      const double value = number_of(text);
+      if (std::isnan(value)) throw UsageError(option + " needs a number, not " + text);
+      place = static_cast<std::decay_t<decltype(place)>>(value);
     };
   };
   read_options(argc, argv,
