@@ -198,7 +198,7 @@ std::optional<double> Feed::outlive(const std::function<bool()>& reborn, double 
   const ros::WallTime begin = ros::WallTime::now();
   ros::WallTime due_at = begin;
   latest_map_at_ = begin;
-  outage_s_ = 0.0;
+  longest_gap_s_ = 0.0;
   std::optional<std::int64_t> reborn_ns;
   while (ros::ok() && (ros::WallTime::now() - begin).toSec() < patience_s) {
     if (!reborn_ns && reborn()) reborn_ns = stamp_ns();
@@ -210,7 +210,7 @@ std::optional<double> Feed::outlive(const std::function<bool()>& reborn, double 
     if (!reborn_ns || latest_map_ns_ < *reborn_ns) continue;
     highest_id_ = 0;  // ids may begin anew
     forget_accounts();
-    return outage_s_;
+    return longest_gap_s_;
   }
   return std::nullopt;
 }
@@ -267,10 +267,8 @@ void Feed::take_map(const Received& received) {
   ++maps_all_;
   const double gap_s = (received.at - latest_map_at_).toSec();
   constexpr double kOutage_s = 0.5;
-  if (gap_s > std::max(kOutage_s, outage_s_)) {
-    outage_s_ = gap_s;
-    good_since_ns_.reset();
-  }
+  if (gap_s > std::max(kOutage_s, longest_gap_s_)) good_since_ns_.reset();
+  longest_gap_s_ = std::max(longest_gap_s_, gap_s);
   latest_map_at_ = received.at;
   latest_map_ns_ = map_ns;
   while (!must_map_.empty() && must_map_.front() < map_ns) {

@@ -163,7 +163,7 @@ class Feed {
   std::uint64_t highest_id_ = 0;
   ros::WallTime latest_map_at_;
   std::int64_t latest_map_ns_ = 0;
-  double outage_s_ = 0.0;  ///< the longest since it was asked for
+  double longest_gap_s_ = 0.0;  ///< between two maps, since it was asked for, in wall time
   std::vector<std::string> failures_;
 
   mutable std::mutex mutex_;  ///< of what callbacks write: all below
