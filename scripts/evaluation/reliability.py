@@ -214,9 +214,10 @@ does so in the last quarter of the day only, so that one process lives through t
 watched.
 """
 LIMITS = """
-One fault is left out of the day, for the map is not always back within 2 s: where beams say falsely that there is
-nothing, an object is seen with holes, its pieces become elements, and one of them may be left beside it for a while.
-Here it is alone, every {every:g} s on average; where the map was not back before the next, it counts for that one, too.
+One fault is left out of the day, for there are runs in which the map is not always back within 2 s: where beams say
+falsely that there is nothing, an object is seen with holes, its pieces become elements, and one of them may be left
+beside it for a while. Here it is alone, every {every:g} s on average; where the map was not back before the next, it
+counts for that one, too.
 """
 TESTED = """
 What a day cannot have, each with a test of its own that runs in CI.
