@@ -83,9 +83,6 @@ std::uint64_t whole_number(const std::string& option, const std::string& text) {
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
   std::string seeds;
-  const auto number_into = [](double& place) {
-    return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
-  };
   arguments.help = read_options(argc, argv,
                                 {{"--world", into(arguments.world)},
                                  {"--config", into(arguments.config)},
@@ -93,11 +90,11 @@ Arguments parse_arguments(int argc, char** argv) {
                                  {"--set", into(arguments.set)},
                                  {"--trace", into(arguments.trace)},
                                  {"--seeds", into(seeds)},
-                                 {"--duration", number_into(arguments.duration_s)},
-                                 {"--pose-sigma-m", number_into(arguments.pose_sigma_m)},
-                                 {"--pose-sigma-rad", number_into(arguments.pose_sigma_rad)},
-                                 {"--range-sigma-m", number_into(arguments.lidar.range_sigma_m)},
-                                 {"--sweep-s", number_into(arguments.lidar.sweep_s)}},
+                                 {"--duration", into(arguments.duration_s, number)},
+                                 {"--pose-sigma-m", into(arguments.pose_sigma_m, number)},
+                                 {"--pose-sigma-rad", into(arguments.pose_sigma_rad, number)},
+                                 {"--range-sigma-m", into(arguments.lidar.range_sigma_m, number)},
+                                 {"--sweep-s", into(arguments.lidar.sweep_s, number)}},
                                 {{"--trace-points", &arguments.trace_points}});
   if (arguments.help) return arguments;
   require("--world", arguments.world);

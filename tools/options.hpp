@@ -33,6 +33,12 @@ inline TakeValue into(std::string& text) {
   return [&text](const std::string& /*option*/, const std::string& value) { text = value; };
 }
 
+/// What `parse` makes of option and value.
+template <class Value, class Parse>
+TakeValue into(Value& place, const Parse& parse) {
+  return [&place, parse](const std::string& option, const std::string& value) { place = parse(option, value); };
+}
+
 /// Read options, each followed by its value, and flags. True if help was asked for; what comes after it is not read.
 inline bool read_options(int argc, char** argv, const std::map<std::string, TakeValue>& options,
                          const std::map<std::string, bool*>& flags = {}) {

@@ -50,16 +50,13 @@ struct Arguments {
 
 Arguments parse_arguments(int argc, char** argv) {
   Arguments arguments;
-  const auto number_into = [](double& place) {
-    return [&place](const std::string& option, const std::string& text) { place = number(option, text); };
-  };
   arguments.help = read_options(argc, argv,
                                 {{"--world", into(arguments.world_file)},
                                  {"--out", into(arguments.out)},
                                  {"--camera", into(arguments.camera)},
                                  {"--times", into(arguments.times)},
-                                 {"--width", number_into(arguments.width)},
-                                 {"--height", number_into(arguments.height)}});
+                                 {"--width", into(arguments.width, number)},
+                                 {"--height", into(arguments.height, number)}});
   if (arguments.help) return arguments;
   require("--world", arguments.world_file);
   require("--out", arguments.out);

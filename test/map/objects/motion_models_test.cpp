@@ -12,6 +12,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "situation_awareness/common/random.hpp"
+#include "support/is_covariance.hpp"
 #include "support/random_gaussian.hpp"
 
 namespace situation_awareness {
@@ -251,13 +252,6 @@ TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
   }
 }
 
-/// Least eigenvalue of the correlations.
-double least_correlation(const Matrix8d& P) {
-  const Vector8d sigma = P.diagonal().cwiseSqrt().cwiseMax(1e-8);
-  const Matrix8d correlations = sigma.cwiseInverse().asDiagonal() * P * sigma.cwiseInverse().asDiagonal();
-  return Eigen::SelfAdjointEigenSolver<Matrix8d>(correlations, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
-}
-
 // The spread of what may turn grows with the cube of time; what is known of its radii must not drown in it.
 TEST(MotionModels, SeenAgainAfterAnyTimeItHasACovariance) {
   Random random(13);
@@ -269,15 +263,13 @@ TEST(MotionModels, SeenAgainAfterAnyTimeItHasACovariance) {
       predict(estimate, dt_s, motion());
       Object object;
       fill_object(combine(estimate), Matrix8d::Zero(), object);
-      ASSERT_TRUE(object.covariance.allFinite());
-      ASSERT_GE(least_correlation(object.covariance), -1e-9) << dt_s << " s, before scan " << scan;
+      ASSERT_TRUE(is_covariance(object.covariance)) << dt_s << " s, before scan " << scan;
 
       const MotionMatch seen = match(estimate, {}, measurement, kRobotIsKnown);
       ASSERT_TRUE(std::isfinite(seen.log_likelihood)) << dt_s << " s, scan " << scan;
       update(estimate, {}, measurement, seen, kRobotIsKnown);
       fill_object(combine(estimate), Matrix8d::Zero(), object);
-      ASSERT_TRUE(object.covariance.allFinite());
-      ASSERT_GE(least_correlation(object.covariance), -1e-9) << dt_s << " s, scan " << scan;
+      ASSERT_TRUE(is_covariance(object.covariance)) << dt_s << " s, scan " << scan;
     }
   }
 }

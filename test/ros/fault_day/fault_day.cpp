@@ -64,7 +64,7 @@ Arguments parse_arguments(int argc, char** argv) {
 }
 
 std::int64_t resident_bytes() {
-  std::ifstream file("/proc/" + std::to_string(pid_of("objects_manager")) + "/statm");
+  std::ifstream file("/proc/" + std::to_string(manager_pid()) + "/statm");
   std::int64_t pages = 0;
   file >> pages >> pages;
   return pages * sysconf(_SC_PAGESIZE);
@@ -198,7 +198,7 @@ class Day {
                        {"hours", static_cast<double>(feed_.sent()) / kScansPerHour},
                        {"faults", faults},
                        {"failures", failures},
-                       {"pid", pid_of("objects_manager")},
+                       {"pid", manager_pid()},
                        {"resident_bytes", resident_bytes()}};
     out_ << line.dump() << std::endl;
   }

@@ -367,23 +367,20 @@ Injected death(Feed& feed, const std::function<std::string()>& end, const std::f
   return {"", down_s, latest_ns};
 }
 
-constexpr const char* kManager = "objects_manager";
-
 std::function<Injected(Feed&)> end_manager(int signal) {
   return [signal](Feed& feed) {
-    const int pid = pid_of(kManager);
+    const int pid = manager_pid();
     const auto end = [signal, pid] { return pid > 0 && kill(pid, signal) == 0 ? "" : "no process to end"; };
     return death(feed, end, [pid] {
-      const int now = pid_of(kManager);
+      const int now = manager_pid();
       return now > 0 && now != pid;
     });
   };
 }
 
 Injected unload_stage(Feed& feed) {
-  const std::array<std::string, 3> stages = {"segmentation", "detection", "mapping"};
-  const std::string& stage = stages[static_cast<std::size_t>(draw(feed, 0, 2))];
-  const auto end = [&stage] {
+  const char* const stage = kStages[static_cast<std::size_t>(draw(feed, 0, 2))];
+  const auto end = [stage] {
     nodelet::NodeletUnload unload;
     unload.request.name = ros::names::resolve(stage);
     const bool unloaded = ros::service::call(std::string(kManager) + "/unload_nodelet", unload);

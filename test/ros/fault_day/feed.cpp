@@ -2,7 +2,6 @@
 #include "feed.hpp"
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstddef>
@@ -26,7 +25,6 @@ namespace {
 constexpr int kBeams = 1081, kObjects = 12;
 constexpr int kNoises = 4;       ///< rounds of a scene that differ in their noise
 constexpr int kScansAhead = 20;  ///< of transforms; half of them at least
-const std::array<const char*, 3> kStages = {"segmentation", "detection", "mapping"};
 const std::set<std::string> kWhereTimeDecides = {drop_reason::kOvertaken, drop_reason::kQueueFull,
                                                  drop_reason::kNoTransform};
 
@@ -42,10 +40,10 @@ bool is_drop(const std::string& key) { return key.rfind("dropped: ", 0) == 0; }
 
 }  // namespace
 
-int pid_of(const std::string& node) {
+int manager_pid() {
   XmlRpc::XmlRpcValue request, response, uri;
   request[0] = ros::this_node::getName();
-  request[1] = ros::names::resolve(node);
+  request[1] = ros::names::resolve(kManager);
   if (!ros::master::execute("lookupNode", request, response, uri, false)) return -1;
   std::string host;
   std::uint32_t port = 0;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -23,6 +24,8 @@
 
 namespace situation_awareness {
 
+constexpr const char* kManager = "objects_manager";
+constexpr std::array<const char*, 3> kStages = {"segmentation", "detection", "mapping"};
 constexpr const char* kWorldFrame = "world";
 constexpr const char* kLidarFrame = "lidar";
 constexpr const char* kUpsideDownFrame = "lidar_upside_down";  ///< turned about the lidar's x axis by pi
@@ -42,8 +45,8 @@ enum class Transforms {
   kNone,   ///< not sent
 };
 
-/// Process id of a node, -1 if it is not known.
-int pid_of(const std::string& node);
+/// Process id of the manager, -1 if it is not known.
+int manager_pid();
 
 /// Where a map stands.
 struct MapState {
