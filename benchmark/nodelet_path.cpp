@@ -96,7 +96,7 @@ int run(int objects, double rate_hz, int scans) {
   spinner.start();
   Maps maps;
   ros::Publisher publisher = node.advertise<sensor_msgs::LaserScan>("scan", 1);
-  const ros::Subscriber subscriber = own_node.subscribe("map", 0, &Maps::receive, &maps);
+  const ros::Subscriber subscriber = own_node.subscribe("objects", 0, &Maps::receive, &maps);
   while (ros::ok() && (publisher.getNumSubscribers() == 0 || subscriber.getNumPublishers() == 0)) {
     ros::WallDuration(0.05).sleep();
   }

@@ -15,9 +15,9 @@ add_message_files(DIRECTORY msg FILES
   SegmentArray.msg
   SegmentPoint.msg)
 add_service_files(DIRECTORY srv FILES
-  GetMap.srv
-  LoadMap.srv
-  SaveMap.srv)
+  GetObjects.srv
+  LoadObjects.srv
+  SaveObjects.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 generate_dynamic_reconfigure_options(cfg/Detection.cfg cfg/Mapping.cfg cfg/Segmentation.cfg)
 

@@ -44,7 +44,7 @@ function(situation_awareness_node name source)
 endfunction()
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
-situation_awareness_node(map_bag src/ros/tools/map_bag.cpp)
+situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
 situation_awareness_node(objects_manager src/ros/nodes/objects_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
@@ -74,4 +74,4 @@ install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Of the scripts only what a launch file starts: the others build and test a source tree.
-install(PROGRAMS examples/plot_map_bag.py scripts/fleet_rviz DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(PROGRAMS examples/plot_objects_bag.py scripts/fleet_rviz DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

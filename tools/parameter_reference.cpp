@@ -32,7 +32,7 @@ sections `scan`, `segments`, `detections` and `objects` make a YAML file of the 
 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
 
-The first section are arguments of `objects.launch`, of the same names. `map_bag` takes the same file by `--config`. A
+The first section are arguments of `objects.launch`, of the same names. `objects_bag` takes the same file by `--config`. A
 value out of its bounds, or of another type, is refused with a sentence that names it.
 )";
 

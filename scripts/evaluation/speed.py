@@ -372,7 +372,7 @@ no ROS, no messages. A robot hovers and sways in a walled room, in a ring of ell
 another ([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)); 270 degrees, 1 cm of noise, a sweep of 19 ms.
 {scans} scans each after {warm_up} to warm up; every figure is the median of {rounds} rounds. "whole" is
 `ObjectPipeline::process`; the stages are timed on the same scans in the same run, and the tool stops unless both give
-the same map, bit for bit. With one thread all is on one core (`taskset`). Recorded scans are timed by `map_bag`.
+the same map, bit for bit. With one thread all is on one core (`taskset`). Recorded scans are timed by `objects_bag`.
 """
 WHOLE_TEXT = """
 "detected" is how many of the objects get an ellipse in a scan: with few beams narrow objects have too few hits. With

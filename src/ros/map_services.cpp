@@ -78,15 +78,16 @@ void MapServices::advertise() {
         "pause", answering<SetBool>(name_, [this](const auto& request, auto& response) {
           response.message = pause(request.data != 0);
         })));
-    servers_.push_back(node_.advertiseService<GetMap::Request, GetMap::Response>(
-        "get_map", answering<GetMap>(
-                       name_, [this](const auto& request, auto& response) { response.map = map_at(request.stamp); })));
-    servers_.push_back(private_node_.advertiseService<SaveMap::Request, SaveMap::Response>(
-        "save_map", answering<SaveMap>(name_, [this](const auto& request, auto& response) {
+    servers_.push_back(node_.advertiseService<GetObjects::Request, GetObjects::Response>(
+        "get_objects", answering<GetObjects>(name_, [this](const auto& request, auto& response) {
+          response.objects = map_at(request.stamp);
+        })));
+    servers_.push_back(private_node_.advertiseService<SaveObjects::Request, SaveObjects::Response>(
+        "save_objects", answering<SaveObjects>(name_, [this](const auto& request, auto& response) {
           response.message = save(request.file);
         })));
-    servers_.push_back(private_node_.advertiseService<LoadMap::Request, LoadMap::Response>(
-        "load_map", answering<LoadMap>(name_, [this](const auto& request, auto& response) {
+    servers_.push_back(private_node_.advertiseService<LoadObjects::Request, LoadObjects::Response>(
+        "load_objects", answering<LoadObjects>(name_, [this](const auto& request, auto& response) {
           response.message = load(request.file);
         })));
   } catch (const std::exception& error) {

@@ -12,7 +12,7 @@ namespace situation_awareness {
 MapSubscriber::MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics)
     : world_frame_(world_frame),
       diagnostics_(diagnostics),
-      subscriber_(node.subscribe("map", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay())) {}
+      subscriber_(node.subscribe("objects", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay())) {}
 
 void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
   try {

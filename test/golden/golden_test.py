@@ -28,10 +28,10 @@ MOST_ROWS = 40
 
 
 def replay(bag):
-    """The map after each scan, as map_bag writes it."""
+    """The map after each scan, as objects_bag writes it."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "map.jsonl"
-        subprocess.run(["rosrun", "situation_awareness", "map_bag", str(bag), "--out", str(out)], check=True,
+        subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--out", str(out)], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=300)
         return [json.loads(line) for line in out.read_text().splitlines()]
 

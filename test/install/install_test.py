@@ -111,7 +111,7 @@ class InstallTest(unittest.TestCase):
             end = time.monotonic() + 60.0
             number = 0
             while number < 3 and time.monotonic() < end:
-                seen = self.run_installed("timeout", "20", "rostopic", "echo", "-n1", "/map/ellipses")
+                seen = self.run_installed("timeout", "20", "rostopic", "echo", "-n1", "/objects/ellipses")
                 number = seen.stdout.count("last_seen:")
             used = mapped_files(self.port)
             self.run_installed("rosbag", "record", "-q", "--duration=3", "-O", str(bag), "scan", "tf", "tf_static")
@@ -124,7 +124,7 @@ class InstallTest(unittest.TestCase):
             self.assertIn(PREFIX, path.parents, "mapped by the running launch")
 
         out = pathlib.Path(self.work.name) / "map.jsonl"
-        result = self.run_installed("rosrun", "situation_awareness", "map_bag", str(bag), "--out", str(out))
+        result = self.run_installed("rosrun", "situation_awareness", "objects_bag", str(bag), "--out", str(out))
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertTrue(json.loads(out.read_text(encoding="utf-8").splitlines()[-1])["objects"], result.stderr)
 

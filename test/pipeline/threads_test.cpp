@@ -84,7 +84,7 @@ TEST(Threads, PipelinesSideBySideGiveBitForBitWhatEachGivesAlone) {
   }
 }
 
-// Many may ask for the map at once (get_map): queries are const.
+// Many may ask for the map at once (get_objects): queries are const.
 TEST(Threads, AMapIsReadSideBySideWithoutAChange) {
   ObjectMap map(ObjectMapParams{});
   Detections detections;

@@ -23,7 +23,7 @@ CIRCLE = ((3.0, 0.5, 0.25),)
 class BadInputTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
+        cls.map = Latest("objects", EllipseMap)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot()
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
@@ -170,7 +170,7 @@ class BadInputTest(unittest.TestCase):
         self.assert_dropped("tilt", lambda: self.robot.publish(scan_msg(stamp), transforms=False))
 
     def test_maps_that_cannot_be(self):
-        publisher = rospy.Publisher("map", EllipseMap, queue_size=10)
+        publisher = rospy.Publisher("objects", EllipseMap, queue_size=10)
         wait_until(lambda: publisher.get_num_connections() > 1, 10.0, "the segmentation nodelet")
         msg = EllipseMap(ellipses=[MappedEllipse(rx=math.nan, ry=0.1)])
         msg.header.frame_id = "world"
@@ -182,7 +182,7 @@ class BadInputTest(unittest.TestCase):
         publisher.unregister()
 
     def test_segments_that_do_not_fit_together(self):
-        publisher = rospy.Publisher("segment_array", SegmentArray, queue_size=10)
+        publisher = rospy.Publisher("segments", SegmentArray, queue_size=10)
         wait_until(lambda: publisher.get_num_connections() > 0, 10.0, "the detection nodelet")
         msg = SegmentArray(segments=[LaserSegment(first=0, count=100)], resolution=0.01)
         msg.header.stamp = rospy.Time.now()

@@ -61,7 +61,7 @@ class BridgesTest(unittest.TestCase):
         rospy.init_node("bridges_test")  # waits for the master
         ellipse = MappedEllipse(id=3, rx=0.5, ry=0.2)
         ellipse.pose.orientation.w = 1.0
-        publisher = rospy.Publisher("map", EllipseMap, queue_size=1)
+        publisher = rospy.Publisher("objects", EllipseMap, queue_size=1)
         received = {package: Latest(f"{package}/obstacles", getattr(importlib.import_module(f"{package}.msg"), kind))
                     for package, kind in PACKAGES.items()}
 

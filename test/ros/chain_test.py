@@ -21,10 +21,10 @@ from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # 
 class ChainTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
-        cls.markers = Latest("markers", MarkerArray)
-        cls.cloud = Latest("segments", PointCloud2)
-        cls.segments = Latest("segment_array", SegmentArray)
+        cls.map = Latest("objects", EllipseMap)
+        cls.markers = Latest("object_markers", MarkerArray)
+        cls.cloud = Latest("segment_points", PointCloud2)
+        cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot()

@@ -25,7 +25,7 @@ CIRCLE = ((3.0, 0.5, 0.25),)
 class DiagnosticsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
+        cls.map = Latest("objects", EllipseMap)
         cls.diagnostics = Diagnostics()
         wait_until(lambda: set(STAGES) <= set(cls.diagnostics.stages), 60.0, "all stages to speak")
         cls.before_input = {stage: dict(cls.diagnostics.stages[stage]) for stage in STAGES}

@@ -41,8 +41,8 @@ class Robot:
         self.launch = subprocess.Popen(
             ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false", *arguments],
             env=dict(os.environ, ROS_NAMESPACE=namespace), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.maps = Latest(f"/{namespace}/map", EllipseMap)
-        self.segments = Latest(f"/{namespace}/segment_array", SegmentArray)
+        self.maps = Latest(f"/{namespace}/objects", EllipseMap)
+        self.segments = Latest(f"/{namespace}/segments", SegmentArray)
         self.scans = rospy.Publisher(f"/{namespace}/scan", LaserScan, queue_size=100)
 
     def wait(self):

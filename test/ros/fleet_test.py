@@ -29,7 +29,7 @@ SHARED = {"/tf", "/tf_static", "/rosout", "/diagnostics"}
 class FleetTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.maps = {robot: Latest(f"/{robot}/map", EllipseMap) for robot in ROBOTS}
+        cls.maps = {robot: Latest(f"/{robot}/objects", EllipseMap) for robot in ROBOTS}
         cls.parents = {}
         cls.tf = [rospy.Subscriber(topic, TFMessage, cls.on_tf, queue_size=100) for topic in ("/tf", "/tf_static")]
 
@@ -106,12 +106,12 @@ class FleetTest(unittest.TestCase):
         topics = self.rviz_topics(*ROBOTS)
         self.assertEqual(set(topics), set(ROBOTS))
         for robot in ROBOTS:
-            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/map"}, set(topics[robot]))
+            self.assertLessEqual({f"/{robot}/scan", f"/{robot}/objects"}, set(topics[robot]))
             self.assertTrue(all(topic.startswith(f"/{robot}/") for topic in topics[robot]), topics)
         on_ground = {topic for part in self.rviz_topics("--ground", *ROBOTS).values() for topic in part}
-        self.assertLessEqual({"/alpha/ground/map", "/bravo/ground/map"}, on_ground)
+        self.assertLessEqual({"/alpha/ground/objects", "/bravo/ground/objects"}, on_ground)
         self.assertTrue(all("/ground/" in topic for topic in on_ground), on_ground)
-        self.assertIn("ground/map", self.rviz_topics("--ground", "none")["none"])
+        self.assertIn("ground/objects", self.rviz_topics("--ground", "none")["none"])
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ SLACK_S = 0.1
 class FloodTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
+        cls.map = Latest("objects", EllipseMap)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot()
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")

@@ -26,9 +26,9 @@ class LiveParamsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.logs = Latest("/rosout", Log)
-        cls.segments = Latest("segment_array", SegmentArray)
+        cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)
-        cls.map = Latest("map", EllipseMap)
+        cls.map = Latest("objects", EllipseMap)
         cls.robot = Robot(transforms=False)
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
         wait_until(lambda: cls.detections.subscriber.get_num_connections() > 0, 60.0, "the detection nodelet")

@@ -30,7 +30,7 @@ import rospy
 from ros_support import Robot
 from situation_awareness.msg import EllipseMap
 rospy.init_node(sys.argv[2], disable_signals=True)
-rospy.Subscriber("map", EllipseMap, lambda msg: print(len(msg.ellipses), flush=True))
+rospy.Subscriber("objects", EllipseMap, lambda msg: print(len(msg.ellipses), flush=True))
 robot = Robot()
 while True:
     robot.run(1)

@@ -19,7 +19,7 @@ from situation_awareness.msg import EllipseMap  # noqa: E402
 class RestartTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
+        cls.map = Latest("objects", EllipseMap)
         cls.robot = Robot(transforms=False)
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
         time.sleep(1.0)

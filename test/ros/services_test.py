@@ -20,7 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, Latest, Robot, scan_msg, wait_until  # noqa: E402
 from situation_awareness.msg import EllipseMap  # noqa: E402
-from situation_awareness.srv import GetMap, LoadMap, SaveMap  # noqa: E402
+from situation_awareness.srv import GetObjects, LoadObjects, SaveObjects  # noqa: E402
 
 STANDING = [(3.0, 0.5, 0.25), (2.0, -2.0, 0.3)]
 VELOCITY = 0.6  # m/s, of the third, along y
@@ -29,13 +29,13 @@ VELOCITY = 0.6  # m/s, of the third, along y
 class ServicesTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("map", EllipseMap)
-        cls.markers = Latest("markers", MarkerArray)
+        cls.map = Latest("objects", EllipseMap)
+        cls.markers = Latest("object_markers", MarkerArray)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot(transforms=False)
         cls.services = {name: rospy.ServiceProxy(name, kind)
-                        for name, kind in {"mapping/reset": Trigger, "mapping/pause": SetBool, "get_map": GetMap,
-                                           "mapping/save_map": SaveMap, "mapping/load_map": LoadMap}.items()}
+                        for name, kind in {"mapping/reset": Trigger, "mapping/pause": SetBool, "get_objects": GetObjects,
+                                           "mapping/save_objects": SaveObjects, "mapping/load_objects": LoadObjects}.items()}
         for service in cls.services.values():
             service.wait_for_service(60.0)
         time.sleep(1.0)
@@ -75,13 +75,13 @@ class ServicesTest(unittest.TestCase):
         return self.map.messages[-1]
 
     def assert_map_is(self, expected, stamp=rospy.Time()):
-        map_now = self.call("get_map", stamp).map
+        map_now = self.call("get_objects", stamp).objects
         map_now.header.seq = expected.header.seq  # counts the messages of a topic
         self.assertEqual(map_now, expected)
 
     def test_1_without_a_map_there_is_nothing_to_have(self):
-        self.assertIn("no map yet", self.refused("get_map", rospy.Time()))
-        self.assertIn("no map yet", self.refused("mapping/save_map", self.file))
+        self.assertIn("no map yet", self.refused("get_objects", rospy.Time()))
+        self.assertIn("no map yet", self.refused("mapping/save_objects", self.file))
         self.assertFalse(os.path.exists(self.file))
         self.call("mapping/reset")
 
@@ -99,7 +99,7 @@ class ServicesTest(unittest.TestCase):
         self.assert_map_is(latest, stamp)
 
         later = stamp + rospy.Duration(0.5)
-        predicted = self.call("get_map", later).map
+        predicted = self.call("get_objects", later).objects
         self.assertEqual(predicted.header.stamp, later)
         self.assertEqual(predicted.header.frame_id, "odom")
         self.assertEqual([ellipse.id for ellipse in predicted.ellipses], [ellipse.id for ellipse in latest.ellipses])
@@ -115,10 +115,10 @@ class ServicesTest(unittest.TestCase):
         self.assertAlmostEqual(then.pose.position.x - now.pose.position.x, 0.0, delta=0.08)
         self.assertGreater(then.covariance[9], now.covariance[9] + 1e-4, "variance of y")
 
-        self.assertIn("before the map's latest", self.refused("get_map", stamp - rospy.Duration(0.001)))
-        self.assertIn("after the map's latest", self.refused("get_map", stamp + rospy.Duration(3600)))
-        self.assertIn("after the map's latest", self.refused("get_map", rospy.Time(2 ** 32 - 1)))
-        self.assertEqual(len(self.call("get_map", stamp + rospy.Duration(30)).map.ellipses), 3)
+        self.assertIn("before the map's latest", self.refused("get_objects", stamp - rospy.Duration(0.001)))
+        self.assertIn("after the map's latest", self.refused("get_objects", stamp + rospy.Duration(3600)))
+        self.assertIn("after the map's latest", self.refused("get_objects", rospy.Time(2 ** 32 - 1)))
+        self.assertEqual(len(self.call("get_objects", stamp + rospy.Duration(30)).objects.ellipses), 3)
 
     def test_3_paused_the_map_stays_as_it_is(self):
         before = self.run_and_map(20)
@@ -146,20 +146,20 @@ class ServicesTest(unittest.TestCase):
         self.run_and_map(20)
         ids = self.ids()
         self.assertEqual(len(ids), 2)
-        self.assertIn(self.file, self.call("mapping/save_map", self.file).message)
+        self.assertIn(self.file, self.call("mapping/save_objects", self.file).message)
 
         empty = self.next_message(lambda: self.call("mapping/reset"))
         self.assertEqual(empty.ellipses, [])
         wait_until(lambda: not self.shown(), 2.0, "the markers to go")
-        self.assertIn("no map yet", self.refused("get_map", rospy.Time()))
+        self.assertIn("no map yet", self.refused("get_objects", rospy.Time()))
         self.run_and_map(20)
         self.assertEqual(len(self.ids()), 2)
         self.assertGreater(min(self.ids()), max(ids), "ids are never used again")
 
-        loaded = self.next_message(lambda: self.call("mapping/load_map", self.file))
+        loaded = self.next_message(lambda: self.call("mapping/load_objects", self.file))
         self.assertEqual({ellipse.id for ellipse in loaded.ellipses}, ids)
         wait_until(lambda: self.shown() == ids, 2.0, "the markers of what was loaded")
-        self.assertEqual({ellipse.id for ellipse in self.call("get_map", rospy.Time()).map.ellipses}, ids)
+        self.assertEqual({ellipse.id for ellipse in self.call("get_objects", rospy.Time()).objects.ellipses}, ids)
         self.run_and_map(20)
         self.assertEqual(self.ids(), ids)
         self.assertEqual(self.map.messages[-1].ellipses[0].observations, loaded.ellipses[0].observations + 20)
@@ -180,8 +180,8 @@ class ServicesTest(unittest.TestCase):
 
     def test_5_what_cannot_be_used_changes_nothing(self):
         self.run_and_map(20)
-        self.call("mapping/save_map", self.file)
-        latest = self.call("get_map", rospy.Time()).map
+        self.call("mapping/save_objects", self.file)
+        latest = self.call("get_objects", rospy.Time()).objects
         with open(self.file, encoding="ascii") as file:
             whole = file.read()
 
@@ -195,15 +195,15 @@ class ServicesTest(unittest.TestCase):
                              ("", "cut off"), (whole.replace('"odom"', '"map"', 1), "sum"),
                              (head.replace('"odom"', '"map"', 1) + "\nsha256: edited\n", "world_frame = map"),
                              (head.replace("p_moving: ", "p_moving: 2  # not ", 1) + "\nsha256: edited\n", "p_moving")):
-            message = self.refused("mapping/load_map", written(text))
+            message = self.refused("mapping/load_objects", written(text))
             self.assertIn("other.yaml: ", message)
             self.assertIn(reason, message)
-        self.assertIn("missing.yaml", self.refused("mapping/load_map", os.path.join(self.folder, "missing.yaml")))
-        self.assertIn("absolute", self.refused("mapping/load_map", "map.yaml"))
-        self.assertIn("absolute", self.refused("mapping/save_map", ""))
-        self.assertIn("missing", self.refused("mapping/save_map", os.path.join(self.folder, "missing", "map.yaml")))
+        self.assertIn("missing.yaml", self.refused("mapping/load_objects", os.path.join(self.folder, "missing.yaml")))
+        self.assertIn("absolute", self.refused("mapping/load_objects", "map.yaml"))
+        self.assertIn("absolute", self.refused("mapping/save_objects", ""))
+        self.assertIn("missing", self.refused("mapping/save_objects", os.path.join(self.folder, "missing", "map.yaml")))
         other = written("no map")
-        self.assertIn("no map", self.refused("mapping/save_map", other))
+        self.assertIn("no map", self.refused("mapping/save_objects", other))
         with open(other, encoding="ascii") as file:
             self.assertEqual(file.read(), "no map")
 
@@ -214,14 +214,14 @@ class ServicesTest(unittest.TestCase):
     def test_6_a_fresh_manager_goes_on_with_a_saved_map(self):
         self.run_and_map(20)
         ids = self.ids()
-        self.call("mapping/save_map", self.file)
+        self.call("mapping/save_objects", self.file)
         saved = self.map.messages[-1]
         uri = rosgraph.Master("services_test").lookupNode("/objects_manager")
         os.kill(xmlrpc.client.ServerProxy(uri).getPid("services_test")[2], signal.SIGKILL)
 
         def loads():
             try:
-                return self.services["mapping/load_map"](self.file).success
+                return self.services["mapping/load_objects"](self.file).success
             except rospy.ServiceException:
                 return False
         wait_until(loads, 60.0, "the manager to come back")

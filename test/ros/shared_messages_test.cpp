@@ -92,7 +92,7 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
   ros::Publisher scans = node.advertise<sensor_msgs::LaserScan>("scan", 10);
   std::atomic<int> maps{0};
   const ros::Subscriber map_subscriber =
-      listen<EllipseMap>(node, "map", [&maps](const EllipseMapConstPtr& msg) { maps += !msg->ellipses.empty(); });
+      listen<EllipseMap>(node, "objects", [&maps](const EllipseMapConstPtr& msg) { maps += !msg->ellipses.empty(); });
   const ros::Subscriber copies_subscriber =
       listen<sensor_msgs::LaserScan>(node, "copies", [](const sensor_msgs::LaserScanConstPtr&) {});
   ros::Publisher copies = node.advertise<sensor_msgs::LaserScan>("copies", 10);
@@ -108,7 +108,7 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
       },
       30.0));
   std::map<std::string, Received> received = received_by_topic();
-  for (const std::string topic : {"/scan", "/segment_array", "/detections", "/map"}) {
+  for (const std::string topic : {"/scan", "/segments", "/detections", "/objects"}) {
     EXPECT_EQ(received[topic].connections, 1) << topic << ": from its publisher, for all that listen to it";
     EXPECT_GE(received[topic].messages, 20) << topic;
     EXPECT_EQ(received[topic].bytes, 0) << topic;

@@ -18,7 +18,7 @@ from situation_awareness.msg import EllipseMap  # noqa: E402
 
 class SimTest(unittest.TestCase):
     def test_1_the_map_follows_the_truth(self):
-        scans, maps, truths = Latest("scan", LaserScan), Latest("map", EllipseMap), Latest("truth", EllipseMap)
+        scans, maps, truths = Latest("scan", LaserScan), Latest("objects", EllipseMap), Latest("truth", EllipseMap)
         odometry = Latest("odometry", Odometry)
         wait_until(lambda: len(maps.messages) > 40, 90.0, "40 maps")
         self.assertGreater(maps.messages[0].header.stamp.to_sec(), 999.0, "a simulation begins after zero")

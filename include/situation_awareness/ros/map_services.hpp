@@ -11,9 +11,9 @@
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 
-#include "situation_awareness/GetMap.h"
-#include "situation_awareness/LoadMap.h"
-#include "situation_awareness/SaveMap.h"
+#include "situation_awareness/GetObjects.h"
+#include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/SaveObjects.h"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 

@@ -16,7 +16,7 @@
 
 namespace situation_awareness {
 
-/// The latest `map`, for stages that look at the next scan in its light. Lives on the callback queue of its node
+/// The latest `objects`, for stages that look at the next scan in its light. Lives on the callback queue of its node
 /// handle, so it needs no lock; `diagnostics` must outlive it.
 class MapSubscriber {
  public:

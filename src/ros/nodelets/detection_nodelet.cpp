@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// segment_array, map  ->  detections
+// segments, map  ->  detections
 #include <memory>
 #include <string>
 
@@ -42,8 +42,8 @@ class DetectionNodelet : public StageNodelet {
     publisher_ = node.advertise<DetectionArray>("detections", 20);
     backlog_ = std::make_unique<Backlog<SegmentArray>>(node, *diagnostics_,
                                                        [this](const SegmentArrayConstPtr& msg) { process(msg); });
-    subscriber_ = node.subscribe("segment_array", kTakeAll, &DetectionNodelet::on_segments, this,
-                                 ros::TransportHints().tcpNoDelay());
+    subscriber_ =
+        node.subscribe("segments", kTakeAll, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
     diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.detections,
                                    params.pipeline.detections.fit,

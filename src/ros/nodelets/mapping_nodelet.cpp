@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// detections  ->  map, markers (for the eye), downlink/map (for other hosts)
+// detections  ->  map, markers (for the eye), downlink/objects (for other hosts)
 #include <memory>
 #include <string>
 
@@ -37,10 +37,10 @@ class MappingNodelet : public StageNodelet {
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     diagnostics_->unknown_parameters(params.unknown);
     diagnostics_->on_report([this](StageDiagnostics::Status& status) { report_map(*map_, nis_, status); });
-    map_publisher_ = node.advertise<EllipseMap>("map", 20);
-    markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("markers", 5);
+    map_publisher_ = node.advertise<EllipseMap>("objects", 20);
+    markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("object_markers", 5);
     // A queue of one: what a broken link holds up is out of date when it comes back.
-    downlink_publisher_ = node.advertise<EllipseMap>("downlink/map", 1);
+    downlink_publisher_ = node.advertise<EllipseMap>("downlink/objects", 1);
     downlink_limit_ = std::make_unique<RateLimit>(params.downlink_rate_hz);
     services_ = std::make_unique<MapServices>(node, getPrivateNodeHandle(), getName(), world_frame_, *map_,
                                               *diagnostics_, [this](const Objects& objects) { publish(objects); });

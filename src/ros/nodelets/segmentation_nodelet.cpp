@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, TF world -> lidar, map  ->  segment_array, segments (for the eye)
+// scan, TF world -> lidar, map  ->  segments, segment_points (for the eye)
 #include <deque>
 #include <memory>
 #include <string>
@@ -54,8 +54,8 @@ class SegmentationNodelet : public StageNodelet {
     transform_age_ = std::make_unique<TransformAge>(tf_, params_.world_frame);
     const bool own_thread = true;
     listener_ = std::make_unique<tf2_ros::TransformListener>(tf_, node, own_thread, ros::TransportHints().tcpNoDelay());
-    segments_publisher_ = node.advertise<sensor_msgs::PointCloud2>("segments", 5);
-    array_publisher_ = node.advertise<SegmentArray>("segment_array", 20);
+    segments_publisher_ = node.advertise<sensor_msgs::PointCloud2>("segment_points", 5);
+    array_publisher_ = node.advertise<SegmentArray>("segments", 20);
     backlog_ = std::make_unique<Backlog<sensor_msgs::LaserScan>>(
         node, *diagnostics_, [this](const sensor_msgs::LaserScanConstPtr& msg) { handle(*msg); });
     scan_subscriber_ =

@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
   ros::NodeHandle node;
   const ros::Publisher obstacles = node.advertise<costmap_converter::ObstacleArrayMsg>("obstacles", 5);
   const ros::Subscriber map = node.subscribe<EllipseMap>(
-      "map", 1, [&](const EllipseMapConstPtr& msg) { obstacles.publish(obstacle_array_from_map(*msg)); });
+      "objects", 1, [&](const EllipseMapConstPtr& msg) { obstacles.publish(obstacle_array_from_map(*msg)); });
   ros::spin();
   return 0;
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// downlink/map of a robot on another host  ->  ground/map, ground/markers for all that run on this one
+// downlink/objects of a robot on another host  ->  ground/objects, ground/object_markers for all that run on this one
 #include <algorithm>
 #include <chrono>
 #include <string>
@@ -24,8 +24,8 @@ constexpr int kDatagramBytes = 1400;  ///< with all headers less than an Etherne
 class GroundMap {
  public:
   explicit GroundMap(const ros::NodeHandle& node) : node_(node) {
-    map_ = node_.advertise<EllipseMap>("ground/map", 1);
-    markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/markers", 5);
+    map_ = node_.advertise<EllipseMap>("ground/objects", 1);
+    markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/object_markers", 5);
     subscribe();
   }
 
@@ -48,12 +48,12 @@ class GroundMap {
   bool is_published() const {
     ros::master::V_TopicInfo topics;
     return ros::master::getTopics(topics) && std::any_of(topics.begin(), topics.end(), [this](const auto& topic) {
-             return topic.name == node_.resolveName("downlink/map");
+             return topic.name == node_.resolveName("downlink/objects");
            });
   }
 
   void subscribe() {
-    subscriber_ = node_.subscribe("downlink/map", 1, &GroundMap::on_map, this,
+    subscriber_ = node_.subscribe("downlink/objects", 1, &GroundMap::on_map, this,
                                   ros::TransportHints().unreliable().maxDatagramSize(kDatagramBytes));
   }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `map` with `truth` stamp by stamp, prints a table and says by its exit code whether the bounds were met.
+// Compares `objects` with `truth` stamp by stamp, prints a table and says by its exit code whether the bounds were met.
 #include <cstdio>
 #include <map>
 #include <optional>
@@ -38,7 +38,7 @@ class Evaluator {
  public:
   Evaluator(ros::NodeHandle node, const EvaluatorParams& params) : params_(params) {
     truth_subscriber_ = node.subscribe("truth", 200, &Evaluator::on_truth, this);
-    map_subscriber_ = node.subscribe("map", 200, &Evaluator::on_map, this);
+    map_subscriber_ = node.subscribe("objects", 200, &Evaluator::on_map, this);
   }
 
   /// Prints table and verdict; true if the bounds were met.

@@ -62,7 +62,7 @@ class Simulator {
     scan_ = node.advertise<sensor_msgs::LaserScan>("scan", 50);
     truth_ = node.advertise<EllipseMap>("truth", 50);
     markers_ = node.advertise<visualization_msgs::MarkerArray>("truth_markers", 10);
-    map_ = node.subscribe<EllipseMap>("map", 50, [this](const EllipseMapConstPtr& msg) {
+    map_ = node.subscribe<EllipseMap>("objects", 50, [this](const EllipseMapConstPtr& msg) {
       mapped_ns_ = std::max(mapped_ns_.load(), to_nanoseconds(msg->header.stamp));
     });
     static_tf_.sendTransform(

@@ -26,7 +26,7 @@ class MovableText;
 
 namespace situation_awareness {
 
-/// Draws the topic `map` in rviz. Messages that cannot be drawn set the status "Map" to Error, and what was drawn
+/// Draws the topic `objects` in rviz. Messages that cannot be drawn set the status "Map" to Error, and what was drawn
 /// before stays.
 class EllipseMapDisplay : public rviz::MessageFilterDisplay<EllipseMap> {
   Q_OBJECT

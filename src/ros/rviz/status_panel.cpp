@@ -22,8 +22,8 @@
 #include <std_srvs/Trigger.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/LoadMap.h"
-#include "situation_awareness/SaveMap.h"
+#include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/SaveObjects.h"
 
 namespace situation_awareness {
 namespace {
@@ -308,9 +308,9 @@ void StatusPanel::save_map() {
   dialog.setDefaultSuffix("yaml");
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
-  SaveMapRequest request;
+  SaveObjectsRequest request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call<SaveMap>("mapping/save_map", request);
+  call<SaveObjects>("mapping/save_objects", request);
 }
 
 void StatusPanel::load_map() {
@@ -319,9 +319,9 @@ void StatusPanel::load_map() {
   dialog.setFileMode(QFileDialog::AnyFile);
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
-  LoadMapRequest request;
+  LoadObjectsRequest request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call<LoadMap>("mapping/load_map", request);
+  call<LoadObjects>("mapping/load_objects", request);
 }
 
 }  // namespace situation_awareness

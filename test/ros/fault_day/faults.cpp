@@ -290,9 +290,9 @@ std::string many_objects(Feed& feed) {
 }
 
 std::string foreign_messages(Feed& feed) {
-  ros::Publisher segments = feed.node().advertise<SegmentArray>("segment_array", 10);
+  ros::Publisher segments = feed.node().advertise<SegmentArray>("segments", 10);
   ros::Publisher detections = feed.node().advertise<DetectionArray>("detections", 10);
-  ros::Publisher map = feed.node().advertise<EllipseMap>("map", 10);
+  ros::Publisher map = feed.node().advertise<EllipseMap>("objects", 10);
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(10.0);
   // Of maps one more hears: the feed itself.
   while (segments.getNumSubscribers() < 1 || detections.getNumSubscribers() < 1 || map.getNumSubscribers() < 2) {
@@ -329,9 +329,9 @@ std::string viewers(Feed& feed) {
   ros::NodeHandle node(feed.node());
   node.setCallbackQueue(&queue);
   const ros::Subscriber marker_viewer = node.subscribe<visualization_msgs::MarkerArray>(
-      "markers", 1, [&markers](const visualization_msgs::MarkerArrayConstPtr&) { ++markers; });
+      "object_markers", 1, [&markers](const visualization_msgs::MarkerArrayConstPtr&) { ++markers; });
   const ros::Subscriber cloud_viewer = node.subscribe<sensor_msgs::PointCloud2>(
-      "segments", 1, [&clouds](const sensor_msgs::PointCloud2ConstPtr&) { ++clouds; });
+      "segment_points", 1, [&clouds](const sensor_msgs::PointCloud2ConstPtr&) { ++clouds; });
   for (int i = 0; i < 200 && (markers == 0 || clouds == 0); ++i) {
     feed.stream(1);
     queue.callAvailable(ros::WallDuration(0.02));
@@ -454,7 +454,8 @@ std::vector<Fault> all_faults() {
        alive(many_objects)},
       {"messages of others", "segments that do not fit together, a detection that is NaN, a map of another frame",
        kDropped, Ids::kKept, false, alive(foreign_messages)},
-      {"viewers come and go", "subscribers of markers and segments", kMapped, Ids::kKept, false, alive(viewers)},
+      {"viewers come and go", "subscribers of object_markers and segment_points", kMapped, Ids::kKept, false,
+       alive(viewers)},
       {"manager killed", "SIGKILL", "respawn brings all back, with a new map", Ids::kRestart, true,
        end_manager(SIGKILL)},
       {"manager ended", "SIGTERM", "respawn brings all back, with a new map", Ids::kRestart, true,

@@ -59,7 +59,7 @@ Feed::Feed(ros::NodeHandle& node, std::uint64_t seed, int under_way)
   clock_ = node.advertise<rosgraph_msgs::Clock>("/clock", 0);
   tf_ = node.advertise<tf2_msgs::TFMessage>("/tf", 0);
   scan_ = node.advertise<sensor_msgs::LaserScan>("scan", 0);
-  map_ = node.subscribe("map", 0, &Feed::on_map, this, ros::TransportHints().tcpNoDelay());
+  map_ = node.subscribe("objects", 0, &Feed::on_map, this, ros::TransportHints().tcpNoDelay());
   diagnostics_ = node.subscribe("/diagnostics", 0, &Feed::on_diagnostics, this);
   Eigen::Isometry3d T_lidar_upside_down = Eigen::Isometry3d::Identity();
   T_lidar_upside_down.rotate(Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitX()));

@@ -53,7 +53,7 @@ class DisplayTest : public testing::Test {
   }
 
   void SetUp() override {
-    maps_ = node_.advertise<EllipseMap>("map", 10);
+    maps_ = node_.advertise<EllipseMap>("objects", 10);
     tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf_static", 10, true);
     geometry_msgs::TransformStamped T_world_odom;
     T_world_odom.header.frame_id = "world";
@@ -66,7 +66,7 @@ class DisplayTest : public testing::Test {
 
     display_ = manager_->createDisplay("situation_awareness/EllipseMap", "Map", true);
     ASSERT_NE(display_, nullptr);
-    display_->subProp("Topic")->setValue("map");
+    display_->subProp("Topic")->setValue("objects");
     display_->subProp("Alpha")->setValue(1.0);
     display_->subProp("IDs")->setValue(false);
     display_->subProp("Covariance")->setValue(false);

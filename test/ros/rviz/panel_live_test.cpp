@@ -26,7 +26,7 @@ class PanelLiveTest : public PanelTest {
  protected:
   void SetUp() override {
     PanelTest::SetUp();
-    subscriber_ = node_.subscribe<EllipseMap>("map", 10, [this](const EllipseMapConstPtr& msg) {
+    subscriber_ = node_.subscribe<EllipseMap>("objects", 10, [this](const EllipseMapConstPtr& msg) {
       const std::lock_guard lock(mutex_);
       map_ = *msg;
       ++maps_;
@@ -66,13 +66,13 @@ TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
   const std::string file = "/tmp/situation_awareness_panel_live_test_" + std::to_string(getpid()) + ".yaml";
   const std::size_t saved = map().ellipses.size();
   choose("save", file.c_str());
-  ASSERT_TRUE(until([this] { return answer().rfind("mapping/save_map: ", 0) == 0; })) << answer();
+  ASSERT_TRUE(until([this] { return answer().rfind("mapping/save_objects: ", 0) == 0; })) << answer();
   EXPECT_TRUE(std::ifstream(file).good()) << answer();
 
   click("reset");
   ASSERT_TRUE(until([this] { return answer().rfind("mapping/reset: ", 0) == 0; })) << answer();
   choose("load", file.c_str());
-  ASSERT_TRUE(until([this] { return answer().rfind("mapping/load_map: ", 0) == 0; })) << answer();
+  ASSERT_TRUE(until([this] { return answer().rfind("mapping/load_objects: ", 0) == 0; })) << answer();
   choose("load", "/dev/null");
   ASSERT_TRUE(until([this] { return answer().find("/dev/null") != std::string::npos; })) << answer();
 

@@ -27,8 +27,8 @@
 #include <std_srvs/Trigger.h>
 
 #include "panel_fixture.hpp"
-#include "situation_awareness/LoadMap.h"
-#include "situation_awareness/SaveMap.h"
+#include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/SaveObjects.h"
 
 namespace situation_awareness {
 namespace {
@@ -39,8 +39,8 @@ class FakeMapping {
   explicit FakeMapping(const std::string& ns = "") : node_(ns) {
     services_ = {node_.advertiseService("mapping/reset", &FakeMapping::reset, this),
                  node_.advertiseService("mapping/pause", &FakeMapping::pause, this),
-                 node_.advertiseService("mapping/save_map", &FakeMapping::save, this),
-                 node_.advertiseService("mapping/load_map", &FakeMapping::load, this),
+                 node_.advertiseService("mapping/save_objects", &FakeMapping::save, this),
+                 node_.advertiseService("mapping/load_objects", &FakeMapping::load, this),
                  node_.advertiseService("mapping/live/set_parameters", &FakeMapping::set, this)};
     diagnostics_ = node_.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10);
     descriptions_ =
@@ -129,8 +129,12 @@ class FakeMapping {
     if (response.success) paused_ = request.data != 0;
     return true;
   }
-  bool save(SaveMapRequest& request, SaveMapResponse& response) { return answer("save " + request.file, response); }
-  bool load(LoadMapRequest& request, LoadMapResponse& response) { return answer("load " + request.file, response); }
+  bool save(SaveObjectsRequest& request, SaveObjectsResponse& response) {
+    return answer("save " + request.file, response);
+  }
+  bool load(LoadObjectsRequest& request, LoadObjectsResponse& response) {
+    return answer("load " + request.file, response);
+  }
   bool set(dynamic_reconfigure::ReconfigureRequest& request, dynamic_reconfigure::ReconfigureResponse& response) {
     if (note("set")) {
       for (const auto& parameter : request.config.doubles) values_.doubles[0].value = parameter.value;
@@ -193,12 +197,12 @@ TEST_F(PanelTest, AsksTheServices) {
 
   choose("save", "/tmp/situation_awareness_panel_test_map");
   ASSERT_TRUE(until([this] {
-    return answer() == "mapping/save_map: save /tmp/situation_awareness_panel_test_map.yaml done";
+    return answer() == "mapping/save_objects: save /tmp/situation_awareness_panel_test_map.yaml done";
   })) << answer();
   mapping.good = false;
   choose("load", "/tmp/situation_awareness_panel_test_none.yaml");
   ASSERT_TRUE(until([&] {
-    return answer() == "mapping/load_map: cannot load /tmp/situation_awareness_panel_test_none.yaml";
+    return answer() == "mapping/load_objects: cannot load /tmp/situation_awareness_panel_test_none.yaml";
   })) << answer();
 }
 

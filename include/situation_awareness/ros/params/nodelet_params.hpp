@@ -33,7 +33,7 @@ struct NodeletParams {
     visit("queue_size", self.queue_size, Bounds{1, 1000}, "scans",
           "how many may wait for their transforms; of more, the newest takes the place of the one before it");
     visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
-          "how often downlink/map is sent at most, in wall time");
+          "how often downlink/objects is sent at most, in wall time");
     visit("model_folder", self.model_folder,
           "where the detector's network is looked for; empty: models/ of this package");
   }

@@ -39,7 +39,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr const char* kUsage =
-    "usage: map_bag IN.bag [--out OUT.jsonl] [--detections OUT.jsonl] [options]\n"
+    "usage: objects_bag IN.bag [--out OUT.jsonl] [--detections OUT.jsonl] [options]\n"
     "\n"
     "Reads laser scans and transforms from a bag and writes the map of ellipses after each scan as one line of JSON:\n"
     "  {\"stamp\": s, \"objects\": [{\"id\": int, \"x\", \"y\", \"psi\", \"rx\", \"ry\", \"vx\", \"vy\", \"wz\": "
@@ -412,7 +412,7 @@ boost::shared_ptr<Message> read(const rosbag::MessageInstance& instance) {
   return msg;
 }
 
-void map_bag(const Arguments& arguments) {
+void objects_bag(const Arguments& arguments) {
   const std::string config = arguments.config.empty() ? package_folder() + "/cfg/objects.yaml" : arguments.config;
   const std::string model_folder =
       arguments.model_folder.empty() ? package_folder() + "/models" : arguments.model_folder;
@@ -467,7 +467,7 @@ int main(int argc, char** argv) {
   try {
     arguments = parse_arguments(argc, argv);
   } catch (const UsageError& error) {
-    std::fprintf(stderr, "map_bag: %s (--help lists the options)\n", error.what());
+    std::fprintf(stderr, "objects_bag: %s (--help lists the options)\n", error.what());
     return 2;
   }
   if (arguments.help) {
@@ -475,15 +475,15 @@ int main(int argc, char** argv) {
     return 0;
   }
   try {
-    map_bag(arguments);
+    objects_bag(arguments);
   } catch (const rosbag::BagException& error) {
-    std::fprintf(stderr, "map_bag: %s: damaged, or no bag: %s\n", arguments.bag.c_str(), error.what());
+    std::fprintf(stderr, "objects_bag: %s: damaged, or no bag: %s\n", arguments.bag.c_str(), error.what());
     return 1;
   } catch (const ros::Exception& error) {  // a message that is shorter than its type says
-    std::fprintf(stderr, "map_bag: %s: damaged: %s\n", arguments.bag.c_str(), error.what());
+    std::fprintf(stderr, "objects_bag: %s: damaged: %s\n", arguments.bag.c_str(), error.what());
     return 1;
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "map_bag: %s\n", error.what());
+    std::fprintf(stderr, "objects_bag: %s\n", error.what());
     return 1;
   }
   return 0;

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""map_bag end to end, on bags written here: no roscore."""
+"""objects_bag end to end, on bags written here: no roscore."""
 import json
 import math
 import pathlib
@@ -78,10 +78,10 @@ class MapBagTest(unittest.TestCase):
         self.detections = self.path / "detections.jsonl"
 
     def run_tool(self, *arguments):
-        return subprocess.run(["rosrun", "situation_awareness", "map_bag", *map(str, arguments)], capture_output=True,
+        return subprocess.run(["rosrun", "situation_awareness", "objects_bag", *map(str, arguments)], capture_output=True,
                               text=True, timeout=120, check=False)
 
-    def map_bag(self, *arguments):
+    def objects_bag(self, *arguments):
         result = self.run_tool(self.bag, "--out", self.out, "--config", CONFIG, *arguments)
         self.assertEqual(result.returncode, 0, result.stderr)
         return read_lines(self.out), result
@@ -90,7 +90,7 @@ class MapBagTest(unittest.TestCase):
         result = self.run_tool(*arguments)
         self.assertEqual(result.returncode, code, result.stderr)
         sentence = result.stderr.strip().splitlines()[-1]
-        self.assertTrue(sentence.startswith("map_bag: "), result.stderr)
+        self.assertTrue(sentence.startswith("objects_bag: "), result.stderr)
         for part in parts:
             self.assertIn(part, sentence)
         self.assertFalse(self.out.exists() or self.detections.exists(), "nothing half-written")
@@ -98,7 +98,7 @@ class MapBagTest(unittest.TestCase):
 
     def test_follows_a_moving_object(self):
         write_bag(self.bag)
-        lines, result = self.map_bag()
+        lines, result = self.objects_bag()
         self.assertEqual(len(lines), 60)
         for i, line in enumerate(lines):
             self.assertAlmostEqual(line["stamp"], stamp(i).to_sec(), delta=1e-6)
@@ -121,14 +121,14 @@ class MapBagTest(unittest.TestCase):
 
     def test_same_input_same_bytes(self):
         write_bag(self.bag)
-        self.map_bag()
+        self.objects_bag()
         first = self.out.read_bytes()
-        self.map_bag()
+        self.objects_bag()
         self.assertEqual(first, self.out.read_bytes())
 
     def test_writes_the_detections_of_every_scan(self):
         write_bag(self.bag)
-        lines, _ = self.map_bag("--detections", self.detections)
+        lines, _ = self.objects_bag("--detections", self.detections)
         found = read_lines(self.detections)
         self.assertEqual([line["stamp"] for line in found], [line["stamp"] for line in lines])
         for i, line in enumerate(found):
@@ -155,7 +155,7 @@ class MapBagTest(unittest.TestCase):
 
     def test_detections_alone_are_the_same_bytes_twice(self):
         write_bag(self.bag, count=20)
-        self.map_bag("--detections", self.detections)
+        self.objects_bag("--detections", self.detections)
         first = self.detections.read_bytes()
         self.out.unlink()
         result = self.run_tool(self.bag, "--detections", self.detections, "--config", CONFIG)
@@ -165,7 +165,7 @@ class MapBagTest(unittest.TestCase):
 
     def test_the_detector_can_be_chosen(self):
         write_bag(self.bag, count=5)
-        self.map_bag("--detections", self.detections)
+        self.objects_bag("--detections", self.detections)
         by_least_squares = self.detections.read_bytes()
         config = self.path / "network.yaml"
         config.write_text("detections: {detector: network, model: none.onnx}\n")
@@ -185,19 +185,19 @@ class MapBagTest(unittest.TestCase):
 
     def test_numbers_are_not_rounded(self):
         write_bag(self.bag, count=10)
-        self.map_bag()
+        self.objects_bag()
         texts = re.findall(r'"x": ([^,]+),', self.out.read_text())
         self.assertTrue(texts)
         self.assertGreaterEqual(max(len(text.strip("-").replace(".", "")) for text in texts), 16)
 
     def test_static_sensor_and_static_tf_agree_with_tf(self):
         write_bag(self.bag, tf=False)
-        static, _ = self.map_bag("--static-sensor", "--scan-topic", "scan")
+        static, _ = self.objects_bag("--static-sensor", "--scan-topic", "scan")
         self.assertAlmostEqual(static[-1]["objects"][0]["x"], 3.0, delta=0.05)
         write_bag(self.bag, static_tf=True)
-        by_two, _ = self.map_bag()
+        by_two, _ = self.objects_bag()
         write_bag(self.bag)
-        by_one, _ = self.map_bag("--world-frame=world")
+        by_one, _ = self.objects_bag("--world-frame=world")
         self.assertEqual(by_one, by_two)
 
     def test_each_beam_is_taken_at_its_own_time(self):
@@ -210,7 +210,7 @@ class MapBagTest(unittest.TestCase):
                 msg = scan_msg(stamp(i), ranges=ranges_to_circles([(1.0 - 0.05 * i, 2.0, 0.3)], moved_x=sweep_m))
                 msg.time_increment = increment
                 bag.write("/scan", msg, stamp(i))
-        lines, result = self.map_bag("--detections", self.detections)
+        lines, result = self.objects_bag("--detections", self.detections)
         # The poses at the last beams of the last two scans were never recorded.
         self.assertIn("40 scans, 38 mapped", result.stdout)
         self.assertIn("2 dropped: no transform", result.stdout)
@@ -223,7 +223,7 @@ class MapBagTest(unittest.TestCase):
                (62, scan_msg(stamp(59))), (63, scan_msg(stamp(50))), (64, scan_msg(stamp(64))),
                (65, scan_msg(genpy.Time(0, 0))), (66, scan_msg(stamp(66), ranges=[math.nan] * BEAMS))]
         write_bag(self.bag, extra=bad)
-        lines, result = self.map_bag()
+        lines, result = self.objects_bag()
         self.assertEqual(len(lines), 60)
         self.assertIn("67 scans, 60 mapped", result.stdout)
         self.assertIn("2 dropped: stamp repeats or goes back", result.stdout)
@@ -232,7 +232,7 @@ class MapBagTest(unittest.TestCase):
 
     def test_a_bag_without_transforms_maps_nothing(self):
         write_bag(self.bag, tf=False)
-        lines, result = self.map_bag()
+        lines, result = self.objects_bag()
         self.assertEqual(lines, [])
         self.assertIn("60 dropped: no transform", result.stdout)
 
@@ -244,7 +244,7 @@ class MapBagTest(unittest.TestCase):
                 past = stamp(i - 2000)
                 bag.write("/tf", transform_msg(past, child="lidar"), stamp(i))
                 bag.write("/scan", scan_msg(past), stamp(i) + genpy.Duration(0, 10**6))
-        lines, result = self.map_bag()
+        lines, result = self.objects_bag()
         self.assertGreaterEqual(len(lines), 60 + 19, result.stdout)
         self.assertAlmostEqual(lines[-1]["stamp"], stamp(-981).to_sec(), delta=1e-6)
         self.assertEqual(len(lines[-1]["objects"]), 1)
@@ -253,13 +253,13 @@ class MapBagTest(unittest.TestCase):
         """A bag in two halves, the second a day later."""
         saved = self.path / "map.yaml"
         write_bag(self.bag)
-        self.map_bag("--save-map", saved)
+        self.objects_bag("--save-map", saved)
         first = read_lines(self.out)
         write_bag(self.bag, count=10, shift=86400, start_y=-1.0 + 0.5 * 0.05 * 60)
-        lines, _ = self.map_bag("--load-map", saved, "--save-map", saved)
+        lines, _ = self.objects_bag("--load-map", saved, "--save-map", saved)
         self.assertEqual({line["objects"][0]["id"] for line in lines}, {first[-1]["objects"][0]["id"]})
         self.assertAlmostEqual(lines[0]["objects"][0]["vy"], 0.5, delta=0.15, msg="it is known how it moves")
-        self.map_bag("--load-map", saved)
+        self.objects_bag("--load-map", saved)
         self.out.unlink()
         common = (self.bag, "--out", self.out, "--config", CONFIG)
         self.assert_fails(*common, "--load-map", saved, "--world-frame", "robot", parts=("map.yaml", "world_frame"))

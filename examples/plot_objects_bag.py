@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw the tracks that map_bag wrote over the scans of a bag of a scanner that stands still.
+"""Draw the tracks that objects_bag wrote over the scans of a bag of a scanner that stands still.
 
-    rosrun situation_awareness map_bag IN.bag --static-sensor --out OUT.jsonl
-    examples/plot_map_bag.py IN.bag OUT.jsonl OUT.png [--scan-topic /scan] [--min-length 1.0]
+    rosrun situation_awareness objects_bag IN.bag --static-sensor --out OUT.jsonl
+    examples/plot_objects_bag.py IN.bag OUT.jsonl OUT.png [--scan-topic /scan] [--min-length 1.0]
 
 Needs python3-matplotlib and python3-rosbag. Grey: every hit of every tenth scan. Lines: centres over time, thick where
 an element moved by more than --min-length metres. Ellipses: each element as it was last seen.
