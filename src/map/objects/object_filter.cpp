@@ -123,8 +123,8 @@ Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s) {
   return H;
 }
 
-Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level) {
-  const Vector5d z = measure(x, T_world_level, 0.0);
+Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
+  const Vector5d z = measure(x, T_world_level, offset_s);
   Matrix53d H_u = Matrix53d::Zero();
   H_u.topLeftCorner<2, 2>() = -T_world_level.rotation().transpose();
   H_u.block<2, 1>(0, 2) = -quarter_turn(z.head<2>());
@@ -135,7 +135,7 @@ Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_lev
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U) {
   const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, measurement.time_offset_s);
   Match result;
   result.nu = measurement.z - measure(estimate.x, T_world_level, measurement.time_offset_s);
   result.S = H * estimate.P * H.transpose() + H_u * U * H_u.transpose() + measurement.R;
@@ -149,7 +149,7 @@ Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Me
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U) {
   const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, measurement.time_offset_s);
   const Matrix5d R = measurement.R + H_u * U * H_u.transpose();
   const Eigen::Matrix<double, 8, 5> K = match.S.llt().solve(H * estimate.P).transpose();
   const Matrix8d I_KH = Matrix8d::Identity() - K * H;
@@ -170,7 +170,7 @@ ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_wo
   estimate.x.segment<2>(kPosition) = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
   estimate.x(kShape) = measurement.z(2);
   estimate.x.segment<2>(kAxis) = turn(2.0 * T_world_level.yaw_rad) * measurement.z.tail<2>();
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level);
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, 0.0);  // at rest, whatever the offset
   estimate.P = state_covariance(measurement.R + H_u * U * H_u.transpose(), T_world_level);
   return estimate;
 }

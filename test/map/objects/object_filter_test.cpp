@@ -75,9 +75,9 @@ TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
     const auto H = numerical_jacobian<5, 8>([&](const Vector8d& at) { return measure(at, T, offset_s); }, x);
     EXPECT_LT((H - measurement_jacobian(T, offset_s)).cwiseAbs().maxCoeff(), 1e-8);
 
-    const auto H_u =
-        numerical_jacobian<5, 3>([&](const Eigen::Vector3d& u) { return measure(x, pose_of(u), 0.0); }, vector_of(T));
-    EXPECT_LT((H_u - measurement_input_jacobian(x, T)).cwiseAbs().maxCoeff(), 1e-8);
+    const auto H_u = numerical_jacobian<5, 3>(
+        [&](const Eigen::Vector3d& u) { return measure(x, pose_of(u), offset_s); }, vector_of(T));
+    EXPECT_LT((H_u - measurement_input_jacobian(x, T, offset_s)).cwiseAbs().maxCoeff(), 1e-8) << offset_s << " s";
   }
 }
 
@@ -232,7 +232,7 @@ TEST(ObjectFilter, UpdateEqualsTheInformationForm) {
     const Match m = match(before, T, measurement, U);
     update(after, T, measurement, m, U);
     const Matrix58d H = measurement_jacobian(T, measurement.time_offset_s);
-    const Matrix53d H_u = measurement_input_jacobian(before.x, T);
+    const Matrix53d H_u = measurement_input_jacobian(before.x, T, measurement.time_offset_s);
     const Matrix5d R_inverse = (measurement.R + H_u * U * H_u.transpose()).inverse();
     const Matrix8d P = (before.P.inverse() + H.transpose() * R_inverse * H).inverse();
     EXPECT_LT((after.P - P).cwiseAbs().maxCoeff(), 1e-9);

@@ -90,7 +90,8 @@ Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s)
 
 /// H depends on the robot's heading and the offset alone.
 Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s);
-Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level);
+/// H_u: a turn of the robot moves the element about it from where it is at the offset.
+Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s);
 
 /// An innovation with its covariance.
 struct Match {
