@@ -162,6 +162,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
     Point point;
     point.beam = static_cast<int>(i);
     point.state = scan.beams[i].state;
+    point.intensity = scan.beams[i].intensity;
     point.azimuth_rad = azimuth_rad;
     if (is_hit(point.state)) {
       point.p_level_m = scan.beams[i].range_m * direction_level;

@@ -13,6 +13,10 @@ std::string scan_msg_defect(const sensor_msgs::LaserScan& msg) {
   // To TF a stamp of zero means "the latest", which would be a made-up pose.
   if (msg.header.stamp.isZero()) return bad + "stamp is zero";
   if (std::isnan(msg.range_min) || std::isnan(msg.range_max)) return bad + "range limits are not numbers";
+  // Which intensity belongs to which range could not be said; a driver without any leaves the field empty.
+  if (!msg.intensities.empty() && msg.intensities.size() != msg.ranges.size()) {
+    return bad + "intensities are not one per range";
+  }
   const std::string defect = scan_defect(msg.ranges.size(), msg.angle_min, msg.angle_increment);
   return defect.empty() ? "" : bad + defect;
 }

@@ -60,7 +60,8 @@ Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const
     if (beam.state != BeamState::kHit) continue;
     const double range_m = beam.range_m;
     if (range_m < params.min_range_m) {
-      beam = {0.0F, BeamState::kTooClose};
+      beam.range_m = 0.0F;
+      beam.state = BeamState::kTooClose;
       continue;
     }
     if (range_m > params.max_range_m) {

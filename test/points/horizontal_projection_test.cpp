@@ -56,6 +56,21 @@ TEST(HorizontalProjection, EveryPointIsAboveOrBelowTheOneMeasured) {
   }
 }
 
+TEST(HorizontalProjection, EachPointHasTheIntensityOfItsBeam) {
+  Random random(4);
+  Scan scan = random_scan(random);
+  const Points without = project_horizontally(scan, pose(0.1, 0.2, 0.3));
+  for (const Point& point : without.points) EXPECT_TRUE(std::isnan(point.intensity));
+  for (Beam& beam : scan.beams) beam.intensity = static_cast<float>(random.uniform(0.0, 255.0));
+  for (const double roll_rad : {0.1, kPi + 0.1}) {
+    const Points points = project_horizontally(scan, pose(roll_rad, 0.2, 0.3), pose(roll_rad, 0.2, 0.31));
+    ASSERT_EQ(points.points.size(), scan.beams.size());
+    for (const Point& point : points.points) {
+      EXPECT_EQ(point.intensity, scan.beams[static_cast<std::size_t>(point.beam)].intensity);
+    }
+  }
+}
+
 TEST(HorizontalProjection, LevelScanIsUnchanged) {
   Random random(2);
   const Scan scan = random_scan(random);

@@ -84,6 +84,22 @@ TEST(ConvertScan, SurvivesTheRoundTrip) {
   }
 }
 
+TEST(ConvertScan, CarriesIntensitiesWhereThereAreAny) {
+  auto msg = scan_msg({2.0F, kInf, -kInf, kNan, 29.5F});
+  for (const Beam& beam : scan_from_msg(msg).beams) EXPECT_TRUE(std::isnan(beam.intensity));
+  EXPECT_TRUE(scan_to_msg(scan_from_msg(msg), "lidar", 0.1, 30.0, 0.05).intensities.empty());
+
+  msg.intensities = {100.0F, 0.0F, -1.0F, 3.5F, 4095.0F};
+  const Scan scan = scan_from_msg(msg);
+  for (std::size_t i = 0; i < scan.beams.size(); ++i) EXPECT_EQ(scan.beams[i].intensity, msg.intensities[i]);
+  EXPECT_EQ(scan_to_msg(scan, "lidar", 0.1, 30.0, 0.05).intensities, msg.intensities);
+
+  for (const std::size_t count : {1U, 4U, 6U}) {
+    msg.intensities.resize(count);
+    for (const Beam& beam : scan_from_msg(msg).beams) EXPECT_TRUE(std::isnan(beam.intensity)) << count;
+  }
+}
+
 TEST(ConvertScan, TakesATimeIncrementThatCanBe) {
   auto msg = scan_msg({1.0F, 2.0F, 3.0F, 4.0F, 5.0F});
   msg.time_increment = 0.125F;  // exact in binary
@@ -125,6 +141,16 @@ TEST(ScanCheck, NamesWhatCannotBeUsed) {
   EXPECT_NE(scan_msg_defect(msg), "");
   msg.angle_increment = 0.0F;
   EXPECT_NE(scan_msg_defect(msg), "");
+}
+
+TEST(ScanCheck, TakesAnIntensityPerRangeOrNone) {
+  auto msg = scan_msg({1.0F, 2.0F, 3.0F});
+  msg.intensities = {1.0F, kNan, 0.0F};
+  EXPECT_EQ(scan_msg_defect(msg), "");
+  for (const std::size_t count : {1U, 2U, 4U}) {
+    msg.intensities.resize(count);
+    EXPECT_EQ(scan_msg_defect(msg), "bad scan: intensities are not one per range") << count;
+  }
 }
 
 TEST(ConvertSegments, SurvivesTheRoundTripExactly) {

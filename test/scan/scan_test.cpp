@@ -108,6 +108,18 @@ TEST(RangeLimiter, KeepsOutsideHitsApartFromFreeBeams) {
   EXPECT_EQ(limited.beams[3].state, BeamState::kHit);
 }
 
+TEST(RangeLimiter, KeepsIntensities) {
+  RangeLimiterParams params;
+  params.min_range_m = 2.0;
+  Scan scan = circle_of_hits(1.0F);
+  for (std::size_t i = 100; i < scan.beams.size(); ++i) scan.beams[i].range_m = i < 200 ? 3.0F : 50.0F;
+  for (std::size_t i = 0; i < scan.beams.size(); ++i) scan.beams[i].intensity = static_cast<float>(i);
+  const Scan limited = limit_range(scan, Eigen::Isometry3d::Identity(), params);
+  for (std::size_t i = 0; i < limited.beams.size(); ++i) {
+    EXPECT_EQ(limited.beams[i].intensity, static_cast<float>(i));
+  }
+}
+
 // Eq. 4 of the circle paper: the volume stands in the world, wherever the robot is and however it tilts.
 TEST(RangeLimiter, VolumeStandsInTheWorld) {
   RangeLimiterParams params;

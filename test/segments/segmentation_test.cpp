@@ -43,6 +43,16 @@ TEST(Segmentation, FindsEachEllipseWithExactlyItsBeams) {
   EXPECT_EQ(all.size(), hits);
 }
 
+TEST(Segmentation, KeepsIntensities) {
+  LevelScene scene;
+  scene.ellipses = {{{3.0, 0.0}, 0.3, 0.4, 0.2}, {{2.0, 2.0}, 1.0, 0.2, 0.1}};
+  Scan scan = scene.scan();
+  for (std::size_t i = 0; i < scan.beams.size(); ++i) scan.beams[i].intensity = static_cast<float>(i);
+  const Segments segments = segment_scan(scan);
+  ASSERT_EQ(segments.segments.size(), 2U);
+  for (const Point& point : segments.points) EXPECT_EQ(point.intensity, static_cast<float>(point.beam));
+}
+
 TEST(Segmentation, SaysWhyASegmentEnds) {
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.0}, 0.0, 0.2, 0.2}, {{4.0, 0.5}, 0.0, 0.4, 0.4}};

@@ -19,6 +19,7 @@ struct Point {
   Eigen::Vector2d p_level_m = Eigen::Vector2d::Zero();
   int beam = 0;  ///< index in the scan
   BeamState state = BeamState::kInvalid;
+  float intensity = kNoIntensity;  ///< of its beam, in the sensor's own units
 };
 
 /// A scan in the horizontal plane: one point per beam, by growing azimuth whatever the direction of rotation or the

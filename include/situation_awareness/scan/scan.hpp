@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 namespace situation_awareness {
@@ -20,10 +21,14 @@ enum class BeamState : std::uint8_t {
 /// An object, of interest or not.
 constexpr bool is_hit(BeamState state) { return state == BeamState::kHit || state == BeamState::kOutside; }
 
+/// Of a beam whose intensity the sensor does not measure.
+constexpr float kNoIntensity = std::numeric_limits<float>::quiet_NaN();
+
 /// What one beam of a scan says, and how far it went.
 struct Beam {
   float range_m = 0.0F;  ///< finite and > 0 where the state is kHit or kOutside; >= 0, maybe +inf, where kFree; else 0
   BeamState state = BeamState::kInvalid;
+  float intensity = kNoIntensity;  ///< of the return, in the sensor's own units, unchecked; NaN where there is none
 };
 
 /// One revolution of a 2D LIDAR in the lidar frame: beam i points along

@@ -2,6 +2,8 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 #include <limits>
 
 #include "situation_awareness/common/time.hpp"
@@ -38,6 +40,9 @@ Scan scan_from_msg(const sensor_msgs::LaserScan& msg) {
   scan.beams.reserve(msg.ranges.size());
   for (const float range_m : msg.ranges) {
     scan.beams.push_back(beam_from_range(range_m, msg.range_min, msg.range_max));
+  }
+  if (msg.intensities.size() == msg.ranges.size()) {
+    for (std::size_t i = 0; i < scan.beams.size(); ++i) scan.beams[i].intensity = msg.intensities[i];
   }
   return scan;
 }
@@ -76,6 +81,11 @@ sensor_msgs::LaserScan scan_to_msg(const Scan& scan, const std::string& lidar_fr
   msg.range_max = static_cast<float>(range_max_m);
   msg.ranges.reserve(scan.beams.size());
   for (const Beam& beam : scan.beams) msg.ranges.push_back(range_of(beam));
+  const auto has_intensity = [](const Beam& beam) { return !std::isnan(beam.intensity); };
+  if (std::any_of(scan.beams.begin(), scan.beams.end(), has_intensity)) {
+    msg.intensities.reserve(scan.beams.size());
+    for (const Beam& beam : scan.beams) msg.intensities.push_back(beam.intensity);
+  }
   return msg;
 }
 
