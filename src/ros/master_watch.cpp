@@ -5,7 +5,6 @@
 #include <exception>
 
 #include <ros/console.h>
-#include <ros/init.h>
 #include <ros/master.h>
 #include <ros/param.h>
 #include <ros/this_node.h>
@@ -29,7 +28,7 @@ std::string run_id() {
 }  // namespace
 
 MasterWatch::MasterWatch(const ros::NodeHandle& private_node)
-    : private_node_(private_node), run_id_(run_id()), simulated_time_(ros::Time::isSimTime()), worked_at_ns_(now_ns()) {
+    : private_node_(private_node), run_id_(run_id()), simulated_time_(ros::Time::isSimTime()) {
   private_node_.getParam(private_node_.getNamespace(), parameters_);
   thread_ = std::thread([this] { watch(); });
 }
@@ -43,14 +42,14 @@ MasterWatch::~MasterWatch() {
   thread_.join();
 }
 
-std::int64_t MasterWatch::now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::steady_clock::now().time_since_epoch())
-      .count();
+void MasterWatch::report(diagnostic_updater::DiagnosticStatusWrapper& status) const {
+  if (!at_new_master_) return;
+  status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN,
+                      "a new master was started, which does not know this node");
 }
 
 void MasterWatch::watch() {
   const auto period = std::chrono::duration<double>(kPeriod_s);
-  bool at_new_master = false;
   std::unique_lock<std::mutex> lock(mutex_);
   while (!stop_.wait_for(lock, period, [this] { return stopped_; })) {
     lock.unlock();
@@ -58,16 +57,11 @@ void MasterWatch::watch() {
       const std::string id = run_id();
       if (!id.empty() && run_id_.empty()) run_id_ = id;
       if (!id.empty() && id != run_id_) {
-        run_id_ = id;
-        at_new_master = true;
         give_parameters_back();
+        run_id_ = id;
+        at_new_master_ = true;
         ROS_WARN_STREAM(private_node_.getNamespace() << ": a new master was started, which does not know this node; "
                                                         "work goes on over the links there are");
-      } else if (at_new_master && 1e-9 * static_cast<double>(now_ns() - worked_at_ns_) > kIdle_s) {
-        ROS_FATAL_STREAM(private_node_.getNamespace() << ": no work comes any more and a new master was started: "
-                                                         "ending, to be started again at the new one");
-        ros::requestShutdown();
-        return;
       }
     } catch (const std::exception& error) {
       ROS_WARN_STREAM(private_node_.getNamespace() << ": " << error.what());

@@ -132,7 +132,7 @@ void StageDiagnostics::report(Status& status) {
     latencies_.report("latency", status);
   }
   durations_.report("processing", status);
-  if (add_) add_(status);
+  for (const auto& add : adds_) add(status);
   for (auto& [reason, drops] : drops_) {
     status.add("dropped: " + reason, drops.count);
     drops.reported = drops.count;

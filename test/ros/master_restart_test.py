@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """A master that starts anew under nodes that run: the map goes on over the links there are, and comes back, with its
-parameters, when what feeds it was started anew as well. Needs masters of its own, so this is no rostest."""
+parameters, when what feeds it was started anew as well. In a manager of somebody else, the nodelets never end it. Needs
+masters of its own, so this is no rostest."""
 import os
 import pathlib
 import signal
@@ -19,6 +20,8 @@ from fault_record import fault  # noqa: E402
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 MANAGER = "/objects_manager"
+FOREIGN_MANAGER = "/foreign_manager"
+IDLE_S = 10.0  # longer than it takes to see a new master (2 s) and to be idle (5 s)
 STAGES = ("/segmentation", "/detection", "/mapping")
 MAX_RANGE_M = 7.5  # as no default is
 
@@ -34,6 +37,18 @@ rospy.Subscriber("objects", EllipseMap, lambda msg: print(len(msg.ellipses), flu
 robot = Robot()
 while True:
     robot.run(1)
+"""
+
+# Each status of /diagnostics as a line: the node's name without a slash, and the summary.
+LISTENER = """
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+rospy.init_node("listener", disable_signals=True)
+def receive(msg):
+    for status in msg.status:
+        print(status.name.split(":")[0], status.message, sep="|", flush=True)
+rospy.Subscriber("/diagnostics", DiagnosticArray, receive, queue_size=100)
+rospy.spin()
 """
 
 
@@ -52,7 +67,9 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
     raise AssertionError(f"waited {timeout_s} s for {what}")
 
 
-class MasterRestartTest(unittest.TestCase):
+class MasterTest(unittest.TestCase):
+    """A master, and what is started at it."""
+
     def setUp(self):
         self.port = free_port()
         self.environment = dict(os.environ, ROS_MASTER_URI=f"http://127.0.0.1:{self.port}", ROS_IP="127.0.0.1")
@@ -61,10 +78,7 @@ class MasterRestartTest(unittest.TestCase):
         self.master = self.start_master()
         config = pathlib.Path(self.folder.name) / "objects.yaml"
         config.write_text(f"scan: {{max_range_m: {MAX_RANGE_M}}}\ndetections: {{detector: least_squares}}\n")
-        self.launch = self.start("launch", ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false",
-                                            f"config:={config}"])
-        self.robot = self.start_robot("robot")
-        wait_until(lambda: self.maps_of("robot") > 20, "the first maps")
+        self.config = f"config:={config}"
 
     def tearDown(self):
         for process in reversed(self.processes):
@@ -85,6 +99,10 @@ class MasterRestartTest(unittest.TestCase):
 
     def log(self, name):
         return pathlib.Path(self.folder.name) / f"{name}.log"
+
+    def start_launch(self, *arguments):
+        return self.start("launch", ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false",
+                                     self.config, *arguments])
 
     def start_robot(self, name):
         return self.start(name, ["/usr/bin/python3", "-c", ROBOT, str(ROOT / "test/ros"), name])
@@ -121,6 +139,18 @@ class MasterRestartTest(unittest.TestCase):
             time.sleep(1.0)
             self.assertGreater(self.maps_of("robot"), before, "a second without a map")
 
+    def assert_parameters(self):
+        for stage in STAGES:
+            self.assertEqual(self.server.getParam("/test", f"{stage}/scan/max_range_m")[2], MAX_RANGE_M)
+
+
+class MasterRestartTest(MasterTest):
+    def setUp(self):
+        super().setUp()
+        self.start_launch()
+        self.robot = self.start_robot("robot")
+        wait_until(lambda: self.maps_of("robot") > 20, "the first maps")
+
     @fault("master out of reach", "stopped for 6 s, then it goes on", "maps go on, nothing ends")
     def test_1_no_master_for_a_while(self):
         """A link that is cut looks the same: nothing happens."""
@@ -144,8 +174,54 @@ class MasterRestartTest(unittest.TestCase):
         self.start_robot("new_robot")
         wait_until(lambda: self.maps_of("new_robot") > 20, "maps for the new robot")
         self.assertIn(MANAGER, self.nodes())
+        self.assert_parameters()
+
+
+class ForeignManagerTest(MasterTest):
+    def start_manager(self):
+        return self.start("manager", ["rosrun", "nodelet", "nodelet", "manager", f"__name:={FOREIGN_MANAGER[1:]}"])
+
+    def heard(self):
+        """What /diagnostics said since this was last called: a set of summaries for each node."""
+        lines = self.log("listener").read_text().splitlines()
+        begin, self.heard_lines = self.heard_lines, len(lines)
+        said = {}
+        for name, _, summary in (line.partition("|") for line in lines[begin:]):
+            said.setdefault(f"/{name}", set()).add(summary)
+        return said
+
+    @fault("master restarts, nodelets in a manager of others", "killed and started anew; no scans come any more",
+           "the manager lives on and its nodelets warn; when it is restarted, they come back with their parameters")
+    def test_nodelets_never_end_a_manager_of_others(self):
+        manager = self.start_manager()
+        self.start_launch("start_manager:=false", f"manager:={FOREIGN_MANAGER[1:]}")
+        self.start("listener", ["/usr/bin/python3", "-c", LISTENER])
+        robot = self.start_robot("robot")
+        wait_until(lambda: self.maps_of("robot") > 20, "the first maps")
+        self.end(self.master)
+        self.master = self.start_master()
+        self.end(robot)
         for stage in STAGES:
-            self.assertEqual(self.server.getParam("/test", f"{stage}/scan/max_range_m")[2], MAX_RANGE_M)
+            wait_until(lambda: self.server.hasParam("/test", stage)[2], f"the parameters of {stage} to be given back")
+        self.assert_parameters()
+
+        end = time.monotonic() + IDLE_S
+        while time.monotonic() < end:
+            self.assertIsNone(manager.poll(), "the manager was ended")
+            time.sleep(0.1)
+        self.heard_lines = 0
+        self.heard()
+        time.sleep(2.5)
+        said = self.heard()
+        for stage in STAGES:
+            self.assertTrue(any("new master" in summary for summary in said.get(stage, ())), (stage, said))
+
+        self.end(manager)
+        self.start_manager()
+        self.start_robot("new_robot")
+        wait_until(lambda: self.maps_of("new_robot") > 20, "maps for the new robot")
+        self.assertIn(FOREIGN_MANAGER, self.nodes())
+        self.assert_parameters()
 
 
 if __name__ == "__main__":

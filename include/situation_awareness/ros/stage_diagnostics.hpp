@@ -46,8 +46,8 @@ class StageDiagnostics {
   /// Where the input comes from, and how many messages wait for their turn. `subscriber` must outlive this.
   void watch(const ros::Subscriber& subscriber, std::function<std::size_t()> waiting);
 
-  /// Called at each report, to add what this stage alone knows.
-  void on_report(std::function<void(Status&)> add) { add_ = std::move(add); }
+  /// Called at each report, in the order in which they came, to add what this stage alone knows.
+  void on_report(std::function<void(Status&)> add) { adds_.push_back(std::move(add)); }
 
   /// Warns now, once of each, and says it on every report.
   void unknown_parameters(const std::vector<UnknownKey>& keys);
@@ -82,7 +82,7 @@ class StageDiagnostics {
   bool paused_ = false;
   const ros::Subscriber* subscriber_ = nullptr;
   std::function<std::size_t()> waiting_;
-  std::function<void(Status&)> add_;
+  std::vector<std::function<void(Status&)>> adds_;
   std::vector<UnknownKey> unknown_;
   std::uint64_t received_ = 0;
   std::uint64_t processed_ = 0;

@@ -32,6 +32,7 @@ class DetectionNodelet : public StageNodelet {
     detector_ = make_detector(params.pipeline.detections);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     diagnostics_->unknown_parameters(params.unknown);
+    diagnostics_->on_report([this](StageDiagnostics::Status& status) { master_->report(status); });
     diagnostics_->on_report([this, detections = params.pipeline.detections](StageDiagnostics::Status& status) {
       const std::string path = model_path(detections);
       status.add("detector", detections.detector);
@@ -73,7 +74,6 @@ class DetectionNodelet : public StageNodelet {
       publisher_.publish(boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id)));
       diagnostics_->counted(detections.refused);
       diagnostics_->processed(msg->header.stamp, start);
-      master_->worked();
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }

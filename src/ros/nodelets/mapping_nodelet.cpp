@@ -36,6 +36,7 @@ class MappingNodelet : public StageNodelet {
     map_ = std::make_unique<ObjectMap>(params.pipeline.objects);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     diagnostics_->unknown_parameters(params.unknown);
+    diagnostics_->on_report([this](StageDiagnostics::Status& status) { master_->report(status); });
     diagnostics_->on_report([this](StageDiagnostics::Status& status) { report_map(*map_, nis_, status); });
     map_publisher_ = node.advertise<EllipseMap>("objects", 20);
     markers_publisher_ = node.advertise<visualization_msgs::MarkerArray>("object_markers", 5);
@@ -77,7 +78,6 @@ class MappingNodelet : public StageNodelet {
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
       publish(map_->at(detections.stamp_ns));
       diagnostics_->processed(msg->header.stamp, start);
-      master_->worked();
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }

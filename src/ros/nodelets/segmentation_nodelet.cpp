@@ -50,6 +50,7 @@ class SegmentationNodelet : public StageNodelet {
     order_ = std::make_unique<StampOrder>(params_.pipeline.objects.reset_time_jump_s);
     diagnostics_ = std::make_unique<StageDiagnostics>(node, getPrivateNodeHandle(), getName());
     diagnostics_->unknown_parameters(params_.unknown);
+    diagnostics_->on_report([this](StageDiagnostics::Status& status) { master_->report(status); });
     diagnostics_->on_report([this](StageDiagnostics::Status& status) { transform_age_->report(status); });
     transform_age_ = std::make_unique<TransformAge>(tf_, params_.world_frame);
     const bool own_thread = true;
@@ -178,7 +179,6 @@ class SegmentationNodelet : public StageNodelet {
           boost::make_shared<sensor_msgs::PointCloud2>(segments_to_cloud(segments, params_.world_frame)));
     }
     diagnostics_->processed(msg.header.stamp, start);
-    master_->worked();
   }
 
   NodeletParams params_;
