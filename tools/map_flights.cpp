@@ -27,7 +27,7 @@
 #include "situation_awareness/evaluation/map_evaluation.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -60,7 +60,7 @@ struct Arguments {
   std::uint64_t first_seed = 1, last_seed = 1;
   double duration_s = 60.0;
   double pose_sigma_m = 0.0, pose_sigma_rad = 0.0;
-  SimulatedLidarParams lidar;
+  SimulatedScannerParams lidar;
   bool trace_points = false;
   bool help = false;
 };
@@ -303,7 +303,7 @@ double quantile(const std::vector<double>& sorted, double part) {
 
 Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::uint64_t seed, Trace* trace) {
   constexpr std::uint64_t kPoseStream = 0x706F7365;  // so that the pose's noise is not that of the ranges
-  World world(arguments.world, arguments.lidar, seed);
+  ScanSimulation world(arguments.world, arguments.lidar, seed);
   ObjectPipeline pipeline(params);
   PoseNoise pose_noise(arguments.pose_sigma_m, arguments.pose_sigma_rad, seed ^ (kPoseStream << 32));
   std::optional<MapEvaluation> evaluation;

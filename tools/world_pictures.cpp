@@ -64,7 +64,7 @@ Arguments parse_arguments(int argc, char** argv) {
 }
 
 void take_pictures(const Arguments& arguments) {
-  const World world(arguments.world_file, {}, 0);
+  const World world(arguments.world_file);
   CameraView view(arguments.world_file, arguments.camera, static_cast<int>(arguments.width),
                   static_cast<int>(arguments.height));
   std::istringstream words(arguments.times);

@@ -142,11 +142,26 @@ int robot_body(const mjModel& model) {
   return robot;
 }
 
-Eigen::Isometry3d lidar_mount(const mjModel& model, const mjData& data, int robot) {
-  const int lidar = mj_name2id(&model, mjOBJ_SITE, "lidar");
-  if (lidar < 0) throw std::runtime_error("there is no site 'lidar' on 'robot'");
-  if (model.body_rootid[model.site_bodyid[lidar]] != robot) throw std::runtime_error("site 'lidar' is not on 'robot'");
-  return body_pose(data, robot).inverse() * isometry(data.site_xpos + 3 * lidar, data.site_xmat + 9 * lidar);
+/// The sites of the robot that a text describes, and the site `lidar`, which needs none.
+std::vector<SensorMount> mounts_of(const mjModel& model, const mjData& data, int robot) {
+  std::vector<SensorMount> mounts;
+  for (int site = 0; site < model.nsite; ++site) {
+    const char* const name = mj_id2name(&model, mjOBJ_SITE, site);
+    if (name == nullptr) continue;
+    const int text = mj_name2id(&model, mjOBJ_TEXT, name);
+    const std::string quoted = quoted_name(model, mjOBJ_SITE, site);
+    if (text < 0 && quoted != "'lidar'") continue;
+    if (model.body_rootid[model.site_bodyid[site]] != robot) {
+      throw std::runtime_error("site " + quoted + " is not on 'robot'");
+    }
+    if (text >= 0 && mj_name2id(&model, mjOBJ_BODY, name) >= 0) {
+      throw std::runtime_error("text " + quoted + " could mean a body and a site: give them names of their own");
+    }
+    mounts.push_back(
+        {name, text < 0 ? "" : model.text_data + model.text_adr[text],
+         body_pose(data, robot).inverse() * isometry(data.site_xpos + 3 * site, data.site_xmat + 9 * site)});
+  }
+  return mounts;
 }
 
 /// The bodies that move on paths and bear nothing that the scanner sees.
@@ -182,8 +197,9 @@ void check_elements(const mjModel& model, int robot) {
   }
   for (int text = 0; text < model.ntext; ++text) {
     const std::string name = mj_id2name(&model, mjOBJ_TEXT, text);
-    const bool known = name == "robot" || mj_name2id(&model, mjOBJ_BODY, name.c_str()) >= 0;
-    if (!known) throw std::runtime_error("text '" + name + "' is the path of no body");
+    const bool known =
+        mj_name2id(&model, mjOBJ_BODY, name.c_str()) >= 0 || mj_name2id(&model, mjOBJ_SITE, name.c_str()) >= 0;
+    if (!known) throw std::runtime_error("text '" + name + "' is the path of no body, and no site has that name");
   }
 }
 
@@ -215,11 +231,12 @@ std::string quoted_name(const mjModel& model, mjtObj type, int id) {
 WorldModel::WorldModel(const std::string& mjcf_path) try {
   std::tie(model_, data_) = load(mjcf_path);
   objects_ = objects_of(*model_, *data_);
+  for (const WorldObject& object : objects_) names_.push_back(object.name);
   robot_ = robot_body(*model_);
   robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
   robot_path_ = path_of(*model_, *data_, robot_);
   robot_drag_1_s_ = robot_drag(*model_);
-  T_robot_lidar_ = lidar_mount(*model_, *data_, robot_);
+  mounts_ = mounts_of(*model_, *data_, robot_);
   decorations_ = decorations_of(*model_, *data_, robot_);
   check_elements(*model_, robot_);
   if (model_->body_mocapid[robot_] < 0) {

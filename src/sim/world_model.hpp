@@ -12,6 +12,7 @@
 
 #include "situation_awareness/sim/multirotor.hpp"
 #include "situation_awareness/sim/path.hpp"
+#include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
 
@@ -74,7 +75,8 @@ class WorldModel {
   mjModel& model() { return *model_; }
   mjData& data() { return *data_; }
   const std::vector<WorldObject>& objects() const { return objects_; }
-  const Eigen::Isometry3d& T_robot_lidar() const { return T_robot_lidar_; }
+  const std::vector<std::string>& names() const { return names_; }
+  const std::vector<SensorMount>& mounts() const { return mounts_; }
 
   RobotState robot_at(double time_s) const;
 
@@ -91,13 +93,14 @@ class WorldModel {
   ModelPtr model_;
   DataPtr data_;
   std::vector<WorldObject> objects_;
+  std::vector<std::string> names_;  // of the objects
+  std::vector<SensorMount> mounts_;
   std::vector<WorldDecoration> decorations_;
   int robot_ = -1;
   RobotState robot_at_rest_;  // where the robot is if it has no path
   Path robot_path_;
   double robot_drag_1_s_ = 0.0;
   std::unique_ptr<Flight> flight_;  // of a robot that is flown; one that follows its path exactly has none
-  Eigen::Isometry3d T_robot_lidar_;
 };
 
 }  // namespace situation_awareness

@@ -77,7 +77,7 @@ TEST(CameraView, EveryWorldHasAnOverviewAndAViewFromAbove) {
   for (const std::string world : {"demo", "lab", "orchard", "warehouse", "crowd"}) {
     for (const std::string camera : {"overview"}) {
       CameraView view(kWorlds + world + ".xml", camera, 160, 120);
-      const Picture picture = view.at(1.0, World(kWorlds + world + ".xml", {}, 0).robot_at(1.0).T_world_robot);
+      const Picture picture = view.at(1.0, World(kWorlds + world + ".xml").robot_at(1.0).T_world_robot);
       const auto [dark, bright] = std::minmax_element(picture.rgb.begin(), picture.rgb.end());
       EXPECT_GT(*bright - *dark, 100) << world;
     }

@@ -25,10 +25,10 @@ std::string with_drag(const std::string& path) {
 }
 
 World flown(const std::string& custom, const std::string& quadrotor = kQuadrotor) {
-  return World(WorldFile(world_text("", custom, quadrotor)).path(), {}, 0);
+  return World(WorldFile(world_text("", custom, quadrotor)).path());
 }
 
-World exact(const std::string& custom) { return World(WorldFile(world_text(kExactRobot, custom)).path(), {}, 0); }
+World exact(const std::string& custom) { return World(WorldFile(world_text(kExactRobot, custom)).path()); }
 
 /// What the demo's robot follows.
 std::string demo_path() {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -11,7 +12,7 @@
 
 #include <gtest/gtest.h>
 
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 
@@ -76,7 +77,7 @@ inline const std::string kQuadrotor = [] {
 inline std::string error_of(const std::string& text) {
   const WorldFile file(text);
   try {
-    const World world(file.path(), {}, 0);
+    const ScanSimulation simulation(file.path(), {}, 0);
   } catch (const std::runtime_error& error) {
     const std::string what = error.what();
     EXPECT_EQ(what.find(file.path() + ": "), 0U) << what;
@@ -90,5 +91,19 @@ inline void expect_error(const std::string& text, const std::string& part) {
   const std::string what = error_of(text);
   EXPECT_NE(what.find(part), std::string::npos) << what << "\n  lacks: " << part;
 }
+
+inline const std::string kRobot = R"(<body name="robot" mocap="true" pos="0 0 1.5"> <site name="lidar"/>
+                                <geom group="2" size="0.2"/> </body>)";
+
+/// A robot in brisk flight, with a scanner mounted aslant and upside down, and two objects.
+inline const std::string kBriskWorld = world_text(
+    object_text("post", "pos=\"2.0 0.5 1\" euler=\"0 0 0.4\"", "0.3 0.15 1") +
+        object_text("column", "pos=\"-3.0 -1.5 1\" euler=\"0 0 -1.1\"", "0.2 0.5 1") +
+        R"(<body name="robot" mocap="true"> <site name="lidar" pos="0.1 -0.05 -0.2" euler="3.1 0.05 0.3"/> </body>)",
+    R"(<text name="robot" data="loop speed 2.6 points 0 -2 1.5 0;  3 -2 1.7 1; 4 0.5 2.0 2; 2 2.2 1.6 3; -1 2 1.4 4;
+                                 -1.5 0 1.5 5"/>
+       <numeric name="robot_drag" data="0.3"/>)");
+
+inline double tilt(const Eigen::Isometry3d& T_world_robot) { return std::acos(T_world_robot(2, 2)); }
 
 }  // namespace situation_awareness

@@ -15,7 +15,7 @@
 #include <mujoco/mujoco.h>
 
 #include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -107,14 +107,14 @@ class WorldOfTheLibrary : public testing::TestWithParam<Shown> {};
 TEST_P(WorldOfTheLibrary, KeepsEverythingClearOfEverythingElse) {
   const std::vector<Box> walls = walls_of(file_of(GetParam()));
   ASSERT_EQ(walls.size(), GetParam().walls);
-  const std::vector<std::string> names = World(file_of(GetParam()), {}, 0).next().names;
-  const World world(file_of(GetParam()), {}, 0);
+  const std::vector<std::string> names = World(file_of(GetParam())).names();
+  const World world(file_of(GetParam()));
   std::map<std::string, std::pair<double, double>> nearest;  // distance and when
   for (double t = 0.0; t < 180.0; t += 0.1) {
     std::vector<Outline> outlines;
-    const Objects truth = world.truth_at(t);
+    const std::vector<TrueObject> objects = world.objects_at(t);
     for (std::size_t i = 0; i < names.size(); ++i) {
-      outlines.push_back(outline_of(names[i], truth.objects[i].ellipse_world));
+      outlines.push_back(outline_of(names[i], objects[i].ellipse_world));
     }
     const Eigen::Vector2d robot = world.robot_at(t).T_world_robot.translation().head<2>();
     outlines.push_back(outline_of("robot", {robot, 0.0, kRobotRadius_m, kRobotRadius_m}));
@@ -137,13 +137,13 @@ TEST_P(WorldOfTheLibrary, KeepsEverythingClearOfEverythingElse) {
 }
 
 TEST_P(WorldOfTheLibrary, ShowsStandingAndMovingObjects) {
-  World world(file_of(GetParam()), {}, 0);
+  ScanSimulation world(file_of(GetParam()), {}, 0);
   const SimulatedScan first = world.next();
   std::vector<int> scans_seen(first.names.size(), 0);
   std::size_t standing = 0;
-  const Objects later = world.truth_at(5.0);
+  const std::vector<TrueObject> later = world.world().objects_at(5.0);
   for (std::size_t i = 0; i < first.names.size(); ++i) {
-    standing += later.objects[i].ellipse_world.center_m == first.truth.objects[i].ellipse_world.center_m ? 1 : 0;
+    standing += later[i].ellipse_world.center_m == first.truth.objects[i].ellipse_world.center_m ? 1 : 0;
   }
   EXPECT_GE(standing, GetParam().least_standing);
   EXPECT_GE(first.names.size() - standing, GetParam().least_moving);

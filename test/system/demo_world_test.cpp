@@ -12,7 +12,7 @@
 #include "situation_awareness/evaluation/bodies.hpp"
 #include "situation_awareness/evaluation/map_evaluation.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -21,7 +21,7 @@ const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
 constexpr int kScans = 60 * 20;
 
 MapScore fly(const std::string& name, std::uint64_t seed) {
-  World world(kSource + "/models/worlds/" + name + ".xml", SimulatedLidarParams{}, seed);
+  ScanSimulation world(kSource + "/models/worlds/" + name + ".xml", SimulatedScannerParams{}, seed);
   ObjectPipeline pipeline(load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models"));
   std::optional<MapEvaluation> evaluation;
   std::map<std::uint64_t, std::string> names;

@@ -12,7 +12,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -30,7 +30,7 @@ struct Row {
 };
 
 TEST(SingleWorld, IsEstimatedBetterThanThePaperPrints) {
-  World world(kSource + "/models/worlds/single.xml", SimulatedLidarParams{}, 1);
+  ScanSimulation world(kSource + "/models/worlds/single.xml", SimulatedScannerParams{}, 1);
   ObjectPipeline pipeline(load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models"));
   std::array<Row, 5> rows{{{"rx", 2.7868e-4, 0.0488},
                            {"ry", 1.8034e-4, 0.0343},

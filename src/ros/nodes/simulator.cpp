@@ -19,7 +19,7 @@
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -171,8 +171,8 @@ class Simulator {
 
   SimulatorParams params_;
   std::int64_t start_ns_ = kSimulationStart_ns;  ///< stamp of the first scan
-  SimulatedLidarParams lidar_;
-  World world_;
+  SimulatedScannerParams lidar_;
+  ScanSimulation world_;
   ros::Publisher clock_, odometry_, scan_, truth_, markers_;
   ros::Subscriber map_;
   tf2_ros::TransformBroadcaster tf_;

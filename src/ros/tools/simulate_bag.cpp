@@ -14,7 +14,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/sim/world.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -41,7 +41,7 @@ constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;  // to ROS a ti
 struct Arguments {
   std::string world, out;
   double duration_s = 10.0, seed = 1.0, resolution_deg = 0.25;
-  SimulatedLidarParams lidar;
+  SimulatedScannerParams lidar;
   bool help = false;
 };
 
@@ -70,7 +70,7 @@ Arguments parse_arguments(int argc, char** argv) {
   if (!(std::abs(arguments.resolution_deg) >= 0.01 && std::abs(arguments.resolution_deg) <= 90.0)) {
     throw UsageError("--resolution-deg must be in [0.01, 90], or the same below zero");
   }
-  SimulatedLidarParams& lidar = arguments.lidar;
+  SimulatedScannerParams& lidar = arguments.lidar;
   lidar.beams = 1 + static_cast<int>(kFieldOfView_deg / std::abs(arguments.resolution_deg) + 1e-9);
   lidar.angle_increment_rad = radians(arguments.resolution_deg);
   lidar.angle_min_rad = std::copysign(radians(kFieldOfView_deg / 2.0), -arguments.resolution_deg);
@@ -78,8 +78,8 @@ Arguments parse_arguments(int argc, char** argv) {
 }
 
 void simulate_bag(const Arguments& arguments) {
-  const SimulatedLidarParams& lidar = arguments.lidar;
-  World world(arguments.world, lidar, static_cast<std::uint64_t>(arguments.seed));
+  const SimulatedScannerParams& lidar = arguments.lidar;
+  ScanSimulation world(arguments.world, lidar, static_cast<std::uint64_t>(arguments.seed));
   rosbag::Bag bag(arguments.out, rosbag::bagmode::Write);
   bag.setCompression(rosbag::compression::BZ2);
   const auto scans = static_cast<int>(std::lround(arguments.duration_s * lidar.rate_hz));

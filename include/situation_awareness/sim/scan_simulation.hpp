@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/sim/scanner.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+
+/// Hits farther away do not count as seen in the truth: the papers' range of interest.
+constexpr double kTruthRange_m = 10.0;
+
+/// One simulated scan and the truth at its stamp.
+struct SimulatedScan {
+  Scan scan;
+  RobotState robot;
+  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();      ///< at the stamp
+  Eigen::Isometry3d T_world_lidar_end = Eigen::Isometry3d::Identity();  ///< at the last beam's time
+  Objects truth;                    ///< at the stamp; `beams` counts the beams that hit an object in this scan
+  std::vector<std::string> names;   ///< of the world's objects: that of id i at place i - 1
+  std::vector<int> object_of_beam;  ///< what each beam hit that counts as seen: place in `names`, else -1
+};
+
+/// A world, the 2D scanner at site `lidar` of its robot, and the truth: the three that judging a map takes.
+class ScanSimulation {
+ public:
+  /// Throws std::runtime_error naming the file, the element and what is wrong with it, std::invalid_argument for
+  /// params.
+  ScanSimulation(const std::string& mjcf_path, const SimulatedScannerParams& scanner, std::uint64_t seed);
+  ~ScanSimulation();
+  ScanSimulation(ScanSimulation&&) noexcept;
+  ScanSimulation& operator=(ScanSimulation&&) noexcept;
+
+  /// Move everything to the time of the next scan (the first is at time 0) and scan.
+  SimulatedScan next();
+
+  const World& world() const;
+
+  RobotState robot_at(double time_s) const { return world().robot_at(time_s); }
+
+  /// The objects at any time. What scans say of them (beams, observations, when seen) is as of the latest scan.
+  Objects truth_at(double time_s) const;
+
+  /// Pose of the lidar in the robot's frame, from the file.
+  const Eigen::Isometry3d& T_robot_lidar() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/sim/scanner.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+
+/// A sensor as a world's file asks for it.
+template <class Params>
+struct MountedSensor {
+  std::string name;
+  Eigen::Isometry3d T_robot_sensor = Eigen::Isometry3d::Identity();
+  Params params;
+};
+
+/// The sensors that a world's file asks for, by kind, each in the order of the file.
+struct WorldSensors {
+  std::vector<MountedSensor<SimulatedScannerParams>> scanners;
+};
+
+/// Reads what the file says of its sensors: the kind, then names of the kind's parameters, each followed by its value,
+///
+///     scanner beams 541 angle_increment_rad 0.00872665 range_sigma_m 0.012
+///
+/// What is not named has its default; a site `lidar` without a text is a scanner with all defaults. Throws
+/// std::runtime_error naming the file, the sensor and what is wrong with it.
+WorldSensors sensors_of(const World& world);
+
+/// The seed of a sensor's noise, of its own by its name, so that no sensor changes what another draws.
+std::uint64_t seed_of_sensor(std::uint64_t seed, const std::string& name);
+
+}  // namespace situation_awareness

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+
+/// What a ray met in truth, without noise.
+struct TrueHit {
+  int object = -1;  ///< index of an object in the world's order; -1: none, or none that is seen
+  double range_m = std::numeric_limits<double>::infinity();  ///< to the object
+};
+
+/// What scans have seen of a world's objects.
+class Sightings {
+ public:
+  struct Sighting {
+    int beams = 0;         ///< that hit the object in the latest scan
+    int observations = 0;  ///< scans that hit it
+    std::int64_t first_seen_ns = 0, last_seen_ns = 0;
+  };
+
+  /// Hits farther away than `range_m` do not count.
+  Sightings(std::size_t objects, double range_m) : range_m_(range_m), of_object_(objects) {}
+
+  /// Add a scan: `hits` are rows of `columns` rays, one row for a 2D scanner. A column that hits an object several
+  /// times counts once, so that scanners of any number of rows say the same. Gives for each ray which object it counts
+  /// for, or -1.
+  std::vector<int> add(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns);
+
+  const std::vector<Sighting>& of_object() const { return of_object_; }
+
+ private:
+  double range_m_;
+  std::vector<Sighting> of_object_;
+};
+
+/// The truth as a map would say it: the objects at that time, with exact velocities, no covariance, and what has been
+/// seen of them so far. `height_world_m` is that of the map.
+Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m);
+
+}  // namespace situation_awareness

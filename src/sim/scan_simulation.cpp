@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/scan_simulation.hpp"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "situation_awareness/sim/truth.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const Eigen::Isometry3d& lidar_mount(const World& world) {
+  const auto is_lidar = [](const SensorMount& mount) { return mount.name == "lidar"; };
+  const auto lidar = std::find_if(world.mounts().begin(), world.mounts().end(), is_lidar);
+  if (lidar == world.mounts().end()) throw std::runtime_error(world.path() + ": there is no site 'lidar' on 'robot'");
+  return lidar->T_robot_sensor;
+}
+
+}  // namespace
+
+class ScanSimulation::Impl {
+ public:
+  Impl(const std::string& mjcf_path, const SimulatedScannerParams& scanner, std::uint64_t seed)
+      : world_(mjcf_path),
+        T_robot_lidar_(lidar_mount(world_)),
+        scanner_(world_, T_robot_lidar_, scanner, seed),
+        sightings_(world_.names().size(), kTruthRange_m) {}
+
+  SimulatedScan next() {
+    const double time_s = scanner_.next_time_s();
+    ScannerSample sample = scanner_.next();
+    SimulatedScan out;
+    out.robot = world_.robot_at(time_s);
+    out.T_world_lidar = sample.T_world_lidar;
+    out.T_world_lidar_end = sample.T_world_lidar_end;
+    out.object_of_beam = sightings_.add(sample.scan.stamp_ns, sample.hits, sample.hits.size());
+    out.scan = std::move(sample.scan);
+    out.truth = truth_at(time_s);
+    out.names = world_.names();
+    return out;
+  }
+
+  const World& world() const { return world_; }
+
+  Objects truth_at(double time_s) const {
+    const Eigen::Isometry3d T_world_lidar = world_.robot_at(time_s).T_world_robot * T_robot_lidar_;
+    return true_map(world_, sightings_, time_s, T_world_lidar.translation().z());
+  }
+
+  const Eigen::Isometry3d& T_robot_lidar() const { return T_robot_lidar_; }
+
+ private:
+  World world_;
+  Eigen::Isometry3d T_robot_lidar_;
+  SimulatedScanner scanner_;
+  Sightings sightings_;
+};
+
+ScanSimulation::ScanSimulation(const std::string& mjcf_path, const SimulatedScannerParams& scanner,
+                               std::uint64_t seed) {
+  scanner.validate();
+  impl_ = std::make_unique<Impl>(mjcf_path, scanner, seed);
+}
+ScanSimulation::~ScanSimulation() = default;
+ScanSimulation::ScanSimulation(ScanSimulation&&) noexcept = default;
+ScanSimulation& ScanSimulation::operator=(ScanSimulation&&) noexcept = default;
+
+SimulatedScan ScanSimulation::next() { return impl_->next(); }
+
+const World& ScanSimulation::world() const { return impl_->world(); }
+
+Objects ScanSimulation::truth_at(double time_s) const { return impl_->truth_at(time_s); }
+
+const Eigen::Isometry3d& ScanSimulation::T_robot_lidar() const { return impl_->T_robot_lidar(); }
+
+}  // namespace situation_awareness

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+namespace situation_awareness {
+
+/// A seed of its own for each scan of a sensor, so that its noise depends on nothing else: SplitMix64 (Steele, Lea,
+/// Flood, 2014).
+inline std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
+  const auto mix = [](std::uint64_t z) {
+    z += 0x9E3779B97F4A7C15U;
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9U;
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EBU;
+    return z ^ (z >> 31);
+  };
+  return mix(mix(seed) + scan);
+}
+
+}  // namespace situation_awareness

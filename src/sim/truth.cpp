@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/truth.hpp"
+
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+
+std::vector<int> Sightings::add(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns) {
+  for (Sighting& sighting : of_object_) sighting.beams = 0;
+  std::vector<int> object_of_ray(hits.size(), -1);
+  for (std::size_t column = 0; column < columns; ++column) {
+    for (std::size_t ray = column; ray < hits.size(); ray += columns) {
+      const TrueHit& hit = hits[ray];
+      if (hit.object < 0 || hit.range_m > range_m_) continue;
+      object_of_ray[ray] = hit.object;
+      bool is_first = true;
+      for (std::size_t above = column; above < ray; above += columns) {
+        is_first = is_first && object_of_ray[above] != hit.object;
+      }
+      if (is_first) ++of_object_[static_cast<std::size_t>(hit.object)].beams;
+    }
+  }
+  for (Sighting& sighting : of_object_) {
+    if (sighting.beams == 0) continue;
+    if (sighting.observations++ == 0) sighting.first_seen_ns = stamp_ns;
+    sighting.last_seen_ns = stamp_ns;
+  }
+  return object_of_ray;
+}
+
+Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m) {
+  Objects truth;
+  truth.stamp_ns = nanoseconds(time_s);
+  truth.height_world_m = height_world_m;
+  for (const TrueObject& true_object : world.objects_at(time_s)) {
+    const Sightings::Sighting& sighting = sightings.of_object()[true_object.id - 1];
+    Object object;
+    object.id = true_object.id;
+    object.ellipse_world = true_object.ellipse_world;
+    object.velocity_world_m_s = true_object.velocity_world_m_s;
+    object.angular_velocity_rad_s = true_object.angular_velocity_rad_s;
+    object.first_seen_ns = sighting.first_seen_ns;
+    object.last_seen_ns = sighting.last_seen_ns;
+    object.observations = sighting.observations;
+    object.beams = sighting.beams;
+    truth.objects.push_back(object);
+  }
+  return truth;
+}
+
+}  // namespace situation_awareness

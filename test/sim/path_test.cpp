@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/path.hpp"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/sim/periodic_spline.hpp"
+
+namespace situation_awareness {
+namespace {
+
+std::string path_error(const std::string& path, const PathOfBody& path_of_body = {}) {
+  try {
+    parse_path(path, Eigen::Vector3d::Zero(), 0.0, path_of_body);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "no error";
+}
+
+TEST(Path, DerivativesAgreeForEveryKind) {
+  const std::vector<std::string> paths = {
+      "stand",
+      "stand spin -0.7",
+      "circle center 1 2 radius 0.8 rate 0.5 phase 0.3",
+      "circle center 1 2 radius 0.8 rate -0.5 tangent",
+      "line from 0 1 to 2 -1 period 7 spin 0.2",
+      "straight from 0 1 velocity 0.4 -0.7 spin 0.2",
+      "straight from 0 1 velocity 0.4 -0.7 tangent",
+      "loop speed 0.9 points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5",
+      "loop speed 0.9 tangent points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5;",
+      "loop speed 1.3 points 0 0 1 0; 2 0.3 1.2 2; 3 2 1.4 4; 1 2.5 1 6; -1 1.5 1 5",
+  };
+  constexpr double h = 1e-4;
+  for (const std::string& text : paths) {
+    const Path path = parse_path(text, {0.5, -0.5, 0.9}, 0.4);
+    for (double t = -3.0; t < 20.0; t += 0.317) {
+      const PathState now = path(t), before = path(t - h), after = path(t + h);
+      EXPECT_LT(((after.position_m - before.position_m) / (2 * h) - now.velocity_m_s).norm(), 1e-6) << text;
+      EXPECT_LT(((after.velocity_m_s - before.velocity_m_s) / (2 * h) - now.acceleration_m_s2).norm(), 1e-6) << text;
+      EXPECT_LT(((after.acceleration_m_s2 - before.acceleration_m_s2) / (2 * h) - now.jerk_m_s3).norm(), 1e-6) << text;
+      EXPECT_NEAR(wrap_to_pi(after.yaw_rad - before.yaw_rad) / (2 * h), now.yaw_rate_rad_s, 1e-6) << text;
+    }
+  }
+}
+
+TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
+  const std::vector<std::string> carriers = {"stand spin -0.7", "circle center 1 2 radius 0.8 rate -0.5 tangent",
+                                             "loop speed 0.9 tangent points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5"};
+  constexpr double h = 1e-4;
+  for (const std::string& carrier : carriers) {
+    const PathOfBody path_of_body = [&](const std::string&) { return parse_path(carrier, {0.5, -0.5, 0.9}, 0.4); };
+    for (const std::string text :
+         {"with it at 0.3 -0.2", "with it at 0.3 -0.2 swing 0.4 period 1.3 phase 2 spin 0.6"}) {
+      const Path path = parse_path(text, {0.0, 0.0, 0.9}, 0.4, path_of_body);
+      for (double t = -3.0; t < 20.0; t += 0.317) {
+        const PathState now = path(t), before = path(t - h), after = path(t + h);
+        EXPECT_LT(((after.position_m - before.position_m) / (2 * h) - now.velocity_m_s).norm(), 1e-6) << text;
+        EXPECT_NEAR(wrap_to_pi(after.yaw_rad - before.yaw_rad) / (2 * h), now.yaw_rate_rad_s, 1e-6) << text;
+      }
+    }
+  }
+}
+
+TEST(Path, KeepsItsPlaceInTheAxesOfTheBodyItMovesWith) {
+  const Path carrier = parse_path("circle center 1 2 radius 0.5 rate 2 tangent", {5, 6, 7}, 0.2);
+  const PathOfBody path_of_body = [&](const std::string& body) { return body == "it" ? carrier : Path(); };
+  const Path path = parse_path("with it at 0.3 -0.2 swing 0.1 period 4 phase 0.5", {8, 9, 3}, 0.7, path_of_body);
+  for (const double t : {0.0, 0.6, 1.9}) {
+    const PathState it = carrier(t), state = path(t);
+    const double ahead = 0.3 + 0.1 * std::sin(0.5 * kPi * t + 0.5);
+    const Eigen::Vector2d x(std::cos(it.yaw_rad), std::sin(it.yaw_rad)), y(-x.y(), x.x());
+    EXPECT_LT((state.position_m.head<2>() - (it.position_m.head<2>() + ahead * x - 0.2 * y)).norm(), 1e-12);
+    EXPECT_EQ(state.position_m.z(), 3.0);
+    EXPECT_NEAR(state.yaw_rad - it.yaw_rad, 0.7, 1e-12);
+  }
+}
+
+TEST(Path, MeansWhatTheManualSays) {
+  const Eigen::Vector3d place(5, 6, 7);
+  const PathState stand = parse_path("stand spin 0.5", place, 0.2)(2.0);
+  EXPECT_EQ(stand.position_m, place);
+  EXPECT_DOUBLE_EQ(stand.yaw_rad, 1.2);
+
+  const PathState circle = parse_path("circle center 1 2 radius 0.5 rate 2 phase 0.1 tangent", place, 0.2)(0.3);
+  EXPECT_LT((circle.position_m - Eigen::Vector3d(1 + 0.5 * std::cos(0.7), 2 + 0.5 * std::sin(0.7), 7)).norm(), 1e-12);
+  EXPECT_NEAR(circle.velocity_m_s.norm(), 1.0, 1e-12);
+  EXPECT_NEAR(wrap_to_pi(circle.yaw_rad - (0.7 + 0.5 * kPi + 0.2)), 0.0, 1e-12);
+  EXPECT_NEAR(circle.yaw_rate_rad_s, 2.0, 1e-12);
+
+  const Path line = parse_path("line from 0 1 to 4 1 period 8", place, 0.2);
+  EXPECT_LT((line(0.0).position_m - Eigen::Vector3d(0, 1, 7)).norm(), 1e-12);
+  EXPECT_LT((line(4.0).position_m - Eigen::Vector3d(4, 1, 7)).norm(), 1e-12);
+  EXPECT_LT(line(4.0).velocity_m_s.norm(), 1e-12);
+  EXPECT_DOUBLE_EQ(line(1.0).yaw_rad, 0.2);
+
+  const PathState straight = parse_path("straight from 1 2 velocity -0.5 0.5 tangent", place, 0.2)(4.0);
+  EXPECT_LT((straight.position_m - Eigen::Vector3d(-1, 4, 7)).norm(), 1e-12);
+  EXPECT_NEAR(straight.yaw_rad, 0.75 * kPi + 0.2, 1e-12);
+}
+
+TEST(Path, SaysWhatIsWrongWithItsText) {
+  EXPECT_EQ(path_error(" "), "is empty");
+  EXPECT_EQ(path_error("hop over 1"), "starts with 'hop' instead of stand, circle, line, straight, loop or with");
+  EXPECT_EQ(path_error("circle center 1 2 radius 1"), "lacks 'rate'");
+  EXPECT_EQ(path_error("circle center 1 radius 1 rate 1"), "needs 2 number(s) after 'center'");
+  EXPECT_EQ(path_error("circle center 1 2 radius -1 rate 1"), "needs a positive number after 'radius'");
+  EXPECT_EQ(path_error("circle center 1 2 radius 1 rate 1 rate 2"), "has 'rate' twice");
+  EXPECT_EQ(path_error("circle center 1 2 radius 1 rate 1 spin"), "needs 1 number(s) after 'spin'");
+  EXPECT_EQ(path_error("circle center 1 2 radius 1 rate 1 speed 3"), "has 'speed', which it does not know");
+  EXPECT_EQ(path_error("circle center 1 nan radius 1 rate 1"), "needs 2 number(s) after 'center'");
+  EXPECT_EQ(path_error("circle 1 2 radius 1 rate 1"), "has '1' where a word should be");
+  EXPECT_EQ(path_error("circle center 1 2 radius 1 rate 0 tangent"), "has 'tangent' but does not move on all the time");
+  EXPECT_EQ(path_error("line from 0 0 to 1 0 period 3 tangent"), "has 'tangent' but does not move on all the time");
+  EXPECT_EQ(path_error("stand spin 1 tangent"), "turns in two ways: 'spin' and 'tangent'");
+  EXPECT_EQ(path_error("loop speed 1 points 0 0; 1 1"), "needs at least 3 points");
+  EXPECT_EQ(path_error("loop speed 1 points 0 0; 1 1; 2 2 2"),
+            "needs points of 2 numbers each (x y) or of 4 (x y z yaw)");
+  EXPECT_EQ(path_error("loop speed 1 points 1 1; 1 1; 1 1"), "has all its points at one place");
+  EXPECT_EQ(path_error("loop speed 1 spin 1 points 0 0 0 0; 1 0 0 0; 1 1 0 0"),
+            "turns in two ways: by the yaw of its points, and by 'spin' or 'tangent'");
+  EXPECT_EQ(path_error("straight from 0 0 velocity 0 0 tangent"), "has 'tangent' but does not move on all the time");
+  EXPECT_EQ(path_error("with"), "lacks the body to move with");
+  const PathOfBody path_of_body = [](const std::string& body) {
+    return body == "it" ? parse_path("stand", Eigen::Vector3d::Zero(), 0.0) : Path();
+  };
+  const std::string of_none = "', which only an object may, and only with a body that has a path of its own";
+  EXPECT_EQ(path_error("with it at 0 1"), "moves with 'it" + of_none);
+  EXPECT_EQ(path_error("with other at 0 1", path_of_body), "moves with 'other" + of_none);
+  EXPECT_EQ(path_error("with it at 0 1", path_of_body), "no error");
+  EXPECT_EQ(path_error("with it", path_of_body), "lacks 'at'");
+  EXPECT_EQ(path_error("with it at 0 1 swing 1", path_of_body), "lacks 'period'");
+  EXPECT_EQ(path_error("with it at 0 1 period 1", path_of_body), "has 'period', which it does not know");
+  EXPECT_EQ(path_error("with it at 0 1 tangent", path_of_body), "has 'tangent' but does not move on all the time");
+}
+
+TEST(PeriodicSpline, PassesItsPointsWithFourContinuousDerivatives) {
+  Eigen::MatrixXd points(1, 5);
+  points << 0.0, 1.0, 0.5, -2.0, 3.0;
+  const PeriodicSpline spline(points);
+  constexpr double kEpsilon = 1e-9;
+  for (int knot = -5; knot < 10; ++knot) {
+    EXPECT_NEAR(spline(knot)[0], points(0, (knot + 5) % 5), 1e-12);
+    for (int d = 0; d <= 4; ++d) EXPECT_NEAR(spline(knot - kEpsilon, d)[0], spline(knot + kEpsilon, d)[0], 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,91 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/sensors.hpp"
+
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include <gtest/gtest.h>
+
+#include "sim/world_file.hpp"
+
+namespace situation_awareness {
+namespace {
+
+std::string robot_with(const std::string& sites) {
+  return "<body name=\"robot\" mocap=\"true\" pos=\"1 2 1.5\" euler=\"0 0 0.3\">" + sites + "</body>";
+}
+
+WorldSensors sensors_in(const std::string& sites, const std::string& texts) {
+  const WorldFile file(world_text(robot_with(sites), texts));
+  return sensors_of(World(file.path()));
+}
+
+/// What reading the sensors complains of, behind the file's name.
+std::string sensor_error(const std::string& sites, const std::string& texts) {
+  const WorldFile file(world_text(robot_with(sites), texts));
+  try {
+    sensors_of(World(file.path()));
+  } catch (const std::runtime_error& error) {
+    const std::string what = error.what();
+    EXPECT_EQ(what.find(file.path() + ": "), 0U) << what;
+    return what.substr(file.path().size() + 2);
+  }
+  return "no error";
+}
+
+TEST(Sensors, ASiteLidarIsAScannerAndItsTextSaysWhich) {
+  const WorldSensors plain = sensors_in("<site name=\"lidar\" pos=\"0.1 0 0.2\" euler=\"0 0 0.5\"/>", "");
+  ASSERT_EQ(plain.scanners.size(), 1U);
+  EXPECT_EQ(plain.scanners[0].name, "lidar");
+  EXPECT_EQ(plain.scanners[0].params.beams, SimulatedScannerParams{}.beams);
+  Eigen::Isometry3d T(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()));
+  T.translation() << 0.1, 0.0, 0.2;
+  EXPECT_TRUE(plain.scanners[0].T_robot_sensor.isApprox(T, 1e-12));
+
+  const WorldSensors two = sensors_in("<site name=\"lidar\"/><site name=\"mark\"/><site name=\"rear\"/>",
+                                      R"(<text name="rear" data="scanner"/>
+         <text name="lidar" data="scanner beams 541 angle_increment_rad 0.00872664626 rate_hz 25 range_sigma_m .012"/>)");
+  ASSERT_EQ(two.scanners.size(), 2U);
+  EXPECT_EQ(two.scanners[0].name, "lidar");
+  EXPECT_EQ(two.scanners[0].params.beams, 541);
+  EXPECT_EQ(two.scanners[0].params.rate_hz, 25.0);
+  EXPECT_EQ(two.scanners[0].params.range_sigma_m, 0.012);
+  EXPECT_EQ(two.scanners[0].params.range_max_m, SimulatedScannerParams{}.range_max_m);
+  EXPECT_EQ(two.scanners[1].name, "rear");
+}
+
+TEST(Sensors, SayWhatIsWrongWithTheirText) {
+  const std::string site = "<site name=\"eye\"/>";
+  const auto error = [&](const std::string& text) {
+    return sensor_error(site, "<text name=\"eye\" data=\"" + text + "\"/>");
+  };
+  EXPECT_EQ(error("scanner"), "no error");
+  EXPECT_EQ(error(" "), "the sensor 'eye' is empty");
+  EXPECT_NE(error("sonar").find("the sensor 'eye' starts with 'sonar' instead of scanner"), std::string::npos);
+  EXPECT_EQ(error("scanner beams"), "the sensor 'eye' has 'beams' without a number");
+  EXPECT_EQ(error("scanner beams many"), "the sensor 'eye' has 'many' where the number of 'beams' should be");
+  EXPECT_EQ(error("scanner rate_hz nan"), "the sensor 'eye' has 'nan' where the number of 'rate_hz' should be");
+  EXPECT_EQ(error("scanner beams 20.5"), "the sensor 'eye' needs a whole number after 'beams'");
+  EXPECT_EQ(error("scanner beams 20 beams 21"), "the sensor 'eye' has 'beams' twice");
+  EXPECT_EQ(error("scanner lasers 4"), "the sensor 'eye' has 'lasers', which it does not know");
+  EXPECT_EQ(error("scanner rate_hz 0"), "the sensor 'eye' scanner.rate_hz = 0 is outside [0.1, 1000] Hz");
+  EXPECT_EQ(sensor_error(site, "<text name=\"ear\" data=\"scanner\"/>"),
+            "text 'ear' is the path of no body, and no site has that name");
+  EXPECT_EQ(sensor_error("<site name=\"robot\"/>", "<text name=\"robot\" data=\"stand\"/>"),
+            "text 'robot' could mean a body and a site: give them names of their own");
+}
+
+TEST(Sensors, EachHasASeedOfItsOwn) {
+  std::set<std::uint64_t> seeds;
+  for (const char* name : {"lidar", "rear", "imu", "imu2", "fix", ""}) {
+    for (std::uint64_t seed = 0; seed < 5; ++seed) {
+      seeds.insert(seed_of_sensor(seed, name));
+      EXPECT_EQ(seed_of_sensor(seed, name), seed_of_sensor(seed, std::string(name)));
+    }
+  }
+  EXPECT_EQ(seeds.size(), 30U);
+}
+
+}  // namespace
+}  // namespace situation_awareness
