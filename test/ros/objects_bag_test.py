@@ -230,11 +230,18 @@ class MapBagTest(unittest.TestCase):
         self.assertIn("2 dropped: no transform", result.stdout)
         self.assertIn("1 dropped: bad scan: stamp is zero", result.stdout)
 
-    def test_a_bag_without_transforms_maps_nothing(self):
+    def test_nothing_mapped_is_an_error(self):
+        common = ("--out", self.out, "--save-map", self.path / "map.yaml", "--config", CONFIG)
+        write_bag(self.bag, static_tf=True)
+        self.assert_fails(self.bag, *common, "--world-frame", "wrold",
+                          parts=("in.bag", "60 scans", "no transform", "wrold", "lidar", "robot", "world"))
         write_bag(self.bag, tf=False)
-        lines, result = self.objects_bag()
-        self.assertEqual(lines, [])
-        self.assertIn("60 dropped: no transform", result.stdout)
+        self.assert_fails(self.bag, *common, parts=("in.bag", "60 scans", "no transform", "--static-sensor"))
+        write_bag(self.bag, tf=False, static_tf=True)
+        self.assert_fails(self.bag, *common, parts=("no transform", "lidar", "robot"))
+        write_bag(self.bag, count=0, extra=[(i, scan_msg(stamp(i), ranges=[])) for i in range(3)])
+        self.assert_fails(self.bag, *common, "--static-sensor", parts=("3 scans", "3 dropped: bad scan: empty scan"))
+        self.assertFalse((self.path / "map.yaml").exists())
 
     def test_a_loop_starts_a_new_map(self):
         """Stamps go back by a minute while the recording goes on."""

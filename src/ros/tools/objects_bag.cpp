@@ -316,11 +316,31 @@ class BagMapper {
         return;
       } else {
         ++dropped_[drop_reason::kNoTransform];
+        scan_frame_ = tf2_frame(waiting.msg->header.frame_id);
       }
     }
   }
 
   std::size_t scans() const { return scans_; }
+
+  /// Throws std::runtime_error if no scan could be mapped: why not, and which frames there are.
+  void check_mapped(const std::string& bag) const {
+    if (!durations_ms_.empty()) return;
+    std::string sentence = bag + ": nothing mapped of " + std::to_string(scans_) + " scans";
+    for (const auto& [reason, count] : dropped_) {
+      sentence += ", " + std::to_string(count) + " dropped: " + reason;
+      if (reason == drop_reason::kNoTransform) sentence += " from " + world_frame_ + " to " + scan_frame_;
+    }
+    if (dropped_.of(drop_reason::kNoTransform) > 0) {
+      std::vector<std::string> frames;
+      transforms_._getFrameStrings(frames);
+      std::sort(frames.begin(), frames.end());
+      for (const std::string& frame : frames)
+        sentence += (&frame == &frames[0] ? "; the bag has the frames " : ", ") + frame;
+      if (frames.empty()) sentence += "; the bag has no transforms: --static-sensor does without";
+    }
+    throw std::runtime_error(sentence);
+  }
 
   void load(const std::string& path) { pipeline_.map().resume(load_map(path, world_frame_)); }
 
@@ -391,6 +411,7 @@ class BagMapper {
   }
 
   std::string world_frame_;
+  std::string scan_frame_;  ///< of the latest scan without transform
   bool static_sensor_;
   StampOrder order_;
   ObjectPipeline pipeline_;
@@ -451,6 +472,7 @@ void objects_bag(const Arguments& arguments) {
   }
   mapper.work_off(ros::TIME_MAX);
   progress.at(mapper.scans());
+  mapper.check_mapped(arguments.bag);
   if (!arguments.save_map.empty()) mapper.save(arguments.save_map);
   if (map_output) map_output->finish();
   if (detections_output) detections_output->finish();
