@@ -126,10 +126,13 @@ def record(topics):
     from sensor_msgs.msg import LaserScan
     from situation_awareness.msg import EllipseMap
     rospy.init_node("recorder", anonymous=True)
+
+    def write(topic, msg):  # whole lines: each topic has a thread of its own
+        os.write(1, f"{topic} {time.time():.3f} {msg.header.stamp.to_sec():.3f}\n".encode())
+
     for topic in topics:
         rospy.Subscriber(topic, LaserScan if topic == "scan" else EllipseMap,
-                         lambda msg, topic=topic: print(topic, f"{time.time():.3f}", f"{msg.header.stamp.to_sec():.3f}",
-                                                        flush=True), queue_size=100)
+                         lambda msg, topic=topic: write(topic, msg), queue_size=100)
     rospy.spin()
 
 
