@@ -22,8 +22,6 @@ void TransformAge::scan_arrived(const std::string& frame) {
   }
 }
 
-void TransformAge::scan_waited(const ros::WallTime& since) { waits_.add((ros::WallTime::now() - since).toSec() * 1e3); }
-
 void TransformAge::report(StageDiagnostics::Status& status) {
   if (static_) {
     status.add("TF age", "none: the transform is static");

@@ -19,8 +19,8 @@ class TransformAge {
   /// A scan came: how old is the newest transform to its frame? Throws nothing.
   void scan_arrived(const std::string& frame);
 
-  /// A scan has its transform.
-  void scan_waited(const ros::WallTime& since);
+  /// A scan has its transform, after so long.
+  void scan_waited(double waited_s) { waits_.add(1e3 * waited_s); }
 
   void report(StageDiagnostics::Status& status);
 

@@ -7,7 +7,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <deque>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
@@ -25,7 +24,6 @@
 #include <tf2/buffer_core.h>
 #include <tf2_msgs/TFMessage.h>
 
-#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -34,6 +32,7 @@
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -263,8 +262,8 @@ class Progress {
   int shown_ = -1;
 };
 
-/// Maps the messages of a bag in the order they were recorded in. A scan waits for its transform as in the nodelet, but
-/// by the time of the recording: however fast the bag is read.
+/// Maps the messages of a bag in the order they were recorded in. Scans wait for their transforms as in the nodelet,
+/// but by the time of the recording: however fast the bag is read.
 class BagMapper {
  public:
   /// Writes the map and the detections where the outputs are not null.
@@ -272,16 +271,18 @@ class BagMapper {
             Output* detections_output)
       : world_frame_(arguments.world_frame),
         static_sensor_(arguments.static_sensor),
-        order_(params.objects.reset_time_jump_s),
+        queue_(transforms_, {world_frame_, kTimeout_s, kMaxWaiting, params.objects.reset_time_jump_s},
+               [this](const char* reason, const std::string& /*detail*/) { ++dropped_[reason]; }),
         pipeline_(params),
         map_output_(map_output),
         detections_output_(detections_output) {}
 
   void add(const tf2_msgs::TFMessage& msg, bool is_static) {
+    if (static_sensor_) return;
     for (geometry_msgs::TransformStamped transform : msg.transforms) {
       transform.header.frame_id = tf2_frame(transform.header.frame_id);
       transform.child_frame_id = tf2_frame(transform.child_frame_id);
-      transforms_.setTransform(transform, "bag", is_static);
+      transforms_.setTransform(transform, kAuthority, is_static);
     }
   }
 
@@ -292,32 +293,21 @@ class BagMapper {
       ++dropped_[defect];
       return;
     }
-    switch (order_.judge(to_nanoseconds(msg->header.stamp))) {
-      case StampOrder::Verdict::kRefused:
-        ++dropped_[drop_reason::kStamp];
-        return;
-      case StampOrder::Verdict::kRestart:
-        for (; !waiting_.empty(); waiting_.pop_front()) ++dropped_[drop_reason::kRestart];
-        transforms_.clear();  // what it holds is of a later time and would shut out what is to come
-        break;
-      case StampOrder::Verdict::kNext:
-        break;
+    const Taken when = taken(*msg);
+    if (scan_frame_ != when.frame) {
+      scan_frame_ = when.frame;
+      if (static_sensor_) {
+        transforms_.setTransform(transform_to_msg(Eigen::Isometry3d::Identity(), 0, world_frame_, scan_frame_),
+                                 kAuthority, true);
+      }
     }
-    waiting_.push_back({msg, recorded});
+    queue_.add(msg, when, to_nanoseconds(recorded));
   }
 
-  /// Map what has its transform, in order; drop what should have had it by `recorded`.
-  void work_off(const ros::Time& recorded) {
-    for (; !waiting_.empty(); waiting_.pop_front()) {
-      const Waiting& waiting = waiting_.front();
-      if (has_transform(*waiting.msg)) {
-        process(*waiting.msg);
-      } else if (recorded.toSec() - waiting.recorded.toSec() < kPatience_s) {
-        return;
-      } else {
-        ++dropped_[drop_reason::kNoTransform];
-        scan_frame_ = tf2_frame(waiting.msg->header.frame_id);
-      }
+  /// Map what has its transforms, in order; drop what should have had them by `now_ns` of the recording.
+  void work_off(std::int64_t now_ns) {
+    while (const auto ready = queue_.next(now_ns)) {
+      process(*ready->item, ready->T_world_sensor, ready->T_world_sensor_end);
     }
   }
 
@@ -367,32 +357,12 @@ class BagMapper {
   }
 
  private:
-  struct Waiting {
-    sensor_msgs::LaserScanConstPtr msg;
-    ros::Time recorded;
-  };
-  static constexpr double kPatience_s = 10.0;
+  static constexpr double kTimeout_s = 10.0;
+  static constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
+  static constexpr const char* kAuthority = "bag";
 
-  bool has_transform(const sensor_msgs::LaserScan& msg) const {
-    const std::string frame = tf2_frame(msg.header.frame_id);
-    return static_sensor_ || (transforms_.canTransform(world_frame_, frame, msg.header.stamp) &&
-                              transforms_.canTransform(world_frame_, frame, time_of_last_beam(msg)));
-  }
-
-  Eigen::Isometry3d T_world_lidar_at(const sensor_msgs::LaserScan& msg, const ros::Time& time) const {
-    if (static_sensor_) return Eigen::Isometry3d::Identity();
-    return isometry_from_msg(transforms_.lookupTransform(world_frame_, tf2_frame(msg.header.frame_id), time).transform);
-  }
-
-  void process(const sensor_msgs::LaserScan& msg) {
-    Eigen::Isometry3d T_world_lidar, T_world_lidar_end;
-    try {
-      T_world_lidar = T_world_lidar_at(msg, msg.header.stamp);
-      T_world_lidar_end = T_world_lidar_at(msg, time_of_last_beam(msg));
-    } catch (const std::exception&) {
-      ++dropped_[drop_reason::kBadTransform];
-      return;
-    }
+  void process(const sensor_msgs::LaserScan& msg, const Eigen::Isometry3d& T_world_lidar,
+               const Eigen::Isometry3d& T_world_lidar_end) {
     const Scan scan = scan_from_msg(msg);
     const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
     if (!defect.empty()) {
@@ -411,14 +381,13 @@ class BagMapper {
   }
 
   std::string world_frame_;
-  std::string scan_frame_;  ///< of the latest scan without transform
+  std::string scan_frame_;  ///< of the latest scan
   bool static_sensor_;
-  StampOrder order_;
+  tf2::BufferCore transforms_{ros::Duration(3.0 * kTimeout_s)};  ///< not longer: lookups cost its length
+  TransformQueue<sensor_msgs::LaserScanConstPtr> queue_;
   ObjectPipeline pipeline_;
   Output* map_output_;
   Output* detections_output_;
-  tf2::BufferCore transforms_{ros::Duration(3.0 * kPatience_s)};  ///< not longer: lookups cost its length
-  std::deque<Waiting> waiting_;
   std::size_t scans_ = 0;
   Counters dropped_;
   std::vector<double> durations_ms_;
@@ -468,9 +437,9 @@ void objects_bag(const Arguments& arguments) {
     } else {
       mapper.add(*read<tf2_msgs::TFMessage>(instance), false);
     }
-    mapper.work_off(instance.getTime());
+    mapper.work_off(to_nanoseconds(instance.getTime()));
   }
-  mapper.work_off(ros::TIME_MAX);
+  mapper.work_off(kEndOfTime_ns);
   progress.at(mapper.scans());
   mapper.check_mapped(arguments.bag);
   if (!arguments.save_map.empty()) mapper.save(arguments.save_map);

@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <ros/time.h>
+#include <sensor_msgs/LaserScan.h>
+#include <tf2/buffer_core.h>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+
+namespace situation_awareness {
+
+/// At this time nothing waits any longer, whatever the timeout.
+constexpr std::int64_t kEndOfTime_ns = std::numeric_limits<std::int64_t>::max();
+
+struct TransformQueueParams {
+  std::string world_frame;
+  double timeout_s = 0.5;          ///< how long a measurement waits for its transforms
+  std::size_t max_waiting = 20;    ///< measurements; of more, the newest takes the place of the one before it
+  double reset_time_jump_s = 1.0;  ///< stamps that go back by more start again, by less they are refused
+};
+
+/// A measurement with the poses of its sensor.
+template <class Item>
+struct Posed {
+  Item item;
+  Eigen::Isometry3d T_world_sensor;      ///< at its first instant, the stamp
+  Eigen::Isometry3d T_world_sensor_end;  ///< at its last instant
+  double waited_s = 0.0;                 ///< for its transforms
+};
+
+/// When a measurement was taken, and in which frame.
+struct Taken {
+  std::string frame;  ///< as tf2 knows it
+  ros::Time first, last;
+};
+
+/// Of a scan: at its first beam and, where its beams are to be taken each at its own time, at its last.
+Taken taken(const sensor_msgs::LaserScan& msg, bool deskew = true);
+
+/// Whether tf2 knows the poses of the frame in the world at both instants.
+bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
+
+/// tf2's words on why not: "from world to lidar: ...".
+std::string missing_transform(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
+
+/// The pose of the frame in the world. Throws what tf2 and isometry_from_msg do.
+Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
+                               const std::string& frame, const ros::Time& time);
+
+/// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms at their first and last
+/// instant. The nodelets and the offline tools share it: what is used and what is dropped is decided here.
+///
+/// The clock is the caller's and only has to run forward: live a steady clock, offline the time of the recording.
+/// Transforms may come on another thread, calls must not. Nothing is thrown; each drop is told to `on_drop` with one of
+/// the reasons of drop_reason.
+template <class Item>
+class TransformQueue {
+ public:
+  using OnDrop = std::function<void(const char* reason, const std::string& detail)>;
+
+  /// `transforms` must outlive this; it is cleared where stamps start again. Throws std::invalid_argument naming field
+  /// and bound.
+  TransformQueue(tf2::BufferCore& transforms, TransformQueueParams params, OnDrop on_drop)
+      : transforms_(transforms),
+        params_(std::move(params)),
+        order_(params_.reset_time_jump_s),
+        on_drop_(std::move(on_drop)) {
+    if (params_.world_frame.empty()) throw std::invalid_argument("world_frame is empty");
+    if (!(params_.timeout_s >= 0.0)) throw std::invalid_argument("timeout_s is not a number >= 0");
+    if (params_.max_waiting == 0) throw std::invalid_argument("max_waiting is 0, it must be 1 at least");
+  }
+
+  /// A measurement has come. On kRestart those before it are dropped, on kRefused it is itself.
+  StampOrder::Verdict add(Item item, Taken taken, std::int64_t now_ns) {
+    const StampOrder::Verdict verdict = order_.judge(to_nanoseconds(taken.first));
+    if (verdict == StampOrder::Verdict::kRefused) {
+      on_drop_(drop_reason::kStamp, "");
+      return verdict;
+    }
+    if (verdict == StampOrder::Verdict::kRestart) {
+      for (; !waiting_.empty(); waiting_.pop_front()) on_drop_(drop_reason::kRestart, "");
+      transforms_.clear();  // what it holds is of a later time and would shut out what is to come
+    }
+    waiting_.push_back({std::move(item), std::move(taken), now_ns});
+    return verdict;
+  }
+
+  /// The next that has its transforms, in order; to be called until there is none. On the way those are dropped that
+  /// will not get theirs, and those beyond the bound.
+  std::optional<Posed<Item>> next(std::int64_t now_ns) {
+    while (!waiting_.empty()) {
+      // Transforms come in order: where a later measurement has its own, those of an earlier one will not come. They
+      // come at any time, on another thread, so the later one is asked about first.
+      const bool overtaken = waiting_.size() > 1 && has_transforms(waiting_.back().taken);
+      Waiting& oldest = waiting_.front();
+      const double waited_s = seconds_between(oldest.since_ns, now_ns);
+      if (has_transforms(oldest.taken)) {
+        const Waiting ready = std::move(oldest);
+        waiting_.pop_front();
+        try {
+          return Posed<Item>{ready.item, pose_at(ready.taken, ready.taken.first),
+                             pose_at(ready.taken, ready.taken.last), waited_s};
+        } catch (const std::exception& error) {
+          on_drop_(drop_reason::kBadTransform, error.what());
+        }
+      } else if (overtaken || waited_s >= params_.timeout_s) {
+        on_drop_(drop_reason::kNoTransform, missing_transform(transforms_, params_.world_frame, oldest.taken));
+        waiting_.pop_front();
+      } else {
+        break;
+      }
+    }
+    while (waiting_.size() > params_.max_waiting) {
+      // Not the oldest: where transforms are later than the queue is long, it is the next to get its own.
+      waiting_.erase(std::prev(waiting_.end(), 2));
+      on_drop_(drop_reason::kQueueFull, "");
+    }
+    return std::nullopt;
+  }
+
+  std::size_t waiting() const { return waiting_.size(); }
+
+ private:
+  struct Waiting {
+    Item item;
+    Taken taken;
+    std::int64_t since_ns;
+  };
+
+  bool has_transforms(const Taken& taken) const {
+    return situation_awareness::has_transforms(transforms_, params_.world_frame, taken);
+  }
+  Eigen::Isometry3d pose_at(const Taken& taken, const ros::Time& time) const {
+    return transform_at(transforms_, params_.world_frame, taken.frame, time);
+  }
+
+  tf2::BufferCore& transforms_;
+  TransformQueueParams params_;
+  StampOrder order_;
+  OnDrop on_drop_;
+  std::deque<Waiting> waiting_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/transform_queue.hpp"
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+
+namespace situation_awareness {
+
+Taken taken(const sensor_msgs::LaserScan& msg, bool deskew) {
+  return {tf2_frame(msg.header.frame_id), msg.header.stamp, deskew ? time_of_last_beam(msg) : msg.header.stamp};
+}
+
+bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken) {
+  return transforms.canTransform(world_frame, taken.frame, taken.first) &&
+         (taken.last == taken.first || transforms.canTransform(world_frame, taken.frame, taken.last));
+}
+
+std::string missing_transform(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken) {
+  std::string why;
+  if (transforms.canTransform(world_frame, taken.frame, taken.first, &why)) {
+    transforms.canTransform(world_frame, taken.frame, taken.last, &why);
+  }
+  return "from " + world_frame + " to " + taken.frame + ": " + why;
+}
+
+Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
+                               const std::string& frame, const ros::Time& time) {
+  return isometry_from_msg(transforms.lookupTransform(world_frame, frame, time).transform);
+}
+
+}  // namespace situation_awareness

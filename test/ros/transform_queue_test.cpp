@@ -1,0 +1,222 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/transform_queue.hpp"
+
+#include <algorithm>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'000;
+constexpr std::int64_t kMillisecond_ns = 1'000'000;
+constexpr std::int64_t kSweep_ms = 20;
+
+ros::Time at_ms(std::int64_t time_ms) { return to_ros_time(kStart_ns + time_ms * kMillisecond_ns); }
+
+/// A sensor that moves at 1 m/s along x; a measurement of it takes kSweep_ms and is named by its first millisecond.
+class TransformQueueTest : public ::testing::Test {
+ protected:
+  using Queue = TransformQueue<std::int64_t>;
+
+  static TransformQueueParams params(std::size_t max_waiting = 20) { return {"world", 0.5, max_waiting, 1.0}; }
+
+  StampOrder::Verdict measure(std::int64_t time_ms, std::int64_t now_ms) {
+    return queue_.add(time_ms, {"lidar", at_ms(time_ms), at_ms(time_ms + kSweep_ms)}, now_ms * kMillisecond_ns);
+  }
+
+  void move(std::int64_t time_ms) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation().x() = 1e-3 * static_cast<double>(time_ms);
+    transforms_.setTransform(transform_to_msg(T, kStart_ns + time_ms * kMillisecond_ns, "world", "lidar"), "test");
+  }
+
+  /// What may go on by then.
+  std::vector<std::int64_t> release(std::int64_t now_ms) {
+    std::vector<std::int64_t> released;
+    while (const auto ready = queue_.next(now_ms * kMillisecond_ns)) {
+      released.push_back(ready->item);
+      EXPECT_NEAR(ready->T_world_sensor.translation().x(), 1e-3 * static_cast<double>(ready->item), 1e-9);
+      EXPECT_NEAR(ready->T_world_sensor_end.translation().x(), 1e-3 * static_cast<double>(ready->item + kSweep_ms),
+                  1e-9);
+      waited_s_ = ready->waited_s;
+    }
+    return released;
+  }
+
+  using Released = std::vector<std::int64_t>;
+  using Drops = std::map<std::string, int>;
+  tf2::BufferCore transforms_;
+  Drops dropped_;
+  std::string detail_;
+  double waited_s_ = 0.0;
+  Queue queue_{transforms_, params(), [this](const char* reason, const std::string& detail) {
+                 ++dropped_[reason];
+                 detail_ = detail;
+               }};
+};
+
+TEST_F(TransformQueueTest, WaitsForTheTransformAtTheLastInstant) {
+  move(0);
+  move(100);
+  measure(90, 95);
+  EXPECT_EQ(release(95), Released());
+  move(109);
+  EXPECT_EQ(release(200), Released());
+  move(111);
+  EXPECT_EQ(release(345), Released{90});
+  EXPECT_NEAR(waited_s_, 0.25, 1e-12);
+  EXPECT_EQ(queue_.waiting(), 0U);
+  EXPECT_EQ(dropped_, Drops());
+}
+
+TEST_F(TransformQueueTest, ReleasesInOrderAllThatAreReady) {
+  for (const std::int64_t time_ms : {0, 50, 100, 150}) measure(time_ms, time_ms);
+  move(0);
+  move(125);
+  EXPECT_EQ(release(150), (Released{0, 50, 100}));
+  EXPECT_EQ(queue_.waiting(), 1U);
+}
+
+TEST_F(TransformQueueTest, TheTimeoutIsByTheClockOfTheCaller) {
+  measure(0, 1'000'000);
+  EXPECT_EQ(release(1'000'499), Released());
+  EXPECT_EQ(queue_.waiting(), 1U);
+  EXPECT_EQ(release(1'000'500), Released());
+  EXPECT_EQ(queue_.waiting(), 0U);
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
+  EXPECT_NE(detail_.find("world"), std::string::npos);
+  EXPECT_NE(detail_.find("lidar"), std::string::npos);
+}
+
+TEST_F(TransformQueueTest, NothingOutlivesTheEndOfTime) {
+  measure(0, 0);
+  EXPECT_FALSE(queue_.next(kEndOfTime_ns).has_value());
+  EXPECT_EQ(queue_.waiting(), 0U);
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
+}
+
+TEST_F(TransformQueueTest, WhatALaterOneHasOvertakenIsDropped) {
+  measure(0, 0);
+  measure(50, 50);
+  move(40);  // nothing before it
+  move(80);
+  EXPECT_EQ(release(51), Released{50});
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
+}
+
+TEST_F(TransformQueueTest, BeyondTheBoundTheNewestTakesThePlaceOfTheOneBefore) {
+  Queue queue(transforms_, params(3),
+              [this](const char* reason, const std::string& /*detail*/) { ++dropped_[reason]; });
+  for (const std::int64_t time_ms : {0, 50, 100, 150, 200}) {
+    queue.add(time_ms, {"lidar", at_ms(time_ms), at_ms(time_ms)}, 0);
+    EXPECT_FALSE(queue.next(0).has_value());
+    EXPECT_LE(queue.waiting(), 3U);
+  }
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kQueueFull, 2}}));
+  move(0);
+  move(300);
+  Released released;
+  while (const auto ready = queue.next(0)) released.push_back(ready->item);
+  EXPECT_EQ(released, (Released{0, 50, 200}));
+}
+
+TEST_F(TransformQueueTest, StampsThatRepeatOrGoBackALittleAreRefused) {
+  EXPECT_EQ(measure(2000, 0), StampOrder::Verdict::kNext);
+  EXPECT_EQ(measure(2000, 1), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(measure(1500, 2), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(queue_.waiting(), 1U);
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kStamp, 2}}));
+}
+
+TEST_F(TransformQueueTest, StampsThatGoFarBackStartAgainWithoutTheOldTransforms) {
+  move(5000);
+  measure(5000, 0);
+  measure(5050, 1);
+  EXPECT_EQ(measure(100, 2), StampOrder::Verdict::kRestart);
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kRestart, 2}}));
+  move(100);  // tf2 would not take it beside those of later times
+  move(150);
+  EXPECT_EQ(release(3), Released{100});
+}
+
+TEST_F(TransformQueueTest, ATransformThatIsNoneIsCounted) {
+  geometry_msgs::TransformStamped bad = transform_to_msg(Eigen::Isometry3d::Identity(), 0, "world", "lidar");
+  bad.transform.translation.x = 1e300;
+  bad.transform.translation.y = 1e300;
+  transforms_.setTransform(bad, "test", true);
+  bad.header.frame_id = "lidar";
+  bad.child_frame_id = "arm";
+  bad.transform.translation.x = 1.7e308;
+  bad.transform.translation.y = 1.7e308;
+  bad.transform.rotation.z = bad.transform.rotation.w = std::sqrt(0.5);
+  transforms_.setTransform(bad, "test", true);
+  bad.child_frame_id = "hand";
+  bad.header.frame_id = "arm";
+  transforms_.setTransform(bad, "test", true);
+  queue_.add(0, {"hand", at_ms(0), at_ms(0)}, 0);
+  EXPECT_EQ(release(0), Released());
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kBadTransform, 1}}));
+}
+
+/// Measurements and transforms in any order, some of them missing: each measurement ends once, in order.
+TEST_F(TransformQueueTest, EachMeasurementEndsOnce) {
+  Random random(7);
+  int measured = 0;
+  Released released;
+  std::int64_t now_ms = 0, last_measured_ms = -1, last_moved_ms = -1;
+  for (int i = 0; i < 20000; ++i) {
+    now_ms += 1 + static_cast<std::int64_t>(10.0 * random.uniform());
+    if (random.uniform() < 0.3 && last_measured_ms < now_ms) {
+      last_measured_ms = now_ms;
+      measure(now_ms, now_ms);
+      ++measured;
+    } else if (random.uniform() < 0.5) {
+      // late by up to 400 ms, and now and then not at all for a second
+      const std::int64_t moved_ms = now_ms - static_cast<std::int64_t>(400.0 * random.uniform());
+      if (moved_ms > last_moved_ms && moved_ms > 0 && (now_ms / 1000) % 7 != 0) move(last_moved_ms = moved_ms);
+    }
+    for (const std::int64_t time_ms : release(now_ms)) released.push_back(time_ms);
+  }
+  for (const std::int64_t time_ms : release(kEndOfTime_ns / kMillisecond_ns)) released.push_back(time_ms);
+  int dropped = 0;
+  for (const auto& [reason, count] : dropped_) dropped += count;
+  EXPECT_EQ(static_cast<int>(released.size()) + dropped, measured);
+  EXPECT_TRUE(std::is_sorted(released.begin(), released.end()));
+  EXPECT_GT(released.size(), 3000U);
+  EXPECT_GT(dropped_[drop_reason::kNoTransform], 100);
+}
+
+TEST(TransformQueue, TakesAScanFromItsFirstBeamToItsLast) {
+  sensor_msgs::LaserScan msg;
+  msg.header.frame_id = "/lidar";
+  msg.header.stamp = at_ms(0);
+  msg.ranges.resize(101);
+  msg.time_increment = 1e-4F;
+  EXPECT_EQ(taken(msg).frame, "lidar");
+  EXPECT_EQ(taken(msg).first, at_ms(0));
+  EXPECT_EQ(taken(msg).last, time_of_last_beam(msg));
+  EXPECT_NEAR((taken(msg).last - at_ms(0)).toSec(), 0.01, 1e-8);
+  const bool deskew = false;
+  EXPECT_EQ(taken(msg, deskew).last, at_ms(0));
+}
+
+TEST(TransformQueue, RefusesParametersThatCannotBe) {
+  tf2::BufferCore transforms;
+  const auto make = [&](const TransformQueueParams& params) { TransformQueue<int>(transforms, params, {}); };
+  EXPECT_THROW(make({"", 0.5, 1, 1.0}), std::invalid_argument);
+  EXPECT_THROW(make({"world", -0.5, 1, 1.0}), std::invalid_argument);
+  EXPECT_THROW(make({"world", std::numeric_limits<double>::quiet_NaN(), 1, 1.0}), std::invalid_argument);
+  EXPECT_THROW(make({"world", 0.5, 0, 1.0}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace situation_awareness
