@@ -1,5 +1,6 @@
 # The ROS boundary: a library of conversions, the nodelets, the nodes and the offline tool, and where all is installed.
 add_library(${PROJECT_NAME}_ros
+  src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/poses.cpp

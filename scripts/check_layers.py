@@ -13,7 +13,7 @@ import pathlib
 import re
 import sys
 
-STAGES = ["scan", "image", "points", "segments", "detections", "map", "pose", "path"]
+STAGES = ["cloud", "scan", "image", "points", "segments", "detections", "map", "pose", "path"]
 ORDER = ["common", "geometry", "estimation"] + STAGES + ["pipeline", "evaluation", "sim", "ros"]
 VALUES_ONLY = STAGES + ["evaluation", "sim"]
 

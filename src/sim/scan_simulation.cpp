@@ -1,30 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-#include <algorithm>
-#include <stdexcept>
+#include <utility>
 
 #include "situation_awareness/sim/truth.hpp"
 
 namespace situation_awareness {
-namespace {
-
-const Eigen::Isometry3d& lidar_mount(const World& world) {
-  const auto is_lidar = [](const SensorMount& mount) { return mount.name == "lidar"; };
-  const auto lidar = std::find_if(world.mounts().begin(), world.mounts().end(), is_lidar);
-  if (lidar == world.mounts().end()) throw std::runtime_error(world.path() + ": there is no site 'lidar' on 'robot'");
-  return lidar->T_robot_sensor;
-}
-
-}  // namespace
-
 class ScanSimulation::Impl {
  public:
   Impl(const std::string& mjcf_path, const SimulatedScannerParams& scanner, std::uint64_t seed)
       : world_(mjcf_path),
-        T_robot_lidar_(lidar_mount(world_)),
+        T_robot_lidar_(world_.T_robot_lidar()),
         scanner_(world_, T_robot_lidar_, scanner, seed),
-        sightings_(world_.names().size(), kTruthRange_m) {}
+        sightings_(world_.names().size()) {}
 
   SimulatedScan next() {
     const double time_s = scanner_.next_time_s();

@@ -64,8 +64,10 @@ void add_sensor(const SensorMount& mount, WorldSensors& sensors) {
   if (!(words >> kind) && mount.name != "lidar") throw std::invalid_argument("is empty");
   if (kind == "scanner") {
     sensors.scanners.push_back(sensor_at<SimulatedScannerParams>(mount, words));
+  } else if (kind == "ring_scanner") {
+    sensors.ring_scanners.push_back(sensor_at<SimulatedRingScannerParams>(mount, words));
   } else {
-    throw std::invalid_argument("starts with '" + kind + "' instead of scanner");
+    throw std::invalid_argument("starts with '" + kind + "' instead of scanner or ring_scanner");
   }
 }
 

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/world.hpp"
 
+#include <algorithm>
+#include <stdexcept>
+
 #include "world_model.hpp"
 
 namespace situation_awareness {
@@ -32,5 +35,12 @@ std::vector<TrueObject> World::objects_at(double time_s) const {
 const std::vector<std::string>& World::names() const { return model_->names(); }
 
 const std::vector<SensorMount>& World::mounts() const { return model_->mounts(); }
+
+const Eigen::Isometry3d& World::T_robot_lidar() const {
+  const auto lidar =
+      std::find_if(mounts().begin(), mounts().end(), [](const SensorMount& mount) { return mount.name == "lidar"; });
+  if (lidar == mounts().end()) throw std::runtime_error(path_ + ": there is no site 'lidar' on 'robot'");
+  return lidar->T_robot_sensor;
+}
 
 }  // namespace situation_awareness

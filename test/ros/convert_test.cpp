@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -49,6 +50,38 @@ Segments some_segments() {
   segments.segments.push_back(
       {4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1});
   return segments;
+}
+
+TEST(ConvertCloud, LaysPointsOutAsDriversDo) {
+  Cloud cloud;
+  cloud.stamp_ns = kStamp_ns;
+  cloud.rows = 2;
+  cloud.columns = 3;
+  cloud.points.resize(6);
+  cloud.points[4] = {1.5F, -2.25F, 0.125F, 87.5F, 1, 0.03125F};
+  const sensor_msgs::PointCloud2 msg = cloud_to_msg(cloud, "velodyne");
+  EXPECT_EQ(msg.header.frame_id, "velodyne");
+  EXPECT_EQ(to_nanoseconds(msg.header.stamp), kStamp_ns);
+  EXPECT_EQ(msg.height, 2U);
+  EXPECT_EQ(msg.width, 3U);
+  EXPECT_EQ(msg.row_step, 3 * msg.point_step);
+  EXPECT_EQ(msg.data.size(), 6 * msg.point_step);
+  EXPECT_FALSE(msg.is_dense);
+  const auto value = [&](const std::string& name, std::size_t point, auto sample) {
+    for (const sensor_msgs::PointField& field : msg.fields) {
+      if (field.name == name) std::memcpy(&sample, &msg.data[point * msg.point_step + field.offset], sizeof sample);
+    }
+    return sample;
+  };
+  EXPECT_EQ(value("x", 4, kNan), 1.5F);
+  EXPECT_EQ(value("y", 4, kNan), -2.25F);
+  EXPECT_EQ(value("z", 4, kNan), 0.125F);
+  EXPECT_EQ(value("intensity", 4, kNan), 87.5F);
+  EXPECT_EQ(value("ring", 4, std::uint16_t{9}), 1);
+  EXPECT_EQ(value("time", 4, kNan), 0.03125F);
+  EXPECT_TRUE(std::isnan(value("x", 3, 0.0F)));
+  cloud.points.assign(6, cloud.points[4]);
+  EXPECT_TRUE(cloud_to_msg(cloud, "velodyne").is_dense);
 }
 
 TEST(ConvertScan, KeepsTheThreeFactsOfRep117Apart) {

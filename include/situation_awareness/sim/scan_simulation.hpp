@@ -15,9 +15,6 @@
 
 namespace situation_awareness {
 
-/// Hits farther away do not count as seen in the truth: the papers' range of interest.
-constexpr double kTruthRange_m = 10.0;
-
 /// One simulated scan and the truth at its stamp.
 struct SimulatedScan {
   Scan scan;

@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/world.hpp"
 
@@ -23,6 +24,7 @@ struct MountedSensor {
 /// The sensors that a world's file asks for, by kind, each in the order of the file.
 struct WorldSensors {
   std::vector<MountedSensor<SimulatedScannerParams>> scanners;
+  std::vector<MountedSensor<SimulatedRingScannerParams>> ring_scanners;
 };
 
 /// Reads what the file says of its sensors: the kind, then names of the kind's parameters, each followed by its value,

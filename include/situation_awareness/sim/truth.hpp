@@ -10,6 +10,9 @@
 
 namespace situation_awareness {
 
+/// Hits farther away do not count as seen in the truth: the papers' range of interest.
+constexpr double kTruthRange_m = 10.0;
+
 /// What a ray met in truth, without noise.
 struct TrueHit {
   int object = -1;  ///< index of an object in the world's order; -1: none, or none that is seen
@@ -26,7 +29,7 @@ class Sightings {
   };
 
   /// Hits farther away than `range_m` do not count.
-  Sightings(std::size_t objects, double range_m) : range_m_(range_m), of_object_(objects) {}
+  explicit Sightings(std::size_t objects, double range_m = kTruthRange_m) : range_m_(range_m), of_object_(objects) {}
 
   /// Add a scan: `hits` are rows of `columns` rays, one row for a 2D scanner. A column that hits an object several
   /// times counts once, so that scanners of any number of rows say the same. Gives for each ray which object it counts

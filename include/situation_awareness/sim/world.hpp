@@ -55,6 +55,9 @@ class World {
   /// In the order of the file.
   const std::vector<SensorMount>& mounts() const;
 
+  /// Where the site `lidar` is. Throws std::runtime_error naming the file where there is none.
+  const Eigen::Isometry3d& T_robot_lidar() const;
+
   /// For the sensors: the world as MuJoCo has it, which they move to the times at which they measure.
   WorldModel& model() { return *model_; }
 

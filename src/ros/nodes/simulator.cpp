@@ -1,17 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A simulated world in place of a robot: /clock, TF, odometry and scan, and the truth that a map is judged by.
+// A simulated world in place of a robot: /clock, TF, odometry, what its sensors measure, and the truth that a map is
+// judged by.
 #include <algorithm>
 #include <atomic>
-#include <optional>
+#include <memory>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -19,12 +27,17 @@
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
-#include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/ring_scanner.hpp"
+#include "situation_awareness/sim/scanner.hpp"
+#include "situation_awareness/sim/schedule.hpp"
+#include "situation_awareness/sim/sensors.hpp"
+#include "situation_awareness/sim/truth.hpp"
+#include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr int kPosesPerScan = 5;   ///< TF and /clock come this much faster than scans
+constexpr int kPosesPerScan = 5;   ///< TF comes this much faster than scans
 constexpr int kMaxScansAhead = 3;  ///< of the map, when running as fast as it goes
 
 struct SimulatorParams {
@@ -33,6 +46,7 @@ struct SimulatorParams {
   double rate = 1.0;  ///< simulated seconds per second; 0: as fast as the map follows
   int seed = 1;
   double duration_s = 0.0;  ///< 0: for ever
+  int rings = 0;            ///< of a ring scanner in the place of the world's scanners; 0: those
   std::string world_frame, robot_frame, lidar_frame;
 };
 
@@ -43,6 +57,7 @@ SimulatorParams read_simulator_params(ParamReader reader) {
   params.rate = reader.take_number("rate", params.rate, Bounds{0.0, 100.0}, "");
   params.seed = reader.take_integer("seed", params.seed, Bounds{0, 2147483647}, "");
   params.duration_s = reader.take_number("duration_s", params.duration_s, Bounds{0.0, 1e6}, "s");
+  params.rings = reader.take_integer("rings", params.rings, Bounds{0, 256}, "");
   params.world_frame = reader.take_text("world_frame", "world");
   params.robot_frame = reader.take_text("robot_frame", "robot");
   params.lidar_frame = reader.take_text("lidar_frame", "lidar");
@@ -56,43 +71,127 @@ SimulatorParams read_simulator_params(ParamReader reader) {
 class Simulator {
  public:
   Simulator(ros::NodeHandle node, const SimulatorParams& params)
-      : params_(params), world_(world_file(params.world), lidar_, static_cast<std::uint64_t>(params.seed)) {
-    if (params.clock) clock_ = node.advertise<rosgraph_msgs::Clock>("/clock", 100);
-    odometry_ = node.advertise<nav_msgs::Odometry>("odometry", 100);
-    scan_ = node.advertise<sensor_msgs::LaserScan>("scan", 50);
-    truth_ = node.advertise<EllipseMap>("truth", 50);
-    markers_ = node.advertise<visualization_msgs::MarkerArray>("truth_markers", 10);
-    map_ = node.subscribe<EllipseMap>("objects", 50, [this](const EllipseMapConstPtr& msg) {
+      : params_(params), node_(node), world_(world_file(params.world)), sightings_(world_.names().size()) {
+    if (params.clock) clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", 100);
+    odometry_ = node_.advertise<nav_msgs::Odometry>("odometry", 100);
+    truth_ = node_.advertise<EllipseMap>("truth", 50);
+    markers_ = node_.advertise<visualization_msgs::MarkerArray>("truth_markers", 10);
+    map_ = node_.subscribe<EllipseMap>("objects", 50, [this](const EllipseMapConstPtr& msg) {
       mapped_ns_ = std::max(mapped_ns_.load(), to_nanoseconds(msg->header.stamp));
     });
-    static_tf_.sendTransform(
-        transform_to_msg(world_.T_robot_lidar(), start_ns_, params_.robot_frame, params_.lidar_frame));
+    add_sensors();
   }
 
   void run() {
-    const std::int64_t period_ns = nanoseconds(1.0 / lidar_.rate_hz);
     // The first scan waits for someone to see it, and a little for the map: they start slower than a simulation.
-    wait_for([this] { return scan_.getNumSubscribers() > 0; }, 30.0);
+    wait_for([this] { return first_scan_.getNumSubscribers() > 0; }, 30.0);
     wait_for([this] { return map_.getNumPublishers() > 0; }, 5.0);
     ros::WallTime start = ros::WallTime::now();
     if (!params_.clock) start_ns_ = static_cast<std::int64_t>(start.toNSec());
-    std::int64_t time_ns = 0;
-    while (ros::ok() && (params_.duration_s <= 0.0 || seconds_between(0, time_ns) <= params_.duration_s)) {
-      const SimulatedScan simulated = world_.next();
-      time_ns = simulated.scan.stamp_ns;
-      publish(simulated);
-      for (int i = 1; i <= kPosesPerScan && ros::ok(); ++i) {
-        const std::int64_t pose_time_ns = time_ns + i * period_ns / kPosesPerScan;
-        if (params_.rate > 0.0) start = pace(start, seconds_between(0, pose_time_ns) / params_.rate);
-        publish_clock(start_ns_ + pose_time_ns);
-        // The pose at the next scan's stamp goes out with that scan.
-        if (i < kPosesPerScan) publish_pose(world_.robot_at(seconds_between(0, pose_time_ns)), pose_time_ns);
+    publish_clock(start_ns_);
+    double now_s = 0.0;
+    while (ros::ok()) {
+      const double due_s = schedule_.next_time_s();
+      if (params_.duration_s > 0.0 && due_s > params_.duration_s) break;
+      if (due_s > now_s) {
+        now_s = due_s;
+        if (params_.rate > 0.0) start = pace(start, now_s / params_.rate);
+        publish_clock(start_ns_ + nanoseconds(now_s));
       }
-      if (params_.rate <= 0.0) wait_for_map(start_ns_ + time_ns - kMaxScansAhead * period_ns);
+      schedule_.step();
     }
   }
 
  private:
+  /// The sensors that the world asks for, or with `rings` the one that stands in for them.
+  void add_sensors() {
+    WorldSensors sensors = sensors_of(world_);
+    if (params_.rings > 0) {
+      MountedSensor<SimulatedRingScannerParams> rings{"lidar", world_.T_robot_lidar(), {}};
+      rings.params.rings = params_.rings;
+      sensors.scanners.clear();
+      sensors.ring_scanners = {rings};
+    }
+    const bool scanner_is_first = !sensors.scanners.empty();
+    if (!scanner_is_first && sensors.ring_scanners.empty()) {
+      throw std::runtime_error(world_.path() + ": it asks for no scanner");
+    }
+    const double scan_rate_hz =
+        scanner_is_first ? sensors.scanners.front().params.rate_hz : sensors.ring_scanners.front().params.rate_hz;
+    add_poses(kPosesPerScan * scan_rate_hz);  // before the scans: what is due at one time goes out in this order
+    for (const auto& sensor : sensors.scanners) add_scanner(sensor, &sensor == &sensors.scanners.front());
+    for (const auto& sensor : sensors.ring_scanners) {
+      add_ring_scanner(sensor, !scanner_is_first && &sensor == &sensors.ring_scanners.front());
+    }
+    static_tf_.sendTransform(mounts_);
+  }
+
+  void add_poses(double rate_hz) {
+    const auto count = std::make_shared<std::uint64_t>(0);
+    const auto next_time_s = [count, rate_hz] { return static_cast<double>(*count) / rate_hz; };
+    schedule_.add(next_time_s, [this, count, next_time_s] {
+      publish_pose(world_.robot_at(next_time_s()), nanoseconds(next_time_s()));
+      ++*count;
+    });
+  }
+
+  /// `is_first` for the one whose hits count as seen in the truth.
+  void add_scanner(const MountedSensor<SimulatedScannerParams>& sensor, bool is_first) {
+    const std::string frame = mount(sensor.name, sensor.T_robot_sensor);
+    const ros::Publisher publisher = advertise<sensor_msgs::LaserScan>(sensor.name, "scan", is_first);
+    const SimulatedScannerParams& params = sensor.params;
+    // The site `lidar` has the simulation's own seed.
+    const auto seed = static_cast<std::uint64_t>(params_.seed);
+    add(SimulatedScanner(world_, sensor.T_robot_sensor, params,
+                         sensor.name == "lidar" ? seed : seed_of_sensor(seed, sensor.name)),
+        [this, publisher, frame, params, is_first](ScannerSample sample) {
+          const std::int64_t stamp_ns = sample.scan.stamp_ns;
+          if (is_first) publish_truth(stamp_ns, sample.hits, sample.hits.size(), sample.T_world_lidar);
+          sample.scan.stamp_ns += start_ns_;
+          publisher.publish(
+              scan_to_msg(sample.scan, frame, params.range_min_m, params.range_max_m, 1.0 / params.rate_hz));
+          if (is_first) wait_for_map(stamp_ns, params.rate_hz);
+        });
+  }
+
+  void add_ring_scanner(const MountedSensor<SimulatedRingScannerParams>& sensor, bool is_first) {
+    const std::string frame = mount(sensor.name, sensor.T_robot_sensor);
+    const ros::Publisher publisher = advertise<sensor_msgs::PointCloud2>(sensor.name, "points", is_first);
+    const double rate_hz = sensor.params.rate_hz;
+    add(SimulatedRingScanner(world_, sensor.T_robot_sensor, sensor.params,
+                             seed_of_sensor(static_cast<std::uint64_t>(params_.seed), sensor.name)),
+        [this, publisher, frame, rate_hz, is_first](RingScannerSample sample) {
+          const std::int64_t stamp_ns = sample.cloud.stamp_ns;
+          if (is_first) publish_truth(stamp_ns, sample.hits, sample.cloud.columns, sample.T_world_sensor);
+          sample.cloud.stamp_ns += start_ns_;
+          publisher.publish(cloud_to_msg(sample.cloud, frame));
+          if (is_first) wait_for_map(stamp_ns, rate_hz);
+        });
+  }
+
+  template <class Sensor, class Publish>
+  void add(Sensor sensor, const Publish& publish) {
+    const auto shared = std::make_shared<Sensor>(std::move(sensor));
+    schedule_.add([shared] { return shared->next_time_s(); }, [shared, publish] { publish(shared->next()); });
+  }
+
+  /// The first sensor of a topic has it to itself, others have it in their own name.
+  template <class Message>
+  ros::Publisher advertise(const std::string& name, const std::string& topic, bool is_first_scan) {
+    const bool is_taken = !topics_.insert(topic).second;
+    const ros::Publisher publisher = node_.advertise<Message>(is_taken ? name + "/" + topic : topic, 50);
+    if (is_first_scan) first_scan_ = publisher;
+    return publisher;
+  }
+
+  /// The frame of a sensor, which then is in TF.
+  std::string mount(const std::string& name, const Eigen::Isometry3d& T_robot_sensor) {
+    const std::string& robot = params_.robot_frame;
+    const std::string frame = name == "lidar" ? params_.lidar_frame : robot.substr(0, robot.rfind('/') + 1) + name;
+    mounts_.push_back(transform_to_msg(T_robot_sensor, start_ns_, robot, frame));
+    return frame;
+  }
+
   /// Sleep until `elapsed_s` after `start`. A machine that is far behind goes on from now, as if it had started later:
   /// to catch up would flood the map.
   static ros::WallTime pace(const ros::WallTime& start, double elapsed_s) {
@@ -113,11 +212,13 @@ class Simulator {
   }
 
   /// As fast as it goes means as fast as the map follows: without a wait every queue would overflow.
-  void wait_for_map(std::int64_t stamp_ns) const {
+  void wait_for_map(std::int64_t scan_ns, double rate_hz) const {
+    if (params_.rate > 0.0) return;
     if (map_.getNumPublishers() == 0) {
       ros::WallDuration(0.002).sleep();
       return;
     }
+    const std::int64_t stamp_ns = start_ns_ + scan_ns - nanoseconds(kMaxScansAhead / rate_hz);
     const ros::WallTime patience = ros::WallTime::now() + ros::WallDuration(0.2);
     while (ros::ok() && mapped_ns_ < stamp_ns && ros::WallTime::now() < patience) ros::WallDuration(0.0005).sleep();
   }
@@ -151,29 +252,30 @@ class Simulator {
     odometry_.publish(msg);
   }
 
-  void publish(const SimulatedScan& simulated) {
-    publish_clock(start_ns_ + simulated.scan.stamp_ns);
-    publish_pose(simulated.robot, simulated.scan.stamp_ns);
-    Objects truth = simulated.truth;
+  void publish_truth(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns,
+                     const Eigen::Isometry3d& T_world_lidar) {
+    sightings_.add(stamp_ns, hits, columns);
+    Objects truth = true_map(world_, sightings_, seconds_between(0, stamp_ns), T_world_lidar.translation().z());
     truth.stamp_ns += start_ns_;
     for (Object& object : truth.objects) {
       object.first_seen_ns += start_ns_;
       object.last_seen_ns += start_ns_;
     }
-    truth_.publish(objects_to_msg(truth, params_.world_frame, simulated.names));
+    truth_.publish(objects_to_msg(truth, params_.world_frame, world_.names()));
     if (markers_.getNumSubscribers() > 0) {
-      markers_.publish(truth_markers_.update(truth, params_.world_frame, simulated.names));
+      markers_.publish(truth_markers_.update(truth, params_.world_frame, world_.names()));
     }
-    Scan scan = simulated.scan;
-    scan.stamp_ns += start_ns_;
-    scan_.publish(scan_to_msg(scan, params_.lidar_frame, lidar_.range_min_m, lidar_.range_max_m, 1.0 / lidar_.rate_hz));
   }
 
   SimulatorParams params_;
+  ros::NodeHandle node_;
   std::int64_t start_ns_ = kSimulationStart_ns;  ///< stamp of the first scan
-  SimulatedScannerParams lidar_;
-  ScanSimulation world_;
-  ros::Publisher clock_, odometry_, scan_, truth_, markers_;
+  World world_;
+  Sightings sightings_;
+  Schedule schedule_;
+  std::set<std::string> topics_;
+  std::vector<geometry_msgs::TransformStamped> mounts_;
+  ros::Publisher clock_, odometry_, first_scan_, truth_, markers_;
   ros::Subscriber map_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+namespace situation_awareness {
+
+/// One measurement of a sensor that sees in three dimensions, in the sensor's frame.
+struct CloudPoint {
+  /// m; all NaN where there is no return.
+  float x_m = std::numeric_limits<float>::quiet_NaN();
+  float y_m = std::numeric_limits<float>::quiet_NaN();
+  float z_m = std::numeric_limits<float>::quiet_NaN();
+  float intensity = std::numeric_limits<float>::quiet_NaN();  ///< in the sensor's own units; NaN where there is none
+  std::uint16_t ring = 0;                                     ///< laser or row of the sensor
+  float time_s = 0.0F;                                        ///< when it was taken, after the cloud's stamp
+};
+
+/// What a 3D LIDAR or a depth camera measures in one revolution or picture.
+///
+/// Points are in rows: that of row r and column c is `points[r * columns + c]`. A structured cloud has a row for each
+/// ring, every measurement in its place, those without a return too; an unstructured one is a single row.
+struct Cloud {
+  std::int64_t stamp_ns = 0;
+  std::size_t rows = 1;
+  std::size_t columns = 0;
+  std::vector<CloudPoint> points;  ///< rows * columns
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/cloud/cloud.hpp"
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/sim/truth.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+
+class RayCaster;
+
+/// A 3D scanner of several lasers that spin about its z axis; the defaults are those of a Velodyne VLP-16 at 20 Hz,
+/// with the range of the 2D scanner. With other angles it is a depth camera.
+struct SimulatedRingScannerParams {
+  int rings = 16;
+  double elevation_min_rad = radians(-15.0);
+  double elevation_max_rad = radians(15.0);
+  int columns = 900;
+  double azimuth_min_rad = -kPi;
+  double azimuth_increment_rad = 2.0 * kPi / 900.0;
+  double rate_hz = 20.0;
+  double sweep_s = 0.0499;
+  double range_min_m = 0.1;
+  double range_max_m = 30.0;
+  double range_sigma_m = 0.01;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("rings", self.rings, Bounds{1, 256}, "", "lasers, one above the other");
+    visit("elevation_min_rad", self.elevation_min_rad, Bounds{-1.57, 1.57}, "rad", "of the lowest ring, ring 0");
+    visit("elevation_max_rad", self.elevation_max_rad, Bounds{-1.57, 1.57}, "rad",
+          "of the highest ring; those between are evenly spaced");
+    visit("columns", self.columns, Bounds{2, 10000}, "", "points of one ring in one revolution");
+    visit("azimuth_min_rad", self.azimuth_min_rad, Bounds{-2.0 * kPi, 2.0 * kPi}, "rad", "of the first column");
+    visit("azimuth_increment_rad", self.azimuth_increment_rad, Bounds{-kPi, kPi}, "rad",
+          "from column to column, negative for a scanner that turns clockwise; at most one revolution in all");
+    visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz", "revolutions per second");
+    visit("sweep_s", self.sweep_s, Bounds{0.0, 1.0}, "s",
+          "time from the first column to the last, less than from cloud to cloud; 0: all at one instant");
+    visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer gives no return");
+    visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther gives no return");
+    visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// What a ring scanner measures, and what it met.
+struct RingScannerSample {
+  Cloud cloud;                                                           ///< structured: a row for each ring
+  Eigen::Isometry3d T_world_sensor = Eigen::Isometry3d::Identity();      ///< at the stamp
+  Eigen::Isometry3d T_world_sensor_end = Eigen::Isometry3d::Identity();  ///< at the last column's time
+  std::vector<TrueHit> hits;                                             ///< of each point
+};
+
+/// A 3D scanner on the robot of a world. The rays of one column are at one time, that of the first column is the stamp;
+/// each is cast from where the robot is at its own time, among the objects where they are then. Noise is along the ray,
+/// and never takes a return across the sensor's limits. Same seed, same clouds, bit for bit.
+class SimulatedRingScanner {
+ public:
+  /// `world` must outlive the scanner, which moves it. Throws std::invalid_argument for params.
+  SimulatedRingScanner(World& world, const Eigen::Isometry3d& T_robot_sensor, const SimulatedRingScannerParams& params,
+                       std::uint64_t seed);
+  ~SimulatedRingScanner();
+  SimulatedRingScanner(SimulatedRingScanner&&) noexcept;
+  SimulatedRingScanner& operator=(SimulatedRingScanner&&) noexcept;
+
+  const SimulatedRingScannerParams& params() const { return params_; }
+
+  /// When the next revolution begins; the first is at time 0.
+  double next_time_s() const { return static_cast<double>(scans_) / params_.rate_hz; }
+
+  RingScannerSample next();
+
+ private:
+  SimulatedRingScannerParams params_;
+  Eigen::Isometry3d T_robot_sensor_;
+  std::uint64_t seed_;
+  std::unique_ptr<RayCaster> rays_;
+  std::uint64_t scans_ = 0;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <functional>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace situation_awareness {
+
+/// Lets sensors of different rates measure in the order of their times.
+class Schedule {
+ public:
+  /// `next_time_s` says when the sensor is due, and `measure` moves that on.
+  void add(std::function<double()> next_time_s, std::function<void()> measure) {
+    entries_.push_back({std::move(next_time_s), std::move(measure)});
+  }
+
+  /// When the next one is due; infinity where there are none.
+  double next_time_s() const {
+    double time_s = std::numeric_limits<double>::infinity();
+    for (const Entry& entry : entries_) time_s = std::min(time_s, entry.next_time_s());
+    return time_s;
+  }
+
+  /// Let the one that is due next measure: of several that are due at one time the one that was added first.
+  void step() {
+    const double time_s = next_time_s();
+    const auto due = std::find_if(entries_.begin(), entries_.end(),
+                                  [time_s](const Entry& entry) { return entry.next_time_s() <= time_s; });
+    if (due != entries_.end()) due->measure();
+  }
+
+ private:
+  struct Entry {
+    std::function<double()> next_time_s;
+    std::function<void()> measure;
+  };
+  std::vector<Entry> entries_;
+};
+
+}  // namespace situation_awareness

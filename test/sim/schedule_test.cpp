@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/schedule.hpp"
+
+#include <cmath>
+#include <string>
+
+#include <gtest/gtest.h>
+
+namespace situation_awareness {
+namespace {
+
+TEST(Schedule, LetsSensorsMeasureInTheOrderOfTheirTimes) {
+  Schedule schedule;
+  EXPECT_TRUE(std::isinf(schedule.next_time_s()));
+  schedule.step();  // nothing is due
+  std::string order;
+  int fast = 0, slow = 0;
+  schedule.add([&] { return fast / 10.0; }, [&] { order += 'f', ++fast; });
+  schedule.add([&] { return slow / 4.0; }, [&] { order += 's', ++slow; });
+  double time_s = 0.0;
+  while (schedule.next_time_s() < 0.55) {
+    EXPECT_GE(schedule.next_time_s(), time_s);
+    time_s = schedule.next_time_s();
+    schedule.step();
+  }
+  // 0 0.1 0.2 0.3 0.4 0.5 and 0 0.25 0.5; at one time in the order in which they were added.
+  EXPECT_EQ(order, "fsffsfffs");
+}
+
+}  // namespace
+}  // namespace situation_awareness
