@@ -20,6 +20,7 @@ RayCaster::RayCaster(World& world) : world_(world.model()) {
   for (std::size_t i = 0; i < objects.size(); ++i) {
     const int geom = objects[i].geom;
     object_of_geom_[static_cast<std::size_t>(geom)] = static_cast<int>(i);
+    if (model.geom_type[geom] != mjGEOM_ELLIPSOID) continue;
     model.geom_size[3 * geom + 2] = kHalfHeight_m;
     model.geom_rbound[geom] = kHalfHeight_m;
   }

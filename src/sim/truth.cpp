@@ -33,10 +33,11 @@ Objects true_map(const World& world, const Sightings& sightings, double time_s, 
   truth.stamp_ns = nanoseconds(time_s);
   truth.height_world_m = height_world_m;
   for (const TrueObject& true_object : world.objects_at(time_s)) {
+    if (!true_object.ellipse_world) continue;
     const Sightings::Sighting& sighting = sightings.of_object()[true_object.id - 1];
     Object object;
     object.id = true_object.id;
-    object.ellipse_world = true_object.ellipse_world;
+    object.ellipse_world = *true_object.ellipse_world;
     object.velocity_world_m_s = true_object.velocity_world_m_s;
     object.angular_velocity_rad_s = true_object.angular_velocity_rad_s;
     object.first_seen_ns = sighting.first_seen_ns;

@@ -24,7 +24,13 @@ std::vector<TrueObject> World::objects_at(double time_s) const {
     const PathState state = of_file[i].path(time_s);
     TrueObject object;
     object.id = i + 1;
-    object.ellipse_world = canonical({state.position_m.head<2>(), state.yaw_rad, of_file[i].rx_m, of_file[i].ry_m});
+    object.T_world_object = {state.position_m.head<2>(), state.yaw_rad};
+    if (of_file[i].footprint_m.empty()) {
+      object.ellipse_world = canonical({state.position_m.head<2>(), state.yaw_rad, of_file[i].rx_m, of_file[i].ry_m});
+    }
+    for (const Eigen::Vector2d& p_object : of_file[i].footprint_m) {
+      object.footprint_world_m.push_back(object.T_world_object * p_object);
+    }
     object.velocity_world_m_s = state.velocity_m_s.head<2>();
     object.angular_velocity_rad_s = state.yaw_rate_rad_s;
     objects.push_back(object);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "flight.hpp"
+#include "mesh_section.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -79,6 +80,21 @@ PathOfBody any_path(const mjModel& model, const mjData& data) {
   };
 }
 
+/// The triangles of a mesh in the frame of its body.
+TriangleMesh mesh_of(const mjModel& model, int geom, const Eigen::Isometry3d& T_body_geom) {
+  const int id = model.geom_dataid[geom];
+  TriangleMesh mesh;
+  for (int i = 0; i < model.mesh_vertnum[id]; ++i) {
+    const Eigen::Map<const Eigen::Vector3f> p_geom(model.mesh_vert + 3 * (model.mesh_vertadr[id] + i));
+    mesh.vertices_m.push_back(T_body_geom * p_geom.cast<double>());
+  }
+  for (int i = 0; i < model.mesh_facenum[id]; ++i) {
+    const int* const corners = model.mesh_face + 3 * (model.mesh_faceadr[id] + i);
+    mesh.triangles.push_back({corners[0], corners[1], corners[2]});
+  }
+  return mesh;
+}
+
 WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
   const int body = model.geom_bodyid[geom];
   const std::string body_name = quoted_name(model, mjOBJ_BODY, body);
@@ -88,19 +104,35 @@ WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
   if (body == 0)
     throw std::runtime_error("geom " + quoted_name(model, mjOBJ_GEOM, geom) + " is an object without a body");
   if (mj_id2name(&model, mjOBJ_BODY, body) == nullptr) refuse("needs a name");
-  if (model.geom_type[geom] != mjGEOM_ELLIPSOID) refuse("is not of type ellipsoid");
-
+  const int type = model.geom_type[geom];
+  if (type != mjGEOM_ELLIPSOID && type != mjGEOM_BOX && type != mjGEOM_MESH) {
+    refuse("is not of type ellipsoid, box or mesh");
+  }
   const Eigen::Isometry3d T_world_body = body_pose(data, body);
   const Eigen::Isometry3d T_world_geom = isometry(data.geom_xpos + 3 * geom, data.geom_xmat + 9 * geom);
-  if (!T_world_geom.isApprox(T_world_body, 1e-9)) refuse("has a geom with a pose of its own: put it on the body");
-  if (T_world_geom(2, 2) < 1.0 - 1e-9) refuse("is not upright");
+  // MuJoCo gives every mesh the axes of its own inertia.
+  if (type != mjGEOM_MESH && !T_world_geom.isApprox(T_world_body, 1e-9)) {
+    refuse("has a geom with a pose of its own: put it on the body");
+  }
+  if (T_world_body(2, 2) < 1.0 - 1e-9) refuse("is not upright");
 
   WorldObject object;
   object.name = mj_id2name(&model, mjOBJ_BODY, body);
   object.geom = geom;
   object.mocap = model.body_mocapid[body];
-  object.rx_m = model.geom_size[3 * geom];
-  object.ry_m = model.geom_size[3 * geom + 1];
+  if (type == mjGEOM_ELLIPSOID) {
+    object.rx_m = model.geom_size[3 * geom];
+    object.ry_m = model.geom_size[3 * geom + 1];
+  } else if (type == mjGEOM_BOX) {
+    const Eigen::Vector2d half_m(model.geom_size[3 * geom], model.geom_size[3 * geom + 1]);
+    object.footprint_m = {-half_m, {half_m.x(), -half_m.y()}, half_m, {-half_m.x(), half_m.y()}};
+  } else {
+    try {
+      object.footprint_m = section_at_half_height(mesh_of(model, geom, T_world_body.inverse() * T_world_geom));
+    } catch (const std::invalid_argument& error) {
+      refuse(error.what());
+    }
+  }
   object.path = path_of(model, data, body, any_path(model, data));
   if (!object.path) {
     const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));

@@ -18,7 +18,7 @@ namespace situation_awareness {
 
 // Geom groups of a world file; what is higher is decoration, which the scanner does not see.
 constexpr int kSceneryGroup = 0;  // MuJoCo's default: walls, floor
-constexpr int kObjectGroup = 1;   // the objects' ellipsoids
+constexpr int kObjectGroup = 1;   // the objects' geoms
 
 struct DeleteModel {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
@@ -47,13 +47,14 @@ class MujocoThrows {
 /// The element's name in quotes, or its number where it has none.
 std::string quoted_name(const mjModel& model, mjtObj type, int id);
 
-/// An elliptic cylinder of the world.
+/// An elliptic cylinder of the world, or a box or a mesh.
 struct WorldObject {
   std::string name;
   int geom = -1;
-  int mocap = -1;  // -1: cannot move
-  double rx_m = 0.0;
+  int mocap = -1;     // -1: cannot move
+  double rx_m = 0.0;  // of a cylinder
   double ry_m = 0.0;
+  std::vector<Eigen::Vector2d> footprint_m;  // of a box or a mesh, in the body's frame, counter-clockwise
   Path path;
 };
 

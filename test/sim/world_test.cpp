@@ -89,8 +89,8 @@ TEST(Truth, VelocitiesAreDerivativesOfThePose) {
                                     after = world.objects_at(t + h);
       for (std::size_t i = 0; i < now.size(); ++i) {
         const TrueObject& object = now[i];
-        const Ellipse& a = before[i].ellipse_world;
-        const Ellipse& b = after[i].ellipse_world;
+        const Ellipse& a = *before[i].ellipse_world;
+        const Ellipse& b = *after[i].ellipse_world;
         EXPECT_LT(((b.center_m - a.center_m) / (2.0 * h) - object.velocity_world_m_s).norm(), 1e-6);
         EXPECT_NEAR(wrap_to_half_pi(b.psi_rad - a.psi_rad) / (2.0 * h), object.angular_velocity_rad_s, 1e-6);
       }
@@ -188,8 +188,8 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
   expect_error(
       world_text("<body name=\"robot\" mocap=\"true\"><geom name=\"arm\" size=\"1\"/><site name=\"lidar\"/></body>"),
       "geom 'arm' of 'robot' needs group=\"2\"");
-  expect_error(world_text(kRobot + "<body name=\"box\"><geom type=\"box\" group=\"1\" size=\"1 1 1\"/></body>"),
-               "object 'box' is not of type ellipsoid");
+  expect_error(world_text(kRobot + "<body name=\"ball\"><geom type=\"sphere\" group=\"1\" size=\"1\"/></body>"),
+               "object 'ball' is not of type ellipsoid, box or mesh");
   expect_error(world_text(kRobot + "<body><geom type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/></body>"),
                "object number 2 (without a name) needs a name");
   expect_error(world_text(kRobot + "<geom name=\"loose\" type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/>"),
@@ -241,7 +241,7 @@ TEST(DemoWorld, ShowsStandingAndMovingObjectsAndHidesThePoleForAWhile) {
   const std::vector<TrueObject> at_start = world.world().objects_at(0.0), later = world.world().objects_at(5.0);
   int standing = 0;
   for (std::size_t i = 0; i < later.size(); ++i) {
-    standing += later[i].ellipse_world.center_m == at_start[i].ellipse_world.center_m ? 1 : 0;
+    standing += later[i].ellipse_world->center_m == at_start[i].ellipse_world->center_m ? 1 : 0;
   }
   EXPECT_GE(standing, 5);
   EXPECT_GE(static_cast<int>(later.size()) - standing, 4);

@@ -114,7 +114,7 @@ TEST_P(WorldOfTheLibrary, KeepsEverythingClearOfEverythingElse) {
     std::vector<Outline> outlines;
     const std::vector<TrueObject> objects = world.objects_at(t);
     for (std::size_t i = 0; i < names.size(); ++i) {
-      outlines.push_back(outline_of(names[i], objects[i].ellipse_world));
+      outlines.push_back(outline_of(names[i], *objects[i].ellipse_world));
     }
     const Eigen::Vector2d robot = world.robot_at(t).T_world_robot.translation().head<2>();
     outlines.push_back(outline_of("robot", {robot, 0.0, kRobotRadius_m, kRobotRadius_m}));
@@ -143,7 +143,7 @@ TEST_P(WorldOfTheLibrary, ShowsStandingAndMovingObjects) {
   std::size_t standing = 0;
   const std::vector<TrueObject> later = world.world().objects_at(5.0);
   for (std::size_t i = 0; i < first.names.size(); ++i) {
-    standing += later[i].ellipse_world.center_m == first.truth.objects[i].ellipse_world.center_m ? 1 : 0;
+    standing += later[i].ellipse_world->center_m == first.truth.objects[i].ellipse_world.center_m ? 1 : 0;
   }
   EXPECT_GE(standing, GetParam().least_standing);
   EXPECT_GE(first.names.size() - standing, GetParam().least_moving);

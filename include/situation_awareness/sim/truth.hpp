@@ -43,8 +43,8 @@ class Sightings {
   std::vector<Sighting> of_object_;
 };
 
-/// The truth as a map would say it: the objects at that time, with exact velocities, no covariance, and what has been
-/// seen of them so far. `height_world_m` is that of the map.
+/// The truth as a map of ellipses would say it: the objects at that time that are elliptic cylinders, with exact
+/// velocities, no covariance, and what has been seen of them so far. `height_world_m` is that of the map.
 Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m);
 
 }  // namespace situation_awareness

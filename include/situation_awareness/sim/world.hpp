@@ -3,24 +3,30 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/sim/multirotor.hpp"
 
 namespace situation_awareness {
 
 class WorldModel;
 
-/// An object of a world in truth, at one time.
+/// An object of a world in truth, at one time: an elliptic cylinder, or something whose outline is a polygon.
 struct TrueObject {
-  std::uint64_t id = 0;   ///< from 1 in the order of the file
-  Ellipse ellipse_world;  ///< canonical
-  Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
-  double angular_velocity_rad_s = 0.0;  ///< about world z
+  std::uint64_t id = 0;                  ///< from 1 in the order of the file
+  Pose2 T_world_object;                  ///< of its body
+  std::optional<Ellipse> ellipse_world;  ///< of a cylinder, canonical
+  /// Of a box or a mesh: its corners, counter-clockwise, without the first again at the end. Of a mesh those of its
+  /// section at half its height.
+  std::vector<Eigen::Vector2d> footprint_world_m;
+  Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();  ///< of the body's origin
+  double angular_velocity_rad_s = 0.0;                           ///< about world z
 };
 
 /// A place on the robot where the file mounts a sensor.
