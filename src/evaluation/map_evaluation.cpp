@@ -30,6 +30,9 @@ void tally_error(double error, double& sum_of_squares, double& max_absolute) {
   max_absolute = std::max(max_absolute, std::abs(error));
 }
 
+/// False for what of the truth has not appeared yet, or has gone.
+bool is_there(const Object& true_object) { return true_object.p_exists > 0.0; }
+
 double ratio(double part, double whole) { return whole > 0.0 ? part / whole : 0.0; }
 
 }  // namespace
@@ -55,6 +58,7 @@ std::vector<MapEvaluation::Thing> MapEvaluation::things_of(const Objects& truth)
 std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Objects& map) const {
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < things.size(); ++i) {
+    if (!is_there(*things[i].reference)) continue;
     for (std::size_t j = 0; j < map.objects.size(); ++j) {
       const Eigen::Vector2d& center_m = map.objects[j].ellipse_world.center_m;
       const double distance_m = (things[i].reference->ellipse_world.center_m - center_m).norm();
@@ -165,6 +169,12 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
     const Object& object = *things[i].reference;
     ObjectTally& tally = objects_[object.id];
     has_parts_[object.id] = things[i].parts.size() > 1;
+    if (!is_there(object)) {
+      tally.hiding.reset();
+      tally.unmapped_since_ns = kNever;
+      tally.element_id = 0;
+      continue;
+    }
     tally.moves = tally.moves || !object.velocity_world_m_s.isZero(0.0);
     const Object* const element = element_of[i] >= 0 ? &map.objects[static_cast<std::size_t>(element_of[i])] : nullptr;
     if (element != nullptr) on_truth[static_cast<std::size_t>(element_of[i])] = true;

@@ -49,7 +49,7 @@ class PathText {
 
   const std::string& kind() const { return kind_; }
 
-  /// The body to move with, of the kind `with`.
+  /// The body to move with, of the kind `with`; else empty.
   const std::string& body() const { return body_; }
 
   bool has(const std::string& word) const { return rows_.count(word) != 0; }
@@ -252,6 +252,14 @@ Path tangent(const Path& path, double yaw_rad) {
   };
 }
 
+Presence take_presence(PathText& text) {
+  Presence presence;
+  presence.appears_s = text.take_number("appears", presence.appears_s);
+  presence.goes_s = text.take_number("goes", presence.goes_s);
+  if (!(presence.goes_s > presence.appears_s)) throw std::invalid_argument("goes before it appears");
+  return presence;
+}
+
 }  // namespace
 
 Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
@@ -298,8 +306,14 @@ Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, doub
   } else if (!has_yaw) {
     path = spinning(path, yaw_rad, words.take_number("spin", 0.0));
   }
+  take_presence(words);
   words.check_all_used();
   return path;
+}
+
+PathFacts facts_of_path(const std::string& text) {
+  PathText words(text);
+  return {take_presence(words), words.body(), words.kind() == "stand" && !words.has("spin")};
 }
 
 }  // namespace situation_awareness

@@ -12,7 +12,13 @@ class ScanSimulation::Impl {
       : world_(mjcf_path),
         T_robot_lidar_(world_.T_robot_lidar()),
         scanner_(world_, T_robot_lidar_, scanner, seed),
-        sightings_(world_.names().size()) {}
+        sightings_(world_.names().size()),
+        place_in_truth_(world_.names().size(), -1) {
+    for (const std::size_t object : objects_of_true_map(world_)) {
+      place_in_truth_[object] = static_cast<int>(names_.size());
+      names_.push_back(world_.names()[object]);
+    }
+  }
 
   SimulatedScan next() {
     const double time_s = scanner_.next_time_s();
@@ -22,9 +28,12 @@ class ScanSimulation::Impl {
     out.T_world_lidar = sample.T_world_lidar;
     out.T_world_lidar_end = sample.T_world_lidar_end;
     out.object_of_beam = sightings_.add(sample.scan.stamp_ns, sample.hits, sample.hits.size());
+    for (int& object : out.object_of_beam) {
+      if (object >= 0) object = place_in_truth_[static_cast<std::size_t>(object)];
+    }
     out.scan = std::move(sample.scan);
     out.truth = truth_at(time_s);
-    out.names = world_.names();
+    out.names = names_;
     return out;
   }
 
@@ -42,6 +51,8 @@ class ScanSimulation::Impl {
   Eigen::Isometry3d T_robot_lidar_;
   SimulatedScanner scanner_;
   Sightings sightings_;
+  std::vector<std::string> names_;   // of the truth's objects
+  std::vector<int> place_in_truth_;  // of each object of the world; -1: none
 };
 
 ScanSimulation::ScanSimulation(const std::string& mjcf_path, const SimulatedScannerParams& scanner,

@@ -28,6 +28,14 @@ std::vector<int> Sightings::add(std::int64_t stamp_ns, const std::vector<TrueHit
   return object_of_ray;
 }
 
+std::vector<std::size_t> objects_of_true_map(const World& world) {
+  std::vector<std::size_t> places;
+  for (const TrueObject& object : world.objects_at(0.0)) {
+    if (object.ellipse_world) places.push_back(object.id - 1);
+  }
+  return places;
+}
+
 Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m) {
   Objects truth;
   truth.stamp_ns = nanoseconds(time_s);
@@ -44,6 +52,7 @@ Objects true_map(const World& world, const Sightings& sightings, double time_s, 
     object.last_seen_ns = sighting.last_seen_ns;
     object.observations = sighting.observations;
     object.beams = sighting.beams;
+    object.p_exists = true_object.is_there ? 1.0 : 0.0;
     truth.objects.push_back(object);
   }
   return truth;

@@ -24,6 +24,7 @@ std::vector<TrueObject> World::objects_at(double time_s) const {
     const PathState state = of_file[i].path(time_s);
     TrueObject object;
     object.id = i + 1;
+    object.is_there = of_file[i].presence.at(time_s);
     object.T_world_object = {state.position_m.head<2>(), state.yaw_rad};
     if (of_file[i].footprint_m.empty()) {
       object.ellipse_world = canonical({state.position_m.head<2>(), state.yaw_rad, of_file[i].rx_m, of_file[i].ry_m});

@@ -60,13 +60,33 @@ Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBod
   const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
   const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
   if (text < 0) return {};
-  if (model.body_mocapid[body] < 0 && body_name != "robot") {
-    throw std::runtime_error("body '" + body_name + "' has a path and so needs mocap=\"true\"");
-  }
   const Eigen::Isometry3d T_world_body = body_pose(data, body);
   const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
   try {
-    return parse_path(model.text_data + model.text_adr[text], T_world_body.translation(), yaw_rad, path_of_body);
+    const std::string words = model.text_data + model.text_adr[text];
+    const PathFacts facts = facts_of_path(words);
+    if (body_name == "robot") {
+      if (!facts.presence.always()) throw std::invalid_argument("has 'appears' or 'goes': the robot is always there");
+    } else if (model.body_mocapid[body] < 0 && (!facts.stands || facts.presence.always())) {
+      throw std::runtime_error("body '" + body_name + "' has a path and so needs mocap=\"true\"");
+    }
+    return parse_path(words, T_world_body.translation(), yaw_rad, path_of_body);
+  } catch (const std::invalid_argument& error) {
+    throw std::runtime_error("the path of '" + body_name + "' " + error.what());
+  }
+}
+
+/// When the body is there: as its text says, and one that moves with another no longer than that.
+Presence presence_of(const mjModel& model, const std::string& body_name) {
+  const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
+  if (text < 0) return {};
+  try {
+    PathFacts facts = facts_of_path(model.text_data + model.text_adr[text]);
+    if (facts.carrier.empty()) return facts.presence;
+    const Presence of_carrier = presence_of(model, facts.carrier);
+    facts.presence.appears_s = std::max(facts.presence.appears_s, of_carrier.appears_s);
+    facts.presence.goes_s = std::min(facts.presence.goes_s, of_carrier.goes_s);
+    return facts.presence;
   } catch (const std::invalid_argument& error) {
     throw std::runtime_error("the path of '" + body_name + "' " + error.what());
   }
@@ -134,6 +154,7 @@ WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
     }
   }
   object.path = path_of(model, data, body, any_path(model, data));
+  object.presence = presence_of(model, object.name);
   if (!object.path) {
     const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
     object.path = parse_path("stand", T_world_body.translation(), yaw_rad);
@@ -196,6 +217,25 @@ std::vector<SensorMount> mounts_of(const mjModel& model, const mjData& data, int
   return mounts;
 }
 
+/// The bodies that are not there all the time. What is mounted on a body is there with it.
+std::vector<WorldVisitor> visitors_of(const mjModel& model) {
+  std::vector<WorldVisitor> visitors;
+  for (int body = 1; body < model.nbody; ++body) {
+    const char* const name = mj_id2name(&model, mjOBJ_BODY, body);
+    if (name == nullptr) continue;
+    WorldVisitor visitor;
+    visitor.presence = presence_of(model, name);
+    if (visitor.presence.always()) continue;
+    for (int geom = 0; geom < model.ngeom; ++geom) {
+      if (model.body_rootid[model.geom_bodyid[geom]] != body) continue;
+      visitor.geoms.push_back(geom);
+      visitor.groups.push_back(model.geom_group[geom]);
+    }
+    visitors.push_back(std::move(visitor));
+  }
+  return visitors;
+}
+
 /// The bodies that move on paths and bear nothing that the scanner sees.
 std::vector<WorldDecoration> decorations_of(const mjModel& model, const mjData& data, int robot) {
   std::vector<WorldDecoration> decorations;
@@ -208,11 +248,12 @@ std::vector<WorldDecoration> decorations_of(const mjModel& model, const mjData& 
       is_object = is_object || model.geom_group[geom] == kObjectGroup;
       is_scenery = is_scenery || model.geom_group[geom] == kSceneryGroup;
     }
-    if (is_scenery) {
+    if (is_scenery && model.body_mocapid[body] >= 0) {
       throw std::runtime_error("body '" + std::string(name) + "' moves and has a geom in group 0, where nothing does");
     }
-    if (!is_object)
-      decorations.push_back({model.body_mocapid[body], path_of(model, data, body, any_path(model, data))});
+    if (is_object) continue;
+    const Path path = path_of(model, data, body, any_path(model, data));
+    if (model.body_mocapid[body] >= 0) decorations.push_back({model.body_mocapid[body], path});
   }
   return decorations;
 }
@@ -270,6 +311,7 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   robot_drag_1_s_ = robot_drag(*model_);
   mounts_ = mounts_of(*model_, *data_, robot_);
   decorations_ = decorations_of(*model_, *data_, robot_);
+  visitors_ = visitors_of(*model_);
   check_elements(*model_, robot_);
   if (model_->body_mocapid[robot_] < 0) {
     const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
@@ -297,10 +339,20 @@ void WorldModel::move_along(int mocap, const Path& path, double time_s) {
   set_mocap(mocap, state.position_m, Eigen::Quaterniond(Eigen::AngleAxisd(state.yaw_rad, Eigen::Vector3d::UnitZ())));
 }
 
+void WorldModel::show_those_there(double time_s) {
+  for (const WorldVisitor& visitor : visitors_) {
+    const bool is_there = visitor.presence.at(time_s);
+    for (std::size_t i = 0; i < visitor.geoms.size(); ++i) {
+      model_->geom_group[visitor.geoms[i]] = is_there ? visitor.groups[i] : kAbsentGroup;
+    }
+  }
+}
+
 void WorldModel::place(double time_s, const Eigen::Isometry3d& T_world_robot) {
   for (const WorldObject& object : objects_) {
     if (object.mocap >= 0) move_along(object.mocap, object.path, time_s);
   }
+  show_those_there(time_s);
   const Eigen::Quaterniond q_world_robot(T_world_robot.linear());
   if (flight_) {
     Eigen::Map<Eigen::Vector3d>(data_->qpos) = T_world_robot.translation();

@@ -19,6 +19,7 @@ namespace situation_awareness {
 // Geom groups of a world file; what is higher is decoration, which the scanner does not see.
 constexpr int kSceneryGroup = 0;  // MuJoCo's default: walls, floor
 constexpr int kObjectGroup = 1;   // the objects' geoms
+constexpr int kAbsentGroup = 5;   // what is not there; neither scanners nor cameras see this group
 
 struct DeleteModel {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
@@ -56,12 +57,20 @@ struct WorldObject {
   double ry_m = 0.0;
   std::vector<Eigen::Vector2d> footprint_m;  // of a box or a mesh, in the body's frame, counter-clockwise
   Path path;
+  Presence presence;
 };
 
 /// Something that moves and that only a camera sees.
 struct WorldDecoration {
   int mocap = -1;
   Path path;
+};
+
+/// What is not there all the time.
+struct WorldVisitor {
+  Presence presence;
+  std::vector<int> geoms;
+  std::vector<int> groups;  // of the geoms, while they are there
 };
 
 class Flight;
@@ -81,7 +90,7 @@ class WorldModel {
 
   RobotState robot_at(double time_s) const;
 
-  /// Put the objects where they are at that time, and the robot where it is said to be.
+  /// Put the objects where they are at that time, those that are there, and the robot where it is said to be.
   void place(double time_s, const Eigen::Isometry3d& T_world_robot);
 
   /// Put the moving decoration where it is at that time; what scans need not.
@@ -90,6 +99,7 @@ class WorldModel {
  private:
   void set_mocap(int mocap, const Eigen::Vector3d& position_world, const Eigen::Quaterniond& q_world);
   void move_along(int mocap, const Path& path, double time_s);
+  void show_those_there(double time_s);
 
   ModelPtr model_;
   DataPtr data_;
@@ -97,6 +107,7 @@ class WorldModel {
   std::vector<std::string> names_;  // of the objects
   std::vector<SensorMount> mounts_;
   std::vector<WorldDecoration> decorations_;
+  std::vector<WorldVisitor> visitors_;
   int robot_ = -1;
   RobotState robot_at_rest_;  // where the robot is if it has no path
   Path robot_path_;

@@ -68,6 +68,29 @@ TEST(MapEvaluation, AHiddenObjectNeitherDelaysNorIsFalse) {
   EXPECT_EQ(score.objects.at(0).visible_scans, 0);
 }
 
+TEST(MapEvaluation, WhatIsNotThereIsNeitherMissedNorHiddenAndAnElementOnItIsFalse) {
+  // There for the second half of the first second and for the third second; the map keeps it for 0.3 s too long and
+  // then knows it by another id.
+  MapEvaluation evaluation(MapEvaluationParams{}, bodies_of({"post"}));
+  for (int i = 0; i < 30; ++i) {
+    Object truth = object_at(4, 0.0);
+    const bool is_there = (i >= 5 && i < 10) || i >= 20;
+    if (!is_there) truth.p_exists = truth.beams = 0;
+    std::vector<Object> map;
+    if (i >= 5 && i < 13) map.push_back(object_at(7, 0.0));
+    if (i >= 20) map.push_back(object_at(8, 0.0));
+    evaluation.add(objects_at(0.1 * i, {truth}), objects_at(0.1 * i, map));
+  }
+  const MapScore score = evaluation.score();
+  EXPECT_EQ(score.objects.at(0).visible_scans, 15);
+  EXPECT_EQ(score.recall, 1.0);
+  EXPECT_EQ(score.max_delay_s, 0.0);
+  EXPECT_EQ(score.id_switches, 0);
+  EXPECT_TRUE(score.objects.at(0).hidden.empty());
+  EXPECT_NEAR(score.false_per_scan, 3.0 / 30.0, 1e-12);
+  EXPECT_NEAR(score.longest_false_s, 0.2, 1e-9);
+}
+
 TEST(MapEvaluation, CountsWhenAnotherElementTakesOverAndASecondOneAsFalse) {
   MapEvaluation evaluation;
   evaluation.add(objects_at(0.0, {object_at(1, 0.0)}), objects_at(0.0, {object_at(7, 0.0)}));

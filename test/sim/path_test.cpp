@@ -104,6 +104,18 @@ TEST(Path, MeansWhatTheManualSays) {
   EXPECT_NEAR(straight.yaw_rad, 0.75 * kPi + 0.2, 1e-12);
 }
 
+TEST(Path, SaysWhenTheBodyIsThere) {
+  const PathFacts always = facts_of_path("stand");
+  EXPECT_TRUE(always.presence.always() && always.presence.at(-1e9) && always.presence.at(1e9) && always.stands);
+  const PathFacts some = facts_of_path("with it at 0 1 appears 2 goes 5.5");
+  EXPECT_EQ(some.carrier, "it");
+  EXPECT_FALSE(some.stands || some.presence.always());
+  EXPECT_FALSE(some.presence.at(1.999) || some.presence.at(5.5));
+  EXPECT_TRUE(some.presence.at(2.0) && some.presence.at(5.499));
+  EXPECT_TRUE(facts_of_path("stand goes 3").presence.at(-10.0));
+  EXPECT_FALSE(facts_of_path("stand spin 1 appears 3").stands);
+}
+
 TEST(Path, SaysWhatIsWrongWithItsText) {
   EXPECT_EQ(path_error(" "), "is empty");
   EXPECT_EQ(path_error("hop over 1"), "starts with 'hop' instead of stand, circle, line, straight, loop or with");
@@ -133,6 +145,8 @@ TEST(Path, SaysWhatIsWrongWithItsText) {
   EXPECT_EQ(path_error("with it at 0 1"), "moves with 'it" + of_none);
   EXPECT_EQ(path_error("with other at 0 1", path_of_body), "moves with 'other" + of_none);
   EXPECT_EQ(path_error("with it at 0 1", path_of_body), "no error");
+  EXPECT_EQ(path_error("stand goes 3 appears 4"), "goes before it appears");
+  EXPECT_EQ(path_error("stand appears"), "needs 1 number(s) after 'appears'");
   EXPECT_EQ(path_error("with it", path_of_body), "lacks 'at'");
   EXPECT_EQ(path_error("with it at 0 1 swing 1", path_of_body), "lacks 'period'");
   EXPECT_EQ(path_error("with it at 0 1 period 1", path_of_body), "has 'period', which it does not know");

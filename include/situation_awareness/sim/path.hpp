@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <functional>
+#include <limits>
 #include <string>
 
 #include <Eigen/Core>
@@ -37,10 +39,29 @@ using PathOfBody = std::function<Path(const std::string& body)>;
 ///     with BODY at X Y [swing A period T [phase P]]     carried by another body, in whose axes (X, Y) is
 ///
 /// and for all but the loop with yaw how it turns: `spin W` (default 0), or `tangent` for a body that keeps its angle
-/// to the direction of motion. `position_m` and `yaw_rad`, the body's pose in the file, give what the text does not;
-/// `path_of_body` finds the path of BODY, and where it is left out the body may not move with another.
-/// Throws std::invalid_argument saying what is wrong with the text.
+/// to the direction of motion; and when it is there: `appears T`, `goes T` (facts_of_path). `position_m` and `yaw_rad`,
+/// the body's pose in the file, give what the text does not; `path_of_body` finds the path of BODY, and where it is
+/// left out the body may not move with another. Throws std::invalid_argument saying what is wrong with the text.
 Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
                 const PathOfBody& path_of_body = {});
+
+/// When a body is there: from `appears_s` on, until just before `goes_s`.
+struct Presence {
+  double appears_s = -std::numeric_limits<double>::infinity();
+  double goes_s = std::numeric_limits<double>::infinity();
+
+  bool at(double time_s) const { return time_s >= appears_s && time_s < goes_s; }
+  bool always() const { return std::isinf(appears_s) && std::isinf(goes_s); }
+};
+
+/// What the text of a path says besides where the body is.
+struct PathFacts {
+  Presence presence;    ///< by `appears T` and `goes T`, in s, both optional
+  std::string carrier;  ///< the body that it moves with; empty where it moves by itself
+  bool stands = false;  ///< it is of the kind `stand`, and does not turn
+};
+
+/// Throws std::invalid_argument saying what is wrong with the text.
+PathFacts facts_of_path(const std::string& text);
 
 }  // namespace situation_awareness

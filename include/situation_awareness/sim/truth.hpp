@@ -43,8 +43,12 @@ class Sightings {
   std::vector<Sighting> of_object_;
 };
 
+/// The places in `World::names()` of the objects of `true_map`, which are the elliptic cylinders.
+std::vector<std::size_t> objects_of_true_map(const World& world);
+
 /// The truth as a map of ellipses would say it: the objects at that time that are elliptic cylinders, with exact
-/// velocities, no covariance, and what has been seen of them so far. `height_world_m` is that of the map.
+/// velocities, no covariance, and what has been seen of them so far. What is not there has p_exists 0, else 1, so that
+/// every time has the same objects in the same order. `height_world_m` is that of the map.
 Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m);
 
 }  // namespace situation_awareness

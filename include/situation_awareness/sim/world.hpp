@@ -20,6 +20,7 @@ class WorldModel;
 /// An object of a world in truth, at one time: an elliptic cylinder, or something whose outline is a polygon.
 struct TrueObject {
   std::uint64_t id = 0;                  ///< from 1 in the order of the file
+  bool is_there = true;                  ///< false before it appears and once it has gone
   Pose2 T_world_object;                  ///< of its body
   std::optional<Ellipse> ellipse_world;  ///< of a cylinder, canonical
   /// Of a box or a mesh: its corners, counter-clockwise, without the first again at the end. Of a mesh those of its
@@ -52,7 +53,7 @@ class World {
   /// State of the robot at any time.
   RobotState robot_at(double time_s) const;
 
-  /// The objects at any time, in the order of the file.
+  /// All objects at any time, in the order of the file.
   std::vector<TrueObject> objects_at(double time_s) const;
 
   /// Of all objects: that of id i at place i - 1.

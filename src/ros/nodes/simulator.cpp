@@ -261,10 +261,19 @@ class Simulator {
       object.first_seen_ns += start_ns_;
       object.last_seen_ns += start_ns_;
     }
-    truth_.publish(objects_to_msg(truth, params_.world_frame, world_.names()));
-    if (markers_.getNumSubscribers() > 0) {
-      markers_.publish(truth_markers_.update(truth, params_.world_frame, world_.names()));
-    }
+    std::vector<std::string> names;
+    for (const Object& object : truth.objects) names.push_back(world_.names()[object.id - 1]);
+    truth_.publish(objects_to_msg(truth, params_.world_frame, names));
+    if (markers_.getNumSubscribers() > 0) publish_markers(truth);
+  }
+
+  /// What is there now.
+  void publish_markers(Objects truth) {
+    const auto is_gone = [](const Object& object) { return object.p_exists == 0.0; };
+    truth.objects.erase(std::remove_if(truth.objects.begin(), truth.objects.end(), is_gone), truth.objects.end());
+    std::vector<std::string> names;
+    for (const Object& object : truth.objects) names.push_back(world_.names()[object.id - 1]);
+    markers_.publish(truth_markers_.update(truth, params_.world_frame, names));
   }
 
   SimulatorParams params_;
