@@ -110,17 +110,19 @@ void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
 
 }  // namespace
 
-std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched,
-                        std::vector<int> memory) {
+std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, std::vector<int> memory) {
   thread_local Workspace work;
+  std::vector<Candidate>& sorted = work.sorted;
+  sorted.clear();
+  for (const Candidate& candidate : candidates) {
+    if (candidate.cost < 0.0) sorted.push_back(candidate);  // nor NaN, on which no assignment can end
+  }
   Groups groups(rows + columns, work.parents);
-  for (const Candidate& candidate : candidates) groups.join(candidate.row, rows + candidate.column);
+  for (const Candidate& candidate : sorted) groups.join(candidate.row, rows + candidate.column);
 
   work.group_of.resize(static_cast<std::size_t>(rows));
   for (int row = 0; row < rows; ++row) work.group_of[static_cast<std::size_t>(row)] = groups.find(row);
   const auto group = [](const Candidate& candidate) { return work.group_of[static_cast<std::size_t>(candidate.row)]; };
-  std::vector<Candidate>& sorted = work.sorted;
-  sorted.assign(candidates.begin(), candidates.end());
   std::sort(sorted.begin(), sorted.end(), [&](const Candidate& a, const Candidate& b) {
     return std::make_tuple(group(a), a.row, a.column) < std::make_tuple(group(b), b.row, b.column);
   });
@@ -146,19 +148,15 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
       return static_cast<std::size_t>(std::lower_bound(indices.begin(), indices.end(), value) - indices.begin());
     };
 
-    // One private column per row stands for "left alone"; other pairs that are no candidates are never worth taking.
+    // Pairs that are no candidates cost nothing, as do columns that are not there: a row placed on one is left alone.
     const std::size_t n = local_rows.size();
-    const std::size_t m = local_columns.size();
-    const double forbidden = 2.0 * cost_unmatched * static_cast<double>(n + 1);
-    cost.assign(n * (m + n), forbidden);
-    for (auto c = begin; c != end; ++c) {
-      cost[place(local_rows, c->row) * (m + n) + place(local_columns, c->column)] = c->cost;
-    }
-    for (std::size_t i = 0; i < n; ++i) cost[i * (m + n) + m + i] = cost_unmatched;
-    assign_dense(n, m + n, work);
-    const std::vector<std::size_t>& column_of = work.column_of;
+    const std::size_t m = std::max(n, local_columns.size());
+    cost.assign(n * m, 0.0);
+    for (auto c = begin; c != end; ++c) cost[place(local_rows, c->row) * m + place(local_columns, c->column)] = c->cost;
+    assign_dense(n, m, work);
     for (std::size_t i = 0; i < n; ++i) {
-      if (column_of[i] < m) result[static_cast<std::size_t>(local_rows[i])] = local_columns[column_of[i]];
+      const std::size_t j = work.column_of[i];
+      if (cost[i * m + j] < 0.0) result[static_cast<std::size_t>(local_rows[i])] = local_columns[j];
     }
     begin = end;
   }

@@ -14,20 +14,20 @@ Gospa gospa(const std::vector<Eigen::Vector2d>& truths_m, const std::vector<Eige
   if (!(cutoff_m > 0.0)) throw std::invalid_argument("cutoff_m must be above 0");
   if (!(p >= 1.0)) throw std::invalid_argument("p must be at least 1");
 
+  // With m pairs, c^p / 2 (missed + false) = c^p (truths - m) + c^p / 2 (estimates - truths): a truth alone costs c^p.
+  const double cost_alone = std::pow(cutoff_m, p);
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < truths_m.size(); ++i) {
     for (std::size_t j = 0; j < estimates_m.size(); ++j) {
       const double distance_m = (truths_m[i] - estimates_m[j]).norm();
       if (distance_m < cutoff_m) {
-        candidates.push_back({static_cast<int>(i), static_cast<int>(j), std::pow(distance_m, p)});
+        candidates.push_back({static_cast<int>(i), static_cast<int>(j), std::pow(distance_m, p) - cost_alone});
       }
     }
   }
-  // With m pairs, c^p / 2 (missed + false) = c^p (truths - m) + c^p / 2 (estimates - truths): a truth alone costs c^p.
-  const double cost_alone = std::pow(cutoff_m, p);
   const auto truths = static_cast<int>(truths_m.size());
   const auto estimates = static_cast<int>(estimates_m.size());
-  const std::vector<int> estimate_of = assign(truths, estimates, candidates, cost_alone);
+  const std::vector<int> estimate_of = assign(truths, estimates, candidates);
 
   Gospa result;
   int matched = 0;

@@ -56,6 +56,7 @@ std::vector<MapEvaluation::Thing> MapEvaluation::things_of(const Objects& truth)
 }
 
 std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Objects& map) const {
+  const double cost_alone_m = 2.0 * params_.max_match_distance_m;  // so that no thing is left alone for a nearer pair
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < things.size(); ++i) {
     if (!is_there(*things[i].reference)) continue;
@@ -64,13 +65,12 @@ std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Ob
       const double distance_m = (things[i].reference->ellipse_world.center_m - center_m).norm();
       const bool on_body = things[i].parts.size() > 1 && within_reach(things[i].parts, center_m, params_.body_margin_m);
       if (distance_m <= params_.max_match_distance_m || on_body) {
-        candidates.push_back(
-            {static_cast<int>(i), static_cast<int>(j), std::min(distance_m, params_.max_match_distance_m)});
+        candidates.push_back({static_cast<int>(i), static_cast<int>(j),
+                              std::min(distance_m, params_.max_match_distance_m) - cost_alone_m});
       }
     }
   }
-  return assign(static_cast<int>(things.size()), static_cast<int>(map.objects.size()), candidates,
-                2.0 * params_.max_match_distance_m);
+  return assign(static_cast<int>(things.size()), static_cast<int>(map.objects.size()), candidates);
 }
 
 void MapEvaluation::compare(ObjectTally& tally, const Object& truth, const Object& element) const {

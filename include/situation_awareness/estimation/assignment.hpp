@@ -5,20 +5,20 @@
 
 namespace situation_awareness {
 
-/// A pair that may be matched, and what that costs.
+/// A pair that may be matched, and what that costs against leaving both alone.
 struct Candidate {
   int row = 0;
   int column = 0;
-  double cost = 0.0;  ///< 0 <= cost < cost_unmatched
+  double cost = 0.0;  ///< finite; only a pair of negative cost is ever matched
 };
 
-/// The one-to-one matching of rows to columns that minimises the sum of the costs of the matched candidates plus
-/// `cost_unmatched` for each row left alone: as many cheap pairs as fit together, optimal, not greedy.
+/// The one-to-one matching of rows to columns with the least sum of the costs of its pairs, where leaving rows and
+/// columns alone costs nothing: optimal, not greedy (global nearest neighbour association: Blackman and Popoli, 1999).
 ///
-/// Rows and columns that no chain of candidates connects are solved apart, so the time grows linearly with the number
-/// of such groups and with the cube only of the largest (shortest augmenting paths: Jonker and Volgenant, 1987).
-/// Returns for each row its column, or -1; in `memory`, a result no longer needed.
-std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, double cost_unmatched,
-                        std::vector<int> memory = {});
+/// Rows and columns that no chain of candidates of negative cost connects are solved apart. So what is matched among
+/// some does not depend on what else there is, and the time grows linearly with the number of such groups and with the
+/// cube only of the largest (shortest augmenting paths: Jonker and Volgenant, 1987). Returns for each row its column,
+/// or -1; in `memory`, a result no longer needed.
+std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, std::vector<int> memory = {});
 
 }  // namespace situation_awareness

@@ -31,7 +31,7 @@ constexpr double kLogNewObjectDensity = -4.4;
 /// so much more often than something that is none.
 const double kLogOddsOfDetection = std::log(4.0);
 constexpr double kMaxLogOdds = 6.9;        // p = 0.999: so much doubt is always possible
-constexpr double kDoubtOfHit = 0.1;        // part of detection_probability where something else may be in its place
+constexpr double kMissedWhereHit = 0.1;    // part of detection_probability where something else may be in its place
 constexpr double kSightMargin_m = 0.1;     // beams that end nearer to the outline than this end on it
 constexpr double kMaxUnconfirmed_s = 1.0;  // a guess is not kept longer unseen
 constexpr double kViewForgetting = 0.02;   // per scan
@@ -56,6 +56,11 @@ Eigen::Vector2d position(const ObjectEstimate& estimate) { return estimate.x.seg
 /// The more probable of the two motions.
 const ObjectEstimate& likelier(const MotionEstimate& estimate) {
   return estimate.p_moving > 0.5 ? estimate.moving : estimate.standing;
+}
+
+/// Sum of the variances of the position along two axes.
+double position_variance(const ObjectEstimate& estimate) {
+  return estimate.P.block<2, 2>(kPosition, kPosition).trace();
 }
 
 /// Standard deviation of the position in its least certain direction.
@@ -172,6 +177,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
 
   compare_shapes();
   work_.used.assign(measurements.size(), 0);
+  expect_detections(detections);
   associate(detections.T_world_level, U);
   for (const Association& association : work_.associations) {
     Element& element = elements_[association.element];
@@ -190,7 +196,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
     report.updated.push_back(element.id);
     report.log_likelihood += association.match.log_likelihood;
   }
-  doubt_unseen(detections);
+  missed_detection_update();
 
   work_.seen_lately = seen_within(kRecently_s, std::move(work_.seen_lately));
   for (std::size_t j = 0; j < measurements.size(); ++j) {
@@ -331,10 +337,12 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
   on_seen.clear();
   work_.seen_lately = seen_within(kRecently_s, std::move(work_.seen_lately));
   double widest_variance = 0.0;
+  double longest_offset_s = 0.0;
   for (const Measurement& measurement : measurements) {
     by_x.push_back({T_world_level * Eigen::Vector2d(measurement.z.head<2>()), static_cast<int>(by_x.size())});
     on_seen.push_back(work_.seen_lately.cover(by_x.back().center_world_m) ? 1 : 0);
     widest_variance = std::max(widest_variance, measurement.R.topLeftCorner<2, 2>().trace());
+    longest_offset_s = std::max(longest_offset_s, std::abs(measurement.time_offset_s));
   }
   std::sort(by_x.begin(), by_x.end(), [](const Place& a, const Place& b) {
     return std::make_pair(a.center_world_m.x(), a.measurement) < std::make_pair(b.center_world_m.x(), b.measurement);
@@ -352,10 +360,14 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
     const bool was_lost = unseen_s(elements_[i]) > kRecently_s;
     const Eigen::Vector2d center_m = position(estimate.moving);
     const double lever_m = (center_m - T_world_level.translation_m).norm();
-    const double variance = estimate.moving.P.block<2, 2>(kPosition, kPosition).trace() +
+    const double variance = std::max(position_variance(estimate.standing), position_variance(estimate.moving)) +
                             U.topLeftCorner<2, 2>().trace() + lever_m * lever_m * U(2, 2) + widest_variance;
     const bool lost = uncertain_by_m(elements_[i]) > kLost * params_.max_position_sigma_m;
-    const double reach_m = std::sqrt(gate_ * variance) + (center_m - position(estimate.standing)).norm();
+    const double detected = log_detection_ratio(i);
+    const double fastest_m_s = estimate.moving.x.segment<2>(kVelocity).norm() +
+                               std::sqrt(gate_ * estimate.moving.P.block<2, 2>(kVelocity, kVelocity).trace());
+    const double reach_m =
+        std::sqrt(gate_ * variance) + longest_offset_s * fastest_m_s + (center_m - position(estimate.standing)).norm();
     auto near = std::lower_bound(by_x.begin(), by_x.end(), center_m.x() - reach_m,
                                  [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
     for (; near != by_x.end() && near->center_world_m.x() <= center_m.x() + reach_m; ++near) {
@@ -369,26 +381,22 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
         continue;
       }
       const MotionMatch candidate = match(estimate, T_world_level, measurement, U);
-      const char* const defect = mismatch(elements_[i], candidate);
+      const double log_ratio = candidate.log_likelihood - kLogNewObjectDensity + detected;
+      const char* defect = mismatch(elements_[i], candidate);
+      if (*defect == '\0' && !(log_ratio > 0.0)) defect = "match rejected: more probably something new";
       if (candidate.log_likelihood > rejection.log_likelihood) {
         rejection = {*defect != '\0' ? defect : "match rejected: taken by another", candidate.log_likelihood};
       }
       if (*defect != '\0') continue;
-      candidates.push_back({static_cast<int>(i), near->measurement, -candidate.log_likelihood});
+      candidates.push_back({static_cast<int>(i), near->measurement, -log_ratio});
       matches.push_back(candidate);
     }
   }
   if (candidates.empty()) return;
 
-  // Costs are negative log-likelihoods, shifted so that every match inside its gate is worth more than none.
-  const auto [least, most] = std::minmax_element(
-      candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) { return a.cost < b.cost; });
-  const double shift = least->cost;
-  const double cost_unmatched = most->cost - shift + 1.0;
-  for (Candidate& candidate : candidates) candidate.cost -= shift;
   std::vector<int>& measurement_of_element = work_.measurement_of_element;
   measurement_of_element = assign(static_cast<int>(elements_.size()), static_cast<int>(measurements.size()), candidates,
-                                  cost_unmatched, std::move(measurement_of_element));
+                                  std::move(measurement_of_element));
 
   for (std::size_t c = 0; c < candidates.size(); ++c) {
     const auto element = static_cast<std::size_t>(candidates[c].row);
@@ -397,16 +405,12 @@ void ObjectMap::associate(const Pose2& T_world_level, const Eigen::Matrix3d& U) 
   }
 }
 
-/// Why a match cannot be of an element; empty text if it may be: inside its gate, and more probable than something new.
-/// What stood when it was last seen, a while ago, is looked for where it stood: as something that has set off since, it
-/// could be anywhere.
+/// Why a match cannot be of an element; empty text if it may be. What stood when it was last seen, a while ago, is
+/// looked for where it stood: as something that has set off since, it could be anywhere.
 const char* ObjectMap::mismatch(const Element& element, const MotionMatch& match) const {
   const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && unseen_s(element) > kRecently_s;
   const bool inside = match.standing.mahalanobis2 <= gate_ || (!stood && match.moving.mahalanobis2 <= gate_);
   if (!inside) return "match rejected: outside the gate";
-  if (!(match.log_likelihood >= kLogNewObjectDensity)) {  // nor NaN, on which no assignment can end
-    return "match rejected: more probably something new";
-  }
   const bool anywhere = element.common_shape && position_sigma_m(likelier(element.estimate)) > kCommonReach_m;
   return anywhere ? kOutOfSight : "";
 }
@@ -478,23 +482,43 @@ EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
   return EllipsesByX(std::move(ellipses));
 }
 
-/// Doubt the elements that were not detected, but only where beams say that they are not there: what is hidden keeps
-/// its existence. The less certain the place, the less does seeing through it say.
-void ObjectMap::doubt_unseen(const Detections& detections) {
-  work_.seen_now = seen_within(0.0, std::move(work_.seen_now));
+/// Look where the elements should be, and say how probably the scan has a detection of each, if it exists: with
+/// `detection_probability` where beams reach it, the less the less certain its place is, and not where something hides
+/// it.
+void ObjectMap::expect_detections(const Detections& detections) {
   const Pose2 T_level_world = inverse(detections.T_world_level);
-  for (Element& element : elements_) {
-    if (element.last_seen_ns == stamp_ns()) continue;
+  work_.expected.clear();
+  for (const Element& element : elements_) {
     const ObjectEstimate& estimate = likelier(element.estimate);
-    const Ellipse ellipse = ellipse_world(estimate.x);
-    const double sigma_m = position_sigma_m(estimate);
-    const Sight sight = look_at(T_level_world * ellipse, detections.free_space, kSightMargin_m);
-    double p_detection = params_.detection_probability;
-    if (sight == Sight::kHidden) continue;
-    if (sight == Sight::kHit && !work_.seen_now.cover(ellipse.center_m)) p_detection *= kDoubtOfHit;
-    const double radius2 = ellipse.rx_m * ellipse.ry_m;
-    p_detection *= radius2 / (radius2 + sigma_m * sigma_m);
-    element.log_odds += std::log(1.0 - p_detection);
+    ExpectedDetection expected;
+    expected.ellipse_world = ellipse_world(estimate.x);
+    expected.sight = look_at(T_level_world * expected.ellipse_world, detections.free_space, kSightMargin_m);
+    if (expected.sight != Sight::kHidden) {
+      const double sigma_m = position_sigma_m(estimate);
+      const double radius2 = expected.ellipse_world.rx_m * expected.ellipse_world.ry_m;
+      expected.probability = params_.detection_probability * radius2 / (radius2 + sigma_m * sigma_m);
+    }
+    work_.expected.push_back(expected);
+  }
+}
+
+/// The logarithm of P_D / (1 - p_D): how much more probable it is that an element is detected than that it is missed.
+/// P_D is that of a place where a detection is, so nothing hides it; p_D that of the place where the element is
+/// expected.
+double ObjectMap::log_detection_ratio(std::size_t element) const {
+  return std::log(params_.detection_probability) - std::log1p(-work_.expected[element].probability);
+}
+
+/// The elements that were not detected exist less probably, but only where beams say that they are not there: what is
+/// hidden keeps its existence.
+void ObjectMap::missed_detection_update() {
+  work_.seen_now = seen_within(0.0, std::move(work_.seen_now));
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    Element& element = elements_[i];
+    const ExpectedDetection& expected = work_.expected[i];
+    if (element.last_seen_ns == stamp_ns() || expected.sight == Sight::kHidden) continue;
+    const bool hit = expected.sight == Sight::kHit && !work_.seen_now.cover(expected.ellipse_world.center_m);
+    element.log_odds += std::log1p(-expected.probability * (hit ? kMissedWhereHit : 1.0));
     // What can move is not where it should be, but may be elsewhere: it is off the map, and remembered.
     if (element.confirmed && (element.mobile || element.estimate.p_moving > 0.5)) {
       element.log_odds = std::max(element.log_odds, log_odds(params_.birth_probability));
@@ -553,7 +577,7 @@ void ObjectMap::recognise_lost() {
       const Element& lost = elements_[j];
       if (!lost.confirmed || lost.is_part || unseen_s(lost) < kRecently_s) continue;
       const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
-      if (*mismatch(lost, candidate) != '\0' || candidate.log_likelihood <= most) continue;
+      if (*mismatch(lost, candidate) != '\0' || !(candidate.log_likelihood > most)) continue;
       most = candidate.log_likelihood;
       best = j;
     }

@@ -20,6 +20,7 @@
 #include "situation_awareness/map/objects/map_snapshot.hpp"
 #include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/objects/visibility.hpp"
 
 namespace situation_awareness {
 
@@ -142,10 +143,10 @@ class ObjectMap {
   /// and for another shape; the old ones then stay.
   void set_params(const ObjectMapParams& params);
 
-  /// Predict to the stamp of the detections, associate one to one, update, doubt what should have been seen, map what
-  /// is new, join what moves as one, delete what is not there any more. None of the detections has a detection_defect,
-  /// and their pose is finite. `memory`: a report no longer needed, whose memory this one takes over; with it nothing
-  /// is asked of the heap but for more elements or detections than before.
+  /// Predict to the stamp of the detections, associate one to one, update, make what should have been detected less
+  /// probable, map what is new, join what moves as one, delete what is not there any more. None of the detections has a
+  /// detection_defect, and their pose is finite. `memory`: a report no longer needed, whose memory this one takes over;
+  /// with it nothing is asked of the heap but for more elements or detections than before.
   ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
   /// The map at any time from the latest update on, by prediction of up to an hour (earlier times: as of the latest
@@ -209,12 +210,20 @@ class ObjectMap {
     std::size_t element;
   };
 
+  /// Whether the scan should have a detection of an element.
+  struct ExpectedDetection {
+    Ellipse ellipse_world;  ///< where, by the more probable motion
+    Sight sight = Sight::kHidden;
+    double probability = 0.0;  ///< that there is one, if the element exists
+  };
+
   /// What is kept for its memory from scan to scan, and means nothing between updates.
   struct Workspace {
     std::vector<Measurement> measurements;
     std::vector<char> used;  ///< measurements
     EllipsesByX seen_lately;
     EllipsesByX seen_now;
+    std::vector<ExpectedDetection> expected;  ///< of the elements
     std::vector<Place> by_x;
     std::vector<char> on_seen;          ///< measurements
     std::vector<Rejection> rejections;  ///< of the measurements
@@ -244,7 +253,9 @@ class ObjectMap {
                const Pose2& T_world_level) const;
   EllipsesByX seen_within(double past_s, EllipsesByX memory) const;
   MotionParams motion_of(const Element& element) const;
-  void doubt_unseen(const Detections& detections);
+  void expect_detections(const Detections& detections);
+  double log_detection_ratio(std::size_t element) const;
+  void missed_detection_update();
   void compare_shapes();
   void recognise_lost();
   void join_parts();
