@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -91,43 +92,36 @@ class Input {
   FuzzedDataProvider bytes_;
 };
 
+inline void draw(Input& input, double& value, Bounds bounds) {
+  switch (input.integer(0, 7)) {
+    case 0:
+      value = input.uniform(bounds.low, bounds.high);
+      break;
+    case 1:
+      value = std::clamp(value * input.by_magnitude(0.1, 10.0), bounds.low, bounds.high);
+      break;
+    case 2:
+      value = input.flag() ? bounds.low : bounds.high;
+      break;
+    default:
+      break;
+  }
+}
+
+inline void draw(Input& input, int& value, Bounds bounds) {
+  if (input.integer(0, 3) != 0) return;
+  value = input.integer(static_cast<int>(bounds.low), static_cast<int>(bounds.high));
+}
+
 /// Draws each number of a params struct within its bounds, now and then.
-class DrawParams {
- public:
-  explicit DrawParams(Input& input) : input_(input) {}
-
-  void operator()(const char* /*name*/, double& value, Bounds bounds, const char* /*unit*/, const char* /*doc*/) const {
-    switch (input_.integer(0, 7)) {
-      case 0:
-        value = input_.uniform(bounds.low, bounds.high);
-        break;
-      case 1:
-        value = std::clamp(value * input_.by_magnitude(0.1, 10.0), bounds.low, bounds.high);
-        break;
-      case 2:
-        value = input_.flag() ? bounds.low : bounds.high;
-        break;
-      default:
-        break;
-    }
-  }
-
-  void operator()(const char* /*name*/, int& value, Bounds bounds, const char* /*unit*/, const char* /*doc*/) const {
-    if (input_.integer(0, 3) != 0) return;
-    value = input_.integer(static_cast<int>(bounds.low), static_cast<int>(bounds.high));
-  }
-
-  template <class Value>
-  void operator()(const char* /*name*/, Value& /*value*/, const char* /*doc*/) const {}
-
- private:
-  Input& input_;
-};
-
 template <class Params>
 Params draw_params(Input& input) {
   Params params;
-  if (input.flag()) Params::fields(params, DrawParams(input));
+  if (!input.flag()) return params;
+  for (const Parameter& parameter : parameters_of(params)) {
+    if (auto* const* real = std::get_if<double*>(&parameter.value)) draw(input, **real, *parameter.bounds);
+    if (auto* const* whole = std::get_if<int*>(&parameter.value)) draw(input, **whole, *parameter.bounds);
+  }
   return params;
 }
 

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Prints docs/parameters.md from the lists of fields that also check and load the parameters.
-#include <charconv>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "situation_awareness/common/params.hpp"
-#include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
@@ -36,56 +34,45 @@ The first section are arguments of `objects.launch`, of the same names. `objects
 value out of its bounds, or of another type, is refused with a sentence that names it.
 )";
 
-std::string text_of(double value) {
-  char text[32];
-  const auto [end, error] = std::to_chars(text, text + sizeof text, value);
-  if (error != std::errc()) throw std::runtime_error("a number has no text");
-  return {text, end};
+/// Texts without quotes where they need none to be read.
+std::string default_of(const Parameter& parameter) {
+  const auto* const* text = std::get_if<std::string*>(&parameter.value);
+  return text != nullptr && !(*text)->empty() ? **text : yaml_text(parameter);
 }
 
-std::string text_of(bool value) { return value ? "true" : "false"; }
-std::string text_of(const std::string& value) { return value.empty() ? "\"\"" : value; }
-std::string text_of(const std::vector<HalfSpace>& value) {
-  if (!value.empty()) throw std::logic_error("a default volume is not foreseen here");
-  return "[]";
+std::string heading_of(const std::string& section) {
+  if (section.empty()) return "Arguments of the launch file";
+  std::string heading = section;
+  std::replace(heading.begin(), heading.end(), '.', '/');
+  return heading;
 }
 
-struct PrintRow {
-  template <class Value>
-  void operator()(const char* name, const Value& value, Bounds bounds, const char* unit, const char* doc) const {
-    const std::string range = "[" + text_of(bounds.low) + ", " + text_of(bounds.high) + "]";
-    print(name, text_of(static_cast<double>(value)), range + (*unit != '\0' ? " " : "") + unit, doc);
+void print_section(const std::vector<Parameter>& parameters, const std::string& section) {
+  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | |\n|---|---|---|---|\n", heading_of(section).c_str());
+  for (const Parameter& parameter : parameters) {
+    if (parameter.section != section) continue;
+    const std::string range = parameter.bounds ? text_of(*parameter.bounds, parameter.unit) : "";
+    std::printf("| `%s` | `%s` | %s | %s |\n", parameter.name.c_str(), default_of(parameter).c_str(), range.c_str(),
+                parameter.doc.c_str());
   }
-
-  template <class Value>
-  void operator()(const char* name, const Value& value, const char* doc) const {
-    print(name, text_of(value), "", doc);
+  if (section == "detections") {
+    std::printf("\n`detector` may be:");
+    for (const std::string& name : detector_names()) std::printf(" `%s`", name.c_str());
+    std::printf("; [ros.md](ros.md) says what they are.\n");
   }
-
- private:
-  static void print(const char* name, const std::string& value, const std::string& range, const char* doc) {
-    std::printf("| `%s` | `%s` | %s | %s |\n", name, value.c_str(), range.c_str(), doc);
-  }
-};
-
-template <class Params>
-void print_section(const char* title, const Params& params) {
-  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | |\n|---|---|---|---|\n", title);
-  Params::fields(params, PrintRow{});
 }
 
 void print_all() {
   std::fputs(kIntroduction, stdout);
-  const NodeletParams params;
-  print_section("Arguments of the launch file", params);
-  print_section("scan", params.pipeline.scan);
-  print_section("segments", params.pipeline.segments);
-  print_section("detections", params.pipeline.detections);
-  std::printf("\n`detector` may be:");
-  for (const std::string& name : detector_names()) std::printf(" `%s`", name.c_str());
-  std::printf("; [ros.md](ros.md) says what they are.\n");
-  print_section("detections/fit", params.pipeline.detections.fit);
-  print_section("objects", params.pipeline.objects);
+  NodeletParams params;
+  const std::vector<Parameter> parameters = parameters_of(params);
+  std::vector<std::string> sections;
+  for (const Parameter& parameter : parameters) {
+    if (std::find(sections.begin(), sections.end(), parameter.section) == sections.end()) {
+      sections.push_back(parameter.section);
+    }
+  }
+  for (const std::string& section : sections) print_section(parameters, section);
 }
 
 }  // namespace

@@ -57,7 +57,7 @@ void StageDiagnostics::watch(const ros::Subscriber& subscriber, std::function<st
 
 void StageDiagnostics::unknown_parameters(const std::vector<UnknownKey>& keys) {
   unknown_ = keys;
-  for (const UnknownKey& key : unknown_) ROS_WARN_STREAM(name_ << ": " << sentence_of(key));
+  for (const UnknownKey& key : unknown_) ROS_WARN_STREAM(name_ << ": " << message_of(key));
 }
 
 void StageDiagnostics::dropped(const std::string& reason, const std::string& detail) {
@@ -138,7 +138,7 @@ void StageDiagnostics::report(Status& status) {
     drops.reported = drops.count;
   }
   for (const auto& [reason, count] : counted_) status.add(reason, count);
-  for (const UnknownKey& key : unknown_) status.add("unknown parameter " + key.path, sentence_of(key));
+  for (const UnknownKey& key : unknown_) status.add("unknown parameter " + key.path, message_of(key));
 
   reported_at_ = now;
   reported_received_ = received_;

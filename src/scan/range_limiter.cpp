@@ -2,7 +2,6 @@
 #include "situation_awareness/scan/range_limiter.hpp"
 
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -11,30 +10,26 @@
 
 namespace situation_awareness {
 
-std::string yaml_from_volume(const std::vector<HalfSpace>& volume) {
-  const auto number = [](double value) {
-    std::array<char, 32> text{};
-    return std::string(text.data(), std::to_chars(text.data(), text.data() + text.size(), value).ptr);
-  };
+std::string yaml_text(const std::vector<HalfSpace>& volume) {
   std::string list;
   for (const HalfSpace& half_space : volume) {
     list += list.empty() ? "[" : ", [";
-    for (int i = 0; i < 3; ++i) list += number(half_space.normal_world(i)) + ", ";
-    list += number(half_space.offset_m) + "]";
+    for (const double n : half_space.normal_world) list += yaml_text(n) + ", ";
+    list += yaml_text(half_space.offset_m) + "]";
   }
   return "[" + list + "]";
 }
 
-std::vector<HalfSpace> volume_from_yaml(const std::string& yaml) try {
+void read_yaml_text(const std::string& yaml, std::vector<HalfSpace>& volume) try {
   const YAML::Node list = YAML::Load(yaml);
   if (!list.IsSequence()) throw YAML::Exception(YAML::Mark::null_mark(), "no list");
-  std::vector<HalfSpace> volume;
+  std::vector<HalfSpace> read;
   for (const auto& row : list.as<std::vector<std::array<double, 4>>>()) {
-    volume.push_back({{row[0], row[1], row[2]}, row[3]});
+    read.push_back({{row[0], row[1], row[2]}, row[3]});
   }
-  return volume;
+  volume = read;
 } catch (const YAML::Exception&) {
-  throw std::invalid_argument("scan.volume must be a list of [nx, ny, nz, offset_m]");
+  throw std::invalid_argument("must be a list of [nx, ny, nz, offset_m]");
 }
 
 void RangeLimiterParams::validate() const {

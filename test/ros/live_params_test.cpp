@@ -35,6 +35,8 @@ class Fields {
   void operator()(const char* name, const Value& /*value*/, const char* doc) {
     fields_[name] = {"str", doc, 0.0, {}};
   }
+  template <class Section>
+  void operator()(const char* /*name*/, const Section& /*section*/) {}
 
   const Field* find(const std::string& name) const {
     const auto field = fields_.find(name);

@@ -37,30 +37,13 @@ TEST(YamlFromXmlRpc, WritesEveryKindOfValue) {
   tree["list"][1] = 2;
   tree["nested"]["deep"] = "1e-3";
   EXPECT_EQ(yaml_from_xmlrpc(tree),
-            "{\"flag\": true, \"list\": [1.5, 2], \"nested\": {\"deep\": \"1e-3\"}, \"real\": 0.10000000000000001, "
+            "{\"flag\": true, \"list\": [1.5, 2], \"nested\": {\"deep\": \"1e-3\"}, \"real\": 0.1, "
             "\"text\": \"a \\\"b\\\" \\\\ c: [d]\\x0a\", \"whole\": -3}");
 }
 
-TEST(ParamReader, TakesWhatIsThereAndKeepsTheRest) {
-  XmlRpcValue tree;
-  tree["a"] = 2;
-  tree["b"] = 0.5;
-  tree["c"] = "text";
-  tree["d"]["e"] = 1;
-  ParamReader reader(tree, "here");
-  EXPECT_EQ(reader.take_integer("a", 7, Bounds{0, 10}, ""), 2);
-  EXPECT_EQ(reader.take_number("b", 7.0, Bounds{0.0, 1.0}, "m"), 0.5);
-  EXPECT_EQ(reader.take_number("missing", 7.0, Bounds{0.0, 1.0}, "m"), 7.0);
-  EXPECT_EQ(reader.take_text("c", ""), "text");
-  EXPECT_EQ(reader.rest_as_yaml(), "{\"d\": {\"e\": 1}}");
-  EXPECT_THROW(reader.refuse_rest(), std::invalid_argument);
-}
-
 TEST(ParamReader, WithoutParametersGivesDefaults) {
-  ParamReader reader(XmlRpcValue(), "here");
-  EXPECT_EQ(reader.take_integer("a", 7, Bounds{0, 10}, ""), 7);
-  EXPECT_EQ(reader.rest_as_yaml(), "{}");
-  EXPECT_NO_THROW(reader.refuse_rest());
+  const ParamReader reader(XmlRpcValue(), "here");
+  EXPECT_EQ(yaml_from_params(reader.read<NodeletParams>(refuse)), yaml_from_params(NodeletParams{}));
 }
 
 TEST(NodeletParams, ReadBothKindsOfParameters) {
@@ -88,35 +71,29 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   EXPECT_EQ(model_path(params.pipeline.detections), "/models/net.onnx");
 }
 
-TEST(NodeletParams, RefuseInOneSentence) {
+TEST(NodeletParams, AreRefusedWithNodeFieldAndBound) {
   EXPECT_EQ(refusal(with_model_folder()), "");
-
+  const auto expect_refusal = [](const XmlRpcValue& tree, const std::vector<std::string>& facts) {
+    const std::string message = refusal(tree);
+    EXPECT_EQ(message.rfind("parameters of /mapping: ", 0), 0U) << message;
+    for (const std::string& fact : facts) EXPECT_TRUE(has(message, fact)) << fact << " in: " << message;
+  };
+  const auto expect_refusal_of = [&](const char* name, const XmlRpcValue& value,
+                                     const std::vector<std::string>& facts) {
+    XmlRpcValue tree;
+    tree[name] = value;
+    expect_refusal(with_model_folder(tree), facts);
+  };
+  expect_refusal_of("tf_timeout_s", -1.0, {"tf_timeout_s", "-1", "[0, 60] s"});
+  expect_refusal_of("queue_size", 0, {"queue_size", "0", "[1, 1000]"});
+  expect_refusal_of("queue_size", 1.5, {"queue_size", "1.5", "a whole number"});
+  expect_refusal_of("deskew", "no", {"deskew", "\"no\"", "true or false"});
+  expect_refusal_of("world_frame", 3, {"world_frame", "3", "a text"});
+  expect_refusal_of("world_frame", "", {"world_frame", "empty"});
   XmlRpcValue tree;
-  tree["tf_timeout_s"] = -1.0;
-  EXPECT_EQ(refusal(with_model_folder(tree)), "parameters of /mapping: tf_timeout_s = -1 is outside [0, 60] s");
-
-  tree = XmlRpcValue();
-  tree["queue_size"] = 0;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "queue_size = 0 is outside [1, 1000]"));
-
-  tree = XmlRpcValue();
-  tree["queue_size"] = 1.5;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "queue_size = 1.5 is not an integer"));
-
-  tree = XmlRpcValue();
-  tree["deskew"] = "no";
-  EXPECT_EQ(refusal(with_model_folder(tree)), "parameters of /mapping: deskew = \"no\" is not true or false");
-
-  tree = XmlRpcValue();
-  tree["world_frame"] = 3;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "world_frame = 3 is not a text"));
-
-  tree = XmlRpcValue();
   tree["objects"]["gate_probability"] = 2.0;
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "gate_probability"));
-  EXPECT_TRUE(has(refusal(with_model_folder(tree)), "0.5"));
-
-  EXPECT_TRUE(has(refusal(XmlRpcValue(42)), "parameters of /mapping"));
+  expect_refusal(with_model_folder(tree), {"objects.gate_probability", "2", "[0.5, 0.999999]"});
+  expect_refusal(XmlRpcValue(42), {"a map", "42"});
 }
 
 TEST(NodeletParams, TellOfUnknownKeysOfBothKinds) {
@@ -124,15 +101,16 @@ TEST(NodeletParams, TellOfUnknownKeysOfBothKinds) {
   tree["tf_timeout"] = 0.5;
   tree["segments"]["max_gap"] = 0.2;
   tree["segments"]["min_points"] = 6;
-  tree["live"]["max_gap_m"] = 0.3;  // of another reader
+  tree["live"]["max_gap_m"] = 0.3;  // of LiveParams
   const NodeletParams params = read_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
   ASSERT_EQ(params.unknown.size(), 2U);
-  EXPECT_TRUE(has(sentence_of(params.unknown[0]), "parameters of /mapping: unknown parameter segments.max_gap has no"));
-  EXPECT_TRUE(has(sentence_of(params.unknown[0]), " max_gap_m, "));
-  EXPECT_EQ(sentence_of(params.unknown[1]),
-            "parameters of /mapping: unknown parameter tf_timeout has no effect, known are: deskew, detections, "
-            "downlink_rate_hz, "
-            "model_folder, objects, queue_size, scan, segments, tf_timeout_s, world_frame");
+  EXPECT_EQ(params.unknown[0].source, "parameters of /mapping");
+  EXPECT_EQ(params.unknown[0].path, "segments.max_gap");
+  EXPECT_TRUE(has(message_of(params.unknown[0]), " max_gap_m, "));
+  EXPECT_EQ(params.unknown[1].path, "tf_timeout");
+  EXPECT_EQ(params.unknown[1].known,
+            (std::vector<std::string>{"deskew", "detections", "downlink_rate_hz", "model_folder", "objects",
+                                      "queue_size", "scan", "segments", "tf_timeout_s", "world_frame"}));
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.tf_timeout_s, NodeletParams{}.tf_timeout_s);
 }

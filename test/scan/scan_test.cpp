@@ -164,25 +164,28 @@ TEST(RangeLimiterParams, RefusesWrongValuesByName) {
 TEST(Volume, ReadsBackWhatItWrites) {
   Random random(1);
   std::vector<HalfSpace> volume;
-  EXPECT_EQ(yaml_from_volume(volume), "[]");
+  EXPECT_EQ(yaml_text(volume), "[]");
   for (int i = 0; i < 200; ++i) {
     const double scale = std::pow(10.0, random.uniform(-12.0, 12.0));
     volume.push_back({{scale * random.normal(), random.normal(), 0.1 * i}, scale * random.normal()});
   }
-  const std::vector<HalfSpace> read = volume_from_yaml(yaml_from_volume(volume));
+  std::vector<HalfSpace> read;
+  read_yaml_text(yaml_text(volume), read);
   ASSERT_EQ(read.size(), volume.size());
   for (std::size_t i = 0; i < read.size(); ++i) {
     EXPECT_EQ(read[i].normal_world, volume[i].normal_world);
     EXPECT_EQ(read[i].offset_m, volume[i].offset_m);
   }
-  EXPECT_EQ(yaml_from_volume({{{0.1, -1.0, 0.0}, 2.5}}), "[[0.1, -1, 0, 2.5]]");
+  EXPECT_EQ(yaml_text(std::vector<HalfSpace>{{{0.1, -1.0, 0.0}, 2.5}}), "[[0.1, -1, 0, 2.5]]");
 }
 
 TEST(Volume, IsNothingButAListOfFours) {
-  EXPECT_TRUE(volume_from_yaml("[]").empty());
+  std::vector<HalfSpace> volume(1);
+  read_yaml_text("[]", volume);
+  EXPECT_TRUE(volume.empty());
   for (const char* text : {"", "{}", "7", "a room", "[1, 0, 0, 2]", "[[1, 0, 0]]", "[[1, 0, 0, 2, 3]]",
                            "[[1, 0, 0, x]]", "[[1, 0, 0, 2]", "[[1, 0, 0, 2]]]", "\t", "&a [*a]"}) {
-    EXPECT_THROW(volume_from_yaml(text), std::invalid_argument) << text;
+    EXPECT_THROW(read_yaml_text(text, volume), std::invalid_argument) << text;
   }
 }
 

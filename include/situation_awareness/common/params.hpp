@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <sstream>
-#include <stdexcept>
+#include <functional>
+#include <optional>
 #include <string>
+#include <type_traits>
+#include <utility>
+#include <variant>
+#include <vector>
 
 namespace situation_awareness {
 
@@ -13,36 +17,153 @@ struct Bounds {
   double high;
 };
 
+/// A parameter of a type of its own, by its YAML text.
+struct YamlValue {
+  std::function<std::string()> get;
+  std::function<void(const std::string&)> set;  ///< throws std::invalid_argument: "must be ..."
+};
+
+/// One parameter: what is declared of it, and where its value is.
+struct Parameter {
+  std::string section;  ///< path of the section that it is in: detections.fit; empty at the top
+  std::string name;     ///< its key there, which ends in the unit
+  std::variant<bool*, int*, double*, std::string*, YamlValue> value;
+  std::optional<Bounds> bounds;  ///< of a number
+  std::string unit;              ///< empty where there is none
+  std::string doc;               ///< one sentence
+
+  std::string path() const { return section.empty() ? name : section + '.' + name; }
+};
+
+/// The parameters of a params struct and of the sections in it, in the order of their declaration.
+///
+/// A params struct is a plain struct that declares each of its parameters once, in
+///
+///     template <class Self, class Visit>
+///     static void fields(Self& self, Visit&& visit) {
+///       visit("max_gap_m", self.max_gap_m, Bounds{0.001, 10.0}, "m", "largest distance between ...");  // a number
+///       visit("shape", self.shape, "ellipse or circle");  // bool, std::string, or a type with YAML text of its own
+///       visit("fit", self.fit);                           // a section: another params struct
+///     }
+///
+/// Reading, writing, checking and documentation all use this declaration. A type of its own has, in its namespace,
+/// `std::string yaml_text(const T&)` and `void read_yaml_text(const std::string&, T&)`, which throws
+/// std::invalid_argument("must be ..."). What one field alone cannot say is checked by a member `void validate()
+/// const`.
+///
+/// `params` must outlive the result.
+template <class Params>
+std::vector<Parameter> parameters_of(Params& params, const std::string& section = "");
+
+/// Throws std::invalid_argument naming section, field, value and bound of the first number of `params` that is out of
+/// bounds; the sections in it are left to their own structs.
+template <class Params>
+void check_bounds(const Params& params, const std::string& section);
+
+/// A value as YAML text in the flow style that reads back as the same.
+std::string yaml_text(bool value);
+std::string yaml_text(int value);
+std::string yaml_text(double value);
+std::string yaml_text(const std::string& value);  ///< in double quotes
+std::string yaml_text(const Parameter& parameter);
+std::string yaml_text(const char* value) = delete;  // would be taken for a bool
+
+/// "[0, 1000] m"
+std::string text_of(Bounds bounds, const std::string& unit);
+
+/// A key that no parameter has.
+struct UnknownKey {
+  std::string source;              ///< what was read
+  std::string path;                ///< with its section: segments.max_gap
+  std::vector<std::string> known;  ///< the keys that its section has, sorted
+};
+
+/// "my.yaml: unknown parameter segments.max_gap has no effect, known are: flat_extent_m, ..."
+std::string message_of(const UnknownKey& key);
+
+/// What to do with an unknown key.
+using OnUnknownKey = std::function<void(const UnknownKey&)>;
+
+/// Writes the message to stderr as a warning, for programs without a log.
+void print_warning(const UnknownKey& key);
+
+/// Throws the message as std::invalid_argument.
+[[noreturn]] void refuse(const UnknownKey& key);
+
+// --- implementation -------------------------------------------------------------------------------------------------
+
 namespace detail {
+
+struct AnyVisitor {};
+
+template <class Value, class = void>
+struct IsSection : std::false_type {};
+template <class Value>
+struct IsSection<Value, std::void_t<decltype(Value::fields(std::declval<Value&>(), std::declval<AnyVisitor&>()))>>
+    : std::true_type {};
+
+void check_bound(const std::string& section, const char* name, double value, Bounds bounds, const char* unit);
 
 /// The visitor of check_bounds.
 struct CheckBounds {
-  std::string section;
+  const std::string& section;
 
-  template <class Value>
-  void operator()(const char* name, const Value& value, Bounds bounds, const char* unit, const char* /*doc*/) const {
-    const auto number = static_cast<double>(value);
-    if (number >= bounds.low && number <= bounds.high) return;  // false for NaN
-    std::ostringstream message;
-    message << section << '.' << name << " = " << number << " is outside [" << bounds.low << ", " << bounds.high << "]";
-    if (*unit != '\0') message << ' ' << unit;
-    throw std::invalid_argument(message.str());
+  template <class Number>
+  void operator()(const char* name, const Number& value, Bounds bounds, const char* unit, const char* /*doc*/) const {
+    check_bound(section, name, static_cast<double>(value), bounds, unit);
   }
 
-  /// A field that is not a number has no bounds; its own type's validate() looks at it.
   template <class Value>
   void operator()(const char* /*name*/, const Value& /*value*/, const char* /*doc*/) const {}
+
+  template <class Section>
+  void operator()(const char* /*name*/, const Section& /*section*/) const {}
+};
+
+/// The visitor of parameters_of.
+class ListParameters {
+ public:
+  ListParameters(std::vector<Parameter>& list, const std::string& section) : list_(list), section_(section) {}
+
+  template <class Number>
+  void operator()(const char* name, Number& value, Bounds bounds, const char* unit, const char* doc) {
+    static_assert(std::is_same_v<Number, int> || std::is_same_v<Number, double>, "int and double have bounds");
+    list_.push_back({section_, name, &value, bounds, unit, doc});
+  }
+
+  template <class Value>
+  void operator()(const char* name, Value& value, const char* doc) {
+    static_assert(!std::is_arithmetic_v<Value> || std::is_same_v<Value, bool>, "a number is declared with its bounds");
+    if constexpr (std::is_same_v<Value, bool> || std::is_same_v<Value, std::string>) {
+      list_.push_back({section_, name, &value, {}, "", doc});
+    } else {
+      const YamlValue text{[&value] { return yaml_text(value); },
+                           [&value](const std::string& yaml) { read_yaml_text(yaml, value); }};
+      list_.push_back({section_, name, text, {}, "", doc});
+    }
+  }
+
+  template <class Section>
+  void operator()(const char* name, Section& section) {
+    static_assert(IsSection<Section>::value, "a section is a struct with fields()");
+    Section::fields(section, ListParameters(list_, section_.empty() ? name : section_ + '.' + name));
+  }
+
+ private:
+  std::vector<Parameter>& list_;
+  std::string section_;
 };
 
 }  // namespace detail
 
-/// Throw std::invalid_argument naming section, field, value and bound of the first field of `params` that is out of
-/// bounds.
-///
-/// A params struct lists its fields once, in
-/// `template <class Self, class Visit> static void fields(Self& self, Visit&& visit)`, which calls
-/// `visit(name, value, bounds, unit, sentence)` for each number and `visit(name, value, sentence)` for everything else:
-/// the check here and the YAML loader both read that list.
+template <class Params>
+std::vector<Parameter> parameters_of(Params& params, const std::string& section) {
+  static_assert(!std::is_const_v<Params>, "the values of the result can be set");
+  std::vector<Parameter> list;
+  Params::fields(params, detail::ListParameters(list, section));
+  return list;
+}
+
 template <class Params>
 void check_bounds(const Params& params, const std::string& section) {
   Params::fields(params, detail::CheckBounds{section});

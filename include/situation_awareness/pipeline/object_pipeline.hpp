@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -34,6 +33,7 @@ struct DetectionParams {
     visit("model", self.model, "ONNX file instead of the detector's own, absolute or in the folder of models");
     visit("min_p_ellipse", self.min_p_ellipse, Bounds{0.0, 1.0}, "",
           "a segment that is less probably one ellipse is refused");
+    visit("fit", self.fit);
   }
 
   /// Throws std::invalid_argument naming field and bound, or the known detectors.
@@ -52,33 +52,24 @@ struct ObjectPipelineParams {
   SegmentationParams segments;
   DetectionParams detections;
   ObjectMapParams objects;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("scan", self.scan);
+    visit("segments", self.segments);
+    visit("detections", self.detections);
+    visit("objects", self.objects);
+  }
 };
 
-/// A key that no parameter has, a slip of the pen most likely.
-struct UnknownKey {
-  std::string source;              ///< what was read
-  std::string path;                ///< with its section: segments.max_gap
-  std::vector<std::string> known;  ///< the keys that its section has
-};
-
-/// "my.yaml: unknown parameter segments.max_gap has no effect, known are: max_concavity_m, ..."
-std::string sentence_of(const UnknownKey& key);
-
-/// Its sentence on stderr, for programs without a log.
-void warn_on_stderr(const UnknownKey& key);
-
-using OnUnknownKey = std::function<void(const UnknownKey&)>;
-
-/// Read parameters from YAML text; what it leaves out keeps its default. Models are looked for in `model_folder`.
-/// Throws std::invalid_argument with one sentence that names `source`, the field and its bound for a wrong type and a
-/// value out of bounds; `on_unknown_key` is told of each key that it does not know.
+/// Read parameters from YAML text, as params_from_yaml does. Models are looked for in `model_folder`.
 ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
                                                   const std::string& model_folder,
-                                                  const OnUnknownKey& on_unknown_key = warn_on_stderr);
+                                                  const OnUnknownKey& on_unknown_key = print_warning);
 
 /// Same, from a file.
 ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder,
-                                                 const OnUnknownKey& on_unknown_key = warn_on_stderr);
+                                                 const OnUnknownKey& on_unknown_key = print_warning);
 
 /// The detector that the parameters ask for. It refuses detections below min_p_ellipse as "not one ellipse". Throws
 /// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming a model that cannot be used.

@@ -15,7 +15,7 @@
 #include <ros/timer.h>
 
 #include "situation_awareness/common/counters.hpp"
-#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/common/params.hpp"
 
 namespace situation_awareness {
 

@@ -18,10 +18,10 @@ struct HalfSpace {
 };
 
 /// A volume as YAML text, [[nx, ny, nz, offset_m], ...], from which the same numbers are read again.
-std::string yaml_from_volume(const std::vector<HalfSpace>& volume);
+std::string yaml_text(const std::vector<HalfSpace>& volume);
 
 /// Throws std::invalid_argument if the text is anything else than such a list; its numbers are not looked at.
-std::vector<HalfSpace> volume_from_yaml(const std::string& yaml);
+void read_yaml_text(const std::string& yaml, std::vector<HalfSpace>& volume);
 
 /// Which hits are of interest.
 struct RangeLimiterParams {

@@ -22,23 +22,25 @@ namespace situation_awareness {
 namespace {
 
 struct CameraParams {
-  std::string world, camera, world_frame, camera_frame;
-  int width = 640, height = 480;
-  double rate_hz = 10.0;  ///< pictures per simulated second, at most
-};
+  std::string world = "demo";
+  std::string camera = "overview";
+  int width = 640;
+  int height = 480;
+  double rate_hz = 10.0;
+  std::string world_frame = "world";
+  std::string camera_frame = "camera";
 
-CameraParams read_camera_params(ParamReader reader) {
-  CameraParams params;
-  params.world = reader.take_text("world", "demo");
-  params.camera = reader.take_text("camera", "overview");
-  params.width = reader.take_integer("width", params.width, Bounds{16, 4096}, "");
-  params.height = reader.take_integer("height", params.height, Bounds{16, 4096}, "");
-  params.rate_hz = reader.take_number("rate_hz", params.rate_hz, Bounds{0.1, 100.0}, "Hz");
-  params.world_frame = reader.take_text("world_frame", "world");
-  params.camera_frame = reader.take_text("camera_frame", "camera");
-  reader.refuse_rest();
-  return params;
-}
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world, "name of a world in models/worlds, or a path");
+    visit("camera", self.camera, "name of a camera of the world");
+    visit("width", self.width, Bounds{16, 4096}, "px", "width of the pictures");
+    visit("height", self.height, Bounds{16, 4096}, "px", "height of the pictures");
+    visit("rate_hz", self.rate_hz, Bounds{0.1, 100.0}, "Hz", "pictures per simulated second, at most");
+    visit("world_frame", self.world_frame, "parent frame of the camera in TF");
+    visit("camera_frame", self.camera_frame, "frame of the pictures");
+  }
+};
 
 class Camera {
  public:
@@ -111,8 +113,9 @@ int main(int argc, char** argv) {
   ros::NodeHandle node;  // outlives the handler below: without a node there is no log
   const ros::NodeHandle private_node("~");
   try {
-    const situation_awareness::Camera camera(
-        node, situation_awareness::read_camera_params(situation_awareness::ParamReader(private_node)));
+    const situation_awareness::Camera camera(node,
+                                             situation_awareness::ParamReader(private_node)
+                                                 .read<situation_awareness::CameraParams>(situation_awareness::refuse));
     ros::spin();
   } catch (const std::exception& error) {
     ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());

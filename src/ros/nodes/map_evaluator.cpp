@@ -18,21 +18,21 @@ namespace situation_awareness {
 namespace {
 
 struct EvaluatorParams {
-  double duration_s = 0.0;  ///< simulated time from the first compared scan; 0: until shutdown
+  double duration_s = 0.0;
   double max_delay_s = 1.0;
   double max_false_s = 1.0;
   double max_center_rmse_m = 0.05;
-};
 
-EvaluatorParams read_evaluator_params(ParamReader reader) {
-  EvaluatorParams params;
-  params.duration_s = reader.take_number("duration_s", params.duration_s, Bounds{0.0, 1e6}, "s");
-  params.max_delay_s = reader.take_number("max_delay_s", params.max_delay_s, Bounds{0.0, 1e6}, "s");
-  params.max_false_s = reader.take_number("max_false_s", params.max_false_s, Bounds{0.0, 1e6}, "s");
-  params.max_center_rmse_m = reader.take_number("max_center_rmse_m", params.max_center_rmse_m, Bounds{0.0, 1e3}, "m");
-  reader.refuse_rest();
-  return params;
-}
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s",
+          "simulated time from the first scan that is compared; 0: until shutdown");
+    visit("max_delay_s", self.max_delay_s, Bounds{0.0, 1e6}, "s",
+          "longest time from the first visible scan of an object until it is on the map");
+    visit("max_false_s", self.max_false_s, Bounds{0.0, 1e6}, "s", "longest life of a false ellipse");
+    visit("max_center_rmse_m", self.max_center_rmse_m, Bounds{0.0, 1e3}, "m", "largest RMSE of the centres");
+  }
+};
 
 class Evaluator {
  public:
@@ -122,7 +122,8 @@ int main(int argc, char** argv) {
   const ros::NodeHandle private_node("~");
   try {
     situation_awareness::Evaluator evaluator(
-        node, situation_awareness::read_evaluator_params(situation_awareness::ParamReader(private_node)));
+        node, situation_awareness::ParamReader(private_node)
+                  .read<situation_awareness::EvaluatorParams>(situation_awareness::refuse));
     ros::spin();
     return evaluator.report() ? 0 : 1;
   } catch (const std::exception& error) {

@@ -41,32 +41,37 @@ constexpr int kPosesPerScan = 5;   ///< TF comes this much faster than scans
 constexpr int kMaxScansAhead = 3;  ///< of the map, when running as fast as it goes
 
 struct SimulatorParams {
-  std::string world;
-  bool clock = true;  ///< publish /clock; false: stamps of the wall clock
-  double rate = 1.0;  ///< simulated seconds per second; 0: as fast as the map follows
+  std::string world = "demo";
+  bool clock = true;
+  double rate = 1.0;
   int seed = 1;
-  double duration_s = 0.0;  ///< 0: for ever
-  int rings = 0;            ///< of a ring scanner in the place of the world's scanners; 0: those
-  std::string world_frame, robot_frame, lidar_frame;
-};
+  double duration_s = 0.0;
+  int rings = 0;
+  std::string world_frame = "world";
+  std::string robot_frame = "robot";
+  std::string lidar_frame = "lidar";
 
-SimulatorParams read_simulator_params(ParamReader reader) {
-  SimulatorParams params;
-  params.world = reader.take_text("world", "demo");
-  params.clock = reader.take_flag("clock", params.clock);
-  params.rate = reader.take_number("rate", params.rate, Bounds{0.0, 100.0}, "");
-  params.seed = reader.take_integer("seed", params.seed, Bounds{0, 2147483647}, "");
-  params.duration_s = reader.take_number("duration_s", params.duration_s, Bounds{0.0, 1e6}, "s");
-  params.rings = reader.take_integer("rings", params.rings, Bounds{0, 256}, "");
-  params.world_frame = reader.take_text("world_frame", "world");
-  params.robot_frame = reader.take_text("robot_frame", "robot");
-  params.lidar_frame = reader.take_text("lidar_frame", "lidar");
-  reader.refuse_rest();
-  if (!params.clock && (params.rate != 1.0 || !ros::Time::isSystemTime())) {
-    throw std::invalid_argument("clock = false is the wall clock: it needs rate = 1 and /use_sim_time = false");
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world, "name of a world in models/worlds, or a path");
+    visit("clock", self.clock, "publish /clock; false: stamps of the wall clock");
+    visit("rate", self.rate, Bounds{0.0, 100.0}, "", "simulated seconds per second; 0: as fast as the map follows");
+    visit("seed", self.seed, Bounds{0, 2147483647}, "", "seed of the noise");
+    visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s", "simulated time until it ends; 0: never");
+    visit("rings", self.rings, Bounds{0, 256}, "",
+          "rings of a ring scanner that replaces the world's scanners; 0: those of the world");
+    visit("world_frame", self.world_frame, "parent frame of the robot's pose in TF");
+    visit("robot_frame", self.robot_frame, "frame of the robot's body");
+    visit("lidar_frame", self.lidar_frame, "frame of the scans");
   }
-  return params;
-}
+
+  /// Throws std::invalid_argument.
+  void validate() const {
+    if (!clock && (rate != 1.0 || !ros::Time::isSystemTime())) {
+      throw std::invalid_argument("clock = false is the wall clock: it needs rate = 1 and /use_sim_time = false");
+    }
+  }
+};
 
 class Simulator {
  public:
@@ -301,7 +306,8 @@ int main(int argc, char** argv) {
   const ros::NodeHandle private_node("~");
   try {
     situation_awareness::Simulator simulator(
-        node, situation_awareness::read_simulator_params(situation_awareness::ParamReader(private_node)));
+        node, situation_awareness::ParamReader(private_node)
+                  .read<situation_awareness::SimulatorParams>(situation_awareness::refuse));
     ros::AsyncSpinner spinner(1);
     spinner.start();
     simulator.run();

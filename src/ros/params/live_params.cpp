@@ -43,7 +43,7 @@ void ReadConfig::operator()(const char* name, int& value, Bounds, const char*, c
 }
 
 void ReadConfig::operator()(const char* name, std::vector<HalfSpace>& value, const char*) const {
-  if (const auto* const entry = find(msg_.strs, name)) value = volume_from_yaml(entry->value);
+  if (const auto* const entry = find(msg_.strs, name)) read_yaml_text(entry->value, value);
 }
 
 void WriteConfig::operator()(const char* name, double value, Bounds, const char*, const char*) const {
@@ -55,7 +55,7 @@ void WriteConfig::operator()(const char* name, int value, Bounds, const char*, c
 }
 
 void WriteConfig::operator()(const char* name, const std::vector<HalfSpace>& value, const char*) const {
-  if (auto* const entry = find(msg_.strs, name)) entry->value = yaml_from_volume(value);
+  if (auto* const entry = find(msg_.strs, name)) entry->value = yaml_text(value);
 }
 
 std::string config_text(const dynamic_reconfigure::Config& msg) {

@@ -30,6 +30,8 @@ class ReadConfig {
   void operator()(const char* name, int& value, Bounds bounds, const char* unit, const char* doc) const;
   void operator()(const char* name, std::vector<HalfSpace>& value, const char* doc) const;  ///< from YAML text
   void operator()(const char* /*name*/, const std::string& /*value*/, const char* /*doc*/) const {}
+  template <class Section>
+  void operator()(const char* /*name*/, const Section& /*section*/) const {}  ///< has its own place in Params
 
  private:
   const dynamic_reconfigure::Config& msg_;
@@ -44,6 +46,8 @@ class WriteConfig {
   void operator()(const char* name, int value, Bounds bounds, const char* unit, const char* doc) const;
   void operator()(const char* name, const std::vector<HalfSpace>& value, const char* doc) const;
   void operator()(const char* /*name*/, const std::string& /*value*/, const char* /*doc*/) const {}
+  template <class Section>
+  void operator()(const char* /*name*/, const Section& /*section*/) const {}  ///< has its own place in Params
 
  private:
   dynamic_reconfigure::Config& msg_;

@@ -19,9 +19,8 @@ struct NodeletParams {
   double downlink_rate_hz = 5.0;
   std::string model_folder;  ///< where models are looked for; empty: models/ of this package
   ObjectPipelineParams pipeline;
-  std::vector<UnknownKey> unknown;  ///< what none of these is
+  std::vector<UnknownKey> unknown;  ///< keys that none of these has
 
-  /// Those of the boundary.
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("world_frame", self.world_frame, "frame of the map; TF must lead from it to the frame of the scans");
@@ -36,11 +35,12 @@ struct NodeletParams {
           "how often downlink/objects is sent at most, in wall time");
     visit("model_folder", self.model_folder,
           "where the detector's network is looked for; empty: models/ of this package");
+    ObjectPipelineParams::fields(self.pipeline, visit);
   }
 };
 
-/// Read from what `reader` has; a relative model is looked for in ~model_folder. Throws std::invalid_argument with one
-/// sentence.
-NodeletParams read_nodelet_params(ParamReader reader);
+/// Read from the parameter server; a relative model is looked for in ~model_folder. Throws std::invalid_argument with
+/// one sentence.
+NodeletParams read_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

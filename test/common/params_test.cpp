@@ -1,0 +1,259 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/common/params_yaml.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <limits>
+
+namespace situation_awareness {
+namespace {
+
+/// A type of its own, with YAML text: [low, high].
+struct Span {
+  int low = 1;
+  int high = 2;
+};
+std::string yaml_text(const Span& span) {
+  return '[' + std::to_string(span.low) + ", " + std::to_string(span.high) + ']';
+}
+void read_yaml_text(const std::string& yaml, Span& span) {
+  char end = '\0';
+  const int read = std::sscanf(yaml.c_str(), "[%d, %d%c", &span.low, &span.high, &end);
+  if (read != 3 || end != ']') throw std::invalid_argument("must be [low, high]");
+}
+
+struct InnerParams {
+  double size_m = 0.5;
+  int count = 3;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("size_m", self.size_m, Bounds{0.0, 2.0}, "m", "a size");
+    visit("count", self.count, Bounds{1, 10}, "", "a count");
+  }
+
+  void validate() const {
+    check_bounds(*this, "middle.inner");
+    if (size_m * count > 10.0) throw std::invalid_argument("middle.inner.count is too large for its size_m");
+  }
+};
+
+struct MiddleParams {
+  InnerParams inner;
+  bool flag = false;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("inner", self.inner);
+    visit("flag", self.flag, "a flag");  // behind a section: the order of declarations is free
+  }
+};
+
+struct OuterParams {
+  std::string name = "a name";
+  MiddleParams middle;
+  Span span;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("name", self.name, "a text");
+    visit("middle", self.middle);
+    visit("span", self.span, "a span");
+  }
+};
+
+OuterParams read(const std::string& yaml) {
+  return params_from_yaml<OuterParams>(yaml, "my.yaml",
+                                       [](const UnknownKey& key) { ADD_FAILURE() << message_of(key); });
+}
+
+std::string refusal_of(const std::string& yaml) {
+  try {
+    read(yaml);
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+/// The message on `yaml` is one line that holds all of `facts`, the source first.
+void expect_refusal(const std::string& yaml, const std::vector<std::string>& facts) {
+  const std::string message = refusal_of(yaml);
+  EXPECT_EQ(message.rfind("my.yaml: ", 0), 0U) << message;
+  EXPECT_EQ(message.find('\n'), std::string::npos) << message;
+  for (const std::string& fact : facts) EXPECT_NE(message.find(fact), std::string::npos) << fact << " in: " << message;
+}
+
+TEST(Parameters, AreListedWithWhatIsDeclaredOfThem) {
+  OuterParams params;
+  const std::vector<Parameter> list = parameters_of(params);
+  std::vector<std::string> paths;
+  for (const Parameter& parameter : list) paths.push_back(parameter.path());
+  EXPECT_EQ(paths, (std::vector<std::string>{"name", "middle.inner.size_m", "middle.inner.count", "middle.flag",  //
+                                             "span"}));
+  const Parameter& size = list[1];
+  EXPECT_EQ(size.section, "middle.inner");
+  EXPECT_EQ(size.unit, "m");
+  EXPECT_EQ(size.doc, "a size");
+  ASSERT_TRUE(size.bounds);
+  EXPECT_EQ(size.bounds->high, 2.0);
+  EXPECT_FALSE(list[3].bounds);
+  *std::get<double*>(size.value) = 1.25;
+  EXPECT_EQ(params.middle.inner.size_m, 1.25) << "the list refers to the struct";
+}
+
+TEST(Parameters, AreReadAndWhatIsLeftOutKeepsItsDefault) {
+  const OuterParams params = read("{middle: {inner: {size_m: 1}, flag: true}, span: [3, 4]}");
+  EXPECT_EQ(params.name, "a name");
+  EXPECT_EQ(params.middle.inner.size_m, 1.0);
+  EXPECT_EQ(params.middle.inner.count, 3);
+  EXPECT_TRUE(params.middle.flag);
+  EXPECT_EQ(params.span.low, 3);
+  EXPECT_EQ(params.span.high, 4);
+  for (const char* yaml : {"", "{}", "middle:", "middle: {inner: ~}", "# nothing"}) {
+    EXPECT_EQ(yaml_from_params(read(yaml)), yaml_from_params(OuterParams{})) << yaml;
+  }
+}
+
+TEST(Parameters, KeepWhatTheDefaultsSay) {
+  OuterParams defaults;
+  defaults.middle.inner.count = 7;
+  defaults.name = "other";
+  const auto params = params_from_yaml<OuterParams>("name: third", "my.yaml", print_warning, defaults);
+  EXPECT_EQ(params.middle.inner.count, 7);
+  EXPECT_EQ(params.name, "third");
+}
+
+TEST(Parameters, ReadBackAsTheyAreWritten) {
+  OuterParams params;
+  params.name = "\"quoted\" \\ and: [odd] \t\n#\x01\x7F end \xC3\xA4";
+  params.middle.inner.size_m = 1.0 / 3.0;
+  params.middle.inner.count = 9;
+  params.middle.flag = true;
+  params.span = {-5, 7};
+  const OuterParams again = read(yaml_from_params(params));
+  EXPECT_EQ(again.name, params.name);
+  EXPECT_EQ(again.middle.inner.size_m, params.middle.inner.size_m);
+  EXPECT_EQ(again.middle.inner.count, 9);
+  EXPECT_TRUE(again.middle.flag);
+  EXPECT_EQ(again.span.low, -5);
+  EXPECT_EQ(yaml_from_params(again), yaml_from_params(params));
+}
+
+TEST(YamlText, IsTheShortestThatReadsBack) {
+  using situation_awareness::yaml_text;
+  EXPECT_EQ(yaml_text(0.1), "0.1");
+  EXPECT_EQ(yaml_text(-2.0), "-2");
+  EXPECT_EQ(yaml_text(1e300), "1e+300");
+  EXPECT_EQ(yaml_text(std::nan("")), ".nan");
+  EXPECT_EQ(yaml_text(-std::numeric_limits<double>::infinity()), "-.inf");
+  EXPECT_EQ(yaml_text(true), "true");
+  EXPECT_EQ(yaml_text(-3), "-3");
+}
+
+TEST(Parameters, OutOfBoundsAreRefusedWithPathValueAndBound) {
+  expect_refusal("middle: {inner: {size_m: 2.5}}", {"middle.inner.size_m", "2.5", "[0, 2] m"});
+  expect_refusal("middle: {inner: {size_m: -.inf}}", {"middle.inner.size_m", "-.inf", "[0, 2] m"});
+  expect_refusal("middle: {inner: {size_m: .nan}}", {"middle.inner.size_m", ".nan", "[0, 2] m"});
+  expect_refusal("middle: {inner: {count: 0}}", {"middle.inner.count", "0", "[1, 10]"});
+  EXPECT_EQ(read("middle: {inner: {size_m: 2, count: 1}}").middle.inner.size_m, 2.0) << "bounds are inside";
+}
+
+TEST(Parameters, OfAnotherTypeAreRefusedWithPathValueAndWhatIsWanted) {
+  expect_refusal("middle: {inner: {size_m: far}}", {"middle.inner.size_m", "far", "a number", "[0, 2] m"});
+  expect_refusal("middle: {inner: {size_m: [1]}}", {"middle.inner.size_m", "a list", "a number"});
+  expect_refusal("middle: {inner: {size_m: }}", {"middle.inner.size_m", "null", "a number"});
+  expect_refusal("middle: {inner: {count: 4.5}}", {"middle.inner.count", "4.5", "a whole number", "[1, 10]"});
+  expect_refusal("middle: {inner: {count: 99999999999}}", {"middle.inner.count", "a whole number"});
+  expect_refusal("middle: {flag: 1}", {"middle.flag", "1", "true or false"});
+  expect_refusal("middle: {flag: \"no\"}", {"middle.flag", "\"no\"", "true or false"});
+  expect_refusal("name: 3", {"name", "3", "a text"});
+  expect_refusal("name: true", {"name", "true", "a text"});
+  expect_refusal("name: ~", {"name", "null", "a text"});
+  expect_refusal("name: {a: b}", {"name", "a map", "a text"});
+  expect_refusal("span: 7", {"span", "[low, high]"});
+  expect_refusal("middle: 7", {"middle", "a map", "7"});
+  expect_refusal("middle: {inner: [1]}", {"middle.inner", "a map", "a list"});
+  expect_refusal("7", {"a map", "7"});
+  expect_refusal("middle: {inner: {size_m: \"two\\nlines\"}}", {"middle.inner.size_m"});
+  expect_refusal("middle: {inner: {size_m: " + std::string(500, 'x') + "}}", {"middle.inner.size_m", "xxx..."});
+}
+
+TEST(Parameters, MayBeQuoted) {
+  // rosparam takes 1e-1 for a text, as YAML 1.1 does.
+  EXPECT_EQ(read("middle: {inner: {size_m: \"1e-1\"}}").middle.inner.size_m, 0.1);
+  EXPECT_EQ(read("name: \"3\"").name, "3");
+  EXPECT_EQ(read("name: 'true'").name, "true");
+  EXPECT_EQ(read("name: 3d map").name, "3d map");
+}
+
+TEST(Parameters, AreRefusedIfNotYaml) {
+  expect_refusal("middle: [", {"not valid YAML"});
+  expect_refusal("name: a\nname: b", {"name", "twice"});
+  expect_refusal("middle: {inner: {count: 2, count: 3}}", {"middle.inner.count", "twice"});
+  expect_refusal("[name]: 3", {"the name of a parameter", "a text"});
+  expect_refusal("middle: {? {a: b} : 3}", {"the name of a parameter in middle", "a text"});
+}
+
+TEST(Parameters, AreValidatedFromTheInsideOut) {
+  expect_refusal("middle: {inner: {size_m: 2, count: 10}}", {"middle.inner.count is too large"});
+  OuterParams params;
+  params.middle.inner.size_m = 3.0;
+  EXPECT_THROW(validate_all(params), std::invalid_argument);
+}
+
+TEST(UnknownKeys, AreToldWithTheKeysOfTheirSection) {
+  std::vector<UnknownKey> keys;
+  const auto params = params_from_yaml<OuterParams>(
+      "{nam: x, middle: {inner: {size: 1, count: 5}, inner.count: 1, '': 1}, middle.flag: true}", "my.yaml",
+      [&keys](const UnknownKey& key) { keys.push_back(key); });
+  EXPECT_EQ(params.middle.inner.count, 5) << "the rest is read";
+  EXPECT_FALSE(params.middle.flag);
+  ASSERT_EQ(keys.size(), 5U);
+  EXPECT_EQ(keys[0].source, "my.yaml");
+  EXPECT_EQ(keys[0].path, "middle.inner.size");
+  EXPECT_EQ(keys[0].known, (std::vector<std::string>{"count", "size_m"}));
+  EXPECT_EQ(keys[1].path, "middle.inner.count") << "a key with a dot is no path";
+  EXPECT_EQ(keys[1].known, (std::vector<std::string>{"flag", "inner"}));
+  EXPECT_EQ(keys[2].path, "middle.");
+  EXPECT_EQ(keys[3].path, "nam");
+  EXPECT_EQ(keys[3].known, (std::vector<std::string>{"middle", "name", "span"}));
+  EXPECT_EQ(keys[4].path, "middle.flag");
+
+  const std::string message = message_of(keys[0]);
+  for (const char* fact : {"my.yaml: unknown parameter middle.inner.size ", "count, size_m"}) {
+    EXPECT_NE(message.find(fact), std::string::npos) << message;
+  }
+}
+
+TEST(UnknownKeys, AreWarnedOfOnStderrOrRefused) {
+  testing::internal::CaptureStderr();
+  params_from_yaml<OuterParams>("nam: x", "my.yaml");
+  const std::string warning = testing::internal::GetCapturedStderr();
+  EXPECT_EQ(warning.rfind("warning: my.yaml: unknown parameter nam ", 0), 0U) << warning;
+  EXPECT_EQ(warning.find('\n'), warning.size() - 1) << "one line";
+  EXPECT_THROW(params_from_yaml<OuterParams>("nam: x", "my.yaml", refuse), std::invalid_argument);
+}
+
+TEST(TextFile, IsReadOrRefusedByName) {
+  const std::string path = testing::TempDir() + "/params_test.yaml";
+  std::ofstream(path) << "name: x\n";
+  EXPECT_EQ(read_text_file(path), "name: x\n");
+  std::ofstream(path, std::ios::trunc).flush();
+  EXPECT_EQ(read_text_file(path), "");
+  std::remove(path.c_str());
+  for (const std::string& bad : {path, testing::TempDir()}) {
+    try {
+      read_text_file(bad);
+      ADD_FAILURE() << bad << " was read";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).rfind(bad, 0), 0U) << error.what();
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
