@@ -1,4 +1,4 @@
-# Messages, live parameters, and what other packages see of this one. Before every target: catkin_package sets where
+# Messages, and what other packages see of this one. Before every target: catkin_package sets where
 # they are built.
 if(NOT catkin_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
@@ -19,7 +19,6 @@ add_service_files(DIRECTORY srv FILES
   LoadObjects.srv
   SaveObjects.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
-generate_dynamic_reconfigure_options(cfg/Detection.cfg cfg/Mapping.cfg cfg/Segmentation.cfg)
 
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sim_library ${PROJECT_NAME}_sim)

@@ -31,7 +31,8 @@ sections `scan`, `segments`, `detections` and `objects` make a YAML file of the 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
 
 The first section are arguments of `objects.launch`, of the same names. `objects_bag` takes the same file by `--config`. A
-value out of its bounds, or of another type, is refused with a sentence that names it.
+value out of its bounds, or of another type, is refused with a message that names it. What is marked *live* can be changed
+while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";
 
 /// Texts without quotes where they need none to be read.
@@ -48,12 +49,13 @@ std::string heading_of(const std::string& section) {
 }
 
 void print_section(const std::vector<Parameter>& parameters, const std::string& section) {
-  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | |\n|---|---|---|---|\n", heading_of(section).c_str());
+  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | Live | |\n|---|---|---|---|---|\n",
+              heading_of(section).c_str());
   for (const Parameter& parameter : parameters) {
     if (parameter.section != section) continue;
     const std::string range = parameter.bounds ? text_of(*parameter.bounds, parameter.unit) : "";
-    std::printf("| `%s` | `%s` | %s | %s |\n", parameter.name.c_str(), default_of(parameter).c_str(), range.c_str(),
-                parameter.doc.c_str());
+    std::printf("| `%s` | `%s` | %s | %s | %s |\n", parameter.name.c_str(), default_of(parameter).c_str(),
+                range.c_str(), parameter.live ? "live" : "", parameter.doc.c_str());
   }
   if (section == "detections") {
     std::printf("\n`detector` may be:");

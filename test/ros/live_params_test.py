@@ -56,6 +56,18 @@ class LiveParamsTest(unittest.TestCase):
             self.assertEqual(rospy.get_param(f"{stage}/live/{name}"), yaml)
             self.assertEqual(self.set(stage)[name], yaml)
 
+    def test_1_servers_describe_themselves(self):
+        """As clients read it: rqt_reconfigure, dynparam."""
+        rows = {row["name"]: row for row in self.live["segmentation"].get_parameter_descriptions(timeout=10)}
+        self.assertEqual([rows["min_points"][key] for key in ("type", "min", "max")], ["int", 2, 1000])
+        self.assertEqual([rows["max_range_m"][key] for key in ("type", "min", "max")], ["double", 0.0, 1000.0])
+        self.assertEqual([rows["volume"][key] for key in ("type", "default")], ["str", "[]"])
+        self.assertIn("[m]", rows["max_gap_m"]["description"])
+        self.assertEqual(self.live["segmentation"].get_group_descriptions(timeout=10)["name"], "Default")
+        values = self.live["segmentation"].get_configuration(timeout=10)
+        self.assertEqual(set(rows), set(values) - {"groups"})
+        self.assertTrue(values["groups"]["state"])
+
     def test_2_the_range_counts_from_the_next_scan_on(self):
         self.assertEqual(len(self.of_next_scan(self.segments).segments), 1)
         self.assertEqual(self.set("segmentation", max_range_m=2.0)["max_range_m"], 2.0)
@@ -74,8 +86,8 @@ class LiveParamsTest(unittest.TestCase):
     def test_4_what_cannot_be_is_refused(self):
         before = self.set("segmentation")
         for values, sentence in (({"min_range_m": 11.0}, "scan.min_range_m must be less than scan.max_range_m"),
-                                 ({"volume": "a room"}, "scan.volume must be a list of"),
-                                 ({"volume": "[[1, 0, 0]]"}, "scan.volume must be a list of"),
+                                 ({"volume": "a room"}, "volume must be a list of"),
+                                 ({"volume": "[[1, 0, 0]]"}, "volume must be a list of"),
                                  ({"volume": "[[0, 0, 0, 1]]"}, "half-space without a finite normal"),
                                  ({"volume": "[[1, 0, 0, .nan]]"}, "half-space without a finite normal"),
                                  ({"max_gap_m": math.nan}, "segments.max_gap_m")):

@@ -5,6 +5,7 @@
 
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
+#include "support/aggregate_size.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -44,6 +45,12 @@ TEST(YamlFromXmlRpc, WritesEveryKindOfValue) {
 TEST(ParamReader, WithoutParametersGivesDefaults) {
   const ParamReader reader(XmlRpcValue(), "here");
   EXPECT_EQ(yaml_from_params(reader.read<NodeletParams>(refuse)), yaml_from_params(NodeletParams{}));
+}
+
+TEST(NodeletParams, DeclareAllTheirMembers) {
+  const std::size_t others = 2;  // what was unknown; and the pipeline, whose sections are declared in its place
+  EXPECT_EQ(declared_size<NodeletParams>(),
+            aggregate_size<NodeletParams>() - others + declared_size<ObjectPipelineParams>());
 }
 
 TEST(NodeletParams, ReadBothKindsOfParameters) {

@@ -13,6 +13,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
+#include "support/aggregate_size.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -76,6 +77,10 @@ Expected expected(const SimulatedScan& simulated, std::size_t beam) {
 }
 
 // --- ranges ---------------------------------------------------------------------------------------------------------
+
+TEST(SimulatedScannerParams, DeclareAllTheirMembers) {
+  EXPECT_EQ(declared_size<SimulatedScannerParams>(), aggregate_size<SimulatedScannerParams>());
+}
 
 TEST(SimulatedScan, RangesEqualAnalyticIntersections) {
   ScanSimulation world(kWorlds + "single.xml", without_noise(), 1);

@@ -17,6 +17,10 @@ struct Bounds {
   double high;
 };
 
+/// Marks a parameter that may be changed while its node runs: visit(..., kLive).
+struct Live {};
+constexpr Live kLive{};
+
 /// A parameter of a type of its own, by its YAML text.
 struct YamlValue {
   std::function<std::string()> get;
@@ -31,6 +35,7 @@ struct Parameter {
   std::optional<Bounds> bounds;  ///< of a number
   std::string unit;              ///< empty where there is none
   std::string doc;               ///< one sentence
+  bool live = false;             ///< may be changed while its node runs
 
   std::string path() const { return section.empty() ? name : section + '.' + name; }
 };
@@ -43,6 +48,7 @@ struct Parameter {
 ///     static void fields(Self& self, Visit&& visit) {
 ///       visit("max_gap_m", self.max_gap_m, Bounds{0.001, 10.0}, "m", "largest distance between ...");  // a number
 ///       visit("shape", self.shape, "ellipse or circle");  // bool, std::string, or a type with YAML text of its own
+///       visit("min_points", self.min_points, Bounds{2, 1000}, "", "fewest points of ...", kLive);
 ///       visit("fit", self.fit);                           // a section: another params struct
 ///     }
 ///
@@ -108,16 +114,13 @@ void check_bound(const std::string& section, const char* name, double value, Bou
 struct CheckBounds {
   const std::string& section;
 
-  template <class Number>
-  void operator()(const char* name, const Number& value, Bounds bounds, const char* unit, const char* /*doc*/) const {
+  template <class Number, class... Declared>
+  void operator()(const char* name, const Number& value, Bounds bounds, const char* unit, const Declared&...) const {
     check_bound(section, name, static_cast<double>(value), bounds, unit);
   }
 
-  template <class Value>
-  void operator()(const char* /*name*/, const Value& /*value*/, const char* /*doc*/) const {}
-
-  template <class Section>
-  void operator()(const char* /*name*/, const Section& /*section*/) const {}
+  template <class Value, class... Declared>
+  void operator()(const char* /*name*/, const Value& /*value*/, const Declared&...) const {}
 };
 
 /// The visitor of parameters_of.
@@ -125,21 +128,21 @@ class ListParameters {
  public:
   ListParameters(std::vector<Parameter>& list, const std::string& section) : list_(list), section_(section) {}
 
-  template <class Number>
-  void operator()(const char* name, Number& value, Bounds bounds, const char* unit, const char* doc) {
+  template <class Number, class... Tag>
+  void operator()(const char* name, Number& value, Bounds bounds, const char* unit, const char* doc, Tag... tag) {
     static_assert(std::is_same_v<Number, int> || std::is_same_v<Number, double>, "int and double have bounds");
-    list_.push_back({section_, name, &value, bounds, unit, doc});
+    list_.push_back({section_, name, &value, bounds, unit, doc, is_live(tag...)});
   }
 
-  template <class Value>
-  void operator()(const char* name, Value& value, const char* doc) {
+  template <class Value, class... Tag>
+  void operator()(const char* name, Value& value, const char* doc, Tag... tag) {
     static_assert(!std::is_arithmetic_v<Value> || std::is_same_v<Value, bool>, "a number is declared with its bounds");
     if constexpr (std::is_same_v<Value, bool> || std::is_same_v<Value, std::string>) {
-      list_.push_back({section_, name, &value, {}, "", doc});
+      list_.push_back({section_, name, &value, {}, "", doc, is_live(tag...)});
     } else {
       const YamlValue text{[&value] { return yaml_text(value); },
                            [&value](const std::string& yaml) { read_yaml_text(yaml, value); }};
-      list_.push_back({section_, name, text, {}, "", doc});
+      list_.push_back({section_, name, text, {}, "", doc, is_live(tag...)});
     }
   }
 
@@ -150,6 +153,9 @@ class ListParameters {
   }
 
  private:
+  static bool is_live() { return false; }
+  static bool is_live(Live /*tag*/) { return true; }
+
   std::vector<Parameter>& list_;
   std::string section_;
 };

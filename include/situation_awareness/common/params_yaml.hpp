@@ -58,12 +58,8 @@ struct ValidateSections {
     validate_all(section);
   }
 
-  template <class Value>
-  void operator()(const char* /*name*/, const Value& /*value*/, const char* /*doc*/) const {}
-
-  template <class Number>
-  void operator()(const char* /*name*/, const Number& /*value*/, Bounds, const char* /*unit*/,
-                  const char* /*doc*/) const {}
+  template <class Value, class... Declared>
+  void operator()(const char* /*name*/, const Value& /*value*/, const Declared&...) const {}
 };
 
 }  // namespace detail

@@ -38,7 +38,7 @@ struct EllipseFitParams {
     visit("min_radius_m", self.min_radius_m, Bounds{1e-3, 10.0}, "m", "a fitted radius is kept at or above this");
     visit("max_radius_m", self.max_radius_m, Bounds{0.01, 100.0}, "m", "a larger ellipse is refused");
     visit("max_residual_m", self.max_residual_m, Bounds{1e-3, 10.0}, "m",
-          "a segment whose points stand off its ellipse by more, root mean square, is refused");
+          "a segment whose points stand off its ellipse by more, root mean square, is refused", kLive);
     visit("max_iterations", self.max_iterations, Bounds{1, 1000}, "", "Gauss-Newton iterations at most");
   }
 

@@ -32,7 +32,7 @@ struct DetectionParams {
     visit("detector", self.detector, "name of the detector");
     visit("model", self.model, "ONNX file instead of the detector's own, absolute or in the folder of models");
     visit("min_p_ellipse", self.min_p_ellipse, Bounds{0.0, 1.0}, "",
-          "a segment that is less probably one ellipse is refused");
+          "a segment that is less probably one ellipse is refused", kLive);
     visit("fit", self.fit);
   }
 

@@ -32,9 +32,10 @@ struct RangeLimiterParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "nearer hits count as too close");
-    visit("max_range_m", self.max_range_m, Bounds{0.0, 1000.0}, "m", "farther hits are not of interest");
-    visit("volume", self.volume, "half-spaces [nx, ny, nz, offset_m] of the world that bound the volume of interest");
+    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "nearer hits count as too close", kLive);
+    visit("max_range_m", self.max_range_m, Bounds{0.0, 1000.0}, "m", "farther hits are not of interest", kLive);
+    visit("volume", self.volume, "half-spaces [nx, ny, nz, offset_m] of the world that bound the volume of interest",
+          kLive);
   }
 
   /// Throws std::invalid_argument naming field and bound.

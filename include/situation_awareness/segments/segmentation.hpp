@@ -26,17 +26,18 @@ struct SegmentationParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("max_gap_m", self.max_gap_m, Bounds{0.001, 10.0}, "m",
-          "largest Cartesian distance between neighbouring hits of one segment, beyond the spacing of their beams");
+          "largest Cartesian distance between neighbouring hits of one segment, beyond the spacing of their beams",
+          kLive);
     visit("max_range_gap_m", self.max_range_gap_m, Bounds{0.001, 10.0}, "m",
-          "largest difference in range between neighbouring hits of one segment");
+          "largest difference in range between neighbouring hits of one segment", kLive);
     visit("max_missing_beams", self.max_missing_beams, Bounds{0, 100}, "",
-          "most beams without a hit between neighbouring hits of one segment");
+          "most beams without a hit between neighbouring hits of one segment", kLive);
     visit("min_points_fraction", self.min_points_fraction, Bounds{0.0, 0.5}, "",
           "a segment with fewer points than this part of the beams is dropped (circle paper, Sect. III-C: 0.003)");
     visit("min_points", self.min_points, Bounds{2, 1000}, "",
-          "a segment with fewer points than this is dropped, however few beams the scanner has");
+          "a segment with fewer points than this is dropped, however few beams the scanner has", kLive);
     visit("max_object_extent_m", self.max_object_extent_m, Bounds{0.01, 100.0}, "m",
-          "a segment that extends farther is structure, not an object");
+          "a segment that extends farther is structure, not an object", kLive);
     visit(
         "max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
         "a segment whose points lie this far behind the chord of its ends, on average, is structure: an inner corner");
@@ -50,7 +51,8 @@ struct SegmentationParams {
           "a segment that extends at least this far and is flat is structure: the front of a wall or a cabinet");
     visit("min_bulge", self.min_bulge, Bounds{0.0, 1.0}, "",
           "flat is what lies closer to a line than this part of half its length, root mean square, and stands out by "
-          "less than this part from its ends to its middle");
+          "less than this part from its ends to its middle",
+          kLive);
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "a neighbour this much nearer than the end of a segment hides what is beside it");
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",

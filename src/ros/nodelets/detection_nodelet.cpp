@@ -6,7 +6,6 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/DetectionConfig.h"
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
@@ -23,7 +22,7 @@ namespace situation_awareness {
 
 class DetectionNodelet : public StageNodelet {
  private:
-  using Live = LiveParams<DetectionConfig, DetectionParams, EllipseFitParams>;
+  using Live = LiveParams<DetectionParams>;
 
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time
@@ -47,11 +46,10 @@ class DetectionNodelet : public StageNodelet {
         node.subscribe("segments", kTakeAll, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
     diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.detections,
-                                   params.pipeline.detections.fit,
-                                   [this](const DetectionParams& detections, const EllipseFitParams& fit) {
+                                   [this](const DetectionParams& detections) {
                                      detector_->set_min_p_ellipse(detections.min_p_ellipse);
-                                     detector_->set_fit(fit);
-                                     fit_ = fit;
+                                     detector_->set_fit(detections.fit);
+                                     fit_ = detections.fit;
                                    });
   }
 

@@ -6,7 +6,6 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/MappingConfig.h"
 #include "situation_awareness/common/rate_limit.hpp"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
@@ -26,7 +25,7 @@ namespace situation_awareness {
 
 class MappingNodelet : public StageNodelet {
  private:
-  using Live = LiveParams<MappingConfig, ObjectMapParams>;
+  using Live = LiveParams<ObjectMapParams>;
 
   void start() override {
     ros::NodeHandle& node = getNodeHandle();  // one callback at a time

@@ -14,7 +14,6 @@
 #include <boost/make_shared.hpp>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/SegmentationConfig.h"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -36,7 +35,7 @@ namespace situation_awareness {
 
 class SegmentationNodelet : public StageNodelet {
  private:
-  using Live = LiveParams<SegmentationConfig, RangeLimiterParams, SegmentationParams>;
+  using Live = LiveParams<RangeLimiterParams, SegmentationParams>;
 
   struct Arrived {
     sensor_msgs::LaserScanConstPtr msg;

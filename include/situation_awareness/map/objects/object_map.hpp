@@ -91,13 +91,14 @@ struct ObjectMapParams {
           "part of a detection's variance that repeats from scan to scan while the view is the same, so that no number "
           "of scans makes an element more certain than that");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
-          "part of an element's true detections that its chi-square gate lets in");
+          "part of an element's true detections that its chi-square gate lets in", kLive);
     visit("birth_probability", self.birth_probability, Bounds{0.001, 0.999}, "",
           "probability that what is detected for the first time exists");
     visit("confirmation_probability", self.confirmation_probability, Bounds{0.001, 0.999}, "",
-          "an element is on the map from this probability of existence on, until it is less likely there than not");
+          "an element is on the map from this probability of existence on, until it is less likely there than not",
+          kLive);
     visit("deletion_probability", self.deletion_probability, Bounds{0.0, 0.5}, "",
-          "an element that exists with less probability is deleted");
+          "an element that exists with less probability is deleted", kLive);
     visit("detection_probability", self.detection_probability, Bounds{0.01, 0.99}, "",
           "part of the scans in which an object that nothing hides is detected where it is expected");
     visit("hidden_observation_weight", self.hidden_observation_weight, Bounds{0.0, 1.0}, "",
@@ -108,10 +109,12 @@ struct ObjectMapParams {
     visit("min_part_travel_m", self.min_part_travel_m, Bounds{0.01, 100.0}, "m",
           "two elements that stay together while they travel this far are one body");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "an element is on the map only while its position is this certain in every direction (circle paper, eq. 33)");
+          "an element is on the map only while its position is this certain in every direction (circle paper, eq. 33)",
+          kLive);
     visit("lost_position_sigma_m", self.lost_position_sigma_m, Bounds{0.001, 1000.0}, "m",
           "it is remembered, to be known again, until its position is less certain than this in some direction");
-    visit("max_unseen_s", self.max_unseen_s, Bounds{0.0, 1e6}, "s", "an element is forgotten when unseen for longer");
+    visit("max_unseen_s", self.max_unseen_s, Bounds{0.0, 1e6}, "s", "an element is forgotten when unseen for longer",
+          kLive);
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "time going back by more than this starts a new map (a bag that loops); by less, the scan is dropped");
   }

@@ -1,159 +1,107 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
-#include <exception>
 #include <functional>
-#include <memory>
 #include <string>
 #include <tuple>
 #include <utility>
 #include <vector>
 
 #include <dynamic_reconfigure/Config.h>
-#include <dynamic_reconfigure/server.h>
-#include <ros/console.h>
+#include <dynamic_reconfigure/ConfigDescription.h>
+#include <dynamic_reconfigure/Reconfigure.h>
 #include <ros/node_handle.h>
+#include <ros/publisher.h>
+#include <ros/service_server.h>
 #include <ros/timer.h>
 
 #include "situation_awareness/common/params.hpp"
-#include "situation_awareness/scan/range_limiter.hpp"
 
 namespace situation_awareness {
 
-/// A visitor for the `fields()` of params structs: gives each field that `msg` names the value it has there.
-class ReadConfig {
- public:
-  explicit ReadConfig(const dynamic_reconfigure::Config& msg) : msg_(msg) {}
+/// The live ones of the parameters, in the same order. Throws std::logic_error if two of them have the same name:
+/// dynamic_reconfigure knows no sections.
+std::vector<Parameter> live_parameters(const std::vector<Parameter>& parameters);
 
-  void operator()(const char* name, double& value, Bounds bounds, const char* unit, const char* doc) const;
-  void operator()(const char* name, int& value, Bounds bounds, const char* unit, const char* doc) const;
-  void operator()(const char* name, std::vector<HalfSpace>& value, const char* doc) const;  ///< from YAML text
-  void operator()(const char* /*name*/, const std::string& /*value*/, const char* /*doc*/) const {}
-  template <class Section>
-  void operator()(const char* /*name*/, const Section& /*section*/) const {}  ///< has its own place in Params
+/// Their values as a message of dynamic_reconfigure; what has a YAML text is a string.
+dynamic_reconfigure::Config config_of(const std::vector<Parameter>& parameters);
 
- private:
-  const dynamic_reconfigure::Config& msg_;
-};
+/// What dynamic_reconfigure wants to know of them: types, bounds, their values as defaults, "SENTENCE [UNIT]".
+dynamic_reconfigure::ConfigDescription description_of(const std::vector<Parameter>& parameters);
 
-/// The other way round: sets what `msg` names already.
-class WriteConfig {
- public:
-  explicit WriteConfig(dynamic_reconfigure::Config& msg) : msg_(msg) {}
+/// Set the parameters that `config` has, numbers beyond a bound to the bound. Returns the names of what it has besides:
+/// of no parameter, or of another type. Throws std::invalid_argument naming the parameter whose text cannot be read.
+std::vector<std::string> set_from_config(const std::vector<Parameter>& parameters,
+                                         const dynamic_reconfigure::Config& config);
 
-  void operator()(const char* name, double value, Bounds bounds, const char* unit, const char* doc) const;
-  void operator()(const char* name, int value, Bounds bounds, const char* unit, const char* doc) const;
-  void operator()(const char* name, const std::vector<HalfSpace>& value, const char* doc) const;
-  void operator()(const char* /*name*/, const std::string& /*value*/, const char* /*doc*/) const {}
-  template <class Section>
-  void operator()(const char* /*name*/, const Section& /*section*/) const {}  ///< has its own place in Params
-
- private:
-  dynamic_reconfigure::Config& msg_;
-};
-
-/// Every value: "a = 1, b = 2".
-std::string config_text(const dynamic_reconfigure::Config& msg);
-
-/// What differs: "a = 1 (BEFORE_WORD 3), ..."; empty if nothing does.
-std::string config_changes(const dynamic_reconfigure::Config& before, const dynamic_reconfigure::Config& after,
-                           const std::string& before_word);
-
-/// What can be changed of `Params...` while a nodelet runs: a dynamic_reconfigure server of the generated type `Config`
-/// in the namespace `live` of the nodelet. Its parameters are the fields of the structs that have the same names.
+/// A server of dynamic_reconfigure whose parameters are those that are declared as live, so that no file has to say the
+/// same again (docs/ros.md, "Live parameters").
 ///
-/// It starts with what that namespace holds, else with what YAML says: live values survive a respawn and, by
-/// clear_params, not a launch. A change is used only if every struct's validate() lets it pass; else the old values
-/// stay and go back to who asked. Lives on the callback queue of its node handle, so it needs no lock.
-template <class Config, class... Params>
-class LiveParams {
+/// It starts with what its namespace on the parameter server holds, else with the values that it is given: live values
+/// survive a respawn and, by clear_params, not a launch. A change that `use` refuses is undone, and the old values go
+/// back to who asked. Lives on the callback queue of its node handle, so it needs no lock.
+class LiveParamsServer {
  public:
-  /// Takes what is valid from now on.
-  using Use = std::function<void(const Params&...)>;
-
-  /// `yaml`: the parameters as YAML says. Calls `use` at once.
-  LiveParams(const ros::NodeHandle& private_node, const std::string& name, const Params&... yaml, Use use)
-      : node_(private_node, "live"), name_(name), params_(yaml...), use_(std::move(use)), config_(config_of(params_)) {
-    const dynamic_reconfigure::Config said = message_of(config_);
-    Config kept = config_;
-    kept.__fromServer__(node_);  // leaves alone what is not there
-    kept.__clamp__();
-    try {
-      take(kept);
-    } catch (const std::exception& error) {
-      ROS_WARN_STREAM(name_ << ": what " << node_.getNamespace() << " holds is not used: " << error.what());
-      std::apply(use_, params_);
-    }
-    config_.__toServer__(node_);
-    const dynamic_reconfigure::Config start = message_of(config_);
-    ROS_INFO_STREAM(name_ << ": live parameters: " << config_text(start));
-    const std::string others = config_changes(said, start, "YAML:");
-    if (!others.empty()) ROS_INFO_STREAM(name_ << ": changed live before: " << others);
-    // Not at once: while a nodelet is made its callback queue takes nothing in, and whoever calls a service of it then
-    // waits for ever.
-    start_ = node_.createWallTimer(ros::WallDuration(0.01), [this](const ros::WallTimerEvent&) { serve(); });
-  }
+  /// `parameters`: where the values are, as YAML says; `defaults`: the same ones, at their defaults. `use` is called at
+  /// once and after each change; what it throws refuses the change.
+  LiveParamsServer(const ros::NodeHandle& node, const std::string& name, const std::vector<Parameter>& parameters,
+                   const std::vector<Parameter>& defaults, std::function<void()> use);
 
  private:
-  static dynamic_reconfigure::Config message_of(const Config& config) {
-    dynamic_reconfigure::Config msg;
-    config.__toMessage__(msg);
-    return msg;
-  }
-
-  static Config config_of(const std::tuple<Params...>& params) {
-    Config config = Config::__getDefault__();
-    dynamic_reconfigure::Config msg = message_of(config);
-    std::apply([&msg](const Params&... each) { (Params::fields(each, WriteConfig(msg)), ...); }, params);
-    config.__fromMessage__(msg);
-    return config;
-  }
-
-  void serve() {
-    start_.stop();
-    try {
-      server_ = std::make_unique<dynamic_reconfigure::Server<Config>>(node_);
-      server_->setCallback([this](Config& config, std::uint32_t /*level*/) { change(config); });
-    } catch (const std::exception& error) {
-      ROS_ERROR_STREAM(name_ << ": no live parameters: " << error.what());
-    }
-  }
-
-  void change(Config& config) {
-    const dynamic_reconfigure::Config before = message_of(config_);
-    try {
-      take(config);
-      const std::string changes = config_changes(before, message_of(config_), "was");
-      if (!changes.empty()) ROS_INFO_STREAM(name_ << ": " << changes);
-    } catch (const std::exception& error) {
-      ROS_WARN_STREAM(name_ << ": live change refused, the old values stay: " << error.what());
-    }
-    config = config_;
-  }
-
-  /// Throws what the structs' validate() or `use` throws; nothing has changed then.
-  void take(const Config& config) {
-    const dynamic_reconfigure::Config msg = message_of(config);
-    std::tuple<Params...> next = params_;
-    std::apply(
-        [&](Params&... each) {
-          (Params::fields(each, ReadConfig(msg)), ...);
-          (each.validate(), ...);
-          use_(each...);
-        },
-        next);
-    params_ = next;
-    config_ = config_of(next);
-  }
+  dynamic_reconfigure::Config from_parameter_server() const;
+  void to_parameter_server() const;
+  void serve();
+  bool change(dynamic_reconfigure::ReconfigureRequest& request, dynamic_reconfigure::ReconfigureResponse& response);
 
   ros::NodeHandle node_;
   std::string name_;
-  std::tuple<Params...> params_;
-  Use use_;
-  Config config_;
-  std::unique_ptr<dynamic_reconfigure::Server<Config>> server_;
+  std::vector<Parameter> parameters_;
+  dynamic_reconfigure::ConfigDescription description_;
+  std::function<void()> use_;
   ros::WallTimer start_;
+  ros::Publisher descriptions_, updates_;
+  ros::ServiceServer service_;
+};
+
+/// What is declared live in `Params...`, changed while a nodelet runs: a server in the namespace `live` of the nodelet.
+/// A change is used only if every struct's validate() lets it pass.
+template <class... Params>
+class LiveParams {
+ public:
+  /// Takes what is valid from now on; may throw to refuse it.
+  using Use = std::function<void(const Params&...)>;
+
+  /// `start`: the parameters as YAML says. Calls `use` at once.
+  LiveParams(const ros::NodeHandle& private_node, const std::string& name, const Params&... start, Use use)
+      : params_(start...),
+        use_(std::move(use)),
+        server_(ros::NodeHandle(private_node, "live"), name, list(params_), list(defaults_), [this] { use_valid(); }) {}
+  LiveParams(const LiveParams&) = delete;
+  LiveParams& operator=(const LiveParams&) = delete;
+
+ private:
+  static std::vector<Parameter> list(std::tuple<Params...>& params) {
+    std::vector<Parameter> all;
+    const auto add = [&all](auto& each) {
+      for (Parameter& parameter : parameters_of(each)) all.push_back(std::move(parameter));
+    };
+    std::apply([&add](Params&... each) { (add(each), ...); }, params);
+    return live_parameters(all);
+  }
+
+  void use_valid() const {
+    std::apply(
+        [this](const Params&... each) {
+          (each.validate(), ...);
+          use_(each...);
+        },
+        params_);
+  }
+
+  std::tuple<Params...> params_;
+  std::tuple<Params...> defaults_;
+  Use use_;
+  LiveParamsServer server_;
 };
 
 }  // namespace situation_awareness

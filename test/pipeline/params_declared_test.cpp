@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What is in a params struct and not in its fields() could be neither read nor documented.
+#include <gtest/gtest.h>
+
+#include "situation_awareness/detections/dogleg.hpp"
+#include "situation_awareness/detections/ransac.hpp"
+#include "situation_awareness/evaluation/ellipse_posterior.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "support/aggregate_size.hpp"
+
+namespace situation_awareness {
+namespace {
+
+struct Two {
+  std::string a;
+  EllipseFitParams b;
+};
+
+TEST(AggregateSize, CountsMembers) {
+  EXPECT_EQ(aggregate_size<Two>(), 2U);
+  EXPECT_EQ(aggregate_size<HalfSpace>(), 2U);
+}
+
+TEST(ParamsStructs, DeclareAllTheirMembers) {
+  EXPECT_EQ(declared_size<RangeLimiterParams>(), aggregate_size<RangeLimiterParams>());
+  EXPECT_EQ(declared_size<SegmentationParams>(), aggregate_size<SegmentationParams>());
+  EXPECT_EQ(declared_size<EllipseFitParams>(), aggregate_size<EllipseFitParams>());
+  EXPECT_EQ(declared_size<DoglegParams>(), aggregate_size<DoglegParams>());
+  EXPECT_EQ(declared_size<RansacParams>(), aggregate_size<RansacParams>());
+  EXPECT_EQ(declared_size<DetectionParams>() + 1, aggregate_size<DetectionParams>()) << "model_folder is the caller's";
+  EXPECT_EQ(declared_size<ObjectMapParams>(), aggregate_size<ObjectMapParams>());
+  EXPECT_EQ(declared_size<ObjectPipelineParams>(), aggregate_size<ObjectPipelineParams>());
+  EXPECT_EQ(declared_size<SegmentModel>() + 1, aggregate_size<SegmentModel>()) << "shape is the caller's";
+}
+
+}  // namespace
+}  // namespace situation_awareness

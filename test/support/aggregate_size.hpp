@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <type_traits>
+#include <utility>
+
+namespace situation_awareness {
+
+namespace detail {
+
+struct ConvertsToAnything {
+  template <class Value>
+  operator Value() const;  // NOLINT: only for what is not evaluated
+};
+
+template <class Aggregate, std::size_t... Is>
+auto can_be_made_of(std::index_sequence<Is...>)
+    -> decltype(Aggregate{(static_cast<void>(Is), ConvertsToAnything{})...}, std::true_type());
+template <class Aggregate>
+std::false_type can_be_made_of(...);
+
+/// Takes anything, counts itself.
+struct CountFields {
+  std::size_t& count;
+  template <class Value, class... Declared>
+  void operator()(const char* /*name*/, const Value& /*value*/, const Declared&... /*declared*/) const {
+    ++count;
+  }
+};
+
+}  // namespace detail
+
+/// The number of data members of a plain struct: of how many initialisers it can be made.
+template <class Aggregate, std::size_t kMost = 64>
+constexpr std::size_t aggregate_size() {
+  if constexpr (decltype(detail::can_be_made_of<Aggregate>(std::make_index_sequence<kMost>()))::value) {
+    return kMost;
+  } else {
+    return aggregate_size<Aggregate, kMost - 1>();
+  }
+}
+
+/// The number of parameters and sections that a params struct declares in fields().
+template <class Params>
+std::size_t declared_size() {
+  std::size_t count = 0;
+  const Params params;
+  Params::fields(params, detail::CountFields{count});
+  return count;
+}
+
+}  // namespace situation_awareness
