@@ -35,10 +35,11 @@ struct DoglegParams {
     visit("max_range_m", self.max_range_m, Bounds{0.1, 1000.0}, "m",
           "bound of the centre's distance from the sensor along and across the line of sight");
     visit("start_behind", self.start_behind, Bounds{0.0, 10.0}, "",
-          "the centre starts this many half widths of the points behind their mean");
+          "initial centre behind the mean of the points, in half widths of the points");
     visit("tolerance", self.tolerance, Bounds{1e-15, 0.1}, "",
-          "relative change of cost and parameters, and gradient, below which the fit has converged");
-    visit("max_evaluations", self.max_evaluations, Bounds{1, 100000}, "", "evaluations of the residuals at most");
+          "convergence tolerance: relative change of cost and of parameters, and norm of the gradient");
+    visit("max_evaluations", self.max_evaluations, Bounds{1, 100000}, "",
+          "maximum number of evaluations of the residuals");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -27,10 +27,10 @@ struct RansacParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("inlier_distance_m", self.inlier_distance_m, Bounds{1e-4, 10.0}, "m",
-          "a point at most this far from a candidate's curve is an inlier of it");
+          "maximum distance of an inlier from the candidate's curve");
     visit("max_candidates", self.max_candidates, Bounds{1, 100000}, "",
-          "candidates at most; a candidate that every point lies on is the last");
-    visit("seed", self.seed, Bounds{0, 2147483647}, "", "of the choice of points");
+          "maximum number of candidates; a candidate with all points as inliers ends the search");
+    visit("seed", self.seed, Bounds{0, 2147483647}, "", "seed of the random choice of points");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -40,16 +40,17 @@ struct SegmentModel {
     visit("first_azimuth_rad", self.first_azimuth_rad, Bounds{-6.3, 6.3}, "rad", "azimuth of beam 0");
     visit("beams", self.beams, Bounds{3, 100000}, "", "number of beams");
     visit("range_sigma_m", self.range_sigma_m, Bounds{1e-4, 1.0}, "m", "standard deviation of the range noise");
-    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "no point of the object is nearer");
-    visit("max_range_m", self.max_range_m, Bounds{0.1, 1000.0}, "m", "no point of the object is farther");
+    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "minimum range of any point of the object");
+    visit("max_range_m", self.max_range_m, Bounds{0.1, 1000.0}, "m", "maximum range of any point of the object");
     visit("min_radius_m", self.min_radius_m, Bounds{1e-3, 100.0}, "m", "lower end of the prior of both radii");
     visit("max_radius_m", self.max_radius_m, Bounds{1e-3, 100.0}, "m", "upper end of the prior of the larger radius");
-    visit("min_hits", self.min_hits, Bounds{3, 1000}, "", "segments with fewer visible hits are not kept");
+    visit("min_hits", self.min_hits, Bounds{3, 1000}, "", "minimum number of visible hits of a segment");
     visit("min_hidden_share", self.min_hidden_share, Bounds{0.0, 1.0}, "",
-          "of the beams that would hit, this share is hidden at least, rounded up");
-    visit("max_hidden_share", self.max_hidden_share, Bounds{0.0, 1.0}, "", "and this at most, rounded down");
+          "minimum fraction, rounded up, of the beams on the object that are occluded");
+    visit("max_hidden_share", self.max_hidden_share, Bounds{0.0, 1.0}, "",
+          "maximum fraction, rounded down, of the beams on the object that are occluded");
     visit("max_beyond_beams", self.max_beyond_beams, Bounds{0, 1000}, "",
-          "up to this many beams beyond the hidden end are blocked too, uniformly distributed");
+          "maximum number of occluded beams beyond the occluded end, uniformly distributed");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -30,9 +30,9 @@ struct DetectionParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("detector", self.detector, "name of the detector");
-    visit("model", self.model, "ONNX file instead of the detector's own, absolute or in the folder of models");
+    visit("model", self.model, "ONNX file instead of the detector's own, absolute or relative to model_folder");
     visit("min_p_ellipse", self.min_p_ellipse, Bounds{0.0, 1.0}, "",
-          "a segment that is less probably one ellipse is refused", kLive);
+          "minimum probability that a segment is one ellipse; a segment with less is rejected", kLive);
     visit("fit", self.fit);
   }
 
@@ -90,7 +90,7 @@ class ObjectPipeline {
   explicit ObjectPipeline(const ObjectPipelineParams& params);
 
   /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged. The result is
-  /// valid until the next call, which uses its memory again: once warm, scans ask nothing of the heap.
+  /// valid until the next call, which reuses its memory: no allocation after warm-up.
   const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar);
 
   /// The same for a lidar that moves between its first beam, at the stamp, and its last.

@@ -32,9 +32,13 @@ struct RangeLimiterParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m", "nearer hits count as too close", kLive);
-    visit("max_range_m", self.max_range_m, Bounds{0.0, 1000.0}, "m", "farther hits are not of interest", kLive);
-    visit("volume", self.volume, "half-spaces [nx, ny, nz, offset_m] of the world that bound the volume of interest",
+    visit("min_range_m", self.min_range_m, Bounds{0.0, 1000.0}, "m",
+          "hits nearer than this are classified as too close", kLive);
+    visit("max_range_m", self.max_range_m, Bounds{0.0, 1000.0}, "m",
+          "hits farther than this are outside the range of interest", kLive);
+    visit("volume", self.volume,
+          "convex volume of interest in the world frame: half-spaces [nx, ny, nz, offset_m] with n . p <= offset_m; "
+          "empty: everywhere",
           kLive);
   }
 
@@ -47,8 +51,8 @@ struct RangeLimiterParams {
 /// Hits outside become kOutside and keep their range: they are of no interest, yet they still hide what is behind them
 /// and prove free what is before them. Hits nearer than min_range_m become kTooClose.
 ///
-/// `memory` is a scan no longer needed, whose memory the result takes over: handed on from scan to scan it spares the
-/// heap. The later stages do the same.
+/// `memory` is a scan that is no longer needed, whose memory the result reuses, so that there is no allocation after
+/// warm-up. The later stages do the same.
 Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params,
                  Scan memory = {});
 

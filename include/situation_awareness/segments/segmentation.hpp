@@ -26,37 +26,37 @@ struct SegmentationParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("max_gap_m", self.max_gap_m, Bounds{0.001, 10.0}, "m",
-          "largest Cartesian distance between neighbouring hits of one segment, beyond the spacing of their beams",
-          kLive);
+          "maximum distance between consecutive hits of a segment, in addition to the spacing of their beams", kLive);
     visit("max_range_gap_m", self.max_range_gap_m, Bounds{0.001, 10.0}, "m",
-          "largest difference in range between neighbouring hits of one segment", kLive);
+          "maximum difference in range between consecutive hits of a segment", kLive);
     visit("max_missing_beams", self.max_missing_beams, Bounds{0, 100}, "",
-          "most beams without a hit between neighbouring hits of one segment", kLive);
-    visit("min_points_fraction", self.min_points_fraction, Bounds{0.0, 0.5}, "",
-          "a segment with fewer points than this part of the beams is dropped (circle paper, Sect. III-C: 0.003)");
+          "maximum number of beams without a return between consecutive hits of a segment", kLive);
+    visit(
+        "min_points_fraction", self.min_points_fraction, Bounds{0.0, 0.5}, "",
+        "minimum number of points of a segment, as a fraction of the scan's beams (circle paper, Sect. III-C: 0.003)");
     visit("min_points", self.min_points, Bounds{2, 1000}, "",
-          "a segment with fewer points than this is dropped, however few beams the scanner has", kLive);
+          "minimum number of points of a segment, whatever the number of beams", kLive);
     visit("max_object_extent_m", self.max_object_extent_m, Bounds{0.01, 100.0}, "m",
-          "a segment that extends farther is structure, not an object", kLive);
-    visit(
-        "max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
-        "a segment whose points lie this far behind the chord of its ends, on average, is structure: an inner corner");
-    visit(
-        "max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
-        "a piece with a hidden end whose points all lie this close to the line of a structure beside it belongs to it");
+          "maximum extent of an object; a larger segment is structure", kLive);
+    visit("max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
+          "maximum mean distance of an object's points behind the chord of its ends, seen from the sensor; a segment "
+          "with more is structure (an inner corner)");
+    visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
+          "a partially occluded segment with all points within this distance of the line of a neighbouring structure "
+          "is part of that structure");
     visit("max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
-          "a piece with a hidden end whose points lie this close to a line, root mean square, may be any wall: "
-          "structure");
+          "a partially occluded segment whose RMS distance from a line is below this is structure");
     visit("flat_extent_m", self.flat_extent_m, Bounds{0.0, 100.0}, "m",
-          "a segment that extends at least this far and is flat is structure: the front of a wall or a cabinet");
+          "minimum extent of a flat segment that is structure (the front of a wall or a cabinet)");
     visit("min_bulge", self.min_bulge, Bounds{0.0, 1.0}, "",
-          "flat is what lies closer to a line than this part of half its length, root mean square, and stands out by "
-          "less than this part from its ends to its middle",
+          "a segment is flat if its RMS distance from a line and its sagitta are both below this fraction of half its "
+          "length; 0: none is",
           kLive);
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
-          "a neighbour this much nearer than the end of a segment hides what is beside it");
+          "an end of a segment is occluded if the return beside it is nearer by more than this");
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",
-          "where a segment holds several things, hits this close to the outline of a known object are its own");
+          "in a segment that contains several objects, hits within this distance of a mapped object's outline are "
+          "assigned to it; 0: no segment is divided");
   }
 
   /// Throws std::invalid_argument naming field and bound.

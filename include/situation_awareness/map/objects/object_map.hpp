@@ -58,65 +58,73 @@ struct ObjectMapParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("shape", self.shape, "what objects are taken for: ellipse, or circle (circle paper)");
+    visit("shape", self.shape, "model of the objects' shape: ellipse, or circle (circle paper)");
     visit("acceleration_sigma_m_s2", self.acceleration_sigma_m_s2, Bounds{0.0, 100.0}, "m/s^2",
-          "typical acceleration of what moves, per axis, kept up for about half a second");
+          "standard deviation of a moving object's acceleration, per axis, with a correlation time of about 0.5 s");
     visit("angular_acceleration_sigma_rad_s2", self.angular_acceleration_sigma_rad_s2, Bounds{0.0, 100.0}, "rad/s^2",
-          "typical angular acceleration of what moves, kept up for about half a second");
+          "standard deviation of a moving object's angular acceleration, with a correlation time of about 0.5 s");
     visit("standing_drift_m", self.standing_drift_m, Bounds{0.0, 1.0}, "m",
-          "how far the place of a standing object may creep in a second, per axis");
+          "process noise of a standing object's position: standard deviation after 1 s, per axis");
     visit("radius_drift_m", self.radius_drift_m, Bounds{0.0, 1.0}, "m",
-          "how far (rx + ry) / 2 and (rx - ry) / 2 may creep in a second: radii are constant, detections of real "
-          "objects differ a little with the side they are seen from");
+          "process noise of (rx + ry) / 2 and (rx - ry) / 2: standard deviation after 1 s; radii are constant, but "
+          "detections of real objects vary with the direction of view");
     visit("start_rate_1_s", self.start_rate_1_s, Bounds{0.0, 100.0}, "1/s",
-          "how often an object sets off that has not been seen to move");
+          "transition rate from standing to moving of an object that has not been observed to move");
     visit("restart_rate_1_s", self.restart_rate_1_s, Bounds{0.0, 100.0}, "1/s",
-          "how often one sets off that has moved before, or that has not been seen to stand for long yet");
-    visit("stop_rate_1_s", self.stop_rate_1_s, Bounds{0.0, 100.0}, "1/s", "how often a moving object stops");
+          "transition rate from standing to moving of an object that has moved, or has not been observed to stand for "
+          "long yet");
+    visit("stop_rate_1_s", self.stop_rate_1_s, Bounds{0.0, 100.0}, "1/s", "transition rate from moving to standing");
     visit("start_velocity_sigma_m_s", self.start_velocity_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
-          "typical velocity of what is new or sets off, per axis (ellipse paper, eq. 17)");
+          "prior standard deviation, per axis, of the velocity of a new object and of one that starts to move (ellipse "
+          "paper, eq. 17)");
     visit("start_angular_velocity_sigma_rad_s", self.start_angular_velocity_sigma_rad_s, Bounds{0.0, 100.0}, "rad/s",
-          "typical angular velocity of what is new or sets off (ellipse paper, eq. 19)");
+          "prior standard deviation of the angular velocity of a new object and of one that starts to move (ellipse "
+          "paper, eq. 19)");
     visit("robot_position_sigma_m", self.robot_position_sigma_m, Bounds{0.0, 10.0}, "m",
           "standard deviation of the robot's position, per axis");
     visit("robot_yaw_sigma_rad", self.robot_yaw_sigma_rad, Bounds{0.0, 1.0}, "rad",
           "standard deviation of the robot's yaw");
     visit("robot_stamp_sigma_s", self.robot_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
-          "standard deviation of the time between the stamps of scan and pose: it counts as the robot moves and turns");
+          "standard deviation of the time offset between the stamps of scan and pose, which matters as the robot moves "
+          "and turns");
     visit("measurement_sigma_m", self.measurement_sigma_m, Bounds{0.0, 1.0}, "m",
-          "added to each detection's own standard deviation of centre and shape");
+          "standard deviation that is added in quadrature to that of each detection's centre and radii");
     visit("hidden_end_factor", self.hidden_end_factor, Bounds{1.0, 100.0}, "",
-          "a detection's own standard deviations grow by this where an end is hidden: what is behind is a guess");
+          "factor on the standard deviations of a detection with an occluded end");
     visit("repeated_part", self.repeated_part, Bounds{0.0, 1.0}, "",
-          "part of a detection's variance that repeats from scan to scan while the view is the same, so that no number "
-          "of scans makes an element more certain than that");
+          "fraction of a detection's variance that is correlated from scan to scan while the view is the same; "
+          "averaging does not reduce it");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
-          "part of an element's true detections that its chi-square gate lets in", kLive);
+          "probability that the chi-square gate accepts a true detection of an element", kLive);
     visit("birth_probability", self.birth_probability, Bounds{0.001, 0.999}, "",
-          "probability that what is detected for the first time exists");
-    visit("confirmation_probability", self.confirmation_probability, Bounds{0.001, 0.999}, "",
-          "an element is on the map from this probability of existence on, until it is less likely there than not",
-          kLive);
+          "probability of existence of a new, tentative element");
+    visit(
+        "confirmation_probability", self.confirmation_probability, Bounds{0.001, 0.999}, "",
+        "probability of existence at which an element is confirmed; it is published while the probability is above 0.5",
+        kLive);
     visit("deletion_probability", self.deletion_probability, Bounds{0.0, 0.5}, "",
-          "an element that exists with less probability is deleted", kLive);
+          "probability of existence below which an element is deleted", kLive);
     visit("detection_probability", self.detection_probability, Bounds{0.01, 0.99}, "",
-          "part of the scans in which an object that nothing hides is detected where it is expected");
+          "probability that an unoccluded object is detected in a scan");
     visit("hidden_observation_weight", self.hidden_observation_weight, Bounds{0.0, 1.0}, "",
-          "what a detection with a hidden end counts for existence: it may be a piece of anything");
+          "weight of a detection with an occluded end in the update of the probability of existence");
     visit("max_part_radius_m", self.max_part_radius_m, Bounds{0.0, 10.0}, "m",
-          "only elements with a mean radius up to this can be part of a body: limbs");
-    visit("max_part_gap_m", self.max_part_gap_m, Bounds{0.0, 10.0}, "m", "largest gap between a part and its body");
+          "maximum mean radius of an element that may be part of a body (a limb)");
+    visit("max_part_gap_m", self.max_part_gap_m, Bounds{0.0, 10.0}, "m", "maximum gap between a part and its body");
     visit("min_part_travel_m", self.min_part_travel_m, Bounds{0.01, 100.0}, "m",
-          "two elements that stay together while they travel this far are one body");
+          "distance that two elements must move together to become one body");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "an element is on the map only while its position is this certain in every direction (circle paper, eq. 33)",
+          "maximum standard deviation of the position in any direction of an element that is published (circle paper, "
+          "eq. 33)",
           kLive);
     visit("lost_position_sigma_m", self.lost_position_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "it is remembered, to be known again, until its position is less certain than this in some direction");
-    visit("max_unseen_s", self.max_unseen_s, Bounds{0.0, 1e6}, "s", "an element is forgotten when unseen for longer",
-          kLive);
+          "maximum standard deviation of the position in any direction of a lost element that is kept for "
+          "re-identification");
+    visit("max_unseen_s", self.max_unseen_s, Bounds{0.0, 1e6}, "s",
+          "maximum time without a detection, after which an element is deleted", kLive);
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "time going back by more than this starts a new map (a bag that loops); by less, the scan is dropped");
+          "a stamp that goes back by more than this starts a new map (a bag that loops); a scan that goes back by less "
+          "is dropped");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -23,18 +23,17 @@ struct NodeletParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("world_frame", self.world_frame, "frame of the map; TF must lead from it to the frame of the scans");
+    visit("world_frame", self.world_frame, "fixed frame of the map, which TF must connect with the frame of the scans");
     visit("tf_timeout_s", self.tf_timeout_s, Bounds{0.0, 60.0}, "s",
-          "how long a scan waits for its transform, in wall time");
+          "maximum time that a scan waits for its transform, in wall time");
     visit("deskew", self.deskew,
-          "take each beam at its own time, where a scan says time_increment; a scan then waits for its transform at "
-          "the last beam as well, for up to a period of TF longer");
+          "transform each beam at its own time where the scan has a time_increment; a scan then also waits for the "
+          "transform at its last beam, up to one period of TF longer");
     visit("queue_size", self.queue_size, Bounds{1, 1000}, "scans",
-          "how many may wait for their transforms; of more, the newest takes the place of the one before it");
+          "maximum number of scans that wait for their transforms; in a full queue a new scan replaces the newest one");
     visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
-          "how often downlink/objects is sent at most, in wall time");
-    visit("model_folder", self.model_folder,
-          "where the detector's network is looked for; empty: models/ of this package");
+          "maximum rate of downlink/objects, in wall time");
+    visit("model_folder", self.model_folder, "folder of the detector's network; empty: models/ of this package");
     ObjectPipelineParams::fields(self.pipeline, visit);
   }
 };
