@@ -22,6 +22,12 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
 
 const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                                     const Eigen::Isometry3d& T_world_lidar_end) {
+  known_ = map_.at(map_.stamp_ns(), std::move(known_));
+  return process(scan, T_world_lidar, T_world_lidar_end, known_);
+}
+
+const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                                    const Eigen::Isometry3d& T_world_lidar_end, const Objects& known) {
   const std::string defect = scan_defect(scan);
   if (!defect.empty()) throw std::invalid_argument(defect);
 
@@ -30,8 +36,7 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
   Segments& segments = result_.segments;
   Detections& detections = result_.detections;
   points = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(points));
-  known_ = map_.at(map_.stamp_ns(), std::move(known_));
-  known_level_ = outlines_at(scan.stamp_ns, points.T_world_level, known_, kMaxMapAge_s, std::move(known_level_));
+  known_level_ = outlines_at(scan.stamp_ns, points.T_world_level, known, kMaxMapAge_s, std::move(known_level_));
   segments = divide(segment(points, params_.segments, std::move(segments)), known_level_, params_.segments);
   detections =
       refine(detector_->detect(segments, std::move(detections)), segments, known_level_, params_.detections.fit);

@@ -30,6 +30,8 @@ std::vector<Ellipse> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pos
     diagnostics_.counted({{"map of a later time", 1}});
     forget();
   }
+  if (map_.stamp_ns < latest_scan_ns_) diagnostics_.counted({{"map of the scan before not there yet", 1}});
+  latest_scan_ns_ = stamp_ns;
   return situation_awareness::outlines_at(stamp_ns, T_world_level, map_);
 }
 

@@ -194,6 +194,34 @@ TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
   }
 }
 
+TEST(ObjectPipeline, LooksAtAScanInTheLightOfWhatItIsTold) {
+  ObjectPipeline own(params_without_model()), told(params_without_model()), not_told(params_without_model());
+  const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  const auto detections_of = [](const ObjectPipelineResult& result) {
+    std::vector<double> numbers;
+    for (const Detection& detection : result.detections.detections) {
+      const Vector5d smooth = smooth_parameters(detection.ellipse_level);
+      numbers.insert(numbers.end(), smooth.data(), smooth.data() + smooth.size());
+    }
+    return numbers;
+  };
+  Random random(1);
+  std::vector<double> by_own, by_told, by_none;
+  for (int i = 0; i < 20; ++i) {
+    LevelScene scene;
+    scene.ellipses = {{{3.0, 1.5}, 0.6, 0.4, 0.2}, {{3.5, -2.5 + 0.04 * i}, 0.2, 0.25, 0.15}};
+    Scan scan = scene.scan(&random);
+    scan.stamp_ns = nanoseconds(0.05 * i);
+    const Objects copy = told.map().at(told.map().stamp_ns());
+    by_own = detections_of(own.process(scan, T));
+    by_told = detections_of(told.process(scan, T, T, copy));
+    by_none = detections_of(not_told.process(scan, T, T, Objects{}));
+    ASSERT_EQ(by_own, by_told);
+  }
+  EXPECT_EQ(by_own.size(), by_none.size());
+  EXPECT_NE(by_own, by_none);
+}
+
 // Flying at 2 m/s and turning at 60 deg/s, what stands is found where it is if each beam is taken at its own time, and
 // up to 5 cm beside if not.
 TEST(ObjectPipeline, AMovingLidarSeesStandingThingsWhereTheyAre) {

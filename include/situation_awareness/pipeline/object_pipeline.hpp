@@ -97,6 +97,11 @@ class ObjectPipeline {
   const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                       const Eigen::Isometry3d& T_world_lidar_end);
 
+  /// The same where segmentation and detection look at the scan in the light of `known`, in place of the map itself:
+  /// of a copy that has come another way, or is older.
+  const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                      const Eigen::Isometry3d& T_world_lidar_end, const Objects& known);
+
   const ObjectMap& map() const { return map_; }
   ObjectMap& map() { return map_; }
 

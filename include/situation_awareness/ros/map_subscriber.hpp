@@ -22,11 +22,15 @@ class MapSubscriber {
  public:
   MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics);
 
-  /// What the map expects in a scan, in its level frame. A map of a later time is none: time has started again.
+  /// What the map expects in a scan, in its level frame. A map of a later time is none: time has started again. Counts
+  /// scans that come before the map of the one before.
   std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
   /// Time starts again.
-  void forget() { map_ = {}; }
+  void forget() {
+    map_ = {};
+    latest_scan_ns_ = 0;
+  }
 
  private:
   void on_map(const EllipseMapConstPtr& msg);
@@ -34,6 +38,7 @@ class MapSubscriber {
   std::string world_frame_;
   StageDiagnostics& diagnostics_;
   Objects map_;
+  std::int64_t latest_scan_ns_ = 0;
   ros::Subscriber subscriber_;
 };
 

@@ -27,6 +27,7 @@
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -332,7 +333,10 @@ class BagMapper {
     throw std::runtime_error(sentence);
   }
 
-  void load(const std::string& path) { pipeline_.map().resume(load_map(path, world_frame_)); }
+  void load(const std::string& path) {
+    pipeline_.map().resume(load_map(path, world_frame_));
+    publish(pipeline_.map().at(pipeline_.map().stamp_ns()));
+  }
 
   void save(const std::string& path) const {
     MapSnapshot snapshot = pipeline_.map().snapshot();
@@ -361,6 +365,10 @@ class BagMapper {
   static constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
   static constexpr const char* kAuthority = "bag";
 
+  /// To segmentation and detection of the next scan, as mapping does: the message has angles as quaternions, which
+  /// costs their last digit.
+  void publish(const Objects& objects) { published_ = objects_from_msg(objects_to_msg(objects, world_frame_)); }
+
   void process(const sensor_msgs::LaserScan& msg, const Eigen::Isometry3d& T_world_lidar,
                const Eigen::Isometry3d& T_world_lidar_end) {
     const Scan scan = scan_from_msg(msg);
@@ -370,8 +378,9 @@ class BagMapper {
       return;
     }
     const auto before = std::chrono::steady_clock::now();
-    const ObjectPipelineResult& result = pipeline_.process(scan, T_world_lidar, T_world_lidar_end);
+    const ObjectPipelineResult& result = pipeline_.process(scan, T_world_lidar, T_world_lidar_end, published_);
     const Objects objects = pipeline_.map().at(scan.stamp_ns);
+    publish(objects);
     const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - before;
     durations_ms_.push_back(duration.count());
     if (map_output_ != nullptr) map_output_->write(json_line(objects));
@@ -386,6 +395,7 @@ class BagMapper {
   tf2::BufferCore transforms_{ros::Duration(3.0 * kTimeout_s)};  ///< not longer: lookups cost its length
   TransformQueue<sensor_msgs::LaserScanConstPtr> queue_;
   ObjectPipeline pipeline_;
+  Objects published_;  ///< after the scan before
   Output* map_output_;
   Output* detections_output_;
   std::size_t scans_ = 0;

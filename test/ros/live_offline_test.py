@@ -1,0 +1,239 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodelets and objects_bag make the same map of the same recording.
+
+In lock-step, a scan being published once the map of the one before has come, all numbers are the same bit for bit: all
+fields of the lines that objects_bag writes, and all that the map knows, which is in the file that it is saved in. Where
+scans come faster than maps, the nodelets read a scan in the light of an older map; by how much the maps then differ is
+bounded here.
+"""
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import genpy
+import rosbag
+import rospy
+import rostest
+from sensor_msgs.msg import LaserScan
+from tf2_msgs.msg import TFMessage
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import BEAMS, Diagnostics, Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
+from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.srv import SaveObjects  # noqa: E402
+
+TESTS = pathlib.Path(__file__).resolve().parents[1]
+BURST = 3
+
+
+def last_beam(scan):
+    return scan.header.stamp + genpy.Duration(nsecs=round(scan.time_increment * (len(scan.ranges) - 1) * 1e9))
+
+
+def offline(bag, folder, *arguments, until=None):
+    """The lines of objects_bag by stamp, and the file of the last map; of the bag up to the time `until`."""
+    if until is not None:
+        part = folder / "part.bag"
+        with rosbag.Bag(str(bag)) as whole, rosbag.Bag(str(part), "w") as out:
+            for topic, msg, at in whole.read_messages(end_time=until):
+                out.write(topic, msg, at)
+        bag = part
+    lines, saved = folder / "offline.jsonl", folder / "offline.yaml"
+    subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--out", str(lines), "--save-map",
+                    str(saved), *arguments], check=True, capture_output=True, text=True, timeout=120)
+    texts = [line.split(", ", 1)[0].split(": ")[1] for line in lines.read_text().splitlines()]
+    stamps = [genpy.Time(*map(int, text.split("."))) for text in texts]
+    return dict(zip(stamps, map(json.loads, lines.read_text().splitlines()))), saved.read_bytes()
+
+
+def objects_of(message):
+    """What objects_bag writes of such a map."""
+    objects = []
+    for e in message.ellipses:
+        sigma = [math.sqrt(max(e.covariance[9 * i], 0.0)) for i in range(8)]
+        objects.append(dict(id=e.id, x=e.pose.position.x, y=e.pose.position.y, qz=e.pose.orientation.z,
+                            qw=e.pose.orientation.w, rx=e.rx, ry=e.ry, vx=e.twist.linear.x, vy=e.twist.linear.y,
+                            wz=e.twist.angular.z, sigma=sigma, beams=e.beams))
+    return objects
+
+
+def as_published(objects):
+    """The same of a line, in which the orientation is an angle."""
+    published = []
+    for element in objects:
+        element = dict(element)
+        psi = element.pop("psi")
+        published.append(dict(element, qz=math.sin(0.5 * psi), qw=math.cos(0.5 * psi)))
+    return published
+
+
+class Live:
+    """The nodelets in the namespace `name`."""
+
+    def __init__(self, name):
+        self.name = name
+        self.diagnostics = Diagnostics()
+        self.maps = Latest(f"/{name}/objects", EllipseMap)
+        self.scans = rospy.Publisher(f"/{name}/scan", LaserScan, queue_size=1000, tcp_nodelay=True)
+        self.tf = rospy.Publisher(f"/{name}/tf", TFMessage, queue_size=1000, tcp_nodelay=True)
+        self.tf_static = rospy.Publisher(f"/{name}/tf_static", TFMessage, queue_size=10, latch=True)
+        self.save = rospy.ServiceProxy(f"/{name}/mapping/save_objects", SaveObjects)
+        links = (self.scans, self.tf, self.tf_static, self.maps.subscriber)
+        wait_until(lambda: all(link.get_num_connections() > 0 for link in links), 60.0, f"the nodelets of {name}")
+        self.save.wait_for_service(60.0)
+        time.sleep(1.0)  # the links among the nodelets
+
+    def stand_still(self, frame):
+        self.tf_static.publish(transform_msg(rospy.Time(0), child=frame))
+        time.sleep(0.2)
+
+    def map_of(self, stamp):
+        wait_until(lambda: self.maps.messages and self.maps.messages[-1].header.stamp >= stamp, 20.0,
+                   f"the map of {stamp} in {self.name}")
+        return self.maps.messages[-1]
+
+    def late_maps(self, processed):
+        """How often segmentation and detection looked at a scan without the map of the one before, of so many."""
+        stages = [f"{self.name}/{stage}" for stage in ("segmentation", "detection")]
+        wait_until(lambda: all(self.diagnostics.count(stage, "processed") >= processed for stage in stages), 10.0,
+                   f"the diagnostics of {self.name}")
+        return sum(self.diagnostics.count(stage, "map of the scan before not there yet") for stage in stages)
+
+    def saved(self, folder):
+        path = folder / "live.yaml"
+        answer = self.save(str(path))
+        assert answer.success, answer.message
+        return path.read_bytes()
+
+
+class LiveOfflineTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+
+    def assert_same(self, live, expected, where):
+        """Bit for bit, or which numbers differ by how much."""
+        self.assertEqual([element["id"] for element in live], [element["id"] for element in expected], where)
+        differences = [f"{field} of {a['id']}: {a[field]}, not {b[field]}"
+                       for a, b in zip(live, expected) for field in b if a[field] != b[field]]
+        self.assertEqual(differences, [], where)
+
+    def lock_step(self, name, bag, static_frame=None, checks=1):
+        """Play the bag and compare map by map; `checks` times on the way, and at the end, all that the map knows."""
+        arguments = () if static_frame is None else ("--static-sensor",)
+        expected, _ = offline(bag, self.folder, *arguments)
+        live = Live(name)
+        if static_frame is not None:
+            live.stand_still(static_frame)
+        check_every = len(expected) // (checks + 1)
+        waiting, compared, elements, transformed = [], 0, 0, genpy.Time()
+        with rosbag.Bag(str(bag)) as recording:
+            for topic, msg, at in recording.read_messages():
+                if topic == "/tf":
+                    live.tf.publish(msg)
+                    transformed = max(transformed, max(transform.header.stamp for transform in msg.transforms))
+                elif topic == "/scan":
+                    live.scans.publish(msg)
+                    waiting.append(msg)
+                while waiting and (static_frame is not None or last_beam(waiting[0]) <= transformed):
+                    stamp = waiting.pop(0).header.stamp
+                    message = live.map_of(stamp)
+                    self.assertEqual(message.header.stamp, stamp)
+                    self.assert_same(objects_of(message), as_published(expected[stamp]["objects"]),
+                                     f"{name} at {stamp}")
+                    compared += 1
+                    elements += len(message.ellipses)
+                    if compared % check_every == 0 or compared == len(expected):
+                        _, saved = offline(bag, self.folder, *arguments, until=at)
+                        self.assertEqual(live.saved(self.folder).decode(), saved.decode(), f"{name} at {stamp}")
+        self.assertEqual(compared, len(expected))
+        self.assertEqual(live.late_maps(compared), 0)
+        self.assertGreater(elements, compared, "more than one element in each map on average")
+
+    def test_demo(self):
+        """A flight past standing and moving things, each beam at its own time."""
+        self.lock_step("demo", TESTS / "golden" / "demo.bag")
+
+    def test_persons(self):
+        self.lock_step("persons", TESTS / "golden" / "persons.bag")
+
+    def test_upside_down(self):
+        self.lock_step("upside_down", TESTS / "golden" / "upside_down.bag")
+
+    def test_leg_tracker(self):
+        """A real scanner that stands still."""
+        self.lock_step("leg_tracker", TESTS / "data" / "leg_tracker_ten_seconds.bag", static_frame="laser")
+
+    def test_interpolated(self):
+        """Poses at other times than the scans', of a robot that moves and turns, as they came after the scans."""
+        bag = self.folder / "interpolated.bag"
+        start = genpy.Time(1_400_000_000, 0)
+
+        def at(t):
+            return start + genpy.Duration(nsecs=round(1e9 * t))
+
+        with rosbag.Bag(str(bag), "w") as out:
+            for i in range(300):
+                t = 0.013 * i
+                msg = transform_msg(at(t), x=0.3 * t)
+                rotation = msg.transforms[0].transform.rotation
+                rotation.z, rotation.w = math.sin(0.1 * t), math.cos(0.1 * t)
+                out.write("/tf", msg, at(t + 0.017))
+            for i in range(60):
+                t = 0.05 * i + 0.1
+                circles = [(3.0, 0.5, 0.25), (2.0, -2.0 + 0.4 * t, 0.3), (1.0, 2.0, 0.2)]
+                x, yaw = 0.3 * t, 0.2 * t
+                c, s = math.cos(yaw), math.sin(yaw)
+                seen = [((cx - x) * c + cy * s, cy * c - (cx - x) * s, r) for cx, cy, r in circles]
+                scan = scan_msg(at(t), ranges=ranges_to_circles(seen))
+                scan.time_increment = 0.02 / BEAMS
+                out.write("/scan", scan, at(t + 0.021))
+        self.lock_step("interpolated", bag)
+
+    def test_pipelined(self):
+        """Scans in bursts of three: the second and the third come before the map of the first."""
+        bag = TESTS / "golden" / "persons.bag"
+        expected, _ = offline(bag, self.folder)
+        live = Live("pipelined")
+        with rosbag.Bag(str(bag)) as recording:
+            messages = [(topic, msg) for topic, msg, _ in recording.read_messages()]
+        scans = [msg for topic, msg in messages if topic == "/scan"]
+        transforms = [msg for topic, msg in messages if topic == "/tf"]
+        for first in range(0, len(scans), BURST):
+            for msg in transforms[first:first + BURST]:
+                live.tf.publish(msg)
+            time.sleep(0.02)
+            for msg in scans[first:first + BURST]:
+                live.scans.publish(msg)
+            live.map_of(scans[first:first + BURST][-1].header.stamp)
+        self.assertGreater(live.late_maps(len(live.maps.messages)), 20)
+
+        same_ids, distances_m, in_sigmas = 0, [], []
+        for message in live.maps.messages:
+            here = {element["id"]: element for element in objects_of(message)}
+            there = {element["id"]: element for element in expected[message.header.stamp]["objects"]}
+            same_ids += set(here) == set(there)
+            for element in set(here) & set(there):
+                a, b = here[element], there[element]
+                distances_m.append(math.hypot(a["x"] - b["x"], a["y"] - b["y"]))
+                in_sigmas.append(distances_m[-1] / math.hypot(*b["sigma"][:2]))
+        maps = len(live.maps.messages)
+        rms_m = math.sqrt(sum(d * d for d in distances_m) / len(distances_m))
+        print(f"{maps} maps, {same_ids} with the same ids; RMS {rms_m:.4f} m, 99 % within "
+              f"{sorted(in_sigmas)[int(0.99 * len(in_sigmas))]:.2f} sigma")
+        self.assertGreater(maps, 0.9 * len(expected), "few are overtaken")
+        self.assertGreater(same_ids, 0.95 * maps)
+        self.assertLess(rms_m, 0.03)
+        self.assertLess(sorted(in_sigmas)[int(0.99 * len(in_sigmas))], 3.0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("live_offline_test")
+    rostest.rosrun("situation_awareness", "live_offline_test", LiveOfflineTest)
