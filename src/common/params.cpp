@@ -62,14 +62,21 @@ std::string text_of(Bounds bounds, const std::string& unit) {
   return '[' + yaml_text(bounds.low) + ", " + yaml_text(bounds.high) + ']' + (unit.empty() ? "" : " ") + unit;
 }
 
-std::string message_of(const UnknownKey& key) {
+namespace {
+
+/// `what_follows`: from the unknown key.
+std::string message_of(const UnknownKey& key, const std::string& what_follows) {
   std::string names;
   for (const std::string& name : key.known) names += (names.empty() ? "" : ", ") + name;
-  return key.source + ": unknown parameter " + key.path + " has no effect, known are: " + names;
+  return key.source + ": unknown parameter " + key.path + what_follows + ", known are: " + names;
 }
+
+}  // namespace
+
+std::string message_of(const UnknownKey& key) { return message_of(key, " has no effect"); }
 
 void print_warning(const UnknownKey& key) { std::fprintf(stderr, "warning: %s\n", message_of(key).c_str()); }
 
-void refuse(const UnknownKey& key) { throw std::invalid_argument(message_of(key)); }
+void refuse(const UnknownKey& key) { throw std::invalid_argument(message_of(key, "")); }
 
 }  // namespace situation_awareness

@@ -235,7 +235,15 @@ TEST(UnknownKeys, AreWarnedOfOnStderrOrRefused) {
   const std::string warning = testing::internal::GetCapturedStderr();
   EXPECT_EQ(warning.rfind("warning: my.yaml: unknown parameter nam ", 0), 0U) << warning;
   EXPECT_EQ(warning.find('\n'), warning.size() - 1) << "one line";
-  EXPECT_THROW(params_from_yaml<OuterParams>("nam: x", "my.yaml", refuse), std::invalid_argument);
+  try {
+    params_from_yaml<OuterParams>("nam: x", "my.yaml", refuse);
+    ADD_FAILURE() << "accepted";
+  } catch (const std::invalid_argument& error) {
+    const std::string message = error.what();
+    EXPECT_EQ(message.rfind("my.yaml: unknown parameter nam", 0), 0U) << message;
+    EXPECT_NE(message.find("middle, name, span"), std::string::npos) << message;
+    EXPECT_EQ(message.find("no effect"), std::string::npos) << message;
+  }
 }
 
 TEST(TextFile, IsReadOrRefusedByName) {

@@ -50,7 +50,7 @@ class CameraTest(unittest.TestCase):
 
     def test_2_it_refuses_what_it_cannot_show(self):
         for argument, part in (("_camera:=aloft", "there is no camera 'aloft'"), ("_world:=atlantis", "atlantis.xml"),
-                               ("_width:=1", "width = 1 is outside [16, 4096]"), ("_hop:=1", "hop is unknown")):
+                               ("_width:=1", "width = 1 is outside [16, 4096]"), ("_hop:=1", "unknown parameter hop")):
             result = subprocess.run(["rosrun", "situation_awareness", "camera", "__name:=refused_camera", argument],
                                     capture_output=True, text=True, timeout=30, check=False)
             self.assertEqual(result.returncode, 1)

@@ -41,9 +41,9 @@ class SimTest(unittest.TestCase):
 
     def test_3_nodes_refuse_what_they_do_not_know(self):
         for program, argument, part in (("simulator", "_rate:=-1", "rate = -1 is outside [0, 100]"),
-                                        ("simulator", "_speed:=2", "speed is unknown"),
+                                        ("simulator", "_speed:=2", "unknown parameter speed"),
                                         ("simulator", "_world:=atlantis", "atlantis.xml"),
-                                        ("map_evaluator", "_max_delay:=2", "max_delay is unknown")):
+                                        ("map_evaluator", "_max_delay:=2", "unknown parameter max_delay")):
             result = subprocess.run(["rosrun", "situation_awareness", program, "__name:=refused_" + program, argument],
                                     capture_output=True, text=True, timeout=30, check=False)
             self.assertEqual(result.returncode, 1)

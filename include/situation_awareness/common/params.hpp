@@ -93,7 +93,7 @@ using OnUnknownKey = std::function<void(const UnknownKey&)>;
 /// Writes the message to stderr as a warning, for programs without a log.
 void print_warning(const UnknownKey& key);
 
-/// Throws the message as std::invalid_argument.
+/// Throws std::invalid_argument with the same facts.
 [[noreturn]] void refuse(const UnknownKey& key);
 
 // --- implementation -------------------------------------------------------------------------------------------------
