@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "situation_awareness/geometry/angles.hpp"
@@ -66,6 +64,13 @@ double turn_sigma_rad(const ObjectEstimate& estimate, double dt_s, const Process
   return dt_s * std::sqrt(estimate.P(kAngularVelocity, kAngularVelocity) + q_w * dt_s / 3.0);
 }
 
+/// Of all in a measurement that is no error of the element: its own noise and that of the robot input.
+Matrix5d noise_covariance(const Vector8d& x, const Pose2& T_world_level, const Measurement& measurement,
+                          const Eigen::Matrix3d& U) {
+  const Matrix53d H_u = measurement_input_jacobian(x, T_world_level, measurement.time_offset_s);
+  return measurement.R + H_u * U * H_u.transpose();
+}
+
 }  // namespace
 
 Vector8d predict(const Vector8d& x, double dt_s) {
@@ -85,10 +90,8 @@ void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
   Eigen::Vector2d by_psi = axis_by_psi(estimate.x, dt_s);
   const double sigma_rad = turn_sigma_rad(estimate, dt_s, noise);
   if (sigma_rad > kAnyTurn_rad) by_psi *= kAnyTurn_rad / sigma_rad;
-  const Matrix8d F = jacobian(estimate.x, dt_s, by_psi);
-  const Matrix8d P = F * estimate.P * F.transpose() + added_covariance(dt_s, noise, by_psi);
-  estimate.P = 0.5 * (P + P.transpose());
-  estimate.x = predict(estimate.x, dt_s);
+  predict(estimate, predict(estimate.x, dt_s), jacobian(estimate.x, dt_s, by_psi),
+          added_covariance(dt_s, noise, by_psi));
 }
 
 Measurement measurement_of(const Detection& detection) {
@@ -134,28 +137,15 @@ Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_lev
 
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U) {
+  const Vector5d nu = measurement.z - measure(estimate.x, T_world_level, measurement.time_offset_s);
   const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, measurement.time_offset_s);
-  Match result;
-  result.nu = measurement.z - measure(estimate.x, T_world_level, measurement.time_offset_s);
-  result.S = H * estimate.P * H.transpose() + H_u * U * H_u.transpose() + measurement.R;
-  const Eigen::LLT<Matrix5d> llt(result.S);
-  result.mahalanobis2 = llt.matrixL().solve(result.nu).squaredNorm();
-  const double log_det_S = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-  result.log_likelihood = -0.5 * (result.mahalanobis2 + log_det_S + 5.0 * std::log(2.0 * kPi));
-  return result;
+  return innovation(estimate, nu, H, noise_covariance(estimate.x, T_world_level, measurement, U));
 }
 
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U) {
   const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, measurement.time_offset_s);
-  const Matrix5d R = measurement.R + H_u * U * H_u.transpose();
-  const Eigen::Matrix<double, 8, 5> K = match.S.llt().solve(H * estimate.P).transpose();
-  const Matrix8d I_KH = Matrix8d::Identity() - K * H;
-  const Matrix8d P = I_KH * estimate.P * I_KH.transpose() + K * R * K.transpose();
-  estimate.P = 0.5 * (P + P.transpose());
-  estimate.x += K * match.nu;
+  update(estimate, match, H, noise_covariance(estimate.x, T_world_level, measurement, U));
 }
 
 void bound_radii(Vector8d& x, double min_radius_m) {
@@ -176,11 +166,11 @@ ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_wo
 }
 
 void make_circle(ObjectEstimate& estimate) {
-  const Eigen::Matrix2d P_axis = estimate.P.block<2, 2>(kAxis, kAxis);
-  const Eigen::Matrix<double, 8, 2> K = P_axis.llt().solve(estimate.P.middleRows<2>(kAxis)).transpose();
-  estimate.x -= K * estimate.x.segment<2>(kAxis);
-  const Matrix8d P = estimate.P - K * estimate.P.middleRows<2>(kAxis);
-  estimate.P = 0.5 * (P + P.transpose());
+  Eigen::Matrix<double, 2, 8> H = Eigen::Matrix<double, 2, 8>::Zero();
+  H.middleCols<2>(kAxis).setIdentity();
+  const Eigen::Matrix2d R = Eigen::Matrix2d::Zero();
+  update(estimate, innovation(estimate, Eigen::Vector2d(-estimate.x.segment<2>(kAxis)), H, R), H, R);
+  // Exactly, and not but for rounding: no measurement then moves them again.
   estimate.x.segment<2>(kAxis).setZero();
   estimate.P.middleRows<2>(kAxis).setZero();
   estimate.P.middleCols<2>(kAxis).setZero();

@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/detections/detections.hpp"
+#include "situation_awareness/estimation/error_state_filter.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
@@ -27,8 +28,12 @@ namespace situation_awareness {
 //   H_u     d(z) / d(u), u = (x, y in the world, yaw)             J_z_u     5x3
 //
 // The papers' state has psi, rx and ry where this one has s. The two say the same of an ellipse, but s has no seam at
-// psi = +-90 deg, no second description of the same curve, and no false certainty of psi at a circle; every error is a
-// plain difference, and the measurement is linear in the state.
+// psi = +-90 deg, no second description of the same curve, and no false certainty of psi at a circle, and the
+// measurement is linear in the state.
+//
+// The papers' filter is an indirect (error-state) one: of an orientation an error is no plain difference. Of s it is.
+// x [+] e = x + e then holds for the whole state, nothing is left to reset, and the direct and the indirect filter are
+// the same filter, number by number. This one is the indirect filter of estimation/ on the manifold R^8.
 
 /// Place of each part in the filter's state.
 namespace object_state {
@@ -44,10 +49,8 @@ using Matrix58d = Eigen::Matrix<double, 5, 8>;
 using Matrix53d = Eigen::Matrix<double, 5, 3>;
 
 /// Mean and covariance of the filter's state.
-struct ObjectEstimate {
-  Vector8d x = Vector8d::Zero();
-  Matrix8d P = Matrix8d::Zero();
-};
+using ObjectEstimate = Estimate<Vector8d>;
+static_assert(Manifold<Vector8d>::kFlat, "every error is a plain difference: direct and indirect filter coincide");
 
 /// Spectral densities of the white noises that drive the process model, and of the random walks.
 struct ProcessNoise {
@@ -93,20 +96,14 @@ Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s);
 /// H_u: a turn of the robot moves the element about it from where it is at the offset.
 Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s);
 
-/// An innovation with its covariance.
-struct Match {
-  Vector5d nu = Vector5d::Zero();
-  Matrix5d S = Matrix5d::Identity();
-  double mahalanobis2 = 0.0;
-  double log_likelihood = 0.0;
-};
+/// What a measurement says of an element that was not expected.
+using Match = Innovation<kMeasurementSize>;
 
 /// Compare an element with a measurement (circle paper, eqs. 24 to 26). `U` is the covariance of the robot input.
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U);
 
-/// Correct state and covariance (circle paper, eqs. 27 to 30, in Joseph's form, which keeps P symmetric positive
-/// semi-definite).
+/// Correct state and covariance (circle paper, eqs. 27 to 30).
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U);
 
