@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/sim/intensity.hpp"
 #include "situation_awareness/sim/world.hpp"
 #include "world_model.hpp"
 
@@ -31,9 +32,17 @@ class RayCaster {
   /// The nearest thing of scenery and objects along the unit vector, at any range.
   Ray cast(const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world) const;
 
+  /// How much light comes back along a ray that was cast in that way and meets something, without noise.
+  double intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
+                   const SimulatedIntensityParams& params) const;
+
  private:
+  /// Outward normal, of any length, of a geom where a ray meets it; in the world. Zero where there is none.
+  Eigen::Vector3d normal(int geom, const Eigen::Vector3d& p_world) const;
+
   WorldModel& world_;
   std::vector<int> object_of_geom_;
+  std::vector<Surface> surface_of_geom_;
 };
 
 }  // namespace situation_awareness

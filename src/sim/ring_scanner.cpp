@@ -40,6 +40,7 @@ SimulatedRingScanner& SimulatedRingScanner::operator=(SimulatedRingScanner&&) no
 RingScannerSample SimulatedRingScanner::next() {
   const double start_s = next_time_s();
   Random noise(seed_of_scan(seed_, scans_));
+  Random intensity_noise(seed_of_scan(seed_ ^ kIntensityStream, scans_));
   ++scans_;
 
   RingScannerSample sample;
@@ -63,7 +64,9 @@ RingScannerSample SimulatedRingScanner::next() {
       const double elevation_rad = params_.elevation_min_rad + ring * elevation_increment_rad;
       const Eigen::Vector3d ray_sensor(std::cos(elevation_rad) * std::cos(azimuth_rad),
                                        std::cos(elevation_rad) * std::sin(azimuth_rad), std::sin(elevation_rad));
-      const Ray ray = rays_->cast(T_world_sensor.translation(), T_world_sensor.linear() * ray_sensor);
+      const Eigen::Vector3d ray_world = T_world_sensor.linear() * ray_sensor;
+      const Ray ray = rays_->cast(T_world_sensor.translation(), ray_world);
+      const double relative_error = params_.intensity.sigma * intensity_noise.normal();
       const double error_m = params_.range_sigma_m * noise.normal();  // one draw per ray, whatever it meets
 
       const std::size_t place = static_cast<std::size_t>(ring) * cloud.columns + static_cast<std::size_t>(column);
@@ -76,6 +79,10 @@ RingScannerSample SimulatedRingScanner::next() {
       point.x_m = p_sensor.x();
       point.y_m = p_sensor.y();
       point.z_m = p_sensor.z();
+      if (params_.intensity.gain > 0.0) {
+        const double intensity = rays_->intensity(ray, T_world_sensor.translation(), ray_world, params_.intensity);
+        point.intensity = static_cast<float>(std::max(0.0, intensity * (1.0 + relative_error)));
+      }
       if (ray.object >= 0) sample.hits[place] = {ray.object, ray.range_m};
     }
   }

@@ -39,6 +39,7 @@ ScannerSample SimulatedScanner::next() {
   const auto min_range_m = static_cast<float>(params_.range_min_m);
   const auto max_range_m = static_cast<float>(params_.range_max_m);
   Random noise(seed_of_scan(seed_, scans_));
+  Random intensity_noise(seed_of_scan(seed_ ^ kIntensityStream, scans_));
   ++scans_;
 
   ScannerSample sample;
@@ -60,6 +61,7 @@ ScannerSample SimulatedScanner::next() {
     const Eigen::Vector3d beam_world =
         T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
     const Ray ray = rays_->cast(T_world_lidar.translation(), beam_world);
+    const double relative_error = params_.intensity.sigma * intensity_noise.normal();
     const double error_m = params_.range_sigma_m * noise.normal();  // one draw per beam, whatever it meets
 
     Beam& beam = scan.beams[static_cast<std::size_t>(i)];
@@ -70,6 +72,10 @@ ScannerSample SimulatedScanner::next() {
     } else {
       beam.state = BeamState::kHit;
       beam.range_m = std::clamp(static_cast<float>(ray.range_m + error_m), min_range_m, max_range_m);
+      if (params_.intensity.gain > 0.0) {
+        const double intensity = rays_->intensity(ray, T_world_lidar.translation(), beam_world, params_.intensity);
+        beam.intensity = static_cast<float>(std::max(0.0, intensity * (1.0 + relative_error)));
+      }
       if (ray.object >= 0) sample.hits[static_cast<std::size_t>(i)] = {ray.object, ray.range_m};
     }
   }

@@ -17,4 +17,7 @@ inline std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
   return mix(mix(seed) + scan);
 }
 
+/// What a sensor's seed is combined with for the noise of its intensities, which so changes none of its ranges.
+constexpr std::uint64_t kIntensityStream = 0x696E74656E736974U;
+
 }  // namespace situation_awareness

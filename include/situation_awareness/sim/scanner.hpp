@@ -10,6 +10,7 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/sim/intensity.hpp"
 #include "situation_awareness/sim/truth.hpp"
 #include "situation_awareness/sim/world.hpp"
 
@@ -27,6 +28,7 @@ struct SimulatedScannerParams {
   double range_min_m = 0.1;
   double range_max_m = 30.0;
   double range_sigma_m = 0.01;
+  SimulatedIntensityParams intensity;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -41,6 +43,7 @@ struct SimulatedScannerParams {
     visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer is too close");
     visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther is not seen");
     visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
+    SimulatedIntensityParams::fields(self.intensity, visit);
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/intensity.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace situation_awareness {
+
+double true_intensity(const SimulatedIntensityParams& params, const Surface& surface, double range_m,
+                      double cos_incidence) {
+  constexpr double kGlossExponent = 50.0;
+  const double part =
+      (surface.diffuse + surface.retro) * cos_incidence + surface.glossy * std::pow(cos_incidence, kGlossExponent);
+  const double ratio = range_m / params.half_range_m;
+  return std::min(params.max, params.gain * part / (1.0 + ratio * ratio));
+}
+
+}  // namespace situation_awareness
