@@ -38,10 +38,10 @@ void Samples::report(const std::string& name, diagnostic_updater::DiagnosticStat
 }
 
 StageDiagnostics::StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& private_node, const std::string& name)
-    : name_(name), reported_at_(ros::WallTime::now()), updater_(node, private_node, name) {
+    : name_(name), reported_at_(ros::SteadyTime::now()), updater_(node, private_node, name) {
   updater_.setHardwareID("none");
   updater_.add("stage", [this](Status& status) { report(status); });
-  timer_ = node.createWallTimer(kReportPeriod, [this](const ros::WallTimerEvent&) {
+  timer_ = node.createSteadyTimer(kReportPeriod, [this](const ros::SteadyTimerEvent&) {
     try {
       updater_.force_update();
     } catch (const std::exception& error) {
@@ -64,7 +64,7 @@ void StageDiagnostics::dropped(const std::string& reason, const std::string& det
   Drops& drops = drops_[reason];
   ++drops.count;
   drops.detail = detail;
-  const ros::WallTime now = ros::WallTime::now();
+  const ros::SteadyTime now = ros::SteadyTime::now();
   if (!drops.warned_at.isZero() && now - drops.warned_at < kWarningPeriod) return;
   drops.warned_at = now;
   ROS_WARN_STREAM(name_ << ": dropped, " << with_detail(reason, detail) << "; " << drops.count << " so far");
@@ -74,13 +74,14 @@ void StageDiagnostics::counted(const Counters& counters) {
   for (const auto& [reason, count] : counters) counted_[reason] += count;
 }
 
-void StageDiagnostics::processed(const ros::Time& stamp, const ros::WallTime& start) {
+void StageDiagnostics::processed(const ros::Time& stamp, const ros::SteadyTime& start, double latency_s) {
   ++processed_;
+  latencies_.add(latency_s * 1e3);
+  durations_.add((ros::SteadyTime::now() - start).toSec() * 1e3);
   // In integers: ros::Duration throws where stamps are more than 68 years apart.
-  const std::int64_t latency_ns = to_nanoseconds(ros::Time::now()) - to_nanoseconds(stamp);
-  const double latency_ms = static_cast<double>(latency_ns) * 1e-6;
-  if (std::abs(latency_ms) <= Samples::kMost_ms) latencies_.add(latency_ms);
-  durations_.add((ros::WallTime::now() - start).toSec() * 1e3);
+  const std::int64_t age_ns = to_nanoseconds(ros::Time::now()) - to_nanoseconds(stamp);
+  const double age_ms = static_cast<double>(age_ns) * 1e-6;
+  if (std::abs(age_ms) <= Samples::kMost_ms) ages_.add(age_ms);
 }
 
 /// What follows on "no input": that nobody publishes, or where nothing comes.
@@ -115,7 +116,7 @@ void StageDiagnostics::summarise(std::uint64_t new_received, std::uint64_t new_p
 }
 
 void StageDiagnostics::report(Status& status) {
-  const ros::WallTime now = ros::WallTime::now();
+  const ros::SteadyTime now = ros::SteadyTime::now();
   const double elapsed_s = std::max((now - reported_at_).toSec(), 1e-3);
   const std::uint64_t new_received = received_ - reported_received_;
   const std::uint64_t new_processed = processed_ - reported_processed_;
@@ -126,12 +127,13 @@ void StageDiagnostics::report(Status& status) {
   if (waiting_) status.add("waiting", waiting_());
   status.addf("input rate [Hz]", "%.1f", static_cast<double>(new_received) / elapsed_s);
   status.addf("rate [Hz]", "%.1f", static_cast<double>(new_processed) / elapsed_s);
-  if (latencies_.empty() && new_processed > 0) {
-    status.add("latency", "unknown: the stamps are of another clock");
-  } else {
-    latencies_.report("latency", status);
-  }
+  latencies_.report("latency", status);
   durations_.report("processing", status);
+  if (ages_.empty() && new_processed > 0) {
+    status.add("age", "unknown: the stamps are of another clock");
+  } else {
+    ages_.report("age", status);
+  }
   for (const auto& add : adds_) add(status);
   for (auto& [reason, drops] : drops_) {
     status.add("dropped: " + reason, drops.count);

@@ -63,7 +63,8 @@ class DiagnosticsTest(unittest.TestCase):
         for stage in STAGES:
             self.assertGreater(self.number(stage, "rate [Hz]"), 2.0)
             self.assertGreater(self.number(stage, "input rate [Hz]"), 2.0)
-            for key in ("latency p50 [ms]", "latency p99 [ms]", "processing p50 [ms]", "processing p99 [ms]"):
+            for key in ("latency p50 [ms]", "latency p99 [ms]", "processing p50 [ms]", "processing p99 [ms]",
+                        "age p50 [ms]", "age p99 [ms]"):
                 self.assertTrue(0.0 <= self.number(stage, key) < 5e3, key)
         self.assertTrue(0.0 <= self.number("segmentation", "TF age p50 [ms]") < 1e3)
         self.assertTrue(0.0 <= self.number("segmentation", "wait for TF p99 [ms]") < 500.0)

@@ -20,6 +20,7 @@
 #include "situation_awareness/EllipseMap.h"
 #include "situation_awareness/SegmentArray.h"
 #include "situation_awareness/ros/backlog.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -44,13 +45,6 @@ sensor_msgs::LaserScanPtr scan_msg(const ros::Time& stamp) {
   }
   msg->angle_max = msg->angle_min + msg->angle_increment * 628.0F;
   return msg;
-}
-
-/// As the stages do, by pointer.
-template <typename M>
-ros::Subscriber listen(ros::NodeHandle& node, const std::string& topic,
-                       const boost::function<void(const boost::shared_ptr<const M>&)>& callback) {
-  return node.subscribe<M>(topic, kTakeAll, callback);
 }
 
 bool wait_until(const std::function<bool()>& condition, double timeout_s) {
@@ -91,10 +85,10 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
   ros::NodeHandle node;
   ros::Publisher scans = node.advertise<sensor_msgs::LaserScan>("scan", 10);
   std::atomic<int> maps{0};
-  const ros::Subscriber map_subscriber =
-      listen<EllipseMap>(node, "objects", [&maps](const EllipseMapConstPtr& msg) { maps += !msg->ellipses.empty(); });
+  const ros::Subscriber map_subscriber = node.subscribe<EllipseMap>(
+      "objects", 0, [&maps](const EllipseMapConstPtr& msg) { maps += !msg->ellipses.empty(); });
   const ros::Subscriber copies_subscriber =
-      listen<sensor_msgs::LaserScan>(node, "copies", [](const sensor_msgs::LaserScanConstPtr&) {});
+      node.subscribe<sensor_msgs::LaserScan>("copies", 0, +[](const sensor_msgs::LaserScanConstPtr&) {});
   ros::Publisher copies = node.advertise<sensor_msgs::LaserScan>("copies", 10);
   ASSERT_TRUE(wait_until([&] { return map_subscriber.getNumPublishers() > 0 && scans.getNumSubscribers() > 0; }, 60.0));
 
@@ -124,11 +118,12 @@ class Listener {
   Listener(ros::NodeHandle& node, const std::string& topic)
       : diagnostics_(node, ros::NodeHandle("~"), "listener"),
         backlog_(node, diagnostics_,
-                 [this](const boost::shared_ptr<const M>& msg) {
+                 [this](const boost::shared_ptr<const M>& msg, const ros::SteadyTime&) {
                    std::atomic_store(&handled_, std::make_shared<Held>(Held{msg}));
                  }),
-        subscriber_(listen<M>(node, topic,
-                              [this](const boost::shared_ptr<const M>& msg) { backlog_.add(msg, ros::Time()); })) {}
+        subscriber_(node, topic, [this](const boost::shared_ptr<const M>& msg, const ros::SteadyTime& arrival) {
+          backlog_.add(msg, arrival);
+        }) {}
 
   const M* handled() const {
     const auto held = std::atomic_load(&handled_);
@@ -143,7 +138,7 @@ class Listener {
   std::shared_ptr<Held> handled_;
   StageDiagnostics diagnostics_;
   Backlog<M> backlog_;
-  ros::Subscriber subscriber_;
+  TimedSubscriber<M> subscriber_;
 };
 
 template <typename M>
@@ -160,6 +155,30 @@ TYPED_TEST(SharedMessages, WhatIsPublishedIsWhatIsHandled) {
     msg->header.stamp = ros::Time::now();
     publisher.publish(msg);
     EXPECT_TRUE(wait_until([&] { return first.handled() == msg.get() && second.handled() == msg.get(); }, 5.0));
+  }
+}
+
+TEST(TimedSubscriber, ArrivalIsWhenAMessageCameAlsoWhereItsTurnComesLater) {
+  ros::NodeHandle node("arrival");
+  ros::Publisher publisher = node.advertise<DetectionArray>("topic", 10);
+  std::vector<double> late_s;
+  std::vector<ros::SteadyTime> published(3);
+  std::atomic<std::size_t> done{0};
+  const ros::WallDuration busy(0.2);
+  const TimedSubscriber<DetectionArray> subscriber(node, "topic",
+                                                   [&](const DetectionArrayConstPtr&, const ros::SteadyTime& arrival) {
+                                                     late_s.push_back((arrival - published[done]).toSec());
+                                                     busy.sleep();
+                                                     ++done;
+                                                   });
+  for (ros::SteadyTime& time : published) {
+    time = ros::SteadyTime::now();
+    publisher.publish(boost::make_shared<DetectionArray>());
+  }
+  ASSERT_TRUE(wait_until([&] { return done == published.size(); }, 10.0));
+  for (const double each_s : late_s) {
+    EXPECT_GE(each_s, 0.0);
+    EXPECT_LT(each_s, 0.5 * busy.toSec());
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include <ros/callback_queue_interface.h>
 #include <ros/node_handle.h>
+#include <ros/time.h>
 #include <boost/make_shared.hpp>
 #include <boost/shared_ptr.hpp>
 
@@ -19,10 +20,6 @@
 
 namespace situation_awareness {
 
-/// How deep roscpp's own queue before a backlog is: without bound. It would drop uncounted, and holds no more than came
-/// while one message was handled.
-constexpr std::uint32_t kTakeAll = 0;
-
 /// Messages that wait for a stage. They are handled one at a time and in order; those that there is no time for (see
 /// Pace) are dropped and counted. What comes to a stage that is free is handled at once. Otherwise more may have come,
 /// and all that has arrived is let in first: the next is handled in a turn of its own, which queues up behind on the
@@ -32,7 +29,7 @@ template <typename M>
 class Backlog {
  public:
   using ConstPtr = boost::shared_ptr<const M>;
-  using Handler = std::function<void(const ConstPtr&)>;
+  using Handler = std::function<void(const ConstPtr&, const ros::SteadyTime& arrival)>;
 
   Backlog(ros::NodeHandle& node, StageDiagnostics& diagnostics, Handler handle)
       : queue_(*node.getCallbackQueue()), diagnostics_(diagnostics), handle_(std::move(handle)) {}
@@ -40,9 +37,9 @@ class Backlog {
   Backlog& operator=(const Backlog&) = delete;
   ~Backlog() { queue_.removeByID(id()); }
 
-  /// `arrival` is when roscpp received it (ros::MessageEvent), in ROS time.
-  void add(const ConstPtr& msg, const ros::Time& arrival) {
-    waiting_.push_back(msg);
+  /// `arrival`: see TimedSubscriber.
+  void add(const ConstPtr& msg, const ros::SteadyTime& arrival) {
+    waiting_.push_back({msg, arrival});
     if (waiting_.size() == 1 && !asked_ && arrival > free_since_) {
       take_turn();
     } else {
@@ -55,6 +52,11 @@ class Backlog {
   void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
 
  private:
+  struct Waiting {
+    ConstPtr msg;
+    ros::SteadyTime arrival;
+  };
+
   struct Turn : ros::CallbackInterface {
     explicit Turn(Backlog& backlog) : backlog(backlog) {}
     CallResult call() override {
@@ -75,15 +77,15 @@ class Backlog {
   void take_turn() {
     asked_ = false;
     if (waiting_.empty()) return;
-    drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front()->header.stamp),
-                                  to_nanoseconds(waiting_.back()->header.stamp)),
+    drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front().msg->header.stamp),
+                                  to_nanoseconds(waiting_.back().msg->header.stamp)),
                 drop_reason::kOvertaken);
-    const ConstPtr msg = waiting_.front();
+    const Waiting next = waiting_.front();
     waiting_.pop_front();
-    const ros::WallTime start = ros::WallTime::now();
-    handle_(msg);
-    pace_.handled((ros::WallTime::now() - start).toSec());
-    free_since_ = ros::Time::now();
+    const ros::SteadyTime start = ros::SteadyTime::now();
+    handle_(next.msg, next.arrival);
+    free_since_ = ros::SteadyTime::now();
+    pace_.handled((free_since_ - start).toSec());
     if (!waiting_.empty()) ask_for_turn();
   }
 
@@ -94,9 +96,9 @@ class Backlog {
   ros::CallbackQueueInterface& queue_;
   StageDiagnostics& diagnostics_;
   Handler handle_;
-  std::deque<ConstPtr> waiting_;
+  std::deque<Waiting> waiting_;
   Pace pace_;
-  ros::Time free_since_;
+  ros::SteadyTime free_since_;
   bool asked_ = false;  ///< for a turn that has not come yet
 };
 

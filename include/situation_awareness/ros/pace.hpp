@@ -10,7 +10,7 @@ namespace situation_awareness {
 /// How long a stage needs for a message, and so whether it has time for all that wait or for the newest alone.
 class Pace {
  public:
-  /// One more message took so long, in wall time.
+  /// One more message took so long, by the steady clock.
   void handled(double duration_s);
 
   /// Median over the latest messages, so that one the system interrupted says nothing; 0 before the first.

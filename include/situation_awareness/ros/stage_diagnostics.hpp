@@ -11,8 +11,9 @@
 
 #include <diagnostic_updater/diagnostic_updater.h>
 #include <ros/node_handle.h>
+#include <ros/steady_timer.h>
 #include <ros/subscriber.h>
-#include <ros/timer.h>
+#include <ros/time.h>
 
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params.hpp"
@@ -35,8 +36,8 @@ class Samples {
   std::vector<double> values_ms_;
 };
 
-/// What one nodelet says about itself on /diagnostics, once a second in wall time: what came in, what went out, what
-/// was dropped and why, and how long it took. Lives on the callback queue of its node handle, so it needs no lock.
+/// What one nodelet says about itself on /diagnostics, once a second by the steady clock: what came in, what went out,
+/// what was dropped and why, and how long it took. Lives on the callback queue of its node handle, so it needs no lock.
 class StageDiagnostics {
  public:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
@@ -63,15 +64,16 @@ class StageDiagnostics {
   /// What comes is passed over on purpose, from now on or no longer.
   void pause(bool paused) { paused_ = paused; }
 
-  /// Output for the input of `stamp` went out; work on it began at `start`.
-  void processed(const ros::Time& stamp, const ros::WallTime& start);
+  /// Output for the input of `stamp` went out; work on it began at `start`, and `latency_s` is the time since its scan
+  /// came to the first stage, both by the steady clock.
+  void processed(const ros::Time& stamp, const ros::SteadyTime& start, double latency_s);
 
  private:
   struct Drops {
     std::uint64_t count = 0;
     std::uint64_t reported = 0;
     std::string detail;  ///< of the latest
-    ros::WallTime warned_at;
+    ros::SteadyTime warned_at;
   };
 
   void summarise(std::uint64_t new_received, std::uint64_t new_processed, Status& status) const;
@@ -90,11 +92,12 @@ class StageDiagnostics {
   Counters counted_;
   std::uint64_t reported_received_ = 0;
   std::uint64_t reported_processed_ = 0;
-  ros::WallTime reported_at_;
+  ros::SteadyTime reported_at_;
   Samples latencies_;
+  Samples ages_;
   Samples durations_;
   diagnostic_updater::Updater updater_;
-  ros::WallTimer timer_;
+  ros::SteadyTimer timer_;
 };
 
 }  // namespace situation_awareness

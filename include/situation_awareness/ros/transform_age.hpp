@@ -16,7 +16,7 @@ class TransformAge {
   /// `tf` must outlive this.
   TransformAge(const tf2_ros::Buffer& tf, const std::string& world_frame) : tf_(tf), world_frame_(world_frame) {}
 
-  /// A scan came: how old is the newest transform to its frame? Throws nothing.
+  /// A scan came: how old, in ROS time as stamps are, is the newest transform to its frame? Throws nothing.
   void scan_arrived(const std::string& frame);
 
   /// A scan has its transform, after so long.

@@ -17,6 +17,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
 
 namespace situation_awareness {
 
@@ -40,11 +41,15 @@ class DetectionNodelet : public StageNodelet {
     });
     map_ = std::make_unique<MapSubscriber>(node, params.world_frame, *diagnostics_);
     publisher_ = node.advertise<DetectionArray>("detections", 20);
-    backlog_ = std::make_unique<Backlog<SegmentArray>>(node, *diagnostics_,
-                                                       [this](const SegmentArrayConstPtr& msg) { process(msg); });
-    subscriber_ =
-        node.subscribe("segments", kTakeAll, &DetectionNodelet::on_segments, this, ros::TransportHints().tcpNoDelay());
-    diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
+    backlog_ = std::make_unique<Backlog<SegmentArray>>(
+        node, *diagnostics_,
+        [this](const SegmentArrayConstPtr& msg, const ros::SteadyTime& arrival) { process(msg, arrival); });
+    subscriber_ = std::make_unique<TimedSubscriber<SegmentArray>>(
+        node, "segments", [this](const SegmentArrayConstPtr& msg, const ros::SteadyTime& arrival) {
+          diagnostics_->received();
+          backlog_->add(msg, arrival);
+        });
+    diagnostics_->watch(subscriber_->subscriber(), [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.detections,
                                    [this](const DetectionParams& detections) {
                                      detector_->set_min_p_ellipse(detections.min_p_ellipse);
@@ -53,13 +58,8 @@ class DetectionNodelet : public StageNodelet {
                                    });
   }
 
-  void on_segments(const ros::MessageEvent<SegmentArray const>& event) {
-    diagnostics_->received();
-    backlog_->add(event.getConstMessage(), event.getReceiptTime());
-  }
-
-  void process(const SegmentArrayConstPtr& msg) {
-    const ros::WallTime start = ros::WallTime::now();
+  void process(const SegmentArrayConstPtr& msg, const ros::SteadyTime& arrival) {
+    const ros::SteadyTime start = ros::SteadyTime::now();
     Segments segments;
     try {
       segments = segments_from_msg(*msg);
@@ -69,9 +69,11 @@ class DetectionNodelet : public StageNodelet {
     try {
       const Detections detections = refine(detector_->detect(segments), segments,
                                            map_->outlines_at(segments.stamp_ns, segments.T_world_level), fit_);
-      publisher_.publish(boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id)));
+      const auto array = boost::make_shared<DetectionArray>(detections_to_msg(detections, msg->header.frame_id));
+      array->latency = latency_s(msg->latency, arrival);
+      publisher_.publish(array);
       diagnostics_->counted(detections.refused);
-      diagnostics_->processed(msg->header.stamp, start);
+      diagnostics_->processed(msg->header.stamp, start, latency_s(msg->latency, arrival));
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
@@ -85,7 +87,7 @@ class DetectionNodelet : public StageNodelet {
   std::unique_ptr<MapSubscriber> map_;
   std::unique_ptr<Backlog<SegmentArray>> backlog_;
   ros::Publisher publisher_;
-  ros::Subscriber subscriber_;
+  std::unique_ptr<TimedSubscriber<SegmentArray>> subscriber_;
 };
 
 }  // namespace situation_awareness

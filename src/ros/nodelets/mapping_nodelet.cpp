@@ -20,6 +20,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
 
 namespace situation_awareness {
 
@@ -44,22 +45,21 @@ class MappingNodelet : public StageNodelet {
     downlink_limit_ = std::make_unique<RateLimit>(params.downlink_rate_hz);
     services_ = std::make_unique<MapServices>(node, getPrivateNodeHandle(), getName(), world_frame_, *map_,
                                               *diagnostics_, [this](const Objects& objects) { publish(objects); });
-    backlog_ = std::make_unique<Backlog<DetectionArray>>(node, *diagnostics_,
-                                                         [this](const DetectionArrayConstPtr& msg) { process(msg); });
-    subscriber_ = node.subscribe("detections", kTakeAll, &MappingNodelet::on_detections, this,
-                                 ros::TransportHints().tcpNoDelay());
-    diagnostics_->watch(subscriber_, [this] { return backlog_->waiting(); });
+    backlog_ = std::make_unique<Backlog<DetectionArray>>(
+        node, *diagnostics_,
+        [this](const DetectionArrayConstPtr& msg, const ros::SteadyTime& arrival) { process(msg, arrival); });
+    subscriber_ = std::make_unique<TimedSubscriber<DetectionArray>>(
+        node, "detections", [this](const DetectionArrayConstPtr& msg, const ros::SteadyTime& arrival) {
+          diagnostics_->received();
+          backlog_->add(msg, arrival);
+        });
+    diagnostics_->watch(subscriber_->subscriber(), [this] { return backlog_->waiting(); });
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params.pipeline.objects,
                                    [this](const ObjectMapParams& objects) { map_->set_params(objects); });
   }
 
-  void on_detections(const ros::MessageEvent<DetectionArray const>& event) {
-    diagnostics_->received();
-    backlog_->add(event.getConstMessage(), event.getReceiptTime());
-  }
-
-  void process(const DetectionArrayConstPtr& msg) {
-    const ros::WallTime start = ros::WallTime::now();
+  void process(const DetectionArrayConstPtr& msg, const ros::SteadyTime& arrival) {
+    const ros::SteadyTime start = ros::SteadyTime::now();
     if (services_->paused()) return diagnostics_->counted({{"passed over while paused", 1}});
     if (tf2_frame(msg->header.frame_id) != world_frame_) {
       return diagnostics_->dropped(drop_reason::kBadMessage, "detections in the frame " + msg->header.frame_id);
@@ -76,7 +76,7 @@ class MappingNodelet : public StageNodelet {
       nis_.add(update.matches, update.mahalanobis2);
       if (map_->stamp_ns() != detections.stamp_ns) return diagnostics_->dropped(drop_reason::kStamp);
       publish(map_->at(detections.stamp_ns));
-      diagnostics_->processed(msg->header.stamp, start);
+      diagnostics_->processed(msg->header.stamp, start, latency_s(msg->latency, arrival));
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
@@ -103,7 +103,7 @@ class MappingNodelet : public StageNodelet {
   ObjectMarkers markers_{MarkerStyle::kEstimate};
   std::unique_ptr<RateLimit> downlink_limit_;
   ros::Publisher map_publisher_, markers_publisher_, downlink_publisher_;
-  ros::Subscriber subscriber_;
+  std::unique_ptr<TimedSubscriber<DetectionArray>> subscriber_;
 };
 
 }  // namespace situation_awareness

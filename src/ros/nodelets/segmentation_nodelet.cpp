@@ -25,6 +25,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
 #include "situation_awareness/ros/transform_age.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -39,7 +40,7 @@ class SegmentationNodelet : public StageNodelet {
 
   struct Arrived {
     sensor_msgs::LaserScanConstPtr msg;
-    ros::Time at;  ///< in ROS time
+    ros::SteadyTime at;
   };
 
   struct PosedScan {
@@ -68,10 +69,13 @@ class SegmentationNodelet : public StageNodelet {
         tf_, queue_params,
         [this](const char* reason, const std::string& detail) { diagnostics_->dropped(reason, detail); });
     backlog_ = std::make_unique<Backlog<PosedScan>>(
-        node, *diagnostics_, [this](const boost::shared_ptr<const PosedScan>& scan) { handle(*scan); });
-    scan_subscriber_ =
-        node.subscribe("scan", kTakeAll, &SegmentationNodelet::on_scan, this, ros::TransportHints().tcpNoDelay());
-    diagnostics_->watch(scan_subscriber_, [this] { return queue_->waiting() + backlog_->waiting(); });
+        node, *diagnostics_, [this](const boost::shared_ptr<const PosedScan>& scan, const ros::SteadyTime& arrival) {
+          handle(*scan, arrival);
+        });
+    scan_subscriber_ = std::make_unique<TimedSubscriber<sensor_msgs::LaserScan>>(
+        node, "scan",
+        [this](const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) { on_scan(msg, arrival); });
+    diagnostics_->watch(scan_subscriber_->subscriber(), [this] { return queue_->waiting() + backlog_->waiting(); });
     map_ = std::make_unique<MapSubscriber>(node, params_.world_frame, *diagnostics_);
     live_ = std::make_unique<Live>(getPrivateNodeHandle(), getName(), params_.pipeline.scan, params_.pipeline.segments,
                                    [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
@@ -80,17 +84,16 @@ class SegmentationNodelet : public StageNodelet {
                                    });
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     const ros::WallDuration poll_period(0.005);
-    timer_ = node.createWallTimer(poll_period, [this](const ros::WallTimerEvent&) { release(); });
+    timer_ = node.createSteadyTimer(poll_period, [this](const ros::SteadyTimerEvent&) { release(); });
   }
 
-  void on_scan(const ros::MessageEvent<sensor_msgs::LaserScan const>& event) {
-    const sensor_msgs::LaserScanConstPtr msg = event.getConstMessage();
+  void on_scan(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
     try {
       diagnostics_->received();
       const std::string defect = scan_msg_defect(*msg);
       if (!defect.empty()) return diagnostics_->dropped(defect);
       const Taken when = taken(*msg, params_.deskew);
-      const StampOrder::Verdict verdict = queue_->add({msg, event.getReceiptTime()}, when, steady_now_ns());
+      const StampOrder::Verdict verdict = queue_->add({msg, arrival}, when, steady_now_ns());
       if (verdict == StampOrder::Verdict::kRestart) {
         backlog_->drop_all(drop_reason::kRestart);
         map_->forget();
@@ -118,17 +121,17 @@ class SegmentationNodelet : public StageNodelet {
     }
   }
 
-  void handle(const PosedScan& scan) {
+  void handle(const PosedScan& scan, const ros::SteadyTime& arrival) {
     try {
-      process(*scan.msg, scan.T_world_lidar, scan.T_world_lidar_end);
+      process(*scan.msg, scan.T_world_lidar, scan.T_world_lidar_end, arrival);
     } catch (const std::exception& error) {
       diagnostics_->dropped(drop_reason::kError, error.what());
     }
   }
 
   void process(const sensor_msgs::LaserScan& msg, const Eigen::Isometry3d& T_world_lidar,
-               const Eigen::Isometry3d& T_world_lidar_end) {
-    const ros::WallTime start = ros::WallTime::now();
+               const Eigen::Isometry3d& T_world_lidar_end, const ros::SteadyTime& arrival) {
+    const ros::SteadyTime start = ros::SteadyTime::now();
     const Scan scan = scan_from_msg(msg);
     const std::string defect = projection_defect(scan, T_world_lidar, T_world_lidar_end);
     if (!defect.empty()) return diagnostics_->dropped(defect);
@@ -141,12 +144,15 @@ class SegmentationNodelet : public StageNodelet {
                params_.pipeline.segments);
 
     diagnostics_->counted(segments.refused);
-    array_publisher_.publish(boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame)));
+    const double unknown_before_s = 0.0;
+    const auto array = boost::make_shared<SegmentArray>(segments_to_msg(segments, params_.world_frame));
+    array->latency = latency_s(unknown_before_s, arrival);
+    array_publisher_.publish(array);
     if (segments_publisher_.getNumSubscribers() > 0) {
       segments_publisher_.publish(
           boost::make_shared<sensor_msgs::PointCloud2>(segments_to_cloud(segments, params_.world_frame)));
     }
-    diagnostics_->processed(msg.header.stamp, start);
+    diagnostics_->processed(msg.header.stamp, start, latency_s(unknown_before_s, arrival));
   }
 
   NodeletParams params_;
@@ -160,8 +166,8 @@ class SegmentationNodelet : public StageNodelet {
   std::unique_ptr<Backlog<PosedScan>> backlog_;
   std::unique_ptr<MapSubscriber> map_;
   ros::Publisher segments_publisher_, array_publisher_;
-  ros::Subscriber scan_subscriber_;
-  ros::WallTimer timer_;
+  std::unique_ptr<TimedSubscriber<sensor_msgs::LaserScan>> scan_subscriber_;
+  ros::SteadyTimer timer_;
 };
 
 }  // namespace situation_awareness

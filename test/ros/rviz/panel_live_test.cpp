@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <cstdlib>
 #include <fstream>
 #include <mutex>
 #include <string>
@@ -81,6 +82,12 @@ TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
   ASSERT_TRUE(until([&] { return maps() > before + 5; })) << answer();
   EXPECT_GE(map().ellipses.size() + 2, saved);
   std::remove(file.c_str());
+}
+
+TEST_F(PanelLiveTest, ShowsLatenciesAlsoUnderSimulatedTime) {
+  const auto latency_ms = [this](int stage) { return std::atof(cell(stage, 3).c_str()); };
+  EXPECT_TRUE(until([&] { return latency_ms(0) > 0.0 && latency_ms(2) > latency_ms(0); }))
+      << latency_ms(0) << ", " << latency_ms(1) << ", " << latency_ms(2);
 }
 
 TEST_F(PanelLiveTest, ChangesWhatASegmentMayBe) {
