@@ -19,6 +19,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/param_reader.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp
+  src/ros/stage_context.cpp
   src/ros/stage_diagnostics.cpp
   src/ros/transform_age.cpp
   src/ros/transform_queue.cpp)
@@ -47,7 +48,7 @@ endfunction()
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
-situation_awareness_node(objects_manager src/ros/nodes/objects_manager.cpp)
+situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
   situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_sim)

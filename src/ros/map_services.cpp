@@ -53,46 +53,33 @@ std::string seconds_text(double seconds) {
 
 }  // namespace
 
-MapServices::MapServices(const ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name,
-                         const std::string& world_frame, ObjectMap& map, StageDiagnostics& diagnostics, Publish publish)
-    : node_(node),
-      private_node_(private_node),
-      name_(name),
-      world_frame_(world_frame),
-      map_(map),
-      diagnostics_(diagnostics),
-      publish_(std::move(publish)) {
-  // Not at once: while a nodelet is made its callback queue takes nothing in, and whoever called a service then would
-  // wait for ever.
-  start_ = node_.createWallTimer(ros::WallDuration(0.01), [this](const ros::WallTimerEvent&) { advertise(); });
+MapServices::MapServices(StageContextBase& context, const std::string& world_frame, ObjectMap& map, Publish publish)
+    : context_(context), world_frame_(world_frame), map_(map), publish_(std::move(publish)) {
+  context_.when_made([this] { advertise(); });
 }
 
 void MapServices::advertise() {
-  start_.stop();
   using std_srvs::SetBool;
   using std_srvs::Trigger;
-  try {
-    servers_.push_back(private_node_.advertiseService<Trigger::Request, Trigger::Response>(
-        "reset", answering<Trigger>(name_, [this](const auto&, auto& response) { response.message = reset(); })));
-    servers_.push_back(private_node_.advertiseService<SetBool::Request, SetBool::Response>(
-        "pause", answering<SetBool>(name_, [this](const auto& request, auto& response) {
-          response.message = pause(request.data != 0);
-        })));
-    servers_.push_back(node_.advertiseService<GetObjects::Request, GetObjects::Response>(
-        "get_objects", answering<GetObjects>(name_, [this](const auto& request, auto& response) {
-          response.objects = map_at(request.stamp);
-        })));
-    servers_.push_back(private_node_.advertiseService<SaveObjects::Request, SaveObjects::Response>(
-        "save_objects", answering<SaveObjects>(name_, [this](const auto& request, auto& response) {
-          response.message = save(request.file);
-        })));
-    servers_.push_back(private_node_.advertiseService<LoadObjects::Request, LoadObjects::Response>(
-        "load_objects", answering<LoadObjects>(name_, [this](const auto& request, auto& response) {
-          response.message = load(request.file);
-        })));
-  } catch (const std::exception& error) {
-    ROS_ERROR_STREAM(name_ << ": no services: " << error.what());
-  }
+  const std::string& name = context_.name();
+  servers_.push_back(context_.private_node().advertiseService<Trigger::Request, Trigger::Response>(
+      "reset", answering<Trigger>(name, [this](const auto&, auto& response) { response.message = reset(); })));
+  servers_.push_back(context_.private_node().advertiseService<SetBool::Request, SetBool::Response>(
+      "pause", answering<SetBool>(name, [this](const auto& request, auto& response) {
+        response.message = pause(request.data != 0);
+      })));
+  servers_.push_back(context_.node().advertiseService<GetObjects::Request, GetObjects::Response>(
+      "get_objects", answering<GetObjects>(name, [this](const auto& request, auto& response) {
+        response.objects = map_at(request.stamp);
+      })));
+  servers_.push_back(context_.private_node().advertiseService<SaveObjects::Request, SaveObjects::Response>(
+      "save_objects", answering<SaveObjects>(name, [this](const auto& request, auto& response) {
+        response.message = save(request.file);
+      })));
+  servers_.push_back(context_.private_node().advertiseService<LoadObjects::Request, LoadObjects::Response>(
+      "load_objects", answering<LoadObjects>(name, [this](const auto& request, auto& response) {
+        response.message = load(request.file);
+      })));
 }
 
 std::string MapServices::reset() {
@@ -106,7 +93,7 @@ std::string MapServices::reset() {
 
 std::string MapServices::pause(bool paused) {
   paused_ = paused;
-  diagnostics_.pause(paused);
+  context_.diagnostics().pause(paused);
   return paused ? "the map is paused" : "the map goes on";
 }
 

@@ -9,28 +9,31 @@
 
 namespace situation_awareness {
 
-MapSubscriber::MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics)
-    : world_frame_(world_frame),
-      diagnostics_(diagnostics),
-      subscriber_(node.subscribe("objects", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay())) {}
+MapSubscriber::MapSubscriber(StageContextBase& context, const std::string& world_frame)
+    : world_frame_(world_frame), context_(context) {
+  context_.when_made([this] {
+    subscriber_ =
+        context_.node().subscribe("objects", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay());
+  });
+}
 
 void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
   try {
     if (tf2_frame(msg->header.frame_id) != world_frame_) {
-      return diagnostics_.dropped(drop_reason::kBadMap, "a map in the frame " + msg->header.frame_id);
+      return context_.diagnostics().dropped(drop_reason::kBadMap, "a map in the frame " + msg->header.frame_id);
     }
     map_ = objects_from_msg(*msg);
   } catch (const std::exception& error) {
-    diagnostics_.dropped(drop_reason::kBadMap, error.what());
+    context_.diagnostics().dropped(drop_reason::kBadMap, error.what());
   }
 }
 
 std::vector<Ellipse> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
   if (!map_.objects.empty() && map_.stamp_ns > stamp_ns) {
-    diagnostics_.counted({{"map of a later time", 1}});
+    context_.diagnostics().counted({{"map of a later time", 1}});
     forget();
   }
-  if (map_.stamp_ns < latest_scan_ns_) diagnostics_.counted({{"map of the scan before not there yet", 1}});
+  if (map_.stamp_ns < latest_scan_ns_) context_.diagnostics().counted({{"map of the scan before not there yet", 1}});
   latest_scan_ns_ = stamp_ns;
   return situation_awareness::outlines_at(stamp_ns, T_world_level, map_);
 }

@@ -37,13 +37,15 @@ void Samples::report(const std::string& name, diagnostic_updater::DiagnosticStat
   values_ms_.clear();
 }
 
-StageDiagnostics::StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& private_node, const std::string& name)
-    : name_(name), reported_at_(ros::SteadyTime::now()), updater_(node, private_node, name) {
-  updater_.setHardwareID("none");
-  updater_.add("stage", [this](Status& status) { report(status); });
+StageDiagnostics::StageDiagnostics(const std::string& name) : name_(name), reported_at_(ros::SteadyTime::now()) {}
+
+void StageDiagnostics::start(ros::NodeHandle node, const ros::NodeHandle& private_node) {
+  updater_.emplace(node, private_node, name_);
+  updater_->setHardwareID("none");
+  updater_->add("stage", [this](Status& status) { report(status); });
   timer_ = node.createSteadyTimer(kReportPeriod, [this](const ros::SteadyTimerEvent&) {
     try {
-      updater_.force_update();
+      updater_->force_update();
     } catch (const std::exception& error) {
       dropped("diagnostics", error.what());
     }

@@ -116,7 +116,7 @@ template <typename M>
 class Listener {
  public:
   Listener(ros::NodeHandle& node, const std::string& topic)
-      : diagnostics_(node, ros::NodeHandle("~"), "listener"),
+      : diagnostics_("listener"),
         backlog_(node, diagnostics_,
                  [this](const boost::shared_ptr<const M>& msg, const ros::SteadyTime&) {
                    std::atomic_store(&handled_, std::make_shared<Held>(Held{msg}));

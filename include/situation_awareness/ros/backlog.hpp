@@ -35,7 +35,7 @@ class Backlog {
       : queue_(*node.getCallbackQueue()), diagnostics_(diagnostics), handle_(std::move(handle)) {}
   Backlog(const Backlog&) = delete;
   Backlog& operator=(const Backlog&) = delete;
-  ~Backlog() { queue_.removeByID(id()); }
+  ~Backlog() { clear(); }
 
   /// `arrival`: see TimedSubscriber.
   void add(const ConstPtr& msg, const ros::SteadyTime& arrival) {
@@ -48,6 +48,13 @@ class Backlog {
   }
 
   std::size_t waiting() const { return waiting_.size(); }
+
+  /// Forgets what waits: nothing is handled any more until something is added.
+  void clear() {
+    queue_.removeByID(id());
+    waiting_.clear();
+    asked_ = false;
+  }
 
   void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
 

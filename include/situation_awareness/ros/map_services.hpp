@@ -5,9 +5,7 @@
 #include <string>
 #include <vector>
 
-#include <ros/node_handle.h>
 #include <ros/service_server.h>
-#include <ros/timer.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 
@@ -15,19 +13,18 @@
 #include "situation_awareness/LoadObjects.h"
 #include "situation_awareness/SaveObjects.h"
 #include "situation_awareness/map/objects/object_map.hpp"
-#include "situation_awareness/ros/stage_diagnostics.hpp"
+#include "situation_awareness/ros/stage_context.hpp"
 
 namespace situation_awareness {
 
-/// What the mapping nodelet does on request (docs/ros.md, "Services"). Lives on the callback queue of its node handles,
-/// so it needs no lock; `map` and `diagnostics` must outlive it.
+/// What the mapping nodelet does on request (docs/ros.md, "Services"). Lives on the callback queue of its stage,
+/// so it needs no lock; `context` and `map` must outlive it.
 class MapServices {
  public:
   /// Publishes what the map has become, at once.
   using Publish = std::function<void(const Objects&)>;
 
-  MapServices(const ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name,
-              const std::string& world_frame, ObjectMap& map, StageDiagnostics& diagnostics, Publish publish);
+  MapServices(StageContextBase& context, const std::string& world_frame, ObjectMap& map, Publish publish);
 
   /// The map is to stay as it is.
   bool paused() const { return paused_; }
@@ -40,13 +37,11 @@ class MapServices {
   std::string save(const std::string& file) const;
   std::string load(const std::string& file);
 
-  ros::NodeHandle node_, private_node_;
-  std::string name_, world_frame_;
+  StageContextBase& context_;
+  std::string world_frame_;
   ObjectMap& map_;
-  StageDiagnostics& diagnostics_;
   Publish publish_;
   bool paused_ = false;
-  ros::WallTimer start_;
   std::vector<ros::ServiceServer> servers_;
 };
 

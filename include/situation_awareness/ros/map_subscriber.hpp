@@ -5,22 +5,21 @@
 #include <string>
 #include <vector>
 
-#include <ros/node_handle.h>
 #include <ros/subscriber.h>
 
 #include "situation_awareness/EllipseMap.h"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/ros/stage_diagnostics.hpp"
+#include "situation_awareness/ros/stage_context.hpp"
 
 namespace situation_awareness {
 
-/// The latest `objects`, for stages that look at the next scan in its light. Lives on the callback queue of its node
-/// handle, so it needs no lock; `diagnostics` must outlive it.
+/// The latest `objects`, for stages that look at the next scan in its light. Lives on the callback queue of its
+/// stage, so it needs no lock; `context` must outlive it.
 class MapSubscriber {
  public:
-  MapSubscriber(ros::NodeHandle& node, const std::string& world_frame, StageDiagnostics& diagnostics);
+  MapSubscriber(StageContextBase& context, const std::string& world_frame);
 
   /// What the map expects in a scan, in its level frame. A map of a later time is none: time has started again. Counts
   /// scans that come before the map of the one before.
@@ -36,7 +35,7 @@ class MapSubscriber {
   void on_map(const EllipseMapConstPtr& msg);
 
   std::string world_frame_;
-  StageDiagnostics& diagnostics_;
+  StageContextBase& context_;
   Objects map_;
   std::int64_t latest_scan_ns_ = 0;
   ros::Subscriber subscriber_;

@@ -15,7 +15,7 @@ namespace situation_awareness {
 /// Looks out for a master that was started anew. Such a master knows no node that was there before it, and no
 /// parameter; the links between nodes go on. The parameters of this node are given back to it, and one warning is
 /// logged. A master that is merely out of reach changes nothing. It never ends the process, which may be that of
-/// others: only objects_manager, whose process it is, does so.
+/// others: only stage_manager, whose process it is, does so.
 ///
 /// It asks the master for /run_id every kPeriod_s on a thread of its own, by the steady clock.
 class MasterWatch {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -42,7 +43,14 @@ class StageDiagnostics {
  public:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
 
-  StageDiagnostics(ros::NodeHandle node, const ros::NodeHandle& private_node, const std::string& name);
+  /// `name`: of the nodelet.
+  explicit StageDiagnostics(const std::string& name);
+
+  /// Reports from now on: once the stage is made, for one that cannot start says so in the log alone.
+  void start(ros::NodeHandle node, const ros::NodeHandle& private_node);
+
+  /// Nothing of on_report() is called any more.
+  void stop() { timer_.stop(); }
 
   /// Where the input comes from, and how many messages wait for their turn. `subscriber` must outlive this.
   void watch(const ros::Subscriber& subscriber, std::function<std::size_t()> waiting);
@@ -96,7 +104,7 @@ class StageDiagnostics {
   Samples latencies_;
   Samples ages_;
   Samples durations_;
-  diagnostic_updater::Updater updater_;
+  std::optional<diagnostic_updater::Updater> updater_;
   ros::SteadyTimer timer_;
 };
 

@@ -1,35 +1,55 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cmath>
 #include <exception>
+#include <optional>
 
 #include <nodelet/nodelet.h>
-#include <ros/time.h>
+
+#include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/stage_context.hpp"
 
 namespace situation_awareness {
 
-/// A nodelet that refuses to start with one sentence where `start` throws; its manager and the others live on.
+/// The nodelet around a stage. It reads the parameters, makes the stage, hands it one message at a time, and says on
+/// /diagnostics what came of each. Where parameters or stage throw, it refuses to start with one sentence; its manager
+/// and the others live on (stage_manager tries again). A stage is a class with
+///
+///     using Context = StageContext<SegmentArray>;              // of the message that it takes
+///     static constexpr const char* kInput = "segments";        // and its topic
+///     static constexpr auto kReadParams = read_nodelet_params; // from a ParamReader; the result has `unknown` keys
+///     Stage(Context& context, const Params& params);
+///     bool process(const SegmentArray& msg);                   // true: output went out; false: it said why none did
+///
+/// What process() throws is counted as an error. The context outlives the stage.
+template <class Stage>
 class StageNodelet : public nodelet::Nodelet {
- protected:
-  /// Since a scan came to the first stage, by the steady clock: `before_s`, as the message that came at `arrival` says,
-  /// and what it took since. What others publish may say anything; what cannot be counts as nothing.
-  static double latency_s(double before_s, const ros::SteadyTime& arrival) {
-    const double here_s = (ros::SteadyTime::now() - arrival).toSec();
-    return before_s > 0.0 && std::isfinite(before_s) ? before_s + here_s : here_s;
-  }
+ public:
+  ~StageNodelet() override { end(); }
 
  private:
-  virtual void start() = 0;
-
   void onInit() final {
     try {
-      start();
+      const auto params = Stage::kReadParams(ParamReader(getPrivateNodeHandle()));
+      context_.emplace(getNodeHandle(), getPrivateNodeHandle(), getName());  // one callback at a time
+      stage_.emplace(*context_, params);
+      context_->diagnostics().unknown_parameters(params.unknown);
+      context_->start(Stage::kInput, [this](const auto& msg) { return stage_->process(msg); });
     } catch (const std::exception& error) {
       NODELET_FATAL_STREAM(getName() << " does not start: " << error.what());
+      end();  // now: where onInit() throws, the manager destroys the callback queues before the nodelet
       throw;  // the manager drops this nodelet
     }
   }
+
+  void end() {
+    if (context_) context_->stop();
+    stage_.reset();
+    context_.reset();
+  }
+
+  std::optional<typename Stage::Context> context_;
+  std::optional<Stage> stage_;
 };
 
 }  // namespace situation_awareness

@@ -181,9 +181,6 @@ LiveParamsServer::LiveParamsServer(const ros::NodeHandle& node, const std::strin
   ROS_INFO_STREAM(name_ << ": live parameters: " << listed(texts));
   const std::string others = changes(yaml_texts, texts, "YAML:");
   if (!others.empty()) ROS_INFO_STREAM(name_ << ": changed live before: " << others);
-  // Not at once: while a nodelet is made its callback queue takes nothing in, and whoever calls a service of it then
-  // waits for ever.
-  start_ = node_.createWallTimer(ros::WallDuration(0.01), [this](const ros::WallTimerEvent&) { serve(); });
 }
 
 Config LiveParamsServer::from_parameter_server() const {
@@ -207,7 +204,6 @@ void LiveParamsServer::to_parameter_server() const {
 }
 
 void LiveParamsServer::serve() {
-  start_.stop();
   try {
     service_ = node_.advertiseService("set_parameters", &LiveParamsServer::change, this);
     const bool latch = true;

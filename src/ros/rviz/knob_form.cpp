@@ -9,6 +9,7 @@
 #include <QDoubleSpinBox>
 #include <QFormLayout>
 #include <QLineEdit>
+#include <QPointer>
 #include <QSignalBlocker>
 #include <QSpinBox>
 
@@ -154,7 +155,9 @@ void KnobForm::send(const std::string& name, const KnobValue& value) {
   request.config = config_of(name, value);
   caller_.call<dynamic_reconfigure::Reconfigure>(
       node_, server_ + "/set_parameters", request,
-      [this, name, value](const dynamic_reconfigure::ReconfigureResponse* response, const QString& error) {
+      [form = QPointer<KnobForm>(this), this, name, value](const dynamic_reconfigure::ReconfigureResponse* response,
+                                                           const QString& error) {
+        if (!form) return;                                                // the panel shows other stages now
         receive_values(response == nullptr ? known_ : response->config);  // the server may have kept another
         if (response == nullptr) return answered(false, error);
         const auto effective = value_in(response->config, name);

@@ -35,10 +35,10 @@ std::optional<std::string> StageStatus::value(const std::string& key) const {
   return found == values.end() ? std::nullopt : std::optional(found->value);
 }
 
-StageBoard::StageBoard(const std::array<std::string, kStages.size()>& node_names) {
-  for (std::size_t i = 0; i < kStages.size(); ++i) {
-    stages_.push_back({node_names[i], {}});
-    stages_.back().status.name = kStages[i];
+StageBoard::StageBoard(const std::vector<std::string>& node_names) {
+  for (const std::string& name : node_names) {
+    stages_.push_back({name, {}});
+    stages_.back().status.name = name.substr(name.rfind('/') + 1);
   }
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "status_panel.hpp"
 
-#include <array>
 #include <exception>
+#include <stdexcept>
 
 #include <QFileDialog>
 #include <QFormLayout>
@@ -13,6 +13,7 @@
 #include <QPainter>
 #include <QPixmap>
 #include <QPushButton>
+#include <QSignalBlocker>
 #include <QSplitter>
 #include <QTabWidget>
 #include <QTreeWidget>
@@ -79,17 +80,10 @@ QTreeWidget* make_table(const char* name, const QStringList& columns) {
 StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
   node_.setCallbackQueue(queue_.get());
 
-  namespace_ = new QLineEdit;
-  namespace_->setObjectName("namespace");
-  namespace_->setPlaceholderText("that of rviz; or /robot1");
   auto* header = new QFormLayout;
-  header->addRow("Namespace", namespace_);
-  connect(namespace_, &QLineEdit::editingFinished, this, [this] {
-    if (!namespace_->isModified()) return;
-    namespace_->setModified(false);
-    connect_to_namespace();
-    Q_EMIT configChanged();
-  });
+  namespace_field_ = add_field(*header, "namespace", "Namespace", "", "that of rviz; or /robot1");
+  stages_field_ = add_field(*header, "stage_names", "Stages", "segmentation detection mapping", "along the data path");
+  map_field_ = add_field(*header, "map", "Map", "objects", "what the last stage maps");
 
   answer_ = new QLabel;
   answer_->setObjectName("answer");
@@ -118,15 +112,27 @@ StatusPanel::~StatusPanel() {
   qDeleteAll(forms_);  // before the queue that their subscribers use
 }
 
+QLineEdit* StatusPanel::add_field(QFormLayout& form, const char* name, const char* label, const char* text,
+                                  const char* hint) {
+  auto* field = new QLineEdit(text);
+  field->setObjectName(name);
+  field->setPlaceholderText(hint);
+  form.addRow(label, field);
+  connect(field, &QLineEdit::editingFinished, this, [this, field] {
+    if (!field->isModified()) return;
+    field->setModified(false);
+    connect_to_stages();
+    Q_EMIT configChanged();
+  });
+  return field;
+}
+
 QWidget* StatusPanel::make_stages() {
   stages_ = make_table("stages", {"Stage", "State", "Hz", "Latency ms"});
   stages_->header()->setSectionResizeMode(QHeaderView::ResizeToContents);
   stages_->header()->setSectionResizeMode(kState, QHeaderView::Stretch);
   stages_->header()->setStretchLastSection(false);
-  for (const char* stage : kStages) new QTreeWidgetItem(stages_, {stage, "", "", ""});
   for (int column : {kRate, kLatency}) stages_->headerItem()->setTextAlignment(column, Qt::AlignRight);
-  stages_->setFixedHeight(stages_->header()->sizeHint().height() + 3 * (stages_->fontMetrics().height() + 4) + 2);
-  stages_->setCurrentItem(stages_->topLevelItem(static_cast<int>(kStages.size()) - 1));
 
   values_ = make_table("values", {"Value", ""});
   values_->header()->setSectionResizeMode(0, QHeaderView::Stretch);
@@ -165,47 +171,52 @@ QWidget* StatusPanel::make_buttons() {
 }
 
 QWidget* StatusPanel::make_knobs() {
-  auto* tabs = new QTabWidget;
-  tabs->setDocumentMode(true);
-  for (const char* stage : kStages) {
-    forms_.push_back(new KnobForm(std::string(stage) + "/live", caller_, nullptr));
-    forms_.back()->setObjectName(stage);
-    connect(forms_.back(), &KnobForm::answered, this, &StatusPanel::show_answer);
-    tabs->addTab(forms_.back(), stage);
-  }
-  return tabs;
+  tabs_ = new QTabWidget;
+  tabs_->setDocumentMode(true);
+  return tabs_;
 }
 
 void StatusPanel::onInitialize() {
-  if (!board_) connect_to_namespace();
+  if (!board_) connect_to_stages();
   spin_timer_.start(kSpinPeriod_ms);
   show_timer_.start(kShowPeriod_ms);
 }
 
 void StatusPanel::load(const rviz::Config& config) {
   rviz::Panel::load(config);
-  QString name;
-  if (!config.mapGetString("Namespace", &name) || name == namespace_->text()) return;
-  namespace_->setText(name);
-  connect_to_namespace();
+  bool changed = false;
+  for (const auto& [key, field] : fields()) {
+    QString text;
+    if (!config.mapGetString(key, &text) || text == field->text()) continue;
+    field->setText(text);
+    changed = true;
+  }
+  if (changed) connect_to_stages();
 }
 
 void StatusPanel::save(rviz::Config config) const {
   rviz::Panel::save(config);
-  config.mapSetValue("Namespace", namespace_->text());
+  for (const auto& [key, field] : fields()) config.mapSetValue(key, field->text());
 }
 
-void StatusPanel::connect_to_namespace() {
+std::array<std::pair<const char*, QLineEdit*>, 3> StatusPanel::fields() const {
+  return {{{"Namespace", namespace_field_}, {"Stages", stages_field_}, {"Map", map_field_}}};
+}
+
+void StatusPanel::connect_to_stages() {
   try {
-    ros::NodeHandle node(namespace_->text().trimmed().toStdString());
+    ros::NodeHandle node(namespace_field_->text().trimmed().toStdString());
     node.setCallbackQueue(queue_.get());
-    std::array<std::string, kStages.size()> names;
-    for (std::size_t i = 0; i < kStages.size(); ++i) names[i] = node.resolveName(kStages[i]).substr(1);
+    const QStringList stages = stages_field_->text().simplified().split(' ', Qt::SkipEmptyParts);
+    if (stages.empty()) throw std::invalid_argument("no stages: name at least the one that keeps the map");
+    std::vector<std::string> names;
+    for (const QString& stage : stages) names.push_back(node.resolveName(stage.toStdString()).substr(1));
     board_ = std::make_unique<StageBoard>(names);
     node_ = node;
     diagnostics_ = node_.subscribe<diagnostic_msgs::DiagnosticArray>(
         "/diagnostics", 100,
         [this](const diagnostic_msgs::DiagnosticArrayConstPtr& msg) { board_->receive(*msg, now_s()); });
+    show_rows_of(stages);
     for (KnobForm* form : forms_) form->connect_to(node_);
     paused_ = false;
     show_answer(true, "");
@@ -213,6 +224,25 @@ void StatusPanel::connect_to_namespace() {
     show_answer(false, error.what());
   }
   show_stages();
+}
+
+void StatusPanel::show_rows_of(const QStringList& stages) {
+  if (stages == shown_stages_) return;
+  shown_stages_ = stages;
+  const QSignalBlocker blocker(stages_);
+  stages_->clear();
+  qDeleteAll(forms_);
+  forms_.clear();
+  for (const QString& stage : stages) {
+    new QTreeWidgetItem(stages_, {stage, "", "", ""});
+    forms_.push_back(new KnobForm(stage.toStdString() + "/live", caller_, nullptr));
+    forms_.back()->setObjectName(stage);
+    connect(forms_.back(), &KnobForm::answered, this, &StatusPanel::show_answer);
+    tabs_->addTab(forms_.back(), stage);
+  }
+  const int rows = stages_->topLevelItemCount();
+  stages_->setFixedHeight(stages_->header()->sizeHint().height() + rows * (stages_->fontMetrics().height() + 4) + 2);
+  stages_->setCurrentItem(stages_->topLevelItem(rows - 1));
 }
 
 double StatusPanel::now_s() const {
@@ -278,8 +308,10 @@ void StatusPanel::show_answer(bool good, const QString& text) {
 }
 
 template <class Service>
-void StatusPanel::call(const std::string& name, const typename Service::Request& request,
-                       std::function<void()> succeeded) {
+void StatusPanel::call_map(const std::string& service, const typename Service::Request& request,
+                           std::function<void()> succeeded) {
+  if (shown_stages_.empty()) return;  // what is wrong with the fields is shown
+  const std::string name = shown_stages_.back().toStdString() + '/' + service;
   show_answer(true, QString::fromStdString(name) + " …");
   caller_.call<Service>(node_, name, request,
                         [this, name, succeeded](const typename Service::Response* response, const QString& error) {
@@ -291,12 +323,12 @@ void StatusPanel::call(const std::string& name, const typename Service::Request&
                         });
 }
 
-void StatusPanel::reset_map() { call<std_srvs::Trigger>("mapping/reset", {}); }
+void StatusPanel::reset_map() { call_map<std_srvs::Trigger>("reset", {}); }
 
 void StatusPanel::toggle_pause() {
   std_srvs::SetBoolRequest request;
   request.data = !paused_;
-  call<std_srvs::SetBool>("mapping/pause", request, [this, pause = !paused_] {
+  call_map<std_srvs::SetBool>("pause", request, [this, pause = !paused_] {
     paused_ = pause;
     paused_at_s_ = now_s();
   });
@@ -310,7 +342,7 @@ void StatusPanel::save_map() {
   if (dialog.exec() != QDialog::Accepted) return;
   SaveObjectsRequest request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call<SaveObjects>("mapping/save_objects", request);
+  call_map<SaveObjects>("save_" + map_field_->text().trimmed().toStdString(), request);
 }
 
 void StatusPanel::load_map() {
@@ -321,7 +353,7 @@ void StatusPanel::load_map() {
   if (dialog.exec() != QDialog::Accepted) return;
   LoadObjectsRequest request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call<LoadObjects>("mapping/load_objects", request);
+  call_map<LoadObjects>("load_" + map_field_->text().trimmed().toStdString(), request);
 }
 
 }  // namespace situation_awareness

@@ -2,11 +2,14 @@
 #pragma once
 
 #ifndef Q_MOC_RUN
+#include <array>
 #include <chrono>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include <QStringList>
 #include <QTimer>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
@@ -20,15 +23,18 @@
 #include "situation_awareness/ros/rviz/stage_board.hpp"
 #endif
 
+class QFormLayout;
 class QLabel;
 class QLineEdit;
 class QPushButton;
+class QTabWidget;
 class QTreeWidget;
 
 namespace situation_awareness {
 
-/// What the stages say of themselves, buttons for the services of the map, and the live parameters. Waits for nothing:
-/// callbacks of ROS run from a timer in the GUI's thread, services in another thread.
+/// What the stages say of themselves, buttons for the services of the map, and the live parameters. Which stages, and
+/// which map, is told by fields that are saved with rviz's configuration; the last stage keeps the map. Waits for
+/// nothing: callbacks of ROS run from a timer in the GUI's thread, services in another thread.
 class StatusPanel : public rviz::Panel {
   Q_OBJECT
 
@@ -44,9 +50,16 @@ class StatusPanel : public rviz::Panel {
   QWidget* make_stages();
   QWidget* make_buttons();
   QWidget* make_knobs();
+  QLineEdit* add_field(QFormLayout& form, const char* name, const char* label, const char* text, const char* hint);
 
-  /// Everything is looked for in the namespace of the field from now on.
-  void connect_to_namespace();
+  /// Those that are saved, by their names in rviz's configuration.
+  std::array<std::pair<const char*, QLineEdit*>, 3> fields() const;
+
+  /// Everything is looked for as the fields say from now on.
+  void connect_to_stages();
+
+  /// A row and a tab of live parameters for each, in place of those there were.
+  void show_rows_of(const QStringList& stages);
   double now_s() const;
   void spin();
   void show_stages();
@@ -59,8 +72,10 @@ class StatusPanel : public rviz::Panel {
   void save_map();
   void load_map();
 
+  /// A service of the stage that keeps the map: the last.
   template <class Service>
-  void call(const std::string& name, const typename Service::Request& request, std::function<void()> succeeded = {});
+  void call_map(const std::string& service, const typename Service::Request& request,
+                std::function<void()> succeeded = {});
 
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
   std::unique_ptr<ros::CallbackQueue> queue_ = std::make_unique<ros::CallbackQueue>();
@@ -72,11 +87,15 @@ class StatusPanel : public rviz::Panel {
   double paused_at_s_ = 0.0;  ///< since when paused_ is known from an answer
   QTimer spin_timer_, show_timer_;
 
-  QLineEdit* namespace_;
+  QLineEdit* namespace_field_;
+  QLineEdit* stages_field_;
+  QLineEdit* map_field_;
   QTreeWidget* stages_;
   QTreeWidget* values_;
   QPushButton* pause_;
   QLabel* answer_;
+  QTabWidget* tabs_;
+  QStringList shown_stages_;
   std::vector<KnobForm*> forms_;
 };
 

@@ -281,9 +281,46 @@ TEST_F(PanelTest, LooksIntoItsNamespaceAndKeepsItInTheConfig) {
   SetUp();
   panel_->load(config);
   EXPECT_EQ(part<QLineEdit>("namespace").text(), "/robot1");
+  EXPECT_EQ(part<QLineEdit>("stage_names").text(), "segmentation detection mapping");
   QTest::keyClicks(&part<QLineEdit>("namespace"), " $");
   QTest::keyClick(&part<QLineEdit>("namespace"), Qt::Key_Return);
   EXPECT_NE(answer(), "") << "no name";
+}
+
+TEST_F(PanelTest, ShowsTheStagesOfAnotherMap) {
+  const FakeMapping mapping;
+  std::atomic<int> saved = 0;
+  ros::NodeHandle node;
+  const boost::function<bool(SaveObjectsRequest&, SaveObjectsResponse&)> save =
+      [&saved](SaveObjectsRequest&, SaveObjectsResponse& response) {
+        response.success = true;
+        ++saved;
+        return true;
+      };
+  const ros::ServiceServer server = node.advertiseService("polygons/save_polygons", save);
+  rviz::Config config;
+  config.mapSetValue("Stages", "mapping polygons");
+  config.mapSetValue("Map", "polygons");
+  panel_->load(config);
+  EXPECT_EQ(part<QTreeWidget>("stages").topLevelItemCount(), 2);
+  EXPECT_EQ(cell(0, 0), "mapping");
+  EXPECT_EQ(cell(1, 0), "polygons");
+  EXPECT_EQ(panel_->findChild<QWidget*>("segmentation"), nullptr) << "live parameters of what is not there";
+  EXPECT_NE(panel_->findChild<QWidget*>("polygons"), nullptr);
+  QTest::qWait(500);
+  mapping.say(diagnostic_msgs::DiagnosticStatus::OK, "running", "0");
+  ASSERT_TRUE(until([this] { return cell(0, 1) == "running"; }));
+  EXPECT_EQ(cell(1, 1), "not there");
+  choose("save", "/tmp/situation_awareness_panel_test_map");
+  ASSERT_TRUE(until([&saved] { return saved == 1; })) << answer();
+  EXPECT_TRUE(mapping.asked().empty());
+
+  QLineEdit& field = part<QLineEdit>("stage_names");
+  field.selectAll();
+  QTest::keyClicks(&field, " ");
+  QTest::keyClick(&field, Qt::Key_Return);
+  EXPECT_NE(answer(), "") << "no stage";
+  EXPECT_EQ(part<QTreeWidget>("stages").topLevelItemCount(), 2) << "what was shown stays";
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ DiagnosticArray array(const std::vector<DiagnosticStatus>& statuses) {
   return msg;
 }
 
-const std::array<std::string, 3> kNames{"segmentation", "detection", "mapping"};
+const std::vector<std::string> kNames{"segmentation", "detection", "mapping"};
 
 TEST(StageBoard, ShowsWhatIsNotThere) {
   const StageBoard board(kNames);
@@ -63,6 +63,18 @@ TEST(StageBoard, KeepsRobotsApart) {
                 1.0);
   EXPECT_EQ(board.stages(1.0)[2].summary, "no input");
   EXPECT_EQ(board.stages(1.0)[2].level, Level::kWarn);
+}
+
+TEST(StageBoard, ShowsAnyStages) {
+  StageBoard board({"robot1/polylines", "robot1/polygons"});
+  board.receive(array({status("robot1/polygons: stage", DiagnosticStatus::OK, "running", {})}), 1.0);
+  const auto stages = board.stages(1.0);
+  ASSERT_EQ(stages.size(), 2U);
+  EXPECT_EQ(stages[0].name, "polylines");
+  EXPECT_EQ(stages[0].level, Level::kStale);
+  EXPECT_EQ(stages[1].name, "polygons");
+  EXPECT_EQ(stages[1].summary, "running");
+  EXPECT_TRUE(StageBoard({}).stages(1.0).empty());
 }
 
 TEST(StageBoard, IsAsBadAsTheWorstStatusOfANode) {

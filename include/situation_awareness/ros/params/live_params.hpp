@@ -13,7 +13,6 @@
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
 #include <ros/service_server.h>
-#include <ros/timer.h>
 
 #include "situation_awareness/common/params.hpp"
 
@@ -47,10 +46,13 @@ class LiveParamsServer {
   LiveParamsServer(const ros::NodeHandle& node, const std::string& name, const std::vector<Parameter>& parameters,
                    const std::vector<Parameter>& defaults, std::function<void()> use);
 
+  /// Lets others change them from now on. Not while the nodelet is made: its callback queue may take nothing in yet,
+  /// and whoever calls then waits for ever.
+  void serve();
+
  private:
   dynamic_reconfigure::Config from_parameter_server() const;
   void to_parameter_server() const;
-  void serve();
   bool change(dynamic_reconfigure::ReconfigureRequest& request, dynamic_reconfigure::ReconfigureResponse& response);
 
   ros::NodeHandle node_;
@@ -58,7 +60,6 @@ class LiveParamsServer {
   std::vector<Parameter> parameters_;
   dynamic_reconfigure::ConfigDescription description_;
   std::function<void()> use_;
-  ros::WallTimer start_;
   ros::Publisher descriptions_, updates_;
   ros::ServiceServer service_;
 };
@@ -78,6 +79,9 @@ class LiveParams {
         server_(ros::NodeHandle(private_node, "live"), name, list(params_), list(defaults_), [this] { use_valid(); }) {}
   LiveParams(const LiveParams&) = delete;
   LiveParams& operator=(const LiveParams&) = delete;
+
+  /// Lets others change them from now on: LiveParamsServer::serve().
+  void serve() { server_.serve(); }
 
  private:
   static std::vector<Parameter> list(std::tuple<Params...>& params) {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,9 +8,6 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 
 namespace situation_awareness {
-
-/// The nodelets of the package, in the order of the data path.
-constexpr std::array<const char*, 3> kStages{"segmentation", "detection", "mapping"};
 
 struct StageValue {
   std::string key;
@@ -38,13 +34,14 @@ class StageBoard {
  public:
   static constexpr double kStale_s = 3.0;
 
-  /// `node_names` as the stages are called on /diagnostics: in full, without the leading slash.
-  explicit StageBoard(const std::array<std::string, kStages.size()>& node_names);
+  /// `node_names` of the stages along the data path, as they are called on /diagnostics: in full, without the leading
+  /// slash. A stage is shown by the last part of its node's name.
+  explicit StageBoard(const std::vector<std::string>& node_names);
 
   /// A node with several statuses is as bad as the worst of those in one message.
   void receive(const diagnostic_msgs::DiagnosticArray& msg, double now_s);
 
-  /// The stages in the order of kStages; one of which nothing was heard for kStale_s is stale, with its last values.
+  /// In the order of the data path; one of which nothing was heard for kStale_s is stale, with its last values.
   std::vector<StageStatus> stages(double now_s) const;
 
  private:

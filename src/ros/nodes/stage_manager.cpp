@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A nodelet manager that loads the three stages itself, into its own namespace: when the process ends, one respawn
-// brings all of them back. With loaders of their own they would first have to miss their manager, for 4 s.
+// A nodelet manager that loads stages itself, into its own namespace: when the process ends, one respawn brings all of
+// them back. With loaders of their own they would first have to miss their manager, for 4 s.
+//     stage_manager STAGE ...      nodelets of this package, each with the name that it has here
 #include <algorithm>
-#include <array>
 #include <exception>
+#include <iostream>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <diagnostic_msgs/DiagnosticArray.h>
@@ -17,7 +19,6 @@
 namespace situation_awareness {
 namespace {
 
-constexpr std::array<const char*, 3> kStages{"segmentation", "detection", "mapping"};
 constexpr double kLookEvery_s = 1.0;
 
 /// Without work at a new master, after which the process ends. Longer than two periods of MasterWatch: every stage has
@@ -32,12 +33,12 @@ static_assert(kIdle_s > 2.0 * MasterWatch::kPeriod_s);
 /// links there are, nothing is ended: a flight is worth more than being found. When work has stopped, because what
 /// feeds the stages was started anew as well, the process ends, and whatever started it (`respawn` in
 /// launch/objects.launch) brings it back at the new master.
-class ObjectsManager {
+class StageManager {
  public:
-  ObjectsManager() {
-    for (const char* stage : kStages) processed_[ros::names::resolve(stage).substr(1) + ": stage"];
+  explicit StageManager(std::vector<std::string> stages) : stages_(std::move(stages)) {
+    for (const std::string& stage : stages_) processed_[ros::names::resolve(stage).substr(1) + ": stage"];
     // They are said in this process: a link that needs no master.
-    diagnostics_ = node_.subscribe("/diagnostics", 100, &ObjectsManager::on_diagnostics, this);
+    diagnostics_ = node_.subscribe("/diagnostics", 100, &StageManager::on_diagnostics, this);
     load_missing();
     timer_ = node_.createSteadyTimer(ros::WallDuration(kLookEvery_s), [this](const ros::SteadyTimerEvent& /*event*/) {
       load_missing();
@@ -70,16 +71,17 @@ class ObjectsManager {
 
   void load_missing() {
     const std::vector<std::string> loaded = loader_.listLoadedNodelets();
-    for (const char* stage : kStages) {
+    for (const std::string& stage : stages_) {
       const std::string name = ros::names::resolve(stage);
       if (std::find(loaded.begin(), loaded.end(), name) != loaded.end()) continue;
       try {
-        loader_.load(name, std::string("situation_awareness/") + stage, {}, {});
+        loader_.load(name, "situation_awareness/" + stage, {}, {});
       } catch (const std::exception&) {  // it has said why itself: StageNodelet
       }
     }
   }
 
+  std::vector<std::string> stages_;
   nodelet::Loader loader_;  // with the services of any manager
   ros::NodeHandle node_;
   MasterWatch master_{ros::NodeHandle("~")};
@@ -93,8 +95,13 @@ class ObjectsManager {
 }  // namespace situation_awareness
 
 int main(int argc, char** argv) {
-  ros::init(argc, argv, "objects_manager");
-  situation_awareness::ObjectsManager manager;
+  ros::init(argc, argv, "stage_manager");
+  const std::vector<std::string> stages(argv + 1, argv + argc);  // ros::init has taken what is ROS's
+  if (stages.empty()) {
+    std::cerr << "usage: stage_manager STAGE ..., such as: stage_manager segmentation detection mapping\n";
+    return 2;
+  }
+  situation_awareness::StageManager manager(stages);
   ros::spin();
   ros::shutdown();  // before the loader ends, as in the program nodelet
   return 0;

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/stage_context.hpp"
+
+#include <ros/console.h>
+
+namespace situation_awareness {
+
+StageContextBase::StageContextBase(ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name)
+    : node_(node), private_node_(private_node), name_(name), master_(private_node), diagnostics_(name) {
+  diagnostics_.on_report([this](StageDiagnostics::Status& status) { master_.report(status); });
+}
+
+void StageContextBase::every(double period_s, std::function<void()> act) {
+  when_made([this, period_s, act = std::move(act)] {
+    timers_.push_back(
+        node_.createSteadyTimer(ros::WallDuration(period_s), [act](const ros::SteadyTimerEvent&) { act(); }));
+  });
+}
+
+void StageContextBase::begin_calls() {
+  // By a timer, and so on the callback queue: not beside what is called from then on.
+  const bool oneshot = false, autostart = false;  // it may fire before it is assigned
+  begin_ = node_.createSteadyTimer(
+      ros::WallDuration(1e-3), [this](const ros::SteadyTimerEvent&) { begin(); }, oneshot, autostart);
+  begin_.start();
+}
+
+void StageContextBase::begin() {
+  begin_.stop();
+  diagnostics_.start(node_, private_node_);
+  for (const auto& act : when_made_) {
+    try {
+      act();
+    } catch (const std::exception& error) {
+      ROS_ERROR_STREAM(name_ << ": " << error.what());
+    }
+  }
+}
+
+void StageContextBase::end_calls() {
+  begin_.stop();
+  for (ros::SteadyTimer& timer : timers_) timer.stop();
+  live_.reset();
+  diagnostics_.stop();
+}
+
+}  // namespace situation_awareness
