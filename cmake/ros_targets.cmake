@@ -47,7 +47,7 @@ endfunction()
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp)
-situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp)
+situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
@@ -72,7 +72,9 @@ install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelet
   LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
-  FILES_MATCHING PATTERN *.hpp PATTERN bridges EXCLUDE)  # those need messages of other packages
+  FILES_MATCHING PATTERN *.hpp
+  PATTERN bridges EXCLUDE  # those need messages of other packages
+  PATTERN evaluation EXCLUDE)  # of a library that is not installed
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Of the scripts only what a launch file starts: the others build and test a source tree.

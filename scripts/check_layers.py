@@ -4,18 +4,21 @@
     scripts/check_layers.py [ROOT] [PKG]      (exit 1 and one line per breach)
 
 Rule 1  A folder includes only folders to its left in ORDER.
-Rule 2  A stage (and evaluation/, sim/) sees another stage only through its value header,
+Rule 2  A stage (and sim/) sees another stage only through its value header,
         the one that bears its folder's name: segments/segments.hpp.
         The map kinds (map/objects, map/polygons, ...) see one another the same way.
-Rule 3  A foreign header stays in the folders that own it (FOREIGN).
+Rule 3  sim/ and evaluation/ are libraries of their own, of which each needs the core alone: sim/ does not see
+        pipeline/, evaluation/ not sim/.
+Rule 4  A foreign header stays in the folders that own it (FOREIGN).
 """
 import pathlib
 import re
 import sys
 
 STAGES = ["cloud", "scan", "image", "points", "segments", "detections", "map", "pose", "path"]
-ORDER = ["common", "geometry", "estimation"] + STAGES + ["pipeline", "evaluation", "sim", "ros"]
-VALUES_ONLY = STAGES + ["evaluation", "sim"]
+ORDER = ["common", "geometry", "estimation"] + STAGES + ["pipeline", "sim", "evaluation", "ros"]
+VALUES_ONLY = STAGES + ["sim"]
+APART = {("sim", "pipeline"), ("evaluation", "sim")}  # the first may not include the second
 
 FOREIGN = {  # header prefix -> folders that may include it
     r"(ros|rosbag|nodelet|pluginlib|tf2?(_\w+)?|\w+_msgs|std_srvs|dynamic_reconfigure"
@@ -53,8 +56,8 @@ def judge(here, header: str, pkg: str):
         return None if here[0] == "ros" else f"{here[0]}/ may not include <{header}>"
     if not there or there[0] not in ORDER:
         return f"{header} is no place on the data path"
-    if ORDER.index(there[0]) > ORDER.index(here[0]) or (here[0] == "sim" and there[0] in ("pipeline", "evaluation")):
-        return f"{here[0]}/ may not look ahead to {there[0]}/"
+    if ORDER.index(there[0]) > ORDER.index(here[0]) or (here[0], there[0]) in APART:
+        return f"{here[0]}/ may not include {there[0]}/"
     is_value = pathlib.Path(name).stem == there[-1]
     if there[0] == here[0]:
         other_kind = here[0] == "map" and there[:2] != list(here[:2]) and len(there) > 1

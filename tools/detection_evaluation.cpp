@@ -19,6 +19,8 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/network.hpp"
+#include "situation_awareness/evaluation/dogleg.hpp"
+#include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/evaluation/synthetic_segments.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
@@ -58,6 +60,13 @@ DetectionParams detection_params(const std::string& detector, const std::string&
   return params;
 }
 
+/// Any detector that a configuration can name, and the ellipse paper's baselines, which none can.
+std::unique_ptr<Detector> make_any_detector(const DetectionParams& params) {
+  if (params.detector == "dogleg") return std::make_unique<DoglegDetector>(DoglegParams{}, params.fit);
+  if (params.detector == "ransac") return std::make_unique<RansacDetector>(RansacParams{}, DoglegParams{}, params.fit);
+  return make_detector(params);
+}
+
 /// The segments of several samples as those of one scan. All have the resolution of the first.
 Segments merge(const std::vector<SyntheticSegment>& samples) {
   Segments scan = samples.front().segments;
@@ -86,7 +95,7 @@ class Asked {
     if (detector == "network") {
       network_ = std::make_unique<EllipseNetwork>(model_path(params));
     } else {
-      detector_ = make_detector(params);
+      detector_ = make_any_detector(params);
     }
     fit_ = params.fit;
   }
@@ -176,7 +185,7 @@ void write_times(const std::string& model_folder, const std::vector<std::string>
     scans.push_back(merge(samples));
   }
   std::vector<std::unique_ptr<Detector>> detectors;
-  for (const std::string& name : names) detectors.push_back(make_detector(detection_params(name, model_folder)));
+  for (const std::string& name : names) detectors.push_back(make_any_detector(detection_params(name, model_folder)));
   std::vector<std::vector<double>> times_us(names.size());
   for (int round = 0; round < kRounds; ++round) {
     for (std::size_t i = 0; i < detectors.size(); ++i) {

@@ -4,12 +4,10 @@
 #include <filesystem>
 #include <stdexcept>
 
-#include "situation_awareness/detections/dogleg.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/detections/network.hpp"
 #include "situation_awareness/detections/paper_networks.hpp"
 #include "situation_awareness/detections/probable_detector.hpp"
-#include "situation_awareness/detections/ransac.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 
 namespace situation_awareness {
@@ -28,14 +26,6 @@ std::unique_ptr<Detector> make_least_squares(const DetectionParams& params) {
   return std::make_unique<LeastSquaresDetector>(params.fit);
 }
 
-std::unique_ptr<Detector> make_dogleg(const DetectionParams& params) {
-  return std::make_unique<DoglegDetector>(DoglegParams{}, params.fit);
-}
-
-std::unique_ptr<Detector> make_ransac(const DetectionParams& params) {
-  return std::make_unique<RansacDetector>(RansacParams{}, DoglegParams{}, params.fit);
-}
-
 struct Entry {
   const char* name;
   const char* model;  ///< file of its network; empty: it has none
@@ -46,10 +36,8 @@ struct Entry {
 constexpr std::array kDetectors = {
     Entry{"alex", "paper_alex.onnx", make_paper_network<PaperNetwork::Kind::kEllipse>},
     Entry{"circle", "paper_circle.onnx", make_paper_network<PaperNetwork::Kind::kCircle>},
-    Entry{"dogleg", "", make_dogleg},
     Entry{"least_squares", "", make_least_squares},
     Entry{"network", "ellipse.onnx", make_network},
-    Entry{"ransac", "", make_ransac},
     Entry{"vgg", "paper_vgg.onnx", make_paper_network<PaperNetwork::Kind::kEllipse>},
     Entry{"vgg_polar", "paper_vgg_polar.onnx", make_paper_network<PaperNetwork::Kind::kPolarEllipse>},
 };

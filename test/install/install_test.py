@@ -140,6 +140,9 @@ class InstallTest(unittest.TestCase):
         consumer = self.run_installed(str(build / "consumer"))
         self.assertEqual(consumer.stdout.strip(), "1", consumer.stderr)
 
+    def test_6_what_only_measures_is_not_installed(self):
+        self.assertEqual([str(path) for path in PREFIX.rglob("*evaluation*")], [])
+
 
 if __name__ == "__main__":
     unittest.main(argv=sys.argv[:1], verbosity=2)

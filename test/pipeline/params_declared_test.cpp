@@ -2,9 +2,9 @@
 // What is in a params struct and not in its fields() could be neither read nor documented.
 #include <gtest/gtest.h>
 
-#include "situation_awareness/detections/dogleg.hpp"
-#include "situation_awareness/detections/ransac.hpp"
+#include "situation_awareness/evaluation/dogleg.hpp"
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
+#include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/aggregate_size.hpp"
 

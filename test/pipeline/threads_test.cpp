@@ -67,7 +67,7 @@ void expect_same_bits(const std::vector<Objects>& a, const std::vector<Objects>&
 }
 
 TEST(Threads, PipelinesSideBySideGiveBitForBitWhatEachGivesAlone) {
-  const std::vector<std::string> detectors = {"network", "least_squares", "network", "vgg", "least_squares", "ransac"};
+  const std::vector<std::string> detectors = {"network", "least_squares", "network", "vgg", "least_squares", "alex"};
   std::vector<std::vector<Objects>> alone;
   for (std::size_t i = 0; i < detectors.size(); ++i) alone.push_back(maps_of(detectors[i], i));
   for (const std::vector<Objects>& maps : alone) EXPECT_GE(maps.back().objects.size(), 2U);

@@ -4,7 +4,6 @@
 time, nothing is passed over."""
 import math
 import pathlib
-import random
 import sys
 import time
 import unittest
@@ -21,9 +20,8 @@ from situation_awareness.msg import EllipseMap  # noqa: E402
 RATE_HZ = 500.0
 FLOOD_S = 6.0
 STAGES = ("segmentation", "detection", "mapping")
-NOISE = random.Random(1)  # of 3 cm: no curve is near to all points of a segment, so RANSAC tries all that it may
-MANY = [range_m + NOISE.gauss(0.0, 0.03) for range_m in ranges_to_circles(
-    [(3.0 * math.cos(angle), 3.0 * math.sin(angle), 0.25) for angle in (0.36 * i - 2.0 for i in range(12))])]
+MANY = ranges_to_circles(
+    [(3.0 * math.cos(angle), 3.0 * math.sin(angle), 0.25) for angle in (0.36 * i - 2.0 for i in range(12))])
 # By how much a scan may be late beyond the stages' own time: two busy cores, three processes, and transforms that are
 # looked for every 5 ms. Queues of 20 worked off in order would be 0.2 s late by the detector alone.
 SLACK_S = 0.1

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/detections/dogleg.hpp"
+#include "situation_awareness/evaluation/dogleg.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/detections/dogleg.hpp"
+#include "situation_awareness/evaluation/dogleg.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -213,9 +213,9 @@ int minimise(Residuals& residuals, Vector5d& x, const Box& bounds, const DoglegP
 }  // namespace
 
 void DoglegParams::validate() const {
-  check_bounds(*this, "detections.dogleg");
+  check_bounds(*this, "dogleg");
   if (!(min_radius_m < max_radius_m)) {
-    throw std::invalid_argument("detections.dogleg.min_radius_m must be less than detections.dogleg.max_radius_m");
+    throw std::invalid_argument("dogleg.min_radius_m must be less than dogleg.max_radius_m");
   }
 }
 

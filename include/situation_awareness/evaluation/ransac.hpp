@@ -10,8 +10,8 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
-#include "situation_awareness/detections/dogleg.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
+#include "situation_awareness/evaluation/dogleg.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {

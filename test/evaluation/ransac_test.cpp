@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/detections/ransac.hpp"
+#include "situation_awareness/evaluation/ransac.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/detections/ransac.hpp"
+#include "situation_awareness/evaluation/ransac.hpp"
 
 #include <algorithm>
 #include <array>
@@ -44,7 +44,7 @@ std::vector<std::size_t> inliers_of(const Ellipse& ellipse, const std::vector<Ei
 
 }  // namespace
 
-void RansacParams::validate() const { check_bounds(*this, "detections.ransac"); }
+void RansacParams::validate() const { check_bounds(*this, "ransac"); }
 
 RansacFit fit_ransac(const std::vector<Eigen::Vector2d>& points_level_m, const RansacParams& params,
                      const DoglegParams& dogleg_params, Random& random) {

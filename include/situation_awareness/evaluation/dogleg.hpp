@@ -55,7 +55,8 @@ struct DoglegFit {
 
 /// The ellipse that minimises, within the bounds, the sum of squares of the analytic equation of the ellipse at all
 /// points, ((x - t)^T C^-1 (x - t) - 1)^2, by the dogleg in a rectangular trust region (Voglis and Lagaris, 2004), step
-/// for step as scipy.optimize.least_squares(method='dogbox') does it.
+/// for step as scipy.optimize.least_squares(method='dogbox') does it, but in 0.04 ms instead of 9: RANSAC needs up to
+/// 51 of these fits for each of the tables' 22,000 segments.
 ///
 /// It works in the frame whose x axis points from the origin of the level frame to the mean of the points, so that the
 /// answer turns with the scene; psi is bounded by +-pi/2 there, where some fits stay although a turn by pi would let
