@@ -5,37 +5,31 @@ Every detector answers the same synthetic segments, whose seeds no training has 
 below, was sampled beforehand for the seeds 1 to 2000 of each case (docs/math/floor.md) and is read from docs/benchmarks/.
 """
 
-import argparse
-import concurrent.futures
-import csv
-import datetime
 import math
-import os
 import pathlib
 import subprocess
 
-import matplotlib
-
-matplotlib.use("Agg")
 import numpy as np
-from matplotlib import patches, pyplot
+from matplotlib import patches
+from scipy import stats
 
-from report import machine
+import printed
+from pictures import images_folder, pyplot
+from report import ROOT, arguments_parser, facts, introduction, output_folder, run_pieces, table, targets_section, write
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 COLUMNS = (
     "hits range_m hidden t_x t_y psi rx ry a_t_x a_t_y a_psi a_rx a_ry p_ellipse ordered_m symmetric_m mahalanobis"
 ).split()
 FRESH_SEED = 1_000_000  # first of the fresh samples; the floor has 1 to 2000, training has 2^63 and above
 MANY_SEED, MANY = 100_000_000, 5  # of those for the covariance, and how many times as many: its strata are small
+SAMPLES = 20_000
 DEFAULT_P = 0.9  # detections.min_p_ellipse
 NETWORK = "network"
 ELLIPSE_DETECTORS = (NETWORK, "least_squares", "vgg_polar", "vgg", "alex", "dogleg", "ransac")
 OCCLUDED_DETECTORS = (NETWORK, "least_squares", "vgg_polar", "vgg", "alex")
 CIRCLE_DETECTORS = (NETWORK, "least_squares", "circle")
 OTHERS = ("wall", "corner", "box", "bush", "two")
-PRINTED_M = {"vgg": 0.01408, "alex": 0.01695, "dogleg": 0.34349, "ransac": 0.37044}  # ellipse paper, Tables IV and V
-PRINTED_CIRCLE = (0.025035, 0.008345, 0.014296)  # circle paper, Table III, test: loss, MSE, MAE
+PRINTED, PRINTED_CIRCLE = printed.detector_errors("ellipse"), printed.detector_errors("circle")
 NAMES = {
     NETWORK: "ours", "least_squares": "least squares with the sensor's model", "vgg_polar": "VGG-Net, segment's frame",
     "vgg": "VGG-Net", "alex": "Alex-Net", "dogleg": "least squares (dogleg)", "ransac": "RANSAC",
@@ -43,7 +37,7 @@ NAMES = {
 }
 STRATA = (("under 10 beams", 0, 10), ("10 to 30 beams", 10, 31), ("over 30 beams", 31, 10**6))
 RANGES_M = ((0, 2), (2, 4), (4, 6), (6, 8), (8, 10))
-CHI_SQUARE = {50: 4.3515, 90: 9.2364, 99: 15.0863}  # of 5 degrees of freedom
+CHI_SQUARE = stats.chi2(5)
 COLORS = {NETWORK: "#0b6e4f", "least_squares": "#c8553d", "vgg_polar": "#3d5a80", "vgg": "#7f95b2", "alex": "#b8a1d9",
           "dogleg": "#999999", "ransac": "#cccccc", "floor": "black"}
 
@@ -68,27 +62,20 @@ def ask(arguments, detector, case, first, count):
 
 
 def ask_all(arguments, wanted):
-    """{(detector, case, first): Answers}, in pieces over the cores, with a line that tells how far it is."""
-    pieces, piece = [], 5000
+    """{(detector, case, first): Answers}"""
+    pieces, most = {}, 5000
     for detector, case, first, count in wanted:
-        pieces += [(detector, case, first, start, min(piece, count - start)) for start in range(0, count, piece)]
+        for start in range(0, count, most):
+            pieces[detector, case, first, start] = (arguments, detector, case, first + start, min(most, count - start))
+    found = run_pieces(ask, pieces, "pieces asked")
     parts = {}
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        waiting = {
-            pool.submit(ask, arguments, detector, case, first + start, count): (detector, case, first, start)
-            for detector, case, first, start, count in pieces
-        }
-        for done, future in enumerate(concurrent.futures.as_completed(waiting), 1):
-            detector, case, first, start = waiting[future]
-            parts.setdefault((detector, case, first), {})[start] = future.result()
-            print(f"\r{done} of {len(pieces)} pieces asked", end="", flush=True)
-    print()
-    return {key: Answers(np.concatenate([found[s] for s in sorted(found)])) for key, found in parts.items()}
+    for detector, case, first, start in sorted(found):
+        parts.setdefault((detector, case, first), []).append(found[detector, case, first, start])
+    return {key: Answers(np.concatenate(rows)) for key, rows in parts.items()}
 
 
 def read_floor(case):
-    with open(ROOT / f"docs/benchmarks/floor_{case}.csv", newline="") as file:
-        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    rows = printed.read_rows(ROOT / f"docs/benchmarks/floor_{case}.csv")
     return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
 
 
@@ -128,11 +115,6 @@ def parameter_errors(answers):
     return np.mean(error**2), np.mean(np.abs(error))
 
 
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
-
-
 def ellipse_tables(data, floor, times):
     rows = []
     for detector in ELLIPSE_DETECTORS:
@@ -141,7 +123,7 @@ def ellipse_tables(data, floor, times):
         more, more_error, base = excess(data[detector, "ellipse", 1], floor["achieved_symmetric_m"])
         mse, mae = parameter_errors(fresh)
         rows.append((
-            NAMES[detector], f"{PRINTED_M[detector]:.4f}" if detector in PRINTED_M else "",
+            NAMES[detector], f"{PRINTED[detector]['loss']:.4f}" if detector in PRINTED else "",
             f"{np.nanmean(fresh.ordered_m):.4f}", f"{symmetric:.4f} ± {error:.4f}",
             f"{more:+.5f} ± {more_error:.5f} ({100 * more / base:+.1f} %)", f"{mse:.4f}", f"{mae:.4f}",
             f"{times[detector]:.0f}",
@@ -201,7 +183,7 @@ def calibration_rows(data):
         strata = [("all", known)]
         strata += [(f"{a} to {b} m", known & (answers.range_m >= a) & (answers.range_m < b)) for a, b in RANGES_M]
         for name, which in strata:
-            inside = [share(answers.mahalanobis[which] < CHI_SQUARE[level]) for level in (50, 90, 99)]
+            inside = [share(answers.mahalanobis[which] < CHI_SQUARE.ppf(level)) for level in (0.5, 0.9, 0.99)]
             found.append((case, name, int(which.sum()), *inside))
     return found
 
@@ -223,9 +205,9 @@ def circle_table(data, floor):
         given = np.isfinite(answers.a_t_x)
         radius = (answers.a_rx + answers.a_ry) / 2
         error = np.stack((answers.a_t_x - answers.t_x, answers.a_t_y - answers.t_y, radius - answers.rx))[:, given]
-        printed = [f"{value:.6f}" for value in PRINTED_CIRCLE] if detector == "circle" else [""] * 3
+        of_paper = [f"{value:.6f}" for value in PRINTED_CIRCLE.get(detector, {}).values()] or [""] * 3
         ours = (np.sum(error**2, axis=0).mean(), np.mean(error**2), np.mean(np.abs(error)))
-        rows.append((NAMES[detector], *(f"{p} / {v:.6f}" if p else f"{v:.6f}" for p, v in zip(printed, ours))))
+        rows.append((NAMES[detector], *(f"{p} / {v:.6f}" if p else f"{v:.6f}" for p, v in zip(of_paper, ours))))
     squared = floor["achieved_squared_m2"]
     rows.append(("floor (off the grid)", f"{squared.mean():.6f}", f"{squared.mean() / 3:.6f}", ""))
     return table(("detector", "loss (eq. 7), m²: printed / ours", "MSE", "MAE"), rows)
@@ -280,14 +262,11 @@ def draw_errors(data, floor, path):
 def draw_calibration_and_roc(data, path):
     figure, (left, right) = pyplot.subplots(1, 2, figsize=(11, 5), layout="constrained")
     squares = np.linspace(0.05, 25, 400)
-    # Chi-square of 5 degrees of freedom in closed form.
-    nominal = np.array([math.erf(math.sqrt(s / 2)) - math.sqrt(2 * s / math.pi) * math.exp(-s / 2) * (1 + s / 3)
-                        for s in squares])
     left.plot([0, 100], [0, 100], color="0.7")
     for case, color in (("ellipse", "#0b6e4f"), ("occluded", "#c8553d"), ("product", "#3d5a80")):
         found = data[NETWORK, case, MANY_SEED].mahalanobis
         found = np.sort(found[np.isfinite(found)])
-        left.plot(100 * nominal, 100 * np.searchsorted(found, squares) / len(found), color=color, label=case)
+        left.plot(100 * CHI_SQUARE.cdf(squares), 100 * np.searchsorted(found, squares) / len(found), color=color, label=case)
     left.set(xlabel="region of the covariance, %", ylabel="truths inside, %", title="calibration")
     left.legend()
     kept = np.sort(np.concatenate([data[NETWORK, c, FRESH_SEED].p_ellipse for c in ("ellipse", "occluded")]))
@@ -339,7 +318,7 @@ def draw_examples(arguments, data, case, title, path):
 
 
 def targets(data, floor, occluded_floor, times):
-    """What this package promises of its detector, and what was measured: (sentence, figure, kept)."""
+    """The targets and what was measured: (sentence, figure, met)."""
     more, error, base = excess(data[NETWORK, "ellipse", 1], floor["achieved_symmetric_m"])
     fresh = {d: np.nanmean(data[d, "ellipse", FRESH_SEED].symmetric_m) for d in ELLIPSE_DETECTORS}
     hidden, _, hidden_base = excess(data[NETWORK, "occluded", 1], occluded_floor["achieved_symmetric_m"])
@@ -368,13 +347,21 @@ def targets(data, floor, occluded_floor, times):
            f"{refused['corner'][0]:.2f} %", min(refused["wall"][0], refused["corner"][0]) >= 99)
 
 
+INTRODUCTION = """
+Every number is from this run; losses are in metres over {n:,} fresh samples (a quarter to a half of that where an end is
+hidden, and for circles and what is no ellipse), ± is a standard error, and the floor is that of 2,000 fixed samples
+([math/floor.md](../math/floor.md)). Data: [math/synthetic_segments.md](../math/synthetic_segments.md).
+"""
+
+
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments_parser(__doc__, "docs/benchmarks", "fewer samples")
     parser.add_argument("--tool", required=True)
     parser.add_argument("--models", type=pathlib.Path, default=ROOT / "models")
-    parser.add_argument("--output", type=pathlib.Path, default=ROOT / "docs/benchmarks")
-    parser.add_argument("--samples", type=int, default=20_000, help="fresh samples of each case")
+    parser.add_argument("--samples", type=int, default=SAMPLES,
+                        help=f"fresh samples of each case (default {SAMPLES})")
     arguments = parser.parse_args()
+    output, measured = output_folder(arguments, arguments.samples >= SAMPLES), facts(arguments)
 
     times = {}
     command = [arguments.tool, "times", str(arguments.models), *ELLIPSE_DETECTORS, "circle"]
@@ -394,8 +381,7 @@ def main():
     wanted += [(NETWORK, case, MANY_SEED, MANY * n) for case in ("ellipse", "occluded", "product")]
     data = ask_all(arguments, wanted)
 
-    images = arguments.output / "images"
-    images.mkdir(parents=True, exist_ok=True)
+    images = images_folder(output)
     draw_errors(data, floor, images / "detectors_errors.png")
     draw_calibration_and_roc(data, images / "detectors_calibration.png")
     draw_examples(arguments, data, "ellipse", "One ellipse alone", images / "detectors_examples.png")
@@ -403,9 +389,6 @@ def main():
 
     losses, strata = ellipse_tables(data, floor, times)
     threshold, refused, kept_default = refusals(data)
-    promises = table(("promised", "measured", "kept"),
-                     [(what, figure, "yes" if kept else "**no**") for what, figure, kept in
-                      targets(data, floor, hidden_floor, times)])
     angles = table(("angle to the line of sight, deg", "ellipses", "ours, deg", "floor, deg", "beyond the floor, deg"),
                    [(f"{a} to {b:.0f}", str(count), f"{ours:.2f}", f"{best:.2f}", f"{more:+.2f} ± {error:.2f}")
                     for a, b, count, ours, best, more, error in angle_rows(data, floor)])
@@ -418,14 +401,8 @@ def main():
     report = f"""\
 # Detectors, measured
 
-`scripts/evaluate detectors`, {datetime.date.today()}, {machine()}. Every
-number is from this run; losses are in metres over {n:,} fresh samples (a quarter to a half of that where an end is
-hidden, and for circles and what is no ellipse), ± is a standard error, and the floor is that of 2,000 fixed samples
-([math/floor.md](../math/floor.md)). Data: [math/synthetic_segments.md](../math/synthetic_segments.md).
-
-## What is promised
-
-{promises}
+{introduction(measured, INTRODUCTION.format(n=n))}
+{targets_section(list(targets(data, floor, hidden_floor, times)))}
 ## One ellipse alone: Tables IV and V of the ellipse paper
 
 {losses}
@@ -470,9 +447,7 @@ ellipses with a handful of beams are often what an ellipse looks like, too.
 The ellipse detectors do not know that it is a circle; their radius is the mean of the two. The floor is that of circles
 anywhere, not only on the grid that the circle paper draws from.
 """
-    (arguments.output / "detectors.md").write_text(report)
-    print(report)
-    print(f"wrote {arguments.output / 'detectors.md'} and its pictures in {images}")
+    write(output, "detectors.md", report)
 
 
 if __name__ == "__main__":

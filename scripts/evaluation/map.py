@@ -2,84 +2,28 @@
 """The map's tables and pictures (docs/benchmarks/map.md): flies the worlds of worlds.py and compares map and truth.
 Run by scripts/evaluate."""
 
-import argparse
-import concurrent.futures
-import datetime
 import json
 import math
-import os
 import pathlib
 import subprocess
 import tempfile
 import time
 
-import matplotlib
-
-matplotlib.use("Agg")
 import numpy as np
-from matplotlib import patches, pyplot
+from matplotlib import patches
+from scipy import stats
 
+import printed
 import worlds
-from report import machine, prose, section
+from pictures import clean, images_folder, pyplot, save
+from report import (ROOT, arguments_parser, facts, introduction, output_folder, prose, run_pieces, section, table,
+                    targets_section, write)
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 SEEDS_OF_PIECE = 2
 VISIBLE_BEAMS = 5  # of map_flights
 PARAMETERS = ("rx", "ry", "tx", "ty", "psi")
-
-# Ellipse paper, Tables VI to IX: MSE and MaAE of rx, ry, tx, ty in m^2 and m, and of psi in deg^2 and deg.
-BASELINE = (2.7868e-04, 0.0488, 1.8034e-04, 0.0343, 3.3412e-04, 0.0647, 4.7924e-04, 0.0443, 8.0020, 9.0519)
-PRINTED = {
-    "table_6": {
-        "0": (0.0013, 0.1281, 1.4403e-04, 0.0404, 0.0014, 0.1372, 3.4209e-04, 0.0549, 11.3785, 19.0814),
-        "30": (6.8667e-04, 0.1124, 1.8435e-04, 0.0371, 6.7569e-04, 0.0782, 5.3434e-04, 0.0639, 12.6173, 8.6418),
-        "-30": (6.4019e-04, 0.0914, 1.4418e-04, 0.0388, 6.3202e-04, 0.0776, 4.9114e-04, 0.0484, 11.0509, 9.7839),
-        "45": BASELINE,
-        "-45": (3.1640e-04, 0.0910, 2.1245e-04, 0.0365, 3.9307e-04, 0.0808, 5.3060e-04, 0.0482, 10.1390, 10.3137),
-        "60": (1.3598e-04, 0.0552, 2.0517e-04, 0.0399, 2.2522e-04, 0.0552, 4.9468e-04, 0.0408, 8.4616, 10.4655),
-        "-60": (1.3829e-04, 0.0517, 1.8364e-04, 0.0380, 2.8324e-04, 0.0549, 4.6909e-04, 0.0444, 8.5898, 9.3156),
-        "90": (1.0550e-04, 0.0350, 2.1527e-04, 0.0486, 1.7801e-04, 0.0385, 5.3101e-04, 0.0458, 987.2600, 89.8826),
-    },
-    "table_7": {
-        "0.1": (2.7538e-04, 0.0718, 2.7598e-04, 0.0430, 5.4090e-04, 0.0691, 3.2995e-04, 0.0425, 271.9011, 50.5280),
-        "0.2": (2.4007e-04, 0.0795, 1.4158e-04, 0.0388, 3.7681e-04, 0.0689, 4.0013e-04, 0.0387, 25.1857, 19.4990),
-        "0.3": (2.0730e-04, 0.0446, 1.9387e-04, 0.0481, 3.2370e-04, 0.0666, 4.8198e-04, 0.0428, 10.7164, 11.9074),
-        "0.35": BASELINE,
-        "0.4": (3.6936e-04, 0.0715, 2.1963e-04, 0.0520, 4.1325e-04, 0.0700, 5.3854e-04, 0.0479, 7.1554, 8.2359),
-        "0.5": (6.3557e-04, 0.0749, 3.9815e-04, 0.0598, 7.1862e-04, 0.0770, 6.5887e-04, 0.0587, 6.7921, 8.2385),
-    },
-    "table_8": {
-        "1": (4.1598e-04, 0.0612, 2.5299e-04, 0.0515, 3.7889e-04, 0.0491, 4.1892e-04, 0.0500, 4.0128e+03, 134.2301),
-        "2": BASELINE,
-        "3": (3.3721e-04, 0.0534, 1.8274e-04, 0.0463, 3.4662e-04, 0.0608, 5.3771e-04, 0.0452, 5.7994, 8.0498),
-        "4": (3.1170e-04, 0.0666, 1.7837e-04, 0.0484, 3.8516e-04, 0.0780, 5.2775e-04, 0.0471, 4.7916, 7.0188),
-        "5": (2.7925e-04, 0.0635, 1.8321e-04, 0.0338, 3.3470e-04, 0.0511, 5.2124e-04, 0.0491, 4.2823, 5.6857),
-    },
-    "table_9": {
-        "1": BASELINE,
-        "2": (3.7685e-04, 0.0657, 1.9319e-04, 0.0418, 4.5475e-04, 0.0485, 5.2950e-04, 0.0648, 12.1150, 9.4462),
-        "3": (2.6057e-04, 0.0665, 1.9313e-04, 0.0386, 2.0410e-04, 0.0372, 4.3469e-04, 0.0573, 9.3525, 7.9145),
-    },
-}
-# Circle paper, Tables IV and V: the same of r, tx, ty.
 CIRCLE_PARAMETERS = ("r", "tx", "ty")
-CIRCLE_BASELINE = (7.5769e-06, 0.0081, 0.0013, 0.0691, 0.0015, 0.0711)
-PRINTED_CIRCLE = {
-    "table_4": {
-        "0.1": (8.7482e-06, 0.0073, 0.0014, 0.0610, 0.0011, 0.0680),
-        "0.15": (1.1542e-05, 0.0097, 0.0014, 0.0638, 0.0012, 0.0715),
-        "0.3": CIRCLE_BASELINE,
-        "0.45": (7.7660e-06, 0.0075, 0.0013, 0.0735, 0.0014, 0.0714),
-        "0.6": (0.0019, 0.0751, 0.0054, 0.1552, 0.0012, 0.0724),
-    },
-    "table_5": {
-        "1": (1.3187e-05, 0.0088, 0.0012, 0.0628, 0.0016, 0.0766),
-        "2": CIRCLE_BASELINE,
-        "3": (9.2896e-06, 0.0141, 0.0015, 0.0725, 0.0013, 0.0632),
-        "4": (2.8435e-05, 0.0099, 0.0018, 0.0703, 0.0010, 0.0588),
-        "5": (1.8651e-05, 0.0111, 0.0014, 0.0795, 0.0016, 0.0792),
-    },
-}
+PRINTED, PRINTED_CIRCLE = printed.map_tables("ellipse"), printed.map_tables("circle")
 TITLES = {
     "table_6": ("Table VI, the angle", "psi", "°"), "table_7": ("Table VII, the major radius", "rx", " m"),
     "table_8": ("Table VIII, the radii's ratio", "rx/ry", ""),
@@ -88,21 +32,8 @@ TITLES = {
     "table_5": ("Table V of the circle paper, the trajectory", "trajectory", ""),
 }
 CIRCLE_ROW = ("table_8", "1")  # has no psi
-UNKNOWN_PSI_DEG = 180.0 / math.sqrt(12.0)  # deviation of an axis that may be any
 
-# One 40 s run in one walled room with six standing and five moving objects: obstacle_detector and datmo gave positions,
-# velocities and sizes of their tracked circles and boxes. None of it was measured by this command.
-OTHERS = (
-    ("obstacle_detector (tuned)", ".93", ".02", ".102 / .092", ".03 / .34", ".069", "no ids", "0-10 (timer)", "2.3"),
-    ("obstacle_detector (its defaults)", ".85", "1.12", ".092 / .107", ".00 / .67", ".048", "no ids", "0-10", "1.2"),
-    ("datmo", "1.00", "10.4", ".163 / .143", ".86 / .84", ".072", "45", ".83 / .96", "1.1"),
-    ("ideal association, least-squares circle (circles only)", "", "", ".006 / .008", ".06 / .19", ".003", "", "", ""),
-)
-OTHERS_BEST = {  # of the two packages, each with its best configuration
-    "recall": 1.00, "false_per_scan": 0.02, "center_standing": 0.092, "center_moving": 0.092,
-    "velocity_standing": 0.00, "velocity_moving": 0.34, "semi_axes": 0.048,
-}
-# What the room is held to: (key, what, unit, target, whether more is better).
+# Targets of the room: (key, what, unit, target, whether more is better).
 ROOM_TARGETS = (
     ("recall", "recall", "", 0.98, True), ("false_per_scan", "false per scan", "", 0.02, False),
     ("center_standing", "centre RMSE, standing", "m", 0.02, False),
@@ -122,15 +53,17 @@ MOVING_TRUTH, MOVING = "#b9cbe3", "#3d5a80"
 # --- flying
 
 
+def files_of(directory, flight):
+    """Its world, and its settings if it has any."""
+    return directory / f"{flight.name}.xml", directory / f"{flight.experiment}.yaml"
+
+
 def fly(arguments, directory, flight, seeds):
     """A line of map_flights for each seed."""
-    world = directory / f"{flight.name}.xml"
-    world.write_text(flight.xml)
+    world, settings = files_of(directory, flight)
     command = [arguments.tool, "--world", world, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models",
                "--seeds", f"{seeds[0]}-{seeds[-1]}", "--duration", f"{flight.duration_s:g}", *flight.options]
     if flight.settings:
-        settings = directory / f"{flight.experiment}.yaml"
-        settings.write_text(flight.settings)
         command += ["--set", settings]
     if flight.name in TRACED and seeds[0] == flight.seeds[0] and flight.experiment in ("crowd", "room", "people"):
         command += ["--trace", directory / f"{flight.name}.jsonl", "--trace-points"]
@@ -155,29 +88,18 @@ def wanted_flights(arguments):
 
 
 def fly_all(arguments, directory):
-    """{(experiment, row): lines of map_flights}, in pieces over the cores, with a line that tells how far it is."""
+    """{(experiment, row): lines of map_flights}"""
     print("building the worlds", end="", flush=True)
     pieces, wanted = {}, {}
     for flight, seeds in wanted_flights(arguments):
+        for path, text in zip(files_of(directory, flight), (flight.xml, flight.settings)):
+            path.write_text(text)  # now, since pieces that fly side by side share them
         for start in range(0, len(seeds), SEEDS_OF_PIECE):
             piece = seeds[start:start + SEEDS_OF_PIECE]
             key = (flight.name, flight.options, piece)  # some rows stand in several tables
             pieces.setdefault(key, (flight, piece))
             wanted.setdefault((flight.experiment, flight.row), []).append(key)
-    flown, begin = {}, time.monotonic()
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        waiting = {pool.submit(fly, arguments, directory, *piece): key for key, piece in pieces.items()}
-        try:
-            for done, future in enumerate(concurrent.futures.as_completed(waiting), 1):
-                flown[waiting[future]] = future.result()
-                part, spent_s = done / len(pieces), time.monotonic() - begin
-                bar = "#" * int(30 * part)
-                print(f"\r[{bar:30}] {done} of {len(pieces)} pieces flown, {spent_s:.0f} s, about "
-                      f"{spent_s * (1 / part - 1):.0f} s to go   ", end="", flush=True)
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
-    print()
+    flown = run_pieces(lambda flight, seeds: fly(arguments, directory, flight, seeds), pieces, "pieces flown")
     return {row: [run for key in keys for run in flown[key]] for row, keys in wanted.items()}
 
 
@@ -302,7 +224,7 @@ def held_numbers(runs):
 
 
 def targets(results, cells):
-    """What the map is held to, and what was measured: (sentence, figure, met)."""
+    """The targets and what was measured: (sentence, figure, met)."""
     compared = [cell for cell in cells if cell.compared]
     if compared:
         within = [cell for cell in compared if cell.ratio is not None and cell.ratio <= 0.5]
@@ -352,11 +274,6 @@ def targets(results, cells):
 
 
 # --- tables
-
-
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
 
 
 def pair(numbers, kind):
@@ -417,8 +334,12 @@ def room_table(results):
     header = ("", "recall", "false per scan", "centre RMSE standing / moving, m",
               "velocity RMSE standing / moving, m/s", "semi-axes MAE, m", "id switches", "latency p50 / p95, ms",
               "CPU, ms per scan")
-    target = ("held to", "≥ .98", "≤ .02", "≤ .02 / .03", "≤ .03 / .20", "≤ .02", "≤ 2", "", "")
-    return table(header, [*rows, target, *OTHERS])
+    target = ("target", "≥ .98", "≤ .02", "≤ .02 / .03", "≤ .03 / .20", "≤ .02", "≤ 2", "", "")
+    peers = [(row["name"], row["recall"], row["false_per_scan"],
+              f"{row['center_standing_m']} / {row['center_moving_m']}",
+              f"{row['velocity_standing_m_s']} / {row['velocity_moving_m_s']}", row["semi_axes_m"], row["id_switches"],
+              row["latency_ms"], row["cpu_ms_per_scan"]) for row in printed.peers()]
+    return table(header, [*rows, target, *peers])
 
 
 def crowd_table(results):
@@ -480,19 +401,6 @@ def tilt_table(results):
 # --- pictures
 
 
-def save(figure, path, handles):
-    """With a legend below everything."""
-    if handles:
-        figure.legend(handles=handles, ncol=len(handles), loc="upper center", bbox_to_anchor=(0.5, 0.0), frameon=False)
-    figure.savefig(path, dpi=110, bbox_inches="tight")
-    pyplot.close(figure)
-
-
-def clean(ax):
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(alpha=0.25, lw=0.6)
-
-
 def draw_ratios(cells, path):
     """A dot for each parameter of each row: the farther to the left, the better."""
     figure, axes = pyplot.subplots(1, 2, figsize=(13, 8), layout="constrained", sharey=True)
@@ -543,7 +451,7 @@ def draw_ratios(cells, path):
     places = [place for rows in rows_of_paper.values() for place, _ in rows]
     axes[0].set_ylim(min(places, default=0.0) - 0.8, 0.8)
     figure.legend(lines.values(), lines.keys(), loc="lower left", bbox_to_anchor=(0.56, 0.12), frameon=False)
-    save(figure, path, [])
+    save(figure, path)
 
 
 def ellipse_patch(o, **style):
@@ -554,7 +462,7 @@ def covariance_patch(element, **style):
     """The 99 % region of the centre."""
     xx, xy, yy = element["covariance_xy"]
     values, vectors = np.linalg.eigh(np.array(((xx, xy), (xy, yy))))
-    size = 2.0 * np.sqrt(9.2103 * np.maximum(values, 0.0))
+    size = 2.0 * np.sqrt(stats.chi2.ppf(0.99, 2) * np.maximum(values, 0.0))
     return patches.Ellipse((element["x"], element["y"]), size[0], size[1],
                            angle=math.degrees(math.atan2(vectors[1, 0], vectors[0, 0])), **style)
 
@@ -706,6 +614,7 @@ def draw_person(directory, path):
 def draw_room_errors(results, path):
     """A dot for each room and mode, a bar at the pooled value, and the targets."""
     modes = [mode for mode in worlds.ROOM_MODES if ("room", mode) in results]
+    best_of_peers = printed.best_of_peers()
     figure, axes = pyplot.subplots(2, 4, figsize=(14, 6.5), layout="constrained")
     for ax, (key, what, unit, target, more) in zip(axes.flat, ROOM_TARGETS):
         for i, mode in enumerate(modes):
@@ -715,8 +624,9 @@ def draw_room_errors(results, path):
             ax.plot(i + spread, values, "o", ms=3.2, color=MODE_COLORS[i], alpha=0.6, mew=0)
             ax.plot((i - 0.36, i + 0.36), 2 * (room_numbers(runs)[key],), color=MODE_COLORS[i], lw=2.2)
         ax.axhline(target, color="black", lw=1, ls="--")
-        if OTHERS_BEST.get(key, 0.0) > 0.0 and not more:
-            ax.axhline(OTHERS_BEST[key], color="0.6", lw=1, ls=":")
+        best = best_of_peers.get(f"{key}_{unit.replace('/', '_')}".rstrip("_"), 0.0)
+        if best > 0.0 and not more:
+            ax.axhline(best, color="0.6", lw=1, ls=":")
         low, high = ax.get_ylim()
         if more:
             ax.set_ylim(min(low, 0.94), 1.003)
@@ -742,7 +652,7 @@ def picture(images, name, text):
 
 
 INTRODUCTION = """
-Every number of ours is from this run, with `cfg/objects.yaml` as it is shipped. The worlds are simulated
+{scans:,} scans in {minutes:.1f} minutes. Every number of ours is from this run, with `cfg/objects.yaml` as it is shipped. The worlds are simulated
 ([worlds.py](../../scripts/evaluation/worlds.py) says what moves where): a scanner like the UTM-30LX, 1081 beams over
 270°, 20 Hz, 1 cm of noise, within 10 m, and an exact pose of the robot. An object is visible if at least {beams} beams
 hit it; errors are those of visible objects that are on the map.
@@ -786,22 +696,17 @@ time for 1,000 elements is measured in `benchmark/`.
 """
 
 
-def report_of(arguments, results, cells, images, spent_s):
+def report_of(arguments, measured, results, cells, images, spent_s):
     def has(*experiments):
         return any(experiment in experiments for experiment, _ in results)
 
-    verdicts = list(targets(results, cells))
-    met = sum(kept for _, _, kept in verdicts)
     scans = sum(run["scans"] for runs in results.values() for run in runs)
-    parts = ["# The map, measured\n", prose(
-        f"`scripts/evaluate map`, {datetime.date.today()}, {machine()}, {scans:,} scans in {spent_s / 60:.1f} minutes. "
-        + INTRODUCTION.format(beams=VISIBLE_BEAMS))]
+    parts = ["# The map, measured\n", introduction(measured, INTRODUCTION.format(
+        beams=VISIBLE_BEAMS, scans=scans, minutes=spent_s / 60))]
     if not arguments.whole:
         what = ", ".join(arguments.only) or "everything"
         parts.append(f"**A part only**: {arguments.seeds_scale:g} of the runs of {what}.\n")
-    parts.append(section(f"What the map is held to: {met} of {len(verdicts)} met",
-                         table(("target", "measured", "met"),
-                               [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])))
+    parts.append(targets_section(list(targets(results, cells))))
     if cells:
         mean = geometric_mean([cell.ratio for cell in cells if cell.compared and cell.ratio is not None])
         parts.append(section("The papers' tables", prose(PAPERS_TABLES.format(mean=mean)),
@@ -827,10 +732,8 @@ def report_of(arguments, results, cells, images, spent_s):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments_parser(__doc__, "docs/benchmarks", "a part of the runs")
     parser.add_argument("--tool", required=True)
-    parser.add_argument("--output", type=pathlib.Path,
-                        help="default: docs/benchmarks, or build/evaluation/map for a part of the runs")
     parser.add_argument("--only", action="append", default=[], choices=list(worlds.EXPERIMENTS), metavar="EXPERIMENT",
                         help=f"may be repeated: {' '.join(worlds.EXPERIMENTS)}")
     parser.add_argument("--seeds-scale", type=float, default=1.0, help="part of the runs, such as 0.1 for a quick look")
@@ -838,9 +741,8 @@ def main():
     if not 0.0 < arguments.seeds_scale <= 1.0:
         parser.error("--seeds-scale must be above 0 and at most 1")
     arguments.whole = arguments.seeds_scale == 1.0 and not arguments.only
-    output = arguments.output or ROOT / ("docs/benchmarks" if arguments.whole else "build/evaluation/map")
-    images = output / "images"
-    images.mkdir(parents=True, exist_ok=True)
+    output, measured = output_folder(arguments, arguments.whole), facts(arguments)
+    images = images_folder(output)
 
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder:
@@ -855,10 +757,7 @@ def main():
             draw_room_errors(results, images / "map_room_errors.png")
         draw_crowd(directory, images / "map_crowd.png")
         draw_person(directory, images / "map_person.png")
-    report = report_of(arguments, results, cells, images, spent_s)
-    (output / "map.md").write_text(report)
-    print(report)
-    print(f"wrote {output / 'map.md'} and its pictures in {images}")
+    write(output, "map.md", report_of(arguments, measured, results, cells, images, spent_s))
 
 
 if __name__ == "__main__":

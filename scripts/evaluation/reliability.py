@@ -2,8 +2,6 @@
 """A day of simulated scans with faults at random, and the tests of those faults that a day cannot have
 (docs/reliability.md). Run by scripts/evaluate."""
 
-import argparse
-import datetime
 import json
 import os
 import pathlib
@@ -13,9 +11,9 @@ import subprocess
 import sys
 import time
 
-from report import commit, machine, prose, section
+from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
+                    targets_section, write)
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 HOURS = 12.0
 FAULT_EVERY_S = 15.0
 MOST_UNTIL_BACK_S = 2.0
@@ -35,10 +33,8 @@ def free_port():
 
 
 def progress(blocks, begin, hours):
-    part, spent_s = blocks[-1]["part"], time.monotonic() - begin
-    print(f"\r[{'#' * int(30 * part):30}] {blocks[-1]['hours']:.1f} of {hours:g} h of scans, {blocks[-1]['faults']:,} "
-          f"faults, {blocks[-1]['failures']} without what must happen, {spent_s / 60:.0f} min, about "
-          f"{spent_s * (1 / part - 1) / 60:.0f} min to go   ", end="", flush=True)
+    print_progress(blocks[-1]["part"], begin, f"{blocks[-1]['hours']:.1f} of {hours:g} h of scans, "
+                   f"{blocks[-1]['faults']:,} faults, {blocks[-1]['failures']} without what must happen")
 
 
 def run_faults(words, folder, name, hours):
@@ -130,11 +126,6 @@ def targets(blocks, result, tests):
 # --- tables
 
 
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
-
-
 def seconds(value):
     return "" if value is None else f"{value:.2f}"
 
@@ -204,7 +195,7 @@ Scans of a fault that are not mapped are dropped for a reason that is counted: e
 received, processed and dropped, by reason, is compared with what was sent. Ids are
 compared for all 12 objects: *other ids after* counts the faults after which one of them had another. Those that move
 accelerate by up to 0.74 m/s², nearly twice `acceleration_sigma_m_s2`: unseen for half a second, one may not be known
-again, so ids are held to stay only where fewer than ten scans in a row are lost. The faults themselves are a table in
+again, so ids must stay only where fewer than ten scans in a row are lost. The faults themselves are a table in
 [faults.cpp](../test/ros/fault_day/faults.cpp); CI runs
 each twice and ends processes once (`ros/fault_day_test`).
 """
@@ -224,50 +215,40 @@ What a day cannot have, each with a test of its own that runs in CI.
 """
 
 
-def report_of(blocks, result, tests, limit, facts):
+def report_of(blocks, result, tests, limit, measured):
     verdicts = list(targets(blocks, result, tests))
-    met = sum(kept for _, _, kept in verdicts)
     kinds = sum(fault["count"] > 0 for fault in result["faults"]) - 1  # without that which is none
     return "\n".join((
         "# Faults, and what comes of them\n",
-        prose(f"`{facts['command']}`, {facts['date']}, commit {facts['commit']}, {facts['machine']}, load average "
-              f"{facts['load']:.1f} at the start. " + INTRODUCTION.format(
-                  sent=result["sent"], hours=facts["hours"], minutes=facts["minutes"], kinds=kinds,
-                  every=FAULT_EVERY_S, seed=facts["seed"])),
-        section(f"What it is held to: {met} of {len(verdicts)} met",
-                table(("target", "measured", "met"),
-                      [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])),
+        introduction(measured, INTRODUCTION.format(sent=result["sent"], hours=measured["hours"],
+                                                   minutes=measured["minutes"], kinds=kinds, every=FAULT_EVERY_S,
+                                                   seed=measured["seed"])),
+        targets_section(verdicts),
         section("A day", prose(DAY), day_table(result)),
         section("Where something dies", prose(DEATHS), death_table(result)),
         section("What did not happen as it must", failures_list(result)),
         section("Faults with tests of their own", prose(TESTED), test_table(tests)),
         section("What it takes longer over", prose(LIMITS.format(every=FAULT_EVERY_S)), limit_table(limit)))), \
-        met == len(verdicts)
+        all(met for _, _, met in verdicts)
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--output", type=pathlib.Path,
-                        help="default: docs, or build/evaluation/reliability for fewer hours")
+    parser = arguments_parser(__doc__, "docs", "fewer hours")
     parser.add_argument("--hours", type=float, default=HOURS, help=f"of scans (default {HOURS:g})")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     folder = ROOT / "build/evaluation/reliability"
-    output = arguments.output or (ROOT / "docs" if arguments.hours >= HOURS else folder)
     folder.mkdir(parents=True, exist_ok=True)
+    output = output_folder(arguments, arguments.hours >= HOURS)
 
-    facts = {"command": shlex.join(["scripts/evaluate", "reliability", *sys.argv[1:]]),
-             "date": str(datetime.date.today()), "commit": commit(), "machine": machine(),
-             "load": os.getloadavg()[0], "hours": arguments.hours, "seed": arguments.seed}
+    measured = {**facts(arguments), "hours": arguments.hours, "seed": arguments.seed}
     seed = ["--seed", str(arguments.seed)]
     blocks, result, took_s = run_faults(["--hours", str(arguments.hours), *seed], folder, "day", arguments.hours)
     only = ["--only", left_out(result)["name"], "--rounds", str(LEFT_OUT_TIMES)]
     _, limit, _ = run_faults([*only, *seed], folder, "limit", LEFT_OUT_TIMES * FAULT_EVERY_S / 3600)
     tests = run_tests(folder)
-    report, kept = report_of(blocks, result, tests, limit, {**facts, "minutes": took_s / 60})
-    (output / "reliability.md").write_text(report)
-    print(report)
-    print(f"wrote {output / 'reliability.md'}")
+    report, kept = report_of(blocks, result, tests, limit, {**measured, "minutes": took_s / 60})
+    write(output, "reliability.md", report)
     sys.exit(0 if kept else 1)
 
 

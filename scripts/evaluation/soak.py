@@ -3,11 +3,8 @@
 those recorded in ../shared/data, where they are. Run by scripts/evaluate."""
 
 import argparse
-import datetime
 import json
-import os
 import pathlib
-import shlex
 import statistics
 import struct
 import subprocess
@@ -15,14 +12,10 @@ import sys
 import tempfile
 import time
 
-import matplotlib
+from pictures import clean, images_folder, pyplot, save
+from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
+                    targets_section, write)
 
-matplotlib.use("Agg")
-from matplotlib import pyplot
-
-from report import commit, machine, prose, section
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 RECORDINGS = ROOT.parent / "shared/data"
 TOPICS = {"leg_tracker_walking_person.bag": ("/scan",),
           "obstacle_detector_two_scanners.bag": ("/front_scan", "/rear_scan"),
@@ -63,7 +56,7 @@ def write_recorded(path):
 
 
 def run(arguments, scans):
-    """(lines of the blocks, what became of the scans, seconds that it took), with a line that tells how far it is."""
+    """(lines of the blocks, what became of the scans, seconds that it took)"""
     command = [arguments.tool, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models", "--hours",
                str(arguments.hours), *(["--scans", scans] if scans else [])]
     begin, blocks, accounts = time.monotonic(), [], None
@@ -74,9 +67,7 @@ def run(arguments, scans):
                 accounts = line
                 continue
             blocks.append(line)
-            part, spent_s = line["scans"] / line["of"], time.monotonic() - begin
-            print(f"\r[{'#' * int(30 * part):30}] {line['hours']:.1f} of {arguments.hours:g} h of scans, "
-                  f"{spent_s / 60:.0f} min, about {spent_s * (1 / part - 1) / 60:.0f} min to go   ", end="", flush=True)
+            print_progress(line["scans"] / line["of"], begin, f"{line['hours']:.1f} of {arguments.hours:g} h of scans")
     print()
     if accounts is None:
         sys.exit(f"soak ended with code {process.returncode}")
@@ -141,11 +132,6 @@ def targets(results, accounts):
 
 
 # --- tables
-
-
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
 
 
 def memory_table(results):
@@ -217,10 +203,8 @@ def draw(results, path):
     latency.set_xlim(0.0, results.hours)
     latency.legend(loc="lower right", ncol=len(results.sources), frameon=False)
     for ax in (memory, latency):
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.grid(alpha=0.25, lw=0.6)
-    figure.savefig(path, dpi=110, bbox_inches="tight")
-    pyplot.close(figure)
+        clean(ax)
+    save(figure, path)
 
 
 # --- report
@@ -257,23 +241,19 @@ of `std::invalid_argument`.
 """
 
 
-def report_of(results, accounts, recorded, facts):
+def report_of(results, accounts, recorded, measured, minutes):
     verdicts = list(targets(results, accounts))
-    met = sum(kept for _, _, kept in verdicts)
     words = RECORDED.format(count=sum(recorded.values()), bags=", ".join(
         f"`{name}` {count:,}" for name, count in recorded.items())) if recorded else NOT_RECORDED
     return "\n".join((
         "# Hours and hours of scans\n",
-        prose(f"`{facts['command']}`, {facts['date']}, commit {facts['commit']}, {facts['machine']}, load average "
-              f"{facts['load']:.1f} at the start. " + INTRODUCTION.format(
-                  scans=accounts["sent"], hours=results.hours, minutes=facts["minutes"], recorded=words)),
-        section(f"What it is held to: {met} of {len(verdicts)} met",
-                table(("target", "measured", "met"),
-                      [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])),
+        introduction(measured, INTRODUCTION.format(scans=accounts["sent"], hours=results.hours, minutes=minutes,
+                                                   recorded=words)),
+        targets_section(verdicts),
         "![Memory, and CPU time per scan, over the hours](images/soak.png)\n",
         section("Memory", prose(MEMORY_TEXT), memory_table(results)),
         section("Time", prose(TIME_TEXT), time_table(results)),
-        section("What became of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), met == len(verdicts)
+        section("What became of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), all(met for _, _, met in verdicts)
 
 
 def hours_of(text):
@@ -284,29 +264,19 @@ def hours_of(text):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments_parser(__doc__, "docs/benchmarks", "fewer hours")
     parser.add_argument("--tool", required=True)
-    parser.add_argument("--output", type=pathlib.Path,
-                        help="default: docs/benchmarks, or build/evaluation/soak for fewer hours")
     parser.add_argument("--hours", type=hours_of, default=HOURS, help=f"of scans (default {HOURS:g})")
     arguments = parser.parse_args()
-    output = arguments.output or ROOT / ("docs/benchmarks" if arguments.hours >= HOURS else "build/evaluation/soak")
-    images = output / "images"
-    images.mkdir(parents=True, exist_ok=True)
-
-    words = sys.argv[3:]  # without --tool, which scripts/evaluate gives
-    facts = {"command": shlex.join(["scripts/evaluate", "soak", *words]), "date": str(datetime.date.today()),
-             "commit": commit(), "machine": machine(), "load": os.getloadavg()[0]}
+    output, measured = output_folder(arguments, arguments.hours >= HOURS), facts(arguments)
     with tempfile.TemporaryDirectory() as folder:
         scans = pathlib.Path(folder) / "scans"
         recorded = write_recorded(scans)
         blocks, accounts, took_s = run(arguments, scans if recorded else None)
     results = Results(blocks)
-    draw(results, images / "soak.png")
-    report, kept = report_of(results, accounts, recorded, {**facts, "minutes": took_s / 60})
-    (output / "soak.md").write_text(report)
-    print(report)
-    print(f"wrote {output / 'soak.md'} and its picture in {images}")
+    draw(results, images_folder(output) / "soak.png")
+    report, kept = report_of(results, accounts, recorded, measured, took_s / 60)
+    write(output, "soak.md", report)
     sys.exit(0 if kept else 1)
 
 

@@ -3,25 +3,17 @@
 and elements of the map. Run by scripts/evaluate."""
 
 import argparse
-import datetime
 import json
 import math
-import os
 import pathlib
-import shlex
 import statistics
 import subprocess
-import sys
 import time
 
-import matplotlib
+from pictures import clean, images_folder, pyplot, save
+from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
+                    targets_section, write)
 
-matplotlib.use("Agg")
-from matplotlib import pyplot
-
-from report import commit, machine, prose, section
-
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 BEAMS, OBJECTS, THREADS = (181, 541, 1081, 3600), (1, 12, 60, 200), (1, 2)
 ELEMENTS = (0, 125, 250, 500, 1000, 2000)
 USUAL_BEAMS, USUAL_OBJECTS, FINE_BEAMS = 1081, 12, 3600
@@ -71,8 +63,7 @@ def run(arguments, tool, of):
 
 
 def run_all(arguments):
-    """{key of a case: (lines of this build, lines of the baseline)}, round by round, the two builds in turns, with a
-    line that tells how far it is."""
+    """{key of a case: (lines of this build, lines of the baseline)}, round by round, the two builds in turns."""
     wanted, results, begin, done = list(cases()), {}, time.monotonic(), 0
     tools = [arguments.tool, *([arguments.baseline] if arguments.baseline else [])]
     total = arguments.rounds * len(wanted)
@@ -83,9 +74,7 @@ def run_all(arguments):
             for i in order:
                 lines[i].append(run(arguments, tools[i], of))
             done += 1
-            part, spent_s = done / total, time.monotonic() - begin
-            print(f"\r[{'#' * int(30 * part):30}] {done} of {total} runs, {spent_s:.0f} s, about "
-                  f"{spent_s * (1 / part - 1):.0f} s to go   ", end="", flush=True)
+            print_progress(done / total, begin, f"{done} of {total} runs")
     print()
     return results
 
@@ -190,11 +179,6 @@ def targets(results):
 # --- tables
 
 
-def table(header, rows):
-    lines = ["| " + " | ".join(header) + " |", "|" + "---|" * len(header)]
-    return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows]) + "\n"
-
-
 def ms(us):
     return f"{us / 1000:.3f} ms"
 
@@ -277,11 +261,6 @@ def ratios_table(results):
 # --- pictures
 
 
-def clean(ax):
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(alpha=0.25, lw=0.6, which="both")
-
-
 def color_of(stage):
     return COLORS.get(stage, OTHER)
 
@@ -313,9 +292,7 @@ def draw_growth(results, path):
                pyplot.Line2D([], [], color="black", lw=1.2, ls=":", label="slope 1: linear")]
     handles += [pyplot.Line2D([], [], color=color_of(stage), lw=1.3, marker="o", ms=3.5, label=stage)
                 for stage in results.of()["stages"]]
-    figure.legend(handles=handles, ncol=6, loc="upper center", bbox_to_anchor=(0.5, 0.0), frameon=False)
-    figure.savefig(path, dpi=110, bbox_inches="tight")
-    pyplot.close(figure)
+    save(figure, path, handles, ncol=6)
 
 
 def draw_stages(results, path):
@@ -359,8 +336,7 @@ def draw_stages(results, path):
     right.set_xlabel("CPU time, µs per segment")
     right.set_title(f"per segment, {USUAL_OBJECTS} objects", fontsize=10)
     right.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=110, bbox_inches="tight")
-    pyplot.close(figure)
+    save(figure, path)
 
 
 # --- report
@@ -396,19 +372,13 @@ is faster.
 """
 
 
-def report_of(arguments, results, facts):
-    verdicts = list(targets(results))
-    met = sum(kept for _, _, kept in verdicts)
-    parts = ["# The way from scan to map, timed\n", prose(
-        f"`{facts['command']}`, {facts['date']}, commit {facts['commit']}, {facts['machine']}, load average "
-        f"{facts['load']:.1f} at the start. "
-        + INTRODUCTION.format(scans=arguments.scans, warm_up=160, rounds=arguments.rounds))]
+def report_of(arguments, results, measured):
+    parts = ["# The way from scan to map, timed\n", introduction(measured, INTRODUCTION.format(
+        scans=arguments.scans, warm_up=160, rounds=arguments.rounds))]
     if not arguments.full:
         parts.append("**A quick look**: fewer scans or rounds than are published.\n")
     picture = lambda name, text: f"![{text}](images/{name})\n"
-    parts.append(section(f"What it is held to: {met} of {len(verdicts)} met",
-                         table(("target", "measured", "met"),
-                               [(what, figure, "yes" if kept else "**no**") for what, figure, kept in verdicts])))
+    parts.append(targets_section(list(targets(results))))
     parts.append(section("Where the time goes", picture("speed_stages.png", "Stages, and time per segment"),
                          stages_table(results)))
     parts.append(section("How it grows", picture("speed_growth.png", "Cost against objects, beams and elements"),
@@ -440,10 +410,8 @@ def at_least_one(text):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = arguments_parser(__doc__, "docs/benchmarks", "a quick look")
     parser.add_argument("--tool", required=True)
-    parser.add_argument("--output", type=pathlib.Path,
-                        help="default: docs/benchmarks, or build/evaluation/speed for a quick look")
     parser.add_argument("--baseline", type=baseline_tool, metavar="BUILD",
                         help="folder of an older build, or its pipeline_speed, to run in turns with this one")
     parser.add_argument("--baseline-name", default="older", help="what the report calls it, such as its commit")
@@ -452,26 +420,20 @@ def main():
     parser.add_argument("--core", type=int, default=0, help="that runs what has one thread (default 0)")
     arguments = parser.parse_args()
     arguments.full = arguments.rounds >= ROUNDS and arguments.scans >= SCANS
-    output = arguments.output or ROOT / ("docs/benchmarks" if arguments.full else "build/evaluation/speed")
-    images = output / "images"
-    images.mkdir(parents=True, exist_ok=True)
+    output = output_folder(arguments, arguments.full)
+    images = images_folder(output)
 
-    words = sys.argv[3:]  # without --tool, which scripts/evaluate gives
-    if arguments.baseline and "--baseline" in words:  # where it lies is of no interest to others
-        words[words.index("--baseline") + 1] = arguments.baseline_name
-    facts = {"command": shlex.join(["scripts/evaluate", "speed", *words]), "date": str(datetime.date.today()),
-             "commit": commit(), "machine": machine(), "load": os.getloadavg()[0], "scans": arguments.scans,
-             "rounds": arguments.rounds}
+    # Where the older build lies is of no interest to others.
+    measured = {**facts(arguments, {"--baseline": arguments.baseline_name}), "scans": arguments.scans,
+                "rounds": arguments.rounds}
     results = Results(run_all(arguments))
     draw_growth(results, images / "speed_growth.png")
     draw_stages(results, images / "speed_stages.png")
-    report = report_of(arguments, results, facts)
-    (output / "speed.md").write_text(report)
-    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in facts.items())
+    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in measured.items())
     lines = ",\n".join(json.dumps(line) for line in results.json())
     (output / "speed_baseline.json").write_text(f"{{\n{head},\n\"cases\": [\n{lines}\n]}}\n")
-    print(report)
-    print(f"wrote {output / 'speed.md'}, {output / 'speed_baseline.json'} and pictures in {images}")
+    write(output, "speed.md", report_of(arguments, results, measured))
+    print(f"wrote {output / 'speed_baseline.json'}")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ import random
 import sys
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 RATE_HZ = 20.0
 BEAM_RAD, FIRST_BEAM_RAD, BEAMS = math.radians(0.25), math.radians(-135.0), 1081
@@ -80,26 +81,11 @@ def loop(speed, points, suffix=""):
     """The simulator's periodic quintic spline (src/sim/periodic_spline.cpp)."""
     points = np.asarray(points, float)
     n = len(points)
-
-    def basis(x):
-        signed = (1, -6, 15, -20, 15, -6, 1)
-        return sum(c * np.maximum(x - k, 0.0) ** 5 for k, c in enumerate(signed)) / 120.0
-
-    weights = np.zeros((n, n))
-    for j in range(-2, 3):
-        for i in range(n):
-            weights[i, (i + j) % n] += basis(np.array(3.0 + j))
-    control = np.linalg.solve(weights, points)
-
-    def place(u):
-        knot = np.floor(u).astype(int)
-        s = (u - knot)[:, None]
-        return sum(basis(s - j + 3.0) * control[(knot + j) % n] for j in range(-2, 4))
-
+    place = make_interp_spline(np.arange(n + 1), np.vstack((points, points[:1])), k=5, bc_type="periodic")
     fine = place(np.linspace(0.0, n, 64 * n + 1))
     rate = n * speed / np.linalg.norm(np.diff(fine, axis=0), axis=1).sum()
     text = f"loop speed {speed:.4f} {suffix} points " + "; ".join(f"{x:.4f} {y:.4f}" for x, y in points)
-    return Path(text.replace("  ", " "), lambda t: place((rate * t) % n), speed)
+    return Path(text.replace("  ", " "), lambda t: place(rate * t), speed)
 
 
 # --- worlds
