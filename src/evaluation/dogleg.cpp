@@ -9,9 +9,10 @@
 #include <Eigen/Geometry>
 #include <Eigen/QR>
 
-#include "situation_awareness/detections/detect_each.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+
+#include "fit_each.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -256,17 +257,10 @@ DoglegDetector::DoglegDetector(const DoglegParams& params, const EllipseFitParam
 }
 
 void DoglegDetector::find(const Segments& segments, Detections& found) {
-  detect_each(
-      segments, fit_params_,
-      [&](std::size_t i) {
-        const Segment& segment = segments.segments[i];
-        points_level_m_.clear();
-        for (std::size_t k = 0; k < segment.count; ++k) {
-          points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
-        }
-        return assess_ellipse(segments, i, fit_params_, fit_dogleg(points_level_m_, params_).ellipse_level);
-      },
-      found);
+  const auto fit = [&](const std::vector<Eigen::Vector2d>& points_level_m) {
+    return fit_dogleg(points_level_m, params_).ellipse_level;
+  };
+  fit_each(segments, fit_params_, fit, points_level_m_, found);
 }
 
 }  // namespace situation_awareness

@@ -9,8 +9,9 @@
 
 #include <Eigen/LU>
 
-#include "situation_awareness/detections/detect_each.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
+
+#include "fit_each.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -80,19 +81,11 @@ RansacDetector::RansacDetector(const RansacParams& params, const DoglegParams& d
 }
 
 void RansacDetector::find(const Segments& segments, Detections& found) {
-  detect_each(
-      segments, fit_params_,
-      [&](std::size_t i) {
-        const Segment& segment = segments.segments[i];
-        points_level_m_.clear();
-        for (std::size_t k = 0; k < segment.count; ++k) {
-          points_level_m_.push_back(segments.points[segment.first + k].p_level_m);
-        }
-        Random random(static_cast<std::uint64_t>(params_.seed));
-        const RansacFit fit = fit_ransac(points_level_m_, params_, dogleg_params_, random);
-        return assess_ellipse(segments, i, fit_params_, fit.refined.ellipse_level);
-      },
-      found);
+  const auto fit = [&](const std::vector<Eigen::Vector2d>& points_level_m) {
+    Random random(static_cast<std::uint64_t>(params_.seed));
+    return fit_ransac(points_level_m, params_, dogleg_params_, random).refined.ellipse_level;
+  };
+  fit_each(segments, fit_params_, fit, points_level_m_, found);
 }
 
 }  // namespace situation_awareness

@@ -11,8 +11,8 @@
 
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
+#include "support/degenerate_segments.hpp"
 #include "support/level_scene.hpp"
-#include "support/lone_segments.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -161,23 +161,7 @@ TEST(Dogleg, AgreesWithScipyDogbox) {
 
 TEST(DoglegDetector, GivesAFiniteDetectionOrARefusalOfDegenerateSegments) {
   DoglegDetector detector({}, {});
-  const std::vector<std::vector<Eigen::Vector2d>> degenerate = {
-      {{2.0, 1.0}},
-      {{2.0, 1.0}, {2.0, 1.0}, {2.0, 1.0}},
-      {{2.0, -0.1}, {2.0, 0.1}},
-      {{2.0, -0.1}, {2.0, 0.0}, {2.0, 0.1}},
-      {{2.0, 0.0}, {2.1, 0.0}, {2.2, 0.0}},
-      {{12.0, 0.0}, {12.0, 0.05}, {12.0, 0.1}, {12.0, 0.15}},
-  };
-  for (const auto& points_m : degenerate) {
-    const Detections detections = detector.detect(lone_segment(points_m));
-    EXPECT_EQ(detections.detections.size() + detections.refused.size(), 1U);
-    for (const Detection& detection : detections.detections) {
-      EXPECT_TRUE(detection.ellipse_level.center_m.allFinite());
-      EXPECT_TRUE(std::isfinite(detection.residual_rms_m));
-      EXPECT_EQ(Eigen::LLT<Matrix5d>(detection.covariance).info(), Eigen::Success);
-    }
-  }
+  expect_degenerate_segments_are_survived(detector);
 }
 
 TEST(DoglegDetector, DetectsWhatItFitsWithACovarianceAndASmallResidual) {
