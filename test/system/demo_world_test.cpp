@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Simulator to map, without ROS: the demo's promises over seeds, and those of the other worlds.
+// Simulator to map, without ROS: what is published of the demo, over seeds, and of the other worlds.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -39,40 +39,54 @@ MapScore fly(const std::string& name, std::uint64_t seed) {
   return evaluation->score();
 }
 
-class DemoWorld : public testing::TestWithParam<int> {};
-
-TEST_P(DemoWorld, IsMappedTrulyAndInTime) {
-  const MapScore score = fly("demo", static_cast<std::uint64_t>(GetParam()));
-  EXPECT_LT(score.center_rmse_m, 0.05);
-  EXPECT_LE(score.max_delay_s, 1.0);
-  EXPECT_LE(score.longest_false_s, 1.0);
-  EXPECT_GT(score.recall, 0.9);
-}
-
-INSTANTIATE_TEST_SUITE_P(Seeds, DemoWorld, testing::Range(1, 6));
-
-struct Promise {
+/// What docs/benchmarks/README.md and docs/worlds.md say of a world, with room for another seed or processor.
+struct Bounds {
   const char* world;
-  double center_rmse_m;
-  double longest_false_s;
+  int seed;
+  double min_recall;
+  double max_center_rmse_m;
+  double max_velocity_rmse_m_s;
+  double max_delay_s;
+  double max_false_s;  ///< of the longest life of a false element; 0: there is none at all
+  int max_id_switches;
 };
 
-void PrintTo(const Promise& promise, std::ostream* stream) { *stream << promise.world; }
+void PrintTo(const Bounds& bounds, std::ostream* stream) { *stream << bounds.world << ", seed " << bounds.seed; }
 
-class FlownWorld : public testing::TestWithParam<Promise> {};
+class FlownWorld : public testing::TestWithParam<Bounds> {};
 
-TEST_P(FlownWorld, IsMappedTrulyAndInTime) {
-  const MapScore score = fly(GetParam().world, 1);
-  EXPECT_LT(score.center_rmse_m, GetParam().center_rmse_m);
-  EXPECT_LE(score.max_delay_s, 1.0);
-  EXPECT_LE(score.longest_false_s, GetParam().longest_false_s);
-  EXPECT_GT(score.recall, 0.9);
+TEST_P(FlownWorld, IsMappedWithinItsBounds) {
+  const Bounds& bounds = GetParam();
+  const MapScore score = fly(bounds.world, static_cast<std::uint64_t>(bounds.seed));
+  EXPECT_EQ(score.scans, kScans);
+  EXPECT_GE(score.recall, bounds.min_recall);
+  EXPECT_LE(score.center_rmse_m, bounds.max_center_rmse_m);
+  EXPECT_LE(score.velocity_rmse_m_s, bounds.max_velocity_rmse_m_s);
+  EXPECT_LE(score.max_delay_s, bounds.max_delay_s);
+  EXPECT_LE(score.longest_false_s, bounds.max_false_s);
+  if (bounds.max_false_s == 0.0) {
+    EXPECT_EQ(score.false_per_scan, 0.0);
+  }
+  EXPECT_LE(score.id_switches, bounds.max_id_switches);
 }
 
+// Worst of 60 seeds: recall 0.987, centre 0.0081 m, velocity 0.0404 m/s, delay 0.45 s, nothing false, 3 changes of id.
+constexpr Bounds demo(int seed) { return {"demo", seed, 0.98, 0.01, 0.045, 0.6, 0.0, 4}; }
+
+INSTANTIATE_TEST_SUITE_P(Demo, FlownWorld, testing::Values(demo(1), demo(2), demo(3), demo(4), demo(5)),
+                         [](const auto& info) { return "seed_" + std::to_string(info.param.seed); });
+
+// Worst of 20 seeds:
+//   lab        0.986   0.060 m   0.112 m/s   1.25 s   false for 1.9 s   26 changes of id
+//   orchard    0.991   0.007     0.013       0.70     nothing           10
+//   warehouse  0.967   0.013     0.059       0.55     nothing            9
+//   crowd      0.981   0.015     0.040       0.75     nothing           19
 // The persons of the lab swing their arms, which are not always taken for theirs.
-INSTANTIATE_TEST_SUITE_P(Worlds, FlownWorld,
-                         testing::Values(Promise{"lab", 0.1, 2.0}, Promise{"orchard", 0.05, 1.0},
-                                         Promise{"warehouse", 0.05, 1.0}, Promise{"crowd", 0.05, 1.0}),
+INSTANTIATE_TEST_SUITE_P(Others, FlownWorld,
+                         testing::Values(Bounds{"lab", 1, 0.98, 0.07, 0.13, 1.0, 2.0, 30},
+                                         Bounds{"orchard", 1, 0.985, 0.01, 0.02, 0.9, 0.0, 12},
+                                         Bounds{"warehouse", 1, 0.96, 0.015, 0.07, 0.7, 0.0, 11},
+                                         Bounds{"crowd", 1, 0.975, 0.018, 0.05, 0.9, 0.0, 23}),
                          [](const auto& info) { return std::string(info.param.world); });
 
 }  // namespace
