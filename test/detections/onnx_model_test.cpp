@@ -11,6 +11,7 @@
 
 #include "situation_awareness/common/random.hpp"
 #include "support/affine_model.hpp"
+#include "support/refusal.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -44,15 +45,9 @@ class ModelFileTest : public testing::Test {
     std::ofstream(path, std::ios::binary | std::ios::trunc) << content;
   }
 
-  /// Loading throws one sentence that names the file and says what is wrong with it.
-  void expect_refused(const fs::path& named, const std::string& reason) const {
-    try {
-      OnnxModel model(onnx_.string());
-      ADD_FAILURE() << "was loaded";
-    } catch (const std::runtime_error& error) {
-      EXPECT_NE(std::string(error.what()).find(named.string()), std::string::npos) << error.what();
-      EXPECT_NE(std::string(error.what()).find(reason), std::string::npos) << error.what();
-    }
+  /// What loading throws.
+  std::string refusal() const {
+    return refusal_of<std::runtime_error>([this] { OnnxModel model(onnx_.string()); });
   }
 
   fs::path folder_;
@@ -67,28 +62,28 @@ TEST_F(ModelFileTest, RefusesAFlippedBit) {
   for (const std::size_t byte : {std::size_t{0}, content.size() / 2, content.size() - 1}) {
     content[byte] = static_cast<char>(content[byte] ^ 0x10);
     write(onnx_, content);
-    expect_refused(onnx_, "SHA-256");
+    EXPECT_TRUE(names(refusal(), {onnx_.string(), "SHA-256"}));
     content[byte] = static_cast<char>(content[byte] ^ 0x10);
   }
 }
 
 TEST_F(ModelFileTest, RefusesATruncatedFile) {
   fs::resize_file(onnx_, fs::file_size(onnx_) - 1000);
-  expect_refused(onnx_, "SHA-256");
+  EXPECT_TRUE(names(refusal(), {onnx_.string(), "SHA-256"}));
   fs::resize_file(onnx_, 0);
-  expect_refused(onnx_, "SHA-256");
+  EXPECT_TRUE(names(refusal(), {onnx_.string(), "SHA-256"}));
 }
 
 TEST_F(ModelFileTest, RefusesAMissingFile) {
   fs::remove(onnx_);
-  expect_refused(onnx_, "cannot be read");
+  EXPECT_TRUE(names(refusal(), {onnx_.string()}));
   fs::create_directory(onnx_);
-  expect_refused(onnx_, "");
+  EXPECT_TRUE(names(refusal(), {onnx_.string()}));
 }
 
 TEST_F(ModelFileTest, RefusesAMissingManifest) {
   fs::remove(manifest_);
-  expect_refused(manifest_, "cannot be read");
+  EXPECT_TRUE(names(refusal(), {manifest_.string()}));
 }
 
 TEST_F(ModelFileTest, RefusesADamagedManifest) {
@@ -96,7 +91,7 @@ TEST_F(ModelFileTest, RefusesADamagedManifest) {
   for (const std::string& damaged :
        {std::string(), std::string("a: [1, 2"), content.substr(0, content.find("output: ["))}) {
     write(manifest_, damaged);
-    expect_refused(manifest_, "not a manifest");
+    EXPECT_TRUE(names(refusal(), {manifest_.string()}));
   }
 }
 
@@ -106,7 +101,7 @@ TEST_F(ModelFileTest, RefusesAWrongAnswerToTheGoldenVector) {
   ASSERT_NE(golden, std::string::npos);
   content.replace(golden, 11, "  output: [1");
   write(manifest_, content);
-  expect_refused(onnx_, "golden");
+  EXPECT_TRUE(names(refusal(), {onnx_.string(), "golden"}));
 }
 
 // A file that its manifest vouches for but that is no network: the importer's refusal becomes one sentence too.
@@ -117,7 +112,7 @@ TEST_F(ModelFileTest, RefusesWhatIsNoNetwork) {
   const std::size_t at = manifest.find("sha256: ") + 8;
   manifest.replace(at, hex.size(), hex);
   write(manifest_, manifest);
-  expect_refused(onnx_, "not usable");
+  EXPECT_TRUE(names(refusal(), {onnx_.string()}));
 }
 
 /// A network of which every answer is known, in both shapes of input.
@@ -140,19 +135,15 @@ class AffineModelTest : public testing::TestWithParam<bool> {
   void TearDown() override { fs::remove_all(folder_); }
 
   std::string path() const { return (folder_ / "affine.onnx").string(); }
+  std::string manifest_path() const { return (folder_ / "affine.manifest.yaml").string(); }
 
   std::string refusal(const std::string& part, const std::string& instead) const {
     affine_.write(path());
     std::string manifest = affine_.manifest();
     const std::size_t at = manifest.find(part);
     if (at == std::string::npos) return "'" + part + "' is not in the manifest";
-    std::ofstream(folder_ / "affine.manifest.yaml") << manifest.replace(at, part.size(), instead);
-    try {
-      OnnxModel model(path());
-    } catch (const std::runtime_error& error) {
-      return error.what();
-    }
-    return "accepted";
+    std::ofstream(manifest_path()) << manifest.replace(at, part.size(), instead);
+    return refusal_of<std::runtime_error>([this] { OnnxModel model(path()); });
   }
 
   fs::path folder_;
@@ -190,33 +181,33 @@ TEST_P(AffineModelTest, TheGoldenVectorMayBeFilled) {
   affine_.fill = -1.0F;
   affine_.write(path());
   EXPECT_NO_THROW(OnnxModel{path()});
-  EXPECT_NE(refusal("fill: -1", "fill: 1").find("golden"), std::string::npos);
-  EXPECT_NE(refusal("  fill: -1\n", "").find("golden"), std::string::npos) << "0 where it is left out";
-  EXPECT_NE(refusal("fill: -1", "fill: .nan").find("golden"), std::string::npos);
+  EXPECT_TRUE(names(refusal("fill: -1", "fill: 1"), {path(), "golden"}));
+  EXPECT_TRUE(names(refusal("  fill: -1\n", ""), {path(), "golden"})) << "0 where it is left out";
+  EXPECT_TRUE(names(refusal("fill: -1", "fill: .nan"), {path(), "golden"}));
 }
 
 TEST_P(AffineModelTest, RefusesOtherNamesThanTheManifests) {
-  EXPECT_NE(refusal("name: x", "name: z").find("not usable"), std::string::npos);
-  EXPECT_NE(refusal("name: y", "name: z").find("'z' alone"), std::string::npos);
+  EXPECT_TRUE(names(refusal("name: x", "name: z"), {path()}));
+  EXPECT_TRUE(names(refusal("name: y", "name: z"), {path(), "z"}));
 }
 
 TEST_P(AffineModelTest, RefusesOtherShapesThanTheManifests) {
-  EXPECT_NE(refusal("7]", "8]").find("not usable"), std::string::npos);
-  EXPECT_NE(refusal("7]", "6]").find("not usable"), std::string::npos);
-  EXPECT_NE(refusal("3]", "4]").find("golden vector does not have the network's shape"), std::string::npos);
+  EXPECT_TRUE(names(refusal("7]", "8]"), {path()}));
+  EXPECT_TRUE(names(refusal("7]", "6]"), {path()}));
+  EXPECT_TRUE(names(refusal("3]", "4]"), {manifest_path(), "golden", "shape"}));
   const std::string input = GetParam() ? "1, 1, 7]" : "7]";
   for (const char* shape : {"2, 1, 7]", "1, 7]", "0]", "-7]", "1, 1, 2000000000]", "seven]"}) {
-    EXPECT_NE(refusal(input, shape).find("not a manifest"), std::string::npos) << shape;
+    EXPECT_TRUE(names(refusal(input, shape), {manifest_path()})) << shape;
   }
-  EXPECT_NE(refusal("[batch", "[7").find("not a manifest"), std::string::npos);
-  EXPECT_NE(refusal("[batch, 3]", "[batch, 1, 1, 3]").find("not a manifest"), std::string::npos);
+  EXPECT_TRUE(names(refusal("[batch", "[7"), {manifest_path()}));
+  EXPECT_TRUE(names(refusal("[batch, 3]", "[batch, 1, 1, 3]"), {manifest_path()}));
 }
 
 TEST_P(AffineModelTest, RefusesAGoldenVectorThatDoesNotFit) {
-  EXPECT_NE(refusal("first: 0", "first: 7").find("golden"), std::string::npos);
-  EXPECT_NE(refusal("first: 0", "first: -1").find("golden"), std::string::npos);
-  EXPECT_NE(refusal("first: 0", "first: 1").find("golden"), std::string::npos);
-  EXPECT_NE(refusal("output: [", "output: [0, ").find("golden"), std::string::npos);
+  EXPECT_TRUE(names(refusal("first: 0", "first: 7"), {manifest_path(), "golden"}));
+  EXPECT_TRUE(names(refusal("first: 0", "first: -1"), {manifest_path(), "golden"}));
+  EXPECT_TRUE(names(refusal("first: 0", "first: 1"), {path(), "golden"}));
+  EXPECT_TRUE(names(refusal("output: [", "output: [0, "), {manifest_path(), "golden"}));
 }
 
 INSTANTIATE_TEST_SUITE_P(BothShapes, AffineModelTest, testing::Bool());

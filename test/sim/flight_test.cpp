@@ -238,44 +238,38 @@ TEST(Flight, ComesBackToItsPathAfterItsMotorsWereAtTheirLimits) {
 
 TEST(Flight, SaysSoWhereThePathIsTooFastForItsMotors) {
   const World world = flown(with_drag("circle center 0 0 radius 20 rate 2"));
-  try {
-    world.robot_at(30.0);
-    FAIL() << "80 m/s^2 were followed";
-  } catch (const std::runtime_error& error) {
-    EXPECT_NE(std::string(error.what()).find("has lost its path"), std::string::npos) << error.what();
-  }
+  EXPECT_TRUE(names(refusal_of<std::runtime_error>([&] { world.robot_at(30.0); }), {"path"})) << "80 m/s^2";
 }
 
 // --- files ----------------------------------------------------------------------------------------------------------
 
-TEST(Flight, RefusesBadRobotsInOneSentence) {
+TEST(Flight, RefusesBadRobots) {
   const auto changed = [](const std::string& from, const std::string& to) {
     return world_text("", "", replaced(kQuadrotor, from, to));
   };
   const std::string rear_left = kQuadrotor.substr(kQuadrotor.find("<general name=\"rear_left\""));
   const std::string last_motor = rear_left.substr(0, rear_left.find("/>") + 2);
   EXPECT_EQ(error_of(world_text("", "", kQuadrotor)), "no error");
-  expect_error(changed(last_motor, ""), "'robot' has a free joint and so needs four motors, not 3");
-  expect_error(changed("mass=\"1.6\"", "mass=\"0\""), "MuJoCo refuses it: ");
-  expect_error(changed("mass=\"1.6\"", "mass=\"3\""), "the motors of 'robot' push with 32");
-  expect_error(changed("<inertial pos=\"0 0 0\"", "<inertial pos=\"0 0 0.1\""),
-               "the centre of mass of 'robot' is not its origin");
+  expect_error(changed(last_motor, ""), {"robot", "four", "3"});
+  expect_error(changed("mass=\"1.6\"", "mass=\"0\""), {"MuJoCo"});
+  expect_error(changed("mass=\"1.6\"", "mass=\"3\""), {"robot", "motors"});
+  expect_error(changed("<inertial pos=\"0 0 0\"", "<inertial pos=\"0 0 0.1\""), {"robot", "centre of mass"});
   expect_error(changed(last_motor, replaced(last_motor, "gear=\"0 0 1 0 0 0.016\"", "gear=\"0 1 1 0 0 0\"")),
-               "motor 'rear_left' does not push along z of 'robot'");
+               {"rear_left", "robot", "z"});
   expect_error(changed(last_motor, replaced(last_motor, "gear=\"0 0 1 0 0 0.016\"", "gear=\"0 0 1 0 0 -0.048\"")),
-               "cannot turn it about all its axes");
+               {"robot", "axes"});
   expect_error(changed(last_motor, replaced(last_motor, "dyntype=\"filter\"", "dyntype=\"integrator\"")),
-               "motor 'rear_left' needs dyntype=\"filter\"");
+               {"rear_left", "dyntype", "filter"});
   expect_error(changed(last_motor, replaced(last_motor, "ctrllimited=\"true\"", "ctrllimited=\"false\"")),
-               "motor 'rear_left' needs ctrllimited");
-  expect_error(changed("timestep=\"0.004\"", "timestep=\"0.02\""), "option timestep is above 0.005 s");
-  expect_error(changed("<option ", "<option gravity=\"0 0 -1.6\" "), "option gravity is not 0 0 -9.81");
-  expect_error(changed("<freejoint/>", "<joint type=\"hinge\"/>"), "body 'robot' needs mocap");
+               {"rear_left", "ctrllimited"});
+  expect_error(changed("timestep=\"0.004\"", "timestep=\"0.02\""), {"timestep", "0.005"});
+  expect_error(changed("<option ", "<option gravity=\"0 0 -1.6\" "), {"gravity", "-9.81"});
+  expect_error(changed("<freejoint/>", "<joint type=\"hinge\"/>"), {"robot", "mocap"});
   expect_error(
       world_text("<body name=\"b\"><joint name=\"hinge\"/><geom group=\"2\" size=\"1\"/></body>", "", kQuadrotor),
-      "joint 'hinge' cannot move");
+      {"hinge"});
   const std::string motor = "<actuator><motor name=\"idle\" site=\"lidar\"/></actuator>";
-  expect_error(world_text(kExactRobot, "", motor), "motor 'idle' has nothing to move");
+  expect_error(world_text(kExactRobot, "", motor), {"idle"});
 }
 
 }  // namespace

@@ -283,27 +283,22 @@ TEST(SimulatedScan, SameSeedSameScansBitForBitWhateverElseIsAsked) {
 }
 
 TEST(SimulatedScanner, RefusesBadParamsNamingFieldAndBound) {
-  const auto message = [](const SimulatedScannerParams& scanner) -> std::string {
-    try {
-      const ScanSimulation simulation(kWorlds + "single.xml", scanner, 0);
-    } catch (const std::invalid_argument& error) {
-      return error.what();
-    }
-    return "no error";
+  const auto message = [](const SimulatedScannerParams& scanner) {
+    return refusal_of([&] { ScanSimulation(kWorlds + "single.xml", scanner, 0); });
   };
   SimulatedScannerParams scanner;
-  EXPECT_EQ(message(scanner), "no error");
+  EXPECT_EQ(message(scanner), "");
   scanner.rate_hz = 0.0;
-  EXPECT_EQ(message(scanner), "scanner.rate_hz = 0 is outside [0.1, 1000] Hz");
+  EXPECT_TRUE(names(message(scanner), {"scanner.rate_hz", "0", "0.1", "1000"}));
   scanner = {};
   scanner.range_max_m = 0.05;
-  EXPECT_EQ(message(scanner), "scanner.range_max_m must be above scanner.range_min_m");
+  EXPECT_TRUE(names(message(scanner), {"scanner.range_max_m", "scanner.range_min_m"}));
   scanner = {};
   scanner.sweep_s = 0.05;
-  EXPECT_EQ(message(scanner), "scanner.sweep_s must be below 1 / scanner.rate_hz");
+  EXPECT_TRUE(names(message(scanner), {"scanner.sweep_s", "scanner.rate_hz"}));
   scanner = {};
   scanner.beams = 2000;
-  EXPECT_NE(message(scanner).find("scanner.angle_increment_rad"), std::string::npos);
+  EXPECT_TRUE(names(message(scanner), {"scanner.angle_increment_rad"}));
 }
 
 }  // namespace

@@ -170,68 +170,56 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
   const std::string post = object_text("post", "pos=\"2 0 1\"", "0.2 0.1 1");
   EXPECT_EQ(error_of(world_text(kRobot + post)), "no error");
 
-  try {
-    const World world("/nowhere/missing.xml");
-    FAIL() << "a missing file was accepted";
-  } catch (const std::runtime_error& error) {
-    EXPECT_NE(std::string(error.what()).find("/nowhere/missing.xml: MuJoCo refuses it: "), std::string::npos);
-  }
-  expect_error("<mujoco><worldbody>", "MuJoCo refuses it: XML");
-  expect_error(world_text(kRobot + "<body name=\"b\"><geom type=\"ellipse\"/></body>"), "MuJoCo refuses it: XML");
-  expect_error(world_text(kRobot + "<body name=\"b\"><geom type=\"ellipsoid\" size=\"0.1 0 1\"/></body>"),
-               "MuJoCo refuses it: ");
-  expect_error(world_text(post), "there is no body 'robot'");
-  expect_error(world_text("<body name=\"robot\"><site name=\"lidar\"/></body>"), "body 'robot' needs mocap");
-  expect_error(world_text("<body name=\"robot\" mocap=\"true\"/>"), "there is no site 'lidar' on 'robot'");
-  expect_error(world_text("<body name=\"robot\" mocap=\"true\"/><site name=\"lidar\"/>"),
-               "site 'lidar' is not on 'robot'");
+  EXPECT_TRUE(
+      names(refusal_of<std::runtime_error>([] { World("/nowhere/missing.xml"); }), {"/nowhere/missing.xml", "MuJoCo"}));
+  expect_error("<mujoco><worldbody>", {"MuJoCo", "XML"});
+  expect_error(world_text(kRobot + "<body name=\"b\"><geom type=\"ellipse\"/></body>"), {"MuJoCo", "XML"});
+  expect_error(world_text(kRobot + "<body name=\"b\"><geom type=\"ellipsoid\" size=\"0.1 0 1\"/></body>"), {"MuJoCo"});
+  expect_error(world_text(post), {"body", "robot"});
+  expect_error(world_text("<body name=\"robot\"><site name=\"lidar\"/></body>"), {"robot", "mocap"});
+  expect_error(world_text("<body name=\"robot\" mocap=\"true\"/>"), {"lidar", "robot"});
+  expect_error(world_text("<body name=\"robot\" mocap=\"true\"/><site name=\"lidar\"/>"), {"lidar", "robot"});
   expect_error(
       world_text("<body name=\"robot\" mocap=\"true\"><geom name=\"arm\" size=\"1\"/><site name=\"lidar\"/></body>"),
-      "geom 'arm' of 'robot' needs group=\"2\"");
+      {"arm", "robot", "group", "2"});
   expect_error(world_text(kRobot + "<body name=\"ball\"><geom type=\"sphere\" group=\"1\" size=\"1\"/></body>"),
-               "object 'ball' is not of type ellipsoid, box or mesh");
+               {"ball", "ellipsoid", "box", "mesh"});
   expect_error(world_text(kRobot + "<body><geom type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/></body>"),
-               "object number 2 (without a name) needs a name");
-  expect_error(world_text(kRobot + "<geom name=\"loose\" type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/>"),
-               "geom 'loose' is an object without a body");
-  expect_error(world_text(kRobot + object_text("lying", "euler=\"1 0 0\"", "1 1 1")), "object 'lying' is not upright");
+               {"object", "2"});
+  expect_error(world_text(kRobot + "<geom name=\"loose\" type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/>"), {"loose"});
+  expect_error(world_text(kRobot + object_text("lying", "euler=\"1 0 0\"", "1 1 1")), {"lying", "upright"});
   expect_error(
       world_text(kRobot +
                  "<body name=\"off\"><geom type=\"ellipsoid\" group=\"1\" size=\"1 1 1\" pos=\"1 0 0\"/></body>"),
-      "object 'off' has a geom with a pose of its own");
+      {"off", "pose"});
   expect_error(world_text(kRobot + "<body name=\"two\"><geom type=\"ellipsoid\" group=\"1\" size=\"1 1 1\"/>"
                                    "<geom type=\"ellipsoid\" group=\"1\" size=\"2 1 1\"/></body>"),
-               "object 'two' has more than one geom in group 1");
-  expect_error(world_text(kRobot + "<body name=\"b\"><joint name=\"hinge\"/><geom size=\"1\"/></body>"),
-               "joint 'hinge' cannot move");
-  expect_error(world_text(kRobot + post, "<text name=\"pots\" data=\"stand\"/>"), "text 'pots' is the path of no body");
-  expect_error(world_text(kRobot + post, "<text name=\"post\" data=\"stand\"/>"),
-               "body 'post' has a path and so needs mocap");
+               {"two", "group", "1"});
+  expect_error(world_text(kRobot + "<body name=\"b\"><joint name=\"hinge\"/><geom size=\"1\"/></body>"), {"hinge"});
+  expect_error(world_text(kRobot + post, "<text name=\"pots\" data=\"stand\"/>"), {"pots"});
+  expect_error(world_text(kRobot + post, "<text name=\"post\" data=\"stand\"/>"), {"post", "mocap"});
   const std::string turns = "<text name=\"hat\" data=\"stand spin 1\"/>";
   EXPECT_EQ(
       error_of(world_text(kRobot + "<body name=\"hat\" mocap=\"true\"><geom group=\"2\" size=\"0.1\"/></body>", turns)),
       "no error");
   expect_error(world_text(kRobot + "<body name=\"hat\" mocap=\"true\"><geom size=\"0.1\"/></body>", turns),
-               "body 'hat' moves and has a geom in group 0");
-  expect_error(world_text(kRobot, "<text name=\"robot\" data=\"circle center 1\"/>"),
-               "the path of 'robot' needs 2 number(s) after 'center'");
+               {"hat", "group", "0"});
+  expect_error(world_text(kRobot, "<text name=\"robot\" data=\"circle center 1\"/>"), {"robot", "2", "center"});
   const std::string pair = object_text("a", "mocap=\"true\"", "1 1 1") + object_text("b", "mocap=\"true\"", "1 1 1");
   EXPECT_EQ(error_of(world_text(kRobot + pair,
                                 "<text name=\"a\" data=\"with b at 0 1\"/>"
                                 "<text name=\"b\" data=\"stand\"/>")),
             "no error");
-  expect_error(world_text(kRobot + pair, "<text name=\"a\" data=\"with b at 0 1\"/>"),
-               "the path of 'a' moves with 'b', which only an object may");
+  expect_error(world_text(kRobot + pair, "<text name=\"a\" data=\"with b at 0 1\"/>"), {"a", "b"});
   expect_error(world_text(kRobot + pair,
                           "<text name=\"a\" data=\"with b at 0 1\"/>"
                           "<text name=\"b\" data=\"with a at 0 1\"/>"),
-               "the path of 'b' moves with 'a', which only an object may");
+               {"b", "a"});
   expect_error(world_text(kRobot + pair,
                           "<text name=\"robot\" data=\"with b at 0 1\"/>"
                           "<text name=\"b\" data=\"stand\"/>"),
-               "the path of 'robot' moves with 'b', which only an object may");
-  expect_error(world_text(kRobot, "<numeric name=\"robot_drag\" data=\"-1\"/>"),
-               "numeric 'robot_drag' is outside [0, 10]");
+               {"robot", "b"});
+  expect_error(world_text(kRobot, "<numeric name=\"robot_drag\" data=\"-1\"/>"), {"robot_drag", "0", "10"});
 }
 
 // --- the demo world -------------------------------------------------------------------------------------------------
