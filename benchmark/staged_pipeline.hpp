@@ -12,6 +12,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/divide.hpp"
+#include "situation_awareness/segments/lines.hpp"
 
 namespace situation_awareness {
 
@@ -51,6 +52,9 @@ class StagedPipeline {
     v.undivided = stage("segment", [&] { return segment(v.points, params_.segments, std::move(v.undivided)); });
     v.segments = v.undivided;
     v.segments = stage("divide", [&] { return divide(std::move(v.segments), v.known_level, params_.segments); });
+    v.segments = stage("lines", [&] {
+      return with_straight_pieces(std::move(v.segments), params_.segments, params_.detections.fit.range_sigma_m);
+    });
     v.detected = stage("detect", [&] { return detector_->detect(v.segments, std::move(v.detected)); });
     v.detections = v.detected;
     v.detections = stage(

@@ -10,6 +10,7 @@ add_message_files(DIRECTORY msg FILES
   EllipseDetection.msg
   EllipseMap.msg
   LaserSegment.msg
+  LaserStraightPiece.msg
   LevelFrame.msg
   MappedEllipse.msg
   SegmentArray.msg

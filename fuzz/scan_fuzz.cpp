@@ -8,7 +8,9 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/divide.hpp"
+#include "situation_awareness/segments/lines.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
+#include "support/is_covariance.hpp"
 #include "support/level_scene.hpp"
 
 namespace situation_awareness::fuzz {
@@ -140,6 +142,8 @@ void check_segments(const Segments& segments, const Points& points, const Segmen
       require(std::isfinite(hidden_rad) && hidden_rad >= 0.0, "a hidden azimuth is a number >= 0");
     }
     require(!is_silhouette(segment.right_end) || segment.right_hidden_rad == 0.0, "nothing is hidden at a silhouette");
+    require((segment.kind == SegmentKind::kStructure) == (segment.structure != StructureReason::kNone),
+            "a structure has its reason");
     require(!is_silhouette(segment.left_end) || segment.left_hidden_rad == 0.0, "nothing is hidden at a silhouette");
     for (std::size_t i = segment.first; i < end; ++i) {
       const Point& point = segments.points[i];
@@ -157,6 +161,24 @@ void require_same(const Segments& a, const Segments& b) {
     require(a.segments[i].first == b.segments[i].first && a.segments[i].count == b.segments[i].count &&
                 a.segments[i].kind == b.segments[i].kind,
             "memory does not matter");
+  }
+}
+
+void check_straight_pieces(const Segments& segments, const SegmentationParams& params) {
+  std::size_t end = 0;
+  for (const StraightPiece& piece : segments.straight_pieces) {
+    require(piece.segment < segments.segments.size(), "a straight piece names a segment that is there");
+    const Segment& segment = segments.segments[piece.segment];
+    require(segment.kind == SegmentKind::kStructure, "a straight piece is of a structure");
+    require(piece.first >= std::max(end, segment.first), "straight pieces do not overlap and are in order");
+    end = piece.first + piece.count;
+    require(end <= segment.first + segment.count, "a straight piece is within its segment");
+    require(piece.count >= static_cast<std::size_t>(params.min_line_points), "a straight piece has enough points");
+    require(piece.line_level.through_m.allFinite() && std::abs(piece.line_level.normal.norm() - 1.0) < 1e-9,
+            "a straight piece has a line");
+    require(is_covariance(piece.covariance), "and its covariance");
+    require(std::isfinite(piece.rms_m) && piece.right_level_m.allFinite() && piece.left_level_m.allFinite(),
+            "and ends that are finite");
   }
 }
 
@@ -198,6 +220,11 @@ void run(Input input) {
   check_segments(divided, points, params);
   require(divided.points.size() == segments.points.size(), "a division keeps all points");
   if (known_level.empty()) require_same(divided, segments);
+
+  const double range_sigma_m = input.uniform(1e-4, 0.1);
+  const Segments whole = with_straight_pieces(divided, params, range_sigma_m);
+  check_straight_pieces(whole, params);
+  require_same(whole, divided);
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ SCANS, ROUNDS = 600, 2
 LINEAR_EXPONENT = 1.15  # of the cost, from the last point but one to the last
 PAPERS_MS_PER_SEGMENT = 33  # Keras predict, as the papers ran theirs, measured once; not by this command
 COLORS = {"limit": "#7f95b2", "project": "#3d5a80", "expect": "#b9cbe3", "segment": "#5fb49c", "divide": "#a7d3c4",
+          "lines": "#cfe8df",
           "detect": "#c8553d", "refine": "#f4b6a6", "update": "#8a5a83", "publish": "#c9aec5"}
 WHOLE, OTHER = "#0b6e4f", "#999999"
 

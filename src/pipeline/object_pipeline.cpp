@@ -7,6 +7,7 @@
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/divide.hpp"
+#include "situation_awareness/segments/lines.hpp"
 
 namespace situation_awareness {
 
@@ -38,6 +39,7 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
   points = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(points));
   known_level_ = outlines_at(scan.stamp_ns, points.T_world_level, known, kMaxMapAge_s, std::move(known_level_));
   segments = divide(segment(points, params_.segments, std::move(segments)), known_level_, params_.segments);
+  segments = with_straight_pieces(std::move(segments), params_.segments, params_.detections.fit.range_sigma_m);
   detections =
       refine(detector_->detect(segments, std::move(detections)), segments, known_level_, params_.detections.fit);
   result_.update = map_.update(detections, std::move(result_.update));

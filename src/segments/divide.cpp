@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "situation_awareness/geometry/outline.hpp"
+#include "situation_awareness/segments/structure.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -151,7 +152,9 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
         piece.left_hidden_rad = is_silhouette(piece.left_end) ? 0.0 : width_rad(runs[r + 1]);
       }
       if (run.owner != kNobody) {
-        piece.kind = is_flat(segments, piece, params) ? SegmentKind::kStructure : SegmentKind::kObject;
+        const bool flat = is_flat(segments, piece, params);
+        piece.kind = flat ? SegmentKind::kStructure : SegmentKind::kObject;
+        piece.structure = flat ? StructureReason::kFlat : StructureReason::kNone;
       }
       segments.segments.push_back(piece);
     }

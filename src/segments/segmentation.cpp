@@ -7,9 +7,8 @@
 #include <optional>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/segments/structure.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -110,158 +109,15 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
   return reach_rad;
 }
 
-/// Largest distance between two points, found from one end by two sweeps: never more than 1 / sqrt(3) too small.
-double extent_m(const Point* points, std::size_t count) {
-  std::size_t far = 0;
-  double extent = 0.0;
-  for (int sweep = 0; sweep < 2; ++sweep) {
-    const Eigen::Vector2d from = points[far].p_level_m;
-    for (std::size_t i = 0; i < count; ++i) {
-      const double distance = (points[i].p_level_m - from).norm();
-      if (distance > extent) {
-        extent = distance;
-        far = i;
-      }
-    }
-  }
-  return extent;
-}
-
-/// A straight line through points, by total least squares.
-struct Line {
-  Eigen::Vector2d through = Eigen::Vector2d::Zero();
-  Eigen::Vector2d normal = Eigen::Vector2d::UnitX();
-};
-
-Line fit_line(const Point* points, std::size_t count) {
-  Line line;
-  for (std::size_t i = 0; i < count; ++i) line.through += points[i].p_level_m;
-  line.through /= static_cast<double>(count);
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-  for (std::size_t i = 0; i < count; ++i) {
-    const Eigen::Vector2d d = points[i].p_level_m - line.through;
-    scatter += d * d.transpose();
-  }
-  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
-  solver.computeDirect(scatter);
-  line.normal = solver.eigenvectors().col(0);
-  return line;
-}
-
-/// Root mean square distance of points from a line.
-double rms_m(const Line& line, const Point* points, std::size_t count) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < count; ++i) sum += std::pow(line.normal.dot(points[i].p_level_m - line.through), 2);
-  return std::sqrt(sum / static_cast<double>(count));
-}
-
-/// How far the middle of points along a line stands out before their ends, towards the sensor, as part of half their
-/// length (by the parabola over the line), and that half length.
-struct Bulge {
-  double ratio = 0.0;
-  double half_m = 0.0;
-};
-
-Bulge bulge_of(const Line& line, const Point* points, std::size_t count) {
-  const Eigen::Vector2d along(-line.normal.y(), line.normal.x());
-  const double towards = line.normal.dot(line.through) > 0.0 ? -1.0 : 1.0;  // the sensor is at the origin
-  Bulge bulge;
-  double s2 = 0.0;
-  double s3 = 0.0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const double s = along.dot(points[i].p_level_m - line.through);
-    s2 += s * s;
-    s3 += s * s * s;
-    bulge.half_m = std::max(bulge.half_m, std::abs(s));
-  }
-  if (!(s2 > 0.0)) return bulge;
-  double rq = 0.0;
-  double qq = 0.0;
-  for (std::size_t i = 0; i < count; ++i) {
-    const Eigen::Vector2d d = points[i].p_level_m - line.through;
-    const double s = along.dot(d);
-    const double q = s * s - s2 / static_cast<double>(count) - s3 / s2 * s;  // of s^2 what no line has
-    rq += towards * line.normal.dot(d) * q;
-    qq += q * q;
-  }
-  if (qq > 0.0) bulge.ratio = -rq / qq * bulge.half_m;
-  return bulge;
-}
-
-/// Why a segment is structure by its own hits and ends, whatever is beside it; empty text if it may be an object.
-const char* structure_alone(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
-  const Point* points = &segments.points[segment.first];
-  if (extent_m(points, segment.count) > params.max_object_extent_m) return "structure: larger than an object";
-  if (concavity_m(points, segment.count) > params.max_concavity_m) return "structure: inner corner";
-  const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
-  const bool straight =
-      hidden && rms_m(fit_line(points, segment.count), points, segment.count) < params.max_straight_rms_m;
-  if (straight) return "structure: straight, an end hidden";
-  return is_flat(segments, segment, params) ? "structure: flat" : "";
-}
-
-/// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
-/// structure a few segments further on that side. `step` is the side to look to, and the pieces are visited from there,
-/// so that a structure cut many times is followed piece by piece.
-void extend_structures(Segments& segments, int step, const SegmentationParams& params) {
-  constexpr std::ptrdiff_t kReach = 4;  // segments: the occluders between two pieces
-  constexpr std::size_t kLinePoints = 30;
-  const auto n = static_cast<std::ptrdiff_t>(segments.segments.size());
-  for (std::ptrdiff_t visit = 0; visit < n; ++visit) {
-    const std::ptrdiff_t i = step < 0 ? visit : n - 1 - visit;
-    Segment& piece = segments.segments[static_cast<std::size_t>(i)];
-    const SegmentEnd end = step < 0 ? piece.right_end : piece.left_end;
-    if (piece.kind != SegmentKind::kObject || is_silhouette(end)) continue;
-    for (std::ptrdiff_t reach = 1; reach <= kReach; ++reach) {
-      const std::ptrdiff_t j = i + step * reach;
-      if (j < 0 || j >= n) break;
-      const Segment& structure = segments.segments[static_cast<std::size_t>(j)];
-      if (structure.kind != SegmentKind::kStructure) continue;
-      const std::size_t line_points = std::min(structure.count, kLinePoints);
-      const std::size_t line_first = step < 0 ? structure.first + structure.count - line_points : structure.first;
-      const Line line = fit_line(&segments.points[line_first], line_points);
-      const auto* points = &segments.points[piece.first];
-      const bool on_line = std::all_of(points, points + piece.count, [&](const Point& point) {
-        return std::abs(line.normal.dot(point.p_level_m - line.through)) <= params.max_structure_offset_m;
-      });
-      if (on_line) {
-        piece.kind = SegmentKind::kStructure;
-        ++segments.refused["structure: in line with another"];
-        break;
-      }
-    }
-  }
-}
-
 }  // namespace
 
 void SegmentationParams::validate() const { check_bounds(*this, "segments"); }
-
-double concavity_m(const Point* points, std::size_t count) {
-  if (count < 3) return 0.0;
-  const Eigen::Vector2d right = points[0].p_level_m;
-  const Eigen::Vector2d chord = points[count - 1].p_level_m - right;
-  if (chord.norm() < 1e-9) return 0.0;
-  Eigen::Vector2d away(chord.y(), -chord.x());
-  away.normalize();
-  if (away.dot(right) < 0.0) away = -away;
-  double sum = 0.0;
-  for (std::size_t i = 1; i + 1 < count; ++i) sum += away.dot(points[i].p_level_m - right);
-  return sum / static_cast<double>(count - 2);
-}
-
-bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
-  const Point* points = &segments.points[segment.first];
-  if (extent_m(points, segment.count) < params.flat_extent_m) return false;
-  const Line line = fit_line(points, segment.count);
-  const Bulge bulge = bulge_of(line, points, segment.count);
-  return bulge.ratio < params.min_bulge && rms_m(line, points, segment.count) < params.min_bulge * bulge.half_m;
-}
 
 Segments segment(const Points& points, const SegmentationParams& params, Segments memory) {
   Segments result = std::move(memory);
   result.points.clear();
   result.segments.clear();
+  result.straight_pieces.clear();
   result.refused.reset();
   result.stamp_ns = points.stamp_ns;
   result.T_world_level = points.T_world_level;
@@ -298,11 +154,6 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
       };
       segment.right_hidden_rad = hidden_beside(segment.right_end, first_read, -1);
       segment.left_hidden_rad = hidden_beside(segment.left_end, last_read, +1);
-      const char* const structure = structure_alone(result, segment, params);
-      if (*structure != '\0') {
-        segment.kind = SegmentKind::kStructure;
-        ++result.refused[structure];
-      }
       result.segments.push_back(segment);
     }
     first = result.points.size();
@@ -326,9 +177,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   }
   close_segment();
 
-  extend_structures(result, -1, params);
-  extend_structures(result, +1, params);
-  return result;
+  return classify_structure(std::move(result), params);
 }
 
 }  // namespace situation_awareness

@@ -47,8 +47,20 @@ Segments some_segments() {
   segments.time_increment_s = 1.76e-5;
   segments.free_space = {{-0.5F, 0.0F, 0.0F, 3.25F}, {kInf, 2.0F, 0.0F, 29.5F}, true};
   segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree, 0.03125, 0.0});
-  segments.segments.push_back(
-      {4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1});
+  segments.segments.push_back({4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1,
+                               StructureReason::kFlat});
+  StraightPiece piece;
+  piece.segment = 1;
+  piece.first = 5;
+  piece.count = 2;
+  piece.line_level = {{1.75, 0.9}, {std::cos(0.7), std::sin(0.7)}};
+  piece.covariance << 1e-5, 2e-7, 2e-7, 3e-6;
+  piece.rms_m = 0.0101;
+  piece.right_level_m = {1.5, 0.8};
+  piece.left_level_m = {1.25, 1.1};
+  piece.right_end = SegmentEnd::kContinues;
+  piece.left_end = SegmentEnd::kOccluded;
+  segments.straight_pieces.push_back(piece);
   return segments;
 }
 
@@ -200,8 +212,8 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.free_space.azimuth_rad, segments.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, segments.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
-  EXPECT_TRUE(
-      segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}}, "world")).free_space.range_m.empty());
+  EXPECT_TRUE(segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}, {}}, "world"))
+                  .free_space.range_m.empty());
   ASSERT_EQ(back.points.size(), segments.points.size());
   for (std::size_t i = 0; i < back.points.size(); ++i) {
     EXPECT_EQ(back.points[i].azimuth_rad, segments.points[i].azimuth_rad);
@@ -219,7 +231,22 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
     EXPECT_EQ(back.segments[i].left_end, segments.segments[i].left_end);
     EXPECT_EQ(back.segments[i].right_hidden_rad, segments.segments[i].right_hidden_rad);
     EXPECT_EQ(back.segments[i].left_hidden_rad, segments.segments[i].left_hidden_rad);
+    EXPECT_EQ(back.segments[i].structure, segments.segments[i].structure);
   }
+  ASSERT_EQ(back.straight_pieces.size(), 1U);
+  const StraightPiece& piece = segments.straight_pieces[0];
+  const StraightPiece& back_piece = back.straight_pieces[0];
+  EXPECT_EQ(back_piece.segment, piece.segment);
+  EXPECT_EQ(back_piece.first, piece.first);
+  EXPECT_EQ(back_piece.count, piece.count);
+  EXPECT_EQ(back_piece.line_level.through_m, piece.line_level.through_m);
+  EXPECT_EQ(back_piece.line_level.normal, piece.line_level.normal);
+  EXPECT_EQ(back_piece.covariance, piece.covariance);
+  EXPECT_EQ(back_piece.rms_m, piece.rms_m);
+  EXPECT_EQ(back_piece.right_level_m, piece.right_level_m);
+  EXPECT_EQ(back_piece.left_level_m, piece.left_level_m);
+  EXPECT_EQ(back_piece.right_end, piece.right_end);
+  EXPECT_EQ(back_piece.left_end, piece.left_end);
 }
 
 TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
@@ -237,6 +264,11 @@ TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
   msg.segments[0].left_end = 4;
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
   msg = good;
+  msg.segments[0].structure = LaserSegment::FLAT;  // an object
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  msg = good;
+  msg.segments[1].structure = LaserSegment::NONE;  // a structure
+  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
   for (const double hidden : {-0.001, std::numeric_limits<double>::infinity(), std::nan("")}) {
     msg = good;
     msg.segments[0].right_hidden = hidden;
@@ -251,6 +283,25 @@ TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
   msg = good;
   msg.level.yaw = std::numeric_limits<double>::infinity();
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertSegments, RefusesStraightPiecesThatAreNone) {
+  const SegmentArray good = segments_to_msg(some_segments(), "world");
+  const auto refused = [&](auto&& spoil) {
+    SegmentArray msg = good;
+    spoil(msg.straight_pieces[0]);
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  };
+  refused([](LaserStraightPiece& piece) { piece.segment = 2; });
+  refused([](LaserStraightPiece& piece) { piece.segment = 0; });  // an object
+  refused([](LaserStraightPiece& piece) { piece.first = 3; });
+  refused([](LaserStraightPiece& piece) { piece.count = 3; });
+  refused([](LaserStraightPiece& piece) { piece.count = 0; });
+  refused([](LaserStraightPiece& piece) { piece.count = 4'294'967'295U; });
+  refused([](LaserStraightPiece& piece) { piece.right_end = 5; });
+  refused([](LaserStraightPiece& piece) { piece.normal_x = 0.0; });
+  refused([](LaserStraightPiece& piece) { piece.covariance[3] = std::nan(""); });
+  refused([](LaserStraightPiece& piece) { piece.left_x = std::numeric_limits<double>::infinity(); });
 }
 
 /// What both messages with free space must refuse.

@@ -6,18 +6,12 @@
 #include <cmath>
 #include <set>
 
-#include "situation_awareness/points/horizontal_projection.hpp"
 #include "support/level_scene.hpp"
 #include "support/refusal.hpp"
+#include "support/segment_scan.hpp"
 
 namespace situation_awareness {
 namespace {
-
-Segments segment_scan(const Scan& scan, const SegmentationParams& params = {}, double yaw_rad = 0.0) {
-  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
-  T_world_lidar.rotate(Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()));
-  return segment(project_horizontally(scan, T_world_lidar), params);
-}
 
 std::set<int> beams_of(const Segments& segments, const Segment& segment) {
   std::set<int> beams;
@@ -176,88 +170,6 @@ TEST(Segmentation, AClosedRoomAroundAFullCircleScannerIsOneStructure) {
   ASSERT_EQ(segments.segments.size(), 1U);
   EXPECT_EQ(segments.segments[0].count, 720U);
   EXPECT_EQ(segments.segments[0].kind, SegmentKind::kStructure);
-}
-
-TEST(Segmentation, PiecesOfAWallBehindPostsStayTheWall) {
-  Random random(2);
-  LevelScene scene;
-  scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}};
-  for (int i = -3; i <= 3; ++i) scene.ellipses.push_back({{2.5, 0.5 * i}, 0.0, 0.1, 0.1});
-  const Segments segments = segment_scan(scene.scan(&random));
-  int objects = 0;
-  int pieces = 0;
-  for (const Segment& s : segments.segments) {
-    const double x_m = segments.points[s.first + s.count / 2].p_level_m.x();
-    if (x_m > 4.0) {
-      EXPECT_EQ(s.kind, SegmentKind::kStructure);
-      ++pieces;
-    } else {
-      EXPECT_EQ(s.kind, SegmentKind::kObject);
-      ++objects;
-    }
-  }
-  EXPECT_EQ(objects, 7);
-  EXPECT_EQ(pieces, 8);
-}
-
-// Ellipses bulge, however they stand and however flat they are up to 1 : 4; a cabinet's front does not, even if it is
-// not quite straight.
-TEST(Segmentation, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
-  Random random(5);
-  for (int i = 0; i < 200; ++i) {
-    const double turn_rad = random.uniform(-0.6, 0.6);
-    const Eigen::Vector2d along(-std::sin(turn_rad), std::cos(turn_rad));
-    const Eigen::Vector2d middle(random.uniform(1.5, 4.0), random.uniform(-0.5, 0.5));
-    const double half_m = random.uniform(0.25, 0.5);
-    const double step_m = random.uniform(0.0, 0.02);
-    LevelScene front;
-    const Eigen::Vector2d step(step_m, 0.0);
-    front.walls = {{middle - half_m * along, middle}, {middle + step, middle + step + half_m * along}};
-    const Segments flat = segment_scan(front.scan(&random));
-    ASSERT_EQ(flat.segments.size(), 1U);
-    EXPECT_EQ(flat.segments[0].kind, SegmentKind::kStructure) << "front " << i;
-
-    LevelScene body;
-    const double rx_m = random.uniform(0.1, 0.5);
-    body.ellipses = {{middle, random.uniform(-kPi / 2.0, kPi / 2.0), rx_m, rx_m / random.uniform(1.0, 4.0)}};
-    const Segments round = segment_scan(body.scan(&random));
-    ASSERT_EQ(round.segments.size(), 1U);
-    EXPECT_EQ(round.segments[0].kind, SegmentKind::kObject) << "ellipse " << i;
-  }
-}
-
-// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing
-// cut off alike is still an object.
-TEST(Segmentation, AStraightPieceWithAHiddenEndIsStructure) {
-  LevelScene scene;
-  const auto kind_of_far = [&] {
-    const Segments segments = segment_scan(scene.scan());
-    for (const Segment& s : segments.segments) {
-      if (segments.points[s.first].p_level_m.x() > 2.0) return s.kind;
-    }
-    ADD_FAILURE() << "not seen";
-    return SegmentKind::kObject;
-  };
-  scene.walls = {{{4.0, -0.14}, {4.0, 0.14}}};
-  EXPECT_EQ(kind_of_far(), SegmentKind::kObject);
-  scene.ellipses = {{{1.5, 0.08}, 0.0, 0.06, 0.06}};
-  EXPECT_EQ(kind_of_far(), SegmentKind::kStructure);
-  scene.walls.clear();
-  scene.ellipses.push_back({{4.0, 0.0}, 0.0, 0.4, 0.4});
-  EXPECT_EQ(kind_of_far(), SegmentKind::kObject);
-}
-
-TEST(Segmentation, AnInnerCornerIsStructureAndAnObjectOfTheSameSizeIsNot) {
-  LevelScene scene;
-  scene.walls = {{{4.0, 0.0}, {3.6, 0.4}}, {{4.0, 0.0}, {3.6, -0.4}}};
-  Segments segments = segment_scan(scene.scan());
-  ASSERT_EQ(segments.segments.size(), 1U);
-  EXPECT_EQ(segments.segments[0].kind, SegmentKind::kStructure);
-  scene.walls.clear();
-  scene.ellipses = {{{3.8, 0.0}, 0.0, 0.4, 0.4}};
-  segments = segment_scan(scene.scan());
-  ASSERT_EQ(segments.segments.size(), 1U);
-  EXPECT_EQ(segments.segments[0].kind, SegmentKind::kObject);
 }
 
 TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsLeftOut) {

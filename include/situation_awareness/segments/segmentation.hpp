@@ -7,7 +7,8 @@
 
 namespace situation_awareness {
 
-/// Which hits are one thing, and which things are structure (walls, cabinets) rather than objects.
+/// Which hits are one thing, which things are structure (walls, cabinets) rather than objects, and what of these is
+/// straight.
 struct SegmentationParams {
   double max_gap_m = 0.2;
   double max_range_gap_m = 0.2;
@@ -22,6 +23,8 @@ struct SegmentationParams {
   double min_bulge = 0.1;
   double occlusion_margin_m = 0.05;
   double max_division_offset_m = 0.06;
+  double max_line_offset_m = 0.05;
+  int min_line_points = 5;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -57,6 +60,11 @@ struct SegmentationParams {
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",
           "in a segment that contains several objects, hits within this distance of a mapped object's outline are "
           "assigned to it; 0: no segment is divided");
+    visit("max_line_offset_m", self.max_line_offset_m, Bounds{0.001, 10.0}, "m",
+          "maximum distance of the hits of a straight piece of a structure from its line; about five times the range "
+          "noise");
+    visit("min_line_points", self.min_line_points, Bounds{3, 1000}, "",
+          "minimum number of hits of a straight piece of a structure");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -69,12 +77,5 @@ struct SegmentationParams {
 /// and an object on its border as a whole; segments that lie mostly outside are then left out.
 /// `memory`: as for limit_range.
 Segments segment(const Points& points, const SegmentationParams& params, Segments memory = {});
-
-/// Mean distance of points in reading order behind the chord of their ends, as seen from the sensor; negative in front
-/// of it, as on any convex thing.
-double concavity_m(const Point* points, std::size_t count);
-
-/// True if a segment is long and flat: the front of a wall or a cabinet, whatever else speaks for an object.
-bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params);
 
 }  // namespace situation_awareness

@@ -20,9 +20,63 @@ static_assert(static_cast<int>(SegmentEnd::kFree) == LaserSegment::FREE);
 static_assert(static_cast<int>(SegmentEnd::kBackground) == LaserSegment::BACKGROUND);
 static_assert(static_cast<int>(SegmentEnd::kOccluded) == LaserSegment::OCCLUDED);
 static_assert(static_cast<int>(SegmentEnd::kScanEdge) == LaserSegment::SCAN_EDGE);
+static_assert(static_cast<int>(SegmentEnd::kContinues) == LaserSegment::CONTINUES);
+static_assert(static_cast<int>(StructureReason::kNone) == LaserSegment::NONE);
+static_assert(static_cast<int>(StructureReason::kExtent) == LaserSegment::EXTENT);
+static_assert(static_cast<int>(StructureReason::kInnerCorner) == LaserSegment::INNER_CORNER);
+static_assert(static_cast<int>(StructureReason::kStraightHidden) == LaserSegment::STRAIGHT_HIDDEN);
+static_assert(static_cast<int>(StructureReason::kFlat) == LaserSegment::FLAT);
+static_assert(static_cast<int>(StructureReason::kInLine) == LaserSegment::IN_LINE);
 
 void check(bool truth, const char* sentence) {
   if (!truth) throw std::invalid_argument(sentence);
+}
+
+StraightPiece straight_piece_from_msg(const LaserStraightPiece& msg, const SegmentArray& array) {
+  check(msg.segment < array.segments.size(), "a straight piece names a segment that is not there");
+  const LaserSegment& segment = array.segments[msg.segment];
+  check(segment.kind == LaserSegment::STRUCTURE, "a straight piece is of no structure");
+  check(msg.count > 0 && msg.first >= segment.first &&
+            std::size_t{msg.first} + msg.count <= std::size_t{segment.first} + segment.count,
+        "a straight piece has points that are not of its segment");
+  check(msg.right_end <= LaserSegment::CONTINUES && msg.left_end <= LaserSegment::CONTINUES,
+        "an end of a straight piece is of an unknown kind");
+  StraightPiece piece;
+  piece.segment = msg.segment;
+  piece.first = msg.first;
+  piece.count = msg.count;
+  piece.line_level = {{msg.x, msg.y}, {msg.normal_x, msg.normal_y}};
+  piece.covariance << msg.covariance[0], msg.covariance[1], msg.covariance[2], msg.covariance[3];
+  piece.rms_m = msg.rms;
+  piece.right_level_m = {msg.right_x, msg.right_y};
+  piece.left_level_m = {msg.left_x, msg.left_y};
+  piece.right_end = static_cast<SegmentEnd>(msg.right_end);
+  piece.left_end = static_cast<SegmentEnd>(msg.left_end);
+  check(piece.line_level.through_m.allFinite() && std::abs(piece.line_level.normal.norm() - 1.0) < 1e-6 &&
+            piece.covariance.allFinite() && std::isfinite(piece.rms_m) && piece.right_level_m.allFinite() &&
+            piece.left_level_m.allFinite(),
+        "the line of a straight piece is none");
+  return piece;
+}
+
+LaserStraightPiece straight_piece_to_msg(const StraightPiece& piece) {
+  LaserStraightPiece msg;
+  msg.segment = static_cast<std::uint32_t>(piece.segment);
+  msg.first = static_cast<std::uint32_t>(piece.first);
+  msg.count = static_cast<std::uint32_t>(piece.count);
+  msg.x = piece.line_level.through_m.x();
+  msg.y = piece.line_level.through_m.y();
+  msg.normal_x = piece.line_level.normal.x();
+  msg.normal_y = piece.line_level.normal.y();
+  msg.covariance = {piece.covariance(0, 0), piece.covariance(0, 1), piece.covariance(1, 0), piece.covariance(1, 1)};
+  msg.rms = piece.rms_m;
+  msg.right_x = piece.right_level_m.x();
+  msg.right_y = piece.right_level_m.y();
+  msg.left_x = piece.left_level_m.x();
+  msg.left_y = piece.left_level_m.y();
+  msg.right_end = static_cast<std::uint8_t>(piece.right_end);
+  msg.left_end = static_cast<std::uint8_t>(piece.left_end);
+  return msg;
 }
 
 }  // namespace
@@ -50,10 +104,15 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
     msg.segments[i].first = static_cast<std::uint32_t>(segment.first);
     msg.segments[i].count = static_cast<std::uint32_t>(segment.count);
     msg.segments[i].kind = static_cast<std::uint8_t>(segment.kind);
+    msg.segments[i].structure = static_cast<std::uint8_t>(segment.structure);
     msg.segments[i].right_end = static_cast<std::uint8_t>(segment.right_end);
     msg.segments[i].left_end = static_cast<std::uint8_t>(segment.left_end);
     msg.segments[i].right_hidden = segment.right_hidden_rad;
     msg.segments[i].left_hidden = segment.left_hidden_rad;
+  }
+  msg.straight_pieces.reserve(segments.straight_pieces.size());
+  for (const StraightPiece& piece : segments.straight_pieces) {
+    msg.straight_pieces.push_back(straight_piece_to_msg(piece));
   }
   return msg;
 }
@@ -79,6 +138,9 @@ Segments segments_from_msg(const SegmentArray& msg) {
     check(segment.count > 0, "a segment has no points");
     check(std::size_t{segment.first} + segment.count <= msg.points.size(), "a segment names points that are not there");
     check(segment.kind <= LaserSegment::STRUCTURE, "a segment is of an unknown kind");
+    check(segment.structure <= LaserSegment::IN_LINE &&
+              (segment.structure == LaserSegment::NONE) == (segment.kind == LaserSegment::OBJECT),
+          "the reason why a segment is structure does not fit its kind");
     check(segment.right_end <= LaserSegment::SCAN_EDGE && segment.left_end <= LaserSegment::SCAN_EDGE,
           "an end of a segment is of an unknown kind");
     check(std::isfinite(segment.right_hidden + segment.left_hidden) && segment.right_hidden >= 0.0 &&
@@ -90,7 +152,12 @@ Segments segments_from_msg(const SegmentArray& msg) {
                             static_cast<SegmentEnd>(segment.right_end),
                             static_cast<SegmentEnd>(segment.left_end),
                             segment.right_hidden,
-                            segment.left_hidden};
+                            segment.left_hidden,
+                            static_cast<StructureReason>(segment.structure)};
+  }
+  segments.straight_pieces.reserve(msg.straight_pieces.size());
+  for (const auto& piece : msg.straight_pieces) {
+    segments.straight_pieces.push_back(straight_piece_from_msg(piece, msg));
   }
   return segments;
 }

@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/transform_queue.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/segments/divide.hpp"
+#include "situation_awareness/segments/lines.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 
 namespace situation_awareness {
@@ -76,9 +77,10 @@ class SegmentationStage {
 
     const Scan limited = limit_range(scan, posed.T_world_lidar, params_.pipeline.scan);
     const Points points = project_horizontally(limited, posed.T_world_lidar, posed.T_world_lidar_end);
-    const Segments segments =
+    const Segments segments = with_straight_pieces(
         divide(segment(points, params_.pipeline.segments), map_.outlines_at(points.stamp_ns, points.T_world_level),
-               params_.pipeline.segments);
+               params_.pipeline.segments),
+        params_.pipeline.segments, params_.pipeline.detections.fit.range_sigma_m);
 
     context_.diagnostics().counted(segments.refused);
     context_.publish(array_publisher_, segments_to_msg(segments, params_.world_frame));

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/line.hpp"
+#include "situation_awareness/points/points.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+#include "situation_awareness/segments/segments.hpp"
+
+namespace situation_awareness {
+
+/// The line through points by total least squares, every point alike. At least one point; the normal has either sign.
+Line fit_line(const Point* points, std::size_t count);
+
+/// Root mean square distance of points from a line.
+double rms_m(const Line& line, const Point* points, std::size_t count);
+
+/// How far the middle of points along a line stands out before their ends, towards the sensor.
+struct Bulge {
+  double ratio = 0.0;   ///< by the parabola over the line, as a part of half_m
+  double half_m = 0.0;  ///< half the length of the points along the line
+};
+
+Bulge bulge_of(const Line& line, const Point* points, std::size_t count);
+
+/// A line through hits, with what the noise of their ranges leaves open.
+struct LineEstimate {
+  Line line_level;  ///< through the weighted mean of the hits, the normal away from the sensor
+  /// Of the error of (offset along the normal at `through_m` in m, turn counter-clockwise in rad); a rigid motion of
+  /// everything leaves it as it is.
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+};
+
+/// The maximum likelihood line through points measured from the origin, their ranges with independent normal errors of
+/// standard deviation `range_sigma_m` (docs/math/segments.md, "Straight pieces"). At least two points at different
+/// places. Covariances do not know of surfaces that are not straight: rms_m tells.
+LineEstimate estimate_line(const Point* points, std::size_t count, double range_sigma_m);
+
+/// Find the straight pieces of the structures among `segments`, into Segments::straight_pieces: runs of at least
+/// params.min_line_points hits within params.max_line_offset_m of a line, but for fewer than that many hits in a row
+/// that lie off it. What the pieces were before is forgotten. Takes time linear in the points for each of them.
+Segments with_straight_pieces(Segments segments, const SegmentationParams& params, double range_sigma_m);
+
+}  // namespace situation_awareness

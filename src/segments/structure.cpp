@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/segments/structure.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+
+#include "situation_awareness/segments/lines.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Largest distance between two points, found from one end by two sweeps: never more than 1 / sqrt(3) too small. Any
+/// distance above `enough_m` where there is one.
+double extent_m(const Point* points, std::size_t count, double enough_m) {
+  const double enough_m2 = enough_m * enough_m;
+  std::size_t far = 0;
+  double extent_m2 = 0.0;
+  for (int sweep = 0; sweep < 2; ++sweep) {
+    const Eigen::Vector2d from = points[far].p_level_m;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double distance_m2 = (points[i].p_level_m - from).squaredNorm();
+      if (distance_m2 > extent_m2) {
+        extent_m2 = distance_m2;
+        far = i;
+        if (extent_m2 > enough_m2) return std::sqrt(extent_m2);
+      }
+    }
+  }
+  return std::sqrt(extent_m2);
+}
+
+/// True if points around a line are so little away from it, and their middle so little before their ends, that no
+/// object of an elliptic outline lies there.
+bool flat_along(const Line& line, double rms_m, const Point* points, std::size_t count,
+                const SegmentationParams& params) {
+  const Bulge bulge = bulge_of(line, points, count);
+  return bulge.ratio < params.min_bulge && rms_m < params.min_bulge * bulge.half_m;
+}
+
+const char* counted_as(StructureReason reason) {
+  switch (reason) {
+    case StructureReason::kNone:
+      break;
+    case StructureReason::kExtent:
+      return "structure: larger than an object";
+    case StructureReason::kInnerCorner:
+      return "structure: inner corner";
+    case StructureReason::kStraightHidden:
+      return "structure: straight, an end hidden";
+    case StructureReason::kFlat:
+      return "structure: flat";
+    case StructureReason::kInLine:
+      return "structure: in line with another";
+  }
+  return "";
+}
+
+void mark(Segments& segments, Segment& segment, StructureReason reason) {
+  segment.structure = reason;
+  segment.kind = reason == StructureReason::kNone ? SegmentKind::kObject : SegmentKind::kStructure;
+  if (reason != StructureReason::kNone) ++segments.refused[counted_as(reason)];
+}
+
+/// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
+/// structure a few segments further on that side. `step` is the side to look to, and the pieces are visited from there,
+/// so that a structure cut many times is followed piece by piece.
+void extend_structures(Segments& segments, int step, const SegmentationParams& params) {
+  constexpr std::ptrdiff_t kReach = 4;  // segments: the occluders between two pieces
+  constexpr std::size_t kLinePoints = 30;
+  const auto n = static_cast<std::ptrdiff_t>(segments.segments.size());
+  for (std::ptrdiff_t visit = 0; visit < n; ++visit) {
+    const std::ptrdiff_t i = step < 0 ? visit : n - 1 - visit;
+    Segment& piece = segments.segments[static_cast<std::size_t>(i)];
+    const SegmentEnd end = step < 0 ? piece.right_end : piece.left_end;
+    if (piece.kind != SegmentKind::kObject || is_silhouette(end)) continue;
+    for (std::ptrdiff_t reach = 1; reach <= kReach; ++reach) {
+      const std::ptrdiff_t j = i + step * reach;
+      if (j < 0 || j >= n) break;
+      const Segment& structure = segments.segments[static_cast<std::size_t>(j)];
+      if (structure.kind != SegmentKind::kStructure) continue;
+      const std::size_t line_points = std::min(structure.count, kLinePoints);
+      const std::size_t line_first = step < 0 ? structure.first + structure.count - line_points : structure.first;
+      const Line line = fit_line(&segments.points[line_first], line_points);
+      const auto* points = &segments.points[piece.first];
+      const bool on_line = std::all_of(points, points + piece.count, [&](const Point& point) {
+        return std::abs(offset_m(line, point.p_level_m)) <= params.max_structure_offset_m;
+      });
+      if (on_line) {
+        mark(segments, piece, StructureReason::kInLine);
+        break;
+      }
+    }
+  }
+}
+
+}  // namespace
+
+double concavity_m(const Point* points, std::size_t count) {
+  if (count < 3) return 0.0;
+  const Eigen::Vector2d right = points[0].p_level_m;
+  const Eigen::Vector2d chord = points[count - 1].p_level_m - right;
+  if (chord.norm() < 1e-9) return 0.0;
+  Eigen::Vector2d away(chord.y(), -chord.x());
+  away.normalize();
+  if (away.dot(right) < 0.0) away = -away;
+  double sum = 0.0;
+  for (std::size_t i = 1; i + 1 < count; ++i) sum += away.dot(points[i].p_level_m - right);
+  return sum / static_cast<double>(count - 2);
+}
+
+bool is_flat(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+  const Point* points = &segments.points[segment.first];
+  if (extent_m(points, segment.count, params.flat_extent_m) < params.flat_extent_m) return false;
+  const Line line = fit_line(points, segment.count);
+  return flat_along(line, rms_m(line, points, segment.count), points, segment.count, params);
+}
+
+StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+  const Point* points = &segments.points[segment.first];
+  const double extent = extent_m(points, segment.count, params.max_object_extent_m);
+  if (extent > params.max_object_extent_m) return StructureReason::kExtent;
+  if (concavity_m(points, segment.count) > params.max_concavity_m) return StructureReason::kInnerCorner;
+  const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
+  const bool is_long = extent >= params.flat_extent_m;
+  if (!hidden && !is_long) return StructureReason::kNone;
+  const Line line = fit_line(points, segment.count);
+  const double rms = rms_m(line, points, segment.count);
+  if (hidden && rms < params.max_straight_rms_m) return StructureReason::kStraightHidden;
+  return is_long && flat_along(line, rms, points, segment.count, params) ? StructureReason::kFlat
+                                                                         : StructureReason::kNone;
+}
+
+Segments classify_structure(Segments segments, const SegmentationParams& params) {
+  for (Segment& segment : segments.segments) mark(segments, segment, structure_reason(segments, segment, params));
+  extend_structures(segments, -1, params);
+  extend_structures(segments, +1, params);
+  return segments;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/segments/structure.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "support/level_scene.hpp"
+#include "support/segment_scan.hpp"
+
+namespace situation_awareness {
+namespace {
+
+TEST(Structure, PiecesOfAWallBehindPostsStayTheWall) {
+  Random random(2);
+  LevelScene scene;
+  scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}};
+  for (int i = -3; i <= 3; ++i) scene.ellipses.push_back({{2.5, 0.5 * i}, 0.0, 0.1, 0.1});
+  const Segments segments = segment_scan(scene.scan(&random));
+  int objects = 0;
+  int pieces = 0;
+  for (const Segment& s : segments.segments) {
+    const double x_m = segments.points[s.first + s.count / 2].p_level_m.x();
+    if (x_m > 4.0) {
+      EXPECT_EQ(s.kind, SegmentKind::kStructure);
+      EXPECT_NE(s.structure, StructureReason::kNone);
+      ++pieces;
+    } else {
+      EXPECT_EQ(s.kind, SegmentKind::kObject);
+      ++objects;
+    }
+  }
+  EXPECT_EQ(objects, 7);
+  EXPECT_EQ(pieces, 8);
+}
+
+// Ellipses bulge, however they stand and however flat they are up to 1 : 4; a cabinet's front does not, even if it is
+// not quite straight.
+TEST(Structure, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
+  Random random(5);
+  for (int i = 0; i < 200; ++i) {
+    const double turn_rad = random.uniform(-0.6, 0.6);
+    const Eigen::Vector2d along(-std::sin(turn_rad), std::cos(turn_rad));
+    const Eigen::Vector2d middle(random.uniform(1.5, 4.0), random.uniform(-0.5, 0.5));
+    const double half_m = random.uniform(0.25, 0.5);
+    const double step_m = random.uniform(0.0, 0.02);
+    LevelScene front;
+    const Eigen::Vector2d step(step_m, 0.0);
+    front.walls = {{middle - half_m * along, middle}, {middle + step, middle + step + half_m * along}};
+    const Segments flat = segment_scan(front.scan(&random));
+    ASSERT_EQ(flat.segments.size(), 1U);
+    EXPECT_EQ(flat.segments[0].structure, StructureReason::kFlat) << "front " << i;
+
+    LevelScene body;
+    const double rx_m = random.uniform(0.1, 0.5);
+    body.ellipses = {{middle, random.uniform(-kPi / 2.0, kPi / 2.0), rx_m, rx_m / random.uniform(1.0, 4.0)}};
+    const Segments round = segment_scan(body.scan(&random));
+    ASSERT_EQ(round.segments.size(), 1U);
+    EXPECT_EQ(round.segments[0].kind, SegmentKind::kObject) << "ellipse " << i;
+  }
+}
+
+// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing
+// cut off alike is still an object.
+TEST(Structure, AStraightPieceWithAHiddenEndIsStructure) {
+  LevelScene scene;
+  const auto reason_of_far = [&] {
+    const Segments segments = segment_scan(scene.scan());
+    for (const Segment& s : segments.segments) {
+      if (segments.points[s.first].p_level_m.x() > 2.0) return s.structure;
+    }
+    ADD_FAILURE() << "not seen";
+    return StructureReason::kNone;
+  };
+  scene.walls = {{{4.0, -0.14}, {4.0, 0.14}}};
+  EXPECT_EQ(reason_of_far(), StructureReason::kNone);
+  scene.ellipses = {{{1.5, 0.08}, 0.0, 0.06, 0.06}};
+  EXPECT_EQ(reason_of_far(), StructureReason::kStraightHidden);
+  scene.walls.clear();
+  scene.ellipses.push_back({{4.0, 0.0}, 0.0, 0.4, 0.4});
+  EXPECT_EQ(reason_of_far(), StructureReason::kNone);
+}
+
+TEST(Structure, AnInnerCornerIsStructureAndAnObjectOfTheSameSizeIsNot) {
+  LevelScene scene;
+  scene.walls = {{{4.0, 0.0}, {3.6, 0.4}}, {{4.0, 0.0}, {3.6, -0.4}}};
+  Segments segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].structure, StructureReason::kInnerCorner);
+  scene.walls.clear();
+  scene.ellipses = {{{3.8, 0.0}, 0.0, 0.4, 0.4}};
+  segments = segment_scan(scene.scan());
+  ASSERT_EQ(segments.segments.size(), 1U);
+  EXPECT_EQ(segments.segments[0].structure, StructureReason::kNone);
+}
+
+/// Walls with a passage, posts before them, a cabinet, a board behind a post, an inner corner, and objects.
+LevelScene furnished_scene(Random& random) {
+  LevelScene scene;
+  scene.walls = {{{6.0, -8.0}, {6.0, 1.0}},
+                 {{6.0, 2.5}, {6.0, 8.0}},
+                 {{3.0, 4.0}, {3.5, 3.6}},
+                 {{-1.0, 3.6}, {-0.6, 4.0}},
+                 {{-0.6, 4.0}, {-0.2, 3.6}}};
+  for (int i = 0; i < 6; ++i) {
+    const double azimuth_rad = random.uniform(-2.0, 2.0);
+    const double distance_m = random.uniform(1.5, 4.0);
+    const double rx_m = random.uniform(0.05, 0.4);
+    scene.ellipses.push_back({{distance_m * std::cos(azimuth_rad), distance_m * std::sin(azimuth_rad)},
+                              random.uniform(-kPi / 2.0, kPi / 2.0),
+                              rx_m,
+                              rx_m / random.uniform(1.0, 3.0)});
+  }
+  return scene;
+}
+
+TEST(Structure, EachSegmentHasAReasonOrMayBeAnObject) {
+  Random random(7);
+  Counters reasons;
+  for (int i = 0; i < 100; ++i) {
+    const LevelScene scene = furnished_scene(random);
+    const Segments segments = segment_scan(scene.scan(&random));
+    for (const Segment& s : segments.segments) {
+      EXPECT_EQ(s.kind == SegmentKind::kStructure, s.structure != StructureReason::kNone);
+      // What is in line with another is not structure by itself; everything else is what it is alone.
+      const StructureReason alone = structure_reason(segments, s, {});
+      EXPECT_EQ(alone, s.structure == StructureReason::kInLine ? StructureReason::kNone : s.structure);
+    }
+    for (const auto& [reason, count] : segments.refused) reasons[reason] += count;
+  }
+  for (const char* reason :
+       {"structure: larger than an object", "structure: inner corner", "structure: straight, an end hidden",
+        "structure: flat", "structure: in line with another"}) {
+    EXPECT_GT(reasons.of(reason), 0U) << reason;
+  }
+}
+
+TEST(Structure, WhatSegmentsWereSaidToBeDoesNotMatter) {
+  Random random(8);
+  for (int i = 0; i < 50; ++i) {
+    const Segments once = segment_scan(furnished_scene(random).scan(&random));
+    Segments other = once;
+    other.refused.reset();
+    for (Segment& s : other.segments) {
+      s.kind = SegmentKind::kStructure;
+      s.structure = StructureReason::kExtent;
+    }
+    other = classify_structure(std::move(other), {});
+    ASSERT_EQ(other.segments.size(), once.segments.size());
+    for (std::size_t k = 0; k < once.segments.size(); ++k) {
+      EXPECT_EQ(other.segments[k].kind, once.segments[k].kind);
+      EXPECT_EQ(other.segments[k].structure, once.segments[k].structure);
+    }
+  }
+}
+
+// A turn of the world, seen by a scanner that turns with it, is none to the classification.
+TEST(Structure, IsTheSameWhereverTheSceneIsTurned) {
+  Random random(9);
+  for (int i = 0; i < 50; ++i) {
+    const Segments segments = segment_scan(furnished_scene(random).scan(&random));
+    const Pose2 turn{Eigen::Vector2d::Zero(), random.uniform(-kPi, kPi)};
+    Segments turned = segments;
+    turned.refused.reset();
+    for (Point& point : turned.points) {
+      point.p_level_m = turn * point.p_level_m;
+      point.azimuth_rad += turn.yaw_rad;
+    }
+    turned = classify_structure(std::move(turned), {});
+    EXPECT_EQ(turned.refused.of("structure: flat"), segments.refused.of("structure: flat"));
+    for (std::size_t k = 0; k < segments.segments.size(); ++k) {
+      EXPECT_EQ(turned.segments[k].structure, segments.segments[k].structure);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
