@@ -40,6 +40,29 @@ Eigen::Vector3d turned(const Eigen::Vector3d& v, const Eigen::Vector3d& axis, do
   return c * v + std::sin(angle_rad) * axis.cross(v) + (1.0 - c) * axis.dot(v) * axis;
 }
 
+/// Unit vectors along the beams of a scan, in the lidar's frame. A scanner's are the same from scan to scan: they are
+/// kept and computed again where angles or their number change, which spares the projection a twelfth of its time
+/// (benchmark/stages_benchmark.cpp).
+const std::vector<Eigen::Vector2d>& rays_lidar(const Scan& scan) {
+  struct Kept {
+    double angle_min_rad = 0.0;
+    double angle_increment_rad = 0.0;
+    std::vector<Eigen::Vector2d> rays;
+  };
+  thread_local Kept kept;
+  const bool same = kept.rays.size() == scan.beams.size() && kept.angle_min_rad == scan.angle_min_rad &&
+                    kept.angle_increment_rad == scan.angle_increment_rad;
+  if (same) return kept.rays;
+  kept.angle_min_rad = scan.angle_min_rad;
+  kept.angle_increment_rad = scan.angle_increment_rad;
+  kept.rays.resize(scan.beams.size());
+  for (std::size_t i = 0; i < kept.rays.size(); ++i) {
+    const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
+    kept.rays[i] = {std::cos(angle_rad), std::sin(angle_rad)};
+  }
+  return kept.rays;
+}
+
 double distance_m(const Point& point) {
   return is_hit(point.state) ? point.range_m : std::numeric_limits<double>::infinity();
 }
@@ -142,13 +165,13 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it backwards.
   const bool clockwise = (R_world_lidar(2, 2) < 0.0) != (scan.angle_increment_rad < 0.0);
   const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
+  const std::vector<Eigen::Vector2d>& rays = rays_lidar(scan);
   double first_rad = 0.0;
   double previous_rad = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = clockwise ? n - 1 - k : k;
-    const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
     const double part = static_cast<double>(i) / steps;  // of the motion, by the time of this beam
-    const Eigen::Vector3d ray_lidar(std::cos(angle_rad), std::sin(angle_rad), 0.0);
+    const Eigen::Vector3d ray_lidar(rays[i].x(), rays[i].y(), 0.0);
     const Eigen::Vector2d direction_level =
         R_level_lidar * (motion.moves ? turned(ray_lidar, motion.axis_lidar, part * motion.turn_rad) : ray_lidar);
     const Eigen::Vector2d lidar_level_m = part * translation_level_m;
