@@ -733,7 +733,7 @@ double ObjectMap::uncertain_by_m(const Element& element) const {
   const double p = element.estimate.p_moving;
   const bool undecided = p > kUndecided && p < 1.0 - kUndecided;
   ObjectEstimate estimate = undecided ? combine(element.estimate) : likelier(element.estimate);
-  estimate.P += params_.repeated_part * element.P_view;
+  estimate.P += params_.correlated_error_fraction * element.P_view;
   return position_sigma_m(estimate);
 }
 
@@ -755,7 +755,7 @@ Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
     if (dt_s > 0.0) predict(estimate, dt_s, motion_of(element));
     Object object;
     object.id = element.id;
-    Matrix8d P_repeated = params_.repeated_part * element.P_view;
+    Matrix8d P_repeated = params_.correlated_error_fraction * element.P_view;
     if (params_.shape == "circle") {
       P_repeated.bottomRows<2>().setZero();
       P_repeated.rightCols<2>().setZero();

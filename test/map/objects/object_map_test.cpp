@@ -51,7 +51,7 @@ ObjectMapParams params() {
   result.robot_stamp_sigma_s = 0.002;
   result.measurement_sigma_m = 0.01;
   result.hidden_end_factor = 3.0;
-  result.repeated_part = 0.4;
+  result.correlated_error_fraction = 0.4;
   result.gate_probability = 0.999;
   result.birth_probability = 0.2;
   result.confirmation_probability = 0.75;
@@ -214,8 +214,8 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
   p.robot_position_sigma_m = p.robot_yaw_sigma_rad = p.measurement_sigma_m = 0.0;
   p.birth_probability = 0.9;
   const Matrix5d R = 2.5e-5 * Matrix5d::Identity();
-  const auto published = [&](bool hidden_end, double repeated_part) {
-    p.repeated_part = repeated_part;
+  const auto published = [&](bool hidden_end, double correlated_error_fraction) {
+    p.correlated_error_fraction = correlated_error_fraction;
     ObjectMap map(p);
     Detections detections = detections_at(0.0, {{{3.0, 0.0}, 0.4, 0.3, 0.1}});
     detections.detections[0].hidden_end = hidden_end;
@@ -224,8 +224,8 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
     return map.at(0).objects.at(0);
   };
   for (const bool hidden_end : {false, true}) {
-    for (const double repeated_part : {0.0, 0.4}) {
-      const Object object = published(hidden_end, repeated_part);
+    for (const double correlated_error_fraction : {0.0, 0.4}) {
+      const Object object = published(hidden_end, correlated_error_fraction);
       Matrix5d covariance = Matrix5d::Zero();  // of position, orientation and radii
       const int places[] = {kPosition, kPosition + 1, kOrientation, kRadii, kRadii + 1};
       for (int r = 0; r < 5; ++r) {
@@ -234,8 +234,9 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
       Matrix5d J = Matrix5d::Identity();
       J.bottomRightCorner<3, 3>() << psi_jacobian(object.ellipse_world), radii_jacobian(object.ellipse_world);
       // What repeats comes on top of what is known of the mean.
-      const double factor = (hidden_end ? 9.0 : 1.0) * (1.0 + repeated_part);
-      EXPECT_LT((covariance - factor * J * R * J.transpose()).norm(), 1e-9) << hidden_end << ' ' << repeated_part;
+      const double factor = (hidden_end ? 9.0 : 1.0) * (1.0 + correlated_error_fraction);
+      EXPECT_LT((covariance - factor * J * R * J.transpose()).norm(), 1e-9)
+          << hidden_end << ' ' << correlated_error_fraction;
     }
   }
 }
@@ -245,8 +246,8 @@ TEST(ObjectMap, NoNumberOfScansMakesAnElementMoreCertainThanWhatRepeats) {
   ObjectMapParams p = params();
   p.measurement_sigma_m = p.standing_drift_m = p.radius_drift_m = 0.0;
   const Ellipse standing{{3.0, 0.0}, 0.4, 0.4, 0.2};
-  const auto variances_after = [&](double repeated_part, int scans, int better_scans) {
-    p.repeated_part = repeated_part;
+  const auto variances_after = [&](double correlated_error_fraction, int scans, int better_scans) {
+    p.correlated_error_fraction = correlated_error_fraction;
     ObjectMap map(p);
     for (int i = 0; i < scans + better_scans; ++i) {
       Detections detections = detections_at(i * kScanPeriod_s, {standing});
@@ -996,7 +997,7 @@ TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsThroughManoeuvres) {
 /// Published standard deviation of a standing element's position after 10 s, with `noise` times the errors it claims.
 double position_sigma_after(double noise, std::uint64_t seed) {
   ObjectMapParams p = params();
-  p.repeated_part = p.measurement_sigma_m = p.robot_position_sigma_m = p.robot_yaw_sigma_rad = 0.0;
+  p.correlated_error_fraction = p.measurement_sigma_m = p.robot_position_sigma_m = p.robot_yaw_sigma_rad = 0.0;
   ObjectMap map(p);
   Random random(seed);
   for (int i = 0; i < 200; ++i) {

@@ -41,7 +41,7 @@ struct ObjectMapParams {
   double robot_stamp_sigma_s = 0.002;
   double measurement_sigma_m = 0.01;
   double hidden_end_factor = 3.0;
-  double repeated_part = 0.4;
+  double correlated_error_fraction = 0.4;
   double gate_probability = 0.999;
   double birth_probability = 0.2;
   double confirmation_probability = 0.75;
@@ -91,7 +91,7 @@ struct ObjectMapParams {
           "standard deviation that is added in quadrature to that of each detection's centre and radii");
     visit("hidden_end_factor", self.hidden_end_factor, Bounds{1.0, 100.0}, "",
           "factor on the standard deviations of a detection with an occluded end");
-    visit("repeated_part", self.repeated_part, Bounds{0.0, 1.0}, "",
+    visit("correlated_error_fraction", self.correlated_error_fraction, Bounds{0.0, 1.0}, "",
           "fraction of a detection's variance that is correlated from scan to scan while the view is the same; "
           "averaging does not reduce it");
     visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
