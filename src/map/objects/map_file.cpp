@@ -22,12 +22,14 @@
 #include <yaml-cpp/yaml.h>
 
 #include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/map/objects/existence.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr const char* kFormat = "situation_awareness map";
-constexpr std::uint64_t kVersion = 1;
+constexpr std::uint64_t kVersion = 2;
+constexpr std::uint64_t kOldestVersion = 1;  // elements have `confirmed` in place of `state`
 constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
 constexpr std::string_view kSeal = "sha256: ";        // the last line begins with it
 constexpr std::string_view kEditedByHand = "edited";  // instead of the sum
@@ -67,6 +69,7 @@ class WriteFields {
 
   void operator()(const char* name, const std::string& value) { line(name, '"' + value + '"'); }
   void operator()(const char* name, bool value) { line(name, value ? "true" : "false"); }
+  void operator()(const char* name, TrackState value) { line(name, name_of(value)); }
   template <class Number, class... Limits>
   std::enable_if_t<std::is_arithmetic_v<Number>> operator()(const char* name, Number value, Limits... /*limits*/) {
     line(name, text_of(value));
@@ -116,6 +119,13 @@ class ReadFields {
     return node;
   }
 
+  /// Version 1 said whether an element was confirmed, and by the time that it was unseen whether it was lost.
+  void state_from_confirmed() {
+    bool confirmed = false;
+    (*this)("confirmed", confirmed);
+    fields_["state"] = YAML::Node(name_of(confirmed ? TrackState::kConfirmed : TrackState::kTentative));
+  }
+
   void refuse_rest() const {
     if (!fields_.empty()) refuse(fields_.begin()->first, "is unknown");
   }
@@ -125,6 +135,15 @@ class ReadFields {
     const std::string text = scalar(name, take(name));
     if (text != "true" && text != "false") refuse(name, "= " + text + " is neither true nor false");
     value = text == "true";
+  }
+  void operator()(const char* name, TrackState& value) {
+    const std::string text = scalar(name, take(name));
+    for (const TrackState state : {TrackState::kTentative, TrackState::kConfirmed, TrackState::kLost}) {
+      if (text != name_of(state)) continue;
+      value = state;
+      return;
+    }
+    refuse(name, "= " + text + " is neither tentative nor confirmed nor lost");
   }
   template <class Number, class... Limits>
   std::enable_if_t<std::is_arithmetic_v<Number>> operator()(const char* name, Number& value, Limits... /*limits*/) {
@@ -211,7 +230,10 @@ MapSnapshot parse(const std::string& content) {
   fields("format", format);
   if (format != kFormat) throw std::invalid_argument("format = " + format + " is not '" + kFormat + "'");
   fields("version", version);
-  if (version != kVersion) throw std::invalid_argument("version = " + text_of(version) + " is unknown");
+  if (version < kOldestVersion || version > kVersion) {
+    throw std::invalid_argument("version = " + text_of(version) + " is unknown, known are " + text_of(kOldestVersion) +
+                                " to " + text_of(kVersion));
+  }
   MapSnapshot snapshot;
   MapSnapshot::fields(snapshot, fields);
   const YAML::Node elements = fields.take("elements");
@@ -222,7 +244,10 @@ MapSnapshot parse(const std::string& content) {
   }
   for (const YAML::Node& node : elements) {
     ReadFields element_fields(node, "elements[" + text_of(snapshot.elements.size()) + "]: ");
-    MapElement::fields(snapshot.elements.emplace_back(), element_fields);
+    if (version == 1) element_fields.state_from_confirmed();
+    MapElement& element = snapshot.elements.emplace_back();
+    MapElement::fields(element, element_fields);
+    if (version == 1) age(element, snapshot.stamp_ns);
     element_fields.refuse_rest();
   }
   check_frame(snapshot.world_frame);

@@ -54,6 +54,10 @@ class CheckFields {
   void operator()(const char* name, int value) const {
     if (value < 0) refuse(place_, name, "= " + std::to_string(value) + " is negative");
   }
+  void operator()(const char* name, TrackState value) const {
+    if (value == TrackState::kDeleted)
+      refuse(place_, name, std::string("= ") + name_of(value) + " is that of no element");
+  }
   void operator()(const char* name, std::uint64_t value, std::uint64_t low, std::uint64_t high) const {
     check_range(place_, name, value, low, high);
   }

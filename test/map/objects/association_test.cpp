@@ -14,6 +14,7 @@
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/map/objects/association.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/map/objects/visibility.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
@@ -26,7 +27,6 @@ namespace {
 using namespace object_state;
 
 constexpr std::int64_t kStart_ns = 1'000'000'000;
-constexpr double kLogNewObjectDensity = -4.4;  // docs/math/objects.md
 constexpr double kSightMargin_m = 0.1;
 
 /// What was not seen just now, or is not sure to be there, is bound by more than the likelihood ratio: none of that.
@@ -60,7 +60,7 @@ MapElement random_element(const Eigen::Vector2d& near_m, double spread_m, double
   element.estimate.p_moving = random.uniform(0.02, 0.98);
   element.P_view = 1e-4 * Matrix8d::Identity();
   element.log_odds = random.uniform(-1.5, 6.9);
-  element.confirmed = true;
+  element.state = TrackState::kConfirmed;
   element.first_seen_ns = element.last_seen_ns = kStart_ns;
   element.observations = 10;
   return element;

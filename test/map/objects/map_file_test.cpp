@@ -123,6 +123,30 @@ TEST(MapFile, AMapSavedLoadedAndContinuedIsTheOneThatWentOnBitForBit) {
   }
 }
 
+TEST(MapFile, ReadsWhatVersionOneWrote) {
+  MapSnapshot snapshot = snapshot_of(lively_map(60));
+  snapshot.elements.at(0).state = TrackState::kTentative;
+  snapshot.elements.at(1).state = TrackState::kConfirmed;
+  snapshot.elements.at(1).last_seen_ns = snapshot.stamp_ns - 500'000'000;
+  snapshot.elements.at(2).state = TrackState::kLost;
+  snapshot.elements.at(2).last_seen_ns = snapshot.stamp_ns - 500'000'001;
+  snapshot.elements.resize(3);
+  for (MapElement& element : snapshot.elements) element.body = 0;
+  const std::string yaml = map_to_yaml(snapshot);
+  std::string old = with(yaml, "version", "1");
+  for (const char* state : {"tentative", "confirmed", "lost"}) {
+    const std::string line = std::string("    state: ") + state + "\n";
+    const std::size_t at = old.find(line);
+    ASSERT_NE(at, std::string::npos);
+    old.replace(at, line.size(), std::string("    confirmed: ") + (*state == 't' ? "false" : "true") + "\n");
+  }
+  EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml);
+  // Of either version only its own field is known.
+  EXPECT_TRUE(names(refusal(edited(with(old, "confirmed", "yes"))), {"confirmed"}));
+  EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "1"))), {"confirmed"}));
+  EXPECT_TRUE(names(refusal(edited(with(old, "version", "2"))), {"state"}));
+}
+
 TEST(MapFile, AnEmptyMapIsAMap) {
   ObjectMap map{ObjectMapParams()};
   Detections none;
@@ -255,7 +279,8 @@ TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
   const std::string good_row = "[0, 1, 0, 0, 0, 0, 0, 0]";
   const std::vector<Case> cases = {
       {with(yaml, "format", "octomap"), {"format", "octomap"}},
-      {with(yaml, "version", "2"), {"version", "2"}},
+      {with(yaml, "version", "0"), {"version", "0", "1", "2"}},
+      {with(yaml, "version", "3"), {"version", "3", "1", "2"}},
       {with(yaml, "world_frame", "\"\""), {"world_frame"}},
       {with(yaml, "world_frame", "[a]"), {"world_frame"}},
       {with(yaml, "shape", "square"), {"shape", "square"}},
@@ -274,9 +299,11 @@ TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
       {with(yaml, "world_level", "{x_m: 1, y_m: 2}"), {"world_level", "yaw_rad"}},
       {with(yaml, "id", id_0, 2), {"elements[1]", id_0, "id"}},
       {with(yaml, "id", "0"), {"id", "0", "1"}},
-      {with(yaml, "confirmed", "yes", 2), {"elements[1]", "confirmed", "yes"}},
-      {with(yaml, "confirmed", "true\n    colour: red", 2), {"elements[1]", "colour"}},
-      {with(yaml, "confirmed", "true\n    confirmed: true", 2), {"elements[1]", "confirmed"}},
+      {with(yaml, "state", "dead", 2), {"elements[1]", "state", "dead"}},
+      {with(yaml, "state", "deleted", 2), {"elements[1]", "state", "deleted"}},
+      {with(yaml, "mobile", "yes", 2), {"elements[1]", "mobile", "yes"}},
+      {with(yaml, "state", "confirmed\n    colour: red", 2), {"elements[1]", "colour"}},
+      {with(yaml, "state", "confirmed\n    state: lost", 2), {"elements[1]", "state"}},
       {with(yaml, "p_moving", "1.5", 2), {"elements[1]", id_1, "p_moving", "1.5", "0", "1"}},
       {with(yaml, "log_odds", "8", 2), {"elements[1]", id_1, "log_odds", "8"}},
       {with(yaml, "last_seen_ns", std::to_string(snapshot.stamp_ns + 1)),

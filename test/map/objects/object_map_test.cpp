@@ -375,7 +375,7 @@ TEST(ObjectMap, AccountsForEveryDetectionAndEveryDeletion) {
                                                 update.reasons.of("detection on an element already seen"));
     EXPECT_EQ(update.matches + update.reasons.of("element corrected"), update.updated.size());
     std::uint64_t reasons = 0;
-    for (const char* reason : {"seen through", "known again as another", "not confirmed", "unseen for too long",
+    for (const char* reason : {"seen through", "re-identified as another", "not confirmed", "unseen for too long",
                                "position too uncertain", "deleted with the map before"}) {
       reasons += update.reasons.of(reason);
     }

@@ -1,0 +1,113 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/map/objects/motion_models.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
+
+namespace situation_awareness {
+
+/// Bounds of what a map holds: wider than any map that makes sense.
+namespace map_bounds {
+constexpr Bounds kProbability{0.0, 1.0};
+constexpr Bounds kLogOdds{-1e9, 7.0};
+constexpr Bounds kNoise{1.0, 100.0};
+constexpr Bounds kState{-1e6, 1e6};    ///< m, m/s, rad/s
+constexpr Bounds kVariance{0.0, 1e9};  ///< their squares
+constexpr Bounds kDuration_s{0.0, 1e9};
+constexpr std::int64_t kEnd_ns = (std::int64_t{1} << 32) * 1'000'000'000;  ///< stamps are from 1970 to 2106, as in ROS
+constexpr std::int64_t kMaxAge_ns = std::int64_t{1} << 61;                 ///< 73 years
+constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
+constexpr std::size_t kMaxElements = 2000;  ///< which load in 2 s
+}  // namespace map_bounds
+
+/// The life of an element: tentative -> confirmed <-> lost -> deleted. The transitions are in existence.hpp, and that
+/// from tentative to deleted where an element turns out to be one that was lost in re_identification.hpp.
+enum class TrackState {
+  kTentative,  ///< not confirmed yet: deleted when not detected again soon
+  kConfirmed,  ///< it has been confirmed, and detected lately
+  kLost,       ///< it has been confirmed, but not been detected for a while: it coasts, and may be re-identified
+  kDeleted,    ///< it leaves the map at the end of the update
+};
+
+/// As in map files: "tentative", "confirmed", "lost", "deleted".
+const char* name_of(TrackState state);
+
+/// All that the map knows of one element from one update to the next.
+struct MapElement {
+  std::uint64_t id = 0;
+  MotionEstimate estimate;
+  Matrix8d P_view = Matrix8d::Zero();  ///< of one detection from the side it was seen from lately, at its best
+  double log_odds = 0.0;               ///< of its existence
+  TrackState state = TrackState::kTentative;
+  std::int64_t first_seen_ns = 0;
+  std::int64_t last_seen_ns = 0;
+  int observations = 0;
+  int beams = 0;
+  double stood_s = 0.0;                                       ///< for how long it was seen to stand
+  bool moves = false;                                         ///< it is surely on its way
+  bool mobile = false;                                        ///< it has travelled
+  Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it was when `moves` began
+  std::uint64_t body = 0;  ///< id of the element that it is part of, or may be; 0: of none
+  bool is_part = false;    ///< it is part of `body`
+  bool has_parts = false;  ///< others were part of it
+  Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< where it was when it met `body`
+  Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< where `body` was
+
+  /// Every field, by the name that it has in a map file; the map file and the check both read this list.
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    using namespace map_bounds;
+    visit("id", self.id, 1, kMaxId);
+    visit("state", self.state);
+    visit("log_odds", self.log_odds, kLogOdds);
+    visit("p_moving", self.estimate.p_moving, kProbability);
+    visit("first_seen_ns", self.first_seen_ns, -kMaxAge_ns, kEnd_ns);
+    visit("last_seen_ns", self.last_seen_ns, -kMaxAge_ns, kEnd_ns);
+    visit("observations", self.observations);
+    visit("beams", self.beams);
+    visit("stood_s", self.stood_s, kDuration_s);
+    visit("moves", self.moves);
+    visit("mobile", self.mobile);
+    visit("set_off_world", self.set_off_world_m, kState);
+    visit("body", self.body, 0, kMaxId);
+    visit("is_part", self.is_part);
+    visit("has_parts", self.has_parts);
+    visit("met_world", self.met_world_m, kState);
+    visit("body_met_world", self.body_met_world_m, kState);
+    visit("standing", self.estimate.standing.x, kState);
+    visit("standing_covariance", self.estimate.standing.P, kVariance);
+    visit("moving", self.estimate.moving.x, kState);
+    visit("moving_covariance", self.estimate.moving.P, kVariance);
+    visit("view_covariance", self.P_view, kVariance);
+  }
+};
+
+/// How long an element has not been detected.
+inline double unseen_s(const MapElement& element, std::int64_t stamp_ns) {
+  return seconds_between(element.last_seen_ns, stamp_ns);
+}
+
+/// The estimate under the more probable of the two motions.
+inline const ObjectEstimate& likelier(const MotionEstimate& estimate) {
+  return estimate.p_moving > 0.5 ? estimate.moving : estimate.standing;
+}
+
+inline Eigen::Vector2d position(const ObjectEstimate& estimate) {
+  return estimate.x.segment<2>(object_state::kPosition);
+}
+
+/// The element of this id among some by growing id; null if there is none.
+const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& elements);
+
+/// Standard deviation of the position in its least certain direction.
+double position_sigma_m(const ObjectEstimate& estimate);
+
+}  // namespace situation_awareness

@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/bodies.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "situation_awareness/map/objects/existence.hpp"
+
+namespace situation_awareness {
+
+using namespace object_state;
+
+namespace {
+
+// Of none of these a source is recorded, and none was measured in flights; the bounds are those of bodies_test.
+
+/// Factor on the mean radius: surely the larger of two. No test bounds it.
+constexpr double kLargerRadius = 1.5;
+/// Factor on max_part_gap_m: beyond it a part is itself again. From 1.7 to 2.3.
+constexpr double kPartingGap = 2.0;
+/// Fraction of the body's way that its part must have gone in the same direction. Above 0, at most 1.
+constexpr double kSameWay = 0.5;
+
+double mean_radius_m(const Ellipse& ellipse) { return 0.5 * (ellipse.rx_m + ellipse.ry_m); }
+
+/// Distance between the outlines of two ellipses along the line of their centres; negative if they overlap.
+double gap_m(const Ellipse& a, const Ellipse& b) {
+  const Eigen::Vector2d d = b.center_m - a.center_m;
+  const double distance_m = d.norm();
+  if (distance_m < 1e-9) return -(a.rx_m + b.rx_m);
+  const Eigen::Vector2d n = d / distance_m;
+  return distance_m - half_width_m(a, n) - half_width_m(b, n);
+}
+
+}  // namespace
+
+void BodyJoiner::find_bodies(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  by_x_.clear();
+  largest_radius_m_ = 0.0;
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    const MapElement& element = elements[i];
+    if (element.is_part || element.state == TrackState::kDeleted) continue;
+    if (element.estimate.p_moving < 0.5 || is_out_of_sight(element, stamp_ns)) continue;
+    by_x_.push_back({ellipse_world(element.estimate.moving.x), i});
+    largest_radius_m_ = std::max(largest_radius_m_, by_x_.back().ellipse_world.rx_m);
+  }
+  std::sort(by_x_.begin(), by_x_.end(), [](const Body& a, const Body& b) {
+    return std::make_pair(a.ellipse_world.center_m.x(), a.element) <
+           std::make_pair(b.ellipse_world.center_m.x(), b.element);
+  });
+}
+
+/// The nearest body that is larger, or as large and older.
+const BodyJoiner::Body* BodyJoiner::nearest_body(const MapElement& part, const Ellipse& ellipse_world, double max_gap_m,
+                                                 const std::vector<MapElement>& elements) const {
+  const double part_radius_m = mean_radius_m(ellipse_world);
+  const double reach_m = largest_radius_m_ + ellipse_world.rx_m + max_gap_m;
+  auto near = std::lower_bound(by_x_.begin(), by_x_.end(), ellipse_world.center_m.x() - reach_m,
+                               [](const Body& body, double x_m) { return body.ellipse_world.center_m.x() < x_m; });
+  const Body* nearest = nullptr;
+  double nearest_m = max_gap_m;
+  for (; near != by_x_.end() && near->ellipse_world.center_m.x() <= ellipse_world.center_m.x() + reach_m; ++near) {
+    const MapElement& body = elements[near->element];
+    if (body.id == part.id || body.is_part) continue;
+    const double body_radius_m = mean_radius_m(near->ellipse_world);
+    const bool larger = body_radius_m > kLargerRadius * part_radius_m;
+    const bool as_large = body_radius_m > part_radius_m / kLargerRadius;
+    if (!larger && !(as_large && body.id < part.id)) continue;
+    const double gap = gap_m(near->ellipse_world, ellipse_world);
+    if (gap > nearest_m) continue;
+    nearest_m = gap;
+    nearest = &*near;
+  }
+  return nearest;
+}
+
+void BodyJoiner::join_parts(std::int64_t stamp_ns, const ObjectMapParams& params, std::vector<MapElement>& elements) {
+  find_bodies(stamp_ns, elements);
+  for (MapElement& part : elements) {
+    if (part.last_seen_ns != stamp_ns || part.state == TrackState::kDeleted) continue;
+    const Ellipse ellipse = ellipse_world(likelier(part.estimate).x);
+    if (part.is_part) {
+      const MapElement* const body = find_element(part.body, elements);
+      if (body != nullptr &&
+          gap_m(ellipse_world(combine(body->estimate).x), ellipse) <= kPartingGap * params.max_part_gap_m) {
+        continue;
+      }
+      part.is_part = false;
+      part.body = 0;
+    }
+    if (mean_radius_m(ellipse) > params.max_part_radius_m) continue;
+    const Body* const nearest = nearest_body(part, ellipse, params.max_part_gap_m, elements);
+    if (nearest == nullptr) {
+      part.body = 0;
+      continue;
+    }
+    MapElement& body = elements[nearest->element];
+    const Eigen::Vector2d& body_center_m = nearest->ellipse_world.center_m;
+    if (part.body != body.id) {
+      part.body = body.id;
+      part.met_world_m = ellipse.center_m;
+      part.body_met_world_m = body_center_m;
+    }
+    const Eigen::Vector2d body_way_m = body_center_m - part.body_met_world_m;
+    const Eigen::Vector2d way_m = ellipse.center_m - part.met_world_m;
+    const bool together =
+        body_way_m.norm() >= params.min_part_travel_m && way_m.dot(body_way_m) >= kSameWay * body_way_m.squaredNorm();
+    // A body that has limbs may show another; what was standing there before is none.
+    const bool limb = body.has_parts && (part.observations == 1 || part.mobile);
+    if (!together && !limb) continue;
+    part.is_part = true;
+    body.has_parts = true;
+    for (MapElement& other : elements) {
+      if (other.is_part && other.body == part.id) other.body = body.id;
+    }
+  }
+}
+
+std::size_t pass_on_identities(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped) {
+  std::size_t off_the_map = 0;
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    MapElement& body = elements[i];
+    const bool off = body.state != TrackState::kTentative && body.state != TrackState::kDeleted && body.log_odds <= 0.0;
+    if (!(dropped[i] != 0 || off) || !body.has_parts || body.is_part) continue;
+    std::size_t heir = elements.size();
+    double heir_m = 0.0;
+    for (std::size_t j = 0; j < elements.size(); ++j) {
+      if (dropped[j] != 0 || !elements[j].is_part || elements[j].body != body.id) continue;
+      if (dropped[i] == 0 && elements[j].last_seen_ns != stamp_ns) continue;
+      const double radius_m = likelier(elements[j].estimate).x(kShape);
+      if (radius_m <= heir_m) continue;
+      heir = j;
+      heir_m = radius_m;
+    }
+    if (heir == elements.size()) continue;
+    if (dropped[i] == 0) ++off_the_map;
+    MapElement& part = elements[heir];
+    std::swap(body.id, part.id);
+    std::swap(body.first_seen_ns, part.first_seen_ns);
+    part.is_part = false;
+    part.body = 0;
+    part.has_parts = true;
+    std::swap(body, part);
+    dropped[i] = 0;
+    dropped[heir] = 1;
+  }
+  return off_the_map;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/map_element.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Eigenvalues>
+
+namespace situation_awareness {
+
+const char* name_of(TrackState state) {
+  switch (state) {
+    case TrackState::kTentative:
+      return "tentative";
+    case TrackState::kConfirmed:
+      return "confirmed";
+    case TrackState::kLost:
+      return "lost";
+    case TrackState::kDeleted:
+      return "deleted";
+  }
+  return "";
+}
+
+double position_sigma_m(const ObjectEstimate& estimate) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
+  solver.computeDirect(estimate.P.block<2, 2>(object_state::kPosition, object_state::kPosition),
+                       Eigen::EigenvaluesOnly);
+  return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& elements) {
+  const auto place =
+      std::lower_bound(elements.begin(), elements.end(), id,
+                       [](const MapElement& element, std::uint64_t wanted) { return element.id < wanted; });
+  return place != elements.end() && place->id == id ? &*place : nullptr;
+}
+
+}  // namespace situation_awareness
