@@ -86,19 +86,21 @@ class MapFlights(unittest.TestCase):
         self.assertEqual(fly("--set", self.written("")), fly())
         unknown = run("--set", self.written("objects: {nonsense: 1}"))
         self.assertEqual(unknown.returncode, 0)
-        self.assertIn("set.yaml: unknown parameter objects.nonsense has no effect", unknown.stderr)
+        for fact in ("set.yaml", "objects.nonsense"):
+            self.assertIn(fact, unknown.stderr)
 
     def test_it_refuses_what_it_cannot_use(self):
-        for options, reason in ((["--hop", "1"], "unknown option --hop"), (["--seeds", "3-2"], "first after its last"),
-                                (["--seeds", "x"], "--seeds needs whole numbers, not x"),
-                                (["--duration", "-1"], "--duration needs a number that is not negative, not -1"),
-                                (["--duration"], "--duration needs a value")):
+        for options, facts in ((["--hop", "1"], ["--hop"]), (["--seeds", "3-2"], ["--seeds"]),
+                               (["--seeds", "x"], ["--seeds", "x"]), (["--duration", "-1"], ["--duration", "-1"]),
+                               (["--duration"], ["--duration"])):
             result = run(*options)
             self.assertEqual(result.returncode, 2)
-            self.assertIn(reason, result.stderr)
+            for fact in facts:
+                self.assertIn(fact, result.stderr.splitlines()[0].split())
         result = run("--sweep-s", "0.05")
         self.assertEqual(result.returncode, 1)
-        self.assertIn("lidar.sweep_s must be below 1 / lidar.rate_hz", result.stderr)
+        for fact in ("scanner.sweep_s", "scanner.rate_hz"):
+            self.assertIn(fact, result.stderr)
         self.assertEqual(run(world="missing").returncode, 1)
 
 
