@@ -3,6 +3,10 @@
 
 #include <cstdint>
 
+#include <Eigen/Core>
+
+#include "situation_awareness/common/random.hpp"
+
 namespace situation_awareness {
 
 /// A seed of its own for each scan of a sensor, so that its noise depends on nothing else: SplitMix64 (Steele, Lea,
@@ -15,6 +19,12 @@ inline std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
     return z ^ (z >> 31);
   };
   return mix(mix(seed) + scan);
+}
+
+/// Three standard normal numbers.
+inline Eigen::Vector3d normal3(Random& random) {
+  const double x = random.normal(), y = random.normal(), z = random.normal();  // in this order
+  return {x, y, z};
 }
 
 /// What a sensor's seed is combined with for the noise of its intensities, which so changes none of its ranges.

@@ -66,8 +66,14 @@ void add_sensor(const SensorMount& mount, WorldSensors& sensors) {
     sensors.scanners.push_back(sensor_at<SimulatedScannerParams>(mount, words));
   } else if (kind == "ring_scanner") {
     sensors.ring_scanners.push_back(sensor_at<SimulatedRingScannerParams>(mount, words));
+  } else if (kind == "imu") {
+    sensors.imus.push_back(sensor_at<SimulatedImuParams>(mount, words));
+  } else if (kind == "gnss") {
+    sensors.gnss_receivers.push_back(sensor_at<SimulatedGnssParams>(mount, words));
+  } else if (kind == "odometry") {
+    sensors.odometries.push_back(sensor_at<SimulatedOdometryParams>(mount, words));
   } else {
-    throw std::invalid_argument("starts with '" + kind + "' instead of scanner or ring_scanner");
+    throw std::invalid_argument("starts with '" + kind + "' instead of scanner, ring_scanner, imu, gnss or odometry");
   }
 }
 

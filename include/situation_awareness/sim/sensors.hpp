@@ -7,8 +7,11 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/sim/gnss.hpp"
+#include "situation_awareness/sim/imu.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scanner.hpp"
+#include "situation_awareness/sim/wheel_odometry.hpp"
 #include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
@@ -25,6 +28,9 @@ struct MountedSensor {
 struct WorldSensors {
   std::vector<MountedSensor<SimulatedScannerParams>> scanners;
   std::vector<MountedSensor<SimulatedRingScannerParams>> ring_scanners;
+  std::vector<MountedSensor<SimulatedImuParams>> imus;
+  std::vector<MountedSensor<SimulatedGnssParams>> gnss_receivers;
+  std::vector<MountedSensor<SimulatedOdometryParams>> odometries;
 };
 
 /// Reads what the file says of its sensors: the kind, then names of the kind's parameters, each followed by its value,

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/sim/wheel_odometry.hpp"
+
+#include <cmath>
+
+#include "seeds.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+
+SimulatedOdometry::SimulatedOdometry(const World& world, const Eigen::Isometry3d& T_robot_base,
+                                     const SimulatedOdometryParams& params, std::uint64_t seed)
+    : world_(world), T_robot_base_(T_robot_base), params_(params), random_(seed_of_scan(seed, 0)) {
+  params.validate();
+  distance_scale_ = 1.0 + params.distance_scale_sigma * random_.normal();
+  yaw_scale_ = 1.0 + params.yaw_scale_sigma * random_.normal();
+}
+
+Pose2 SimulatedOdometry::true_pose_at(double time_s) const {
+  const Eigen::Isometry3d T = world_.robot_at(time_s).T_world_robot * T_robot_base_;
+  return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))};
+}
+
+OdometrySample SimulatedOdometry::next() {
+  const double time_s = next_time_s();
+  OdometrySample sample;
+  sample.stamp_ns = nanoseconds(time_s);
+  if (samples_++ > 0) {
+    const double period_s = 1.0 / params_.rate_hz;
+    Pose2 motion = inverse(true_pose_at(time_s - period_s)) * true_pose_at(time_s);
+    motion.yaw_rad = wrap_to_pi(motion.yaw_rad);
+    const double distance_m = motion.translation_m.norm(), turn_rad = std::abs(motion.yaw_rad);
+    const double distance_error_m = params_.distance_noise * std::sqrt(distance_m) * random_.normal();
+    const double yaw_error_rad = params_.yaw_noise_of_distance * std::sqrt(distance_m) * random_.normal() +
+                                 params_.yaw_noise_of_yaw * std::sqrt(turn_rad) * random_.normal();
+    if (distance_m > 0.0) motion.translation_m *= distance_scale_ + distance_error_m / distance_m;
+    motion.yaw_rad = yaw_scale_ * motion.yaw_rad + yaw_error_rad;
+    T_odom_base_ = T_odom_base_ * motion;
+    T_odom_base_.yaw_rad = wrap_to_pi(T_odom_base_.yaw_rad);
+    sample.velocity_base_m_s = motion.translation_m / period_s;
+    sample.yaw_rate_rad_s = motion.yaw_rad / period_s;
+  }
+  sample.T_odom_base = T_odom_base_;
+  return sample;
+}
+
+}  // namespace situation_awareness
