@@ -18,6 +18,7 @@ from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # 
 STAGES = ("segmentation", "detection", "mapping")
 PATIENCE_S = 60.0
 LATE_S = 0.1  # the transform, in wall time
+LATENCY_S = 0.5 * LATE_S  # at least: on a busy machine the scan itself is under way for a part of that
 
 
 class SimulatedTimeTest(unittest.TestCase):
@@ -52,13 +53,13 @@ class SimulatedTimeTest(unittest.TestCase):
         for stage in STAGES:
             for status in self.worked(stage):
                 for key in ("latency p50 [ms]", "latency p99 [ms]"):
-                    self.assertGreater(float(status[key]), 1e3 * LATE_S, (stage, key))
+                    self.assertGreater(float(status[key]), 1e3 * LATENCY_S, (stage, key))
                     self.assertLess(float(status[key]), 5e3, (stage, key))
                 self.assertGreater(float(status["latency p50 [ms]"]), float(status["processing p50 [ms]"]))
 
     def test_waiting_and_processing_are_not_those_of_a_clock_that_stands(self):
         for status in self.worked("segmentation"):
-            self.assertGreater(float(status["wait for TF p50 [ms]"]), 1e3 * LATE_S)
+            self.assertGreater(float(status["wait for TF p50 [ms]"]), 1e3 * LATENCY_S)
         for stage in STAGES:
             self.assertGreater(max(float(status["processing p99 [ms]"]) for status in self.worked(stage)), 0.0, stage)
 
@@ -70,7 +71,7 @@ class SimulatedTimeTest(unittest.TestCase):
     def test_messages_carry_it_on(self):
         for segments in self.segments.messages:
             detections = next(msg for msg in self.detections.messages if msg.header.stamp == segments.header.stamp)
-            self.assertGreater(segments.latency, LATE_S)
+            self.assertGreater(segments.latency, LATENCY_S)
             self.assertGreater(detections.latency, segments.latency)
             self.assertLess(detections.latency, 5.0)
 
