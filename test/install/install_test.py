@@ -24,6 +24,8 @@ TEST = pathlib.Path(__file__).resolve().parent
 SOURCE = TEST.parents[1]
 BUILD, PREFIX = (pathlib.Path(argument).resolve() for argument in sys.argv[1:3])
 PACKAGE = PREFIX / "share" / "situation_awareness"
+REQUIRED_ARGUMENTS = {"stages.launch": ("stages:=segmentation detection", "manager:=objects_manager",
+                                        f"config:={PACKAGE / 'cfg' / 'objects.yaml'}")}
 
 
 def free_port():
@@ -79,7 +81,8 @@ class InstallTest(unittest.TestCase):
 
     def test_2_what_a_launch_names_is_there(self):
         for launch in sorted((SOURCE / "launch").glob("*.launch")):
-            files = self.run_installed("roslaunch", "--files", "situation_awareness", launch.name)
+            files = self.run_installed("roslaunch", "--files", "situation_awareness", launch.name,
+                                       *REQUIRED_ARGUMENTS.get(launch.name, ()))
             self.assertEqual(files.returncode, 0, files.stderr)
             for path in files.stdout.split():
                 self.assertTrue(path.startswith(str(PACKAGE)), path)
