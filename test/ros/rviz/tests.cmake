@@ -17,4 +17,5 @@ foreach(name display panel panel_live)
   add_dependencies(rviz_${name}_test ${PROJECT_NAME}_rviz)  # loaded by its name, as rviz does
   situation_awareness_ros_test(rviz/${name}_test xvfb-run -a -s "-screen 0 1280x800x24 +extension GLX +render -noreset"
     rostest ${CMAKE_CURRENT_SOURCE_DIR}/rviz/${name}.test)
+  set_tests_properties(ros/rviz/${name}_test PROPERTIES RESOURCE_LOCK display)  # xvfb-run takes a free number, not safely
 endforeach()
