@@ -201,7 +201,7 @@ class HostsTest(unittest.TestCase):
     def test_5_a_manager_that_was_replaced_while_the_link_was_cut_is_found(self):
         """The master tells subscribers of a new publisher once, and this one could not hear it."""
         managers = [pid for pid in ip("netns", "pids", self.network.names["robot"]).split()
-                    if b"/objects_manager\0" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes()]
+                    if b"/stage_manager\0" in pathlib.Path(f"/proc/{pid}/cmdline").read_bytes()]
         self.assertEqual(len(managers), 1)
         self.network.set_link("switch", "ground", "down")
         os.kill(int(managers[0]), signal.SIGKILL)
