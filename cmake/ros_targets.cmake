@@ -45,14 +45,25 @@ function(situation_awareness_node name source)
   install(TARGETS ${name} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 endfunction()
 
+# What the programs share that read a bag. They alone need it, so it is not installed.
+add_library(${PROJECT_NAME}_bag STATIC
+  src/ros/bag/atomic_file.cpp
+  src/ros/bag/bag_options.cpp
+  src/ros/bag/bag_player.cpp
+  src/ros/bag/json_line.cpp
+  src/ros/bag/progress.cpp
+  src/ros/bag/scans.cpp)
+situation_awareness_target(${PROJECT_NAME}_bag)
+target_include_directories(${PROJECT_NAME}_bag PUBLIC tools)
+target_link_libraries(${PROJECT_NAME}_bag PUBLIC ${PROJECT_NAME}_ros CLI11::CLI11 nlohmann_json::nlohmann_json)
+
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
-situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp)
+situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
-  situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_sim)
-  target_include_directories(simulate_bag PRIVATE tools)
+  situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag ${PROJECT_NAME}_sim)
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
   if(TARGET ${PROJECT_NAME}_camera)
@@ -74,7 +85,7 @@ install(TARGETS ${PROJECT_NAME}_core ${PROJECT_NAME}_ros ${PROJECT_NAME}_nodelet
 install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION}
   FILES_MATCHING PATTERN *.hpp
   PATTERN bridges EXCLUDE  # those need messages of other packages
-  PATTERN evaluation EXCLUDE)  # of a library that is not installed
+  PATTERN bag EXCLUDE PATTERN evaluation EXCLUDE)  # of libraries that are not installed
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # Of the scripts only what a launch file starts: the others build and test a source tree.

@@ -45,11 +45,17 @@ def offline(bag, folder, *arguments, until=None):
                 out.write(topic, msg, at)
         bag = part
     lines, saved = folder / "offline.jsonl", folder / "offline.yaml"
-    subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--out", str(lines), "--save-map",
+    subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--out", str(lines), "--save-objects",
                     str(saved), *arguments], check=True, capture_output=True, text=True, timeout=120)
-    texts = [line.split(", ", 1)[0].split(": ")[1] for line in lines.read_text().splitlines()]
-    stamps = [genpy.Time(*map(int, text.split("."))) for text in texts]
-    return dict(zip(stamps, map(json.loads, lines.read_text().splitlines()))), saved.read_bytes()
+    maps = [json.loads(line, parse_float=Number) for line in lines.read_text().splitlines()]
+    return {genpy.Time(*map(int, line["stamp"].text.split("."))): line for line in maps}, saved.read_bytes()
+
+
+class Number(float):
+    """A number as it was written: a stamp has more digits than a float."""
+
+    def __init__(self, text):
+        self.text = text
 
 
 def objects_of(message):

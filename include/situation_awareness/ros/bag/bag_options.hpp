@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <CLI/CLI.hpp>
+
+namespace situation_awareness {
+
+/// What every program that reads a bag is told.
+struct BagOptions {
+  std::string bag;
+  std::string config;  ///< path; empty: cfg/ of this package
+  std::string world_frame = "world";
+  bool static_sensor = false;
+  double tf_timeout_s = 10.0;
+};
+
+/// Of the options: the bag, and those for its frames and parameters. `default_config` is the name of a file in cfg/.
+void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config);
+
+/// The file of parameters. Throws std::runtime_error where the package is not found.
+std::string config_path(const BagOptions& options, const std::string& default_config);
+
+}  // namespace situation_awareness

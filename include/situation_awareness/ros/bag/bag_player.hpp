@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <ros/message_traits.h>
+#include <ros/time.h>
+#include <rosbag/bag.h>
+#include <rosbag/message_instance.h>
+#include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
+#include <Eigen/Geometry>
+#include <boost/shared_ptr.hpp>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+
+/// Plays a bag as fast as the program takes it, message by message in the order of the recording. Measurements of one
+/// sensor wait for the poses of its frame as they do in the nodelets, by the time of the recording.
+class BagPlayer {
+ public:
+  /// What a program does with a measurement of a sensor at these poses: empty text if it was used, else why it was
+  /// dropped, as a text that can be counted.
+  using Use =
+      std::function<std::string(const Eigen::Isometry3d& T_world_sensor, const Eigen::Isometry3d& T_world_sensor_end)>;
+  template <class Message>
+  using Take = std::function<void(const boost::shared_ptr<const Message>& msg, const ros::Time& recorded)>;
+
+  /// Opens the bag; measurements whose stamps go back by more than `reset_time_jump_s` start again. Throws
+  /// std::runtime_error in one sentence.
+  BagPlayer(const BagOptions& options, double reset_time_jump_s);
+
+  /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
+  /// the bag or of another type, naming the topics of this type.
+  template <class Message>
+  void subscribe(const std::string& topic, Take<Message> take) {
+    using ros::message_traits::datatype;
+    subscriptions_[find_topic(topic, datatype<Message>())] = [take = std::move(take)](const auto& instance) {
+      take(read<Message>(instance), instance.getTime());
+    };
+  }
+
+  /// The same for the measurements that the program is about: `take` ends in `use_when_posed` or `drop` for each of
+  /// them. `noun` is what they are called, such as "scans".
+  template <class Message>
+  void subscribe_measurements(const std::string& topic, const std::string& noun, Take<Message> take) {
+    subscribe<Message>(topic, [this, take = std::move(take)](const auto& msg, const ros::Time& recorded) {
+      ++measurements_;
+      take(msg, recorded);
+    });
+    noun_ = noun;
+    measured_topic_ = find_topic(topic, ros::message_traits::datatype<Message>());
+  }
+
+  /// Where `taken` says so in the course of the recording.
+  void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
+
+  void drop(const std::string& reason) { ++dropped_[reason]; }
+
+  /// What `work` returns; how long it took is for the summary.
+  template <class Work>
+  decltype(auto) timed(const Work& work) {
+    const Timer timer(durations_ms_);
+    return work();
+  }
+
+  /// From the first message to the last. Throws std::runtime_error in one sentence: where the bag is damaged, and where
+  /// no measurement could be used, with the reasons and the frames that the bag has.
+  void play();
+
+  /// On stdout: how many measurements were used and dropped for which reasons, and how long they took.
+  void print_summary() const;
+
+ private:
+  struct Timer {
+    explicit Timer(std::vector<double>& durations) : durations_ms(durations) {}
+    ~Timer() {
+      const std::chrono::duration<double, std::milli> duration = std::chrono::steady_clock::now() - start;
+      durations_ms.push_back(duration.count());
+    }
+    std::vector<double>& durations_ms;
+    std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
+  };
+
+  template <class Message>
+  static boost::shared_ptr<const Message> read(const rosbag::MessageInstance& instance) {
+    const boost::shared_ptr<const Message> msg = instance.instantiate<Message>();
+    if (!msg) other_version(instance.getTopic());
+    return msg;
+  }
+  [[noreturn]] static void other_version(const std::string& topic);
+
+  std::string find_topic(const std::string& wanted, const std::string& datatype);
+  void add_transforms(const tf2_msgs::TFMessage& msg, bool is_static);
+  void play_all();
+  void release(std::int64_t now_ns);
+  void check_used() const;
+
+  BagOptions options_;
+  rosbag::Bag bag_;
+  std::map<std::string, std::function<void(const rosbag::MessageInstance&)>> subscriptions_;  ///< by topic
+  std::string noun_, measured_topic_;
+  std::set<std::string> frames_;  ///< of all transforms
+  std::string sensor_frame_;      ///< of the latest measurement
+  tf2::BufferCore transforms_;
+  TransformQueue<Use> queue_;
+  std::size_t measurements_ = 0, used_ = 0;
+  Counters dropped_;
+  std::vector<double> durations_ms_;
+  double recorded_s_ = 0.0, wall_s_ = 0.0;
+};
+
+}  // namespace situation_awareness

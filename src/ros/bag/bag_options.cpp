@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/bag/bag_options.hpp"
+
+#include "command_line.hpp"
+#include "situation_awareness/ros/params/package.hpp"
+
+namespace situation_awareness {
+
+void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config) {
+  app.add_option("IN.bag", options.bag, "the bag")->required()->type_name("");
+  app.add_option("--world-frame", options.world_frame, "frame of the map, found in /tf and /tf_static (default world)")
+      ->type_name("NAME");
+  app.add_flag("--static-sensor", options.static_sensor, "the sensor is the world: for bags without transforms");
+  app.add_option("--tf-timeout", options.tf_timeout_s,
+                 "how long a measurement waits for its transforms, by the\ntime of the recording (default 10)")
+      ->type_name("S")
+      ->check(from_to(0.0, 1e6));
+  app.add_option("--config", options.config, "parameters (default: cfg/" + default_config + " of this package)")
+      ->type_name("FILE");
+}
+
+std::string config_path(const BagOptions& options, const std::string& default_config) {
+  return options.config.empty() ? package_folder() + "/cfg/" + default_config : options.config;
+}
+
+}  // namespace situation_awareness
