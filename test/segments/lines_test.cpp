@@ -252,7 +252,7 @@ TEST(StraightPieces, GoOnBehindAFewHitsOffTheirLine) {
   Random random(8);
   for (int i = 0; i < 50; ++i) {
     Scan scan = scene.scan(&random);
-    const std::size_t at = 540 + static_cast<std::size_t>(random.uniform(-80.0, 80.0));
+    const auto at = static_cast<std::size_t>(540.0 + random.uniform(-80.0, 80.0));
     for (std::size_t k = at; k < at + 3; ++k) scan.beams[k].range_m -= 0.12F;
     const Segments segments = with_straight_pieces(segment_scan(scan), {}, kSigma_m);
     ASSERT_EQ(segments.segments.size(), 1U);

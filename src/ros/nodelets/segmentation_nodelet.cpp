@@ -66,6 +66,8 @@ class SegmentationStage {
     // Transforms come by another way than scans, so arrival of a scan alone would leave the latest one waiting.
     context.every(0.005, [this] { release(); });
   }
+  SegmentationStage(const SegmentationStage&) = delete;
+  SegmentationStage& operator=(const SegmentationStage&) = delete;
 
   bool process(const PosedScan& posed) {
     const Scan scan = scan_from_msg(*posed.msg);
