@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstring>
 
 #include <sensor_msgs/point_cloud2_iterator.h>
 
@@ -27,17 +28,19 @@ sensor_msgs::PointCloud2 cloud_to_msg(const Cloud& cloud, const std::string& sen
   msg.is_dense = std::none_of(cloud.points.begin(), cloud.points.end(),
                               [](const CloudPoint& point) { return std::isnan(point.x_m); });
 
-  sensor_msgs::PointCloud2Iterator<float> x(msg, "x"), y(msg, "y"), z(msg, "z"), intensity(msg, "intensity");
-  sensor_msgs::PointCloud2Iterator<std::uint16_t> ring(msg, "ring");
-  sensor_msgs::PointCloud2Iterator<float> time(msg, "time");
+  // The fields are packed as drivers pack them, so most floats lie where none may be referred to.
+  std::uint8_t* to = msg.data.data();
+  const auto put = [&to](auto value) {
+    std::memcpy(to, &value, sizeof value);
+    to += sizeof value;
+  };
   for (const CloudPoint& point : cloud.points) {
-    *x = point.x_m;
-    *y = point.y_m;
-    *z = point.z_m;
-    *intensity = point.intensity;
-    *ring = point.ring;
-    *time = point.time_s;
-    ++x, ++y, ++z, ++intensity, ++ring, ++time;
+    put(point.x_m);
+    put(point.y_m);
+    put(point.z_m);
+    put(point.intensity);
+    put(point.ring);
+    put(point.time_s);
   }
   return msg;
 }
