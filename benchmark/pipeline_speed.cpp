@@ -19,7 +19,7 @@
 #include <nlohmann/json.hpp>
 
 #include "allocations.hpp"
-#include "options.hpp"
+#include "command_line.hpp"
 #include "situation_awareness/detections/network.hpp"
 #include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/detections/paper_networks.hpp"
@@ -33,62 +33,35 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
-constexpr const char* kUsage =
-    "usage: pipeline_speed --config FILE.yaml --models FOLDER [options]\n"
-    "\n"
-    "Takes synthetic scans to a map, one behind the other, and writes what that cost as one line of JSON: in us and\n"
-    "allocations per scan. 'whole' is ObjectPipeline::process, 'stages' are the same scans stage by stage.\n"
-    "\n"
-    "  --config FILE      parameters of the map, such as cfg/objects.yaml\n"
-    "  --models FOLDER    where a relative model is looked for\n"
-    "  --beams N          of the scanner, over 270 degrees (default 1081)\n"
-    "  --objects N        in a ring around it (default 12)\n"
-    "  --elements N       that the map remembers besides, from other rooms, about (default 0)\n"
-    "  --threads N        as many pipelines at once, each with its own scans (default 1)\n"
-    "  --scans N          that count (default 600)\n"
-    "  --warm-up N        before these (default 160)\n"
-    "  --rate-hz R        of the scans: pause between them as a scanner does (default 0: none)\n"
-    "  --seed N           of the scene (default 1)\n"
-    "  --networks         time per segment beside that of a full forward of the paper's VGG-Net\n"
-    "  --help             this text\n";
+constexpr const char* kDescription =
+    R"(Takes synthetic scans to a map, one behind the other, and writes what that cost as one line of JSON: in us and
+allocations per scan. 'whole' is ObjectPipeline::process, 'stages' are the same scans stage by stage.
+)";
 
-struct Arguments {
+struct Options {
   std::string config, models;
   int beams = 1081, objects = 12, elements = 0, threads = 1, scans = 600, warm_up = 160, rate_hz = 0, seed = 1;
   bool networks = false;
-  bool help = false;
 };
 
-int whole_number(const std::string& option, const std::string& text, int low) {
-  if (text.empty() || text.size() > 8 || text.find_first_not_of("0123456789") != std::string::npos ||
-      std::stoi(text) < low) {
-    throw UsageError(option + " needs a whole number of at least " + std::to_string(low) + ", not " + text);
-  }
-  return std::stoi(text);
-}
-
-Arguments parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  const auto number_into = [](int& place, int low) {
-    return
-        [&place, low](const std::string& option, const std::string& text) { place = whole_number(option, text, low); };
+void add_options(CLI::App& app, Options& options) {
+  app.add_option("--config", options.config, "parameters of the map, such as cfg/objects.yaml")
+      ->required()
+      ->type_name("FILE");
+  app.add_option("--models", options.models, "where a relative model is looked for")->required()->type_name("FOLDER");
+  const auto number = [&app](const char* name, int& value, int low, const char* what) {
+    app.add_option(name, value, what)->type_name("N")->check(from_to(low, 1e8));
   };
-  arguments.help = read_options(argc, argv,
-                                {{"--config", into(arguments.config)},
-                                 {"--models", into(arguments.models)},
-                                 {"--beams", number_into(arguments.beams, 2)},
-                                 {"--objects", number_into(arguments.objects, 1)},
-                                 {"--elements", number_into(arguments.elements, 0)},
-                                 {"--threads", number_into(arguments.threads, 1)},
-                                 {"--scans", number_into(arguments.scans, 1)},
-                                 {"--warm-up", number_into(arguments.warm_up, 0)},
-                                 {"--rate-hz", number_into(arguments.rate_hz, 0)},
-                                 {"--seed", number_into(arguments.seed, 0)}},
-                                {{"--networks", &arguments.networks}});
-  if (arguments.help) return arguments;
-  require("--config", arguments.config);
-  require("--models", arguments.models);
-  return arguments;
+  number("--beams", options.beams, 2, "of the scanner, over 270 degrees");
+  number("--objects", options.objects, 1, "in a ring around it");
+  number("--elements", options.elements, 0, "that the map remembers besides, from other rooms, about");
+  number("--threads", options.threads, 1, "as many pipelines at once, each with its own scans");
+  number("--scans", options.scans, 1, "that count");
+  number("--warm-up", options.warm_up, 0, "before these");
+  number("--rate-hz", options.rate_hz, 0, "of the scans: pause between them as a scanner does;\n0: no pause");
+  number("--seed", options.seed, 0, "of the scene");
+  app.add_flag("--networks", options.networks,
+               "time per segment beside that of a full forward of the\npaper's VGG-Net");
 }
 
 double cpu_now_us(clockid_t clock) {
@@ -295,27 +268,27 @@ void check_same(const Objects& whole, const Objects& staged) {
 
 class Run {
  public:
-  Run(const Arguments& arguments, const ObjectPipelineParams& params, int thread)
-      : arguments_(arguments),
+  Run(const Options& options, const ObjectPipelineParams& params, int thread)
+      : options_(options),
         pipeline_(params),
         staged_(params),
-        result_(static_cast<std::size_t>(arguments.scans)),
-        seed_(static_cast<std::uint64_t>(arguments.seed) + 1000 * static_cast<std::uint64_t>(thread)) {
-    if (arguments.networks) networks_ = std::make_unique<NetworkComparison>(params, arguments.models);
+        result_(static_cast<std::size_t>(options.scans)),
+        seed_(static_cast<std::uint64_t>(options.seed) + 1000 * static_cast<std::uint64_t>(thread)) {
+    if (options.networks) networks_ = std::make_unique<NetworkComparison>(params, options.models);
     visit_other_rooms();
-    const SyntheticScene scene(arguments.beams, arguments.objects, seed_);
-    for (int i = 0; i < arguments.warm_up + arguments.scans; ++i) {
+    const SyntheticScene scene(options.beams, options.objects, seed_);
+    for (int i = 0; i < options.warm_up + options.scans; ++i) {
       scans_.push_back(scene.scan(next_scan_++));
-      if (i < arguments.warm_up) warm_up(scans_.back());
+      if (i < options.warm_up) warm_up(scans_.back());
     }
   }
 
   /// Without a word to the heap of its own between the scans.
   void run() {
     constexpr std::size_t kNetworksEvery = 10;  // a full forward is slow
-    const std::chrono::duration<double> step(arguments_.rate_hz > 0 ? 1.0 / arguments_.rate_hz : 0.0);
+    const std::chrono::duration<double> step(options_.rate_hz > 0 ? 1.0 / options_.rate_hz : 0.0);
     Clock::time_point due = Clock::now();
-    for (std::size_t i = static_cast<std::size_t>(arguments_.warm_up); i < scans_.size(); ++i) {
+    for (std::size_t i = static_cast<std::size_t>(options_.warm_up); i < scans_.size(); ++i) {
       const SyntheticScan& scan = scans_[i];
       const bool whole_first = i % 2 == 0;
       if (whole_first) process_whole(scan);
@@ -337,7 +310,7 @@ class Run {
       result_.elements = values.map.objects.size();
     }
     if (!networks_) return;
-    const double segments = static_cast<double>(result_.segments) / arguments_.scans;
+    const double segments = static_cast<double>(result_.segments) / options_.scans;
     result_.networks = networks_->json(quantile(result_.whole.cpu_us, 0.5) / segments);
   }
 
@@ -348,9 +321,9 @@ class Run {
   void visit_other_rooms() {
     constexpr int kObjectsOfRoom = 200, kBeams = 3600, kScansOfRoom = 60, kScansToNextRoom = 20;
     constexpr double kToNextRoom_m = 30.0;
-    const int rooms = (arguments_.elements + kObjectsOfRoom - 1) / kObjectsOfRoom;
+    const int rooms = (options_.elements + kObjectsOfRoom - 1) / kObjectsOfRoom;
     for (int room = rooms; room > 0; --room) {
-      const SyntheticScene scene(kBeams, std::min(kObjectsOfRoom, arguments_.elements - (room - 1) * kObjectsOfRoom),
+      const SyntheticScene scene(kBeams, std::min(kObjectsOfRoom, options_.elements - (room - 1) * kObjectsOfRoom),
                                  seed_ + 10 + static_cast<std::uint64_t>(room), SceneMotion::kNone,
                                  {kToNextRoom_m * room, 0.0});
       for (int i = 0; i < kScansOfRoom; ++i) warm_up(scene.scan(next_scan_++));
@@ -375,7 +348,7 @@ class Run {
     std::this_thread::sleep_until(due);
   }
 
-  const Arguments& arguments_;
+  const Options& options_;
   ObjectPipeline pipeline_;
   StagedPipeline staged_;
   std::unique_ptr<NetworkComparison> networks_;
@@ -385,11 +358,11 @@ class Run {
   std::vector<SyntheticScan> scans_;
 };
 
-Json run_case(const Arguments& arguments) {
-  ObjectPipelineParams params = load_object_pipeline_params(arguments.config, arguments.models);
-  if (arguments.elements > 0) params.objects.max_unseen_s = 1e6;  // to have them all until the last scan
+Json run_case(const Options& options) {
+  ObjectPipelineParams params = load_object_pipeline_params(options.config, options.models);
+  if (options.elements > 0) params.objects.max_unseen_s = 1e6;  // to have them all until the last scan
   std::vector<std::unique_ptr<Run>> runs;
-  for (int i = 0; i < arguments.threads; ++i) runs.push_back(std::make_unique<Run>(arguments, params, i));
+  for (int i = 0; i < options.threads; ++i) runs.push_back(std::make_unique<Run>(options, params, i));
 
   std::vector<std::exception_ptr> errors(runs.size());
   std::vector<double> thread_cpu_us(runs.size());
@@ -423,21 +396,21 @@ Json run_case(const Arguments& arguments) {
     all.detections += run->result().detections;
     all.elements += run->result().elements;
   }
-  const double scans = static_cast<double>(arguments.scans) * arguments.threads;
+  const double scans = static_cast<double>(options.scans) * options.threads;
   const double own_cpu_us = std::accumulate(thread_cpu_us.begin(), thread_cpu_us.end(), 0.0);
-  Json json = {{"beams", arguments.beams},
-               {"objects", arguments.objects},
-               {"threads", arguments.threads},
-               {"scans", arguments.scans},
-               {"rate_hz", arguments.rate_hz},
+  Json json = {{"beams", options.beams},
+               {"objects", options.objects},
+               {"threads", options.threads},
+               {"scans", options.scans},
+               {"rate_hz", options.rate_hz},
                {"hit", static_cast<double>(all.hit) / scans},
                {"segments", static_cast<double>(all.segments) / scans},
                {"detections", static_cast<double>(all.detections) / scans},
-               {"elements", static_cast<double>(all.elements) / arguments.threads},
+               {"elements", static_cast<double>(all.elements) / options.threads},
                {"whole", all.whole.json()},
                {"stages", all.stages.json()},
                {"other_threads_cpu_part", (cpu_of_all_us - own_cpu_us) / cpu_of_all_us}};
-  if (arguments.networks) json["networks"] = runs.front()->result().networks;
+  if (options.networks) json["networks"] = runs.front()->result().networks;
   return json;
 }
 
@@ -446,8 +419,11 @@ Json run_case(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("pipeline_speed", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
-    std::printf("%s\n", run_case(arguments).dump().c_str());
+  Options options;
+  CommandLine app("pipeline_speed", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
+    std::printf("%s\n", run_case(options).dump().c_str());
     return 0;
   });
 }

@@ -20,7 +20,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "options.hpp"
+#include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -33,59 +33,33 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kUsage =
-    "usage: soak --config FILE.yaml --models FOLDER [options]\n"
-    "\n"
-    "Takes scans of many hours to a map as fast as it can, one of 20 to a second of their stamps, bad ones among "
-    "them.\n"
-    "Writes a line of JSON per block (memory in use at its end, thread CPU time per scan), and at last what became of\n"
-    "every scan. Blocks are of simulated and of recorded scans in turn; time starts again after 1, 2, 3 and 24 "
-    "blocks,\n"
-    "over and over. The exit code is 1 if a scan did not end as its kind must.\n"
-    "\n"
-    "  --config FILE      parameters of the map, such as cfg/objects.yaml\n"
-    "  --models FOLDER    where a relative model is looked for\n"
-    "  --scans FILE       recorded scans, as scripts/evaluation/soak.py writes them (default: simulated ones alone)\n"
-    "  --hours H          of scans (default 40)\n"
-    "  --block-s S        of scans in a block, 2 at least (default 600)\n"
-    "  --bad-part P       of the scans, for each kind of bad ones, 0.1 at most (default 0.002)\n"
-    "  --seed N           of scene and bad scans (default 1)\n"
-    "  --help             this text\n";
+constexpr const char* kDescription =
+    R"(Takes scans of many hours to a map as fast as it can, one of 20 to a second of their stamps, bad ones among them.
+Writes a line of JSON per block (memory in use at its end, thread CPU time per scan), and at last what became of
+every scan. Blocks are of simulated and of recorded scans in turn; time starts again after 1, 2, 3 and 24 blocks,
+over and over. The exit code is 1 if a scan did not end as its kind must.
+)";
 
-struct Arguments {
+struct Options {
   std::string config, models, scans;
-  double hours = 40.0, block_s = 600.0, bad_part = 0.002, seed = 1.0;
-  bool help = false;
+  double hours = 40.0, block_s = 600.0, bad_part = 0.002;
+  std::uint64_t seed = 1;
 };
 
-double number(const std::string& option, const std::string& text, double low, double high) {
-  const double value = number_of(text);
-  if (!(value >= low && value <= high)) {
-    throw UsageError(option + " needs a number from " + std::to_string(low) + " to " + std::to_string(high) + ", not " +
-                     text);
-  }
-  return value;
-}
-
-Arguments parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  const auto number_into = [](double& place, double low, double high) {
-    return [&place, low, high](const std::string& option, const std::string& text) {
-      place = number(option, text, low, high);
-    };
-  };
-  arguments.help = read_options(argc, argv,
-                                {{"--config", into(arguments.config)},
-                                 {"--models", into(arguments.models)},
-                                 {"--scans", into(arguments.scans)},
-                                 {"--hours", number_into(arguments.hours, 0.001, 10000.0)},
-                                 {"--block-s", number_into(arguments.block_s, 2.0, 3600.0)},
-                                 {"--bad-part", number_into(arguments.bad_part, 0.0, 0.1)},
-                                 {"--seed", number_into(arguments.seed, 0.0, 1e9)}});
-  if (arguments.help) return arguments;
-  require("--config", arguments.config);
-  require("--models", arguments.models);
-  return arguments;
+void add_options(CLI::App& app, Options& options) {
+  app.add_option("--config", options.config, "parameters of the map, such as cfg/objects.yaml")
+      ->required()
+      ->type_name("FILE");
+  app.add_option("--models", options.models, "where a relative model is looked for")->required()->type_name("FOLDER");
+  app.add_option("--scans", options.scans,
+                 "recorded scans, as scripts/evaluation/soak.py writes them\n(default: simulated ones alone)")
+      ->type_name("FILE");
+  app.add_option("--hours", options.hours, "of scans")->type_name("H")->check(from_to(0.001, 10000.0));
+  app.add_option("--block-s", options.block_s, "of scans in a block")->type_name("S")->check(from_to(2.0, 3600.0));
+  app.add_option("--bad-part", options.bad_part, "of the scans, for each kind of bad ones")
+      ->type_name("P")
+      ->check(from_to(0.0, 0.1));
+  app.add_option("--seed", options.seed, "of scene and bad scans")->type_name("N")->check(from_to(0.0, 1e9));
 }
 
 // --- what is sent
@@ -142,15 +116,15 @@ std::vector<SyntheticScan> read_scans(const std::string& path) {
 /// Makes the scans, one after the other, from loops of simulated and of recorded ones.
 class Feed {
  public:
-  Feed(const Arguments& arguments, double reset_time_jump_s)
-      : block_scans_(std::lround(arguments.block_s * kRate_hz)),
-        bad_part_(arguments.bad_part),
+  Feed(const Options& options, double reset_time_jump_s)
+      : block_scans_(std::lround(options.block_s * kRate_hz)),
+        bad_part_(options.bad_part),
         max_back_s_(0.9 * reset_time_jump_s),
-        random_(static_cast<std::uint64_t>(arguments.seed) + 1) {
+        random_(options.seed + 1) {
     constexpr int kBeams = 1081, kObjects = 12, kNoises = 16;
-    const SyntheticScene scene(kBeams, kObjects, static_cast<std::uint64_t>(arguments.seed));
+    const SyntheticScene scene(kBeams, kObjects, options.seed);
     for (int i = 0; i < kNoises * SyntheticScene::kPeriodScans; ++i) simulated_.scans.push_back(scene.scan(i));
-    if (!arguments.scans.empty()) recorded_.scans = read_scans(arguments.scans);
+    if (!options.scans.empty()) recorded_.scans = read_scans(options.scans);
   }
 
   /// Puts the next scan into now() and kind().
@@ -291,11 +265,11 @@ class Times {
 
 class Soak {
  public:
-  Soak(const Arguments& arguments, const ObjectPipelineParams& params)
-      : scans_(std::lround(arguments.hours * 3600.0 * Feed::kRate_hz)),
+  Soak(const Options& options, const ObjectPipelineParams& params)
+      : scans_(std::lround(options.hours * 3600.0 * Feed::kRate_hz)),
         params_(params),
         pipeline_(params),
-        feed_(arguments, params.objects.reset_time_jump_s),
+        feed_(options, params.objects.reset_time_jump_s),
         times_(feed_.block_scans()),
         yardstick_(feed_.block_scans()) {}
 
@@ -339,9 +313,8 @@ class Soak {
       if (result.update.reasons.of(reason) != 0) return std::string("refused: ") + reason;
     }
     if (result.update.reasons.of("time jumped back: new map") != 0) return kNewMap;
-    const bool hits = std::any_of(result.points.points.begin(), result.points.points.end(), [](const Point& point) {
-      return is_hit(point.state);
-    });
+    const bool hits = std::any_of(result.points.points.begin(), result.points.points.end(),
+                                  [](const Point& point) { return is_hit(point.state); });
     return hits ? kMapped : kMappedBlind;
   }
 
@@ -416,8 +389,11 @@ class Soak {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("soak", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
-    Soak soak(arguments, load_object_pipeline_params(arguments.config, arguments.models));
+  Options options;
+  CommandLine app("soak", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
+    Soak soak(options, load_object_pipeline_params(options.config, options.models));
     return soak.run() ? 0 : 1;
   });
 }

@@ -14,7 +14,7 @@ namespace situation_awareness {
 class CommandLine : public CLI::App {
  public:
   CommandLine(const std::string& name, const std::string& description) : CLI::App(description, name) {
-    option_defaults()->take_last();
+    option_defaults()->take_last()->always_capture_default();
     get_formatter()->column_width(36);
   }
 };

@@ -2,7 +2,6 @@
 // The floor: the least error that any detector can expect on synthetic segments (docs/math/floor.md).
 #include <algorithm>
 #include <atomic>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
@@ -14,83 +13,42 @@
 #include <thread>
 #include <vector>
 
+#include "command_line.hpp"
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/synthetic_segments.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr const char* kUsage =
-    "usage: detection_floor --case ellipse|circle|occluded --out FILE.csv [options]\n"
-    "\n"
-    "For each synthetic segment: the estimate of least expected error given the posterior of the model that made the\n"
-    "segment, its expected error, and its error against the truth. One line of CSV per segment.\n"
-    "\n"
-    "  --samples N             segments (default 2000)\n"
-    "  --first-seed N          segment k is drawn with the seed N + k (default 1)\n"
-    "  --threads N             (default 1); the output does not depend on it\n"
-    "  --effective-samples N   of each posterior (default 4000)\n"
-    "  --help                  this text\n";
+constexpr const char* kDescription =
+    R"(For each synthetic segment: the estimate of least expected error given the posterior of the model that made the
+segment, its expected error, and its error against the truth. One line of CSV per segment.
+)";
 
-struct UsageError : std::runtime_error {
-  using std::runtime_error::runtime_error;
-};
-
-struct Arguments {
+struct Options {
   SegmentCase segment_case = SegmentCase::kEllipse;
   std::string out;
   std::uint64_t samples = 2000;
   std::uint64_t first_seed = 1;
   std::uint64_t threads = 1;
   std::uint64_t effective_samples = 4000;
-  bool help = false;
 };
 
-std::uint64_t number(const std::string& option, const std::string& text) {
-  std::uint64_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) {
-    throw UsageError(option + ": '" + text + "' is not a number");
-  }
-  return value;
-}
-
-Arguments parse(const std::vector<std::string>& words) {
-  Arguments arguments;
-  std::string which;
-  for (std::size_t i = 0; i < words.size(); ++i) {
-    const std::string& option = words[i];
-    if (option == "--help") {
-      arguments.help = true;
-      return arguments;
-    }
-    if (i + 1 == words.size()) throw UsageError(option + ": unknown, or without its value");
-    const std::string& value = words[++i];
-    if (option == "--case") {
-      which = value;
-    } else if (option == "--out") {
-      arguments.out = value;
-    } else if (option == "--samples") {
-      arguments.samples = number(option, value);
-    } else if (option == "--first-seed") {
-      arguments.first_seed = number(option, value);
-    } else if (option == "--threads") {
-      arguments.threads = number(option, value);
-    } else if (option == "--effective-samples") {
-      arguments.effective_samples = number(option, value);
-    } else {
-      throw UsageError("unknown option " + option);
-    }
-  }
-  if (which != "ellipse" && which != "circle" && which != "occluded") {
-    throw UsageError("--case must be ellipse, circle or occluded");
-  }
-  arguments.segment_case = segment_case(which);
-  if (arguments.out.empty()) throw UsageError("--out is missing");
-  if (arguments.samples == 0 || arguments.threads == 0 || arguments.effective_samples == 0) {
-    throw UsageError("--samples, --threads and --effective-samples must be positive");
-  }
-  return arguments;
+void add_options(CLI::App& app, Options& options) {
+  app.add_option_function<std::string>(
+         "--case", [&options](const std::string& name) { options.segment_case = segment_case(name); },
+         "ellipse, circle or occluded")
+      ->required()
+      ->type_name("NAME")
+      ->check(CLI::IsMember({"ellipse", "circle", "occluded"}));
+  app.add_option("--out", options.out, "where the lines go")->required()->type_name("FILE.csv");
+  const auto number = [&app](const char* name, std::uint64_t& value, double low, const char* what) {
+    app.add_option(name, value, what)->type_name("N")->check(from_to(low, 1e9));
+  };
+  number("--samples", options.samples, 1.0, "segments");
+  number("--first-seed", options.first_seed, 0.0, "segment k is drawn with the seed N + k");
+  number("--threads", options.threads, 1.0, "the output does not depend on it");
+  number("--effective-samples", options.effective_samples, 1.0, "of each posterior");
 }
 
 /// A segment, what made it and what is seen of it.
@@ -156,12 +114,12 @@ std::vector<DetectionLoss> losses_of(SegmentCase which) {
 }
 
 /// The estimate is chosen by one posterior sample and judged by another, so that it does not profit from chance.
-Floor floor_of(const Arguments& arguments, std::uint64_t seed) {
+Floor floor_of(const Options& options, std::uint64_t seed) {
   constexpr std::uint64_t kSeedOfSampler = 0x9e3779b97f4a7c15;  // so that it does not repeat the segment's numbers
   constexpr std::size_t kDraws = 8192;
-  const Sample sample = draw_sample(arguments.segment_case, seed);
+  const Sample sample = draw_sample(options.segment_case, seed);
   Random random(seed ^ kSeedOfSampler);
-  const auto effective = static_cast<double>(arguments.effective_samples);
+  const auto effective = static_cast<double>(options.effective_samples);
   const EllipsePosterior chooser = sample_posterior(sample.observation, sample.model, effective, kDraws, random);
   const EllipsePosterior judge = sample_posterior(sample.observation, sample.model, effective, kDraws, random);
   Floor floor;
@@ -169,7 +127,7 @@ Floor floor_of(const Arguments& arguments, std::uint64_t seed) {
   floor.distance_m = sample.truth.center_m.norm();
   floor.hidden_share = 1.0 - static_cast<double>(floor.hits) / beams_that_meet(sample.truth, sample.model);
   floor.effective_samples = std::min(chooser.effective_samples, judge.effective_samples);
-  for (const DetectionLoss loss : losses_of(arguments.segment_case)) {
+  for (const DetectionLoss loss : losses_of(options.segment_case)) {
     const Ellipse estimate = bayes_estimate(loss, chooser.draws);
     floor.expected.push_back(expected_loss(loss, estimate, judge.draws));
     floor.achieved.push_back(loss_of(loss, estimate, sample.truth));
@@ -179,41 +137,41 @@ Floor floor_of(const Arguments& arguments, std::uint64_t seed) {
 }
 
 /// All floors, in the order of their seeds.
-std::vector<Floor> floors_of(const Arguments& arguments) {
-  std::vector<Floor> floors(arguments.samples);
+std::vector<Floor> floors_of(const Options& options) {
+  std::vector<Floor> floors(options.samples);
   std::atomic<std::uint64_t> next{0};
   std::atomic<std::uint64_t> done{0};
   std::exception_ptr failure;
   std::mutex mutex;
   const auto work = [&] {
-    for (std::uint64_t k = next++; k < arguments.samples; k = next++) {
+    for (std::uint64_t k = next++; k < options.samples; k = next++) {
       try {
-        floors[k] = floor_of(arguments, arguments.first_seed + k);
+        floors[k] = floor_of(options, options.first_seed + k);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(mutex);
         failure = std::current_exception();
-        next = arguments.samples;
+        next = options.samples;
         return;
       }
       const std::uint64_t count = ++done;
-      if (count % 50 == 0 || count == arguments.samples) {
+      if (count % 50 == 0 || count == options.samples) {
         const std::lock_guard<std::mutex> lock(mutex);
         std::fprintf(stderr, "\r%llu of %llu", static_cast<unsigned long long>(count),
-                     static_cast<unsigned long long>(arguments.samples));
+                     static_cast<unsigned long long>(options.samples));
       }
     }
   };
   std::vector<std::thread> threads;
-  for (std::uint64_t i = 0; i < arguments.threads; ++i) threads.emplace_back(work);
+  for (std::uint64_t i = 0; i < options.threads; ++i) threads.emplace_back(work);
   for (std::thread& thread : threads) thread.join();
   std::fputc('\n', stderr);
   if (failure) std::rethrow_exception(failure);
   return floors;
 }
 
-void write(const Arguments& arguments, const std::vector<Floor>& floors) {
-  const bool circle = arguments.segment_case == SegmentCase::kCircle;
-  std::ofstream file(arguments.out);
+void write(const Options& options, const std::vector<Floor>& floors) {
+  const bool circle = options.segment_case == SegmentCase::kCircle;
+  std::ofstream file(options.out);
   file << "seed,hits,distance_m," << (circle ? "" : "hidden_share,symmetric_psi_rad,")
        << (circle ? "expected_squared_m2,achieved_squared_m2,expected_mean_m,achieved_mean_m,"
                   : "expected_ordered_m,achieved_ordered_m,expected_symmetric_m,achieved_symmetric_m,")
@@ -221,19 +179,19 @@ void write(const Arguments& arguments, const std::vector<Floor>& floors) {
   file.precision(9);
   for (std::size_t k = 0; k < floors.size(); ++k) {
     const Floor& floor = floors[k];
-    file << arguments.first_seed + k << ',' << floor.hits << ',' << floor.distance_m;
+    file << options.first_seed + k << ',' << floor.hits << ',' << floor.distance_m;
     if (!circle) file << ',' << floor.hidden_share << ',' << floor.symmetric_psi_rad;
     for (std::size_t i = 0; i < floor.expected.size(); ++i)
       file << ',' << floor.expected[i] << ',' << floor.achieved[i];
     file << ',' << floor.effective_samples << '\n';
   }
   file.close();
-  if (!file) throw std::runtime_error("cannot write " + arguments.out);
+  if (!file) throw std::runtime_error("cannot write " + options.out);
 }
 
 /// Means over the segments with their standard errors.
-void print_summary(const Arguments& arguments, const std::vector<Floor>& floors) {
-  const bool circle = arguments.segment_case == SegmentCase::kCircle;
+void print_summary(const Options& options, const std::vector<Floor>& floors) {
+  const bool circle = options.segment_case == SegmentCase::kCircle;
   const std::vector<std::string> names = circle ? std::vector<std::string>{"squared, m^2", "mean, m"}
                                                 : std::vector<std::string>{"ordered, m", "symmetric, m"};
   const auto mean_and_error = [&](const auto& value_of) {
@@ -259,27 +217,18 @@ void print_summary(const Arguments& arguments, const std::vector<Floor>& floors)
   std::printf("least effective samples %.0f\n", least);
 }
 
-int run(const std::vector<std::string>& words) {
-  try {
-    const Arguments arguments = parse(words);
-    if (arguments.help) {
-      std::fputs(kUsage, stdout);
-      return 0;
-    }
-    const std::vector<Floor> floors = floors_of(arguments);
-    write(arguments, floors);
-    print_summary(arguments, floors);
-    return 0;
-  } catch (const UsageError& error) {
-    std::fprintf(stderr, "detection_floor: %s\n%s", error.what(), kUsage);
-    return 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "detection_floor: %s\n", error.what());
-    return 1;
-  }
-}
-
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) { return situation_awareness::run({argv + 1, argv + argc}); }
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  Options options;
+  CommandLine app("detection_floor", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
+    const std::vector<Floor> floors = floors_of(options);
+    write(options, floors);
+    print_summary(options, floors);
+    return 0;
+  });
+}

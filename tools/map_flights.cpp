@@ -20,7 +20,7 @@
 #include <yaml-cpp/yaml.h>
 #include <nlohmann/json.hpp>
 
-#include "options.hpp"
+#include "command_line.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/bodies.hpp"
@@ -34,80 +34,54 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kUsage =
-    "usage: map_flights --world FILE.xml --config FILE.yaml --models FOLDER [options]\n"
-    "\n"
-    "Flies a world once per seed and writes how well it was mapped as one line of JSON each; m, rad (deg where the "
-    "name\n"
-    "says so) and s. Every time is on the clock of the flight, which starts at 0.\n"
-    "\n"
-    "  --world FILE           the world (models/worlds/README.md)\n"
-    "  --config FILE          parameters of the map, such as cfg/objects.yaml\n"
-    "  --models FOLDER        where a relative model is looked for\n"
-    "  --set FILE             YAML whose keys override those of the configuration\n"
-    "  --seeds A-B            or one number (default 1)\n"
-    "  --duration S           length of a flight (default 60)\n"
-    "  --pose-sigma-m S       white noise of the position given to the map, x and y each (default 0)\n"
-    "  --pose-sigma-rad S     the same of its yaw (default 0)\n"
-    "  --range-sigma-m S      noise of the ranges (default 0.01)\n"
-    "  --sweep-s S            time from the first beam of a scan to the last (default 0: all at one instant)\n"
-    "  --trace FILE           one line of JSON per scan of the first seed\n"
-    "  --trace-points         in which the hits are, too\n"
-    "  --help                 this text\n";
+constexpr const char* kDescription =
+    R"(Flies a world once per seed and writes how well it was mapped as one line of JSON each; m, rad (deg where the name
+says so) and s. Every time is on the clock of the flight, which starts at 0.
+)";
 
-struct Arguments {
+struct Options {
   std::string world, config, models, set, trace;
-  std::uint64_t first_seed = 1, last_seed = 1;
+  std::string seeds = "1";
   double duration_s = 60.0;
   double pose_sigma_m = 0.0, pose_sigma_rad = 0.0;
   SimulatedScannerParams lidar;
   bool trace_points = false;
-  bool help = false;
 };
 
-double number(const std::string& option, const std::string& text) {
-  const double value = number_of(text);
-  if (!std::isfinite(value) || value < 0.0) {
-    throw UsageError(option + " needs a number that is not negative, not " + text);
-  }
-  return value;
+struct Seeds {
+  std::uint64_t first = 1, last = 1;
+};
+
+std::optional<Seeds> seeds_of(const std::string& text) {
+  const std::size_t dash = text.find('-');
+  const std::string last_text = dash == std::string::npos ? text : text.substr(dash + 1);
+  Seeds seeds;
+  if (!CLI::detail::lexical_cast(text.substr(0, dash), seeds.first)) return std::nullopt;
+  if (!CLI::detail::lexical_cast(last_text, seeds.last) || seeds.last < seeds.first) return std::nullopt;
+  return seeds;
 }
 
-std::uint64_t whole_number(const std::string& option, const std::string& text) {
-  if (text.empty() || text.size() > 18 || text.find_first_not_of("0123456789") != std::string::npos) {
-    throw UsageError(option + " needs whole numbers, not " + text);
-  }
-  return std::stoull(text);
-}
-
-Arguments parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  std::string seeds;
-  arguments.help = read_options(argc, argv,
-                                {{"--world", into(arguments.world)},
-                                 {"--config", into(arguments.config)},
-                                 {"--models", into(arguments.models)},
-                                 {"--set", into(arguments.set)},
-                                 {"--trace", into(arguments.trace)},
-                                 {"--seeds", into(seeds)},
-                                 {"--duration", into(arguments.duration_s, number)},
-                                 {"--pose-sigma-m", into(arguments.pose_sigma_m, number)},
-                                 {"--pose-sigma-rad", into(arguments.pose_sigma_rad, number)},
-                                 {"--range-sigma-m", into(arguments.lidar.range_sigma_m, number)},
-                                 {"--sweep-s", into(arguments.lidar.sweep_s, number)}},
-                                {{"--trace-points", &arguments.trace_points}});
-  if (arguments.help) return arguments;
-  require("--world", arguments.world);
-  require("--config", arguments.config);
-  require("--models", arguments.models);
-  if (!seeds.empty()) {
-    const std::size_t dash = seeds.find('-');
-    arguments.first_seed = whole_number("--seeds", seeds.substr(0, dash));
-    arguments.last_seed =
-        dash == std::string::npos ? arguments.first_seed : whole_number("--seeds", seeds.substr(dash + 1));
-    if (arguments.last_seed < arguments.first_seed) throw UsageError("--seeds has its first after its last");
-  }
-  return arguments;
+void add_options(CLI::App& app, Options& options) {
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what)->type_name(type);
+  };
+  const auto number = [&app](const char* name, double& value, const char* what) {
+    app.add_option(name, value, what)->type_name("S")->check(from_to(0.0, 1e6));
+  };
+  text("--world", options.world, "FILE", "the world (models/worlds/README.md)")->required();
+  text("--config", options.config, "FILE", "parameters of the map, such as cfg/objects.yaml")->required();
+  text("--models", options.models, "FOLDER", "where a relative model is looked for")->required();
+  text("--set", options.set, "FILE", "YAML whose keys override those of the configuration");
+  text("--seeds", options.seeds, "A-B", "or one number")->check([](const std::string& seeds) {
+    return seeds_of(seeds) ? "" : "needs a whole number, or two as A-B with A not above B, not " + seeds;
+  });
+  number("--duration", options.duration_s, "length of a flight");
+  number("--pose-sigma-m", options.pose_sigma_m, "white noise of the position given to the map, x and y each");
+  number("--pose-sigma-rad", options.pose_sigma_rad, "the same of its yaw");
+  number("--range-sigma-m", options.lidar.range_sigma_m, "noise of the ranges");
+  number("--sweep-s", options.lidar.sweep_s, "time from the first beam of a scan to the last;\n0: all at one instant");
+  text("--trace", options.trace, "FILE", "one line of JSON per scan of the first seed");
+  app.add_flag("--trace-points", options.trace_points, "in which the hits are, too");
 }
 
 /// `base` with the keys of `over` put in their place, map by map.
@@ -126,13 +100,13 @@ YAML::Node yaml_of(const std::string& path) try { return YAML::LoadFile(path); }
   throw std::invalid_argument(path + ": " + error.what());
 }
 
-ObjectPipelineParams pipeline_params(const Arguments& arguments) {
-  if (arguments.set.empty()) return load_object_pipeline_params(arguments.config, arguments.models);
-  YAML::Node over = yaml_of(arguments.set);
-  if (over.IsNull()) return load_object_pipeline_params(arguments.config, arguments.models);
+ObjectPipelineParams pipeline_params(const Options& options) {
+  if (options.set.empty()) return load_object_pipeline_params(options.config, options.models);
+  YAML::Node over = yaml_of(options.set);
+  if (over.IsNull()) return load_object_pipeline_params(options.config, options.models);
   std::ostringstream text;
-  text << merged(yaml_of(arguments.config), over);
-  return parse_object_pipeline_params(text.str(), arguments.config + " with " + arguments.set, arguments.models);
+  text << merged(yaml_of(options.config), over);
+  return parse_object_pipeline_params(text.str(), options.config + " with " + options.set, options.models);
 }
 
 /// An error of the pose that the map is told, constant over a scan.
@@ -301,16 +275,16 @@ double quantile(const std::vector<double>& sorted, double part) {
   return sorted.empty() ? 0.0 : sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1) + 0.5)];
 }
 
-Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::uint64_t seed, Trace* trace) {
+Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64_t seed, Trace* trace) {
   constexpr std::uint64_t kPoseStream = 0x706F7365;  // so that the pose's noise is not that of the ranges
-  ScanSimulation world(arguments.world, arguments.lidar, seed);
+  ScanSimulation world(options.world, options.lidar, seed);
   ObjectPipeline pipeline(params);
-  PoseNoise pose_noise(arguments.pose_sigma_m, arguments.pose_sigma_rad, seed ^ (kPoseStream << 32));
+  PoseNoise pose_noise(options.pose_sigma_m, options.pose_sigma_rad, seed ^ (kPoseStream << 32));
   std::optional<MapEvaluation> evaluation;
   std::vector<Body> bodies;
   std::map<std::uint64_t, std::string> names;
 
-  const auto scans = static_cast<int>(std::lround(arguments.duration_s * arguments.lidar.rate_hz));
+  const auto scans = static_cast<int>(std::lround(options.duration_s * options.lidar.rate_hz));
   std::vector<double> latencies_ms;
   double cpu_sum_ms = 0.0;
   double log_likelihood = 0.0;
@@ -345,7 +319,7 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
   }
 
   std::sort(latencies_ms.begin(), latencies_ms.end());
-  Json json = {{"world", std::filesystem::path(arguments.world).filename().string()},
+  Json json = {{"world", std::filesystem::path(options.world).filename().string()},
                {"seed", seed},
                {"scans", scans},
                {"log_likelihood", log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1))},
@@ -355,13 +329,14 @@ Json fly(const Arguments& arguments, const ObjectPipelineParams& params, std::ui
   return json;
 }
 
-void fly_all(const Arguments& arguments) {
-  const ObjectPipelineParams params = pipeline_params(arguments);
+void fly_all(const Options& options) {
+  const ObjectPipelineParams params = pipeline_params(options);
   std::optional<Trace> trace;
-  if (!arguments.trace.empty()) trace.emplace(arguments.trace, arguments.trace_points);
-  for (std::uint64_t seed = arguments.first_seed; seed <= arguments.last_seed; ++seed) {
-    const bool is_traced = trace && seed == arguments.first_seed;
-    const std::string line = fly(arguments, params, seed, is_traced ? &*trace : nullptr).dump();
+  if (!options.trace.empty()) trace.emplace(options.trace, options.trace_points);
+  const Seeds seeds = seeds_of(options.seeds).value();
+  for (std::uint64_t seed = seeds.first; seed <= seeds.last; ++seed) {
+    const bool is_traced = trace && seed == seeds.first;
+    const std::string line = fly(options, params, seed, is_traced ? &*trace : nullptr).dump();
     if (is_traced) trace->finish();
     std::printf("%s\n", line.c_str());
     if (std::fflush(stdout) != 0) throw std::runtime_error("the standard output cannot be written");
@@ -373,8 +348,11 @@ void fly_all(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("map_flights", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
-    fly_all(arguments);
+  Options options;
+  CommandLine app("map_flights", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
+    fly_all(options);
     return 0;
   });
 }

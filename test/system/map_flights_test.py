@@ -3,6 +3,7 @@
 """map_flights end to end: what its lines say of one another, and what it refuses."""
 import json
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
@@ -96,7 +97,7 @@ class MapFlights(unittest.TestCase):
             result = run(*options)
             self.assertEqual(result.returncode, 2)
             for fact in facts:
-                self.assertIn(fact, result.stderr.splitlines()[0].split())
+                self.assertIn(fact, re.split(r"[\s:]+", result.stderr))
         result = run("--sweep-s", "0.05")
         self.assertEqual(result.returncode, 1)
         for fact in ("scanner.sweep_s", "scanner.rate_hz"):

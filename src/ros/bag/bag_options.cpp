@@ -8,11 +8,11 @@ namespace situation_awareness {
 
 void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config) {
   app.add_option("IN.bag", options.bag, "the bag")->required()->type_name("");
-  app.add_option("--world-frame", options.world_frame, "frame of the map, found in /tf and /tf_static (default world)")
+  app.add_option("--world-frame", options.world_frame, "frame of the map, found in /tf and /tf_static")
       ->type_name("NAME");
   app.add_flag("--static-sensor", options.static_sensor, "the sensor is the world: for bags without transforms");
   app.add_option("--tf-timeout", options.tf_timeout_s,
-                 "how long a measurement waits for its transforms, by the\ntime of the recording (default 10)")
+                 "how long a measurement waits for its transforms, by the\ntime of the recording")
       ->type_name("S")
       ->check(from_to(0.0, 1e6));
   app.add_option("--config", options.config, "parameters (default: cfg/" + default_config + " of this package)")

@@ -46,7 +46,7 @@ void add_options(CLI::App& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     app.add_option(name, value, what)->type_name(type);
   };
-  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan (default /scan)");
+  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   text("--out", options.out, "FILE", "where the map's lines go");
   text("--detections", options.detections, "FILE", "where the detections' lines go");
   text("--load-objects", options.load_objects, "FILE", "go on with this map (docs/map_file.md)");

@@ -8,7 +8,7 @@
 #include <rosbag/bag.h>
 #include <tf2_msgs/TFMessage.h>
 
-#include "options.hpp"
+#include "command_line.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
@@ -22,72 +22,52 @@
 namespace situation_awareness {
 namespace {
 
-constexpr const char* kUsage =
-    "usage: simulate_bag --world FILE.xml --out FILE.bag [options]\n"
-    "\n"
-    "Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with\n"
-    "--rings /points in the place of /scan. Lengths are whole millimetres, as scanners give them, and the bag is\n"
-    "compressed.\n"
-    "\n"
-    "  --world FILE          the world (models/worlds/README.md)\n"
-    "  --out FILE            the bag\n"
-    "  --duration S          length of the flight (default 10)\n"
-    "  --seed N              of the ranges' noise (default 1)\n"
-    "  --rate HZ             scans per second (default 20)\n"
-    "  --resolution-deg D    from beam to beam, over 270 degrees; negative: clockwise (default 0.25)\n"
-    "  --rings N             a ring scanner of so many rings from -15 to 15 degrees, over 360 degrees\n"
-    "  --sweep-s S           time from the first beam of a scan to the last (default 0: all at one instant)\n"
-    "  --help                this text\n";
+constexpr const char* kDescription =
+    R"(Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with
+--rings /points in place of /scan. Lengths are whole millimetres, as scanners give them, and the bag is compressed.
+)";
 
 constexpr double kFieldOfView_deg = 270.0;
 constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;  // to ROS a time of zero means "not started"
 
-struct Arguments {
+struct Options {
   std::string world, out;
-  double duration_s = 10.0, seed = 1.0, resolution_deg = 0.25, rings = 0.0;
+  double duration_s = 10.0, resolution_deg = 0.25;
+  std::uint64_t seed = 1;
+  int rings = 0;
   SimulatedScannerParams lidar;
-  bool help = false;
 };
 
-TakeValue number_into(double& place) {
-  return [&place](const std::string& option, const std::string& text) {
-    place = number_of(text);
-    if (!std::isfinite(place)) throw UsageError(option + " needs a number, not " + text);
-  };
-}
-
-Arguments parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  arguments.help = read_options(argc, argv,
-                                {{"--world", into(arguments.world)},
-                                 {"--out", into(arguments.out)},
-                                 {"--duration", number_into(arguments.duration_s)},
-                                 {"--seed", number_into(arguments.seed)},
-                                 {"--rate", number_into(arguments.lidar.rate_hz)},
-                                 {"--resolution-deg", number_into(arguments.resolution_deg)},
-                                 {"--rings", number_into(arguments.rings)},
-                                 {"--sweep-s", number_into(arguments.lidar.sweep_s)}});
-  if (arguments.help) return arguments;
-  require("--world", arguments.world);
-  require("--out", arguments.out);
-  if (!(arguments.duration_s > 0.0)) throw UsageError("--duration must be more than 0");
-  if (!(arguments.seed >= 0.0 && arguments.seed < 1e9)) throw UsageError("--seed must be in [0, 1e9)");
-  if (!(std::abs(arguments.resolution_deg) >= 0.01 && std::abs(arguments.resolution_deg) <= 90.0)) {
-    throw UsageError("--resolution-deg must be in [0.01, 90], or the same below zero");
-  }
-  if (arguments.rings != std::floor(arguments.rings)) throw UsageError("--rings must be a whole number");
-  SimulatedScannerParams& lidar = arguments.lidar;
-  lidar.beams = 1 + static_cast<int>(kFieldOfView_deg / std::abs(arguments.resolution_deg) + 1e-9);
-  lidar.angle_increment_rad = radians(arguments.resolution_deg);
-  lidar.angle_min_rad = std::copysign(radians(kFieldOfView_deg / 2.0), -arguments.resolution_deg);
-  return arguments;
+void add_options(CLI::App& app, Options& options) {
+  app.add_option("--world", options.world, "the world (models/worlds/README.md)")->required()->type_name("FILE");
+  app.add_option("--out", options.out, "the bag")->required()->type_name("FILE");
+  app.add_option("--duration", options.duration_s, "length of the flight")->type_name("S")->check(from_to(1e-3, 1e6));
+  app.add_option("--seed", options.seed, "of the ranges' noise")->type_name("N")->check(from_to(0.0, 1e9));
+  app.add_option("--rate", options.lidar.rate_hz, "scans per second")->type_name("HZ")->check(from_to(0.1, 1000.0));
+  app.add_option("--resolution-deg", options.resolution_deg, "from beam to beam, over 270 degrees; negative: clockwise")
+      ->type_name("D")
+      ->check(from_to(0.01, 90.0) | from_to(-90.0, -0.01));
+  app.add_option("--rings", options.rings,
+                 "a ring scanner of so many rings from -15 to 15 degrees,\nover 360 degrees; 0: a 2D scanner")
+      ->type_name("N")
+      ->check(from_to(0.0, 256.0));
+  app.add_option("--sweep-s", options.lidar.sweep_s,
+                 "time from the first beam of a scan to the last;\n0: all at one instant")
+      ->type_name("S")
+      ->check(from_to(0.0, 1.0));
+  app.callback([&options] {
+    SimulatedScannerParams& lidar = options.lidar;
+    lidar.beams = 1 + static_cast<int>(kFieldOfView_deg / std::abs(options.resolution_deg) + 1e-9);
+    lidar.angle_increment_rad = radians(options.resolution_deg);
+    lidar.angle_min_rad = std::copysign(radians(kFieldOfView_deg / 2.0), -options.resolution_deg);
+  });
 }
 
 float whole_millimetres(float length_m) { return std::round(length_m * 1000.0F) / 1000.0F; }
 
-void record_scans(const Arguments& arguments, int scans, rosbag::Bag& bag) {
-  const SimulatedScannerParams& lidar = arguments.lidar;
-  ScanSimulation world(arguments.world, lidar, static_cast<std::uint64_t>(arguments.seed));
+void record_scans(const Options& options, int scans, rosbag::Bag& bag) {
+  const SimulatedScannerParams& lidar = options.lidar;
+  ScanSimulation world(options.world, lidar, options.seed);
   for (int i = 0; i < scans; ++i) {
     SimulatedScan simulated = world.next();
     simulated.scan.stamp_ns += kStart_ns;
@@ -106,21 +86,20 @@ void record_scans(const Arguments& arguments, int scans, rosbag::Bag& bag) {
   }
 }
 
-SimulatedRingScannerParams ring_scanner_of(const Arguments& arguments) {
+SimulatedRingScannerParams ring_scanner_of(const Options& options) {
   SimulatedRingScannerParams params;
-  params.rings = static_cast<int>(arguments.rings);
-  params.columns = static_cast<int>(360.0 / std::abs(arguments.resolution_deg) + 1e-9);
-  params.azimuth_increment_rad = radians(arguments.resolution_deg);
-  params.azimuth_min_rad = std::copysign(kPi, -arguments.resolution_deg);
-  params.rate_hz = arguments.lidar.rate_hz;
-  params.sweep_s = arguments.lidar.sweep_s;
+  params.rings = options.rings;
+  params.columns = static_cast<int>(360.0 / std::abs(options.resolution_deg) + 1e-9);
+  params.azimuth_increment_rad = radians(options.resolution_deg);
+  params.azimuth_min_rad = std::copysign(kPi, -options.resolution_deg);
+  params.rate_hz = options.lidar.rate_hz;
+  params.sweep_s = options.lidar.sweep_s;
   return params;
 }
 
-void record_clouds(const Arguments& arguments, int clouds, rosbag::Bag& bag) {
-  World world(arguments.world);
-  SimulatedRingScanner scanner(world, world.T_robot_lidar(), ring_scanner_of(arguments),
-                               static_cast<std::uint64_t>(arguments.seed));
+void record_clouds(const Options& options, int clouds, rosbag::Bag& bag) {
+  World world(options.world);
+  SimulatedRingScanner scanner(world, world.T_robot_lidar(), ring_scanner_of(options), options.seed);
   for (int i = 0; i < clouds; ++i) {
     RingScannerSample sample = scanner.next();
     sample.cloud.stamp_ns += kStart_ns;
@@ -139,14 +118,14 @@ void record_clouds(const Arguments& arguments, int clouds, rosbag::Bag& bag) {
   }
 }
 
-void simulate_bag(const Arguments& arguments) {
-  rosbag::Bag bag(arguments.out, rosbag::bagmode::Write);
+void simulate_bag(const Options& options) {
+  rosbag::Bag bag(options.out, rosbag::bagmode::Write);
   bag.setCompression(rosbag::compression::BZ2);
-  const auto scans = static_cast<int>(std::lround(arguments.duration_s * arguments.lidar.rate_hz));
-  if (arguments.rings > 0.0) {
-    record_clouds(arguments, scans, bag);
+  const auto scans = static_cast<int>(std::lround(options.duration_s * options.lidar.rate_hz));
+  if (options.rings > 0) {
+    record_clouds(options, scans, bag);
   } else {
-    record_scans(arguments, scans, bag);
+    record_scans(options, scans, bag);
   }
   bag.close();
 }
@@ -156,8 +135,11 @@ void simulate_bag(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  return run_program("simulate_bag", kUsage, argc, argv, parse_arguments, [](const Arguments& arguments) {
-    simulate_bag(arguments);
+  Options options;
+  CommandLine app("simulate_bag", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
+    simulate_bag(options);
     return 0;
   });
 }

@@ -16,9 +16,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "command_line.hpp"
 #include "faults.hpp"
 #include "feed.hpp"
-#include "options.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -32,35 +32,42 @@ constexpr double kBlock_s = 600.0;        ///< from settling of accounts to sett
 constexpr double kFirstDeathPart = 0.75;  ///< before, one process lives: its memory is watched
 constexpr std::size_t kMostSentences = 100;
 
-struct Arguments {
+constexpr const char* kDescription =
+    R"(Sends simulated scans to the nodelets, with faults at random, and writes what became of them: a line of JSON per
+block of 600 s, and at last one for all faults. The exit code is 1 if something did not happen as it must.
+)";
+
+struct Options {
   std::string out;
   double hours = 12.0;
   double fault_every_s = 15.0;
-  int seed = 1;
+  std::uint64_t seed = 1;
   int under_way = 3;
-  int rounds = 0;    ///< of all faults, ends of processes in the first alone; 0: as many as there is time for
-  std::string only;  ///< the fault of that name alone
+  int rounds = 0;
+  std::string only;
 };
 
-Arguments parse_arguments(int argc, char** argv) {
-  Arguments arguments;
-  const auto number = [](auto& place) {
-    return [&place](const std::string& option, const std::string& text) {
-      const double value = number_of(text);
-      if (std::isnan(value)) throw UsageError(option + " needs a number, not " + text);
-      place = static_cast<std::decay_t<decltype(place)>>(value);
-    };
-  };
-  read_options(argc, argv,
-               {{"--out", into(arguments.out)},
-                {"--hours", number(arguments.hours)},
-                {"--fault-every-s", number(arguments.fault_every_s)},
-                {"--seed", number(arguments.seed)},
-                {"--under-way", number(arguments.under_way)},
-                {"--rounds", number(arguments.rounds)},
-                {"--only", into(arguments.only)}});
-  require("--out", arguments.out);
-  return arguments;
+void add_options(CLI::App& app, Options& options) {
+  app.add_option("--out", options.out, "where the lines go")->required()->type_name("FILE");
+  app.add_option("--hours", options.hours, "of scans")->type_name("H")->check(from_to(0.0, 10000.0));
+  app.add_option("--fault-every-s", options.fault_every_s, "from fault to fault, on average")
+      ->type_name("S")
+      ->check(from_to(kLeastGap_s, 3600.0));
+  app.add_option("--seed", options.seed, "of scene and faults")->type_name("N")->check(from_to(0.0, 1e9));
+  app.add_option("--under-way", options.under_way, "scans that may be sent before the map of the first is back")
+      ->type_name("N")
+      ->check(from_to(1.0, 1000.0));
+  app.add_option("--rounds", options.rounds,
+                 "of all faults, ends of processes in the first alone;\n0: as many as there is time for")
+      ->type_name("N")
+      ->check(from_to(0.0, 1e6));
+  app.add_option("--only", options.only, "the fault of that name alone")
+      ->type_name("NAME")
+      ->check([](const std::string& name) {
+        const std::vector<Fault> faults = all_faults();
+        const bool known = std::any_of(faults.begin(), faults.end(), [&](const Fault& f) { return f.name == name; });
+        return known ? "" : "no fault is called " + name;
+      });
 }
 
 std::int64_t resident_bytes() {
@@ -90,17 +97,13 @@ struct Tally {
 
 class Day {
  public:
-  Day(ros::NodeHandle& node, const Arguments& arguments)
-      : arguments_(arguments),
-        feed_(node, static_cast<std::uint64_t>(arguments.seed), arguments.under_way),
+  Day(ros::NodeHandle& node, const Options& options)
+      : options_(options),
+        feed_(node, options.seed, options.under_way),
         faults_(all_faults()),
         tallies_(faults_.size()),
-        out_(arguments.out) {
-    const bool known = arguments.only.empty() || std::any_of(faults_.begin(), faults_.end(), [&](const Fault& fault) {
-                         return fault.name == arguments.only;
-                       });
-    if (!known) throw UsageError("no fault is called " + arguments.only);
-    if (!out_) throw std::runtime_error(arguments.out + ": cannot be written");
+        out_(options.out) {
+    if (!out_) throw std::runtime_error(options.out + ": cannot be written");
   }
 
   /// Whether all that must happen happened.
@@ -117,18 +120,18 @@ class Day {
   }
 
  private:
-  std::int64_t of() const { return std::llround(arguments_.hours * kScansPerHour); }
-  bool over() const { return arguments_.rounds > 0 ? round_ > arguments_.rounds : feed_.sent() >= of(); }
+  std::int64_t of() const { return std::llround(options_.hours * kScansPerHour); }
+  bool over() const { return options_.rounds > 0 ? round_ > options_.rounds : feed_.sent() >= of(); }
 
   /// Each fault once in a round, in an order drawn anew.
   std::size_t next() {
     if (order_.empty()) {
       ++round_;
       const bool late = static_cast<double>(feed_.sent()) >= kFirstDeathPart * static_cast<double>(of());
-      const bool deaths = arguments_.rounds > 0 ? round_ == 1 : late;
+      const bool deaths = options_.rounds > 0 ? round_ == 1 : late;
       for (std::size_t i = 0; i < faults_.size(); ++i) {
-        const bool wanted = arguments_.only.empty() ? faults_[i].in_day && (deaths || !faults_[i].death)
-                                                    : faults_[i].name == arguments_.only;
+        const bool wanted = options_.only.empty() ? faults_[i].in_day && (deaths || !faults_[i].death)
+                                                  : faults_[i].name == options_.only;
         if (wanted) order_.push_back(i);
       }
       for (std::size_t i = order_.size(); i > 1; --i) {
@@ -137,7 +140,7 @@ class Day {
     }
     const std::size_t fault = order_.back();
     order_.pop_back();
-    if (order_.empty() && arguments_.rounds > 0 && round_ == arguments_.rounds) ++round_;
+    if (order_.empty() && options_.rounds > 0 && round_ == options_.rounds) ++round_;
     return fault;
   }
 
@@ -157,7 +160,7 @@ class Day {
     wrong += injected.wrong;
     if (injected.down_s) tally.down_s.push_back(*injected.down_s);
 
-    const double gap_s = feed_.random().uniform(kLeastGap_s, 2.0 * arguments_.fault_every_s - kLeastGap_s);
+    const double gap_s = feed_.random().uniform(kLeastGap_s, 2.0 * options_.fault_every_s - kLeastGap_s);
     constexpr int kStepped = 10;
     feed_.step(kStepped);
     feed_.stream(static_cast<int>(gap_s / kScanPeriod_s) - kStepped);
@@ -192,8 +195,8 @@ class Day {
       faults += tally.count;
       failures += tally.failures.size();
     }
-    const double part = arguments_.rounds > 0 ? static_cast<double>(round_ - 1) / arguments_.rounds
-                                              : static_cast<double>(feed_.sent()) / static_cast<double>(of());
+    const double part = options_.rounds > 0 ? static_cast<double>(round_ - 1) / options_.rounds
+                                            : static_cast<double>(feed_.sent()) / static_cast<double>(of());
     const Json line = {{"part", std::min(part, 1.0)},
                        {"hours", static_cast<double>(feed_.sent()) / kScansPerHour},
                        {"faults", faults},
@@ -231,7 +234,7 @@ class Day {
     return right;
   }
 
-  Arguments arguments_;
+  Options options_;
   Feed feed_;
   std::vector<Fault> faults_;
   std::vector<Tally> tallies_;
@@ -247,18 +250,18 @@ class Day {
 }  // namespace situation_awareness
 
 int main(int argc, char** argv) {
+  using namespace situation_awareness;
   ros::init(argc, argv, "fault_day");
-  try {
-    const situation_awareness::Arguments arguments = situation_awareness::parse_arguments(argc, argv);
+  Options options;
+  CommandLine app("fault_day", kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] {
     ros::NodeHandle node;
     ros::AsyncSpinner spinner(1);
     spinner.start();
-    situation_awareness::Day day(node, arguments);
+    Day day(node, options);
     const bool right = day.run();
     ros::shutdown();
     return right ? 0 : 1;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "fault_day: %s\n", error.what());
-    return 2;
-  }
+  });
 }
