@@ -15,6 +15,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/pace.cpp
   src/ros/params/live_params.cpp
   src/ros/params/nodelet_params.cpp
+  src/ros/params/object_nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
   src/ros/scan_check.cpp

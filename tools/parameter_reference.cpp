@@ -8,7 +8,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
-#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -66,7 +66,7 @@ void print_section(const std::vector<Parameter>& parameters, const std::string& 
 
 void print_all() {
   std::fputs(kIntroduction, stdout);
-  NodeletParams params;
+  ObjectNodeletParams params;
   const std::vector<Parameter> parameters = parameters_of(params);
   std::vector<std::string> sections;
   for (const Parameter& parameter : parameters) {

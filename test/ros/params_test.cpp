@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "support/aggregate_size.hpp"
 
@@ -19,7 +20,7 @@ XmlRpcValue with_model_folder(XmlRpcValue tree = {}) {
 
 std::string refusal(const XmlRpcValue& tree) {
   try {
-    read_nodelet_params(ParamReader(tree, "parameters of /mapping"));
+    read_object_nodelet_params(ParamReader(tree, "parameters of /mapping"));
   } catch (const std::invalid_argument& error) {
     return error.what();
   }
@@ -44,16 +45,18 @@ TEST(YamlFromXmlRpc, WritesEveryKindOfValue) {
 
 TEST(ParamReader, WithoutParametersGivesDefaults) {
   const ParamReader reader(XmlRpcValue(), "here");
-  EXPECT_EQ(yaml_from_params(reader.read<NodeletParams>(refuse)), yaml_from_params(NodeletParams{}));
+  EXPECT_EQ(yaml_from_params(reader.read<ObjectNodeletParams>(refuse)), yaml_from_params(ObjectNodeletParams()));
 }
 
-TEST(NodeletParams, DeclareAllTheirMembers) {
-  const std::size_t others = 2;  // what was unknown; and the pipeline, whose sections are declared in its place
-  EXPECT_EQ(declared_size<NodeletParams>(),
-            aggregate_size<NodeletParams>() - others + declared_size<ObjectPipelineParams>());
+TEST(ObjectNodeletParams, DeclareAllTheirMembers) {
+  EXPECT_EQ(declared_size<NodeletParams>(), aggregate_size<NodeletParams>());
+  const std::size_t others = 3;  // what was unknown; and the two whose fields are declared in their places
+  EXPECT_EQ(declared_size<ObjectNodeletParams>(), aggregate_size<ObjectNodeletParams>() - others +
+                                                      declared_size<NodeletParams>() +
+                                                      declared_size<ObjectPipelineParams>());
 }
 
-TEST(NodeletParams, ReadBothKindsOfParameters) {
+TEST(ObjectNodeletParams, ReadBothKindsOfParameters) {
   XmlRpcValue tree;
   tree["world_frame"] = "/odom";
   tree["tf_timeout_s"] = 1;
@@ -66,11 +69,12 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   tree["scan"]["volume"][0][2] = 0;
   tree["scan"]["volume"][0][3] = 4.5;
   tree["detections"]["model"] = "net.onnx";
-  const NodeletParams params = read_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
-  EXPECT_EQ(params.world_frame, "odom");
-  EXPECT_EQ(params.tf_timeout_s, 1.0);
-  EXPECT_FALSE(params.deskew);
-  EXPECT_EQ(params.queue_size, 5);
+  const ObjectNodeletParams params =
+      read_object_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
+  EXPECT_EQ(params.nodelet.world_frame, "odom");
+  EXPECT_EQ(params.nodelet.tf_timeout_s, 1.0);
+  EXPECT_FALSE(params.nodelet.deskew);
+  EXPECT_EQ(params.nodelet.queue_size, 5);
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.pipeline.scan.max_range_m, 7.0);
   ASSERT_EQ(params.pipeline.scan.volume.size(), 1U);
@@ -78,7 +82,7 @@ TEST(NodeletParams, ReadBothKindsOfParameters) {
   EXPECT_EQ(model_path(params.pipeline.detections), "/models/net.onnx");
 }
 
-TEST(NodeletParams, AreRefusedWithNodeFieldAndBound) {
+TEST(ObjectNodeletParams, AreRefusedWithNodeFieldAndBound) {
   EXPECT_EQ(refusal(with_model_folder()), "");
   const auto expect_refusal = [](const XmlRpcValue& tree, const std::vector<std::string>& facts) {
     const std::string message = refusal(tree);
@@ -103,13 +107,14 @@ TEST(NodeletParams, AreRefusedWithNodeFieldAndBound) {
   expect_refusal(XmlRpcValue(42), {"a map", "42"});
 }
 
-TEST(NodeletParams, TellOfUnknownKeysOfBothKinds) {
+TEST(ObjectNodeletParams, TellOfUnknownKeysOfBothKinds) {
   XmlRpcValue tree;
   tree["tf_timeout"] = 0.5;
   tree["segments"]["max_gap"] = 0.2;
   tree["segments"]["min_points"] = 6;
   tree["live"]["max_gap_m"] = 0.3;  // of LiveParams
-  const NodeletParams params = read_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
+  const ObjectNodeletParams params =
+      read_object_nodelet_params(ParamReader(with_model_folder(tree), "parameters of /mapping"));
   ASSERT_EQ(params.unknown.size(), 2U);
   EXPECT_EQ(params.unknown[0].source, "parameters of /mapping");
   EXPECT_EQ(params.unknown[0].path, "segments.max_gap");
@@ -119,7 +124,33 @@ TEST(NodeletParams, TellOfUnknownKeysOfBothKinds) {
             (std::vector<std::string>{"deskew", "detections", "downlink_rate_hz", "model_folder", "objects",
                                       "queue_size", "scan", "segments", "tf_timeout_s", "world_frame"}));
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
-  EXPECT_EQ(params.tf_timeout_s, NodeletParams{}.tf_timeout_s);
+  EXPECT_EQ(params.nodelet.tf_timeout_s, NodeletParams{}.tf_timeout_s);
+}
+
+/// A nodelet of another kind of map, which knows nothing of objects.
+struct ChainNodeletParams {
+  NodeletParams nodelet;
+  double max_gap_m = 0.2;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("max_gap_m", self.max_gap_m, Bounds{0.0, 1.0}, "m", "largest gap within a chain");
+  }
+};
+
+TEST(NodeletParams, AreReadWithThoseOfAnyKindOfMap) {
+  XmlRpcValue tree;
+  tree["world_frame"] = "/odom";
+  tree["max_gap_m"] = 0.5;
+  tree["detections"]["model"] = "net.onnx";
+  tree["live"]["max_gap_m"] = 0.3;
+  const auto params = read_nodelet_params<ChainNodeletParams>(ParamReader(tree, "parameters of /chains"));
+  EXPECT_EQ(params.nodelet.world_frame, "odom");
+  EXPECT_EQ(params.max_gap_m, 0.5);
+  ASSERT_EQ(params.unknown.size(), 1U);
+  EXPECT_EQ(params.unknown[0].path, "detections");
 }
 
 }  // namespace

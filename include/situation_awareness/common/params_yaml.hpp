@@ -34,7 +34,7 @@ void validate_all(const Params& params);
 /// Throws std::invalid_argument with one sentence that names `source` and what is wrong.
 template <class Params>
 Params params_from_yaml(const std::string& yaml, const std::string& source,
-                        const OnUnknownKey& on_unknown_key = print_warning, Params defaults = {});
+                        const OnUnknownKey& on_unknown_key = print_warning, Params defaults = Params());
 
 /// A params struct as YAML text.
 template <class Params>

@@ -17,7 +17,7 @@ namespace situation_awareness {
 ///
 ///     using Context = StageContext<SegmentArray>;              // of the message that it takes
 ///     static constexpr const char* kInput = "segments";        // and its topic
-///     static constexpr auto kReadParams = read_nodelet_params; // from a ParamReader; the result has `unknown` keys
+///     static constexpr auto kReadParams = read_nodelet_params<Params>; // from a ParamReader; has `unknown` keys
 ///     Stage(Context& context, const Params& params);
 ///     bool process(const SegmentArray& msg);                   // true: output went out; false: it said why none did
 ///

@@ -9,7 +9,7 @@
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
-#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
@@ -18,13 +18,13 @@ class DetectionStage {
  public:
   using Context = StageContext<SegmentArray>;
   static constexpr const char* kInput = "segments";
-  static constexpr auto kReadParams = read_nodelet_params;
+  static constexpr auto kReadParams = read_object_nodelet_params;
 
-  DetectionStage(Context& context, const NodeletParams& params)
+  DetectionStage(Context& context, const ObjectNodeletParams& params)
       : context_(context),
         detector_(make_detector(params.pipeline.detections)),
         publisher_(context.node().advertise<DetectionArray>("detections", 20)),
-        map_(context, params.world_frame) {
+        map_(context, params.nodelet.world_frame) {
     context.diagnostics().on_report([this, detections = params.pipeline.detections](StageDiagnostics::Status& status) {
       const std::string path = model_path(detections);
       status.add("detector", detections.detector);

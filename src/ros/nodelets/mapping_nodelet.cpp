@@ -12,7 +12,7 @@
 #include "situation_awareness/ros/map_report.hpp"
 #include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
-#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
@@ -21,13 +21,13 @@ class MappingStage {
  public:
   using Context = StageContext<DetectionArray>;
   static constexpr const char* kInput = "detections";
-  static constexpr auto kReadParams = read_nodelet_params;
+  static constexpr auto kReadParams = read_object_nodelet_params;
 
-  MappingStage(Context& context, const NodeletParams& params)
+  MappingStage(Context& context, const ObjectNodeletParams& params)
       : context_(context),
-        world_frame_(params.world_frame),
+        world_frame_(params.nodelet.world_frame),
         map_(params.pipeline.objects),
-        downlink_limit_(params.downlink_rate_hz),
+        downlink_limit_(params.nodelet.downlink_rate_hz),
         publisher_(context.node().advertise<EllipseMap>("objects", 20)),
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("object_markers", 5)),
         // A queue of one: what a broken link holds up is out of date when it comes back.

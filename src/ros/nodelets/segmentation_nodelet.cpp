@@ -16,7 +16,7 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
-#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/transform_age.hpp"
@@ -39,19 +39,19 @@ class SegmentationStage {
  public:
   using Context = StageContext<sensor_msgs::LaserScan, PosedScan>;
   static constexpr const char* kInput = "scan";
-  static constexpr auto kReadParams = read_nodelet_params;
+  static constexpr auto kReadParams = read_object_nodelet_params;
 
-  SegmentationStage(Context& context, const NodeletParams& params)
+  SegmentationStage(Context& context, const ObjectNodeletParams& params)
       : context_(context),
         params_(params),
-        transform_age_(tf_, params.world_frame),
+        transform_age_(tf_, params.nodelet.world_frame),
         queue_(tf_,
-               {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size),
-                params.pipeline.objects.reset_time_jump_s},
+               {params.nodelet.world_frame, params.nodelet.tf_timeout_s,
+                static_cast<std::size_t>(params.nodelet.queue_size), params.pipeline.objects.reset_time_jump_s},
                [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
         array_publisher_(context.node().advertise<SegmentArray>("segments", 20)),
         points_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("segment_points", 5)),
-        map_(context, params.world_frame),
+        map_(context, params.nodelet.world_frame),
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on a thread of its own
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
     context.serve_live(
@@ -79,15 +79,15 @@ class SegmentationStage {
 
     const Scan limited = limit_range(scan, posed.T_world_lidar, params_.pipeline.scan);
     const Points points = project_horizontally(limited, posed.T_world_lidar, posed.T_world_lidar_end);
-    const Segments segments = with_straight_pieces(
-        divide(segment(points, params_.pipeline.segments), map_.outlines_at(points.stamp_ns, points.T_world_level),
-               params_.pipeline.segments),
-        params_.pipeline.segments, params_.pipeline.detections.fit.range_sigma_m);
+    const Segments segments =
+        with_straight_pieces(divide(segment(points, params_.pipeline.segments),
+                                    map_.outlines_at(points.stamp_ns, points.T_world_level), params_.pipeline.segments),
+                             params_.pipeline.segments, params_.pipeline.detections.fit.range_sigma_m);
 
     context_.diagnostics().counted(segments.refused);
-    context_.publish(array_publisher_, segments_to_msg(segments, params_.world_frame));
+    context_.publish(array_publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
     if (points_publisher_.getNumSubscribers() > 0) {
-      context_.publish(points_publisher_, segments_to_cloud(segments, params_.world_frame));
+      context_.publish(points_publisher_, segments_to_cloud(segments, params_.nodelet.world_frame));
     }
     return true;
   }
@@ -101,7 +101,7 @@ class SegmentationStage {
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
     const std::string defect = scan_msg_defect(*msg);
     if (!defect.empty()) return context_.diagnostics().dropped(defect);
-    const Taken when = taken(*msg, params_.deskew);
+    const Taken when = taken(*msg, params_.nodelet.deskew);
     const StampOrder::Verdict verdict = queue_.add({msg, arrival}, when, steady_now_ns());
     if (verdict == StampOrder::Verdict::kRestart) {
       context_.drop_enqueued(drop_reason::kRestart);
@@ -128,7 +128,7 @@ class SegmentationStage {
   }
 
   Context& context_;
-  NodeletParams params_;
+  ObjectNodeletParams params_;
   tf2_ros::Buffer tf_;
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;

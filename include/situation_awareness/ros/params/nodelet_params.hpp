@@ -2,24 +2,20 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 
 namespace situation_awareness {
 
-/// Parameters of a nodelet: those of the ROS boundary, and those of the stages (cfg/objects.yaml). All three nodelets
-/// take the same ones, so that one file and one line of a launch file serve them all.
+/// Parameters of the ROS boundary, which a nodelet of any kind of map has beside those of its own.
 struct NodeletParams {
   std::string world_frame = "world";
   double tf_timeout_s = 0.5;
   bool deskew = true;
   int queue_size = 20;
   double downlink_rate_hz = 5.0;
-  std::string model_folder;  ///< where models are looked for; empty: models/ of this package
-  ObjectPipelineParams pipeline;
-  std::vector<UnknownKey> unknown;  ///< keys that none of these has
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -33,13 +29,24 @@ struct NodeletParams {
           "maximum number of scans that wait for their transforms; in a full queue a new scan replaces the newest one");
     visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
           "maximum rate of downlink/objects, in wall time");
-    visit("model_folder", self.model_folder, "folder of the detector's network; empty: models/ of this package");
-    ObjectPipelineParams::fields(self.pipeline, visit);
   }
 };
 
-/// Read from the parameter server; a relative model is looked for in ~model_folder. Throws std::invalid_argument with
+/// The frame as tf2 knows it. Throws std::invalid_argument naming `source` if it is empty.
+std::string checked_world_frame(const std::string& world_frame, const std::string& source);
+
+/// Reads the parameters of a nodelet from the parameter server: a params struct with the members `NodeletParams
+/// nodelet` and `std::vector<UnknownKey> unknown`, the keys that it does not have. Throws std::invalid_argument with
 /// one sentence.
-NodeletParams read_nodelet_params(const ParamReader& reader);
+template <class Params>
+Params read_nodelet_params(const ParamReader& reader) {
+  std::vector<UnknownKey> unknown;
+  auto params = reader.read<Params>([&unknown](const UnknownKey& key) {
+    if (key.path != "live") unknown.push_back(key);  // that is the namespace of LiveParams
+  });
+  params.unknown = std::move(unknown);
+  params.nodelet.world_frame = checked_world_frame(params.nodelet.world_frame, reader.source());
+  return params;
+}
 
 }  // namespace situation_awareness
