@@ -52,7 +52,7 @@ class DetectorsTest(unittest.TestCase):
             self.assertEqual(pathlib.Path(stage["model"]).name, MODELS.get(name, "none"))
 
     def test_2_the_documentation_says_what_each_is_for(self):
-        table = (DOCS / "ros.md").read_text().split("`detections/detector` names")[1].split("\n\n")[2]
+        table = (DOCS / "ros.md").read_text().split("`detections/detector` selects")[1].split("\n\n")[2]
         for name in NAMES:
             row = [line for line in table.splitlines() if f"`{name}`" in line.split("|")[1]]
             self.assertEqual(len(row), 1, name)
