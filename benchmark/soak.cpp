@@ -36,7 +36,7 @@ using Json = nlohmann::ordered_json;
 constexpr const char* kDescription =
     R"(Takes scans of many hours to a map as fast as it can, one of 20 to a second of their stamps, bad ones among them.
 Writes a line of JSON per block (memory in use at its end, thread CPU time per scan), and at last what became of
-every scan. Blocks are of simulated and of recorded scans in turn; time starts again after 1, 2, 3 and 24 blocks,
+every scan. Blocks are of simulated and of recorded scans in turn; time is reset after 1, 2, 3 and 24 blocks,
 over and over. The exit code is 1 if a scan did not end as its kind must.
 )";
 
@@ -82,7 +82,7 @@ constexpr std::array<Fate, kKinds> kFates = {{{"good", kMapped},
                                               {"lidar tilted by 85 deg", "thrown: scan plane tilted by "},
                                               {"stamp of the scan before", "refused: stamp repeats"},
                                               {"stamp a little back", "refused: stamp goes back"},
-                                              {"time starts again", kNewMap}}};
+                                              {"time is reset", kNewMap}}};
 
 /// Scans of a file: per scan, native byte order, five float64 (angle_min and angle_increment in rad, time_increment in
 /// s, range_min and range_max in m), a uint32 count and as many float32 ranges in m.

@@ -349,7 +349,7 @@ def targets(data, floor, occluded_floor, times):
 
 INTRODUCTION = """
 Every number is from this run; losses are in metres over {n:,} fresh samples (a quarter to a half of that where an end is
-hidden, and for circles and what is no ellipse), ± is a standard error, and the floor is that of 2,000 fixed samples
+hidden, and for circles and other surfaces), ± is a standard error, and the floor is that of 2,000 fixed samples
 ([math/floor.md](../math/floor.md)). Data: [math/synthetic_segments.md](../math/synthetic_segments.md).
 """
 
@@ -406,10 +406,10 @@ def main():
 ## One ellipse alone: Tables IV and V of the ellipse paper
 
 {losses}
-*Printed* is the papers' own test loss, which pairs the characteristic points in order. On data as the paper describes it,
-0.0141 m lies below what any estimator can reach, so its data must differ from the description in something that it does not
-say. *Above the floor* compares on the same 2,000 samples. Times are medians of turns on one thread, 16 segments to a scan.
-How long each network was trained is in [MODEL_CARD.md](../../models/MODEL_CARD.md).
+*Printed* is the papers' test loss, which pairs the characteristic points in order. On data as the paper describes it,
+0.0141 m is below the floor, so its data must differ from the description. *Above the floor* compares on the same 2,000
+samples. Times are medians over interleaved runs on one thread, 16 segments per scan. The training time of each network is
+in [MODEL_CARD.md](../../models/MODEL_CARD.md).
 
 {strata}
 ![Errors by range, beams, axis ratio, angle and occlusion](images/detectors_errors.png)
@@ -418,7 +418,7 @@ How long each network was trained is in [MODEL_CARD.md](../../models/MODEL_CARD.
 
 ## One end hidden
 
-30 to 70 % of the beams that would hit are stopped by something nearer.
+30 to 70 % of the beams that would hit are blocked by something nearer.
 
 {occluded_table(data, hidden_floor)}
 ![Good and bad answers with one end hidden](images/detectors_hidden.png)
@@ -437,15 +437,15 @@ Share of truths inside the regions of the covariance of (x, y, m, p, q).
 
 {negatives}
 A wall is 1 to 8 m long and a corner has sides of 0.5 to 4 m, half of them with one end hidden. Boxes, bushes and pairs of
-ellipses with a handful of beams are often what an ellipse looks like, too.
+ellipses with few beams often look like one ellipse.
 
 ![Calibration, and ellipse or not](images/detectors_calibration.png)
 
 ## Circles: Table III of the circle paper
 
 {circle_table(data, circle_floor)}
-The ellipse detectors do not know that it is a circle; their radius is the mean of the two. The floor is that of circles
-anywhere, not only on the grid that the circle paper draws from.
+The ellipse detectors do not use that it is a circle; their radius is the mean of the two. The floor is for circles at any
+position, not only on the circle paper's grid.
 """
     write(output, "detectors.md", report)
 

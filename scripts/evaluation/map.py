@@ -652,46 +652,46 @@ def picture(images, name, text):
 
 
 INTRODUCTION = """
-{scans:,} scans in {minutes:.1f} minutes. Every number of ours is from this run, with `cfg/objects.yaml` as it is shipped. The worlds are simulated
-([worlds.py](../../scripts/evaluation/worlds.py) says what moves where): a scanner like the UTM-30LX, 1081 beams over
-270°, 20 Hz, 1 cm of noise, within 10 m, and an exact pose of the robot. An object is visible if at least {beams} beams
-hit it; errors are those of visible objects that are on the map.
+{scans:,} scans in {minutes:.1f} minutes. Every number of ours is from this run, with the shipped `cfg/objects.yaml`.
+The worlds are simulated ([worlds.py](../../scripts/evaluation/worlds.py) defines their objects and paths): a scanner
+like the UTM-30LX, 1081 beams over 270°, 20 Hz, 1 cm of noise, within 10 m, and an exact pose of the robot. An object is
+visible if at least {beams} beams hit it; errors are those of visible objects that are on the map.
 """
 PAPERS_TABLES = """
 Printed / ours / ratio; MSE in m² and deg², MaAE in m and deg; ψ modulo 180°. Ours are over all scans of five flights of
-60 s from the first on which the object is on the map, its settling included, in the world's frame; MaAE is the largest
-error of all five. **Bold** is more than half of the printed MSE. Geometric mean of all MSE ratios: **{mean:.3f}**. The
-papers do not say where their objects move. Ours go round a circle of 0.8 m radius at 0.5 rad/s about a place 2.5 m in
-front of the hovering robot (trajectory 1), to its right (2) and to its left (3), and keep their angle. In the circle
-paper's tables 1 is the same; 2 is a circle of 1.2 m about a place 3 m ahead, at -0.4 rad/s; 3 a line of 3 m across the
-view, 2.5 m ahead; 4 is to the right and 5 to the left. A circle has no ψ: there the map's own deviation is given, which
-should say "unknown" (52°).
+60 s from the first with the object on the map, convergence included, in the world frame; MaAE is the largest
+error of all five. **Bold**: more than half of the printed MSE. Geometric mean of all MSE ratios: **{mean:.3f}**. The
+papers do not specify the trajectories. Ours are circles of 0.8 m radius at 0.5 rad/s about a point 2.5 m in
+front of the hovering robot (trajectory 1), to its right (2) and to its left (3), at constant orientation. In the circle
+paper's tables 1 is the same; 2 is a circle of 1.2 m about a point 3 m ahead, at -0.4 rad/s; 3 a line of 3 m across the
+view, 2.5 m ahead; 4 is to the right and 5 to the left. A circle has no ψ: for it the map's standard deviation is given,
+which should be that of an unknown axis (52°).
 """
 ROOM = """
 Six standing and five moving objects (larger radius 0.1 to 0.45 m, ratio up to 2.5, 0.3 to 1.2 m/s), four walls, a
-cabinet, sometimes a closet, 40 s. The scans of a moving robot are swept over 19 ms. The lower rows were measured
-elsewhere, on one bag of one such room: not by this command, nor on this machine, nor in these rooms. Compare sizes, not
-digits.
+cabinet, sometimes a closet, 40 s. The scans of a moving robot take 19 ms. The lower rows were measured
+elsewhere, on one bag of one such room: not by this command, on this machine or in these rooms. Compare orders of
+magnitude only.
 """
 CROWD = """
 Six standing and six moving objects within 8 m of a hovering robot, no walls, 60 s. GOSPA with a cut-off of 0.5 m.
-Manoeuvring objects, eight of them and nothing that stands, go at 0.8 to 1.2 m/s in turns of up to 3 m/s².
+The manoeuvring objects, eight without standing ones, move at 0.8 to 1.2 m/s with accelerations of up to 3 m/s².
 """
 HIDDEN_TEXT = """
-Each run is a world of its own with sizes, ranges and directions drawn by chance; that nothing hits the hidden object is
-checked beam by beam.
+Each run has its own world with random sizes, ranges and directions; that no beam hits the hidden object is checked beam
+by beam.
 """
 PERSONS = """
 Two persons walk at 0.8 m/s in an arena of 5 m x 6 m, which the range limiter cuts out of a larger room, and swing their
-arms, 60 s. Where torso and arms are segments of their own, one element of the map should be on the person, neither none
-nor two; a second one counts as false.
+arms, 60 s. Where torso and arms are separate segments, exactly one element of the map should be on the person; a second
+one counts as false.
 """
 TILT = """
-Standing objects only. The robot flies a ring of 2 m radius at 2.3 m/s, tilted by 15°, and turns at 60°/s on top.
+Standing objects only. The robot flies a circle of 2 m radius at 2.3 m/s, tilted by 15°, and also turns at 60°/s.
 """
 NOT_SAID = """
-The pose is exact here, all objects but the persons are ellipses, and nobody opens a door. Times are those of the whole
-pipeline with as many flights at once as cores. NEES and NIS on matched runs are tested in `test/map/objects/`, and the
+The pose is exact, all objects but the persons are ellipses, and the scenery is static. Times are of the whole
+pipeline with one flight per core at once. NEES and NIS on matched runs are tested in `test/map/objects/`, and the
 time for 1,000 elements is measured in `benchmark/`.
 """
 
@@ -718,16 +718,16 @@ def report_of(arguments, measured, results, cells, images, spent_s):
                              picture(images, "map_room_errors.png", "Errors of each room and mode, and the targets"),
                              "Truths inside the map's own 99 % region:\n", held_of_rooms(results)))
     if has("crowd", "noise", "manoeuvres"):
-        parts.append(section("Many objects that hide one another: Fig. 8", prose(CROWD), crowd_table(results),
+        parts.append(section("Many objects that occlude each other: Fig. 8", prose(CROWD), crowd_table(results),
                              picture(images, "map_crowd.png", "One flight over time")))
     if has(*HIDDEN):
-        parts.append(section("Hidden for a while", prose(HIDDEN_TEXT), hidden_table(results)))
+        parts.append(section("Occlusion", prose(HIDDEN_TEXT), hidden_table(results)))
     if has("people"):
         parts.append(section("Persons and a barrel: Fig. 9 and 10", prose(PERSONS), people_table(results),
                              picture(images, "map_person.png", "A person in a few frames")))
     if has("tilt"):
         parts.append(section("Tilted and turning", prose(TILT), tilt_table(results)))
-    parts.append(section("What this does not say", prose(NOT_SAID)))
+    parts.append(section("Limitations", prose(NOT_SAID)))
     return "\n".join(parts)
 
 

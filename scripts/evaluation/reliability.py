@@ -34,7 +34,7 @@ def free_port():
 
 def progress(blocks, begin, hours):
     print_progress(blocks[-1]["part"], begin, f"{blocks[-1]['hours']:.1f} of {hours:g} h of scans, "
-                   f"{blocks[-1]['faults']:,} faults, {blocks[-1]['failures']} without what must happen")
+                   f"{blocks[-1]['faults']:,} faults, {blocks[-1]['failures']} without the expected outcome")
 
 
 def run_faults(words, folder, name, hours):
@@ -109,7 +109,7 @@ def targets(blocks, result, tests):
     back = sorted(value for fault in faults for value in fault["back_s"])
     yield ("the map is back within 2 s after every fault", f"{back[-1]:.2f} s at most, {len(back):,} of {count:,} seen",
            len(back) == count and back[-1] <= MOST_UNTIL_BACK_S)
-    yield ("after every fault what must happen has happened", f"{failures} of {count:,} times not", failures == 0)
+    yield ("every fault has its expected outcome", f"{failures} of {count:,} deviations", failures == 0)
     yield ("every scan is mapped or counted as dropped, by its reason",
            f"{len(result['accounts'])} of {result['settled']} accounts do not balance", not result["accounts"])
     growth, life = growth_bytes(blocks)
@@ -119,7 +119,7 @@ def targets(blocks, result, tests):
                f"{growth / 1e6:.2f} MB, over the {hours:.1f} h of the process that lived longest",
                growth < MAX_GROWTH_BYTES)
     passed = sum(test["passed"] for test in tests)
-    yield ("every fault that has a test of its own ends as it must", f"{passed} of {len(tests)}",
+    yield ("every fault with a separate test has its expected outcome", f"{passed} of {len(tests)}",
            bool(tests) and passed == len(tests))
 
 
@@ -140,8 +140,8 @@ def day_table(result):
         rows.append((fault["name"], fault["how"], fault["must"], f"{fault['count']:,}", f"{fault['sent']:,}",
                      f"{fault['mapped']:,}", str(fault["other_ids"]), seconds(quantile(back, 0.99)),
                      seconds(back[-1] if back else None), f"**{wrong} not**" if wrong else "always"))
-    return table(("fault", "how it is injected", "what must happen", "times", "scans", "maps", "other ids after",
-                  "back after, p99, s", "max, s", "happened"), rows)
+    return table(("fault", "how it is injected", "expected outcome", "times", "scans", "maps", "other ids after",
+                  "back after, p99, s", "max, s", "as expected"), rows)
 
 
 def death_table(result):
@@ -172,46 +172,43 @@ def failures_list(result):
 
 
 def test_table(tests):
-    return table(("fault", "how it is injected", "what must happen", "times", "happened"),
+    return table(("fault", "how it is injected", "expected outcome", "times", "as expected"),
                  [(test["fault"], test["how"], test["must"], str(test["times"]), "yes" if test["passed"] else "**no**")
                   for test in tests])
 
 
 INTRODUCTION = """
-{sent:,} scans, {hours:g} simulated hours at 20 Hz of their stamps, through the nodelets as `launch/objects.launch` starts
-them, in {minutes:.0f} minutes; faults of {kinds} kinds, and none at all to compare with, one every {every:g} s on average, in an order and at times drawn
-with seed {seed}. `scripts/evaluate reliability` writes this page.
+{sent:,} scans, {hours:g} simulated hours at 20 Hz of their stamps, through the nodelets as `launch/objects.launch`
+starts them, in {minutes:.0f} minutes; faults of {kinds} kinds, and none for comparison, one every {every:g} s on
+average, in random order and at random times, seed {seed}. `scripts/evaluate reliability` writes this page.
 """
 DAY = """
 Scans are of a walled room with 12 ellipses, half of them moving, 1081 beams with noise and a robot that sways
-([synthetic_scene.hpp](../benchmark/synthetic_scene.hpp)); the room is another one whenever time starts again. They go
-out in lock-step with the map, at most 3 under way, with `/clock` and TF. The map is *back* when each of the 12 objects
-is on it exactly once, within 15 cm of where it is, nothing else is, and every position's standard deviation is at most
-the 0.24 m of `max_position_sigma_m`; and when it stays so until the next fault, 4 s later at least. *Back after* counts,
-in stamps, from the last scan of the fault to the first map of those good ones; where time starts again, from the first
-scan of the new time; where something dies, from the last scan before it, and scans then go on at 20 Hz of wall time, so
-that what respawn takes is in it.
-Scans of a fault that are not mapped are dropped for a reason that is counted: every ten minutes what all stages say they
-received, processed and dropped, by reason, is compared with what was sent. Ids are
-compared for all 12 objects: *other ids after* counts the faults after which one of them had another. Those that move
-accelerate by up to 0.74 m/s², nearly twice `acceleration_sigma_m_s2`: unseen for half a second, one may not be known
-again, so ids must stay only where fewer than ten scans in a row are lost. The faults themselves are a table in
-[faults.cpp](../test/ros/fault_day/faults.cpp); CI runs
-each twice and ends processes once (`ros/fault_day_test`).
+([synthetic_scene.hpp](../benchmark/synthetic_scene.hpp)); the room changes whenever time is reset. They are sent in
+lock-step with the map, at most 3 unprocessed, with `/clock` and TF. The map is *back* when each of the 12 objects is on
+it exactly once, within 15 cm of the truth, without false elements, and every position's standard deviation is at most
+the 0.24 m of `max_position_sigma_m`; and when this holds until the next fault, at least 4 s later. *Back after* is the
+time, by stamps, from the last scan of the fault to the first such map; after a reset of time, from the first scan of
+the new time; where a process dies, from the last scan before it, while scans are sent at 20 Hz of wall time, so that it
+includes the respawn. Scans that are not mapped are dropped and counted by reason: every ten minutes the stages' counts
+of received, processed and dropped messages are compared with the scans sent. Ids are compared for all 12 objects:
+*other ids after* counts the faults after which an id had changed. Moving objects accelerate by up to 0.74 m/s², nearly
+twice `acceleration_sigma_m_s2`: unseen for half a second, one may not be re-identified, so ids must be kept only where
+fewer than ten scans in a row are lost. The faults are listed in [faults.cpp](../test/ros/fault_day/faults.cpp); CI
+injects each twice and kills processes once (`ros/fault_day_test`).
 """
 DEATHS = """
-How long no map comes then, in wall time; it is part of *back after*. `respawn_delay` is 0.5 s, as shipped. What dies
-does so in the last quarter of the day only, so that one process lives through the first three and its memory can be
-watched.
+The time without a map, in wall time; it is part of *back after*. `respawn_delay` is 0.5 s, as shipped. Processes are
+killed only in the last quarter of the day, so that the memory of one process can be measured over the first three.
 """
 LIMITS = """
-One fault is left out of the day, for there are runs in which the map is not always back within 2 s: where beams say
-falsely that there is nothing, an object is seen with holes, its pieces become elements, and one of them may be left
-beside it for a while. Here it is alone, every {every:g} s on average; where the map was not back before the next, it
-counts for that one, too.
+One fault is not part of the day, since in some runs the map is not back within 2 s: where beams falsely report free
+space, an object is seen with holes, its pieces become elements, and one of them may remain beside it for a while. Here
+it is injected alone, every {every:g} s on average; if the map was not back before the next fault, this counts for that
+one, too.
 """
 TESTED = """
-What a day cannot have, each with a test of its own that runs in CI.
+Faults that cannot be part of a day; each has a test that runs in CI.
 """
 
 
@@ -219,16 +216,16 @@ def report_of(blocks, result, tests, limit, measured):
     verdicts = list(targets(blocks, result, tests))
     kinds = sum(fault["count"] > 0 for fault in result["faults"]) - 1  # without that which is none
     return "\n".join((
-        "# Faults, and what comes of them\n",
+        "# Fault injection\n",
         introduction(measured, INTRODUCTION.format(sent=result["sent"], hours=measured["hours"],
                                                    minutes=measured["minutes"], kinds=kinds, every=FAULT_EVERY_S,
                                                    seed=measured["seed"])),
         targets_section(verdicts),
         section("A day", prose(DAY), day_table(result)),
-        section("Where something dies", prose(DEATHS), death_table(result)),
-        section("What did not happen as it must", failures_list(result)),
-        section("Faults with tests of their own", prose(TESTED), test_table(tests)),
-        section("What it takes longer over", prose(LIMITS.format(every=FAULT_EVERY_S)), limit_table(limit)))), \
+        section("Processes that die", prose(DEATHS), death_table(result)),
+        section("Violations", failures_list(result)),
+        section("Faults with separate tests", prose(TESTED), test_table(tests)),
+        section("A fault with longer recovery", prose(LIMITS.format(every=FAULT_EVERY_S)), limit_table(limit)))), \
         all(met for _, _, met in verdicts)
 
 

@@ -140,7 +140,7 @@ def memory_table(results):
         block = min(results.blocks, key=lambda block: abs(block["hours"] - hours))
         rows.append((f"{block['hours']:.0f}", f"{block['resident_bytes'] / 1e6:.3f}",
                      f"{block['heap_bytes'] / 1e6:.3f}"))
-    return table(("after hours", "resident, MB", "given out by the heap, MB"), rows)
+    return table(("after hours", "resident, MB", "allocated on the heap, MB"), rows)
 
 
 def time_table(results):
@@ -177,7 +177,7 @@ def draw(results, path):
     figure, (memory, latency) = pyplot.subplots(2, 1, figsize=(11, 7.2), layout="constrained", sharex=True,
                                                 height_ratios=(1, 1.5))
     hours = [block["hours"] for block in results.blocks]
-    for name, label, color in (("resident_bytes", "resident", RESIDENT), ("heap_bytes", "given out by the heap", HEAP)):
+    for name, label, color in (("resident_bytes", "resident", RESIDENT), ("heap_bytes", "allocated on the heap", HEAP)):
         warm = next(block[name] for block in results.blocks if block["hours"] >= WARM_UP_HOURS - 1e-9)
         memory.plot(hours, [(block[name] - warm) / 1e6 for block in results.blocks], color=color, lw=1.6,
                     label=f"{label}, {warm / 1e6:.1f} MB after {WARM_UP_HOURS:g} h")
@@ -211,33 +211,35 @@ def draw(results, path):
 
 
 INTRODUCTION = """
-{scans:,} scans, {hours:g} hours at 20 Hz of their stamps, one behind the other through one `ObjectPipeline` with
-`cfg/objects.yaml` as it is shipped, in {minutes:.0f} minutes: no ROS, no messages. Simulated scans are of a walled room
+{scans:,} scans, {hours:g} hours at 20 Hz of their stamps, in sequence through one `ObjectPipeline` with
+the shipped `cfg/objects.yaml`, in {minutes:.0f} minutes: no ROS, no messages. Simulated scans are of a walled room
 with 12 objects, half of them moving, 1081 beams, a loop of 64 s with noise
 ([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)). {recorded}
-Stamps start again from the same time after 10 min, 20 min, 30 min and 4 h, over and over, as a bag that loops: the map
-then starts anew. In between they grow, from one source to the other too: what is on the map vanishes at once.
+Stamps are reset after 10 min, 20 min, 30 min and 4 h in turn, as by a bag that loops; the
+map then starts anew. Otherwise they increase, also when the source changes: then all objects of the map vanish at once.
 """
 RECORDED = """
-Ten minutes of them and ten of recorded ones take turns: a loop of {count:,} scans of four scanners, one after the
-other ({bags}), taken at 10 Hz and sent at 20, with the scanner standing still at the world's origin.
+Ten minutes of them alternate with ten of recorded ones: a
+loop of {count:,} scans of four scanners, one after the
+other ({bags}), recorded at 10 Hz and sent at 20, with a static scanner at the world's
+origin.
 """
 NOT_RECORDED = "**No recorded scans were at hand, so all are simulated.**"
 MEMORY_TEXT = """
-Every ten minutes of scans: resident memory of the whole process (`/proc/self/statm`), and what its heap has given out
-and not got back (`mallinfo2`); nothing is handed back to the system by `malloc_trim`. The first hour is to warm up;
-growth is from its end to the largest figure after it.
+Every ten minutes of scans: resident memory of the whole process (`/proc/self/statm`), and allocated heap memory
+(`mallinfo2`); `malloc_trim` is not called. The first hour is the warm-up; growth is from its end to the
+largest value after it.
 """
 TIME_TEXT = """
 CPU time of the thread for `ObjectPipeline::process` and `ObjectMap::at`: p50 and p99 of each ten minutes of scans, and
-the medians of those over a quarter of the time; max is the largest of all. The yardstick is the projection and
-segmentation of one and the same scan by functions that remember nothing, every 20 scans: it says how fast the machine
-was just then, beside what else it did, and the ratio that is judged is of times in yardsticks.
+the medians of those over a quarter of the time; max is the largest of all. The yardstick is the time of projection and
+segmentation of one fixed scan by stateless functions, every 20 scans: it measures the momentary speed of the machine.
+The ratio of the target is of times in yardsticks.
 """
 ACCOUNTS_TEXT = """
-Of each kind of bad scans there are some 2 in 1,000, at random. A scan counts as mapped if the map has its stamp then,
-and as refused or thrown only if the map kept the stamp that it had; reasons are those of `ObjectMapUpdate`, texts those
-of `std::invalid_argument`.
+Each kind of invalid scan occurs at random with a probability of about 2 in 1,000. A scan counts as mapped if the map
+then has its stamp, and as refused or thrown only if the map's stamp is unchanged; reasons are those of
+`ObjectMapUpdate`, messages those of `std::invalid_argument`.
 """
 
 
@@ -246,14 +248,14 @@ def report_of(results, accounts, recorded, measured, minutes):
     words = RECORDED.format(count=sum(recorded.values()), bags=", ".join(
         f"`{name}` {count:,}" for name, count in recorded.items())) if recorded else NOT_RECORDED
     return "\n".join((
-        "# Hours and hours of scans\n",
+        "# Soak test\n",
         introduction(measured, INTRODUCTION.format(scans=accounts["sent"], hours=results.hours, minutes=minutes,
                                                    recorded=words)),
         targets_section(verdicts),
         "![Memory, and CPU time per scan, over the hours](images/soak.png)\n",
         section("Memory", prose(MEMORY_TEXT), memory_table(results)),
         section("Time", prose(TIME_TEXT), time_table(results)),
-        section("What became of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), all(met for _, _, met in verdicts)
+        section("Outcome of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), all(met for _, _, met in verdicts)
 
 
 def hours_of(text):

@@ -162,18 +162,18 @@ def targets(results):
            sixty["whole"]["p99_us"] <= 8000.0)
     networks = [results.of(objects=objects, networks=True)["networks"] for objects in (12, 60)]
     whole = min(found["vgg_forward_to_whole"] for found in networks)
-    yield ("a full forward of the paper's VGG-Net takes at least 15 times as long per segment as the whole way does",
+    yield ("a full forward of the paper's VGG-Net takes at least 15 times as long per segment as the whole pipeline",
            f"{whole:.0f} times; {min(found['vgg_forward_to_detector'] for found in networks):.0f} times the detector "
            "alone", whole >= 15.0)
     allocations = [line["whole"]["allocations"] for line in results.medians.values()]
-    yield ("nothing is allocated once warm", f"{min(allocations):,.0f} to {max(allocations):,.0f} per scan",
+    yield ("no allocation after warm-up", f"{min(allocations):,.0f} to {max(allocations):,.0f} per scan",
            max(allocations) == 0.0)
     for what in GROWTH:
         exponent = last_exponent(results, what)
-        yield (f"the cost against {what} is linear: it grows with a power of at most {LINEAR_EXPONENT} at last",
+        yield (f"the cost against {what} is linear: exponent of at most {LINEAR_EXPONENT} at the last point",
                f"{exponent:.2f}", exponent <= LINEAR_EXPONENT)
     others = max(line["other_threads_cpu_part"] for line in results.medians.values() if line["detections"] > 10)
-    yield ("OpenCV's own threads stay out of it: with more than 10 detections other threads take below 1 % of the CPU",
+    yield ("OpenCV's own threads are not used: with more than 10 detections other threads take below 1 % of the CPU",
            f"{100 * others:.2f} %", others < 0.01)
 
 
@@ -236,7 +236,7 @@ def networks_table(results):
             "vgg_forward_us", "vgg_batched_us", "vgg_detector_us", "detector_us", "whole_us")),
             f"**{found['vgg_forward_to_detector']:.0f}**", f"**{found['vgg_forward_to_whole']:.0f}**"))
     return table(("objects", "VGG-Net, one by one", "VGG-Net, in one batch", "detector `vgg`", "detector `network`",
-                  "whole way", "VGG / detector", "VGG / whole way"), rows)
+                  "whole pipeline", "VGG / detector", "VGG / pipeline"), rows)
 
 
 def ratio_text(ratio):
@@ -325,7 +325,7 @@ def draw_stages(results, path):
     bars = (("VGG-Net by Keras, measured before", 1000.0 * PAPERS_MS_PER_SEGMENT, "0.75"),
             ("VGG-Net, full forward", found["vgg_forward_us"], OTHER),
             ("VGG-Net, full forward, in one batch", found["vgg_batched_us"], OTHER),
-            ("whole way, scan to map", found["whole_us"], WHOLE), ("detector `network`", found["detector_us"],
+            ("whole pipeline, scan to map", found["whole_us"], WHOLE), ("detector `network`", found["detector_us"],
                                                                   COLORS["detect"]))
     for i, (label, time_us, color) in enumerate(bars):
         right.barh(i, time_us, color=color, height=0.65)
@@ -344,28 +344,30 @@ def draw_stages(results, path):
 
 
 INTRODUCTION = """
-Synthetic scans, one behind the other, through the whole core from scan to map with `cfg/objects.yaml` as it is shipped:
-no ROS, no messages. A robot hovers and sways in a walled room, in a ring of ellipses of which half move and none hides
+Synthetic scans, one behind the other, through the whole core from scan to map with the shipped `cfg/objects.yaml`: no
+ROS, no messages. A robot hovers and sways in a walled room, in a ring of ellipses of which half move and none occludes
 another ([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)); 270 degrees, 1 cm of noise, a sweep of 19 ms.
 {scans} scans each after {warm_up} to warm up; every figure is the median of {rounds} rounds. "whole" is
-`ObjectPipeline::process`; the stages are timed on the same scans in the same run, and the tool stops unless both give
-the same map, bit for bit. With one thread all is on one core (`taskset`). Recorded scans are timed by `objects_bag`.
+`ObjectPipeline::process`; the stages are timed on the same scans in the same run, and the tool fails unless both give
+bit for bit the same map. With one thread everything runs on one core (`taskset`). Recorded scans are timed by
+`objects_bag`.
 """
 WHOLE_TEXT = """
-"detected" is how many of the objects get an ellipse in a scan: with few beams narrow objects have too few hits. With
-two threads two pipelines run at once, each with its own scans. At {rate} Hz there is a pause between the scans, as a
-scanner makes it, and caches are cold. CPU is the mean of the thread's own: what other programs take from the core is in
-p99 and max, but not in the CPU nor in its p99. The picture shows CPU time. Allocations and KiB are what was asked of the heap, OpenCV's part included.
+"detected" is the mean number of objects with a detection in a scan: with few beams narrow objects have too few hits.
+With two threads two pipelines run at once, each with its own scans. At {rate} Hz there is a pause between the scans, as
+with a scanner, and caches are cold. CPU is the mean CPU time of the thread: time taken by other programs is in p99 and
+max, but not in CPU and its p99. The picture shows CPU time. Allocations and KiB are heap allocations, OpenCV's
+included.
 """
 ELEMENTS_TEXT = """
-The robot has been in other rooms before, and the map remembers what stands there: {objects} objects are in sight, the
-rest is elsewhere.
+The map also has elements of other rooms: {objects} objects are in sight, the
+rest is out of sight.
 """
 NETWORKS_TEXT = """
-Median CPU time in µs per segment, in turns on the same segments: the paper's VGG-Net by OpenCV dnn in full, one segment at
-a time as the papers did and all segments of a scan in one batch; the two detectors with all they do; and the whole way
-from scan to map, divided by its segments. Keras, by which the papers ran it, took {papers} ms per segment when that was
-measured.
+Median CPU time in µs per segment, in turns on the same segments: the paper's VGG-Net by OpenCV dnn in full, one segment
+at a time as the papers did and all segments of a scan in one batch; the two detectors with pre- and post-processing;
+and the whole pipeline from scan to map, divided by its segments. Keras, as used in the papers, took {papers} ms per
+segment in an earlier measurement.
 """
 RATIOS_TEXT = """
 This build / the older build `{baseline}`, both in this run and in turns: medians of the ratios of the rounds. Below 1
@@ -374,7 +376,7 @@ is faster.
 
 
 def report_of(arguments, results, measured):
-    parts = ["# The way from scan to map, timed\n", introduction(measured, INTRODUCTION.format(
+    parts = ["# Time from scan to map\n", introduction(measured, INTRODUCTION.format(
         scans=arguments.scans, warm_up=160, rounds=arguments.rounds))]
     if not arguments.full:
         parts.append("**A quick look**: fewer scans or rounds than are published.\n")
@@ -384,7 +386,7 @@ def report_of(arguments, results, measured):
                          stages_table(results)))
     parts.append(section("How it grows", picture("speed_growth.png", "Cost against objects, beams and elements"),
                          prose(WHOLE_TEXT.format(rate=RATE_HZ)), whole_table(results)))
-    parts.append(section("A map that remembers much", prose(ELEMENTS_TEXT.format(objects=USUAL_OBJECTS)),
+    parts.append(section("A large map", prose(ELEMENTS_TEXT.format(objects=USUAL_OBJECTS)),
                          elements_table(results)))
     parts.append(section("Beside the paper's network",
                          prose(NETWORKS_TEXT.format(papers=PAPERS_MS_PER_SEGMENT)), networks_table(results)))
