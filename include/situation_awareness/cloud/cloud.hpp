@@ -8,7 +8,7 @@
 
 namespace situation_awareness {
 
-/// One measurement of a sensor that sees in three dimensions, in the sensor's frame.
+/// One measurement of a 3D sensor, in the sensor's frame.
 struct CloudPoint {
   /// m; all NaN where there is no return.
   float x_m = std::numeric_limits<float>::quiet_NaN();
@@ -16,13 +16,13 @@ struct CloudPoint {
   float z_m = std::numeric_limits<float>::quiet_NaN();
   float intensity = std::numeric_limits<float>::quiet_NaN();  ///< in the sensor's own units; NaN where there is none
   std::uint16_t ring = 0;                                     ///< laser or row of the sensor
-  float time_s = 0.0F;                                        ///< when it was taken, after the cloud's stamp
+  float time_s = 0.0F;                                        ///< time of the measurement after the cloud's stamp
 };
 
-/// What a 3D LIDAR or a depth camera measures in one revolution or picture.
+/// The measurements of a 3D LIDAR in one revolution, or of a depth camera in one image.
 ///
 /// Points are in rows: that of row r and column c is `points[r * columns + c]`. A structured cloud has a row for each
-/// ring, every measurement in its place, those without a return too; an unstructured one is a single row.
+/// ring, with a point for every measurement, also without a return; an unstructured one is a single row.
 struct Cloud {
   std::int64_t stamp_ns = 0;
   std::size_t rows = 1;

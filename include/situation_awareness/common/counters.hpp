@@ -11,8 +11,8 @@
 
 namespace situation_awareness {
 
-/// How often something happened, by reason, in the order of the reasons' text. Reasons are short fixed texts that
-/// diagnostics print as they are. Few and mostly the same from scan to scan: `reset` keeps room for them.
+/// Counts by reason, sorted by the reasons' text. Reasons are short fixed texts that diagnostics print unchanged. They
+/// are few and mostly the same from scan to scan: `reset` keeps their memory.
 class Counters {
  public:
   using Entry = std::pair<std::string, std::uint64_t>;
@@ -26,7 +26,7 @@ class Counters {
     auto entry = lower_bound(reason);
     if (entry == end_used() || entry->first != reason) {
       if (used_ == entries_.size()) entries_.emplace_back().first.reserve(kReasonLength);
-      // The first spare entry becomes this one, so that its text's room is used again.
+      // Reuses the first spare entry and its text's memory.
       const auto place = std::lower_bound(entries_.begin(), end_used(), reason, before);
       const auto spare = end_used();
       spare->first.assign(reason);
@@ -38,7 +38,7 @@ class Counters {
     return entry->second;
   }
 
-  /// How often, 0 if never.
+  /// Count of a reason; 0 if it never occurred.
   std::uint64_t of(std::string_view reason) const {
     const auto entry = std::lower_bound(begin(), end(), reason, before);
     return entry != end() && entry->first == reason ? entry->second : 0;
@@ -49,7 +49,7 @@ class Counters {
   std::vector<Entry>::const_iterator begin() const { return entries_.begin(); }
   std::vector<Entry>::const_iterator end() const { return entries_.begin() + static_cast<std::ptrdiff_t>(used_); }
 
-  /// Nothing has happened yet.
+  /// Removes all counts and keeps their memory.
   void reset() { used_ = 0; }
 
   friend bool operator==(const Counters& a, const Counters& b) {

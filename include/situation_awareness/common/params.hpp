@@ -11,7 +11,7 @@
 
 namespace situation_awareness {
 
-/// Closed interval that a parameter must lie in.
+/// Closed interval of a parameter.
 struct Bounds {
   double low;
   double high;
@@ -21,13 +21,13 @@ struct Bounds {
 struct Live {};
 constexpr Live kLive{};
 
-/// A parameter of a type of its own, by its YAML text.
+/// A parameter of a user-defined type, by its YAML text.
 struct YamlValue {
   std::function<std::string()> get;
   std::function<void(const std::string&)> set;  ///< throws std::invalid_argument: "must be ..."
 };
 
-/// One parameter: what is declared of it, and where its value is.
+/// One parameter: its declaration and a reference to its value.
 struct Parameter {
   std::string section;  ///< path of the section that it is in: detections.fit; empty at the top
   std::string name;     ///< its key there, which ends in the unit
@@ -47,15 +47,14 @@ struct Parameter {
 ///     template <class Self, class Visit>
 ///     static void fields(Self& self, Visit&& visit) {
 ///       visit("max_gap_m", self.max_gap_m, Bounds{0.001, 10.0}, "m", "largest distance between ...");  // a number
-///       visit("shape", self.shape, "ellipse or circle");  // bool, std::string, or a type with YAML text of its own
+///       visit("shape", self.shape, "ellipse or circle");  // bool, std::string, or a type with its own YAML text
 ///       visit("min_points", self.min_points, Bounds{2, 1000}, "", "fewest points of ...", kLive);
 ///       visit("fit", self.fit);                           // a section: another params struct
 ///     }
 ///
-/// Reading, writing, checking and documentation all use this declaration. A type of its own has, in its namespace,
+/// Reading, writing, checking and documentation all use this declaration. A user-defined type has, in its namespace,
 /// `std::string yaml_text(const T&)` and `void read_yaml_text(const std::string&, T&)`, which throws
-/// std::invalid_argument("must be ..."). What one field alone cannot say is checked by a member `void validate()
-/// const`.
+/// std::invalid_argument("must be ..."). Constraints between fields are checked by a member `void validate() const`.
 ///
 /// `params` must outlive the result.
 template <class Params>
@@ -72,14 +71,14 @@ std::string yaml_text(int value);
 std::string yaml_text(double value);
 std::string yaml_text(const std::string& value);  ///< in double quotes
 std::string yaml_text(const Parameter& parameter);
-std::string yaml_text(const char* value) = delete;  // would be taken for a bool
+std::string yaml_text(const char* value) = delete;  // would convert to bool
 
 /// "[0, 1000] m"
 std::string text_of(Bounds bounds, const std::string& unit);
 
 /// A key that no parameter has.
 struct UnknownKey {
-  std::string source;              ///< what was read
+  std::string source;              ///< name of the text, such as a path
   std::string path;                ///< with its section: segments.max_gap
   std::vector<std::string> known;  ///< the keys that its section has, sorted
 };
@@ -87,7 +86,7 @@ struct UnknownKey {
 /// "my.yaml: unknown parameter segments.max_gap has no effect, known are: flat_extent_m, ..."
 std::string message_of(const UnknownKey& key);
 
-/// What to do with an unknown key.
+/// Handler of unknown keys.
 using OnUnknownKey = std::function<void(const UnknownKey&)>;
 
 /// Writes the message to stderr as a warning, for programs without a log.

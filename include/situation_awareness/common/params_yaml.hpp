@@ -11,27 +11,27 @@
 
 namespace situation_awareness {
 
-/// Set `parameters` from YAML text that has their sections as maps; what it leaves out keeps its value.
+/// Set `parameters` from YAML text that has their sections as maps; parameters that it omits keep their values.
 ///
-/// Throws std::invalid_argument with one sentence that names `source`, the parameter's path and its bound: for a wrong
-/// type, a number out of bounds, a key that is given twice. `on_unknown_key` is called for each key that no parameter
-/// has. Some values may have been set then. YAML 1.1 tools, rosparam among them, take 1e-3 for a text: a number may be
-/// given as a text, but not a text as a number.
+/// Throws std::invalid_argument naming `source`, the parameter's path and its bound: for a wrong type, a number out of
+/// bounds, a repeated key. `on_unknown_key` is called for each key without a parameter. Some values may have been set
+/// then. YAML 1.1 tools, rosparam among them, read 1e-3 as a string: a number may be given as a string, but not a
+/// string as a number.
 void read_yaml(const std::vector<Parameter>& parameters, const std::string& yaml, const std::string& source,
                const OnUnknownKey& on_unknown_key);
 
-/// The parameters as YAML text that read_yaml reads back as the same.
+/// The parameters as YAML text that read_yaml reads back exactly.
 std::string yaml_of(const std::vector<Parameter>& parameters);
 
 /// The content of a file. Throws std::invalid_argument naming it if it cannot be read.
 std::string read_text_file(const std::string& path);
 
-/// Throws what the `validate()` of the struct and of the sections in it throws; the inner ones come first.
+/// Calls `validate()` of the struct's sections and then of the struct, and throws what they throw.
 template <class Params>
 void validate_all(const Params& params);
 
-/// A params struct from YAML text, as read_yaml does and validated; what the text leaves out is as in `defaults`.
-/// Throws std::invalid_argument with one sentence that names `source` and what is wrong.
+/// A params struct from YAML text by read_yaml, validated; parameters that the text omits are as in `defaults`. Throws
+/// std::invalid_argument naming `source` and the reason.
 template <class Params>
 Params params_from_yaml(const std::string& yaml, const std::string& source,
                         const OnUnknownKey& on_unknown_key = print_warning, Params defaults = Params());

@@ -7,17 +7,16 @@
 
 namespace situation_awareness {
 
-/// Lets through `rate_hz` of what comes by, where more come by, whatever their rhythm: in any time T at most
-/// 2 + T * rate_hz, for it takes one in each period.
+/// Limits events of any timing to `rate_hz`: in any time T at most 2 + T * rate_hz pass, since one passes per period.
 class RateLimit {
  public:
   /// `rate_hz` > 0.
   explicit RateLimit(double rate_hz) : period_ns_(nanoseconds(1.0 / rate_hz)) {}
 
-  /// Whether what comes by at `now_ns` passes. Times of a monotonic clock.
+  /// Whether the event at `now_ns` passes. Times of a monotonic clock.
   bool passes(std::int64_t now_ns) {
     if (started_ && now_ns < next_ns_) return false;
-    // What is a little late does not move those after it, so that 20 Hz become 6 Hz and not 5 Hz.
+    // A late event does not shift the later periods, so that 20 Hz become 6 Hz and not 5 Hz.
     const bool on_time = started_ && now_ns < next_ns_ + period_ns_;
     next_ns_ = (on_time ? next_ns_ : now_ns) + period_ns_;
     started_ = true;

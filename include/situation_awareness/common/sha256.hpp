@@ -6,7 +6,7 @@
 
 namespace situation_awareness {
 
-/// SHA-256 (FIPS 180-4) in hexadecimal, lower case. Throws std::runtime_error if OpenSSL has none.
+/// SHA-256 (FIPS 180-4) in hexadecimal, lower case. Throws std::runtime_error if OpenSSL does not have it.
 std::string sha256(std::string_view content);
 
 }  // namespace situation_awareness

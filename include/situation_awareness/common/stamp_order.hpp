@@ -8,8 +8,8 @@
 
 namespace situation_awareness {
 
-/// Judges whether a scan may follow those before it. Stamps grow; one that goes far back is a new beginning (a bag that
-/// loops, a simulation that starts again), one that goes back a little is not to be used.
+/// Checks the order of stamps. They increase; a jump far back is a restart (a bag that loops, a simulation that is
+/// restarted), a stamp that goes back a little is refused.
 class StampOrder {
  public:
   static constexpr std::int64_t kNone = std::numeric_limits<std::int64_t>::min();
@@ -18,7 +18,7 @@ class StampOrder {
 
   explicit StampOrder(double reset_time_jump_s) : reset_time_jump_s_(reset_time_jump_s) {}
 
-  /// For the stamps to come.
+  /// Applies to later stamps.
   void set_reset_time_jump_s(double reset_time_jump_s) { reset_time_jump_s_ = reset_time_jump_s; }
 
   Verdict judge(std::int64_t stamp_ns) {
@@ -30,7 +30,7 @@ class StampOrder {
     return verdict;
   }
 
-  /// The latest that was not refused, kNone before the first.
+  /// The latest accepted stamp, kNone before the first.
   std::int64_t latest_ns() const { return latest_ns_; }
 
  private:

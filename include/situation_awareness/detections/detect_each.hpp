@@ -7,9 +7,9 @@
 
 namespace situation_awareness {
 
-/// What every detector does around its own `detect_one(segment index) -> Detection`: asks it about each segment of kind
-/// kObject for which `refusal(segment index) -> const char*` is empty, and refuses answers that are not to be trusted.
-/// The prior it names is that of assess_ellipse's covariance.
+/// The common part of all detectors: calls `detect_one(segment index) -> Detection` for each segment of kind kObject
+/// for which `refusal(segment index) -> const char*` is empty, and refuses untrustworthy results. The prior is that of
+/// assess_ellipse's covariance.
 template <class DetectOne, class Refusal>
 void detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one, Refusal&& refusal,
                  Detections& found) {
@@ -30,7 +30,7 @@ void detect_each(const Segments& segments, const EllipseFitParams& params, Detec
   }
 }
 
-/// Why a segment says too little about the object for most detectors; empty text if it shows at least one of its edges.
+/// Reason why most detectors cannot use a segment; empty if it shows at least one edge of the object.
 inline const char* hidden_defect(const Segment& segment) {
   return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : "both ends hidden";
 }

@@ -12,27 +12,27 @@
 
 namespace situation_awareness {
 
-/// An ellipse found in one segment.
+/// An ellipse estimated from one segment.
 struct Detection {
   Ellipse ellipse_level;                   ///< in the level frame, rx >= ry > 0
   Matrix5d covariance = Matrix5d::Zero();  ///< of the error of its smooth_parameters (t_x, t_y, m, p, q)
   double residual_rms_m = 0.0;             ///< of the hits against the ellipse, along its normal
-  double p_ellipse = 1.0;                  ///< probability that the segment is one ellipse at all
+  double p_ellipse = 1.0;                  ///< probability that the segment is one ellipse
   double time_offset_s = 0.0;              ///< of the middle of its beams after the stamp
-  int beams = 0;                           ///< number of hits it was found from
-  bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may go on
+  int beams = 0;                           ///< number of its hits
+  bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may extend beyond it
   std::size_t segment = 0;                 ///< index in Segments::segments
 };
 
-/// A detection that is less certain than this says nothing, and next to precise ones would cost a filter its digits.
+/// A detection less certain than this has no information, and would harm the numerical precision of a filter.
 constexpr double kMaxDetectionSigma_m = 100.0;
 
-/// Why a detection is none, whoever made it, as a text that can be counted; empty text if it is one. Checked: finite
-/// numbers, rx >= ry > 0, p_ellipse in [0, 1], and a covariance that is symmetric, positive definite and of standard
-/// deviations up to kMaxDetectionSigma_m.
+/// Reason why a detection from any source is invalid, for counters; empty if it is valid. Checked: finite numbers, rx
+/// >= ry > 0, p_ellipse in [0, 1], and a covariance that is symmetric, positive definite and of standard deviations up
+/// to kMaxDetectionSigma_m.
 const char* detection_defect(const Detection& detection);
 
-/// The ellipses found in one scan, at most one per segment.
+/// The ellipses detected in one scan, at most one per segment.
 struct Detections {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;

@@ -10,12 +10,12 @@ namespace situation_awareness {
 
 struct EllipseFitParams;
 
-/// Finds the ellipse in each segment of kind kObject. Not thread-safe: one detector, one thread.
+/// Estimates an ellipse from each segment of kind kObject. Not thread-safe: one detector, one thread.
 class Detector {
  public:
   virtual ~Detector() = default;
 
-  /// `memory`: detections no longer needed, whose memory the result takes over.
+  /// `memory`: detections no longer needed, whose memory the result reuses.
   Detections detect(const Segments& segments, Detections memory = {});
 
   /// Other parameters from the next scan on; they have been validated.
@@ -25,8 +25,9 @@ class Detector {
   virtual std::string model_sha256() const { return ""; }
 
  private:
-  /// Add to `found` what is in the segments, and why in others nothing is; it is empty but for what is copied from the
-  /// segments.
+  /// Add to `found` the detections, and the reasons for segments without one; on entry it has only the fields copied
+  /// from
+  /// the segments.
   virtual void find(const Segments& segments, Detections& found) = 0;
 };
 

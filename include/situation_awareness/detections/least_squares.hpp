@@ -8,8 +8,8 @@
 
 namespace situation_awareness {
 
-/// What a hit, a silhouette and an object look like: the sensor model and the prior that the least-squares fit
-/// minimises and that every detection's covariance is computed from.
+/// Sensor model of hits and silhouettes, and prior of the object: the cost of the least-squares fit, from which every
+/// detection's covariance is computed.
 struct EllipseFitParams {
   double range_sigma_m = 0.01;
   double shape_sigma_m = 0.005;
@@ -46,13 +46,13 @@ struct EllipseFitParams {
   void validate() const;
 };
 
-/// Minimise the sensor's own model over ellipses: hits lie on the curve within the range noise, beams beside a
+/// Minimise the cost of the sensor model over ellipses: hits lie on the curve within the range noise, beams beside a
 /// silhouette end miss it within the beam spacing, and radii follow the prior.
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params);
 
-/// The same of an object that is known: one step of Gauss and Newton from the ellipse that it is expected to be, about
-/// whose shape the prior then is. Unlike the fit's own answers, these are linear in the noise of the hits, so that a
-/// filter that averages them converges to what all scans together say (an iterated Kalman filter's step).
+/// The same for a known object: one Gauss-Newton step from the predicted ellipse, with a prior about its shape. Unlike
+/// the fit, this is linear in the noise of the hits, so that a filter over many scans converges to the estimate from
+/// all their hits (a step of an iterated Kalman filter).
 Detection refit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                         const Ellipse& known_level);
 
@@ -61,12 +61,12 @@ Detection refit_ellipse(const Segments& segments, std::size_t segment, const Ell
 Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Vector5d& smooth_level);
 
-/// The detection that `ellipse_level` is, found by whatever means: its residual and, by the curvature of the same
-/// model at it (Laplace), its covariance.
+/// The detection of `ellipse_level`, from any estimator: its residual, and its covariance from the Hessian of the same
+/// cost (Laplace approximation).
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Ellipse& ellipse_level);
 
-/// Why a detection is not to be trusted at all: empty text if it can be; first of all, if it is none.
+/// Reason why a detection is untrustworthy or invalid; empty if it is valid.
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params);
 
 /// Detects by `fit_ellipse`: needs no model file.

@@ -14,26 +14,26 @@
 
 namespace situation_awareness {
 
-/// What the ellipse network says about one segment.
+/// The ellipse network's estimate for one segment.
 struct EllipseEstimate {
   Vector5d smooth_level = Vector5d::Zero();  ///< (t_x, t_y, m, p, q) in the level frame
   Matrix5d covariance = Matrix5d::Zero();    ///< of its error; its 90 % region holds 90 % of the truths
   double p_ellipse = 0.0;                    ///< probability that the segment is one ellipse
 };
 
-/// How many numbers the network answers with.
+/// Number of the network's outputs.
 constexpr std::size_t kEllipseAnswer = 22;
 
-/// What its answer means for the segment that was encoded, whatever numbers it consists of; `max_radius_m` as for
+/// The estimate for the encoded segment from the network's outputs, which may have any values; `max_radius_m` as for
 /// `encode`.
 EllipseEstimate estimate_of(const float* answer, const SegmentEncoding& encoding, double max_radius_m);
 
-/// The detection that the estimate for a segment is.
+/// The detection from an estimate.
 Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const EllipseEstimate& estimate);
 
-/// The product's ellipse network, read from an ONNX file. It is told of hits, free and hidden ends, works at any place,
-/// resolution and scale, and says how sure it is; docs/math/detections.md writes input and output out.
+/// The package's ellipse network, read from an ONNX file. Its input has hits, free and hidden ends at any position,
+/// resolution and scale, its output a covariance; docs/math/detections.md defines both.
 class EllipseNetwork {
  public:
   /// Throws as OnnxModel does, and std::runtime_error naming the file if it is of another shape.

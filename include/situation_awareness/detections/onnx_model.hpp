@@ -6,8 +6,8 @@
 
 namespace situation_awareness {
 
-/// A network from rows of numbers to rows of numbers, read from an ONNX file and run by OpenCV dnn on the calling
-/// thread alone. Not thread-safe: one model, one thread.
+/// A network with one row of inputs and outputs per sample, read from an ONNX file and run by OpenCV dnn on the calling
+/// thread only. Not thread-safe: one model, one thread.
 class OnnxModel {
  public:
   /// Reads MODEL.onnx and, beside it, MODEL.manifest.yaml, which has (docs/math/detections.md, "Loading")
@@ -17,8 +17,9 @@ class OnnxModel {
   ///   output   {name, shape: [batch, M]}
   ///   golden   {first, input, fill, output}: the inputs from index `first` on, the value of all others (0 where it is
   ///            left out), and the answer
-  /// Throws std::runtime_error naming the file and what is wrong with it: missing, damaged, of other names or shapes,
-  /// or giving other numbers than it was published with.
+  /// Throws std::runtime_error naming the file and the reason: missing, damaged, of other names or shapes, or with
+  /// other
+  /// outputs than the golden vector.
   explicit OnnxModel(const std::string& onnx_path);
   ~OnnxModel();
   OnnxModel(OnnxModel&&) noexcept;
@@ -32,8 +33,9 @@ class OnnxModel {
   /// other. Valid until the next call.
   float* resize(int rows, float value = 0.0F);
 
-  /// The answers to all rows in one forward: rows of outputs() numbers, one behind the other. Valid until the next
-  /// call. Throws std::runtime_error if the network does not answer in that shape.
+  /// The outputs for all rows in one forward: rows of outputs() numbers, one behind the other. Valid until the next
+  /// call.
+  /// Throws std::runtime_error if the network's output has another shape.
   const float* forward();
 
  private:

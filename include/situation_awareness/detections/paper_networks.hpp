@@ -13,13 +13,13 @@
 
 namespace situation_awareness {
 
-/// A network of the ellipse or the circle paper: one segment as the ranges of 1081 beams, everything else in the scan
-/// left out. What goes in and what comes out is written out in docs/math/paper_networks.md.
+/// A network of the ellipse or the circle paper: its input is one segment as the ranges of 1081 beams, without the rest
+/// of the scan. docs/math/paper_networks.md defines input and output.
 class PaperNetwork {
  public:
   enum class Kind {
-    kEllipse,       ///< ellipse paper, Tables I and II: in the sensor's frame, answers with an ellipse
-    kCircle,        ///< circle paper, Table I: in the sensor's frame, answers with a circle
+    kEllipse,       ///< ellipse paper, Tables I and II: in the sensor's frame, the output is an ellipse
+    kCircle,        ///< circle paper, Table I: in the sensor's frame, the output is a circle
     kPolarEllipse,  ///< the ellipse paper's VGG-Net in the segment's own polar frame
   };
   static constexpr int kBeams = 1081;
@@ -28,11 +28,11 @@ class PaperNetwork {
   /// Throws as OnnxModel does, and std::runtime_error naming the file if it is of another shape.
   PaperNetwork(Kind kind, const std::string& onnx_path);
 
-  /// True if at least one of the network's beams meets the segment. In the sensor's frame they end at +-135 degrees.
+  /// True if at least one of the network's beams hits the segment. In the sensor's frame they end at +-135 degrees.
   bool sees(const Segments& segments, std::size_t segment) const;
 
-  /// The ellipse in the level frame, rx >= ry > 0, for each listed segment, all in one batched forward. It must see
-  /// each of them.
+  /// The ellipse in the level frame, rx >= ry > 0, for each listed segment, all in one batched forward. At
+  /// least one beam must hit each of them.
   std::vector<Ellipse> infer(const Segments& segments, const std::vector<std::size_t>& which);
 
   const OnnxModel& model() const { return model_; }
@@ -42,8 +42,8 @@ class PaperNetwork {
   OnnxModel model_;
 };
 
-/// Detects by a network of the papers alone, as they do: it answers for every segment of kind kObject that its beams
-/// meet, hidden ends or not. Covariance and residual are those of `assess_ellipse`.
+/// Detects by a network of the papers as they do: every segment of kind kObject that its beams hit, with or without
+/// hidden ends. Covariance and residual are those of `assess_ellipse`.
 class PaperNetworkDetector final : public Detector {
  public:
   /// Throws as PaperNetwork does, and std::invalid_argument naming field and bound.

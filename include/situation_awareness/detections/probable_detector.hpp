@@ -10,8 +10,8 @@
 
 namespace situation_awareness {
 
-/// Another detector's detections, less those whose p_ellipse is below `min_p_ellipse`; they are refused as
-/// "not one ellipse".
+/// Another detector's detections without those whose p_ellipse is below `min_p_ellipse`, which are refused as "not one
+/// ellipse".
 class ProbableDetector final : public Detector {
  public:
   ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse);

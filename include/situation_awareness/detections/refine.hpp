@@ -10,10 +10,9 @@
 
 namespace situation_awareness {
 
-/// Detections of what the map knows already, found again from there (`refit_ellipse`): a detector that looks at one
-/// scan cannot know how its answer is biased, the map that has seen many can. `known_level` is what the map expects in
-/// this scan; detections whose hits lie on none of it stay as they are, and so do those that would not be trusted
-/// after.
+/// Refine detections of known objects about the ellipses that the map predicts (`refit_ellipse`), without the bias of a
+/// detector that uses one scan. `known_level` are the expected outlines in this scan; detections whose hits lie on none
+/// of them are unchanged, and so are those whose refined result would be untrustworthy.
 Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
                   const EllipseFitParams& params);
 

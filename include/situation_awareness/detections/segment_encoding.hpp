@@ -10,9 +10,9 @@
 
 namespace situation_awareness {
 
-/// One segment as the ellipse network is told of it: its profile over its own visible angle, in units of its own half
-/// width, and what else decides how much that says. Turning the scene changes only the frame, and scaling everything,
-/// noise and radii included, changes only the unit (docs/math/detections.md).
+/// A segment as input of the ellipse network: its profile over its visible angle, in units of its half width, and
+/// further features. Rotating the scene changes only the frame, and scaling everything, noise and radii included,
+/// changes only the unit (docs/math/detections.md).
 struct SegmentEncoding {
   static constexpr std::size_t kSlots = 32;
   static constexpr std::size_t kScalars = 12;
@@ -21,11 +21,11 @@ struct SegmentEncoding {
   std::array<float, kInputs> inputs{};
   double azimuth_rad = 0.0;   ///< of the middle of the visible angle: the x axis of the segment's frame
   double mean_range_m = 0.0;  ///< mean of the profile
-  double half_width_m = 0.0;  ///< half of what is visible, across the line of sight: the unit of length
+  double half_width_m = 0.0;  ///< half of the visible width across the line of sight: the unit of length
 };
 
-/// `range_sigma_m`: standard deviation of the sensor's ranges; `max_radius_m`: the largest radius expected, which sets
-/// the scale of the prior that the network has learnt. The segment has at least two points.
+/// `range_sigma_m`: standard deviation of the sensor's ranges; `max_radius_m`: the largest expected radius, which sets
+/// the scale of the network's prior. The segment has at least two points.
 SegmentEncoding encode(const Segments& segments, const Segment& segment, double range_sigma_m, double max_radius_m);
 
 /// (t_x, t_y, m, p, q) in the segment's frame, t relative to its point at the mean range; and back to the level frame.

@@ -22,23 +22,23 @@ namespace situation_awareness {
 //   e, P    error of x and its covariance                                  R^n        n, nxn
 //   f       process: x' = f(x)                                             manifold
 //   F       d(f(x [+] e) [-] f(x)) / d(e) at e = 0                         J_e_e      nxn
-//   Q       covariance that the step adds, in the errors of x'             R^nxn      nxn
+//   Q      process noise of the step, in the errors of x'             R^nxn      nxn
 //   z, R    measurement and the covariance of its noise                    R^m        mxm
 //   nu      innovation: z - h(x), wrapped where z is an angle              R^m        m
 //   H       d(h(x [+] e)) / d(e) at e = 0                                  J_z_e      mxn
 //   S, K    covariance of nu; gain                                         R^mxm      mxm, nxm
-//   G       reset: what of e is left once its estimate is in x             J_e_e      nxn
+//   G      reset Jacobian, after the estimate of e is in x             J_e_e      nxn
 //
-// Everything is of fixed size and on the stack: nothing allocates.
+// Everything is of fixed size and on the stack: no allocation.
 
-/// Mean and covariance of what a filter knows.
+/// State estimate and covariance of a filter.
 template <class State>
 struct Estimate {
   State x = Manifold<State>::identity();
   ErrorMatrix<State> P = ErrorMatrix<State>::Zero();
 };
 
-/// What a measurement says that was not expected, and how much of that is.
+/// Innovation of a measurement, its covariance and likelihood.
 template <int Size>
 struct Innovation {
   Eigen::Matrix<double, Size, 1> nu = Eigen::Matrix<double, Size, 1>::Zero();
@@ -56,9 +56,9 @@ void predict(Estimate<State>& estimate, const State& x_predicted, const ErrorMat
   estimate.x = x_predicted;
 }
 
-/// Compare a state with a measurement that differs by `nu` from what is expected. R is the covariance of all that is no
-/// error of x: of the measurement, and of inputs through their Jacobian. Where S is not positive definite (R was no
-/// covariance) or something is not finite, mahalanobis2 and log_likelihood are NaN, which passes no gate.
+/// Compare a state with a measurement that differs by `nu` from its prediction. R is the covariance of all errors other
+/// than that of x: of the measurement, and of inputs through their Jacobian. If S is not positive definite (R was no
+/// covariance) or not finite, mahalanobis2 and log_likelihood are NaN, which passes no gate.
 template <class State, int Size>
 Innovation<Size> innovation(const Estimate<State>& estimate, const Eigen::Matrix<double, Size, 1>& nu,
                             const Eigen::Matrix<double, Size, Manifold<State>::kDimension>& H,
@@ -77,16 +77,16 @@ Innovation<Size> innovation(const Estimate<State>& estimate, const Eigen::Matrix
   return result;
 }
 
-/// Whether the measurement may be of this state: `gate` is chi_square_quantile(probability, Size), the probability that
-/// a true one passes. NaN does not.
+/// Whether the measurement is inside the gate: `gate` is chi_square_quantile(probability, Size) for the probability
+/// that a true measurement passes. NaN does not pass.
 template <int Size>
 bool inside_gate(const Innovation<Size>& innovation, double gate) {
   return innovation.mahalanobis2 <= gate;
 }
 
 /// Correct the state by a measurement that has passed its gate, with the H and R of its innovation. P is updated in
-/// Joseph's form, which keeps it symmetric positive semi-definite whatever the rounding of K, and then reset: it
-/// becomes that of the error seen from the corrected state.
+/// Joseph's form, which keeps it symmetric positive semi-definite whatever the rounding of K, and then reset to the
+/// error about the corrected state.
 template <class State, int Size>
 void update(Estimate<State>& estimate, const Innovation<Size>& innovation,
             const Eigen::Matrix<double, Size, Manifold<State>::kDimension>& H,

@@ -3,7 +3,7 @@
 
 namespace situation_awareness {
 
-/// The value that a chi-square variable with `degrees_of_freedom` stays below with the given probability in (0, 1).
+/// Quantile of the chi-square distribution with `degrees_of_freedom` at a probability in (0, 1).
 double chi_square_quantile(double probability, double degrees_of_freedom);
 
 }  // namespace situation_awareness

@@ -8,20 +8,20 @@
 
 namespace situation_awareness {
 
-/// What an error-state filter needs to know of the space of its states: how to apply an error, a vector of R^n, to a
-/// state, and how to compare two states. A specialisation has
+/// State space of an error-state filter: applies an error, a vector of R^n, to a state, and gives the error between two
+/// states. A specialisation has
 ///
 ///     static constexpr int kDimension;         // n
 ///     static constexpr bool kFlat;             // errors are plain differences; see below
-///     static State identity();                 // some state to begin with
+///     static State identity();                 // an initial state
 ///     static State retract(x, e);              // x [+] e, "boxplus": the state that e leads to from x
 ///     static Error local_coordinates(x, y);    // y [-] x, "boxminus": the error that leads from x to y
 ///     static Jacobian reset_jacobian(e);       // unless flat: d((x [+] d) [-] (x [+] e)) / d(d) at d = e
 ///
-/// with `retract(x, local_coordinates(x, y)) = y` wherever a shortest way from x to y exists, and
-/// `local_coordinates(x, retract(x, e)) = e` for every e that is the shortest way. If the space is flat,
-/// x [+] e = x + e and y [-] x = y - x in some coordinates: an error is then the same seen from every state,
-/// reset_jacobian would be the identity and is left out, and the error-state (indirect) filter is the direct one.
+/// with `retract(x, local_coordinates(x, y)) = y` wherever a unique shortest path from x to y exists, and
+/// `local_coordinates(x, retract(x, e)) = e` for every e of a shortest path. If the space is flat, x [+] e = x + e and
+/// y [-] x = y - x in some coordinates: errors then do not depend on the state, reset_jacobian would be the identity
+/// and is omitted, and the error-state (indirect) filter is the direct one.
 ///
 /// Errors of rotations and poses are given in the moving frame: x [+] e = x exp(e).
 template <class State>

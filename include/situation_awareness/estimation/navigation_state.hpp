@@ -9,8 +9,8 @@
 
 namespace situation_awareness {
 
-/// What inertial navigation estimates: where an inertial measurement unit is, how it moves, how it is turned, and what
-/// its sensors add to the truth. R^3 x R^3 x SO(3) x R^3 x R^3.
+/// State of inertial navigation: position, velocity and attitude of an inertial measurement unit, and the biases of its
+/// sensors. R^3 x R^3 x SO(3) x R^3 x R^3.
 struct NavigationState {
   Eigen::Vector3d position_world_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_world_m_s = Eigen::Vector3d::Zero();
@@ -19,7 +19,7 @@ struct NavigationState {
   Eigen::Vector3d gyroscope_bias_rad_s = Eigen::Vector3d::Zero();     ///< the same
 };
 
-/// Place of each part in the error of a NavigationState, of three numbers each.
+/// Index of each part in the error of a NavigationState, three numbers each.
 namespace navigation_error {
 constexpr int kPosition = 0;           ///< m, world
 constexpr int kVelocity = 3;           ///< m/s, world

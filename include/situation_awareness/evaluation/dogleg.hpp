@@ -14,12 +14,13 @@
 
 namespace situation_awareness {
 
-/// Bounds, start and end of the bounded least squares that the ellipse paper compares its network with (Sect. VI-C).
-/// The bounds are those of the paper's data set (Sect. IV-C); the start is not printed.
+/// Bounds, start and stopping criteria of the ellipse paper's baseline, bounded least squares (Sect. VI-C). The bounds
+/// are those of the paper's data set (Sect. IV-C); the start is not printed.
 ///
-/// The minimum that is found depends on the start. On 5,000 ellipses drawn as the data set, a centre that starts at the
-/// mean of the points, half a half width and a whole one behind it gives a mean loss of 0.351, 0.363 and 0.369 m (0.343
-/// is printed) and a mean cost of 0.028, 0.030 and 0.030: the mean is the best on both counts, so it is the default.
+/// The local minimum found depends on the start. On 5,000 ellipses drawn as the data set, a start of the centre at the
+/// mean of the points, half a half width and one half width behind it gives a mean loss of 0.351, 0.363 and 0.369 m
+/// (0.343 is printed) and a mean cost of 0.028, 0.030 and 0.030: the mean is the best on both counts, so it is the
+/// default.
 struct DoglegParams {
   double min_radius_m = 0.05;
   double max_radius_m = 0.5;
@@ -46,7 +47,7 @@ struct DoglegParams {
   void validate() const;
 };
 
-/// What fit_dogleg found.
+/// Result of fit_dogleg.
 struct DoglegFit {
   Ellipse ellipse_level;  ///< canonical; radii within the bounds
   double cost = 0.0;      ///< half the sum of squared residuals
@@ -59,14 +60,13 @@ struct DoglegFit {
 /// 51 of these fits for each of the tables' 22,000 segments.
 ///
 /// It works in the frame whose x axis points from the origin of the level frame to the mean of the points, so that the
-/// answer turns with the scene; psi is bounded by +-pi/2 there, where some fits stay although a turn by pi would let
-/// them go on (without these bounds the mean loss on the paper's data is 0.350 instead of 0.351 m). `points_level_m`
-/// holds one finite point at least.
+/// result is equivariant to rotation; psi is bounded by +-pi/2 there, where some fits stay although a rotation by pi
+/// would let them continue (without these bounds the mean loss on the paper's data is 0.350 instead of 0.351 m).
+/// `points_level_m` holds one finite point at least.
 DoglegFit fit_dogleg(const std::vector<Eigen::Vector2d>& points_level_m, const DoglegParams& params);
 
-/// Detects by `fit_dogleg` on all points of a segment: a baseline, which knows nothing of how the sensor sees (Table V
-/// of the ellipse paper, "Least Squares"). Residual and covariance come from the sensor model of `EllipseFitParams`, as
-/// every detection's do.
+/// Detects by `fit_dogleg` on all points of a segment: a baseline without a sensor model (Table V of the ellipse paper,
+/// "Least Squares"). Residual and covariance come from the sensor model of `EllipseFitParams`, as for every detection.
 class DoglegDetector final : public Detector {
  public:
   /// Throws std::invalid_argument naming field and bound.

@@ -16,8 +16,8 @@ enum class ObjectShape : std::uint8_t {
   kCircle,   ///< r uniform (circle paper, Sect. IV-B, without its grid)
 };
 
-/// How a synthetic segment comes about: a shape with its centre uniform over the sensor's disc, kept if all of it lies
-/// within range and field of view, noisy ranges, and perhaps something nearer before one of its ends
+/// Generative model of a synthetic segment: a shape with its centre uniform over the sensor's disc, kept if all of it
+/// lies within range and field of view, noisy ranges, and possibly an occluder before one of its ends
 /// (docs/math/floor.md, Sect. "The model").
 struct SegmentModel {
   ObjectShape shape = ObjectShape::kEllipse;
@@ -63,8 +63,8 @@ enum class HiddenEnd : std::uint8_t {
   kLeft,
 };
 
-/// What the sensor sees of one object: hits on neighbouring beams. The beams beside them are free, or, at a hidden end,
-/// blocked by something nearer and free after that.
+/// Observation of one object: hits on neighbouring beams. The beams beside them are free, or, at a hidden end, blocked
+/// by something nearer and free after that.
 struct SegmentObservation {
   int first_beam = 0;
   std::vector<double> ranges_m;  ///< of the beams from first_beam on
@@ -72,21 +72,21 @@ struct SegmentObservation {
   int blocked_beams = 0;  ///< in a row beside the hidden end
 };
 
-/// Draws from the posterior of the object given the observation, all of the same weight, canonical and in the sensor's
-/// frame; a circle has psi = 0.
+/// Equally weighted draws from the posterior of the object given the observation, canonical and in the sensor's frame;
+/// a circle has psi = 0.
 struct EllipsePosterior {
   std::vector<Ellipse> draws;
-  double effective_samples = 0.0;  ///< Kish's number of the weighted draws behind them
+  double effective_samples = 0.0;  ///< Kish's number of the weighted draws
 };
 
-/// Sample the posterior by importance sampling in the azimuths of the two tangents and, given those, three numbers that
-/// the inverse ranges are linear in (docs/math/floor.md). Weighted draws are made until they are worth
-/// `effective_samples`, or 100 times as many have been tried; `count` of them are kept. The same state of `random`
-/// gives the same bits. Throws std::invalid_argument if the model is wrong or could not have made the observation.
+/// Sample the posterior by importance sampling in the azimuths of the two tangents and, given those, three parameters
+/// in which the inverse ranges are linear (docs/math/floor.md). Draws are added until there are `effective_samples`, or
+/// 100 times as many have been tried; `count` of them are kept. The same state of `random` gives the same bits. Throws
+/// std::invalid_argument if the model is invalid or cannot generate the observation.
 EllipsePosterior sample_posterior(const SegmentObservation& observation, const SegmentModel& model,
                                   double effective_samples, std::size_t count, Random& random);
 
-/// What an estimate costs. All compare characteristic points.
+/// Loss of an estimate. All compare characteristic points.
 enum class DetectionLoss : std::uint8_t {
   kOrdered,        ///< mean distance, m (ellipse paper, eq. 1)
   kSymmetric,      ///< the same over the better of the pairings that a rotation by pi leaves open, m
@@ -99,8 +99,8 @@ double loss_of(DetectionLoss loss, const Ellipse& estimate, const Ellipse& truth
 /// Mean of the loss of one estimate over equally likely truths.
 double expected_loss(DetectionLoss loss, const Ellipse& estimate, const std::vector<Ellipse>& truths);
 
-/// The estimate of least expected loss over equally likely truths. Its parameters are what the loss asks for: to hedge
-/// between psi = pi/2 and psi = -pi/2, kOrdered may want rx < ry. Throws std::invalid_argument if there are no truths.
+/// The estimate of least expected loss over equally likely truths. It need not be canonical: to hedge between psi =
+/// pi/2 and psi = -pi/2, kOrdered may have its minimum at rx < ry. Throws std::invalid_argument if there are no truths.
 Ellipse bayes_estimate(DetectionLoss loss, const std::vector<Ellipse>& truths);
 
 }  // namespace situation_awareness

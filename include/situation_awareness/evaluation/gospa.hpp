@@ -7,7 +7,7 @@
 
 namespace situation_awareness {
 
-/// The GOSPA distance of two sets of points, and what it consists of.
+/// The GOSPA distance of two sets of points, and its components.
 struct Gospa {
   double distance_m = 0.0;
   double localization = 0.0;  ///< sum of the matched pairs' distances to the power p, m^p

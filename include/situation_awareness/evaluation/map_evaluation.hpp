@@ -15,24 +15,25 @@
 
 namespace situation_awareness {
 
-/// What counts as a match, as visible and as hidden, where a map is judged by the truth.
+/// Criteria of a match, of visible and of hidden objects in the evaluation of a map.
 struct MapEvaluationParams {
   double max_match_distance_m = 0.5;  ///< centres farther apart are not the same object; also GOSPA's cut-off
   int visible_beams = 5;              ///< a true object hit by at least this many beams is visible
-  double body_margin_m = 0.1;         ///< an element this near to the hull of a body's parts is on the body
-  double body_settling_s = 1.0;       ///< time from its first sight after which a body should be one element
+  double body_margin_m = 0.1;         ///< an element within this distance of the hull of a body's parts is on the body
+  double body_settling_s = 1.0;       ///< time after its first detection from which a body should be one element
   double min_hidden_s = 0.5;          ///< a shorter time without a beam is not counted as hidden
   double recognition_s = 1.0;         ///< an object that is visible again should be on the map within this time
 };
 
-/// An object was hit by no beam for a while, after it had been on the map.
+/// A period without a beam on an object that had been on the map.
 struct HiddenTime {
   double from_s = 0.0;  ///< first scan without a beam on it, on the clock of the stamps
   double to_s = 0.0;    ///< first scan with a beam on it again, or the last scan of the run
-  /// Whether the first element on it, within recognition_s of its being visible again, has the id it had before;
-  /// nothing where the run ended before that was known.
+  /// Whether the first element on it, within recognition_s after it is visible again, has the previous id; nothing if
+  /// the
+  /// run ended before.
   std::optional<bool> same_id;
-  std::optional<double> deleted_after_s;  ///< time from from_s until its element was not on the map, if while hidden
+  std::optional<double> deleted_after_s;  ///< time from from_s until its element left the map, if it did while hidden
 };
 
 /// Errors of the five parameters of an ellipse in the world, rx >= ry, psi modulo pi.
@@ -40,20 +41,20 @@ struct EllipseErrors {
   double rx_m = 0.0, ry_m = 0.0, tx_m = 0.0, ty_m = 0.0, psi_rad = 0.0;
 };
 
-/// How one true object, or a body of several, was mapped. A body's centre, velocity and shape are its first part's.
+/// Result for one true object, or a body of several. A body's centre, velocity and shape are its first part's.
 struct ObjectScore {
   std::uint64_t truth_id = 0;  ///< of a body: its first part's
   bool moves = false;          ///< its velocity was not zero in some scan
   int visible_scans = 0;       ///< scans in which it was visible
   int mapped_scans = 0;        ///< of those, with an element of the map on it
-  double max_delay_s = 0.0;    ///< longest time it was visible without being on the map
+  double max_delay_s = 0.0;    ///< longest time visible without being on the map
   double center_rmse_m = 0.0;  ///< over mapped_scans, as all errors
   double velocity_rmse_m_s = 0.0;
   double radius_mae_m = 0.0;       ///< both radii, each sorted
   EllipseErrors mean_square;       ///< of each error; m^2, rad^2
   EllipseErrors max_absolute;      ///< of each error
   double psi_sigma_rms_rad = 0.0;  ///< root mean square of the map's own standard deviation of psi
-  int id_switches = 0;             ///< times another element took over, whatever time passed between
+  int id_switches = 0;             ///< changes of its element, after any time
   std::vector<HiddenTime> hidden;
 };
 
@@ -65,15 +66,15 @@ struct ClassScore {
   double semi_axis_mae_m = 0.0;  ///< without bodies of several parts, whose one ellipse has no true axes
 };
 
-/// Parts of the visible, mapped objects and their scans in which the truth is inside the map's own 99 % region: of
-/// objects that are one ellipse, not of bodies of several parts.
+/// Fractions of the visible, mapped objects and their scans with the truth inside the map's 99 % region: of objects
+/// that are one ellipse, not of bodies of several parts.
 struct Held99 {
   double position = 0.0;           ///< 2 degrees of freedom
   double position_velocity = 0.0;  ///< 4
   double radii = 0.0;              ///< 2
 };
 
-/// How a body of several parts was mapped while its parts were segments of their own.
+/// Result for a body of several parts while its parts were separate segments.
 struct BodyScore {
   std::string name;
   int scans_apart = 0;  ///< scans with two or more separate parts, once the body had been seen for body_settling_s
@@ -89,7 +90,7 @@ struct MapScore {
   ClassScore standing, moving;
   Held99 held_99;
   double max_delay_s = 0.0;
-  double longest_false_s = 0.0;  ///< longest life of an element on nothing
+  double longest_false_s = 0.0;  ///< longest duration of a false element
   double false_per_scan = 0.0;
   double recall = 0.0;
   double gospa_m = 0.0;  ///< mean over the scans
@@ -104,29 +105,29 @@ struct ScanScore {
   int false_elements = 0;
 };
 
-/// Compares map and truth scan by scan: elements are matched one to one to true objects at the least total distance.
+/// Compares map and truth scan by scan: elements are matched one to one with true objects at the least total distance.
 /// A visible object counts for recall, delay and errors; an element on a hidden object, or on one hit by few beams, is
-/// neither right nor false, and GOSPA sees neither of the two. The parts of a body are one object, on which an element
-/// may be anywhere; a second one there is false.
+/// neither correct nor false, and GOSPA ignores both. The parts of a body are one object, on which an element may be
+/// anywhere; a second one there is false.
 class MapEvaluation {
  public:
-  /// `bodies` says which objects are one, as indices of the truth's objects; without it each is for itself.
+  /// `bodies`: objects that are one body, as indices of the truth's objects; without it each object is its own.
   explicit MapEvaluation(const MapEvaluationParams& params = {}, std::vector<Body> bodies = {})
       : params_(params), bodies_(std::move(bodies)) {}
 
-  /// Truth and map at the same stamp; stamps grow, and the truth's objects keep their order. `Object::beams` of the
-  /// truth counts the beams that hit it. `separate_parts`, one number per body, counts the parts that are segments of
-  /// their own in this scan (`separate_parts()`); without it bodies are not judged.
+  /// Truth and map at the same stamp; stamps increase, and the truth's objects keep their order. `Object::beams` of the
+  /// truth counts the beams that hit it. `separate_parts`, one number per body, counts the parts that are separate
+  /// segments in this scan (`separate_parts()`); without it bodies are not evaluated.
   ScanScore add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts = {});
 
   MapScore score() const;
 
-  /// Times that another element took over an object, so far.
+  /// Changes of an object's element, so far.
   int id_switches() const;
 
  private:
   static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::min();
-  /// A time without beams that is not over yet, or after which no element has been seen yet.
+  /// A period without beams that has not ended, or after which there has been no element yet.
   struct Hiding {
     std::int64_t from_ns = kNever;
     std::int64_t to_ns = kNever;             ///< kNever while it lasts
@@ -154,7 +155,7 @@ class MapEvaluation {
     int scans_apart = 0;
     int scans_one = 0;
   };
-  /// One thing to be mapped, in one scan.
+  /// One object or body to be mapped, in one scan.
   struct Thing {
     const Object* reference = nullptr;
     std::vector<Ellipse> parts;

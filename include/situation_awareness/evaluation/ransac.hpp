@@ -16,8 +16,8 @@
 
 namespace situation_awareness {
 
-/// The random sample consensus that the ellipse paper compares its network with (Sect. VI-C), which prints none of
-/// these numbers. On 5,000 ellipses drawn as the paper's data set 10, 50 and 200 candidates give a mean loss of 0.373,
+/// The ellipse paper's baseline, random sample consensus (Sect. VI-C); the paper does not print its parameters. On
+/// 5,000 ellipses drawn as the paper's data set 10, 50 and 200 candidates give a mean loss of 0.373,
 /// 0.363 and 0.357 m (0.370 is printed).
 struct RansacParams {
   double inlier_distance_m = 0.03;
@@ -37,16 +37,16 @@ struct RansacParams {
   void validate() const;
 };
 
-/// What fit_ransac found.
+/// Result of fit_ransac.
 struct RansacFit {
   DoglegFit refined;                 ///< on the inliers
-  std::vector<std::size_t> inliers;  ///< of the best candidate, growing indices of the points
+  std::vector<std::size_t> inliers;  ///< of the best candidate, ascending indices of the points
 };
 
 /// The candidate with most inliers (the first of several), each candidate the `fit_dogleg` of three different points
-/// drawn by `random`, and then the `fit_dogleg` of its inliers. Three points do not decide five parameters: what they
-/// leave open a candidate takes from the start of its fit. `points_level_m` holds one finite point at least; up to
-/// three points are their own only candidate.
+/// drawn by `random`, and then the `fit_dogleg` of its inliers. Three points do not determine five parameters: the rest
+/// depends on the start of the fit. `points_level_m` holds one finite point at least; up to three points are the only
+/// candidate.
 RansacFit fit_ransac(const std::vector<Eigen::Vector2d>& points_level_m, const RansacParams& params,
                      const DoglegParams& dogleg_params, Random& random);
 

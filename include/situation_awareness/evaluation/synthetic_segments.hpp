@@ -10,21 +10,21 @@
 
 namespace situation_awareness {
 
-/// A distribution of segments whose truth is known. The first three are exact: their generative model is written out
-/// in docs/math/synthetic_segments.md, and the floor is computed from it.
+/// A distribution of segments with ground truth. The first three are exact: docs/math/synthetic_segments.md has their
+/// generative model, and the floor is computed from it.
 enum class SegmentCase {
   kEllipse,   ///< the ellipse paper's data set (Sect. IV-C): one ellipse alone before the paper's LIDAR
   kCircle,    ///< the circle paper's (Sect. IV-B): radii and centres on a grid
-  kOccluded,  ///< as kEllipse, with one end hidden by something nearer: 30 to 70 % of the beams that would hit
-  kProduct,   ///< what a detector meets: any resolution, noise and tilt, hidden ends, mixed pixels, not only ellipses
-  kWall,      ///< a wall of 1 to 8 m, alone or with one end hidden
-  kCorner,    ///< two walls at a right angle, pointing to the sensor or away from it, alone or with one end hidden
-  kBox,       ///< a box with sides of 0.1 to 1 m
-  kBush,      ///< leaves: ranges that scatter from beam to beam by more than the noise
-  kTwo,       ///< two ellipses so close together that they make one segment
+  kOccluded,  ///< as kEllipse, with one end occluded: 30 to 70 % of the beams that would hit
+  kProduct,  ///< the mixture for training: any resolution, noise and tilt, hidden ends, mixed pixels, not only ellipses
+  kWall,     ///< a wall of 1 to 8 m, alone or with one end hidden
+  kCorner,   ///< two walls at a right angle, pointing to the sensor or away from it, alone or with one end hidden
+  kBox,      ///< a box with sides of 0.1 to 1 m
+  kBush,     ///< leaves: ranges that scatter from beam to beam by more than the noise
+  kTwo,      ///< two ellipses so close together that they make one segment
 };
 
-/// A segment drawn at random, with the truth about it.
+/// A random segment with its ground truth.
 struct SyntheticSegment {
   Segments segments;                     ///< with one segment, in a level frame
   std::optional<Ellipse> ellipse_level;  ///< the truth, canonical; none if the segment is not one ellipse

@@ -54,7 +54,7 @@ Ellipse ellipse_from_smooth_parameters(const Vector5d& parameters);
 Eigen::RowVector3d psi_jacobian(const Ellipse& ellipse);
 Eigen::Matrix<double, 2, 3> radii_jacobian(const Ellipse& ellipse);
 
-/// Variance of an axis of which nothing is known: uniform over half a turn.
+/// Variance of an unknown axis: uniform over half a turn.
 constexpr double kUniformAxisVariance = kPi * kPi / 12.0;  // rad^2
 
 /// Distance from `origin` along the unit vector `direction` to the first crossing of the curve in front of the origin,

@@ -11,7 +11,7 @@
 
 namespace situation_awareness {
 
-/// Answers whether something lies on one of many ellipses, looking only at those near it.
+/// Overlap queries against many ellipses, limited to those nearby.
 class EllipsesByX {
  public:
   EllipsesByX() = default;
@@ -21,7 +21,7 @@ class EllipsesByX {
               [](const Ellipse& a, const Ellipse& b) { return a.center_m.x() < b.center_m.x(); });
   }
 
-  /// Gives up its ellipses, in any order, for their memory.
+  /// Releases its ellipses, in any order, so that their memory can be reused.
   std::vector<Ellipse> release() {
     reach_m_ = 0.0;
     return std::move(ellipses_);
@@ -32,8 +32,8 @@ class EllipsesByX {
     return any_within(0.0, point, [&](const Ellipse& other) { return contains(other, point); });
   }
 
-  /// Whether an ellipse lies on one with more than a quarter of its width, along the line of their centres: more than
-  /// what errors make of two that touch.
+  /// Whether an ellipse overlaps one by more than a quarter of its width along the line of their centres: more than
+  /// errors cause for two that touch.
   bool overlap(const Ellipse& ellipse) const {
     return any_within(std::max(ellipse.rx_m, ellipse.ry_m), ellipse.center_m, [&](const Ellipse& other) {
       const Eigen::Vector2d d = other.center_m - ellipse.center_m;

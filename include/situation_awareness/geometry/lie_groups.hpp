@@ -12,8 +12,8 @@
 namespace situation_awareness {
 
 // The rigid motions SE(2) and the rotations SO(3) as Lie groups (Sola, Deray and Atchuthan, "A micro Lie theory for
-// state estimation in robotics", 2018). A tangent vector is given in the moving frame: x exp(tau) is where x gets in
-// unit time at the constant velocity tau in its own frame.
+// state estimation in robotics", 2018). A tangent vector is given in the moving frame: x exp(tau) is the pose reached
+// from x in unit time at the constant velocity tau in its own frame.
 //
 //   symbol  meaning                                            space     size
 //   tau     tangent vector of SE(2): (rho, theta), m and rad   R^3       3
@@ -42,7 +42,7 @@ inline double angle_minus_sin_over_cube(double a) {
 // --- SE(2)
 // ------------------------------------------------------------------------------------------------------------
 
-/// The motion along an arc of length |rho| that turns by theta; its yaw is theta as it is, whole turns included.
+/// The motion along an arc of length |rho| that turns by theta; its yaw is theta, not wrapped.
 inline Pose2 exp_se2(const Eigen::Vector3d& tau) {
   const double theta = tau(2);
   const double along = sinc(theta);
@@ -50,7 +50,7 @@ inline Pose2 exp_se2(const Eigen::Vector3d& tau) {
   return {{along * tau(0) - across * tau(1), across * tau(0) + along * tau(1)}, theta};
 }
 
-/// The tangent vector of the shortest turn, theta in [-pi, pi]: undoes exp_se2 where that turned by less.
+/// The tangent vector of the shortest rotation, theta in [-pi, pi]: the inverse of exp_se2 in this range.
 inline Eigen::Vector3d log_se2(const Pose2& T) {
   const double theta = wrap_to_pi(T.yaw_rad);
   const double along = sinc(theta);

@@ -11,7 +11,7 @@ struct Line {
   Eigen::Vector2d normal = Eigen::Vector2d::UnitX();  ///< of length 1
 };
 
-/// Unit vector along the line: its normal turned counter-clockwise by a right angle.
+/// Unit vector along the line: its normal rotated counter-clockwise by 90 degrees.
 inline Eigen::Vector2d along(const Line& line) { return {-line.normal.y(), line.normal.x()}; }
 
 /// Distance of a point from the line, positive on the side to which the normal points.

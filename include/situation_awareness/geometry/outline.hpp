@@ -11,7 +11,7 @@
 
 namespace situation_awareness {
 
-/// An ellipse as what points are compared with.
+/// Outline of an ellipse, for distances of points.
 struct Outline {
   Eigen::Vector2d center_m;
   Eigen::Matrix2d inverse_shape;

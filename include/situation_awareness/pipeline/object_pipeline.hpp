@@ -19,11 +19,11 @@
 
 namespace situation_awareness {
 
-/// Which detector, and what it needs; `detector_names()` lists those there are.
+/// The detector and its parameters; `detector_names()` lists all detectors.
 struct DetectionParams {
   std::string detector = "network";
   std::string model;         ///< ONNX file instead of the detector's own, absolute or in model_folder; empty: its own
-  std::string model_folder;  ///< where models are looked for
+  std::string model_folder;  ///< folder of models with relative paths
   double min_p_ellipse = 0.9;
   EllipseFitParams fit;
 
@@ -43,10 +43,10 @@ struct DetectionParams {
 /// The names that DetectionParams::detector may have, sorted.
 std::vector<std::string> detector_names();
 
-/// Path of the network's file that the parameters ask for; empty for a detector without one.
+/// Path of the network's file; empty for a detector without one.
 std::string model_path(const DetectionParams& params);
 
-/// All parameters of the way from scan to map; cfg/objects.yaml mirrors it.
+/// All parameters of the pipeline from scan to map; cfg/objects.yaml mirrors it.
 struct ObjectPipelineParams {
   RangeLimiterParams scan;
   SegmentationParams segments;
@@ -62,7 +62,7 @@ struct ObjectPipelineParams {
   }
 };
 
-/// Read parameters from YAML text, as params_from_yaml does. Models are looked for in `model_folder`.
+/// Read parameters from YAML text, as params_from_yaml does. Relative models are read from `model_folder`.
 ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const std::string& source,
                                                   const std::string& model_folder,
                                                   const OnUnknownKey& on_unknown_key = print_warning);
@@ -71,11 +71,11 @@ ObjectPipelineParams parse_object_pipeline_params(const std::string& yaml, const
 ObjectPipelineParams load_object_pipeline_params(const std::string& path, const std::string& model_folder,
                                                  const OnUnknownKey& on_unknown_key = print_warning);
 
-/// The detector that the parameters ask for. It refuses detections below min_p_ellipse as "not one ellipse". Throws
-/// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming a model that cannot be used.
+/// The detector of the parameters. It refuses detections below min_p_ellipse as "not one ellipse". Throws
+/// std::invalid_argument as DetectionParams::validate, and std::runtime_error naming an invalid model.
 std::unique_ptr<ProbableDetector> make_detector(const DetectionParams& params);
 
-/// What each stage made of one scan.
+/// The results of all stages for one scan.
 struct ObjectPipelineResult {
   Points points;
   Segments segments;
@@ -83,10 +83,10 @@ struct ObjectPipelineResult {
   ObjectMapUpdate update;
 };
 
-/// From scan to map in one thread, without ROS: what the nodelets do between them, for tests and offline use.
+/// From scan to map in one thread, without ROS: the same stages as the nodelets, for tests and offline use.
 class ObjectPipeline {
  public:
-  /// Throws std::invalid_argument or std::runtime_error naming what is wrong.
+  /// Throws std::invalid_argument or std::runtime_error naming the cause.
   explicit ObjectPipeline(const ObjectPipelineParams& params);
 
   /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged. The result is
@@ -97,8 +97,7 @@ class ObjectPipeline {
   const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                       const Eigen::Isometry3d& T_world_lidar_end);
 
-  /// The same where segmentation and detection look at the scan in the light of `known`, in place of the map itself:
-  /// of a copy that has come another way, or is older.
+  /// The same with expected outlines from `known` in place of the current map: a copy from messages, or an older map.
   const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                       const Eigen::Isometry3d& T_world_lidar_end, const Objects& known);
 

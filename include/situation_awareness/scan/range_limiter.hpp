@@ -17,13 +17,13 @@ struct HalfSpace {
   double offset_m = 0.0;
 };
 
-/// A volume as YAML text, [[nx, ny, nz, offset_m], ...], from which the same numbers are read again.
+/// A volume as YAML text, [[nx, ny, nz, offset_m], ...], that is read back exactly.
 std::string yaml_text(const std::vector<HalfSpace>& volume);
 
-/// Throws std::invalid_argument if the text is anything else than such a list; its numbers are not looked at.
+/// Throws std::invalid_argument if the text is not such a list; the values of its numbers are not checked.
 void read_yaml_text(const std::string& yaml, std::vector<HalfSpace>& volume);
 
-/// Which hits are of interest.
+/// Range and volume of interest.
 struct RangeLimiterParams {
   double min_range_m = 0.1;
   double max_range_m = 10.0;
@@ -48,11 +48,11 @@ struct RangeLimiterParams {
 
 /// Limit a scan to the range and the volume of interest (circle paper, Sect. III-A, eq. 4).
 ///
-/// Hits outside become kOutside and keep their range: they are of no interest, yet they still hide what is behind them
-/// and prove free what is before them. Hits nearer than min_range_m become kTooClose.
+/// Hits outside become kOutside and keep their range: they still occlude the space behind them, and the space before
+/// them is free. Hits nearer than min_range_m become kTooClose.
 ///
-/// `memory` is a scan that is no longer needed, whose memory the result reuses, so that there is no allocation after
-/// warm-up. The later stages do the same.
+/// `memory` is a scan no longer needed, whose memory the result reuses: no allocation after warm-up. Later stages do
+/// the same.
 Scan limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar, const RangeLimiterParams& params,
                  Scan memory = {});
 

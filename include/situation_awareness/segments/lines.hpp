@@ -12,36 +12,37 @@
 
 namespace situation_awareness {
 
-/// The line through points by total least squares, every point alike. At least one point; the normal has either sign.
+/// The line through points by unweighted total least squares. At least one point; the normal has either sign.
 Line fit_line(const Point* points, std::size_t count);
 
 /// Root mean square distance of points from a line.
 double rms_m(const Line& line, const Point* points, std::size_t count);
 
-/// How far the middle of points along a line stands out before their ends, towards the sensor.
+/// Bulge of points along a line: the rise from their ends to the middle, towards the sensor.
 struct Bulge {
-  double ratio = 0.0;   ///< by the parabola over the line, as a part of half_m
+  double ratio = 0.0;   ///< of a parabola over the line, as a fraction of half_m
   double half_m = 0.0;  ///< half the length of the points along the line
 };
 
 Bulge bulge_of(const Line& line, const Point* points, std::size_t count);
 
-/// A line through hits, with what the noise of their ranges leaves open.
+/// A line through hits, with its covariance from the range noise.
 struct LineEstimate {
   Line line_level;  ///< through the weighted mean of the hits, the normal away from the sensor
-  /// Of the error of (offset along the normal at `through_m` in m, turn counter-clockwise in rad); a rigid motion of
-  /// everything leaves it as it is.
+  /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad); invariant under
+  /// rigid
+  /// motion.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
 };
 
 /// The maximum likelihood line through points measured from the origin, their ranges with independent normal errors of
-/// standard deviation `range_sigma_m` (docs/math/segments.md, "Straight pieces"). At least two points at different
-/// places. Covariances do not know of surfaces that are not straight: rms_m tells.
+/// standard deviation `range_sigma_m` (docs/math/segments.md, "Straight pieces"). At least two distinct points.
+/// Covariances do not include deviations of the surface from a line; rms_m shows them.
 LineEstimate estimate_line(const Point* points, std::size_t count, double range_sigma_m);
 
 /// Find the straight pieces of the structures among `segments`, into Segments::straight_pieces: runs of at least
-/// params.min_line_points hits within params.max_line_offset_m of a line, but for fewer than that many hits in a row
-/// that lie off it. What the pieces were before is forgotten. Takes time linear in the points for each of them.
+/// params.min_line_points hits within params.max_line_offset_m of a line, except for runs of fewer hits off it.
+/// Replaces earlier pieces. The time per piece is linear in the points.
 Segments with_straight_pieces(Segments segments, const SegmentationParams& params, double range_sigma_m);
 
 }  // namespace situation_awareness

@@ -7,8 +7,7 @@
 
 namespace situation_awareness {
 
-/// Which hits are one thing, which things are structure (walls, cabinets) rather than objects, and what of these is
-/// straight.
+/// Parameters of segmentation, of the classification of structure (walls, cabinets), and of its straight pieces.
 struct SegmentationParams {
   double max_gap_m = 0.2;
   double max_range_gap_m = 0.2;
@@ -71,11 +70,11 @@ struct SegmentationParams {
   void validate() const;
 };
 
-/// Group the hits of a scan into segments, one per thing (circle paper, Sect. III-C), in time linear in the beams.
+/// Group the hits of a scan into segments, one per object (circle paper, Sect. III-C), in time linear in the beams.
 ///
 /// Hits outside the volume of interest are grouped too, so that a wall that leaves the volume is still seen as a wall
-/// and an object on its border as a whole; segments that lie mostly outside are then left out.
-/// `memory`: as for limit_range.
+/// and an object on its border as a whole; segments that lie mostly outside are then dropped. `memory`: as for
+/// limit_range.
 Segments segment(const Points& points, const SegmentationParams& params, Segments memory = {});
 
 }  // namespace situation_awareness

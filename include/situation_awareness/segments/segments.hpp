@@ -15,88 +15,89 @@
 
 namespace situation_awareness {
 
-/// What is beside a segment at one of its ends, and so whether the end is the object's own.
+/// Kind of a segment's end, by the next beam beside it: whether it is the object's own edge.
 enum class SegmentEnd : std::uint8_t {
-  kFree,        ///< nothing within range beside it: the object's own edge
-  kBackground,  ///< something farther beside it: the object's own edge
-  kOccluded,    ///< something nearer beside it: the object may go on behind
-  kScanEdge,    ///< the scan ends: the object may go on
-  kContinues,   ///< of a straight piece only: the same thing goes on, in another direction
+  kFree,        ///< no return beside it: the object's own edge
+  kBackground,  ///< a hit farther away beside it: the object's own edge
+  kOccluded,    ///< a nearer hit beside it: the object may extend behind it
+  kScanEdge,    ///< the end of the scan: the object may extend beyond it
+  kContinues,   ///< of a straight piece only: the segment continues in another direction
 };
 
 /// True where the end of the segment is the silhouette of the object.
 inline bool is_silhouette(SegmentEnd end) { return end == SegmentEnd::kFree || end == SegmentEnd::kBackground; }
 
 enum class SegmentKind : std::uint8_t {
-  kObject,     ///< may be one object of the size the map is for
-  kStructure,  ///< a wall, a corner or another thing larger than an object, or a visible piece of one
+  kObject,     ///< may be one object, of a size within the parameters
+  kStructure,  ///< a wall, a corner or another surface larger than an object, or a visible part of one
 };
 
-/// Why a segment is structure.
+/// Reason why a segment is structure.
 enum class StructureReason : std::uint8_t {
-  kNone,            ///< it is none
-  kExtent,          ///< it is larger than an object
-  kInnerCorner,     ///< it lies behind the chord of its ends
-  kStraightHidden,  ///< it is straight and an end is hidden: any wall
-  kFlat,            ///< it is long and flat
-  kInLine,          ///< an end is hidden and it lies on the line of a structure beside it
+  kNone,            ///< no structure
+  kExtent,          ///< larger than an object
+  kInnerCorner,     ///< behind the chord of its ends
+  kStraightHidden,  ///< straight, with a hidden end: possibly a wall
+  kFlat,            ///< long and flat
+  kInLine,          ///< with a hidden end, on the line of a structure beside it
 };
 
-/// Of runs of hits with fewer than SegmentationParams::min_points, or what a segment is divided into.
+/// Reason for runs of hits, or pieces of a divided segment, with fewer than SegmentationParams::min_points.
 constexpr const char* kTooFewPoints = "segment refused: too few points";
 
-/// A run of neighbouring hits on one thing.
+/// A run of neighbouring hits on one object.
 struct Segment {
   std::size_t first = 0;  ///< index of its first (lowest azimuth) point in Segments::points
   std::size_t count = 0;
   SegmentKind kind = SegmentKind::kObject;
   SegmentEnd right_end = SegmentEnd::kFree;  ///< at its lowest azimuth
   SegmentEnd left_end = SegmentEnd::kFree;   ///< at its highest azimuth
-  /// Azimuth beyond that end which something nearer blocks, or the scan does not reach; 0 at a silhouette.
+  /// Azimuth beyond that end that is occluded or outside the scan; 0 at a silhouette.
   double right_hidden_rad = 0.0;
   double left_hidden_rad = 0.0;
   StructureReason structure = StructureReason::kNone;  ///< kNone if and only if the kind is kObject
 };
 
-/// A straight part of a structure, seen from the sensor: from its right end to its left.
+/// A straight part of a structure, from its right end to its left as seen from the sensor.
 struct StraightPiece {
   std::size_t segment = 0;  ///< index in Segments::segments
   std::size_t first = 0;    ///< index of its first (lowest azimuth) point in Segments::points
   std::size_t count = 0;
   Line line_level;  ///< through the weighted mean of its hits, the normal away from the sensor
-  /// Of the error of (offset along the normal at `through_m` in m, turn counter-clockwise in rad), from the noise of
-  /// the ranges alone; a rigid motion of everything leaves it as it is.
+  /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad), from the range
+  /// noise
+  /// only; invariant under rigid motion.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   double rms_m = 0.0;                                       ///< distance of its hits from the line, root mean square
-  Eigen::Vector2d right_level_m = Eigen::Vector2d::Zero();  ///< its first hit, moved onto the line
-  Eigen::Vector2d left_level_m = Eigen::Vector2d::Zero();   ///< its last hit, moved onto the line
+  Eigen::Vector2d right_level_m = Eigen::Vector2d::Zero();  ///< its first hit, projected onto the line
+  Eigen::Vector2d left_level_m = Eigen::Vector2d::Zero();   ///< its last hit, projected onto the line
   SegmentEnd right_end = SegmentEnd::kFree;
   SegmentEnd left_end = SegmentEnd::kFree;
 };
 
-/// The segments of one scan, by growing azimuth. Every point is a hit; the points of a segment are contiguous and their
-/// azimuths grow, also across the seam of a full circle.
+/// The segments of one scan, by increasing azimuth. Every point is a hit; the points of a segment are contiguous and
+/// their azimuths increase, also across the seam of a full circle.
 struct Segments {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
   double height_world_m = 0.0;
   double resolution_rad = 0.0;    ///< mean azimuth between neighbouring beams
-  double time_increment_s = 0.0;  ///< from beam to beam, 0: all at one instant
+  double time_increment_s = 0.0;  ///< from beam to beam, 0: all at the stamp
   std::vector<Point> points;
   std::vector<Segment> segments;
-  std::vector<StraightPiece> straight_pieces;  ///< of the structures, by growing azimuth
+  std::vector<StraightPiece> straight_pieces;  ///< of the structures, by increasing azimuth
   FreeSpace free_space;                        ///< of the whole scan
-  Counters refused;                            ///< why runs of hits are no segment, and why segments are structure
+  Counters refused;                            ///< runs of hits that became no segment, and structures, by reason
 };
 
-/// Which ellipses a segment's azimuths overlap.
+/// Overlap of a segment's azimuths with an ellipse.
 struct Overlap {
   std::size_t segment = 0;
   std::size_t ellipse = 0;
 };
 
-/// All overlaps, by growing segment and then ellipse; ellipses around the sensor overlap none. Costs grow with what
-/// overlaps, not with all pairs. `memory`: as for limit_range.
+/// All overlaps, sorted by segment and then ellipse; ellipses around the sensor overlap none. The cost is that of the
+/// overlaps, not of all pairs. `memory`: as for limit_range.
 std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
                                  std::vector<Overlap> memory = {});
 

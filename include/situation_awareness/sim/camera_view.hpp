@@ -17,22 +17,22 @@ struct Picture {
   std::vector<std::uint8_t> rgb;
 };
 
-/// A camera of a world as MuJoCo draws it, without a screen (EGL, in software where there is no GPU). It draws what the
-/// file says of shapes and colours, which is more than the scanner sees. Use it from one thread.
+/// A camera of a world as MuJoCo draws it, without a screen (EGL, in software where there is no GPU). It draws all
+/// shapes and colours of the file, also those invisible to the scanner. Use it from one thread.
 class CameraView {
  public:
-  /// Throws std::runtime_error where the file is no world, has no camera of that name, or nothing can be drawn here;
+  /// Throws std::runtime_error where the file is no world, has no camera of that name, or rendering is not available;
   /// std::invalid_argument for sizes outside [16, 4096].
   CameraView(const std::string& mjcf_path, const std::string& camera, int width, int height);
   ~CameraView();
 
-  /// The world at that time, with the robot where it is said to be.
+  /// Image of the world at that time, with the robot at the given pose.
   Picture at(double time_s, const Eigen::Isometry3d& T_world_robot);
 
-  /// Where the camera was when it last looked: z ahead, x to the right and y down in the picture.
+  /// Pose of the camera at the last image: z ahead, x to the right and y down in the image.
   const Eigen::Isometry3d& T_world_camera() const;
 
-  /// Focal length in pixels, the same in both directions; the optical axis meets the picture's centre.
+  /// Focal length in pixels, the same in both directions; the optical axis passes through the image's centre.
   double focal_length_px() const;
 
  private:

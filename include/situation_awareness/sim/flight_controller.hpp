@@ -8,7 +8,7 @@
 
 namespace situation_awareness {
 
-/// A multirotor of four motors as its controller knows it. The robot's frame has its origin in the centre of mass, and
+/// The controller's model of a multirotor with four motors. The robot's frame has its origin in the centre of mass, and
 /// the motors push along its z axis.
 struct Airframe {
   double mass_kg = 0.0;
@@ -19,13 +19,13 @@ struct Airframe {
   Eigen::Vector4d max_thrusts_N = Eigen::Vector4d::Zero();
 };
 
-/// What each motor should push, in N and within its limits, so that the robot follows the path whose state is given.
+/// Thrust of each motor, in N and within its limits, to track the given state of the path.
 ///
 /// The path's acceleration, gravity and the drag at the path's velocity are fed forward; errors of position and
-/// velocity add an acceleration of limited size. The sum is the thrust vector: with the path's yaw it gives the
-/// attitude wanted (multirotor_state), which is followed on SO(3) (Lee, Leok, McClamroch: Geometric tracking control of
-/// a quadrotor UAV on SE(3), CDC 2010). Where motors saturate, yaw gives way first, then tilt, and thrust keeps clear
-/// of the limits.
+/// velocity add an acceleration of limited size. The sum is the thrust vector: with the path's yaw it gives the desired
+/// attitude (multirotor_state), which is tracked on SO(3) (Lee, Leok, McClamroch: Geometric tracking control of a
+/// quadrotor UAV on SE(3), CDC 2010). Where motors saturate, yaw is reduced first, then tilt, and thrust keeps a margin
+/// to the limits.
 Eigen::Vector4d motor_thrusts(const Airframe& airframe, const RobotState& robot, const PathState& path,
                               double drag_1_s);
 

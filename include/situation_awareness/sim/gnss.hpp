@@ -34,7 +34,7 @@ struct SimulatedGnssParams {
   void validate() const { check_bounds(*this, "gnss"); }
 };
 
-/// Where the receiver says that its antenna is, in the world's metres, and the covariance that it states.
+/// The measured position of the antenna, in m in the world, and the covariance reported by the receiver.
 struct GnssFix {
   std::int64_t stamp_ns = 0;
   Eigen::Vector3d position_world_m = Eigen::Vector3d::Zero();

@@ -43,7 +43,7 @@ struct SimulatedImuParams {
   void validate() const { check_bounds(*this, "imu"); }
 };
 
-/// One measurement of an IMU, in its own axes, and what of it is bias in truth.
+/// One measurement of an IMU, in its own axes, with its true biases.
 struct ImuSample {
   std::int64_t stamp_ns = 0;
   Eigen::Vector3d specific_force_imu_m_s2 = Eigen::Vector3d::Zero();
@@ -55,10 +55,10 @@ struct ImuSample {
 /// An IMU on the robot of a world.
 ///
 /// A sample is the mean over one period h with its stamp t in the middle: the gyroscope's is the rotation vector from
-/// the attitude at t - h/2 to that at t + h/2, over h, so that the rotations of consecutive samples lead from attitude
-/// to attitude exactly; the accelerometer's is R(t)^T ((v(t + h/2) - v(t - h/2)) / h + g e_z), v being the velocity of
-/// the place where it is mounted. To it come a bias that walks at random, and white noise. Gravity is the sensor's own
-/// and need not be that of the flight (kGravity_m_s2): the motion is what it is, whichever force brought it about.
+/// the attitude at t - h/2 to that at t + h/2, over h, so that consecutive rotations compose to the attitude exactly;
+/// the accelerometer's is R(t)^T ((v(t + h/2) - v(t - h/2)) / h + g e_z), v being the velocity of the place where it is
+/// mounted. A random-walk bias and white noise are added. Gravity is a parameter of the sensor and need not be that
+/// of the flight (kGravity_m_s2): only the motion is used, not the forces.
 class SimulatedImu {
  public:
   /// `world` must outlive the IMU. Throws std::invalid_argument for params.

@@ -5,13 +5,13 @@
 
 namespace situation_awareness {
 
-/// What a scanner's receiver makes of the light that comes back. With the surface's diffuse, glossy and retroreflecting
-/// parts d, g and t (a world's `geom_user`), the angle of incidence a and the range r,
+/// Intensity measured by a scanner's receiver. With the surface's diffuse, glossy and retroreflecting parts d, g and t
+/// (a world's `geom_user`), the angle of incidence a and the range r,
 ///
 ///     I = min(max, gain (d cos a + g cos^50 a + t cos a) / (1 + (r / half_range)^2)) (1 + sigma n),  n ~ N(0, 1)
 ///
-/// Lambert's law, a lobe some 10 deg wide about the mirror's direction, and tape that sends light back from where it
-/// came; near the sensor the optics' overlap holds what would grow without bound, far away it falls as 1 / r^2.
+/// Lambert's law, a specular lobe some 10 deg wide, and retroreflecting tape; near the sensor the optics' overlap
+/// limits the intensity, far away it falls as 1 / r^2.
 struct SimulatedIntensityParams {
   double gain = 0.0;
   double half_range_m = 8.0;
@@ -28,10 +28,10 @@ struct SimulatedIntensityParams {
   }
 };
 
-/// Of what a file says nothing about: diffuse alone.
+/// Default of a surface without an entry in the file: diffuse only.
 constexpr double kDefaultDiffuse = 0.5;
 
-/// How a surface sends light back, relative to a white, diffuse one.
+/// Reflectivity of a surface, relative to a white, diffuse one.
 struct Surface {
   double diffuse = kDefaultDiffuse;
   double glossy = 0.0;

@@ -10,8 +10,8 @@
 
 namespace situation_awareness {
 
-/// Where a body is on its path at one time, and how that changes; everything in the world's frame. Acceleration and
-/// jerk are NaN for a body that moves with another: they are for the robot, which may not.
+/// State of a body on its path at one time, in the world frame. Acceleration and jerk are NaN for a body that moves
+/// with another: they are needed only for the robot, which may not.
 struct PathState {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_s = Eigen::Vector3d::Zero();
@@ -29,23 +29,23 @@ using PathOfBody = std::function<Path(const std::string& body)>;
 
 /// The path that a world file describes in one line of text; models/worlds/README.md is its manual:
 ///
-///     stand                                             at the body's own place
+///     stand                                             at the body's position in the file
 ///     circle center X Y radius R rate W [phase A]
 ///     line from X Y to X Y period T [phase A]           back and forth, sinusoidal
-///     straight from X Y velocity VX VY                  for ever, from there at time 0
+///     straight from X Y velocity VX VY                  constant velocity, `from` at time 0
 ///     loop speed V points X Y; X Y; X Y ...             closed and smooth, at this mean speed
 ///     loop speed V points X Y Z YAW; ...                the same with height and yaw
 ///
-///     with BODY at X Y [swing A period T [phase P]]     carried by another body, in whose axes (X, Y) is
+///     with BODY at X Y [swing A period T [phase P]]     carried by another body, (X, Y) in its axes
 ///
-/// and for all but the loop with yaw how it turns: `spin W` (default 0), or `tangent` for a body that keeps its angle
-/// to the direction of motion; and when it is there: `appears T`, `goes T` (facts_of_path). `position_m` and `yaw_rad`,
-/// the body's pose in the file, give what the text does not; `path_of_body` finds the path of BODY, and where it is
-/// left out the body may not move with another. Throws std::invalid_argument saying what is wrong with the text.
+/// and for all but the loop with yaw the rotation: `spin W` (default 0), or `tangent` for a body that keeps its angle
+/// to the direction of motion; and the time of presence: `appears T`, `goes T` (facts_of_path). `position_m` and
+/// `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the path of BODY, and without it the
+/// body may not move with another. Throws std::invalid_argument with the error in the text.
 Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
                 const PathOfBody& path_of_body = {});
 
-/// When a body is there: from `appears_s` on, until just before `goes_s`.
+/// Presence of a body: from `appears_s` on, until just before `goes_s`.
 struct Presence {
   double appears_s = -std::numeric_limits<double>::infinity();
   double goes_s = std::numeric_limits<double>::infinity();
@@ -54,14 +54,14 @@ struct Presence {
   bool always() const { return std::isinf(appears_s) && std::isinf(goes_s); }
 };
 
-/// What the text of a path says besides where the body is.
+/// Attributes in the text of a path other than its geometry.
 struct PathFacts {
   Presence presence;    ///< by `appears T` and `goes T`, in s, both optional
   std::string carrier;  ///< the body that it moves with; empty where it moves by itself
-  bool stands = false;  ///< it is of the kind `stand`, and does not turn
+  bool stands = false;  ///< of the kind `stand`, without rotation
 };
 
-/// Throws std::invalid_argument saying what is wrong with the text.
+/// Throws std::invalid_argument with the error in the text.
 PathFacts facts_of_path(const std::string& text);
 
 }  // namespace situation_awareness

@@ -6,10 +6,10 @@
 namespace situation_awareness {
 
 /// Closed curve through given points: a periodic quintic B-spline with uniform knots. It has four continuous
-/// derivatives, so that a multirotor that follows it turns and tilts without a jerk in its angular velocity.
+/// derivatives, so that the angular velocity of a multirotor that follows it is smooth.
 class PeriodicSpline {
  public:
-  /// One point per column, at least three. Point i is where the curve is at u = i.
+  /// One point per column, at least three. Point i is the curve's point at u = i.
   explicit PeriodicSpline(const Eigen::MatrixXd& points);
 
   /// The curve's derivative of order `derivative` (0 to 4) with respect to u, at any u; the period is the number of

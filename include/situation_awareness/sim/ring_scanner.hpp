@@ -19,7 +19,7 @@ namespace situation_awareness {
 class RayCaster;
 
 /// A 3D scanner of several lasers that spin about its z axis; the defaults are those of a Velodyne VLP-16 at 20 Hz,
-/// with the range of the 2D scanner. With other angles it is a depth camera.
+/// with the range of the 2D scanner. With other angles it simulates a depth camera.
 struct SimulatedRingScannerParams {
   int rings = 16;
   double elevation_min_rad = radians(-15.0);
@@ -57,7 +57,7 @@ struct SimulatedRingScannerParams {
   void validate() const;
 };
 
-/// What a ring scanner measures, and what it met.
+/// The measurements of a ring scanner, with the true hits.
 struct RingScannerSample {
   Cloud cloud;                                                           ///< structured: a row for each ring
   Eigen::Isometry3d T_world_sensor = Eigen::Isometry3d::Identity();      ///< at the stamp
@@ -65,9 +65,9 @@ struct RingScannerSample {
   std::vector<TrueHit> hits;                                             ///< of each point
 };
 
-/// A 3D scanner on the robot of a world. The rays of one column are at one time, that of the first column is the stamp;
-/// each is cast from where the robot is at its own time, among the objects where they are then. Noise is along the ray,
-/// and never takes a return across the sensor's limits. Same seed, same clouds, bit for bit.
+/// A 3D scanner on the robot of a world. The rays of one column have one time, that of the first column is the stamp;
+/// each is cast from the robot's pose at its own time, with the objects' poses at that time. Noise is along the ray,
+/// and never moves a return across the sensor's limits. Same seed, same clouds, bit for bit.
 class SimulatedRingScanner {
  public:
   /// `world` must outlive the scanner, which moves it. Throws std::invalid_argument for params.

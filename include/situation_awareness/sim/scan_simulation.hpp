@@ -21,16 +21,16 @@ struct SimulatedScan {
   RobotState robot;
   Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();      ///< at the stamp
   Eigen::Isometry3d T_world_lidar_end = Eigen::Isometry3d::Identity();  ///< at the last beam's time
-  Objects truth;                    ///< at the stamp (true_map); `beams` counts the beams that hit it in this scan
-  std::vector<std::string> names;   ///< of the truth's objects, same order
-  std::vector<int> object_of_beam;  ///< what each beam hit that counts as seen: index in the truth, else -1
+  Objects truth;                   ///< at the stamp (true_map); `beams` counts the beams that hit it in this scan
+  std::vector<std::string> names;  ///< of the truth's objects, same order
+  std::vector<int>
+      object_of_beam;  ///< the object that each beam hit within the truth's range: index in the truth, else -1
 };
 
-/// A world, the 2D scanner at site `lidar` of its robot, and the truth: the three that judging a map takes.
+/// A world, the 2D scanner at site `lidar` of its robot, and the truth, for the evaluation of maps.
 class ScanSimulation {
  public:
-  /// Throws std::runtime_error naming the file, the element and what is wrong with it, std::invalid_argument for
-  /// params.
+  /// Throws std::runtime_error naming the file, the element and its error, std::invalid_argument for params.
   ScanSimulation(const std::string& mjcf_path, const SimulatedScannerParams& scanner, std::uint64_t seed);
   ~ScanSimulation();
   ScanSimulation(ScanSimulation&&) noexcept;
@@ -43,7 +43,7 @@ class ScanSimulation {
 
   RobotState robot_at(double time_s) const { return world().robot_at(time_s); }
 
-  /// The objects at any time. What scans say of them (beams, observations, when seen) is as of the latest scan.
+  /// The objects at any time. Their counts and times by scans (beams, observations, when seen) are of the latest scan.
   Objects truth_at(double time_s) const;
 
   /// Pose of the lidar in the robot's frame, from the file.

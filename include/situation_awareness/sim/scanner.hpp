@@ -50,7 +50,7 @@ struct SimulatedScannerParams {
   void validate() const;
 };
 
-/// What a scanner measures, and what it met.
+/// The measurements of a scanner, with the true hits.
 struct ScannerSample {
   Scan scan;
   Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();      ///< at the stamp
@@ -60,10 +60,10 @@ struct ScannerSample {
 
 /// A 2D scanner on the robot of a world.
 ///
-/// The stamp is the time of the first beam. Where the scanner takes time to sweep, each beam is cast from where the
-/// robot is at the beam's own time, among the objects where they are then; else nothing moves during a scan. True
-/// ranges decide whether a beam is a hit, too close or free; noise is added to hits only and never takes them across
-/// the sensor's limits. Same seed, same scans, bit for bit: each scan has a seed of its own.
+/// The stamp is the time of the first beam. With a sweep time, each beam is cast from the robot's pose at the beam's
+/// own time, with the objects' poses at that time; else nothing moves during a scan. True ranges decide whether a beam
+/// is a hit, too close or free; noise is added to hits only and never moves them across the sensor's limits. Same seed,
+/// same scans, bit for bit: each scan has its own seed.
 class SimulatedScanner {
  public:
   /// `world` must outlive the scanner, which moves it. Throws std::invalid_argument for params.

@@ -9,22 +9,22 @@
 
 namespace situation_awareness {
 
-/// Lets sensors of different rates measure in the order of their times.
+/// Runs sensors of different rates in the order of their times.
 class Schedule {
  public:
-  /// `next_time_s` says when the sensor is due, and `measure` moves that on.
+  /// `next_time_s`: when the sensor is due; `measure` advances it.
   void add(std::function<double()> next_time_s, std::function<void()> measure) {
     entries_.push_back({std::move(next_time_s), std::move(measure)});
   }
 
-  /// When the next one is due; infinity where there are none.
+  /// When the next one is due; infinity without sensors.
   double next_time_s() const {
     double time_s = std::numeric_limits<double>::infinity();
     for (const Entry& entry : entries_) time_s = std::min(time_s, entry.next_time_s());
     return time_s;
   }
 
-  /// Let the one that is due next measure: of several that are due at one time the one that was added first.
+  /// Run the sensor that is due next; of several due at the same time the one that was added first.
   void step() {
     const double time_s = next_time_s();
     const auto due = std::find_if(entries_.begin(), entries_.end(),

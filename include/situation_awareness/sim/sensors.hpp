@@ -16,7 +16,7 @@
 
 namespace situation_awareness {
 
-/// A sensor as a world's file asks for it.
+/// A sensor of a world's file.
 template <class Params>
 struct MountedSensor {
   std::string name;
@@ -24,7 +24,7 @@ struct MountedSensor {
   Params params;
 };
 
-/// The sensors that a world's file asks for, by kind, each in the order of the file.
+/// The sensors of a world's file, by kind, each in the order of the file.
 struct WorldSensors {
   std::vector<MountedSensor<SimulatedScannerParams>> scanners;
   std::vector<MountedSensor<SimulatedRingScannerParams>> ring_scanners;
@@ -33,15 +33,15 @@ struct WorldSensors {
   std::vector<MountedSensor<SimulatedOdometryParams>> odometries;
 };
 
-/// Reads what the file says of its sensors: the kind, then names of the kind's parameters, each followed by its value,
+/// Reads the sensors of the file: the kind, then names of the kind's parameters, each followed by its value,
 ///
 ///     scanner beams 541 angle_increment_rad 0.00872665 range_sigma_m 0.012
 ///
-/// What is not named has its default; a site `lidar` without a text is a scanner with all defaults. Throws
-/// std::runtime_error naming the file, the sensor and what is wrong with it.
+/// Others have their defaults; a site `lidar` without a text is a scanner with all defaults. Throws std::runtime_error
+/// naming the file, the sensor and its error.
 WorldSensors sensors_of(const World& world);
 
-/// The seed of a sensor's noise, of its own by its name, so that no sensor changes what another draws.
+/// The seed of a sensor's noise, derived from its name, so that sensors do not affect each other's noise.
 std::uint64_t seed_of_sensor(std::uint64_t seed, const std::string& name);
 
 }  // namespace situation_awareness

@@ -10,16 +10,16 @@
 
 namespace situation_awareness {
 
-/// Hits farther away do not count as seen in the truth: the papers' range of interest.
+/// Hits farther away do not count in the truth: the papers' range of interest.
 constexpr double kTruthRange_m = 10.0;
 
-/// What a ray met in truth, without noise.
+/// True hit of a ray, without noise.
 struct TrueHit {
-  int object = -1;  ///< index of an object in the world's order; -1: none, or none that is seen
+  int object = -1;  ///< index of an object in the world's order; -1: none, or none within the range that counts
   double range_m = std::numeric_limits<double>::infinity();  ///< to the object
 };
 
-/// What scans have seen of a world's objects.
+/// Counts of the hits of scans on a world's objects.
 class Sightings {
  public:
   struct Sighting {
@@ -32,8 +32,7 @@ class Sightings {
   explicit Sightings(std::size_t objects, double range_m = kTruthRange_m) : range_m_(range_m), of_object_(objects) {}
 
   /// Add a scan: `hits` are rows of `columns` rays, one row for a 2D scanner. A column that hits an object several
-  /// times counts once, so that scanners of any number of rows say the same. Gives for each ray which object it counts
-  /// for, or -1.
+  /// times counts once, so that the number of rows has no effect. Returns for each ray the object it counts for, or -1.
   std::vector<int> add(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns);
 
   const std::vector<Sighting>& of_object() const { return of_object_; }
@@ -43,12 +42,12 @@ class Sightings {
   std::vector<Sighting> of_object_;
 };
 
-/// The places in `World::names()` of the objects of `true_map`, which are the elliptic cylinders.
+/// The indices in `World::names()` of the objects of `true_map`, which are the elliptic cylinders.
 std::vector<std::size_t> objects_of_true_map(const World& world);
 
-/// The truth as a map of ellipses would say it: the objects at that time that are elliptic cylinders, with exact
-/// velocities, no covariance, and what has been seen of them so far. What is not there has p_exists 0, else 1, so that
-/// every time has the same objects in the same order. `height_world_m` is that of the map.
+/// The truth as a map of ellipses: the objects at that time that are elliptic cylinders, with exact velocities, without
+/// covariance, and with the counts of their hits so far. p_exists is 1, or 0 for absent objects, so that every time has
+/// the same objects in the same order. `height_world_m` is that of the map.
 Objects true_map(const World& world, const Sightings& sightings, double time_s, double height_world_m);
 
 }  // namespace situation_awareness

@@ -40,12 +40,12 @@ struct SimulatedOdometryParams {
   void validate() const { check_bounds(*this, "odometry"); }
 };
 
-/// Where wheels say that the robot is, from where it was at time 0, in the plane.
+/// Pose by wheel odometry relative to time 0, in the plane.
 struct OdometrySample {
   std::int64_t stamp_ns = 0;
   Pose2 T_odom_base;
-  Eigen::Vector2d velocity_base_m_s = Eigen::Vector2d::Zero();  ///< mean since the sample before
-  double yaw_rate_rad_s = 0.0;                                  ///< mean since the sample before
+  Eigen::Vector2d velocity_base_m_s = Eigen::Vector2d::Zero();  ///< mean since the previous sample
+  double yaw_rate_rad_s = 0.0;                                  ///< mean since the previous sample
 };
 
 /// Wheel odometry of a mounting place on the robot of a world, which drives in the plane. The motion in the plane

@@ -17,36 +17,35 @@
 
 namespace situation_awareness {
 
-// Which detection is of which element: global nearest neighbour by likelihood ratios (docs/math/objects.md,
+// Association of detections with elements: global nearest neighbour by likelihood ratios (docs/math/objects.md,
 // "Association").
 
-/// Natural logarithm of lambda, how many new objects (or false detections) there are per scan, square metre of place
-/// and cubic metre of (m, p, q): one in 10,000 scans on each square metre, with shapes as the detectors expect them.
-/// Measured in 14 flights (rooms, crowds, persons, one hidden mover): a twentieth of it, -7.4, makes 36 id switches of
-/// 34, and raises the centre RMSE of what moves, seen from a turning robot, from 0.015 to 0.027 m. Larger values were
-/// not measured.
+/// Natural logarithm of lambda, the density of new objects (or false detections) per scan, square metre of position and
+/// cubic metre of (m, p, q): one in 10,000 scans on each square metre, with shapes as the detectors expect them.
+/// Measured in 14 flights (rooms, crowds, persons, one hidden mover): a twentieth of it, -7.4, gives 36 id switches
+/// instead of 34, and raises the centre RMSE of moving objects, seen from a turning robot, from 0.015 to 0.027 m.
+/// Larger values were not measured.
 constexpr double kLogNewObjectDensity = -4.4;
 
-/// The logarithm of P_D / (1 - p_D): how much more probable it is that an element is detected than that it is missed.
-/// P_D is that of a place where a detection is, so nothing hides it; p_D that of the place where the element is
-/// expected.
+/// The logarithm of P_D / (1 - p_D), of an element's detection against its missed detection. P_D holds at the
+/// detection, which nothing hides; p_D at the place where the element is expected.
 double log_detection_ratio(const ExpectedDetection& expected, double detection_probability);
 
-/// Why a measurement that was compared with an element cannot be of it; empty text if it may be. `gate`: of the squared
-/// Mahalanobis distance. `common_shape`: others have the shape of this element, too.
+/// Reason why a measurement cannot be matched with an element; empty if it can. `gate`: of the squared Mahalanobis
+/// distance. `common_shape`: other elements have the same shape.
 const char* match_defect(const MapElement& element, const MotionMatch& match, double gate, bool common_shape,
                          std::int64_t stamp_ns);
 
-/// A measurement that is of an element.
+/// A match of an element with a measurement.
 struct Association {
   std::size_t element;
   std::size_t measurement;
   MotionMatch match;
 };
 
-/// Why a measurement near elements is of none: what speaks against the most probable of them.
+/// Reason why a measurement near elements is unmatched: that of its most probable element.
 struct Rejection {
-  const char* reason = "";  ///< empty: none is near
+  const char* reason = "";  ///< empty: no element nearby
   double log_likelihood = -std::numeric_limits<double>::infinity();
 };
 
@@ -55,25 +54,25 @@ struct AssociationInput {
   const std::vector<MapElement>& elements;         ///< predicted to the scan's stamp
   const std::vector<ExpectedDetection>& expected;  ///< of the elements
   const std::vector<char>& common_shape;           ///< of the elements: not zero where others have the same shape
-  const EllipsesByX& recently_seen;                ///< those elements that are not out of sight
+  const EllipsesByX& recently_seen;                ///< the elements that are not out of sight
   const std::vector<Measurement>& measurements;
   const Pose2& T_world_level;
   const Eigen::Matrix3d& U;  ///< covariance of T_world_level, as in object_filter.hpp
   std::int64_t stamp_ns;
 };
 
-/// Associates scan after scan; what it keeps between them is memory alone.
+/// Associates the detections of each scan; it has no state but reusable memory.
 class Associator {
  public:
   void associate(const AssociationInput& input, const ObjectMapParams& params, double gate);
 
-  /// Of the latest scan, by growing element.
+  /// Of the latest scan, by ascending element.
   const std::vector<Association>& associations() const { return associations_; }
   /// Of the latest scan's measurements.
   const std::vector<Rejection>& rejections() const { return rejections_; }
 
  private:
-  /// A measurement's place, to look for it by.
+  /// A measurement's position, for the search.
   struct Place {
     Eigen::Vector2d center_world_m;
     int measurement;

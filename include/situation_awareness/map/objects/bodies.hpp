@@ -13,12 +13,12 @@ namespace situation_awareness {
 
 // Bodies of several elements, such as torso and arms (docs/math/objects.md, "Bodies").
 
-/// Joins parts to bodies; what it keeps between calls is memory alone.
+/// Joins parts to bodies; it has no state but reusable memory.
 class BodyJoiner {
  public:
-  /// Elements that stay side by side while they travel are one body: the small one becomes part of the other, goes on
-  /// being followed, and comes back as itself when they part. An arm swings, so velocities say little: the way
-  /// travelled since they met does. `elements` are by growing id, updated at `stamp_ns`.
+  /// Elements that stay side by side while they travel are one body: the small one becomes part of the other, is still
+  /// tracked, and is published again when they separate. An arm swings, so velocities are not conclusive; the criterion
+  /// is the displacement since they met. `elements` are by ascending id, updated at `stamp_ns`.
   void join_parts(std::int64_t stamp_ns, const ObjectMapParams& params, std::vector<MapElement>& elements);
 
  private:
@@ -36,9 +36,9 @@ class BodyJoiner {
   double largest_radius_m_ = 0.0;
 };
 
-/// The identity of a body that leaves the map goes on in its largest part: where the body is deleted (`dropped`, of the
-/// elements), or where it is off the map and the part is seen, which would go with it. The part takes the body's place
-/// among the elements, and is dropped in its stead. Returns how many bodies were off the map.
+/// The largest part of a body that leaves the map takes over its id: where the body is deleted (`dropped`, of the
+/// elements), or where it is off the map while the part is seen. The part replaces the body among the elements, and its
+/// own element is dropped. Returns the number of bodies that were off the map.
 std::size_t pass_on_identities(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped);
 
 }  // namespace situation_awareness

@@ -13,12 +13,12 @@
 
 namespace situation_awareness {
 
-// The probability that an element exists, and its life (docs/math/objects.md, "Existence"): what a detection and what
-// beams without one say, when it is confirmed, lost and deleted.
+// Probability of existence and state of an element (docs/math/objects.md, "Existence"): updates by detections and
+// missed detections; when it is confirmed, lost and deleted.
 
-/// s. Not detected for longer, an element is out of sight: nothing is known of how it moves meanwhile, it matches less,
-/// and a confirmed one is lost. Ten scans at 20 Hz; no other source is recorded. From 0.4 to 0.6 by
-/// WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne; not measured in flights.
+/// s. An element without a detection for longer is out of sight: its motion is unknown meanwhile, its matches are
+/// restricted, and a confirmed one is lost. Ten scans at 20 Hz; no other source is recorded. Between 0.4 and 0.6 by the
+/// test WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne; not measured in flights.
 constexpr double kLostAfter_s = 0.5;
 
 /// Natural logarithm of p / (1 - p), and p of it.
@@ -28,42 +28,43 @@ double probability(double log_odds);
 /// True if it was not detected for kLostAfter_s, whatever its state.
 bool is_out_of_sight(const MapElement& element, std::int64_t stamp_ns);
 
-/// Whether a scan should have a detection of an element.
+/// The detection of an element that is expected in a scan.
 struct ExpectedDetection {
-  Ellipse ellipse_world;  ///< where, by the more probable motion
+  Ellipse ellipse_world;  ///< by the more probable motion
   Sight sight = Sight::kHidden;
-  double probability = 0.0;  ///< p_D: that there is one, if the element exists
+  double probability = 0.0;  ///< p_D: that it is detected, if it exists
 };
 
-/// Looks where an element should be: p_D is `detection_probability` where beams reach it, the less the less certain its
-/// place is, and zero where something hides it. `T_level_world` is that of the scan.
+/// Checks the beams at an element's predicted place: p_D is `detection_probability` where beams reach it, reduced by
+/// the uncertainty of its position, and zero where it is hidden. `T_level_world` is that of the scan.
 ExpectedDetection expect_detection(const MapElement& element, const Pose2& T_level_world, const FreeSpace& free_space,
                                    double detection_probability);
 
 /// A new element, after its first detection.
 void begin_existence(MapElement& element, const ObjectMapParams& params);
 
-/// A detection of the element: it exists more probably, is confirmed from `confirmation_probability` on, and no longer
-/// lost. True if it was confirmed by this one.
+/// Update by a detection: raises the probability of existence, confirms the element from `confirmation_probability` on,
+/// and ends the state lost. True if this detection confirmed it.
 bool detection_update(MapElement& element, bool hidden_end, const ObjectMapParams& params);
 
-/// No detection of the element: it exists less probably, but only where beams say that it is not there; what is hidden
-/// keeps its existence. `another_there`: another element was detected at its place. What can move is not where it
-/// should be, but may be elsewhere: it is off the map, and remembered.
+/// Missed-detection update: lowers the probability of existence only where beams show that the element is not there;
+/// hidden elements are unchanged. `another_there`: another element was detected at its place. An element that can move
+/// may be elsewhere: it is off the map, and kept for re-identification.
 void missed_detection_update(MapElement& element, const ExpectedDetection& expected, bool another_there,
                              const ObjectMapParams& params);
 
-/// Time has passed, to `stamp_ns`: a confirmed element that is out of sight is lost.
+/// Time update to `stamp_ns`: a confirmed element that is out of sight becomes lost.
 void age(MapElement& element, std::int64_t stamp_ns);
 
-/// Why an element is to be deleted after the update at `stamp_ns`; empty text if it stays (circle paper, Sect. V-B3).
+/// Reason to delete an element after the update at `stamp_ns`; empty if it stays (circle paper, Sect. V-B3).
 const char* deletion_reason(const MapElement& element, std::int64_t stamp_ns, const ObjectMapParams& params);
 
-/// Standard deviation of the position as the map gives it, in its least certain direction: under both motions unless
-/// one is all but certain, with the errors that repeat from scan to scan.
+/// Standard deviation of the published position, in its least certain direction: under both motions unless one is
+/// almost certain, with correlated errors.
 double published_position_sigma_m(const MapElement& element, const ObjectMapParams& params);
 
-/// True if the element is on the map: confirmed, more likely there than not, no part of another, its place certain.
+/// True if the element is on the map: confirmed, more likely to exist than not, no part of another, its position
+/// certain.
 bool is_on_map(const MapElement& element, const ObjectMapParams& params);
 
 }  // namespace situation_awareness

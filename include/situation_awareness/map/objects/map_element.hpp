@@ -14,7 +14,7 @@
 
 namespace situation_awareness {
 
-/// Bounds of what a map holds: wider than any map that makes sense.
+/// Bounds of valid maps, wider than any real one.
 namespace map_bounds {
 constexpr Bounds kProbability{0.0, 1.0};
 constexpr Bounds kLogOdds{-1e9, 7.0};
@@ -28,40 +28,40 @@ constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
 constexpr std::size_t kMaxElements = 2000;  ///< which load in 2 s
 }  // namespace map_bounds
 
-/// The life of an element: tentative -> confirmed <-> lost -> deleted. The transitions are in existence.hpp, and that
-/// from tentative to deleted where an element turns out to be one that was lost in re_identification.hpp.
+/// State of an element: tentative -> confirmed <-> lost -> deleted. The transitions are in existence.hpp; that from
+/// tentative to deleted of an element that is re-identified as a lost one is in re_identification.hpp.
 enum class TrackState {
   kTentative,  ///< not confirmed yet: deleted when not detected again soon
-  kConfirmed,  ///< it has been confirmed, and detected lately
-  kLost,       ///< it has been confirmed, but not been detected for a while: it coasts, and may be re-identified
-  kDeleted,    ///< it leaves the map at the end of the update
+  kConfirmed,  ///< confirmed, and detected recently
+  kLost,       ///< confirmed, but not detected recently: it is predicted, and may be re-identified
+  kDeleted,    ///< removed at the end of the update
 };
 
 /// As in map files: "tentative", "confirmed", "lost", "deleted".
 const char* name_of(TrackState state);
 
-/// All that the map knows of one element from one update to the next.
+/// State of one element between updates.
 struct MapElement {
   std::uint64_t id = 0;
   MotionEstimate estimate;
-  Matrix8d P_view = Matrix8d::Zero();  ///< of one detection from the side it was seen from lately, at its best
-  double log_odds = 0.0;               ///< of its existence
+  Matrix8d P_view = Matrix8d::Zero();  ///< of the best recent detection from the current viewpoint
+  double log_odds = 0.0;               ///< of existence
   TrackState state = TrackState::kTentative;
   std::int64_t first_seen_ns = 0;
   std::int64_t last_seen_ns = 0;
   int observations = 0;
   int beams = 0;
-  double stood_s = 0.0;                                       ///< for how long it was seen to stand
-  bool moves = false;                                         ///< it is surely on its way
+  double stood_s = 0.0;                                       ///< time for which it was seen to stand
+  bool moves = false;                                         ///< it moves (p_moving above its threshold)
   bool mobile = false;                                        ///< it has travelled
-  Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it was when `moves` began
-  std::uint64_t body = 0;  ///< id of the element that it is part of, or may be; 0: of none
+  Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< its position when `moves` began
+  std::uint64_t body = 0;  ///< id of the element that it is, or may be, a part of; 0: none
   bool is_part = false;    ///< it is part of `body`
-  bool has_parts = false;  ///< others were part of it
-  Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< where it was when it met `body`
-  Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< where `body` was
+  bool has_parts = false;  ///< it has had parts
+  Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< its position when it met `body`
+  Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< position of `body` then
 
-  /// Every field, by the name that it has in a map file; the map file and the check both read this list.
+  /// Every field with its name in a map file; used by the map file and the check.
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     using namespace map_bounds;
@@ -90,7 +90,7 @@ struct MapElement {
   }
 };
 
-/// How long an element has not been detected.
+/// Time since the element's last detection.
 inline double unseen_s(const MapElement& element, std::int64_t stamp_ns) {
   return seconds_between(element.last_seen_ns, stamp_ns);
 }
@@ -104,7 +104,7 @@ inline Eigen::Vector2d position(const ObjectEstimate& estimate) {
   return estimate.x.segment<2>(object_state::kPosition);
 }
 
-/// The element of this id among some by growing id; null if there is none.
+/// The element with this id, of elements by ascending id; null if there is none.
 const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& elements);
 
 /// Standard deviation of the position in its least certain direction.

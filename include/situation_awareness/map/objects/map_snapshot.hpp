@@ -10,17 +10,17 @@
 
 namespace situation_awareness {
 
-/// All that an ObjectMap knows after an update, and so all that it takes to go on from there.
+/// The whole state of an ObjectMap after an update, sufficient to continue from it.
 struct MapSnapshot {
-  std::string world_frame;        ///< for whoever keeps the snapshot: the map itself knows no names of frames
+  std::string world_frame;        ///< for users of the snapshot: the map itself has no names of frames
   std::string shape = "ellipse";  ///< ObjectMapParams::shape
   std::int64_t stamp_ns = 0;      ///< of the latest update
-  double step_s = 0.0;            ///< from the update before to the latest
+  double step_s = 0.0;            ///< time between the last two updates
   Pose2 T_world_level;            ///< of the latest update
   double height_world_m = 0.0;
-  double noise = 1.0;                ///< how much larger errors are than the detections say, squared
-  std::uint64_t next_id = 1;         ///< of what is new: larger than any that was given
-  std::vector<MapElement> elements;  ///< by growing id
+  double noise = 1.0;                ///< noise factor: ratio of errors to those of the detections' covariances, squared
+  std::uint64_t next_id = 1;         ///< id of the next new element: larger than all used before
+  std::vector<MapElement> elements;  ///< by ascending id
 
   /// Every field but the elements, as MapElement::fields does.
   template <class Self, class Visit>
@@ -36,10 +36,11 @@ struct MapSnapshot {
     visit("next_id", self.next_id, 1, kMaxId);
   }
 
-  /// Throws std::invalid_argument with one sentence that names element and field if no map can be so: a number that is
-  /// not finite or out of bounds, a covariance that is not symmetric and positive semidefinite, radii that are not
-  /// positive, ids that do not grow or are not below `next_id`, a body that is not there, a stamp after the latest
-  /// update. `world_frame` may be empty.
+  /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or
+  /// out of
+  /// bounds, a covariance that is not symmetric and positive semidefinite, radii that are not positive, ids that are
+  /// not ascending or not below `next_id`, a `body` without an element, a stamp after the latest update. `world_frame`
+  /// may be empty.
   void validate() const;
 };
 

@@ -8,29 +8,29 @@
 
 namespace situation_awareness {
 
-/// How objects move and when they begin and stop to: the parameters of the two motions.
+/// Parameters of the two motion models and of the transitions between them.
 struct MotionParams {
-  ProcessNoise standing;                      ///< of what stands; only its shape changes
-  ProcessNoise moving;                        ///< of what moves
-  double start_rate_1_s = 0.0;                ///< a standing object begins to move so often
-  double stop_rate_1_s = 0.0;                 ///< a moving one stops so often
-  double start_velocity_sigma = 0.0;          ///< m/s, per axis, of what begins to move
+  ProcessNoise standing;                      ///< of standing objects
+  ProcessNoise moving;                        ///< of moving objects
+  double start_rate_1_s = 0.0;                ///< rate of transitions from standing to moving
+  double stop_rate_1_s = 0.0;                 ///< rate of transitions from moving to standing
+  double start_velocity_sigma = 0.0;          ///< m/s, per axis, of objects that begin to move
   double start_angular_velocity_sigma = 0.0;  ///< rad/s
 };
 
 /// The estimate of one element under two motions, standing (v = 0, w = 0) and moving (ellipse paper, eqs. 8 to 12),
 /// each with its own EKF, and the probability of either: interacting multiple models (Blom and Bar-Shalom, 1988). A
-/// standing object's velocity goes to zero and its place and shape converge; a manoeuvring one is followed.
+/// standing object's velocity goes to zero and its position and shape converge; a manoeuvring one is followed.
 struct MotionEstimate {
   ObjectEstimate standing;
   ObjectEstimate moving;
   double p_moving = 0.5;
 };
 
-/// A new element: it may stand or move.
+/// A new element, under both motions.
 MotionEstimate start(const ObjectEstimate& mapped, const MotionParams& params);
 
-/// Let objects begin and stop, mix the estimates accordingly, and predict either: an hour at most, whatever the step.
+/// Mix the estimates by the transition probabilities and predict both, over an hour at most for any step.
 void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params);
 
 /// A measurement compared with both motions.

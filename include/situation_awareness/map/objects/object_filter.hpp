@@ -27,15 +27,15 @@ namespace situation_awareness {
 //   H       d(z) / d(x)                                           J_z_x     5x8
 //   H_u     d(z) / d(u), u = (x, y in the world, yaw)             J_z_u     5x3
 //
-// The papers' state has psi, rx and ry where this one has s. The two say the same of an ellipse, but s has no seam at
-// psi = +-90 deg, no second description of the same curve, and no false certainty of psi at a circle, and the
-// measurement is linear in the state.
+// The papers' state has psi, rx and ry in place of s. The two are equivalent, but s has no discontinuity at psi = +-90
+// deg, describes each curve once, and is not overconfident in psi at a circle, and the measurement is linear in the
+// state.
 //
-// The papers' filter is an indirect (error-state) one: of an orientation an error is no plain difference. Of s it is.
-// x [+] e = x + e then holds for the whole state, nothing is left to reset, and the direct and the indirect filter are
-// the same filter, number by number. This one is the indirect filter of estimation/ on the manifold R^8.
+// The papers' filter is an indirect (error-state) one, since the error of an orientation is no plain difference. That
+// of s is. x [+] e = x + e then holds for the whole state, there is nothing to reset, and the direct and the indirect
+// filter are the same. This one is the indirect filter of estimation/ on the manifold R^8.
 
-/// Place of each part in the filter's state.
+/// Index of each part in the filter's state.
 namespace object_state {
 constexpr int kPosition = 0;         ///< 2, m, world
 constexpr int kVelocity = 2;         ///< 2, m/s, world
@@ -67,36 +67,35 @@ Vector8d predict(const Vector8d& x, double dt_s);
 /// F of that step.
 Matrix8d process_jacobian(const Vector8d& x, double dt_s);
 
-/// Covariance that the process noise adds in `dt_s`, integrated over continuous time, so that one long step and many
-/// short ones give the same (exactly so where the object does not turn).
+/// Process noise of `dt_s`, integrated over continuous time, so that one long step equals many short ones (exactly so
+/// without rotation).
 Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise);
 
-/// State and covariance. A step so long that the object may have turned by anything makes its orientation no more
-/// uncertain than that.
+/// Predict state and covariance. The uncertainty of the orientation is bounded by that of an unknown axis.
 void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
 
-/// What a detection says of the ellipse.
+/// Measurement of the ellipse by a detection.
 struct Measurement {
   Vector5d z = Vector5d::Zero();  ///< smooth_parameters in the level frame
   Matrix5d R = Matrix5d::Identity();
-  bool hidden_end = false;     ///< an end of its segment is hidden: it may be a piece of anything
-  double time_offset_s = 0.0;  ///< when it was seen, after the stamp of the scan
+  bool hidden_end = false;     ///< an end of its segment is hidden: it may be part of anything
+  double time_offset_s = 0.0;  ///< time of the detection after the stamp of the scan
 };
 
 Measurement measurement_of(const Detection& detection);
 
-/// R in the place of the state that it speaks of; zero for the velocities.
+/// R in the coordinates of the state; zero for the velocities.
 Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level);
 
 /// h(x): centre and shape in the level frame (ellipse paper, eqs. 13 to 15), `offset_s` after the time of x.
 Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s);
 
-/// H depends on the robot's heading and the offset alone.
+/// H depends only on the robot's heading and the offset.
 Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s);
-/// H_u: a turn of the robot moves the element about it from where it is at the offset.
+/// H_u, at the element's position after the offset.
 Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s);
 
-/// What a measurement says of an element that was not expected.
+/// Innovation of a measurement.
 using Match = Innovation<kMeasurementSize>;
 
 /// Compare an element with a measurement (circle paper, eqs. 24 to 26). `U` is the covariance of the robot input.
@@ -113,18 +112,17 @@ void bound_radii(Vector8d& x, double min_radius_m);
 /// g(z): a new element at rest, its velocities unknown (ellipse paper, eqs. 16 to 20); P of v and w is zero.
 ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_world_level, const Eigen::Matrix3d& U);
 
-/// Add what is known of a circle: p = q = 0, for good. What was known of them improves the rest; with P zero there, no
-/// measurement moves them again.
+/// Condition the estimate on a circle: p = q = 0. Their correlations correct the other states; with P zero there, no
+/// measurement changes p and q.
 void make_circle(ObjectEstimate& estimate);
 
 /// The ellipse in the world, rx >= ry.
 Ellipse ellipse_world(const Vector8d& x);
 
-/// Mean and covariance as the map gives them, in position, velocity, psi, angular velocity and radii: ellipse,
-/// velocities and covariance are filled in. The covariance, with that of the errors that repeat, goes through the
-/// Jacobian of (psi, rx, ry) by (m, p, q). Where (p, q) is not 99 % certainly different from zero the ellipse may be a
-/// circle: psi then counts as unknown, with the variance of a uniform axis. The difference of the radii is what remains
-/// of |(p, q)| without its mean error.
+/// The published mean and covariance, in position, velocity, psi, angular velocity and radii: sets ellipse, velocities
+/// and covariance. The covariance, correlated errors included, is transformed by the Jacobian of (psi, rx, ry) by (m,
+/// p, q). Where (p, q) does not differ from zero at 99 % confidence the ellipse may be a circle: psi is then unknown,
+/// with the variance of a uniform axis. The difference of the radii is |(p, q)| without its bias.
 void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object);
 
 }  // namespace situation_awareness

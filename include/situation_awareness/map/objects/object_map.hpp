@@ -23,65 +23,67 @@
 
 namespace situation_awareness {
 
-/// What one update did.
+/// Report of one update.
 struct ObjectMapUpdate {
   std::vector<std::uint64_t> updated;  ///< ids
   std::vector<std::uint64_t> created;  ///< ids
   std::vector<std::uint64_t> deleted;  ///< ids
-  Counters reasons;                    ///< why elements were deleted, matches rejected or the whole update dropped
+  Counters reasons;                    ///< of deleted elements, rejected matches or a dropped update
   std::uint64_t matches = 0;           ///< detections that corrected an element
   double mahalanobis2 = 0.0;           ///< sum of their squared Mahalanobis distances, each under the likelier motion
-  double log_likelihood = 0.0;         ///< of the detections of `updated` and `created`: what tunes the filter
+  double log_likelihood = 0.0;         ///< of the detections of `updated` and `created`: for tuning the filter
 };
 
 /// The semantic map of ellipses: for each element an EKF under two motions (ellipse paper, Sect. V; circle paper,
 /// Sect. V-B) and a probability of existence, written out in docs/math/objects.md. The elements are independent given
-/// the robot's pose, which is an input with a covariance, so the cost grows linearly with the elements.
+/// the robot's pose, which is an input with a covariance, so the cost is linear in the number of elements.
 class ObjectMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
   explicit ObjectMap(const ObjectMapParams& params);
 
-  /// Other parameters from the next update on; the elements stay. Throws std::invalid_argument naming field and bound,
-  /// and for another shape; the old ones then stay.
+  /// Other parameters from the next update on; elements are kept. Throws std::invalid_argument naming field and bound,
+  /// and
+  /// for another shape; the old parameters are then kept.
   void set_params(const ObjectMapParams& params);
 
-  /// Predict to the stamp of the detections, associate one to one, update, make what should have been detected less
-  /// probable, map what is new, join what moves as one, delete what is not there any more. None of the detections has a
-  /// detection_defect, and their pose is finite. `memory`: a report no longer needed, whose memory this one takes over;
-  /// with it nothing is asked of the heap but for more elements or detections than before.
+  /// Predict to the stamp of the detections, associate one to one, update, apply missed detections, create new
+  /// elements,
+  /// join parts of bodies, delete elements. None of the detections has a detection_defect, and their pose is finite.
+  /// `memory`: a report no longer needed, whose memory this one reuses: no allocation after warm-up, except for more
+  /// elements or detections than before.
   ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
   /// The map at any time from the latest update on, by prediction of up to an hour (earlier times: as of the latest
   /// update). Elements that are not confirmed, and those that are part of another, are left out.
   Objects at(std::int64_t stamp_ns, Objects memory = {}) const;
 
-  /// How many elements are alive, on the map or not.
+  /// Number of elements, on the map or not.
   std::size_t size() const { return elements_.size(); }
 
   /// Stamp of the latest update, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
   static constexpr std::int64_t kNoStamp = StampOrder::kNone;
 
-  /// Forget everything and start anew, at whatever time. Ids go on.
+  /// Delete everything and restart at any time. Ids continue.
   void reset();
 
-  /// All that is known; `world_frame` is left empty. Before the first update there is nothing to keep: `stamp_ns` is
-  /// then kNoStamp.
+  /// The whole state; `world_frame` is left empty. Before the first update `stamp_ns` is kNoStamp.
   MapSnapshot snapshot() const;
 
-  /// Become the map that the snapshot is of; what comes next does to this one, bit for bit, what it would have done to
-  /// that. New ids are above those of both maps. Throws std::invalid_argument as MapSnapshot::validate, or if the
-  /// snapshot is of another shape; this map is then unchanged.
+  /// Replace the state by the snapshot; later updates give bit for bit the same as in the original map. New ids are
+  /// larger
+  /// than those of both maps. Throws std::invalid_argument as MapSnapshot::validate, or if the snapshot has another
+  /// shape; this map is then unchanged.
   void restore(const MapSnapshot& snapshot);
 
-  /// The same at another time and maybe place of the robot, as if no time had passed since the snapshot: all its stamps
-  /// are moved to the latest update of this map, if there was one, and then to the next, whatever its stamp. That one
-  /// finds everything where it was, and nothing is concluded from where the robot was.
+  /// The same at another time and maybe another pose of the robot, as if no time had passed since the snapshot: all its
+  /// stamps are shifted to the latest update of this map, if there was one, and then to the next, whatever its stamp.
+  /// In that update elements are where they were, and the old pose of the robot is not used.
   void resume(const MapSnapshot& snapshot);
 
  private:
-  /// What is kept for its memory from scan to scan, and means nothing between updates.
+  /// Reused memory without meaning between updates.
   struct Workspace {
     std::vector<Measurement> measurements;
     std::vector<char> used;  ///< measurements
@@ -95,7 +97,7 @@ class ObjectMap {
     std::vector<char> dropped;  ///< elements
   };
 
-  /// False, and the map unchanged, if the stamp may not follow the latest.
+  /// False, and the map unchanged, if the stamp is refused (StampOrder).
   bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
   void move_stamps_to(std::int64_t stamp_ns);
   void forget();
@@ -119,13 +121,13 @@ class ObjectMap {
   MotionParams motion_;
   StampOrder order_;
   double gate_;                       ///< of the squared Mahalanobis distance
-  std::vector<MapElement> elements_;  ///< by growing id
+  std::vector<MapElement> elements_;  ///< by ascending id
   Pose2 T_world_level_;               ///< of the latest update
-  double noise_ = 1.0;                ///< how much larger errors are than the detections say, squared
-  double step_s_ = 0.0;               ///< from the update before to the latest
+  double noise_ = 1.0;   ///< noise factor: ratio of errors to those of the detections' covariances, squared
+  double step_s_ = 0.0;  ///< time between the last two updates
   double height_world_m_ = 0.0;
   std::uint64_t next_id_ = 1;
-  bool resumed_ = false;  ///< and not updated since: its time is that of the next update
+  bool resumed_ = false;  ///< resumed and not updated since: its time is that of the next update
   Workspace work_;
 };
 

@@ -7,7 +7,7 @@
 
 namespace situation_awareness {
 
-/// How objects move, how far detections and poses can be trusted, and when an element is on the map.
+/// Parameters of motion, of the uncertainty of detections and poses, and of existence.
 struct ObjectMapParams {
   std::string shape = "ellipse";
   double acceleration_sigma_m_s2 = 0.4;

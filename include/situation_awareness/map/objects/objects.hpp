@@ -14,7 +14,7 @@ namespace situation_awareness {
 using Matrix8d = Eigen::Matrix<double, 8, 8>;
 using Vector8d = Eigen::Matrix<double, 8, 1>;
 
-/// Place of each error state in `Object::covariance`.
+/// Index of each error state in `Object::covariance`.
 namespace object_error {
 constexpr int kPosition = 0;         ///< 2, m, world
 constexpr int kVelocity = 2;         ///< 2, m/s, world
@@ -31,26 +31,26 @@ struct Object {
   double angular_velocity_rad_s = 0.0;
   Matrix8d covariance = Matrix8d::Zero();  ///< of the error state, ordered as object_error says
   double p_moving = 0.0;                   ///< probability that it moves rather than stands
-  double p_exists = 1.0;                   ///< probability that it is there at all
+  double p_exists = 1.0;                   ///< probability of existence
   std::int64_t first_seen_ns = 0;
   std::int64_t last_seen_ns = 0;
   int observations = 0;  ///< number of scans it was seen in
   int beams = 0;         ///< number of hits on it in the latest scan, 0 if it was not seen
 };
 
-/// The semantic map at one time, by growing id.
+/// The semantic map at one time, by ascending id.
 struct Objects {
   std::int64_t stamp_ns = 0;
   double height_world_m = 0.0;
   std::vector<Object> objects;
 };
 
-/// A map older than this says nothing of what a scan will show.
+/// Maps older than this give no expected outlines.
 constexpr double kMaxMapAge_s = 0.5;
 
-/// The outlines of the map's elements in the level frame at a later time, by their velocities; none where the map is
-/// older than `max_age_s` or of a later time: it then says nothing of that moment. `memory` is a result no longer
-/// needed, whose memory this one takes over.
+/// The outlines of the map's elements in the level frame, predicted to a later time by their velocities; none where the
+/// map is older than `max_age_s` or of a later time. `memory` is a result no longer needed, whose memory this one
+/// reuses.
 std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
                                  double max_age_s = kMaxMapAge_s, std::vector<Ellipse> memory = {});
 

@@ -10,10 +10,10 @@
 
 namespace situation_awareness {
 
-// Elements that were lost and come back elsewhere get their identity back (docs/math/objects.md, "Re-identification").
+// Lost elements that are detected again elsewhere get their id back (docs/math/objects.md, "Re-identification").
 
-/// Finds the confirmed elements whose shape several others have, too: it says little of which one it is. What it keeps
-/// between calls is memory alone.
+/// Finds the confirmed elements whose shape several others have, so that it does not identify them. It has no state but
+/// reusable memory.
 class CommonShapes {
  public:
   /// Of each element, not zero if its shape is a common one.
@@ -24,10 +24,10 @@ class CommonShapes {
   std::vector<char> common_;
 };
 
-/// Each of the elements `newly_confirmed` (by growing index) may be one that was lost: its shape says so, if it could
-/// have come here. The most probable one that explains it better than a new object is re-identified: it goes on with
-/// the new element's estimate, and the new element's state is kDeleted. `common_shape`: of the elements, or of the
-/// first of them; `gate`: of the squared Mahalanobis distance.
+/// Compares each of the elements `newly_confirmed` (by ascending index) with the lost ones, by shape and reachable
+/// position. The most probable one that explains it better than a new object is re-identified: it continues with the
+/// new element's estimate, and the new element's state is kDeleted. `common_shape`: of the elements, or of the first of
+/// them; `gate`: of the squared Mahalanobis distance.
 void re_identify(const std::vector<std::size_t>& newly_confirmed, const std::vector<char>& common_shape, double gate,
                  std::int64_t stamp_ns, std::vector<MapElement>& elements);
 

@@ -6,16 +6,17 @@
 
 namespace situation_awareness {
 
-/// What the beams of one scan say of a place where an element should be.
+/// Visibility of a place where an element is expected, by the beams of one scan.
 enum class Sight {
-  kSeenThrough,  ///< most of them went through it: it is not there
+  kSeenThrough,  ///< most of them passed through it: it is not there
   kHit,          ///< most of them ended there
-  kHidden,       ///< something nearer hides it, or no beam went its way
+  kHidden,       ///< something nearer hides it, or no beam points there
 };
 
-/// Look at the middle of an ellipse of the level frame: beams within the inner half of its silhouette count, so that an
-/// error of its place does not let beams pass beside it. A beam went through if it ended more than `margin_m` behind
-/// the ellipse, and was stopped before if it ended more than that in front of it. The cost is that of the beams on it.
+/// Visibility of an ellipse in the level frame: only beams within the inner half of its silhouette are used, so that an
+/// error of its position does not let beams pass beside it. A beam passed through if it ended more than `margin_m`
+/// behind the ellipse, and was blocked if it ended more than that in front of it. The cost is linear in the beams on
+/// it.
 Sight look_at(const Ellipse& ellipse_level, const FreeSpace& free_space, double margin_m);
 
 }  // namespace situation_awareness
