@@ -20,11 +20,10 @@
 
 namespace situation_awareness {
 
-/// Messages that wait for a stage. They are handled one at a time and in order; those that there is no time for (see
-/// Pace) are dropped and counted. What comes to a stage that is free is handled at once. Otherwise more may have come,
-/// and all that has arrived is let in first: the next is handled in a turn of its own, which queues up behind on the
-/// callback queue of the node handle. Lives on that queue, so it needs no lock; `diagnostics` must outlive it, and
-/// `handle` throws nothing.
+/// Messages that wait for a stage. They are handled one at a time and in order; under overload (see Pace) some are
+/// dropped and counted. A message to an idle stage is handled at once. Otherwise the next one is handled in a separate
+/// callback at the end of the node handle's callback queue, so that all messages that have arrived are enqueued first.
+/// All calls are on that queue, without a lock; `diagnostics` must outlive it, and `handle` must not throw.
 template <typename M>
 class Backlog {
  public:
@@ -49,7 +48,7 @@ class Backlog {
 
   std::size_t waiting() const { return waiting_.size(); }
 
-  /// Forgets what waits: nothing is handled any more until something is added.
+  /// Removes all waiting messages.
   void clear() {
     queue_.removeByID(id());
     waiting_.clear();
@@ -106,7 +105,7 @@ class Backlog {
   std::deque<Waiting> waiting_;
   Pace pace_;
   ros::SteadyTime free_since_;
-  bool asked_ = false;  ///< for a turn that has not come yet
+  bool asked_ = false;  ///< a callback is queued
 };
 
 }  // namespace situation_awareness

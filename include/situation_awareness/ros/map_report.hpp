@@ -7,8 +7,8 @@
 
 namespace situation_awareness {
 
-/// What /diagnostics says of the map: how many elements there are, and whether they are as certain as they say. Adds to
-/// the summary if they have not been for long.
+/// The map's part of /diagnostics: numbers of elements, and the filter's consistency (NIS). Warns in the summary after
+/// a longer inconsistency.
 void report_map(const ObjectMap& map, NisMonitor& nis, StageDiagnostics::Status& status);
 
 }  // namespace situation_awareness

@@ -17,16 +17,16 @@
 
 namespace situation_awareness {
 
-/// What the mapping nodelet does on request (docs/ros.md, "Services"). Lives on the callback queue of its stage,
-/// so it needs no lock; `context` and `map` must outlive it.
+/// Services of the mapping nodelet (docs/ros.md, "Services"). All calls are on the callback queue of its stage, without
+/// a lock; `context` and `map` must outlive it.
 class MapServices {
  public:
-  /// Publishes what the map has become, at once.
+  /// Publishes the changed map at once.
   using Publish = std::function<void(const Objects&)>;
 
   MapServices(StageContextBase& context, const std::string& world_frame, ObjectMap& map, Publish publish);
 
-  /// The map is to stay as it is.
+  /// True while the map is paused.
   bool paused() const { return paused_; }
 
  private:

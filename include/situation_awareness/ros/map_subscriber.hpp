@@ -15,17 +15,18 @@
 
 namespace situation_awareness {
 
-/// The latest `objects`, for stages that look at the next scan in its light. Lives on the callback queue of its
-/// stage, so it needs no lock; `context` must outlive it.
+/// The latest `objects`, for the expected outlines in the next scan. All calls are on the callback queue of its stage,
+/// without a lock; `context` must outlive it.
 class MapSubscriber {
  public:
   MapSubscriber(StageContextBase& context, const std::string& world_frame);
 
-  /// What the map expects in a scan, in its level frame. A map of a later time is none: time has started again. Counts
-  /// scans that come before the map of the one before.
+  /// The expected outlines in a scan, in its level frame. A map of a later time is not used: time was reset. Counts
+  /// scans
+  /// that come before the map of the previous one.
   std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
-  /// Time starts again.
+  /// Discards the map after a reset of time.
   void forget() {
     map_ = {};
     latest_scan_ns_ = 0;

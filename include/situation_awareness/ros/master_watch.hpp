@@ -12,23 +12,23 @@
 
 namespace situation_awareness {
 
-/// Looks out for a master that was started anew. Such a master knows no node that was there before it, and no
-/// parameter; the links between nodes go on. The parameters of this node are given back to it, and one warning is
-/// logged. A master that is merely out of reach changes nothing. It never ends the process, which may be that of
-/// others: only stage_manager, whose process it is, does so.
+/// Detects a restarted master. Such a master does not know the nodes and parameters of the old one; existing
+/// connections go on. This node's parameters are written to it, and one warning is logged. A master that is only
+/// unreachable has no effect. It never ends the process, which may be another package's manager: only stage_manager
+/// does so.
 ///
-/// It asks the master for /run_id every kPeriod_s on a thread of its own, by the steady clock.
+/// It polls /run_id every kPeriod_s on its own thread, by the steady clock.
 class MasterWatch {
  public:
   static constexpr double kPeriod_s = 2.0;
 
-  /// `private_node`: whose parameters are kept.
+  /// `private_node`: its parameters are restored.
   explicit MasterWatch(const ros::NodeHandle& private_node);
   MasterWatch(const MasterWatch&) = delete;
   MasterWatch& operator=(const MasterWatch&) = delete;
   ~MasterWatch();
 
-  /// Since this was made, a new master has been started. From any thread.
+  /// True if the master was restarted since construction. From any thread.
   bool at_new_master() const { return at_new_master_; }
 
   /// Warns on /diagnostics from then on.

@@ -7,18 +7,20 @@
 
 namespace situation_awareness {
 
-/// How long a stage needs for a message, and so whether it has time for all that wait or for the newest alone.
+/// Measures the processing time per message, to decide under load whether all waiting messages or only the newest are
+/// processed.
 class Pace {
  public:
-  /// One more message took so long, by the steady clock.
+  /// Add the processing time of a message, by the steady clock.
   void handled(double duration_s);
 
-  /// Median over the latest messages, so that one the system interrupted says nothing; 0 before the first.
+  /// Median over the latest messages, robust against interruptions by the system; 0 before the first.
   double duration_s() const;
 
-  /// How many of `waiting` messages, the oldest first, to pass over: none if all can be handled before another one is
-  /// due, all but the newest if not. They come as often as the stamps of the oldest and the newest say, not as often as
-  /// they happened to arrive: transforms that come late set several scans free at once.
+  /// Number of `waiting` messages, the oldest first, to drop: none if all can be processed before the next one is due,
+  /// else
+  /// all but the newest. The period is by the stamps of the oldest and the newest, not by arrival: late transforms
+  /// release several scans at once.
   std::size_t passed_over(std::size_t waiting, std::int64_t oldest_stamp_ns, std::int64_t newest_stamp_ns) const;
 
  private:

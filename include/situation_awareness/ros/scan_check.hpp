@@ -7,8 +7,8 @@
 
 namespace situation_awareness {
 
-/// Why a scan from a driver or a bag cannot be used, whatever its transform: empty text if it can. The texts are fixed,
-/// so they can be counted.
+/// Reason why a scan from a driver or a bag is invalid, regardless of its transform; empty if it is valid. The texts
+/// are fixed, for counters.
 std::string scan_msg_defect(const sensor_msgs::LaserScan& msg);
 
 namespace drop_reason {

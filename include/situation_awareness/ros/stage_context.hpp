@@ -28,10 +28,10 @@
 
 namespace situation_awareness {
 
-/// What a stage has from its nodelet, whatever its input: diagnostics, live parameters, timers, services. A stage asks
-/// for them in its constructor. They begin once it is made, for the callback queue of `node` may call while onInit()
-/// still runs on another thread, and end before it goes. From then to there everything is called on that queue, one at
-/// a time, so nothing needs a lock.
+/// The nodelet's facilities for a stage, independent of its input: diagnostics, live parameters, timers, services. A
+/// stage requests them in its constructor. They start after its construction, since callbacks on the queue of `node`
+/// may run on another thread during onInit(), and end before its destruction. In between all calls are on that queue,
+/// one at a time, without a lock.
 class StageContextBase {
  public:
   StageContextBase(ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name);
@@ -49,14 +49,15 @@ class StageContextBase {
     return false;
   }
 
-  /// Acts once the stage is made, before its first message, on the callback queue: subscribes, advertises services.
-  /// What `act` throws is logged.
+  /// Calls `act` after construction of the stage, before its first message, on the callback queue: to subscribe or
+  /// advertise
+  /// services. Exceptions of `act` are logged.
   void when_made(std::function<void()> act) { when_made_.push_back(std::move(act)); }
 
-  /// Acts again and again, by the steady clock. `act` throws nothing.
+  /// Calls `act` periodically, by the steady clock. `act` must not throw.
   void every(double period_s, std::function<void()> act);
 
-  /// Lets those fields of `yaml` that are declared live be changed while the stage runs: LiveParams.
+  /// Makes the live fields of `yaml` changeable while the stage runs: LiveParams.
   template <class Use, class... Params>
   void serve_live(Use use, const Params&... yaml) {
     const auto live = std::make_shared<LiveParams<Params...>>(private_node_, name_, yaml..., use);
@@ -67,10 +68,10 @@ class StageContextBase {
  protected:
   ~StageContextBase() = default;
 
-  /// The stage is made.
+  /// Called after construction of the stage.
   void begin_calls();
 
-  /// Nothing that the stage has asked for is called any more.
+  /// Ends all requested calls.
   void end_calls();
 
  private:
@@ -87,8 +88,8 @@ class StageContextBase {
 };
 
 /// The same with the input: its subscription, the backlog before it, and the latency of the message being processed.
-/// `Queued` is what waits in the backlog: the message itself or, for a stage that adds something to it first (the poses
-/// that a scan was taken from), a struct with its `header`.
+/// `Queued` is the element of the backlog: the message itself or, for a stage that adds data first (a scan's poses), a
+/// struct with its `header`.
 template <class Input, class Queued = Input>
 class StageContext : public StageContextBase {
  public:
@@ -102,19 +103,20 @@ class StageContext : public StageContextBase {
         backlog_(node, diagnostics(),
                  [this](const QueuedConstPtr& queued, const ros::SteadyTime& at) { handle(queued, at); }) {}
 
-  /// For a stage whose messages wait for more than their turn, and where `Queued` is not the message: `act` has each
-  /// that arrives, and sooner or later drops or enqueues it; `waiting` is how many it has.
+  /// For a stage whose messages also wait for other data, and where `Queued` is not the message: `act` gets each
+  /// message on
+  /// arrival and later drops or enqueues it; `waiting`: number of messages that it holds.
   void on_arrival(Arrived act, std::function<std::size_t()> waiting) {
     arrived_ = std::move(act);
     waiting_before_ = std::move(waiting);
   }
 
-  /// The message gets its turn, unless newer ones take it: Backlog.
+  /// Adds the message to the backlog.
   void enqueue(const QueuedConstPtr& queued, const ros::SteadyTime& arrival) { backlog_.add(queued, arrival); }
 
   void drop_enqueued(const char* reason) { backlog_.drop_all(reason); }
 
-  /// Publishes by pointer, so that nothing is serialised between stages of one process. A message with a field
+  /// Publishes by pointer, without serialisation between stages of one process. A message with a field
   /// `latency` gets that of the message being processed.
   template <class Output>
   void publish(const ros::Publisher& publisher, Output&& output) const {
@@ -123,7 +125,7 @@ class StageContext : public StageContextBase {
     publisher.publish(msg);
   }
 
-  /// The stage is made; `process` as StageNodelet says.
+  /// Called after construction of the stage; `process` as in StageNodelet.
   void start(const std::string& topic, Process process) {
     process_ = std::move(process);
     when_made([this, topic] {
@@ -134,7 +136,7 @@ class StageContext : public StageContextBase {
     begin_calls();
   }
 
-  /// The stage is about to go: none of its functions is called any more.
+  /// Called before destruction of the stage: none of its functions is called any more.
   void stop() {
     end_calls();
     subscriber_.reset();
@@ -165,10 +167,10 @@ class StageContext : public StageContextBase {
     }
   }
 
-  /// Since the scan of the message being processed came to the first stage, by the steady clock.
+  /// Time since the scan of the message being processed arrived at the first stage, by the steady clock.
   double latency_s() const { return latency_before_s_ + (ros::SteadyTime::now() - arrival_).toSec(); }
 
-  /// What others publish may say anything; what cannot be counts as nothing.
+  /// Messages from other publishers may have any value; impossible ones count as zero.
   template <class M>
   static auto latency_of(const M& msg, int) -> decltype(double(msg.latency)) {
     return msg.latency > 0.0 && std::isfinite(msg.latency) ? msg.latency : 0.0;

@@ -21,24 +21,24 @@
 
 namespace situation_awareness {
 
-/// Times in milliseconds that came since the last report.
+/// Times in milliseconds since the last report.
 class Samples {
  public:
-  /// Beyond a minute the stamps are of another clock (a bag played without --clock): that says nothing.
+  /// Ages beyond a minute are ignored: the stamps are of another clock (a bag played without --clock).
   static constexpr double kMost_ms = 60e3;
 
   void add(double value_ms) { values_ms_.push_back(value_ms); }
   bool empty() const { return values_ms_.empty(); }
 
-  /// "NAME p50 [ms]" and "NAME p99 [ms]", 0 where nothing came; then begins anew.
+  /// Adds "NAME p50 [ms]" and "NAME p99 [ms]", 0 without values; then clears them.
   void report(const std::string& name, diagnostic_updater::DiagnosticStatusWrapper& status);
 
  private:
   std::vector<double> values_ms_;
 };
 
-/// What one nodelet says about itself on /diagnostics, once a second by the steady clock: what came in, what went out,
-/// what was dropped and why, and how long it took. Lives on the callback queue of its node handle, so it needs no lock.
+/// Status of one nodelet on /diagnostics, once a second by the steady clock: input, output, drops by reason, and times.
+/// All calls are on the callback queue of its node handle, without a lock.
 class StageDiagnostics {
  public:
   using Status = diagnostic_updater::DiagnosticStatusWrapper;
@@ -46,34 +46,35 @@ class StageDiagnostics {
   /// `name`: of the nodelet.
   explicit StageDiagnostics(const std::string& name);
 
-  /// Reports from now on: once the stage is made, for one that cannot start says so in the log alone.
+  /// Starts reports, after construction of the stage; a stage that cannot start only logs.
   void start(ros::NodeHandle node, const ros::NodeHandle& private_node);
 
-  /// Nothing of on_report() is called any more.
+  /// Ends the calls of on_report().
   void stop() { timer_.stop(); }
 
-  /// Where the input comes from, and how many messages wait for their turn. `subscriber` must outlive this.
+  /// The input's subscription, and the number of waiting messages. `subscriber` must outlive this.
   void watch(const ros::Subscriber& subscriber, std::function<std::size_t()> waiting);
 
-  /// Called at each report, in the order in which they came, to add what this stage alone knows.
+  /// Called at each report, in the order of registration, to add the stage's own values.
   void on_report(std::function<void(Status&)> add) { adds_.push_back(std::move(add)); }
 
-  /// Warns now, once of each, and says it on every report.
+  /// Warns now, once per text, and shows it in every report.
   void unknown_parameters(const std::vector<UnknownKey>& keys);
 
   void received() { ++received_; }
 
-  /// Counts, and warns at most every few seconds per reason; `detail` is for the warning and the summary alone.
+  /// Counts, and warns at most every few seconds per reason; `detail` is only for the warning and the summary.
   void dropped(const std::string& reason, const std::string& detail = "");
 
-  /// Adds to what is counted but no fault (why elements were deleted, why segments were no ellipse).
+  /// Adds counts that are no faults (deleted elements, refused segments).
   void counted(const Counters& counters);
 
-  /// What comes is passed over on purpose, from now on or no longer.
+  /// Whether input is ignored on purpose.
   void pause(bool paused) { paused_ = paused; }
 
-  /// Output for the input of `stamp` went out; work on it began at `start`, and `latency_s` is the time since its scan
-  /// came to the first stage, both by the steady clock.
+  /// Output for the input of `stamp` was published; processing began at `start`, and `latency_s` is the time since its
+  /// scan
+  /// arrived at the first stage, both by the steady clock.
   void processed(const ros::Time& stamp, const ros::SteadyTime& start, double latency_s);
 
  private:

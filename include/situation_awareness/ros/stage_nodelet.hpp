@@ -11,17 +11,17 @@
 
 namespace situation_awareness {
 
-/// The nodelet around a stage. It reads the parameters, makes the stage, hands it one message at a time, and says on
-/// /diagnostics what came of each. Where parameters or stage throw, it refuses to start with one sentence; its manager
-/// and the others live on (stage_manager tries again). A stage is a class with
+/// The nodelet of a stage. It reads the parameters, constructs the stage, passes it one message at a time, and reports
+/// the results on /diagnostics. If parameters or stage throw, it refuses to start with one message; its manager and the
+/// other nodelets keep running (stage_manager retries). A stage is a class with
 ///
 ///     using Context = StageContext<SegmentArray>;              // of the message that it takes
 ///     static constexpr const char* kInput = "segments";        // and its topic
 ///     static constexpr auto kReadParams = read_nodelet_params<Params>; // from a ParamReader; has `unknown` keys
 ///     Stage(Context& context, const Params& params);
-///     bool process(const SegmentArray& msg);                   // true: output went out; false: it said why none did
+///     bool process(const SegmentArray& msg); // true: output was published; false: the reason was counted
 ///
-/// What process() throws is counted as an error. The context outlives the stage.
+/// Exceptions of process() are counted as errors. The context outlives the stage.
 template <class Stage>
 class StageNodelet : public nodelet::Nodelet {
  public:

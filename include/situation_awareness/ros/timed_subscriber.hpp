@@ -15,8 +15,8 @@
 
 namespace situation_awareness {
 
-/// Hands callbacks on to another queue, each with the time when it came by the steady clock. roscpp's own receipt time
-/// is in ROS time, which stands and leaps where it is simulated. That other queue calls one at a time.
+/// Forwards callbacks to another queue, each with its arrival time by the steady clock. roscpp's receipt time is in ROS
+/// time, which may stop and jump when simulated. The other queue calls one at a time.
 class ArrivalQueue : public ros::CallbackQueueInterface {
  public:
   explicit ArrivalQueue(ros::CallbackQueueInterface& queue) : queue_(queue) {}
@@ -27,7 +27,7 @@ class ArrivalQueue : public ros::CallbackQueueInterface {
 
   void removeByID(std::uint64_t owner_id) override { queue_.removeByID(owner_id); }
 
-  /// When the callback came that is called now.
+  /// Arrival time of the current callback.
   const ros::SteadyTime& arrival() const { return arrival_; }
 
  private:
@@ -48,15 +48,15 @@ class ArrivalQueue : public ros::CallbackQueueInterface {
   ros::SteadyTime arrival_;
 };
 
-/// A subscription whose messages come with the time of their arrival by the steady clock, live and simulated: that is
-/// when the publisher, in the same process, or the connection handed them over, not when their turn came. Its queue has
-/// no bound: it would drop uncounted, and holds no more than came while one message was handled.
+/// A subscription with the arrival time of each message by the steady clock, live and simulated: when the publisher in
+/// the same process, or the connection, delivered it, not when it is processed. Its queue is unbounded, since drops
+/// would not be counted; it holds only messages that arrive while one is processed.
 template <typename M>
 class TimedSubscriber {
  public:
   using ConstPtr = boost::shared_ptr<const M>;
 
-  /// `take` runs on the callback queue of `node` and throws nothing.
+  /// `take` is called on the callback queue of `node` and must not throw.
   TimedSubscriber(ros::NodeHandle& node, const std::string& topic,
                   std::function<void(const ConstPtr&, const ros::SteadyTime&)> take)
       : queue_(*node.getCallbackQueue()) {

@@ -10,16 +10,16 @@
 
 namespace situation_awareness {
 
-/// How late transforms are, for /diagnostics.
+/// Delays of transforms, for /diagnostics.
 class TransformAge {
  public:
   /// `tf` must outlive this.
   TransformAge(const tf2_ros::Buffer& tf, const std::string& world_frame) : tf_(tf), world_frame_(world_frame) {}
 
-  /// A scan came: how old, in ROS time as stamps are, is the newest transform to its frame? Throws nothing.
+  /// On arrival of a scan: records the age, in ROS time, of the newest transform to its frame. Does not throw.
   void scan_arrived(const std::string& frame);
 
-  /// A scan has its transform, after so long.
+  /// Records how long a scan waited for its transform.
   void scan_waited(double waited_s) { waits_.add(1e3 * waited_s); }
 
   void report(StageDiagnostics::Status& status);

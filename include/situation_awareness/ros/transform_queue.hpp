@@ -25,14 +25,14 @@
 
 namespace situation_awareness {
 
-/// At this time nothing waits any longer, whatever the timeout.
+/// At this time all waits end, for any timeout.
 constexpr std::int64_t kEndOfTime_ns = std::numeric_limits<std::int64_t>::max();
 
 struct TransformQueueParams {
   std::string world_frame;
   double timeout_s = 0.5;          ///< how long a measurement waits for its transforms
-  std::size_t max_waiting = 20;    ///< measurements; of more, the newest takes the place of the one before it
-  double reset_time_jump_s = 1.0;  ///< stamps that go back by more start again, by less they are refused
+  std::size_t max_waiting = 20;    ///< measurements; beyond it, the newest replaces the previous one
+  double reset_time_jump_s = 1.0;  ///< stamps that go back by more are a restart, by less they are refused
 };
 
 /// A measurement with the poses of its sensor.
@@ -44,37 +44,37 @@ struct Posed {
   double waited_s = 0.0;                 ///< for its transforms
 };
 
-/// When a measurement was taken, and in which frame.
+/// Time and frame of a measurement.
 struct Taken {
-  std::string frame;  ///< as tf2 knows it
+  std::string frame;  ///< its name for tf2
   ros::Time first, last;
 };
 
-/// Of a scan: at its first beam and, where its beams are to be taken each at its own time, at its last.
+/// Of a scan: at its first beam and, if it is deskewed, at its last.
 Taken taken(const sensor_msgs::LaserScan& msg, bool deskew = true);
 
-/// Whether tf2 knows the poses of the frame in the world at both instants.
+/// Whether tf2 has the poses of the frame in the world at both instants.
 bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 
-/// tf2's words on why not: "from world to lidar: ...".
+/// tf2's reason why not: "from world to lidar: ...".
 std::string missing_transform(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 
-/// The pose of the frame in the world. Throws what tf2 and isometry_from_msg do.
+/// The pose of the frame in the world. Throws as tf2 and isometry_from_msg.
 Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
                                const std::string& frame, const ros::Time& time);
 
 /// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms at their first and last
-/// instant. The nodelets and the offline tools share it: what is used and what is dropped is decided here.
+/// instant. Nodelets and offline tools share it: it decides which are used and which are dropped.
 ///
-/// The clock is the caller's and only has to run forward: live a steady clock, offline the time of the recording.
-/// Transforms may come on another thread, calls must not. Nothing is thrown; each drop is told to `on_drop` with one of
-/// the reasons of drop_reason.
+/// The clock is the caller's and must be monotonic: live a steady clock, offline the time of the recording. Transforms
+/// may come on another thread, calls must not. Nothing is thrown; `on_drop` is called for each drop with one of the
+/// reasons of drop_reason.
 template <class Item>
 class TransformQueue {
  public:
   using OnDrop = std::function<void(const char* reason, const std::string& detail)>;
 
-  /// `transforms` must outlive this; it is cleared where stamps start again. Throws std::invalid_argument naming field
+  /// `transforms` must outlive this; it is cleared on a restart of time. Throws std::invalid_argument naming field
   /// and bound.
   TransformQueue(tf2::BufferCore& transforms, TransformQueueParams params, OnDrop on_drop)
       : transforms_(transforms),
@@ -86,7 +86,7 @@ class TransformQueue {
     if (params_.max_waiting == 0) throw std::invalid_argument("max_waiting is 0, it must be 1 at least");
   }
 
-  /// A measurement has come. On kRestart those before it are dropped, on kRefused it is itself.
+  /// Adds a measurement. On kRestart all earlier ones are dropped, on kRefused this one.
   StampOrder::Verdict add(Item item, Taken taken, std::int64_t now_ns) {
     const StampOrder::Verdict verdict = order_.judge(to_nanoseconds(taken.first));
     if (verdict == StampOrder::Verdict::kRefused) {
@@ -95,18 +95,19 @@ class TransformQueue {
     }
     if (verdict == StampOrder::Verdict::kRestart) {
       for (; !waiting_.empty(); waiting_.pop_front()) on_drop_(drop_reason::kRestart, "");
-      transforms_.clear();  // what it holds is of a later time and would shut out what is to come
+      transforms_.clear();  // its transforms are of a later time and would block new ones
     }
     waiting_.push_back({std::move(item), std::move(taken), now_ns});
     return verdict;
   }
 
-  /// The next that has its transforms, in order; to be called until there is none. On the way those are dropped that
-  /// will not get theirs, and those beyond the bound.
+  /// The next measurement with its transforms, in order; to be called until there is none. Drops those whose transforms
+  /// will
+  /// not come, and those beyond the bound.
   std::optional<Posed<Item>> next(std::int64_t now_ns) {
     while (!waiting_.empty()) {
-      // Transforms come in order: where a later measurement has its own, those of an earlier one will not come. They
-      // come at any time, on another thread, so the later one is asked about first.
+      // Transforms come in order: if a later measurement has them, those of an earlier one will not come. They
+      // come at any time, on another thread, so the later one is checked first.
       const bool overtaken = waiting_.size() > 1 && has_transforms(waiting_.back().taken);
       Waiting& oldest = waiting_.front();
       const double waited_s = seconds_between(oldest.since_ns, now_ns);
@@ -127,7 +128,7 @@ class TransformQueue {
       }
     }
     while (waiting_.size() > params_.max_waiting) {
-      // Not the oldest: where transforms are later than the queue is long, it is the next to get its own.
+      // Not the oldest: where transforms are later than the queue is long, its transforms come next.
       waiting_.erase(std::prev(waiting_.end(), 2));
       on_drop_(drop_reason::kQueueFull, "");
     }

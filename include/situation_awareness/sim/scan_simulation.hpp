@@ -21,10 +21,9 @@ struct SimulatedScan {
   RobotState robot;
   Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();      ///< at the stamp
   Eigen::Isometry3d T_world_lidar_end = Eigen::Isometry3d::Identity();  ///< at the last beam's time
-  Objects truth;                   ///< at the stamp (true_map); `beams` counts the beams that hit it in this scan
-  std::vector<std::string> names;  ///< of the truth's objects, same order
-  std::vector<int>
-      object_of_beam;  ///< the object that each beam hit within the truth's range: index in the truth, else -1
+  Objects truth;                    ///< at the stamp (true_map); `beams` counts the beams that hit it in this scan
+  std::vector<std::string> names;   ///< of the truth's objects, same order
+  std::vector<int> object_of_beam;  ///< by each beam, within the truth's range: index in the truth, else -1
 };
 
 /// A world, the 2D scanner at site `lidar` of its robot, and the truth, for the evaluation of maps.

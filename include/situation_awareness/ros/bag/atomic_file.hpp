@@ -6,21 +6,20 @@
 
 namespace situation_awareness {
 
-/// A file that appears under its own name only when all of it is written: until then it is PATH.part, and what was
-/// there before stays.
+/// A file that is renamed from PATH.part only when it is complete; until then an earlier file stays.
 class AtomicFile {
  public:
   explicit AtomicFile(std::string path) : path_(std::move(path)), partial_(path_ + ".part") {}
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
-  /// Removes what was not finished.
+  /// Removes an incomplete file.
   ~AtomicFile();
 
   const std::string& path() const { return path_; }
-  /// Where to write.
+  /// Path to write to.
   const std::string& partial() const { return partial_; }
 
-  /// Throws std::runtime_error if the file cannot get its name.
+  /// Throws std::runtime_error if the file cannot be renamed.
   void finish();
 
  private:
@@ -28,7 +27,7 @@ class AtomicFile {
   bool done_ = false;
 };
 
-/// An atomic file of lines. An empty path: none is wanted, and nothing is written.
+/// An atomic file of lines. An empty path: nothing is written.
 class LineFile {
  public:
   /// Throws std::runtime_error if the file cannot be written.

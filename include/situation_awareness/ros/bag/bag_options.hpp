@@ -7,7 +7,7 @@
 
 namespace situation_awareness {
 
-/// What every program that reads a bag is told.
+/// Common options of all programs that read a bag.
 struct BagOptions {
   std::string bag;
   std::string config;  ///< path; empty: cfg/ of this package
@@ -16,7 +16,7 @@ struct BagOptions {
   double tf_timeout_s = 10.0;
 };
 
-/// Of the options: the bag, and those for its frames and parameters. `default_config` is the name of a file in cfg/.
+/// Adds the options for the bag, its frames and parameters. `default_config` is the name of a file in cfg/.
 void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config);
 
 /// The file of parameters. Throws std::runtime_error where the package is not found.

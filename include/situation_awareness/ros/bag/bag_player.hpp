@@ -26,19 +26,19 @@
 
 namespace situation_awareness {
 
-/// Plays a bag as fast as the program takes it, message by message in the order of the recording. Measurements of one
-/// sensor wait for the poses of its frame as they do in the nodelets, by the time of the recording.
+/// Plays a bag as fast as the program processes it, message by message in the order of the recording. Measurements of
+/// one sensor wait for the poses of its frame as in the nodelets, by the time of the recording.
 class BagPlayer {
  public:
-  /// What a program does with a measurement of a sensor at these poses: empty text if it was used, else why it was
-  /// dropped, as a text that can be counted.
+  /// Processes a measurement of a sensor at these poses; returns an empty text if it was used, else the reason of the
+  /// drop,
+  /// for counters.
   using Use =
       std::function<std::string(const Eigen::Isometry3d& T_world_sensor, const Eigen::Isometry3d& T_world_sensor_end)>;
   template <class Message>
   using Take = std::function<void(const boost::shared_ptr<const Message>& msg, const ros::Time& recorded)>;
 
-  /// Opens the bag; measurements whose stamps go back by more than `reset_time_jump_s` start again. Throws
-  /// std::runtime_error in one sentence.
+  /// Opens the bag; a stamp that goes back by more than `reset_time_jump_s` is a restart. Throws std::runtime_error.
   BagPlayer(const BagOptions& options, double reset_time_jump_s);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
@@ -51,8 +51,9 @@ class BagPlayer {
     };
   }
 
-  /// The same for the measurements that the program is about: `take` ends in `use_when_posed` or `drop` for each of
-  /// them. `noun` is what they are called, such as "scans".
+  /// The same for the program's measurements: `take` must call `use_when_posed` or `drop` for each. `noun`: their name,
+  /// such
+  /// as "scans".
   template <class Message>
   void subscribe_measurements(const std::string& topic, const std::string& noun, Take<Message> take) {
     subscribe<Message>(topic, [this, take = std::move(take)](const auto& msg, const ros::Time& recorded) {
@@ -63,23 +64,24 @@ class BagPlayer {
     measured_topic_ = find_topic(topic, ros::message_traits::datatype<Message>());
   }
 
-  /// Where `taken` says so in the course of the recording.
+  /// At the time of `taken` in the recording.
   void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
 
   void drop(const std::string& reason) { ++dropped_[reason]; }
 
-  /// What `work` returns; how long it took is for the summary.
+  /// Returns the result of `work`; its duration is part of the summary.
   template <class Work>
   decltype(auto) timed(const Work& work) {
     const Timer timer(durations_ms_);
     return work();
   }
 
-  /// From the first message to the last. Throws std::runtime_error in one sentence: where the bag is damaged, and where
-  /// no measurement could be used, with the reasons and the frames that the bag has.
+  /// From the first message to the last. Throws std::runtime_error if the bag is damaged, and if no measurement could
+  /// be
+  /// used, with the reasons and the bag's frames.
   void play();
 
-  /// On stdout: how many measurements were used and dropped for which reasons, and how long they took.
+  /// Prints the number of measurements used, the drops by reason, and the time.
   void print_summary() const;
 
  private:

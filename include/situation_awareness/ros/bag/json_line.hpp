@@ -11,16 +11,16 @@
 
 namespace situation_awareness {
 
-/// Keys stay in the order in which they are given.
+/// Keys keep their order.
 using Json = nlohmann::ordered_json;
 
-/// A number that reads back as the same. Throws std::runtime_error for one that JSON cannot write.
+/// A number that is read back exactly. Throws std::runtime_error if it is not finite.
 inline double finite(double value) {
   if (!std::isfinite(value)) throw std::runtime_error("a number to be written is not finite");
   return value;
 }
 
-/// A new object at the end of a list, with room for so many members.
+/// A new object at the end of a list, with reserved members.
 inline Json& add_object(Json& list, std::size_t members) {
   Json& object = list.emplace_back(Json::object());
   object.get_ref<Json::object_t&>().reserve(members);
@@ -36,8 +36,8 @@ Json list_of(int count, const Number& number) {
   return list;
 }
 
-/// One line: {"stamp":S, and the members of `rest`, an object that is not empty. The stamp is in seconds with all its
-/// nanoseconds, which a double has no room for.
+/// One line: {"stamp":S, and the members of `rest`, an object that is not empty. The stamp is in seconds with all
+/// digits of its nanoseconds, which a double cannot represent.
 std::string json_line(std::int64_t stamp_ns, const Json& rest);
 
 }  // namespace situation_awareness

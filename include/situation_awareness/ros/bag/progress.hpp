@@ -6,7 +6,7 @@
 
 namespace situation_awareness {
 
-/// How far a program is, on stderr: on a terminal a line that grows, in a log one line per 10 %.
+/// Progress of a program on stderr: on a terminal one updated line, in a log one line per 10 %.
 class Progress {
  public:
   /// `noun`: what is counted, such as "scans".

@@ -15,10 +15,10 @@
 namespace situation_awareness {
 
 constexpr int kOutlineCorners = 16;          ///< of the polygon around an ellipse: at most 2 % longer than its radii
-constexpr double kMaxCircleExcess_m = 0.05;  ///< rounder ellipses become circles, which planners like better
+constexpr double kMaxCircleExcess_m = 0.05;  ///< rounder ellipses become circles, which are cheaper for planners
 
-/// The map as teb_local_planner takes it: a point with a radius where the circle around the ellipse is hardly larger,
-/// else a polygon around it; ids, orientations, and velocities with covariance in the frame of the map.
+/// The map for teb_local_planner: a point with a radius where the circle around the ellipse is hardly larger, else a
+/// polygon around it; ids, orientations, and velocities with covariance in the frame of the map.
 inline costmap_converter::ObstacleArrayMsg obstacle_array_from_map(const EllipseMap& map) {
   costmap_converter::ObstacleArrayMsg result;
   result.header = map.header;

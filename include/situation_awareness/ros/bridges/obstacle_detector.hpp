@@ -10,8 +10,8 @@
 
 namespace situation_awareness {
 
-/// The map as users of obstacle_detector know it: circles around the ellipses, no segments, which the map has not.
-/// `true_radius` is the longer semi-axis; `radius` has the position's 95 % uncertainty as its margin.
+/// The map as messages of obstacle_detector: circles around the ellipses, without segments, which the map does not
+/// have. `true_radius` is the longer semi-axis; `radius` has the position's 95 % uncertainty as its margin.
 inline obstacle_detector::Obstacles circles_from_map(const EllipseMap& map) {
   constexpr double kChiSquare95 = 5.991464547107979;  // 95 % quantile, two degrees of freedom
   obstacle_detector::Obstacles result;

@@ -10,7 +10,7 @@
 
 namespace situation_awareness {
 
-/// Into the fields that SegmentArray and DetectionArray share.
+/// Into the common fields of SegmentArray and DetectionArray.
 template <class Message>
 void free_space_to_msg(const FreeSpace& free_space, Message& msg) {
   msg.free_azimuth = free_space.azimuth_rad;
@@ -18,7 +18,7 @@ void free_space_to_msg(const FreeSpace& free_space, Message& msg) {
   msg.free_full_circle = static_cast<std::uint8_t>(free_space.full_circle);
 }
 
-/// Throws std::invalid_argument if there is not one range for each azimuth, azimuths are not finite or step back, or a
+/// Throws std::invalid_argument if there is not one range for each azimuth, azimuths are not finite or decrease, or a
 /// range is NaN or negative.
 template <class Message>
 FreeSpace free_space_from_msg(const Message& msg) {

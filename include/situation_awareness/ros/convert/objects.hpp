@@ -14,8 +14,8 @@ namespace situation_awareness {
 EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame,
                           const std::vector<std::string>& labels = {});
 
-/// Throws std::invalid_argument if a number is not finite or a radius is not positive. The height of an empty map is 0:
-/// each element carries its own.
+/// Throws std::invalid_argument if a number is not finite or a radius is not positive. The height of an empty map is 0,
+/// since the message has it per element.
 Objects objects_from_msg(const EllipseMap& msg);
 
 }  // namespace situation_awareness

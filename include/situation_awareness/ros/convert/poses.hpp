@@ -28,7 +28,7 @@ LevelFrame level_to_msg(const Pose2& T_world_level, double height_world_m);
 /// Throws std::invalid_argument if a number is not finite.
 void level_from_msg(const LevelFrame& msg, Pose2& T_world_level, double& height_world_m);
 
-/// The name that tf2 knows: ROS 1 drivers and old bags still begin frames with a slash, which tf2 refuses.
+/// The name of a frame for tf2: old drivers and bags begin frames with a slash, which tf2 refuses.
 std::string tf2_frame(const std::string& frame);
 
 }  // namespace situation_awareness

@@ -10,18 +10,18 @@
 
 namespace situation_awareness {
 
-/// Seconds from beam to beam as the scan says, or 0 where that cannot be: not finite, negative, or more than a second
-/// for the whole scan. Drivers leave the field unset, or set it wrong.
+/// The scan's time increment in s, or 0 if it is invalid: not finite, negative, or more than a second for the whole
+/// scan. Some drivers leave the field unset or set it wrongly.
 double usable_time_increment_s(const sensor_msgs::LaserScan& msg);
 
-/// When the last beam was taken, by its usable time increment.
+/// Time of the last beam, by the valid time increment.
 ros::Time time_of_last_beam(const sensor_msgs::LaserScan& msg);
 
-/// The scan of a driver by REP-117; whether it can be used is `scan_msg_defect`'s to say. Intensities that are not one
-/// per range are left out.
+/// The scan of a driver by REP-117; `scan_msg_defect` checks its validity. Intensities that are not one per range are
+/// left out.
 Scan scan_from_msg(const sensor_msgs::LaserScan& msg);
 
-/// What a driver that follows REP-117 would publish. Hits outside the volume of interest are hits to the sensor.
+/// The scan as a driver would publish it by REP-117. Hits outside the volume of interest are hits to the sensor.
 /// Intensities are left out where no beam has one.
 sensor_msgs::LaserScan scan_to_msg(const Scan& scan, const std::string& lidar_frame, double range_min_m,
                                    double range_max_m, double scan_time_s);

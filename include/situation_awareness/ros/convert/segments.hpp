@@ -12,7 +12,7 @@ namespace situation_awareness {
 
 SegmentArray segments_to_msg(const Segments& segments, const std::string& world_frame);
 
-/// Throws std::invalid_argument if a segment names points that are not there, a number is not finite, or as
+/// Throws std::invalid_argument if a segment has point indices out of range, a number is not finite, or as
 /// free_space_from_msg does.
 Segments segments_from_msg(const SegmentArray& msg);
 

@@ -10,7 +10,7 @@ namespace situation_awareness {
 
 inline std::int64_t to_nanoseconds(const ros::Time& time) { return static_cast<std::int64_t>(time.toNSec()); }
 
-/// Throws std::invalid_argument where ROS has no such time: before 1970 and after 2106.
+/// Throws std::invalid_argument outside the range of ROS times: before 1970 and after 2106.
 inline ros::Time to_ros_time(std::int64_t stamp_ns) {
   constexpr std::int64_t kEndOfRosTime_ns = (std::int64_t{1} << 32) * 1'000'000'000;
   if (stamp_ns < 0 || stamp_ns >= kEndOfRosTime_ns) throw std::invalid_argument("stamp is outside the time of ROS");

@@ -17,7 +17,7 @@ constexpr Color kUncertaintyColor{0.85F, 0.1F, 0.1F};
 constexpr Color kStandingColor{0.12F, 0.42F, 0.82F};
 constexpr Color kMovingColor{0.97F, 0.48F, 0.04F};
 
-/// A saturated colour for each number, far from those of its neighbours: hues advance by the golden ratio.
+/// A saturated colour for each number, distinct from its neighbours': hues advance by the golden ratio.
 inline Color color_of(std::uint64_t number) {
   constexpr double kGoldenRatioMinusOne = 0.61803398874989484820;
   constexpr double kSaturation = 0.85, kValue = 0.9;
@@ -29,7 +29,7 @@ inline Color color_of(std::uint64_t number) {
   return {channel(5.0), channel(3.0), channel(1.0)};
 }
 
-/// As the field `rgb` of a PointCloud2 holds it.
+/// In the format of the field `rgb` of a PointCloud2.
 inline std::uint32_t packed_rgb(const Color& color) {
   const auto byte = [](float channel) { return static_cast<std::uint32_t>(std::lround(255.0F * channel)); };
   return byte(color.r) << 16 | byte(color.g) << 8 | byte(color.b);

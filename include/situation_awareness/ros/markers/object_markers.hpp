@@ -13,16 +13,16 @@
 
 namespace situation_awareness {
 
-/// How a map is drawn: the estimate filled in each element's own colour, the truth as dark outlines around it.
+/// Style of a map: the estimate filled in each element's own colour, the truth as dark outlines around it.
 enum class MarkerStyle { kEstimate, kTruth };
 
-/// Draws maps as they come, and takes away what has left them. Namespaces: object (the ellipse), velocity (where it
-/// will be in 1 s, if it moves), id, position_uncertainty (95 % ellipse of the centre).
+/// Markers of successive maps; deletes those of removed elements. Namespaces: object (the ellipse), velocity (its
+/// motion in 1 s, if it moves), id, position_uncertainty (95 % ellipse of the centre).
 class ObjectMarkers {
  public:
   explicit ObjectMarkers(MarkerStyle style) : style_(style) {}
 
-  /// The markers that turn the picture drawn so far into one of `objects`. `labels` replaces the ids, or is empty.
+  /// The markers that update the display to `objects`. `labels` replaces the ids, or is empty.
   visualization_msgs::MarkerArray update(const Objects& objects, const std::string& world_frame,
                                          const std::vector<std::string>& labels = {});
 

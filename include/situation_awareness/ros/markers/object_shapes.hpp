@@ -5,11 +5,10 @@
 
 namespace situation_awareness {
 
-/// True for a velocity that its own uncertainty (95 %) does not explain.
+/// True for a velocity that is significant at 95 %.
 bool moves(const Object& object);
 
-/// The 95 % ellipse of the centre's error about the centre, in the world. What a covariance has of negative variance,
-/// by rounding, counts as none.
+/// The 95 % ellipse of the centre's error about the centre, in the world. Negative variances by rounding count as zero.
 Ellipse position_uncertainty(const Object& object);
 
 }  // namespace situation_awareness

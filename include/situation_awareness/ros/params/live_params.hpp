@@ -22,32 +22,33 @@ namespace situation_awareness {
 /// dynamic_reconfigure knows no sections.
 std::vector<Parameter> live_parameters(const std::vector<Parameter>& parameters);
 
-/// Their values as a message of dynamic_reconfigure; what has a YAML text is a string.
+/// Their values as a message of dynamic_reconfigure; user-defined types are strings with YAML text.
 dynamic_reconfigure::Config config_of(const std::vector<Parameter>& parameters);
 
-/// What dynamic_reconfigure wants to know of them: types, bounds, their values as defaults, "SENTENCE [UNIT]".
+/// Their description for dynamic_reconfigure: types, bounds, their values as defaults, "SENTENCE [UNIT]".
 dynamic_reconfigure::ConfigDescription description_of(const std::vector<Parameter>& parameters);
 
-/// Set the parameters that `config` has, numbers beyond a bound to the bound. Returns the names of what it has besides:
-/// of no parameter, or of another type. Throws std::invalid_argument naming the parameter whose text cannot be read.
+/// Set the parameters in `config`, numbers beyond a bound to the bound. Returns the names of unknown ones and of those
+/// of another type. Throws std::invalid_argument naming a parameter whose text cannot be read.
 std::vector<std::string> set_from_config(const std::vector<Parameter>& parameters,
                                          const dynamic_reconfigure::Config& config);
 
-/// A server of dynamic_reconfigure whose parameters are those that are declared as live, so that no file has to say the
-/// same again (docs/ros.md, "Live parameters").
+/// A server of dynamic_reconfigure for the parameters declared as live, without a .cfg file (docs/ros.md, "Live
+/// parameters").
 ///
-/// It starts with what its namespace on the parameter server holds, else with the values that it is given: live values
-/// survive a respawn and, by clear_params, not a launch. A change that `use` refuses is undone, and the old values go
-/// back to who asked. Lives on the callback queue of its node handle, so it needs no lock.
+/// It starts with the values in its namespace on the parameter server, else with the given ones: live values survive a
+/// respawn and, by clear_params, not a launch. A change that `use` refuses is undone, and the old values are returned
+/// to the client. All calls are on the callback queue of its node handle, without a lock.
 class LiveParamsServer {
  public:
-  /// `parameters`: where the values are, as YAML says; `defaults`: the same ones, at their defaults. `use` is called at
-  /// once and after each change; what it throws refuses the change.
+  /// `parameters`: references to the values from YAML; `defaults`: the same parameters at their defaults. `use` is
+  /// called at
+  /// once and after each change; it throws to refuse the change.
   LiveParamsServer(const ros::NodeHandle& node, const std::string& name, const std::vector<Parameter>& parameters,
                    const std::vector<Parameter>& defaults, std::function<void()> use);
 
-  /// Lets others change them from now on. Not while the nodelet is made: its callback queue may take nothing in yet,
-  /// and whoever calls then waits for ever.
+  /// Accepts changes from now on. Not during construction of the nodelet: its callback queue may not be served yet, and
+  /// callers would wait for ever.
   void serve();
 
  private:
@@ -64,15 +65,15 @@ class LiveParamsServer {
   ros::ServiceServer service_;
 };
 
-/// What is declared live in `Params...`, changed while a nodelet runs: a server in the namespace `live` of the nodelet.
-/// A change is used only if every struct's validate() lets it pass.
+/// The live parameters of `Params...`: a server in the namespace `live` of the nodelet. A change is used only if every
+/// struct's validate() accepts it.
 template <class... Params>
 class LiveParams {
  public:
-  /// Takes what is valid from now on; may throw to refuse it.
+  /// Gets the valid values; may throw to refuse them.
   using Use = std::function<void(const Params&...)>;
 
-  /// `start`: the parameters as YAML says. Calls `use` at once.
+  /// `start`: the parameters from YAML. Calls `use` at once.
   LiveParams(const ros::NodeHandle& private_node, const std::string& name, const Params&... start, Use use)
       : params_(start...),
         use_(std::move(use)),
@@ -80,7 +81,7 @@ class LiveParams {
   LiveParams(const LiveParams&) = delete;
   LiveParams& operator=(const LiveParams&) = delete;
 
-  /// Lets others change them from now on: LiveParamsServer::serve().
+  /// Accepts changes from now on: LiveParamsServer::serve().
   void serve() { server_.serve(); }
 
  private:

@@ -32,7 +32,7 @@ struct NodeletParams {
   }
 };
 
-/// The frame as tf2 knows it. Throws std::invalid_argument naming `source` if it is empty.
+/// The frame's name for tf2. Throws std::invalid_argument naming `source` if it is empty.
 std::string checked_world_frame(const std::string& world_frame, const std::string& source);
 
 /// Reads the parameters of a nodelet from the parameter server: a params struct with the members `NodeletParams

@@ -5,8 +5,8 @@
 
 namespace situation_awareness {
 
-/// Folder of this package with cfg/ and models/: what ROS_PACKAGE_PATH says, else beside the running program where that
-/// is installed. Throws std::runtime_error if it is neither.
+/// Folder of this package with cfg/ and models/: by ROS_PACKAGE_PATH, else beside the running program where that is
+/// installed. Throws std::runtime_error if neither exists.
 std::string package_folder();
 
 }  // namespace situation_awareness

@@ -16,7 +16,7 @@ namespace situation_awareness {
 /// A value of the parameter server as YAML text, in the flow style.
 std::string yaml_from_xmlrpc(XmlRpc::XmlRpcValue value);
 
-/// What the parameter server holds for a node.
+/// The parameters of a node on the parameter server.
 class ParamReader {
  public:
   /// Takes a copy of the private namespace.

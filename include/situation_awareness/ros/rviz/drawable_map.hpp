@@ -10,15 +10,15 @@
 
 namespace situation_awareness {
 
-/// A map that a renderer can be given without fear: its float numbers stay finite and its boxes bounded.
+/// A map that is safe for a renderer: its float numbers are finite and its extents bounded.
 struct DrawableMap {
   Objects objects;
   std::vector<std::string> names;  ///< of the objects, in their order: id and, if there is one, label; printable ASCII
 };
 
-/// Throws std::invalid_argument naming the element and what is wrong with it: a number that is not finite, an
-/// orientation that is not a turn about z, a probability outside [0, 1], an id that appears twice, a radius outside
-/// (0, 1] km, a position beyond 100 km, a speed beyond 1 km/s or a covariance beyond 1e12.
+/// Throws std::invalid_argument naming the element and its error: a number that is not finite, an orientation that is
+/// not a rotation about z, a probability outside [0, 1], an id that appears twice, a radius outside (0, 1] km, a
+/// position beyond 100 km, a speed beyond 1 km/s or a covariance beyond 1e12.
 DrawableMap drawable_map(const EllipseMap& msg);
 
 }  // namespace situation_awareness

@@ -13,26 +13,26 @@ namespace situation_awareness {
 
 using KnobValue = std::variant<bool, int, double, std::string>;
 
-/// A parameter that a dynamic_reconfigure server lets one change while it runs.
+/// A parameter of a dynamic_reconfigure server.
 struct Knob {
   std::string name;
   std::string description;
-  KnobValue value;      ///< its default, until the server has told the present one
+  KnobValue value;      ///< its default, until the server has sent the current one
   KnobValue low, high;  ///< of the same type; empty texts for a text
 };
 
 bool operator==(const Knob& a, const Knob& b);
 
-/// The knobs of a server in its order, at their defaults. One whose type or bounds are not told is left out.
+/// The knobs of a server in its order, at their defaults. Those without type or bounds are left out.
 std::vector<Knob> knobs_of(const dynamic_reconfigure::ConfigDescription& description);
 
-/// What `config` says of a parameter, if anything.
+/// The value of a parameter in `config`, if any.
 std::optional<KnobValue> value_in(const dynamic_reconfigure::Config& config, const std::string& name);
 
 /// The request that sets one parameter and leaves the others.
 dynamic_reconfigure::Config config_of(const std::string& name, const KnobValue& value);
 
-/// For people: numbers with as many digits as they need.
+/// For display: numbers with as many digits as needed.
 std::string text_of(const KnobValue& value);
 
 }  // namespace situation_awareness

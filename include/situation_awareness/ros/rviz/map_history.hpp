@@ -16,13 +16,13 @@ struct PathPoint {
   Eigen::Vector2d position_world_m;
 };
 
-/// The way that each element of the map went of late. It goes with its element, and all of them where time goes back.
+/// The recent path of each element of the map. It is deleted with its element, and all are deleted when time goes back.
 class MapHistory {
  public:
-  /// Adds a map, and forgets what is older than `length_s` before it.
+  /// Adds a map, and deletes points older than `length_s` before it.
   void add(const Objects& map, double length_s);
 
-  /// From the oldest point to where the element is now; empty for an element that is not on the map.
+  /// From the oldest point to the current position; empty for an element that is not on the map.
   const std::deque<PathPoint>& path(std::uint64_t id) const;
 
   void clear() { paths_.clear(); }

@@ -12,7 +12,7 @@
 
 namespace situation_awareness {
 
-/// How a map is drawn.
+/// Style of a map.
 struct MapStyle {
   enum class Coloring { kId, kMotion };
 
@@ -36,16 +36,16 @@ struct Mesh {
   std::vector<std::uint32_t> indices;
 };
 
-/// A whole map as two meshes in its own frame, so that hundreds of elements cost a renderer two calls. What is
-/// translucent comes in the order in which it is to be drawn.
+/// A whole map as two meshes in its own frame, so that a renderer needs two calls for hundreds of elements. Translucent
+/// triangles are in drawing order.
 struct MapMesh {
   Mesh solid;        ///< outlines and velocities
   Mesh translucent;  ///< paths, bodies and 95 % ellipses of the centres
 };
 
 /// Draws the map: each element a body about the map's height, its outline (dashed where the element has not been seen
-/// for half a second), an arrow from its edge over the way it will go in 1 s, if it moves, the 95 % ellipse of its
-/// centre, and its path, which fades with age. `mesh` is the one before: its memory is used again.
+/// for half a second), an arrow from its edge for its motion in 1 s, if it moves, the 95 % ellipse of its centre, and
+/// its path, which fades with age. `mesh` is the previous one: its memory is reused.
 void draw(const Objects& map, const MapHistory& history, const MapStyle& style, MapMesh& mesh);
 
 /// The colour of an element.

@@ -12,7 +12,7 @@ namespace situation_awareness {
 struct StageValue {
   std::string key;
   std::string value;
-  bool grows_badly = false;  ///< counts what was dropped, and more of it since the message before
+  bool grows_badly = false;  ///< a count of drops that has grown since the previous message
 };
 
 struct StageStatus {
@@ -22,26 +22,26 @@ struct StageStatus {
   Level level = Level::kStale;
   std::string summary = "not there";
   std::vector<StageValue> values;
-  bool paused = false;            ///< as it says itself
-  std::optional<double> heard_s;  ///< when this was said
+  bool paused = false;            ///< by its own status
+  std::optional<double> heard_s;  ///< time of the message
 
   /// The value of a key, if it is there.
   std::optional<std::string> value(const std::string& key) const;
 };
 
-/// What the stages last said of themselves on /diagnostics. Time is an argument: seconds of any clock that only grows.
+/// The latest status of each stage on /diagnostics. Time is an argument: seconds of any monotonic clock.
 class StageBoard {
  public:
   static constexpr double kStale_s = 3.0;
 
-  /// `node_names` of the stages along the data path, as they are called on /diagnostics: in full, without the leading
-  /// slash. A stage is shown by the last part of its node's name.
+  /// `node_names` of the stages along the data path, as on /diagnostics: full names without the leading slash. A stage
+  /// is shown by the last part of its node's name.
   explicit StageBoard(const std::vector<std::string>& node_names);
 
-  /// A node with several statuses is as bad as the worst of those in one message.
+  /// Several statuses of a node in one message give the most severe level.
   void receive(const diagnostic_msgs::DiagnosticArray& msg, double now_s);
 
-  /// In the order of the data path; one of which nothing was heard for kStale_s is stale, with its last values.
+  /// In the order of the data path; a stage without a message for kStale_s is stale, with its last values.
   std::vector<StageStatus> stages(double now_s) const;
 
  private:
