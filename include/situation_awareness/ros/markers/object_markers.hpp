@@ -20,7 +20,7 @@ enum class MarkerStyle { kEstimate, kTruth };
 /// motion in 1 s, if it moves), id, position_uncertainty (95 % ellipse of the centre).
 class ObjectMarkers {
  public:
-  explicit ObjectMarkers(MarkerStyle style) : style_(style) {}
+  explicit ObjectMarkers(MarkerStyle style = MarkerStyle::kEstimate) : style_(style) {}
 
   /// The markers that update the display to `objects`. `labels` replaces the ids, or is empty.
   visualization_msgs::MarkerArray update(const Objects& objects, const std::string& world_frame,

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include <ros/time.h>
+#include <ros/transport_hints.h>
+#include <std_msgs/Header.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <Eigen/Geometry>
+#include <boost/make_shared.hpp>
+#include <boost/shared_ptr.hpp>
+
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_context.hpp"
+#include "situation_awareness/ros/transform_age.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+
+/// A measurement of a sensor with the poses of the sensor at its first and its last instant.
+template <class Message>
+struct PosedMessage {
+  std_msgs::Header header;
+  boost::shared_ptr<const Message> msg;
+  Eigen::Isometry3d T_world_sensor, T_world_sensor_end;
+};
+
+/// The input of a stage that takes measurements of a sensor (scans, clouds, images) and needs to know where the sensor
+/// was: each waits for its transforms, then for its turn. Drops are counted with their reasons, how late transforms are
+/// is on /diagnostics. Lives on the callback queue of its stage, so it needs no lock; `context` must outlive it.
+template <class Message>
+class PosedInput {
+ public:
+  using Context = StageContext<Message, PosedMessage<Message>>;
+  using ConstPtr = boost::shared_ptr<const Message>;
+
+  struct Use {
+    std::function<std::string(const Message&)> defect;  ///< why it is dropped at once; empty text if it is not
+    std::function<Taken(const Message&)> taken;         ///< when, and in which frame
+    std::function<void()> restarted;                    ///< stamps have started again
+  };
+
+  /// Stamps that go back by more than `reset_time_jump_s` start again.
+  PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, Use use)
+      : context_(context),
+        use_(std::move(use)),
+        transform_age_(tf_, params.world_frame),
+        queue_(
+            tf_,
+            {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s},
+            [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
+        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on a thread of its own
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
+    context.on_arrival([this](const ConstPtr& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
+                       [this] { return queue_.waiting(); });
+    // Transforms come by another way than measurements, so arrival of one alone would leave the latest one waiting.
+    context.every(0.005, [this] { release(); });
+  }
+  PosedInput(const PosedInput&) = delete;
+  PosedInput& operator=(const PosedInput&) = delete;
+
+ private:
+  struct Arrived {
+    ConstPtr msg;
+    ros::SteadyTime at;
+  };
+
+  void take(const ConstPtr& msg, const ros::SteadyTime& arrival) {
+    const std::string defect = use_.defect(*msg);
+    if (!defect.empty()) return context_.diagnostics().dropped(defect);
+    const Taken taken = use_.taken(*msg);
+    const StampOrder::Verdict verdict = queue_.add({msg, arrival}, taken, steady_now_ns());
+    if (verdict == StampOrder::Verdict::kRestart) {
+      context_.drop_enqueued(drop_reason::kRestart);
+      use_.restarted();
+    }
+    if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
+    release();
+  }
+
+  static std::int64_t steady_now_ns() { return static_cast<std::int64_t>(ros::SteadyTime::now().toNSec()); }
+
+  /// Lets go on what has its transforms. Throws nothing.
+  void release() {
+    try {
+      while (const std::optional<Posed<Arrived>> ready = queue_.next(steady_now_ns())) {
+        transform_age_.scan_waited(ready->waited_s);
+        const ConstPtr& msg = ready->item.msg;
+        const PosedMessage<Message> posed{msg->header, msg, ready->T_world_sensor, ready->T_world_sensor_end};
+        context_.enqueue(boost::make_shared<const PosedMessage<Message>>(posed), ready->item.at);
+      }
+    } catch (const std::exception& error) {
+      context_.drop(drop_reason::kError, error.what());
+    }
+  }
+
+  Context& context_;
+  Use use_;
+  tf2_ros::Buffer tf_;
+  TransformAge transform_age_;
+  TransformQueue<Arrived> queue_;
+  tf2_ros::TransformListener listener_;
+};
+
+}  // namespace situation_awareness
