@@ -11,7 +11,7 @@
 #include "situation_awareness/detections/network.hpp"
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/detections/segment_encoding.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 
 namespace situation_awareness::fuzz {
 namespace {

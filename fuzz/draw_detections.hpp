@@ -8,7 +8,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 
 // What the targets about the map share: detections as any detector may make them, and what must be true of any map.
 

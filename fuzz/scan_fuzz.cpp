@@ -10,7 +10,7 @@
 #include "situation_awareness/segments/divide.hpp"
 #include "situation_awareness/segments/lines.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 
 namespace situation_awareness::fuzz {

@@ -7,12 +7,12 @@
 #include <cmath>
 #include <numeric>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
+#include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 
 namespace situation_awareness {
@@ -102,7 +102,7 @@ TEST(LeastSquares, ErrorsAreAsLargeAsTheCovarianceSays) {
     Eigen::Matrix<double, 4, 5> J = Eigen::Matrix<double, 4, 5>::Identity();
     J.bottomRightCorner<2, 3>() = radii_jacobian(detection.ellipse_level);
     const Eigen::Matrix4d covariance = J * detection.covariance * J.transpose();
-    distances.push_back(error.dot(covariance.ldlt().solve(error)));
+    distances.push_back(mahalanobis2(error, covariance));
   }
   ASSERT_GT(distances.size(), 1000U);
   // Laplace's approximation is not exact (edges are uniform, radii folded, the posterior of few points skewed): its

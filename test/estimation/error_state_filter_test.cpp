@@ -12,7 +12,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/estimation/navigation_state.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 #include "support/random_gaussian.hpp"
 
 namespace situation_awareness {

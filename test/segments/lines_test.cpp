@@ -9,7 +9,7 @@
 #include <Eigen/Dense>
 
 #include "situation_awareness/geometry/angles.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 #include "support/segment_scan.hpp"
 
@@ -146,7 +146,7 @@ TEST(EstimateLine, ItsCovarianceIsThatOfItsErrors) {
     const std::vector<Point> points = hits_on(wall, 10 + static_cast<std::size_t>(i % 200), kSigma_m, random);
     const LineEstimate estimate = estimate_line(points.data(), points.size(), kSigma_m);
     const Eigen::Vector2d error = error_of(estimate.line_level, wall.line());
-    nees += error.dot(estimate.covariance.inverse() * error);
+    nees += mahalanobis2(error, estimate.covariance);
     // A turn towards the far end counts alike on both sides.
     const double side = wall.from_m + wall.to_m > 0.0 ? 1.0 : -1.0;
     normalised +=
@@ -219,7 +219,7 @@ TEST(StraightPieces, HaveTheCovarianceOfTheirErrors) {
         const Eigen::Vector2d direction = (wall.to - wall.from).normalized();
         Line truth{wall.from, {direction.y(), -direction.x()}};  // away from what is inside
         const Eigen::Vector2d error = error_of(piece.line_level, truth);
-        best = std::min(best, error.dot(piece.covariance.inverse() * error));
+        best = std::min(best, mahalanobis2(error, piece.covariance));
       }
       nees += best;
       ++pieces;
@@ -260,7 +260,7 @@ TEST(StraightPieces, GoOnBehindAFewHitsOffTheirLine) {
     const StraightPiece& piece = segments.straight_pieces[0];
     EXPECT_EQ(piece.count, segments.segments[0].count);
     const Eigen::Vector2d error = error_of(piece.line_level, {{3.0, 0.0}, {1.0, 0.0}});
-    EXPECT_LT(error.dot(piece.covariance.inverse() * error), 25.0);
+    EXPECT_LT(mahalanobis2(error, piece.covariance), 25.0);
   }
 }
 

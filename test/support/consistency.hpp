@@ -3,18 +3,16 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
-
 #include "situation_awareness/estimation/error_state_filter.hpp"
 #include "situation_awareness/estimation/gating.hpp"
+#include "support/covariance.hpp"
 
 namespace situation_awareness {
 
 /// Normalised estimation error squared (NEES): chi-square of the dimension of the error if the covariance is honest.
 template <class State>
 double nees(const Estimate<State>& estimate, const State& truth) {
-  const ErrorVector<State> e = Manifold<State>::local_coordinates(estimate.x, truth);
-  return e.dot(estimate.P.ldlt().solve(e));
+  return mahalanobis2(Manifold<State>::local_coordinates(estimate.x, truth), estimate.P);
 }
 
 /// A sum of squared Mahalanobis distances of independent errors, with the number of degrees of freedom that it has.

@@ -9,10 +9,8 @@
 #include <functional>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
 #include "situation_awareness/common/random.hpp"
-#include "support/is_covariance.hpp"
+#include "support/covariance.hpp"
 #include "support/random_gaussian.hpp"
 
 namespace situation_awareness {
@@ -247,7 +245,7 @@ TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
     follower.step();
     for (const Matrix8d& P : {follower.estimate.standing.P, follower.estimate.moving.P}) {
       ASSERT_EQ(P, P.transpose());
-      ASSERT_GE(Eigen::SelfAdjointEigenSolver<Matrix8d>(P, Eigen::EigenvaluesOnly).eigenvalues().minCoeff(), -1e-14);
+      ASSERT_GE(smallest_eigenvalue(P), -1e-14);
     }
   }
 }

@@ -8,13 +8,12 @@
 #include <cstdint>
 #include <utility>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "support/covariance.hpp"
 #include "support/numerical_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
@@ -54,11 +53,6 @@ Measurement random_measurement(const Vector8d& x, const Pose2& T_world_level, Ra
   measurement.R = random_covariance<Matrix5d>(random, 0.02);
   measurement.z = measure(x, T_world_level, measurement.time_offset_s) + draw(measurement.R, random);
   return measurement;
-}
-
-template <class Matrix>
-double least_eigenvalue(const Matrix& covariance) {
-  return Eigen::SelfAdjointEigenSolver<Matrix>(covariance, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
 }
 
 TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
@@ -275,10 +269,7 @@ struct MatchedRun {
     update(estimate, T_given, measurement, m, U);
   }
 
-  double nees() const {
-    const Vector8d error = truth - estimate.x;
-    return error.dot(estimate.P.ldlt().solve(error));
-  }
+  double nees() const { return mahalanobis2(truth - estimate.x, estimate.P); }
 
   /// Of what the map publishes.
   double published_nees() const {
@@ -291,7 +282,7 @@ struct MatchedRun {
         wrap_to_half_pi(true_ellipse.psi_rad - object.ellipse_world.psi_rad),
         truth(kAngularVelocity) - object.angular_velocity_rad_s, true_ellipse.rx_m - object.ellipse_world.rx_m,
         true_ellipse.ry_m - object.ellipse_world.ry_m;
-    return error.dot(object.covariance.ldlt().solve(error));
+    return mahalanobis2(error, object.covariance);
   }
 
   Random random;
@@ -334,7 +325,7 @@ TEST(ObjectFilter, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandS
     simulation.step();
     const Matrix8d& P = simulation.estimate.P;
     most_asymmetry = std::max(most_asymmetry, (P - P.transpose()).cwiseAbs().maxCoeff());
-    if (i % 10 == 0) least = std::min(least, least_eigenvalue(P));
+    if (i % 10 == 0) least = std::min(least, smallest_eigenvalue(P));
   }
   EXPECT_GT(least, 0.0);
   EXPECT_EQ(most_asymmetry, 0.0);
@@ -464,7 +455,7 @@ TEST(FillObject, TheAxisOfWhatMayBeACircleIsUnknown) {
     EXPECT_EQ(object.covariance.row(psi).cwiseAbs().sum(), kUniformAxisVariance);
     EXPECT_EQ(object.covariance.col(psi).cwiseAbs().sum(), kUniformAxisVariance);
     EXPECT_TRUE(object.covariance.allFinite());
-    EXPECT_GE(least_eigenvalue(object.covariance), -1e-12);
+    EXPECT_GE(smallest_eigenvalue(object.covariance), -1e-12);
     // The rest is what it is for a clear ellipse.
     EXPECT_EQ((object.covariance.topLeftCorner<4, 4>()), (estimate.P.topLeftCorner<4, 4>()));
   }

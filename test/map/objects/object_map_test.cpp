@@ -12,8 +12,6 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <Eigen/QR>
 
 #include "situation_awareness/common/random.hpp"
@@ -21,6 +19,7 @@
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 #include "support/random_gaussian.hpp"
 #include "support/refusal.hpp"
@@ -724,7 +723,7 @@ TEST(ObjectMap, AnEllipsesMapKeepsTheAxisOfACircleUnknownToo) {
   ASSERT_EQ(objects.objects.size(), 1U);
   const Matrix8d P = objects.objects[0].covariance;
   EXPECT_NEAR(P(kOrientation, kOrientation), kUniformAxisVariance, 1e-9);
-  EXPECT_GT(Eigen::SelfAdjointEigenSolver<Matrix8d>(P).eigenvalues().minCoeff(), 0.0);
+  EXPECT_GT(smallest_eigenvalue(P), 0.0);
   EXPECT_GE(objects.objects[0].ellipse_world.rx_m, objects.objects[0].ellipse_world.ry_m);
   EXPECT_NEAR(objects.objects[0].ellipse_world.rx_m, 0.2, 0.01);
 }
@@ -963,7 +962,7 @@ Held held_by_99_percent_region(const Mismatch& mismatch) {
             truth->rx_m - object.ellipse_world.rx_m, truth->ry_m - object.ellipse_world.ry_m;
         ++elements;
         first += seen.insert(k).second ? 1 : 0;
-        inside += error.dot(object.covariance.ldlt().solve(error)) < chi_square_quantile(0.99, 8.0) ? 1 : 0;
+        inside += mahalanobis2(error, object.covariance) < chi_square_quantile(0.99, 8.0) ? 1 : 0;
       }
     }
   }
