@@ -12,19 +12,15 @@
 #include "situation_awareness/common/time.hpp"
 #include "support/level_scene.hpp"
 #include "support/moving_lidar.hpp"
+#include "support/refusal.hpp"
 
 namespace situation_awareness {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
 
-std::string refusal_of(const std::string& yaml) {
-  try {
-    parse_object_pipeline_params(yaml, "my.yaml", "");
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "accepted";
+std::string refusal(const std::string& yaml) {
+  return refusal_of([&] { parse_object_pipeline_params(yaml, "my.yaml", ""); });
 }
 
 TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
@@ -64,16 +60,16 @@ TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
 
 TEST(ObjectPipelineParams, AreRefusedWithFileFieldAndBound) {
   const auto expect_refusal = [](const std::string& yaml, const std::vector<std::string>& facts) {
-    const std::string message = refusal_of(yaml);
+    const std::string message = refusal(yaml);
     EXPECT_EQ(message.rfind("my.yaml: ", 0), 0U) << message;
-    for (const std::string& fact : facts) EXPECT_NE(message.find(fact), std::string::npos) << fact << " in " << message;
+    EXPECT_TRUE(names(message, facts));
   };
-  expect_refusal("scan: {max_range_m: -1}", {"scan.max_range_m", "-1", "[0, 1000] m"});
-  expect_refusal("scan: {max_range_m: 1, min_range_m: 2}", {"scan.min_range_m", "less than scan.max_range_m"});
-  expect_refusal("segments: {min_points: 4.5}", {"segments.min_points", "4.5", "[2, 1000]"});
+  expect_refusal("scan: {max_range_m: -1}", {"scan.max_range_m", "-1", "0", "1000"});
+  expect_refusal("scan: {max_range_m: 1, min_range_m: 2}", {"scan.min_range_m", "scan.max_range_m"});
+  expect_refusal("segments: {min_points: 4.5}", {"segments.min_points", "4.5", "2", "1000"});
   expect_refusal("scan: {volume: [[1, 0, 0]]}", {"scan.volume", "[nx, ny, nz, offset_m]"});
   expect_refusal("scan: {volume: [[0, 0, 0, 1]]}", {"scan.volume", "normal"});
-  expect_refusal("detections: {min_p_ellipse: 1.5}", {"detections.min_p_ellipse", "1.5", "[0, 1]"});
+  expect_refusal("detections: {min_p_ellipse: 1.5}", {"detections.min_p_ellipse", "1.5", "0", "1"});
   expect_refusal("detections: {detector: magic}", {"detections.detector", "magic", "least_squares"});
   expect_refusal("detections: {fit: {range_sigma_m: 0}}", {"detections.fit.range_sigma_m", "1e-04"});
   expect_refusal("objects: {shape: square}", {"objects.shape", "square", "circle"});
@@ -83,7 +79,8 @@ TEST(ObjectPipelineParams, AreRefusedWithFileFieldAndBound) {
 TEST(ObjectPipelineParams, UnknownKeysAreWarnedOfOnStderrUnlessSomeoneElseIsTold) {
   testing::internal::CaptureStderr();
   EXPECT_EQ(parse_object_pipeline_params("scan: {range: 3, max_range_m: 5}", "my.yaml", "").scan.max_range_m, 5.0);
-  EXPECT_EQ(testing::internal::GetCapturedStderr().find("warning: my.yaml: unknown parameter scan.range"), 0U);
+  const std::string warning = testing::internal::GetCapturedStderr();
+  for (const char* fact : {"my.yaml", "scan.range", "max_range_m"}) EXPECT_TRUE(has_fact(warning, fact)) << warning;
 
   std::vector<std::string> paths;
   parse_object_pipeline_params("{segment: {min_points: 4}, detections: {fit: {sigma: 1}}}", "my.yaml", "",
@@ -112,18 +109,16 @@ TEST(ObjectPipelineParams, AllRespectTheirBounds) {
     const double below = whole ? low - 1.0 : std::nextafter(low, -INFINITY);
     const double above = whole ? high + 1.0 : std::nextafter(high, INFINITY);
     for (const double value : {below, above}) {
-      const bool fits = std::abs(value) <= 2147483647.0;
       const std::string message =
-          refusal_of(yaml + (whole ? std::to_string(static_cast<std::int64_t>(value)) : yaml_text(value)) + end);
-      EXPECT_EQ(message.rfind("my.yaml: " + parameter.path() + " = ", 0), 0U) << message;
-      EXPECT_NE(message.find((fits ? "is outside " : "in ") + text_of(*parameter.bounds, parameter.unit)),
-                std::string::npos)
-          << message;
+          refusal(yaml + (whole ? std::to_string(static_cast<std::int64_t>(value)) : yaml_text(value)) + end);
+      EXPECT_EQ(message.rfind("my.yaml: ", 0), 0U) << message;
+      EXPECT_TRUE(names(message, {parameter.path(), text_of(*parameter.bounds, parameter.unit)}));
     }
     for (const double value : {low, high}) {
       const std::string message =
-          refusal_of(yaml + (whole ? std::to_string(static_cast<int>(value)) : yaml_text(value)) + end);
-      EXPECT_EQ(message.find(" is outside "), std::string::npos) << message;  // another field may forbid it
+          refusal(yaml + (whole ? std::to_string(static_cast<int>(value)) : yaml_text(value)) + end);
+      // Another field may forbid it.
+      EXPECT_FALSE(has_fact(message, text_of(*parameter.bounds, parameter.unit))) << message;
     }
   }
   EXPECT_GT(numbers, 50);

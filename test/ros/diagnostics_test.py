@@ -47,14 +47,13 @@ class DiagnosticsTest(unittest.TestCase):
 
     def test_1_no_input_is_said_to_be_none(self):
         for stage in STAGES:
-            summary = self.before_input[stage]["summary"]
-            self.assertTrue(summary.startswith("no input yet"), summary)
-        self.assertIn("nobody publishes /scan", self.before_input["segmentation"]["summary"])
-        self.wait_for("segmentation", lambda status: status["summary"].startswith("no input"), "no input")
+            self.assertIn("no input", self.before_input[stage]["summary"])
+        self.assertIn("/scan", self.before_input["segmentation"]["summary"])
+        self.wait_for("segmentation", lambda status: "no input" in status["summary"], "no input")
 
     def test_2_an_unknown_parameter_is_shown(self):
         for stage in STAGES:
-            self.assertIn("unknown parameter segments.max_gap", self.value(stage, "summary"))
+            self.assertIn("segments.max_gap", self.value(stage, "summary"))
             self.assertEqual(self.value(stage, "level"), DiagnosticStatus.WARN)
             self.assertIn("max_gap_m", self.value(stage, "unknown parameter segments.max_gap"))
 
@@ -99,7 +98,7 @@ class DiagnosticsTest(unittest.TestCase):
         for _ in range(60):
             self.robot.publish(scan_msg(rospy.Time.now(), circles=CIRCLE, frame="camera"))
         summaries = [status["summary"] for stage, status in self.diagnostics.history if stage == "segmentation"]
-        self.assertTrue(any("input dropped: no transform (from world to camera: " in text for text in summaries),
+        self.assertTrue(any(all(fact in text for fact in ("no transform", "world", "camera")) for text in summaries),
                         summaries[-5:])
 
     def test_8_every_input_is_accounted_for(self):

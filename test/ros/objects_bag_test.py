@@ -86,6 +86,13 @@ class ObjectsBagTest(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         return read_lines(self.out), result
 
+    def assert_counts(self, text, *numbers, dropped):
+        """Of scans and of those that were mapped, and how many were dropped for each reason."""
+        line = next(line for line in text.splitlines() if "dropped: " in line)
+        self.assertEqual(tuple(int(word) for word in re.findall(r"\d+", line)[:len(numbers)]), numbers, line)
+        counted = {reason: int(number) for number, reason in re.findall(r"(\d+) dropped: ([^,\n]+)", line)}
+        self.assertEqual({reason: counted.get(reason) for reason in dropped}, dropped, line)
+
     def assert_fails(self, *arguments, parts=(), code=1):
         result = self.run_tool(*arguments)
         self.assertEqual(result.returncode, code, result.stderr)
@@ -212,8 +219,7 @@ class ObjectsBagTest(unittest.TestCase):
                 bag.write("/scan", msg, stamp(i))
         lines, result = self.objects_bag("--detections", self.detections)
         # The poses at the last beams of the last two scans were never recorded.
-        self.assertIn("40 scans, 38 mapped", result.stdout)
-        self.assertIn("2 dropped: no transform", result.stdout)
+        self.assert_counts(result.stdout, 40, 38, dropped={"no transform": 2})
         for i, line in enumerate(read_lines(self.detections)):
             self.assertAlmostEqual(line["detections"][0]["x"], 1.0 - 0.05 * i, delta=0.02)
         self.assertAlmostEqual(lines[-1]["objects"][0]["x"], 1.0, delta=0.02)
@@ -225,10 +231,8 @@ class ObjectsBagTest(unittest.TestCase):
         write_bag(self.bag, extra=bad)
         lines, result = self.objects_bag()
         self.assertEqual(len(lines), 60)
-        self.assertIn("67 scans, 60 mapped", result.stdout)
-        self.assertIn("2 dropped: stamp repeats or goes back", result.stdout)
-        self.assertIn("2 dropped: no transform", result.stdout)
-        self.assertIn("1 dropped: bad scan: stamp is zero", result.stdout)
+        self.assert_counts(result.stdout, 67, 60, dropped={"stamp repeats or goes back": 2, "no transform": 2,
+                                                           "bad scan: stamp is zero": 1})
 
     def test_numbers_of_a_line_are_exact(self):
         """Nanoseconds of the stamp, which a double has no room for, and nothing but finite numbers."""
@@ -251,19 +255,19 @@ class ObjectsBagTest(unittest.TestCase):
         self.assertEqual(same, lines)
         self.out.unlink()
         self.assert_fails(self.bag, "--out", self.out, "--config", CONFIG, "--tf-timeout", "0.5",
-                          parts=("60 dropped: no transform",))
+                          parts=("in.bag", "60", "no transform"))
 
     def test_nothing_mapped_is_an_error(self):
         common = ("--out", self.out, "--save-objects", self.path / "map.yaml", "--config", CONFIG)
         write_bag(self.bag, static_tf=True)
         self.assert_fails(self.bag, *common, "--world-frame", "wrold",
-                          parts=("in.bag", "60 scans", "no transform", "wrold", "lidar", "robot", "world"))
+                          parts=("in.bag", "60", "no transform", "wrold", "lidar", "robot", "world"))
         write_bag(self.bag, tf=False)
-        self.assert_fails(self.bag, *common, parts=("in.bag", "60 scans", "no transform", "--static-sensor"))
+        self.assert_fails(self.bag, *common, parts=("in.bag", "60", "no transform", "--static-sensor"))
         write_bag(self.bag, tf=False, static_tf=True)
         self.assert_fails(self.bag, *common, parts=("no transform", "lidar", "robot"))
         write_bag(self.bag, count=0, extra=[(i, scan_msg(stamp(i), ranges=[])) for i in range(3)])
-        self.assert_fails(self.bag, *common, "--static-sensor", parts=("3 scans", "3 dropped: bad scan: empty scan"))
+        self.assert_fails(self.bag, *common, "--static-sensor", parts=("in.bag", "3", "bad scan: empty scan"))
         self.assertFalse((self.path / "map.yaml").exists())
 
     def test_a_loop_starts_a_new_map(self):
@@ -294,13 +298,13 @@ class ObjectsBagTest(unittest.TestCase):
         common = (self.bag, "--out", self.out, "--config", CONFIG)
         self.assert_fails(*common, "--load-objects", saved, "--world-frame", "robot", parts=("map.yaml", "world_frame"))
         saved.write_text(saved.read_text()[:-1])
-        self.assert_fails(*common, "--load-objects", saved, parts=("map.yaml", "cut off"))
+        self.assert_fails(*common, "--load-objects", saved, parts=("map.yaml", "sha256"))
         self.assert_fails(*common, "--load-objects", self.path / "none.yaml", parts=("none.yaml",))
         self.assert_fails(*common, "--save-objects", self.path / "none" / "map.yaml", parts=("map.yaml",))
 
     def test_refuses_in_one_sentence(self):
         common = ("--out", self.out, "--config", CONFIG)
-        self.assert_fails(self.path / "none.bag", *common, parts=("none.bag", "no such bag"))
+        self.assert_fails(self.path / "none.bag", *common, parts=("none.bag",))
         write_bag(self.bag, count=3)
         self.assert_fails(self.bag, *common, "--scan-topic", "/laser", parts=("/laser", "/scan"))
         self.assert_fails(self.bag, *common, "--scan-topic", "/chatter", parts=("/chatter", "std_msgs/String"))
@@ -322,7 +326,7 @@ class ObjectsBagTest(unittest.TestCase):
     def test_arguments(self):
         self.assert_fails(code=2, parts=("IN.bag",))
         self.assert_fails("a.bag", code=2, parts=("--out", "--detections", "--save-objects"))
-        self.assert_fails("a.bag", "--out", "a", "--detections", "a", code=2, parts=("the same file",))
+        self.assert_fails("a.bag", "--out", "a", "--detections", "a", code=2, parts=("--out", "--detections"))
         self.assert_fails("a.bag", "--out", "a", "--detector", code=2, parts=("--detector",))
         self.assert_fails("a.bag", "b.bag", code=2, parts=("b.bag",))
         self.assert_fails("a.bag", "--fast", code=2, parts=("--fast",))

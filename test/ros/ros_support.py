@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What the tests of the ROS graph share: scans of round objects, their transforms, and patience."""
 import math
+import subprocess
 import time
 import xmlrpc.client
 
@@ -65,6 +66,19 @@ def wait_until(condition, timeout_s, what):
             return
         time.sleep(0.02)
     raise AssertionError(f"waited {timeout_s} s for {what}")
+
+
+def refusal_of_node(program, argument):
+    """The one line in which a program of this package, started with this private parameter, says why it ends."""
+    name = f"refused_{program}"
+    result = subprocess.run(["rosrun", "situation_awareness", program, f"__name:={name}", argument],
+                            capture_output=True, text=True, timeout=30, check=False)
+    rospy.delete_param(f"/{name}")
+    said = result.stdout + result.stderr
+    assert result.returncode == 1, said
+    lines = [line for line in said.splitlines() if "FATAL" in line]
+    assert len(lines) == 1, said
+    return lines[0]
 
 
 def pid_of(node):

@@ -54,7 +54,7 @@ class ServicesTest(unittest.TestCase):
     def refused(self, name, *arguments):
         answer = self.services[name](*arguments)
         self.assertFalse(answer.success)
-        self.assertNotIn("\n", answer.message)
+        self.assertRegex(answer.message, r"\A.+\Z", "one line that says why")
         return answer.message
 
     def ids(self):
@@ -80,8 +80,8 @@ class ServicesTest(unittest.TestCase):
         self.assertEqual(map_now, expected)
 
     def test_1_without_a_map_there_is_nothing_to_have(self):
-        self.assertIn("no map yet", self.refused("get_objects", rospy.Time()))
-        self.assertIn("no map yet", self.refused("mapping/save_objects", self.file))
+        self.refused("get_objects", rospy.Time())
+        self.refused("mapping/save_objects", self.file)
         self.assertFalse(os.path.exists(self.file))
         self.call("mapping/reset")
 
@@ -115,9 +115,9 @@ class ServicesTest(unittest.TestCase):
         self.assertAlmostEqual(then.pose.position.x - now.pose.position.x, 0.0, delta=0.08)
         self.assertGreater(then.covariance[9], now.covariance[9] + 1e-4, "variance of y")
 
-        self.assertIn("before the map's latest", self.refused("get_objects", stamp - rospy.Duration(0.001)))
-        self.assertIn("after the map's latest", self.refused("get_objects", stamp + rospy.Duration(3600)))
-        self.assertIn("after the map's latest", self.refused("get_objects", rospy.Time(2 ** 32 - 1)))
+        self.assertIn("0.001", self.refused("get_objects", stamp - rospy.Duration(0.001)))
+        self.assertIn("3600", self.refused("get_objects", stamp + rospy.Duration(3600)))
+        self.refused("get_objects", rospy.Time(2 ** 32 - 1))
         self.assertEqual(len(self.call("get_objects", stamp + rospy.Duration(30)).objects.ellipses), 3)
 
     def test_3_paused_the_map_stays_as_it_is(self):
@@ -151,7 +151,7 @@ class ServicesTest(unittest.TestCase):
         empty = self.next_message(lambda: self.call("mapping/reset"))
         self.assertEqual(empty.ellipses, [])
         wait_until(lambda: not self.shown(), 2.0, "the markers to go")
-        self.assertIn("no map yet", self.refused("get_objects", rospy.Time()))
+        self.refused("get_objects", rospy.Time())
         self.run_and_map(20)
         self.assertEqual(len(self.ids()), 2)
         self.assertGreater(min(self.ids()), max(ids), "ids are never used again")
@@ -191,19 +191,21 @@ class ServicesTest(unittest.TestCase):
                 file.write(text)
             return name
         head, _ = whole.rsplit("\nsha256: ", 1)
-        for text, reason in ((whole[:len(whole) // 2], "cut off"), (whole.replace("log_odds: ", "log_odds: 1", 1), "sum"),
-                             ("", "cut off"), (whole.replace('"odom"', '"map"', 1), "sum"),
-                             (head.replace('"odom"', '"map"', 1) + "\nsha256: edited\n", "world_frame = map"),
-                             (head.replace("p_moving: ", "p_moving: 2  # not ", 1) + "\nsha256: edited\n", "p_moving")):
+        for text, facts in ((whole[:len(whole) // 2], ("sha256",)),
+                            (whole.replace("log_odds: ", "log_odds: 1", 1), ("sha256: edited",)), ("", ("sha256",)),
+                            (whole.replace('"odom"', '"map"', 1), ("sha256: edited",)),
+                            (head.replace('"odom"', '"map"', 1) + "\nsha256: edited\n", ("world_frame", "map", "odom")),
+                            (head.replace("p_moving: ", "p_moving: 2  # not ", 1) + "\nsha256: edited\n",
+                             ("p_moving", "2", "[0, 1]"))):
             message = self.refused("mapping/load_objects", written(text))
-            self.assertIn("other.yaml: ", message)
-            self.assertIn(reason, message)
+            for fact in (os.path.join(self.folder, "other.yaml"), *facts):
+                self.assertIn(fact, message)
         self.assertIn("missing.yaml", self.refused("mapping/load_objects", os.path.join(self.folder, "missing.yaml")))
-        self.assertIn("absolute", self.refused("mapping/load_objects", "map.yaml"))
-        self.assertIn("absolute", self.refused("mapping/save_objects", ""))
+        self.assertIn("map.yaml", self.refused("mapping/load_objects", "map.yaml"))
+        self.refused("mapping/save_objects", "")
         self.assertIn("missing", self.refused("mapping/save_objects", os.path.join(self.folder, "missing", "map.yaml")))
         other = written("no map")
-        self.assertIn("no map", self.refused("mapping/save_objects", other))
+        self.assertIn(other, self.refused("mapping/save_objects", other))
         with open(other, encoding="ascii") as file:
             self.assertEqual(file.read(), "no map")
 

@@ -10,6 +10,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/sensors.hpp"
+#include "support/refusal.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -256,25 +257,18 @@ TEST(MotionSensors, AreWhatTheFileAsksForAndRefuseBadParams) {
   ASSERT_EQ(sensors.odometries.size(), 1U);
   EXPECT_TRUE(sensors.scanners.empty());
 
-  const auto message = [&](const auto& make) -> std::string {
-    try {
-      make();
-    } catch (const std::invalid_argument& error) {
-      return error.what();
-    }
-    return "no error";
-  };
   const Eigen::Isometry3d I = Eigen::Isometry3d::Identity();
   SimulatedImuParams imu;
   imu.rate_hz = 0.0;
-  EXPECT_EQ(message([&] { SimulatedImu(world, I, imu, 0); }), "imu.rate_hz = 0 is outside [1, 10000] Hz");
+  EXPECT_TRUE(names(refusal_of([&] { SimulatedImu(world, I, imu, 0); }), {"imu.rate_hz", "0", "1", "10000"}));
   SimulatedGnssParams gnss;
   gnss.correlation_s = -1.0;
-  EXPECT_EQ(message([&] { SimulatedGnss(world, I, gnss, 0); }), "gnss.correlation_s = -1 is outside [0.001, 1e+06] s");
+  EXPECT_TRUE(
+      names(refusal_of([&] { SimulatedGnss(world, I, gnss, 0); }), {"gnss.correlation_s", "-1", "0.001", "1e+06"}));
   SimulatedOdometryParams odometry;
   odometry.yaw_scale_sigma = 1.0;
-  EXPECT_EQ(message([&] { SimulatedOdometry(world, I, odometry, 0); }),
-            "odometry.yaw_scale_sigma = 1 is outside [0, 0.5]");
+  EXPECT_TRUE(names(refusal_of([&] { SimulatedOdometry(world, I, odometry, 0); }),
+                    {"odometry.yaw_scale_sigma", "1", "0", "0.5"}));
 }
 
 TEST(MotionSensors, GiveTheSameWithTheSameSeedWhateverElseMeasures) {
