@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
-#include <memory>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -11,12 +9,10 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/intensity.hpp"
+#include "situation_awareness/sim/ray_scanner.hpp"
 #include "situation_awareness/sim/truth.hpp"
-#include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
-
-class RayCaster;
 
 /// A 3D scanner of several lasers that spin about its z axis; the defaults are those of a Velodyne VLP-16 at 20 Hz,
 /// with the range of the 2D scanner. With other angles it simulates a depth camera.
@@ -44,13 +40,7 @@ struct SimulatedRingScannerParams {
     visit("azimuth_min_rad", self.azimuth_min_rad, Bounds{-2.0 * kPi, 2.0 * kPi}, "rad", "of the first column");
     visit("azimuth_increment_rad", self.azimuth_increment_rad, Bounds{-kPi, kPi}, "rad",
           "from column to column, negative for a scanner that turns clockwise; at most one revolution in all");
-    visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz", "revolutions per second");
-    visit("sweep_s", self.sweep_s, Bounds{0.0, 1.0}, "s",
-          "time from the first column to the last, less than from cloud to cloud; 0: all at one instant");
-    visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer gives no return");
-    visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther gives no return");
-    visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
-    SimulatedIntensityParams::fields(self.intensity, visit);
+    visit_ray_scanner_fields(self, visit);
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -65,31 +55,14 @@ struct RingScannerSample {
   std::vector<TrueHit> hits;                                             ///< of each point
 };
 
-/// A 3D scanner on the robot of a world. The rays of one column have one time, that of the first column is the stamp;
-/// each is cast from the robot's pose at its own time, with the objects' poses at that time. Noise is along the ray,
-/// and never moves a return across the sensor's limits. Same seed, same clouds, bit for bit.
-class SimulatedRingScanner {
+extern template class RayScanner<SimulatedRingScannerParams>;
+
+/// A 3D scanner on the robot of a world. The rays of one column have one time; that of the first column is the stamp.
+class SimulatedRingScanner : public RayScanner<SimulatedRingScannerParams> {
  public:
-  /// `world` must outlive the scanner, which moves it. Throws std::invalid_argument for params.
-  SimulatedRingScanner(World& world, const Eigen::Isometry3d& T_robot_sensor, const SimulatedRingScannerParams& params,
-                       std::uint64_t seed);
-  ~SimulatedRingScanner();
-  SimulatedRingScanner(SimulatedRingScanner&&) noexcept;
-  SimulatedRingScanner& operator=(SimulatedRingScanner&&) noexcept;
-
-  const SimulatedRingScannerParams& params() const { return params_; }
-
-  /// When the next revolution begins; the first is at time 0.
-  double next_time_s() const { return static_cast<double>(scans_) / params_.rate_hz; }
+  using RayScanner::RayScanner;
 
   RingScannerSample next();
-
- private:
-  SimulatedRingScannerParams params_;
-  Eigen::Isometry3d T_robot_sensor_;
-  std::uint64_t seed_;
-  std::unique_ptr<RayCaster> rays_;
-  std::uint64_t scans_ = 0;
 };
 
 }  // namespace situation_awareness
