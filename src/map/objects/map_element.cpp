@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 #include <Eigen/Eigenvalues>
 
@@ -20,6 +21,17 @@ const char* name_of(TrackState state) {
       return "deleted";
   }
   return "";
+}
+
+std::string yaml_text(TrackState state) { return name_of(state); }
+
+void read_yaml_text(const std::string& text, TrackState& state) {
+  for (const TrackState known : {TrackState::kTentative, TrackState::kConfirmed, TrackState::kLost}) {
+    if (text != name_of(known)) continue;
+    state = known;
+    return;
+  }
+  throw std::invalid_argument("must be tentative, confirmed or lost");
 }
 
 double position_sigma_m(const ObjectEstimate& estimate) {

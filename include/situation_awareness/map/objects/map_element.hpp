@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -40,6 +41,10 @@ enum class TrackState {
 /// As in map files: "tentative", "confirmed", "lost", "deleted".
 const char* name_of(TrackState state);
 
+/// As a field of a map file, which has no deleted elements.
+std::string yaml_text(TrackState state);
+void read_yaml_text(const std::string& text, TrackState& state);
+
 /// State of one element between updates.
 struct MapElement {
   std::uint64_t id = 0;
@@ -61,7 +66,7 @@ struct MapElement {
   Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< its position when it met `body`
   Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< position of `body` then
 
-  /// Every field with its name in a map file; used by the map file and the check.
+  /// Every field with its name in a map file (map/map_fields.hpp).
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     using namespace map_bounds;

@@ -1,14 +1,28 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
 
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/map_fields.hpp"
 #include "situation_awareness/map/objects/map_element.hpp"
 
 namespace situation_awareness {
+
+/// The state of an element.
+template <>
+struct NumbersOf<Vector8d> {
+  template <class Self, class Visit>
+  static void visit(Self& value, Visit&& visit) {
+    constexpr std::array<const char*, 8> kNames = {"x_m",      "y_m",           "vx_m_s", "vy_m_s",
+                                                   "wz_rad_s", "mean_radius_m", "p_m",    "q_m"};
+    for (int i = 0; i < 8; ++i) visit(kNames[static_cast<std::size_t>(i)], value(i));
+  }
+};
 
 /// The whole state of an ObjectMap after an update, sufficient to continue from it.
 struct MapSnapshot {
@@ -22,7 +36,7 @@ struct MapSnapshot {
   std::uint64_t next_id = 1;         ///< id of the next new element: larger than all used before
   std::vector<MapElement> elements;  ///< by ascending id
 
-  /// Every field but the elements, as MapElement::fields does.
+  /// Every field but the elements, as MapElement::fields does (map/map_fields.hpp).
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     using namespace map_bounds;
