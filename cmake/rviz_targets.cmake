@@ -6,10 +6,11 @@ endif()
 find_package(Qt5 REQUIRED COMPONENTS Widgets)
 
 add_library(${PROJECT_NAME}_rviz_logic STATIC
-  src/ros/rviz/drawable_map.cpp
+  src/ros/rviz/drawable_objects.cpp
   src/ros/rviz/knobs.cpp
   src/ros/rviz/map_history.cpp
   src/ros/rviz/map_mesh.cpp
+  src/ros/rviz/object_mesh.cpp
   src/ros/rviz/stage_board.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz_logic)
 target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
@@ -17,6 +18,7 @@ target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
 add_library(${PROJECT_NAME}_rviz
   src/ros/rviz/ellipse_map_display.cpp
   src/ros/rviz/knob_form.cpp
+  src/ros/rviz/map_scene.cpp
   src/ros/rviz/service_caller.cpp
   src/ros/rviz/status_panel.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz)

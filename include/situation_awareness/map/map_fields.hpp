@@ -24,7 +24,7 @@ class Node;
 
 namespace situation_awareness {
 
-// What a map of any kind consists of is declared once, field by field, as
+// The state of a map of any kind declares each of its fields once, as
 //
 //     template <class Self, class Visit>
 //     static void fields(Self& self, Visit&& visit) {

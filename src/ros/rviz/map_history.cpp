@@ -11,23 +11,23 @@ constexpr std::size_t kMaxPoints = 2000;
 
 }  // namespace
 
-void MapHistory::add(const Objects& map, double length_s) {
-  if (map.stamp_ns < stamp_ns_) clear();
-  stamp_ns_ = map.stamp_ns;
+void MapHistory::add(std::int64_t stamp_ns, const std::vector<MapPosition>& elements, double length_s) {
+  if (stamp_ns < stamp_ns_) clear();
+  stamp_ns_ = stamp_ns;
   ++maps_;
-  for (const Object& object : map.objects) {
-    Path& path = paths_[object.id];
+  for (const MapPosition& element : elements) {
+    Path& path = paths_[element.id];
     path.last_map = maps_;
     std::deque<PathPoint>& points = path.points;
-    const PathPoint now{map.stamp_ns, object.ellipse_world.center_m};
+    const PathPoint now{stamp_ns, element.position_m};
     const auto count = points.size();
     // The latest point is where the element is, and stays only once it is a step away from the one before.
-    if (count >= 2 && (points[count - 1].position_world_m - points[count - 2].position_world_m).norm() < kStep_m) {
+    if (count >= 2 && (points[count - 1].position_m - points[count - 2].position_m).norm() < kStep_m) {
       points.back() = now;
     } else {
       points.push_back(now);
     }
-    while (points.size() > kMaxPoints || seconds_between(points.front().stamp_ns, map.stamp_ns) > length_s) {
+    while (points.size() > kMaxPoints || seconds_between(points.front().stamp_ns, stamp_ns) > length_s) {
       points.pop_front();
     }
   }

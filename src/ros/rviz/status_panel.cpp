@@ -31,6 +31,10 @@ namespace {
 
 constexpr int kSpinPeriod_ms = 50;
 constexpr int kShowPeriod_ms = 500;
+// Another kind of map has services of the same fields, and so of the same checksum: these types call them, too.
+using SaveMap = SaveObjects;
+using LoadMap = LoadObjects;
+
 const char* const kMapFiles = "Maps (*.yaml);;All files (*)";
 
 enum StageColumn { kStage, kState, kRate, kLatency };
@@ -340,9 +344,9 @@ void StatusPanel::save_map() {
   dialog.setDefaultSuffix("yaml");
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
-  SaveObjectsRequest request;
+  SaveMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<SaveObjects>("save_" + map_field_->text().trimmed().toStdString(), request);
+  call_map<SaveMap>("save_" + map_field_->text().trimmed().toStdString(), request);
 }
 
 void StatusPanel::load_map() {
@@ -351,9 +355,9 @@ void StatusPanel::load_map() {
   dialog.setFileMode(QFileDialog::AnyFile);
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
-  LoadObjectsRequest request;
+  LoadMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<LoadObjects>("load_" + map_field_->text().trimmed().toStdString(), request);
+  call_map<LoadMap>("load_" + map_field_->text().trimmed().toStdString(), request);
 }
 
 }  // namespace situation_awareness

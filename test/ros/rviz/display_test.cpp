@@ -5,22 +5,7 @@
 #include <limits>
 #include <vector>
 
-#include <OgreImage.h>
-#include <OgreRenderWindow.h>
-#include <QApplication>
-#include <QTest>
-
-#include <geometry_msgs/TransformStamped.h>
-#include <gtest/gtest.h>
-#include <ros/ros.h>
-#include <rviz/display.h>
-#include <rviz/frame_manager.h>
-#include <rviz/properties/status_list.h>
-#include <rviz/render_panel.h>
-#include <rviz/view_manager.h>
-#include <rviz/visualization_manager.h>
-#include <tf2_msgs/TFMessage.h>
-
+#include "display_fixture.hpp"
 #include "situation_awareness/EllipseMap.h"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
@@ -29,61 +14,13 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kScale = 80.0;  // pixels per metre
-
-class DisplayTest : public testing::Test {
+class DisplayTest : public DisplayFixture {
  protected:
-  // Ogre can be started once in a process.
-  static void SetUpTestSuite() {
-    panel_ = new rviz::RenderPanel;
-    panel_->resize(800, 600);
-    panel_->show();
-    manager_ = new rviz::VisualizationManager(panel_);
-    panel_->initialize(manager_->getSceneManager(), manager_);
-    manager_->initialize();
-    manager_->startUpdate();
-    manager_->setFixedFrame("world");
-    manager_->getViewManager()->setCurrentViewControllerType("rviz/TopDownOrtho");
-    manager_->getViewManager()->getCurrent()->subProp("Scale")->setValue(kScale);
-  }
-
-  static void TearDownTestSuite() {
-    delete panel_;
-    delete manager_;
-  }
-
   void SetUp() override {
-    maps_ = node_.advertise<EllipseMap>("objects", 10);
-    tf_ = node_.advertise<tf2_msgs::TFMessage>("/tf_static", 10, true);
-    geometry_msgs::TransformStamped T_world_odom;
-    T_world_odom.header.frame_id = "world";
-    T_world_odom.child_frame_id = "odom";
-    T_world_odom.transform.translation.y = 1.0;
-    T_world_odom.transform.rotation.w = 1.0;
-    tf2_msgs::TFMessage transforms;
-    transforms.transforms = {T_world_odom};
-    tf_.publish(transforms);
-
-    display_ = manager_->createDisplay("situation_awareness/EllipseMap", "Map", true);
-    ASSERT_NE(display_, nullptr);
-    display_->subProp("Topic")->setValue("objects");
-    display_->subProp("Alpha")->setValue(1.0);
-    display_->subProp("IDs")->setValue(false);
+    DisplayFixture::SetUp();
+    connect(manager_->createDisplay("situation_awareness/EllipseMap", "Map", true),
+            node_.advertise<EllipseMap>("objects", 10));
     display_->subProp("Covariance")->setValue(false);
-    ASSERT_TRUE(until([this] { return maps_.getNumSubscribers() > 0; }));
-    const auto known = [] {
-      Ogre::Vector3 position;
-      Ogre::Quaternion orientation;
-      return manager_->getFrameManager()->getTransform("odom", ros::Time(), position, orientation);
-    };
-    ASSERT_TRUE(until(known));
-  }
-
-  void TearDown() override { delete display_; }
-
-  static bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
-    for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
-    return condition();
   }
 
   static MappedEllipse element(std::uint64_t id, const Ellipse& ellipse, const Eigen::Vector2d& velocity_m_s = {0, 0}) {
@@ -105,74 +42,6 @@ class DisplayTest : public testing::Test {
     for (MappedEllipse& element : msg.ellipses) element.last_seen = msg.header.stamp;
     maps_.publish(msg);
   }
-
-  /// What the display says of the map.
-  QString status() const {
-    for (int i = 0; i < display_->numChildren(); ++i) {
-      const rviz::Property* all = display_->childAt(i);
-      if (dynamic_cast<const rviz::StatusList*>(all) == nullptr) continue;
-      for (int k = 0; k < all->numChildren(); ++k) {
-        if (all->childAt(k)->getName() == "Map") return all->childAt(k)->getValue().toString();
-      }
-    }
-    return {};
-  }
-
-  /// What was drawn last.
-  Ogre::Image picture() const {
-    QTest::qWait(300);
-    Ogre::RenderWindow* window = panel_->getRenderWindow();
-    window->update();
-    Ogre::Image image;
-    const std::size_t size = std::size_t{3} * window->getWidth() * window->getHeight();
-    auto* memory = OGRE_ALLOC_T(Ogre::uchar, size, Ogre::MEMCATEGORY_RENDERSYS);
-    image.loadDynamicImage(memory, window->getWidth(), window->getHeight(), 1, Ogre::PF_BYTE_RGB, true);
-    window->copyContentsToMemory(image.getPixelBox(), image.getPixelBox());
-    return image;
-  }
-
-  static Color color_at(const Ogre::Image& image, const Eigen::Vector2d& p_world_m) {
-    const auto column = std::lround(0.5 * static_cast<double>(image.getWidth()) + kScale * p_world_m.x());
-    const auto row = std::lround(0.5 * static_cast<double>(image.getHeight()) - kScale * p_world_m.y());
-    const Ogre::ColourValue color =
-        image.getColourAt(static_cast<std::size_t>(column), static_cast<std::size_t>(row), 0);
-    return {color.r, color.g, color.b};
-  }
-
-  static bool alike(const Color& a, const Color& b) {
-    return std::abs(a.r - b.r) + std::abs(a.g - b.g) + std::abs(a.b - b.b) < 0.06F;
-  }
-
-  struct Blob {
-    double area_m2 = 0.0;
-    Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
-  };
-
-  static Blob blob_of(const Ogre::Image& image, const Color& wanted) {
-    Blob blob;
-    int count = 0;
-    for (std::size_t row = 0; row < image.getHeight(); ++row) {
-      for (std::size_t column = 0; column < image.getWidth(); ++column) {
-        const Ogre::ColourValue color = image.getColourAt(column, row, 0);
-        if (!alike({color.r, color.g, color.b}, wanted)) continue;
-        ++count;
-        blob.center_m += Eigen::Vector2d(static_cast<double>(column), -static_cast<double>(row));
-      }
-    }
-    if (count == 0) return blob;
-    blob.center_m /= count;
-    blob.center_m -=
-        0.5 * Eigen::Vector2d(static_cast<double>(image.getWidth()), -static_cast<double>(image.getHeight()));
-    blob.center_m /= kScale;
-    blob.area_m2 = count / (kScale * kScale);
-    return blob;
-  }
-
-  ros::NodeHandle node_;
-  ros::Publisher maps_, tf_;
-  static inline rviz::RenderPanel* panel_ = nullptr;
-  static inline rviz::VisualizationManager* manager_ = nullptr;
-  rviz::Display* display_ = nullptr;
 };
 
 TEST_F(DisplayTest, DrawsTheEllipseWhereItIsUntilTheMapIsEmpty) {
@@ -294,10 +163,4 @@ TEST_F(DisplayTest, DrawsHundredsAndForgetsThem) {
 }  // namespace
 }  // namespace situation_awareness
 
-int main(int argc, char** argv) {
-  testing::InitGoogleTest(&argc, argv);
-  QApplication app(argc, argv);
-  ros::init(argc, argv, "rviz_display_test");
-  ros::NodeHandle node;  // keeps ROS up between the tests
-  return RUN_ALL_TESTS();
-}
+int main(int argc, char** argv) { return situation_awareness::run_display_tests(argc, argv, "rviz_display_test"); }

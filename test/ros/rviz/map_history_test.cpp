@@ -8,59 +8,55 @@
 namespace situation_awareness {
 namespace {
 
-Objects map_at(double stamp_s, const std::vector<std::pair<std::uint64_t, double>>& ids_and_x) {
-  Objects map;
-  map.stamp_ns = nanoseconds(stamp_s);
-  for (const auto& [id, x_m] : ids_and_x) {
-    map.objects.emplace_back();
-    map.objects.back().id = id;
-    map.objects.back().ellipse_world = {{x_m, 0.0}, 0.0, 0.2, 0.1};
-  }
-  return map;
+void add(MapHistory& history, double stamp_s, const std::vector<std::pair<std::uint64_t, double>>& ids_and_x,
+         double length_s) {
+  std::vector<MapPosition> elements;
+  for (const auto& [id, x_m] : ids_and_x) elements.push_back({id, {x_m, 0.0}});
+  history.add(nanoseconds(stamp_s), elements, length_s);
 }
 
 TEST(MapHistory, HoldsTheWayOfTheLatestSeconds) {
   MapHistory history;
-  for (int i = 0; i <= 100; ++i) history.add(map_at(100.0 + 0.1 * i, {{7, 0.05 * i}}), 2.0);
+  for (int i = 0; i <= 100; ++i) add(history, 100.0 + 0.1 * i, {{7, 0.05 * i}}, 2.0);
   const auto& path = history.path(7);
   ASSERT_EQ(path.size(), 21U);
-  EXPECT_NEAR(path.front().position_world_m.x(), 4.0, 1e-9);
-  EXPECT_NEAR(path.back().position_world_m.x(), 5.0, 1e-9);
+  EXPECT_NEAR(path.front().position_m.x(), 4.0, 1e-9);
+  EXPECT_NEAR(path.back().position_m.x(), 5.0, 1e-9);
   for (std::size_t i = 1; i < path.size(); ++i) EXPECT_GT(path[i].stamp_ns, path[i - 1].stamp_ns);
 }
 
 TEST(MapHistory, EndsWhereTheElementIsAndGathersNothingWhereItStands) {
   MapHistory history;
-  for (int i = 0; i <= 1000; ++i) history.add(map_at(0.05 * i, {{7, 1.0 + 0.003 * (i % 2)}}), 100.0);
+  for (int i = 0; i <= 1000; ++i) add(history, 0.05 * i, {{7, 1.0 + 0.003 * (i % 2)}}, 100.0);
   EXPECT_LE(history.path(7).size(), 2U);
-  EXPECT_EQ(history.path(7).back().position_world_m.x(), 1.0);
+  EXPECT_EQ(history.path(7).back().position_m.x(), 1.0);
 }
 
 TEST(MapHistory, GoesWithItsElement) {
   MapHistory history;
-  history.add(map_at(1.0, {{7, 0.0}, {8, 5.0}}), 10.0);
-  history.add(map_at(2.0, {{7, 1.0}, {8, 6.0}}), 10.0);
-  history.add(map_at(3.0, {{8, 7.0}}), 10.0);
+  add(history, 1.0, {{7, 0.0}, {8, 5.0}}, 10.0);
+  add(history, 2.0, {{7, 1.0}, {8, 6.0}}, 10.0);
+  add(history, 3.0, {{8, 7.0}}, 10.0);
   EXPECT_TRUE(history.path(7).empty());
   EXPECT_EQ(history.path(8).size(), 3U);
-  history.add(map_at(4.0, {{7, 2.0}, {8, 8.0}}), 10.0);
+  add(history, 4.0, {{7, 2.0}, {8, 8.0}}, 10.0);
   EXPECT_EQ(history.path(7).size(), 1U);
-  history.add(map_at(5.0, {}), 10.0);
+  add(history, 5.0, {}, 10.0);
   EXPECT_TRUE(history.path(8).empty());
 }
 
 TEST(MapHistory, StartsAgainWhereTimeGoesBack) {
   MapHistory history;
-  history.add(map_at(10.0, {{7, 0.0}}), 100.0);
-  history.add(map_at(11.0, {{7, 1.0}}), 100.0);
-  history.add(map_at(5.0, {{7, 2.0}}), 100.0);
+  add(history, 10.0, {{7, 0.0}}, 100.0);
+  add(history, 11.0, {{7, 1.0}}, 100.0);
+  add(history, 5.0, {{7, 2.0}}, 100.0);
   ASSERT_EQ(history.path(7).size(), 1U);
-  EXPECT_EQ(history.path(7).front().position_world_m.x(), 2.0);
+  EXPECT_EQ(history.path(7).front().position_m.x(), 2.0);
 }
 
 TEST(MapHistory, IsBoundedHoweverLongItIs) {
   MapHistory history;
-  for (int i = 0; i < 10'000; ++i) history.add(map_at(0.01 * i, {{7, 0.1 * i}}), 1e6);
+  for (int i = 0; i < 10'000; ++i) add(history, 0.01 * i, {{7, 0.1 * i}}, 1e6);
   EXPECT_EQ(history.path(7).size(), 2000U);
 }
 

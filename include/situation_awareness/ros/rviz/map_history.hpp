@@ -4,23 +4,28 @@
 #include <cstdint>
 #include <deque>
 #include <unordered_map>
+#include <vector>
 
 #include <Eigen/Core>
 
-#include "situation_awareness/map/objects/objects.hpp"
-
 namespace situation_awareness {
+
+/// Where an element of a map is, in the frame of the map.
+struct MapPosition {
+  std::uint64_t id;
+  Eigen::Vector2d position_m;
+};
 
 struct PathPoint {
   std::int64_t stamp_ns;
-  Eigen::Vector2d position_world_m;
+  Eigen::Vector2d position_m;
 };
 
 /// The recent path of each element of the map. It is deleted with its element, and all are deleted when time goes back.
 class MapHistory {
  public:
-  /// Adds a map, and deletes points older than `length_s` before it.
-  void add(const Objects& map, double length_s);
+  /// Adds the elements of a map, and deletes points older than `length_s` before it.
+  void add(std::int64_t stamp_ns, const std::vector<MapPosition>& elements, double length_s);
 
   /// From the oldest point to the current position; empty for an element that is not on the map.
   const std::deque<PathPoint>& path(std::uint64_t id) const;

@@ -2,26 +2,28 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
-#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
 #include "situation_awareness/ros/rviz/map_history.hpp"
 
 namespace situation_awareness {
 
-/// Style of a map.
-struct MapStyle {
-  enum class Coloring { kId, kMotion };
+// Meshes and labels for maps of any kind, in the frame of the map, z up.
 
-  Coloring coloring = Coloring::kId;
+constexpr double kLineWidth_m = 0.03;  ///< of outlines
+constexpr double kLayer_m = 0.01;      ///< between what lies on top of one another
+constexpr double kLabelHeight_m = 0.26;
+
+/// Style of a map of any kind.
+struct MapStyle {
+  int coloring = 0;    ///< index of one of the colorings that the kind has
   double alpha = 0.6;  ///< of the bodies
   double body_height_m = 0.3;
   double history_s = 5.0;
-  bool velocity = true;
-  bool covariance = true;
 };
 
 struct Vertex {
@@ -36,24 +38,54 @@ struct Mesh {
   std::vector<std::uint32_t> indices;
 };
 
-/// A whole map as two meshes in its own frame, so that a renderer needs two calls for hundreds of elements. Translucent
-/// triangles are in drawing order.
+/// A whole map as two meshes, so that a renderer needs two calls for hundreds of elements. Translucent triangles are in
+/// drawing order.
 struct MapMesh {
-  Mesh solid;        ///< outlines and velocities
-  Mesh translucent;  ///< paths, bodies and 95 % ellipses of the centres
+  Mesh solid;
+  Mesh translucent;
 };
 
-/// Draws the map: each element a body about the map's height, its outline (dashed where the element has not been seen
-/// for half a second), an arrow from its edge for its motion in 1 s, if it moves, the 95 % ellipse of its centre, and
-/// its path, which fades with age. `mesh` is the previous one: its memory is reused.
-void draw(const Objects& map, const MapHistory& history, const MapStyle& style, MapMesh& mesh);
+/// Empties the meshes; their memory is reused.
+void clear(MapMesh& mesh);
 
-/// The colour of an element.
-Color color_of(const Object& object, MapStyle::Coloring coloring);
+struct MapLabel {
+  std::string text;
+  Eigen::Vector3f position_m;
+};
 
-/// Height of the top of the bodies.
-inline double top_m(const Objects& map, const MapStyle& style) {
-  return map.height_world_m + 0.5 * style.body_height_m;
-}
+/// "ID" or "ID LABEL"; at most 32 characters of the label, with `?` for what is not printable ASCII.
+std::string label_text(std::uint64_t id, const std::string& label);
+
+struct Paint {
+  Color color;
+  float alpha;
+};
+
+Color shaded(const Color& color, double factor);
+
+/// The points of a line from one end to the other; of a closed one, the last is the first.
+using Polyline = std::vector<Eigen::Vector2d>;
+
+/// The points of `line` moved to the right of its direction, at each point by `distance_m` across its neighbours'
+/// chord.
+Polyline right_of(const Polyline& line, double distance_m);
+
+/// The triangles between a point and a line around it.
+void add_fan(Mesh& mesh, const Eigen::Vector2d& center_m, const Polyline& line, double z_m, const Paint& paint);
+
+/// The band between two lines of as many points; every third part is left out of a dashed one.
+void add_band(Mesh& mesh, const Polyline& inner, const Polyline& outer, double z_m, const Paint& paint,
+              bool dashed = false);
+
+/// The vertical wall above a line, lit from one direction; `outer` has the points of the line moved outwards.
+void add_wall(Mesh& mesh, const Polyline& line, const Polyline& outer, double bottom_m, double top_m,
+              const Paint& paint);
+
+/// `way_m` is from the shaft's end to the tip; not zero.
+void add_arrow(Mesh& mesh, const Eigen::Vector2d& from_m, const Eigen::Vector2d& way_m, double z_m, const Paint& paint);
+
+/// A ribbon along a path, which fades from the position at `stamp_ns` to nothing at `length_s` before.
+void add_trail(Mesh& mesh, const std::deque<PathPoint>& path, std::int64_t stamp_ns, double length_s, double z_m,
+               const Color& color);
 
 }  // namespace situation_awareness

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/ros/rviz/drawable_map.hpp"
+#include "situation_awareness/ros/rviz/drawable_objects.hpp"
 
 #include <functional>
 #include <limits>
@@ -26,15 +26,15 @@ EllipseMap good_map() {
   return msg;
 }
 
-TEST(DrawableMap, IsTheMap) {
+TEST(DrawableObjects, IsTheMap) {
   EllipseMap msg = good_map();
   msg.ellipses[1].label = "pillar\n\xc3\xa4";
-  const DrawableMap map = drawable_map(msg);
+  const DrawableObjects map = drawable_objects(msg);
   EXPECT_EQ(map.objects.objects.size(), 2U);
   EXPECT_EQ(map.names, (std::vector<std::string>{"1", "2 pillar???"}));
 }
 
-TEST(DrawableMap, RefusesWhatCannotBeDrawnAndSaysWhy) {
+TEST(DrawableObjects, RefusesWhatCannotBeDrawnAndSaysWhy) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   const std::vector<std::pair<std::string, std::function<void(MappedEllipse&)>>> faults{
@@ -57,7 +57,7 @@ TEST(DrawableMap, RefusesWhatCannotBeDrawnAndSaysWhy) {
   for (const auto& [part, spoil] : faults) {
     EllipseMap msg = good_map();
     spoil(msg.ellipses[1]);
-    EXPECT_TRUE(names(refusal_of([&] { drawable_map(msg); }), {part, std::to_string(msg.ellipses[1].id)}));
+    EXPECT_TRUE(names(refusal_of([&] { drawable_objects(msg); }), {part, std::to_string(msg.ellipses[1].id)}));
   }
 }
 

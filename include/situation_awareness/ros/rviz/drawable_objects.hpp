@@ -11,7 +11,7 @@
 namespace situation_awareness {
 
 /// A map that is safe for a renderer: its float numbers are finite and its extents bounded.
-struct DrawableMap {
+struct DrawableObjects {
   Objects objects;
   std::vector<std::string> names;  ///< of the objects, in their order: id and, if there is one, label; printable ASCII
 };
@@ -19,6 +19,6 @@ struct DrawableMap {
 /// Throws std::invalid_argument naming the element and its error: a number that is not finite, an orientation that is
 /// not a rotation about z, a probability outside [0, 1], an id that appears twice, a radius outside (0, 1] km, a
 /// position beyond 100 km, a speed beyond 1 km/s or a covariance beyond 1e12.
-DrawableMap drawable_map(const EllipseMap& msg);
+DrawableObjects drawable_objects(const EllipseMap& msg);
 
 }  // namespace situation_awareness

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/ros/rviz/drawable_map.hpp"
+#include "situation_awareness/ros/rviz/drawable_objects.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -7,6 +7,7 @@
 #include <unordered_set>
 
 #include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/rviz/map_mesh.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -16,7 +17,6 @@ constexpr double kMaxPosition_m = 1e5;  ///< a float has steps of 8 mm there
 constexpr double kMaxSpeed_m_s = 1e3;
 constexpr double kMaxVariance = 1e12;  ///< of whatever unit: far from where squares of it overflow
 constexpr double kTurnTolerance = 1e-3;
-constexpr std::size_t kMaxLabelLength = 32;
 
 bool is_turn_about_z(const geometry_msgs::Quaternion& q) {
   const double norm = std::sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w);
@@ -46,25 +46,16 @@ std::string fault(const MappedEllipse& element) {
   return "";
 }
 
-std::string name_of(const MappedEllipse& element) {
-  std::string name = std::to_string(element.id);
-  if (element.label.empty()) return name;
-  std::string label = element.label.substr(0, kMaxLabelLength);
-  std::replace_if(
-      label.begin(), label.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return name + ' ' + label;
-}
-
 }  // namespace
 
-DrawableMap drawable_map(const EllipseMap& msg) {
+DrawableObjects drawable_objects(const EllipseMap& msg) {
   std::unordered_set<std::uint64_t> ids;
   std::vector<std::string> names;
   for (const MappedEllipse& element : msg.ellipses) {
     std::string wrong = fault(element);
     if (!ids.insert(element.id).second) wrong = "its id appears twice";
     if (!wrong.empty()) throw std::invalid_argument("element " + std::to_string(element.id) + ": " + wrong);
-    names.push_back(name_of(element));
+    names.push_back(label_text(element.id, element.label));
   }
   return {objects_from_msg(msg), names};
 }

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <OgreQuaternion.h>
+#include <OgreVector3.h>
+
+#include "situation_awareness/ros/rviz/map_mesh.hpp"
+
+namespace Ogre {
+class ManualObject;
+class SceneManager;
+class SceneNode;
+}  // namespace Ogre
+
+namespace rviz {
+class MovableText;
+}
+
+namespace situation_awareness {
+
+/// The meshes and labels of a map in the scene of rviz. Buffers and texts are used again from map to map.
+class MapScene {
+ public:
+  /// Draws below `node`. Both must outlive this.
+  MapScene(Ogre::SceneManager& manager, Ogre::SceneNode& node);
+  MapScene(const MapScene&) = delete;
+  MapScene& operator=(const MapScene&) = delete;
+  ~MapScene();
+
+  /// Where the frame of the map is in the fixed frame.
+  void place(const Ogre::Vector3& position, const Ogre::Quaternion& orientation);
+
+  void show(const MapMesh& mesh, const std::vector<MapLabel>& labels);
+
+ private:
+  struct Text {
+    std::unique_ptr<rviz::MovableText> text;
+    Ogre::SceneNode* node;
+  };
+
+  Ogre::SceneManager& manager_;
+  Ogre::SceneNode& node_;
+  std::string material_;
+  Ogre::ManualObject* solid_;
+  Ogre::ManualObject* translucent_;
+  std::vector<Text> texts_;  ///< as many as there ever were at once; those not needed are hidden
+};
+
+}  // namespace situation_awareness

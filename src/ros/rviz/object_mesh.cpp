@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/rviz/object_mesh.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/ros/markers/object_shapes.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kUnseen_s = 0.5;  ///< from then on an element is remembered rather than seen
+constexpr double kMaxUncertainty_m = 1e3;
+constexpr std::size_t kMaxSides = 48;
+constexpr std::size_t kMinSides = 12;
+constexpr std::size_t kSidesOfAll = 9600;  ///< the more elements, the coarser each: what is drawn stays bounded
+
+/// Height of the top of the bodies.
+double top_m(const Objects& map, const MapStyle& style) { return map.height_world_m + 0.5 * style.body_height_m; }
+
+/// The closed outline of an ellipse whose semi-axes are longer by `wider_m`.
+Polyline outline_of(const Ellipse& ellipse, std::size_t sides, double wider_m = 0.0) {
+  Polyline outline;
+  outline.reserve(sides + 1);
+  const Eigen::Rotation2Dd turn(ellipse.psi_rad);
+  for (std::size_t i = 0; i <= sides; ++i) {
+    const double angle_rad = 2.0 * kPi * static_cast<double>(i % sides) / static_cast<double>(sides);
+    const Eigen::Vector2d own_m((ellipse.rx_m + wider_m) * std::cos(angle_rad),
+                                (ellipse.ry_m + wider_m) * std::sin(angle_rad));
+    outline.emplace_back(ellipse.center_m + turn * own_m);
+  }
+  return outline;
+}
+
+/// From the edge to where the edge will be in 1 s.
+void add_velocity(Mesh& mesh, const Object& object, double z_m, const Paint& paint) {
+  const Ellipse& ellipse = object.ellipse_world;
+  const Eigen::Vector2d ahead = object.velocity_world_m_s.normalized();
+  const Eigen::Vector2d edge_m = intersect_ray(ellipse, ellipse.center_m, ahead).value_or(0.0) * ahead;
+  add_arrow(mesh, ellipse.center_m + edge_m, object.velocity_world_m_s, z_m, paint);
+}
+
+}  // namespace
+
+Color color_of(const Object& object, ObjectStyle::Coloring coloring) {
+  if (coloring == ObjectStyle::kId) return color_of(object.id);
+  return object.p_moving > 0.5 ? kMovingColor : kStandingColor;
+}
+
+void draw(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
+  clear(mesh);
+  if (map.objects.empty()) return;
+  const auto coloring = static_cast<ObjectStyle::Coloring>(style.coloring);
+  const std::size_t sides = std::clamp(kSidesOfAll / map.objects.size(), kMinSides, kMaxSides);
+  const double top = top_m(map, style);
+  const double bottom = top - style.body_height_m;
+  for (const Object& object : map.objects) {
+    add_trail(mesh.translucent, history.path(object.id), map.stamp_ns, style.history_s, bottom - kLayer_m,
+              shaded(color_of(object, coloring), 0.8));
+  }
+  for (const Object& object : map.objects) {
+    const Color color = color_of(object, coloring);
+    const Paint body{color, static_cast<float>(style.alpha * object.p_exists)};
+    const Polyline outline = outline_of(object.ellipse_world, sides);
+    const Polyline outer = outline_of(object.ellipse_world, sides, kLineWidth_m);
+    add_wall(mesh.translucent, outline, outer, bottom, top, body);
+    add_fan(mesh.translucent, object.ellipse_world.center_m, outline, top, body);
+
+    const Paint line{shaded(color, 0.7), 1.0F};
+    const bool unseen = seconds_between(object.last_seen_ns, map.stamp_ns) > kUnseen_s;
+    add_band(mesh.solid, outline, outer, top + kLayer_m, line, unseen);
+    if (style.velocity && moves(object)) add_velocity(mesh.solid, object, top + 2.0 * kLayer_m, line);
+  }
+  if (!style.covariance) return;
+  for (const Object& object : map.objects) {
+    Ellipse area = position_uncertainty(object);
+    area.rx_m = std::min(area.rx_m, kMaxUncertainty_m);
+    area.ry_m = std::min(area.ry_m, kMaxUncertainty_m);
+    const double z_m = top + 3.0 * kLayer_m;
+    const Polyline outline = outline_of(area, sides);
+    add_fan(mesh.translucent, area.center_m, outline, z_m, {kUncertaintyColor, 0.3F});
+    add_band(mesh.translucent, outline, outline_of(area, sides, 0.4 * kLineWidth_m), z_m, {kUncertaintyColor, 0.9F});
+  }
+}
+
+std::vector<MapPosition> positions_of(const Objects& map) {
+  std::vector<MapPosition> positions;
+  positions.reserve(map.objects.size());
+  for (const Object& object : map.objects) positions.push_back({object.id, object.ellipse_world.center_m});
+  return positions;
+}
+
+std::vector<MapLabel> labels_of(const DrawableObjects& map, const MapStyle& style) {
+  std::vector<MapLabel> labels;
+  labels.reserve(map.names.size());
+  const double z_m = top_m(map.objects, style) + 0.2;
+  for (std::size_t i = 0; i < map.names.size(); ++i) {
+    const Ellipse& ellipse = map.objects.objects[i].ellipse_world;
+    const double aside_m =
+        ellipse.ry_m < 0.6 * kLabelHeight_m ? -half_width_m(ellipse, {0.0, 1.0}) - kLabelHeight_m : 0.0;
+    const Eigen::Vector2d place_m = ellipse.center_m + Eigen::Vector2d(0.0, aside_m);
+    labels.push_back({map.names[i], Eigen::Vector3d(place_m.x(), place_m.y(), z_m).cast<float>()});
+  }
+  return labels;
+}
+
+}  // namespace situation_awareness
