@@ -15,7 +15,7 @@ std::string joined(const std::string& section, const std::string& name) {
   return section.empty() ? name : section + '.' + name;
 }
 
-/// The key below `section` that leads to `parameter`; empty if none does.
+/// The key below `section` on the path of `parameter`; empty if it is elsewhere.
 std::string key_below(const std::string& section, const Parameter& parameter) {
   if (parameter.section == section) return parameter.name;
   const std::string prefix = section.empty() ? "" : section + '.';
@@ -137,7 +137,7 @@ class YamlReader {
   const OnUnknownKey& on_unknown_key_;
 };
 
-/// Writes what is below `section`, its own parameters before the sections in it.
+/// Writes the contents of `section`, its own parameters before its sections.
 void write(const std::vector<Parameter>& parameters, const std::string& section, const std::string& indent,
            std::string& text) {
   std::vector<std::string> sections;

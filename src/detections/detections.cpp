@@ -27,7 +27,7 @@ const char* detection_defect(const Detection& detection) {
   if (!finite) return "ellipse not finite";
   if (!(ellipse.rx_m >= ellipse.ry_m && ellipse.ry_m > 0.0)) return "radii not rx >= ry > 0";
   if (!(detection.p_ellipse >= 0.0 && detection.p_ellipse <= 1.0)) return "p_ellipse not in [0, 1]";
-  if (!is_usable(detection.covariance)) return "covariance says nothing";
+  if (!is_usable(detection.covariance)) return "covariance not usable";
   return "";
 }
 

@@ -72,7 +72,7 @@ class Curve {
   double b_;           ///< |M d|
 };
 
-/// Of hits against the curve, along its normal.
+/// Distances of hits from the curve, along its normal.
 double residual_rms_m(const Point* points, std::size_t count, const Vector5d& x) {
   const Eigen::Matrix2d M = shape_of(x).C.inverse();
   double sum = 0.0;
@@ -86,16 +86,16 @@ double mean_beam(const Point* points, std::size_t count) {
   return sum / static_cast<double>(count);
 }
 
-/// A fit costs about one per hit; above that by more than this it has not found the object.
+/// The cost of a fit is about one per hit; above that by more than this it has not converged.
 constexpr double kGoodCostMargin = 10.0;
 
-/// What is known of an object before its hits are looked at.
+/// The prior of an object.
 struct Expectation {
   Eigen::Vector3d shape;          ///< m, p, q
-  double silhouette_slack_beams;  ///< a tangent off the middle between hit and miss by up to this is as good as in it
+  double silhouette_slack_beams;  ///< a tangent off the middle between hit and miss by up to this has no residual
 };
 
-/// The sensor's model of one segment as a nonlinear least-squares problem.
+/// The sensor model of one segment as a nonlinear least-squares problem.
 class Problem {
  public:
   Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params,
@@ -107,7 +107,7 @@ class Problem {
         params_(params),
         expectation_(expectation) {}
 
-  /// The problem of an object of which only the prior is known.
+  /// The problem of a new object, with the general prior.
   Problem(const Segments& segments, const Segment& segment, const EllipseFitParams& params)
       : Problem(segments, segment, params, {{params.mean_radius_m, 0.0, 0.0}, 0.0}) {}
 
@@ -167,8 +167,9 @@ class Problem {
   }
 
   /// Root mean square of the hits' distances from the curve, to first order.
-  /// As wide as the segment, touching its middle from behind: a circle, or an ellipse leaning by `lean_rad` from the
-  /// line of sight.
+  /// As wide as the segment, touching its middle from behind: a circle, or an ellipse inclined by `lean_rad` to the
+  /// line of
+  /// sight.
   Vector5d start(double half_difference_ratio, double lean_rad) const {
     const double width_m = (points_[count_ - 1].p_level_m - points_[0].p_level_m).norm();
     const double m = std::clamp(0.5 * width_m, 2.0 * params_.min_radius_m, params_.max_radius_m);
@@ -200,7 +201,7 @@ class Problem {
   Expectation expectation_;
 };
 
-/// Keep both radii at or above the smallest that is allowed.
+/// Bound both radii from below.
 void bound_radii(Vector5d& x, double min_radius_m) {
   x(2) = std::max(x(2), min_radius_m);
   const double half_difference = x.tail<2>().norm();
@@ -208,7 +209,7 @@ void bound_radii(Vector5d& x, double min_radius_m) {
   if (half_difference > most) x.tail<2>() *= half_difference > 0.0 ? most / half_difference : 0.0;
 }
 
-/// Levenberg and Marquardt, damped on the diagonal.
+/// Levenberg-Marquardt, damped on the diagonal.
 Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& params) {
   bound_radii(x, params.min_radius_m);
   double damping = 1e-3;
@@ -237,11 +238,11 @@ Vector5d minimise(const Problem& problem, Vector5d x, const EllipseFitParams& pa
   return x;
 }
 
-/// Of a known object, the tangent is anywhere in the middle half between hit and miss: its error repeats from scan to
-/// scan while the view is the same, and drawing it to the very middle each time would end there.
+/// For a known object, a tangent within the middle half between hit and miss has no residual: its error is the same in
+/// every scan while the view is constant, and would otherwise bias the average to the middle.
 constexpr double kSilhouetteSlack_beams = 0.25;
 
-/// Covariance by the curvature of the problem at its answer.
+/// Covariance by the Hessian of the problem at its solution.
 Matrix5d laplace_covariance(const Problem& problem, const Vector5d& x) {
   Matrix5d A;
   Vector5d b;
@@ -261,7 +262,7 @@ void EllipseFitParams::validate() const {
 Detection fit_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
   const Segment& piece = segments.segments[segment];
   const Problem problem(segments, piece, params);
-  // The circle finds the least cost nearly always; where it ends in a corner, one of the leaning ellipses does.
+  // The circle nearly always converges to the least cost; where it ends in a local minimum, an inclined ellipse does.
   Vector5d best = minimise(problem, problem.start(0.0, 0.0), params);
   double best_cost = problem.evaluate(best, best, nullptr, nullptr);
   for (const double lean_rad : {kPi / 4.0, -kPi / 4.0}) {

@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-// o      the network's answer                                                      22
+// o          the network's output                                                      22
 // w, R   half width of the segment and largest radius of the prior, in m
 // A      lower triangular factor of the precision in the segment's frame, in 1/R   5x5
 // J      from the segment's frame to the level frame                               5x5
@@ -25,7 +25,7 @@ constexpr int kOutputs = kPoint + kFactor + 2;
 static_assert(kOutputs == static_cast<int>(kEllipseAnswer));
 constexpr double kFactorLogDiagonal = 3.0;
 constexpr double kFactorScale = 10.0;
-constexpr double kMaxLog = 15.0;  // of what is exponentiated: no answer overflows
+constexpr double kMaxLog = 15.0;  // of exponents, against overflow
 
 double bounded_exp(double x) { return std::exp(std::clamp(x, -kMaxLog, kMaxLog)); }
 

@@ -20,7 +20,7 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kGoldenTolerance = 1e-4;  // of an answer, or of 1: processors differ by 1e-6, damaged weights by more
+constexpr double kGoldenTolerance = 1e-4;  // relative above 1: processors differ by 1e-6, damaged weights by more
 constexpr int kManifestVersion = 1;
 constexpr int kMaxRowSize = 1 << 20;
 
@@ -34,7 +34,7 @@ struct Tensor {
 struct Golden {
   int first = 0;  ///< index of the first input that `input` has
   std::vector<float> input;
-  float fill = 0.0F;  ///< value of the inputs that it has not
+  float fill = 0.0F;  ///< value of the other inputs
   std::vector<float> output;
 };
 
@@ -113,7 +113,7 @@ class OnnxModel::Impl {
     const std::string manifest_file = manifest_path(onnx_path);
     const std::string onnx = read_file(onnx_path);
     const Manifest manifest = read_manifest(manifest_file);
-    // OpenCV's importer can be brought down by a damaged file, so it sees none (docs/math/detections.md).
+    // A damaged file may crash OpenCV's importer, so it is checked first (docs/math/detections.md).
     if (sha256(onnx) != manifest.sha256) {
       throw std::runtime_error(onnx_path + ": its SHA-256 is not the one in " + manifest_file +
                                ": damaged, or of another version");
@@ -127,10 +127,10 @@ class OnnxModel::Impl {
       net_.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
       const std::vector<std::string> outputs = net_.getUnconnectedOutLayersNames();
       if (outputs != std::vector<std::string>{output_tensor_.name}) {
-        throw std::runtime_error("it does not answer with '" + output_tensor_.name + "' alone");
+        throw std::runtime_error("its only output is not '" + output_tensor_.name + "'");
       }
       check_golden(manifest.golden);
-    } catch (const cv::Exception& error) {  // its what() is a page, its err the sentence
+    } catch (const cv::Exception& error) {  // its what() is too long for a message
       throw std::runtime_error(onnx_path + ": not usable as a network (" + error.err + ")");
     } catch (const std::exception& error) {
       throw std::runtime_error(onnx_path + ": not usable as a network (" + error.what() + ")");
@@ -150,16 +150,17 @@ class OnnxModel::Impl {
   }
 
   const float* forward() {
-    // OpenCV runs what is nested in one of its parallel loops on the calling thread, so a loop of one turn keeps this
-    // forward from waking a thread per core beside the nodelet manager's own; cv::setNumThreads would say the same to
-    // everyone else's OpenCV in the process.
+    // OpenCV runs nested parallel loops on the calling thread, so an outer loop of one iteration keeps this forward
+    // from using
+    // a thread per core beside the nodelet manager's; cv::setNumThreads would affect all other users of OpenCV in the
+    // process.
     cv::parallel_for_(cv::Range(0, 1), [this](const cv::Range&) {
       net_.setInput(input_, input_tensor_.name);
       net_.forward(output_);
     });
     if (output_.dims != 2 || output_.rows != input_.size[0] || output_.cols != outputs() || output_.type() != CV_32F ||
         !output_.isContinuous()) {
-      throw std::runtime_error("it does not answer with " + std::to_string(outputs()) + " numbers per row");
+      throw std::runtime_error("its output does not have " + std::to_string(outputs()) + " numbers per row");
     }
     return output_.ptr<float>();
   }
@@ -171,7 +172,7 @@ class OnnxModel::Impl {
     for (std::size_t i = 0; i < golden.output.size(); ++i) {
       const double tolerance = kGoldenTolerance * std::max(1.0, std::abs(static_cast<double>(golden.output[i])));
       if (std::abs(answer[i] - golden.output[i]) <= tolerance) continue;  // false for NaN
-      throw std::runtime_error("its answer to the golden vector of its manifest is wrong");
+      throw std::runtime_error("its output for the golden vector of its manifest is wrong");
     }
   }
 

@@ -16,11 +16,11 @@ using Kind = PaperNetwork::Kind;
 constexpr int kMiddle = PaperNetwork::kBeams / 2;
 constexpr double kRangeScale = 0.1;     // docs/math/paper_networks.md, eq. 2
 constexpr double kDeviationGain = 4.0;  // eq. 2
-constexpr double kMinRadiusM = 0.01;    // the networks' answers are not bounded
+constexpr double kMinRadiusM = 0.01;    // the networks' outputs are not bounded
 
 int outputs_of(Kind kind) { return kind == Kind::kCircle ? 3 : 5; }
 
-/// Input of the beams that meet nothing (circle paper, Sect. IV-A: -1; ellipse paper, Sect. IV: 0).
+/// Input of beams without a hit (circle paper, Sect. IV-A: -1; ellipse paper, Sect. IV: 0).
 float input_without_hit(Kind kind) { return kind == Kind::kCircle ? -1.0F : 0.0F; }
 
 /// Azimuth of the network's middle beam: that of the segment's middle point in its own polar frame, else straight
@@ -30,7 +30,7 @@ double middle_azimuth_rad(Kind kind, const Segments& segments, const Segment& se
   return kind == Kind::kPolarEllipse ? azimuth_rad : 2.0 * kPi * std::round(azimuth_rad / (2.0 * kPi));
 }
 
-/// The network's beams that meet one segment, first ... last; none where first > last.
+/// The network's beams that hit a segment, first ... last; none where first > last.
 struct BeamRange {
   int first = 0;
   int last = 0;
@@ -42,18 +42,19 @@ double in_beams(double azimuth_rad, double middle_rad) {
 
 /// Docs/math/paper_networks.md, eq. 1.
 BeamRange beams_on(const Segments& segments, const Segment& segment, double middle_rad) {
-  // A beam exactly half a beam beyond the outermost hit is no hit: it belongs as much to the miss beside it. The
-  // tolerance is that of single-precision angles over a scan; the hits themselves count by the same.
+  // A beam exactly half a beam beyond the outermost hit is no hit. The tolerance is that of single-precision angles
+  // over a
+  // scan, and is also applied to the hits.
   const double reach_beams = std::max(0.5 * segments.resolution_rad / PaperNetwork::kResolutionRad - 1e-3, 1e-3);
   const double low = in_beams(segments.points[segment.first].azimuth_rad, middle_rad) - reach_beams;
   const double high =
       in_beams(segments.points[segment.first + segment.count - 1].azimuth_rad, middle_rad) + reach_beams;
-  constexpr double kEdge = kMiddle;  // clamped as doubles, because an int does not hold every one of them
+  constexpr double kEdge = kMiddle;  // clamped as doubles, since they may exceed an int
   return {kMiddle + static_cast<int>(std::ceil(std::clamp(low, -kEdge, kEdge + 1.0))),
           kMiddle + static_cast<int>(std::floor(std::clamp(high, -kEdge - 1.0, kEdge)))};
 }
 
-/// Ranges that the beams would have met the segment at (docs/math/paper_networks.md, eq. 1).
+/// Ranges at which the beams would have hit the segment (docs/math/paper_networks.md, eq. 1).
 std::vector<double> ranges_on(const Segments& segments, const Segment& segment, double middle_rad, BeamRange beams) {
   const Point* const points = &segments.points[segment.first];
   std::vector<double> ranges_m;
@@ -78,7 +79,7 @@ double mean_of(const std::vector<double>& values) {
   return sum / static_cast<double>(values.size());
 }
 
-/// The network's answer in the frame whose x axis is its middle beam (docs/math/paper_networks.md, eq. 3).
+/// The network's output in the frame whose x axis is its middle beam (docs/math/paper_networks.md, eq. 3).
 Ellipse ellipse_of(Kind kind, const float* answer, double mean_range_m) {
   Ellipse ellipse;
   ellipse.center_m = {static_cast<double>(answer[0]), static_cast<double>(answer[1])};

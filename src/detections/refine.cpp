@@ -11,7 +11,7 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kMaxOffset_m = 0.1;  // mean distance of an object's hits from what is known of it
+constexpr double kMaxOffset_m = 0.1;  // mean distance of an object's hits from its expected outline
 
 double mean_offset_m(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum_m = 0.0;
@@ -21,8 +21,8 @@ double mean_offset_m(const Segments& segments, const Segment& segment, const Out
   return sum_m / static_cast<double>(segment.count);
 }
 
-/// Whether the beams go into the outline where they end, by and large: on its far side, where they would come out, no
-/// hit can be of it.
+/// Whether the hits lie, on average, on the near side of the outline, where beams enter it; on its far side no beam can
+/// end.
 bool on_near_side(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum = 0.0;
   for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {

@@ -10,9 +10,9 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kMaxHalfAngleRad = radians(85.0);  // of a segment: beyond, the sensor is all but inside the object
+constexpr double kMaxHalfAngleRad = radians(85.0);  // of a segment: beyond, the sensor is almost inside the object
 
-/// Mean of the ranges over each slot, each hit standing for the azimuths nearer to it than to its neighbours.
+/// Mean of the ranges over each slot, by nearest-neighbour interpolation of the hits.
 std::array<double, SegmentEncoding::kSlots> profile(const Point* points, std::size_t count, double right_rad,
                                                     double left_rad) {
   constexpr std::size_t n = SegmentEncoding::kSlots;
@@ -36,7 +36,7 @@ std::array<double, SegmentEncoding::kSlots> profile(const Point* points, std::si
   return sums;
 }
 
-/// How rough the ranges are: root mean square of their second differences, 1 for pure noise on a straight run.
+/// Roughness of the ranges: root mean square of their second differences, 1 for pure noise on a straight run.
 double roughness(const Point* points, std::size_t count, double range_sigma_m) {
   if (count < 3) return 1.0;
   double sum = 0.0;

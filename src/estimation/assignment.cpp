@@ -10,7 +10,7 @@
 namespace situation_awareness {
 namespace {
 
-/// What is kept for its memory from call to call.
+/// Memory reused from call to call.
 struct Workspace {
   std::vector<int> parents;
   std::vector<int> group_of;
@@ -115,7 +115,7 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
   std::vector<Candidate>& sorted = work.sorted;
   sorted.clear();
   for (const Candidate& candidate : candidates) {
-    if (candidate.cost < 0.0) sorted.push_back(candidate);  // nor NaN, on which no assignment can end
+    if (candidate.cost < 0.0) sorted.push_back(candidate);  // nor NaN, with which the search would not end
   }
   Groups groups(rows + columns, work.parents);
   for (const Candidate& candidate : sorted) groups.join(candidate.row, rows + candidate.column);
@@ -148,7 +148,7 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
       return static_cast<std::size_t>(std::lower_bound(indices.begin(), indices.end(), value) - indices.begin());
     };
 
-    // Pairs that are no candidates cost nothing, as do columns that are not there: a row placed on one is left alone.
+    // Pairs that are no candidates, and extra columns, cost nothing: a row assigned to one is unmatched.
     const std::size_t n = local_rows.size();
     const std::size_t m = std::max(n, local_columns.size());
     cost.assign(n * m, 0.0);

@@ -32,8 +32,8 @@ constexpr int kLower = -1;
 constexpr int kFree = 0;
 constexpr int kUpper = +1;
 
-/// The residuals of all points, and their linear model reduced to its triangle, which is as small for a thousand points
-/// as for six.
+/// The residuals of all points, and their linear model reduced to its triangular factor, whose size does not depend on
+/// the number of points.
 class Residuals {
  public:
   explicit Residuals(const std::vector<Eigen::Vector2d>& points_m)
@@ -100,7 +100,7 @@ struct Box {
   bool contains(const Vector5d& x) const { return (x.array() >= lower.array() && x.array() <= upper.array()).all(); }
 };
 
-/// How far one can go from a point of the box along `direction` before leaving it, and which sides stop one there.
+/// Distance from a point of the box along `direction` to its border, and the sides of the border there.
 struct Way {
   double length = std::numeric_limits<double>::infinity();
   Vector5i stopped = Vector5i::Constant(kFree);
@@ -170,7 +170,7 @@ int minimise(Residuals& residuals, Vector5d& x, const Box& bounds, const DoglegP
   while (!converged && evaluations < params.max_evaluations) {
     Matrix6d R = residuals.linearise(x);
     Vector5d g = R.leftCols<5>().transpose() * R.col(5);
-    // A variable on a bound that the gradient pushes against stays there and leaves the model.
+    // A variable at a bound with the gradient pointing outwards is fixed and leaves the model.
     const Eigen::Array<bool, 5, 1> active = on_bound.cast<double>().cwiseProduct(g).array() < 0.0;
     for (int k = 0; k < 5; ++k) {
       if (!active(k)) continue;

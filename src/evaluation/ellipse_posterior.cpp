@@ -77,7 +77,7 @@ bool is_within_range(const Ellipse& ellipse, const SegmentModel& model) {
          (distance + radius < model.max_range_m || farthest_distance(ellipse) < model.max_range_m);
 }
 
-/// Azimuths of the beams from the segment's middle, and what they measured.
+/// Azimuths of the beams from the segment's middle, and their ranges.
 struct Hits {
   Eigen::ArrayXd cos;
   Eigen::ArrayXd sin;
@@ -150,7 +150,7 @@ class EllipsesBetween {
       : hits_(hits), model_(model), design_(hits.range_m.size(), 3), inverse_(hits.range_m.size()) {
     const double inverse_range = 1.0 / hits.range_m.mean();
     const double scale = inverse_range * inverse_range;
-    // Depths of the size of the prior's, told as loosely as to guide the proposal only where the hits say nothing.
+    // Weak pseudo-measurements of the prior's depth, which guide the proposal only where the hits do not.
     constexpr double kSlopeSigmaM = 1.0;
     constexpr double kThicknessM = 0.3;
     constexpr double kThicknessSigmaM = 0.5;
@@ -319,8 +319,8 @@ class CirclesBetween {
   CircleDistance distance_;
 };
 
-/// The interval between two beams that a tangent lies in, in beams from the segment's middle, and how probable the
-/// observation is for a tangent there, but for the ranges.
+/// The interval between two beams that contains a tangent, in beams from the segment's middle, and the probability of
+/// the observation without the ranges for a tangent there.
 struct Gap {
   double low = 0.0;
   double probability = 1.0;
@@ -331,8 +331,9 @@ struct Gaps {
   std::vector<Gap> left;
 };
 
-/// Where the tangents can be. At a silhouette, between the last hit and the free beam beside it. At a hidden end, h
-/// beams further, for each h that the model allows: the occluder's h was one of `choices` with the same probability.
+/// Possible intervals of the tangents. At a silhouette, between the last hit and the free beam beside it. At a hidden
+/// end, h beams further, for each h that the model allows: the occluder's h was one of `choices` with the same
+/// probability.
 Gaps gaps_of(const SegmentObservation& observation, const SegmentModel& model) {
   const int visible = static_cast<int>(observation.ranges_m.size());
   const double half = 0.5 * (visible - 1);
@@ -365,11 +366,11 @@ struct Cell {
   double left_low = 0.0;
   double size_right = 0.0;
   double size_left = 0.0;
-  double log_density = 0.0;  ///< of the observation, but for the ranges
+  double log_density = 0.0;  ///< of the observation without the ranges
   double share = 0.0;        ///< of the proposal
 };
 
-/// Gaps are cut as finely as posteriors vary within them.
+/// Gaps are divided according to the variation of posteriors within them.
 std::vector<Cell> cells_of(const Gaps& gaps) {
   constexpr int kCutsOfSilhouette = 6;
   constexpr int kCutsOfHiddenEnd = 3;
@@ -511,9 +512,9 @@ class Sampler {
   std::vector<Draw> draws_;
 };
 
-/// The posterior as a density over y = (near_m, across_m, psi, rx, v), where the prior is flat: the nearest that the
-/// ellipse comes along the middle beam and where its centre is across that, and ry = rmin + v (rx - rmin). Seen from
-/// the segment's middle. Written without the tangents' coordinates, so that one way checks the other.
+/// The posterior as a density over y = (near_m, across_m, psi, rx, v), where the prior is flat: the ellipse's nearest
+/// distance along the middle beam and its centre's offset across it, and ry = rmin + v (rx - rmin). Seen from the
+/// segment's middle. Independent of the tangents' coordinates, so that the two check each other.
 class FlatPosterior {
  public:
   static constexpr int kPsi = 2;
@@ -555,8 +556,8 @@ class FlatPosterior {
   }
 
  private:
-  /// Of the gaps that the tangents are in. Their normals n have n^T S n = 0, S = C - t t^T; so the eigenvector of its
-  /// negative eigenvalue points between them, and the eigenvalues tell the angle.
+  /// Log-density of the tangents' gaps. Their normals n have n^T S n = 0, S = C - t t^T; so the eigenvector of its
+  /// negative eigenvalue points between them, and the eigenvalues give the angle.
   double gap_probability(const Eigen::Matrix2d& S, const Eigen::Vector2d& t) const {
     const double mean = 0.5 * (S(0, 0) + S(1, 1));
     const double deviator = std::hypot(0.5 * (S(0, 0) - S(1, 1)), S(0, 1));
@@ -672,7 +673,7 @@ double correlation(const std::vector<Ellipse>& starts, const std::vector<Ellipse
   return (start_end.abs() / (start_start * end_end).sqrt().max(kTiny)).maxCoeff();
 }
 
-/// Move draws of few effective samples until they are worth `effective_samples`, or have been moved for long.
+/// Move draws with few effective samples until there are `effective_samples`, or up to a maximum of steps.
 EllipsePosterior mix(const FlatPosterior& flat, const EllipsePosterior& start, double effective_samples,
                      Random& random) {
   constexpr int kSteps = 200;
@@ -682,7 +683,7 @@ EllipsePosterior mix(const FlatPosterior& flat, const EllipsePosterior& start, d
   for (int i = 0; i < kMaxRounds && result.effective_samples < effective_samples; ++i) {
     ensemble.move(kSteps, random);
     result.draws = ensemble.draws();
-    // What the chains remember of their starts is what the starts' chance still does to a mean.
+    // The chains' correlation with their starts is the remaining effect of the starts' randomness on a mean.
     const double memory = correlation(start.draws, result.draws);
     result.effective_samples =
         1.0 / (1.0 / static_cast<double>(start.draws.size()) + memory * memory / start.effective_samples);
@@ -922,7 +923,7 @@ Ellipse bayes_estimate(DetectionLoss loss, const std::vector<Ellipse>& truths) {
   const Ellipse mean = mean_of(truths);
   if (loss == DetectionLoss::kCircleSquared) return mean;
 
-  // Candidates: the mean, the mean turned, and some of the truths. Screened by few truths, the best are improved by
+  // Candidates: the mean, the rotated mean, and some of the truths. Screened by few truths, the best are improved by
   // more of them, and the best of those by all.
   constexpr int kTurns = 8;
   constexpr std::size_t kDrawsTried = 16;

@@ -13,8 +13,8 @@
 
 namespace situation_awareness {
 
-/// Detects by a fit of a segment's points alone, `fit(points in the level frame) -> Ellipse`; residual and covariance
-/// are those of the sensor model. `points_level_m` is memory to be used again.
+/// Detects by a fit of a segment's points only, `fit(points in the level frame) -> Ellipse`; residual and covariance
+/// are those of the sensor model. `points_level_m` is reused memory.
 template <class Fit>
 void fit_each(const Segments& segments, const EllipseFitParams& params, const Fit& fit,
               std::vector<Eigen::Vector2d>& points_level_m, Detections& found) {

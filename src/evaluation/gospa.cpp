@@ -14,7 +14,8 @@ Gospa gospa(const std::vector<Eigen::Vector2d>& truths_m, const std::vector<Eige
   if (!(cutoff_m > 0.0)) throw std::invalid_argument("cutoff_m must be above 0");
   if (!(p >= 1.0)) throw std::invalid_argument("p must be at least 1");
 
-  // With m pairs, c^p / 2 (missed + false) = c^p (truths - m) + c^p / 2 (estimates - truths): a truth alone costs c^p.
+  // With m pairs, c^p / 2 (missed + false) = c^p (truths - m) + c^p / 2 (estimates - truths): an unmatched truth costs
+  // c^p.
   const double cost_alone = std::pow(cutoff_m, p);
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < truths_m.size(); ++i) {

@@ -30,7 +30,7 @@ void tally_error(double error, double& sum_of_squares, double& max_absolute) {
   max_absolute = std::max(max_absolute, std::abs(error));
 }
 
-/// False for what of the truth has not appeared yet, or has gone.
+/// False for true objects that have not appeared yet, or have gone.
 bool is_there(const Object& true_object) { return true_object.p_exists > 0.0; }
 
 double ratio(double part, double whole) { return whole > 0.0 ? part / whole : 0.0; }
@@ -56,7 +56,7 @@ std::vector<MapEvaluation::Thing> MapEvaluation::things_of(const Objects& truth)
 }
 
 std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Objects& map) const {
-  const double cost_alone_m = 2.0 * params_.max_match_distance_m;  // so that no thing is left alone for a nearer pair
+  const double cost_alone_m = 2.0 * params_.max_match_distance_m;  // so that none is left unmatched for a nearer pair
   std::vector<Candidate> candidates;
   for (std::size_t i = 0; i < things.size(); ++i) {
     if (!is_there(*things[i].reference)) continue;
@@ -163,7 +163,7 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
   const std::vector<int> element_of = match(things, map);
 
   ScanScore scan;
-  std::vector<Eigen::Vector2d> truths_m, estimates_m;  // what GOSPA sees
+  std::vector<Eigen::Vector2d> truths_m, estimates_m;  // input of GOSPA
   std::vector<bool> on_truth(map.objects.size(), false), on_hidden(map.objects.size(), false);
   for (std::size_t i = 0; i < things.size(); ++i) {
     const Object& object = *things[i].reference;

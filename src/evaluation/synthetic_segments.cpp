@@ -30,7 +30,7 @@ constexpr double kMissM = std::numeric_limits<double>::infinity();
 
 using Edge = std::pair<Eigen::Vector2d, Eigen::Vector2d>;
 
-/// A coin that shows true with this probability.
+/// True with this probability.
 bool chance(Random& random, double probability) { return random.uniform() < probability; }
 
 int uniform_int(Random& random, int low, int high) {
@@ -39,14 +39,14 @@ int uniform_int(Random& random, int low, int high) {
 
 double log_uniform(Random& random, double low, double high) { return low * std::pow(high / low, random.uniform()); }
 
-/// The scanner of one sample: the azimuth of beam k in the level frame, and how much of a slant range is horizontal.
+/// The scanner of one sample: the azimuth of beam k in the level frame, and the horizontal fraction of a slant range.
 struct Scanner {
   double resolution_rad = kPaperResolutionRad;
-  double range_sigma_m = kPaperSigmaM;  ///< as its data sheet says
-  double noise = 1.0;                   ///< true standard deviation over that
+  double range_sigma_m = kPaperSigmaM;  ///< nominal
+  double noise = 1.0;                   ///< true standard deviation over the nominal one
   double max_range_m = kPaperMaxRangeM;
   double tilt_rad = 0.0;
-  double tilt_axis_rad = 0.0;  ///< azimuth that the scanner turns about
+  double tilt_axis_rad = 0.0;  ///< azimuth of the tilt axis
 
   int beams() const { return static_cast<int>(std::floor(kFieldRad / resolution_rad + 1e-6)) + 1; }
 
@@ -69,7 +69,7 @@ struct Scanner {
   }
 };
 
-/// What stands before the scanner.
+/// The object before the scanner.
 struct Thing {
   std::vector<Ellipse> ellipses;
   std::vector<Edge> edges;
@@ -159,7 +159,7 @@ struct Hits {
   int count() const { return static_cast<int>(ranges_m.size()); }
 };
 
-/// Noiseless; empty if the thing reaches beyond the field of view.
+/// Noiseless; empty if the object extends beyond the field of view.
 Hits cast(const Thing& thing, const Scanner& scanner) {
   const auto [low, high] = azimuths_of(thing);
   // A tilt moves azimuths by less than two degrees.
@@ -197,7 +197,7 @@ bool in_one_piece(const Hits& hits) {
   return true;
 }
 
-/// What is beside the ends of a segment.
+/// The surroundings of a segment's ends.
 struct Ends {
   SegmentEnd right = SegmentEnd::kFree;
   SegmentEnd left = SegmentEnd::kFree;
@@ -205,7 +205,7 @@ struct Ends {
   int left_blocked = 0;
 };
 
-/// Take `hidden` beams off one end, and say that `beyond` more behind it are blocked too.
+/// Remove `hidden` beams from one end, with `beyond` more blocked beams beside it.
 void hide(Hits& hits, Ends& ends, bool right, int hidden, int beyond) {
   if (right) {
     hits.ranges_m.erase(hits.ranges_m.begin(), hits.ranges_m.begin() + hidden);
@@ -219,7 +219,7 @@ void hide(Hits& hits, Ends& ends, bool right, int hidden, int beyond) {
   }
 }
 
-/// Hides one end by something nearer, 30 to 70 % of the beams that would hit. False if too few would be left.
+/// Occludes one end, 30 to 70 % of the beams that would hit. False if too few would be left.
 bool hide_one_end(Hits& hits, Ends& ends, int min_visible, Random& random) {
   constexpr int kMaxBeyond = 20;
   const int n = hits.count();
@@ -380,7 +380,7 @@ Thing draw_two(Random& random) {
   return {{first, second}, {}};
 }
 
-/// True if each of the two ellipses is hit by at least two beams: else it is one that is seen.
+/// True if each of the two ellipses is hit by at least two beams: else only one is visible.
 bool both_seen(const Thing& two, const Hits& hits, const Scanner& scanner) {
   std::array<int, 2> seen = {0, 0};
   for (int i = 0; i < hits.count(); ++i) {
@@ -392,7 +392,7 @@ bool both_seen(const Thing& two, const Hits& hits, const Scanner& scanner) {
   return seen[0] >= 2 && seen[1] >= 2;
 }
 
-/// Leaves scatter in depth by more than the noise and less than a gap.
+/// The depth of leaves scatters by more than the noise and less than a gap.
 void scatter(Hits& hits, Random& random) {
   const double spread_m = log_uniform(random, 0.03, 0.15);
   for (double& range_m : hits.ranges_m) {
@@ -400,7 +400,7 @@ void scatter(Hits& hits, Random& random) {
   }
 }
 
-/// Real things are no perfect ellipses: a few waves along the outline.
+/// Real objects are no perfect ellipses: a few waves along the outline.
 void roughen(Hits& hits, Random& random) {
   constexpr int kWaves = 3;
   const double amplitude_m = log_uniform(random, 0.002, 0.015);
@@ -461,7 +461,7 @@ std::optional<SyntheticSegment> try_other(SegmentCase which, Random& random) {
   return make_segment(hits, ends, scanner, std::nullopt);
 }
 
-/// A beam on the edge of a thing may return a range between it and what is beside it.
+/// A beam on the edge of an object may return a range between it and the surface beside it (mixed pixel).
 void mix_pixels(Hits& hits, const Ends& ends, const Scanner& scanner, Random& random) {
   const auto mixed = [&](SegmentEnd end, double range_m) -> std::optional<double> {
     if (end == SegmentEnd::kBackground && chance(random, 0.2)) return range_m + random.uniform(0.0, kMaxRangeGapM);
@@ -481,7 +481,7 @@ void mix_pixels(Hits& hits, const Ends& ends, const Scanner& scanner, Random& ra
 
 std::optional<SyntheticSegment> try_product(Random& random) {
   const double kind = random.uniform();
-  // Most of what a detector is asked about is an ellipse; the rest teaches it to refuse.
+  // Most segments are ellipses; the others are for training the refusal.
   constexpr double kEllipses = 0.7;
   const Scanner scanner = draw_scanner(random);
   Thing thing;
@@ -510,7 +510,7 @@ std::optional<SyntheticSegment> try_product(Random& random) {
     const double how = random.uniform();
     if (how < 0.6) {
       if (!hide_one_end(hits, ends, kMinHits, random)) return std::nullopt;
-    } else {  // by something of any size, and any part; sometimes both
+    } else {  // of any length; sometimes both ends
       const bool right = chance(random, 0.5);
       for (const bool side : {right, !right}) {
         const int hidden = uniform_int(random, 0, static_cast<int>(0.8 * hits.count()));
@@ -529,7 +529,7 @@ std::optional<SyntheticSegment> try_product(Random& random) {
   if (chance(random, 0.3)) roughen(hits, random);
   add_noise(hits, scanner, random);
   mix_pixels(hits, ends, scanner, random);
-  if (chance(random, 0.1) && hits.count() > 2) {  // beams without an echo
+  if (chance(random, 0.1) && hits.count() > 2) {  // beams without a return
     const double lost = random.uniform(0.0, 0.3);
     for (std::size_t i = 1; i + 1 < hits.ranges_m.size(); ++i) {
       if (chance(random, lost)) hits.ranges_m[i] = kMissM;

@@ -15,9 +15,9 @@
 namespace situation_awareness {
 namespace {
 
-/// From the lidar's pose at its first beam to that at its last.
+/// Motion from the lidar's pose at its first beam to that at its last.
 struct Motion {
-  Eigen::Vector3d axis_lidar = Eigen::Vector3d::UnitZ();  ///< of the turn
+  Eigen::Vector3d axis_lidar = Eigen::Vector3d::UnitZ();  ///< of the rotation
   double turn_rad = 0.0;
   Eigen::Vector3d translation_world_m = Eigen::Vector3d::Zero();
   bool moves = false;
@@ -26,7 +26,7 @@ struct Motion {
 Motion motion_between(const Eigen::Isometry3d& T_world_first, const Eigen::Isometry3d& T_world_last) {
   Motion motion;
   motion.moves = T_world_first.matrix() != T_world_last.matrix();
-  if (!motion.moves) return motion;  // exactly none: the product of a rotation and its inverse is not quite that
+  if (!motion.moves) return motion;  // exactly none: R^T R is the identity only up to rounding
   const Eigen::AngleAxisd turn(T_world_first.linear().transpose() * T_world_last.linear());
   motion.axis_lidar = turn.axis();
   motion.turn_rad = turn.angle();
@@ -34,14 +34,14 @@ Motion motion_between(const Eigen::Isometry3d& T_world_first, const Eigen::Isome
   return motion;
 }
 
-/// `v` turned about the unit vector `axis` (Rodrigues).
+/// `v` rotated about the unit vector `axis` (Rodrigues).
 Eigen::Vector3d turned(const Eigen::Vector3d& v, const Eigen::Vector3d& axis, double angle_rad) {
   const double c = std::cos(angle_rad);
   return c * v + std::sin(angle_rad) * axis.cross(v) + (1.0 - c) * axis.dot(v) * axis;
 }
 
-/// Unit vectors along the beams of a scan, in the lidar's frame. A scanner's are the same from scan to scan: they are
-/// kept and computed again where angles or their number change, which spares the projection a twelfth of its time
+/// Unit vectors along the beams of a scan, in the lidar's frame. They are the same from scan to scan, so they are
+/// cached until angles or their number change, which saves a twelfth of the projection's time
 /// (benchmark/stages_benchmark.cpp).
 const std::vector<Eigen::Vector2d>& rays_lidar(const Scan& scan) {
   struct Kept {
@@ -67,9 +67,8 @@ double distance_m(const Point& point) {
   return is_hit(point.state) ? point.range_m : std::numeric_limits<double>::infinity();
 }
 
-/// Make azimuths grow again that step back, because things at different distances moved past one another while the
-/// lidar did. Seen from the origin the nearer one covers the other: it keeps its azimuths, and what it covers is put at
-/// its edge.
+/// Make azimuths non-decreasing where they decrease by parallax of the moving lidar. Seen from the origin the nearer
+/// points cover the others: they keep their azimuths, and the covered points get the azimuth of their edge.
 void order_azimuths(Points& points) {
   struct Block {  // of points at one azimuth, that of the nearest of them
     double azimuth_rad;
@@ -77,7 +76,7 @@ void order_azimuths(Points& points) {
     std::size_t end;
   };
   const std::size_t n = points.points.size();
-  // The nearest point never gives way, so that a circle is complete when it is met again.
+  // The nearest point keeps its azimuth, so that a circle is complete when it is reached again.
   const auto nearest = std::min_element(points.points.begin(), points.points.end(),
                                         [](const Point& a, const Point& b) { return distance_m(a) < distance_m(b); });
   const std::size_t start = points.full_circle ? static_cast<std::size_t>(nearest - points.points.begin()) : 0;
@@ -97,7 +96,7 @@ void order_azimuths(Points& points) {
     }
     blocks.push_back(block);
   }
-  // Each point from its own side of the seam, so that rounding does not part what is equal.
+  // Each point from its own side of the seam, so that rounding does not separate equal azimuths.
   const double first_rad = points.full_circle ? points.points[start].azimuth_rad : 0.0;
   std::size_t k = 0;
   for (const Block& block : blocks) {
@@ -162,7 +161,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   result.points.reserve(n);
   if (n == 0) return result;
 
-  // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it backwards.
+  // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it in reverse.
   const bool clockwise = (R_world_lidar(2, 2) < 0.0) != (scan.angle_increment_rad < 0.0);
   const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
   const std::vector<Eigen::Vector2d>& rays = rays_lidar(scan);
@@ -170,7 +169,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   double previous_rad = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = clockwise ? n - 1 - k : k;
-    const double part = static_cast<double>(i) / steps;  // of the motion, by the time of this beam
+    const double part = static_cast<double>(i) / steps;  // fraction of the motion at the time of this beam
     const Eigen::Vector3d ray_lidar(rays[i].x(), rays[i].y(), 0.0);
     const Eigen::Vector2d direction_level =
         R_level_lidar * (motion.moves ? turned(ray_lidar, motion.axis_lidar, part * motion.turn_rad) : ray_lidar);
@@ -179,7 +178,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
     const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
     const double azimuth_rad = k == 0 ? wrapped_rad : previous_rad + wrap_to_pi(wrapped_rad - previous_rad);
     if (k == 0) first_rad = azimuth_rad;
-    if (motion.moves && azimuth_rad > first_rad + 2.0 * kPi) break;  // the lidar's own turn carried it beyond a circle
+    if (motion.moves && azimuth_rad > first_rad + 2.0 * kPi) break;  // beyond a full circle by the lidar's rotation
     previous_rad = azimuth_rad;
 
     Point point;

@@ -9,7 +9,7 @@
 namespace situation_awareness {
 namespace {
 
-// Within these, rounding leaves the azimuths of neighbouring beams apart.
+// Within these bounds, rounding keeps the azimuths of neighbouring beams distinct.
 constexpr double kMaxFirstAngle_rad = 100.0;
 constexpr double kMinIncrement_rad = 1e-6;
 
@@ -35,7 +35,7 @@ const char* scan_defect(std::size_t beams, double angle_min_rad, double angle_in
   // Rounded increments of a full circle add up to a little more than one revolution.
   const double sweep_rad = std::abs(angle_increment_rad) * static_cast<double>(beams - 1);
   if (sweep_rad > 2.0 * kPi * (1.0 + 1e-4)) return "scan of more than one revolution";
-  // Which of two neighbours is to the right of the other could not be said.
+  // The order of neighbouring beams would be ambiguous.
   if (std::abs(angle_increment_rad) > kPi) return "angle increment of more than half a turn";
   return "";
 }

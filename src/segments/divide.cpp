@@ -14,17 +14,17 @@ namespace situation_awareness {
 namespace {
 
 constexpr std::size_t kNobody = static_cast<std::size_t>(-1);
-constexpr std::size_t kMinRun = 3;        // hits in a row of one owner: fewer are noise
-constexpr double kMinSticksOut_m = 0.12;  // what sticks out of a known object by less is that object, seen badly
+constexpr std::size_t kMinRun = 3;        // consecutive hits with one assignment: fewer are noise
+constexpr double kMinSticksOut_m = 0.12;  // hits that stick out of a known object by less belong to it
 
-/// Neighbouring hits of one owner, an index into what is expected.
+/// Neighbouring hits with one assignment, an index into the expected outlines.
 struct Run {
   std::size_t first = 0;
   std::size_t count = 0;
   std::size_t owner = kNobody;
 };
 
-/// What is kept for its memory from scan to scan.
+/// Memory reused from scan to scan.
 struct Workspace {
   std::vector<Overlap> overlaps;
   std::vector<Segment> wholes;
@@ -33,7 +33,7 @@ struct Workspace {
   std::vector<Run> runs;
 };
 
-/// The hits of a segment by owner, short runs given to the run before: into `work.runs`.
+/// Runs of a segment's hits by assignment, short ones merged into the run before: into `work.runs`.
 void find_runs(const Segments& segments, const Segment& segment, double max_offset_m, Workspace& work) {
   work.raw.clear();
   for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
@@ -60,9 +60,8 @@ void find_runs(const Segments& segments, const Segment& segment, double max_offs
   }
 }
 
-/// Make one of neighbouring runs where the outline stays convex from the middle of one to that of the other: between
-/// two things there is a corner or a step. What was once mapped as two by mistake, a hole in it say, would be cut in
-/// two for ever.
+/// Merge neighbouring runs where the segment is convex from the middle of one to that of the other: between two objects
+/// there is a corner or a step. One object that was mapped as two by mistake would otherwise be cut in two for ever.
 void join_convex(const Segments& segments, std::vector<Run>& runs) {
   std::size_t kept = 0;
   for (std::size_t r = 1; r < runs.size(); ++r) {
@@ -80,7 +79,7 @@ void join_convex(const Segments& segments, std::vector<Run>& runs) {
   if (!runs.empty()) runs.resize(kept + 1);
 }
 
-/// True if the runs are worth being segments of their own.
+/// True if the runs are to become separate segments.
 bool hold_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
   if (work.runs.size() < 2) return false;
   const auto min_points = static_cast<std::size_t>(params.min_points);
@@ -101,7 +100,7 @@ bool hold_several(const Segments& segments, const Workspace& work, const Segment
   });
 }
 
-/// What is beside a piece where the segment was cut, and how far that may hide it.
+/// Kind of a piece's end at a cut, and its hidden azimuth.
 SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
   return beside.range_m > end.range_m + margin_m ? SegmentEnd::kBackground : SegmentEnd::kOccluded;
 }

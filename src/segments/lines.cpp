@@ -16,8 +16,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Sine of the angle between beam and surface below which a hit says no more of the line across it: the footprint of
-/// the beam and the error of its azimuth, which range noise does not cover, count for more then.
+/// Sine of the angle between beam and surface below which the weight of a hit is clamped: the footprint of the beam and
+/// the error of its azimuth, which are not part of the range noise, dominate there.
 constexpr double kMinIncidence = 0.1;
 
 /// Gauss-Newton steps from total least squares, which is within a standard deviation of the optimum: the second one
@@ -32,7 +32,7 @@ struct Run {
   std::size_t count() const { return last - first + 1; }
 };
 
-/// What is kept for its memory from scan to scan.
+/// Memory reused from scan to scan.
 struct Workspace {
   std::vector<Run> open;
   std::vector<Run> runs;
@@ -48,7 +48,7 @@ void split(const Point* points, Run whole, double max_offset_m, Workspace& work)
     const Eigen::Vector2d from = points[run.first].p_level_m;
     const Eigen::Vector2d chord = points[run.last].p_level_m - from;
     const double length_m = chord.norm();
-    // Around a closed room the ends meet and say nothing of a direction.
+    // Around a closed room the ends meet and give no direction.
     const bool has_direction = length_m > max_offset_m;
     const Eigen::Vector2d normal = Eigen::Vector2d(-chord.y(), chord.x()) / length_m;
     double farthest_m = max_offset_m;
@@ -73,7 +73,7 @@ void split(const Point* points, Run whole, double max_offset_m, Workspace& work)
 
 Line fit_line(const Point* points, Run run) { return fit_line(points + run.first, run.count()); }
 
-/// True if two runs are on one line, but for fewer than params.min_line_points hits in a row.
+/// True if two runs are on one line, except for fewer than params.min_line_points consecutive hits.
 bool on_one_line(const Point* points, const Run& right, const Run& left, const SegmentationParams& params) {
   const Line line = fit_line(points, Run{right.first, left.last});
   int off = 0;  // in a row
@@ -95,8 +95,7 @@ bool belongs_to_others(const Point* points, const Run& run, const Run& right, co
   });
 }
 
-/// Leave out short runs and those at corners, and make one of runs that are on one line, also across a run between
-/// them.
+/// Drop short runs and those at corners, and merge runs on one line, also across a run between them.
 void join(const Point* points, const SegmentationParams& params, std::vector<Run>& runs) {
   std::size_t kept = 0;
   for (Run run : runs) {
@@ -118,8 +117,8 @@ void join(const Point* points, const SegmentationParams& params, std::vector<Run
   runs.resize(kept);
 }
 
-/// Take in what is beside runs, in none of them, and on their lines; where two meet, move the border between them to
-/// where their lines fit best.
+/// Extend runs by adjacent free hits on their lines; where two runs meet, move the border between them to the best fit
+/// of both lines.
 void settle_ends(const Point* points, Run whole, const SegmentationParams& params, std::vector<Run>& runs) {
   const auto min_points = static_cast<std::size_t>(params.min_line_points);
   for (std::size_t r = 0; r < runs.size(); ++r) {
@@ -159,10 +158,10 @@ struct Hesse {
   double distance_m;
 };
 
-/// What one Gauss-Newton step needs, weights being those of a range noise of 1 m.
+/// Sums for a Gauss-Newton step, with weights for a range noise of 1 m.
 struct Sums {
   double w = 0.0;  ///< of weights
-  double s = 0.0;  ///< of places along the line
+  double s = 0.0;  ///< of positions along the line
   double e = 0.0;  ///< of offsets
   double ss = 0.0;
   double se = 0.0;
@@ -182,7 +181,8 @@ Sums sums_about(const Hesse& line, const Point* points, std::size_t count, doubl
     const double range_m = points[i].range_m;
     const double incidence = line.normal.dot(p) / range_m;
     const bool grazing = !(incidence > kMinIncidence);
-    // Where the beam meets the line: the measured place has the error of the offset in it, which would bias the turn.
+    // Where the beam meets the line: the measured position is correlated with the offset's error and would bias the
+    // rotation.
     const double s = along.dot(p) * (grazing ? 1.0 : line.distance_m / (range_m * incidence));
     const double w = 1.0 / std::pow(grazing ? kMinIncidence : incidence, 2);
     sums.w += w;

@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-/// True if two hits with `missing` beams between them, none of which saw something else, are on the same thing.
+/// True if two hits with `missing` beams without a hit between them are on the same object.
 bool same_thing(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
   if (missing > params.max_missing_beams) return false;
   if (std::abs(a.range_m - b.range_m) > params.max_range_gap_m) return false;
@@ -21,8 +21,8 @@ bool same_thing(const Point& a, const Point& b, int missing, const SegmentationP
   return (a.p_level_m - b.p_level_m).norm() <= params.max_gap_m + spacing_m;
 }
 
-/// The points of a scan in reading order: from beam to beam, and for a full circle from a place where two things part,
-/// so that no thing lies across the seam.
+/// The points of a scan in reading order: from beam to beam, and for a full circle from a gap between two segments, so
+/// that none lies across the seam.
 class Reading {
  public:
   Reading(const Points& points, const SegmentationParams& params) : points_(points) {
@@ -30,7 +30,7 @@ class Reading {
     const std::size_t n = size();
     std::optional<Point> previous;
     int missing = 0;
-    for (std::size_t k = 0; k < 2 * n; ++k) {  // a second turn meets the seam with a known previous hit
+    for (std::size_t k = 0; k < 2 * n; ++k) {  // the second turn crosses the seam with a known previous hit
       const Point point = at(k);
       if (!is_hit(point.state)) {
         ++missing;
@@ -48,7 +48,7 @@ class Reading {
   std::size_t size() const { return points_.points.size(); }
   bool full_circle() const { return points_.full_circle; }
 
-  /// The k-th point read; for a full circle k may exceed the size, and azimuths go on growing.
+  /// The k-th point read; for a full circle k may exceed the size, and azimuths continue to increase.
   Point at(std::size_t k) const {
     const std::size_t i = start_ + k;
     const std::size_t turns = i / size();
@@ -62,14 +62,14 @@ class Reading {
   std::size_t start_ = 0;
 };
 
-/// True if a beam went by beside an end: nothing blocked it there.
+/// True if a beam passed beside an end without being blocked.
 bool passed(const Point& beside, const Point& end, const SegmentationParams& params) {
-  // What is at the end of a free beam's reach may go on beyond it.
+  // An object at range_max may extend beyond it.
   if (beside.state == BeamState::kFree) return beside.range_m > end.range_m + params.occlusion_margin_m;
   return is_hit(beside.state) && beside.range_m >= end.range_m - params.occlusion_margin_m;
 }
 
-/// What is beside the end at reading position `k`, looking in direction `step` (-1: to the right, +1: to the left).
+/// Kind of the end at reading position `k`, by the beams in direction `step` (-1: to the right, +1: to the left).
 SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const SegmentationParams& params) {
   const auto n = static_cast<std::ptrdiff_t>(reading.size());
   const Point end = reading.at(k);
@@ -85,11 +85,11 @@ SegmentEnd end_at(const Reading& reading, std::size_t k, int step, const Segment
     if (!passed(beside, end, params)) return SegmentEnd::kOccluded;
     return beside.state == BeamState::kFree ? SegmentEnd::kFree : SegmentEnd::kBackground;
   }
-  return SegmentEnd::kOccluded;  // nothing known about what is beside it
+  return SegmentEnd::kOccluded;  // no valid beam beside it
 }
 
-/// Azimuth beyond the hidden end at reading position `k` of which nothing is known: blocked by something nearer, or not
-/// in the scan. Looked for as far as an object could reach.
+/// Unknown azimuth beyond the hidden end at reading position `k`: occluded, or outside the scan; up to the maximum
+/// extent of an object.
 double hidden_rad(const Reading& reading, std::size_t k, int step, double resolution_rad,
                   const SegmentationParams& params) {
   const auto n = static_cast<std::ptrdiff_t>(reading.size());

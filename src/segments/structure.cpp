@@ -11,8 +11,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Largest distance between two points, found from one end by two sweeps: never more than 1 / sqrt(3) too small. Any
-/// distance above `enough_m` where there is one.
+/// Largest distance between two points by two sweeps from one end: too small by a factor of at most 1 / sqrt(3).
+/// Returns any distance above `enough_m` where there is one.
 double extent_m(const Point* points, std::size_t count, double enough_m) {
   const double enough_m2 = enough_m * enough_m;
   std::size_t far = 0;
@@ -31,8 +31,7 @@ double extent_m(const Point* points, std::size_t count, double enough_m) {
   return std::sqrt(extent_m2);
 }
 
-/// True if points around a line are so little away from it, and their middle so little before their ends, that no
-/// object of an elliptic outline lies there.
+/// True if the distances of points from a line, and their bulge, are too small for an object of elliptic outline.
 bool flat_along(const Line& line, double rms_m, const Point* points, std::size_t count,
                 const SegmentationParams& params) {
   const Bulge bulge = bulge_of(line, points, count);
@@ -63,9 +62,9 @@ void mark(Segments& segments, Segment& segment, StructureReason reason) {
   if (reason != StructureReason::kNone) ++segments.refused[counted_as(reason)];
 }
 
-/// Mark pieces that a nearer object cuts off a structure: a piece with a hidden end that lies on the line of a
-/// structure a few segments further on that side. `step` is the side to look to, and the pieces are visited from there,
-/// so that a structure cut many times is followed piece by piece.
+/// Mark pieces of a structure behind occluders: a piece with a hidden end on the line of a structure a few segments
+/// away on that side. `step` is the side; pieces are visited from there, so that a structure with several occluders is
+/// followed piece by piece.
 void extend_structures(Segments& segments, int step, const SegmentationParams& params) {
   constexpr std::ptrdiff_t kReach = 4;  // segments: the occluders between two pieces
   constexpr std::size_t kLinePoints = 30;

@@ -11,9 +11,9 @@
 namespace situation_awareness {
 namespace {
 
-/// So many that a day has few legs, and so few that asking for an earlier time is cheap.
+/// A compromise: few legs for a day of flight, and few steps to integrate again for an earlier time.
 constexpr long kStepsOfLeg = 2500;
-constexpr double kLost_m = 10.0;  ///< so far from its path a robot does not come back
+constexpr double kLost_m = 10.0;  ///< farther from its path the robot is lost
 
 /// Rotation of the vector's direction by its length.
 Eigen::Quaterniond exponential(const Eigen::Vector3d& rotation_rad) {
@@ -95,8 +95,8 @@ Airframe airframe_of(const mjModel& model, int body) {
   const double weight_N = airframe.mass_kg * kGravity_m_s2;
   const double lift_N = airframe.wrench_of_motors.row(0) * airframe.max_thrusts_N;
   if (lift_N < 1.2 * weight_N) {
-    refuse("the motors of 'robot' push with " + std::to_string(lift_N) + " N at most, and it weighs " +
-           std::to_string(weight_N) + " N: 1.2 times that is the least");
+    refuse("the motors of 'robot' push with " + std::to_string(lift_N) + " N at most, and its weight is " +
+           std::to_string(weight_N) + " N: they need 1.2 times that");
   }
   return airframe;
 }
@@ -177,7 +177,7 @@ RobotState Flight::at(double time_s) const {
   const State& a = states[of_leg];
   const State& b = states[of_leg + 1];
   if (!((a.position_m - path_(time_s).position_m).norm() < kLost_m)) {
-    throw std::runtime_error("'robot' has lost its path at " + std::to_string(time_s) +
+    throw std::runtime_error("'robot' has left its path at " + std::to_string(time_s) +
                              " s: it is too fast for its motors");
   }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The flight of a robot that has motors. Private to sim/, because it shows MuJoCo.
+// The flight of a robot with motors. Private to sim/, because it includes MuJoCo.
 #pragma once
 
 #include <array>
@@ -12,34 +12,32 @@
 
 namespace situation_awareness {
 
-/// The robot's flight along its path, as MuJoCo integrates it: body `robot` with a free joint and four motors, linear
-/// drag, and the controller asked once per step. It begins on the path at time 0, in the attitude that the path
-/// demands.
+/// The robot's flight along its path, integrated by MuJoCo: body `robot` with a free joint and four motors, linear
+/// drag, and the controller called once per step. It begins on the path at time 0, in the path's attitude.
 ///
-/// A function of time: any time may be asked, in any order, with the same answer, bit for bit. What lies ahead is
-/// integrated when it is asked for; of what lies behind, the state every few seconds is kept, from which the steps are
-/// integrated again. Between steps the pose is a cubic with the steps' velocities at its ends, and velocities are its
-/// derivatives.
+/// A function of time: times may be queried in any order, with the same result, bit for bit. Later times are integrated
+/// on demand; for earlier times the state every few seconds is kept, from which the steps are integrated again. Between
+/// steps the pose is a cubic with the steps' velocities at its ends, and velocities are its derivatives.
 class Flight {
  public:
-  /// `model` must outlive the flight. Throws std::runtime_error saying what of robot or motors does not fit.
+  /// `model` must outlive the flight. Throws std::runtime_error naming the error in robot or motors.
   Flight(const mjModel& model, int robot_body, Path path, double drag_1_s);
 
-  /// Throws std::runtime_error where the robot has lost its path. Before time 0 it is on it.
+  /// Throws std::runtime_error where the robot has left its path. Before time 0 it is on it.
   RobotState at(double time_s) const;
 
  private:
-  /// All that the next step depends on.
+  /// The state for the next step.
   struct State {
     Eigen::Vector3d position_m, velocity_m_s;
     Eigen::Quaterniond q_world_robot;
     Eigen::Vector3d angular_velocity_robot_rad_s;
     Eigen::Vector4d thrusts_N;
   };
-  /// Some seconds of the flight, as far as they were asked for.
+  /// Some seconds of the flight, as far as they were queried.
   struct Leg {
     long number = -1;
-    std::vector<State> steps;  // the last of a whole one is the first of the next
+    std::vector<State> steps;  // the last of a complete leg is the first of the next
   };
 
   State start() const;
@@ -48,14 +46,14 @@ class Flight {
   const std::vector<State>& steps_of_leg(long number, std::size_t count) const;
 
   const mjModel& model_;
-  DataPtr data_;  // where MuJoCo steps; holds nothing between calls
+  DataPtr data_;  // MuJoCo's working memory, without state between calls
   int body_;
   Path path_;
   double drag_1_s_;
   double step_s_;
   Airframe airframe_;
   mutable std::vector<State> leg_starts_;
-  mutable std::array<Leg, 2> recent_legs_;  // the latest asked for first
+  mutable std::array<Leg, 2> recent_legs_;  // the most recently used first
 };
 
 }  // namespace situation_awareness

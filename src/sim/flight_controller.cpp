@@ -10,17 +10,17 @@
 namespace situation_awareness {
 namespace {
 
-// Position: 2.4 rad/s at a damping of 0.8. Attitude: five times faster, which leaves room for motors of some 30 ms;
+// Position: 2.4 rad/s at a damping of 0.8. Attitude: five times faster, which allows motor lags of some 30 ms;
 // about z, where motors have little torque, slower.
 constexpr double kPositionGain_1_s2 = 6.0;
 constexpr double kVelocityGain_1_s = 4.0;
 const Eigen::Vector3d kAttitudeGain_1_s2(140.0, 140.0, 30.0);
 const Eigen::Vector3d kAngularVelocityGain_1_s(20.0, 20.0, 9.0);
 
-/// Less than gravity, so that the thrust wanted points up however far the robot is from its path.
+/// Less than gravity, so that the desired thrust points up at any distance from the path.
 constexpr double kMaxFeedback_m_s2 = 5.0;
 
-/// What the thrust alone leaves of the motors' range at either end, for torques.
+/// Margin of the collective thrust to the motors' limits, for torques.
 constexpr double kReserve = 0.1;
 
 Eigen::Vector3d vee(const Eigen::Matrix3d& skew) { return {skew(2, 1), skew(0, 2), skew(1, 0)}; }
@@ -40,7 +40,7 @@ PathState with_feedback(const RobotState& robot, const PathState& path) {
   return wanted;
 }
 
-/// `base` plus as much of `more`, at most all, as keeps within the limits, within which `base` is.
+/// `base`, which is within the limits, plus the largest fraction of `more` that stays within them.
 Eigen::Vector4d add_within(const Eigen::Vector4d& base, const Eigen::Vector4d& more, const Airframe& airframe) {
   double part = 1.0;
   for (int i = 0; i < 4; ++i) {

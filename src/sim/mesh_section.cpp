@@ -17,13 +17,13 @@ namespace {
 using Point = boost::geometry::model::d2::point_xy<double>;
 using Ring = boost::geometry::model::ring<Point, /*clockwise=*/false, /*closed=*/true>;
 
-/// A corner that is less than this off the line between its neighbours is none: vertices of meshes are floats.
+/// Tolerance of collinear corners: vertices of meshes are floats.
 constexpr double kStraight_m = 1e-6;
 
 /// An edge of the mesh by its vertices, the one above the plane first.
 using Edge = std::pair<int, int>;
 
-/// For each vertex the first at the same place: files repeat vertices that have several normals or colours.
+/// For each vertex the first one at the same position: files repeat vertices with several normals or colours.
 std::vector<int> unique_vertices(const std::vector<Eigen::Vector3d>& vertices_m) {
   std::map<std::tuple<double, double, double>, int> first;
   std::vector<int> unique;
@@ -34,8 +34,8 @@ std::vector<int> unique_vertices(const std::vector<Eigen::Vector3d>& vertices_m)
   return unique;
 }
 
-/// The triangles that cross the plane, each from the edge by which its outline descends to the one by which it climbs.
-/// Neighbours share an edge, which one of them climbs and the other descends.
+/// The triangles that cross the plane, each from its descending to its ascending edge. Neighbours share an edge, which
+/// is ascending in one of them and descending in the other.
 std::map<Edge, Edge> crossings(const TriangleMesh& mesh, double height_m) {
   const std::vector<int> unique = unique_vertices(mesh.vertices_m);
   const auto is_above = [&](int vertex) { return mesh.vertices_m[static_cast<std::size_t>(vertex)].z() >= height_m; };

@@ -39,7 +39,7 @@ RobotState multirotor_state(const PathState& path, double drag_1_s) {
   robot.T_world_robot.linear() << x.unit, y.unit, z.unit;
   robot.T_world_robot.translation() = path.position_m;
   robot.velocity_world_m_s = path.velocity_m_s;
-  // R' = R [w]x: each component of w is how fast one axis turns towards the next.
+  // R' = R [w]x: each component of w is the rate at which one axis rotates towards the next.
   robot.angular_velocity_robot_rad_s << z.unit.dot(y.rate), x.unit.dot(z.rate), y.unit.dot(x.rate);
   return robot;
 }

@@ -54,13 +54,13 @@ class PathText {
 
   bool has(const std::string& word) const { return rows_.count(word) != 0; }
 
-  /// The rows behind `word`, which then counts as used.
+  /// The rows behind `word`, which is marked as used.
   std::vector<Row> take_rows(const std::string& word) {
     const auto place = rows_.find(word);
     if (place == rows_.end()) throw std::invalid_argument("lacks '" + word + "'");
     std::vector<Row> rows = std::move(place->second);
     rows_.erase(place);
-    if (rows.size() > 1 && rows.back().empty()) rows.pop_back();  // a semicolon may also follow the last row
+    if (rows.size() > 1 && rows.back().empty()) rows.pop_back();  // allows a semicolon after the last row
     return rows;
   }
 
@@ -149,7 +149,8 @@ Path straight(PathText& text, double height_m) {
   };
 }
 
-/// p = b + R q, where R turns by the carrying body's yaw and q(t) is the place in its axes; v = b' + R (yaw' J q + q').
+/// p = b + R q, where R turns by the carrying body's yaw and q(t) is the position in its axes; v = b' + R (yaw' J q +
+/// q').
 Path with_body(PathText& text, double height_m, const Path& body) {
   const Row at = text.take("at", 2);
   const bool swings = text.has("swing");
@@ -192,7 +193,7 @@ Eigen::Matrix4Xd waypoints(const std::vector<Row>& rows, double height_m) {
   return points;
 }
 
-/// Length of the closed curve's part in x, y, z. The midpoint rule converges fast for a periodic integrand.
+/// Length of the closed curve in x, y, z. The midpoint rule converges fast for a periodic integrand.
 double length_of(const PeriodicSpline& curve) {
   constexpr int kSamplesPerLeg = 64;
   const int samples = kSamplesPerLeg * static_cast<int>(curve.period());
@@ -205,7 +206,7 @@ Path loop(PathText& text, double height_m) {
   const double speed = text.take_positive("speed");
   Eigen::Matrix4Xd points = waypoints(text.take_rows("points"), height_m);
 
-  // Yaw may gain whole turns in one round: the spline carries only what is left of it.
+  // Yaw may gain whole turns per lap: the spline has only the remainder.
   const Eigen::Index n = points.cols();
   const double yaw_step =
       (points(3, n - 1) - points(3, 0) + wrap_to_pi(points(3, 0) - points(3, n - 1))) / static_cast<double>(n);
@@ -230,7 +231,7 @@ Path loop(PathText& text, double height_m) {
   };
 }
 
-/// The same path, turning about the vertical at its own rate, added to the turns that the path has.
+/// The same path with an additional rotation about the vertical at a constant rate.
 Path spinning(const Path& path, double yaw_rad, double rate_rad_s) {
   return [=](double time_s) {
     PathState state = path(time_s);

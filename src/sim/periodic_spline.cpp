@@ -12,7 +12,7 @@ namespace {
 constexpr int kDegree = 5;
 
 /// Derivative of the uniform B-spline of degree 5 that is not zero on (0, 6), as a sum of truncated powers:
-/// B(x) = sum_k (-1)^k C(6, k) max(x - k, 0)^5 / 5!. A world whose beams each have their own time asks this often.
+/// B(x) = sum_k (-1)^k C(6, k) max(x - k, 0)^5 / 5!. Called often by worlds whose beams have their own times.
 double basis(double x, int derivative) {
   constexpr std::array<double, kDegree + 2> kSignedBinomial = {1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0};
   const int power = kDegree - derivative;

@@ -14,7 +14,7 @@ namespace {
 /// An ellipsoid this tall is an elliptic cylinder to every ray of a LIDAR: 30 m up or down it is thinner by 5e-6.
 constexpr double kHalfHeight_m = 1e4;
 
-/// `user="DIFFUSE GLOSSY RETRO"` of a geom, what is left out being 0; all 0 says nothing.
+/// `user="DIFFUSE GLOSSY RETRO"` of a geom, missing values being 0; all 0: not given.
 Surface surface_of(const mjModel& model, int geom) {
   Eigen::Vector3d user = Eigen::Vector3d::Zero();
   for (int i = 0; i < std::min(model.nuser_geom, 3); ++i) user[i] = model.geom_user[model.nuser_geom * geom + i];
@@ -34,7 +34,8 @@ Eigen::Vector3d mesh_normal(const mjModel& model, int mesh, const Eigen::Vector3
     const Eigen::Vector3d n = u.cross(v);
     const double n2 = n.squaredNorm();
     if (!(n2 > 0.0)) continue;
-    // Barycentric coordinates of the point's foot on the triangle's plane; how far it is off the plane or the triangle.
+    // Barycentric coordinates of the point's foot on the triangle's plane; and its distance from the plane or the
+    // triangle.
     const double s = d.cross(v).dot(n) / n2, t = u.cross(d).dot(n) / n2;
     const double beyond = std::max({0.0, -s, -t, s + t - 1.0}) * std::sqrt(std::max(u.squaredNorm(), v.squaredNorm()));
     const double outside = std::abs(d.dot(n)) / std::sqrt(n2) + beyond;

@@ -9,8 +9,8 @@
 
 namespace situation_awareness {
 
-/// A seed of its own for each scan of a sensor, so that its noise depends on nothing else: SplitMix64 (Steele, Lea,
-/// Flood, 2014).
+/// A separate seed for each scan of a sensor, so that its noise does not depend on other scans: SplitMix64 (Steele,
+/// Lea, Flood, 2014).
 inline std::uint64_t seed_of_scan(std::uint64_t seed, std::uint64_t scan) {
   const auto mix = [](std::uint64_t z) {
     z += 0x9E3779B97F4A7C15U;
@@ -27,7 +27,7 @@ inline Eigen::Vector3d normal3(Random& random) {
   return {x, y, z};
 }
 
-/// What a sensor's seed is combined with for the noise of its intensities, which so changes none of its ranges.
+/// Combined with a sensor's seed for the noise of its intensities, so that it does not change the ranges.
 constexpr std::uint64_t kIntensityStream = 0x696E74656E736974U;
 
 }  // namespace situation_awareness

@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-/// The numbers of a text, each behind its name, as a visitor of params that puts them into the fields they name.
+/// The numbers of a text, each after its name, as a visitor of params that assigns them to the fields.
 class NamedNumbers {
  public:
   explicit NamedNumbers(std::istream& words) {

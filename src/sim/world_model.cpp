@@ -21,20 +21,20 @@ std::mutex& mujoco_mutex() {
 
 void throw_text(const char* text) { throw std::runtime_error(text); }
 
-/// What MuJoCo says, on one line.
+/// MuJoCo's message, on one line.
 std::string one_line(std::string text) {
   while (!text.empty() && text.back() == '\n') text.pop_back();
   std::replace(text.begin(), text.end(), '\n', ' ');
   return text;
 }
 
-/// The compiled file, and its bodies where it puts them.
+/// The compiled file, with bodies at their poses of the file.
 std::pair<ModelPtr, DataPtr> load(const std::string& mjcf_path) try {
   const MujocoThrows guard;
   std::array<char, 1000> complaint{};
   ModelPtr model(mj_loadXML(mjcf_path.c_str(), nullptr, complaint.data(), static_cast<int>(complaint.size())));
   if (!model || complaint[0] != '\0') throw std::runtime_error(complaint.data());
-  // Nothing collides: bodies keep clear of one another, and what moves on a path moves through anything.
+  // No collisions: bodies on paths move through others.
   model->opt.disableflags |= mjDSBL_CONTACT;
   DataPtr data(mj_makeData(model.get()));
   if (!data) throw std::runtime_error("not enough memory for its data");
@@ -55,7 +55,7 @@ Eigen::Isometry3d body_pose(const mjData& data, int body) {
   return isometry(data.xpos + 3 * body, data.xmat + 9 * body);
 }
 
-/// The path in the <text> named like the body, or where there is none an empty one.
+/// The path in the <text> with the body's name; empty without one.
 Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
   const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
   const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
@@ -76,7 +76,7 @@ Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBod
   }
 }
 
-/// When the body is there: as its text says, and one that moves with another no longer than that.
+/// Presence of the body by its text, and for one that moves with another at most that one's.
 Presence presence_of(const mjModel& model, const std::string& body_name) {
   const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
   if (text < 0) return {};
@@ -92,7 +92,7 @@ Presence presence_of(const mjModel& model, const std::string& body_name) {
   }
 }
 
-/// Finds the paths that others may move with.
+/// Finds the paths that others may move `with`.
 PathOfBody any_path(const mjModel& model, const mjData& data) {
   return [&](const std::string& other) -> Path {
     const int carrier = mj_name2id(&model, mjOBJ_BODY, other.c_str());
@@ -132,7 +132,7 @@ WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
   const Eigen::Isometry3d T_world_geom = isometry(data.geom_xpos + 3 * geom, data.geom_xmat + 9 * geom);
   // MuJoCo gives every mesh the axes of its own inertia.
   if (type != mjGEOM_MESH && !T_world_geom.isApprox(T_world_body, 1e-9)) {
-    refuse("has a geom with a pose of its own: put it on the body");
+    refuse("has a geom with its own pose: put it on the body");
   }
   if (T_world_body(2, 2) < 1.0 - 1e-9) refuse("is not upright");
 
@@ -208,7 +208,7 @@ std::vector<SensorMount> mounts_of(const mjModel& model, const mjData& data, int
       throw std::runtime_error("site " + quoted + " is not on 'robot'");
     }
     if (text >= 0 && mj_name2id(&model, mjOBJ_BODY, name) >= 0) {
-      throw std::runtime_error("text " + quoted + " could mean a body and a site: give them names of their own");
+      throw std::runtime_error("text " + quoted + " is ambiguous: a body and a site have this name");
     }
     mounts.push_back(
         {name, text < 0 ? "" : model.text_data + model.text_adr[text],
@@ -217,7 +217,7 @@ std::vector<SensorMount> mounts_of(const mjModel& model, const mjData& data, int
   return mounts;
 }
 
-/// The bodies that are not there all the time. What is mounted on a body is there with it.
+/// The bodies that are not always present, with everything mounted on them.
 std::vector<WorldVisitor> visitors_of(const mjModel& model) {
   std::vector<WorldVisitor> visitors;
   for (int body = 1; body < model.nbody; ++body) {
@@ -236,7 +236,7 @@ std::vector<WorldVisitor> visitors_of(const mjModel& model) {
   return visitors;
 }
 
-/// The bodies that move on paths and bear nothing that the scanner sees.
+/// The bodies that move on paths and are invisible to the scanner.
 std::vector<WorldDecoration> decorations_of(const mjModel& model, const mjData& data, int robot) {
   std::vector<WorldDecoration> decorations;
   for (int body = 1; body < model.nbody; ++body) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A world as its file says: shared by what scans it and what draws it. Private to sim/, because it shows MuJoCo.
+// The model of a world file, shared by scanners and cameras. Private to sim/, because it includes MuJoCo.
 #pragma once
 
 #include <memory>
@@ -16,10 +16,10 @@
 
 namespace situation_awareness {
 
-// Geom groups of a world file; what is higher is decoration, which the scanner does not see.
+// Geom groups of a world file; higher ones are decoration, invisible to the scanner.
 constexpr int kSceneryGroup = 0;  // MuJoCo's default: walls, floor
 constexpr int kObjectGroup = 1;   // the objects' geoms
-constexpr int kAbsentGroup = 5;   // what is not there; neither scanners nor cameras see this group
+constexpr int kAbsentGroup = 5;   // absent bodies; invisible to scanners and cameras
 
 struct DeleteModel {
   void operator()(mjModel* model) const { mj_deleteModel(model); }
@@ -30,8 +30,8 @@ struct DeleteData {
 using ModelPtr = std::unique_ptr<mjModel, DeleteModel>;
 using DataPtr = std::unique_ptr<mjData, DeleteData>;
 
-/// Turns what MuJoCo calls errors and warnings into exceptions for as long as it lives. By default MuJoCo ends the
-/// process or writes MUJOCO_LOG.TXT. Its handlers, and the model it loaded last, are globals: hence the lock.
+/// Turns MuJoCo's errors and warnings into exceptions during its lifetime. By default MuJoCo ends the process or writes
+/// MUJOCO_LOG.TXT. Its handlers and the latest model are globals: hence the lock.
 class MujocoThrows {
  public:
   MujocoThrows();
@@ -60,25 +60,25 @@ struct WorldObject {
   Presence presence;
 };
 
-/// Something that moves and that only a camera sees.
+/// A moving body that is visible only to cameras.
 struct WorldDecoration {
   int mocap = -1;
   Path path;
 };
 
-/// What is not there all the time.
+/// A body that is not always present.
 struct WorldVisitor {
   Presence presence;
   std::vector<int> geoms;
-  std::vector<int> groups;  // of the geoms, while they are there
+  std::vector<int> groups;  // of the geoms, while they are present
 };
 
 class Flight;
 
-/// A world file, loaded and checked, and where everything in it is at any time.
+/// A loaded and checked world file, with the poses of everything at any time.
 class WorldModel {
  public:
-  /// Throws std::runtime_error naming the file, the element and what is wrong with it.
+  /// Throws std::runtime_error naming the file, the element and its error.
   explicit WorldModel(const std::string& mjcf_path);
   ~WorldModel();
 
@@ -90,10 +90,10 @@ class WorldModel {
 
   RobotState robot_at(double time_s) const;
 
-  /// Put the objects where they are at that time, those that are there, and the robot where it is said to be.
+  /// Move the present objects to their poses at that time, and the robot to the given pose.
   void place(double time_s, const Eigen::Isometry3d& T_world_robot);
 
-  /// Put the moving decoration where it is at that time; what scans need not.
+  /// Move the decoration to its poses at that time; not needed for scans.
   void place_decorations(double time_s);
 
  private:
@@ -109,7 +109,7 @@ class WorldModel {
   std::vector<WorldDecoration> decorations_;
   std::vector<WorldVisitor> visitors_;
   int robot_ = -1;
-  RobotState robot_at_rest_;  // where the robot is if it has no path
+  RobotState robot_at_rest_;  // the robot's state without a path
   Path robot_path_;
   double robot_drag_1_s_ = 0.0;
   std::unique_ptr<Flight> flight_;  // of a robot that is flown; one that follows its path exactly has none

@@ -37,11 +37,11 @@ TEST(DetectionDefect, NamesWhatIsNoDetection) {
   EXPECT_EQ(defect_of([](Detection& d) { d.ellipse_level.ry_m = 0.0; }), "radii not rx >= ry > 0");
   EXPECT_EQ(defect_of([](Detection& d) { d.ellipse_level.ry_m = 0.4; }), "radii not rx >= ry > 0");
   EXPECT_EQ(defect_of([](Detection& d) { d.p_ellipse = 1.1; }), "p_ellipse not in [0, 1]");
-  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(2, 2) = -1e-4; }), "covariance says nothing");
-  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(2, 2) = 0.0; }), "covariance says nothing");
-  EXPECT_EQ(defect_of([](Detection& d) { d.covariance *= 1e9; }), "covariance says nothing") << "316 m";
-  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(0, 1) = 5e-5; }), "covariance says nothing") << "not symmetric";
-  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(0, 1) = d.covariance(1, 0) = 2e-4; }), "covariance says nothing")
+  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(2, 2) = -1e-4; }), "covariance not usable");
+  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(2, 2) = 0.0; }), "covariance not usable");
+  EXPECT_EQ(defect_of([](Detection& d) { d.covariance *= 1e9; }), "covariance not usable") << "316 m";
+  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(0, 1) = 5e-5; }), "covariance not usable") << "not symmetric";
+  EXPECT_EQ(defect_of([](Detection& d) { d.covariance(0, 1) = d.covariance(1, 0) = 2e-4; }), "covariance not usable")
       << "a correlation of 2";
 }
 

@@ -11,12 +11,11 @@ using namespace object_state;
 
 namespace {
 
-/// m. An element whose shape others have, too, and whose place is less certain than this, matches nothing. No
-/// source is recorded. From 1.0 to 1.4 by re_identification_test; not measured
-/// in flights.
+/// m. An element with a common shape and a position less certain than this matches nothing. No source is recorded. From
+/// 1.0 to 1.4 by re_identification_test; not measured in flights.
 constexpr double kMaxSigmaOfCommonShape_m = 1.2;
-/// Factor on max_position_sigma_m. An element less certain than that takes no detection with a hidden end, which says
-/// nothing sure of what may be anywhere. No source is recorded, and no unit test bounds it.
+/// Factor on max_position_sigma_m. An element less certain than that matches no detection with a hidden end, which does
+/// not identify it. No source is recorded, and no unit test bounds it.
 constexpr double kMaxSigmaOfPieces = 3.0;
 constexpr const char* kOutOfSight = "match rejected: element out of sight";
 
@@ -33,8 +32,8 @@ double log_detection_ratio(const ExpectedDetection& expected, double detection_p
 
 const char* match_defect(const MapElement& element, const MotionMatch& match, double gate, bool common_shape,
                          std::int64_t stamp_ns) {
-  // What stood when it was last seen, a while ago, is looked for where it stood: as something that has set off since,
-  // it could be anywhere.
+  // A lost element that stood when it was last seen is expected only where it stood: if it had moved since, it could be
+  // anywhere.
   const bool stood = !element.mobile && element.estimate.p_moving < 0.5 && is_out_of_sight(element, stamp_ns);
   const bool inside = match.standing.mahalanobis2 <= gate || (!stood && match.moving.mahalanobis2 <= gate);
   if (!inside) return "match rejected: outside the gate";
@@ -42,7 +41,7 @@ const char* match_defect(const MapElement& element, const MotionMatch& match, do
   return anywhere ? kOutOfSight : "";
 }
 
-/// Measurements sorted by x, so that each element looks only at those that its gate can reach.
+/// Measurements sorted by x, so that each element tests only those within reach of its gate.
 void Associator::sort_measurements(const AssociationInput& input) {
   by_x_.clear();
   on_seen_.clear();
@@ -66,7 +65,7 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
   const bool uncertain = published_position_sigma_m(element, params) > kMaxSigmaOfPieces * params.max_position_sigma_m;
   const double detected = log_detection_ratio(input.expected[i], params.detection_probability);
 
-  // The farthest that a gate reaches: of either motion, from the robot's errors, until the latest measurement.
+  // The reach of a gate: of either motion, with the robot's errors, until the latest measurement.
   const Eigen::Vector2d center_m = position(estimate.moving);
   const double lever_m = (center_m - input.T_world_level.translation_m).norm();
   const double variance = std::max(position_variance(estimate.standing), position_variance(estimate.moving)) +
@@ -84,7 +83,8 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
     const auto j = static_cast<std::size_t>(near->measurement);
     const Measurement& measurement = input.measurements[j];
     Rejection& rejection = rejections_[j];
-    // A detection on an element in sight is that one's; and a piece says nothing sure of what may be anywhere.
+    // A detection on an element in sight belongs to it; a detection with a hidden end does not identify an uncertain
+    // element.
     if ((out_of_sight && on_seen_[j] != 0) || (uncertain && measurement.hidden_end)) {
       if (*rejection.reason == '\0') rejection.reason = kOutOfSight;
       continue;

@@ -12,13 +12,13 @@ using namespace object_state;
 
 namespace {
 
-// Of none of these a source is recorded, and none was measured in flights; the bounds are those of bodies_test.
+// No source is recorded for any of these, and none was measured in flights; the bounds are those of bodies_test.
 
-/// Factor on the mean radius: surely the larger of two. No test bounds it.
+/// Factor on the mean radius by which an element is the larger of two. No test bounds it.
 constexpr double kLargerRadius = 1.5;
-/// Factor on max_part_gap_m: beyond it a part is itself again. From 1.7 to 2.3.
+/// Factor on max_part_gap_m: beyond it a part is released from its body. From 1.7 to 2.3.
 constexpr double kPartingGap = 2.0;
-/// Fraction of the body's way that its part must have gone in the same direction. Above 0, at most 1.
+/// Fraction of the body's displacement that its part must share. Above 0, at most 1.
 constexpr double kSameWay = 0.5;
 
 double mean_radius_m(const Ellipse& ellipse) { return 0.5 * (ellipse.rx_m + ellipse.ry_m); }
@@ -105,7 +105,7 @@ void BodyJoiner::join_parts(std::int64_t stamp_ns, const ObjectMapParams& params
     const Eigen::Vector2d way_m = ellipse.center_m - part.met_world_m;
     const bool together =
         body_way_m.norm() >= params.min_part_travel_m && way_m.dot(body_way_m) >= kSameWay * body_way_m.squaredNorm();
-    // A body that has limbs may show another; what was standing there before is none.
+    // A body with parts may have another; an element that stood there before is none.
     const bool limb = body.has_parts && (part.observations == 1 || part.mobile);
     if (!together && !limb) continue;
     part.is_part = true;

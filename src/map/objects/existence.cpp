@@ -9,25 +9,26 @@ namespace situation_awareness {
 namespace {
 
 // Each constant with its unit, its source and its sensitivity. Where no source is named, none is recorded; where a test
-// is named, the values that it lets pass are the bounds.
+// is named, the bounds are the values for which it passes.
 
-/// Logarithm of the odds that a whole detection multiplies those of existence by: a true object is detected where it is
-/// expected four times as often as something that is none. The tests of three scans to the map, and of nine with a
-/// hidden end, pass for factors from 3.5 to 4.1 (object_map_test).
+/// Log-likelihood ratio of a detection with both ends visible: a true object is detected at its predicted place four
+/// times as often as clutter. The tests of three scans to the map, and of nine with a hidden end, pass for factors from
+/// 3.5 to
+/// 4.1 (object_map_test).
 const double kLogOddsOfDetection = std::log(4.0);
-/// Logarithm of odds, p = 0.999: so much doubt is always possible. With p_D = 0.6 it takes 8 scans seen through to fall
-/// to even odds, and at most 10 are allowed, which 9.2 reaches (AnElementThatBeamsSeeThroughGoesSoon).
+/// Upper bound of the log-odds, p = 0.999. With p_D = 0.6 it takes 8 scans seen through to fall to even odds; at most
+/// 10 are allowed, which are reached with a bound of 9.2 (AnElementThatBeamsSeeThroughGoesSoon).
 constexpr double kMaxLogOdds = 6.9;
 /// Fraction of p_D, where beams end on the element but nothing was detected: something else may be in its place. Up to
-/// 0.48 an element outlives a second of scans that the detector refuses (object_map_test).
+/// 0.48 an element survives a second of scans that the detector refuses (object_map_test).
 constexpr double kMissedWhereHit = 0.1;
 /// m. Beams that end nearer to the outline than this end on it: ten times the range noise of 1 cm. Not measured.
 constexpr double kSightMargin_m = 0.1;
-/// s. A tentative element is not kept unseen for longer: 20 scans at 20 Hz. It may be up to 2 s by
+/// s. Timeout of an unseen tentative element: 20 scans at 20 Hz. It may be up to 2 s by
 /// WhatIsSeenOnceIsForgottenWithinTwoSeconds; not measured in flights.
 constexpr double kMaxTentativeUnseen_s = 1.0;
-/// Probability. Between this and one minus this of moving, neither motion is taken for the true one. From 0.05 to 0.5
-/// by AnAmbiguousMotionMakesThePlaceUncertain; not measured in flights.
+/// Probability. With p_moving between this and one minus this, the motion is ambiguous. From 0.05 to 0.5 by
+/// AnAmbiguousMotionMakesThePlaceUncertain; not measured in flights.
 constexpr double kAmbiguousMotion = 0.1;
 
 }  // namespace

@@ -10,10 +10,10 @@ using namespace object_state;
 
 namespace {
 
-/// What has not been seen for longer is not predicted farther: it may be anywhere.
+/// Longest prediction: an element unseen for longer may be anywhere.
 constexpr double kLongestPrediction_s = 3600.0;
 
-/// The estimate of what has just stopped: where it is, with no velocities.
+/// The moving estimate as one of a standing object: without velocities.
 ObjectEstimate stopped(const ObjectEstimate& moving) {
   ObjectEstimate result = moving;
   constexpr int kRates = 3;  // velocity and angular velocity, side by side
@@ -23,7 +23,7 @@ ObjectEstimate stopped(const ObjectEstimate& moving) {
   return result;
 }
 
-/// The estimate of what begins to move: with any velocity.
+/// The standing estimate as one of an object that begins to move: with unknown velocity.
 ObjectEstimate started(const ObjectEstimate& standing, const MotionParams& params) {
   ObjectEstimate result = standing;
   result.P.diagonal().segment<2>(kVelocity).array() += params.start_velocity_sigma * params.start_velocity_sigma;

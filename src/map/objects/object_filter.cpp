@@ -16,13 +16,13 @@ namespace {
 
 constexpr int kAxis = kShape + 1;  // (p, q) in x
 
-/// d(R p) / d(angle) = hat(R p): a quarter turn.
+/// d(R p) / d(angle) = hat(R p): rotation by 90 degrees.
 Eigen::Vector2d quarter_turn(const Eigen::Vector2d& p) { return {-p.y(), p.x()}; }
 
 Eigen::Matrix2d turn(double angle_rad) { return Eigen::Rotation2Dd(angle_rad).toRotationMatrix(); }
 
-/// A turn as uncertain as this may be any. More would say nothing, and the covariance of the radii would drown in its
-/// rounding.
+/// A rotation with this variance is unknown. A larger one has no meaning, and its rounding errors would exceed the
+/// covariance of the radii.
 constexpr double kAnyTurn_rad = 30.0;
 
 /// d(p, q) / d(psi) after `dt_s`.
@@ -58,13 +58,13 @@ Matrix8d added_covariance(double dt_s, const ProcessNoise& noise, const Eigen::V
   return Q;
 }
 
-/// How uncertain the turn of `dt_s` is, whatever it was before.
+/// Uncertainty of the rotation within `dt_s`.
 double turn_sigma_rad(const ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
   const double q_w = noise.angular_acceleration * noise.angular_acceleration;
   return dt_s * std::sqrt(estimate.P(kAngularVelocity, kAngularVelocity) + q_w * dt_s / 3.0);
 }
 
-/// Of all in a measurement that is no error of the element: its own noise and that of the robot input.
+/// Covariance of the measurement noise and of the robot input.
 Matrix5d noise_covariance(const Vector8d& x, const Pose2& T_world_level, const Measurement& measurement,
                           const Eigen::Matrix3d& U) {
   const Matrix53d H_u = measurement_input_jacobian(x, T_world_level, measurement.time_offset_s);
@@ -104,7 +104,7 @@ Measurement measurement_of(const Detection& detection) {
 }
 
 Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level) {
-  const Matrix58d H = measurement_jacobian(T_world_level, 0.0);  // its rows are orthonormal: H^T undoes it
+  const Matrix58d H = measurement_jacobian(T_world_level, 0.0);  // its rows are orthonormal: H^T is its pseudo-inverse
   return H.transpose() * R * H;
 }
 
@@ -160,7 +160,7 @@ ObjectEstimate map_measurement(const Measurement& measurement, const Pose2& T_wo
   estimate.x.segment<2>(kPosition) = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
   estimate.x(kShape) = measurement.z(2);
   estimate.x.segment<2>(kAxis) = turn(2.0 * T_world_level.yaw_rad) * measurement.z.tail<2>();
-  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, 0.0);  // at rest, whatever the offset
+  const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, 0.0);  // at rest, any offset
   estimate.P = state_covariance(measurement.R + H_u * U * H_u.transpose(), T_world_level);
   return estimate;
 }
@@ -170,7 +170,7 @@ void make_circle(ObjectEstimate& estimate) {
   H.middleCols<2>(kAxis).setIdentity();
   const Eigen::Matrix2d R = Eigen::Matrix2d::Zero();
   update(estimate, innovation(estimate, Eigen::Vector2d(-estimate.x.segment<2>(kAxis)), H, R), H, R);
-  // Exactly, and not but for rounding: no measurement then moves them again.
+  // Exactly, without rounding errors: no measurement then changes them.
   estimate.x.segment<2>(kAxis).setZero();
   estimate.P.middleRows<2>(kAxis).setZero();
   estimate.P.middleCols<2>(kAxis).setZero();
@@ -183,8 +183,8 @@ Ellipse ellipse_world(const Vector8d& x) {
 }
 
 void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object) {
-  // (p, q) with an error is longer than without, on average: what is across it makes the way longer, what is along it
-  // cancels. E |a + e| = |a| + P_across / (2 |a|) to second order, which this undoes.
+  // The length of (p, q) is biased: errors across it increase it, errors along it cancel on average.
+  // E |a + e| = |a| + P_across / (2 |a|) to second order, which is inverted here.
   const Eigen::Vector2d axis = estimate.x.segment<2>(kAxis);
   Vector8d x = estimate.x;
   if (axis.squaredNorm() > 0.0) {
@@ -207,7 +207,7 @@ void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Obj
 
   const Eigen::Matrix2d P_axis = P.block<2, 2>(kAxis, kAxis);
   constexpr double kChiSquare99 = 9.2103;  // of 2 degrees of freedom
-  // det(P) d^2 by Cramer's rule, which a circle's P of zero passes through too.
+  // det(P) d^2 by Cramer's rule, which is also valid for a circle's P of zero.
   const double scaled_distance2 = axis.x() * (P_axis(1, 1) * axis.x() - P_axis(0, 1) * axis.y()) +
                                   axis.y() * (P_axis(0, 0) * axis.y() - P_axis(1, 0) * axis.x());
   const bool may_be_circle = scaled_distance2 <= kChiSquare99 * P_axis.determinant();

@@ -19,26 +19,27 @@ namespace {
 // Each constant with its unit, its source and its sensitivity. Where no source is named, none is recorded. None of them
 // was varied in flights.
 
-/// m. Radii are kept above it, so that an ellipse stays one. No test bounds it.
+/// m. Lower bound of the radii. No test bounds it.
 constexpr double kMinRadius_m = 0.01;
-/// s. How long an acceleration lasts: with the standard deviation s of an exponentially correlated one, the spectral
-/// density of the white one that moves an object as far is s sqrt(2 tau) (Singer, 1970). A factor of 4 in it is one of
-/// 2 in both acceleration parameters.
+/// s. Correlation time tau of accelerations: for an exponentially correlated one with the standard deviation s, the
+/// equivalent white noise has the spectral density s sqrt(2 tau) (Singer, 1970). A factor of 4 in it is one of 2 in
+/// both acceleration parameters.
 constexpr double kManoeuvre_s = 0.5;
-/// Per scan. What P_view follows a worse view by: 50 scans, 2.5 s at 20 Hz. No test bounds it.
+/// Per scan. Rate at which P_view follows a worse view: 50 scans, 2.5 s at 20 Hz. No test bounds it.
 constexpr double kViewForgetting = 0.02;
-/// Per detection. How fast the noise factor is learnt: within 33 detections. LearnsHowLargeTheErrorsOfDetectionsAre
-/// asks that a matched noise be taken for less than 1.1 times its standard deviation; where that breaks is not known.
+/// Per detection. Adaptation rate of the noise factor: within 33 detections. LearnsHowLargeTheErrorsOfDetectionsAre
+/// asserts that a matched noise is estimated at less than 1.1 times its standard deviation; the bound of this is not
+/// known.
 constexpr double kNoiseGain = 0.03;
 /// Factor on variances, so 3.2 on standard deviations. The tests with twice the noise need 4.
 constexpr double kMaxNoise = 10.0;
 /// s. What has stood for longer is less and less likely to be a mover at rest. No test bounds it.
 constexpr double kRestartDecay_s = 0.7;
-/// s. What has stood for longer has settled: it sets off at start_rate_1_s. No test bounds it.
+/// s. An element that has stood for longer begins to move at start_rate_1_s. No test bounds it.
 constexpr double kSettled_s = 1.5;
-/// Probability of moving from which on it is sure. No test bounds it.
+/// Probability of moving from which on an element counts as moving. No test bounds it.
 constexpr double kSurelyMoving = 0.95;
-/// m. An object that has surely moved this far may do so again. Below 1.2 m, the way of
+/// m. An object that has moved this far without a stop is mobile. Below 1.2 m, the way of
 /// WhatHasTravelledIsRememberedWhereItIsSeenThroughAndWhatStoodIsNot.
 constexpr double kMobileAfter_m = 0.25;
 
@@ -72,7 +73,7 @@ void ObjectMap::set_params(const ObjectMapParams& params) {
   motion_.start_angular_velocity_sigma = circle ? 0.0 : params_.start_angular_velocity_sigma_rad_s;
 }
 
-/// U: what is not known of the level frame's pose. An error of the stamps shifts it along its own motion.
+/// U: the covariance of the level frame's pose. An error of the stamps shifts it along its own motion.
 Eigen::Matrix3d ObjectMap::robot_covariance(const Detections& detections) {
   const Eigen::Vector3d sigma(params_.robot_position_sigma_m, params_.robot_position_sigma_m,
                               params_.robot_yaw_sigma_rad);
@@ -88,8 +89,8 @@ Eigen::Matrix3d ObjectMap::robot_covariance(const Detections& detections) {
   return U;
 }
 
-/// What has moved may well set off again, and so may what has not been seen to stand for long. Out of sight, what stood
-/// is expected where it stood and what moved where its way leads, and no other ways are thought up.
+/// Elements that have moved, or have not stood for long, start at a higher rate. Out of sight, standing elements are
+/// expected where they stood and moving ones along their predicted path, without transitions.
 MotionParams ObjectMap::motion_of(const MapElement& element) const {
   MotionParams motion = motion_;
   if (is_out_of_sight(element, stamp_ns())) motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
@@ -99,7 +100,7 @@ MotionParams ObjectMap::motion_of(const MapElement& element) const {
   return motion;
 }
 
-/// What the map takes a detection's errors for.
+/// The covariance R of a detection in the map.
 Measurement ObjectMap::widened(const Detection& detection) const {
   Measurement measurement = measurement_of(detection);
   measurement.R *= noise_;
@@ -108,8 +109,8 @@ Measurement ObjectMap::widened(const Detection& detection) const {
   return measurement;
 }
 
-/// Innovations tell how true the detections' covariances are (Mehra, 1970). They are never taken for too large: what is
-/// too certain does harm.
+/// Adapts the detections' covariances by the innovations (Mehra, 1970). They are never reduced, since overconfidence
+/// does more harm.
 void ObjectMap::learn_noise(double mahalanobis2) {
   noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
 }
@@ -186,7 +187,7 @@ void ObjectMap::update_missed() {
   }
 }
 
-/// What no element explains is new, unless it says something of an element seen recently.
+/// Unmatched detections create elements, unless they overlap an element seen recently.
 void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
   work_.recently_seen = seen_within(kLostAfter_s, std::move(work_.recently_seen));
   for (std::size_t j = 0; j < work_.measurements.size(); ++j) {
@@ -204,7 +205,7 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["element corrected"];
       continue;
     }
-    // On an element that has just been seen it is a second piece of the same body, or the whole of it badly seen.
+    // On an element that has just been seen it is a second part of the same body, or a bad view of it.
     if (work_.recently_seen.overlap(detections.T_world_level * detection.ellipse_level)) {
       ++report.reasons["detection on an element already seen"];
       continue;
@@ -275,7 +276,7 @@ MapSnapshot ObjectMap::snapshot() const {
   result.noise = noise_;
   result.next_id = next_id_;
   result.elements = elements_;
-  // A body that is gone is as good as none: ids are never used again.
+  // A deleted body is equivalent to none: ids are not reused.
   for (MapElement& element : result.elements) {
     if (find_element(element.body, elements_) == nullptr) element.body = 0;
   }
@@ -305,7 +306,7 @@ void ObjectMap::resume(const MapSnapshot& snapshot) {
   resumed_ = true;
 }
 
-/// Take the map for one of another time.
+/// Shift the map to another time.
 void ObjectMap::move_stamps_to(std::int64_t stamp_ns) {
   const std::int64_t later_ns = stamp_ns - order_.latest_ns();
   for (MapElement& element : elements_) {
@@ -316,8 +317,8 @@ void ObjectMap::move_stamps_to(std::int64_t stamp_ns) {
   order_.judge(stamp_ns);
 }
 
-/// The element that a whole detection lies on although it does not match: two objects are not in one place, so the
-/// element was wrong (its first views were pieces of it, say). Elements that were lost sight of do not count.
+/// The element on which an unmatched detection with two visible ends lies: two objects cannot overlap, so the element
+/// was wrong (e.g. its first views were partial). Elements out of sight do not count.
 MapElement* ObjectMap::element_to_reinitialize(const Measurement& measurement, const Pose2& T_world_level) {
   if (measurement.hidden_end) return nullptr;
   const Eigen::Vector2d center_world_m = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
@@ -343,10 +344,10 @@ MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pos
   return start(mapped, motion_);
 }
 
-/// What a detection says of an element beside its estimate and its existence: how well it is seen, how it moves.
+/// Updates of an element by a detection other than its estimate and existence: view covariance and motion flags.
 void ObjectMap::observe(MapElement& element, const Detection& detection, const Measurement& measurement,
                         const Pose2& T_world_level) const {
-  // A better view counts at once, a worse one as it lasts.
+  // A better view counts at once, a worse one gradually.
   const Matrix8d P_view = state_covariance(measurement.R, T_world_level);
   const bool better = element.observations == 0 || P_view.trace() < element.P_view.trace();
   element.P_view += (better ? 1.0 : kViewForgetting) * (P_view - element.P_view);

@@ -12,10 +12,10 @@ using namespace object_state;
 
 namespace {
 
-/// m. Shapes of which neither (rx + ry) / 2 nor |(p, q)| differs by more are no means of telling objects apart. No
-/// source is recorded. From 0.01 to 0.014 by re_identification_test; not measured in flights.
+/// m. Shapes whose (rx + ry) / 2 and |(p, q)| differ by no more do not distinguish objects. No source is recorded. From
+/// 0.01 to 0.014 by re_identification_test; not measured in flights.
 constexpr double kSameShape_m = 0.01;
-/// So many others of a shape make it a common one. No source is recorded; the tests ask for exactly this.
+/// Number of other elements of a shape that makes it a common one. No source is recorded; the tests assert this value.
 constexpr int kManyOfAShape = 3;
 
 }  // namespace
@@ -60,7 +60,7 @@ void re_identify(const std::vector<std::size_t>& newly_confirmed, const std::vec
     as_measurement.R = H * estimate.P * H.transpose();
     MapElement* best = nullptr;
     double most = kLogNewObjectDensity;
-    for (std::size_t j = 0; j < i; ++j) {  // ids grow: the lost are before
+    for (std::size_t j = 0; j < i; ++j) {  // ids are ascending: lost elements come first
       MapElement& lost = elements[j];
       if (lost.state != TrackState::kLost || lost.is_part) continue;
       const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());

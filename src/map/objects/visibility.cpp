@@ -24,7 +24,7 @@ Sight look_at(const Ellipse& ellipse_level, const FreeSpace& free_space, double 
       static_cast<double>(azimuths.back() - azimuths.front()) / static_cast<double>(azimuths.size() - 1);
   const double reach_rad = std::max(kInnerPart * std::atan2(half_breadth_m, distance_m), 0.5 * spacing_rad);
 
-  // The place's azimuth, turned to where the scan has it.
+  // The azimuth, wrapped to the range of the scan.
   double azimuth_rad = std::atan2(along.y(), along.x());
   const double first_rad = azimuths.front() - reach_rad;
   azimuth_rad += 2.0 * kPi * std::ceil((first_rad - azimuth_rad) / (2.0 * kPi));
