@@ -105,13 +105,13 @@ NetworkDetector::NetworkDetector(const std::string& onnx_path, const EllipseFitP
 }
 
 void NetworkDetector::find(const Segments& segments, Detections& found) {
-  asked_.clear();
+  selected_.clear();
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     const Segment& segment = segments.segments[i];
-    if (segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0') asked_.push_back(i);
+    if (segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0') selected_.push_back(i);
   }
   const std::vector<EllipseEstimate>& estimates =
-      network_.infer(segments, asked_, params_.range_sigma_m, params_.prior_max_radius_m);
+      network_.infer(segments, selected_, params_.range_sigma_m, params_.prior_max_radius_m);
 
   auto estimate = estimates.begin();
   detect_each(

@@ -106,7 +106,7 @@ struct Way {
   Vector5i stopped = Vector5i::Constant(kFree);
 };
 
-Way way_to_side(const Vector5d& from, const Vector5d& direction, const Box& box) {
+Way distance_to_bound(const Vector5d& from, const Vector5d& direction, const Box& box) {
   Vector5d lengths = Vector5d::Constant(std::numeric_limits<double>::infinity());
   for (int k = 0; k < 5; ++k) {
     if (direction(k) == 0.0) continue;
@@ -139,10 +139,10 @@ Step dogleg_step(const Vector5d& x, const Vector5d& newton, const Vector5d& g, c
   }
   const double slope = g.squaredNorm();
   const double curvature = (R.leftCols<5>() * g).squaredNorm();
-  const double to_side = way_to_side(Vector5d::Zero(), -g, box).length;
+  const double to_side = distance_to_bound(Vector5d::Zero(), -g, box).length;
   const Vector5d cauchy = -(slope < curvature * to_side ? slope / curvature : to_side) * g;
   const Vector5d onwards = newton - cauchy;
-  const Way way = way_to_side(cauchy, onwards, box);
+  const Way way = distance_to_bound(cauchy, onwards, box);
   step.s = cauchy + std::min(way.length, 1.0) * onwards;
   for (int k = 0; k < 5; ++k) {
     if (way.stopped(k) == kFree) continue;

@@ -37,40 +37,41 @@ double ratio(double part, double whole) { return whole > 0.0 ? part / whole : 0.
 
 }  // namespace
 
-std::vector<MapEvaluation::Thing> MapEvaluation::things_of(const Objects& truth) const {
-  std::vector<Thing> things;
+std::vector<MapEvaluation::Target> MapEvaluation::targets_of(const Objects& truth) const {
+  std::vector<Target> targets;
   if (bodies_.empty()) {
-    for (const Object& object : truth.objects) things.push_back({&object, {object.ellipse_world}, object.beams});
-    return things;
+    for (const Object& object : truth.objects) targets.push_back({&object, {object.ellipse_world}, object.beams});
+    return targets;
   }
   for (const Body& body : bodies_) {
-    Thing thing;
-    thing.reference = &truth.objects.at(body.parts.front());
+    Target target;
+    target.reference = &truth.objects.at(body.parts.front());
     for (const std::size_t part : body.parts) {
-      thing.parts.push_back(truth.objects.at(part).ellipse_world);
-      thing.beams += truth.objects[part].beams;
+      target.parts.push_back(truth.objects.at(part).ellipse_world);
+      target.beams += truth.objects[part].beams;
     }
-    things.push_back(std::move(thing));
+    targets.push_back(std::move(target));
   }
-  return things;
+  return targets;
 }
 
-std::vector<int> MapEvaluation::match(const std::vector<Thing>& things, const Objects& map) const {
+std::vector<int> MapEvaluation::match(const std::vector<Target>& targets, const Objects& map) const {
   const double cost_alone_m = 2.0 * params_.max_match_distance_m;  // so that none is left unmatched for a nearer pair
   std::vector<Candidate> candidates;
-  for (std::size_t i = 0; i < things.size(); ++i) {
-    if (!is_there(*things[i].reference)) continue;
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    if (!is_there(*targets[i].reference)) continue;
     for (std::size_t j = 0; j < map.objects.size(); ++j) {
       const Eigen::Vector2d& center_m = map.objects[j].ellipse_world.center_m;
-      const double distance_m = (things[i].reference->ellipse_world.center_m - center_m).norm();
-      const bool on_body = things[i].parts.size() > 1 && within_reach(things[i].parts, center_m, params_.body_margin_m);
+      const double distance_m = (targets[i].reference->ellipse_world.center_m - center_m).norm();
+      const bool on_body =
+          targets[i].parts.size() > 1 && within_reach(targets[i].parts, center_m, params_.body_margin_m);
       if (distance_m <= params_.max_match_distance_m || on_body) {
         candidates.push_back({static_cast<int>(i), static_cast<int>(j),
                               std::min(distance_m, params_.max_match_distance_m) - cost_alone_m});
       }
     }
   }
-  return assign(static_cast<int>(things.size()), static_cast<int>(map.objects.size()), candidates);
+  return assign(static_cast<int>(targets.size()), static_cast<int>(map.objects.size()), candidates);
 }
 
 void MapEvaluation::compare(ObjectTally& tally, const Object& truth, const Object& element) const {
@@ -110,9 +111,9 @@ HiddenTime MapEvaluation::hidden_time(const Hiding& hiding, std::int64_t end_ns,
   return time;
 }
 
-void MapEvaluation::follow_hiding(ObjectTally& tally, const Thing& thing, const Object* element,
-                                  const Objects& map) const {
-  if (thing.beams == 0) {
+void MapEvaluation::update_hidden_time(ObjectTally& tally, const Target& target, const Object* element,
+                                       const Objects& map) const {
+  if (target.beams == 0) {
     if (!tally.hiding && tally.element_id != 0) tally.hiding = Hiding{stamp_ns_, kNever, kNever, std::nullopt};
     if (!tally.hiding) return;
     tally.hiding->to_ns = tally.hiding->visible_again_ns = kNever;  // a glimpse does not end it
@@ -130,7 +131,7 @@ void MapEvaluation::follow_hiding(ObjectTally& tally, const Thing& thing, const 
     tally.hiding.reset();
     return;
   }
-  if (thing.beams < params_.visible_beams) return;
+  if (target.beams < params_.visible_beams) return;
   if (hiding.visible_again_ns == kNever) hiding.visible_again_ns = stamp_ns_;
   const bool in_time = seconds_between(hiding.visible_again_ns, stamp_ns_) <= params_.recognition_s;
   if (in_time && element == nullptr) return;
@@ -138,19 +139,19 @@ void MapEvaluation::follow_hiding(ObjectTally& tally, const Thing& thing, const 
   tally.hiding.reset();
 }
 
-void MapEvaluation::judge_bodies(const std::vector<Thing>& things, const Objects& map,
-                                 const std::vector<int>& separate_parts) {
+void MapEvaluation::evaluate_bodies(const std::vector<Target>& targets, const Objects& map,
+                                    const std::vector<int>& separate_parts) {
   body_tallies_.resize(bodies_.size());
   for (std::size_t i = 0; i < separate_parts.size(); ++i) {
     BodyTally& tally = body_tallies_.at(i);
-    const Thing& thing = things[i];
-    if (thing.parts.size() < 2) continue;
-    if (tally.first_visible_ns == kNever && thing.beams >= params_.visible_beams) tally.first_visible_ns = stamp_ns_;
+    const Target& target = targets[i];
+    if (target.parts.size() < 2) continue;
+    if (tally.first_visible_ns == kNever && target.beams >= params_.visible_beams) tally.first_visible_ns = stamp_ns_;
     if (tally.first_visible_ns == kNever || separate_parts[i] < 2) continue;
     if (seconds_between(tally.first_visible_ns, stamp_ns_) < params_.body_settling_s) continue;
     ++tally.scans_apart;
     const auto on_body = std::count_if(map.objects.begin(), map.objects.end(), [&](const Object& element) {
-      return within_reach(thing.parts, element.ellipse_world.center_m, params_.body_margin_m);
+      return within_reach(target.parts, element.ellipse_world.center_m, params_.body_margin_m);
     });
     if (on_body == 1) ++tally.scans_one;
   }
@@ -159,16 +160,16 @@ void MapEvaluation::judge_bodies(const std::vector<Thing>& things, const Objects
 ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts) {
   ++scans_;
   stamp_ns_ = truth.stamp_ns;
-  const std::vector<Thing> things = things_of(truth);
-  const std::vector<int> element_of = match(things, map);
+  const std::vector<Target> targets = targets_of(truth);
+  const std::vector<int> element_of = match(targets, map);
 
   ScanScore scan;
   std::vector<Eigen::Vector2d> truths_m, estimates_m;  // input of GOSPA
   std::vector<bool> on_truth(map.objects.size(), false), on_hidden(map.objects.size(), false);
-  for (std::size_t i = 0; i < things.size(); ++i) {
-    const Object& object = *things[i].reference;
+  for (std::size_t i = 0; i < targets.size(); ++i) {
+    const Object& object = *targets[i].reference;
     ObjectTally& tally = objects_[object.id];
-    has_parts_[object.id] = things[i].parts.size() > 1;
+    has_parts_[object.id] = targets[i].parts.size() > 1;
     if (!is_there(object)) {
       tally.hiding.reset();
       tally.unmapped_since_ns = kNever;
@@ -178,8 +179,8 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
     tally.moves = tally.moves || !object.velocity_world_m_s.isZero(0.0);
     const Object* const element = element_of[i] >= 0 ? &map.objects[static_cast<std::size_t>(element_of[i])] : nullptr;
     if (element != nullptr) on_truth[static_cast<std::size_t>(element_of[i])] = true;
-    follow_hiding(tally, things[i], element, map);
-    if (things[i].beams < params_.visible_beams) {
+    update_hidden_time(tally, targets[i], element, map);
+    if (targets[i].beams < params_.visible_beams) {
       if (element != nullptr) on_hidden[static_cast<std::size_t>(element_of[i])] = true;
       tally.unmapped_since_ns = kNever;
       continue;
@@ -216,7 +217,7 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
   false_elements_ += scan.false_elements;
   scan.gospa_m = gospa(truths_m, estimates_m, params_.max_match_distance_m).distance_m;
   gospa_sum_m_ += scan.gospa_m;
-  judge_bodies(things, map, separate_parts);
+  evaluate_bodies(targets, map, separate_parts);
   return scan;
 }
 

@@ -182,7 +182,7 @@ Hits cast(const Thing& thing, const Scanner& scanner) {
 }
 
 /// True if segmentation would see one segment in it.
-bool in_one_piece(const Hits& hits) {
+bool is_one_segment(const Hits& hits) {
   int missing = 0;
   double previous_m = hits.ranges_m.front();
   for (const double range_m : hits.ranges_m) {
@@ -381,7 +381,7 @@ Thing draw_two(Random& random) {
 }
 
 /// True if each of the two ellipses is hit by at least two beams: else only one is visible.
-bool both_seen(const Thing& two, const Hits& hits, const Scanner& scanner) {
+bool both_visible(const Thing& two, const Hits& hits, const Scanner& scanner) {
   std::array<int, 2> seen = {0, 0};
   for (int i = 0; i < hits.count(); ++i) {
     const double range_m = hits.ranges_m[static_cast<std::size_t>(i)];
@@ -451,13 +451,13 @@ std::optional<SyntheticSegment> try_other(SegmentCase which, Random& random) {
   }
   if (!within_range(thing, scanner.max_range_m)) return std::nullopt;
   Hits hits = cast(thing, scanner);
-  if (hits.count() < kMinHits || !in_one_piece(hits)) return std::nullopt;
-  if (which == SegmentCase::kTwo && !both_seen(thing, hits, scanner)) return std::nullopt;
+  if (hits.count() < kMinHits || !is_one_segment(hits)) return std::nullopt;
+  if (which == SegmentCase::kTwo && !both_visible(thing, hits, scanner)) return std::nullopt;
   Ends ends;
   if (chance(random, 0.5) && !hide_one_end(hits, ends, kMinHits, random)) return std::nullopt;
   if (which == SegmentCase::kBush) scatter(hits, random);
   add_noise(hits, scanner, random);
-  if (!in_one_piece(hits)) return std::nullopt;
+  if (!is_one_segment(hits)) return std::nullopt;
   return make_segment(hits, ends, scanner, std::nullopt);
 }
 
@@ -502,8 +502,8 @@ std::optional<SyntheticSegment> try_product(Random& random) {
   if (!within_range(thing, scanner.max_range_m)) return std::nullopt;
   Hits hits = cast(thing, scanner);
   if (hits.count() < kMinHits) return std::nullopt;
-  if (!one_ellipse && !in_one_piece(hits)) return std::nullopt;
-  if (two && !both_seen(thing, hits, scanner)) return std::nullopt;
+  if (!one_ellipse && !is_one_segment(hits)) return std::nullopt;
+  if (two && !both_visible(thing, hits, scanner)) return std::nullopt;
 
   Ends ends;
   if (chance(random, 0.4)) {
@@ -538,7 +538,7 @@ std::optional<SyntheticSegment> try_product(Random& random) {
         std::count_if(hits.ranges_m.begin(), hits.ranges_m.end(), [](double r) { return !std::isinf(r); });
     if (left < kMinHits) return std::nullopt;
   }
-  if (!one_ellipse && !in_one_piece(hits)) return std::nullopt;
+  if (!one_ellipse && !is_one_segment(hits)) return std::nullopt;
   return make_segment(hits, ends, scanner, one_ellipse ? std::optional(thing.ellipses.front()) : std::nullopt);
 }
 

@@ -8,7 +8,7 @@
 namespace situation_awareness::detail {
 namespace {
 
-/// Predictions say little long before that.
+/// Predictions are very uncertain long before that.
 constexpr double kMaxPrediction_s = 60.0;
 
 std::string seconds_text(double seconds) {

@@ -31,7 +31,7 @@ void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
 std::vector<Ellipse> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
   if (!map_.objects.empty() && map_.stamp_ns > stamp_ns) {
     context_.diagnostics().counted({{"map of a later time", 1}});
-    forget();
+    clear();
   }
   if (map_.stamp_ns < latest_scan_ns_) context_.diagnostics().counted({{"map of the scan before not there yet", 1}});
   latest_scan_ns_ = stamp_ns;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kSimulatedTime = "/use_sim_time";
 
-/// Of the master that answers just now; empty if none does. ros::param::get would wait for one.
+/// The run id of the master, without waiting; empty if none responds. ros::param::get would wait for one.
 std::string run_id() {
   XmlRpc::XmlRpcValue request, response, payload;
   request[0] = ros::this_node::getName();
@@ -57,11 +57,11 @@ void MasterWatch::watch() {
       const std::string id = run_id();
       if (!id.empty() && run_id_.empty()) run_id_ = id;
       if (!id.empty() && id != run_id_) {
-        give_parameters_back();
+        restore_parameters();
         run_id_ = id;
         at_new_master_ = true;
         ROS_WARN_STREAM(private_node_.getNamespace() << ": a new master was started, which does not know this node; "
-                                                        "work goes on over the links there are");
+                                                        "existing connections go on");
       }
     } catch (const std::exception& error) {
       ROS_WARN_STREAM(private_node_.getNamespace() << ": " << error.what());
@@ -70,7 +70,7 @@ void MasterWatch::watch() {
   }
 }
 
-void MasterWatch::give_parameters_back() const {
+void MasterWatch::restore_parameters() const {
   const std::string& name = private_node_.getNamespace();
   if (parameters_.valid() && !ros::param::has(name)) ros::param::set(name, parameters_);
   if (simulated_time_ && !ros::param::has(kSimulatedTime)) ros::param::set(kSimulatedTime, true);

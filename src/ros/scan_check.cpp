@@ -10,10 +10,10 @@ namespace situation_awareness {
 std::string scan_msg_defect(const sensor_msgs::LaserScan& msg) {
   const std::string bad = "bad scan: ";
   if (msg.header.frame_id.empty()) return bad + "no frame_id";
-  // To TF a stamp of zero means "the latest", which would be a made-up pose.
+  // TF would interpret a stamp of zero as "the latest transform".
   if (msg.header.stamp.isZero()) return bad + "stamp is zero";
   if (std::isnan(msg.range_min) || std::isnan(msg.range_max)) return bad + "range limits are not numbers";
-  // Which intensity belongs to which range could not be said; a driver without any leaves the field empty.
+  // The assignment of intensities to ranges would be unknown; a driver without intensities leaves the field empty.
   if (!msg.intensities.empty() && msg.intensities.size() != msg.ranges.size()) {
     return bad + "intensities are not one per range";
   }

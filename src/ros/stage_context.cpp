@@ -18,7 +18,7 @@ void StageContextBase::every(double period_s, std::function<void()> act) {
 }
 
 void StageContextBase::begin_calls() {
-  // By a timer, and so on the callback queue: not beside what is called from then on.
+  // By a timer, and so on the callback queue, not concurrently with other callbacks.
   const bool oneshot = false, autostart = false;  // it may fire before it is assigned
   begin_ = node_.createSteadyTimer(
       ros::WallDuration(1e-3), [this](const ros::SteadyTimerEvent&) { begin(); }, oneshot, autostart);

@@ -86,7 +86,7 @@ void StageDiagnostics::processed(const ros::Time& stamp, const ros::SteadyTime& 
   if (std::abs(age_ms) <= Samples::kMost_ms) ages_.add(age_ms);
 }
 
-/// What follows on "no input": that nobody publishes, or where nothing comes.
+/// Text after "no input": nobody publishes, or the silent topic.
 std::string StageDiagnostics::missing_input() const {
   if (subscriber_ == nullptr) return "";
   const std::string topic = subscriber_->getTopic();

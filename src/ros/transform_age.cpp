@@ -18,7 +18,7 @@ void TransformAge::scan_arrived(const std::string& frame) {
     if (static_) return;
     const double age_ms = static_cast<double>(to_nanoseconds(ros::Time::now()) - to_nanoseconds(stamp)) * 1e-6;
     if (std::abs(age_ms) <= Samples::kMost_ms) ages_.add(age_ms);
-  } catch (const tf2::TransformException&) {  // gone in between: the scan will say so
+  } catch (const tf2::TransformException&) {  // removed meanwhile: reported with the scan
   }
 }
 

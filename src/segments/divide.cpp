@@ -80,7 +80,7 @@ void join_convex(const Segments& segments, std::vector<Run>& runs) {
 }
 
 /// True if the runs are to become separate segments.
-bool hold_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
+bool holds_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
   if (work.runs.size() < 2) return false;
   const auto min_points = static_cast<std::size_t>(params.min_points);
   std::size_t known = kNobody;
@@ -123,7 +123,7 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
     work.runs.clear();
     if (!work.expected.empty()) find_runs(segments, whole, params.max_division_offset_m, work);
     join_convex(segments, work.runs);
-    if (!hold_several(segments, work, params)) {
+    if (!holds_several(segments, work, params)) {
       segments.segments.push_back(whole);
       continue;
     }

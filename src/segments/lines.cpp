@@ -86,7 +86,7 @@ bool on_one_line(const Point* points, const Run& right, const Run& left, const S
 
 /// True if each hit of a run lies on the line of the run before it or on that of the run behind it: it is the noise at
 /// the corner of these two.
-bool belongs_to_others(const Point* points, const Run& run, const Run& right, const Run& left, double max_offset_m) {
+bool is_corner_noise(const Point* points, const Run& run, const Run& right, const Run& left, double max_offset_m) {
   const Line right_line = fit_line(points, right);
   const Line left_line = fit_line(points, left);
   return std::all_of(points + run.first, points + run.last + 1, [&](const Point& point) {
@@ -106,7 +106,7 @@ void join(const Point* points, const SegmentationParams& params, std::vector<Run
       } else if (kept > 1 && on_one_line(points, runs[kept - 2], run, params)) {
         kept -= 2;
         run.first = runs[kept].first;
-      } else if (kept > 1 && belongs_to_others(points, runs[kept - 1], runs[kept - 2], run, params.max_line_offset_m)) {
+      } else if (kept > 1 && is_corner_noise(points, runs[kept - 1], runs[kept - 2], run, params.max_line_offset_m)) {
         --kept;
       } else {
         break;

@@ -14,7 +14,7 @@ namespace situation_awareness {
 namespace {
 
 /// True if two hits with `missing` beams without a hit between them are on the same object.
-bool same_thing(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
+bool same_object(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
   if (missing > params.max_missing_beams) return false;
   if (std::abs(a.range_m - b.range_m) > params.max_range_gap_m) return false;
   const double spacing_m = std::min(a.range_m, b.range_m) * std::abs(b.azimuth_rad - a.azimuth_rad);
@@ -36,7 +36,7 @@ class Reading {
         ++missing;
         continue;
       }
-      if (previous && !same_thing(*previous, point, missing, params)) {
+      if (previous && !same_object(*previous, point, missing, params)) {
         start_ = k % n;
         return;
       }
@@ -168,7 +168,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
       continue;
     }
     const bool open = result.points.size() > first;
-    if (open && !same_thing(result.points.back(), point, missing, params)) close_segment();
+    if (open && !same_object(result.points.back(), point, missing, params)) close_segment();
     if (result.points.size() == first) first_read = k;
     last_read = k;
     missing = 0;

@@ -39,7 +39,7 @@ TEST(Counters, CountAsAMapDoes) {
   }
 }
 
-TEST(Counters, AreEqualWhateverTheyWereBeforeAReset) {
+TEST(Counters, AreEqualAfterAResetForAnyHistory) {
   Counters used{{"z", 3}, {"y", 2}};
   used.reset();
   EXPECT_EQ(used, Counters{});

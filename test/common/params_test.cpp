@@ -79,7 +79,7 @@ void expect_refusal(const std::string& yaml, const std::vector<std::string>& fac
   EXPECT_TRUE(names(message, facts));
 }
 
-TEST(Parameters, AreListedWithWhatIsDeclaredOfThem) {
+TEST(Parameters, AreListedWithTheirDeclarations) {
   OuterParams params;
   const std::vector<Parameter> list = parameters_of(params);
   std::vector<std::string> paths;
@@ -97,7 +97,7 @@ TEST(Parameters, AreListedWithWhatIsDeclaredOfThem) {
   EXPECT_EQ(params.middle.inner.size_m, 1.25) << "the list refers to the struct";
 }
 
-TEST(Parameters, AreReadAndWhatIsLeftOutKeepsItsDefault) {
+TEST(Parameters, AreReadAndOmittedOnesKeepTheirDefaults) {
   const OuterParams params = read("{middle: {inner: {size_m: 1}, flag: true}, span: [3, 4]}");
   EXPECT_EQ(params.name, "a name");
   EXPECT_EQ(params.middle.inner.size_m, 1.0);
@@ -110,7 +110,7 @@ TEST(Parameters, AreReadAndWhatIsLeftOutKeepsItsDefault) {
   }
 }
 
-TEST(Parameters, KeepWhatTheDefaultsSay) {
+TEST(Parameters, KeepTheGivenDefaults) {
   OuterParams defaults;
   defaults.middle.inner.count = 7;
   defaults.name = "other";
@@ -154,7 +154,7 @@ TEST(Parameters, OutOfBoundsAreRefusedWithPathValueAndBound) {
   EXPECT_EQ(read("middle: {inner: {size_m: 2, count: 1}}").middle.inner.size_m, 2.0) << "bounds are inside";
 }
 
-TEST(Parameters, OfAnotherTypeAreRefusedWithPathValueAndWhatIsWanted) {
+TEST(Parameters, OfAnotherTypeAreRefusedWithPathValueAndType) {
   expect_refusal("middle: {inner: {size_m: far}}", {"middle.inner.size_m", "far", "number", "0", "2"});
   expect_refusal("middle: {inner: {size_m: [1]}}", {"middle.inner.size_m", "list", "number"});
   expect_refusal("middle: {inner: {size_m: }}", {"middle.inner.size_m", "null", "number"});
@@ -199,7 +199,7 @@ TEST(Parameters, AreValidatedFromTheInsideOut) {
   EXPECT_THROW(validate_all(params), std::invalid_argument);
 }
 
-TEST(UnknownKeys, AreToldWithTheKeysOfTheirSection) {
+TEST(UnknownKeys, AreReportedWithTheKeysOfTheirSection) {
   std::vector<UnknownKey> keys;
   const auto params = params_from_yaml<OuterParams>(
       "{nam: x, middle: {inner: {size: 1, count: 5}, inner.count: 1, '': 1}, middle.flag: true}", "my.yaml",

@@ -24,7 +24,7 @@ std::vector<double> every(double period_s, double end_s) {
   return times_s;
 }
 
-TEST(RateLimit, PassesWhatIsSlowerAndThinsWhatIsFaster) {
+TEST(RateLimit, PassesSlowerInputAndThinsFasterInput) {
   EXPECT_EQ(passed(RateLimit(5.0), every(1.0, 20.0)).size(), 20U);
   EXPECT_EQ(passed(RateLimit(5.0), every(0.05, 20.0)).size(), 100U);
   EXPECT_NEAR(static_cast<double>(passed(RateLimit(6.0), every(0.05, 20.0)).size()), 120.0, 1.0)

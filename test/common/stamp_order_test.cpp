@@ -10,7 +10,7 @@ namespace {
 
 using Verdict = StampOrder::Verdict;
 
-TEST(StampOrder, TellsALoopFromJitter) {
+TEST(StampOrder, DistinguishesALoopFromJitter) {
   StampOrder order(1.0);
   EXPECT_EQ(order.judge(nanoseconds(100.0)), Verdict::kNext);
   EXPECT_EQ(order.judge(nanoseconds(100.1)), Verdict::kNext);
@@ -23,7 +23,7 @@ TEST(StampOrder, TellsALoopFromJitter) {
 }
 
 // A driver may stamp with anything; the difference of two stamps need not fit into one.
-TEST(StampOrder, KnowsBeforeFromAfterForAnyTwoStamps) {
+TEST(StampOrder, OrdersAnyTwoStamps) {
   constexpr std::int64_t kFirst = std::numeric_limits<std::int64_t>::min() + 1;
   constexpr std::int64_t kLast = std::numeric_limits<std::int64_t>::max();
   EXPECT_NEAR(seconds_between(kFirst, kLast), 0x1.0p64 * 1e-9, 1e-3);

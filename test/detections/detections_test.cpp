@@ -28,7 +28,7 @@ std::string defect_of(Spoil&& spoil) {
   return detection_defect(detection);
 }
 
-TEST(DetectionDefect, NamesWhatIsNoDetection) {
+TEST(DetectionDefect, NamesTheDefectOfADetection) {
   EXPECT_EQ(defect_of([](Detection&) {}), "");
   EXPECT_EQ(defect_of([](Detection& d) { d.ellipse_level.center_m.x() = kNaN; }), "ellipse not finite");
   EXPECT_EQ(defect_of([](Detection& d) { d.ellipse_level.rx_m = kNaN; }), "ellipse not finite");

@@ -33,7 +33,7 @@ Ellipse random_ellipse(Random& random) {
           random.uniform(0.05, rx_m)};
 }
 
-TEST(LeastSquares, FindsEllipsesWithinTheNoise) {
+TEST(LeastSquares, EstimatesEllipsesWithinTheNoise) {
   Random random(3);
   const EllipseFitParams params;
   std::vector<double> errors;
@@ -163,7 +163,7 @@ TEST(LeastSquaresDetector, CountsWhatItRefuses) {
   EXPECT_EQ(of_posts.refused, (Counters{{"both ends hidden", 1}}));
 }
 
-TEST(LeastSquaresDetector, HandsOnTheFreeSpaceAndTheTimeOfItsBeams) {
+TEST(LeastSquaresDetector, PassesOnTheFreeSpaceAndTheTimesOfItsBeams) {
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.0}, 0.0, 0.3, 0.2}, {{0.0, 2.0}, 0.0, 0.2, 0.2}};
   Scan scan = scene.scan();

@@ -70,7 +70,7 @@ TEST_F(Network, TurnsWithTheScene) {
   }
 }
 
-TEST_F(Network, DoesNotCareForTheUnitOfLength) {
+TEST_F(Network, IsInvariantUnderScaling) {
   constexpr double kScale = 0.4;
   for (SyntheticSegment& sample : draw(SegmentCase::kProduct, 2, 100)) {
     const EllipseEstimate before = estimate(sample);
@@ -82,7 +82,7 @@ TEST_F(Network, DoesNotCareForTheUnitOfLength) {
   }
 }
 
-TEST_F(Network, AnswersForABatchAsForOneByOne) {
+TEST_F(Network, GivesTheSameInABatchAsOneByOne) {
   const std::vector<SyntheticSegment> samples = draw(SegmentCase::kOccluded, 3, 16);
   std::vector<std::size_t> which(samples.size());
   for (std::size_t i = 0; i < which.size(); ++i) which[i] = i;
@@ -109,7 +109,7 @@ TEST_F(Network, IsBetterThanLeastSquaresWithTheSensorsModel) {
   EXPECT_LT(network_m, 0.9 * least_squares_m);
 }
 
-TEST_F(Network, KnowsAHiddenEndFromAFreeOne) {
+TEST_F(Network, DistinguishesAHiddenEndFromAFreeOne) {
   // Told that the hidden end is free, it must do much worse.
   constexpr int kCount = 2000;
   double told_m = 0.0;
@@ -129,7 +129,7 @@ TEST_F(Network, KnowsAHiddenEndFromAFreeOne) {
   EXPECT_LT(told_m, 0.6 * deceived_m);
 }
 
-TEST_F(Network, CovarianceIsPositiveDefiniteAndHoldsNineTenthsOfTheTruths) {
+TEST_F(Network, CovarianceIsPositiveDefiniteAndContains90PercentOfTruths) {
   constexpr double kChiSquare90 = 9.2364;  // of 5 degrees of freedom
   for (const SegmentCase which : {SegmentCase::kEllipse, SegmentCase::kOccluded, SegmentCase::kProduct}) {
     int inside = 0;
@@ -163,7 +163,7 @@ TEST_F(Network, KeepsEllipsesAndRefusesWallsAndCorners) {
   EXPECT_LT(share_kept(SegmentCase::kCorner), 0.02);
 }
 
-TEST(NetworkDetector, AsksAboutObjectsThatShowAnEdgeAndKeepsTheirOrder) {
+TEST(NetworkDetector, DetectsObjectsThatShowAnEdgeInTheirOrder) {
   std::vector<SyntheticSegment> samples = draw(SegmentCase::kEllipse, 8, 6);
   Segments segments = merge(samples);
   segments.stamp_ns = 5;

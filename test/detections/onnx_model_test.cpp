@@ -55,7 +55,7 @@ class ModelFileTest : public testing::Test {
   fs::path manifest_;
 };
 
-TEST_F(ModelFileTest, LoadsWhole) { EXPECT_NO_THROW(OnnxModel{onnx_.string()}); }
+TEST_F(ModelFileTest, LoadsIntactFiles) { EXPECT_NO_THROW(OnnxModel{onnx_.string()}); }
 
 TEST_F(ModelFileTest, RefusesAFlippedBit) {
   std::string content = read(onnx_);
@@ -95,7 +95,7 @@ TEST_F(ModelFileTest, RefusesADamagedManifest) {
   }
 }
 
-TEST_F(ModelFileTest, RefusesAWrongAnswerToTheGoldenVector) {
+TEST_F(ModelFileTest, RefusesAWrongOutputForTheGoldenVector) {
   std::string content = read(manifest_);
   const std::size_t golden = content.find("  output: [");
   ASSERT_NE(golden, std::string::npos);
@@ -105,7 +105,7 @@ TEST_F(ModelFileTest, RefusesAWrongAnswerToTheGoldenVector) {
 }
 
 // A file that its manifest vouches for but that is no network: the importer's refusal becomes one sentence too.
-TEST_F(ModelFileTest, RefusesWhatIsNoNetwork) {
+TEST_F(ModelFileTest, RefusesOtherFiles) {
   write(onnx_, "no network at all");
   const std::string hex = sha256_of(read(onnx_));
   std::string manifest = read(manifest_);

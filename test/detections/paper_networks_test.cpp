@@ -174,7 +174,7 @@ TEST_F(PolarEllipseNetworkTest, TurnsWithTheScene) {
   }
 }
 
-TEST_F(PolarEllipseNetworkTest, ServesOtherScanners) {
+TEST_F(PolarEllipseNetworkTest, WorksForOtherScanners) {
   // Without noise what is lost is what wider beams leave open about the ends of the segment.
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(0.1), nullptr).mean_m, 0.025);
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(0.3516), nullptr).mean_m, 0.035);
@@ -182,7 +182,7 @@ TEST_F(PolarEllipseNetworkTest, ServesOtherScanners) {
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(1.0), nullptr).mean_m, 0.07);
 }
 
-TEST_F(PolarEllipseNetworkTest, ServesTiltedScanners) {
+TEST_F(PolarEllipseNetworkTest, WorksForTiltedScanners) {
   for (const double tilt_deg : {5.0, 15.0, 30.0}) {
     EXPECT_LT(errors_on_near_grid(network_, tilted_scanner(0.25, radians(tilt_deg)), nullptr).mean_m, 0.03);
   }
@@ -198,7 +198,7 @@ TEST_F(PolarEllipseNetworkTest, BridgesMissingBeams) {
   EXPECT_LT(symmetric_characteristic_distance(answer, network_.infer(segments, {0})[0]), 0.02);
 }
 
-TEST_F(PolarEllipseNetworkTest, AnswersInABatchAsOneByOne) {
+TEST_F(PolarEllipseNetworkTest, GivesTheSameInABatchAsOneByOne) {
   const std::vector<double> azimuths_rad = level_scanner(0.25);
   Random random(3);
   Segments segments = empty_segments(azimuths_rad);
@@ -352,7 +352,7 @@ TEST_F(SensorFrameTest, SeesWithinItsFieldOfViewOnly) {
   EXPECT_EQ(detector.detect(segments).refused["outside the network's field of view"], 2U);
 }
 
-TEST_F(SensorFrameTest, AnswersAreEllipsesInTheSensorsFrame) {
+TEST_F(SensorFrameTest, OutputsAreEllipsesInTheSensorsFrame) {
   const std::vector<double> azimuths_rad = level_scanner(0.25);
   Segments segments = empty_segments(azimuths_rad);
   ASSERT_TRUE(append_segment({{1.0, 2.0}, 0.4, 0.3, 0.2}, azimuths_rad, nullptr, segments));
@@ -396,7 +396,7 @@ class PaperNetworkDetectorTest : public SensorFrameTest, public testing::WithPar
   }
 };
 
-TEST_P(PaperNetworkDetectorTest, AnswersForEveryObjectWhateverItsEnds) {
+TEST_P(PaperNetworkDetectorTest, DetectsEveryObjectWithAnyEnds) {
   const std::vector<double> azimuths_rad = level_scanner(0.25);
   PaperNetworkDetector detector = this->detector();
   for (const SegmentEnd right : {SegmentEnd::kFree, SegmentEnd::kOccluded, SegmentEnd::kScanEdge}) {

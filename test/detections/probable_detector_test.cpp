@@ -31,7 +31,7 @@ class Dice final : public Detector {
   std::vector<double> p_ellipse_;
 };
 
-TEST(ProbableDetector, KeepsWhatIsProbableInItsOrderAndCountsTheRest) {
+TEST(ProbableDetector, KeepsProbableDetectionsInOrderAndCountsTheOthers) {
   Segments segments;
   segments.stamp_ns = 7;
   ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6);
@@ -43,14 +43,14 @@ TEST(ProbableDetector, KeepsWhatIsProbableInItsOrderAndCountsTheRest) {
   EXPECT_EQ(detections.refused, (Counters{{"ellipse too large", 3}, {"not one ellipse", 3}}));
 }
 
-TEST(ProbableDetector, TakesAnotherBound) {
+TEST(ProbableDetector, AcceptsAnotherBound) {
   ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6}), 0.6);
   EXPECT_EQ(detector.detect(Segments()).detections.size(), 1U);
   detector.set_min_p_ellipse(0.1);
   EXPECT_EQ(detector.detect(Segments()).detections.size(), 2U);
 }
 
-TEST(ProbableDetector, CountsNothingWhereNothingIsRefused) {
+TEST(ProbableDetector, CountsOnlyRefusals) {
   ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.0, 1.0}), 0.0);
   const Detections detections = detector.detect(Segments());
   EXPECT_EQ(detections.detections.size(), 2U);

@@ -83,7 +83,7 @@ TEST(Refine, AveragesConvergeToTheTruthWhereThoseOfFitsDoNot) {
   EXPECT_LT(refined_m, 0.5 * fitted_m);
 }
 
-TEST(Refine, LeavesTheTruthWhereItIs) {
+TEST(Refine, HasItsFixedPointAtTheTruth) {
   const Ellipse truth{{4.0, 0.1}, 0.4, 0.35, 0.16};
   const Segments segments = far_segment(half_hidden(truth), nullptr);
   const Detections refined = refine(detected(segments), segments, {truth}, kParams);
@@ -139,7 +139,7 @@ TEST(Refine, TurnsWithTheScene) {
   EXPECT_NEAR(spread(of_a), spread(of_b), 1e-6);
 }
 
-TEST(Refine, ChangesNothingOfWhatIsNotKnown) {
+TEST(Refine, LeavesDetectionsOfNewObjectsUnchanged) {
   Random random(8);
   const Segments segments = far_segment(half_hidden({{4.0, 0.1}, 0.4, 0.35, 0.16}), &random);
   const Detections plain = detected(segments);
@@ -157,7 +157,7 @@ TEST(Refine, ChangesNothingOfWhatIsNotKnown) {
   }
 }
 
-TEST(Refine, LooksFromTheNearestOfWhatIsKnownAndKeepsWhatTheDetectorSaid) {
+TEST(Refine, StartsFromTheNearestOutlineAndKeepsTheDetectorsOtherFields) {
   Random random(9);
   const Ellipse truth{{4.0, 0.1}, 0.4, 0.35, 0.16};
   const Segments segments = far_segment(half_hidden(truth), &random);
@@ -179,7 +179,7 @@ TEST(Refine, LooksFromTheNearestOfWhatIsKnownAndKeepsWhatTheDetectorSaid) {
 
 // A small object is followed with a place that fell behind: its hits lie on the far side of what is known, where no
 // beam can end. Looked for from there, it would be found inside out.
-TEST(Refine, LooksFromNothingWhoseFarSideTheHitsLieOn) {
+TEST(Refine, IgnoresOutlinesWithTheHitsOnTheirFarSide) {
   const Ellipse truth{{7.5, 0.1}, 0.3, 0.1, 0.08};
   LevelScene scene;
   scene.ellipses = {truth};

@@ -133,7 +133,7 @@ TEST(SegmentEncoding, ProfileOfALongSegmentIsThatOfTheCurve) {
   }
 }
 
-TEST(SegmentEncoding, FramesGoForthAndBack) {
+TEST(SegmentEncoding, FramesAreInverseToEachOther) {
   Random random(6);
   for (int i = 0; i < 100; ++i) {
     const SyntheticSegment sample = draw_segment(SegmentCase::kEllipse, random);
@@ -143,7 +143,7 @@ TEST(SegmentEncoding, FramesGoForthAndBack) {
   }
 }
 
-TEST(SegmentEncoding, TellsHiddenEndsApart) {
+TEST(SegmentEncoding, DistinguishesHiddenEnds) {
   Random random(8);
   SyntheticSegment sample = draw_segment(SegmentCase::kEllipse, random);
   Segment& segment = sample.segments.segments.front();

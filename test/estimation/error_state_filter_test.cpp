@@ -64,7 +64,7 @@ TEST(ErrorStateFilter, UpdateSolvesTheLeastSquaresProblem) {
   }
 }
 
-TEST(ErrorStateFilter, PredictionCarriesTheCovarianceThroughItsJacobian) {
+TEST(ErrorStateFilter, PredictionTransformsTheCovarianceByItsJacobian) {
   Random random(2);
   for (int i = 0; i < 20; ++i) {
     Estimate<Vector4d> estimate = random_estimate(random);
@@ -113,7 +113,7 @@ TEST(ErrorStateFilter, TheOrderOfMeasurementsDoesNotMatterOnFlatSpaces) {
   }
 }
 
-TEST(ErrorStateFilter, AMeasurementWithoutNoiseIsBelievedWhole) {
+TEST(ErrorStateFilter, AMeasurementWithoutNoiseDeterminesTheState) {
   Random random(4);
   for (int i = 0; i < 20; ++i) {
     Estimate<Vector4d> estimate = random_estimate(random);
@@ -127,7 +127,7 @@ TEST(ErrorStateFilter, AMeasurementWithoutNoiseIsBelievedWhole) {
   }
 }
 
-TEST(ErrorStateFilter, TheGateLetsItsShareOfTrueMeasurementsIn) {
+TEST(ErrorStateFilter, TheGatePassesItsProbabilityOfTrueMeasurements) {
   Random random(5);
   const Estimate<Vector4d> estimate = random_estimate(random);
   const auto H = random_matrix<3, 4>(random);
@@ -142,7 +142,7 @@ TEST(ErrorStateFilter, TheGateLetsItsShareOfTrueMeasurementsIn) {
   }
 }
 
-TEST(ErrorStateFilter, WhatIsNoNumberOrNoCovariancePassesNoGate) {
+TEST(ErrorStateFilter, NaNsAndInvalidCovariancesPassNoGate) {
   Random random(6);
   const Estimate<Vector4d> estimate = random_estimate(random);
   const auto H = random_matrix<2, 4>(random);
@@ -193,7 +193,7 @@ void expect_reset_is_seen_from_the_corrected_state() {
   }
 }
 
-TEST(ErrorStateFilter, CovarianceIsThatOfTheErrorSeenFromTheCorrectedState) {
+TEST(ErrorStateFilter, CovarianceIsThatOfTheErrorAboutTheCorrectedState) {
   expect_reset_is_seen_from_the_corrected_state<Pose2>();
   expect_reset_is_seen_from_the_corrected_state<NavigationState>();
 }

@@ -16,7 +16,7 @@ TEST(ChiSquareQuantile, WithTwoDegreesOfFreedomIsTheExponentialOne) {
   }
 }
 
-TEST(ChiSquareQuantile, HoldsItsShareOfSumsOfSquaredNormals) {
+TEST(ChiSquareQuantile, ContainsItsProbabilityOfSumsOfSquaredNormals) {
   Random random(8);
   const double gate = chi_square_quantile(0.95, 5.0);
   const int draws = 20000;

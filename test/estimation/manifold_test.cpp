@@ -129,7 +129,7 @@ TEST(ManifoldOfPose2, ItsErrorsAreThoseOfPositionAndYawTurned) {
   }
 }
 
-TEST(ManifoldOfNavigationState, AMotionOfTheWorldTurnsTheErrorsOfPositionAndVelocityAlone) {
+TEST(ManifoldOfNavigationState, AMotionOfTheWorldRotatesOnlyTheErrorsOfPositionAndVelocity) {
   using namespace navigation_error;
   using M = Manifold<NavigationState>;
   Random random(6);

@@ -39,7 +39,7 @@ TEST(NisMonitor, TheMeanOfAConsistentFilterLiesWithinItsBoundsInNineteenOfTwenty
   EXPECT_NEAR(static_cast<double>(inside) / summaries, 0.95, 4.0 * sigma);
 }
 
-TEST(NisMonitor, OnlyWhatLastsIsInconsistent) {
+TEST(NisMonitor, OnlyAPersistentDeviationIsInconsistent) {
   Random random(4);
   NisMonitor monitor(kDegrees);
   for (int i = 1; i <= 3 * NisMonitor::kPersistent; ++i) {

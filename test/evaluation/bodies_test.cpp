@@ -61,7 +61,7 @@ Segments segments_of(const std::vector<int>& lengths) {
   return segments;
 }
 
-TEST(SeparateParts, HaveSegmentsOfTheirOwn) {
+TEST(SeparateParts, HaveSeparateSegments) {
   const Body body{"person", {1, 2, 3}};
   // [1 1 1 1 1] [2 2 2 2 2] [3 3 3 3]: all apart.
   EXPECT_EQ(separate_parts(body, segments_of({5, 5, 4}), {1, 1, 1, 1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3}, 4), 3);

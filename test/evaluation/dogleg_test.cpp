@@ -164,7 +164,7 @@ TEST(DoglegDetector, GivesAFiniteDetectionOrARefusalOfDegenerateSegments) {
   expect_degenerate_segments_are_survived(detector);
 }
 
-TEST(DoglegDetector, DetectsWhatItFitsWithACovarianceAndASmallResidual) {
+TEST(DoglegDetector, DetectionsHaveACovarianceAndASmallResidual) {
   Random random(5);
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.0}, 0.4, 0.3, 0.2}, {{0.0, -3.0}, 0.0, 0.2, 0.2}};

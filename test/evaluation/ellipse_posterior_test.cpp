@@ -270,7 +270,7 @@ TEST(EllipsePosterior, AgreesWithBruteForceWhereAnEndIsHidden) {
 
 // Few hits on a thin ellipse end on: they tell the tangents so well that few weighted draws count, and chains take
 // over.
-TEST(EllipsePosterior, AgreesWithBruteForceWhereChainsTakeOver) {
+TEST(EllipsePosterior, AgreesWithBruteForceWhereChainsAreUsed) {
   const SegmentModel model;
   const Sample sample = sample_of(model, {{7.957, 0.0046}, -0.011, 0.4932, 0.109}, false, 1);
   Box box;
@@ -494,7 +494,7 @@ TEST(BayesEstimate, HedgesWhereTheOrderIsUnknown) {
   EXPECT_NEAR(expected_loss(DetectionLoss::kOrdered, ordered, truths), 0.5 * (0.4 + 0.1), 1e-4);
 }
 
-TEST(SegmentModel, RefusesWhatItCouldNotHaveMade) {
+TEST(SegmentModel, RefusesImpossibleObservations) {
   SegmentModel model;
   Random random(16);
   SegmentObservation observation;

@@ -46,7 +46,7 @@ TEST(Gospa, IsItsDefinitionOverAllAssignments) {
   }
 }
 
-TEST(Gospa, CountsWhatIsMissedAndFalse) {
+TEST(Gospa, CountsMissedAndFalseEstimates) {
   const Gospa result = gospa({{0, 0}, {5, 0}, {9, 0}}, {{0.3, 0.4}, {5, 3}}, 1.0);
   EXPECT_EQ(result.missed, 2);
   EXPECT_EQ(result.false_estimates, 1);

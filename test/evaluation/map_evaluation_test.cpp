@@ -40,7 +40,7 @@ TEST(MapEvaluation, APerfectMapHasNoErrors) {
   EXPECT_EQ(score.objects.at(0).id_switches, 0);
 }
 
-TEST(MapEvaluation, MeasuresErrorsDelaysAndFalseLives) {
+TEST(MapEvaluation, MeasuresErrorsDelaysAndDurationsOfFalseElements) {
   MapEvaluation evaluation;
   for (int i = 0; i < 20; ++i) {
     std::vector<Object> map;
@@ -68,7 +68,7 @@ TEST(MapEvaluation, AHiddenObjectNeitherDelaysNorIsFalse) {
   EXPECT_EQ(score.objects.at(0).visible_scans, 0);
 }
 
-TEST(MapEvaluation, WhatIsNotThereIsNeitherMissedNorHiddenAndAnElementOnItIsFalse) {
+TEST(MapEvaluation, AbsentObjectsAreNeitherMissedNorHiddenAndElementsOnThemAreFalse) {
   // There for the second half of the first second and for the third second; the map keeps it for 0.3 s too long and
   // then knows it by another id.
   MapEvaluation evaluation(MapEvaluationParams{}, bodies_of({"post"}));
@@ -91,7 +91,7 @@ TEST(MapEvaluation, WhatIsNotThereIsNeitherMissedNorHiddenAndAnElementOnItIsFals
   EXPECT_NEAR(score.longest_false_s, 0.2, 1e-9);
 }
 
-TEST(MapEvaluation, CountsWhenAnotherElementTakesOverAndASecondOneAsFalse) {
+TEST(MapEvaluation, CountsIdSwitchesAndASecondElementAsFalse) {
   MapEvaluation evaluation;
   evaluation.add(objects_at(0.0, {object_at(1, 0.0)}), objects_at(0.0, {object_at(7, 0.0)}));
   evaluation.add(objects_at(0.1, {object_at(1, 0.0)}), objects_at(0.1, {object_at(7, 0.3), object_at(8, 0.0)}));
@@ -189,7 +189,7 @@ TEST(MapEvaluation, TheRegionOf99PercentHolds99PercentOfMatchedErrors) {
   EXPECT_NEAR(held(2.0).position, 1.0 - std::pow(0.01, 0.25), 0.014);
 }
 
-TEST(MapEvaluation, GospaLeavesOutHiddenObjectsAndWhatIsOnThem) {
+TEST(MapEvaluation, GospaIgnoresHiddenObjectsAndElementsOnThem) {
   MapEvaluation evaluation;
   const ScanScore scan = evaluation.add(
       objects_at(0.0, {object_at(1, 0.0), object_at(2, 3.0, 2), object_at(3, 6.0), object_at(4, 9.0, 0)}),
@@ -231,14 +231,14 @@ TEST(HiddenTimes, EndWithTheSameElementOrAnother) {
   EXPECT_NEAR(other[0].deleted_after_s.value(), 1.0, 1e-9);
 }
 
-TEST(HiddenTimes, LeaveOneSecondForTheElementToBeThereAgain) {
+TEST(HiddenTimes, AllowOneSecondForTheElementToReturn) {
   // The element of before comes back 1 s after the object does, or 1.1 s.
   const auto id_back_at = [](int back) { return [back](int i) { return i < 25 || i >= back ? 7 : 0; }; };
   EXPECT_EQ(hidden_times(hidden_from_2_to_5, id_back_at(60)).at(0).same_id, true);
   EXPECT_EQ(hidden_times(hidden_from_2_to_5, id_back_at(61)).at(0).same_id, false);
 }
 
-TEST(HiddenTimes, GoOnOverAGlimpseOfAFewBeams) {
+TEST(HiddenTimes, ContinueOverAFewBeams) {
   const auto hidden = hidden_times([](int i) { return i == 40             ? 2
                                                       : i >= 50 && i < 60 ? 3
                                                                           : hidden_from_2_to_5(i); },
@@ -254,7 +254,7 @@ TEST(HiddenTimes, AreNotCountedWhenShortOrBeforeTheFirstElement) {
   EXPECT_TRUE(hidden_times(hidden_from_2_to_5, [](int i) { return i < 20 ? 0 : 7; }).empty());
 }
 
-TEST(HiddenTimes, OfARunThatEndsMeanwhileAreLeftOpen) {
+TEST(HiddenTimes, OfARunThatEndsMeanwhileHaveNoResult) {
   const auto hidden = hidden_times([](int i) { return i < 60 ? 20 : 0; }, [](int i) { return i < 90 ? 7 : 0; });
   ASSERT_EQ(hidden.size(), 1U);
   EXPECT_NEAR(hidden[0].to_s, 9.9, 1e-9);
@@ -284,7 +284,7 @@ TEST(Bodies, AreMappedByOneElementAnywhereOnThem) {
   EXPECT_NEAR(score.objects[1].center_rmse_m, 0.9, 1e-12) << "from the torso";
 }
 
-TEST(Bodies, ASecondElementOnThemIsFalseAndTheOneAtTheTorsoIsTheirs) {
+TEST(Bodies, ASecondElementOnThemIsFalseAndTheOneAtTheTorsoIsMatched) {
   MapEvaluation evaluation({}, kPersonAndPost);
   evaluation.add(person_and_post(0.0), objects_at(0.0, {object_at(7, 5.0), object_at(8, 0.02)}));
   evaluation.add(person_and_post(0.1), objects_at(0.1, {object_at(7, 5.0), object_at(8, 0.02), object_at(9, 0.7)}));

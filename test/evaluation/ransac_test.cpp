@@ -79,7 +79,7 @@ TEST(Ransac, WithoutOutliersIsTheFitOfAllPoints) {
   EXPECT_EQ(fit.refined.cost, fit_dogleg(points_m, {}).cost);
 }
 
-TEST(RansacDetector, GivesTheSameAnswerAgainWhateverCameBefore) {
+TEST(RansacDetector, GivesTheSameResultForAnyHistory) {
   const Segments segments = noisy_segments();
   ASSERT_EQ(segments.segments.size(), 3U);
   RansacDetector detector({}, {}, {});

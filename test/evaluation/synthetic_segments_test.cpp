@@ -45,7 +45,7 @@ TEST(SyntheticSegments, AreTheSameForTheSameSeed) {
   }
 }
 
-TEST(SyntheticSegments, KeepWhatSegmentsPromise) {
+TEST(SyntheticSegments, KeepTheInvariantsOfSegments) {
   for (const SegmentCase which : kAll) {
     Random random(11);
     for (int i = 0; i < 300; ++i) {
@@ -72,7 +72,7 @@ TEST(SyntheticSegments, KeepWhatSegmentsPromise) {
   }
 }
 
-TEST(SyntheticSegments, EllipsesAreSeenAsThePaperSaysAndByNoOtherBeam) {
+TEST(SyntheticSegments, EllipsesAreSeenAsInThePaperAndByNoOtherBeam) {
   Random random(3);
   double sum = 0.0;
   int points = 0;

@@ -76,7 +76,7 @@ TEST(Ellipse, RigidMotionMovesEveryPointOfTheCurve) {
   }
 }
 
-TEST(Ellipse, RayMeetsTheCurveAtItsNearerCrossing) {
+TEST(Ellipse, RayHitsTheCurveAtItsNearerCrossing) {
   Random random(5);
   for (int i = 0; i < 200; ++i) {
     const Ellipse ellipse = random_ellipse(random);
@@ -146,7 +146,7 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
 
 // Circles, for which everything is known: at a distance d, radii r of the one asked for and R of the other, r + R - d
 // of its width 2 r lies on the other.
-TEST(EllipsesByX, OverlapWhatLiesOnOneOfThemWithMoreThanAQuarterOfItsWidth) {
+TEST(EllipsesByX, OverlapEllipsesByMoreThanAQuarterOfTheirWidth) {
   Random random(8);
   for (int i = 0; i < 500; ++i) {
     const Ellipse other{{random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0)}, 0.0, 0.4, 0.4};
@@ -209,7 +209,7 @@ TEST(SmoothParameters, JacobiansOfPsiAndRadiiEqualNumericalOnes) {
   }
 }
 
-TEST(SmoothParameters, JacobiansCarryACovarianceOverAsManyDrawsDo) {
+TEST(SmoothParameters, JacobiansTransformACovarianceAsManyDrawsDo) {
   Random random(3);
   const Ellipse ellipse{{2.0, 1.0}, 0.4, 0.4, 0.15};
   const auto smooth_covariance = random_covariance<Matrix5d>(random, 0.003);
@@ -227,7 +227,7 @@ TEST(SmoothParameters, JacobiansCarryACovarianceOverAsManyDrawsDo) {
   EXPECT_LT((covariance - predicted).norm(), 0.05 * predicted.norm());
 }
 
-TEST(SmoothParameters, ACircleHasFiniteDerivativesAndAnAxisThatAnyErrorTurnsFully) {
+TEST(SmoothParameters, ACircleHasFiniteDerivativesAndAnUnknownAxis) {
   const Ellipse circle{{2.0, 0.0}, 0.0, 0.2, 0.2};
   EXPECT_TRUE(psi_jacobian(circle).allFinite());
   EXPECT_TRUE(radii_jacobian(circle).allFinite());

@@ -79,7 +79,7 @@ class InstallTest(unittest.TestCase):
         found = self.run_installed("rospack", "find", "situation_awareness")
         self.assertEqual(found.stdout.strip(), str(PACKAGE), found.stderr)
 
-    def test_2_what_a_launch_names_is_there(self):
+    def test_2_files_named_by_launch_files_exist(self):
         for launch in sorted((SOURCE / "launch").glob("*.launch")):
             files = self.run_installed("roslaunch", "--files", "situation_awareness", launch.name,
                                        *REQUIRED_ARGUMENTS.get(launch.name, ()))

@@ -78,14 +78,14 @@ TEST(Allocation, TheCounterCounts) {
   EXPECT_EQ(during.bytes, static_cast<std::int64_t>(some.size() * sizeof(double)));
 }
 
-TEST(Allocation, OnceWarmTheWayFromScanToMapAsksNothingOfTheHeap) {
+TEST(Allocation, NoneFromScanToMapAfterWarmUp) {
   const SecondRound round = second_round("least_squares");
   EXPECT_GE(round.objects, 4U);
   EXPECT_EQ(round.asked, 0);
 }
 
 // OpenCV's forward asks for some of its own, more where the number of rows changes: nothing else does.
-TEST(Allocation, WithTheNetworkOnlyItsForwardDoes) {
+TEST(Allocation, WithTheNetworkOnlyInItsForward) {
   const SecondRound round = second_round("network");
   EXPECT_GE(round.objects, 4U);
 

@@ -53,7 +53,7 @@ class MakeDetectorTest : public testing::Test {
   fs::path folder_;
 };
 
-TEST_F(MakeDetectorTest, EveryNameMakesADetectorThatFindsAnEllipse) {
+TEST_F(MakeDetectorTest, EveryNameMakesADetectorThatDetectsAnEllipse) {
   const std::vector<double> azimuths_rad = level_scanner(0.25);
   Segments segments = empty_segments(azimuths_rad);
   ASSERT_TRUE(append_segment({{2.0, 0.0}, 0.0, 0.2, 0.2}, azimuths_rad, nullptr, segments));
@@ -80,7 +80,7 @@ TEST_F(MakeDetectorTest, EveryDetectorTakesOtherFitParameters) {
   }
 }
 
-TEST_F(MakeDetectorTest, AnUnknownNameIsRefusedWithThoseThatAreKnown) {
+TEST_F(MakeDetectorTest, AnUnknownNameIsRefusedWithTheKnownOnes) {
   EXPECT_THROW(make_detector(params("magic")), std::invalid_argument);
   ASSERT_FALSE(detector_names().empty());
   EXPECT_TRUE(names(refusal(params("magic")), {"detections.detector", "magic"}));

@@ -37,7 +37,7 @@ TEST(ObjectPipelineParams, TheShippedFileRepeatsTheDefaults) {
             yaml_from_params(ObjectPipelineParams{}));
 }
 
-TEST(ObjectPipelineParams, ReadsWhatIsThereAndKeepsDefaultsForTheRest) {
+TEST(ObjectPipelineParams, KeepsDefaultsOfOmittedParameters) {
   const ObjectPipelineParams params = parse_object_pipeline_params(
       "scan: {max_range_m: 5, volume: [[1, 0, 0, 2.5], [0, -1, 0, 3]]}\n"
       "segments: {min_points: 6}\n"
@@ -76,7 +76,7 @@ TEST(ObjectPipelineParams, AreRefusedWithFileFieldAndBound) {
   EXPECT_THROW(load_object_pipeline_params("/does/not/exist.yaml", ""), std::invalid_argument);
 }
 
-TEST(ObjectPipelineParams, UnknownKeysAreWarnedOfOnStderrUnlessSomeoneElseIsTold) {
+TEST(ObjectPipelineParams, UnknownKeysAreWarnedOfOnStderrWithoutAHandler) {
   testing::internal::CaptureStderr();
   EXPECT_EQ(parse_object_pipeline_params("scan: {range: 3, max_range_m: 5}", "my.yaml", "").scan.max_range_m, 5.0);
   const std::string warning = testing::internal::GetCapturedStderr();
@@ -159,7 +159,7 @@ ObjectPipelineParams params_without_model() {
   return params;
 }
 
-TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
+TEST(ObjectPipeline, MapsStandingAndMovingObjectsFromScans) {
   for (const char* detector : {"least_squares", "network", "vgg_polar"}) {
     ObjectPipelineParams params;
     params.detections.detector = detector;
@@ -189,7 +189,7 @@ TEST(ObjectPipeline, MapsWhatStandsAndWhatMovesFromScansAlone) {
   }
 }
 
-TEST(ObjectPipeline, LooksAtAScanInTheLightOfWhatItIsTold) {
+TEST(ObjectPipeline, UsesTheGivenMapForExpectedOutlines) {
   ObjectPipeline own(params_without_model()), told(params_without_model()), not_told(params_without_model());
   const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   const auto detections_of = [](const ObjectPipelineResult& result) {
@@ -219,7 +219,7 @@ TEST(ObjectPipeline, LooksAtAScanInTheLightOfWhatItIsTold) {
 
 // Flying at 2 m/s and turning at 60 deg/s, what stands is found where it is if each beam is taken at its own time, and
 // up to 5 cm beside if not.
-TEST(ObjectPipeline, AMovingLidarSeesStandingThingsWhereTheyAre) {
+TEST(ObjectPipeline, AMovingLidarSeesStandingObjectsAtTheirPositions) {
   MovingLidar lidar;
   lidar.ellipses_world = {{{3.0, 0.5}, 0.5, 0.4, 0.2}, {{0.5, 2.0}, 0.0, 0.25, 0.25}, {{1.5, -3.0}, 1.0, 0.3, 0.2}};
   lidar.T_world_lidar_end.translation() << 2.0 * 19e-3, 0.0, 0.0;

@@ -66,7 +66,7 @@ void expect_same_bits(const std::vector<Objects>& a, const std::vector<Objects>&
   }
 }
 
-TEST(Threads, PipelinesSideBySideGiveBitForBitWhatEachGivesAlone) {
+TEST(Threads, ConcurrentPipelinesGiveBitForBitTheResultsOfEachAlone) {
   const std::vector<std::string> detectors = {"network", "least_squares", "network", "vgg", "least_squares", "alex"};
   std::vector<std::vector<Objects>> alone;
   for (std::size_t i = 0; i < detectors.size(); ++i) alone.push_back(maps_of(detectors[i], i));
@@ -85,7 +85,7 @@ TEST(Threads, PipelinesSideBySideGiveBitForBitWhatEachGivesAlone) {
 }
 
 // Many may ask for the map at once (get_objects): queries are const.
-TEST(Threads, AMapIsReadSideBySideWithoutAChange) {
+TEST(Threads, AMapIsReadConcurrentlyWithoutAChange) {
   ObjectMap map(ObjectMapParams{});
   Detections detections;
   for (int i = 0; i < 20; ++i) {

@@ -108,7 +108,7 @@ TEST(HorizontalProjection, ReversedAndUpsideDownScansGiveTheSamePoints) {
   }
 }
 
-TEST(HorizontalProjection, KnowsAFullCircle) {
+TEST(HorizontalProjection, DetectsAFullCircle) {
   Random random(4);
   EXPECT_TRUE(project_horizontally(random_scan(random, radians(1.0), 360), pose(0, 0, 0)).full_circle);
   EXPECT_TRUE(project_horizontally(random_scan(random, radians(-1.0), 360), pose(0, 0, 0)).full_circle);
@@ -128,7 +128,7 @@ TEST(HorizontalProjection, BeamStatesStay) {
 }
 
 // A beam without a return has gone as far over the ground as one that meets something there.
-TEST(HorizontalProjection, WhatIsFreeReachesAsFarAsAHit) {
+TEST(HorizontalProjection, FreeBeamsReachAsFarAsAHit) {
   Scan scan;
   scan.angle_increment_rad = 0.1;
   scan.beams = {{30.0F, BeamState::kFree}, {std::numeric_limits<float>::infinity(), BeamState::kFree}};

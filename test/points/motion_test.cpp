@@ -57,7 +57,7 @@ void check_truth(const MovingLidar& lidar, const Points& points) {
   EXPECT_LE(points.points.back().azimuth_rad, points.points.front().azimuth_rad + 2.0 * kPi + 1e-12);
 }
 
-TEST(Motion, StandingThingsAreSeenUndistorted) {
+TEST(Motion, StandingObjectsAreUndistorted) {
   for (const double roll_deg : {-6.0, 174.0}) {         // mounted upright and upside down
     for (const double increment_deg : {0.25, -0.25}) {  // turning either way
       for (const int beams : {1081, 1440}) {            // a part of a turn, and all of it
@@ -93,7 +93,7 @@ TEST(Motion, BothEndsAreExact) {
   }
 }
 
-TEST(Motion, NoneIsNoneToTheLastBit) {
+TEST(Motion, WithoutMotionIsBitForBitTheSame) {
   Random random(1);
   for (const int beams : {361, 1081}) {
     MovingLidar lidar = fast_in_a_room();
@@ -122,7 +122,7 @@ TEST(Motion, NoneIsNoneToTheLastBit) {
 }
 
 // Flying sideways, a lidar still sees a part of the wall that a post has covered, seen from where it started.
-TEST(Motion, WhatIsNearerKeepsItsAzimuthsAndCoversWhatIsFarther) {
+TEST(Motion, NearerPointsKeepTheirAzimuthsAndCoverFartherOnes) {
   for (const double sideways_m : {0.1, -0.1}) {
     MovingLidar lidar;
     lidar.walls_world = {{{1.0, 0.0}, 8.0}};
@@ -217,7 +217,7 @@ TEST(Motion, AnyRangesGiveGrowingAzimuths) {
   }
 }
 
-TEST(Motion, RefusesWhatWouldSwapBeams) {
+TEST(Motion, RefusesMotionThatSwapsBeams) {
   const Scan scan = fast_in_a_room().scan();
   const Eigen::Isometry3d level = pose({0.0, 0.0, 0.0}, 0.0);
   EXPECT_STREQ(projection_defect(scan, level, pose({9.0, 0.0, 0.0}, 26.9)), "");

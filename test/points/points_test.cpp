@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-TEST(FreeSpace, ReachesAsFarAsEachBeamSaysItWent) {
+TEST(FreeSpace, ReachesAsFarAsEachBeam) {
   Scan scan;
   scan.angle_min_rad = -0.2;
   scan.angle_increment_rad = 0.1;

@@ -86,7 +86,7 @@ class BadInputTest(unittest.TestCase):
         msg.scan_time = msg.time_increment = math.nan
         self.assert_mapped(msg)
 
-    def test_times_that_cannot_be(self):
+    def test_invalid_times(self):
         before = self.diagnostics.count("segmentation", "time increment ignored")
         for increment in (-1e-5, 0.1, math.inf):
             msg = scan_msg(rospy.Time.now())
@@ -169,7 +169,7 @@ class BadInputTest(unittest.TestCase):
         self.robot.tf.publish(steep)
         self.assert_dropped("tilt", lambda: self.robot.publish(scan_msg(stamp), transforms=False))
 
-    def test_maps_that_cannot_be(self):
+    def test_invalid_maps(self):
         publisher = rospy.Publisher("objects", EllipseMap, queue_size=10)
         wait_until(lambda: publisher.get_num_connections() > 1, 10.0, "the segmentation nodelet")
         msg = EllipseMap(ellipses=[MappedEllipse(rx=math.nan, ry=0.1)])
@@ -181,7 +181,7 @@ class BadInputTest(unittest.TestCase):
         self.assert_dropped("bad map", lambda: publisher.publish(msg))
         publisher.unregister()
 
-    def test_segments_that_do_not_fit_together(self):
+    def test_inconsistent_segments(self):
         publisher = rospy.Publisher("segments", SegmentArray, queue_size=10)
         wait_until(lambda: publisher.get_num_connections() > 0, 10.0, "the detection nodelet")
         msg = SegmentArray(segments=[LaserSegment(first=0, count=100)], resolution=0.01)

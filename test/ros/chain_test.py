@@ -50,7 +50,7 @@ class ChainTest(unittest.TestCase):
         for i in range(8):
             self.assertGreater(first.covariance[9 * i], 0.0)
 
-    def test_2_every_stage_speaks(self):
+    def test_2_every_stage_reports(self):
         stamps = self.robot.run(10)
         wait_until(lambda: stamps[-1] in self.segments.stamps(), 5.0, "segments")
         wait_until(lambda: stamps[-1] in self.detections.stamps(), 5.0, "detections")

@@ -64,7 +64,7 @@ Segments some_segments() {
   return segments;
 }
 
-TEST(ConvertCloud, LaysPointsOutAsDriversDo) {
+TEST(ConvertCloud, HasTheLayoutOfDrivers) {
   Cloud cloud;
   cloud.stamp_ns = kStamp_ns;
   cloud.rows = 2;
@@ -96,7 +96,7 @@ TEST(ConvertCloud, LaysPointsOutAsDriversDo) {
   EXPECT_TRUE(cloud_to_msg(cloud, "velodyne").is_dense);
 }
 
-TEST(ConvertScan, KeepsTheThreeFactsOfRep117Apart) {
+TEST(ConvertScan, DistinguishesTheThreeCasesOfRep117) {
   const Scan scan = scan_from_msg(scan_msg({2.0F, kInf, -kInf, kNan, -1.0F, 0.0F, 31.0F}));
   ASSERT_EQ(scan.beams.size(), 7U);
   EXPECT_EQ(scan.stamp_ns, kStamp_ns);
@@ -145,7 +145,7 @@ TEST(ConvertScan, CarriesIntensitiesWhereThereAreAny) {
   }
 }
 
-TEST(ConvertScan, TakesATimeIncrementThatCanBe) {
+TEST(ConvertScan, UsesOnlyAValidTimeIncrement) {
   auto msg = scan_msg({1.0F, 2.0F, 3.0F, 4.0F, 5.0F});
   msg.time_increment = 0.125F;  // exact in binary
   EXPECT_EQ(scan_from_msg(msg).time_increment_s, 0.125);
@@ -167,7 +167,7 @@ TEST(ConvertScan, TakesATimeIncrementThatCanBe) {
   EXPECT_EQ(time_of_last_beam(msg), msg.header.stamp);
 }
 
-TEST(ScanCheck, NamesWhatCannotBeUsed) {
+TEST(ScanCheck, NamesTheDefectOfAScan) {
   EXPECT_EQ(scan_msg_defect(scan_msg({1.0F, 2.0F, 3.0F})), "");
   EXPECT_EQ(scan_msg_defect(scan_msg({kNan, kInf, -kInf})), "");  // no hit is no defect
   EXPECT_NE(scan_msg_defect(scan_msg({})), "");
@@ -188,7 +188,7 @@ TEST(ScanCheck, NamesWhatCannotBeUsed) {
   EXPECT_NE(scan_msg_defect(msg), "");
 }
 
-TEST(ScanCheck, TakesAnIntensityPerRangeOrNone) {
+TEST(ScanCheck, AcceptsAnIntensityPerRangeOrNone) {
   auto msg = scan_msg({1.0F, 2.0F, 3.0F});
   msg.intensities = {1.0F, kNan, 0.0F};
   EXPECT_EQ(scan_msg_defect(msg), "");
@@ -249,7 +249,7 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back_piece.left_end, piece.left_end);
 }
 
-TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
+TEST(ConvertSegments, RefusesIndicesBeyondThePoints) {
   const SegmentArray good = segments_to_msg(some_segments(), "world");
   SegmentArray msg = good;
   msg.segments[1].count = 4;
@@ -285,7 +285,7 @@ TEST(ConvertSegments, RefusesWhatWouldReadBeyondThePoints) {
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
 }
 
-TEST(ConvertSegments, RefusesStraightPiecesThatAreNone) {
+TEST(ConvertSegments, RefusesInvalidStraightPieces) {
   const SegmentArray good = segments_to_msg(some_segments(), "world");
   const auto refused = [&](auto&& spoil) {
     SegmentArray msg = good;
@@ -323,7 +323,7 @@ void check_refused_free_space(const Message& good, FromMsg&& from_msg) {
   }
 }
 
-TEST(ConvertSegments, RefusesTimesAndFreeSpaceThatCannotBe) {
+TEST(ConvertSegments, RefusesInvalidTimesAndFreeSpace) {
   const SegmentArray good = segments_to_msg(some_segments(), "world");
   check_refused_free_space(good, segments_from_msg);
   for (const double increment_s : {-1e-6, std::numeric_limits<double>::infinity(), std::nan("")}) {
@@ -452,7 +452,7 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   EXPECT_EQ(back.objects[0].beams, 34);
 }
 
-TEST(ConvertObjects, WhatWasSeenBeforeTheClockBeganWasSeenAtItsZero) {
+TEST(ConvertObjects, TimesBeforeTheClocksZeroAreZero) {
   Objects objects;
   objects.stamp_ns = 5;
   objects.objects.emplace_back().first_seen_ns = -3'600'000'000'000;
@@ -462,7 +462,7 @@ TEST(ConvertObjects, WhatWasSeenBeforeTheClockBeganWasSeenAtItsZero) {
   EXPECT_TRUE(msg.ellipses[0].last_seen.isZero());
 }
 
-TEST(ConvertPoses, IsometrySurvivesAndNonsenseIsRefused) {
+TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {
   Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
   T.linear() = (Eigen::AngleAxisd(0.4, Eigen::Vector3d::UnitZ()) * Eigen::AngleAxisd(-0.2, Eigen::Vector3d::UnitX()))
                    .toRotationMatrix();
@@ -475,7 +475,7 @@ TEST(ConvertPoses, IsometrySurvivesAndNonsenseIsRefused) {
   EXPECT_THROW(isometry_from_msg(msg), std::invalid_argument);
 }
 
-TEST(ConvertTime, RefusesWhatRosCannotSay) {
+TEST(ConvertTime, RefusesTimesOutsideRosTime) {
   EXPECT_EQ(to_nanoseconds(to_ros_time(kStamp_ns)), kStamp_ns);
   EXPECT_THROW(to_ros_time(-1), std::invalid_argument);
   EXPECT_THROW(to_ros_time(std::int64_t{5'000'000'000} * 1'000'000'000), std::invalid_argument);

@@ -45,7 +45,7 @@ class DiagnosticsTest(unittest.TestCase):
     def wait_for(self, stage, condition, what):
         wait_until(lambda: condition(self.diagnostics.stages[stage]), 6.0, what)
 
-    def test_1_no_input_is_said_to_be_none(self):
+    def test_1_missing_input_is_reported(self):
         for stage in STAGES:
             self.assertIn("no input", self.before_input[stage]["summary"])
         self.assertIn("/scan", self.before_input["segmentation"]["summary"])
@@ -83,7 +83,7 @@ class DiagnosticsTest(unittest.TestCase):
         low, high = (float(text) for text in self.value("mapping", "NIS 95 % bounds").split(" to "))
         self.assertTrue(0.0 < low < 1.0 < high)
 
-    def test_6_losses_have_their_reasons(self):
+    def test_6_drops_have_their_reasons(self):
         self.robot.run(10, circles=CIRCLE + ((2.0, -2.0, 0.01),))
         self.wait_for("segmentation", lambda status: int(status.get("segment refused: too few points", 0)) >= 10,
                       "a refused segment")

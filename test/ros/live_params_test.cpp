@@ -84,7 +84,7 @@ TEST(LiveParameters, OfOneServerHaveDifferentNames) {
   EXPECT_THROW(live_parameters(both), std::logic_error);
 }
 
-TEST(LiveDescription, SaysWhatIsDeclared) {
+TEST(LiveDescription, IsThatOfTheDeclarations) {
   ObjectPipelineParams params;
   EveryParams every;
   std::vector<Parameter> all = parameters_of(params);
@@ -166,7 +166,7 @@ TEST(LiveConfig, IsClampedToTheBounds) {
   EXPECT_THROW(check_bounds(params, "every"), std::invalid_argument);
 }
 
-TEST(LiveConfig, TellsWhatItHasBesides) {
+TEST(LiveConfig, ReturnsUnknownNames) {
   EveryParams params;
   const std::vector<Parameter> live = live_parameters(parameters_of(params));
   EXPECT_EQ(set_from_config(live, config_with("size", 1.0)), Names{"size"});

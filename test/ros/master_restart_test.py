@@ -192,7 +192,7 @@ class ForeignManagerTest(MasterTest):
 
     @fault("master restarts, nodelets in a manager of others", "killed and started anew; no scans come any more",
            "the manager lives on and its nodelets warn; when it is restarted, they come back with their parameters")
-    def test_nodelets_never_end_a_manager_of_others(self):
+    def test_nodelets_never_end_another_manager(self):
         manager = self.start_manager()
         self.start_launch("start_manager:=false", f"manager:={FOREIGN_MANAGER[1:]}")
         self.start("listener", ["/usr/bin/python3", "-c", LISTENER])

@@ -160,7 +160,7 @@ class ObjectsBagTest(unittest.TestCase):
             self.assertIsInstance(detection["beams"], int)
             self.assertGreaterEqual(detection["beams"], MIN_POINTS)
 
-    def test_detections_alone_are_the_same_bytes_twice(self):
+    def test_detections_are_the_same_bytes_twice(self):
         write_bag(self.bag, count=20)
         self.objects_bag("--detections", self.detections)
         first = self.detections.read_bytes()

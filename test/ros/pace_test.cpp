@@ -24,12 +24,12 @@ std::size_t passed_over(const Pace& pace, std::size_t waiting, std::int64_t peri
   return pace.passed_over(waiting, kStart_ns, kStart_ns + gaps * period_ms * kMillisecond_ns);
 }
 
-TEST(Pace, OneIsAlwaysHandled) {
+TEST(Pace, AtLeastOneIsHandled) {
   EXPECT_EQ(passed_over(pace_of(1.0), 1, 2), 0U);
   EXPECT_EQ(passed_over(pace_of(1.0), 0, 2), 0U);
 }
 
-TEST(Pace, NothingIsPassedOverBeforeItIsKnownHowLongOneTakes) { EXPECT_EQ(passed_over(Pace(), 20, 2), 0U); }
+TEST(Pace, NothingIsDroppedBeforeTheProcessingTimeIsKnown) { EXPECT_EQ(passed_over(Pace(), 20, 2), 0U); }
 
 TEST(Pace, AllAreHandledWhereThereIsTimeBeforeTheNextIsDue) {
   EXPECT_EQ(passed_over(pace_of(0.004), 10, 50), 0U);  // 40 of 50 ms
@@ -71,7 +71,7 @@ Outcome simulate(double period_s, double duration_s, double stall_s) {
   return outcome;
 }
 
-TEST(Pace, UnderAFloodTheLagIsThatOfOneMessageAndTheStageIsNeverIdle) {
+TEST(Pace, UnderOverloadTheLagIsThatOfOneMessageAndTheStageIsNeverIdle) {
   for (const double duration_s : {0.003, 0.0055, 0.013, 0.1}) {
     const Outcome outcome = simulate(0.002, duration_s, 0.0);
     EXPECT_LE(outcome.worst_lag_s, duration_s + 0.002 + 1e-9);
@@ -79,7 +79,7 @@ TEST(Pace, UnderAFloodTheLagIsThatOfOneMessageAndTheStageIsNeverIdle) {
   }
 }
 
-TEST(Pace, AfterAStallNothingIsPassedOverWhereThereIsTime) {
+TEST(Pace, AfterAStallNothingIsDroppedWhereThereIsTime) {
   for (const double stall_s : {0.0, 0.06, 0.2, 0.4}) {
     const Outcome outcome = simulate(0.05, 0.005, stall_s);
     EXPECT_EQ(outcome.passed_over, 0) << stall_s;
@@ -95,7 +95,7 @@ TEST(Pace, AfterAStallASlowStageIsUpToDateAtOnce) {
   }
 }
 
-TEST(Pace, OneInterruptedMessageSaysNothing) {
+TEST(Pace, OneInterruptedMessageHasNoEffect) {
   Pace pace = pace_of(0.001);
   pace.handled(0.2);
   EXPECT_EQ(passed_over(pace, 4, 50), 0U);
@@ -105,7 +105,7 @@ TEST(Pace, OneInterruptedMessageSaysNothing) {
   EXPECT_EQ(passed_over(pace, 4, 50), 3U) << "three of five are no accident";
 }
 
-TEST(Pace, TheNewestAloneWhereStampsStandStillOrGoBack) {
+TEST(Pace, OnlyTheNewestWhereStampsRepeatOrGoBack) {
   EXPECT_EQ(passed_over(pace_of(0.001), 3, 0), 2U);
   EXPECT_EQ(passed_over(pace_of(0.001), 3, -1000), 2U);
 }

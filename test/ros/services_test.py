@@ -79,7 +79,7 @@ class ServicesTest(unittest.TestCase):
         map_now.header.seq = expected.header.seq  # counts the messages of a topic
         self.assertEqual(map_now, expected)
 
-    def test_1_without_a_map_there_is_nothing_to_have(self):
+    def test_1_calls_without_a_map_are_refused(self):
         self.refused("get_objects", rospy.Time())
         self.refused("mapping/save_objects", self.file)
         self.assertFalse(os.path.exists(self.file))

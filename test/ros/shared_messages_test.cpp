@@ -87,8 +87,8 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
   std::atomic<int> maps{0};
   const ros::Subscriber map_subscriber = node.subscribe<EllipseMap>(
       "objects", 0, [&maps](const EllipseMapConstPtr& msg) { maps += !msg->ellipses.empty(); });
-  const ros::Subscriber copies_subscriber =
-      node.subscribe<sensor_msgs::LaserScan>("copies", 0, +[](const sensor_msgs::LaserScanConstPtr&) {});
+  const ros::Subscriber copies_subscriber = node.subscribe<sensor_msgs::LaserScan>(
+      "copies", 0, +[](const sensor_msgs::LaserScanConstPtr&) {});
   ros::Publisher copies = node.advertise<sensor_msgs::LaserScan>("copies", 10);
   ASSERT_TRUE(wait_until([&] { return map_subscriber.getNumPublishers() > 0 && scans.getNumSubscribers() > 0; }, 60.0));
 
@@ -158,7 +158,7 @@ TYPED_TEST(SharedMessages, WhatIsPublishedIsWhatIsHandled) {
   }
 }
 
-TEST(TimedSubscriber, ArrivalIsWhenAMessageCameAlsoWhereItsTurnComesLater) {
+TEST(TimedSubscriber, ArrivalIsWhenAMessageCameAlsoWhereItIsProcessedLater) {
   ros::NodeHandle node("arrival");
   ros::Publisher publisher = node.advertise<DetectionArray>("topic", 10);
   std::vector<double> late_s;

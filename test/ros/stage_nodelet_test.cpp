@@ -205,7 +205,7 @@ TEST_F(StageNodeletTest, LatencyAddsUp) {
   }
 }
 
-TEST_F(StageNodeletTest, NothingIsCalledWhileTheStageIsMade) {
+TEST_F(StageNodeletTest, NothingIsCalledDuringConstruction) {
   std::atomic<bool> loaded{false};
   std::thread loading([&] { loaded = load("/echo", "echo"); });
   while (!loaded) publish();

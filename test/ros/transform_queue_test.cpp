@@ -97,14 +97,14 @@ TEST_F(TransformQueueTest, TheTimeoutIsByTheClockOfTheCaller) {
   EXPECT_NE(detail_.find("lidar"), std::string::npos);
 }
 
-TEST_F(TransformQueueTest, NothingOutlivesTheEndOfTime) {
+TEST_F(TransformQueueTest, AtTheEndOfTimeAllWaitsEnd) {
   measure(0, 0);
   EXPECT_FALSE(queue_.next(kEndOfTime_ns).has_value());
   EXPECT_EQ(queue_.waiting(), 0U);
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
 }
 
-TEST_F(TransformQueueTest, WhatALaterOneHasOvertakenIsDropped) {
+TEST_F(TransformQueueTest, AMeasurementIsDroppedAfterALaterOneIsReady) {
   measure(0, 0);
   measure(50, 50);
   move(40);  // nothing before it
@@ -113,7 +113,7 @@ TEST_F(TransformQueueTest, WhatALaterOneHasOvertakenIsDropped) {
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
 }
 
-TEST_F(TransformQueueTest, BeyondTheBoundTheNewestTakesThePlaceOfTheOneBefore) {
+TEST_F(TransformQueueTest, BeyondTheBoundTheNewestReplacesThePreviousOne) {
   Queue queue(transforms_, params(3),
               [this](const char* reason, const std::string& /*detail*/) { ++dropped_[reason]; });
   for (const std::int64_t time_ms : {0, 50, 100, 150, 200}) {
@@ -137,7 +137,7 @@ TEST_F(TransformQueueTest, StampsThatRepeatOrGoBackALittleAreRefused) {
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kStamp, 2}}));
 }
 
-TEST_F(TransformQueueTest, StampsThatGoFarBackStartAgainWithoutTheOldTransforms) {
+TEST_F(TransformQueueTest, StampsThatGoFarBackAreARestartWithoutTheOldTransforms) {
   move(5000);
   measure(5000, 0);
   measure(5050, 1);
@@ -148,7 +148,7 @@ TEST_F(TransformQueueTest, StampsThatGoFarBackStartAgainWithoutTheOldTransforms)
   EXPECT_EQ(release(3), Released{100});
 }
 
-TEST_F(TransformQueueTest, ATransformThatIsNoneIsCounted) {
+TEST_F(TransformQueueTest, AnInvalidTransformIsCounted) {
   geometry_msgs::TransformStamped bad = transform_to_msg(Eigen::Isometry3d::Identity(), 0, "world", "lidar");
   bad.transform.translation.x = 1e300;
   bad.transform.translation.y = 1e300;
@@ -168,7 +168,7 @@ TEST_F(TransformQueueTest, ATransformThatIsNoneIsCounted) {
 }
 
 /// Measurements and transforms in any order, some of them missing: each measurement ends once, in order.
-TEST_F(TransformQueueTest, EachMeasurementEndsOnce) {
+TEST_F(TransformQueueTest, EachMeasurementHasOneOutcome) {
   Random random(7);
   int measured = 0;
   Released released;
@@ -209,7 +209,7 @@ TEST(TransformQueue, TakesAScanFromItsFirstBeamToItsLast) {
   EXPECT_EQ(taken(msg, deskew).last, at_ms(0));
 }
 
-TEST(TransformQueue, RefusesParametersThatCannotBe) {
+TEST(TransformQueue, RefusesInvalidParameters) {
   tf2::BufferCore transforms;
   const auto make = [&](const TransformQueueParams& params) { TransformQueue<int>(transforms, params, {}); };
   EXPECT_THROW(make({"", 0.5, 1, 1.0}), std::invalid_argument);

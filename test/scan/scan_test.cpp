@@ -18,13 +18,13 @@ namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-TEST(BeamFromRange, KeepsTheThreeFactsOfRep117Apart) {
+TEST(BeamFromRange, DistinguishesTheThreeCasesOfRep117) {
   EXPECT_EQ(beam_from_range(kInfinity, 0.1F, 30.0F).state, BeamState::kFree);
   EXPECT_EQ(beam_from_range(-kInfinity, 0.1F, 30.0F).state, BeamState::kTooClose);
   EXPECT_EQ(beam_from_range(std::nanf(""), 0.1F, 30.0F).state, BeamState::kInvalid);
 }
 
-TEST(BeamFromRange, JudgesFiniteRangesByTheSensorsLimits) {
+TEST(BeamFromRange, ClassifiesFiniteRangesByTheSensorsLimits) {
   EXPECT_EQ(beam_from_range(31.0F, 0.1F, 30.0F).state, BeamState::kFree);
   EXPECT_EQ(beam_from_range(0.05F, 0.1F, 30.0F).state, BeamState::kInvalid);
   EXPECT_EQ(beam_from_range(0.0F, 0.0F, 30.0F).state, BeamState::kInvalid);
@@ -46,7 +46,7 @@ TEST(BeamFromRange, IsFreeAsFarAsTheSensorReaches) {
   }
 }
 
-TEST(ScanDefect, NamesWhatCannotBeUsed) {
+TEST(ScanDefect, NamesTheDefectOfAScan) {
   Scan scan;
   scan.angle_increment_rad = 0.01;
   EXPECT_STREQ(scan_defect(scan), "empty scan");
@@ -71,7 +71,7 @@ TEST(ScanDefect, NamesWhatCannotBeUsed) {
 }
 
 // Azimuths that rounding makes equal are no order of beams.
-TEST(ScanDefect, NamesAnglesThatAreNoOrderOfBeams) {
+TEST(ScanDefect, NamesAnglesWithoutAnOrderOfBeams) {
   Scan scan;
   scan.beams.resize(2);
   scan.angle_increment_rad = 1e-20;
@@ -92,7 +92,7 @@ Scan circle_of_hits(float range_m) {
   return scan;
 }
 
-TEST(RangeLimiter, KeepsOutsideHitsApartFromFreeBeams) {
+TEST(RangeLimiter, DistinguishesOutsideHitsFromFreeBeams) {
   RangeLimiterParams params;
   params.min_range_m = 0.5;
   params.max_range_m = 4.0;
@@ -122,7 +122,7 @@ TEST(RangeLimiter, KeepsIntensities) {
 }
 
 // Eq. 4 of the circle paper: the volume stands in the world, wherever the robot is and however it tilts.
-TEST(RangeLimiter, VolumeStandsInTheWorld) {
+TEST(RangeLimiter, VolumeIsFixedInTheWorld) {
   RangeLimiterParams params;
   params.volume = {{Eigen::Vector3d::UnitX(), 2.0}, {-Eigen::Vector3d::UnitZ(), -1.0}};  // x <= 2, z >= 1
   Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();

@@ -120,7 +120,7 @@ Partition runs(const std::vector<std::pair<int, int>>& firsts_and_lasts) {
 // --- random scenes --------------------------------------------------------------------------------------------------
 
 // Things with free beams and much room between them, near enough for close beams: no difference.
-TEST(Clusters, AreTheSegmentsOfThingsThatStandApart) {
+TEST(Clusters, AreTheSegmentsOfSeparateObjects) {
   Random random(1);
   std::size_t things = 0;
   for (int i = 0; i < 200; ++i) {
@@ -225,14 +225,14 @@ TEST(Clusters, AndSegmentsAreOneForAWall) {
   EXPECT_EQ(both.clusters, runs({{0, 40}}));
 }
 
-TEST(Clusters, TearApartWhatCoarseBeamsSee) {
+TEST(Clusters, SplitObjectsUnderCoarseBeams) {
   const LevelScene scene = wall(15.0);  // 0.26 m from beam to beam
   const Both both = both_of(scene.scan());
   EXPECT_EQ(both.segments, runs({{0, 40}}));
   EXPECT_EQ(both.clusters.size(), 41U);
 }
 
-TEST(Clusters, HoldTogetherWhatSomethingNearerCutsInTwo) {
+TEST(Clusters, JoinAcrossAnOccluder) {
   LevelScene scene = wall(1.5);
   scene.ellipses = {{{1.0, 0.0}, 0.0, 0.02, 0.02}};  // hides 0.1 m of the wall
   const Both both = both_of(scene.scan());
@@ -264,7 +264,7 @@ TEST(Clusters, BridgeAnyNumberOfMissingBeams) {
   }
 }
 
-TEST(Clusters, KnowNoStepInRange) {
+TEST(Clusters, IgnoreStepsInRange) {
   LevelScene scene = wall(3.0);
   scene.walls = {{{3.0, -20.0}, {3.0, 0.01}}, {{3.15, 0.01}, {3.15, 20.0}}};
   SegmentationParams params = params_without_limits();

@@ -60,7 +60,7 @@ double width_rad(const Segments& segments, const Segment& segment) {
 const Ellipse kRight{{3.0, -0.25}, 0.0, 0.27, 0.27};
 const Ellipse kLeft{{3.0, 0.25}, 0.0, 0.27, 0.27};
 
-TEST(Divide, TwoKnownThatTouchAreDividedAtTheirBorder) {
+TEST(Divide, TwoKnownObjectsThatTouchAreDividedAtTheirBorder) {
   LevelScene scene;
   scene.ellipses = {kRight, kLeft};
   const Segments whole = segments_of(scene);
@@ -88,7 +88,7 @@ TEST(Divide, TwoKnownThatTouchAreDividedAtTheirBorder) {
   EXPECT_NEAR(left.right_hidden_rad, width_rad(divided, right), 1e-12);
 }
 
-TEST(Divide, TheNearerOfTwoShowsItsEdgeAndTheFartherIsHidden) {
+TEST(Divide, TheNearerOfTwoHasASilhouetteAndTheFartherAHiddenEnd) {
   const Ellipse near{{2.85, -0.2}, 0.0, 0.2, 0.2};
   const Ellipse far{{3.0, 0.15}, 0.0, 0.25, 0.25};
   LevelScene scene;
@@ -110,7 +110,7 @@ TEST(Divide, TheNearerOfTwoShowsItsEdgeAndTheFartherIsHidden) {
   EXPECT_EQ(left.right_hidden_rad, right_is_nearer ? width_rad(divided, right) : 0.0);
 }
 
-TEST(Divide, TwoKnownThatTouchAreDividedUnderNoiseToo) {
+TEST(Divide, TwoKnownObjectsThatTouchAreDividedUnderNoise) {
   Random random(1);
   LevelScene scene;
   scene.ellipses = {kRight, kLeft};
@@ -129,7 +129,7 @@ TEST(Divide, TwoKnownThatTouchAreDividedUnderNoiseToo) {
 }
 
 // It was seen with a hole in it once, and each half became an element. Noise may still divide a scan now and then.
-TEST(Divide, OneThingKnownAsTwoIsWhole) {
+TEST(Divide, OneObjectMappedAsTwoStaysWhole) {
   constexpr int kScans = 100;
   for (const double azimuth_rad : {-1.0, 0.0, 2.0}) {
     Random random(3);
@@ -153,7 +153,7 @@ TEST(Divide, OneThingKnownAsTwoIsWhole) {
   }
 }
 
-TEST(Divide, WithNothingKnownNothingChanges) {
+TEST(Divide, WithoutOutlinesNothingChanges) {
   LevelScene scene;
   scene.ellipses = {kRight, kLeft, {{2.0, 2.0}, 0.3, 0.3, 0.2}};
   scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}};
@@ -162,7 +162,7 @@ TEST(Divide, WithNothingKnownNothingChanges) {
   expect_same(divide(Segments{}, {kLeft}, params()), Segments{});
 }
 
-TEST(Divide, OneKnownAloneStaysWholeAlsoWhereItIsNotQuiteAsPredicted) {
+TEST(Divide, ASingleKnownObjectStaysWholeWithAPredictionError) {
   Random random(2);
   LevelScene scene;
   scene.ellipses = {{{3.0, 0.5}, 0.4, 0.35, 0.2}};
@@ -175,7 +175,7 @@ TEST(Divide, OneKnownAloneStaysWholeAlsoWhereItIsNotQuiteAsPredicted) {
   }
 }
 
-TEST(Divide, WhatIsKnownElsewhereChangesNothing) {
+TEST(Divide, OutlinesElsewhereChangeNothing) {
   LevelScene scene;
   scene.ellipses = {kRight, kLeft};
   const Segments whole = segments_of(scene);
@@ -216,7 +216,7 @@ TEST(Divide, ABarrelAgainstAWallIsAnObjectAndTheWallStaysStructure) {
   EXPECT_NEAR(divided.segments[0].left_hidden_rad, width_rad(divided, piece), 1e-12);
 }
 
-TEST(Divide, AnArmThatSticksOutOfAKnownTorsoIsAPieceOfItsOwn) {
+TEST(Divide, AnArmThatSticksOutOfAKnownTorsoIsASeparatePiece) {
   const Ellipse torso{{3.0, 0.0}, kPi / 2.0, 0.25, 0.15};
   const Ellipse arm{{2.75, 0.2}, 0.0, 0.1, 0.05};
   LevelScene scene;

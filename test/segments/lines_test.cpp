@@ -229,7 +229,7 @@ TEST(StraightPieces, HaveTheCovarianceOfTheirErrors) {
   EXPECT_NEAR(nees / pieces, 2.0, 5.0 * 2.0 / std::sqrt(pieces));
 }
 
-TEST(StraightPieces, SayWhatIsBesideTheirEnds) {
+TEST(StraightPieces, HaveTheKindsOfTheirEnds) {
   LevelScene scene;
   scene.walls = {{{4.0, -3.0}, {4.0, 2.0}}, {{7.0, 1.0}, {7.0, 6.0}}};
   scene.ellipses = {{{2.0, -0.5}, 0.0, 0.15, 0.15}};
@@ -246,7 +246,7 @@ TEST(StraightPieces, SayWhatIsBesideTheirEnds) {
 }
 
 // A few hits off a wall, as a handle or a mixed pixel gives them, neither break it nor pull at it.
-TEST(StraightPieces, GoOnBehindAFewHitsOffTheirLine) {
+TEST(StraightPieces, ContinueAcrossAFewHitsOffTheirLine) {
   LevelScene scene;
   scene.walls = {{{3.0, -2.0}, {3.0, 2.0}}};
   Random random(8);

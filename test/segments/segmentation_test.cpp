@@ -48,7 +48,7 @@ TEST(Segmentation, KeepsIntensities) {
   for (const Point& point : segments.points) EXPECT_EQ(point.intensity, static_cast<float>(point.beam));
 }
 
-TEST(Segmentation, SaysWhyASegmentEnds) {
+TEST(Segmentation, ClassifiesTheEndsOfSegments) {
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.0}, 0.0, 0.2, 0.2}, {{4.0, 0.5}, 0.0, 0.4, 0.4}};
   scene.walls = {{{8.0, -20.0}, {8.0, 3.0}}};
@@ -82,7 +82,7 @@ TEST(Segmentation, SaysWhyASegmentEnds) {
   EXPECT_NEAR(last.left_hidden_rad, 2.0 * params.max_object_extent_m / 2.8, 0.05);  // as far as an object could reach
 }
 
-TEST(Segmentation, LooksThroughInvalidBeamsAndStopsAtTooCloseOnes) {
+TEST(Segmentation, SkipsInvalidBeamsAndEndsAtTooCloseOnes) {
   LevelScene scene;
   scene.ellipses = {{{3.0, 0.0}, 0.0, 0.3, 0.3}};
   Scan scan = scene.scan();
@@ -101,7 +101,7 @@ TEST(Segmentation, LooksThroughInvalidBeamsAndStopsAtTooCloseOnes) {
 }
 
 // A beam without a return says nothing of what is beyond its reach.
-TEST(Segmentation, WhatGoesOnBeyondTheReachHasHiddenEnds) {
+TEST(Segmentation, SegmentsAtRangeMaxHaveHiddenEnds) {
   LevelScene scene;
   scene.ellipses = {{{3.1, 0.0}, 0.0, 0.4, 0.4}};
   const Segments whole = segment_scan(scene.scan());
@@ -172,7 +172,7 @@ TEST(Segmentation, AClosedRoomAroundAFullCircleScannerIsOneStructure) {
   EXPECT_EQ(segments.segments[0].kind, SegmentKind::kStructure);
 }
 
-TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsLeftOut) {
+TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsDropped) {
   LevelScene scene;
   scene.ellipses = {{{3.0, 0.0}, 0.0, 0.3, 0.3}, {{0.0, 3.0}, 0.0, 0.3, 0.3}};
   Scan scan = scene.scan();
@@ -191,7 +191,7 @@ TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsLeftOu
 }
 
 // Every structure and every run of hits that is left out has its reason.
-TEST(Segmentation, CountsWhyWhatIsNoObject) {
+TEST(Segmentation, CountsRefusedSegmentsByReason) {
   Random random(2);
   for (int seed = 0; seed < 20; ++seed) {
     LevelScene scene;

@@ -11,7 +11,7 @@
 namespace situation_awareness {
 namespace {
 
-TEST(Structure, PiecesOfAWallBehindPostsStayTheWall) {
+TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
   Random random(2);
   LevelScene scene;
   scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}};
@@ -135,7 +135,7 @@ TEST(Structure, EachSegmentHasAReasonOrMayBeAnObject) {
   }
 }
 
-TEST(Structure, WhatSegmentsWereSaidToBeDoesNotMatter) {
+TEST(Structure, EarlierClassificationsHaveNoEffect) {
   Random random(8);
   for (int i = 0; i < 50; ++i) {
     const Segments once = segment_scan(furnished_scene(random).scan(&random));
@@ -155,7 +155,7 @@ TEST(Structure, WhatSegmentsWereSaidToBeDoesNotMatter) {
 }
 
 // A turn of the world, seen by a scanner that turns with it, is none to the classification.
-TEST(Structure, IsTheSameWhereverTheSceneIsTurned) {
+TEST(Structure, IsInvariantUnderRotation) {
   Random random(9);
   for (int i = 0; i < 50; ++i) {
     const Segments segments = segment_scan(furnished_scene(random).scan(&random));

@@ -44,7 +44,7 @@ int colour_at(const CameraView& view, const Picture& picture, const Eigen::Vecto
   return static_cast<int>(std::max_element(rgb, rgb + 3) - rgb);
 }
 
-TEST(CameraView, ShowsThingsWhereTheyProjectTo) {
+TEST(CameraView, ShowsObjectsAtTheirProjections) {
   const WorldFile file(kColours);
   for (const std::string camera : {"aslant", "down"}) {
     CameraView view(file.path(), camera, 400, 300);
@@ -61,7 +61,7 @@ TEST(CameraView, ShowsThingsWhereTheyProjectTo) {
   }
 }
 
-TEST(CameraView, RidesOnTheRobot) {
+TEST(CameraView, IsMountedOnTheRobot) {
   const WorldFile file(kColours);
   CameraView view(file.path(), "ahead", 64, 48);
   Eigen::Isometry3d T_world_robot(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitZ()));
@@ -84,7 +84,7 @@ TEST(CameraView, EveryWorldHasAnOverviewAndAViewFromAbove) {
   }
 }
 
-TEST(CameraView, SaysWhatItCannotDo) {
+TEST(CameraView, NamesTheCauseOfErrors) {
   const WorldFile file(kColours);
   EXPECT_TRUE(
       names(refusal_of<std::runtime_error>([&] { CameraView(file.path(), "aloft", 64, 48); }), {file.path(), "aloft"}));

@@ -94,7 +94,7 @@ TEST(FlightController, PushesBackFromEveryError) {
   }
 }
 
-TEST(FlightController, KeepsWithinTheMotorsLimitsWhateverItIsAsked) {
+TEST(FlightController, KeepsWithinTheMotorsLimitsForAnyCommand) {
   for (int i = 0; i < 500; ++i) {
     RobotState robot;
     const Eigen::Vector3d axis = Eigen::Vector3d(std::sin(i), std::cos(2.0 * i), std::sin(3.0 * i + 1.0)).normalized();
@@ -110,7 +110,7 @@ TEST(FlightController, KeepsWithinTheMotorsLimitsWhateverItIsAsked) {
 
 // --- flight ---------------------------------------------------------------------------------------------------------
 
-TEST(Flight, HoversInItsPlaceForEver) {
+TEST(Flight, HoversWithoutDrift) {
   const World world = flown("");
   for (const double t : {0.0, 0.1, 3.3, 40.0}) {
     const RobotState robot = world.robot_at(t);
@@ -120,7 +120,7 @@ TEST(Flight, HoversInItsPlaceForEver) {
   }
 }
 
-TEST(Flight, FollowsTheDemosPathInTheAttitudeThatFlatnessDemands) {
+TEST(Flight, FollowsTheDemosPathInTheAttitudeOfFlatness) {
   const World by_motors = flown(with_drag(demo_path())), by_decree = exact(with_drag(demo_path()));
   double distance_m = 0.0, angle_rad = 0.0, tilt_error = 0.0;
   for (double t = -1.0; t < 60.0; t += 0.013) {
@@ -138,7 +138,7 @@ TEST(Flight, FollowsTheDemosPathInTheAttitudeThatFlatnessDemands) {
   EXPECT_GT(distance_m, 0.0);
 }
 
-TEST(Flight, FollowsABriskPath) {
+TEST(Flight, FollowsAFastPath) {
   const World by_motors = flown(with_drag(kBrisk)), by_decree = exact(with_drag(kBrisk));
   double distance_m = 0.0;
   for (double t = 0.0; t < 60.0; t += 0.013) {
@@ -147,7 +147,7 @@ TEST(Flight, FollowsABriskPath) {
   EXPECT_LT(distance_m, 0.1);
 }
 
-TEST(Flight, AcceleratesAlongItsThrustGravityAndDragAlone) {
+TEST(Flight, AcceleratesByThrustGravityAndDragOnly) {
   const World world = flown(with_drag(kBrisk));
   constexpr double kStep_s = 0.004;
   for (double t = 0.2; t < 20.0; t += 25.0 * kStep_s) {
@@ -178,7 +178,7 @@ TEST(Flight, VelocitiesAreDerivativesOfThePose) {
   }
 }
 
-TEST(Flight, IsTheSameBitForBitInWhateverOrderItIsAsked) {
+TEST(Flight, IsTheSameBitForBitForAnyOrderOfQueries) {
   const World forwards = flown(with_drag(kBrisk)), backwards = flown(with_drag(kBrisk));
   std::vector<RobotState> states;
   for (int i = 0; i < 90; ++i) states.push_back(forwards.robot_at(0.5 * i + 0.0017));
@@ -218,7 +218,7 @@ TEST(Flight, TurnsWithTheWorld) {
   }
 }
 
-TEST(Flight, ComesBackToItsPathAfterItsMotorsWereAtTheirLimits) {
+TEST(Flight, ReturnsToItsPathAfterItsMotorsSaturated) {
   // Points that are far apart are so in place, not in time: a dash that the motors cannot follow in an easy round.
   const std::string dash =
       "loop speed 1.8 points -3 0; -3 0.6; -3 1.2; -3 1.8; -2.4 2.2; -1.8 2.2; -1.2 2.2; 6 2.2; 6.6 2.2; 7 1.6; 7 1; "
@@ -236,7 +236,7 @@ TEST(Flight, ComesBackToItsPathAfterItsMotorsWereAtTheirLimits) {
   EXPECT_LT(worst_m(9.0, 13.0), 0.05);
 }
 
-TEST(Flight, SaysSoWhereThePathIsTooFastForItsMotors) {
+TEST(Flight, ThrowsWhereThePathIsTooFastForItsMotors) {
   const World world = flown(with_drag("circle center 0 0 radius 20 rate 2"));
   EXPECT_TRUE(names(refusal_of<std::runtime_error>([&] { world.robot_at(30.0); }), {"path"})) << "80 m/s^2";
 }

@@ -66,7 +66,7 @@ TEST(Intensity, OfAWallFallsWithRangeAndIncidence) {
   EXPECT_GT(hits, 200);
 }
 
-TEST(Intensity, KnowsTheNormalsOfAllShapes) {
+TEST(Intensity, UsesTheNormalsOfAllShapes) {
   // Each fills the view in one direction; the incidence is worked out from its shape.
   const std::string mesh = R"(<asset><mesh name="wedge" vertex="0 -9 0  1 0 0  0 9 0  0 -9 3  1 0 3  0 9 3"/></asset>)";
   const Scan scan =
@@ -104,7 +104,7 @@ TEST(Intensity, KnowsTheNormalsOfAllShapes) {
   for (const int count : hits) EXPECT_GT(count, 15);
 }
 
-TEST(Intensity, AReflectorStandsOutAndAGlossySurfaceOnlyStraightAhead) {
+TEST(Intensity, IsHighForAReflectorAndForAGlossySurfaceOnlyAtNormalIncidence) {
   const auto brightest_and_hits = [](const std::string& bodies) {
     float brightest = 0.0F;
     int bright = 0;

@@ -196,7 +196,7 @@ TEST(SimulatedOdometry, WithoutNoiseIsTheTruthFromTheStartOn) {
   }
 }
 
-TEST(SimulatedOdometry, DriftsAsParameterisedOnAStraightWay) {
+TEST(SimulatedOdometry, DriftsAsParameterisedOnAStraightPath) {
   const WorldFile file(driven());
   const World world(file.path());
   SimulatedOdometryParams params = exact_odometry();
@@ -240,7 +240,7 @@ TEST(SimulatedOdometry, DriftsAsParameterisedWhileItTurns) {
 
 // --- all ------------------------------------------------------------------------------------------------------------
 
-TEST(MotionSensors, AreWhatTheFileAsksForAndRefuseBadParams) {
+TEST(MotionSensors, AreThoseOfTheFileAndRefuseBadParams) {
   const WorldFile file(
       world_text("<body name=\"robot\" mocap=\"true\"><site name=\"imu\"/><site name=\"antenna\" pos=\"0 0 "
                  "0.2\"/><site name=\"base\"/></body>",
@@ -271,7 +271,7 @@ TEST(MotionSensors, AreWhatTheFileAsksForAndRefuseBadParams) {
                     {"odometry.yaw_scale_sigma", "1", "0", "0.5"}));
 }
 
-TEST(MotionSensors, GiveTheSameWithTheSameSeedWhateverElseMeasures) {
+TEST(MotionSensors, GiveTheSameWithTheSameSeedIndependentOfOthers) {
   World world(kWorlds + "demo.xml");
   SimulatedImu a(world, some_mount(), {}, 3), b(world, some_mount(), {}, 3);
   SimulatedGnss other(world, some_mount(), {}, 3);

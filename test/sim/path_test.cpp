@@ -63,7 +63,7 @@ TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
   }
 }
 
-TEST(Path, KeepsItsPlaceInTheAxesOfTheBodyItMovesWith) {
+TEST(Path, HasAFixedPositionInTheAxesOfItsCarrier) {
   const Path carrier = parse_path("circle center 1 2 radius 0.5 rate 2 tangent", {5, 6, 7}, 0.2);
   const PathOfBody path_of_body = [&](const std::string& body) { return body == "it" ? carrier : Path(); };
   const Path path = parse_path("with it at 0.3 -0.2 swing 0.1 period 4 phase 0.5", {8, 9, 3}, 0.7, path_of_body);
@@ -77,7 +77,7 @@ TEST(Path, KeepsItsPlaceInTheAxesOfTheBodyItMovesWith) {
   }
 }
 
-TEST(Path, MeansWhatTheManualSays) {
+TEST(Path, IsThatOfTheManual) {
   const Eigen::Vector3d place(5, 6, 7);
   const PathState stand = parse_path("stand spin 0.5", place, 0.2)(2.0);
   EXPECT_EQ(stand.position_m, place);
@@ -100,7 +100,7 @@ TEST(Path, MeansWhatTheManualSays) {
   EXPECT_NEAR(straight.yaw_rad, 0.75 * kPi + 0.2, 1e-12);
 }
 
-TEST(Path, SaysWhenTheBodyIsThere) {
+TEST(Path, GivesThePresenceOfTheBody) {
   const PathFacts always = facts_of_path("stand");
   EXPECT_TRUE(always.presence.always() && always.presence.at(-1e9) && always.presence.at(1e9) && always.stands);
   const PathFacts some = facts_of_path("with it at 0 1 appears 2 goes 5.5");
@@ -112,7 +112,7 @@ TEST(Path, SaysWhenTheBodyIsThere) {
   EXPECT_FALSE(facts_of_path("stand spin 1 appears 3").stands);
 }
 
-TEST(Path, SaysWhatIsWrongWithItsText) {
+TEST(Path, NamesTheErrorInItsText) {
   EXPECT_TRUE(names(path_error(" "), {}));
   EXPECT_TRUE(names(path_error("hop over 1"), {"hop", "stand", "circle", "line", "straight", "loop", "with"}));
   EXPECT_TRUE(names(path_error("circle center 1 2 radius 1"), {"rate"}));

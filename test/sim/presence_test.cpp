@@ -37,7 +37,7 @@ std::vector<int> hits_before_the_wall(const Scan& scan) {
   return hits;
 }
 
-TEST(Presence, WhatIsNotThereIsNeitherSeenNorTrue) {
+TEST(Presence, AbsentBodiesAreNeitherSeenNorInTheTruth) {
   const WorldFile file(kComingAndGoing);
   ScanSimulation simulation(file.path(), {}, 1);
   ASSERT_EQ(simulation.world().names(), (std::vector<std::string>{"post", "walker", "bag"}));
@@ -64,7 +64,7 @@ TEST(Presence, WhatIsNotThereIsNeitherSeenNorTrue) {
   }
 }
 
-TEST(Presence, ASweepSeesThingsComeWhileItLasts) {
+TEST(Presence, ASweepSeesObjectsAppear) {
   const WorldFile file(kComingAndGoing);
   SimulatedScannerParams params;
   params.rate_hz = 4.0;
@@ -79,7 +79,7 @@ TEST(Presence, ASweepSeesThingsComeWhileItLasts) {
   }
 }
 
-TEST(Presence, WorldsSayWhatIsWrong) {
+TEST(Presence, WorldsNameTheirErrors) {
   const std::string post = object_text("post", "pos=\"2 0 1\"", "0.2 0.1 1");
   const auto with_path = [&](const std::string& path) {
     return world_text(kRobot + post, "<text name=\"post\" data=\"" + path + "\"/>");
@@ -88,11 +88,9 @@ TEST(Presence, WorldsSayWhatIsWrong) {
   expect_error(with_path("stand spin 1 appears 2"), {"post", "mocap"});
   expect_error(with_path("line from 0 0 to 1 0 period 3 goes 2"), {"post", "mocap"});
   expect_error(with_path("stand appears 2 goes 2"), {"post", "goes", "appears"});
-  expect_error(world_text(kRobot, "<text name=\"robot\" data=\"stand goes 3\"/>"),
-               {"robot", "appears", "goes"});
+  expect_error(world_text(kRobot, "<text name=\"robot\" data=\"stand goes 3\"/>"), {"robot", "appears", "goes"});
   const std::string walker = "<body name=\"door\" mocap=\"true\"><geom size=\"0.1\"/></body>";
-  expect_error(world_text(kRobot + walker, "<text name=\"door\" data=\"stand goes 3\"/>"),
-               {"door", "group", "0"});
+  expect_error(world_text(kRobot + walker, "<text name=\"door\" data=\"stand goes 3\"/>"), {"door", "group", "0"});
 }
 
 }  // namespace

@@ -57,7 +57,7 @@ double range_in_room(const Eigen::Vector3d& origin, const Eigen::Vector3d& ray) 
   return origin.z() + range * ray.z() > 3.0 ? std::numeric_limits<double>::infinity() : range;
 }
 
-TEST(SimulatedRingScanner, MeetsARoomWhereItIs) {
+TEST(SimulatedRingScanner, HitsTheWallsOfARoom) {
   const WorldFile file(world_text(
       kRoom + R"(<body name="robot" mocap="true"> <site name="lidar" pos="0.1 0 0.2" euler="0.1 -0.2 0.4"/> </body>)",
       R"(<text name="robot" data="circle center 0 0 radius 1.5 rate 1.5 spin 0.9"/>)"));
@@ -187,7 +187,7 @@ TEST(SimulatedRingScanner, GivesTheSameWithTheSameSeed) {
   EXPECT_LT(same, differ / 100);
 }
 
-TEST(SimulatedRingScanner, SaysWhichObjectsItMeets) {
+TEST(SimulatedRingScanner, ReturnsTheObjectsThatItHits) {
   const WorldFile file(world_text(kRobot + object_text("post", "pos=\"2.3 0 1\"", "0.3 0.3 1") +
                                   object_text("pole", "pos=\"-4 0 1\"", "0.2 0.2 1")));
   World world(file.path());

@@ -181,7 +181,7 @@ TEST_P(SweepOf, EachBeamSeesTheWorldAtItsOwnTime) {
 INSTANTIATE_TEST_SUITE_P(Robots, SweepOf, testing::Values(kExactRobot, kQuadrotor),
                          [](const auto& info) { return info.index == 0 ? "Exact" : "Flown"; });
 
-TEST(SimulatedScan, WhereNothingMovesASweepChangesNothing) {
+TEST(SimulatedScan, WithoutMotionASweepChangesNothing) {
   const WorldFile file(world_text(kRobot + object_text("post", "pos=\"2 0.5 1\"", "0.3 0.15 1")));
   SimulatedScannerParams sweeping;
   sweeping.sweep_s = 0.01875;
@@ -260,7 +260,7 @@ TEST(SimulatedScan, NoiseIsWhiteGaussianOfTheGivenSigma) {
   EXPECT_LT(std::abs(within_one_sigma - 0.682689 * n), 4.0 * std::sqrt(0.682689 * 0.317311 * n));
 }
 
-TEST(SimulatedScan, SameSeedSameScansBitForBitWhateverElseIsAsked) {
+TEST(SimulatedScan, SameSeedSameScansBitForBitForAnyQueries) {
   ScanSimulation a(kWorlds + "demo.xml", {}, 11);
   ScanSimulation b(kWorlds + "demo.xml", {}, 11);
   ScanSimulation c(kWorlds + "demo.xml", {}, 12);

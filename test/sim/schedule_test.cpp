@@ -9,7 +9,7 @@
 namespace situation_awareness {
 namespace {
 
-TEST(Schedule, LetsSensorsMeasureInTheOrderOfTheirTimes) {
+TEST(Schedule, RunsSensorsInTheOrderOfTheirTimes) {
   Schedule schedule;
   EXPECT_TRUE(std::isinf(schedule.next_time_s()));
   schedule.step();  // nothing is due

@@ -34,7 +34,7 @@ std::string sensor_error(const std::string& sites, const std::string& texts) {
   return "no error";
 }
 
-TEST(Sensors, ASiteLidarIsAScannerAndItsTextSaysWhich) {
+TEST(Sensors, ASiteLidarIsAScannerConfiguredByItsText) {
   const WorldSensors plain = sensors_in("<site name=\"lidar\" pos=\"0.1 0 0.2\" euler=\"0 0 0.5\"/>", "");
   ASSERT_EQ(plain.scanners.size(), 1U);
   EXPECT_EQ(plain.scanners[0].name, "lidar");
@@ -55,7 +55,7 @@ TEST(Sensors, ASiteLidarIsAScannerAndItsTextSaysWhich) {
   EXPECT_EQ(two.scanners[1].name, "rear");
 }
 
-TEST(Sensors, SayWhatIsWrongWithTheirText) {
+TEST(Sensors, NameTheErrorInTheirText) {
   const std::string site = "<site name=\"eye\"/>";
   const auto error = [&](const std::string& text) {
     return sensor_error(site, "<text name=\"eye\" data=\"" + text + "\"/>");
@@ -75,7 +75,7 @@ TEST(Sensors, SayWhatIsWrongWithTheirText) {
                     {"robot", "body", "site"}));
 }
 
-TEST(Sensors, EachHasASeedOfItsOwn) {
+TEST(Sensors, EachHasItsOwnSeed) {
   std::set<std::uint64_t> seeds;
   for (const char* name : {"lidar", "rear", "imu", "imu2", "fix", ""}) {
     for (std::uint64_t seed = 0; seed < 5; ++seed) {

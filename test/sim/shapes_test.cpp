@@ -180,7 +180,7 @@ TEST(Shapes, TheFootprintOfAMeshIsItsSectionAtHalfItsHeight) {
                       placed({{1.5, 1.5}, {2.5, 1.5}, {2.5, 2.5}, {1.5, 2.5}}, {{3.0, 1.0}, 0.5}), 1e-5);
 }
 
-TEST(Shapes, WhatHasNoFootprintIsRefused) {
+TEST(Shapes, ShapesWithoutAFootprintAreRefused) {
   const auto error = [](const std::string& mesh, const std::string& pose = "") {
     return error_of(
         world_text(kRobot + mesh_object("thing", pose), "", "<asset><mesh name=\"thing\" " + mesh + "/></asset>"));

@@ -41,7 +41,7 @@ TEST(Robot, VelocitiesAreDerivativesOfThePose) {
   expect_consistent_robot(World(file.path()));
 }
 
-TEST(Robot, TiltsAsItsAccelerationAndDragDemand) {
+TEST(Robot, TiltsByItsAccelerationAndDrag) {
   const WorldFile file(kBriskWorld);
   const World world(file.path());
   constexpr double h = 1e-4;
@@ -116,7 +116,7 @@ TEST(Truth, ListsObjectsInFileOrderWithCanonicalRadiiAndNoCovariance) {
   EXPECT_DOUBLE_EQ(simulated.truth.height_world_m, 1.5);
 }
 
-TEST(Truth, AHiddenObjectHasNoBeamsAndKeepsWhenItWasSeen) {
+TEST(Truth, AHiddenObjectHasNoBeamsAndKeepsItsTimeLastSeen) {
   // A screen passes between the robot and the pole.
   const WorldFile file(world_text(kRobot + object_text("pole", "pos=\"4 0 1\"", "0.1 0.1 1") +
                                       object_text("screen", "mocap=\"true\" pos=\"2 0 1\"", "0.1 0.4 1"),
@@ -146,7 +146,7 @@ TEST(Truth, AHiddenObjectHasNoBeamsAndKeepsWhenItWasSeen) {
   EXPECT_EQ(world.truth_at(3.0).objects[0].observations, seen_scans);
 }
 
-TEST(Truth, CountsColumnsAndWhatIsInRange) {
+TEST(Truth, CountsColumnsWithinRange) {
   Sightings sightings(3, 10.0);
   // Two rows of four columns: object 0 in both rows of a column, object 1 once, object 2 too far away.
   const std::vector<TrueHit> hits = {{0, 2.0}, {1, 9.0}, {}, {2, 10.5}, {0, 2.0}, {0, 10.0}, {}, {2, 11.0}};

@@ -104,7 +104,7 @@ std::string body_of(const std::string& name) { return name.substr(0, name.rfind(
 
 class WorldOfTheLibrary : public testing::TestWithParam<Shown> {};
 
-TEST_P(WorldOfTheLibrary, KeepsEverythingClearOfEverythingElse) {
+TEST_P(WorldOfTheLibrary, HasItsClearances) {
   const std::vector<Box> walls = walls_of(file_of(GetParam()));
   ASSERT_EQ(walls.size(), GetParam().walls);
   const std::vector<std::string> names = World(file_of(GetParam())).names();

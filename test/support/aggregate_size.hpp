@@ -15,10 +15,10 @@ struct ConvertsToAnything {
 };
 
 template <class Aggregate, std::size_t... Is>
-auto can_be_made_of(std::index_sequence<Is...>)
+auto constructible_from(std::index_sequence<Is...>)
     -> decltype(Aggregate{(static_cast<void>(Is), ConvertsToAnything{})...}, std::true_type());
 template <class Aggregate>
-std::false_type can_be_made_of(...);
+std::false_type constructible_from(...);
 
 /// Takes anything, counts itself.
 struct CountFields {
@@ -34,7 +34,7 @@ struct CountFields {
 /// The number of data members of a plain struct: of how many initialisers it can be made.
 template <class Aggregate, std::size_t kMost = 64>
 constexpr std::size_t aggregate_size() {
-  if constexpr (decltype(detail::can_be_made_of<Aggregate>(std::make_index_sequence<kMost>()))::value) {
+  if constexpr (decltype(detail::constructible_from<Aggregate>(std::make_index_sequence<kMost>()))::value) {
     return kMost;
   } else {
     return aggregate_size<Aggregate, kMost - 1>();

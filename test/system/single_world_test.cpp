@@ -29,7 +29,7 @@ struct Row {
   double max = 0.0;
 };
 
-TEST(SingleWorld, IsEstimatedBetterThanThePaperPrints) {
+TEST(SingleWorld, IsEstimatedBetterThanInThePaper) {
   ScanSimulation world(kSource + "/models/worlds/single.xml", SimulatedScannerParams{}, 1);
   ObjectPipeline pipeline(load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models"));
   std::array<Row, 5> rows{{{"rx", 2.7868e-4, 0.0488},

@@ -66,7 +66,7 @@ class NetworkDetector final : public Detector {
 
   EllipseNetwork network_;
   EllipseFitParams params_;
-  std::vector<std::size_t> asked_;  ///< segments for the network, kept for its memory
+  std::vector<std::size_t> selected_;  ///< segments for the network, kept for its memory
 };
 
 }  // namespace situation_awareness

@@ -156,18 +156,18 @@ class MapEvaluation {
     int scans_one = 0;
   };
   /// One object or body to be mapped, in one scan.
-  struct Thing {
+  struct Target {
     const Object* reference = nullptr;
     std::vector<Ellipse> parts;
     int beams = 0;
   };
 
-  std::vector<Thing> things_of(const Objects& truth) const;
-  std::vector<int> match(const std::vector<Thing>& things, const Objects& map) const;
+  std::vector<Target> targets_of(const Objects& truth) const;
+  std::vector<int> match(const std::vector<Target>& targets, const Objects& map) const;
   void compare(ObjectTally& tally, const Object& truth, const Object& element) const;
-  void follow_hiding(ObjectTally& tally, const Thing& thing, const Object* element, const Objects& map) const;
+  void update_hidden_time(ObjectTally& tally, const Target& target, const Object* element, const Objects& map) const;
   HiddenTime hidden_time(const Hiding& hiding, std::int64_t end_ns, std::optional<bool> same_id) const;
-  void judge_bodies(const std::vector<Thing>& things, const Objects& map, const std::vector<int>& separate_parts);
+  void evaluate_bodies(const std::vector<Target>& targets, const Objects& map, const std::vector<int>& separate_parts);
 
   MapEvaluationParams params_;
   std::vector<Body> bodies_;

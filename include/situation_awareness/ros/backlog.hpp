@@ -39,10 +39,10 @@ class Backlog {
   /// `arrival`: see TimedSubscriber.
   void add(const ConstPtr& msg, const ros::SteadyTime& arrival) {
     waiting_.push_back({msg, arrival});
-    if (waiting_.size() == 1 && !asked_ && arrival > free_since_) {
-      take_turn();
+    if (waiting_.size() == 1 && !scheduled_ && arrival > free_since_) {
+      process_next();
     } else {
-      ask_for_turn();
+      schedule_next();
     }
   }
 
@@ -52,7 +52,7 @@ class Backlog {
   void clear() {
     queue_.removeByID(id());
     waiting_.clear();
-    asked_ = false;
+    scheduled_ = false;
   }
 
   void drop_all(const char* reason) { drop_oldest(waiting_.size(), reason); }
@@ -66,7 +66,7 @@ class Backlog {
   struct Turn : ros::CallbackInterface {
     explicit Turn(Backlog& backlog) : backlog(backlog) {}
     CallResult call() override {
-      backlog.take_turn();
+      backlog.process_next();
       return Success;
     }
     Backlog& backlog;
@@ -74,14 +74,14 @@ class Backlog {
 
   std::uint64_t id() const { return reinterpret_cast<std::uint64_t>(this); }
 
-  void ask_for_turn() {
-    if (asked_) return;
-    asked_ = true;
+  void schedule_next() {
+    if (scheduled_) return;
+    scheduled_ = true;
     queue_.addCallback(boost::make_shared<Turn>(*this), id());
   }
 
-  void take_turn() {
-    asked_ = false;
+  void process_next() {
+    scheduled_ = false;
     if (waiting_.empty()) return;
     drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front().msg->header.stamp),
                                   to_nanoseconds(waiting_.back().msg->header.stamp)),
@@ -92,7 +92,7 @@ class Backlog {
     handle_(next.msg, next.arrival);
     free_since_ = ros::SteadyTime::now();
     pace_.handled((free_since_ - start).toSec());
-    if (!waiting_.empty()) ask_for_turn();
+    if (!waiting_.empty()) schedule_next();
   }
 
   void drop_oldest(std::size_t count, const char* reason) {
@@ -105,7 +105,7 @@ class Backlog {
   std::deque<Waiting> waiting_;
   Pace pace_;
   ros::SteadyTime free_since_;
-  bool asked_ = false;  ///< a callback is queued
+  bool scheduled_ = false;  ///< a callback is queued
 };
 
 }  // namespace situation_awareness

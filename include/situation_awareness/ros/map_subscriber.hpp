@@ -27,7 +27,7 @@ class MapSubscriber {
   std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
   /// Discards the map after a reset of time.
-  void forget() {
+  void clear() {
     map_ = {};
     latest_scan_ns_ = 0;
   }

@@ -36,7 +36,7 @@ class MasterWatch {
 
  private:
   void watch();
-  void give_parameters_back() const;
+  void restore_parameters() const;
 
   ros::NodeHandle private_node_;
   XmlRpc::XmlRpcValue parameters_;

@@ -116,7 +116,7 @@ void BodyJoiner::join_parts(std::int64_t stamp_ns, const ObjectMapParams& params
   }
 }
 
-std::size_t pass_on_identities(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped) {
+std::size_t transfer_body_ids(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped) {
   std::size_t off_the_map = 0;
   for (std::size_t i = 0; i < elements.size(); ++i) {
     MapElement& body = elements[i];

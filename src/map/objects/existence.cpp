@@ -17,7 +17,7 @@ namespace {
 /// 4.1 (object_map_test).
 const double kLogOddsOfDetection = std::log(4.0);
 /// Upper bound of the log-odds, p = 0.999. With p_D = 0.6 it takes 8 scans seen through to fall to even odds; at most
-/// 10 are allowed, which are reached with a bound of 9.2 (AnElementThatBeamsSeeThroughGoesSoon).
+/// 10 are allowed, which are reached with a bound of 9.2 (AnElementThatIsSeenThroughIsDeletedSoon).
 constexpr double kMaxLogOdds = 6.9;
 /// Fraction of p_D, where beams end on the element but nothing was detected: something else may be in its place. Up to
 /// 0.48 an element survives a second of scans that the detector refuses (object_map_test).
@@ -25,10 +25,10 @@ constexpr double kMissedWhereHit = 0.1;
 /// m. Beams that end nearer to the outline than this end on it: ten times the range noise of 1 cm. Not measured.
 constexpr double kSightMargin_m = 0.1;
 /// s. Timeout of an unseen tentative element: 20 scans at 20 Hz. It may be up to 2 s by
-/// WhatIsSeenOnceIsForgottenWithinTwoSeconds; not measured in flights.
+/// ATentativeElementIsDeletedWithinTwoSeconds; not measured in flights.
 constexpr double kMaxTentativeUnseen_s = 1.0;
 /// Probability. With p_moving between this and one minus this, the motion is ambiguous. From 0.05 to 0.5 by
-/// AnAmbiguousMotionMakesThePlaceUncertain; not measured in flights.
+/// AnAmbiguousMotionMakesThePositionUncertain; not measured in flights.
 constexpr double kAmbiguousMotion = 0.1;
 
 }  // namespace

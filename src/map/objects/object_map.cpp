@@ -27,7 +27,7 @@ constexpr double kMinRadius_m = 0.01;
 constexpr double kManoeuvre_s = 0.5;
 /// Per scan. Rate at which P_view follows a worse view: 50 scans, 2.5 s at 20 Hz. No test bounds it.
 constexpr double kViewForgetting = 0.02;
-/// Per detection. Adaptation rate of the noise factor: within 33 detections. LearnsHowLargeTheErrorsOfDetectionsAre
+/// Per detection. Adaptation rate of the noise factor: within 33 detections. AdaptsToTheErrorsOfDetections
 /// asserts that a matched noise is estimated at less than 1.1 times its standard deviation; the bound of this is not
 /// known.
 constexpr double kNoiseGain = 0.03;
@@ -40,7 +40,7 @@ constexpr double kSettled_s = 1.5;
 /// Probability of moving from which on an element counts as moving. No test bounds it.
 constexpr double kSurelyMoving = 0.95;
 /// m. An object that has moved this far without a stop is mobile. Below 1.2 m, the way of
-/// WhatHasTravelledIsRememberedWhereItIsSeenThroughAndWhatStoodIsNot.
+/// AMobileElementThatIsSeenThroughIsKeptAndAStandingOneIsNot.
 constexpr double kMobileAfter_m = 0.25;
 
 }  // namespace
@@ -111,7 +111,7 @@ Measurement ObjectMap::widened(const Detection& detection) const {
 
 /// Adapts the detections' covariances by the innovations (Mehra, 1970). They are never reduced, since overconfidence
 /// does more harm.
-void ObjectMap::learn_noise(double mahalanobis2) {
+void ObjectMap::adapt_noise(double mahalanobis2) {
   noise_ = std::clamp(noise_ * (1.0 + kNoiseGain * (mahalanobis2 / kMeasurementSize - 1.0)), 1.0, kMaxNoise);
 }
 
@@ -165,7 +165,7 @@ void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix
     bound_radii(element.estimate.moving.x, kMinRadius_m);
     const double mahalanobis2 =
         (element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2;
-    learn_noise(mahalanobis2);
+    adapt_noise(mahalanobis2);
     ++report.matches;
     report.mahalanobis2 += mahalanobis2;
     observe(element, detection, measurement, detections.T_world_level);
@@ -248,13 +248,13 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
       for (const MapElement& element : elements_) report.deleted.push_back(element.id);
       ++report.reasons["time jumped back: new map"];
       if (!elements_.empty()) report.reasons["deleted with the map before"] += elements_.size();
-      forget();
+      clear();
       return true;
   }
   return false;
 }
 
-void ObjectMap::forget() {
+void ObjectMap::clear() {
   elements_.clear();
   noise_ = 1.0;
   step_s_ = 0.0;
@@ -262,7 +262,7 @@ void ObjectMap::forget() {
 }
 
 void ObjectMap::reset() {
-  forget();
+  clear();
   order_ = StampOrder(params_.reset_time_jump_s);
 }
 
@@ -385,7 +385,7 @@ void ObjectMap::delete_elements(ObjectMapUpdate& report) {
     dropped.push_back(*reason != '\0' ? 1 : 0);
     if (dropped.back() != 0) ++report.reasons[reason];
   }
-  const std::size_t off_the_map = pass_on_identities(stamp_ns(), elements_, dropped);
+  const std::size_t off_the_map = transfer_body_ids(stamp_ns(), elements_, dropped);
   if (off_the_map > 0) report.reasons["seen through"] += off_the_map;
   std::size_t kept = 0;
   for (std::size_t i = 0; i < elements_.size(); ++i) {

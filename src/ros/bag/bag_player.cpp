@@ -19,17 +19,17 @@ namespace {
 constexpr const char* kAuthority = "bag";
 constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
 
-/// What lies further back is not asked for; lookups cost its length.
+/// Length of the TF buffer: older transforms are not needed, and lookups cost its length.
 ros::Duration cache_time(const BagOptions& options) { return ros::Duration(10.0 + 2.0 * options.tf_timeout_s); }
 
-/// What `act` does; what is wrong with the bag itself is said with its path.
+/// Calls `act`; errors of the bag itself are thrown with its path.
 template <class Act>
 void reading(const std::string& path, const Act& act) {
   try {
     act();
   } catch (const rosbag::BagException& error) {
     throw std::runtime_error(path + ": damaged, or no bag: " + error.what());
-  } catch (const ros::Exception& error) {  // a message that is shorter than its type says
+  } catch (const ros::Exception& error) {  // a message that is shorter than its type
     throw std::runtime_error(path + ": damaged: " + error.what());
   }
 }
@@ -58,7 +58,7 @@ void BagPlayer::other_version(const std::string& topic) {
   throw std::runtime_error("topic " + topic + " holds another version of its message type");
 }
 
-/// The topic as the bag names it.
+/// The topic's name in the bag.
 std::string BagPlayer::find_topic(const std::string& wanted, const std::string& datatype) {
   std::set<std::string> of_type;
   std::string other_type;
@@ -146,7 +146,7 @@ void BagPlayer::check_used() const {
     if (reason == drop_reason::kNoTransform) sentence += " from " + options_.world_frame + " to " + sensor_frame_;
   }
   if (dropped_.of(drop_reason::kNoTransform) > 0) {
-    sentence += frames_.empty() ? "; the bag has no transforms: --static-sensor does without"
+    sentence += frames_.empty() ? "; the bag has no transforms: use --static-sensor"
                                 : "; the bag has the frames " + list(frames_);
   }
   throw std::runtime_error(sentence);

@@ -28,7 +28,7 @@ sensor_msgs::PointCloud2 cloud_to_msg(const Cloud& cloud, const std::string& sen
   msg.is_dense = std::none_of(cloud.points.begin(), cloud.points.end(),
                               [](const CloudPoint& point) { return std::isnan(point.x_m); });
 
-  // The fields are packed as drivers pack them, so most floats lie where none may be referred to.
+  // The fields are packed as by drivers, so most floats are unaligned and must not be bound to references.
   std::uint8_t* to = msg.data.data();
   const auto put = [&to](auto value) {
     std::memcpy(to, &value, sizeof value);

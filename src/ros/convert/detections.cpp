@@ -59,7 +59,7 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.hidden_end = element.hidden_end != 0;
     detection.segment = element.segment;
     const std::string defect = detection_defect(detection);
-    if (!defect.empty()) throw std::invalid_argument("a detection cannot be used: " + defect);
+    if (!defect.empty()) throw std::invalid_argument("a detection is invalid: " + defect);
   }
   return detections;
 }

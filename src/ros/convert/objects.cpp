@@ -39,7 +39,7 @@ EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame
     Eigen::Map<RowMajor8d>(element.covariance.data()) = object.covariance;
     element.p_moving = object.p_moving;
     element.p_exists = object.p_exists;
-    // A loaded map may know of times before this clock's first.
+    // A loaded map may have times before this clock's zero.
     element.first_seen = to_ros_time(std::max<std::int64_t>(object.first_seen_ns, 0));
     element.last_seen = to_ros_time(std::max<std::int64_t>(object.last_seen_ns, 0));
     element.observations = static_cast<std::uint32_t>(object.observations);

@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-// The message names the same facts by the same numbers.
+// The message has the same constants.
 static_assert(static_cast<int>(SegmentKind::kObject) == LaserSegment::OBJECT);
 static_assert(static_cast<int>(SegmentKind::kStructure) == LaserSegment::STRUCTURE);
 static_assert(static_cast<int>(SegmentEnd::kFree) == LaserSegment::FREE);
@@ -33,9 +33,9 @@ void check(bool truth, const char* sentence) {
 }
 
 StraightPiece straight_piece_from_msg(const LaserStraightPiece& msg, const SegmentArray& array) {
-  check(msg.segment < array.segments.size(), "a straight piece names a segment that is not there");
+  check(msg.segment < array.segments.size(), "the segment index of a straight piece is out of range");
   const LaserSegment& segment = array.segments[msg.segment];
-  check(segment.kind == LaserSegment::STRUCTURE, "a straight piece is of no structure");
+  check(segment.kind == LaserSegment::STRUCTURE, "a straight piece is not of a structure");
   check(msg.count > 0 && msg.first >= segment.first &&
             std::size_t{msg.first} + msg.count <= std::size_t{segment.first} + segment.count,
         "a straight piece has points that are not of its segment");
@@ -55,7 +55,7 @@ StraightPiece straight_piece_from_msg(const LaserStraightPiece& msg, const Segme
   check(piece.line_level.through_m.allFinite() && std::abs(piece.line_level.normal.norm() - 1.0) < 1e-6 &&
             piece.covariance.allFinite() && std::isfinite(piece.rms_m) && piece.right_level_m.allFinite() &&
             piece.left_level_m.allFinite(),
-        "the line of a straight piece is none");
+        "the line of a straight piece is invalid");
   return piece;
 }
 
@@ -136,7 +136,8 @@ Segments segments_from_msg(const SegmentArray& msg) {
   for (std::size_t i = 0; i < msg.segments.size(); ++i) {
     const LaserSegment& segment = msg.segments[i];
     check(segment.count > 0, "a segment has no points");
-    check(std::size_t{segment.first} + segment.count <= msg.points.size(), "a segment names points that are not there");
+    check(std::size_t{segment.first} + segment.count <= msg.points.size(),
+          "the point indices of a segment are out of range");
     check(segment.kind <= LaserSegment::STRUCTURE, "a segment is of an unknown kind");
     check(segment.structure <= LaserSegment::IN_LINE &&
               (segment.structure == LaserSegment::NONE) == (segment.kind == LaserSegment::OBJECT),
@@ -163,7 +164,7 @@ Segments segments_from_msg(const SegmentArray& msg) {
 }
 
 sensor_msgs::PointCloud2 segments_to_cloud(const Segments& segments, const std::string& world_frame) {
-  struct CloudPoint {  // laid out as the fields below say
+  struct CloudPoint {  // with the layout of the fields below
     float x, y, z;
     std::uint32_t rgb, segment;
   };

@@ -90,7 +90,7 @@ Marker velocity(const Style& style, const Object& object, std::int32_t id) {
 Marker name(const Style& style, const Object& object, std::int32_t id, const std::string& text) {
   const bool truth = style.kind == MarkerStyle::kTruth;
   Marker m = marker(style, "id", id, Marker::TEXT_VIEW_FACING, kTruthColor, 1.0F);
-  // Truth above its object and the id in it, so that neither hides the other.
+  // The truth's label above its object and the id in it, so that both are readable.
   const Eigen::Vector2d offset_m(0.0, truth ? object.ellipse_world.rx_m + 0.2 : 0.0);
   m.pose.position = point(object.ellipse_world.center_m + offset_m, style.height_m + 2.0 * kBodyHeight_m);
   m.scale.z = 0.28;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// detections  ->  objects, object_markers (for the eye), downlink/objects (for other hosts)
+// detections  ->  objects, object_markers (for display), downlink/objects (for other hosts)
 #include <string>
 
 #include <pluginlib/class_list_macros.hpp>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, TF world -> lidar, objects  ->  segments, segment_points (for the eye)
+// scan, TF world -> lidar, objects  ->  segments, segment_points (for display)
 #include <string>
 
 #include <sensor_msgs/LaserScan.h>
@@ -37,7 +37,7 @@ class SegmentationStage {
         input_(
             context, params.nodelet, params.pipeline.objects.reset_time_jump_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
-             [this] { map_.forget(); }}) {
+             [this] { map_.clear(); }}) {
     context.serve_live(
         [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
           params_.pipeline.scan = scan;

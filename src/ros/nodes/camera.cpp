@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A camera of the simulated world, for people to watch: draws the world as it is at the stamps of the simulator's
-// odometry. A process of its own, so that the simulation waits for no picture; pictures that come too late are not
-// drawn.
+// A camera of the simulated world for display: renders the world at the stamps of the simulator's odometry. A separate
+// process, so that rendering does not delay the simulation; late images are skipped.
 #include <cmath>
 #include <limits>
 
@@ -34,11 +33,11 @@ struct CameraParams {
   static void fields(Self& self, Visit&& visit) {
     visit("world", self.world, "name of a world in models/worlds, or a path");
     visit("camera", self.camera, "name of a camera of the world");
-    visit("width", self.width, Bounds{16, 4096}, "px", "width of the pictures");
-    visit("height", self.height, Bounds{16, 4096}, "px", "height of the pictures");
-    visit("rate_hz", self.rate_hz, Bounds{0.1, 100.0}, "Hz", "pictures per simulated second, at most");
+    visit("width", self.width, Bounds{16, 4096}, "px", "width of the images");
+    visit("height", self.height, Bounds{16, 4096}, "px", "height of the images");
+    visit("rate_hz", self.rate_hz, Bounds{0.1, 100.0}, "Hz", "images per simulated second, at most");
     visit("world_frame", self.world_frame, "parent frame of the camera in TF");
-    visit("camera_frame", self.camera_frame, "frame of the pictures");
+    visit("camera_frame", self.camera_frame, "frame of the images");
   }
 };
 
@@ -110,7 +109,7 @@ class Camera {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "camera");
-  ros::NodeHandle node;  // outlives the handler below: without a node there is no log
+  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
   const ros::NodeHandle private_node("~");
   try {
     const situation_awareness::Camera camera(node,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// map  ->  obstacles, for what takes costmap_converter/ObstacleArrayMsg
+// map -> obstacles, for subscribers of costmap_converter/ObstacleArrayMsg
 #include <ros/ros.h>
 
 #include "situation_awareness/ros/bridges/costmap_converter.hpp"

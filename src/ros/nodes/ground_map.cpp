@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// downlink/objects of a robot on another host  ->  ground/objects, ground/object_markers for all that run on this one
+// downlink/objects of a robot on another host -> ground/objects, ground/object_markers for the nodes on this host
 #include <algorithm>
 #include <chrono>
 #include <string>
@@ -14,13 +14,13 @@
 namespace situation_awareness {
 namespace {
 
-const ros::WallDuration kPatience(2.0);  ///< without a map, until it asks for the cause
+const ros::WallDuration kMapTimeout(2.0);  ///< without a map, after which the master is queried
 constexpr std::chrono::seconds kAnswerTime(1);
-constexpr int kDatagramBytes = 1400;  ///< with all headers less than an Ethernet frame
+constexpr int kDatagramBytes = 1400;  ///< with all headers less than the Ethernet MTU
 
-/// UDP, because a datagram after a broken link arrives at once: TCP waits for its next retransmission, which may take
-/// as long as the link was down, and then delivers what is out of date. Drawn here, markers need no link at all, and
-/// none that should be taken away is ever lost.
+/// UDP, because after a broken link the next datagram arrives at once: TCP waits for its next retransmission, which may
+/// take as long as the link was down, and then delivers outdated messages. Markers are made here, so that they need no
+/// link and no deletion of a marker is lost.
 class GroundMap {
  public:
   explicit GroundMap(const ros::NodeHandle& node) : node_(node) {
@@ -29,11 +29,12 @@ class GroundMap {
     subscribe();
   }
 
-  /// A link that is back may be one that the robot has given up, or the robot's nodes may be new ones that could not
-  /// tell us. The master knows, but a call to it blocks for as long as the link is down: so see first if it answers.
-  /// A master that was started anew may not know the robot's nodes, while their link to us lives on: it is then kept.
-  void look_after_link() {
-    if (ros::SteadyTime::now() - alive_at_ < kPatience) return;
+  /// After a broken link the robot may have closed the connection, or its nodes may be new ones that could not notify
+  /// us. The
+  /// master knows, but a call to it blocks while the link is down, so first check that it responds. A restarted master
+  /// may not know the robot's nodes although their connection is alive: it is then kept.
+  void check_link() {
+    if (ros::SteadyTime::now() - alive_at_ < kMapTimeout) return;
     boost::asio::ip::tcp::iostream master;
     master.expires_after(kAnswerTime);
     master.connect(ros::master::getHost(), std::to_string(ros::master::getPort()));
@@ -64,7 +65,7 @@ class GroundMap {
     try {
       markers_.publish(draw_.update(objects_from_msg(*msg), msg->header.frame_id));
     } catch (const std::exception& error) {
-      ROS_WARN_STREAM_THROTTLE(5.0, ros::this_node::getName() << ": a map that cannot be drawn: " << error.what());
+      ROS_WARN_STREAM_THROTTLE(5.0, ros::this_node::getName() << ": invalid map: " << error.what());
     }
   }
 
@@ -84,7 +85,7 @@ int main(int argc, char** argv) {
   situation_awareness::GroundMap ground(node);
   while (ros::ok()) {
     ros::getGlobalCallbackQueue()->callAvailable(ros::WallDuration(0.1));
-    ground.look_after_link();
+    ground.check_link();
   }
   return 0;
 }

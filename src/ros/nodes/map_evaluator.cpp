@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `objects` with `truth` stamp by stamp, prints a table and says by its exit code whether the bounds were met.
+// Compares `objects` with `truth` stamp by stamp, prints a table; the exit code tells whether the bounds were met.
 #include <cstdio>
 #include <map>
 #include <optional>
@@ -29,7 +29,7 @@ struct EvaluatorParams {
           "simulated time from the first scan that is compared; 0: until shutdown");
     visit("max_delay_s", self.max_delay_s, Bounds{0.0, 1e6}, "s",
           "longest time from the first visible scan of an object until it is on the map");
-    visit("max_false_s", self.max_false_s, Bounds{0.0, 1e6}, "s", "longest life of a false ellipse");
+    visit("max_false_s", self.max_false_s, Bounds{0.0, 1e6}, "s", "longest duration of a false ellipse");
     visit("max_center_rmse_m", self.max_center_rmse_m, Bounds{0.0, 1e3}, "m", "largest RMSE of the centres");
   }
 };
@@ -52,7 +52,7 @@ class Evaluator {
       std::printf("%-34s %8.3f %-2s (bound %.3f) %s\n", what, value, unit, bound, ok ? "met" : "NOT MET");
     };
     judge("longest delay of a visible object", score.max_delay_s, params_.max_delay_s, "s");
-    judge("longest life of a false ellipse", score.longest_false_s, params_.max_false_s, "s");
+    judge("longest duration of a false ellipse", score.longest_false_s, params_.max_false_s, "s");
     judge("centre RMSE", score.center_rmse_m, params_.max_center_rmse_m, "m");
     if (score.scans == 0 || score.recall <= 0.0) {
       std::printf("nothing was compared: %d scans with map and truth\n", score.scans);
@@ -84,7 +84,7 @@ class Evaluator {
   }
 
   void compare() try {
-    if (!ros::ok()) return;  // the run is over, what comes now was still on its way
+    if (!ros::ok()) return;  // the run is over, later messages were still in transit
     for (auto map = maps_.begin(); map != maps_.end();) {
       const auto truth = truths_.find(map->first);
       if (truth == truths_.end()) {
@@ -94,7 +94,7 @@ class Evaluator {
       evaluation_->add(objects_from_msg(*truth->second), objects_from_msg(*map->second));
       if (first_.isZero()) first_ = map->first;
       if (params_.duration_s > 0.0 && (map->first - first_).toSec() >= params_.duration_s) return ros::shutdown();
-      truths_.erase(truths_.begin(), std::next(truth));  // stamps grow: earlier ones are over
+      truths_.erase(truths_.begin(), std::next(truth));  // stamps increase: earlier ones are complete
       map = maps_.erase(maps_.begin(), std::next(map));
     }
     constexpr std::size_t kMaxWaiting = 1000;
@@ -118,7 +118,7 @@ class Evaluator {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "map_evaluator");
-  ros::NodeHandle node;  // outlives the handler below: without a node there is no log
+  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
   const ros::NodeHandle private_node("~");
   try {
     situation_awareness::Evaluator evaluator(

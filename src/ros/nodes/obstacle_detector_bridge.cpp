@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// map  ->  obstacles, for what takes obstacle_detector/Obstacles
+// map -> obstacles, for subscribers of obstacle_detector/Obstacles
 #include <ros/ros.h>
 
 #include "situation_awareness/ros/bridges/obstacle_detector.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A simulated world in place of a robot: /clock, TF, odometry, what its sensors measure, and the truth that a map is
-// judged by.
+// A simulated world in place of a robot: /clock, TF, odometry, measurements of its sensors, and the truth for the
+// evaluation of maps.
 #include <algorithm>
 #include <atomic>
 #include <memory>
@@ -88,7 +88,7 @@ class Simulator {
   }
 
   void run() {
-    // The first scan waits for someone to see it, and a little for the map: they start slower than a simulation.
+    // The first scan waits for a subscriber, and a little for the map: these start more slowly than a simulation.
     wait_for([this] { return first_scan_.getNumSubscribers() > 0; }, 30.0);
     wait_for([this] { return map_.getNumPublishers() > 0; }, 5.0);
     ros::WallTime start = ros::WallTime::now();
@@ -108,7 +108,7 @@ class Simulator {
   }
 
  private:
-  /// The sensors that the world asks for, or with `rings` the one that stands in for them.
+  /// The sensors of the world, or with `rings` the one that replaces them.
   void add_sensors() {
     WorldSensors sensors = sensors_of(world_);
     if (params_.rings > 0) {
@@ -119,11 +119,11 @@ class Simulator {
     }
     const bool scanner_is_first = !sensors.scanners.empty();
     if (!scanner_is_first && sensors.ring_scanners.empty()) {
-      throw std::runtime_error(world_.path() + ": it asks for no scanner");
+      throw std::runtime_error(world_.path() + ": it has no scanner");
     }
     const double scan_rate_hz =
         scanner_is_first ? sensors.scanners.front().params.rate_hz : sensors.ring_scanners.front().params.rate_hz;
-    add_poses(kPosesPerScan * scan_rate_hz);  // before the scans: what is due at one time goes out in this order
+    add_poses(kPosesPerScan * scan_rate_hz);  // before the scans: messages due at one time are published in this order
     for (const auto& sensor : sensors.scanners) add_scanner(sensor, &sensor == &sensors.scanners.front());
     for (const auto& sensor : sensors.ring_scanners) {
       add_ring_scanner(sensor, !scanner_is_first && &sensor == &sensors.ring_scanners.front());
@@ -140,7 +140,7 @@ class Simulator {
     });
   }
 
-  /// `is_first` for the one whose hits count as seen in the truth.
+  /// `is_first` for the scanner whose hits count in the truth.
   void add_scanner(const MountedSensor<SimulatedScannerParams>& sensor, bool is_first) {
     const std::string frame = mount(sensor.name, sensor.T_robot_sensor);
     const ros::Publisher publisher = advertise<sensor_msgs::LaserScan>(sensor.name, "scan", is_first);
@@ -180,7 +180,7 @@ class Simulator {
     schedule_.add([shared] { return shared->next_time_s(); }, [shared, publish] { publish(shared->next()); });
   }
 
-  /// The first sensor of a topic has it to itself, others have it in their own name.
+  /// The first sensor of a kind publishes on the plain topic, others below their own name.
   template <class Message>
   ros::Publisher advertise(const std::string& name, const std::string& topic, bool is_first_scan) {
     const bool is_taken = !topics_.insert(topic).second;
@@ -189,7 +189,7 @@ class Simulator {
     return publisher;
   }
 
-  /// The frame of a sensor, which then is in TF.
+  /// The frame of a sensor; publishes its mounting in TF.
   std::string mount(const std::string& name, const Eigen::Isometry3d& T_robot_sensor) {
     const std::string& robot = params_.robot_frame;
     const std::string frame = name == "lidar" ? params_.lidar_frame : robot.substr(0, robot.rfind('/') + 1) + name;
@@ -197,8 +197,9 @@ class Simulator {
     return frame;
   }
 
-  /// Sleep until `elapsed_s` after `start`. A machine that is far behind goes on from now, as if it had started later:
-  /// to catch up would flood the map.
+  /// Sleep until `elapsed_s` after `start`. If far behind, continue from now as if started later: catching up would
+  /// overload
+  /// the map.
   static ros::WallTime pace(const ros::WallTime& start, double elapsed_s) {
     const ros::WallDuration elapsed(elapsed_s), far_behind(0.25);
     const ros::WallDuration left = start + elapsed - ros::WallTime::now();
@@ -206,17 +207,17 @@ class Simulator {
     return left < -far_behind ? ros::WallTime::now() - elapsed : start;
   }
 
-  /// Keep the clock alive until `there` or until patience ends.
+  /// Publish the clock until `there` or until the timeout.
   template <class Condition>
-  void wait_for(const Condition& there, double patience_s) {
-    const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(patience_s);
+  void wait_for(const Condition& there, double timeout_s) {
+    const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(timeout_s);
     while (ros::ok() && !there() && ros::WallTime::now() < end) {
       publish_clock(start_ns_);
       ros::WallDuration(0.05).sleep();
     }
   }
 
-  /// As fast as it goes means as fast as the map follows: without a wait every queue would overflow.
+  /// With rate 0 the simulation waits for the map: otherwise all queues would overflow.
   void wait_for_map(std::int64_t scan_ns, double rate_hz) const {
     if (params_.rate > 0.0) return;
     if (map_.getNumPublishers() == 0) {
@@ -224,8 +225,8 @@ class Simulator {
       return;
     }
     const std::int64_t stamp_ns = start_ns_ + scan_ns - nanoseconds(kMaxScansAhead / rate_hz);
-    const ros::WallTime patience = ros::WallTime::now() + ros::WallDuration(0.2);
-    while (ros::ok() && mapped_ns_ < stamp_ns && ros::WallTime::now() < patience) ros::WallDuration(0.0005).sleep();
+    const ros::WallTime deadline = ros::WallTime::now() + ros::WallDuration(0.2);
+    while (ros::ok() && mapped_ns_ < stamp_ns && ros::WallTime::now() < deadline) ros::WallDuration(0.0005).sleep();
   }
 
   void publish_clock(std::int64_t stamp_ns) {
@@ -272,7 +273,7 @@ class Simulator {
     if (markers_.getNumSubscribers() > 0) publish_markers(truth);
   }
 
-  /// What is there now.
+  /// The objects that are present now.
   void publish_markers(Objects truth) {
     const auto is_gone = [](const Object& object) { return object.p_exists == 0.0; };
     truth.objects.erase(std::remove_if(truth.objects.begin(), truth.objects.end(), is_gone), truth.objects.end());
@@ -302,7 +303,7 @@ class Simulator {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "simulator");
-  ros::NodeHandle node;  // outlives the handler below: without a node there is no log
+  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
   const ros::NodeHandle private_node("~");
   try {
     situation_awareness::Simulator simulator(
@@ -311,7 +312,7 @@ int main(int argc, char** argv) {
     ros::AsyncSpinner spinner(1);
     spinner.start();
     simulator.run();
-    ros::WallDuration(0.5).sleep();  // the last messages are still on their way
+    ros::WallDuration(0.5).sleep();  // the last messages are still in transit
   } catch (const std::exception& error) {
     ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
     return 1;

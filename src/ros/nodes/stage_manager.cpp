@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A nodelet manager that loads stages itself, into its own namespace: when the process ends, one respawn brings all of
-// them back. With loaders of their own they would first have to miss their manager, for 4 s.
-//     stage_manager STAGE ...      nodelets of this package, each with the name that it has here
+// A nodelet manager that loads stages itself, into its own namespace: when the process ends, one respawn restarts all
+// of them. Separate loaders would need 4 s to notice the end of their manager.
+//     stage_manager STAGE ... nodelets of this package, each named as its type
 #include <algorithm>
 #include <exception>
 #include <iostream>
@@ -21,23 +21,23 @@ namespace {
 
 constexpr double kLookEvery_s = 1.0;
 
-/// Without work at a new master, after which the process ends. Longer than two periods of MasterWatch: every stage has
-/// then given its parameters back.
+/// Time without input at a new master, after which the process ends. Longer than two periods of MasterWatch, so that
+/// every stage has written its parameters.
 constexpr double kIdle_s = 5.0;
 static_assert(kIdle_s > 2.0 * MasterWatch::kPeriod_s);
 
-/// Loads what is not there, and looks again: a stage that could not start may do so once its model or parameters are
-/// repaired, and one that was unloaded begins anew.
+/// Loads missing stages periodically: a stage that could not start may do so once its model or parameters are repaired,
+/// and an unloaded one is loaded again.
 ///
-/// Brings the stages back to a master that was started anew and does not know them. As long as work comes over the
-/// links there are, nothing is ended: a flight is worth more than being found. When work has stopped, because what
-/// feeds the stages was started anew as well, the process ends, and whatever started it (`respawn` in
-/// launch/objects.launch) brings it back at the new master.
+/// Registers the stages at a restarted master that does not know them. As long as input arrives over existing
+/// connections, the process is not ended: in flight the map is more important than new subscribers. When input has
+/// stopped, because its sources were restarted as well, the process ends, and `respawn` (launch/objects.launch) starts
+/// it at the new master.
 class StageManager {
  public:
   explicit StageManager(std::vector<std::string> stages) : stages_(std::move(stages)) {
     for (const std::string& stage : stages_) processed_[ros::names::resolve(stage).substr(1) + ": stage"];
-    // They are said in this process: a link that needs no master.
+    // They are published in this process: a connection that needs no master.
     diagnostics_ = node_.subscribe("/diagnostics", 100, &StageManager::on_diagnostics, this);
     load_missing();
     timer_ = node_.createSteadyTimer(ros::WallDuration(kLookEvery_s), [this](const ros::SteadyTimerEvent& /*event*/) {
@@ -63,8 +63,8 @@ class StageManager {
     if (!master_.at_new_master()) {
       last_work_ = ros::SteadyTime::now();
     } else if (ros::SteadyTime::now() - last_work_ > ros::WallDuration(kIdle_s)) {
-      ROS_FATAL_STREAM(ros::this_node::getName() << ": no work comes any more and a new master was started: ending, to "
-                                                    "be started again at the new one");
+      ROS_FATAL_STREAM(ros::this_node::getName() << ": no input any more and a new master was started: ending, to "
+                                                    "be restarted at the new one");
       ros::requestShutdown();
     }
   }
@@ -76,16 +76,16 @@ class StageManager {
       if (std::find(loaded.begin(), loaded.end(), name) != loaded.end()) continue;
       try {
         loader_.load(name, "situation_awareness/" + stage, {}, {});
-      } catch (const std::exception&) {  // it has said why itself: StageNodelet
+      } catch (const std::exception&) {  // StageNodelet has logged the reason
       }
     }
   }
 
   std::vector<std::string> stages_;
-  nodelet::Loader loader_;  // with the services of any manager
+  nodelet::Loader loader_;  // with the services of a nodelet manager
   ros::NodeHandle node_;
   MasterWatch master_{ros::NodeHandle("~")};
-  std::map<std::string, std::string> processed_;  ///< by the stage's name on /diagnostics: how many, as it last said
+  std::map<std::string, std::string> processed_;  ///< by the stage's name on /diagnostics: its latest count
   ros::SteadyTime last_work_;
   ros::Subscriber diagnostics_;
   ros::SteadyTimer timer_;
@@ -96,7 +96,7 @@ class StageManager {
 
 int main(int argc, char** argv) {
   ros::init(argc, argv, "stage_manager");
-  const std::vector<std::string> stages(argv + 1, argv + argc);  // ros::init has taken what is ROS's
+  const std::vector<std::string> stages(argv + 1, argv + argc);  // ros::init has removed ROS's arguments
   if (stages.empty()) {
     std::cerr << "usage: stage_manager STAGE ..., such as: stage_manager segmentation detection mapping\n";
     return 2;

@@ -31,7 +31,7 @@ dynamic_reconfigure::GroupState state_of_only_group() {
   return state;
 }
 
-/// Adds a bound; what has none gets what generated servers say.
+/// Adds a bound; parameters without one get the bounds of generated servers.
 void append_bound(Config& config, const Parameter& parameter, double Bounds::*end) {
   const auto bound = [&] { return (*parameter.bounds).*end; };
   const bool is_high = end == &Bounds::high;
@@ -89,7 +89,7 @@ std::string listed(const NamedTexts& texts) {
   return list;
 }
 
-/// "a = 1 (WORD 3), ...": what differs from `before`, which has the same names; empty if nothing does.
+/// "a = 1 (WORD 3), ...": the values that differ from `before`, which has the same names; empty if none does.
 std::string changes(const NamedTexts& before, const NamedTexts& now, const std::string& word) {
   NamedTexts changed;
   for (std::size_t i = 0; i < now.size(); ++i) {
@@ -150,15 +150,15 @@ std::vector<std::string> set_from_config(const std::vector<Parameter>& parameter
     if (set(parameter, config)) taken.insert(type_of(parameter) + ' ' + parameter.name);
   }
   std::vector<std::string> left;
-  const auto look_for_left = [&](const auto& entries, const std::string& type) {
+  const auto find_unknown = [&](const auto& entries, const std::string& type) {
     for (const auto& entry : entries) {
       if (taken.count(type + ' ' + entry.name) == 0) left.push_back(entry.name);
     }
   };
-  look_for_left(config.bools, "bool");
-  look_for_left(config.ints, "int");
-  look_for_left(config.doubles, "double");
-  look_for_left(config.strs, "str");
+  find_unknown(config.bools, "bool");
+  find_unknown(config.ints, "int");
+  find_unknown(config.doubles, "double");
+  find_unknown(config.strs, "str");
   return left;
 }
 

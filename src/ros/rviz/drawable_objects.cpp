@@ -15,7 +15,7 @@ namespace {
 constexpr double kMaxRadius_m = 1e3;
 constexpr double kMaxPosition_m = 1e5;  ///< a float has steps of 8 mm there
 constexpr double kMaxSpeed_m_s = 1e3;
-constexpr double kMaxVariance = 1e12;  ///< of whatever unit: far from where squares of it overflow
+constexpr double kMaxVariance = 1e12;  ///< in any unit; its square does not overflow
 constexpr double kTurnTolerance = 1e-3;
 
 bool is_turn_about_z(const geometry_msgs::Quaternion& q) {
@@ -25,7 +25,7 @@ bool is_turn_about_z(const geometry_msgs::Quaternion& q) {
 
 bool is_probability(double p) { return p >= 0.0 && p <= 1.0; }
 
-/// What is wrong with the element, or nothing.
+/// The element's error; empty if it is valid.
 std::string fault(const MappedEllipse& element) {
   const auto finite = [](double number) { return std::isfinite(number); };
   const auto bounded = [](double variance) { return std::abs(variance) <= kMaxVariance; };
@@ -36,7 +36,7 @@ std::string fault(const MappedEllipse& element) {
   if (!std::all_of(element.covariance.begin(), element.covariance.end(), bounded)) {
     return "its covariance is not finite, or beyond 1e12";
   }
-  if (!is_turn_about_z(element.pose.orientation)) return "its orientation is not a turn about z";
+  if (!is_turn_about_z(element.pose.orientation)) return "its orientation is not a rotation about z";
   if (!is_probability(element.p_moving) || !is_probability(element.p_exists)) return "a probability is outside [0, 1]";
   for (const double radius_m : {element.rx, element.ry}) {
     if (!(radius_m > 0.0 && radius_m <= kMaxRadius_m)) return "a radius is outside (0, 1000] m";

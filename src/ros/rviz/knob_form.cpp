@@ -34,7 +34,7 @@ Box* make_box(const Knob& knob) {
   box->setFocusPolicy(Qt::StrongFocus);
   box->setMinimumWidth(80);
   using Number = decltype(box->value());
-  if constexpr (std::is_same_v<Number, double>) box->setDecimals(6);  // rounds what is set from here on
+  if constexpr (std::is_same_v<Number, double>) box->setDecimals(6);  // rounds values set from here on
   constexpr auto kWidest = Number{1'000'000'000};                     // a knob without bounds has infinite ones
   box->setRange(std::max(std::get<Number>(knob.low), -kWidest), std::min(std::get<Number>(knob.high), kWidest));
   box->setValue(std::get<Number>(knob.value));
@@ -95,7 +95,7 @@ void KnobForm::build() {
   auto* form = new QFormLayout(content);
   form->setContentsMargins(6, 6, 6, 6);
   form->setVerticalSpacing(3);
-  absent_ = new QLabel(QString::fromStdString(server_) + " is not there");
+  absent_ = new QLabel(QString::fromStdString(server_) + " is not available");
   form->addRow(absent_);
   setWidget(content);  // deletes the one before
   for (Row& row : rows_) row.show = add_editor(row.knob);

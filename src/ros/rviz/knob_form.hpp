@@ -22,8 +22,8 @@ class QFormLayout;
 
 namespace situation_awareness {
 
-/// The live parameters of one nodelet, whatever its dynamic_reconfigure server says they are. Disabled while the server
-/// is not there; the node handle's callbacks run in the GUI's thread.
+/// The live parameters of one nodelet, as described by its dynamic_reconfigure server. Disabled while the server is not
+/// available; the node handle's callbacks run in the GUI's thread.
 class KnobForm : public QScrollArea {
   Q_OBJECT
 
@@ -33,7 +33,7 @@ class KnobForm : public QScrollArea {
 
   void connect_to(const ros::NodeHandle& node);
 
-  /// Look whether the server is there.
+  /// Check whether the server is available.
   void refresh();
 
  Q_SIGNALS:
@@ -42,7 +42,7 @@ class KnobForm : public QScrollArea {
  private:
   struct Row {
     Knob knob;
-    std::function<void(const KnobValue&)> show;  ///< without telling the server
+    std::function<void(const KnobValue&)> show;  ///< without a request to the server
   };
 
   void receive_description(const dynamic_reconfigure::ConfigDescription& msg);
@@ -56,7 +56,7 @@ class KnobForm : public QScrollArea {
   ros::NodeHandle node_;
   ros::Subscriber descriptions_, updates_;
   std::vector<Row> rows_;
-  dynamic_reconfigure::Config known_;  ///< the values that the server told last
+  dynamic_reconfigure::Config known_;  ///< the latest values from the server
   QLabel* absent_ = nullptr;
 };
 

@@ -6,7 +6,7 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kStep_m = 0.02;  ///< closer points are one: what stands gathers none
+constexpr double kStep_m = 0.02;  ///< closer points are merged, so that standing elements gather none
 constexpr std::size_t kMaxPoints = 2000;
 
 }  // namespace

@@ -7,9 +7,9 @@
 namespace situation_awareness {
 
 ServiceCaller::ServiceCaller(QObject* parent) : QObject(parent) {
-  patience_.setSingleShot(true);
-  patience_.setInterval(kPatience_ms);
-  connect(&patience_, &QTimer::timeout, this, &ServiceCaller::cut);
+  timeout_.setSingleShot(true);
+  timeout_.setInterval(kTimeout_ms);
+  connect(&timeout_, &QTimer::timeout, this, &ServiceCaller::cut);
 }
 
 ServiceCaller::~ServiceCaller() {
@@ -27,7 +27,7 @@ void ServiceCaller::add(Call call) {
 
 void ServiceCaller::start_next() {
   link_ = std::make_shared<Link>();
-  patience_.start();
+  timeout_.start();
   thread_ = std::thread([this, link = link_, ask = calls_.front().ask] {
     QString error;
     try {
@@ -42,10 +42,10 @@ void ServiceCaller::start_next() {
 
 void ServiceCaller::finish(const QString& error) {
   thread_.join();
-  patience_.stop();
+  timeout_.stop();
   const Call ended = std::move(calls_.front());
   calls_.pop_front();
-  if (link_->cut) calls_.clear();  // a server that does not answer keeps its values: nothing more is asked of it
+  if (link_->cut) calls_.clear();  // after a timeout no further calls to the server
   ended.done(error);               // may add a call, which waits or starts
   if (busy()) return;
   if (calls_.empty()) {

@@ -19,18 +19,18 @@
 
 namespace situation_awareness {
 
-/// Calls services one after the other in a thread beside that of the GUI. A call ends within kPatience_ms: it is then
-/// given up, and those that wait behind it are forgotten. Lives in the GUI's thread, where the answers are handed over.
+/// Calls services one after the other in a separate thread. A call times out after kTimeout_ms, and calls waiting
+/// behind it are then dropped. Its methods and the responses are in the GUI's thread.
 class ServiceCaller : public QObject {
   Q_OBJECT
 
  public:
-  static constexpr int kPatience_ms = 10'000;
+  static constexpr int kTimeout_ms = 10'000;
 
   explicit ServiceCaller(QObject* parent);
   ~ServiceCaller() override;
 
-  /// `done` gets the answer, or none and why there is none.
+  /// `done` gets the response, or none and the reason.
   template <class Service>
   void call(const ros::NodeHandle& node, const std::string& name, const typename Service::Request& request,
             std::function<void(const typename Service::Response*, const QString&)> done) {
@@ -46,7 +46,7 @@ class ServiceCaller : public QObject {
   void busy_changed(bool busy);
 
  private:
-  /// The connection of the call under way, which another thread may cut.
+  /// The connection of the current call, which another thread may close.
   struct Link {
     std::mutex mutex;
     bool cut = false;
@@ -54,24 +54,24 @@ class ServiceCaller : public QObject {
   };
 
   struct Call {
-    std::function<QString(Link&)> ask;  ///< returns why there is no answer, or nothing
+    std::function<QString(Link&)> ask;  ///< returns the reason for a missing response, or nothing
     std::function<void(const QString&)> done;
   };
 
   template <class Service>
   static QString ask(ros::NodeHandle node, const std::string& name, Service& service, Link& link) {
     const QString shown = QString::fromStdString(name);
-    if (!ros::service::exists(node.resolveName(name), false)) return shown + " is not there";
-    // Only a persistent connection can be cut while one waits for the answer.
+    if (!ros::service::exists(node.resolveName(name), false)) return shown + " is not available";
+    // Only a persistent connection can be closed while waiting for the response.
     ros::ServiceClient client = node.serviceClient<Service>(name, true);
     {
       const std::lock_guard lock(link.mutex);
-      if (link.cut) return shown + ": given up";
+      if (link.cut) return shown + ": timeout";
       link.client = client;
     }
     if (client.call(service)) return {};
     const std::lock_guard lock(link.mutex);
-    return shown + (link.cut ? ": no answer, given up" : ": the call failed");
+    return shown + (link.cut ? ": no answer, timeout" : ": the call failed");
   }
 
   void add(Call call);
@@ -79,10 +79,10 @@ class ServiceCaller : public QObject {
   void finish(const QString& error);
   void cut();
 
-  std::deque<Call> calls_;  ///< the first is under way
+  std::deque<Call> calls_;  ///< the first is the current one
   std::shared_ptr<Link> link_;
   std::thread thread_;
-  QTimer patience_;
+  QTimer timeout_;
 };
 
 }  // namespace situation_awareness

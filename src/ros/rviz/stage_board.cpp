@@ -46,7 +46,7 @@ void StageBoard::receive(const diagnostic_msgs::DiagnosticArray& msg, double now
   for (Stage& stage : stages_) {
     std::optional<StageStatus> next;
     for (const DiagnosticStatus& status : msg.status) {
-      // What has not worked yet says so without values ("Node starting up").
+      // A node that has not run yet has a status without values ("Node starting up").
       if (status.name.substr(0, status.name.find(':')) != stage.node_name) continue;
       if (!next) {
         next = StageStatus{stage.status.name, level_of(status), status.message, {}, false, now_s};
@@ -72,7 +72,7 @@ std::vector<StageStatus> StageBoard::stages(double now_s) const {
     if (!status.heard_s || now_s - *status.heard_s <= kStale_s) continue;
     status.level = StageStatus::Level::kStale;
     status.summary = "silent for " + std::to_string(std::lround(now_s - *status.heard_s)) + " s";
-    status.paused = false;  // what starts again is not
+    status.paused = false;  // a restarted stage is not paused
     for (StageValue& value : status.values) value.grows_badly = false;
   }
   return result;

@@ -87,7 +87,7 @@ StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
   auto* header = new QFormLayout;
   namespace_field_ = add_field(*header, "namespace", "Namespace", "", "that of rviz; or /robot1");
   stages_field_ = add_field(*header, "stage_names", "Stages", "segmentation detection mapping", "along the data path");
-  map_field_ = add_field(*header, "map", "Map", "objects", "what the last stage maps");
+  map_field_ = add_field(*header, "map", "Map", "objects", "content of the last stage's map");
 
   answer_ = new QLabel;
   answer_->setObjectName("answer");
@@ -167,8 +167,8 @@ QWidget* StatusPanel::make_buttons() {
     layout->addWidget(button);
     return button;
   };
-  add("reset", "Reset", "Forget the map and start a new one", &StatusPanel::reset_map);
-  pause_ = add("pause", "Pause", "Keep the map as it is, or let it go on", &StatusPanel::toggle_pause);
+  add("reset", "Reset", "Delete the map and start a new one", &StatusPanel::reset_map);
+  pause_ = add("pause", "Pause", "Freeze the map, or continue", &StatusPanel::toggle_pause);
   add("save", "Save map…", "Write the map to a file on the host of the node", &StatusPanel::save_map);
   add("load", "Load map…", "Replace the map by one of a file on the host of the node", &StatusPanel::load_map);
   return part;
@@ -212,7 +212,7 @@ void StatusPanel::connect_to_stages() {
     ros::NodeHandle node(namespace_field_->text().trimmed().toStdString());
     node.setCallbackQueue(queue_.get());
     const QStringList stages = stages_field_->text().simplified().split(' ', Qt::SkipEmptyParts);
-    if (stages.empty()) throw std::invalid_argument("no stages: name at least the one that keeps the map");
+    if (stages.empty()) throw std::invalid_argument("no stages: at least the one that keeps the map is needed");
     std::vector<std::string> names;
     for (const QString& stage : stages) names.push_back(node.resolveName(stage.toStdString()).substr(1));
     board_ = std::make_unique<StageBoard>(names);
@@ -299,7 +299,7 @@ void StatusPanel::show_values(const StageStatus& stage) {
 }
 
 void StatusPanel::show_pause(const StageStatus& mapping) {
-  // The answer to the button is newer than what was said before it.
+  // The response to the button is newer than earlier status messages.
   if (mapping.heard_s.value_or(0.0) > paused_at_s_) paused_ = mapping.paused;
   pause_->setText(paused_ ? "Go on" : "Pause");
 }
@@ -314,7 +314,7 @@ void StatusPanel::show_answer(bool good, const QString& text) {
 template <class Service>
 void StatusPanel::call_map(const std::string& service, const typename Service::Request& request,
                            std::function<void()> succeeded) {
-  if (shown_stages_.empty()) return;  // what is wrong with the fields is shown
+  if (shown_stages_.empty()) return;  // the error in the fields is shown
   const std::string name = shown_stages_.back().toStdString() + '/' + service;
   show_answer(true, QString::fromStdString(name) + " …");
   caller_.call<Service>(node_, name, request,

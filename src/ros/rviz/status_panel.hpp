@@ -32,9 +32,9 @@ class QTreeWidget;
 
 namespace situation_awareness {
 
-/// What the stages say of themselves, buttons for the services of the map, and the live parameters. Which stages, and
-/// which map, is told by fields that are saved with rviz's configuration; the last stage keeps the map. Waits for
-/// nothing: callbacks of ROS run from a timer in the GUI's thread, services in another thread.
+/// Status of the stages, buttons for the services of the map, and the live parameters. Stages and map are given by
+/// fields that are saved with rviz's configuration; the last stage keeps the map. It does not block: callbacks of ROS
+/// run from a timer in the GUI's thread, services in another thread.
 class StatusPanel : public rviz::Panel {
   Q_OBJECT
 
@@ -52,13 +52,13 @@ class StatusPanel : public rviz::Panel {
   QWidget* make_knobs();
   QLineEdit* add_field(QFormLayout& form, const char* name, const char* label, const char* text, const char* hint);
 
-  /// Those that are saved, by their names in rviz's configuration.
+  /// The saved fields, by their names in rviz's configuration.
   std::array<std::pair<const char*, QLineEdit*>, 3> fields() const;
 
-  /// Everything is looked for as the fields say from now on.
+  /// Applies the fields.
   void connect_to_stages();
 
-  /// A row and a tab of live parameters for each, in place of those there were.
+  /// Replaces the rows and tabs by one of each per stage.
   void show_rows_of(const QStringList& stages);
   double now_s() const;
   void spin();
@@ -84,7 +84,7 @@ class StatusPanel : public rviz::Panel {
   std::unique_ptr<StageBoard> board_;
   ServiceCaller caller_{this};
   bool paused_ = false;
-  double paused_at_s_ = 0.0;  ///< since when paused_ is known from an answer
+  double paused_at_s_ = 0.0;  ///< time of the response that set paused_
   QTimer spin_timer_, show_timer_;
 
   QLineEdit* namespace_field_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From a recorded bag to a map of objects, without a roscore: the same stages as the nodelets', as fast as they go.
+// From a recorded bag to a map of objects, without a roscore: the same stages as the nodelets', as fast as possible.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -47,12 +47,12 @@ void add_options(CLI::App& app, Options& options) {
     app.add_option(name, value, what)->type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--out", options.out, "FILE", "where the map's lines go");
-  text("--detections", options.detections, "FILE", "where the detections' lines go");
-  text("--load-objects", options.load_objects, "FILE", "go on with this map (docs/map_file.md)");
-  text("--save-objects", options.save_objects, "FILE", "where the map after the last scan goes");
-  text("--detector", options.detector, "NAME", "instead of the configuration's, with the model that is its own");
-  text("--model-folder", options.model_folder, "DIR", "of a relative model (default: models/ of this package)");
+  text("--out", options.out, "FILE", "output file of the map's lines");
+  text("--detections", options.detections, "FILE", "output file of the detections' lines");
+  text("--load-objects", options.load_objects, "FILE", "start from this map (docs/map_file.md)");
+  text("--save-objects", options.save_objects, "FILE", "output file of the map after the last scan");
+  text("--detector", options.detector, "NAME", "in place of the configured one, with its own model");
+  text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     if (options.out.empty() && options.detections.empty() && options.save_objects.empty()) {
       throw CLI::RequiredError("--out, --detections or --save-objects");
@@ -121,8 +121,8 @@ int objects_bag(const Options& options) {
   LineFile out(options.out), detections_out(options.detections);
   ObjectPipeline pipeline(params);
 
-  // What segmentation and detection know of the map is what mapping publishes: the message has angles as quaternions,
-  // which costs their last digit.
+  // Segmentation and detection use the published map: the message has angles as quaternions, which changes their last
+  // digit.
   Objects published;
   const auto publish = [&](const Objects& objects) {
     published = objects_from_msg(objects_to_msg(objects, world_frame));

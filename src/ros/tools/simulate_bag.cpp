@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From a simulated world to a bag, without a roscore: the stored flights of test/golden are made by it.
+// From a simulated world to a bag, without a roscore; makes the stored flights of test/golden.
 #include <cmath>
 #include <cstdio>
 #include <stdexcept>
@@ -28,7 +28,7 @@ constexpr const char* kDescription =
 )";
 
 constexpr double kFieldOfView_deg = 270.0;
-constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;  // to ROS a time of zero means "not started"
+constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;  // in ROS a time of zero means "not started"
 
 struct Options {
   std::string world, out;

@@ -59,7 +59,7 @@ void travel(const Eigen::Vector2d& by_m, std::vector<MapElement>& elements) {
   }
 }
 
-TEST(Bodies, WhatTravelsTogetherIsOneBody) {
+TEST(Bodies, ElementsThatTravelTogetherAreOneBody) {
   for (const double way_m : {0.3, 0.5}) {
     std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05)};
     travel({0.0, way_m}, elements);
@@ -70,7 +70,7 @@ TEST(Bodies, WhatTravelsTogetherIsOneBody) {
   }
 }
 
-TEST(Bodies, NothingJoinsWhatIsFarOrLargeOrStands) {
+TEST(Bodies, NoElementJoinsThatIsFarOrLargeOrStanding) {
   const MapElement body = element_of(1, {0.0, 0.0}, 0.2);
   MapElement standing_body = body;
   standing_body.estimate.p_moving = 0.1;
@@ -87,7 +87,7 @@ TEST(Bodies, NothingJoinsWhatIsFarOrLargeOrStands) {
   }
 }
 
-TEST(Bodies, WhatStandsBesideTheWayIsNoPart) {
+TEST(Bodies, AStandingElementBesideThePathIsNoPart) {
   BodyJoiner joiner;
   std::vector<MapElement> elements{element_of(1, {0.0, -0.3}, 0.2), element_of(2, {0.4, 0.0}, 0.05)};
   for (int i = 1; i <= 20; ++i) {
@@ -98,7 +98,7 @@ TEST(Bodies, WhatStandsBesideTheWayIsNoPart) {
   }
 }
 
-TEST(Bodies, ABodyWithPartsTakesANewElementAtOnceAndNotWhatStoodThere) {
+TEST(Bodies, ABodyWithPartsJoinsANewElementAtOnceButNoStandingOne) {
   BodyJoiner joiner;
   std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05)};
   elements[0].has_parts = true;
@@ -114,7 +114,7 @@ TEST(Bodies, ABodyWithPartsTakesANewElementAtOnceAndNotWhatStoodThere) {
   EXPECT_TRUE(elements[1].is_part);
 }
 
-TEST(Bodies, APartIsItselfAgainOnceItIsTwiceTheGapAway) {
+TEST(Bodies, APartIsReleasedAtTwiceTheGap) {
   BodyJoiner joiner;
   for (const double gap_m : {0.5, 0.7}) {
     std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.25 + gap_m, 0.0}, 0.05)};
@@ -127,7 +127,7 @@ TEST(Bodies, APartIsItselfAgainOnceItIsTwiceTheGapAway) {
   }
 }
 
-TEST(Bodies, AnElementThatWasReIdentifiedAsAnotherIsNeitherBodyNorPart) {
+TEST(Bodies, AReIdentifiedElementIsNeitherBodyNorPart) {
   BodyJoiner joiner;
   // Where the lost one goes on, with the same estimate.
   std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05),
@@ -167,10 +167,10 @@ std::vector<MapElement> body_with_parts() {
   return elements;
 }
 
-TEST(Bodies, TheIdentityOfADeletedBodyGoesOnInItsLargestPart) {
+TEST(Bodies, TheLargestPartTakesTheIdOfADeletedBody) {
   std::vector<MapElement> elements = body_with_parts();
   std::vector<char> dropped{1, 0, 0};
-  EXPECT_EQ(pass_on_identities(0, elements, dropped), 0U);
+  EXPECT_EQ(transfer_body_ids(0, elements, dropped), 0U);
   EXPECT_EQ(dropped, (std::vector<char>{0, 0, 1}));
   EXPECT_EQ(elements[0].id, 1U);
   EXPECT_EQ(elements[0].first_seen_ns, 0);
@@ -181,22 +181,22 @@ TEST(Bodies, TheIdentityOfADeletedBodyGoesOnInItsLargestPart) {
   EXPECT_EQ(elements[2].id, 3U);
 }
 
-TEST(Bodies, ABodyOffTheMapLivesOnInAPartThatIsSeen) {
+TEST(Bodies, APartThatIsSeenTakesTheIdOfABodyOffTheMap) {
   std::vector<MapElement> elements = body_with_parts();
   elements[0].log_odds = -0.5;
   elements[1].last_seen_ns = kPeriod_ns;
   std::vector<char> dropped{0, 0, 0};
-  EXPECT_EQ(pass_on_identities(kPeriod_ns, elements, dropped), 1U);
+  EXPECT_EQ(transfer_body_ids(kPeriod_ns, elements, dropped), 1U);
   EXPECT_EQ(dropped, (std::vector<char>{0, 1, 0}));
   EXPECT_EQ(elements[0].id, 1U);
   EXPECT_EQ(elements[0].estimate.moving.x(kShape), 0.05) << "the larger one was not seen";
 }
 
-TEST(Bodies, WithoutPartsAnIdentityEnds) {
+TEST(Bodies, WithoutPartsTheIdIsNotReused) {
   std::vector<MapElement> elements = body_with_parts();
   elements[1].body = elements[2].body = 9;
   std::vector<char> dropped{1, 0, 0};
-  EXPECT_EQ(pass_on_identities(0, elements, dropped), 0U);
+  EXPECT_EQ(transfer_body_ids(0, elements, dropped), 0U);
   EXPECT_EQ(dropped, (std::vector<char>{1, 0, 0}));
   EXPECT_EQ(elements[0].estimate.moving.x(kShape), 0.3);
 }

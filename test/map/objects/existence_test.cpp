@@ -68,7 +68,7 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
   EXPECT_EQ(element.state, TrackState::kConfirmed);
 }
 
-TEST(Existence, ABirthThatIsBelievedIsConfirmedAtOnce) {
+TEST(Existence, AHighBirthProbabilityConfirmsAtOnce) {
   ObjectMapParams params;
   params.birth_probability = 0.8;
   MapElement element = element_at({3.0, 0.0}, 0.01);
@@ -76,7 +76,7 @@ TEST(Existence, ABirthThatIsBelievedIsConfirmedAtOnce) {
   EXPECT_EQ(element.state, TrackState::kConfirmed);
 }
 
-TEST(Existence, ADetectionWithAHiddenEndCountsForLessAndDoubtStaysPossible) {
+TEST(Existence, ADetectionWithAHiddenEndCountsLessAndLogOddsAreBounded) {
   ObjectMapParams params;
   params.hidden_observation_weight = 0.25;
   MapElement element = element_at({3.0, 0.0}, 0.01);
@@ -86,7 +86,7 @@ TEST(Existence, ADetectionWithAHiddenEndCountsForLessAndDoubtStaysPossible) {
   EXPECT_NEAR(probability(element.log_odds), 0.999, 1e-4);
 }
 
-TEST(Existence, ADetectionIsExpectedWhereBeamsReachAndLessSoWhereThePlaceIsUncertain) {
+TEST(Existence, DetectionProbabilityFallsWithOcclusionAndPositionUncertainty) {
   const double P_D = 0.6;
   const Ellipse hider{{1.5, 0.0}, 0.0, 0.4, 0.4};
   const Ellipse thing{{3.0, 0.0}, 0.0, 0.3, 0.2};
@@ -117,7 +117,7 @@ TEST(Existence, ADetectionIsExpectedWhereBeamsReachAndLessSoWhereThePlaceIsUncer
   EXPECT_NEAR(from_there.probability, P_D, 1e-12);
 }
 
-TEST(Existence, AMissedDetectionIsBayesRuleWhereBeamsSayThatNothingIsThere) {
+TEST(Existence, AMissedDetectionInFreeSpaceIsBayesRule) {
   const ObjectMapParams params;
   ExpectedDetection expected;
   expected.probability = 0.5;
@@ -135,7 +135,7 @@ TEST(Existence, AMissedDetectionIsBayesRuleWhereBeamsSayThatNothingIsThere) {
   EXPECT_NEAR(after(Sight::kHidden, false), 0.6, 1e-12);
 }
 
-TEST(Existence, WhatCanMoveIsRememberedOnceItWasConfirmed) {
+TEST(Existence, AConfirmedElementThatCanMoveIsKept) {
   const ObjectMapParams params;
   ExpectedDetection expected;
   expected.sight = Sight::kSeenThrough;
@@ -154,7 +154,7 @@ TEST(Existence, WhatCanMoveIsRememberedOnceItWasConfirmed) {
   EXPECT_EQ(reason_after_misses(TrackState::kTentative, true), "seen through");
 }
 
-TEST(Existence, SaysWhyAnElementIsDeleted) {
+TEST(Existence, NamesTheReasonOfADeletion) {
   ObjectMapParams params;
   params.max_unseen_s = 60.0;
   params.lost_position_sigma_m = 10.0;
@@ -174,7 +174,7 @@ TEST(Existence, SaysWhyAnElementIsDeleted) {
   EXPECT_EQ(reason(0.0), "re-identified as another");
 }
 
-TEST(Existence, OnTheMapIsWhatIsConfirmedLikelyCertainAndNoPart) {
+TEST(Existence, OnTheMapAreConfirmedLikelyCertainElementsThatAreNoParts) {
   ObjectMapParams params;
   params.max_position_sigma_m = 0.24;
   params.correlated_error_fraction = 0.0;
@@ -208,7 +208,7 @@ TEST(Existence, OnTheMapIsWhatIsConfirmedLikelyCertainAndNoPart) {
 }
 
 // Where it may stand here or move there, its place is as uncertain as that.
-TEST(Existence, AnAmbiguousMotionMakesThePlaceUncertain) {
+TEST(Existence, AnAmbiguousMotionMakesThePositionUncertain) {
   ObjectMapParams params;
   params.correlated_error_fraction = 0.0;
   MapElement element = element_at({3.0, 0.0}, 0.1);

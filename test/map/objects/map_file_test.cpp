@@ -87,7 +87,7 @@ void expect_same(const Objects& a, const Objects& b) {
   }
 }
 
-TEST(MapFile, AMapSavedLoadedAndContinuedIsTheOneThatWentOnBitForBit) {
+TEST(MapFile, ASavedAndRestoredMapContinuesBitForBit) {
   for (const std::string shape : {"ellipse", "circle"}) {
     ObjectMapParams params;
     params.shape = shape;
@@ -123,7 +123,7 @@ TEST(MapFile, AMapSavedLoadedAndContinuedIsTheOneThatWentOnBitForBit) {
   }
 }
 
-TEST(MapFile, ReadsWhatVersionOneWrote) {
+TEST(MapFile, ReadsVersionOne) {
   MapSnapshot snapshot = snapshot_of(lively_map(60));
   snapshot.elements.at(0).state = TrackState::kTentative;
   snapshot.elements.at(1).state = TrackState::kConfirmed;
@@ -222,7 +222,7 @@ TEST(MapFile, DamagedItIsRefused) {
   }
 }
 
-TEST(MapFile, DamagedAndEditedItIsRefusedOrAMapToGoOnWith) {
+TEST(MapFile, DamagedAndEditedItIsRefusedOrAValidMap) {
   MapSnapshot few = snapshot_of(lively_map(8));
   few.elements.resize(2);
   const std::string yaml = edited(map_to_yaml(few));
@@ -249,7 +249,7 @@ TEST(MapFile, DamagedAndEditedItIsRefusedOrAMapToGoOnWith) {
   EXPECT_GT(maps, 100);  // some digits say as much of a map as others
 }
 
-TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
+TEST(MapFile, RefusesInvalidMapsByElementAndField) {
   const MapSnapshot snapshot = snapshot_of(lively_map(60));
   ASSERT_GE(snapshot.elements.size(), 3U);
   const std::string yaml = edited(map_to_yaml(snapshot));
@@ -343,7 +343,7 @@ TEST(MapFile, RefusesWhatNoMapIsByElementAndField) {
   }
 }
 
-TEST(MapFile, RefusesMoreThanAnyMapHas) {
+TEST(MapFile, RefusesTooManyElements) {
   MapSnapshot snapshot = snapshot_of(lively_map(20));
   MapElement element = snapshot.elements[0];
   element.id = snapshot.next_id = 1000;
@@ -412,7 +412,7 @@ TEST_F(MapFileOnDisk, OnAFullDiskTheOldFileStays) {
   EXPECT_EQ(files(), 1U);
 }
 
-TEST_F(MapFileOnDisk, AProcessKilledWhileItSavesLeavesAWholeFile) {
+TEST_F(MapFileOnDisk, AProcessKilledWhileSavingLeavesACompleteFile) {
   save_map(file("a.yaml"), small_);
   const std::string small = map_to_yaml(small_);
   const std::string large = map_to_yaml(large_);

@@ -53,7 +53,7 @@ Detections next_scan(std::int64_t stamp_ns) {
   return detections;
 }
 
-TEST(MapSnapshot, RestoresWhateverTheMapWasBefore) {
+TEST(MapSnapshot, RestoresIntoAnyMap) {
   const ObjectMap map = lively_map();
   ObjectMap other{ObjectMapParams()};
   for (const Detections& detections : lively_scene(50, kStart_ns + 77, 9)) other.update(detections);
@@ -77,7 +77,7 @@ TEST(MapSnapshot, NewIdsAreAboveThoseOfBothMaps) {
   EXPECT_EQ(young.snapshot().next_id, next_id);
 }
 
-TEST(MapSnapshot, RefusesAnotherShapeAndWhatNoMapIsAndStaysAsItWas) {
+TEST(MapSnapshot, RefusesAnotherShapeAndInvalidMapsAndIsThenUnchanged) {
   ObjectMap map = lively_map();
   const std::string before = text_of(map);
   ObjectMapParams params;
@@ -94,7 +94,7 @@ TEST(MapSnapshot, RefusesAnotherShapeAndWhatNoMapIsAndStaysAsItWas) {
 /// Long before, a moment later, a year later.
 class Resumed : public testing::TestWithParam<std::int64_t> {};
 
-TEST_P(Resumed, FindsEverythingWhereItWasWithItsId) {
+TEST_P(Resumed, HasAllElementsAtTheirPositionsWithTheirIds) {
   const ObjectMap map = lively_map();
   const std::int64_t stamp_ns = GetParam();
   const std::int64_t later_ns = stamp_ns - map.stamp_ns();
@@ -172,7 +172,7 @@ Detections barrel_from(const Pose2& T_world_level, std::int64_t stamp_ns) {
   return detections;
 }
 
-TEST(MapSnapshot, ARobotThatStandsElsewhereWhenTheMapIsLoadedDidNotFlyThere) {
+TEST(MapSnapshot, ThePoseOfTheRobotAtSavingIsNotUsed) {
   ObjectMap saved{ObjectMapParams()};
   for (int i = 0; i < 10; ++i) saved.update(barrel_from({}, kStart_ns + i * kPeriod_ns));
   const double before_m = std::sqrt(saved.at(saved.stamp_ns()).objects.at(0).covariance(0, 0));
@@ -191,7 +191,7 @@ TEST(MapSnapshot, ARobotThatStandsElsewhereWhenTheMapIsLoadedDidNotFlyThere) {
   EXPECT_GE(sigma_after_m(saved, saved.stamp_ns() + kPeriod_ns), before_m - 1e-4);
 }
 
-TEST(ObjectMapReset, ForgetsAllButTheIdsAndTakesAnyTime) {
+TEST(ObjectMapReset, DeletesAllButTheIdsAndAcceptsAnyTime) {
   ObjectMap map = lively_map();
   const std::uint64_t next_id = map.snapshot().next_id;
   map.reset();
@@ -216,7 +216,7 @@ TEST(ObjectMapReset, ForgetsAllButTheIdsAndTakesAnyTime) {
   }
 }
 
-TEST(ObjectMapReset, EndsWhatWasLoadedToo) {
+TEST(ObjectMapReset, DeletesLoadedElementsToo) {
   ObjectMap map{ObjectMapParams()};
   map.resume(lively_map().snapshot());
   map.reset();

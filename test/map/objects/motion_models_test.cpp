@@ -66,7 +66,7 @@ struct Follower {
   double time_s = 0.0;
 };
 
-TEST(MotionModels, AStandingObjectComesToRestAndItsPlaceConverges) {
+TEST(MotionModels, AStandingObjectsVelocityGoesToZeroAndItsPositionConverges) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Follower follower([](double) { return Eigen::Vector2d(3.0, 1.0); }, seed);
     follower.follow_until(10.0);
@@ -80,7 +80,7 @@ TEST(MotionModels, AStandingObjectComesToRestAndItsPlaceConverges) {
   }
 }
 
-TEST(MotionModels, AMovingObjectIsKnownToMoveAndItsVelocityIsRight) {
+TEST(MotionModels, AMovingObjectIsClassifiedAsMovingWithTheRightVelocity) {
   double square_sum = 0.0;
   const int runs = 20;
   for (int seed = 1; seed <= runs; ++seed) {
@@ -95,7 +95,7 @@ TEST(MotionModels, AMovingObjectIsKnownToMoveAndItsVelocityIsRight) {
   EXPECT_LT(std::sqrt(square_sum / runs), 0.12);
 }
 
-TEST(MotionModels, NoticesWithinTenScansThatAnObjectSetsOff) {
+TEST(MotionModels, DetectsTheStartOfAMotionWithinTenScans) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Follower follower([](double t) { return Eigen::Vector2d(3.0 + std::max(0.0, t - 5.0), 1.0); }, seed);
     follower.follow_until(5.0);
@@ -107,7 +107,7 @@ TEST(MotionModels, NoticesWithinTenScansThatAnObjectSetsOff) {
   }
 }
 
-TEST(MotionModels, NoticesWithinTwoSecondsThatAnObjectStops) {
+TEST(MotionModels, DetectsTheStopOfAMotionWithinTwoSeconds) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Follower follower([](double t) { return Eigen::Vector2d(std::min(3.0, t), 1.0); }, seed);
     follower.follow_until(3.0);
@@ -178,7 +178,7 @@ TEST(MotionModels, ALikelihoodThatOneMotionCannotExplainStaysFinite) {
   }
 }
 
-TEST(MotionModels, UnseenForLongItMovesAsOftenAsObjectsDo) {
+TEST(MotionModels, UnseenForLongItsProbabilityIsTheStationaryOne) {
   Random random(4);
   const MotionParams params = motion();
   const double expected = params.start_rate_1_s / (params.start_rate_1_s + params.stop_rate_1_s);
@@ -212,7 +212,7 @@ TEST(MotionModels, ProbabilitiesDoNotDependOnTheSteps) {
   }
 }
 
-TEST(MotionModels, NothingBeginsOrStopsWhereTheRatesSayNever) {
+TEST(MotionModels, WithRatesOfZeroNothingStartsOrStops) {
   Random random(6);
   MotionParams params = motion();
   params.start_rate_1_s = params.stop_rate_1_s = 0.0;
@@ -272,7 +272,7 @@ TEST(MotionModels, SeenAgainAfterAnyTimeItHasACovariance) {
   }
 }
 
-TEST(MotionModels, ProbabilitiesStaySoAtAnyRates) {
+TEST(MotionModels, ProbabilitiesStayInRangeAtAnyRates) {
   for (const double start_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {
     for (const double stop_rate_1_s : {0.0, 1e-3, 3.7, 100.0}) {
       MotionParams params = motion();
@@ -291,7 +291,7 @@ TEST(MotionModels, ProbabilitiesStaySoAtAnyRates) {
 
 // A mixture of shapes has a shape between them: no weight is outside [0, 1], whatever rounding makes of rates at which
 // all but nothing goes on as it was.
-TEST(MotionModels, WhatIsMixedLiesBetweenTheTwo) {
+TEST(MotionModels, AMixtureLiesBetweenTheTwo) {
   Random random(12);
   const auto rate_1_s = [&random] { return std::pow(10.0, random.uniform(-25.0, 2.0)); };
   for (int i = 0; i < 20000; ++i) {

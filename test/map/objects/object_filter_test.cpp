@@ -75,7 +75,7 @@ TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
   }
 }
 
-TEST(ObjectFilter, MappingAndMeasuringUndoEachOther) {
+TEST(ObjectFilter, MappingIsTheInverseOfMeasuring) {
   Random random(3);
   for (int i = 0; i < 50; ++i) {
     const Vector8d x = random_state(random);
@@ -88,7 +88,7 @@ TEST(ObjectFilter, MappingAndMeasuringUndoEachOther) {
   }
 }
 
-TEST(ObjectFilter, MappingCarriesTheCovariancesOfMeasurementAndRobotOver) {
+TEST(ObjectFilter, MappingTransformsTheCovariancesOfMeasurementAndRobot) {
   Random random(4);
   for (int i = 0; i < 50; ++i) {
     const Pose2 T = random_pose(random);
@@ -126,7 +126,7 @@ TEST(ObjectFilter, OneLongStepPredictsAsManyShortOnes) {
 }
 
 // An oracle for Q that integrates nothing by formula: very many tiny steps with independent kicks.
-TEST(ObjectFilter, ProcessNoiseIsThatOfManySmallKicks) {
+TEST(ObjectFilter, ProcessNoiseIsThatOfManySmallAccelerations) {
   Random random(6);
   const Vector8d x = random_state(random);
   const double dt_s = 0.8;
@@ -201,7 +201,7 @@ TEST(ObjectFilter, TheDescriptionOfTheMeasuredCurveDoesNotMatter) {
 }
 
 // What R says of z, and nothing of the velocities: the state's covariance seen from the level frame again.
-TEST(ObjectFilter, StateCovarianceIsThatOfWhatWasMeasured) {
+TEST(ObjectFilter, StateCovarianceIsThatOfTheMeasurement) {
   Random random(9);
   for (int i = 0; i < 50; ++i) {
     const Pose2 T = random_pose(random);
@@ -331,7 +331,7 @@ TEST(ObjectFilter, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandS
   EXPECT_EQ(most_asymmetry, 0.0);
 }
 
-TEST(ObjectFilter, AnEllipseAcrossItsOwnSeamIsTrackedWithoutJumps) {
+TEST(ObjectFilter, AnEllipseAcrossTheSeamOfPsiIsTrackedWithoutJumps) {
   for (const double psi_deg : {89.9, 90.0, -90.0, 0.0}) {
     Random random(13);
     const Ellipse truth{{3.0, 0.0}, radians(psi_deg), 0.4, 0.2};
@@ -387,7 +387,7 @@ TEST(ObjectFilter, AnObjectSeenAfterTheStampIsNotBiased) {
   }
 }
 
-TEST(FillObject, CovarianceGoesThroughTheJacobian) {
+TEST(FillObject, CovarianceIsTransformedByTheJacobian) {
   Random random(14);
   for (int i = 0; i < 50; ++i) {
     ObjectEstimate estimate{random_state(random), random_covariance<Matrix8d>(random, 0.002)};
@@ -411,7 +411,7 @@ TEST(FillObject, CovarianceGoesThroughTheJacobian) {
 
 // Errors make (p, q) longer on average, whatever their direction: the difference of the radii must not grow by that. At
 // a circle some remains, since no radii differ by less than nothing: half of what it would be.
-TEST(FillObject, TheDifferenceOfTheRadiiIsNotGrownByErrors) {
+TEST(FillObject, TheDifferenceOfTheRadiiIsNotBiasedByErrors) {
   Random random(20);
   const double sigma_m = 0.01;
   for (const double difference_m : {0.3, 0.1, 0.06, 0.0}) {
@@ -443,7 +443,7 @@ TEST(FillObject, TheDifferenceOfTheRadiiIsNotGrownByErrors) {
   }
 }
 
-TEST(FillObject, TheAxisOfWhatMayBeACircleIsUnknown) {
+TEST(FillObject, TheAxisOfAPossibleCircleIsUnknown) {
   Random random(15);
   for (const double difference_m : {0.0, 1e-9, 0.005}) {
     ObjectEstimate estimate{state_of({{3.0, 1.0}, 0.4, 0.2 + difference_m, 0.2}),
@@ -461,7 +461,7 @@ TEST(FillObject, TheAxisOfWhatMayBeACircleIsUnknown) {
   }
 }
 
-TEST(FillObject, NeverSaysMoreOfAnAxisThanAUniformOneLeaves) {
+TEST(FillObject, BoundsTheAxisVarianceByThatOfAUniformOne) {
   Random random(16);
   for (int i = 0; i < 500; ++i) {
     ObjectEstimate estimate{state_of({{3.0, 1.0}, random.uniform(-kPi, kPi), 0.2 + random.uniform(0.0, 0.1), 0.2}),
@@ -489,7 +489,7 @@ TEST(MakeCircle, IsAMeasurementOfNoDifferenceWithoutNoise) {
   }
 }
 
-TEST(MakeCircle, IsForGood) {
+TEST(MakeCircle, IsPermanent) {
   Random random(18);
   MatchedRun simulation(19);
   ObjectEstimate& estimate = simulation.estimate;
@@ -531,7 +531,7 @@ TEST(BoundRadii, KeepsBothAndTheAxis) {
 }
 
 // After a step of a century, say, a variance may be left with a rounding error that is larger than itself.
-TEST(ObjectFilter, AVarianceThatRoundingLeftNegativeMakesNoAxisLonger) {
+TEST(ObjectFilter, ANegativeVarianceByRoundingDoesNotLengthenAnAxis) {
   ObjectEstimate estimate;
   estimate.x.segment<3>(kShape) << 0.25, 1e-3, 0.0;
   estimate.P(kShape + 2, kShape + 2) = -68.0;

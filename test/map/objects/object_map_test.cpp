@@ -159,7 +159,7 @@ TEST(ObjectMap, IsOnTheMapAfterItsThirdObservation) {
   EXPECT_GE(objects.objects[0].p_exists, params().confirmation_probability);
 }
 
-TEST(ObjectMap, TheLessABirthIsBelievedTheLongerItTakes) {
+TEST(ObjectMap, ALowerBirthProbabilityConfirmsLater) {
   int before = 0;
   for (const double birth_probability : {0.8, 0.3, 0.07, 0.02, 0.002}) {
     ObjectMapParams p = params();
@@ -175,7 +175,7 @@ TEST(ObjectMap, TheLessABirthIsBelievedTheLongerItTakes) {
   }
 }
 
-TEST(ObjectMap, WhatIsSeenOnceIsForgottenWithinTwoSeconds) {
+TEST(ObjectMap, ATentativeElementIsDeletedWithinTwoSeconds) {
   ObjectMap map{params()};
   const Ellipse steady{{3.0, 2.0}, 0.0, 0.3, 0.2};
   map.update(detections_at(0.0, {steady, {{3.0, 0.0}, 0.0, 0.3, 0.2}}));
@@ -190,7 +190,7 @@ TEST(ObjectMap, WhatIsSeenOnceIsForgottenWithinTwoSeconds) {
   EXPECT_EQ(reasons, (Counters{{"not confirmed", 1}}));
 }
 
-TEST(ObjectMap, ObservationsWithAHiddenEndTakeLongerToConvince) {
+TEST(ObjectMap, DetectionsWithAHiddenEndConfirmLater) {
   const auto scans_until_known = [](double weight) {
     ObjectMapParams p = params();
     p.hidden_observation_weight = weight;
@@ -241,7 +241,7 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
 }
 
 // However long it looks from one side, errors that repeat stay; from a better side they are smaller at once.
-TEST(ObjectMap, NoNumberOfScansMakesAnElementMoreCertainThanWhatRepeats) {
+TEST(ObjectMap, CorrelatedErrorsDoNotAverageOut) {
   ObjectMapParams p = params();
   p.measurement_sigma_m = p.standing_drift_m = p.radius_drift_m = 0.0;
   const Ellipse standing{{3.0, 0.0}, 0.4, 0.4, 0.2};
@@ -301,7 +301,7 @@ TEST(ObjectMap, TheRobotsMotionDoesNotMoveAStandingObject) {
   EXPECT_LT(objects.objects[0].p_moving, 0.5);
 }
 
-TEST(ObjectMap, TwoObjectsThatCrossKeepTheirIdentities) {
+TEST(ObjectMap, TwoObjectsThatCrossKeepTheirIds) {
   ObjectMap map{params()};
   const auto a = [](double t) { return Ellipse{{3.0, -2.0 + 1.0 * t}, 0.0, 0.2, 0.2}; };
   const auto b = [](double t) { return Ellipse{{3.6, 2.0 - 1.0 * t}, 0.0, 0.2, 0.2}; };
@@ -325,7 +325,7 @@ TEST(ObjectMap, OneDetectionUpdatesOneElement) {
   EXPECT_TRUE(update.created.empty());
 }
 
-TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
+TEST(ObjectMap, ASecondDetectionOnAnElementAlreadySeenIsNoNewElement) {
   ObjectMap map{params()};
   const Ellipse body{{3.0, 0.0}, 0.0, 0.3, 0.3};
   for (int i = 0; i < 10; ++i) map.update(detections_at(i * kScanPeriod_s, {body}));
@@ -335,7 +335,7 @@ TEST(ObjectMap, ASecondPieceOfAnElementAlreadySeenIsNotANewOne) {
             (Counters{{"detection on an element already seen", 1}, {"match rejected: outside the gate", 1}}));
 }
 
-TEST(ObjectMap, SaysWhyADetectionNearAnElementIsNotTakenForIt) {
+TEST(ObjectMap, NamesTheReasonOfARejectedMatch) {
   const Ellipse standing{{3.0, 0.0}, 0.0, 0.1, 0.1};
   ObjectMap map{params()};
   int i = 0;
@@ -406,7 +406,7 @@ TEST(ObjectMap, SumsUpTheInnovationsOfItsMatches) {
   EXPECT_LT(nis, 1.1);
 }
 
-TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
+TEST(ObjectMap, ADetectionOnAnElementSeenHalfASecondAgoIsNoNewElement) {
   const Ellipse body{{3.0, 0.0}, 0.0, 0.4, 0.35};
   struct View {
     Ellipse ellipse;
@@ -435,7 +435,7 @@ TEST(ObjectMap, WhatLiesOnAnElementSeenHalfASecondAgoIsNotANewOne) {
 }
 
 // A pole before a pillar divides it, while someone has gone behind both.
-TEST(ObjectMap, WhatIsOutOfSightDoesNotTakeAPieceOfWhatIsSeen) {
+TEST(ObjectMap, AnElementOutOfSightDoesNotMatchAPartOfAnotherInSight) {
   ObjectMap map{params()};
   Random random(6);
   const Ellipse pillar{{4.0, 0.0}, 0.0, 0.5, 0.45};
@@ -481,7 +481,7 @@ Stay stay_of(const Ellipse& thing, const std::vector<Ellipse>& later, double unt
   return stay;
 }
 
-TEST(ObjectMap, AnElementThatBeamsSeeThroughGoesSoon) {
+TEST(ObjectMap, AnElementThatIsSeenThroughIsDeletedSoon) {
   const Stay stay = stay_of({{4.0, 0.3}, 0.2, 0.3, 0.2}, {}, 10.0);
   EXPECT_LE(stay.on_map_s, 0.5);
   EXPECT_GE(stay.on_map_s, 2 * kScanPeriod_s);  // one scan without it is no proof
@@ -489,7 +489,7 @@ TEST(ObjectMap, AnElementThatBeamsSeeThroughGoesSoon) {
   EXPECT_EQ(stay.reasons, (Counters{{"seen through", 1}}));
 }
 
-TEST(ObjectMap, AStandingElementIsKeptForTenSecondsWhileSomethingHidesIt) {
+TEST(ObjectMap, AStandingElementIsKeptForTenSecondsWhileHidden) {
   const Ellipse thing{{4.0, 0.3}, 0.2, 0.3, 0.2};
   const Stay stay = stay_of(thing, {{{2.0, 0.15}, 0.0, 0.3, 0.3}, thing}, 10.0);
   EXPECT_GE(stay.on_map_s, 10.0 - 1e-9);
@@ -509,7 +509,7 @@ TEST(ObjectMap, AnElementWithoutADetectionIsKeptWhereBeamsEndOnIt) {
   EXPECT_EQ(id_at(map, thing.center_m), 1U);
 }
 
-TEST(ObjectMap, WithoutFreeSpaceNothingIsDoubted) {
+TEST(ObjectMap, WithoutFreeSpaceExistenceIsUnchanged) {
   ObjectMap map{params()};
   int i = 0;
   for (; i < 120; ++i) map.update(detections_at(i * kScanPeriod_s, {{{3.0, 0.0}, 0.0, 0.3, 0.2}}));
@@ -518,7 +518,7 @@ TEST(ObjectMap, WithoutFreeSpaceNothingIsDoubted) {
   EXPECT_EQ(objects_now(map).objects.at(0).p_exists, p_exists);
 }
 
-TEST(ObjectMap, AStandingElementComesBackAsItselfAfterTenSecondsBehindAnother) {
+TEST(ObjectMap, AStandingElementKeepsItsIdOverTenSecondsBehindAnother) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     ObjectMap map{params()};
     Random random(seed);
@@ -534,7 +534,7 @@ TEST(ObjectMap, AStandingElementComesBackAsItselfAfterTenSecondsBehindAnother) {
   }
 }
 
-TEST(ObjectMap, WhatMovesOnBehindAnotherForThreeSecondsComesBackAsItself) {
+TEST(ObjectMap, AMovingElementKeepsItsIdOverThreeSecondsBehindAnother) {
   int same = 0;
   const int runs = 40;
   for (int seed = 1; seed <= runs; ++seed) {
@@ -578,7 +578,7 @@ std::uint64_t id_of_what_comes_after(const Ellipse& before, const Eigen::Vector2
   return id_at(map, after.center_m);
 }
 
-TEST(ObjectMap, ALostMovingObjectThatComesBackElsewhereIsKnownByItsShape) {
+TEST(ObjectMap, ALostMovingObjectIsReIdentifiedByItsShape) {
   // It stood still soon after it was lost: at 1 m/s it was expected 3 m farther on.
   const Ellipse walker{{3.0, -2.0}, 0.3, 0.25, 0.15};
   Ellipse back = walker;
@@ -590,7 +590,7 @@ TEST(ObjectMap, ALostMovingObjectThatComesBackElsewhereIsKnownByItsShape) {
   EXPECT_GT(id_of_what_comes_after(walker, {0.0, 1.0}, 3.0, back), 1U);
 }
 
-TEST(ObjectMap, AStandingObjectOutOfSightIsNotTakenForOneThatAppearsElsewhere) {
+TEST(ObjectMap, AStandingObjectOutOfSightIsNotMatchedElsewhere) {
   const Ellipse barrel{{3.0, 0.0}, 0.0, 0.3, 0.3};
   Ellipse other = barrel;
   other.center_m.y() += 1.0;
@@ -634,7 +634,7 @@ std::vector<Ellipse> person_and_dog(double time_s) {
   return {{{4.0, -3.0 + time_s}, 0.0, 0.25, 0.2}, {{4.5 + apart_m, -3.0 + time_s - apart_m}, 0.3, 0.13, 0.1}};
 }
 
-TEST(ObjectMap, PartsComeBackAsThemselvesWhenTheyPart) {
+TEST(ObjectMap, PartsGetTheirIdsBackWhenTheySeparate) {
   ObjectMap map{params()};
   Random random(7);
   std::vector<std::uint64_t> deleted;
@@ -654,7 +654,7 @@ TEST(ObjectMap, PartsComeBackAsThemselvesWhenTheyPart) {
   EXPECT_EQ(id_at(map, person_and_dog(99 * kScanPeriod_s)[1].center_m), 2U);
 }
 
-TEST(ObjectMap, TheIdentityOfABodyGoesOnInItsPart) {
+TEST(ObjectMap, APartTakesTheIdOfItsBody) {
   ObjectMap map{params()};
   Random random(8);
   int i = 0;
@@ -750,7 +750,7 @@ TEST(ObjectMap, AnErrorOfTheStampsCountsAsFarAsTheRobotTurns) {
   EXPECT_EQ(update_after_turn(0.05, 0.0).log_likelihood, update_after_turn(0.0, 0.0).log_likelihood);
 }
 
-TEST(ObjectMap, AnElementUnseenForTooLongIsForgotten) {
+TEST(ObjectMap, AnElementUnseenForTooLongIsDeleted) {
   ObjectMapParams p = params();
   p.max_unseen_s = 5.0;
   ObjectMap map(p);
@@ -792,7 +792,7 @@ TEST(ObjectMap, TakesOtherParametersAndKeepsItsElements) {
   EXPECT_EQ(other.update(detections_at(seen_s + 0.9, {})).reasons.of("time jumped back: new map"), 1U);
 }
 
-TEST(ObjectMap, KeepsItsParametersWhereOthersCannotBe) {
+TEST(ObjectMap, KeepsItsParametersIfOthersAreRefused) {
   ObjectMap map{params()};
   for (int i = 0; i < 10; ++i) map.update(detections_at(i * kScanPeriod_s, {{{3.0, 0.0}, 0.0, 0.3, 0.2}}));
   ObjectMapParams p = params();
@@ -805,7 +805,7 @@ TEST(ObjectMap, KeepsItsParametersWhereOthersCannotBe) {
   EXPECT_TRUE(map.update(detections_at(10 * kScanPeriod_s, {})).deleted.empty());
 }
 
-TEST(ObjectMap, AfterABreakOfAnyLengthWhatStandsIsKnownAgain) {
+TEST(ObjectMap, AfterABreakOfAnyLengthStandingElementsKeepTheirIds) {
   for (const double break_s : {0.1, 30.0, 600.0, 86'400.0}) {
     ObjectMap map{params()};
     const Ellipse barrel{{3.0, 0.0}, 0.0, 0.3, 0.3};
@@ -817,7 +817,7 @@ TEST(ObjectMap, AfterABreakOfAnyLengthWhatStandsIsKnownAgain) {
   }
 }
 
-TEST(ObjectMap, AMovingElementOutOfSightLeavesTheMapAndIsForgottenAsItsPositionBlurs) {
+TEST(ObjectMap, AMovingElementOutOfSightLeavesTheMapAndIsDeletedAsItsCovarianceGrows) {
   ObjectMapParams p = params();
   p.lost_position_sigma_m = 2.0;
   ObjectMap map(p);
@@ -970,7 +970,7 @@ Held held_by_99_percent_region(const Mismatch& mismatch) {
   return {static_cast<double>(inside) / elements, static_cast<double>(elements - first) / first};
 }
 
-TEST(ObjectMap, The99PercentRegionHoldsWhatItPromisesOnMatchedRuns) {
+TEST(ObjectMap, The99PercentRegionHolds99PercentOnMatchedRuns) {
   for (const Mismatch& matched : {Mismatch{}, Mismatch{1.0, 0.0, {0.6, -0.4}}, Mismatch{1.0, 0.0, {0.6, -0.4}, 5}}) {
     const Held held = held_by_99_percent_region(matched);
     EXPECT_GE(held.part, 0.97);
@@ -1012,7 +1012,7 @@ double position_sigma_after(double noise, std::uint64_t seed) {
   return std::sqrt(objects_now(map).objects.at(0).covariance(0, 0));
 }
 
-TEST(ObjectMap, LearnsHowLargeTheErrorsOfDetectionsAre) {
+TEST(ObjectMap, AdaptsToTheErrorsOfDetections) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     const double exact = position_sigma_after(0.0, seed);  // errors are never taken for smaller than they say
     const double matched = position_sigma_after(1.0, seed);
@@ -1025,7 +1025,7 @@ TEST(ObjectMap, LearnsHowLargeTheErrorsOfDetectionsAre) {
   }
 }
 
-TEST(ObjectMap, WhatHasTravelledIsRememberedWhereItIsSeenThroughAndWhatStoodIsNot) {
+TEST(ObjectMap, AMobileElementThatIsSeenThroughIsKeptAndAStandingOneIsNot) {
   const Ellipse place{{4.0, 0.8}, 0.2, 0.3, 0.2};
   for (const bool travels : {false, true}) {
     ObjectMap map{params()};

@@ -52,7 +52,7 @@ std::vector<MapElement> re_identified(std::vector<MapElement> elements, const st
   return elements;
 }
 
-TEST(ReIdentification, WhatIsConfirmedWhereALostElementMayBeGoesOnAsThat) {
+TEST(ReIdentification, AConfirmedElementWithinReachOfALostOneGetsItsId) {
   MapElement found = element_of(7, {4.0, 1.0}, 0.02, 0.2);
   found.beams = 12;
   const auto elements = re_identified({lost(element_of(3, {3.5, 0.5}, 0.5, 0.2)), found});
@@ -66,7 +66,7 @@ TEST(ReIdentification, WhatIsConfirmedWhereALostElementMayBeGoesOnAsThat) {
   EXPECT_EQ(elements[1].state, TrackState::kDeleted);
 }
 
-TEST(ReIdentification, AnotherShapeOrAPlaceOutOfReachIsAnotherElement) {
+TEST(ReIdentification, AnotherShapeOrAPositionOutOfReachIsAnotherElement) {
   for (const MapElement& other :
        {lost(element_of(3, {3.5, 0.5}, 0.5, 0.3)), lost(element_of(3, {3.5, 0.5}, 0.5, 0.2, 0.1)),
         lost(element_of(3, {0.0, 0.5}, 0.5, 0.2)), lost(element_of(3, {3.5, 0.5}, 1000.0, 0.2))}) {
@@ -76,7 +76,7 @@ TEST(ReIdentification, AnotherShapeOrAPlaceOutOfReachIsAnotherElement) {
   }
 }
 
-TEST(ReIdentification, OfSeveralTheMostProbable) {
+TEST(ReIdentification, ChoosesTheMostProbable) {
   const auto elements =
       re_identified({lost(element_of(2, {3.0, 0.5}, 0.5, 0.2)), lost(element_of(3, {3.9, 0.9}, 0.5, 0.2)),
                      lost(element_of(4, {4.5, 2.0}, 0.5, 0.2)), element_of(7, {4.0, 1.0}, 0.02, 0.2)});
@@ -86,7 +86,7 @@ TEST(ReIdentification, OfSeveralTheMostProbable) {
   EXPECT_EQ(elements[3].state, TrackState::kDeleted);
 }
 
-TEST(ReIdentification, NeitherWhatIsInSightNorATentativeNorAPartOrWhatStoodElsewhere) {
+TEST(ReIdentification, NotOfElementsInSightTentativeOnesPartsOrThoseThatStoodElsewhere) {
   const MapElement there = element_of(3, {3.5, 0.5}, 0.5, 0.2);
   MapElement tentative = lost(there);
   tentative.state = TrackState::kTentative;
@@ -101,7 +101,7 @@ TEST(ReIdentification, NeitherWhatIsInSightNorATentativeNorAPartOrWhatStoodElsew
   }
 }
 
-TEST(ReIdentification, OneLostElementIsFoundOnce) {
+TEST(ReIdentification, EachLostElementOnlyOnce) {
   std::vector<MapElement> elements{lost(element_of(3, {3.5, 0.5}, 0.5, 0.2)), element_of(7, {4.0, 1.0}, 0.02, 0.2),
                                    element_of(8, {3.4, 0.4}, 0.02, 0.2)};
   re_identify({1, 2}, {}, kGate, kNow_ns, elements);
@@ -110,7 +110,7 @@ TEST(ReIdentification, OneLostElementIsFoundOnce) {
   EXPECT_EQ(elements[2].state, TrackState::kConfirmed);
 }
 
-TEST(ReIdentification, ACommonShapeSaysNothingOfWhatMayBeAnywhere) {
+TEST(ReIdentification, ACommonShapeDoesNotIdentifyAnUncertainElement) {
   for (const double sigma_m : {1.0, 1.4}) {
     const std::vector<MapElement> elements{lost(element_of(3, {3.5, 0.5}, sigma_m, 0.2)),
                                            element_of(7, {4.0, 1.0}, 0.02, 0.2)};

@@ -31,7 +31,7 @@ LevelScene full_circle() {
 
 const Ellipse kPlace{{4.0, 0.5}, 0.3, 0.3, 0.2};
 
-TEST(Visibility, WhatIsNotThereIsSeenThrough) {
+TEST(Visibility, FreeSpaceIsSeenThrough) {
   LevelScene scene;
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);  // nothing anywhere
   scene.walls = {{{8.0, -8.0}, {8.0, 8.0}}};
@@ -40,7 +40,7 @@ TEST(Visibility, WhatIsNotThereIsSeenThrough) {
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);  // others beside
 }
 
-TEST(Visibility, WhatIsThereIsHit) {
+TEST(Visibility, AnObjectIsHit) {
   LevelScene scene;
   scene.ellipses = {kPlace};
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kHit);
@@ -53,7 +53,7 @@ TEST(Visibility, WhatIsThereIsHit) {
   }
 }
 
-TEST(Visibility, SomethingNearerHides) {
+TEST(Visibility, NearerHitsHide) {
   LevelScene scene;
   scene.ellipses = {{{2.0, 0.25}, 0.0, 0.2, 0.2}};
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kHidden);
@@ -64,7 +64,7 @@ TEST(Visibility, SomethingNearerHides) {
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);
 }
 
-TEST(Visibility, TheMarginIsWhereBehindAndBeforeBegin) {
+TEST(Visibility, TheMarginSeparatesBehindAndBefore) {
   const Ellipse place{{4.0, 0.0}, 0.0, 0.2, 0.2};
   const auto with_wall_at = [&](double x_m) {
     LevelScene scene;
@@ -77,13 +77,13 @@ TEST(Visibility, TheMarginIsWhereBehindAndBeforeBegin) {
   EXPECT_EQ(with_wall_at(4.0 - 0.2 - kMargin_m - 0.01), Sight::kHidden);
 }
 
-TEST(Visibility, OutsideTheScanNothingIsKnown) {
+TEST(Visibility, OutsideTheScanItIsHidden) {
   const LevelScene scene;  // 270 deg: nothing behind
   EXPECT_EQ(look_at_in({{-3.0, 0.0}, 0.0, 0.3, 0.3}, scene), Sight::kHidden);
   EXPECT_EQ(look_at_in({{-3.0, 0.5}, 0.0, 0.3, 0.3}, scene), Sight::kHidden);
 }
 
-TEST(Visibility, BeamsThatSayNothingHide) {
+TEST(Visibility, InvalidBeamsHide) {
   LevelScene scene;
   for (const BeamState state : {BeamState::kInvalid, BeamState::kTooClose}) {
     Scan scan = scene.scan();
@@ -93,12 +93,12 @@ TEST(Visibility, BeamsThatSayNothingHide) {
   EXPECT_EQ(look_at(kPlace, FreeSpace{}, kMargin_m), Sight::kHidden);
 }
 
-TEST(Visibility, FromInsideNothingIsSaid) {
+TEST(Visibility, FromInsideItIsHidden) {
   EXPECT_EQ(look_at_in({{0.1, 0.0}, 0.0, 0.3, 0.3}, {}), Sight::kHidden);
   EXPECT_EQ(look_at_in({{0.0, 0.0}, 0.0, 0.3, 0.3}, {}), Sight::kHidden);
 }
 
-TEST(Visibility, WhatIsThinnerThanABeamIsLookedAtToo) {
+TEST(Visibility, AnObjectThinnerThanTheBeamSpacingIsTestedToo) {
   LevelScene scene;
   scene.walls = {{{10.0, -10.0}, {10.0, 10.0}}};
   for (double y_m = -0.05; y_m < 0.05; y_m += 0.003) {  // beams are 35 mm apart there

@@ -97,7 +97,7 @@ TEST(CostmapConverterBridge, IdFrameAndVelocityAreThoseOfTheMap) {
   }
 }
 
-TEST(ObstacleDetectorBridge, CirclesEncloseAndTheirMarginIsTheUncertainty) {
+TEST(ObstacleDetectorBridge, CirclesEncloseEllipsesWithAMarginOfTheirUncertainty) {
   MappedEllipse ellipse = element(0.6, 0.2, 0.7);
   ellipse.covariance.fill(0.0);
   const double angle_rad = 0.4, long_sigma_m = 0.2, short_sigma_m = 0.05;

@@ -354,14 +354,14 @@ std::string silence(Feed& feed, double from_s, double to_s) {
 
 /// `end` ends something that comes back by itself, and says what went wrong.
 Injected death(Feed& feed, const std::function<std::string()>& end, const std::function<bool()>& reborn) {
-  constexpr double kPatience_s = 120.0;
+  constexpr double kTimeout_s = 120.0;
   feed.drain();
   feed.transforms(Transforms::kEach);
   feed.drain();  // nothing is under way that would be lost
   const std::int64_t latest_ns = feed.stamp_ns() - SyntheticScene::kStep_ns;
   const std::string wrong = end();
   if (!wrong.empty()) return {wrong, {}, {}};
-  const std::optional<double> down_s = feed.outlive(reborn, kPatience_s);
+  const std::optional<double> down_s = feed.outlive(reborn, kTimeout_s);
   feed.transforms(Transforms::kAhead);
   if (!down_s) return {"no maps again within 120 s", {}, {}};
   return {"", down_s, latest_ns};

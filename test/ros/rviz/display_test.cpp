@@ -92,7 +92,7 @@ TEST_F(DisplayTest, ShowsThePathUntilItIsReset) {
   for (const double x_m : {2.0, 1.0, -0.5}) EXPECT_TRUE(alike(color_at(image, {x_m, 0.5}), background)) << x_m;
 }
 
-TEST_F(DisplayTest, ShowsWhatMovesAndWhatStands) {
+TEST_F(DisplayTest, ShowsMovingAndStandingElements) {
   display_->subProp("Color")->setValue("standing or moving");
   std::vector<MappedEllipse> elements{element(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}),
                                       element(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
@@ -109,7 +109,7 @@ TEST_F(DisplayTest, ShowsWhatMovesAndWhatStands) {
   EXPECT_TRUE(alike(color_at(picture(), {1.0, 1.0}), background));
 }
 
-TEST_F(DisplayTest, RefusesOddMapsAndGoesOn) {
+TEST_F(DisplayTest, RefusesInvalidMapsAndContinues) {
   const Ellipse ellipse{{0.0, 0.0}, 0.0, 0.5, 0.5};
   publish(10.0, {element(5, ellipse)});
   ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
@@ -132,7 +132,7 @@ TEST_F(DisplayTest, RefusesOddMapsAndGoesOn) {
   EXPECT_TRUE(alike(color_at(picture(), {2.0, 0.0}), color_of(std::uint64_t{6})));
 }
 
-TEST_F(DisplayTest, DrawsHundredsAndForgetsThem) {
+TEST_F(DisplayTest, DrawsAndRemovesHundreds) {
   display_->subProp("IDs")->setValue(true);
   display_->subProp("Covariance")->setValue(true);
   for (int frame = 0; frame < 20; ++frame) {

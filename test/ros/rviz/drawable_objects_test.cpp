@@ -34,7 +34,7 @@ TEST(DrawableObjects, IsTheMap) {
   EXPECT_EQ(map.names, (std::vector<std::string>{"1", "2 pillar???"}));
 }
 
-TEST(DrawableObjects, RefusesWhatCannotBeDrawnAndSaysWhy) {
+TEST(DrawableObjects, RefusesMapsThatCannotBeDrawnWithTheReason) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
   const std::vector<std::pair<std::string, std::function<void(MappedEllipse&)>>> faults{

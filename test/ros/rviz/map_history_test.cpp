@@ -15,7 +15,7 @@ void add(MapHistory& history, double stamp_s, const std::vector<std::pair<std::u
   history.add(nanoseconds(stamp_s), elements, length_s);
 }
 
-TEST(MapHistory, HoldsTheWayOfTheLatestSeconds) {
+TEST(MapHistory, HoldsThePathOfTheLatestSeconds) {
   MapHistory history;
   for (int i = 0; i <= 100; ++i) add(history, 100.0 + 0.1 * i, {{7, 0.05 * i}}, 2.0);
   const auto& path = history.path(7);
@@ -25,14 +25,14 @@ TEST(MapHistory, HoldsTheWayOfTheLatestSeconds) {
   for (std::size_t i = 1; i < path.size(); ++i) EXPECT_GT(path[i].stamp_ns, path[i - 1].stamp_ns);
 }
 
-TEST(MapHistory, EndsWhereTheElementIsAndGathersNothingWhereItStands) {
+TEST(MapHistory, EndsAtTheElementAndGathersNoPointsWhileItStands) {
   MapHistory history;
   for (int i = 0; i <= 1000; ++i) add(history, 0.05 * i, {{7, 1.0 + 0.003 * (i % 2)}}, 100.0);
   EXPECT_LE(history.path(7).size(), 2U);
   EXPECT_EQ(history.path(7).back().position_m.x(), 1.0);
 }
 
-TEST(MapHistory, GoesWithItsElement) {
+TEST(MapHistory, IsDeletedWithItsElement) {
   MapHistory history;
   add(history, 1.0, {{7, 0.0}, {8, 5.0}}, 10.0);
   add(history, 2.0, {{7, 1.0}, {8, 6.0}}, 10.0);

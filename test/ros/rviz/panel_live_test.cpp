@@ -90,7 +90,7 @@ TEST_F(PanelLiveTest, ShowsLatenciesAlsoUnderSimulatedTime) {
       << latency_ms(0) << ", " << latency_ms(1) << ", " << latency_ms(2);
 }
 
-TEST_F(PanelLiveTest, ChangesWhatASegmentMayBe) {
+TEST_F(PanelLiveTest, ChangesLiveParameters) {
   ASSERT_TRUE(until([this] { return map().ellipses.size() >= 3; }, 60'000));
   QWidget& form = part<QWidget>("segmentation");
   const auto range = [&form] { return form.findChild<QDoubleSpinBox*>("max_range_m"); };

@@ -154,7 +154,7 @@ class FakeMapping {
   std::vector<std::string> asked_;
 };
 
-TEST_F(PanelTest, ShowsTheStagesAndWhatIsSilent) {
+TEST_F(PanelTest, ShowsTheStagesAndMarksSilentOnes) {
   EXPECT_EQ(cell(0, 0), "segmentation");
   EXPECT_EQ(cell(2, 1), "not there");
   const FakeMapping mapping;
@@ -175,7 +175,7 @@ TEST_F(PanelTest, ShowsTheStagesAndWhatIsSilent) {
   EXPECT_TRUE(until([this] { return cell(2, 1) == "running"; }));
 }
 
-TEST_F(PanelTest, AsksTheServices) {
+TEST_F(PanelTest, CallsTheServices) {
   FakeMapping mapping;
   QTimer life;
   QObject::connect(&life, &QTimer::timeout,
@@ -206,9 +206,9 @@ TEST_F(PanelTest, AsksTheServices) {
   })) << answer();
 }
 
-TEST_F(PanelTest, NeverWaits) {
+TEST_F(PanelTest, DoesNotBlock) {
   click("reset");
-  ASSERT_TRUE(until([this] { return answer() == "mapping/reset is not there"; })) << answer();
+  ASSERT_TRUE(until([this] { return answer() == "mapping/reset is not available"; })) << answer();
 
   FakeMapping mapping;
   mapping.delay_ms = 1500;
@@ -263,7 +263,7 @@ TEST_F(PanelTest, SetsLiveParameters) {
   EXPECT_TRUE(until([&] { return gate()->isEnabled() && gate()->value() == 0.999; }));
 }
 
-TEST_F(PanelTest, LooksIntoItsNamespaceAndKeepsItInTheConfig) {
+TEST_F(PanelTest, UsesItsNamespaceAndSavesItInTheConfig) {
   const FakeMapping other, own("/robot1");
   QLineEdit& field = part<QLineEdit>("namespace");
   QTest::keyClicks(&field, "/robot1");

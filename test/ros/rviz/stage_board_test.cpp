@@ -32,7 +32,7 @@ DiagnosticArray array(const std::vector<DiagnosticStatus>& statuses) {
 
 const std::vector<std::string> kNames{"segmentation", "detection", "mapping"};
 
-TEST(StageBoard, ShowsWhatIsNotThere) {
+TEST(StageBoard, ShowsMissingStages) {
   const StageBoard board(kNames);
   const auto stages = board.stages(100.0);
   ASSERT_EQ(stages.size(), 3U);
@@ -41,7 +41,7 @@ TEST(StageBoard, ShowsWhatIsNotThere) {
   EXPECT_EQ(stages[2].summary, "not there");
 }
 
-TEST(StageBoard, ShowsWhatWasSaidUntilItIsStaleAndAgainWhenItIsSaidAgain) {
+TEST(StageBoard, ShowsAStatusUntilItIsStaleAndAgainAfterANewOne) {
   StageBoard board(kNames);
   const auto msg = array({status("mapping: stage", DiagnosticStatus::OK, "running", {{"rate [Hz]", "20.0"}})});
   board.receive(msg, 50.0);
@@ -77,7 +77,7 @@ TEST(StageBoard, ShowsAnyStages) {
   EXPECT_TRUE(StageBoard({}).stages(1.0).empty());
 }
 
-TEST(StageBoard, IsAsBadAsTheWorstStatusOfANode) {
+TEST(StageBoard, HasTheMostSevereLevelOfANode) {
   StageBoard board(kNames);
   board.receive(array({status("mapping: stage", DiagnosticStatus::OK, "running", {{"a", "1"}}),
                        status("mapping: map", DiagnosticStatus::ERROR, "inconsistent", {{"b", "2"}}),
@@ -89,7 +89,7 @@ TEST(StageBoard, IsAsBadAsTheWorstStatusOfANode) {
   EXPECT_EQ(mapping.values.size(), 3U);
 }
 
-TEST(StageBoard, KnowsWhetherAStageIsPaused) {
+TEST(StageBoard, ShowsWhetherAStageIsPaused) {
   StageBoard board(kNames);
   board.receive(array({status("mapping: stage", DiagnosticStatus::WARN, "paused", {}),
                        status("mapping: map", DiagnosticStatus::ERROR, "inconsistent", {})}),

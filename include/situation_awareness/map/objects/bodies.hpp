@@ -39,6 +39,6 @@ class BodyJoiner {
 /// The largest part of a body that leaves the map takes over its id: where the body is deleted (`dropped`, of the
 /// elements), or where it is off the map while the part is seen. The part replaces the body among the elements, and its
 /// own element is dropped. Returns the number of bodies that were off the map.
-std::size_t pass_on_identities(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped);
+std::size_t transfer_body_ids(std::int64_t stamp_ns, std::vector<MapElement>& elements, std::vector<char>& dropped);
 
 }  // namespace situation_awareness

@@ -100,9 +100,9 @@ class ObjectMap {
   /// False, and the map unchanged, if the stamp is refused (StampOrder).
   bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
   void move_stamps_to(std::int64_t stamp_ns);
-  void forget();
+  void clear();
   Eigen::Matrix3d robot_covariance(const Detections& detections);
-  void learn_noise(double mahalanobis2);
+  void adapt_noise(double mahalanobis2);
   Measurement widened(const Detection& detection) const;
   void update_matched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
   void update_missed();
