@@ -13,7 +13,7 @@
 namespace situation_awareness {
 namespace {
 
-/// A type of its own, with YAML text: [low, high].
+/// A user-defined type with YAML text: [low, high].
 struct Span {
   int low = 1;
   int high = 2;
@@ -177,7 +177,7 @@ TEST(Parameters, OfAnotherTypeAreRefusedWithPathValueAndType) {
 }
 
 TEST(Parameters, MayBeQuoted) {
-  // rosparam takes 1e-1 for a text, as YAML 1.1 does.
+  // rosparam reads 1e-1 as a string, as in YAML 1.1.
   EXPECT_EQ(read("middle: {inner: {size_m: \"1e-1\"}}").middle.inner.size_m, 0.1);
   EXPECT_EQ(read("name: \"3\"").name, "3");
   EXPECT_EQ(read("name: 'true'").name, "true");

@@ -22,7 +22,7 @@ TEST(StampOrder, DistinguishesALoopFromJitter) {
   EXPECT_EQ(order.judge(nanoseconds(1000.0)), Verdict::kNext) << "forward is forward";
 }
 
-// A driver may stamp with anything; the difference of two stamps need not fit into one.
+// Stamps of a driver may have any value; the difference of two stamps need not fit into a stamp.
 TEST(StampOrder, OrdersAnyTwoStamps) {
   constexpr std::int64_t kFirst = std::numeric_limits<std::int64_t>::min() + 1;
   constexpr std::int64_t kLast = std::numeric_limits<std::int64_t>::max();

@@ -45,7 +45,7 @@ TEST(DetectionDefect, NamesTheDefectOfADetection) {
       << "a correlation of 2";
 }
 
-// A network may answer with anything.
+// A network's output may have any value.
 TEST(DetectionDefect, IsOneForEveryDetector) {
   Detection detection = good();
   EXPECT_STREQ(detection_defect(detection, EllipseFitParams{}), "");

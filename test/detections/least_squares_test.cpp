@@ -105,8 +105,8 @@ TEST(LeastSquares, ErrorsAreAsLargeAsTheCovarianceSays) {
     distances.push_back(mahalanobis2(error, covariance));
   }
   ASSERT_GT(distances.size(), 1000U);
-  // Laplace's approximation is not exact (edges are uniform, radii folded, the posterior of few points skewed): its
-  // middle must be right, and its tail not much heavier than a normal one.
+  // Laplace's approximation is not exact (edges are uniform, radii folded, the posterior of few points skewed): the
+  // body must be right, and the tail not much heavier than a normal one.
   std::sort(distances.begin(), distances.end());
   const double median = distances[distances.size() / 2];
   EXPECT_GT(median, 0.5 * chi_square_quantile(0.5, 4.0));
@@ -154,7 +154,7 @@ TEST(LeastSquaresDetector, CountsWhatItRefuses) {
   EXPECT_TRUE(detections.detections.empty());
   EXPECT_EQ(detections.refused, (Counters{{"points do not lie on an ellipse", 1}}));
 
-  // Between two nearer posts neither edge is seen, so neither is the size.
+  // Between two nearer posts neither edge is visible, so the size is unknown.
   scene.walls.clear();
   scene.ellipses = {{{3.0, 0.0}, 0.0, 0.4, 0.4}, {{1.5, 0.26}, 0.0, 0.1, 0.1}, {{1.5, -0.26}, 0.0, 0.1, 0.1}};
   LeastSquaresDetector default_detector{EllipseFitParams{}};

@@ -110,7 +110,7 @@ TEST_F(Network, IsBetterThanLeastSquaresWithTheSensorsModel) {
 }
 
 TEST_F(Network, DistinguishesAHiddenEndFromAFreeOne) {
-  // Told that the hidden end is free, it must do much worse.
+  // With the hidden end marked as free, it must be much worse.
   constexpr int kCount = 2000;
   double told_m = 0.0;
   double deceived_m = 0.0;

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 const std::string kModel = SITUATION_AWARENESS_SOURCE_DIR "/models/paper_vgg_polar.onnx";
 
-/// A copy of the published model that a test may damage.
+/// A copy of the published model to be damaged by a test.
 class ModelFileTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -45,7 +45,7 @@ class ModelFileTest : public testing::Test {
     std::ofstream(path, std::ios::binary | std::ios::trunc) << content;
   }
 
-  /// What loading throws.
+  /// The message of the exception on loading.
   std::string refusal() const {
     return refusal_of<std::runtime_error>([this] { OnnxModel model(onnx_.string()); });
   }
@@ -104,7 +104,7 @@ TEST_F(ModelFileTest, RefusesAWrongOutputForTheGoldenVector) {
   EXPECT_TRUE(names(refusal(), {onnx_.string(), "golden"}));
 }
 
-// A file that its manifest vouches for but that is no network: the importer's refusal becomes one sentence too.
+// A file with a valid manifest that is no network: the importer's error becomes one message, too.
 TEST_F(ModelFileTest, RefusesOtherFiles) {
   write(onnx_, "no network at all");
   const std::string hex = sha256_of(read(onnx_));
@@ -115,7 +115,7 @@ TEST_F(ModelFileTest, RefusesOtherFiles) {
   EXPECT_TRUE(names(refusal(), {onnx_.string()}));
 }
 
-/// A network of which every answer is known, in both shapes of input.
+/// A network with known outputs, in both shapes of input.
 class AffineModelTest : public testing::TestWithParam<bool> {
  protected:
   void SetUp() override {
@@ -212,7 +212,7 @@ TEST_P(AffineModelTest, RefusesAGoldenVectorThatDoesNotFit) {
 
 INSTANTIATE_TEST_SUITE_P(BothShapes, AffineModelTest, testing::Bool());
 
-// A nodelet manager has its own threads: the forward shall not wake others beside them.
+// A nodelet manager has its own threads: the forward must not use further ones.
 TEST(OnnxModel, StaysOnTheCallingThread) {
   const auto threads = [] {
     const fs::path tasks = "/proc/self/task";

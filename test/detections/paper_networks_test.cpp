@@ -175,7 +175,7 @@ TEST_F(PolarEllipseNetworkTest, TurnsWithTheScene) {
 }
 
 TEST_F(PolarEllipseNetworkTest, WorksForOtherScanners) {
-  // Without noise what is lost is what wider beams leave open about the ends of the segment.
+  // Without noise the loss is due to the coarser beams at the ends of the segment.
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(0.1), nullptr).mean_m, 0.025);
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(0.3516), nullptr).mean_m, 0.035);
   EXPECT_LT(errors_on_near_grid(network_, level_scanner(0.5), nullptr).mean_m, 0.042);
@@ -232,7 +232,7 @@ TEST_F(PolarEllipseNetworkTest, SurvivesSegmentsOfEveryWidth) {
   }
 }
 
-/// The papers' networks in the sensor's frame, by affine networks in their place that show what goes in and comes out.
+/// The papers' networks in the sensor's frame, replaced by affine networks that show inputs and outputs.
 class SensorFrameTest : public testing::Test {
  protected:
   void SetUp() override {
@@ -257,7 +257,7 @@ class SensorFrameTest : public testing::Test {
     return model;
   }
 
-  /// Answers with the point that beam `k` hits, along its azimuth by ten times its input.
+  /// Outputs the point that beam `k` hits, along its azimuth by ten times its input.
   std::string hit_of_beam(Kind kind, int k) const {
     AffineModel model = zero(kind);
     const double azimuth_rad = radians(-135.0 + 0.25 * k);
@@ -266,7 +266,7 @@ class SensorFrameTest : public testing::Test {
     return write(model);
   }
 
-  /// Answers every segment with the same.
+  /// Constant output for every segment.
   std::string constant(Kind kind, const std::vector<float>& answer) const {
     AffineModel model = zero(kind);
     std::copy(answer.begin(), answer.end(), model.b.begin());

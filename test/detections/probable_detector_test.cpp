@@ -10,7 +10,7 @@
 namespace situation_awareness {
 namespace {
 
-/// Finds an ellipse of the given probability in each segment.
+/// Detects an ellipse of the given probability in each segment.
 class Dice final : public Detector {
  public:
   explicit Dice(std::vector<double> p_ellipse) : p_ellipse_(std::move(p_ellipse)) {}

@@ -41,7 +41,7 @@ Detections detected(const Segments& segments) { return LeastSquaresDetector(kPar
 
 double center_distance_m(const Ellipse& a, const Ellipse& b) { return (a.center_m - b.center_m).norm(); }
 
-/// Kalman's average of detections of one object that stands.
+/// Kalman average of detections of a standing object.
 struct Average {
   Vector5d x;
   Matrix5d P;
@@ -54,7 +54,7 @@ struct Average {
   }
 };
 
-// Fits of single scans are biased the same way each time; what is found from where the last scans were is not.
+// Fits of single scans have the same bias each time; refined detections have none.
 TEST(Refine, AveragesConvergeToTheTruthWhereThoseOfFitsDoNot) {
   double refined_m = 0.0;
   double fitted_m = 0.0;
@@ -88,12 +88,12 @@ TEST(Refine, HasItsFixedPointAtTheTruth) {
   const Segments segments = far_segment(half_hidden(truth), nullptr);
   const Detections refined = refine(detected(segments), segments, {truth}, kParams);
   ASSERT_EQ(refined.detections.size(), 1U);
-  // To what a tangent within the beam beside the last hit leaves open.
+  // Up to the uncertainty of a tangent within the beam beside the last hit.
   EXPECT_LT(center_distance_m(refined.detections[0].ellipse_level, truth), 4.0 * segments.resolution_rad);
   EXPECT_LT(symmetric_characteristic_distance(refined.detections[0].ellipse_level, truth), 0.01);
 }
 
-// Whatever the noise is, twice of it is twice the change: what makes averages free of bias.
+// Twice the noise is twice the change, so that averages have no bias.
 TEST(Refine, IsLinearInTheNoiseOfTheHits) {
   const Ellipse known{{4.02, 0.12}, 0.5, 0.33, 0.18};
   const Segments clean = far_segment(half_hidden({{4.0, 0.1}, 0.4, 0.35, 0.16}), nullptr);
@@ -177,8 +177,8 @@ TEST(Refine, StartsFromTheNearestOutlineAndKeepsTheDetectorsOtherFields) {
   EXPECT_EQ(llt.info(), Eigen::Success);
 }
 
-// A small object is followed with a place that fell behind: its hits lie on the far side of what is known, where no
-// beam can end. Looked for from there, it would be found inside out.
+// A small object whose prediction lags: its hits lie on the far side of the expected outline, where no beam can end. A
+// step from there would give an ellipse on the wrong side of the hits.
 TEST(Refine, IgnoresOutlinesWithTheHitsOnTheirFarSide) {
   const Ellipse truth{{7.5, 0.1}, 0.3, 0.1, 0.08};
   LevelScene scene;

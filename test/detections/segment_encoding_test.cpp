@@ -102,7 +102,7 @@ TEST(SegmentEncoding, KeepsEveryRangeOfAShortSegment) {
 }
 
 TEST(SegmentEncoding, ProfileOfALongSegmentIsThatOfTheCurve) {
-  // Far more beams than slots: each slot is the mean of the curve over it, here by a quadrature of its own.
+  // Far more beams than slots: each slot is the mean of the curve over it, here by an independent quadrature.
   const Ellipse ellipse{{2.0, 0.3}, 0.6, 0.45, 0.2};
   Segments segments;
   segments.resolution_rad = radians(0.01);

@@ -31,7 +31,7 @@ void expect_no_allocation() {
 
 TEST(ErrorStateFilter, AllocatesNothing) {
   const auto before = allocations().count;
-  void* volatile memory = std::malloc(1);  // volatile: a compiler may leave out what nobody looks at
+  void* volatile memory = std::malloc(1);  // volatile: a compiler may remove an unused allocation
   std::free(memory);
   ASSERT_GT(allocations().count, before) << "allocations are not counted";
   expect_no_allocation<Eigen::Matrix<double, 8, 1>, 5>();

@@ -88,7 +88,7 @@ TEST(Assignment, ASeparateGroupOfRowsAndColumnsChangesNothing) {
 }
 
 TEST(Assignment, IsOptimalAndNotGreedy) {
-  // Greedy takes (0, 0) at -9 and leaves row 1 alone.
+  // Greedy takes (0, 0) at -9 and leaves row 1 unmatched.
   const std::vector<Candidate> candidates{{0, 0, -9.0}, {0, 1, -8.0}, {1, 0, -8.0}};
   EXPECT_EQ(assign(2, 2, candidates), (std::vector<int>{1, 0}));
 }

@@ -160,9 +160,9 @@ TEST(ErrorStateFilter, NaNsAndInvalidCovariancesPassNoGate) {
   }
 }
 
-/// The error that remains after an update, and its covariance, for a measurement of all of the error: known without any
+/// The error that remains after an update, and its covariance, for a measurement of all of the error: known without a
 /// filter. If the truth is x [+] e and e is measured as e + noise, then with next to no noise the state is the truth,
-/// and its covariance that of the noise, seen from the truth.
+/// and its covariance that of the noise about the truth.
 template <class State>
 void expect_reset_is_seen_from_the_corrected_state() {
   using M = Manifold<State>;
@@ -178,7 +178,7 @@ void expect_reset_is_seen_from_the_corrected_state() {
     update(estimate, innovation(estimate, e, H, R), H, R);
     EXPECT_LT(M::local_coordinates(truth, estimate.x).norm(), 1e-4);
 
-    // The covariance of many draws of the noise, each taken into the state alone.
+    // The covariance of many draws of the noise, each injected into the state.
     ErrorMatrix<State> sum = ErrorMatrix<State>::Zero();
     const int draws = 4000;
     for (int k = 0; k < draws; ++k) {

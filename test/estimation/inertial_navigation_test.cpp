@@ -52,7 +52,7 @@ NavigationState strapdown(const NavigationState& x, const Imu& imu, double dt_s,
   return y;
 }
 
-// F: an error of the attitude turns the specific force, one of a bias takes as much away.
+// F: an error of the attitude rotates the specific force, an error of a bias is subtracted.
 Matrix15d strapdown_jacobian(const NavigationState& x, const Imu& imu, double dt_s) {
   const Eigen::Vector3d force = imu.head<3>() - x.accelerometer_bias_m_s2;
   const Eigen::Vector3d turn = dt_s * (imu.tail<3>() - x.gyroscope_bias_rad_s);
@@ -69,7 +69,7 @@ Matrix15d strapdown_jacobian(const NavigationState& x, const Imu& imu, double dt
   return F;
 }
 
-// d(f) / d(noise of the IMU): noise is taken for a bias of this step alone.
+// d(f) / d(noise of the IMU): noise acts as a bias of this step only.
 Eigen::Matrix<double, 15, 6> strapdown_noise_jacobian(const NavigationState& x, const Imu& imu, double dt_s) {
   Eigen::Matrix<double, 15, 6> L;
   L << strapdown_jacobian(x, imu, dt_s).middleCols<6>(kAccelerometerBias);
@@ -120,8 +120,8 @@ struct WorldMotion {
   }
 };
 
-/// A run whose truth, IMU and fixes are drawn from the very models that the filter holds: turns and climbs at 50 Hz,
-/// a fix with a standard deviation of 0.5 m every 0.2 s.
+/// A run whose truth, IMU and fixes are drawn from the filter's own models: turns and climbs at 50 Hz, a fix with a
+/// standard deviation of 0.5 m every 0.2 s.
 struct NavigationRun {
   static constexpr double kStep_s = 0.02;
   static constexpr int kStepsPerFix = 10;
@@ -222,7 +222,7 @@ TEST(InertialNavigation, ManoeuvresMakeAttitudeAndBiasesObservable) {
   EXPECT_LT((after.array() / before.array()).maxCoeff(), 0.5) << (after.array() / before.array()).transpose();
 }
 
-// With gravity turned alike. The errors of position and velocity are given in the world and turn with it.
+// With gravity rotated as well. The errors of position and velocity are in the world frame and rotate with it.
 TEST(InertialNavigation, RigidMotionOfTheWorldMovesTheEstimateWithIt) {
   Random random(2);
   for (std::uint64_t k = 0; k < 5; ++k) {

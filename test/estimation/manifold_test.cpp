@@ -60,7 +60,7 @@ TYPED_TEST(ManifoldTest, RetractAndLocalCoordinatesUndoEachOther) {
       const auto y = random_state<TypeParam>(random);
       const auto e = random_error<TypeParam>(random, size);
       EXPECT_LT((M::local_coordinates(x, M::retract(x, e)) - e).norm(), 1e-11);
-      // To be the same is to be no error apart.
+      // The error between equal states is zero.
       EXPECT_LT(M::local_coordinates(y, M::retract(x, M::local_coordinates(x, y))).norm(), 1e-11);
       EXPECT_LT(M::local_coordinates(x, x).norm(), 1e-12);
     }
@@ -81,7 +81,7 @@ TYPED_TEST(ManifoldTest, SmallErrorsAdd) {
   }
 }
 
-// The error that is left when an error is taken into the state.
+// The remaining error after an error is injected into the state.
 TYPED_TEST(ManifoldTest, ResetJacobianEqualsTheNumericalOne) {
   using M = Manifold<TypeParam>;
   Random random(3);
@@ -113,7 +113,7 @@ TEST(ManifoldOfPose2, AMotionOfTheWorldChangesNoError) {
   }
 }
 
-// How the map takes a pose's covariance (objects.md): of x and y in the world and of yaw.
+// The pose covariance of the map (objects.md): of x and y in the world and of yaw.
 TEST(ManifoldOfPose2, ItsErrorsAreThoseOfPositionAndYawTurned) {
   Random random(5);
   for (int i = 0; i < 20; ++i) {

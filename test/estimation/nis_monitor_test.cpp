@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kDegrees = 5;
 
-/// Innovations that are `scale` times as large as their filter says.
+/// Innovations that are `scale` times as large as expected by their filter.
 void add(NisMonitor& monitor, int matches, double scale, Random& random) {
   for (int i = 0; i < matches; ++i) {
     double mahalanobis2 = 0.0;
@@ -46,7 +46,7 @@ TEST(NisMonitor, OnlyAPersistentDeviationIsInconsistent) {
     add(monitor, 40, 2.0, random);
     EXPECT_EQ(monitor.summarise().too_certain, i >= NisMonitor::kPersistent) << i;
     if (i % 5 == 0) {
-      EXPECT_EQ(monitor.summarise().matches, 0U);  // a pause says nothing
+      EXPECT_EQ(monitor.summarise().matches, 0U);  // a pause has no effect
     }
   }
   add(monitor, 40, 1.0, random);

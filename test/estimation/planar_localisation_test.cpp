@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The error-state filter on SE(2): a small localisation problem with odometry, and range and bearing to landmarks whose
-// places are known.
+// The error-state filter on SE(2): a small localisation problem with odometry, and range and bearing to landmarks at
+// known positions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -27,7 +27,7 @@ namespace {
 using Matrix23d = Eigen::Matrix<double, 2, 3>;
 
 // f(x) = x u, u the odometry: the motion between two poses, in the frame of the first. Its noise is an error of the
-// pose that it leads to, so that Q is its covariance, and F = Ad(u^-1) depends on no state.
+// second pose, so that Q is its covariance, and F = Ad(u^-1) does not depend on the state.
 Pose2 moved(const Pose2& T_world_robot, const Pose2& odometry) { return T_world_robot * odometry; }
 Eigen::Matrix3d move_jacobian(const Pose2& odometry) { return adjoint_se2(inverse(odometry)); }
 
@@ -51,7 +51,7 @@ Pose2 random_pose(Random& random) {
   return {{random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0)}, random.uniform(-kPi, kPi)};
 }
 
-/// A run whose truth, odometry and observations are drawn from the very models that the filter holds.
+/// A run whose truth, odometry and observations are drawn from the filter's own models.
 struct LocalisationRun {
   explicit LocalisationRun(std::uint64_t seed, const Pose2& T_world_room = {}) : random(seed) {
     for (Eigen::Vector2d& landmark : landmarks_world_m) landmark = T_world_room * landmark;
@@ -63,7 +63,7 @@ struct LocalisationRun {
     R = Eigen::Vector2d(0.03, 0.01).cwiseAbs2().asDiagonal();
   }
 
-  /// In bows, and back to the middle of the room where it gets far from there.
+  /// In arcs, and back towards the middle of the room when far from it.
   void move() {
     time_s += 0.1;
     const Eigen::Vector2d way_back_m = inverse(truth) * center_world_m;
@@ -75,7 +75,7 @@ struct LocalisationRun {
     predict(estimate, moved(estimate.x, odometry), move_jacobian(odometry), Q);
   }
 
-  /// Each landmark in reach, those outside of `gate` left out; `outlier_share` of them are something else.
+  /// Each landmark in reach, those outside of `gate` left out; `outlier_share` of them are outliers.
   void look(double gate = 1e9, double outlier_share = 0.0) {
     nis = {};
     for (const Eigen::Vector2d& landmark_world_m : landmarks_world_m) {
@@ -143,7 +143,7 @@ TEST(PlanarLocalisation, NeesAndNisOfSeededRunsAreInsideTheirBands) {
   }
 }
 
-// With no landmark in sight the covariance grows and stays honest, although the positions scatter along a bow.
+// Without landmarks the covariance grows and stays consistent, although the positions scatter along an arc.
 TEST(PlanarLocalisation, DeadReckoningStaysConsistent) {
   ChiSquareSum nees_sum;
   double yaw_sigma_rad = 0.0;
@@ -154,7 +154,7 @@ TEST(PlanarLocalisation, DeadReckoningStaysConsistent) {
     yaw_sigma_rad = std::sqrt(run.estimate.P(2, 2));
   }
   EXPECT_TRUE(nees_sum.is_consistent());
-  EXPECT_GT(yaw_sigma_rad, 0.15);  // or it would be no test
+  EXPECT_GT(yaw_sigma_rad, 0.15);  // required for a meaningful test
 }
 
 // Left-invariance: the world may be moved, and neither covariance nor innovations change.
@@ -176,7 +176,7 @@ TEST(PlanarLocalisation, RigidMotionOfTheWorldMovesTheStateAndLeavesItsCovarianc
   }
 }
 
-// One of five ranges is of something before the landmark, by a metre.
+// One of five ranges is an outlier, short by a metre.
 TEST(PlanarLocalisation, TheGateKeepsOutliersOut) {
   const double gate = chi_square_quantile(0.999, 2);
   ChiSquareSum gated;
@@ -187,7 +187,7 @@ TEST(PlanarLocalisation, TheGateKeepsOutliersOut) {
     LocalisationRun careless(static_cast<std::uint64_t>(k));
     for (int i = 0; i < 100; ++i) {
       run.move();
-      run.look(gate, i < 10 ? 0.0 : 0.2);  // once it knows where it is
+      run.look(gate, i < 10 ? 0.0 : 0.2);  // once it has converged
       careless.move();
       careless.look(1e9, i < 10 ? 0.0 : 0.2);
     }

@@ -144,7 +144,7 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
   EXPECT_FALSE(EllipsesByX().cover({0.0, 0.0}));
 }
 
-// Circles, for which everything is known: at a distance d, radii r of the one asked for and R of the other, r + R - d
+// Circles, with an analytic solution: at a distance d, radii r of the one asked for and R of the other, r + R - d
 // of its width 2 r lies on the other.
 TEST(EllipsesByX, OverlapEllipsesByMoreThanAQuarterOfTheirWidth) {
   Random random(8);

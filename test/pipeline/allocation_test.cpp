@@ -37,7 +37,7 @@ std::vector<Scan> scans() {
   return result;
 }
 
-/// What a second round of the same scans asks of the heap.
+/// Allocations of a second round of the same scans.
 struct SecondRound {
   std::int64_t asked = 0;
   std::vector<int> rows;  ///< segments that the detector was asked about, scan by scan, in both rounds
@@ -84,7 +84,7 @@ TEST(Allocation, NoneFromScanToMapAfterWarmUp) {
   EXPECT_EQ(round.asked, 0);
 }
 
-// OpenCV's forward asks for some of its own, more where the number of rows changes: nothing else does.
+// OpenCV's forward allocates, more where the number of rows changes; nothing else does.
 TEST(Allocation, WithTheNetworkOnlyInItsForward) {
   const SecondRound round = second_round("network");
   EXPECT_GE(round.objects, 4U);

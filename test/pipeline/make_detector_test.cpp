@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A folder with a model for every detector that needs one: networks that answer with the same ellipse always.
+/// A folder with a model for every detector that needs one: networks with a constant ellipse as output.
 class MakeDetectorTest : public testing::Test {
  protected:
   void SetUp() override {

@@ -31,7 +31,7 @@ TEST(ObjectPipelineParams, TheShippedFileIsAcceptedAndNamesAModel) {
   EXPECT_EQ(model_path(params.detections), kSource + "/models/ellipse.onnx");
 }
 
-// A copy of it is where users begin: what it writes out must be what it leaves out.
+// Users start from a copy of it: its values must be the defaults.
 TEST(ObjectPipelineParams, TheShippedFileRepeatsTheDefaults) {
   EXPECT_EQ(yaml_from_params(load_object_pipeline_params(kSource + "/cfg/objects.yaml", "")),
             yaml_from_params(ObjectPipelineParams{}));
@@ -217,8 +217,8 @@ TEST(ObjectPipeline, UsesTheGivenMapForExpectedOutlines) {
   EXPECT_NE(by_own, by_none);
 }
 
-// Flying at 2 m/s and turning at 60 deg/s, what stands is found where it is if each beam is taken at its own time, and
-// up to 5 cm beside if not.
+// Flying at 2 m/s and turning at 60 deg/s, standing objects are mapped at their positions if each beam has its own
+// time, and up to 5 cm beside if not.
 TEST(ObjectPipeline, AMovingLidarSeesStandingObjectsAtTheirPositions) {
   MovingLidar lidar;
   lidar.ellipses_world = {{{3.0, 0.5}, 0.5, 0.4, 0.2}, {{0.5, 2.0}, 0.0, 0.25, 0.25}, {{1.5, -3.0}, 1.0, 0.3, 0.2}};

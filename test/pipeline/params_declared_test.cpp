@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What is in a params struct and not in its fields() could be neither read nor documented.
+// A member of a params struct that is not in its fields() is neither read nor documented.
 #include <gtest/gtest.h>
 
 #include "situation_awareness/evaluation/dogleg.hpp"

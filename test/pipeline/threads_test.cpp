@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The core has no threads of its own, but a nodelet manager runs several of its parts side by side, and tools do.
-// Built with -fsanitize=thread by scripts/test.
+// The core has no threads, but a nodelet manager and tools run several pipelines concurrently. Built with
+// -fsanitize=thread by scripts/test.
 #include <gtest/gtest.h>
 
 #include <string>
@@ -24,7 +24,7 @@ ObjectPipelineParams params_of(const std::string& detector) {
   return params;
 }
 
-/// The map after every scan of things that stand, walk and hide one another; each seed has its own noise and place.
+/// The map after every scan of objects that stand, walk and hide each other; each seed has its own noise and position.
 std::vector<Objects> maps_of(const std::string& detector, std::uint64_t seed) {
   ObjectPipeline pipeline(params_of(detector));
   Random random(seed);
@@ -84,7 +84,7 @@ TEST(Threads, ConcurrentPipelinesGiveBitForBitTheResultsOfEachAlone) {
   }
 }
 
-// Many may ask for the map at once (get_objects): queries are const.
+// Several threads may query the map at once (get_objects): queries are const.
 TEST(Threads, AMapIsReadConcurrentlyWithoutAChange) {
   ObjectMap map(ObjectMapParams{});
   Detections detections;

@@ -127,7 +127,7 @@ TEST(HorizontalProjection, BeamStatesStay) {
   for (std::size_t i = 0; i < scan.beams.size(); ++i) EXPECT_EQ(points.points[i].state, scan.beams[i].state);
 }
 
-// A beam without a return has gone as far over the ground as one that meets something there.
+// A beam without a return has the same horizontal reach as one with a hit there.
 TEST(HorizontalProjection, FreeBeamsReachAsFarAsAHit) {
   Scan scan;
   scan.angle_increment_rad = 0.1;
@@ -142,8 +142,8 @@ TEST(HorizontalProjection, FreeBeamsReachAsFarAsAHit) {
   }
 }
 
-// The numbers of docs/math/points.md: where eq. 5 of the circle paper, rho cos(theta) at the same azimuth, puts a hit 5
-// m away under pitch, and where it is.
+// The numbers of docs/math/points.md: a hit 5 m away under pitch by eq. 5 of the circle paper, rho cos(theta) at the
+// same azimuth, and its true position.
 TEST(HorizontalProjection, EquationFiveMisplacesHits) {
   struct Row {
     double azimuth_deg, pitch_deg, azimuth_error_deg, distance_m;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// project_horizontally for a lidar that moves while it scans.
+// project_horizontally for a lidar that moves during the scan.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -25,7 +25,7 @@ Eigen::Isometry3d pose(const Eigen::Vector3d& position_m, double yaw_deg, double
   return T;
 }
 
-/// A room of four walls with two round things in it, and a lidar that flies and turns fast: 3 m/s and 160 deg/s.
+/// A room of four walls with two round objects in it, and a lidar that flies and turns fast: 3 m/s and 160 deg/s.
 MovingLidar fast_in_a_room() {
   MovingLidar lidar;
   lidar.walls_world = {
@@ -42,7 +42,7 @@ Points project(const MovingLidar& lidar) {
 
 double polar_rad(const Point& point) { return std::atan2(point.p_level_m.y(), point.p_level_m.x()); }
 
-/// What holds however the lidar moves: points are where the hits were, and azimuths never step back.
+/// Invariants for any motion of the lidar: points are at the hits, and azimuths are non-decreasing.
 void check_truth(const MovingLidar& lidar, const Points& points) {
   const std::vector<Eigen::Vector2d> hits_world_m = lidar.hits_world_m();
   double previous_rad = points.points.front().azimuth_rad;

@@ -32,7 +32,7 @@ TEST(FreeSpace, ReachesAsFarAsEachBeam) {
   EXPECT_TRUE(free_space(Points{}).azimuth_rad.empty());
 }
 
-// No place that is said to be free is inside a thing or behind it, whatever the volume of interest.
+// Free space is never inside an object or behind it, for any volume of interest.
 TEST(FreeSpace, IsFree) {
   LevelScene scene;
   scene.ellipses = {{{3.0, 0.5}, 0.4, 0.5, 0.2}, {{1.0, -1.5}, 0.0, 0.3, 0.3}};

@@ -121,7 +121,7 @@ TEST(RangeLimiter, KeepsIntensities) {
   }
 }
 
-// Eq. 4 of the circle paper: the volume stands in the world, wherever the robot is and however it tilts.
+// Eq. 4 of the circle paper: the volume is fixed in the world, for any pose and tilt of the robot.
 TEST(RangeLimiter, VolumeIsFixedInTheWorld) {
   RangeLimiterParams params;
   params.volume = {{Eigen::Vector3d::UnitX(), 2.0}, {-Eigen::Vector3d::UnitZ(), -1.0}};  // x <= 2, z >= 1

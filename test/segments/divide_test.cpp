@@ -47,7 +47,7 @@ void expect_same(const Segments& a, const Segments& b) {
   }
 }
 
-/// Whose hit a noiseless point is.
+/// The object of a noiseless hit.
 bool lies_on(const Ellipse& ellipse, const Point& point) {
   const Eigen::Vector2d d = point.p_level_m - ellipse.center_m;
   return std::abs(std::sqrt(d.dot(shape_matrix(ellipse).inverse() * d)) - 1.0) < 1e-3;
@@ -77,7 +77,7 @@ TEST(Divide, TwoKnownObjectsThatTouchAreDividedAtTheirBorder) {
   for (std::size_t i = 0; i < left.count; ++i) EXPECT_TRUE(lies_on(kLeft, divided.points[left.first + i]));
   EXPECT_EQ(right.kind, SegmentKind::kObject);
   EXPECT_EQ(left.kind, SegmentKind::kObject);
-  // The outer ends are as they were; at the border either may go on behind the other, as far as that reaches.
+  // The outer ends are unchanged; at the border either may extend behind the other, as far as that one does.
   EXPECT_EQ(right.right_end, SegmentEnd::kFree);
   EXPECT_EQ(left.left_end, SegmentEnd::kFree);
   EXPECT_EQ(right.right_hidden_rad, 0.0);
@@ -96,7 +96,7 @@ TEST(Divide, TheNearerOfTwoHasASilhouetteAndTheFartherAHiddenEnd) {
   const Segments whole = segments_of(scene);
   ASSERT_EQ(whole.segments.size(), 1U);
   SegmentationParams fine = params();
-  fine.occlusion_margin_m = 0.0;  // any difference tells which of them is in front
+  fine.occlusion_margin_m = 0.0;  // any difference decides which of them is in front
   const Segments divided = divide(whole, {near, far}, fine);
   ASSERT_EQ(divided.segments.size(), 2U);
   const Segment& right = divided.segments[0];
@@ -193,7 +193,7 @@ TEST(Divide, ABarrelAgainstAWallIsAnObjectAndTheWallStaysStructure) {
   LevelScene scene;
   scene.ellipses = {barrel};
   scene.walls = {{{4.0, -4.0}, {4.0, 4.0}}};
-  // The scanner's beams leave the barrel's edge 0.2 m from the wall; allowed to join, all is one thing.
+  // The hits on the barrel's edge are 0.2 m from the wall; with this gap all is one segment.
   SegmentationParams joining = params();
   joining.max_gap_m = joining.max_range_gap_m = 0.4;
   const Segments whole = segment(project_horizontally(scene.scan(), Eigen::Isometry3d::Identity()), joining);
@@ -226,7 +226,7 @@ TEST(Divide, AnArmThatSticksOutOfAKnownTorsoIsASeparatePiece) {
   const Segments divided = divide(whole, {torso}, params());
   ASSERT_GE(divided.segments.size(), 2U);
   for (const Segment& piece : divided.segments) EXPECT_EQ(piece.kind, SegmentKind::kObject);
-  // The arm's foremost hits are none of the torso's.
+  // The arm's foremost hits are not on the torso.
   const auto is_of_torso = [&](const Segment& piece) {
     int on_torso = 0;
     for (std::size_t i = 0; i < piece.count; ++i) on_torso += lies_on(torso, divided.points[piece.first + i]) ? 1 : 0;
@@ -234,7 +234,7 @@ TEST(Divide, AnArmThatSticksOutOfAKnownTorsoIsASeparatePiece) {
   };
   EXPECT_TRUE(is_of_torso(divided.segments[0]));
   EXPECT_FALSE(is_of_torso(divided.segments[1]));
-  // What lies against the torso and hardly sticks out is the torso, seen badly.
+  // Hits against the torso that hardly stick out belong to the torso.
   scene.ellipses[1] = {{2.87, 0.1}, 0.0, 0.05, 0.05};
   const Segments flat = segments_of(scene);
   ASSERT_EQ(flat.segments.size(), 1U);

@@ -31,7 +31,7 @@ struct Wall {
   }
 };
 
-/// Any that no beam hits at less than 13 degrees.
+/// A random one with angles of incidence of 13 degrees or more.
 Wall random_wall(Random& random) {
   const double distance_m = random.uniform(1.0, 5.0);
   const double from_m = distance_m * random.uniform(-4.0, 3.0);
@@ -61,8 +61,7 @@ std::vector<Point> hits_on(const Wall& wall, std::size_t count, double sigma_m, 
   return points;
 }
 
-/// Error of an estimate: how far the true line is from it along its normal at `through_m`, and by how much it is
-/// turned.
+/// Error of an estimate: offset of the true line along the normal at `through_m`, and its rotation.
 Eigen::Vector2d error_of(const Line& estimate, const Line& truth) {
   const double turn_rad = std::atan2(estimate.normal.x() * truth.normal.y() - estimate.normal.y() * truth.normal.x(),
                                      estimate.normal.dot(truth.normal));
@@ -95,8 +94,8 @@ TEST(EstimateLine, IsExactWhereRangesAre) {
   }
 }
 
-/// The line that minimises the sum of squares of what ranges are off it, by its normal's azimuth and its distance:
-/// Gauss-Newton with numerical derivatives, far beyond what is needed.
+/// The line of least squared range residuals, by its normal's azimuth and its distance: Gauss-Newton with numerical
+/// derivatives and more steps than needed.
 Line maximum_likelihood(const std::vector<Point>& points, Wall at) {
   const auto residuals = [&](double azimuth_rad, double distance_m) {
     Eigen::VectorXd r(static_cast<Eigen::Index>(points.size()));
@@ -203,7 +202,7 @@ TEST(StraightPieces, AreTheWallsOfARoomAndEndAtItsCorners) {
   }
 }
 
-// All the way from the scan: also what is broken at corners has errors as large as its covariance says.
+// From the scan on: pieces split at corners have errors as large as their covariance, too.
 TEST(StraightPieces, HaveTheCovarianceOfTheirErrors) {
   Random random(7);
   double nees = 0.0;
@@ -217,7 +216,7 @@ TEST(StraightPieces, HaveTheCovarianceOfTheirErrors) {
       double best = 1e9;
       for (const LevelScene::Wall& wall : scene.walls) {
         const Eigen::Vector2d direction = (wall.to - wall.from).normalized();
-        Line truth{wall.from, {direction.y(), -direction.x()}};  // away from what is inside
+        Line truth{wall.from, {direction.y(), -direction.x()}};  // away from the inside
         const Eigen::Vector2d error = error_of(piece.line_level, truth);
         best = std::min(best, mahalanobis2(error, piece.covariance));
       }
@@ -245,7 +244,7 @@ TEST(StraightPieces, HaveTheKindsOfTheirEnds) {
   EXPECT_NEAR(pieces[1].left_level_m.y(), 2.0, 0.04);
 }
 
-// A few hits off a wall, as a handle or a mixed pixel gives them, neither break it nor pull at it.
+// A few hits off a wall, by a handle or mixed pixels, neither split it nor bias it.
 TEST(StraightPieces, ContinueAcrossAFewHitsOffTheirLine) {
   LevelScene scene;
   scene.walls = {{{3.0, -2.0}, {3.0, 2.0}}};

@@ -74,7 +74,7 @@ TEST(Segmentation, ClassifiesTheEndsOfSegments) {
   EXPECT_EQ(last.right_end, SegmentEnd::kFree);
   EXPECT_EQ(last.left_end, SegmentEnd::kScanEdge);
 
-  // Behind the near ellipse nothing is known; past it, the wall shows that the far one has ended.
+  // Behind the near ellipse nothing is visible; beside it, the wall shows that the far one has ended.
   const SegmentationParams params;
   EXPECT_NEAR(far.right_hidden_rad, static_cast<double>(near.count) * segments.resolution_rad, 1e-9);
   EXPECT_EQ(far.left_hidden_rad, 0.0);
@@ -100,7 +100,7 @@ TEST(Segmentation, SkipsInvalidBeamsAndEndsAtTooCloseOnes) {
   EXPECT_EQ(segments.segments[0].left_end, SegmentEnd::kFree);
 }
 
-// A beam without a return says nothing of what is beyond its reach.
+// A beam without a return has no information beyond range_max.
 TEST(Segmentation, SegmentsAtRangeMaxHaveHiddenEnds) {
   LevelScene scene;
   scene.ellipses = {{{3.1, 0.0}, 0.0, 0.4, 0.4}};
@@ -190,7 +190,7 @@ TEST(Segmentation, AnObjectOnTheBorderOfTheVolumeStaysWholeAndOneOutsideIsDroppe
   EXPECT_NEAR(static_cast<double>(segments.segments[0].count), degrees(2.0 * std::asin(0.1)) * 4.0, 1.01);
 }
 
-// Every structure and every run of hits that is left out has its reason.
+// Every structure and every dropped run of hits has its reason.
 TEST(Segmentation, CountsRefusedSegmentsByReason) {
   Random random(2);
   for (int seed = 0; seed < 20; ++seed) {

@@ -34,8 +34,7 @@ TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
   EXPECT_EQ(pieces, 8);
 }
 
-// Ellipses bulge, however they stand and however flat they are up to 1 : 4; a cabinet's front does not, even if it is
-// not quite straight.
+// Ellipses up to 1 : 4 bulge at any orientation; a cabinet's front does not, even if it is not quite straight.
 TEST(Structure, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
   Random random(5);
   for (int i = 0; i < 200; ++i) {
@@ -60,8 +59,8 @@ TEST(Structure, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
   }
 }
 
-// With its own edge on both sides a narrow board is an object; cut off by a post it may be any wall, and a curved thing
-// cut off alike is still an object.
+// With its own edge on both sides a narrow board is an object; occluded by a post it may be part of a wall, and a
+// curved segment with such an occlusion is still an object.
 TEST(Structure, AStraightPieceWithAHiddenEndIsStructure) {
   LevelScene scene;
   const auto reason_of_far = [&] {
@@ -122,7 +121,7 @@ TEST(Structure, EachSegmentHasAReasonOrMayBeAnObject) {
     const Segments segments = segment_scan(scene.scan(&random));
     for (const Segment& s : segments.segments) {
       EXPECT_EQ(s.kind == SegmentKind::kStructure, s.structure != StructureReason::kNone);
-      // What is in line with another is not structure by itself; everything else is what it is alone.
+      // Segments in line with another are not structure by themselves; all others have their own reason.
       const StructureReason alone = structure_reason(segments, s, {});
       EXPECT_EQ(alone, s.structure == StructureReason::kInLine ? StructureReason::kNone : s.structure);
     }
@@ -154,7 +153,7 @@ TEST(Structure, EarlierClassificationsHaveNoEffect) {
   }
 }
 
-// A turn of the world, seen by a scanner that turns with it, is none to the classification.
+// The classification is invariant under rotation of world and scanner together.
 TEST(Structure, IsInvariantUnderRotation) {
   Random random(9);
   for (int i = 0; i < 50; ++i) {

@@ -29,7 +29,7 @@ inline std::string sha256_of(const std::string& content) {
   return text;
 }
 
-/// The network y = A x + b, whose answers a test knows beforehand, as an ONNX file and its manifest.
+/// The network y = A x + b, with known outputs, as an ONNX file and its manifest.
 struct AffineModel {
   Eigen::MatrixXf A;  ///< outputs by inputs
   Eigen::VectorXf b;

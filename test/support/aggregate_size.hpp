@@ -20,7 +20,7 @@ auto constructible_from(std::index_sequence<Is...>)
 template <class Aggregate>
 std::false_type constructible_from(...);
 
-/// Takes anything, counts itself.
+/// Converts to any type, for counting initialisers.
 struct CountFields {
   std::size_t& count;
   template <class Value, class... Declared>
@@ -31,7 +31,7 @@ struct CountFields {
 
 }  // namespace detail
 
-/// The number of data members of a plain struct: of how many initialisers it can be made.
+/// The number of data members of a plain struct: its largest number of initialisers.
 template <class Aggregate, std::size_t kMost = 64>
 constexpr std::size_t aggregate_size() {
   if constexpr (decltype(detail::constructible_from<Aggregate>(std::make_index_sequence<kMost>()))::value) {

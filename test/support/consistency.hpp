@@ -9,13 +9,14 @@
 
 namespace situation_awareness {
 
-/// Normalised estimation error squared (NEES): chi-square of the dimension of the error if the covariance is honest.
+/// Normalised estimation error squared (NEES): chi-square of the dimension of the error if the covariance is
+/// consistent.
 template <class State>
 double nees(const Estimate<State>& estimate, const State& truth) {
   return mahalanobis2(Manifold<State>::local_coordinates(estimate.x, truth), estimate.P);
 }
 
-/// A sum of squared Mahalanobis distances of independent errors, with the number of degrees of freedom that it has.
+/// A sum of squared Mahalanobis distances of independent errors, with its number of degrees of freedom.
 struct ChiSquareSum {
   double sum = 0.0;
   int degrees_of_freedom = 0;
@@ -25,7 +26,7 @@ struct ChiSquareSum {
     degrees_of_freedom += degrees;
   }
 
-  /// Whether the sum is where 99 % of such sums are.
+  /// Whether the sum is within 99 % bounds.
   ::testing::AssertionResult is_consistent() const {
     const double low = chi_square_quantile(0.005, degrees_of_freedom);
     const double high = chi_square_quantile(0.995, degrees_of_freedom);

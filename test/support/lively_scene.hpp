@@ -18,10 +18,10 @@ namespace situation_awareness {
 
 constexpr double kLivelyPeriod_s = 0.05;
 
-/// What a scanner that flies and turns detects among things that do all that a map can know of: they stand, alike or
-/// not, walk with swinging arms, come and go, hide one another, and are now and then not detected. From `start_ns` on.
+/// Detections of a flying and turning scanner among objects of all kinds: they stand, with equal or different shapes,
+/// walk with swinging arms, appear and disappear, occlude each other, and are sometimes missed. From `start_ns` on.
 inline std::vector<Detections> lively_scene(int scans, std::int64_t start_ns, std::uint64_t seed) {
-  constexpr double kSeen_m = 0.02;  // standard deviation of what the detections say
+  constexpr double kSeen_m = 0.02;  // standard deviation of the detections
   Random random(seed);
   std::vector<Detections> result;
   for (int i = 0; i < scans; ++i) {

@@ -14,8 +14,8 @@
 
 namespace situation_awareness {
 
-/// A lidar that moves steadily while it scans a world of vertical things that stand, for tests: every beam is
-/// intersected analytically from the pose at its own time.
+/// A lidar that moves at constant velocity during its scan of a static world of vertical objects, for tests: every beam
+/// is intersected analytically from the pose at its own time.
 struct MovingLidar {
   struct Wall {  ///< all points with normal . p = offset_m, endless
     Eigen::Vector2d normal;
@@ -41,7 +41,7 @@ struct MovingLidar {
     return T;
   }
 
-  /// Where each beam ends in the world, seen from above; NaN where it meets nothing.
+  /// Where each beam ends in the world, seen from above; NaN without a hit.
   std::vector<Eigen::Vector2d> hits_world_m() const {
     std::vector<Eigen::Vector2d> hits;
     for (int i = 0; i < beams; ++i) {

@@ -10,7 +10,7 @@
 
 namespace situation_awareness {
 
-/// The message with which `call` throws an `Error`; empty if it throws nothing. What else it throws goes on.
+/// The message with which `call` throws an `Error`; empty if it throws nothing. Other exceptions are passed on.
 template <class Error = std::invalid_argument, class Call>
 std::string refusal_of(const Call& call) {
   try {
@@ -38,8 +38,8 @@ inline bool has_fact(const std::string& message, const std::string& fact) {
   return false;
 }
 
-/// What a message must tell, and no more, so that its wording is free: it is one line and has all the facts, which are
-/// fields, values, bounds, paths and names. `EXPECT_TRUE(names(refusal_of([&] { ... }), {"scan.max_range_m", "-1"}))`.
+/// Checks the facts of a message and not its wording: it is one line and has all the facts, which are fields, values,
+/// bounds, paths and names. `EXPECT_TRUE(names(refusal_of([&] { ... }), {"scan.max_range_m", "-1"}))`.
 inline testing::AssertionResult names(const std::string& message, const std::vector<std::string>& facts) {
   if (message.empty()) return testing::AssertionFailure() << "nothing was refused";
   if (message.find('\n') != std::string::npos) return testing::AssertionFailure() << "more than a line: " << message;

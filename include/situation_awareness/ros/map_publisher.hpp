@@ -16,7 +16,7 @@
 namespace situation_awareness {
 
 /// Publishes a map of any kind: the topic of its name, the same with a limited rate below downlink/ (for other hosts),
-/// and markers (for the eye). `Kind` is as for MapServices, and has
+/// and markers (for display). `Kind` is as for MapServices, and has
 ///
 ///     static constexpr const char* kMarkersTopic = "object_markers";
 ///     using Markers = ObjectMarkers;  // visualization_msgs::MarkerArray update(const Value&, const std::string&
@@ -29,7 +29,7 @@ class MapPublisher {
         downlink_limit_(params.downlink_rate_hz),
         publisher_(context.node().advertise<typename Kind::Message>(Kind::kName, 20)),
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>(Kind::kMarkersTopic, 5)),
-        // A queue of one: what a broken link holds up is out of date when it comes back.
+        // A queue of one: messages delayed by a broken link are outdated.
         downlink_publisher_(
             context.node().advertise<typename Kind::Message>(std::string("downlink/") + Kind::kName, 1)) {}
 

@@ -73,7 +73,7 @@ class MapServices {
                                [this](const auto& request, auto& response) { response.message = load(request.file); });
   }
 
-  /// Answers with what `act` makes of the request, or why it did not, and lets nothing escape.
+  /// Responds with the result of `act`, or with the reason of its exception; nothing escapes.
   template <class Service, class Act>
   void serve(ros::NodeHandle& node, const std::string& name, Act act);
 
@@ -131,7 +131,7 @@ std::string MapServices<Kind>::reset() {
   const std::int64_t latest_ns = map_.stamp_ns();
   const std::size_t elements = map_.size();
   map_.reset();
-  // The other stages and whoever draws the map are to forget too.
+  // The other stages and all displays must clear theirs, too.
   if (latest_ns != Map::kNoStamp) publish_(map_.at(latest_ns));
   return "the map was reset: " + detail::count_of(elements) + " forgotten";
 }

@@ -34,9 +34,9 @@ struct PosedMessage {
   Eigen::Isometry3d T_world_sensor, T_world_sensor_end;
 };
 
-/// The input of a stage that takes measurements of a sensor (scans, clouds, images) and needs to know where the sensor
-/// was: each waits for its transforms, then for its turn. Drops are counted with their reasons, how late transforms are
-/// is on /diagnostics. Lives on the callback queue of its stage, so it needs no lock; `context` must outlive it.
+/// The input of a stage with measurements of a sensor (scans, clouds, images) that need the sensor's poses: each waits
+/// for its transforms, then in the backlog. Drops are counted by reason, delays of transforms are on /diagnostics. All
+/// calls are on the callback queue of its stage, without a lock; `context` must outlive it.
 template <class Message>
 class PosedInput {
  public:
@@ -44,12 +44,12 @@ class PosedInput {
   using ConstPtr = boost::shared_ptr<const Message>;
 
   struct Use {
-    std::function<std::string(const Message&)> defect;  ///< why it is dropped at once; empty text if it is not
-    std::function<Taken(const Message&)> taken;         ///< when, and in which frame
-    std::function<void()> restarted;                    ///< stamps have started again
+    std::function<std::string(const Message&)> defect;  ///< reason to drop it at once; empty if it is valid
+    std::function<Taken(const Message&)> taken;         ///< its time and frame
+    std::function<void()> restarted;                    ///< called after a restart of stamps
   };
 
-  /// Stamps that go back by more than `reset_time_jump_s` start again.
+  /// A stamp that goes back by more than `reset_time_jump_s` is a restart.
   PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, Use use)
       : context_(context),
         use_(std::move(use)),
@@ -58,11 +58,12 @@ class PosedInput {
             tf_,
             {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s},
             [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on a thread of its own
+        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on its own thread
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
     context.on_arrival([this](const ConstPtr& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                        [this] { return queue_.waiting(); });
-    // Transforms come by another way than measurements, so arrival of one alone would leave the latest one waiting.
+    // Transforms may arrive after their measurement, so checking only on its arrival would leave the latest one
+    // waiting.
     context.every(0.005, [this] { release(); });
   }
   PosedInput(const PosedInput&) = delete;
@@ -89,7 +90,7 @@ class PosedInput {
 
   static std::int64_t steady_now_ns() { return static_cast<std::int64_t>(ros::SteadyTime::now().toNSec()); }
 
-  /// Lets go on what has its transforms. Throws nothing.
+  /// Enqueues the measurements that have their transforms. Does not throw.
   void release() {
     try {
       while (const std::optional<Posed<Arrived>> ready = queue_.next(steady_now_ns())) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which detection is of which element: against every matching there is, on small random problems.
+// Association against all possible matchings, on small random problems.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -29,7 +29,7 @@ using namespace object_state;
 constexpr std::int64_t kStart_ns = 1'000'000'000;
 constexpr double kSightMargin_m = 0.1;
 
-/// What was not seen just now, or is not sure to be there, is bound by more than the likelihood ratio: none of that.
+/// Elements for which only the likelihood ratio decides: all were seen just now and surely exist.
 ObjectMapParams params() {
   ObjectMapParams result;
   result.measurement_sigma_m = 0.0;
@@ -38,7 +38,7 @@ ObjectMapParams params() {
   return result;
 }
 
-/// Elements that are where something was a moment ago, and what is detected among them.
+/// Elements that were seen a moment ago, and detections among them.
 struct Problem {
   std::vector<MapElement> elements;
   Detections detections;
@@ -85,8 +85,7 @@ void add_group(const Eigen::Vector2d& near_m, double spread_m, double sigma, Ran
   }
 }
 
-/// What a scanner sees of the detections and of some that are beside: of the elements, some are then seen through, hit
-/// or hidden.
+/// A scan of the detections and of others beside them: some elements are then seen through, hit or hidden.
 FreeSpace random_free_space(const Problem& problem, Random& random) {
   LevelScene scene;
   scene.beams = 361;
@@ -121,7 +120,7 @@ Matching matching_of(const Problem& problem) {
   map.resume(snapshot);  // no time passes before the update
   const ObjectMapUpdate update = map.update(problem.detections);
   Matching result;
-  for (std::uint64_t k = 0; k < update.matches; ++k) {  // those that replace an element come after
+  for (std::uint64_t k = 0; k < update.matches; ++k) {  // those that reinitialise an element follow
     const std::uint64_t id = update.updated[k];
     for (const MapElement& element : map.snapshot().elements) {
       if (element.id == id) result[id] = element.beams;

@@ -78,7 +78,7 @@ TEST(Bodies, NoElementJoinsThatIsFarOrLargeOrStanding) {
     MapElement body, part;
   };
   for (const Case& c : {Case{body, element_of(2, {0.6, 0.0}, 0.05)},  // a gap of 0.35 m
-                        Case{body, element_of(2, {0.5, 0.0}, 0.16)},  // no limb
+                        Case{body, element_of(2, {0.5, 0.0}, 0.16)},  // too large for a part
                         Case{standing_body, element_of(2, {0.4, 0.0}, 0.05)}}) {
     std::vector<MapElement> elements{c.body, c.part};
     travel({0.0, 1.0}, elements);
@@ -129,7 +129,7 @@ TEST(Bodies, APartIsReleasedAtTwiceTheGap) {
 
 TEST(Bodies, AReIdentifiedElementIsNeitherBodyNorPart) {
   BodyJoiner joiner;
-  // Where the lost one goes on, with the same estimate.
+  // At the prediction of the lost one, with the same estimate.
   std::vector<MapElement> elements{element_of(1, {0.0, 0.0}, 0.2), element_of(2, {0.4, 0.0}, 0.05),
                                    element_of(3, {0.0, 0.0}, 0.2)};
   elements[2].state = TrackState::kDeleted;

@@ -19,7 +19,7 @@ using namespace object_state;
 
 constexpr double kLn4 = 1.3862943611198906;
 
-/// A standing element of 0.3 m and 0.2 m, its place uncertain by `sigma_m` in each direction.
+/// A standing element of 0.3 m and 0.2 m, with a position sigma of `sigma_m` in each direction.
 MapElement element_at(const Eigen::Vector2d& center_m, double sigma_m) {
   MapElement element;
   element.id = 1;
@@ -201,13 +201,13 @@ TEST(Existence, OnTheMapAreConfirmedLikelyCertainElementsThatAreNoParts) {
         return uncertain;
       }(),
       params));
-  // Errors that repeat count, too: 0.2^2 + 0.4 * 0.3^2 > 0.24^2.
+  // Correlated errors count, too: 0.2^2 + 0.4 * 0.3^2 > 0.24^2.
   params.correlated_error_fraction = 0.4;
   good.P_view = 0.3 * 0.3 * Matrix8d::Identity();
   EXPECT_FALSE(is_on_map(good, params));
 }
 
-// Where it may stand here or move there, its place is as uncertain as that.
+// With an ambiguous motion the position has the spread of both estimates.
 TEST(Existence, AnAmbiguousMotionMakesThePositionUncertain) {
   ObjectMapParams params;
   params.correlated_error_fraction = 0.0;

@@ -40,18 +40,18 @@ ObjectMap lively_map(int scans, const ObjectMapParams& params = {}) {
   return map;
 }
 
-/// What reading this text throws.
+/// The message of the exception on reading this text.
 std::string refusal(const std::string& yaml) {
   return refusal_of([&] { map_from_yaml(yaml, "a.yaml"); });
 }
 
-/// The file with its last line as a person writes it who has edited it.
+/// The file with the last line of an edited file.
 std::string edited(std::string yaml) {
   const std::size_t last_line = yaml.rfind("\nsha256: ") + 1;
   return yaml.substr(0, last_line) + "sha256: edited\n";
 }
 
-/// The `count`th line that begins with this name gets another value; `value` may be several lines.
+/// Replaces the value of the `count`th line that begins with this name; `value` may be several lines.
 std::string with(std::string yaml, const std::string& name, const std::string& value, int count = 1) {
   std::size_t at = 0;
   for (int i = 0; i < count; ++i) {
@@ -141,7 +141,7 @@ TEST(MapFile, ReadsVersionOne) {
     old.replace(at, line.size(), std::string("    confirmed: ") + (*state == 't' ? "false" : "true") + "\n");
   }
   EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml);
-  // Of either version only its own field is known.
+  // Each version knows only its own field.
   EXPECT_TRUE(names(refusal(edited(with(old, "confirmed", "yes"))), {"confirmed"}));
   EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "1"))), {"confirmed"}));
   EXPECT_TRUE(names(refusal(edited(with(old, "version", "2"))), {"state"}));
@@ -246,7 +246,7 @@ TEST(MapFile, DamagedAndEditedItIsRefusedOrAValidMap) {
       ASSERT_TRUE(object.covariance.allFinite() && object.ellipse_world.center_m.allFinite()) << i;
     }
   }
-  EXPECT_GT(maps, 100);  // some digits say as much of a map as others
+  EXPECT_GT(maps, 100);  // changed digits may give a valid map
 }
 
 TEST(MapFile, RefusesInvalidMapsByElementAndField) {
@@ -366,7 +366,7 @@ TEST(MapFile, CanBeEditedByHand) {
   EXPECT_EQ(map_to_yaml(read), map_to_yaml(expected)) << "and nothing else";
 }
 
-/// A folder of the test's own.
+/// A temporary folder.
 class MapFileOnDisk : public testing::Test {
  protected:
   MapFileOnDisk() : folder_(testing::TempDir() + "map_file_test_" + std::to_string(::getpid())) {

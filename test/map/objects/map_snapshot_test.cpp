@@ -33,7 +33,7 @@ ObjectMap lively_map(const ObjectMapParams& params = {}) {
   return map;
 }
 
-/// All that a map knows, as one text.
+/// The whole state of a map as text.
 std::string text_of(const ObjectMap& map) {
   MapSnapshot snapshot = map.snapshot();
   snapshot.world_frame = "world";
@@ -103,7 +103,7 @@ TEST_P(Resumed, HasAllElementsAtTheirPositionsWithTheirIds) {
   const ObjectMapUpdate update = resumed.update(next_scan(stamp_ns));
   EXPECT_EQ(resumed.stamp_ns(), stamp_ns);
 
-  // What went on without a break, up to what a period of motion does.
+  // The uninterrupted map, up to the motion of one period.
   ObjectMap went_on = map;
   const ObjectMapUpdate expected = went_on.update(next_scan(map.stamp_ns() + kPeriod_ns));
   EXPECT_EQ(update.updated, expected.updated);
@@ -123,7 +123,7 @@ TEST_P(Resumed, HasAllElementsAtTheirPositionsWithTheirIds) {
     EXPECT_EQ(a.objects[i].first_seen_ns, b.objects[i].first_seen_ns + later_ns);
   }
 
-  // And on it goes: time counts again.
+  // Afterwards time counts again.
   EXPECT_EQ(resumed.update(next_scan(stamp_ns)).reasons.of("stamp repeats"), 1U);
   for (int i = 1; i < 10; ++i) {
     Detections detections = scene()[static_cast<std::size_t>(kScans + i)];
@@ -146,7 +146,7 @@ TEST(MapSnapshot, IsResumedByARunningMapAtItsOwnTime) {
   running.resume(saved.snapshot());
   EXPECT_EQ(running.stamp_ns(), now_ns);
   EXPECT_EQ(ids_of(running.at(now_ns)), ids_of(saved.at(saved.stamp_ns())));
-  // Its clock starts again before the next scan: the loaded map is not lost.
+  // Its clock is reset before the next scan: the loaded map is kept.
   running.update(next_scan(nanoseconds(1.0)));
   EXPECT_EQ(running.stamp_ns(), nanoseconds(1.0));
   EXPECT_EQ(ids_of(running.at(running.stamp_ns())), ids_of(saved.at(saved.stamp_ns())));
@@ -159,7 +159,7 @@ TEST(MapSnapshot, SavedAgainBeforeTheNextScanItIsTheSame) {
   EXPECT_EQ(text_of(loaded), text_of(saved));
 }
 
-/// A barrel as it is detected from there.
+/// The detection of a barrel from there.
 Detections barrel_from(const Pose2& T_world_level, std::int64_t stamp_ns) {
   Detections detections;
   detections.stamp_ns = stamp_ns;
@@ -187,7 +187,7 @@ TEST(MapSnapshot, ThePoseOfTheRobotAtSavingIsNotUsed) {
   ObjectMap resumed{ObjectMapParams()};
   resumed.resume(saved.snapshot());
   EXPECT_LT(sigma_after_m(resumed, nanoseconds(10.0)), before_m) << "a detection from another side says something";
-  // Flown, the way of 6 m in a period would make nothing of it, with stamps 2 ms apart.
+  // As a motion within one period, 6 m would prevent every match, with stamps 2 ms apart.
   EXPECT_GE(sigma_after_m(saved, saved.stamp_ns() + kPeriod_ns), before_m - 1e-4);
 }
 
@@ -198,7 +198,7 @@ TEST(ObjectMapReset, DeletesAllButTheIdsAndAcceptsAnyTime) {
   EXPECT_EQ(map.stamp_ns(), ObjectMap::kNoStamp);
   EXPECT_TRUE(map.at(kStart_ns).objects.empty());
 
-  // What comes next makes of it what it makes of a map that never knew anything.
+  // It continues like a new map.
   ObjectMap fresh{ObjectMapParams()};
   for (const Detections& detections : lively_scene(60, nanoseconds(3.0), 4)) {
     const ObjectMapUpdate a = map.update(detections);

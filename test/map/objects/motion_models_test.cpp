@@ -19,7 +19,7 @@ namespace {
 using namespace object_state;
 
 constexpr double kScanPeriod_s = 0.05;
-constexpr double kSeen_m = 0.02;  // noise of what is seen, per axis
+constexpr double kSeen_m = 0.02;  // measurement noise, per axis
 const Eigen::Matrix3d kRobotIsKnown = Eigen::Matrix3d::Zero();
 
 MotionParams motion() {
@@ -41,7 +41,7 @@ Measurement seen_at(const Eigen::Vector2d& position, Random& random) {
   return measurement;
 }
 
-/// An object on a way, followed scan by scan.
+/// An object on a path, tracked scan by scan.
 struct Follower {
   explicit Follower(std::function<Eigen::Vector2d(double)> position_at, std::uint64_t seed)
       : position_at(std::move(position_at)), random(seed) {
@@ -102,7 +102,7 @@ TEST(MotionModels, DetectsTheStartOfAMotionWithinTenScans) {
     ASSERT_LT(follower.estimate.p_moving, 0.5) << seed;
     follower.follow_until(5.0 + 10 * kScanPeriod_s);
     EXPECT_GT(follower.estimate.p_moving, 0.5) << seed;
-    // Already then it is where it is, not where it stood.
+    // Already then the estimate is at its position, not where it stood.
     EXPECT_LT((combine(follower.estimate).x.head<2>() - follower.position_at(follower.time_s)).norm(), 0.1) << seed;
   }
 }
@@ -250,7 +250,7 @@ TEST(MotionModels, CovariancesStayPositiveSemiDefinite) {
   }
 }
 
-// The spread of what may turn grows with the cube of time; what is known of its radii must not drown in it.
+// The variance of a rotating object grows with the cube of time; its radii must keep their precision.
 TEST(MotionModels, SeenAgainAfterAnyTimeItHasACovariance) {
   Random random(13);
   for (int i = 0; i < 2000; ++i) {
@@ -289,8 +289,7 @@ TEST(MotionModels, ProbabilitiesStayInRangeAtAnyRates) {
   }
 }
 
-// A mixture of shapes has a shape between them: no weight is outside [0, 1], whatever rounding makes of rates at which
-// all but nothing goes on as it was.
+// A mixture of shapes has a shape between them: no weight is outside [0, 1], also with rounding at very high rates.
 TEST(MotionModels, AMixtureLiesBetweenTheTwo) {
   Random random(12);
   const auto rate_1_s = [&random] { return std::pow(10.0, random.uniform(-25.0, 2.0)); };

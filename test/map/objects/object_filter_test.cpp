@@ -175,7 +175,7 @@ TEST(ObjectFilter, RigidMotionOfTheWorldMovesTheEstimateWithIt) {
     update(b, motion * T, measurement, match_b, U_b);
     EXPECT_LT((b.x - moved(a).x).norm(), 1e-9);
     EXPECT_LT((b.P - moved(a).P).cwiseAbs().maxCoeff(), 1e-9);
-    // And the ellipse moves as the curve it is.
+    // And the ellipse moves as a curve.
     EXPECT_LT((shape_matrix(ellipse_world(b.x)) - shape_matrix(motion * ellipse_world(a.x))).norm(), 1e-9);
   }
 }
@@ -200,7 +200,7 @@ TEST(ObjectFilter, TheDescriptionOfTheMeasuredCurveDoesNotMatter) {
   }
 }
 
-// What R says of z, and nothing of the velocities: the state's covariance seen from the level frame again.
+// R without the velocities: the state's covariance transformed back to the level frame.
 TEST(ObjectFilter, StateCovarianceIsThatOfTheMeasurement) {
   Random random(9);
   for (int i = 0; i < 50; ++i) {
@@ -237,7 +237,7 @@ TEST(ObjectFilter, UpdateEqualsTheInformationForm) {
   }
 }
 
-/// A matched simulation: truth, process, robot pose and measurements drawn from the very models the filter holds.
+/// A matched simulation: truth, process, robot pose and measurements drawn from the filter's own models.
 struct MatchedRun {
   explicit MatchedRun(std::uint64_t seed) : random(seed) {
     truth = random_state(random);
@@ -256,7 +256,7 @@ struct MatchedRun {
     truth = predict(truth, dt_s) + draw(Q, random);
     predict(estimate, dt_s, kNoise);
 
-    // The robot circles the object; the filter is told a noisy pose.
+    // The robot circles the object; the filter gets a noisy pose.
     angle_rad += 0.02;
     const Pose2 T_true{truth.head<2>() - 3.0 * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)), angle_rad};
     const Pose2 T_given = pose_of(vector_of(T_true) + draw(U, random));
@@ -271,7 +271,7 @@ struct MatchedRun {
 
   double nees() const { return mahalanobis2(truth - estimate.x, estimate.P); }
 
-  /// Of what the map publishes.
+  /// Of the published estimate.
   double published_nees() const {
     Object object;
     fill_object(estimate, Matrix8d::Zero(), object);

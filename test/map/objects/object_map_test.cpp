@@ -30,9 +30,9 @@ namespace {
 using namespace object_error;
 
 constexpr double kScanPeriod_s = 0.05;
-constexpr double kSeen_m = 0.02;  // standard deviation of what the detections say
+constexpr double kSeen_m = 0.02;  // standard deviation of the detections
 
-/// What these tests count on: the defaults may be tuned.
+/// Parameters of these tests, independent of the defaults.
 ObjectMapParams params() {
   ObjectMapParams result;
   result.shape = "ellipse";
@@ -75,7 +75,7 @@ Detection detection_of(const Ellipse& ellipse_level) {
   return detection;
 }
 
-/// Detections of all of these, noiseless unless `random` is given; nothing is known of free space.
+/// Detections of all of these, noiseless unless `random` is given; without free space.
 Detections detections_at(double time_s, const std::vector<Ellipse>& ellipses_world, const Pose2& T_world_level = {},
                          Random* random = nullptr) {
   Detections detections;
@@ -90,8 +90,8 @@ Detections detections_at(double time_s, const std::vector<Ellipse>& ellipses_wor
   return detections;
 }
 
-/// What a scanner at the world's origin detects among these things: those that it sees most of. The free space is that
-/// of its scan.
+/// Detections by a scanner at the world's origin: the mostly visible ones of these objects, with the free space of its
+/// scan.
 Detections scan_of(double time_s, const std::vector<Ellipse>& things, Random* random = nullptr) {
   LevelScene scene;
   scene.ellipses = things;
@@ -129,7 +129,7 @@ std::set<std::uint64_t> ids_now(const ObjectMap& map) {
   return ids;
 }
 
-/// The id of what the map has there, 0 if nothing.
+/// The id of the element there, 0 if none.
 std::uint64_t id_at(const ObjectMap& map, const Eigen::Vector2d& position, double within_m = 0.2) {
   std::uint64_t id = 0;
   for (const Object& object : objects_now(map).objects) {
@@ -204,7 +204,7 @@ TEST(ObjectMap, DetectionsWithAHiddenEndConfirmLater) {
     return scans;
   };
   EXPECT_EQ(scans_until_known(1.0), 3);
-  EXPECT_EQ(scans_until_known(0.25), 9);  // at a quarter of the pace: the first says how likely it is, then 4 times 2
+  EXPECT_EQ(scans_until_known(0.25), 9);  // at a quarter of the evidence: the birth, then 4 times 2
   EXPECT_EQ(scans_until_known(0.0), 100);
 }
 
@@ -232,7 +232,7 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
       }
       Matrix5d J = Matrix5d::Identity();
       J.bottomRightCorner<3, 3>() << psi_jacobian(object.ellipse_world), radii_jacobian(object.ellipse_world);
-      // What repeats comes on top of what is known of the mean.
+      // Correlated errors are added to those of the mean.
       const double factor = (hidden_end ? 9.0 : 1.0) * (1.0 + correlated_error_fraction);
       EXPECT_LT((covariance - factor * J * R * J.transpose()).norm(), 1e-9)
           << hidden_end << ' ' << correlated_error_fraction;
@@ -240,7 +240,7 @@ TEST(ObjectMap, ANewElementIsAsUncertainAsItsDetectionAndMoreSoWithAHiddenEnd) {
   }
 }
 
-// However long it looks from one side, errors that repeat stay; from a better side they are smaller at once.
+// Correlated errors stay for any number of scans from one side; from a better side they are smaller at once.
 TEST(ObjectMap, CorrelatedErrorsDoNotAverageOut) {
   ObjectMapParams p = params();
   p.measurement_sigma_m = p.standing_drift_m = p.radius_drift_m = 0.0;
@@ -264,7 +264,7 @@ TEST(ObjectMap, CorrelatedErrorsDoNotAverageOut) {
     EXPECT_GT(variances_after(0.4, 3, 0)(place), floor);
     EXPECT_NEAR(variances_after(0.4, 1000, 1)(place), 0.25 * floor, 0.02 * seen_variance);
   }
-  // Velocities do not repeat.
+  // Errors of velocities are not correlated.
   EXPECT_LT(variances_after(0.4, 1000, 0).segment<2>(kVelocity).maxCoeff(), 1e-4);
 }
 
@@ -282,7 +282,7 @@ TEST(ObjectMap, FollowsAMovingObjectAndPredictsItOnDemand) {
   const Objects later = map.at(nanoseconds(time_s + 0.5));
   EXPECT_LT((later.objects[0].ellipse_world.center_m - moving(time_s + 0.5).center_m).norm(), 0.06);
   EXPECT_GT(later.objects[0].covariance.trace(), now.objects[0].covariance.trace());
-  // Asking changes nothing.
+  // Queries change nothing.
   EXPECT_EQ(objects_now(map).objects[0].covariance, now.objects[0].covariance);
 }
 
@@ -386,7 +386,7 @@ TEST(ObjectMap, AccountsForEveryDetectionAndEveryDeletion) {
   EXPECT_GT(deletions, 5U);
 }
 
-// Detections whose errors are those that their covariances say, of an object that stands: NIS is then 1 at most.
+// Detections of a standing object with errors as large as their covariances: NIS is then 1 at most.
 TEST(ObjectMap, SumsUpTheInnovationsOfItsMatches) {
   Random random(6);
   ObjectMapParams p = params();
@@ -411,7 +411,7 @@ TEST(ObjectMap, ADetectionOnAnElementSeenHalfASecondAgoIsNoNewElement) {
   struct View {
     Ellipse ellipse;
     bool hidden_end;
-    bool corrects;  // a whole detection in its place says that the element was wrong
+    bool corrects;  // a detection with two visible ends in its place: the element was wrong
   };
   for (const View& view : {View{{{3.2, 0.15}, 0.0, 0.1, 0.08}, true, false},  // a piece of it
                            View{{{3.2, 0.15}, 0.0, 0.3, 0.2}, false, true},   //
@@ -434,7 +434,7 @@ TEST(ObjectMap, ADetectionOnAnElementSeenHalfASecondAgoIsNoNewElement) {
   }
 }
 
-// A pole before a pillar divides it, while someone has gone behind both.
+// A pole before a pillar divides it, while a person is hidden behind both.
 TEST(ObjectMap, AnElementOutOfSightDoesNotMatchAPartOfAnotherInSight) {
   ObjectMap map{params()};
   Random random(6);
@@ -453,8 +453,8 @@ TEST(ObjectMap, AnElementOutOfSightDoesNotMatchAPartOfAnotherInSight) {
   }
 }
 
-/// Scans of one standing thing, then of what `later` gives, until `until_s`. Returns for how long it stayed on the map
-/// after that, and why it was deleted.
+/// Scans of one standing object, then those of `later`, until `until_s`. Returns how long it stayed on the map after
+/// that, and the reason of its deletion.
 struct Stay {
   double on_map_s = 0.0;
   double remembered_s = 0.0;
@@ -484,7 +484,7 @@ Stay stay_of(const Ellipse& thing, const std::vector<Ellipse>& later, double unt
 TEST(ObjectMap, AnElementThatIsSeenThroughIsDeletedSoon) {
   const Stay stay = stay_of({{4.0, 0.3}, 0.2, 0.3, 0.2}, {}, 10.0);
   EXPECT_LE(stay.on_map_s, 0.5);
-  EXPECT_GE(stay.on_map_s, 2 * kScanPeriod_s);  // one scan without it is no proof
+  EXPECT_GE(stay.on_map_s, 2 * kScanPeriod_s);  // one scan without it is not enough
   EXPECT_LE(stay.remembered_s, 1.0);
   EXPECT_EQ(stay.reasons, (Counters{{"seen through", 1}}));
 }
@@ -559,7 +559,7 @@ TEST(ObjectMap, AMovingElementKeepsItsIdOverThreeSecondsBehindAnother) {
   EXPECT_GE(same, static_cast<int>(0.95 * runs));
 }
 
-/// The id of `after`, that is there once `before` has been seen for a while and then been out of sight for 3 s.
+/// The id of `after`, which appears after `before` was seen for a while and then out of sight for 3 s.
 std::uint64_t id_of_what_comes_after(const Ellipse& before, const Eigen::Vector2d& velocity, double seen_s,
                                      const Ellipse& after) {
   ObjectMap map{params()};
@@ -584,7 +584,7 @@ TEST(ObjectMap, ALostMovingObjectIsReIdentifiedByItsShape) {
   Ellipse back = walker;
   back.center_m = {4.0, 1.5};
   EXPECT_EQ(id_of_what_comes_after(walker, {0.0, 1.0}, 3.0, back), 1U);
-  // One of another shape is another one.
+  // Another shape is another object.
   back.rx_m = 0.55;
   back.ry_m = 0.5;
   EXPECT_GT(id_of_what_comes_after(walker, {0.0, 1.0}, 3.0, back), 1U);
@@ -669,7 +669,7 @@ TEST(ObjectMap, APartTakesTheIdOfItsBody) {
     const ObjectMapUpdate update = map.update(scan_of(i * kScanPeriod_s, {part}, &random));
     deleted.insert(deleted.end(), update.deleted.begin(), update.deleted.end());
   }
-  EXPECT_EQ(deleted, (std::vector<std::uint64_t>{2}));  // one element less, and its name is not used again
+  EXPECT_EQ(deleted, (std::vector<std::uint64_t>{2}));  // one element less, and its id is not reused
   EXPECT_EQ(ids_now(map), (std::set<std::uint64_t>{1}));
   EXPECT_EQ(id_at(map, dog), 1U);
   EXPECT_EQ(objects_now(map).objects.at(0).first_seen_ns, 0);
@@ -728,7 +728,7 @@ TEST(ObjectMap, AnEllipsesMapKeepsTheAxisOfACircleUnknownToo) {
   EXPECT_NEAR(objects.objects[0].ellipse_world.rx_m, 0.2, 0.01);
 }
 
-// At 60 deg/s, a pose 50 ms old puts what is 5 m away 26 cm beside its place.
+// At 60 deg/s, a pose 50 ms old displaces an object 5 m away by 26 cm.
 TEST(ObjectMap, AnErrorOfTheStampsCountsAsFarAsTheRobotTurns) {
   const double stamp_error_s = 0.05;
   const Ellipse standing{{5.0, 0.0}, 0.0, 0.3, 0.2};
@@ -741,7 +741,7 @@ TEST(ObjectMap, AnErrorOfTheStampsCountsAsFarAsTheRobotTurns) {
     const double yaw_rad = yaw_rate_rad_s * kScanPeriod_s;
     Detections detections =
         detections_at(time_s, {standing}, {Eigen::Vector2d::Zero(), yaw_rad + yaw_rate_rad_s * stamp_error_s});
-    detections.T_world_level.yaw_rad = yaw_rad;  // what it believes
+    detections.T_world_level.yaw_rad = yaw_rad;  // its estimate
     return map.update(detections);
   };
   const double turning = radians(60.0);
@@ -852,7 +852,7 @@ TEST(ObjectMap, TimeThatRepeatsOrGoesBackIsDroppedAndAJumpBackStartsANewMap) {
   const ObjectMapUpdate update = map.update(detections_at(5.0, {standing}));
   EXPECT_EQ(update.reasons, (Counters{{"deleted with the map before", 1}, {"time jumped back: new map", 1}}));
   EXPECT_EQ(update.deleted, (std::vector<std::uint64_t>{1}));
-  EXPECT_EQ(update.created, (std::vector<std::uint64_t>{2}));  // identities are never used twice
+  EXPECT_EQ(update.created, (std::vector<std::uint64_t>{2}));  // ids are never reused
 }
 
 TEST(ObjectMap, IsTheSameWhereverTheWorldsOriginIs) {
@@ -904,7 +904,7 @@ TEST(ObjectMap, SameInputGivesTheSameMapBitForBit) {
   }
 }
 
-/// How often the 99 % region that the map publishes holds the truth, over runs of one object and some that stand.
+/// Fraction of truths inside the published 99 % region, over runs of one object and some standing ones.
 struct Mismatch {
   double noise = 1.0;              ///< true standard deviation of detections, by what they say
   double acceleration_m_s2 = 0.0;  ///< of manoeuvres, kept for half a second to one second
@@ -993,7 +993,7 @@ TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsThroughManoeuvres) {
   EXPECT_EQ(held.doubles, 0.0);
 }
 
-/// Published standard deviation of a standing element's position after 10 s, with `noise` times the errors it claims.
+/// Published standard deviation of a standing element's position after 10 s, with `noise` times the configured errors.
 double position_sigma_after(double noise, std::uint64_t seed) {
   ObjectMapParams p = params();
   p.correlated_error_fraction = p.measurement_sigma_m = p.robot_position_sigma_m = p.robot_yaw_sigma_rad = 0.0;
@@ -1014,12 +1014,12 @@ double position_sigma_after(double noise, std::uint64_t seed) {
 
 TEST(ObjectMap, AdaptsToTheErrorsOfDetections) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
-    const double exact = position_sigma_after(0.0, seed);  // errors are never taken for smaller than they say
+    const double exact = position_sigma_after(0.0, seed);  // covariances are never reduced
     const double matched = position_sigma_after(1.0, seed);
     const double doubled = position_sigma_after(2.0, seed);
     EXPECT_GE(matched, exact - 1e-12) << seed;
     EXPECT_LT(matched, 1.1 * exact) << seed;
-    // Of a place that creeps, as the square root of the measurements' standard deviation; of one that does not, as it.
+    // With a drift of the position it scales as the square root of the measurements' sigma; without, as the sigma.
     EXPECT_GT(doubled, 1.9 / std::sqrt(2.0) * exact) << seed;
     EXPECT_LT(doubled, 2.2 * exact) << seed;
   }

@@ -18,7 +18,7 @@ using namespace object_state;
 constexpr std::int64_t kNow_ns = 100'000'000'000;
 const double kGate = chi_square_quantile(0.999, kMeasurementSize);
 
-/// An element that moves with the velocity zero, uncertain by `sigma_m` in its place and 1 cm in its shape.
+/// An element that moves with the velocity zero, with sigmas of `sigma_m` in position and 1 cm in shape.
 MapElement element_of(std::uint64_t id, const Eigen::Vector2d& center_m, double sigma_m, double mean_radius_m,
                       double half_difference_m = 0.0) {
   MapElement element;

@@ -33,7 +33,7 @@ const Ellipse kPlace{{4.0, 0.5}, 0.3, 0.3, 0.2};
 
 TEST(Visibility, FreeSpaceIsSeenThrough) {
   LevelScene scene;
-  EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);  // nothing anywhere
+  EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);  // no object
   scene.walls = {{{8.0, -8.0}, {8.0, 8.0}}};
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kSeenThrough);  // a wall behind
   scene.ellipses = {{{4.0, 1.5}, 0.0, 0.3, 0.3}, {{4.0, -0.5}, 0.0, 0.3, 0.3}};
@@ -44,7 +44,7 @@ TEST(Visibility, AnObjectIsHit) {
   LevelScene scene;
   scene.ellipses = {kPlace};
   EXPECT_EQ(look_at_in(kPlace, scene), Sight::kHit);
-  // The place is known to some centimetres.
+  // The position is known to some centimetres.
   for (const Eigen::Vector2d& error : {Eigen::Vector2d(0.08, 0.0), Eigen::Vector2d(-0.08, 0.0),
                                        Eigen::Vector2d(0.0, 0.08), Eigen::Vector2d(0.0, -0.08)}) {
     Ellipse expected = kPlace;
@@ -110,7 +110,7 @@ TEST(Visibility, AnObjectThinnerThanTheBeamSpacingIsTestedToo) {
   }
 }
 
-// A scene that turns about a full circle, over the seam too, is seen the same; so is one that is half hidden, where
+// A scene rotated about a full circle, over the seam too, gives the same result; so does one that is half hidden, where
 // each beam counts.
 TEST(Visibility, TurnsWithTheScene) {
   const Ellipse hider{{2.0, 0.0}, 0.0, 0.2, 0.2};
