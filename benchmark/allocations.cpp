@@ -7,7 +7,7 @@
 namespace situation_awareness {
 namespace {
 
-thread_local Allocations counted;  // needs no construction, so that it can be counted with from the first allocation on
+thread_local Allocations counted;  // needs no construction, so that counting works from the first allocation on
 
 void count(std::size_t bytes) {
   ++counted.count;
@@ -20,8 +20,8 @@ Allocations allocations() { return counted; }
 
 }  // namespace situation_awareness
 
-// A program's own malloc comes before the C library's for everything that is linked to it; what stands behind it has
-// these names. operator new and OpenCV's fastMalloc end here too.
+// A program's own malloc replaces the C library's for everything that is linked to it; the C library's has these names.
+// operator new and OpenCV's fastMalloc call it, too.
 extern "C" {
 
 void* __libc_malloc(std::size_t size);

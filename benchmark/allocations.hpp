@@ -5,11 +5,11 @@
 
 namespace situation_awareness {
 
-/// What the calling thread has asked the heap for since it began, by operator new, by malloc and its relatives, in this
-/// program and in every library it uses: allocations.cpp stands in for them wherever it is linked (glibc alone).
+/// Heap allocations of the calling thread since its start, by operator new and malloc and its variants, in this program
+/// and all its libraries: allocations.cpp replaces them where it is linked (glibc only).
 struct Allocations {
   std::int64_t count = 0;
-  std::int64_t bytes = 0;  ///< asked for, not what was given back
+  std::int64_t bytes = 0;  ///< allocated, without deallocations
 };
 
 Allocations allocations();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What an update of the map costs: 1,000 elements with 200 detections and the free space of a 270 degree scanner, and
-// how that grows with the elements and with the detections: linearly.
+// Cost of an update of the map: 1,000 elements with 200 detections and the free space of a 270 degree scanner, and its
+// growth with elements and detections, which is linear.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -20,7 +20,7 @@ constexpr int kWarmUpScans = 20;
 constexpr double kSpacing_m = 2.0;
 constexpr double kRadius_m = 0.25;
 
-/// The free space of a scanner with 1081 beams in a crowd: almost all that is not detected is hidden, and stays.
+/// The free space of a scanner with 1081 beams in a crowd: almost all undetected elements are hidden, and kept.
 FreeSpace free_space_among(Random& random) {
   FreeSpace free_space;
   for (int i = 0; i < 1081; ++i) {

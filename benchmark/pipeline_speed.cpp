@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a scan costs on its way to the map, in time and in allocations: the raw numbers behind scripts/evaluate speed.
+// Cost of a scan from scan to map, in time and in allocations: the raw data of scripts/evaluate speed.
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -72,17 +72,17 @@ double cpu_now_us(clockid_t clock) {
 
 // --- what is counted
 
-/// The value that the given part of the numbers stays below.
+/// Quantile of the numbers.
 double quantile(std::vector<double> values, double part) {
   if (values.empty()) return 0.0;
   std::sort(values.begin(), values.end());
   return values[static_cast<std::size_t>(part * static_cast<double>(values.size() - 1) + 0.5)];
 }
 
-/// What one thing cost, scan by scan.
+/// Costs of one stage, scan by scan.
 struct Costs {
   std::vector<double> times_us;
-  std::vector<double> cpu_us;  ///< what other programs take from the core is in the times, and not here
+  std::vector<double> cpu_us;  ///< without the time of other programs, which is in the times
   Allocations allocations;
 
   void reserve(std::size_t scans) {
@@ -90,7 +90,7 @@ struct Costs {
     cpu_us.reserve(scans);
   }
 
-  /// Runs what() and counts it; a reference that it returns is handed on as one.
+  /// Runs what() and records its cost; returns its result, references as such.
   template <class What>
   decltype(auto) operator()(What&& what) {
     const double cpu_before_us = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
@@ -127,7 +127,7 @@ struct Costs {
   }
 };
 
-/// Costs of the stages, in the order in which they were met first.
+/// Costs of the stages, in the order of their first run.
 class StageCosts {
  public:
   explicit StageCosts(std::size_t scans) : scans_(scans) {}
@@ -163,7 +163,7 @@ class StageCosts {
 
 // --- the networks, per segment
 
-/// The product's detector beside full forwards of the paper's VGG-Net, on the same segments, in turns.
+/// The package's detector and full forwards of the paper's VGG-Net, on the same segments, interleaved.
 class NetworkComparison {
  public:
   NetworkComparison(const ObjectPipelineParams& params, const std::string& model_folder)
@@ -193,8 +193,8 @@ class NetworkComparison {
     });
   }
 
-  /// Medians of the CPU time, in us per segment, so that a busy machine does not spoil the ratios. `whole_us`: of the
-  /// whole way from scan to map, likewise.
+  /// Medians of the CPU time, in us per segment, so that a busy machine does not affect the ratios. `whole_us`: of the
+  /// whole pipeline from scan to map, likewise.
   Json json(double whole_us) const {
     const double detector_us = quantile(detector_us_, 0.5);
     const double vgg_us = quantile(vgg_forward_us_, 0.5);
@@ -239,7 +239,7 @@ class NetworkComparison {
 
 // --- running
 
-/// What one thread found.
+/// Results of one thread.
 struct Result {
   explicit Result(std::size_t scans) : stages(scans) { whole.reserve(scans); }
 
@@ -283,7 +283,7 @@ class Run {
     }
   }
 
-  /// Without a word to the heap of its own between the scans.
+  /// Without allocations of its own between the scans.
   void run() {
     constexpr std::size_t kNetworksEvery = 10;  // a full forward is slow
     const std::chrono::duration<double> step(options_.rate_hz > 0 ? 1.0 / options_.rate_hz : 0.0);
@@ -317,7 +317,7 @@ class Run {
   const Result& result() const { return result_; }
 
  private:
-  /// So that the map has elements which are out of sight: seen before, in rooms on the way here.
+  /// Adds elements that are out of sight: seen earlier, in other rooms.
   void visit_other_rooms() {
     constexpr int kObjectsOfRoom = 200, kBeams = 3600, kScansOfRoom = 60, kScansToNextRoom = 20;
     constexpr double kToNextRoom_m = 30.0;
@@ -360,7 +360,7 @@ class Run {
 
 Json run_case(const Options& options) {
   ObjectPipelineParams params = load_object_pipeline_params(options.config, options.models);
-  if (options.elements > 0) params.objects.max_unseen_s = 1e6;  // to have them all until the last scan
+  if (options.elements > 0) params.objects.max_unseen_s = 1e6;  // keeps all of them until the last scan
   std::vector<std::unique_ptr<Run>> runs;
   for (int i = 0; i < options.threads; ++i) runs.push_back(std::make_unique<Run>(options, params, i));
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Days of scans, one behind the other: the raw numbers behind scripts/evaluate soak.
+// Days of scans in sequence: the raw data of scripts/evaluate soak.
 #include <malloc.h>
 #include <unistd.h>
 
@@ -66,7 +66,7 @@ void add_options(CLI::App& app, Options& options) {
 
 enum Kind : std::size_t { kGood, kSomeNan, kAllNan, kNoBeams, kTilted, kRepeated, kBack, kAgain, kKinds };
 
-/// What must become of each kind; of what is thrown, its text up to the first number.
+/// Expected outcome of each kind; for exceptions the message up to the first number.
 struct Fate {
   const char* kind;
   const char* outcome;
@@ -207,10 +207,10 @@ class Feed {
   Random random_;
   Loop simulated_, recorded_;
   std::int64_t count_ = 0;        ///< of scans
-  std::int64_t slot_ = 0;         ///< scans since time began again
-  std::int64_t stretch_end_ = 0;  ///< the block with which time begins again
+  std::int64_t slot_ = 0;         ///< scans since the reset of time
+  std::int64_t stretch_end_ = 0;  ///< the block of the next reset of time
   std::size_t stretch_ = 0;
-  std::int64_t mapped_ns_ = 0;  ///< stamp of the latest scan that the map must have taken
+  std::int64_t mapped_ns_ = 0;  ///< stamp of the latest scan that must be mapped
   std::array<std::int64_t, kKinds> sent_{};
   Kind kind_ = kGood;
   SyntheticScan now_;
@@ -224,7 +224,7 @@ double thread_cpu_us() {
   return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
 }
 
-/// Of the process: all that it holds, and what its heap has given out.
+/// Of the process: resident memory, and allocated heap memory.
 struct Memory {
   std::int64_t resident_bytes = 0, heap_bytes = 0;
 };
@@ -240,7 +240,7 @@ Memory memory() {
   return memory;
 }
 
-/// Times of one block, in room that is taken once and for all.
+/// Times of one block, in preallocated memory.
 class Times {
  public:
   explicit Times(std::int64_t most) : us_(static_cast<std::size_t>(most), 1.0) {}
@@ -248,7 +248,7 @@ class Times {
   void add(double us) { us_[count_++] = us; }
   void clear() { count_ = 0; }
 
-  /// The value that the given part of the times stays below.
+  /// Quantile of the times.
   double quantile(double part) {
     if (count_ == 0) return 0.0;
     const auto nth = us_.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(count_ - 1) + 0.5);
@@ -273,7 +273,7 @@ class Soak {
         times_(feed_.block_scans()),
         yardstick_(feed_.block_scans()) {}
 
-  /// Whether every scan ended as its kind must.
+  /// Whether every scan had the expected outcome of its kind.
   bool run() {
     for (std::int64_t i = 0; i < scans_; ++i) {
       feed_.advance();
@@ -286,7 +286,7 @@ class Soak {
   }
 
  private:
-  /// What becomes of a scan. Its time is that of the way to the map that would be published.
+  /// Outcome of a scan. Its time is that up to the map that would be published.
   std::string process(const SyntheticScan& scan) {
     const std::int64_t before_ns = pipeline_.map().stamp_ns();
     std::string outcome;
@@ -318,7 +318,7 @@ class Soak {
     return hits ? kMapped : kMappedBlind;
   }
 
-  /// The same work every time, by functions that remember nothing: how fast the machine is just now.
+  /// Constant work by stateless functions, which measures the momentary speed of the machine.
   void measure_yardstick() {
     const SyntheticScan& scan = feed_.any();
     const double begin_us = thread_cpu_us();
@@ -377,7 +377,7 @@ class Soak {
   std::int64_t scans_;
   ObjectPipelineParams params_;
   ObjectPipeline pipeline_;
-  Objects map_;  ///< what would be published
+  Objects map_;  ///< the map that would be published
   Feed feed_;
   Times times_, yardstick_;
   std::array<Counters, kKinds> outcomes_;

@@ -16,7 +16,7 @@
 
 namespace situation_awareness {
 
-/// What went into each stage and came out of it, for one scan.
+/// Inputs and outputs of each stage for one scan.
 struct StageValues {
   Scan limited;
   Points points;
@@ -26,10 +26,10 @@ struct StageValues {
   Detections detected;
   Detections detections;
   ObjectMapUpdate update;
-  Objects map;  ///< at the stamp: what is published
+  Objects map;  ///< at the stamp, as published
 };
 
-/// ObjectPipeline taken apart, so that each stage can be timed on its own. pipeline_speed holds both to the same maps.
+/// ObjectPipeline as separate stages, so that each can be timed. pipeline_speed asserts that both give the same maps.
 class StagedPipeline {
  public:
   explicit StagedPipeline(const ObjectPipelineParams& params)

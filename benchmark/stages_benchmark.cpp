@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What each stage between scan and map costs on its own, in time and in allocations, and how that grows with the beams
-// of 12 objects and with the objects of 3600 beams: linearly.
+// Cost of each stage between scan and map, in time and in allocations, and its growth with the beams at 12 objects and
+// with the objects at 3600 beams, which is linear.
 #include <benchmark/benchmark.h>
 
 #include <chrono>
@@ -28,7 +28,7 @@ const ObjectPipelineParams& shipped_params() {
   return params;
 }
 
-/// One period of a scene, and what was between the stages when everything was on the map.
+/// One period of a scene, and the values between the stages when everything was on the map.
 struct Recording {
   Recording(int beams, int objects) : pipeline(shipped_params()) {
     const SyntheticScene scene(beams, objects, 1);
@@ -47,7 +47,7 @@ struct Recording {
   std::vector<StageValues> stages;
 };
 
-/// Times what(scan, values) alone, period after period; prepare(i), untimed, comes before the i-th.
+/// Times only what(scan, values), period after period; prepare(i), untimed, comes before the i-th.
 template <class Prepare, class What>
 void measure(benchmark::State& state, const Recording& recording, Prepare&& prepare, What&& what) {
   std::size_t i = 0;

@@ -14,7 +14,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kFieldRad = radians(270.0);
-constexpr double kObjectsRad = radians(258.0);  // of the field, less what swaying and tilting take at its ends
+constexpr double kObjectsRad = radians(258.0);  // of the field of view, without margins for swaying and tilting
 constexpr double kSweep_s = 0.01875;            // UTM-30LX: three quarters of a turn of 25 ms
 constexpr double kRangeSigma_m = 0.01;
 constexpr float kRangeMin_m = 0.1F;
@@ -49,7 +49,7 @@ SyntheticScene::SyntheticScene(int beams, int objects, std::uint64_t seed, Scene
   for (int i = 0; i < objects; ++i) {
     const double azimuth_rad = -0.5 * kObjectsRad + (i + 0.5) * sector_rad_;
     const Eigen::Vector2d ahead(std::cos(azimuth_rad), std::sin(azimuth_rad));
-    // Neighbours are near and far in turn, so that they stay apart however narrow their sectors are.
+    // Neighbours are alternately near and far, so that they are separate in sectors of any width.
     const double range_m = i % 2 == 0 ? random.uniform(4.6, 6.0) : random.uniform(7.2, 8.2);
     Thing thing;
     thing.ellipse_room.center_m = range_m * ahead;
@@ -107,7 +107,7 @@ SyntheticScan SyntheticScene::scan(int i) const {
     const Eigen::Isometry3d T_world_lidar = T_world_lidar_at(beam_turns);
     const double angle_rad = scan.angle_min_rad + k * scan.angle_increment_rad;
     const Eigen::Vector3d ray = T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
-    const double horizontal = ray.head<2>().norm();  // everything stands upright
+    const double horizontal = ray.head<2>().norm();  // all surfaces are vertical
     const Eigen::Vector2d direction = ray.head<2>() / horizontal;
     const Eigen::Vector2d origin_m = T_world_lidar.translation().head<2>() - origin_world_m_;
 

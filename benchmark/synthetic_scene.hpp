@@ -25,9 +25,9 @@ enum class SceneMotion {
   kHalfOfThem,  ///< half of them move
 };
 
-/// A robot that hovers and sways in a walled room, in a ring of ellipses of which none hides another. Each has the same
-/// part of the scanner's 270 degrees to itself, so more objects are smaller ones. Everything but the noise repeats
-/// every kPeriodScans, and follows from the arguments: same seed, same scans.
+/// A robot that hovers and sways in a walled room, in a ring of ellipses of which none occludes another. Each has an
+/// equal sector of the scanner's 270 degrees, so more objects are smaller ones. Everything but the noise repeats every
+/// kPeriodScans, and follows from the arguments: same seed, same scans.
 class SyntheticScene {
  public:
   static constexpr int kPeriodScans = 80;
@@ -37,7 +37,7 @@ class SyntheticScene {
   SyntheticScene(int beams, int objects, std::uint64_t seed, SceneMotion motion = SceneMotion::kHalfOfThem,
                  const Eigen::Vector2d& origin_world_m = Eigen::Vector2d::Zero());
 
-  /// The scan taken at i * kStep_ns, whichever were asked for before.
+  /// The scan at i * kStep_ns, independent of earlier queries.
   SyntheticScan scan(int i) const;
 
   /// The objects at i * kStep_ns in the world, also between scans.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# Toolchain file: cross compile for arm64 Debian and run what was built under qemu. Used by scripts/check_arm64.
+# Toolchain file: cross compile for arm64 Debian and run the programs under qemu. Used by scripts/check_arm64.
 # ARM64_SYSROOT: folder with the unpacked arm64 packages. The emulated core is the Cortex-A57 of small flight computers,
-# plain ARMv8.0: an instruction that only newer cores have ends the test that meets it.
+# plain ARMv8.0: instructions of newer cores end the test that uses them.
 list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES ARM64_SYSROOT)
 set(CMAKE_SYSTEM_NAME Linux)
 set(CMAKE_SYSTEM_PROCESSOR aarch64)

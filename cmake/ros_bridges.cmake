@@ -1,4 +1,4 @@
-# Programs that give the map in the messages of other packages, each where that package is found: Debian has none.
+# Programs that convert the map to messages of other packages, each built if that package is found (not in Debian).
 function(situation_awareness_bridge package)
   find_package(${package} QUIET)
   if(NOT ${package}_FOUND)

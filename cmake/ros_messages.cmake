@@ -1,5 +1,4 @@
-# Messages, and what other packages see of this one. Before every target: catkin_package sets where
-# they are built.
+# Messages, and exports for other packages. Before every target: catkin_package sets where they are built.
 if(NOT catkin_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
 endif()

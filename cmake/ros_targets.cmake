@@ -1,4 +1,4 @@
-# The ROS boundary: a library of conversions, the nodelets, the nodes and the offline tool, and where all is installed.
+# The ROS boundary: a library of conversions, the nodelets, the nodes and the offline tool, and their installation.
 add_library(${PROJECT_NAME}_ros
   src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
@@ -46,7 +46,7 @@ function(situation_awareness_node name source)
   install(TARGETS ${name} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 endfunction()
 
-# What the programs share that read a bag. They alone need it, so it is not installed.
+# Common code of the programs that read a bag; not installed.
 add_library(${PROJECT_NAME}_bag STATIC
   src/ros/bag/atomic_file.cpp
   src/ros/bag/bag_options.cpp
@@ -89,5 +89,5 @@ install(DIRECTORY include/${PROJECT_NAME}/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_
   PATTERN bag EXCLUDE PATTERN evaluation EXCLUDE)  # of libraries that are not installed
 install(FILES nodelets.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY cfg launch models DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
-# Of the scripts only what a launch file starts: the others build and test a source tree.
+# Of the scripts only those that a launch file starts: the others build and test a source tree.
 install(PROGRAMS examples/plot_objects_bag.py scripts/fleet_rviz DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

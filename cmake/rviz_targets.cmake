@@ -1,4 +1,4 @@
-# What rviz loads: a display of the map and a panel. Its logic without Ogre and Qt is a library of its own, for the
+# The rviz plugins: a display of the map and a panel. Their logic without Ogre and Qt is a separate library, for the
 # tests.
 if(NOT rviz_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_RVIZ is ON, but rviz was not found")

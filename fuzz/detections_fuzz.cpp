@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From any segments, and any answer of a network, to detections that the map can use.
+// From any segments, and any output of a network, to valid detections.
 #include <array>
 #include <memory>
 #include <numeric>
@@ -16,7 +16,7 @@
 namespace situation_awareness::fuzz {
 namespace {
 
-/// Hits on an ellipse, or on nothing that there is, next to those before.
+/// Hits on an ellipse, or arbitrary ones, next to the previous hits.
 void append_points(Input& input, std::size_t count, Segments& segments) {
   const bool on_ellipse = input.flag();
   const Ellipse ellipse = input.ellipse();
@@ -31,7 +31,7 @@ void append_points(Input& input, std::size_t count, Segments& segments) {
     const auto hit_m = on_ellipse ? intersect_ray(ellipse, Eigen::Vector2d::Zero(), u) : std::nullopt;
     point.range_m = hit_m && *hit_m > 0.0 ? *hit_m : range_m + (input.left() ? input.coordinate(0.02, 1.0) : 0.0);
     point.p_level_m = point.range_m * u;
-    if (any_point) {  // as a message may say that nobody checked
+    if (any_point) {  // as in an unchecked message
       point.range_m = input.signed_by_magnitude(1e6);
       point.p_level_m = {input.signed_by_magnitude(1e6), input.signed_by_magnitude(1e6)};
     }
@@ -64,7 +64,7 @@ Segments draw_segments(Input& input) {
 
 EllipseFitParams draw_fit_params(Input& input) {
   auto params = draw_params<EllipseFitParams>(input);
-  params.max_iterations = std::min(params.max_iterations, 30);  // time is no property here
+  params.max_iterations = std::min(params.max_iterations, 30);  // time is not tested here
   if (!(params.min_radius_m < params.max_radius_m)) params = {};
   params.validate();
   return params;

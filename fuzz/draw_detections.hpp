@@ -10,7 +10,7 @@
 #include "situation_awareness/map/objects/objects.hpp"
 #include "support/covariance.hpp"
 
-// What the targets about the map share: detections as any detector may make them, and what must be true of any map.
+// Common code of the map's targets: detections of an arbitrary detector, and invariants of any map.
 
 namespace situation_awareness::fuzz {
 
@@ -53,7 +53,7 @@ inline FreeSpace draw_free_space(Input& input) {
   return free_space;
 }
 
-/// As scans follow one another, mostly.
+/// Mostly at the period of scans.
 inline std::int64_t draw_stamp(Input& input, std::int64_t latest_ns) {
   std::int64_t step_ns = 0;
   switch (input.integer(0, 7)) {

@@ -68,7 +68,7 @@ class Input {
     }
   }
 
-  /// Mostly near what scanners do, sometimes anything finite up to `most`.
+  /// Mostly in the range of scanners, sometimes any finite number up to `most`.
   double coordinate(double usual, double most) { return flag() ? uniform(-usual, usual) : signed_by_magnitude(most); }
 
   Pose2 pose2() {
@@ -113,7 +113,7 @@ inline void draw(Input& input, int& value, Bounds bounds) {
   value = input.integer(static_cast<int>(bounds.low), static_cast<int>(bounds.high));
 }
 
-/// Draws each number of a params struct within its bounds, now and then.
+/// Draws some numbers of a params struct within their bounds.
 template <class Params>
 Params draw_params(Input& input) {
   Params params;

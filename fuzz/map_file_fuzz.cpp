@@ -13,7 +13,7 @@
 namespace situation_awareness::fuzz {
 namespace {
 
-/// The snapshot of a text, or why it is refused.
+/// The snapshot of a text, or the reason of its refusal.
 std::optional<MapSnapshot> read(const std::string& yaml) {
   try {
     return map_from_yaml(yaml, "fuzz.yaml");
@@ -24,7 +24,7 @@ std::optional<MapSnapshot> read(const std::string& yaml) {
   }
 }
 
-/// A map goes on from what it knew: new ids are new.
+/// A map continues from the snapshot: new ids are new.
 void check_update(ObjectMap& map, const Detections& detections, std::uint64_t& next_id) {
   const ObjectMapUpdate update = map.update(detections);
   for (const std::uint64_t id : update.created) {
@@ -34,7 +34,7 @@ void check_update(ObjectMap& map, const Detections& detections, std::uint64_t& n
   check_objects(map.at(detections.stamp_ns), next_id - 1);
 }
 
-/// What is read can be written, reads back as the same, and is a map that can be gone on with.
+/// A snapshot can be written, is read back exactly, and gives a map that continues.
 void check_snapshot(Input& input, const MapSnapshot& snapshot) {
   const std::string yaml = map_to_yaml(snapshot);
   const std::optional<MapSnapshot> again = read(yaml);
@@ -70,7 +70,7 @@ void check_snapshot(Input& input, const MapSnapshot& snapshot) {
   }
 }
 
-/// A map of some scans, of which some numbers are then any.
+/// A map of some scans, with some numbers replaced by arbitrary ones.
 MapSnapshot draw_snapshot(Input& input) {
   ObjectMapParams params;
   if (input.flag()) params.shape = "circle";
@@ -123,7 +123,7 @@ void run(Input input) {
   }
   check_snapshot(input, snapshot);
 
-  // Damage is noticed wherever it is.
+  // Damage is detected at any position.
   const std::size_t place = input.count(yaml.size() - 1);
   std::string damaged = yaml;
   damaged[place] = static_cast<char>(damaged[place] ^ (1 << input.integer(0, 7)));

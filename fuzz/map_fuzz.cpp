@@ -13,7 +13,7 @@ void run(Input input) {
   params.validate();
   ObjectMap map(params);
 
-  // A few things that are seen again and again, so that there is something to follow.
+  // A few objects that are detected repeatedly, so that there are tracks.
   std::vector<Ellipse> things_world;
   for (std::size_t i = 1 + input.count(3); i > 0; --i) things_world.push_back(input.ellipse());
   std::uint64_t largest_id = 0;

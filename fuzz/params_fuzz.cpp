@@ -31,7 +31,7 @@ void run(const std::string& yaml) {
             "what is written reads back");
   }
 
-  // What is accepted can run.
+  // Accepted parameters can run.
   params.detections.detector = "least_squares";
   params.detections.model.clear();
   ObjectPipeline pipeline(params);

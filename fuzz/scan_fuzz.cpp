@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kMaxBeams = 600;
 
-/// What a scanner sees of a few things, and any ranges in some places.
+/// A scan of a few objects, with arbitrary ranges in some places.
 Scan draw_scan(Input& input) {
   LevelScene scene;
   scene.beams = static_cast<int>(input.count(kMaxBeams));
@@ -69,7 +69,7 @@ Eigen::Isometry3d draw_pose(Input& input) {
   return T;
 }
 
-/// A little further, as a robot flies while its scanner sweeps, or anywhere.
+/// A pose after a little motion, as during a sweep, or any pose.
 Eigen::Isometry3d draw_end(Input& input, const Eigen::Isometry3d& T_world_lidar) {
   if (input.flag()) return T_world_lidar;
   if (input.integer(0, 3) == 0) return draw_pose(input);
@@ -210,7 +210,7 @@ void run(Input input) {
 
   const Segments segments = segment(points, params);
   check_segments(segments, points, params);
-  static Segments memory;  // of another input: it must not show
+  static Segments memory;  // of another input, which must have no effect
   memory = segment(points, params, std::move(memory));
   require_same(memory, segments);
 

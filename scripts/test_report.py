@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Count what build folders' tests did, from what they left behind, and say which took longest.
+"""Count the results of build folders' tests from their reports, and list the slowest.
 
     scripts/test_report.py BUILD_FOLDER...
 

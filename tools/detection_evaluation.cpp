@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What one detector answers on synthetic segments, and how long each takes: the raw numbers behind scripts/evaluate.
+// Estimates of one detector on synthetic segments, and its times: the raw data of scripts/evaluate.
 #include <algorithm>
 #include <array>
 #include <chrono>
@@ -48,7 +48,7 @@ constexpr const char* kUsage =
 constexpr std::size_t kScanSegments = 16;
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-/// What is measured is the estimate, so nothing is refused that can be compared at all.
+/// The estimate is evaluated, so only results that cannot be compared are refused.
 DetectionParams detection_params(const std::string& detector, const std::string& model_folder) {
   DetectionParams params;
   params.detector = detector;
@@ -60,7 +60,7 @@ DetectionParams detection_params(const std::string& detector, const std::string&
   return params;
 }
 
-/// Any detector that a configuration can name, and the ellipse paper's baselines, which none can.
+/// Any detector of a configuration, and the ellipse paper's baselines, which cannot be configured.
 std::unique_ptr<Detector> make_any_detector(const DetectionParams& params) {
   if (params.detector == "dogleg") return std::make_unique<DoglegDetector>(DoglegParams{}, params.fit);
   if (params.detector == "ransac") return std::make_unique<RansacDetector>(RansacParams{}, DoglegParams{}, params.fit);
@@ -87,7 +87,7 @@ struct Answer {
   double p_ellipse = kNothing;
 };
 
-/// Asks any detector by its name.
+/// Runs any detector by its name.
 class Asked {
  public:
   Asked(const std::string& detector, const std::string& model_folder) {
@@ -102,7 +102,7 @@ class Asked {
 
   Answer answer(const SyntheticSegment& sample) {
     Answer result;
-    if (network_) {  // it is told each sample's own noise
+    if (network_) {  // with each sample's own noise
       const auto& estimate =
           network_->infer(sample.segments, {0}, sample.range_sigma_m, fit_.prior_max_radius_m).front();
       const Detection detection = make_detection(sample.segments, 0, fit_, estimate.smooth_level);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The floor: the least error that any detector can expect on synthetic segments (docs/math/floor.md).
+// The floor: the lowest expected loss of any detector on synthetic segments (docs/math/floor.md).
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -51,7 +51,7 @@ void add_options(CLI::App& app, Options& options) {
   number("--effective-samples", options.effective_samples, 1.0, "of each posterior");
 }
 
-/// A segment, what made it and what is seen of it.
+/// A segment with its ground truth and its observation.
 struct Sample {
   SegmentModel model;
   SegmentObservation observation;
@@ -113,7 +113,7 @@ std::vector<DetectionLoss> losses_of(SegmentCase which) {
   return {DetectionLoss::kOrdered, DetectionLoss::kSymmetric};
 }
 
-/// The estimate is chosen by one posterior sample and judged by another, so that it does not profit from chance.
+/// The estimate is chosen by one posterior sample and evaluated by another, so that it has no bias by selection.
 Floor floor_of(const Options& options, std::uint64_t seed) {
   constexpr std::uint64_t kSeedOfSampler = 0x9e3779b97f4a7c15;  // so that it does not repeat the segment's numbers
   constexpr std::size_t kDraws = 8192;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Writes synthetic segments as the ellipse network is told of them: what scripts/train/ learns from.
+// Writes synthetic segments as inputs of the ellipse network, for training by scripts/train/.
 #include <cstdint>
 #include <cstdio>
 #include <exception>
@@ -21,7 +21,7 @@ constexpr const char* kUsage =
     "width in m, number of hits, azimuth of the segment's frame in rad. Sample k is drawn with seed SEED + k, so any\n"
     "part can be had again.\n";
 
-constexpr double kMaxRadiusM = 0.5;  // the unit of the prior, as the data sets have it
+constexpr double kMaxRadiusM = 0.5;  // the unit of the prior, as in the data sets
 
 }  // namespace
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Flies a robot through a simulated world, maps what it scans and compares the map with the truth: the raw numbers
-// behind scripts/evaluate map.
+// Flies a robot through a simulated world, maps its scans and compares the map with the truth: the raw data of
+// scripts/evaluate map.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -109,7 +109,7 @@ ObjectPipelineParams pipeline_params(const Options& options) {
   return parse_object_pipeline_params(text.str(), options.config + " with " + options.set, options.models);
 }
 
-/// An error of the pose that the map is told, constant over a scan.
+/// An error of the map's pose input, constant over a scan.
 class PoseNoise {
  public:
   PoseNoise(double sigma_m, double sigma_rad, std::uint64_t seed)
@@ -143,7 +143,7 @@ double cpu_ms() {
 
 double yaw_of(const Eigen::Isometry3d& T) { return std::atan2(T(1, 0), T(0, 0)); }
 
-/// The names as bodies bear them, by the id of the first part.
+/// The names of the bodies, by the id of the first part.
 std::map<std::uint64_t, std::string> names_of(const std::vector<Body>& bodies, const Objects& truth) {
   std::map<std::uint64_t, std::string> names;
   for (const Body& body : bodies) names[truth.objects.at(body.parts.front()).id] = body.name;
@@ -157,7 +157,7 @@ Json motion_json(const Object& object) {
           {"vy", object.velocity_world_m_s.y()}};
 }
 
-/// Writes what was true and what was mapped, scan by scan.
+/// Writes truth and map, scan by scan.
 class Trace {
  public:
   Trace(const std::string& path, bool with_points) : path_(path), with_points_(with_points), stream_(path) {
@@ -270,7 +270,7 @@ Json score_json(const MapScore& score, const std::map<std::uint64_t, std::string
   return json;
 }
 
-/// The value that the given part of the sorted numbers stays below.
+/// Quantile of sorted numbers.
 double quantile(const std::vector<double>& sorted, double part) {
   return sorted.empty() ? 0.0 : sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1) + 0.5)];
 }

@@ -35,7 +35,7 @@ value out of its bounds, or of another type, is refused with a message that name
 while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";
 
-/// Texts without quotes where they need none to be read.
+/// Strings without quotes where YAML needs none.
 std::string default_of(const Parameter& parameter) {
   const auto* const* text = std::get_if<std::string*>(&parameter.value);
   return text != nullptr && !(*text)->empty() ? **text : yaml_text(parameter);

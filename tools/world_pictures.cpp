@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Pictures of a world as one of its cameras sees it, at chosen times: for documents, and for films.
+// Images of a world by one of its cameras, at chosen times: for documents and animations.
 #include <array>
 #include <cstddef>
 #include <cstdio>

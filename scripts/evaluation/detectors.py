@@ -109,7 +109,7 @@ def relative_angle_deg(answers):
 
 
 def parameter_errors(answers):
-    """Mean square and mean absolute error over the five parameters as they are, as the paper's Table IV has them."""
+    """Mean square and mean absolute error over the five parameters, as in the paper's Table IV."""
     given = np.isfinite(answers.a_t_x)
     error = (answers.rows[given, 8:13] - answers.rows[given, 3:8]).ravel()
     return np.mean(error**2), np.mean(np.abs(error))
@@ -189,7 +189,7 @@ def calibration_rows(data):
 
 
 def refusals(data):
-    """The threshold of p_ellipse that keeps 99 % of ellipses, alone and with a hidden end, and what it refuses."""
+    """The threshold of p_ellipse that keeps 99 % of ellipses, alone and with a hidden end, and its refusals."""
     kept = np.concatenate([data[NETWORK, case, FRESH_SEED].p_ellipse for case in ("ellipse", "occluded")])
     threshold = np.quantile(kept, 0.01)
     return threshold, {
@@ -285,7 +285,7 @@ def draw_calibration_and_roc(data, path):
 
 
 def draw_examples(arguments, data, case, title, path):
-    """Good, middling and the worst answers, as in the ellipse paper's Fig. 7."""
+    """Good, medium and the worst estimates, as in the ellipse paper's Fig. 7."""
     ours, other = data[NETWORK, case, 1], data["dogleg" if case == "ellipse" else "vgg_polar", case, 1]
     order = np.argsort(ours.symmetric_m)
     n = len(order)

@@ -54,12 +54,12 @@ MOVING_TRUTH, MOVING = "#b9cbe3", "#3d5a80"
 
 
 def files_of(directory, flight):
-    """Its world, and its settings if it has any."""
+    """Its world, and its settings if any."""
     return directory / f"{flight.name}.xml", directory / f"{flight.experiment}.yaml"
 
 
 def fly(arguments, directory, flight, seeds):
-    """A line of map_flights for each seed."""
+    """A line of map_flights per seed."""
     world, settings = files_of(directory, flight)
     command = [arguments.tool, "--world", world, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models",
                "--seeds", f"{seeds[0]}-{seeds[-1]}", "--duration", f"{flight.duration_s:g}", *flight.options]
@@ -72,7 +72,7 @@ def fly(arguments, directory, flight, seeds):
 
 
 def wanted_flights(arguments):
-    """Of every row of every experiment at least one run, and otherwise --seeds-scale of them."""
+    """At least one run of every row of every experiment, else the fraction --seeds-scale of them."""
     total, taken = {}, {}
     flights = list(worlds.flights(arguments.only))
     for flight in flights:
@@ -93,7 +93,7 @@ def fly_all(arguments, directory):
     pieces, wanted = {}, {}
     for flight, seeds in wanted_flights(arguments):
         for path, text in zip(files_of(directory, flight), (flight.xml, flight.settings)):
-            path.write_text(text)  # now, since pieces that fly side by side share them
+            path.write_text(text)  # now, since concurrent pieces share them
         for start in range(0, len(seeds), SEEDS_OF_PIECE):
             piece = seeds[start:start + SEEDS_OF_PIECE]
             key = (flight.name, flight.options, piece)  # some rows stand in several tables
@@ -159,7 +159,7 @@ def geometric_mean(values):
 
 
 def pooled(runs, kind, key):
-    """Of a class of objects: RMSE over the scans of all runs, or the mean of what is a mean."""
+    """Of a class of objects: RMSE over the scans of all runs, or the mean of means."""
     scans = np.array([run[kind]["scans"] for run in runs], float)
     values = np.array([run[kind][key] for run in runs])
     if not scans.sum():
@@ -195,7 +195,7 @@ HIDDEN = {  # the object's name, the least time to count, what it does
 
 
 def long_hidden(run, name, least_s):
-    """The time that the world was made for, or none if the object was not on the map before."""
+    """The intended hidden time of the world, or none if the object was not on the map before."""
     found = [hidden for hidden in object_of(run, name)["hidden"] if hidden["to_s"] - hidden["from_s"] >= least_s]
     return found[0] if found else None
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the pictures of scripts/evaluate have in common: no screen, plain axes."""
+"""Common code of the pictures of scripts/evaluate: no screen, plain axes."""
 
 import matplotlib
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What others printed or measured, and the floors: the tables of data/ and docs/benchmarks/, each with its source in its
+"""Figures printed or measured by others, and the floors: the tables of data/ and docs/benchmarks/, each with its source in its
 first lines."""
 
 import csv

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A day of simulated scans with faults at random, and the tests of those faults that a day cannot have
+"""A day of simulated scans with random faults, and the tests of faults that cannot be part of a day
 (docs/reliability.md). Run by scripts/evaluate."""
 
 import json
@@ -19,7 +19,7 @@ FAULT_EVERY_S = 15.0
 MOST_UNTIL_BACK_S = 2.0
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
-LEFT_OUT_TIMES = 200  # of the fault that a day leaves out
+LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
 TESTS = "ros/(faults|master_restart)_test"
 
 
@@ -38,7 +38,7 @@ def progress(blocks, begin, hours):
 
 
 def run_faults(words, folder, name, hours):
-    """What fault_day writes, started with these words: (blocks, result, seconds that it took)"""
+    """Runs fault_day with these arguments: (blocks, result, seconds)"""
     port = free_port()
     out = folder / f"{name}.jsonl"
     out.unlink(missing_ok=True)
@@ -73,7 +73,7 @@ def run_faults(words, folder, name, hours):
 
 
 def run_tests(folder):
-    """What the tests say of each fault that they inject."""
+    """The tests' records of the faults that they inject."""
     results = folder / "faults.jsonl"
     results.unlink(missing_ok=True)
     subprocess.run(["ctest", "--test-dir", str(ROOT / "build"), "-R", TESTS, "--output-on-failure"], check=False,
@@ -151,7 +151,7 @@ def death_table(result):
 
 
 def left_out(result):
-    """The fault that a day leaves out."""
+    """The fault that is not part of a day."""
     return next(fault for fault in result["faults"] if not fault["in_day"])
 
 
@@ -214,7 +214,7 @@ Faults that cannot be part of a day; each has a test that runs in CI.
 
 def report_of(blocks, result, tests, limit, measured):
     verdicts = list(targets(blocks, result, tests))
-    kinds = sum(fault["count"] > 0 for fault in result["faults"]) - 1  # without that which is none
+    kinds = sum(fault["count"] > 0 for fault in result["faults"]) - 1  # without "no fault"
     return "\n".join((
         "# Fault injection\n",
         introduction(measured, INTRODUCTION.format(sent=result["sent"], hours=measured["hours"],

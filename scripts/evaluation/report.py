@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the reports of scripts/evaluate have in common: command line, progress, where they were measured, and how they
-are written."""
+"""Common code of the reports of scripts/evaluate: command line, progress, place of the measurement, and output."""
 
 import argparse
 import concurrent.futures

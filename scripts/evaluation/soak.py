@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Whether memory and time stay flat over days of scans (docs/benchmarks/soak.md): runs soak on simulated scans and on
-those recorded in ../shared/data, where they are. Run by scripts/evaluate."""
+"""Memory and time over days of scans (docs/benchmarks/soak.md): runs soak on simulated scans and on the recordings of
+../shared/data, if there are any. Run by scripts/evaluate."""
 
 import argparse
 import json
@@ -32,7 +32,7 @@ RESIDENT, HEAP = "#3d5a80", "#8a5a83"
 
 
 def write_recorded(path):
-    """Write all recorded scans there are into a file for soak; {topic of a bag: scans}."""
+    """Write all recorded scans into a file for soak; {topic of a bag: scans}."""
     try:
         import rosbag
     except ImportError:
@@ -56,7 +56,7 @@ def write_recorded(path):
 
 
 def run(arguments, scans):
-    """(lines of the blocks, what became of the scans, seconds that it took)"""
+    """(lines of the blocks, outcomes of the scans, seconds)"""
     command = [arguments.tool, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models", "--hours",
                str(arguments.hours), *(["--scans", scans] if scans else [])]
     begin, blocks, accounts = time.monotonic(), [], None

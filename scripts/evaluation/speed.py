@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What a scan costs on its way to the map (docs/benchmarks/speed.md): runs pipeline_speed over beams, objects, threads
-and elements of the map. Run by scripts/evaluate."""
+"""Cost of a scan from scan to map (docs/benchmarks/speed.md): runs pipeline_speed over beams, objects, threads and
+elements of the map. Run by scripts/evaluate."""
 
 import argparse
 import json
@@ -104,7 +104,7 @@ def ratios_of(news, olds):
 
 
 def rounded(value):
-    """To what is read of it."""
+    """Rounded to significant digits."""
     if isinstance(value, dict):
         return {name: rounded(part) for name, part in value.items()}
     if isinstance(value, float):
@@ -267,7 +267,7 @@ def color_of(stage):
 
 
 def draw_growth(results, path):
-    """CPU time of whole and stages on logarithmic axes, where what is linear becomes as steep as the dotted line."""
+    """CPU time of whole and stages on logarithmic axes, where linear growth has the slope of the dotted line."""
     figure, axes = pyplot.subplots(1, len(GROWTH), figsize=(17, 5.6), layout="constrained", sharey=True)
     for ax, what in zip(axes, GROWTH):
         values, found = growth(results, what)
@@ -426,7 +426,7 @@ def main():
     output = output_folder(arguments, arguments.full)
     images = images_folder(output)
 
-    # Where the older build lies is of no interest to others.
+    # The path of the older build is of no interest to others.
     measured = {**facts(arguments, {"--baseline": arguments.baseline_name}), "scans": arguments.scans,
                 "rounds": arguments.rounds}
     results = Results(run_all(arguments))

@@ -154,7 +154,7 @@ def azimuths(centers, rx, ry, yaw):
 
 
 def beams_of(things, times):
-    """How many beams of a level scanner at the origin, facing x, hit each thing first: one row for each thing."""
+    """The number of beams of a level scanner at the origin, facing x, that hit each object first: one row per object."""
     azimuth = FIRST_BEAM_RAD + BEAM_RAD * np.arange(BEAMS)
     direction = np.column_stack((np.cos(azimuth), np.sin(azimuth)))
     nearest, which = np.full((len(times), BEAMS), RANGE_M), np.full((len(times), BEAMS), -1)
@@ -230,7 +230,7 @@ def circle_tables():
 
 
 class Placement:
-    """Things so far, walls, and the robot, all where they are at each of the times; new ones must keep clear."""
+    """Objects so far, walls, and the robot, with their positions at each of the times; new ones must keep clear."""
 
     def __init__(self, times, walls=()):
         self.times, self.walls, self.things, self.places, self.kept = times, walls, [], [], []
@@ -240,7 +240,7 @@ class Placement:
         self.kept.append((path.at(self.times), distance_m))
 
     def add(self, thing, clearance_m, wall_clearance_m=None):
-        """True, and the thing is there, if it is clear of everything at all times."""
+        """Adds the object and returns true if it is clear of everything at all times."""
         place = thing.path.at(self.times)
         reach = thing.reach
         for x, y, half_x, half_y in self.walls:

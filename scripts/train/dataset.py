@@ -22,7 +22,7 @@ CIRCLE_STEP_M = 0.05  # of the circles' radii and centres
 
 @dataclass
 class Samples:
-    """`n` segments; the hits of all of them lie one after the other in `ranges_m`, by growing azimuth."""
+    """`n` segments; the hits of all are one after the other in `ranges_m`, by increasing azimuth."""
 
     ellipses: np.ndarray  # n x 5: t_x, t_y, psi, rx, ry in the sensor frame
     first_beam: np.ndarray  # n: beam of the first hit
@@ -53,7 +53,7 @@ def _draw_circles(random, n):
 
 
 def _tangent_azimuths(ellipses):
-    """First and last azimuth of the beams that meet each ellipse; NaN where the sensor is inside it.
+    """First and last azimuth of the beams that hit each ellipse; NaN where the sensor is inside it.
 
     Scaled along its axes the ellipse is the unit circle, whose tangents from a point are known; the scaling maps them
     to tangents.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The product's ellipse network: what it looks like, what it learns from and what it is judged by.
+"""The package's ellipse network: architecture, training data and losses.
 
 Input and output are written out in docs/math/detections.md; the C++ side of both is detections/segment_encoding.hpp and
 detections/network.cpp. Samples come encoded from build/detection_samples, so that there is one encoder.
@@ -34,8 +34,8 @@ IS_ELLIPSE, MEAN_RANGE, HALF_WIDTH, HITS = range(INPUTS + 5, INPUTS + 9)
 COLUMNS = INPUTS + 10
 
 MIX = {"ellipse": 0.4, "occluded": 0.15, "product": 0.45}
-# For a second run that starts from published weights: of near objects on the papers' data there are few, and the
-# product's rough outlines would have the covariance doubt those too.
+# For a second run that starts from published weights: near objects are rare in the papers' data, and the rough outlines
+# of `product` would inflate their covariance, too.
 SECOND_MIX = {"ellipse": 0.6, "occluded": 0.3, "product": 0.1}
 BATCHES_DRAWN = 100  # at once
 TRAINING_SEEDS = 1 << 63  # all samples seen in training have seeds from here on; evaluation uses small ones
@@ -71,7 +71,7 @@ class EllipseNetwork(nn.Module):
             return self.output(x).float()
 
     def folded(self):
-        """The same function as plain layers, without the standardisation: what is published."""
+        """The same function as plain layers, without the standardisation, as published."""
         weight = self.first.weight.double() / self.deviation.double()
         first = nn.Linear(INPUTS, WIDTH)
         with torch.no_grad():
@@ -176,7 +176,7 @@ class EllipseTask:
         point = point_of(answer, rows)
         distance = symmetric_loss(point, truth)
 
-        # Covariance and quantile are of the error as it is: they do not pull at the answer.
+        # Covariance and quantile are of the detached error, so that they do not change the estimate.
         white, log_determinant = whitened(answer[:, POINT : POINT + FACTOR], (truth - point).detach())
         square = white.square().sum(1)
         likelihood = square / 2 - log_determinant
@@ -188,7 +188,7 @@ class EllipseTask:
         return (of_ellipses * is_ellipse).sum() / is_ellipse.sum() + WEIGHTS["is_ellipse"] * refusal
 
     def start_from(self, path):
-        """Go on from a published network."""
+        """Continue from a published network."""
         layers = publish.load(nn.Sequential(*self.network.folded()), path)[::2]
         for layer, stored in zip((self.network.first, *self.network.hidden, self.network.output), layers):
             layer.load_state_dict(stored.state_dict())
@@ -197,7 +197,7 @@ class EllipseTask:
         self.mix = SECOND_MIX
 
     def finish(self, seed):
-        """Fit the row of the 90 % quantile alone, all else frozen, on fresh samples.
+        """Fit only the row of the 90 % quantile, with all other weights frozen, on fresh samples.
 
         At the optimum of a pinball loss that is linear in the last features, every feature, and so every range, sees
         90 % inside on average. Near objects count for more: they are few and their share is judged, too.

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The networks of both papers as printed: the whole scan in, the sensor frame out (docs/math/paper_networks.md)."""
+"""The networks of both papers as printed: input is the whole scan, output in the sensor frame
+(docs/math/paper_networks.md)."""
 
 from typing import NamedTuple
 
@@ -192,7 +193,7 @@ class Trainee(nn.Module):
         return self.published
 
     def _backgrounds(self):
-        """What each layer's output is where no hit reaches it, length x channels or, without padding, 1 x channels."""
+        """Each layer's output where no hit reaches it, length x channels or, without padding, 1 x channels."""
         design = self.published.design
         padded = any(layer.padding for layer in design.layers)
         x = self.own.new_full((1, 1, 1, BEAMS if padded else 1), design.fill)
@@ -211,7 +212,7 @@ class Trainee(nn.Module):
         return backgrounds
 
     def prepare(self, dtype=torch.float32):
-        """What all windows of one step share, for products of that type (EXACT_LAYERS keep their own)."""
+        """The common values of all windows of one step, for products of that type (EXACT_LAYERS keep their own)."""
         backgrounds = self._backgrounds()
         filters = []
         for i, c in enumerate(self.published.convolutions):
@@ -227,7 +228,7 @@ class Trainee(nn.Module):
         return self.published.hidden(product[1:] + product[:1] + self.published.dense[0].bias)
 
     def _difference(self, window, prepared):
-        """What the windows change in the first dense layer's input, computed only where the input is not `fill`.
+        """The windows' changes of the first dense layer's input, computed only where the input is not `fill`.
 
         In every layer the samples differ from the background in an interval that is the same for all of them, counted
         from `first`: only that is computed, with the background put in on either side. Whatever lies beyond the ends

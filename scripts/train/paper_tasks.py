@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""How the papers' networks are trained: their losses, and tasks for trainer.py."""
+"""Training of the papers' networks: their losses, and tasks for trainer.py."""
 
 import numpy as np
 import torch

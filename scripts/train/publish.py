@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Write what the C++ side loads: an ONNX file and the manifest that it is checked against.
+"""Write the files for the C++ side: an ONNX file and the manifest that it is checked against.
 
 Besides what trainer.py asks for, a task that is to be published has
 

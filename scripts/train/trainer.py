@@ -95,7 +95,7 @@ def checkpoint_path(folder, name):
 
 
 class _Run:
-    """All that changes during training, and how it is stored."""
+    """The state of the training, with storage."""
 
     def __init__(self, task, options, processes):
         self.task, self.options, self.processes = task, options, processes
@@ -141,7 +141,7 @@ class _Run:
     def advance(self, batch, stop):
         """One step; true if any process asked to stop."""
         options, processes = self.options, self.processes
-        # Whatever a task draws from PyTorch depends on the step alone, so no generator has to be stored.
+        # A task's random numbers from PyTorch depend only on the step, so no generator has to be stored.
         torch.manual_seed((options.seed * processes.size + processes.rank) * 1_000_003 + self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = learning_rate(self.step, options)
@@ -250,7 +250,7 @@ def write_curve(folder, task, options, losses, processes=1):
 
 
 def steps_in(minutes, task, seed=0, timed=30):
-    """How many steps are trained in that time, judged by a few forward and backward passes."""
+    """The number of steps in that time, estimated by a few forward and backward passes."""
     start = None
     for i, batch in enumerate(task.batches(seed, 0, timed + 5)):
         start = time.monotonic() if i == 5 else start

@@ -47,7 +47,7 @@ TEST(Dogleg, RecoversExactEllipsesSeenFromAllAround) {
   }
 }
 
-// Where it jams on a bound, or on a circle of the largest radius, whose psi is free, rounding decides where it stops:
+// Where it stops at a bound, or at a circle of the largest radius, whose psi is free, the result depends on rounding:
 // in about one of a hundred of these fits, and in others on each kind of processor.
 TEST(Dogleg, TurnsWithTheScene) {
   Random random(2);

@@ -29,7 +29,7 @@ std::optional<double> range_along(const SegmentModel& model, int beam, const Ell
   return intersect_ray(ellipse, Eigen::Vector2d::Zero(), {std::cos(angle), std::sin(angle)});
 }
 
-/// What the model's words say, beam by beam, of an object of known shape and place; nothing if it is not kept.
+/// The model's observation, beam by beam, of an object of known shape and position; nothing if it is not kept.
 std::optional<SegmentObservation> observe(const SegmentModel& model, const Ellipse& ellipse, bool occluded,
                                           Random& random) {
   constexpr int kPlaces = 720;
@@ -79,7 +79,7 @@ struct Sample {
   SegmentObservation observation;
 };
 
-/// The whole model, from the prior on.
+/// A draw of the whole model, from the prior on.
 Sample draw_sample(const SegmentModel& model, bool occluded, Random& random) {
   while (true) {
     Sample sample;
@@ -103,7 +103,7 @@ Sample sample_of(const SegmentModel& model, const Ellipse& truth, bool occluded,
   return {truth, observe(model, truth, occluded, random).value()};
 }
 
-/// Probability of the observation given the ellipse, up to a constant: told beam by beam.
+/// Probability of the observation given the ellipse, up to a constant, beam by beam.
 double likelihood(const SegmentModel& model, const SegmentObservation& observation, const Ellipse& ellipse) {
   const int first = observation.first_beam;
   const int visible = static_cast<int>(observation.ranges_m.size());
@@ -176,7 +176,7 @@ class Tally {
   double losses_ = 0.0;
 };
 
-/// Where the brute force looks: near_m, the nearest that the ellipse comes along the x axis, y_m of its centre, psi,
+/// Domain of the brute force: near_m, the nearest distance of the ellipse along the x axis, y_m of its centre, psi,
 /// rx, and v with ry = rmin + v (rx - rmin). The prior is uniform in them.
 struct Box {
   Vector5d low;
@@ -250,7 +250,7 @@ void expect_brute_force_agrees(const SegmentModel& model, const SegmentObservati
               brute_force(model, observation, box, empty, draws, random));
 }
 
-// Two metres away, with much noise: the shape is told by the prior as much as by the hits.
+// Two metres away, with much noise: the shape depends on the prior as much as on the hits.
 TEST(EllipsePosterior, AgreesWithBruteForce) {
   SegmentModel model;
   model.range_sigma_m = 0.04;
@@ -268,8 +268,8 @@ TEST(EllipsePosterior, AgreesWithBruteForceWhereAnEndIsHidden) {
   }
 }
 
-// Few hits on a thin ellipse end on: they tell the tangents so well that few weighted draws count, and chains take
-// over.
+// Few hits on a thin ellipse end on: they determine the tangents so well that there are few effective samples, and
+// chains are used.
 TEST(EllipsePosterior, AgreesWithBruteForceWhereChainsAreUsed) {
   const SegmentModel model;
   const Sample sample = sample_of(model, {{7.957, 0.0046}, -0.011, 0.4932, 0.109}, false, 1);
@@ -309,7 +309,7 @@ TEST(CirclePosterior, AgreesWithADenseGrid) {
               grid.deviation.head<3>().squaredNorm(), 0.1 * grid.deviation.head<3>().squaredNorm());
 }
 
-/// One run of the whole experiment: what the floor says and what became of it.
+/// One run of the whole experiment: expected and achieved loss.
 struct Calibration {
   std::vector<double> expected;
   std::vector<double> achieved;
@@ -344,7 +344,7 @@ Calibration calibrate(const SegmentModel& model, bool occluded, DetectionLoss lo
   return result;
 }
 
-/// On average the estimate's error is what its posterior expects, and the truth is one draw among the others.
+/// On average the estimate's error is that expected by its posterior, and the truth is one draw among the others.
 void expect_calibrated(const Calibration& calibration, int parameters) {
   const auto n = static_cast<double>(calibration.expected.size());
   double sum = 0.0;
@@ -482,8 +482,8 @@ TEST(BayesEstimate, IsNotBeaten) {
   }
 }
 
-// Half of the truths at either end of the range of psi are the same axis: the symmetric loss knows, the ordered one
-// must hedge.
+// Half of the truths at either end of the range of psi are the same axis: the symmetric loss is invariant, the ordered
+// one must hedge.
 TEST(BayesEstimate, HedgesWhereTheOrderIsUnknown) {
   std::vector<Ellipse> truths;
   for (int i = 0; i < 100; ++i) truths.push_back({{2.0, 0.0}, (i % 2 == 0 ? 1.0 : -1.0) * kPi / 2.0, 0.4, 0.1});

@@ -69,8 +69,9 @@ TEST(MapEvaluation, AHiddenObjectNeitherDelaysNorIsFalse) {
 }
 
 TEST(MapEvaluation, AbsentObjectsAreNeitherMissedNorHiddenAndElementsOnThemAreFalse) {
-  // There for the second half of the first second and for the third second; the map keeps it for 0.3 s too long and
-  // then knows it by another id.
+  // Present for the second half of the first second and for the third second; the map keeps it for 0.3 s too long and
+  // then
+  // has it under another id.
   MapEvaluation evaluation(MapEvaluationParams{}, bodies_of({"post"}));
   for (int i = 0; i < 30; ++i) {
     Object truth = object_at(4, 0.0);
@@ -203,8 +204,8 @@ TEST(MapEvaluation, GospaIgnoresHiddenObjectsAndElementsOnThem) {
 
 // --- hidden times ---------------------------------------------------------------------------------------------------
 
-/// The hidden times of one object over 10 s at 10 Hz. `beams_at` and `id_at` say what is seen of it and which element
-/// is on it, 0 for none, at each tenth of a second.
+/// The hidden times of one object over 10 s at 10 Hz. `beams_at` and `id_at`: its beams and the id of the element on
+/// it, 0 for none, at each tenth of a second.
 std::vector<HiddenTime> hidden_times(const std::function<int(int)>& beams_at, const std::function<int(int)>& id_at) {
   MapEvaluation evaluation;
   for (int i = 0; i < 100; ++i) {

@@ -95,7 +95,7 @@ TEST(SyntheticSegments, EllipsesAreSeenAsInThePaperAndByNoOtherBeam) {
       ++points;
     }
   }
-  EXPECT_NEAR(sum / points, 1.0, 4.0 * std::sqrt(2.0 / points));  // the noise is what it is said to be
+  EXPECT_NEAR(sum / points, 1.0, 4.0 * std::sqrt(2.0 / points));  // the noise is the stated one
 }
 
 TEST(SyntheticSegments, CirclesLieOnTheGrid) {
@@ -127,7 +127,7 @@ TEST(SyntheticSegments, AnOccluderHidesThirtyToSeventyPercentOfOneEnd) {
     const double blocked = (segment.right_hidden_rad + segment.left_hidden_rad) / kResolutionRad;
     EXPECT_GE(blocked, hidden - 1e-6);
     EXPECT_LE(blocked, hidden + 20 + 1e-6);
-    // The end that is left is the object's own: the beam beside it misses.
+    // The other end is a silhouette: the beam beside it misses.
     const bool hidden_right = !is_silhouette(segment.right_end);
     right += hidden_right ? 1 : 0;
     const int beside = hidden_right ? sample.segments.points.back().beam + 1 : sample.segments.points.front().beam - 1;

@@ -55,7 +55,7 @@ class InstallTest(unittest.TestCase):
         subprocess.run(["cmake", "--install", str(BUILD)], check=True, stdout=subprocess.DEVNULL)
         cls.work = tempfile.TemporaryDirectory()
         cls.port = free_port()
-        # What a new shell knows, and then the installed setup.bash alone.
+        # The environment of a new shell, and then only the installed setup.bash.
         clean = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": cls.work.name, "ROS_IP": "127.0.0.1",
                  "ROS_HOME": cls.work.name, "ROS_MASTER_URI": f"http://127.0.0.1:{cls.port}", "LANG": "C.UTF-8"}
         shell = subprocess.run(["bash", "-c", '. "$1" && env -0', "bash", str(PREFIX / "setup.bash")], env=clean,

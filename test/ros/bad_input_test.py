@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Nothing that a driver or TF can send ends the manager or stays uncounted; afterwards good scans map again."""
+"""No message of a driver or TF ends the manager, each drop is counted, and good scans are mapped afterwards."""
 import math
 import pathlib
 import sys

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""sim.launch camera:=chase: pictures come, and in them the robot is where it projects to."""
+"""sim.launch camera:=chase: images come, with the robot at its projection."""
 import pathlib
 import sys
 import unittest

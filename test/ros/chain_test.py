@@ -91,7 +91,7 @@ class ChainTest(unittest.TestCase):
         wait_until(lambda: stamp in self.map.stamps(), 2.0, "the scan whose transform came late")
 
     def test_5_each_beam_is_taken_at_its_own_time(self):
-        """A scanner that flies 5 cm while it scans, past a post that its beams meet late."""
+        """A scanner that moves by 5 cm during a scan, past a post that is hit by late beams."""
         increment = 1e-4
         sweep = rospy.Duration(increment * (BEAMS - 1))
         stamp = rospy.Time.now()

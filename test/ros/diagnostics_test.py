@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""/diagnostics says what is wrong: each key with a plausible value, every input accounted for, every loss with its
-reason."""
+"""/diagnostics: each key has a plausible value, every input is accounted for, every drop has its reason."""
 import hashlib
 import math
 import pathlib
@@ -102,7 +101,7 @@ class DiagnosticsTest(unittest.TestCase):
                         summaries[-5:])
 
     def test_8_every_input_is_accounted_for(self):
-        """Also while some wait."""
+        """Also with waiting messages."""
         def account(status):
             dropped = sum(int(value) for key, value in status.items()
                           if key.startswith("dropped: ") and key != "dropped: bad map")

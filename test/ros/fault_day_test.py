@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Each kind of fault of a day twice, and each end of a process once: what must happen happens, the map is back within
-2 s, and every scan is accounted for. scripts/evaluate reliability runs the whole day."""
+"""Each kind of fault of a day twice, and each end of a process once: every fault has its expected outcome, the map is
+back within 2 s, and every scan is accounted for. scripts/evaluate reliability runs the whole day."""
 import json
 import pathlib
 import subprocess

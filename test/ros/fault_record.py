@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Faults that are tried by a test: what is said of them here is what docs/reliability.md says."""
+"""Faults with a separate test: the source of their rows in docs/reliability.md."""
 import functools
 import json
 import os

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Faults that need a launch of their own: mountings that must give the same map, a model that is damaged while its
+"""Faults that need a separate launch: mountings that must give the same map, a model that is damaged while its
 nodelet is stopped, a clock that has not started. fault_day has the others."""
 import math
 import os
@@ -30,7 +30,7 @@ from situation_awareness.msg import EllipseMap, SegmentArray  # noqa: E402
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 CIRCLES = ((3.0, 0.5, 0.25), (2.0, -2.0, 0.3), (4.0, 2.5, 0.4))
-SAME_M = 1e-4  # the angles of a message are of single precision
+SAME_M = 1e-4  # angles in messages have single precision
 
 
 class Robot:
@@ -183,7 +183,7 @@ class FaultsTest(unittest.TestCase):
                 time.sleep(0.1)
                 return stamp in robot.segments.stamps()
             wait_until(segments_again, PATIENCE_S, "segments, which need no model")
-            rospy.wait_for_service("/model/mapping/reset", timeout=5.0)  # mapping lives
+            rospy.wait_for_service("/model/mapping/reset", timeout=5.0)  # mapping is alive
             self.assertNotIn(self.scan(robot), robot.maps.stamps())
             model.write_bytes(good)
             wait_until(lambda: self.maps_again(robot), PATIENCE_S, "the map to be back")

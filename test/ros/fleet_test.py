@@ -93,7 +93,7 @@ class FleetTest(unittest.TestCase):
         self.assertLess(max(later - earlier for earlier, later in zip(stamps, stamps[1:])), 1.0, "bravo's map stopped")
 
     def rviz_topics(self, *arguments):
-        """What rviz shows at first, by group."""
+        """The initially enabled displays of rviz, by group."""
         config = pathlib.Path(__file__).resolve().parents[2] / "cfg/rviz/sim.rviz"
         shown = yaml.safe_load(subprocess.run(
             ["rosrun", "situation_awareness", "fleet_rviz", "--print", "--config", config, *arguments],

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Scans that come faster than they can be handled: the newest wins and what was passed over is counted. Where there is
-time, nothing is passed over."""
+"""Scans that come faster than they can be processed: the newest is processed and the others are counted. If there is
+time, nothing is dropped."""
 import math
 import pathlib
 import sys
@@ -22,8 +22,8 @@ FLOOD_S = 6.0
 STAGES = ("segmentation", "detection", "mapping")
 MANY = ranges_to_circles(
     [(3.0 * math.cos(angle), 3.0 * math.sin(angle), 0.25) for angle in (0.36 * i - 2.0 for i in range(12))])
-# By how much a scan may be late beyond the stages' own time: two busy cores, three processes, and transforms that are
-# looked for every 5 ms. Queues of 20 worked off in order would be 0.2 s late by the detector alone.
+# Allowed delay of a scan beyond the stages' processing time: two busy cores, three processes, and polling of transforms
+# every 5 ms. Queues of 20 processed in order would be 0.2 s late by the detector alone.
 SLACK_S = 0.1
 # Where more scans wait for transforms than the queue takes. Measured since the slow detector is a network: 0.35 to 0.40 s
 # from arrival to map where 0.30 s would be due with SLACK_S. The cause is not known yet.
@@ -48,7 +48,7 @@ class FloodTest(unittest.TestCase):
         return {key: int(value) for key, value in self.diagnostics.stages[stage].items() if key.startswith("dropped")}
 
     def settle(self):
-        """All that was sent has come, and each stage has processed it or counted it as dropped; then all drops."""
+        """Wait until all messages have come, each processed or counted as dropped by each stage; return all drops."""
         count = self.diagnostics.count
 
         def settled():
@@ -113,7 +113,7 @@ class FloodTest(unittest.TestCase):
         self.assertGreater(rate_hz * work_s["detection"], 2.0, "this is no flood")
         self.assertGreater(after["detection"].get("dropped: overtaken", 0),
                            before["detection"].get("dropped: overtaken", 0))
-        # At each stage a scan waits for the one that is being handled, and then takes as long itself.
+        # At each stage a scan waits for the one being processed, and then takes as long itself.
         bound_s = 2.0 * sum(work_s.values()) + latest_s + slack_s
         self.assertLess(latency_s, bound_s, "from the arrival of a scan to its map")
         self.assertLess(age_s, bound_s, "from the stamp of a scan to its map")

@@ -100,7 +100,7 @@ class Host:
 
 
 class Record:
-    """What a recorder has written so far: (time of arrival, stamp) of each message."""
+    """The records so far: (time of arrival, stamp) of each message."""
 
     def __init__(self, log):
         self.log = log
@@ -127,7 +127,7 @@ def record(topics):
     from situation_awareness.msg import EllipseMap
     rospy.init_node("recorder", anonymous=True)
 
-    def write(topic, msg):  # whole lines: each topic has a thread of its own
+    def write(topic, msg):  # whole lines: each topic has its own thread
         os.write(1, f"{topic} {time.time():.3f} {msg.header.stamp.to_sec():.3f}\n".encode())
 
     for topic in topics:
@@ -187,7 +187,7 @@ class HostsTest(unittest.TestCase):
         self.assertGreaterEqual(len(scans & maps), 0.98 * len(scans), "perception lost scans while the link was cut")
 
     def test_3_an_interface_that_went_down_comes_back(self):
-        """The robot's own: sending then fails, and roscpp gives the connection up without a word to the other side."""
+        """The robot's own: sending then fails, and roscpp closes the connection without notifying the other side."""
         self.network.set_link("robot", "eth0", "down")
         time.sleep(4.0)
         self.network.set_link("robot", "eth0", "up")
@@ -212,7 +212,7 @@ class HostsTest(unittest.TestCase):
         print(f"a new manager's map came {back - up:.2f} s after the link")
 
     def test_6_a_robot_that_was_started_anew_is_found(self):
-        """With its master. Who listens on the ground need not be started again."""
+        """With its master. Subscribers on the ground need not be restarted."""
         self.robot.stop()
         stopped = time.time()
         self.robot.start(*SIMULATED_ROBOT)

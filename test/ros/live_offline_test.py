@@ -52,14 +52,14 @@ def offline(bag, folder, *arguments, until=None):
 
 
 class Number(float):
-    """A number as it was written: a stamp has more digits than a float."""
+    """A number as text: a stamp has more digits than a float."""
 
     def __init__(self, text):
         self.text = text
 
 
 def objects_of(message):
-    """What objects_bag writes of such a map."""
+    """The line of objects_bag for such a map."""
     objects = []
     for e in message.ellipses:
         sigma = [math.sqrt(max(e.covariance[9 * i], 0.0)) for i in range(8)]
@@ -93,7 +93,7 @@ class Live:
         links = (self.scans, self.tf, self.tf_static, self.maps.subscriber)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in links), 60.0, f"the nodelets of {name}")
         self.save.wait_for_service(60.0)
-        time.sleep(1.0)  # the links among the nodelets
+        time.sleep(1.0)  # the connections among the nodelets
 
     def stand_still(self, frame):
         self.tf_static.publish(transform_msg(rospy.Time(0), child=frame))
@@ -105,7 +105,7 @@ class Live:
         return self.maps.messages[-1]
 
     def late_maps(self, processed):
-        """How often segmentation and detection looked at a scan without the map of the one before, of so many."""
+        """How often segmentation and detection used an older map than that of the previous scan, and of how many scans."""
         stages = [f"{self.name}/{stage}" for stage in ("segmentation", "detection")]
         wait_until(lambda: all(self.diagnostics.count(stage, "processed") >= processed for stage in stages), 10.0,
                    f"the diagnostics of {self.name}")
@@ -125,14 +125,14 @@ class LiveOfflineTest(unittest.TestCase):
         self.folder = pathlib.Path(folder.name)
 
     def assert_same(self, live, expected, where):
-        """Bit for bit, or which numbers differ by how much."""
+        """Bit for bit, or the differing numbers with their differences."""
         self.assertEqual([element["id"] for element in live], [element["id"] for element in expected], where)
         differences = [f"{field} of {a['id']}: {a[field]}, not {b[field]}"
                        for a, b in zip(live, expected) for field in b if a[field] != b[field]]
         self.assertEqual(differences, [], where)
 
     def lock_step(self, name, bag, static_frame=None, checks=1):
-        """Play the bag and compare map by map; `checks` times on the way, and at the end, all that the map knows."""
+        """Play the bag and compare map by map; `checks` times on the way, and at the end, the whole state of the map."""
         arguments = () if static_frame is None else ("--static-sensor",)
         expected, _ = offline(bag, self.folder, *arguments)
         live = Live(name)
@@ -164,7 +164,7 @@ class LiveOfflineTest(unittest.TestCase):
         self.assertGreater(elements, compared, "more than one element in each map on average")
 
     def test_demo(self):
-        """A flight past standing and moving things, each beam at its own time."""
+        """A flight past standing and moving objects, each beam at its own time."""
         self.lock_step("demo", TESTS / "golden" / "demo.bag")
 
     def test_persons(self):
@@ -174,7 +174,7 @@ class LiveOfflineTest(unittest.TestCase):
         self.lock_step("upside_down", TESTS / "golden" / "upside_down.bag")
 
     def test_leg_tracker(self):
-        """A real scanner that stands still."""
+        """A real, static scanner."""
         self.lock_step("leg_tracker", TESTS / "data" / "leg_tracker_ten_seconds.bag", static_frame="laser")
 
     def test_interpolated(self):

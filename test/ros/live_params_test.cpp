@@ -64,7 +64,7 @@ struct EveryParams {
   }
 };
 
-// What people have in their scripts and dashboards.
+// Names used in scripts and dashboards.
 TEST(LiveParameters, OfTheNodeletsHaveTheNamesThatArePublished) {
   ObjectPipelineParams params;
   EXPECT_EQ(names_of(live_parameters(parameters_of(params.scan))), (Names{"min_range_m", "max_range_m", "volume"}));

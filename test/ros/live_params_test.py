@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Thresholds changed while the graph runs: the next scan is read with them, what cannot be is refused, and a nodelet
-that comes back has them still."""
+"""Thresholds changed while the graph runs: they apply to the next scan, invalid ones are refused, and a restarted
+nodelet keeps them."""
 import math
 import os
 import pathlib
@@ -36,11 +36,11 @@ class LiveParamsTest(unittest.TestCase):
         time.sleep(1.0)
 
     def set(self, stage, **values):
-        """What holds after asking for `values`."""
+        """The values in effect after requesting `values`."""
         return self.live[stage].update_configuration(values)
 
     def of_next_scan(self, topic, **scan):
-        """What a topic says of a scan sent now."""
+        """The message of a topic for a scan sent now."""
         msg = scan_msg(rospy.Time.now(), circles=CIRCLE, **scan)
         self.robot.publish(msg)
         wait_until(lambda: msg.header.stamp in topic.stamps(), 5.0, "the scan to come through")

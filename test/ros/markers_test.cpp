@@ -28,7 +28,7 @@ Objects map_of(std::vector<Object> objects) {
   return result;
 }
 
-/// What a viewer shows after all these messages.
+/// The markers shown after all these messages.
 class Viewer {
  public:
   void receive(const visualization_msgs::MarkerArray& array) {

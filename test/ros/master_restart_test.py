@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A master that starts anew under nodes that run: the map goes on over the links there are, and comes back, with its
+"""A master that is restarted under running nodes: the map goes on over existing connections, and comes back, with its
 parameters, when what feeds it was started anew as well. In a manager of somebody else, the nodelets never end it. Needs
 masters of its own, so this is no rostest."""
 import os
@@ -21,9 +21,9 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
 MANAGER = "/objects_manager"
 FOREIGN_MANAGER = "/foreign_manager"
-IDLE_S = 10.0  # longer than it takes to see a new master (2 s) and to be idle (5 s)
+IDLE_S = 10.0  # longer than the detection of a new master (2 s) and of idleness (5 s)
 STAGES = ("/segmentation", "/detection", "/mapping")
-MAX_RANGE_M = 7.5  # as no default is
+MAX_RANGE_M = 7.5  # different from the default
 
 # A robot: scans with transforms at 20 Hz, and a line per map that comes back.
 ROBOT = """
@@ -68,7 +68,7 @@ def wait_until(condition, what, timeout_s=PATIENCE_S):
 
 
 class MasterTest(unittest.TestCase):
-    """A master, and what is started at it."""
+    """A master, and the processes started at it."""
 
     def setUp(self):
         self.port = free_port()
@@ -126,7 +126,7 @@ class MasterTest(unittest.TestCase):
         process.wait()
 
     def maps_of(self, name):
-        """How many maps the robot of that name got that had something in them."""
+        """The number of non-empty maps received by the robot of that name."""
         return sum(line.strip().isdigit() and int(line) > 0 for line in self.log(name).read_text().splitlines())
 
     def nodes(self):
@@ -153,7 +153,7 @@ class MasterRestartTest(MasterTest):
 
     @fault("master out of reach", "stopped for 6 s, then it goes on", "maps go on, nothing ends")
     def test_1_no_master_for_a_while(self):
-        """A link that is cut looks the same: nothing happens."""
+        """A broken link looks the same: no effect."""
         os.kill(self.master.pid, signal.SIGSTOP)
         self.assert_maps_go_on(6.0)
         os.kill(self.master.pid, signal.SIGCONT)
@@ -161,12 +161,12 @@ class MasterRestartTest(MasterTest):
         self.assertIn(MANAGER, self.nodes())
 
     @fault("master restarts", "killed and started anew; 8 s later the robot is, too",
-           "maps go on over the links there are; then the nodelets come back at the new master, with their parameters")
+           "maps go on over existing connections; then the nodelets register at the new master, with their parameters")
     def test_2_a_new_master_and_then_a_new_robot(self):
         self.end(self.master)
         self.assert_maps_go_on(3.0)
         self.master = self.start_master()
-        self.assert_maps_go_on(8.0)  # longer than it takes to see the new master and to end
+        self.assert_maps_go_on(8.0)  # longer than the detection of the new master and the end of the process
         self.assertNotIn(MANAGER, self.nodes(), "a new master knows no node")
         wait_until(lambda: self.server.hasParam("/test", "/mapping")[2], "the parameters to be given back")
 
@@ -182,7 +182,7 @@ class ForeignManagerTest(MasterTest):
         return self.start("manager", ["rosrun", "nodelet", "nodelet", "manager", f"__name:={FOREIGN_MANAGER[1:]}"])
 
     def heard(self):
-        """What /diagnostics said since this was last called: a set of summaries for each node."""
+        """The summaries on /diagnostics since the last call: a set for each node."""
         lines = self.log("listener").read_text().splitlines()
         begin, self.heard_lines = self.heard_lines, len(lines)
         said = {}

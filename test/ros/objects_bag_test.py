@@ -208,7 +208,7 @@ class ObjectsBagTest(unittest.TestCase):
         self.assertEqual(by_one, by_two)
 
     def test_each_beam_is_taken_at_its_own_time(self):
-        """A scanner flies at 1 m/s past a post that its beams meet late: 4.5 cm after the first."""
+        """A scanner flies at 1 m/s past a post that is hit by late beams, 4.5 cm after the first."""
         increment = 1e-4
         with rosbag.Bag(str(self.bag), "w") as bag:
             for i in range(40):
@@ -235,7 +235,7 @@ class ObjectsBagTest(unittest.TestCase):
                                                            "bad scan: stamp is zero": 1})
 
     def test_numbers_of_a_line_are_exact(self):
-        """Nanoseconds of the stamp, which a double has no room for, and nothing but finite numbers."""
+        """All nanoseconds of the stamp, which a double cannot represent, and only finite numbers."""
         with rosbag.Bag(str(self.bag), "w") as bag:
             for i in range(3):
                 bag.write("/scan", scan_msg(genpy.Time(1_700_000_000, 123_456_789 + i)), stamp(i))

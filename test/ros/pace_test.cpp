@@ -18,7 +18,7 @@ Pace pace_of(double duration_s) {
   return pace;
 }
 
-/// What is passed over of `waiting` messages that are `period_ms` apart.
+/// Number of dropped messages of `waiting` ones that are `period_ms` apart.
 std::size_t passed_over(const Pace& pace, std::size_t waiting, std::int64_t period_ms) {
   const auto gaps = static_cast<std::int64_t>(waiting) - 1;
   return pace.passed_over(waiting, kStart_ns, kStart_ns + gaps * period_ms * kMillisecond_ns);
@@ -43,7 +43,7 @@ struct Outcome {
   int passed_over = 0;
 };
 
-/// Ten seconds of a stage that takes `duration_s` for each of the messages that come every `period_s`, at their stamps.
+/// Ten seconds of a stage with a processing time of `duration_s` and messages every `period_s`, at their stamps.
 /// After a second it stalls for `stall_s`.
 Outcome simulate(double period_s, double duration_s, double stall_s) {
   Pace pace = pace_of(duration_s);

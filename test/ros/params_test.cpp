@@ -121,7 +121,7 @@ TEST(ObjectNodeletParams, TellOfUnknownKeysOfBothKinds) {
   EXPECT_EQ(params.nodelet.tf_timeout_s, NodeletParams{}.tf_timeout_s);
 }
 
-/// A nodelet of another kind of map, which knows nothing of objects.
+/// A nodelet of another kind of map, without objects.
 struct ChainNodeletParams {
   NodeletParams nodelet;
   double max_gap_m = 0.2;

@@ -22,7 +22,7 @@ WALKING_M_S = 0.5
 
 
 def objects_bag(bag, topic, *options):
-    """What was mapped, line by line."""
+    """The map, line by line."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "out.jsonl"
         result = subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--scan-topic", topic,

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""A nodelet that cannot do what it is asked to refuses to start with one sentence, and its manager lives on."""
+"""A nodelet with invalid parameters refuses to start with one message, and its manager keeps running."""
 import pathlib
 import subprocess
 import sys

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Beginnings anew: a bag that loops, and a manager that was killed. A static sensor needs no TF of its own."""
+"""Restarts: a bag that loops, and a killed manager. A static sensor needs no TF."""
 import os
 import pathlib
 import signal

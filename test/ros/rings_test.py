@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""sim.launch rings:=16: clouds of a ring scanner in the place of scans; and the same in a bag."""
+"""sim.launch rings:=16: clouds of a ring scanner in place of scans; and the same in a bag."""
 import math
 import pathlib
 import struct

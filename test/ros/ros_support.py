@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the tests of the ROS graph share: scans of round objects, their transforms, and patience."""
+"""Common code of the tests of the ROS graph: scans of round objects, their transforms, and timeouts."""
 import math
 import subprocess
 import time
@@ -59,7 +59,7 @@ def transform_msg(stamp, x=0.0, parent="world", child="lidar"):
 
 
 def wait_until(condition, timeout_s, what):
-    """Wait in wall time; fail naming what did not come."""
+    """Wait in wall time; fail on timeout, naming the condition."""
     end = time.monotonic() + timeout_s
     while time.monotonic() < end and not rospy.is_shutdown():
         if condition():
@@ -87,7 +87,7 @@ def pid_of(node):
 
 
 class Latest:
-    """The messages of a topic as they come."""
+    """The received messages of a topic."""
 
     def __init__(self, topic, kind):
         self.messages = []
@@ -98,7 +98,7 @@ class Latest:
 
 
 class Diagnostics:
-    """What each stage last said about itself, and all that was said: `history` holds (stage, status)."""
+    """The latest status of each stage, and all of them: `history` holds (stage, status)."""
 
     def __init__(self):
         self.stages = {}

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Run a test whose nodelets are built with sanitizers: any report of theirs fails it, whatever the test says.
+"""Run a test whose nodelets are built with sanitizers: any of their reports fails it, also if the test passes.
 
     sanitized.py REPORT_FOLDER COMMAND...
 
@@ -17,7 +17,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     for report in folder.iterdir():
         report.unlink()
-    # What ROS and its plugins leave allocated at the end is no concern of this test.
+    # Memory left allocated by ROS and its plugins at the end is ignored.
     options = f"log_path={folder}/report:detect_leaks=0:print_stacktrace=1"
     environment = dict(os.environ, ASAN_OPTIONS=options, UBSAN_OPTIONS=options)
     code = subprocess.run(command, env=environment, check=False).returncode

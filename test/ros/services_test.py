@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The services of the mapping nodelet, asked while scans come. The world frame is not the default one."""
+"""The services of the mapping nodelet, called while scans come. The world frame is not the default one."""
 import os
 import pathlib
 import shutil
@@ -61,7 +61,7 @@ class ServicesTest(unittest.TestCase):
         return {ellipse.id for ellipse in self.map.messages[-1].ellipses}
 
     def run_and_map(self, count, **arguments):
-        """Scans, and the map that they gave."""
+        """Scans, and the resulting map."""
         stamp = self.robot.run(count, **dict({"circles": STANDING}, **arguments))[-1]
         wait_until(lambda: stamp in self.map.stamps(), 5.0, "the map")
         return self.map.messages[-1]

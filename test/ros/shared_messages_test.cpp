@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Messages between the stages are built once: nothing is serialised, and what was published is what is handled. This
-// test is the manager into which launch/objects.launch loads the nodelets.
+// Messages between the stages are not serialised: subscribers get the published object itself. This test is the manager
+// into which launch/objects.launch loads the nodelets.
 #include <atomic>
 #include <cmath>
 #include <functional>
@@ -56,12 +56,12 @@ bool wait_until(const std::function<bool()>& condition, double timeout_s) {
   return true;
 }
 
-/// What this process has received on a topic, over all connections.
+/// The messages received by this process on a topic, over all connections.
 struct Received {
   int connections = 0, messages = 0, bytes = 0;
 };
 
-/// By topic, from roscpp's own books. Bytes are those that were serialised: a shared message has none.
+/// By topic, from roscpp's statistics. Bytes are those serialised: none for a shared message.
 std::map<std::string, Received> received_by_topic() {
   XmlRpc::XmlRpcClient client("127.0.0.1", static_cast<int>(ros::XMLRPCManager::instance()->getServerPort()), "/");
   XmlRpc::XmlRpcValue caller, answer;
@@ -111,7 +111,7 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
   EXPECT_GT(received["/copies"].bytes, 20 * 629 * 4) << "what is published by reference is serialised";
 }
 
-/// Takes what is published on `topic` as the stages do.
+/// Subscribes to `topic` like the stages.
 template <typename M>
 class Listener {
  public:

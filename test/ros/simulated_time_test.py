@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What took wall time is measured by the steady clock, also where ROS time is simulated: here it stands still between a
-scan and its transform, which comes later."""
+"""Wall time is measured by the steady clock, also under simulated time, which here stands still between a scan and its
+later transform."""
 import pathlib
 import sys
 import time
@@ -18,7 +18,7 @@ from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # 
 STAGES = ("segmentation", "detection", "mapping")
 PATIENCE_S = 60.0
 LATE_S = 0.1  # the transform, in wall time
-LATENCY_S = 0.5 * LATE_S  # at least: on a busy machine the scan itself is under way for a part of that
+LATENCY_S = 0.5 * LATE_S  # at least: on a busy machine the scan itself takes part of it to arrive
 
 
 class SimulatedTimeTest(unittest.TestCase):
@@ -43,7 +43,7 @@ class SimulatedTimeTest(unittest.TestCase):
         wait_until(lambda: cls.diagnostics.count("mapping", "processed") == 40, 5.0, "what is said of the last scan")
 
     def worked(self, stage):
-        """What it said of seconds in which it had work."""
+        """Its reports of seconds with input."""
         said = [status for name, status in self.diagnostics.history
                 if name == stage and float(status["rate [Hz]"]) > 0.0]
         self.assertGreater(len(said), 2)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What StageNodelet does around a stage, with stages made for this.
+// StageNodelet with stages made for this test.
 #include <atomic>
 #include <chrono>
 #include <functional>
@@ -33,7 +33,7 @@ EchoParams read_echo_params(const ParamReader& reader) {
   return {{UnknownKey{reader.source(), "echo.wrong", {"echo.right"}}}};
 }
 
-/// Publishes a DetectionArray for each SegmentArray. What `resolution` says makes it fail or drop.
+/// Publishes a DetectionArray for each SegmentArray. `resolution` selects failure or drop.
 class EchoStage {
  public:
   using Context = StageContext<SegmentArray>;
@@ -244,7 +244,7 @@ TEST_F(StageNodeletTest, IsUnloadedUnderLoad) {
 int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
   ros::init(argc, argv, "stage_nodelet_test");
-  ros::NodeHandle node;  // outlives those of the tests: without a node there is no log
+  ros::NodeHandle node;  // outlives those of the tests, which need it for the log
   ros::AsyncSpinner spinner(1);
   spinner.start();
   return RUN_ALL_TESTS();

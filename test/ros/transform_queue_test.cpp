@@ -39,7 +39,7 @@ class TransformQueueTest : public ::testing::Test {
     transforms_.setTransform(transform_to_msg(T, kStart_ns + time_ms * kMillisecond_ns, "world", "lidar"), "test");
   }
 
-  /// What may go on by then.
+  /// The measurements that are ready by then.
   std::vector<std::int64_t> release(std::int64_t now_ms) {
     std::vector<std::int64_t> released;
     while (const auto ready = queue_.next(now_ms * kMillisecond_ns)) {
@@ -143,7 +143,7 @@ TEST_F(TransformQueueTest, StampsThatGoFarBackAreARestartWithoutTheOldTransforms
   measure(5050, 1);
   EXPECT_EQ(measure(100, 2), StampOrder::Verdict::kRestart);
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kRestart, 2}}));
-  move(100);  // tf2 would not take it beside those of later times
+  move(100);  // tf2 would refuse it beside those of later times
   move(150);
   EXPECT_EQ(release(3), Released{100});
 }
@@ -167,7 +167,7 @@ TEST_F(TransformQueueTest, AnInvalidTransformIsCounted) {
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kBadTransform, 1}}));
 }
 
-/// Measurements and transforms in any order, some of them missing: each measurement ends once, in order.
+/// Measurements and transforms in any order, some of them missing: each measurement has one outcome, in order.
 TEST_F(TransformQueueTest, EachMeasurementHasOneOutcome) {
   Random random(7);
   int measured = 0;

@@ -14,8 +14,8 @@
 namespace situation_awareness {
 namespace {
 
-/// A red post that moves, a red flag that only cameras see, a blue robot that is where it is told, on a green floor;
-/// one camera aslant from above, one straight down, one on the robot.
+/// A red post that moves, a red flag that only cameras see, a blue robot at a given pose, on a green floor; one camera
+/// aslant from above, one straight down, one on the robot.
 const std::string kColours = world_text(
     R"(<light pos="0 0 9" dir="0 0 -1" directional="true" diffuse="0.3 0.3 0.3"/>
        <geom type="plane" size="20 20 1" rgba="0 1 0 1"/>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The robot that is flown by its motors.
+// The robot with motors.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -30,7 +30,7 @@ World flown(const std::string& custom, const std::string& quadrotor = kQuadrotor
 
 World exact(const std::string& custom) { return World(WorldFile(world_text(kExactRobot, custom)).path()); }
 
-/// What the demo's robot follows.
+/// The path of the demo's robot.
 std::string demo_path() {
   const std::string text = text_of_file(kWorlds + "demo.xml");
   const std::string begin = "<text name=\"robot\" data=\"";
@@ -38,7 +38,7 @@ std::string demo_path() {
   return text.substr(from, text.find('"', from) - from);
 }
 
-/// A round with a corner at 3 m/s that takes 8 m/s^2.
+/// A closed path with a corner at 3 m/s that needs 8 m/s^2.
 const std::string kBrisk =
     "loop speed 2.6 points 0 -2 1.5 0; 3 -2 1.7 1; 4 0.5 2.0 2; 2 2.2 1.6 3; -1 2 1.4 4; "
     "-1.5 0 1.5 5";
@@ -201,7 +201,7 @@ TEST(Flight, ConvergesAsStepsBecomeShorter) {
     coarse_m = std::max(coarse_m, distance_between(coarse.robot_at(t), fine.robot_at(t)));
     middle_m = std::max(middle_m, distance_between(middle.robot_at(t), fine.robot_at(t)));
   }
-  // Motors are told once per step, so the error is of first order.
+  // Thrusts are set once per step, so the error is of first order.
   EXPECT_LT(coarse_m, 0.02);
   EXPECT_LT(middle_m, 0.6 * coarse_m);
 }
@@ -219,7 +219,7 @@ TEST(Flight, TurnsWithTheWorld) {
 }
 
 TEST(Flight, ReturnsToItsPathAfterItsMotorsSaturated) {
-  // Points that are far apart are so in place, not in time: a dash that the motors cannot follow in an easy round.
+  // Distant points at equal time steps: a sprint that the motors cannot follow within an easy path.
   const std::string dash =
       "loop speed 1.8 points -3 0; -3 0.6; -3 1.2; -3 1.8; -2.4 2.2; -1.8 2.2; -1.2 2.2; 6 2.2; 6.6 2.2; 7 1.6; 7 1; "
       "6.8 0.4; 6.2 0; 5 0; 4 0; 3 0; 2 0; 1 0; 0 0; -1 0; -2 0; -2.6 0";

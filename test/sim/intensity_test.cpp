@@ -28,7 +28,7 @@ SimulatedScannerParams with_intensity(double sigma = 0.0) {
   return params;
 }
 
-/// The surface's part by Lambert's law, the lobe and the tape, at a range; what saturation leaves of it.
+/// The intensity of a surface by Lambert's law, lobe and tape, at a range, with saturation.
 double expected_intensity(double diffuse, double glossy, double retro, double range_m, double cos_incidence) {
   const double part = (diffuse + retro) * cos_incidence + glossy * std::pow(cos_incidence, 50.0);
   return std::min(1000.0, 400.0 * part / (1.0 + range_m * range_m / 64.0));
@@ -67,7 +67,7 @@ TEST(Intensity, OfAWallFallsWithRangeAndIncidence) {
 }
 
 TEST(Intensity, UsesTheNormalsOfAllShapes) {
-  // Each fills the view in one direction; the incidence is worked out from its shape.
+  // Each fills the view in one direction; the incidence follows from its shape.
   const std::string mesh = R"(<asset><mesh name="wedge" vertex="0 -9 0  1 0 0  0 9 0  0 -9 3  1 0 3  0 9 3"/></asset>)";
   const Scan scan =
       scan_of(object_text("post", "pos=\"5 0 1\" euler=\"0 0 0.7\"", "0.8 0.5 1") +
@@ -82,7 +82,7 @@ TEST(Intensity, UsesTheNormalsOfAllShapes) {
     const Eigen::Vector2d p = beam.range_m * ray;
     Eigen::Vector2d normal;
     if (p.y() < -3.5) {
-      // The wedge, turned by a quarter: its edge points to the robot, its sides fall back by 1 m over 9 m.
+      // The wedge, rotated by 90 degrees: its edge points to the robot, its sides fall back by 1 m over 9 m.
       normal = Eigen::Vector2d(p.x() > 0.0 ? 1.0 : -1.0, 9.0);
       if (std::abs(p.x()) < 0.05) continue;  // on the edge
       ++hits[3];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Things that appear and go.
+// Bodies that appear and go.
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -25,7 +25,7 @@ const std::string kComingAndGoing =
        <text name="walker" data="straight from 3 2 velocity 0 0.5 appears 0.75"/>
        <text name="bag" data="with walker at 0 1"/>)");
 
-/// How many beams ended before the wall, left (walker), ahead (post) and right (crate).
+/// Numbers of beams that ended before the wall, left (walker), ahead (post) and right (crate).
 std::vector<int> hits_before_the_wall(const Scan& scan) {
   std::vector<int> hits(3, 0);
   for (std::size_t i = 0; i < scan.beams.size(); ++i) {

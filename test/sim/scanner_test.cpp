@@ -61,7 +61,7 @@ struct Expected {
   int object = -1;  // index in the truth
 };
 
-/// What a beam at `angle` must see in a world without scenery.
+/// The expected range of a beam at `angle` in a world without scenery.
 Expected expected(const Objects& truth, const Eigen::Isometry3d& T_world_lidar, double angle) {
   const Eigen::Vector3d ray = T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle), std::sin(angle), 0.0);
   Expected nearest;

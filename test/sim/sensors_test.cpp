@@ -21,7 +21,7 @@ WorldSensors sensors_in(const std::string& sites, const std::string& texts) {
   return sensors_of(World(file.path()));
 }
 
-/// What reading the sensors complains of, behind the file's name.
+/// The error message on reading the sensors, after the file's name.
 std::string sensor_error(const std::string& sites, const std::string& texts) {
   const WorldFile file(world_text(robot_with(sites), texts));
   try {

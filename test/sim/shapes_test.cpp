@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Objects that are boxes and polygons: what scanners see of them, and what the truth says.
+// Objects that are boxes and polygons: their scans and their truth.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -119,7 +119,7 @@ TEST(Shapes, ScansOfABoxAndAMeshAreThoseOfTheirFootprints) {
     EXPECT_NEAR(objects[1].angular_velocity_rad_s, 0.9, 1e-9);
     ASSERT_TRUE(objects[2].ellipse_world);
     EXPECT_TRUE(objects[2].footprint_world_m.empty());
-    // A map of ellipses knows the post alone, and its id is that of the file.
+    // A map of ellipses has only the post, with its id of the file.
     ASSERT_EQ(simulated.truth.objects.size(), 1U);
     EXPECT_EQ(simulated.truth.objects[0].id, 3U);
     EXPECT_GT(simulated.truth.objects[0].beams, 10);
@@ -166,7 +166,7 @@ TEST(Shapes, BoxesAndMeshesAreAsTallAsTheyAre) {
   EXPECT_NEAR(highest_low, 0.8, 1e-5);  // rays come down on its top
   EXPECT_NEAR(highest_slab, 0.8, 1e-5);
   EXPECT_NEAR(lowest_slab, 0.2, 0.05);
-  EXPECT_GT(highest_post, 2.0);  // a cylinder is infinitely tall, whatever is drawn
+  EXPECT_GT(highest_post, 2.0);  // a cylinder is infinitely tall, for any drawn height
 }
 
 TEST(Shapes, TheFootprintOfAMeshIsItsSectionAtHalfItsHeight) {

@@ -20,7 +20,7 @@ namespace situation_awareness {
 
 inline const std::string kWorlds = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/worlds/";
 
-/// A world file that lives as long as the test.
+/// A temporary world file.
 class WorldFile {
  public:
   explicit WorldFile(const std::string& text) {
@@ -68,14 +68,14 @@ inline std::string replaced(std::string text, const std::string& from, const std
   return text.replace(place, from.size(), to);
 }
 
-/// The sections of the robot that is flown by motors, as worlds include them.
+/// The sections of the robot with motors, as included by worlds.
 inline const std::string kQuadrotor = [] {
   std::string text = text_of_file(kWorlds + "parts/quadrotor.xml");
   text.erase(0, text.find("<mujocoinclude>") + 15);
   return text.erase(text.find("</mujocoinclude>"));
 }();
 
-/// What loading a world of this text complains of: one line that begins with the file.
+/// The error message on loading a world of this text: one line that begins with the file.
 inline std::string error_of(const std::string& text) {
   const WorldFile file(text);
   try {
@@ -97,7 +97,7 @@ inline void expect_error(const std::string& text, const std::vector<std::string>
 inline const std::string kRobot = R"(<body name="robot" mocap="true" pos="0 0 1.5"> <site name="lidar"/>
                                 <geom group="2" size="0.2"/> </body>)";
 
-/// A robot in brisk flight, with a scanner mounted aslant and upside down, and two objects.
+/// A robot in fast flight, with a scanner mounted tilted and upside down, and two objects.
 inline const std::string kBriskWorld = world_text(
     object_text("post", "pos=\"2.0 0.5 1\" euler=\"0 0 0.4\"", "0.3 0.15 1") +
         object_text("column", "pos=\"-3.0 -1.5 1\" euler=\"0 0 -1.1\"", "0.2 0.5 1") +

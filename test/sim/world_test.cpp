@@ -64,7 +64,7 @@ TEST(Robot, PassesItsWaypointsAtItsYaw) {
       R"(<body name="robot" mocap="true"> <site name="lidar"/> </body>)",
       R"(<text name="robot" data="loop speed 1 points 0 0 1 0; 2 0 1 1.5708; 2 2 1 3.1416; 0 2 1 -1.5708"/>)"));
   const World world(file.path());
-  // By symmetry the four legs take equal times; in a round the robot turns once.
+  // By symmetry the four legs take equal times; per lap the robot turns once.
   double period_s = 1.0;
   while ((world.robot_at(period_s).T_world_robot.translation() - Eigen::Vector3d(0, 0, 1)).norm() > 1e-3) {
     ASSERT_LT(period_s += 1e-3, 20.0);

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The worlds of models/worlds: nothing comes near to anything else, everything can be seen, and who flies keeps his
-// path.
+// The worlds of models/worlds: clearances, visibility of all objects, and tracking of the robot's path.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -37,8 +36,7 @@ std::string file_of(const Shown& shown) {
   return std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/worlds/" + shown.name + ".xml";
 }
 
-/// Something whose outline is a closed chain of points, or a box of which all that counts is how far a point is from
-/// it.
+/// A shape with a closed chain of points as outline, or a box with a distance function.
 struct Outline {
   std::string name;
   Eigen::Vector2d center_m;

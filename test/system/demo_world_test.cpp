@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Simulator to map, without ROS: what is published of the demo, over seeds, and of the other worlds.
+// Simulator to map, without ROS: the published figures of the demo, over seeds, and of the other worlds.
 #include <gtest/gtest.h>
 
 #include <iostream>
@@ -39,7 +39,7 @@ MapScore fly(const std::string& name, std::uint64_t seed) {
   return evaluation->score();
 }
 
-/// What docs/benchmarks/README.md and docs/worlds.md say of a world, with room for another seed or processor.
+/// Bounds of a world by docs/benchmarks/README.md and docs/worlds.md, with a margin for other seeds and processors.
 struct Bounds {
   const char* world;
   int seed;
@@ -81,7 +81,7 @@ INSTANTIATE_TEST_SUITE_P(Demo, FlownWorld, testing::Values(demo(1), demo(2), dem
 //   orchard    0.991   0.007     0.013       0.70     nothing           10
 //   warehouse  0.967   0.013     0.059       0.55     nothing            9
 //   crowd      0.981   0.015     0.040       0.75     nothing           19
-// The persons of the lab swing their arms, which are not always taken for theirs.
+// The swinging arms of the lab's persons are not always joined with their bodies.
 INSTANTIATE_TEST_SUITE_P(Others, FlownWorld,
                          testing::Values(Bounds{"lab", 1, 0.98, 0.07, 0.13, 1.0, 2.0, 30},
                                          Bounds{"orchard", 1, 0.985, 0.01, 0.02, 0.9, 0.0, 12},

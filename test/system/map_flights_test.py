@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""map_flights end to end: what its lines say of one another, and what it refuses."""
+"""map_flights end to end: consistency of its lines, and refusals."""
 import json
 import pathlib
 import re
@@ -11,7 +11,7 @@ import unittest
 
 TOOL = pathlib.Path(sys.argv.pop(1))
 SOURCE = pathlib.Path(__file__).resolve().parent.parent.parent
-TIMES = ("cpu_ms_per_scan", "latency_ms")  # all else is the same in every run
+TIMES = ("cpu_ms_per_scan", "latency_ms")  # all others are the same in every run
 
 
 def run(*options, world="demo"):

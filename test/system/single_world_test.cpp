@@ -19,7 +19,7 @@ namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
 constexpr int kScans = 60 * 20;
-constexpr int kFirstCompared = 20;  // one second to find the object
+constexpr int kFirstCompared = 20;  // one second for initialisation
 
 struct Row {
   const char* name;

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The product's network: python test/train/ellipse_network_test.py (after scripts/build, which makes its samples)."""
+"""The package's network: python test/train/ellipse_network_test.py (after scripts/build, which makes its samples)."""
 
 import pathlib
 import sys
@@ -54,7 +54,7 @@ class EllipseTaskTest(unittest.TestCase):
             square = product.whitened(answer[:, factor], error)[0].square().sum(1)
             inside = square < product.CHI_SQUARE_90 * torch.exp(answer[:, product.POINT + product.FACTOR])
         distance = rows[:, product.MEAN_RANGE]
-        for low, high in ((0, 3), (3, 6), (6, 10)):  # of a network that has learnt nothing
+        for low, high in ((0, 3), (3, 6), (6, 10)):  # of an untrained network
             share = inside[(distance >= low) & (distance < high)].double().mean().item()
             self.assertAlmostEqual(share, 0.9, delta=0.04)
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Core, conversions and messages of an installed situation_awareness: a round thing before a scanner comes onto the
-// map. Prints how many elements the map has.
+// Core, conversions and messages of an installed situation_awareness: a round object before a scanner is mapped. Prints
+// the number of elements.
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <limits>
 
-#include <Eigen/Geometry>
 #include <situation_awareness/EllipseMap.h>
+#include <Eigen/Geometry>
 #include <situation_awareness/pipeline/object_pipeline.hpp>
 #include <situation_awareness/ros/convert/objects.hpp>
 #include <situation_awareness/scan/scan.hpp>
@@ -25,7 +25,7 @@ int main() {
   for (int i = 0; i < 401; ++i) {
     const double angle_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
     const double aside_m = kDistance_m * std::sin(angle_rad);
-    const double depth_m = std::sqrt(kRadius_m * kRadius_m - aside_m * aside_m);  // NaN beside the thing
+    const double depth_m = std::sqrt(kRadius_m * kRadius_m - aside_m * aside_m);  // NaN beside the object
     const double range_m = kDistance_m * std::cos(angle_rad) - depth_m;
     scan.beams.push_back(beam_from_range(
         std::isfinite(range_m) ? static_cast<float>(range_m) : std::numeric_limits<float>::infinity(), 0.1F, 30.0F));

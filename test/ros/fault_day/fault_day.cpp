@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A day of simulated scans for the nodelets as they run, with faults at random: the raw numbers behind scripts/evaluate
-// reliability. test/ros/fault_day.launch starts it.
+// A day of simulated scans for the running nodelets, with random faults: the raw data of scripts/evaluate reliability.
+// test/ros/fault_day.launch starts it.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -106,7 +106,7 @@ class Day {
     if (!out_) throw std::runtime_error(options.out + ": cannot be written");
   }
 
-  /// Whether all that must happen happened.
+  /// Whether all expected outcomes occurred.
   bool run() {
     if (!feed_.wait_for_stages()) throw std::runtime_error("the stages did not come within 60 s");
     feed_.forget_accounts();
@@ -123,7 +123,7 @@ class Day {
   std::int64_t of() const { return std::llround(options_.hours * kScansPerHour); }
   bool over() const { return options_.rounds > 0 ? round_ > options_.rounds : feed_.sent() >= of(); }
 
-  /// Each fault once in a round, in an order drawn anew.
+  /// Each fault once in a round, in a new random order.
   std::size_t next() {
     if (order_.empty()) {
       ++round_;

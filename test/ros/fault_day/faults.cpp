@@ -32,7 +32,7 @@ constexpr float kInf = std::numeric_limits<float>::infinity();
 
 int draw(Feed& feed, int low, int high) { return low + static_cast<int>(feed.random().uniform() * (high - low + 1)); }
 
-/// Scans that must be mapped although something is odd about each.
+/// Unusual scans that must be mapped.
 std::string mapped(Feed& feed, int most, const std::function<void(LaserScan&)>& spoil) {
   for (int left = draw(feed, 1, most); left > 0; --left) {
     const LaserScanPtr msg = feed.due();
@@ -146,8 +146,7 @@ std::string stamps(Feed& feed, double most_back_s) {
 Injected starts_again(Feed& feed) {
   feed.start_again();
   const std::int64_t from_ns = feed.stamp_ns();
-  // What is known of transforms is thrown away when the first scan shows that time began again, so those that came
-  // before it may be missed.
+  // Transforms are cleared when the first scan shows the reset of time, so earlier ones may be lost.
   feed.transforms(Transforms::kEach);
   for (int i = 0; i < 5; ++i) {
     feed.send(feed.due(), Fate::kEither);
@@ -234,7 +233,7 @@ std::string flood(Feed& feed) {
   feed.drain();
   const std::int64_t step_ns = nanoseconds(1.0 / feed.random().uniform(500.0, 2000.0));
   const std::int64_t begin_ns = feed.stamp_ns();
-  // Transforms up to the end are known; time goes on by a scan whenever the flood has reached the next one.
+  // All transforms are available; time advances by a scan whenever the flood has reached the next one.
   std::int64_t stamp_ns = begin_ns;
   for (int left = draw(feed, 100, 400); left > 0; --left, stamp_ns += step_ns) {
     const LaserScanPtr msg = feed.due();
@@ -294,7 +293,7 @@ std::string foreign_messages(Feed& feed) {
   ros::Publisher detections = feed.node().advertise<DetectionArray>("detections", 10);
   ros::Publisher map = feed.node().advertise<EllipseMap>("objects", 10);
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(10.0);
-  // Of maps one more hears: the feed itself.
+  // Maps have one more subscriber: the feed itself.
   while (segments.getNumSubscribers() < 1 || detections.getNumSubscribers() < 1 || map.getNumSubscribers() < 2) {
     if (ros::WallTime::now() > end) return "not heard by the stages within 10 s";
     ros::WallDuration(0.01).sleep();
@@ -352,12 +351,12 @@ std::string silence(Feed& feed, double from_s, double to_s) {
   return "";
 }
 
-/// `end` ends something that comes back by itself, and says what went wrong.
+/// `end` ends something that restarts by itself, and returns the error.
 Injected death(Feed& feed, const std::function<std::string()>& end, const std::function<bool()>& reborn) {
   constexpr double kTimeout_s = 120.0;
   feed.drain();
   feed.transforms(Transforms::kEach);
-  feed.drain();  // nothing is under way that would be lost
+  feed.drain();  // no unprocessed scans that would be lost
   const std::int64_t latest_ns = feed.stamp_ns() - SyntheticScene::kStep_ns;
   const std::string wrong = end();
   if (!wrong.empty()) return {wrong, {}, {}};
@@ -386,10 +385,10 @@ Injected unload_stage(Feed& feed) {
     const bool unloaded = ros::service::call(std::string(kManager) + "/unload_nodelet", unload);
     return unloaded && unload.response.success ? "" : "not unloaded";
   };
-  return death(feed, end, [] { return true; });  // it is gone when the service has answered
+  return death(feed, end, [] { return true; });  // it has ended when the service responds
 }
 
-/// An injection of which nothing dies.
+/// An injection that ends no process.
 std::function<Injected(Feed&)> alive(std::function<std::string(Feed&)> inject) {
   return [inject = std::move(inject)](Feed& feed) { return Injected{inject(feed), {}, {}}; };
 }

@@ -11,22 +11,22 @@
 
 namespace situation_awareness {
 
-/// What becomes of the map's elements.
+/// Expected ids after the fault.
 enum class Ids {
   kKept,     ///< each object has the id after the fault that it had before
   kFree,     ///< what scans say is gone may get a new id
-  kNew,      ///< a new map, with ids never used before
+  kNew,      ///< a new map, with ids not used before
   kRestart,  ///< a new process: a new map, with ids from 1
 };
 
-/// How an injection went.
+/// Result of an injection.
 struct Injected {
   std::string wrong;                    ///< that could be seen at once
   std::optional<double> down_s;         ///< for how long no map came, where something died, in wall time
   std::optional<std::int64_t> from_ns;  ///< stamp from which on the map must come back; else that of the latest scan
 };
 
-/// One kind of fault, injected into a feed that runs.
+/// One kind of fault, injected into a running feed.
 struct Fault {
   std::string name;
   std::string how;   ///< what is done

@@ -147,7 +147,7 @@ void Feed::provide_transforms() {
 
 void Feed::transforms(Transforms mode) {
   transforms_ = Transforms::kNone;
-  while (slot_ < transforms_until_) send(due(), Fate::kMapped);  // those that are known already
+  while (slot_ < transforms_until_) send(due(), Fate::kMapped);  // those with transforms already
   transforms_ = mode;
 }
 
@@ -192,13 +192,13 @@ void Feed::start_again() {
   good_since_ns_.reset();
 }
 
-std::optional<double> Feed::outlive(const std::function<bool()>& reborn, double patience_s) {
+std::optional<double> Feed::outlive(const std::function<bool()>& reborn, double timeout_s) {
   const ros::WallTime begin = ros::WallTime::now();
   ros::WallTime due_at = begin;
   latest_map_at_ = begin;
   longest_gap_s_ = 0.0;
   std::optional<std::int64_t> reborn_ns;
-  while (ros::ok() && (ros::WallTime::now() - begin).toSec() < patience_s) {
+  while (ros::ok() && (ros::WallTime::now() - begin).toSec() < timeout_s) {
     if (!reborn_ns && reborn()) reborn_ns = stamp_ns();
     send(due(), Fate::kEither);
     due_at += ros::WallDuration(kScanPeriod_s);
@@ -353,7 +353,7 @@ std::string Feed::imbalance(std::map<std::string, Counts>& counts) const {
       if (!is_drop(key)) continue;
       const std::string reason = key.substr(std::string("dropped: ").size());
       if (reason != drop_reason::kBadMap) dropped += count;
-      // Where time decides, the number is free but for the balance.
+      // Counts that depend on timing are only checked for the balance.
       if (kWhereTimeDecides.count(reason) > 0 && count <= either_ + drops[reason] && count >= drops[reason]) {
         drops.erase(reason);
         continue;
@@ -392,7 +392,7 @@ std::string Feed::settle() {
 
 void Feed::forget_accounts() {
   drain();
-  // Nothing is sent: two reports of each stage that say the same say all.
+  // Nothing is sent: two equal reports of each stage are complete.
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(20.0);
   const auto snapshot = [this](std::map<std::string, std::int64_t>& reports) {
     const std::lock_guard<std::mutex> lock(mutex_);

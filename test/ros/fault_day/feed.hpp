@@ -32,7 +32,7 @@ constexpr const char* kUpsideDownFrame = "lidar_upside_down";  ///< turned about
 constexpr float kRangeMin_m = 0.1F, kRangeMax_m = 30.0F;
 constexpr double kScanPeriod_s = 1e-9 * static_cast<double>(SyntheticScene::kStep_ns);
 
-/// What must become of a scan.
+/// Expected outcome of a scan.
 enum class Fate {
   kMapped,   ///< a map with its stamp
   kDropped,  ///< dropped by the segmentation nodelet for one known reason
@@ -48,27 +48,28 @@ enum class Transforms {
 /// Process id of the manager, -1 if it is not known.
 int manager_pid();
 
-/// Where a map stands.
+/// State of a map against the truth.
 struct MapState {
   bool good = false;               ///< each object once, nothing else, all bounded
   std::string defect;              ///< why not
   std::vector<std::uint64_t> ids;  ///< of the objects, if it is good
 };
 
-/// A simulated scanner and its transforms in lock-step with the map that is made of them, which it compares with the
-/// truth. Time is simulated: scan k of a stretch of time has the stamp kBegin_ns + k * SyntheticScene::kStep_ns.
+/// A simulated scanner with transforms in lock-step with the resulting map, which it compares with the truth. Time is
+/// simulated: scan k since a reset of time has the stamp kBegin_ns + k * SyntheticScene::kStep_ns.
 class Feed {
  public:
-  /// `under_way`: scans that wait for their maps at most, and so by how many scans the map may be behind in whose light
-  /// a scan is read. More are faster; with one alone there is time for each, however busy the machine.
+  /// `under_way`: largest number of scans that wait for their maps, and so the lag of the map used for expected
+  /// outlines.
+  /// More are faster; with one there is time for each on a busy machine.
   Feed(ros::NodeHandle& node, std::uint64_t seed, int under_way);
 
-  /// Until all stages are there and speak. False if they do not come.
+  /// Wait until all stages report. False on timeout.
   bool wait_for_stages();
 
-  /// Good scans, a few under way, each to be mapped.
+  /// Good scans, a few unprocessed at a time, each to be mapped.
   void stream(int scans);
-  /// The same, the next when the map of the one before has come: however slow the stages are just then, there is time.
+  /// The same, the next one when the map of the previous one has come, for any speed of the stages.
   void step(int scans);
 
   // --- for faults
@@ -76,23 +77,24 @@ class Feed {
   sensor_msgs::LaserScanPtr due() const;
   /// The same with another number of beams, over the same field of view.
   sensor_msgs::LaserScanPtr due_with_beams(int beams) const;
-  /// Time goes on by a scan with each, or not.
+  /// Whether time advances by a scan with each.
   void send(const sensor_msgs::LaserScanPtr& msg, Fate fate, const std::string& reason = "", bool advance = true);
   void transforms(Transforms mode);
-  /// Transforms of `scans` scans from that which is due on, moved and turned.
+  /// Transforms of `scans` scans from the next one on, moved and rotated.
   void send_transforms(int scans, const Eigen::Isometry3d& moved = Eigen::Isometry3d::Identity());
-  /// As `transforms(kNone)`, and transforms of those scans back from the one before what is due are sent now.
+  /// As `transforms(kNone)`, and transforms of the scans before the next one are sent now.
   void send_late_transforms(int scans);
   void skip(int scans) { slot_ += scans; }
   void stop_clock(bool stopped) { clock_stopped_ = stopped; }
-  /// Time starts again, in another scene.
+  /// Reset time, in another scene.
   void start_again();
   /// Wait for all maps that must come.
   void drain();
-  /// Scans at their own pace in wall time, which may be lost, until a map comes of one that was sent after `reborn`:
-  /// for how long none came, in wall time; nothing if none does for `patience_s`.
-  std::optional<double> outlive(const std::function<bool()>& reborn, double patience_s);
-  /// Besides scans: messages of others, which a stage drops for this reason.
+  /// Scans in wall time, which may be lost, until a map of one that was sent after `reborn`: the time without a map, in
+  /// wall
+  /// time; nothing after `timeout_s`.
+  std::optional<double> outlive(const std::function<bool()>& reborn, double timeout_s);
+  /// Messages of other publishers, which a stage must drop for this reason.
   void expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received);
 
   // --- what came of it
@@ -100,14 +102,14 @@ class Feed {
   std::int64_t sent() const { return sent_all_; }
   std::int64_t mapped() const { return mapped_all_; }
   std::int64_t maps() const { return maps_all_; }
-  /// Since this stamp every map was good; nothing if the latest is not.
+  /// The stamp since which every map was good; nothing if the latest is not.
   std::optional<std::int64_t> good_since_ns() const { return good_since_ns_; }
   const MapState& latest() const { return latest_; }
   const MapState& latest_good() const { return latest_good_; }
   std::uint64_t highest_id() const { return highest_id_; }
-  /// Compare what the stages say they received, processed and dropped with what was sent. Empty if all agrees.
+  /// Compare the stages' counts of received, processed and dropped messages with those sent. Empty if all agree.
   std::string settle();
-  /// What stages have received so far is not known: they began anew.
+  /// The stages' earlier counts are unknown after a restart.
   void forget_accounts();
   std::vector<std::string> take_failures();
   int under_way() const { return under_way_; }
@@ -130,7 +132,7 @@ class Feed {
   void provide_transforms();
   void on_map(const EllipseMapConstPtr& msg);
   void on_diagnostics(const diagnostic_msgs::DiagnosticArrayConstPtr& msg);
-  /// Judge what has come; wait for at least one map if asked to, false if none came.
+  /// Evaluate received maps; optionally wait for at least one, false on timeout.
   bool take_maps(bool wait);
   void take_map(const Received& received);
   MapState judge(const EllipseMap& map) const;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The display as rviz loads it, drawing into a window that nobody sees: what is on the picture, and where.
+// The display as loaded by rviz, drawing into an invisible window: content of the picture, by position.
 #include <cmath>
 #include <functional>
 #include <limits>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The panel as rviz loads it, driven by a user's events against the nodelets themselves, with the simulator before
-// them.
+// The panel as loaded by rviz, driven by user events, with the real nodelets and the simulator.
 #include <unistd.h>
 
 #include <algorithm>

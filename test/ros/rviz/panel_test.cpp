@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The panel as rviz loads it, driven by a user's events against nodes that are played here.
+// The panel as loaded by rviz, driven by user events, with mock nodes.
 #include <atomic>
 #include <chrono>
 #include <memory>
@@ -33,7 +33,7 @@
 namespace situation_awareness {
 namespace {
 
-/// The mapping nodelet as others see it: services, live parameters and what it says of itself.
+/// A mock of the mapping nodelet: services, live parameters and status.
 class FakeMapping {
  public:
   explicit FakeMapping(const std::string& ns = "") : node_(ns) {
@@ -223,7 +223,7 @@ TEST_F(PanelTest, DoesNotBlock) {
   }));
   EXPECT_LT(longest_s, 0.7) << "the GUI stood still";
 
-  // A panel that is closed in the middle of a call does not wait for the answer either.
+  // Closing a panel during a call does not wait for the response.
   mapping.delay_ms = 2500;
   click("reset");
   QTest::qWait(500);
@@ -330,7 +330,7 @@ int main(int argc, char** argv) {
   testing::InitGoogleTest(&argc, argv);
   QApplication app(argc, argv);
   ros::init(argc, argv, "rviz_panel_test");
-  ros::AsyncSpinner spinner(2);  // of the nodes that are played
+  ros::AsyncSpinner spinner(2);  // of the mock nodes
   spinner.start();
   return RUN_ALL_TESTS();
 }
