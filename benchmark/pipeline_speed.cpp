@@ -34,8 +34,7 @@ using Json = nlohmann::ordered_json;
 using Clock = std::chrono::steady_clock;
 
 constexpr const char* kDescription =
-    R"(Takes synthetic scans to a map, one behind the other, and writes what that cost as one line of JSON: in us and
-allocations per scan. 'whole' is ObjectPipeline::process, 'stages' are the same scans stage by stage.
+    R"(Maps synthetic scans in sequence and writes the cost as one line of JSON: in us and allocations per scan. 'whole' is ObjectPipeline::process, 'stages' are the same scans stage by stage.
 )";
 
 struct Options {

@@ -34,10 +34,10 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kDescription =
-    R"(Takes scans of many hours to a map as fast as it can, one of 20 to a second of their stamps, bad ones among them.
-Writes a line of JSON per block (memory in use at its end, thread CPU time per scan), and at last what became of
-every scan. Blocks are of simulated and of recorded scans in turn; time is reset after 1, 2, 3 and 24 blocks,
-over and over. The exit code is 1 if a scan did not end as its kind must.
+    R"(Maps scans of many hours as fast as possible, at 20 Hz of their stamps, invalid ones among them. Writes a line of JSON
+per block (memory in use at its end, thread CPU time per scan), and at the end the outcomes of all scans. Blocks are
+alternately of simulated and recorded scans; time is reset after 1, 2, 3 and 24 blocks in turn. The exit code is 1 if a
+scan did not have the expected outcome of its kind.
 )";
 
 struct Options {

@@ -35,8 +35,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kDescription =
-    R"(Flies a world once per seed and writes how well it was mapped as one line of JSON each; m, rad (deg where the name
-says so) and s. Every time is on the clock of the flight, which starts at 0.
+    R"(Flies a world once per seed and writes the evaluation of its map as one line of JSON each, in m, rad (deg where the name
+has it) and s. All times are on the clock of the flight, which starts at 0.
 )";
 
 struct Options {

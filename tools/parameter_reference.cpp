@@ -26,13 +26,13 @@ constexpr const char* kIntroduction =
 
 Each nodelet reads the same private parameters, so that one file and one line of a launch file serve all three. The
 sections `scan`, `segments`, `detections` and `objects` make a YAML file of the form of
-[cfg/objects.yaml](../cfg/objects.yaml); what it leaves out keeps its default:
+[cfg/objects.yaml](../cfg/objects.yaml); omitted parameters keep their defaults:
 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
 
 The first section are arguments of `objects.launch`, of the same names. `objects_bag` takes the same file by `--config`. A
-value out of its bounds, or of another type, is refused with a message that names it. What is marked *live* can be changed
-while the nodelets run ([ros.md](ros.md#live-parameters)).
+value out of its bounds, or of another type, is refused with a message that names it. Parameters marked *live* can be
+changed while the nodelets run ([ros.md](ros.md#live-parameters)).
 )";
 
 /// Strings without quotes where YAML needs none.
@@ -60,7 +60,7 @@ void print_section(const std::vector<Parameter>& parameters, const std::string& 
   if (section == "detections") {
     std::printf("\n`detector` may be:");
     for (const std::string& name : detector_names()) std::printf(" `%s`", name.c_str());
-    std::printf("; [ros.md](ros.md) says what they are.\n");
+    std::printf("; [ros.md](ros.md) describes them.\n");
   }
 }
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The detectors' tables and pictures (docs/benchmarks/detectors.md), from the shipped models. Run by scripts/evaluate.
 
-Every detector answers the same synthetic segments, whose seeds no training has seen. The floor, what no estimator can go
-below, was sampled beforehand for the seeds 1 to 2000 of each case (docs/math/floor.md) and is read from docs/benchmarks/.
+Every detector estimates the same synthetic segments, whose seeds are not used in training. The floor, the lowest possible
+expected loss, was sampled beforehand for the seeds 1 to 2000 of each case (docs/math/floor.md) and is read from docs/benchmarks/.
 """
 
 import math

@@ -29,7 +29,7 @@ def arguments_parser(doc, folder, part=None):
 
 
 def output_folder(arguments, whole=True):
-    """Where the report goes: a part of the runs never replaces what is published."""
+    """Output of the report: a part of the runs never replaces the published one."""
     output = arguments.output or ROOT / (arguments.folder if whole else f"build/evaluation/{arguments.name}")
     output.mkdir(parents=True, exist_ok=True)
     return output
@@ -89,7 +89,7 @@ def machine():
 
 
 def commit():
-    """Of the working tree, with a word if what was measured is not what it has."""
+    """Of the working tree, with a note if the measured commit differs."""
     def git(*words):
         return subprocess.run(["git", "-C", ROOT, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                               text=True).stdout.strip()
@@ -112,7 +112,7 @@ def prose(text):
 
 
 def introduction(measured, text):
-    """The first paragraph: what was run, when and where, and what it is."""
+    """The first paragraph: command, date, machine and description."""
     return prose(f"`{measured['command']}`, {measured['date']}, commit {measured['commit']}, {measured['machine']}, "
                  f"load average {measured['load']:.1f} at the start. {text}")
 

@@ -4,8 +4,8 @@ a duration and options of map_flights. Everything follows from the experiment's 
 
     python3 scripts/evaluation/worlds.py DIR [EXPERIMENT ...]        writes the worlds, to look at or to fly by hand
 
-The papers leave open where their objects move. What this project chose, once, is said beside each experiment below.
-Clearances are those between the circles about two ellipses, so what is promised is never less.
+The papers do not specify their objects' paths. This project's choice is given at each experiment below. Clearances are
+those between the circles about two ellipses, so they are lower bounds.
 """
 
 import argparse
@@ -136,7 +136,7 @@ def moving_ellipse(rx, ratio, psi_deg, path):
     return Thing("ellipse", path, rx, rx / ratio, math.radians(psi_deg), moves=True)
 
 
-# --- what the scanner can see
+# --- visibility
 
 
 def azimuths(centers, rx, ry, yaw):

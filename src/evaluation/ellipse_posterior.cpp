@@ -634,7 +634,7 @@ class Ensemble {
   Vector5d spread(std::size_t begin, std::size_t end) const {
     Vector5d mean = Vector5d::Zero();
     for (std::size_t i = begin; i < end; ++i) mean += places_[i];
-    mean /= static_cast<double>(end - begin);  // last, so that what is 1 in each circle has no spread at all
+    mean /= static_cast<double>(end - begin);  // last, so that constants have exactly no spread
     Vector5d variance = Vector5d::Zero();
     for (std::size_t i = begin; i < end; ++i) {
       Vector5d difference = places_[i] - mean;

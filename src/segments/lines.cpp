@@ -297,7 +297,7 @@ Bulge bulge_of(const Line& line, const Point* points, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i) {
     const Eigen::Vector2d d = points[i].p_level_m - line.through_m;
     const double s = direction.dot(d);
-    const double q = s * s - s2 / static_cast<double>(count) - s3 / s2 * s;  // of s^2 what no line has
+    const double q = s * s - s2 / static_cast<double>(count) - s3 / s2 * s;  // the part of s^2 orthogonal to all lines
     rq += towards * line.normal.dot(d) * q;
     qq += q * q;
   }

@@ -26,7 +26,7 @@ struct SimulatedGnssParams {
           "standard deviation of the slow error, east and north each");
     visit("correlation_s", self.correlation_s, Bounds{0.001, 1e6}, "s", "time after which 1/e of it is left");
     visit("white_sigma_m", self.white_sigma_m, Bounds{0.0, 100.0}, "m",
-          "standard deviation of what is new in every fix, east and north each");
+          "standard deviation of the white noise, east and north each");
     visit("vertical_ratio", self.vertical_ratio, Bounds{0.0, 10.0}, "", "vertical errors in terms of the horizontal");
   }
 

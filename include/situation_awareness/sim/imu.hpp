@@ -25,7 +25,7 @@ struct SimulatedImuParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("rate_hz", self.rate_hz, Bounds{1.0, 10000.0}, "Hz", "samples per second");
-    visit("gravity_m_s2", self.gravity_m_s2, Bounds{0.0, 20.0}, "m/s^2", "what the accelerometer measures at rest");
+    visit("gravity_m_s2", self.gravity_m_s2, Bounds{0.0, 20.0}, "m/s^2", "measurement of the accelerometer at rest");
     visit("gyroscope_noise", self.gyroscope_noise, Bounds{0.0, 1.0}, "rad/s/sqrt(Hz)", "density of the white noise");
     visit("gyroscope_bias_sigma_rad_s", self.gyroscope_bias_sigma_rad_s, Bounds{0.0, 1.0}, "rad/s",
           "standard deviation of the bias at the start, each axis");

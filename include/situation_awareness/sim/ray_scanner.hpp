@@ -19,14 +19,14 @@ namespace situation_awareness {
 
 class RayCaster;
 
-/// What the params of every scanner declare: rate, sweep, range and intensity.
+/// The common parameters of all scanners: rate, sweep, range and intensity.
 template <class Self, class Visit>
 void visit_ray_scanner_fields(Self& self, Visit&& visit) {
   visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz", "scans per second");
   visit("sweep_s", self.sweep_s, Bounds{0.0, 1.0}, "s",
         "time from the first ray to the last, less than from scan to scan; 0: all at one instant (UTM-30LX: 0.01875)");
-  visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "what is nearer is too close");
-  visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "what is farther is not seen");
+  visit("range_min_m", self.range_min_m, Bounds{0.001, 1000.0}, "m", "nearer objects are too close");
+  visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "farther objects are not seen");
   visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
   SimulatedIntensityParams::fields(self.intensity, visit);
 }
@@ -44,7 +44,7 @@ void check_ray_scanner_params(const Params& params, const std::string& section) 
   }
 }
 
-/// What a scanner measures along one ray.
+/// The measurement along one ray.
 struct RayReturn {
   BeamState state = BeamState::kFree;  ///< kHit, kFree or kTooClose
   double range_m = 0.0;                ///< where it is a hit: with noise, within the sensor's limits

@@ -49,8 +49,8 @@ struct OdometrySample {
 };
 
 /// Wheel odometry of a mounting place on the robot of a world, which drives in the plane. The motion in the plane
-/// between two samples, as it is in the axes of the first, comes with errors that grow as the square root of what was
-/// driven, and with constant errors of scale; the motions are chained.
+/// between two samples, in the axes of the first, has errors that grow with the square root of the distance and the
+/// rotation, and constant errors of scale; the motions are chained.
 class SimulatedOdometry {
  public:
   /// `world` must outlive the odometry. Throws std::invalid_argument for params.

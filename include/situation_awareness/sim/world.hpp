@@ -33,16 +33,16 @@ struct TrueObject {
 /// A place on the robot where the file mounts a sensor.
 struct SensorMount {
   std::string name;
-  std::string text;  ///< what the file says of the sensor; sensors.hpp reads it
+  std::string text;  ///< the file's text of the sensor; sensors.hpp reads it
   Eigen::Isometry3d T_robot_sensor = Eigen::Isometry3d::Identity();
 };
 
 /// A world in MuJoCo: named objects that stand or follow scripted paths, and a multirotor that follows its own, tilted
-/// as its acceleration demands. Everything is a function of time. What is measured in it is a sensor's to say, what has
-/// been seen of it the truth's. models/worlds/README.md explains the file.
+/// as its acceleration demands. Everything is a function of time. Measurements are in the sensors, counts of hits in
+/// the truth. models/worlds/README.md describes the file.
 class World {
  public:
-  /// Throws std::runtime_error naming the file, the element and what is wrong with it.
+  /// Throws std::runtime_error naming the file, the element and its error.
   explicit World(const std::string& mjcf_path);
   ~World();
   World(World&&) noexcept;

@@ -33,7 +33,7 @@ constexpr double kViewForgetting = 0.02;
 constexpr double kNoiseGain = 0.03;
 /// Factor on variances, so 3.2 on standard deviations. The tests with twice the noise need 4.
 constexpr double kMaxNoise = 10.0;
-/// s. What has stood for longer is less and less likely to be a mover at rest. No test bounds it.
+/// s. Decay time of the rate at which an element that stands begins to move again. No test bounds it.
 constexpr double kRestartDecay_s = 0.7;
 /// s. An element that has stood for longer begins to move at start_rate_1_s. No test bounds it.
 constexpr double kSettled_s = 1.5;

@@ -28,11 +28,11 @@ constexpr const char* kDescription =
     R"(Reads laser scans and transforms from a bag and writes the map of ellipses after each scan as one line of JSON:
   {"stamp": s, "objects": [{"id": int, "x", "y", "psi", "rx", "ry", "vx", "vy", "wz": number,
    "sigma": [8 standard deviations, order x y vx vy psi wz rx ry], "beams": int}]}
-in m, rad and s, in the world frame; or what was detected in each scan, before it came to the map:
+in m, rad and s, in the world frame; or the detections of each scan:
   {"stamp": s, "detections": [{"x", "y", "psi", "rx", "ry": number,
    "covariance": [25 numbers, row by row, of x y m p q], "p_ellipse": number, "beams": int}]}
 in the sensor's level frame, with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi).
-A scan that cannot be used has no line; such scans are counted by reason. Files appear when all went well.
+Invalid scans have no line and are counted by reason. Files are written atomically.
 )";
 
 struct Options {

@@ -22,8 +22,8 @@
 
 namespace situation_awareness {
 
-inline bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
-  for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
+inline bool until(const std::function<bool()>& condition, int timeout_ms = 10'000) {
+  for (int waited_ms = 0; waited_ms < timeout_ms && !condition(); waited_ms += 20) QTest::qWait(20);
   return condition();
 }
 

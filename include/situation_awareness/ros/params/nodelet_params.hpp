@@ -9,7 +9,7 @@
 
 namespace situation_awareness {
 
-/// Parameters of the ROS boundary, which a nodelet of any kind of map has beside those of its own.
+/// Parameters of the ROS boundary, for nodelets of any kind of map.
 struct NodeletParams {
   std::string world_frame = "world";
   double tf_timeout_s = 0.5;
