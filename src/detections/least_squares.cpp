@@ -168,8 +168,7 @@ class Problem {
 
   /// Root mean square of the hits' distances from the curve, to first order.
   /// As wide as the segment, touching its middle from behind: a circle, or an ellipse inclined by `lean_rad` to the
-  /// line of
-  /// sight.
+  /// line of sight.
   Vector5d start(double half_difference_ratio, double lean_rad) const {
     const double width_m = (points_[count_ - 1].p_level_m - points_[0].p_level_m).norm();
     const double m = std::clamp(0.5 * width_m, 2.0 * params_.min_radius_m, params_.max_radius_m);

@@ -151,9 +151,8 @@ class OnnxModel::Impl {
 
   const float* forward() {
     // OpenCV runs nested parallel loops on the calling thread, so an outer loop of one iteration keeps this forward
-    // from using
-    // a thread per core beside the nodelet manager's; cv::setNumThreads would affect all other users of OpenCV in the
-    // process.
+    // from using a thread per core beside the nodelet manager's; cv::setNumThreads would affect all other users of
+    // OpenCV in the process.
     cv::parallel_for_(cv::Range(0, 1), [this](const cv::Range&) {
       net_.setInput(input_, input_tensor_.name);
       net_.forward(output_);

@@ -43,8 +43,7 @@ double in_beams(double azimuth_rad, double middle_rad) {
 /// Docs/math/paper_networks.md, eq. 1.
 BeamRange beams_on(const Segments& segments, const Segment& segment, double middle_rad) {
   // A beam exactly half a beam beyond the outermost hit is no hit. The tolerance is that of single-precision angles
-  // over a
-  // scan, and is also applied to the hits.
+  // over a scan, and is also applied to the hits.
   const double reach_beams = std::max(0.5 * segments.resolution_rad / PaperNetwork::kResolutionRad - 1e-3, 1e-3);
   const double low = in_beams(segments.points[segment.first].azimuth_rad, middle_rad) - reach_beams;
   const double high =

@@ -70,8 +70,7 @@ TEST(MapEvaluation, AHiddenObjectNeitherDelaysNorIsFalse) {
 
 TEST(MapEvaluation, AbsentObjectsAreNeitherMissedNorHiddenAndElementsOnThemAreFalse) {
   // Present for the second half of the first second and for the third second; the map keeps it for 0.3 s too long and
-  // then
-  // has it under another id.
+  // then has it under another id.
   MapEvaluation evaluation(MapEvaluationParams{}, bodies_of({"post"}));
   for (int i = 0; i < 30; ++i) {
     Object truth = object_at(4, 0.0);

@@ -26,8 +26,7 @@ class Detector {
 
  private:
   /// Add to `found` the detections, and the reasons for segments without one; on entry it has only the fields copied
-  /// from
-  /// the segments.
+  /// from the segments.
   virtual void find(const Segments& segments, Detections& found) = 0;
 };
 

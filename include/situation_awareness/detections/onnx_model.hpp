@@ -18,8 +18,7 @@ class OnnxModel {
   ///   golden   {first, input, fill, output}: the inputs from index `first` on, the value of all others (0 where it is
   ///            left out), and the answer
   /// Throws std::runtime_error naming the file and the reason: missing, damaged, of other names or shapes, or with
-  /// other
-  /// outputs than the golden vector.
+  /// other outputs than the golden vector.
   explicit OnnxModel(const std::string& onnx_path);
   ~OnnxModel();
   OnnxModel(OnnxModel&&) noexcept;
@@ -34,8 +33,7 @@ class OnnxModel {
   float* resize(int rows, float value = 0.0F);
 
   /// The outputs for all rows in one forward: rows of outputs() numbers, one behind the other. Valid until the next
-  /// call.
-  /// Throws std::runtime_error if the network's output has another shape.
+  /// call. Throws std::runtime_error if the network's output has another shape.
   const float* forward();
 
  private:

@@ -30,8 +30,7 @@ struct HiddenTime {
   double from_s = 0.0;  ///< first scan without a beam on it, on the clock of the stamps
   double to_s = 0.0;    ///< first scan with a beam on it again, or the last scan of the run
   /// Whether the first element on it, within recognition_s after it is visible again, has the previous id; nothing if
-  /// the
-  /// run ended before.
+  /// the run ended before.
   std::optional<bool> same_id;
   std::optional<double> deleted_after_s;  ///< time from from_s until its element left the map, if it did while hidden
 };

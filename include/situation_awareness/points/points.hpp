@@ -43,8 +43,7 @@ struct FreeSpace {
   bool full_circle = false;        ///< the last beam is a neighbour of the first
 };
 
-/// One value per point. Free space ends also at hits outside the volume of interest.
-/// `memory`: as for limit_range.
+/// One value per point. Free space ends also at hits outside the volume of interest. `memory`: as for limit_range.
 FreeSpace free_space(const Points& points, FreeSpace memory = {});
 
 }  // namespace situation_awareness

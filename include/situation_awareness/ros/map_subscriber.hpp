@@ -22,8 +22,7 @@ class MapSubscriber {
   MapSubscriber(StageContextBase& context, const std::string& world_frame);
 
   /// The expected outlines in a scan, in its level frame. A map of a later time is not used: time was reset. Counts
-  /// scans
-  /// that come before the map of the previous one.
+  /// scans that come before the map of the previous one.
   std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
   /// Discards the map after a reset of time.

@@ -18,8 +18,7 @@ class Pace {
   double duration_s() const;
 
   /// Number of `waiting` messages, the oldest first, to drop: none if all can be processed before the next one is due,
-  /// else
-  /// all but the newest. The period is by the stamps of the oldest and the newest, not by arrival: late transforms
+  /// else all but the newest. The period is by the stamps of the oldest and the newest, not by arrival: late transforms
   /// release several scans at once.
   std::size_t passed_over(std::size_t waiting, std::int64_t oldest_stamp_ns, std::int64_t newest_stamp_ns) const;
 

@@ -50,8 +50,7 @@ class StageContextBase {
   }
 
   /// Calls `act` after construction of the stage, before its first message, on the callback queue: to subscribe or
-  /// advertise
-  /// services. Exceptions of `act` are logged.
+  /// advertise services. Exceptions of `act` are logged.
   void when_made(std::function<void()> act) { when_made_.push_back(std::move(act)); }
 
   /// Calls `act` periodically, by the steady clock. `act` must not throw.
@@ -104,8 +103,7 @@ class StageContext : public StageContextBase {
                  [this](const QueuedConstPtr& queued, const ros::SteadyTime& at) { handle(queued, at); }) {}
 
   /// For a stage whose messages also wait for other data, and where `Queued` is not the message: `act` gets each
-  /// message on
-  /// arrival and later drops or enqueues it; `waiting`: number of messages that it holds.
+  /// message on arrival and later drops or enqueues it; `waiting`: number of messages that it holds.
   void on_arrival(Arrived act, std::function<std::size_t()> waiting) {
     arrived_ = std::move(act);
     waiting_before_ = std::move(waiting);

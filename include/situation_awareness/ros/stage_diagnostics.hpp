@@ -73,8 +73,7 @@ class StageDiagnostics {
   void pause(bool paused) { paused_ = paused; }
 
   /// Output for the input of `stamp` was published; processing began at `start`, and `latency_s` is the time since its
-  /// scan
-  /// arrived at the first stage, both by the steady clock.
+  /// scan arrived at the first stage, both by the steady clock.
   void processed(const ros::Time& stamp, const ros::SteadyTime& start, double latency_s);
 
  private:

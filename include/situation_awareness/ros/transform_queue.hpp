@@ -102,8 +102,7 @@ class TransformQueue {
   }
 
   /// The next measurement with its transforms, in order; to be called until there is none. Drops those whose transforms
-  /// will
-  /// not come, and those beyond the bound.
+  /// will not come, and those beyond the bound.
   std::optional<Posed<Item>> next(std::int64_t now_ns) {
     while (!waiting_.empty()) {
       // Transforms come in order: if a later measurement has them, those of an earlier one will not come. They

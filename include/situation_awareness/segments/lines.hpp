@@ -30,8 +30,7 @@ Bulge bulge_of(const Line& line, const Point* points, std::size_t count);
 struct LineEstimate {
   Line line_level;  ///< through the weighted mean of the hits, the normal away from the sensor
   /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad); invariant under
-  /// rigid
-  /// motion.
+  /// rigid motion.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
 };
 

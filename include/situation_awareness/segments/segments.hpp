@@ -65,8 +65,7 @@ struct StraightPiece {
   std::size_t count = 0;
   Line line_level;  ///< through the weighted mean of its hits, the normal away from the sensor
   /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad), from the range
-  /// noise
-  /// only; invariant under rigid motion.
+  /// noise only; invariant under rigid motion.
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
   double rms_m = 0.0;                                       ///< distance of its hits from the line, root mean square
   Eigen::Vector2d right_level_m = Eigen::Vector2d::Zero();  ///< its first hit, projected onto the line

@@ -183,8 +183,8 @@ Ellipse ellipse_world(const Vector8d& x) {
 }
 
 void fill_object(const ObjectEstimate& estimate, const Matrix8d& P_repeated, Object& object) {
-  // The length of (p, q) is biased: errors across it increase it, errors along it cancel on average.
-  // E |a + e| = |a| + P_across / (2 |a|) to second order, which is inverted here.
+  // The length of (p, q) is biased: errors across it increase it, errors along it cancel on average. E |a + e| = |a| +
+  // P_across / (2 |a|) to second order, which is inverted here.
   const Eigen::Vector2d axis = estimate.x.segment<2>(kAxis);
   Vector8d x = estimate.x;
   if (axis.squaredNorm() > 0.0) {

@@ -30,9 +30,8 @@ class GroundMap {
   }
 
   /// After a broken link the robot may have closed the connection, or its nodes may be new ones that could not notify
-  /// us. The
-  /// master knows, but a call to it blocks while the link is down, so first check that it responds. A restarted master
-  /// may not know the robot's nodes although their connection is alive: it is then kept.
+  /// us. The master knows, but a call to it blocks while the link is down, so first check that it responds. A restarted
+  /// master may not know the robot's nodes although their connection is alive: it is then kept.
   void check_link() {
     if (ros::SteadyTime::now() - alive_at_ < kMapTimeout) return;
     boost::asio::ip::tcp::iostream master;

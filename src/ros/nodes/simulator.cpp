@@ -198,8 +198,7 @@ class Simulator {
   }
 
   /// Sleep until `elapsed_s` after `start`. If far behind, continue from now as if started later: catching up would
-  /// overload
-  /// the map.
+  /// overload the map.
   static ros::WallTime pace(const ros::WallTime& start, double elapsed_s) {
     const ros::WallDuration elapsed(elapsed_s), far_behind(0.25);
     const ros::WallDuration left = start + elapsed - ros::WallTime::now();

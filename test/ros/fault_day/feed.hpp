@@ -60,8 +60,7 @@ struct MapState {
 class Feed {
  public:
   /// `under_way`: largest number of scans that wait for their maps, and so the lag of the map used for expected
-  /// outlines.
-  /// More are faster; with one there is time for each on a busy machine.
+  /// outlines. More are faster; with one there is time for each on a busy machine.
   Feed(ros::NodeHandle& node, std::uint64_t seed, int under_way);
 
   /// Wait until all stages report. False on timeout.
@@ -91,8 +90,7 @@ class Feed {
   /// Wait for all maps that must come.
   void drain();
   /// Scans in wall time, which may be lost, until a map of one that was sent after `reborn`: the time without a map, in
-  /// wall
-  /// time; nothing after `timeout_s`.
+  /// wall time; nothing after `timeout_s`.
   std::optional<double> outlive(const std::function<bool()>& reborn, double timeout_s);
   /// Messages of other publishers, which a stage must drop for this reason.
   void expect_drop(const std::string& stage, const std::string& reason, bool counts_as_received);

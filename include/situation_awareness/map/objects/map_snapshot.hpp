@@ -51,10 +51,9 @@ struct MapSnapshot {
   }
 
   /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or
-  /// out of
-  /// bounds, a covariance that is not symmetric and positive semidefinite, radii that are not positive, ids that are
-  /// not ascending or not below `next_id`, a `body` without an element, a stamp after the latest update. `world_frame`
-  /// may be empty.
+  /// out of bounds, a covariance that is not symmetric and positive semidefinite, radii that are not positive, ids that
+  /// are not ascending or not below `next_id`, a `body` without an element, a stamp after the latest update.
+  /// `world_frame` may be empty.
   void validate() const;
 };
 

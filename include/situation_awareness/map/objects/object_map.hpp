@@ -43,15 +43,13 @@ class ObjectMap {
   explicit ObjectMap(const ObjectMapParams& params);
 
   /// Other parameters from the next update on; elements are kept. Throws std::invalid_argument naming field and bound,
-  /// and
-  /// for another shape; the old parameters are then kept.
+  /// and for another shape; the old parameters are then kept.
   void set_params(const ObjectMapParams& params);
 
   /// Predict to the stamp of the detections, associate one to one, update, apply missed detections, create new
-  /// elements,
-  /// join parts of bodies, delete elements. None of the detections has a detection_defect, and their pose is finite.
-  /// `memory`: a report no longer needed, whose memory this one reuses: no allocation after warm-up, except for more
-  /// elements or detections than before.
+  /// elements, join parts of bodies, delete elements. None of the detections has a detection_defect, and their pose is
+  /// finite. `memory`: a report no longer needed, whose memory this one reuses: no allocation after warm-up, except for
+  /// more elements or detections than before.
   ObjectMapUpdate update(const Detections& detections, ObjectMapUpdate memory = {});
 
   /// The map at any time from the latest update on, by prediction of up to an hour (earlier times: as of the latest
@@ -72,9 +70,8 @@ class ObjectMap {
   MapSnapshot snapshot() const;
 
   /// Replace the state by the snapshot; later updates give bit for bit the same as in the original map. New ids are
-  /// larger
-  /// than those of both maps. Throws std::invalid_argument as MapSnapshot::validate, or if the snapshot has another
-  /// shape; this map is then unchanged.
+  /// larger than those of both maps. Throws std::invalid_argument as MapSnapshot::validate, or if the snapshot has
+  /// another shape; this map is then unchanged.
   void restore(const MapSnapshot& snapshot);
 
   /// The same at another time and maybe another pose of the robot, as if no time had passed since the snapshot: all its

@@ -31,8 +31,7 @@ namespace situation_awareness {
 class BagPlayer {
  public:
   /// Processes a measurement of a sensor at these poses; returns an empty text if it was used, else the reason of the
-  /// drop,
-  /// for counters.
+  /// drop, for counters.
   using Use =
       std::function<std::string(const Eigen::Isometry3d& T_world_sensor, const Eigen::Isometry3d& T_world_sensor_end)>;
   template <class Message>
@@ -52,8 +51,7 @@ class BagPlayer {
   }
 
   /// The same for the program's measurements: `take` must call `use_when_posed` or `drop` for each. `noun`: their name,
-  /// such
-  /// as "scans".
+  /// such as "scans".
   template <class Message>
   void subscribe_measurements(const std::string& topic, const std::string& noun, Take<Message> take) {
     subscribe<Message>(topic, [this, take = std::move(take)](const auto& msg, const ros::Time& recorded) {
@@ -77,8 +75,7 @@ class BagPlayer {
   }
 
   /// From the first message to the last. Throws std::runtime_error if the bag is damaged, and if no measurement could
-  /// be
-  /// used, with the reasons and the bag's frames.
+  /// be used, with the reasons and the bag's frames.
   void play();
 
   /// Prints the number of measurements used, the drops by reason, and the time.

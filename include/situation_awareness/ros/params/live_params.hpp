@@ -42,8 +42,7 @@ std::vector<std::string> set_from_config(const std::vector<Parameter>& parameter
 class LiveParamsServer {
  public:
   /// `parameters`: references to the values from YAML; `defaults`: the same parameters at their defaults. `use` is
-  /// called at
-  /// once and after each change; it throws to refuse the change.
+  /// called at once and after each change; it throws to refuse the change.
   LiveParamsServer(const ros::NodeHandle& node, const std::string& name, const std::vector<Parameter>& parameters,
                    const std::vector<Parameter>& defaults, std::function<void()> use);
 
