@@ -11,10 +11,10 @@
 namespace situation_awareness {
 namespace {
 
-/// Part of the product of two standard deviations by which rounding may spoil symmetry and definiteness.
+/// Tolerance of symmetry and definiteness for rounding, relative to the product of two standard deviations.
 constexpr double kRounding = 1e-6;
 
-/// What is wrong with a number that must lie in a closed interval; empty text if nothing is.
+/// The defect of a number outside a closed interval; empty if it is inside.
 template <class Number>
 std::string range_defect(Number value, Number low, Number high) {
   if (value >= low && value <= high) return "";  // false for NaN
@@ -23,8 +23,8 @@ std::string range_defect(Number value, Number low, Number high) {
   return defect.str();
 }
 
-/// Why no covariance can be so; empty if one can. What is known for sure has a variance of zero: the velocities of what
-/// stands, the axis of a circle.
+/// Reason why a matrix is no covariance; empty if it is one. Variances may be zero: of the velocities of a standing
+/// object, of the axis of a circle.
 std::string covariance_defect(const Eigen::Ref<const Eigen::MatrixXd>& P) {
   Eigen::VectorXd to_unit(P.rows());
   for (Eigen::Index i = 0; i < P.rows(); ++i) {

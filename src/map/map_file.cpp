@@ -30,7 +30,7 @@ void check_size(std::uintmax_t bytes) {
   if (bytes > kMaxBytes) throw std::invalid_argument("is larger than " + std::to_string(kMaxBytes) + " bytes");
 }
 
-/// Everything before the last line, which must seal it.
+/// Everything before the last line, whose checksum must match.
 std::string_view sealed_content(std::string_view yaml) {
   const std::size_t seal = yaml.rfind('\n' + std::string(kSeal));
   const std::string_view content = yaml.substr(0, seal == std::string_view::npos ? 0 : seal + 1);
@@ -49,7 +49,7 @@ std::string_view sealed_content(std::string_view yaml) {
 
 /// The one document of a text.
 YAML::Node parse(const std::string& content) {
-  // Not by YAML::LoadAll, which never returns from a text such as a lone comma. More documents are marked as such.
+  // Not by YAML::LoadAll, which does not return for a text such as a single comma. Further documents have markers.
   const auto marked = [&](const std::string& mark) {
     return content.rfind(mark, 0) == 0 || content.find('\n' + mark) != std::string::npos;
   };
@@ -77,7 +77,7 @@ std::runtime_error cannot(const std::string& path, const char* what) {
   return std::runtime_error(path + ": cannot be " + what + ": " + std::strerror(errno));
 }
 
-/// A file that is removed again unless it is renamed.
+/// A temporary file, removed unless it is renamed.
 class PartialFile {
  public:
   explicit PartialFile(const std::string& path) : path_(path), partial_(path + ".part") {
@@ -100,7 +100,7 @@ class PartialFile {
     }
   }
 
-  /// On the disk first, then under its name: whatever ends in between, one of the two files is whole.
+  /// Syncs before the rename, so that at any interruption one of the two files is complete.
   void finish() {
     if (::fsync(file_) != 0) throw cannot(path_, "written");
     if (::close(std::exchange(file_, -1)) != 0) throw cannot(path_, "written");
@@ -108,7 +108,7 @@ class PartialFile {
     done_ = true;
     const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
     const int directory = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (directory < 0) return;  // the file is there; some file systems do not let folders be opened
+    if (directory < 0) return;  // the file is written; some file systems cannot open folders
     ::fsync(directory);
     ::close(directory);
   }
@@ -119,7 +119,7 @@ class PartialFile {
   bool done_ = false;
 };
 
-/// A name that was mistyped must not cost another file.
+/// Protects other files against a mistyped name.
 void check_replaceable(const std::string& path, const std::string& format) {
   if (!std::filesystem::exists(path)) return;
   std::string head(4096, '\0');

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""What the golden replay compares of each kind of map.
+"""The fields of each kind of map that the golden replay compares.
 
 A scene test/golden/SCENE.bag is replayed for each kind of which it has a table SCENE.KIND.txt. To add a kind: its entry
 in KINDS, an empty table for each scene, scripts/accept_golden.
@@ -8,7 +8,7 @@ import dataclasses
 import math
 from typing import Callable, Optional, Union
 
-# Processors round the network's sums differently (docs/testing.md, "Golden replay"): this much is no change.
+# Tolerance for rounding of the network on other processors (docs/testing.md, "Golden replay").
 TOLERANCE = 5e-6
 
 
@@ -29,7 +29,7 @@ class Field:
         return round(value, self.decimals) + 0.0  # not -0
 
     def difference(self, before, after):
-        """By how much it has changed between two elements, None if by no more than the tolerance."""
+        """The change between two elements, None if within the tolerance."""
         difference = after[self.name] - before[self.name]
         if self.period is not None:
             difference = math.remainder(difference, self.period)
@@ -62,7 +62,7 @@ def sigma(index, name, unit, **arguments):
 
 
 def angle_tolerance(before, after):
-    """What the tolerance at the ends of an ellipse's axes makes of its angle."""
+    """The tolerance of an ellipse's angle, from that at the ends of its axes."""
     rx, ry = (min(element[radius] for element in (before, after)) for radius in ("rx", "ry"))
     return TOLERANCE / max(rx - ry, TOLERANCE)
 

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""How golden_test.py compares maps, by a kind that is made for this: chains of vertices."""
+"""The comparison of golden_test.py, with a test kind of map: vertex chains."""
 import math
 import pathlib
 import tempfile

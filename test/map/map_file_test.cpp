@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The file of a map of any kind, by a kind of chains of vertices that is made for this; map/objects/map_file_test.cpp
-// has what damage does.
+// The file of a map of any kind, by a test kind of vertex chains; map/objects/map_file_test.cpp tests damage.
 #include "situation_awareness/map/map_file.hpp"
 
 #include <gtest/gtest.h>
@@ -150,7 +149,7 @@ elements:
 
 std::string edited(const std::string& content) { return content + "sha256: edited\n"; }
 
-/// The two chains with another text in place of one that is there.
+/// The two chains with one text replaced by another.
 std::string with(const std::string& old, const std::string& text) {
   std::string yaml = kTwoChains;
   const std::size_t at = yaml.find(old);

@@ -28,19 +28,18 @@ namespace situation_awareness {
 //
 //     template <class Self, class Visit>
 //     static void fields(Self& self, Visit&& visit) {
-//       visit("label", self.label);                       // std::string, bool, or a type with YAML text of its own
-//       visit("observations", self.observations);         // an int, which counts something
-//       visit("id", self.id, 1, kMaxId);                  // an integer with its bounds
-//       visit("height_m", self.height_m, Bounds{-1, 1});  // a double
-//       visit("start", self.start_m, kPosition);          // numbers with names: NumbersOf
-//       visit("covariance", self.P, Bounds{0, 1e9});      // a square matrix, with the bounds of its variances
-//       visit("vertices", self.vertices, kMaxVertices);   // a std::vector of structs with fields() of their own
+//       visit("label", self.label);                       // std::string, bool, or a type with its own YAML text
+//       visit("observations", self.observations); // an int, a count visit("id", self.id, 1, kMaxId); // an integer
+//       with its bounds visit("height_m", self.height_m, Bounds{-1, 1}); // a double visit("start", self.start_m,
+//       kPosition); // numbers with names: NumbersOf visit("covariance", self.P, Bounds{0, 1e9}); // a square matrix,
+//       with the bounds of its variances visit("vertices", self.vertices, kMaxVertices); // a std::vector of structs
+//       with fields() of their own
 //     }
 //
-// and written, read and checked by the visitors below. A type of its own has yaml_text() and read_yaml_text(), as in
+// and written, read and checked by the visitors below. A user-defined type has yaml_text() and read_yaml_text(), as in
 // common/params.hpp.
 
-/// The numbers that a value consists of, by their names in a file; specialised for each such type.
+/// The numbers of a value, by their names in a file; specialised for each such type.
 template <class Value>
 struct NumbersOf;
 
@@ -83,7 +82,7 @@ struct IsList : std::false_type {};
 template <class Item>
 struct IsList<std::vector<Item>> : std::true_type {};
 
-/// As YAML text; the shortest one of a number that reads back as the same.
+/// As YAML text; of a number the shortest one that is read back exactly.
 template <class Value>
 std::string field_text(const Value& value) {
   if constexpr (kIsNumber<Value>) {
@@ -94,7 +93,7 @@ std::string field_text(const Value& value) {
   }
 }
 
-/// "elements[3]: ", behind the place of the list.
+/// "elements[3]: ", after the place of the list.
 std::string item_place(const std::string& place, const std::string& name, std::size_t item);
 
 }  // namespace detail
@@ -122,7 +121,7 @@ class WriteFields {
     }
   }
 
-  /// The same of a list with a comment for people on each item.
+  /// The same of a list with a readable comment on each item.
   template <class Item, class CommentOn>
   void list(const char* name, const std::vector<Item>& items, const CommentOn& comment_on) {
     line(name, items.empty() ? "[]" : "");
@@ -141,8 +140,8 @@ class WriteFields {
   std::string indent_;
 };
 
-/// Reads one field after the other, in any order, and knows which are left. Throws std::invalid_argument with one
-/// sentence that names the field. Bounds are left to CheckFields.
+/// Reads one field after the other, in any order, and records the remaining ones. Throws std::invalid_argument naming
+/// the field. Bounds are checked by CheckFields.
 class ReadFields {
  public:
   /// Fields that have names in YAML; `place` begins each message.
@@ -209,8 +208,7 @@ class ReadFields {
 };
 
 /// Checks one field after the other: numbers within their bounds, counts not negative, covariances symmetric and
-/// positive semidefinite. Throws std::invalid_argument with one sentence that names the field, its value and its
-/// bounds.
+/// positive semidefinite. Throws std::invalid_argument naming the field, its value and its bounds.
 class CheckFields {
  public:
   /// `place` begins each message.

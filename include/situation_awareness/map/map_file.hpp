@@ -10,10 +10,10 @@
 
 namespace situation_awareness {
 
-/// What the files of one kind of map begin with.
+/// The header of the files of one kind of map.
 struct MapFileHeader {
-  std::string title;   ///< the first line, a comment for people
-  std::string format;  ///< "situation_awareness map": the field `format`, which tells the kinds apart
+  std::string title;   ///< the first line, a readable comment
+  std::string format;  ///< "situation_awareness map": the field `format`, which distinguishes the kinds
   std::uint64_t version = 1;
   std::uint64_t oldest_version = 1;  ///< that can still be read
 };
@@ -58,13 +58,13 @@ struct MapFile {
 
 namespace detail {
 
-/// Throws std::invalid_argument if it is no name of a frame.
+/// Throws std::invalid_argument if it is not the name of a frame.
 void check_frame(const std::string& world_frame);
 
-/// The text that `write` continues after the header, with its last line.
+/// The text: the header, the fields by `write`, and the last line.
 std::string write_sealed(const MapFileHeader& header, const std::function<void(WriteFields&)>& write);
 
-/// Has the fields behind the header read, after all that is common to maps was checked.
+/// Checks the common parts of all maps, then calls `read` for the fields after the header.
 void read_sealed(const std::string& yaml, const std::string& source, const MapFileHeader& header,
                  const std::function<void(ReadFields& fields, std::uint64_t version)>& read);
 

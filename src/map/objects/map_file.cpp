@@ -17,7 +17,7 @@ struct ObjectMapFormat {
 
   static MapFileHeader header() {
     const std::uint64_t version = 2, oldest_version = 1;  // elements have `confirmed` in place of `state`
-    return {"What an object map knew after an update; docs/map_file.md says what is what.", "situation_awareness map",
+    return {"State of an object map after an update; docs/map_file.md describes the fields.", "situation_awareness map",
             version, oldest_version};
   }
 
@@ -30,7 +30,7 @@ struct ObjectMapFormat {
   }
 
   static void read(MapElement& element, ReadFields& fields, std::uint64_t version, const MapSnapshot& snapshot) {
-    // Version 1 said whether an element was confirmed, and by the time that it was unseen whether it was lost.
+    // Version 1 has `confirmed`; the time since the last detection then decides whether the element is lost.
     if (version == 1) {
       bool confirmed = false;
       fields("confirmed", confirmed);

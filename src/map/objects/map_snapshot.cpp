@@ -8,7 +8,7 @@
 namespace situation_awareness {
 namespace {
 
-/// What one field alone does not say.
+/// Constraints between fields.
 void check_element(const MapElement& element, const CheckFields& check) {
   using namespace object_state;
   if (element.state == TrackState::kDeleted) check.refuse("state", "= deleted is that of no element");
