@@ -25,21 +25,20 @@
 
 namespace situation_awareness {
 
-/// Draws a topic with maps of one kind in rviz. A map that cannot be drawn sets the status "Map" to Error, and what was
-/// drawn before stays. `Drawing` is what is particular to a kind:
+/// Draws a topic with maps of one kind in rviz. An invalid map sets the status "Map" to Error, and the previous picture
+/// stays. `Drawing` is specific to the kind:
 ///
 ///     using Message = EllipseMap;               // with a header
-///     using Map = DrawableObjects;              // what is kept of a message
+///     using Map = DrawableObjects;              // the data of a message
 ///     static constexpr const char* kColorings[] = {"id", "standing or moving"};  // by MapStyle::coloring
 ///     static constexpr const char* kColoringsHelp = "A colour for each element, or ...";
-///     explicit Drawing(rviz::Property& parent);                   // adds properties of its own, if it has any
-///     static Map map_of(const Message& msg);                      // throws std::exception if it cannot be drawn
-///     static std::vector<MapPosition> positions_of(const Map&);   // of what has a path to show
-///     static std::vector<MapLabel> labels_of(const Map&, const MapStyle&);
-///     void draw(const Map&, const MapHistory&, const MapStyle&, MapMesh&) const;   // fills a mesh from before anew
-///     static std::size_t size_of(const Map&);                     // number of elements
+///     explicit Drawing(rviz::Property& parent); // adds its own properties, if any static Map map_of(const Message&
+///     msg); // throws std::exception if it cannot be drawn static std::vector<MapPosition> positions_of(const Map&);
+///     // of elements with a path static std::vector<MapLabel> labels_of(const Map&, const MapStyle&); void
+///     draw(const Map&, const MapHistory&, const MapStyle&, MapMesh&) const; // refills an earlier mesh static
+///     std::size_t size_of(const Map&); // number of elements
 ///
-/// Moc knows no templates, so properties are connected without slots.
+/// Moc does not support templates, so properties are connected without slots.
 template <class Drawing>
 class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> {
   using Base = rviz::MessageFilterDisplay<typename Drawing::Message>;
@@ -70,7 +69,7 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
   }
 
   void update(float /*wall_dt*/, float /*ros_dt*/) override {
-    if (!stale_) return;  // maps may come more often than pictures
+    if (!stale_) return;  // maps may come more often than frames
     stale_ = false;
     const MapStyle look = style();
     drawing_->draw(map_, paths_, look, mesh_);
@@ -131,7 +130,7 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
   typename Drawing::Map map_;
   MapHistory paths_;
   MapMesh mesh_;
-  bool stale_ = false;  ///< what is drawn is not what is known
+  bool stale_ = false;  ///< the picture is older than the map
   std::optional<MapScene> scene_;
 };
 

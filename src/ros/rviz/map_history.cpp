@@ -21,7 +21,7 @@ void MapHistory::add(std::int64_t stamp_ns, const std::vector<MapPosition>& elem
     std::deque<PathPoint>& points = path.points;
     const PathPoint now{stamp_ns, element.position_m};
     const auto count = points.size();
-    // The latest point is where the element is, and stays only once it is a step away from the one before.
+    // The latest point is the current position; it is kept only when it is a step away from the previous one.
     if (count >= 2 && (points[count - 1].position_m - points[count - 2].position_m).norm() < kStep_m) {
       points.back() = now;
     } else {

@@ -25,7 +25,7 @@ void make_material(const std::string& name, bool translucent) {
   }
 }
 
-/// Fills the one section of `object`, whose buffers are used again.
+/// Fills the only section of `object`, whose buffers are reused.
 void fill(Ogre::ManualObject& object, const Mesh& mesh, const std::string& material) {
   object.setVisible(!mesh.indices.empty());
   if (mesh.indices.empty()) return;
@@ -61,7 +61,7 @@ MapScene::MapScene(Ogre::SceneManager& manager, Ogre::SceneNode& node)
 }
 
 MapScene::~MapScene() {
-  texts_.clear();  // a text takes itself off its node
+  texts_.clear();  // a text detaches itself from its node
   manager_.destroyManualObject(solid_);
   manager_.destroyManualObject(translucent_);
   for (const char* kind : {"solid", "translucent"}) Ogre::MaterialManager::getSingleton().remove(material_ + kind);

@@ -22,7 +22,7 @@ class MovableText;
 
 namespace situation_awareness {
 
-/// The meshes and labels of a map in the scene of rviz. Buffers and texts are used again from map to map.
+/// The meshes and labels of a map in the scene of rviz. Buffers and texts are reused.
 class MapScene {
  public:
   /// Draws below `node`. Both must outlive this.
@@ -31,7 +31,7 @@ class MapScene {
   MapScene& operator=(const MapScene&) = delete;
   ~MapScene();
 
-  /// Where the frame of the map is in the fixed frame.
+  /// Pose of the map's frame in the fixed frame.
   void place(const Ogre::Vector3& position, const Ogre::Quaternion& orientation);
 
   void show(const MapMesh& mesh, const std::vector<MapLabel>& labels);
@@ -47,7 +47,7 @@ class MapScene {
   std::string material_;
   Ogre::ManualObject* solid_;
   Ogre::ManualObject* translucent_;
-  std::vector<Text> texts_;  ///< as many as there ever were at once; those not needed are hidden
+  std::vector<Text> texts_;  ///< grows to the largest number needed; unused ones are hidden
 };
 
 }  // namespace situation_awareness

@@ -13,11 +13,11 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kUnseen_s = 0.5;  ///< from then on an element is remembered rather than seen
+constexpr double kUnseen_s = 0.5;  ///< an element unseen for longer is drawn as lost
 constexpr double kMaxUncertainty_m = 1e3;
 constexpr std::size_t kMaxSides = 48;
 constexpr std::size_t kMinSides = 12;
-constexpr std::size_t kSidesOfAll = 9600;  ///< the more elements, the coarser each: what is drawn stays bounded
+constexpr std::size_t kSidesOfAll = 9600;  ///< bound on the sides of all bodies: with more elements each is coarser
 
 /// Height of the top of the bodies.
 double top_m(const Objects& map, const MapStyle& style) { return map.height_world_m + 0.5 * style.body_height_m; }
@@ -36,7 +36,7 @@ Polyline outline_of(const Ellipse& ellipse, std::size_t sides, double wider_m = 
   return outline;
 }
 
-/// From the edge to where the edge will be in 1 s.
+/// From the edge to the predicted edge in 1 s.
 void add_velocity(Mesh& mesh, const Object& object, double z_m, const Paint& paint) {
   const Ellipse& ellipse = object.ellipse_world;
   const Eigen::Vector2d ahead = object.velocity_world_m_s.normalized();

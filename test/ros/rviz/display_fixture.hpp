@@ -28,10 +28,10 @@ namespace situation_awareness {
 
 constexpr double kScale = 80.0;  // pixels per metre
 
-/// A window that nobody sees with one display, seen from above; the origin of the frame odom is at (0, 1) m in world.
+/// An invisible window with one display, seen from above; the origin of the frame odom is at (0, 1) m in world.
 class DisplayFixture : public testing::Test {
  protected:
-  // Ogre can be started once in a process.
+  // Ogre can be started only once per process.
   static void SetUpTestSuite() {
     panel_ = new rviz::RenderPanel;
     panel_->resize(800, 600);
@@ -62,7 +62,7 @@ class DisplayFixture : public testing::Test {
     tf_.publish(transforms);
   }
 
-  /// Has the display draw what `maps` publishes, opaque and without names.
+  /// Makes the display draw the messages of `maps`, opaque and without names.
   void connect(rviz::Display* display, const ros::Publisher& maps) {
     ASSERT_NE(display, nullptr);
     display_ = display;
@@ -81,12 +81,12 @@ class DisplayFixture : public testing::Test {
 
   void TearDown() override { delete display_; }
 
-  static bool until(const std::function<bool()>& condition, int patience_ms = 10'000) {
-    for (int waited_ms = 0; waited_ms < patience_ms && !condition(); waited_ms += 20) QTest::qWait(20);
+  static bool until(const std::function<bool()>& condition, int timeout_ms = 10'000) {
+    for (int waited_ms = 0; waited_ms < timeout_ms && !condition(); waited_ms += 20) QTest::qWait(20);
     return condition();
   }
 
-  /// What the display says of the map.
+  /// The display's status of the map.
   QString status() const {
     for (int i = 0; i < display_->numChildren(); ++i) {
       const rviz::Property* all = display_->childAt(i);
@@ -98,7 +98,7 @@ class DisplayFixture : public testing::Test {
     return {};
   }
 
-  /// What was drawn last.
+  /// The latest picture.
   Ogre::Image picture() const {
     QTest::qWait(300);
     Ogre::RenderWindow* window = panel_->getRenderWindow();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The display of a kind of map that is made for this, chains of points: what any kind has by MapDisplay.
+// The display of a test kind of map, chains of points: the functions of MapDisplay for any kind.
 #include <cmath>
 #include <limits>
 #include <stdexcept>

@@ -10,7 +10,7 @@
 
 namespace situation_awareness {
 
-/// Where an element of a map is, in the frame of the map.
+/// Position of an element of a map, in the frame of the map.
 struct MapPosition {
   std::uint64_t id;
   Eigen::Vector2d position_m;
