@@ -192,7 +192,7 @@ TEST(Bodies, APartThatIsSeenTakesTheIdOfABodyOffTheMap) {
   EXPECT_EQ(elements[0].estimate.moving.x(kShape), 0.05) << "the larger one was not seen";
 }
 
-TEST(Bodies, WithoutPartsTheIdIsNotReused) {
+TEST(Bodies, WithoutPartsTheIdIsNotTransferred) {
   std::vector<MapElement> elements = body_with_parts();
   elements[1].body = elements[2].body = 9;
   std::vector<char> dropped{1, 0, 0};
