@@ -2,6 +2,7 @@
 add_library(${PROJECT_NAME}_ros
   src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
+  src/ros/convert/motion_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
@@ -27,7 +28,8 @@ add_library(${PROJECT_NAME}_ros
 situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})
-target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES})
+target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES}
+  PRIVATE ${GeographicLib_LIBRARIES})
 add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 
 add_library(${PROJECT_NAME}_nodelets

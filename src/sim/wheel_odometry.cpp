@@ -15,6 +15,9 @@ SimulatedOdometry::SimulatedOdometry(const World& world, const Eigen::Isometry3d
   params.validate();
   distance_scale_ = 1.0 + params.distance_scale_sigma * random_.normal();
   yaw_scale_ = 1.0 + params.yaw_scale_sigma * random_.normal();
+  covariance_.setZero();
+  covariance_(3, 3) = params.distance_scale_sigma * params.distance_scale_sigma;
+  covariance_(4, 4) = params.yaw_scale_sigma * params.yaw_scale_sigma;
 }
 
 Pose2 SimulatedOdometry::true_pose_at(double time_s) const {
@@ -36,13 +39,42 @@ OdometrySample SimulatedOdometry::next() {
                                  params_.yaw_noise_of_yaw * std::sqrt(turn_rad) * random_.normal();
     if (distance_m > 0.0) motion.translation_m *= distance_scale_ + distance_error_m / distance_m;
     motion.yaw_rad = yaw_scale_ * motion.yaw_rad + yaw_error_rad;
-    T_odom_base_ = T_odom_base_ * motion;
-    T_odom_base_.yaw_rad = wrap_to_pi(T_odom_base_.yaw_rad);
-    sample.velocity_base_m_s = motion.translation_m / period_s;
-    sample.yaw_rate_rad_s = motion.yaw_rad / period_s;
+    add_motion(motion, sample);
   }
   sample.T_odom_base = T_odom_base_;
+  sample.pose_covariance = covariance_.topLeftCorner<3, 3>();
   return sample;
+}
+
+void SimulatedOdometry::add_motion(const Pose2& motion, OdometrySample& sample) {
+  const auto square = [](double x) { return x * x; };
+  const double distance_m = motion.translation_m.norm(), turn_rad = std::abs(motion.yaw_rad);
+  const double distance_variance = square(params_.distance_noise) * distance_m;
+  const double yaw_variance =
+      square(params_.yaw_noise_of_distance) * distance_m + square(params_.yaw_noise_of_yaw) * turn_rad;
+  const Eigen::Vector2d along_base =
+      distance_m > 0.0 ? (motion.translation_m / distance_m).eval() : motion.translation_m;
+  const Eigen::Rotation2Dd R_odom_base(T_odom_base_.yaw_rad);
+  const Eigen::Vector2d step_odom_m = R_odom_base * motion.translation_m, along_odom = R_odom_base * along_base;
+
+  // x' = x + s R(yaw) u, yaw' = yaw + r w: the derivatives by yaw and by the scales s and r.
+  Eigen::Matrix<double, 5, 5> F = Eigen::Matrix<double, 5, 5>::Identity();
+  F.block<2, 1>(0, 2) << -step_odom_m.y(), step_odom_m.x();
+  F.block<2, 1>(0, 3) = step_odom_m;
+  F(2, 4) = motion.yaw_rad;
+  covariance_ = F * covariance_ * F.transpose();
+  covariance_.topLeftCorner<2, 2>() += distance_variance * along_odom * along_odom.transpose();
+  covariance_(2, 2) += yaw_variance;
+
+  T_odom_base_ = T_odom_base_ * motion;
+  T_odom_base_.yaw_rad = wrap_to_pi(T_odom_base_.yaw_rad);
+  const double period_s = 1.0 / params_.rate_hz;
+  sample.velocity_base_m_s = motion.translation_m / period_s;
+  sample.yaw_rate_rad_s = motion.yaw_rad / period_s;
+  sample.twist_covariance.topLeftCorner<2, 2>() =
+      (distance_variance + square(params_.distance_scale_sigma * distance_m)) / square(period_s) * along_base *
+      along_base.transpose();
+  sample.twist_covariance(2, 2) = (yaw_variance + square(params_.yaw_scale_sigma * turn_rad)) / square(period_s);
 }
 
 }  // namespace situation_awareness

@@ -43,6 +43,8 @@ const std::vector<std::string>& World::names() const { return model_->names(); }
 
 const std::vector<SensorMount>& World::mounts() const { return model_->mounts(); }
 
+const std::optional<WorldOrigin>& World::origin() const { return model_->origin(); }
+
 const Eigen::Isometry3d& World::T_robot_lidar() const {
   const auto lidar =
       std::find_if(mounts().begin(), mounts().end(), [](const SensorMount& mount) { return mount.name == "lidar"; });

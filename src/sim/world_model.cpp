@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <sstream>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
@@ -284,6 +285,24 @@ double robot_drag(const mjModel& model) {
   return drag_1_s;
 }
 
+std::optional<WorldOrigin> origin_of(const mjModel& model) {
+  const int numeric = mj_name2id(&model, mjOBJ_NUMERIC, "world_origin");
+  if (numeric < 0) return std::nullopt;
+  if (model.numeric_size[numeric] != 3) {
+    throw std::runtime_error("numeric 'world_origin' needs 3 numbers: latitude and longitude in deg, altitude in m");
+  }
+  const double* const data = model.numeric_data + model.numeric_adr[numeric];
+  const auto check = [](double value, double bound, const char* what) {
+    if (std::abs(value) <= bound) return value;
+    std::ostringstream sentence;
+    sentence << "numeric 'world_origin': " << what << " = " << value << " is outside [-" << bound << ", " << bound
+             << "]";
+    throw std::runtime_error(sentence.str());
+  };
+  return WorldOrigin{check(data[0], 90.0, "latitude"), check(data[1], 180.0, "longitude"),
+                     check(data[2], 20000.0, "altitude")};
+}
+
 }  // namespace
 
 MujocoThrows::MujocoThrows() : lock_(mujoco_mutex()), error_(mju_user_error), warning_(mju_user_warning) {
@@ -310,6 +329,7 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   robot_path_ = path_of(*model_, *data_, robot_);
   robot_drag_1_s_ = robot_drag(*model_);
   mounts_ = mounts_of(*model_, *data_, robot_);
+  origin_ = origin_of(*model_);
   decorations_ = decorations_of(*model_, *data_, robot_);
   visitors_ = visitors_of(*model_);
   check_elements(*model_, robot_);

@@ -4,6 +4,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -87,6 +88,7 @@ class WorldModel {
   const std::vector<WorldObject>& objects() const { return objects_; }
   const std::vector<std::string>& names() const { return names_; }
   const std::vector<SensorMount>& mounts() const { return mounts_; }
+  const std::optional<WorldOrigin>& origin() const { return origin_; }
 
   RobotState robot_at(double time_s) const;
 
@@ -106,6 +108,7 @@ class WorldModel {
   std::vector<WorldObject> objects_;
   std::vector<std::string> names_;  // of the objects
   std::vector<SensorMount> mounts_;
+  std::optional<WorldOrigin> origin_;
   std::vector<WorldDecoration> decorations_;
   std::vector<WorldVisitor> visitors_;
   int robot_ = -1;

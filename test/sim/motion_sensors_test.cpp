@@ -10,6 +10,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/sensors.hpp"
+#include "support/consistency.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness {
@@ -236,6 +237,36 @@ TEST(SimulatedOdometry, DriftsAsParameterisedWhileItTurns) {
     yaw += std::pow(wrap_to_pi(last.T_odom_base.yaw_rad - 2.0), 2);
   }
   expect_variance(yaw, kSeeds, 4e-4 * 2.0 + std::pow(0.03 * 2.0, 2));
+}
+
+TEST(SimulatedOdometry, StatesTheCovarianceOfItsDrift) {
+  const WorldFile file(driven("circle center 0 0 radius 2 rate 0.5 tangent"));
+  const World world(file.path());
+  SimulatedOdometryParams params;
+  params.distance_scale_sigma = 0.02;
+  params.yaw_scale_sigma = 0.03;
+  SimulatedOdometry exact(world, Eigen::Isometry3d::Identity(), exact_odometry(), 0);
+  OdometrySample truth;
+  while (exact.next_time_s() < 6.01) truth = exact.next();
+  EXPECT_LT(truth.pose_covariance.norm() + truth.twist_covariance.norm(), 1e-12);
+  ChiSquareSum pose, twist;
+  for (int seed = 0; seed < 400; ++seed) {
+    SimulatedOdometry odometry(world, Eigen::Isometry3d::Identity(), params, static_cast<std::uint64_t>(seed));
+    OdometrySample last;
+    while (odometry.next_time_s() < 6.01) last = odometry.next();
+    Eigen::Vector3d error;
+    error << last.T_odom_base.translation_m - truth.T_odom_base.translation_m,
+        wrap_to_pi(last.T_odom_base.yaw_rad - truth.T_odom_base.yaw_rad);
+    pose.add(error.dot(last.pose_covariance.ldlt().solve(error)), 3);
+    // The velocity's error is along the motion alone.
+    const Eigen::Vector2d along = truth.velocity_base_m_s.normalized();
+    const double speed_error = (last.velocity_base_m_s - truth.velocity_base_m_s).dot(along);
+    const double speed_variance = along.dot(last.twist_covariance.topLeftCorner<2, 2>() * along);
+    const double rate_error = last.yaw_rate_rad_s - truth.yaw_rate_rad_s;
+    twist.add(speed_error * speed_error / speed_variance + rate_error * rate_error / last.twist_covariance(2, 2), 2);
+  }
+  EXPECT_TRUE(pose.is_consistent());
+  EXPECT_TRUE(twist.is_consistent());
 }
 
 // --- all ------------------------------------------------------------------------------------------------------------

@@ -220,9 +220,23 @@ TEST(World, RefusesBadFilesNamingFileAndElement) {
                           "<text name=\"b\" data=\"stand\"/>"),
                {"robot", "b"});
   expect_error(world_text(kRobot, "<numeric name=\"robot_drag\" data=\"-1\"/>"), {"robot_drag", "0", "10"});
+  expect_error(world_text(kRobot, "<numeric name=\"world_origin\" data=\"47 8\"/>"), {"world_origin", "3"});
+  expect_error(world_text(kRobot, "<numeric name=\"world_origin\" data=\"91 8 400\"/>"),
+               {"world_origin", "latitude", "91", "-90", "90"});
 }
 
 // --- the demo world -------------------------------------------------------------------------------------------------
+
+TEST(World, SaysWhereItIsIfTheFileDoes) {
+  const WorldFile nowhere(world_text(kRobot));
+  EXPECT_FALSE(World(nowhere.path()).origin());
+  const WorldFile somewhere(world_text(kRobot, "<numeric name=\"world_origin\" data=\"-33.9 151.2 40.5\"/>"));
+  const World world(somewhere.path());
+  ASSERT_TRUE(world.origin());
+  EXPECT_EQ(world.origin()->latitude_deg, -33.9);
+  EXPECT_EQ(world.origin()->longitude_deg, 151.2);
+  EXPECT_EQ(world.origin()->altitude_m, 40.5);
+}
 
 TEST(DemoWorld, ShowsStandingAndMovingObjectsAndHidesThePoleForAWhile) {
   ScanSimulation world(kWorlds + "demo.xml", {}, 0);

@@ -46,6 +46,8 @@ struct OdometrySample {
   Pose2 T_odom_base;
   Eigen::Vector2d velocity_base_m_s = Eigen::Vector2d::Zero();  ///< mean since the previous sample
   double yaw_rate_rad_s = 0.0;                                  ///< mean since the previous sample
+  Eigen::Matrix3d pose_covariance = Eigen::Matrix3d::Zero();    ///< of x, y (m) and yaw (rad) in odom, to first order
+  Eigen::Matrix3d twist_covariance = Eigen::Matrix3d::Zero();   ///< of vx, vy (m/s) and yaw rate (rad/s) in base
 };
 
 /// Wheel odometry of a mounting place on the robot of a world, which drives in the plane. The motion in the plane
@@ -66,6 +68,7 @@ class SimulatedOdometry {
 
  private:
   Pose2 true_pose_at(double time_s) const;
+  void add_motion(const Pose2& motion, OdometrySample& sample);
 
   const World& world_;
   Eigen::Isometry3d T_robot_base_;
@@ -73,6 +76,7 @@ class SimulatedOdometry {
   Random random_;
   double distance_scale_, yaw_scale_;
   Pose2 T_odom_base_;
+  Eigen::Matrix<double, 5, 5> covariance_;  ///< of x, y, yaw, scale of distances, scale of yaw
   std::uint64_t samples_ = 0;
 };
 

@@ -37,6 +37,13 @@ struct SensorMount {
   Eigen::Isometry3d T_robot_sensor = Eigen::Isometry3d::Identity();
 };
 
+/// Where the origin of a world is on the WGS 84 ellipsoid; the world's x axis points east there, y north, z up.
+struct WorldOrigin {
+  double latitude_deg = 0.0;
+  double longitude_deg = 0.0;
+  double altitude_m = 0.0;  ///< above the ellipsoid
+};
+
 /// A world in MuJoCo: named objects that stand or follow scripted paths, and a multirotor that follows its own, tilted
 /// as its acceleration demands. Everything is a function of time. Measurements are in the sensors, counts of hits in
 /// the truth. models/worlds/README.md describes the file.
@@ -64,6 +71,9 @@ class World {
 
   /// Where the site `lidar` is. Throws std::runtime_error naming the file where there is none.
   const Eigen::Isometry3d& T_robot_lidar() const;
+
+  /// Where the file says that the world is; nothing where it does not.
+  const std::optional<WorldOrigin>& origin() const;
 
   /// For the sensors: the world as MuJoCo has it, which they move to the times at which they measure.
   WorldModel& model() { return *model_; }

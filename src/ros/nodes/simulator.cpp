@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <atomic>
 #include <memory>
-#include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -25,6 +24,7 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/motion_sensors.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
@@ -128,6 +128,16 @@ class Simulator {
     for (const auto& sensor : sensors.ring_scanners) {
       add_ring_scanner(sensor, !scanner_is_first && &sensor == &sensors.ring_scanners.front());
     }
+    add_motion_sensors(world_, sensors, static_cast<std::uint64_t>(params_.seed), frame_prefix(), names_,
+                       [this](const auto& mounted, auto sensor, const std::string& topic, const auto& to_msg) {
+                         mount(mounted.name, mounted.T_robot_sensor);
+                         using Message = decltype(to_msg(sensor.next()));
+                         const ros::Publisher publisher = node_.advertise<Message>(topic, 1000);
+                         add(std::move(sensor), [this, publisher, to_msg](auto sample) {
+                           sample.stamp_ns += start_ns_;
+                           publisher.publish(to_msg(sample));
+                         });
+                       });
     static_tf_.sendTransform(mounts_);
   }
 
@@ -183,16 +193,18 @@ class Simulator {
   /// The first sensor of a kind publishes on the plain topic, others below their own name.
   template <class Message>
   ros::Publisher advertise(const std::string& name, const std::string& topic, bool is_first_scan) {
-    const bool is_taken = !topics_.insert(topic).second;
-    const ros::Publisher publisher = node_.advertise<Message>(is_taken ? name + "/" + topic : topic, 50);
+    const ros::Publisher publisher = node_.advertise<Message>(names_.of(name, topic), 50);
     if (is_first_scan) first_scan_ = publisher;
     return publisher;
   }
 
+  /// The name of the robot, before frames of its own.
+  std::string frame_prefix() const { return params_.robot_frame.substr(0, params_.robot_frame.rfind('/') + 1); }
+
   /// The frame of a sensor; publishes its mounting in TF.
   std::string mount(const std::string& name, const Eigen::Isometry3d& T_robot_sensor) {
     const std::string& robot = params_.robot_frame;
-    const std::string frame = name == "lidar" ? params_.lidar_frame : robot.substr(0, robot.rfind('/') + 1) + name;
+    const std::string frame = name == "lidar" ? params_.lidar_frame : frame_prefix() + name;
     mounts_.push_back(transform_to_msg(T_robot_sensor, start_ns_, robot, frame));
     return frame;
   }
@@ -287,7 +299,7 @@ class Simulator {
   World world_;
   Sightings sightings_;
   Schedule schedule_;
-  std::set<std::string> topics_;
+  SensorNames names_;
   std::vector<geometry_msgs::TransformStamped> mounts_;
   ros::Publisher clock_, odometry_, first_scan_, truth_, markers_;
   ros::Subscriber map_;

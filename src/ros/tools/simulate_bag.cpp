@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a simulated world to a bag, without a roscore; makes the stored flights of test/golden.
 #include <cmath>
-#include <cstdio>
-#include <stdexcept>
+#include <cstdint>
+#include <memory>
 #include <string>
+#include <utility>
 
+#include <ros/message_traits.h>
 #include <rosbag/bag.h>
 #include <tf2_msgs/TFMessage.h>
+#include <boost/make_shared.hpp>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/time.hpp"
@@ -15,8 +18,12 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/motion_sensors.hpp"
+#include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/schedule.hpp"
+#include "situation_awareness/sim/sensors.hpp"
 #include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
@@ -24,11 +31,11 @@ namespace {
 
 constexpr const char* kDescription =
     R"(Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with
---rings /points in place of /scan. Lengths are whole millimetres, as scanners give them, and the bag is compressed.
+--rings /points in place of /scan; besides /imu, /fix and /wheel_odometry of what the world's file asks for, with
+/tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is compressed.
 )";
 
 constexpr double kFieldOfView_deg = 270.0;
-constexpr std::int64_t kStart_ns = 1000 * kNanosecondsPerSecond;  // in ROS a time of zero means "not started"
 
 struct Options {
   std::string world, out;
@@ -65,25 +72,33 @@ void add_options(CLI::App& app, Options& options) {
 
 float whole_millimetres(float length_m) { return std::round(length_m * 1000.0F) / 1000.0F; }
 
-void record_scans(const Options& options, int scans, rosbag::Bag& bag) {
+void record(const Options& options, SimulatedScan simulated, rosbag::Bag& bag) {
   const SimulatedScannerParams& lidar = options.lidar;
-  ScanSimulation world(options.world, lidar, options.seed);
-  for (int i = 0; i < scans; ++i) {
-    SimulatedScan simulated = world.next();
-    simulated.scan.stamp_ns += kStart_ns;
-    for (Beam& beam : simulated.scan.beams) beam.range_m = whole_millimetres(beam.range_m);
-    const ros::Time stamp = to_ros_time(simulated.scan.stamp_ns);
-    const sensor_msgs::LaserScan scan =
-        scan_to_msg(simulated.scan, "lidar", lidar.range_min_m, lidar.range_max_m, 1.0 / lidar.rate_hz);
-    tf2_msgs::TFMessage tf;
-    tf.transforms.push_back(transform_to_msg(simulated.T_world_lidar, simulated.scan.stamp_ns, "world", "lidar"));
-    if (lidar.sweep_s > 0.0) {
-      tf.transforms.push_back(
-          transform_to_msg(simulated.T_world_lidar_end, to_nanoseconds(time_of_last_beam(scan)), "world", "lidar"));
-    }
-    bag.write("/tf", stamp, tf);
-    bag.write("/scan", stamp, scan);
+  simulated.scan.stamp_ns += kSimulationStart_ns;
+  for (Beam& beam : simulated.scan.beams) beam.range_m = whole_millimetres(beam.range_m);
+  const ros::Time stamp = to_ros_time(simulated.scan.stamp_ns);
+  const sensor_msgs::LaserScan scan =
+      scan_to_msg(simulated.scan, "lidar", lidar.range_min_m, lidar.range_max_m, 1.0 / lidar.rate_hz);
+  tf2_msgs::TFMessage tf;
+  tf.transforms.push_back(transform_to_msg(simulated.T_world_lidar, simulated.scan.stamp_ns, "world", "lidar"));
+  if (lidar.sweep_s > 0.0) {
+    tf.transforms.push_back(
+        transform_to_msg(simulated.T_world_lidar_end, to_nanoseconds(time_of_last_beam(scan)), "world", "lidar"));
   }
+  bag.write("/tf", stamp, tf);
+  bag.write("/scan", stamp, scan);
+}
+
+/// Lets `schedule` record what the 2D scanner measures. Returns the scanner's world.
+const World& add_scanner(const Options& options, Schedule& schedule, rosbag::Bag& bag) {
+  const auto simulation = std::make_shared<ScanSimulation>(options.world, options.lidar, options.seed);
+  const auto scans = std::make_shared<int>(0);
+  schedule.add([scans, &options] { return *scans / options.lidar.rate_hz; },
+               [simulation, scans, &options, &bag] {
+                 ++*scans;
+                 record(options, simulation->next(), bag);
+               });
+  return simulation->world();
 }
 
 SimulatedRingScannerParams ring_scanner_of(const Options& options) {
@@ -97,36 +112,71 @@ SimulatedRingScannerParams ring_scanner_of(const Options& options) {
   return params;
 }
 
-void record_clouds(const Options& options, int clouds, rosbag::Bag& bag) {
-  World world(options.world);
-  SimulatedRingScanner scanner(world, world.T_robot_lidar(), ring_scanner_of(options), options.seed);
-  for (int i = 0; i < clouds; ++i) {
-    RingScannerSample sample = scanner.next();
-    sample.cloud.stamp_ns += kStart_ns;
-    for (CloudPoint& point : sample.cloud.points) {
-      for (float* const length_m : {&point.x_m, &point.y_m, &point.z_m}) *length_m = whole_millimetres(*length_m);
-    }
-    const std::int64_t stamp_ns = sample.cloud.stamp_ns;
-    tf2_msgs::TFMessage tf;
-    tf.transforms.push_back(transform_to_msg(sample.T_world_sensor, stamp_ns, "world", "lidar"));
-    if (scanner.params().sweep_s > 0.0) {
-      const std::int64_t end_ns = stamp_ns + nanoseconds(scanner.params().sweep_s);
-      tf.transforms.push_back(transform_to_msg(sample.T_world_sensor_end, end_ns, "world", "lidar"));
-    }
-    bag.write("/tf", to_ros_time(stamp_ns), tf);
-    bag.write("/points", to_ros_time(stamp_ns), cloud_to_msg(sample.cloud, "lidar"));
+void record(const Options& options, RingScannerSample sample, rosbag::Bag& bag) {
+  sample.cloud.stamp_ns += kSimulationStart_ns;
+  for (CloudPoint& point : sample.cloud.points) {
+    for (float* const length_m : {&point.x_m, &point.y_m, &point.z_m}) *length_m = whole_millimetres(*length_m);
   }
+  const std::int64_t stamp_ns = sample.cloud.stamp_ns;
+  tf2_msgs::TFMessage tf;
+  tf.transforms.push_back(transform_to_msg(sample.T_world_sensor, stamp_ns, "world", "lidar"));
+  if (options.lidar.sweep_s > 0.0) {
+    const std::int64_t end_ns = stamp_ns + nanoseconds(options.lidar.sweep_s);
+    tf.transforms.push_back(transform_to_msg(sample.T_world_sensor_end, end_ns, "world", "lidar"));
+  }
+  bag.write("/tf", to_ros_time(stamp_ns), tf);
+  bag.write("/points", to_ros_time(stamp_ns), cloud_to_msg(sample.cloud, "lidar"));
+}
+
+/// Lets `schedule` record what the ring scanner measures. Returns the scanner's world.
+const World& add_ring_scanner(const Options& options, Schedule& schedule, rosbag::Bag& bag) {
+  const auto world = std::make_shared<World>(options.world);
+  const auto scanner =
+      std::make_shared<SimulatedRingScanner>(*world, world->T_robot_lidar(), ring_scanner_of(options), options.seed);
+  schedule.add([scanner] { return scanner->next_time_s(); },
+               [world, scanner, &options, &bag] { record(options, scanner->next(), bag); });
+  return *world;
+}
+
+/// As a latched topic, so that who plays the bag and listens later gets it, too.
+void write_static_transforms(const tf2_msgs::TFMessage& tf, rosbag::Bag& bag) {
+  const auto header = boost::make_shared<ros::M_string>();
+  (*header)["type"] = ros::message_traits::DataType<tf2_msgs::TFMessage>::value();
+  (*header)["md5sum"] = ros::message_traits::MD5Sum<tf2_msgs::TFMessage>::value();
+  (*header)["message_definition"] = ros::message_traits::Definition<tf2_msgs::TFMessage>::value();
+  (*header)["latching"] = "1";
+  bag.write("/tf_static", to_ros_time(kSimulationStart_ns), tf, header);
+}
+
+/// Lets `schedule` record IMUs, GNSS receivers and wheel odometries of the world's file, which are fixed to the lidar.
+void record_motion_sensors(const World& world, std::uint64_t seed, Schedule& schedule, rosbag::Bag& bag) {
+  SensorNames names;
+  tf2_msgs::TFMessage mounts;
+  const Eigen::Isometry3d T_lidar_robot = world.T_robot_lidar().inverse();
+  add_motion_sensors(world, sensors_of(world), seed, "", names,
+                     [&](const auto& mounted, auto sensor, const std::string& topic, const auto& to_msg) {
+                       mounts.transforms.push_back(transform_to_msg(T_lidar_robot * mounted.T_robot_sensor,
+                                                                    kSimulationStart_ns, "lidar", mounted.name));
+                       const auto shared = std::make_shared<decltype(sensor)>(std::move(sensor));
+                       schedule.add([shared] { return shared->next_time_s(); },
+                                    [shared, topic, to_msg, &bag] {
+                                      auto sample = shared->next();
+                                      sample.stamp_ns += kSimulationStart_ns;
+                                      bag.write("/" + topic, to_ros_time(sample.stamp_ns), to_msg(sample));
+                                    });
+                     });
+  if (!mounts.transforms.empty()) write_static_transforms(mounts, bag);
 }
 
 void simulate_bag(const Options& options) {
   rosbag::Bag bag(options.out, rosbag::bagmode::Write);
   bag.setCompression(rosbag::compression::BZ2);
-  const auto scans = static_cast<int>(std::lround(options.duration_s * options.lidar.rate_hz));
-  if (options.rings > 0) {
-    record_clouds(options, scans, bag);
-  } else {
-    record_scans(options, scans, bag);
-  }
+  Schedule schedule;
+  const World& world =
+      options.rings > 0 ? add_ring_scanner(options, schedule, bag) : add_scanner(options, schedule, bag);
+  record_motion_sensors(world, options.seed, schedule, bag);
+  const auto scans = static_cast<double>(std::lround(options.duration_s * options.lidar.rate_hz));
+  while (schedule.next_time_s() < scans / options.lidar.rate_hz) schedule.step();
   bag.close();
 }
 
