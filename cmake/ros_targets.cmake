@@ -7,12 +7,13 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
-  src/ros/map_report.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
   src/ros/master_watch.cpp
+  src/ros/nis_report.cpp
+  src/ros/object_report.cpp
   src/ros/pace.cpp
   src/ros/params/live_params.cpp
   src/ros/params/nodelet_params.cpp

@@ -7,9 +7,10 @@
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/map_publisher.hpp"
-#include "situation_awareness/ros/map_report.hpp"
 #include "situation_awareness/ros/map_services.hpp"
+#include "situation_awareness/ros/nis_report.hpp"
 #include "situation_awareness/ros/object_kind.hpp"
+#include "situation_awareness/ros/object_report.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
@@ -27,7 +28,8 @@ class MappingStage {
         map_(params.pipeline.objects),
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Objects& objects) { publisher_.publish(objects); }) {
-    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_map(map_, nis_, status); });
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_objects(map_, status); });
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_nis(nis_, status); });
     context.serve_live([this](const ObjectMapParams& objects) { map_.set_params(objects); }, params.pipeline.objects);
   }
 

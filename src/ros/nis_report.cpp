@@ -1,18 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/ros/map_report.hpp"
-
-#include <algorithm>
+#include "situation_awareness/ros/nis_report.hpp"
 
 namespace situation_awareness {
 
-void report_map(const ObjectMap& map, NisMonitor& nis, StageDiagnostics::Status& status) {
-  const Objects shown = map.at(map.stamp_ns());
-  const auto moving = std::count_if(shown.objects.begin(), shown.objects.end(),
-                                    [](const Object& object) { return object.p_moving > 0.5; });
-  status.add("elements", map.size());
-  status.add("on the map", shown.objects.size());
-  status.add("moving", moving);
-
+void report_nis(NisMonitor& nis, StageDiagnostics::Status& status) {
   const NisMonitor::Summary summary = nis.summarise();
   status.add("NIS matches", summary.matches);
   if (summary.matches > 0) {
