@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "allocations.hpp"
+#include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "staged_pipeline.hpp"
 #include "synthetic_scene.hpp"
@@ -145,6 +146,14 @@ void publish(benchmark::State& state, const Recording& recording) {
   measure(state, recording, nothing, [&](const SyntheticScan&, const StageValues&) { return map.at(map.stamp_ns()); });
 }
 
+void label(benchmark::State& state, const Recording& recording) {
+  std::vector<HitLabel> labels;
+  measure(state, recording, nothing, [&](const SyntheticScan&, const StageValues& values) {
+    labels = label_hits(values.segments, values.detections, values.map, std::move(labels));
+    return labels.size();
+  });
+}
+
 void whole(benchmark::State& state, const Recording& recording) {
   ObjectPipeline pipeline(shipped_params());
   Scan now;
@@ -168,8 +177,9 @@ struct Stage {
 };
 
 constexpr Stage kStages[] = {
-    {"limit", limit},   {"project", project}, {"expect", expect}, {"segment", segment}, {"divide", divide},
-    {"detect", detect}, {"refine", refine},   {"update", update}, {"publish", publish}, {"whole", whole},
+    {"limit", limit},     {"project", project}, {"expect", expect}, {"segment", segment},
+    {"divide", divide},   {"detect", detect},   {"refine", refine}, {"update", update},
+    {"publish", publish}, {"label", label},     {"whole", whole},
 };
 
 benchmark::internal::Benchmark* add(const std::string& name, const std::function<void(benchmark::State&)>& run) {

@@ -10,6 +10,7 @@ add_message_files(DIRECTORY msg FILES
   DetectionArray.msg
   EllipseDetection.msg
   EllipseMap.msg
+  LaserRefusedRun.msg
   LaserSegment.msg
   LaserStraightPiece.msg
   LevelFrame.msg

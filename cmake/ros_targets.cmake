@@ -2,6 +2,7 @@
 add_library(${PROJECT_NAME}_ros
   src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
+  src/ros/convert/hit_labels.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/poses.cpp
@@ -29,6 +30,11 @@ add_library(${PROJECT_NAME}_ros
 situation_awareness_target(${PROJECT_NAME}_ros)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DIRS} ${roslib_INCLUDE_DIRS}
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION})
+# Clouds. pcl_conversions is a header; its catkin package would link some 40 libraries of VTK and OpenNI for it.
+find_package(PCL REQUIRED COMPONENTS common)
+find_path(PCL_CONVERSIONS_INCLUDE_DIR pcl_conversions/pcl_conversions.h REQUIRED)
+target_include_directories(${PROJECT_NAME}_ros SYSTEM PRIVATE ${PCL_INCLUDE_DIRS} ${PCL_CONVERSIONS_INCLUDE_DIR})
+target_link_libraries(${PROJECT_NAME}_ros PRIVATE pcl_common)
 target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES}
   PRIVATE ${GeographicLib_LIBRARIES})
 add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})

@@ -153,6 +153,15 @@ void check_segments(const Segments& segments, const Points& points, const Segmen
               "azimuths grow within a segment");
     }
   }
+  for (const RefusedRun& run : segments.refused_runs) {
+    require(run.count > 0 && run.first + run.count <= segments.points.size(), "a refused run has points");
+    for (std::size_t i = run.first; i < run.first + run.count; ++i) {
+      require(beams.insert(segments.points[i].beam).second, "a beam is in one segment or one refused run");
+    }
+  }
+  const auto hits =
+      std::count_if(points.points.begin(), points.points.end(), [](const Point& point) { return is_hit(point.state); });
+  require(beams.size() == static_cast<std::size_t>(hits) && segments.points.size() == beams.size(), "no hit is lost");
 }
 
 void require_same(const Segments& a, const Segments& b) {

@@ -23,6 +23,7 @@ APART = {("sim", "pipeline"), ("evaluation", "sim")}  # the first may not includ
 FOREIGN = {  # header prefix -> folders that may include it
     r"(ros|rosbag|nodelet|pluginlib|tf2?(_\w+)?|\w+_msgs|std_srvs|dynamic_reconfigure"
     r"|diagnostic_updater|message_filters|image_transport|cv_bridge|xmlrpcpp)/": {"ros"},
+    r"pcl(_conversions)?/": {"ros"},
     r"mujoco/": {"sim"},
     r"GeographicLib/": {"ros"},
     r"opencv2/": {"image", "detections", "map"},

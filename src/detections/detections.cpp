@@ -24,10 +24,10 @@ const char* detection_defect(const Detection& detection) {
   const bool finite = ellipse.center_m.allFinite() && std::isfinite(ellipse.psi_rad) && std::isfinite(ellipse.rx_m) &&
                       std::isfinite(ellipse.ry_m) && std::isfinite(detection.residual_rms_m) &&
                       std::isfinite(detection.time_offset_s) && detection.covariance.allFinite();
-  if (!finite) return "ellipse not finite";
-  if (!(ellipse.rx_m >= ellipse.ry_m && ellipse.ry_m > 0.0)) return "radii not rx >= ry > 0";
-  if (!(detection.p_ellipse >= 0.0 && detection.p_ellipse <= 1.0)) return "p_ellipse not in [0, 1]";
-  if (!is_usable(detection.covariance)) return "covariance not usable";
+  if (!finite) return detection_refusal::kNotFinite;
+  if (!(ellipse.rx_m >= ellipse.ry_m && ellipse.ry_m > 0.0)) return detection_refusal::kBadRadii;
+  if (!(detection.p_ellipse >= 0.0 && detection.p_ellipse <= 1.0)) return detection_refusal::kBadProbability;
+  if (!is_usable(detection.covariance)) return detection_refusal::kBadCovariance;
   return "";
 }
 

@@ -13,6 +13,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.free_space = segments.free_space;
   found.detections.clear();
   found.refused.reset();
+  found.refused_segments.clear();
   find(segments, found);
   return found;
 }

@@ -319,9 +319,9 @@ Detection assess_ellipse(const Segments& segments, std::size_t segment, const El
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {
   const char* const defect = detection_defect(detection);
   if (*defect != '\0') return defect;
-  if (detection.ellipse_level.rx_m > params.max_radius_m) return "ellipse too large";
-  if (detection.residual_rms_m > params.max_residual_m) return "points do not lie on an ellipse";
-  if (contains(detection.ellipse_level, Eigen::Vector2d::Zero())) return "ellipse around the sensor";
+  if (detection.ellipse_level.rx_m > params.max_radius_m) return detection_refusal::kTooLarge;
+  if (detection.residual_rms_m > params.max_residual_m) return detection_refusal::kOffEllipse;
+  if (contains(detection.ellipse_level, Eigen::Vector2d::Zero())) return detection_refusal::kAroundSensor;
   return "";
 }
 

@@ -168,7 +168,7 @@ void PaperNetworkDetector::find(const Segments& segments, Detections& found) {
   std::size_t next = 0;
   const auto detect_one = [&](std::size_t i) { return assess_ellipse(segments, i, params_, ellipses[next++]); };
   const auto refusal = [&](std::size_t i) {
-    return next < seen_.size() && seen_[next] == i ? "" : "outside the network's field of view";
+    return next < seen_.size() && seen_[next] == i ? "" : detection_refusal::kOutsideFieldOfView;
   };
   detect_each(segments, params_, detect_one, refusal, found);
 }

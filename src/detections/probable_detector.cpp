@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/probable_detector.hpp"
 
-#include <algorithm>
+#include <cstddef>
 #include <utility>
 #include <vector>
 
@@ -13,12 +13,15 @@ ProbableDetector::ProbableDetector(std::unique_ptr<Detector> detector, double mi
 void ProbableDetector::find(const Segments& segments, Detections& found) {
   found = detector_->detect(segments, std::move(found));
   std::vector<Detection>& detections = found.detections;
-  const auto refused = std::remove_if(detections.begin(), detections.end(), [this](const Detection& detection) {
-    return !(detection.p_ellipse >= min_p_ellipse_);  // true for NaN
-  });
-  if (refused == detections.end()) return;
-  found.refused["not one ellipse"] += static_cast<std::uint64_t>(detections.end() - refused);
-  detections.erase(refused, detections.end());
+  std::size_t kept = 0;
+  for (const Detection& detection : detections) {
+    if (detection.p_ellipse >= min_p_ellipse_) {  // false for NaN
+      detections[kept++] = detection;
+    } else {
+      found.refuse(detection.segment, detection_refusal::kNotOneEllipse);
+    }
+  }
+  detections.resize(kept);
 }
 
 }  // namespace situation_awareness

@@ -34,27 +34,39 @@ bool on_near_side(const Segments& segments, const Segment& segment, const Outlin
 
 }  // namespace
 
-Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
-                  const EllipseFitParams& params) {
-  if (known_level.empty()) return detections;
+std::vector<std::size_t> known_of_each(const Detections& detections, const Segments& segments,
+                                       const std::vector<Ellipse>& known_level, std::vector<std::size_t> memory) {
+  std::vector<std::size_t> result = std::move(memory);
+  result.assign(detections.detections.size(), kNotKnown);
+  if (known_level.empty()) return result;
   thread_local std::vector<Overlap> overlaps;  // kept for its memory
   overlaps = overlaps_of(segments, known_level, std::move(overlaps));
-  for (Detection& detection : detections.detections) {
-    const Ellipse* known = nullptr;
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    const std::size_t index = detections.detections[i].segment;
+    const Segment& segment = segments.segments[index];
     double nearest_m = kMaxOffset_m;
-    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), detection.segment,
-                                    [](const Overlap& o, std::size_t segment) { return o.segment < segment; });
-    for (; overlap != overlaps.cend() && overlap->segment == detection.segment; ++overlap) {
-      const Ellipse& candidate = known_level[overlap->ellipse];
-      const Segment& segment = segments.segments[detection.segment];
-      const Outline outline = outline_of(candidate);
+    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), index,
+                                    [](const Overlap& o, std::size_t wanted) { return o.segment < wanted; });
+    for (; overlap != overlaps.cend() && overlap->segment == index; ++overlap) {
+      const Outline outline = outline_of(known_level[overlap->ellipse]);
       const double offset = mean_offset_m(segments, segment, outline);
       if (!(offset < nearest_m) || !on_near_side(segments, segment, outline)) continue;
       nearest_m = offset;
-      known = &candidate;
+      result[i] = overlap->ellipse;
     }
-    if (known == nullptr) continue;
-    Detection refined = refit_ellipse(segments, detection.segment, params, *known);
+  }
+  return result;
+}
+
+Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
+                  const EllipseFitParams& params) {
+  if (known_level.empty()) return detections;
+  thread_local std::vector<std::size_t> known;  // kept for its memory
+  known = known_of_each(detections, segments, known_level, std::move(known));
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (known[i] == kNotKnown) continue;
+    Detection& detection = detections.detections[i];
+    Detection refined = refit_ellipse(segments, detection.segment, params, known_level[known[i]]);
     refined.p_ellipse = detection.p_ellipse;
     if (*detection_defect(refined, params) == '\0') detection = refined;
   }

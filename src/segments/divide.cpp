@@ -131,7 +131,8 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
     for (std::size_t r = 0; r < runs.size(); ++r) {
       const Run& run = runs[r];
       if (run.count < static_cast<std::size_t>(params.min_points)) {
-        ++segments.refused[kTooFewPoints];
+        segments.refused_runs.push_back({run.first, run.count, RunRefusal::kTooFewPoints});
+        ++segments.refused[text_of(RunRefusal::kTooFewPoints)];
         continue;
       }
       Segment piece = whole;

@@ -117,6 +117,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   Segments result = std::move(memory);
   result.points.clear();
   result.segments.clear();
+  result.refused_runs.clear();
   result.straight_pieces.clear();
   result.refused.reset();
   result.stamp_ns = points.stamp_ns;
@@ -141,8 +142,11 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
     const std::size_t count = result.points.size() - first;
     const bool too_few = count < min_points;
     if (too_few || 2 * inside < count) {
-      if (count > 0) ++result.refused[too_few ? kTooFewPoints : "segment refused: out of range or volume"];
-      result.points.resize(first);
+      if (count > 0) {
+        const RunRefusal why = too_few ? RunRefusal::kTooFewPoints : RunRefusal::kOutside;
+        result.refused_runs.push_back({first, count, why});
+        ++result.refused[text_of(why)];
+      }
     } else {
       Segment segment;
       segment.first = first;

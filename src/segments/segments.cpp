@@ -9,6 +9,29 @@
 
 namespace situation_awareness {
 
+const char* text_of(StructureReason reason) {
+  switch (reason) {
+    case StructureReason::kNone:
+      break;
+    case StructureReason::kExtent:
+      return "structure: larger than an object";
+    case StructureReason::kInnerCorner:
+      return "structure: inner corner";
+    case StructureReason::kStraightHidden:
+      return "structure: straight, an end hidden";
+    case StructureReason::kFlat:
+      return "structure: flat";
+    case StructureReason::kInLine:
+      return "structure: in line with another";
+  }
+  return "";
+}
+
+const char* text_of(RunRefusal refusal) {
+  return refusal == RunRefusal::kTooFewPoints ? "segment refused: too few points"
+                                              : "segment refused: out of range or volume";
+}
+
 std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);

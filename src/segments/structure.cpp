@@ -38,28 +38,10 @@ bool flat_along(const Line& line, double rms_m, const Point* points, std::size_t
   return bulge.ratio < params.min_bulge && rms_m < params.min_bulge * bulge.half_m;
 }
 
-const char* counted_as(StructureReason reason) {
-  switch (reason) {
-    case StructureReason::kNone:
-      break;
-    case StructureReason::kExtent:
-      return "structure: larger than an object";
-    case StructureReason::kInnerCorner:
-      return "structure: inner corner";
-    case StructureReason::kStraightHidden:
-      return "structure: straight, an end hidden";
-    case StructureReason::kFlat:
-      return "structure: flat";
-    case StructureReason::kInLine:
-      return "structure: in line with another";
-  }
-  return "";
-}
-
 void mark(Segments& segments, Segment& segment, StructureReason reason) {
   segment.structure = reason;
   segment.kind = reason == StructureReason::kNone ? SegmentKind::kObject : SegmentKind::kStructure;
-  if (reason != StructureReason::kNone) ++segments.refused[counted_as(reason)];
+  if (reason != StructureReason::kNone) ++segments.refused[text_of(reason)];
 }
 
 /// Mark pieces of a structure behind occluders: a piece with a hidden end on the line of a structure a few segments

@@ -41,6 +41,12 @@ TEST(ProbableDetector, KeepsProbableDetectionsInOrderAndCountsTheOthers) {
   EXPECT_EQ(detections.detections[0].segment, 1U);
   EXPECT_EQ(detections.detections[1].segment, 4U);
   EXPECT_EQ(detections.refused, (Counters{{"ellipse too large", 3}, {"not one ellipse", 3}}));
+  ASSERT_EQ(detections.refused_segments.size(), 3U);
+  const std::size_t refused[] = {0, 2, 3};
+  for (std::size_t i = 0; i < 3; ++i) {
+    EXPECT_EQ(detections.refused_segments[i].segment, refused[i]);
+    EXPECT_STREQ(detections.refused_segments[i].why, "not one ellipse");
+  }
 }
 
 TEST(ProbableDetector, AcceptsAnotherBound) {

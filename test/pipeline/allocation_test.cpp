@@ -11,6 +11,7 @@
 #include "allocations.hpp"
 #include "situation_awareness/detections/detect_each.hpp"
 #include "situation_awareness/detections/onnx_model.hpp"
+#include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/level_scene.hpp"
 
@@ -52,16 +53,19 @@ SecondRound second_round(const std::string& detector) {
   SecondRound result;
   result.rows.reserve(2 * all.size());
   Objects map;
+  std::vector<HitLabel> labels;
   std::int64_t stamp_ns = 1'000'000'000;
   for (int round = 0; round < 2; ++round) {
     const std::int64_t before = allocations().count;
     for (Scan& scan : all) {
       scan.stamp_ns = stamp_ns += 50'000'000;
-      const Segments& segments = pipeline.process(scan, Eigen::Isometry3d::Identity()).segments;
+      const ObjectPipelineResult& made = pipeline.process(scan, Eigen::Isometry3d::Identity());
+      const Segments& segments = made.segments;
       result.rows.push_back(static_cast<int>(
           std::count_if(segments.segments.begin(), segments.segments.end(), [](const Segment& segment) {
             return segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0';
           })));
+      labels = label_hits(segments, made.detections, map, std::move(labels));
       map = pipeline.map().at(scan.stamp_ns, std::move(map));
     }
     result.asked = allocations().count - before;

@@ -9,6 +9,7 @@ import unittest
 
 import rospy
 import rostest
+from sensor_msgs import point_cloud2
 from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -23,7 +24,7 @@ class ChainTest(unittest.TestCase):
     def setUpClass(cls):
         cls.map = Latest("objects", EllipseMap)
         cls.markers = Latest("object_markers", MarkerArray)
-        cls.cloud = Latest("segment_points", PointCloud2)
+        cls.cloud = Latest("hit_labels", PointCloud2)
         cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)
         cls.diagnostics = Diagnostics()
@@ -57,7 +58,12 @@ class ChainTest(unittest.TestCase):
         wait_until(lambda: stamps[-1] in self.cloud.stamps(), 5.0, "the cloud")
         cloud = self.cloud.messages[-1]
         self.assertEqual(cloud.header.frame_id, "world")
-        self.assertEqual([field.name for field in cloud.fields], ["x", "y", "z", "rgb", "segment"])
+        self.assertEqual([field.name for field in cloud.fields],
+                         ["x", "y", "z", "rgb", "object", "segment", "fate", "reason"])
+        fates = {fate for (fate,) in point_cloud2.read_points(cloud, field_names=["fate"])}
+        self.assertEqual(fates, {0}, "all hits are on an object")
+        objects = {number for (number,) in point_cloud2.read_points(cloud, field_names=["object"])}
+        self.assertLessEqual(objects, {ellipse.id for ellipse in self.map.messages[-1].ellipses})
         self.assertGreater(cloud.width, 10)
         self.assertLessEqual(cloud.width, BEAMS)
         self.assertEqual(len(cloud.data), cloud.width * cloud.point_step)

@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
-#include <cstring>
+#include <cstdint>
 #include <limits>
+#include <tuple>
+#include <vector>
 
 #include <gtest/gtest.h>
+#include <sensor_msgs/point_cloud2_iterator.h>
 
 #include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
+#include "situation_awareness/ros/convert/hit_labels.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/markers/colors.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
@@ -49,6 +54,7 @@ Segments some_segments() {
   segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree, 0.03125, 0.0});
   segments.segments.push_back({4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1,
                                StructureReason::kFlat});
+  segments.refused_runs.push_back({2, 5, RunRefusal::kOutside});
   StraightPiece piece;
   piece.segment = 1;
   piece.first = 5;
@@ -212,7 +218,7 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.free_space.azimuth_rad, segments.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, segments.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
-  EXPECT_TRUE(segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}, {}}, "world"))
+  EXPECT_TRUE(segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}, {}, {}}, "world"))
                   .free_space.range_m.empty());
   ASSERT_EQ(back.points.size(), segments.points.size());
   for (std::size_t i = 0; i < back.points.size(); ++i) {
@@ -233,6 +239,10 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
     EXPECT_EQ(back.segments[i].left_hidden_rad, segments.segments[i].left_hidden_rad);
     EXPECT_EQ(back.segments[i].structure, segments.segments[i].structure);
   }
+  ASSERT_EQ(back.refused_runs.size(), 1U);
+  EXPECT_EQ(back.refused_runs[0].first, segments.refused_runs[0].first);
+  EXPECT_EQ(back.refused_runs[0].count, segments.refused_runs[0].count);
+  EXPECT_EQ(back.refused_runs[0].why, segments.refused_runs[0].why);
   ASSERT_EQ(back.straight_pieces.size(), 1U);
   const StraightPiece& piece = segments.straight_pieces[0];
   const StraightPiece& back_piece = back.straight_pieces[0];
@@ -285,6 +295,18 @@ TEST(ConvertSegments, RefusesIndicesBeyondThePoints) {
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
 }
 
+TEST(ConvertSegments, RefusesInvalidRefusedRuns) {
+  const SegmentArray good = segments_to_msg(some_segments(), "world");
+  for (const auto& [first, count, why] :
+       {std::tuple{2U, 6U, 0U}, {4'294'967'295U, 1U, 0U}, {2U, 0U, 0U}, {2U, 1U, 2U}}) {
+    SegmentArray msg = good;
+    msg.refused_runs[0].first = first;
+    msg.refused_runs[0].count = count;
+    msg.refused_runs[0].why = static_cast<std::uint8_t>(why);
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  }
+}
+
 TEST(ConvertSegments, RefusesInvalidStraightPieces) {
   const SegmentArray good = segments_to_msg(some_segments(), "world");
   const auto refused = [&](auto&& spoil) {
@@ -333,22 +355,49 @@ TEST(ConvertSegments, RefusesInvalidTimesAndFreeSpace) {
   }
 }
 
-TEST(ConvertSegments, CloudHoldsEveryPointInTheWorld) {
+TEST(ConvertHitLabels, CloudHoldsEveryHitInTheWorld) {
   const Segments segments = some_segments();
-  const sensor_msgs::PointCloud2 cloud = segments_to_cloud(segments, "world");
-  ASSERT_EQ(cloud.width, 7U);
-  ASSERT_EQ(cloud.data.size(), 7U * cloud.point_step);
-  const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[5].p_level_m;
-  float xyz[3];
-  std::uint32_t rgb_segment[2];
-  std::memcpy(xyz, &cloud.data[5 * cloud.point_step], sizeof xyz);
-  std::memcpy(rgb_segment, &cloud.data[5 * cloud.point_step + 12], sizeof rgb_segment);
-  EXPECT_NEAR(xyz[0], p_world_m.x(), 1e-6);
-  EXPECT_NEAR(xyz[1], p_world_m.y(), 1e-6);
-  EXPECT_NEAR(xyz[2], 1.5, 1e-6);
-  EXPECT_EQ(rgb_segment[1], 1U);
-  const std::uint32_t r = rgb_segment[0] >> 16 & 0xff, g = rgb_segment[0] >> 8 & 0xff, b = rgb_segment[0] & 0xff;
-  EXPECT_TRUE(r == g && g == b) << "structures are grey";
+  std::vector<HitLabel> labels(segments.points.size());
+  for (std::size_t i = 0; i < 4; ++i) labels[i] = {HitFate::kObject, 0, 7, 0};
+  labels[3].object_id = 0;
+  labels[4] = {HitFate::kStructure, hit_reason_index("structure: flat"), 0, 1};
+  labels[5] = {HitFate::kNoSegment, hit_reason_index("segment refused: too few points")};
+  labels[6] = {HitFate::kRefused, hit_reason_index("not one ellipse"), 0, 1};
+  const Color colors[] = {color_of(std::uint64_t{7}),
+                          color_of(std::uint64_t{7}),
+                          color_of(std::uint64_t{7}),
+                          kNoIdColor,
+                          kStructureColor,
+                          kNoSegmentColor,
+                          kRefusedColor};
+  const sensor_msgs::PointCloud2 cloud = hit_labels_to_cloud(segments, labels, "world");
+  ASSERT_EQ(cloud.width * cloud.height, segments.points.size());
+  ASSERT_EQ(cloud.data.size(), segments.points.size() * cloud.point_step);
+  EXPECT_EQ(cloud.header.frame_id, "world");
+  EXPECT_EQ(to_nanoseconds(cloud.header.stamp), kStamp_ns);  // to the nanosecond
+
+  using Float = sensor_msgs::PointCloud2ConstIterator<float>;
+  using Number = sensor_msgs::PointCloud2ConstIterator<std::uint32_t>;
+  using Byte = sensor_msgs::PointCloud2ConstIterator<std::uint8_t>;
+  Float x(cloud, "x"), y(cloud, "y"), z(cloud, "z");
+  Number object(cloud, "object"), segment(cloud, "segment");
+  Byte fate(cloud, "fate"), reason(cloud, "reason"), r(cloud, "r"), g(cloud, "g"), b(cloud, "b");
+  for (std::size_t i = 0; i < labels.size(); ++i, ++x, ++y, ++z, ++fate, ++reason, ++object, ++segment, ++r, ++g, ++b) {
+    const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[i].p_level_m;
+    EXPECT_NEAR(*x, p_world_m.x(), 1e-6);
+    EXPECT_NEAR(*y, p_world_m.y(), 1e-6);
+    EXPECT_NEAR(*z, 1.5, 1e-6);
+    EXPECT_EQ(static_cast<HitFate>(*fate), labels[i].fate);
+    EXPECT_EQ(*reason, labels[i].reason);
+    EXPECT_EQ(*object, labels[i].object_id);
+    EXPECT_EQ(*segment, static_cast<std::uint32_t>(labels[i].segment));
+    EXPECT_NEAR(*r, 255.0F * colors[i].r, 0.51F);
+    EXPECT_NEAR(*g, 255.0F * colors[i].g, 0.51F);
+    EXPECT_NEAR(*b, 255.0F * colors[i].b, 0.51F);
+  }
+  EXPECT_EQ(hit_labels_to_cloud({}, {}, "world").width, 0U);
+  labels.pop_back();
+  EXPECT_THROW(hit_labels_to_cloud(segments, labels, "world"), std::invalid_argument);
 }
 
 TEST(ConvertDetections, SurvivesTheRoundTripExactly) {

@@ -38,6 +38,46 @@ TEST(Segmentation, FindsEachEllipseWithExactlyItsBeams) {
   EXPECT_EQ(all.size(), hits);
 }
 
+// Hits in no segment are kept with the reason.
+TEST(Segmentation, EveryHitIsInOneSegmentOrOneRefusedRun) {
+  Random random(4);
+  std::uint64_t too_few = 0, outside = 0;
+  for (int i = 0; i < 50; ++i) {
+    LevelScene scene;
+    scene.beams = 720;
+    scene.angle_increment_rad = radians(0.5);
+    scene.angle_min_rad = -kPi;
+    scene.walls = {{{6.0, -8.0}, {6.0, 8.0}}, {{6.0, 8.0}, {-3.0, 8.0}}};
+    for (int k = 0; k < 8; ++k) {
+      const double radius_m = random.uniform(0.01, 0.4);
+      scene.ellipses.push_back({{random.uniform(-5.0, 5.0), random.uniform(1.0, 5.0)}, 0.0, radius_m, radius_m});
+    }
+    Scan scan = scene.scan(&random);
+    const auto first = static_cast<std::size_t>(random.uniform(0.0, 400.0));
+    for (std::size_t k = first; k < first + 200; ++k) {
+      if (scan.beams[k].state == BeamState::kHit) scan.beams[k].state = BeamState::kOutside;
+    }
+    const Segments segments = segment_scan(scan);
+    std::multiset<int> beams;
+    for (const Segment& s : segments.segments) {
+      for (std::size_t k = s.first; k < s.first + s.count; ++k) beams.insert(segments.points[k].beam);
+    }
+    for (const RefusedRun& run : segments.refused_runs) {
+      ASSERT_GT(run.count, 0U);
+      for (std::size_t k = run.first; k < run.first + run.count; ++k) beams.insert(segments.points[k].beam);
+      ++(run.why == RunRefusal::kOutside ? outside : too_few);
+    }
+    std::multiset<int> hits;
+    for (std::size_t k = 0; k < scan.beams.size(); ++k) {
+      if (is_hit(scan.beams[k].state)) hits.insert(static_cast<int>(k));
+    }
+    EXPECT_EQ(beams, hits);
+    EXPECT_EQ(segments.points.size(), hits.size());
+  }
+  EXPECT_GT(too_few, 10U);
+  EXPECT_GT(outside, 10U);
+}
+
 TEST(Segmentation, KeepsIntensities) {
   LevelScene scene;
   scene.ellipses = {{{3.0, 0.0}, 0.3, 0.4, 0.2}, {{2.0, 2.0}, 1.0, 0.2, 0.1}};

@@ -17,7 +17,7 @@ void detect_each(const Segments& segments, const EllipseFitParams& params, Detec
     if (segments.segments[i].kind != SegmentKind::kObject) continue;
     const char* const reason = refusal(i);
     if (*reason != '\0') {
-      ++found.refused[reason];
+      found.refuse(i, reason);
       continue;
     }
     const Detection detection = detect_one(i);
@@ -25,14 +25,14 @@ void detect_each(const Segments& segments, const EllipseFitParams& params, Detec
     if (*defect == '\0') {
       found.detections.push_back(detection);
     } else {
-      ++found.refused[defect];
+      found.refuse(i, defect);
     }
   }
 }
 
 /// Reason why most detectors cannot use a segment; empty if it shows at least one edge of the object.
 inline const char* hidden_defect(const Segment& segment) {
-  return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : "both ends hidden";
+  return is_silhouette(segment.right_end) || is_silhouette(segment.left_end) ? "" : detection_refusal::kBothEndsHidden;
 }
 
 /// The same for detectors that need to see at least one edge of the object.

@@ -32,14 +32,41 @@ constexpr double kMaxDetectionSigma_m = 100.0;
 /// to kMaxDetectionSigma_m.
 const char* detection_defect(const Detection& detection);
 
+/// Reasons why a segment of kind kObject has no detection.
+namespace detection_refusal {
+constexpr const char* kNotOneEllipse = "not one ellipse";
+constexpr const char* kBothEndsHidden = "both ends hidden";
+constexpr const char* kOffEllipse = "points do not lie on an ellipse";
+constexpr const char* kTooLarge = "ellipse too large";
+constexpr const char* kAroundSensor = "ellipse around the sensor";
+constexpr const char* kOutsideFieldOfView = "outside the network's field of view";
+constexpr const char* kNotFinite = "ellipse not finite";
+constexpr const char* kBadRadii = "radii not rx >= ry > 0";
+constexpr const char* kBadProbability = "p_ellipse not in [0, 1]";
+constexpr const char* kBadCovariance = "covariance not usable";
+}  // namespace detection_refusal
+
+/// A segment of kind kObject without a detection.
+struct RefusedSegment {
+  std::size_t segment = 0;  ///< index in Segments::segments
+  const char* why = "";     ///< a detection_refusal
+};
+
 /// The ellipses detected in one scan, at most one per segment.
 struct Detections {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
   double height_world_m = 0.0;
   std::vector<Detection> detections;
-  FreeSpace free_space;  ///< of the whole scan, as Segments::free_space
-  Counters refused;      ///< segments of kind kObject without a detection, by reason
+  FreeSpace free_space;                          ///< of the whole scan, as Segments::free_space
+  Counters refused;                              ///< segments of kind kObject without a detection, by reason
+  std::vector<RefusedSegment> refused_segments;  ///< each of them
+
+  /// Adds a segment without a detection.
+  void refuse(std::size_t segment, const char* why) {
+    ++refused[why];
+    refused_segments.push_back({segment, why});
+  }
 };
 
 }  // namespace situation_awareness

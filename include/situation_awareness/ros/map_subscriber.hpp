@@ -25,6 +25,8 @@ class MapSubscriber {
   /// scans that come before the map of the previous one.
   std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
+  const Objects& latest() const { return map_; }
+
   /// Discards the map after a reset of time.
   void clear() {
     map_ = {};

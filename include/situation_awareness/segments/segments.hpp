@@ -42,8 +42,15 @@ enum class StructureReason : std::uint8_t {
   kInLine,          ///< with a hidden end, on the line of a structure beside it
 };
 
-/// Reason for runs of hits, or pieces of a divided segment, with fewer than SegmentationParams::min_points.
-constexpr const char* kTooFewPoints = "segment refused: too few points";
+/// Reason why a run of hits is no segment.
+enum class RunRefusal : std::uint8_t {
+  kTooFewPoints,  ///< a run, or a piece of a divided segment, with fewer than SegmentationParams::min_points
+  kOutside,       ///< most of it is beyond the range or outside the volume of interest
+};
+
+/// The text counted in Segments::refused; empty for kNone.
+const char* text_of(StructureReason reason);
+const char* text_of(RunRefusal refusal);
 
 /// A run of neighbouring hits on one object.
 struct Segment {
@@ -74,8 +81,15 @@ struct StraightPiece {
   SegmentEnd left_end = SegmentEnd::kFree;
 };
 
-/// The segments of one scan, by increasing azimuth. Every point is a hit; the points of a segment are contiguous and
-/// their azimuths increase, also across the seam of a full circle.
+/// A run of neighbouring hits that is no segment.
+struct RefusedRun {
+  std::size_t first = 0;  ///< index of its first (lowest azimuth) point in Segments::points
+  std::size_t count = 0;
+  RunRefusal why = RunRefusal::kTooFewPoints;
+};
+
+/// The segments of one scan, by increasing azimuth. Every point is a hit, in exactly one segment or refused run. The
+/// points of each are contiguous and their azimuths increase, also across the seam of a full circle.
 struct Segments {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
@@ -84,6 +98,7 @@ struct Segments {
   double time_increment_s = 0.0;  ///< from beam to beam, 0: all at the stamp
   std::vector<Point> points;
   std::vector<Segment> segments;
+  std::vector<RefusedRun> refused_runs;
   std::vector<StraightPiece> straight_pieces;  ///< of the structures, by increasing azimuth
   FreeSpace free_space;                        ///< of the whole scan
   Counters refused;                            ///< runs of hits that became no segment, and structures, by reason

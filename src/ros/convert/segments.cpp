@@ -2,13 +2,11 @@
 #include "situation_awareness/ros/convert/segments.hpp"
 
 #include <cmath>
-#include <cstring>
 #include <stdexcept>
 
 #include "situation_awareness/ros/convert/free_space.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/markers/colors.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -27,6 +25,8 @@ static_assert(static_cast<int>(StructureReason::kInnerCorner) == LaserSegment::I
 static_assert(static_cast<int>(StructureReason::kStraightHidden) == LaserSegment::STRAIGHT_HIDDEN);
 static_assert(static_cast<int>(StructureReason::kFlat) == LaserSegment::FLAT);
 static_assert(static_cast<int>(StructureReason::kInLine) == LaserSegment::IN_LINE);
+static_assert(static_cast<int>(RunRefusal::kTooFewPoints) == LaserRefusedRun::TOO_FEW_POINTS);
+static_assert(static_cast<int>(RunRefusal::kOutside) == LaserRefusedRun::OUTSIDE);
 
 void check(bool truth, const char* sentence) {
   if (!truth) throw std::invalid_argument(sentence);
@@ -110,6 +110,12 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
     msg.segments[i].right_hidden = segment.right_hidden_rad;
     msg.segments[i].left_hidden = segment.left_hidden_rad;
   }
+  msg.refused_runs.resize(segments.refused_runs.size());
+  for (std::size_t i = 0; i < segments.refused_runs.size(); ++i) {
+    msg.refused_runs[i].first = static_cast<std::uint32_t>(segments.refused_runs[i].first);
+    msg.refused_runs[i].count = static_cast<std::uint32_t>(segments.refused_runs[i].count);
+    msg.refused_runs[i].why = static_cast<std::uint8_t>(segments.refused_runs[i].why);
+  }
   msg.straight_pieces.reserve(segments.straight_pieces.size());
   for (const StraightPiece& piece : segments.straight_pieces) {
     msg.straight_pieces.push_back(straight_piece_to_msg(piece));
@@ -156,49 +162,19 @@ Segments segments_from_msg(const SegmentArray& msg) {
                             segment.left_hidden,
                             static_cast<StructureReason>(segment.structure)};
   }
+  segments.refused_runs.reserve(msg.refused_runs.size());
+  for (const LaserRefusedRun& run : msg.refused_runs) {
+    check(run.count > 0, "a refused run has no points");
+    check(std::size_t{run.first} + run.count <= msg.points.size(),
+          "the point indices of a refused run are out of range");
+    check(run.why <= LaserRefusedRun::OUTSIDE, "a refused run has an unknown reason");
+    segments.refused_runs.push_back({run.first, run.count, static_cast<RunRefusal>(run.why)});
+  }
   segments.straight_pieces.reserve(msg.straight_pieces.size());
   for (const auto& piece : msg.straight_pieces) {
     segments.straight_pieces.push_back(straight_piece_from_msg(piece, msg));
   }
   return segments;
-}
-
-sensor_msgs::PointCloud2 segments_to_cloud(const Segments& segments, const std::string& world_frame) {
-  struct CloudPoint {  // with the layout of the fields below
-    float x, y, z;
-    std::uint32_t rgb, segment;
-  };
-  sensor_msgs::PointCloud2 cloud;
-  cloud.header.stamp = to_ros_time(segments.stamp_ns);
-  cloud.header.frame_id = world_frame;
-  const char* const names[] = {"x", "y", "z", "rgb", "segment"};
-  for (std::uint32_t i = 0; i < 5; ++i) {
-    sensor_msgs::PointField field;
-    field.name = names[i];
-    field.offset = 4 * i;
-    field.datatype = i < 4 ? sensor_msgs::PointField::FLOAT32 : sensor_msgs::PointField::UINT32;
-    field.count = 1;
-    cloud.fields.push_back(field);
-  }
-  std::vector<CloudPoint> points;
-  points.reserve(segments.points.size());
-  for (std::size_t s = 0; s < segments.segments.size(); ++s) {
-    const Segment& segment = segments.segments[s];
-    const Color color = segment.kind == SegmentKind::kObject ? color_of(s) : kStructureColor;
-    for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
-      const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[i].p_level_m;
-      points.push_back({static_cast<float>(p_world_m.x()), static_cast<float>(p_world_m.y()),
-                        static_cast<float>(segments.height_world_m), packed_rgb(color), static_cast<std::uint32_t>(s)});
-    }
-  }
-  cloud.height = 1;
-  cloud.width = static_cast<std::uint32_t>(points.size());
-  cloud.point_step = sizeof(CloudPoint);
-  cloud.row_step = cloud.point_step * cloud.width;
-  cloud.is_dense = true;
-  cloud.data.resize(cloud.row_step);
-  if (!points.empty()) std::memcpy(cloud.data.data(), points.data(), cloud.row_step);
-  return cloud;
 }
 
 }  // namespace situation_awareness

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// segments, objects  ->  detections
+// segments, objects  ->  detections, hit_labels (for rviz)
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
+#include <sensor_msgs/PointCloud2.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/detections/refine.hpp"
+#include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
+#include "situation_awareness/ros/convert/hit_labels.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
@@ -24,6 +29,7 @@ class DetectionStage {
       : context_(context),
         detector_(make_detector(params.pipeline.detections)),
         publisher_(context.node().advertise<DetectionArray>("detections", 20)),
+        labels_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("hit_labels", 5)),
         map_(context, params.nodelet.world_frame) {
     context.diagnostics().on_report([this, detections = params.pipeline.detections](StageDiagnostics::Status& status) {
       const std::string path = model_path(detections);
@@ -47,9 +53,13 @@ class DetectionStage {
     } catch (const std::exception& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
-    const Detections detections = refine(detector_->detect(segments), segments,
-                                         map_.outlines_at(segments.stamp_ns, segments.T_world_level), fit_);
+    const std::vector<Ellipse> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
+    const Detections detections = refine(detector_->detect(segments), segments, known_level, fit_);
     context_.publish(publisher_, detections_to_msg(detections, msg.header.frame_id));
+    if (labels_publisher_.getNumSubscribers() > 0) {
+      labels_ = label_hits(segments, detections, map_.latest(), std::move(labels_));
+      context_.publish(labels_publisher_, hit_labels_to_cloud(segments, labels_, msg.header.frame_id));
+    }
     context_.diagnostics().counted(detections.refused);
     return true;
   }
@@ -58,8 +68,9 @@ class DetectionStage {
   Context& context_;
   EllipseFitParams fit_;
   std::unique_ptr<ProbableDetector> detector_;
-  ros::Publisher publisher_;
+  ros::Publisher publisher_, labels_publisher_;
   MapSubscriber map_;
+  std::vector<HitLabel> labels_;  // kept for its memory
 };
 
 using DetectionNodelet = StageNodelet<DetectionStage>;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, TF world -> lidar, objects  ->  segments, segment_points (for display)
+// scan, TF world -> lidar, objects  ->  segments
 #include <string>
 
 #include <sensor_msgs/LaserScan.h>
@@ -31,8 +31,7 @@ class SegmentationStage {
   SegmentationStage(Context& context, const ObjectNodeletParams& params)
       : context_(context),
         params_(params),
-        array_publisher_(context.node().advertise<SegmentArray>("segments", 20)),
-        points_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("segment_points", 5)),
+        publisher_(context.node().advertise<SegmentArray>("segments", 20)),
         map_(context, params.nodelet.world_frame),
         input_(
             context, params.nodelet, params.pipeline.objects.reset_time_jump_s,
@@ -62,17 +61,14 @@ class SegmentationStage {
                              params_.pipeline.segments, params_.pipeline.detections.fit.range_sigma_m);
 
     context_.diagnostics().counted(segments.refused);
-    context_.publish(array_publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
-    if (points_publisher_.getNumSubscribers() > 0) {
-      context_.publish(points_publisher_, segments_to_cloud(segments, params_.nodelet.world_frame));
-    }
+    context_.publish(publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
     return true;
   }
 
  private:
   Context& context_;
   ObjectNodeletParams params_;
-  ros::Publisher array_publisher_, points_publisher_;
+  ros::Publisher publisher_;
   MapSubscriber map_;
   Input input_;
 };

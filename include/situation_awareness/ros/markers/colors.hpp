@@ -13,6 +13,9 @@ struct Color {
 };
 
 constexpr Color kStructureColor{0.55F, 0.55F, 0.55F};
+constexpr Color kNoIdColor{0.1F, 0.1F, 0.1F};         // hits on an object that has no id yet
+constexpr Color kRefusedColor{0.5F, 0.0F, 0.0F};      // hits on what may be an object, but has no detection
+constexpr Color kNoSegmentColor{0.65F, 0.5F, 0.25F};  // hits in no segment
 constexpr Color kUncertaintyColor{0.85F, 0.1F, 0.1F};
 constexpr Color kStandingColor{0.12F, 0.42F, 0.82F};
 constexpr Color kMovingColor{0.97F, 0.48F, 0.04F};
