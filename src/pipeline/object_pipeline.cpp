@@ -13,6 +13,7 @@ namespace situation_awareness {
 
 ObjectPipeline::ObjectPipeline(const ObjectPipelineParams& params)
     : params_(params), detector_(make_detector(params.detections)), map_(params.objects) {
+  params_.cloud.validate();
   params_.scan.validate();
   params_.segments.validate();
 }
@@ -44,6 +45,12 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
       refine(detector_->detect(segments, std::move(detections)), segments, known_level_, params_.detections.fit);
   result_.update = map_.update(detections, std::move(result_.update));
   return result_;
+}
+
+const ObjectPipelineResult& ObjectPipeline::process(const Cloud& cloud, const Eigen::Isometry3d& T_world_sensor,
+                                                    const Eigen::Isometry3d& T_world_sensor_end) {
+  slice_ = slice_cloud(cloud, T_world_sensor, T_world_sensor_end, params_.cloud, std::move(slice_));
+  return process(slice_.scan, slice_.T_world_level);
 }
 
 }  // namespace situation_awareness

@@ -13,6 +13,7 @@
 #include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/scan/cloud_slice.hpp"
 #include "support/level_scene.hpp"
 
 namespace situation_awareness {
@@ -106,6 +107,37 @@ TEST(Allocation, WithTheNetworkOnlyInItsForward) {
   RecordProperty("per_scan", std::to_string(static_cast<double>(round.asked) / kScans));
   EXPECT_GT(of_forwards, 0);
   EXPECT_EQ(round.asked, of_forwards);
+}
+
+TEST(Allocation, NoneForTheSliceOfACloudAfterWarmUp) {
+  Cloud cloud;
+  cloud.rows = 3;
+  const std::vector<Scan> all = scans();
+  cloud.columns = all[0].beams.size();
+  for (const float height_m : {-0.1F, 0.0F, 0.1F}) {
+    for (std::size_t i = 0; i < cloud.columns; ++i) {
+      CloudPoint point;
+      const double angle_rad = all[0].angle_min_rad + static_cast<double>(i) * all[0].angle_increment_rad;
+      const Beam& beam = all[0].beams[i];
+      if (beam.state == BeamState::kHit) {
+        point.x_m = beam.range_m * static_cast<float>(std::cos(angle_rad));
+        point.y_m = beam.range_m * static_cast<float>(std::sin(angle_rad));
+        point.z_m = height_m;
+      }
+      cloud.points.push_back(point);
+    }
+  }
+  CloudSlice slice;
+  std::int64_t asked = 0;
+  for (int round = 0; round < 3; ++round) {
+    const std::int64_t before = allocations().count;
+    slice = slice_cloud(cloud, Eigen::Isometry3d::Identity(), Eigen::Isometry3d::Identity(), {}, std::move(slice));
+    asked = allocations().count - before;
+  }
+  EXPECT_EQ(asked, 0);
+  EXPECT_GT(std::count_if(slice.scan.beams.begin(), slice.scan.beams.end(),
+                          [](const Beam& beam) { return beam.state == BeamState::kHit; }),
+            100);
 }
 
 }  // namespace

@@ -22,6 +22,7 @@ TEST(AggregateSize, CountsMembers) {
 }
 
 TEST(ParamsStructs, DeclareAllTheirMembers) {
+  EXPECT_EQ(declared_size<CloudSliceParams>(), aggregate_size<CloudSliceParams>());
   EXPECT_EQ(declared_size<RangeLimiterParams>(), aggregate_size<RangeLimiterParams>());
   EXPECT_EQ(declared_size<SegmentationParams>(), aggregate_size<SegmentationParams>());
   EXPECT_EQ(declared_size<EllipseFitParams>(), aggregate_size<EllipseFitParams>());

@@ -90,7 +90,7 @@ TEST(LiveDescription, IsThatOfTheDeclarations) {
   std::vector<Parameter> all = parameters_of(params);
   for (const Parameter& parameter : parameters_of(every)) all.push_back(parameter);
   const std::vector<Parameter> live = live_parameters(all);
-  EXPECT_EQ(names_of(live).size(), 21U);
+  EXPECT_EQ(names_of(live).size(), 25U);
   const ConfigDescription description = description_of(live);
   ASSERT_EQ(description.groups.size(), 1U);
   EXPECT_EQ(description.groups[0].id, 0) << "clients look for this group";

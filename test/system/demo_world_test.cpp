@@ -12,7 +12,10 @@
 #include "situation_awareness/evaluation/bodies.hpp"
 #include "situation_awareness/evaluation/map_evaluation.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/sensors.hpp"
+#include "situation_awareness/sim/truth.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -20,23 +23,62 @@ namespace {
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
 constexpr int kScans = 60 * 20;
 
+std::string world_path(const std::string& name) { return kSource + "/models/worlds/" + name + ".xml"; }
+
+/// What is mapped of a world, and how well.
+class Flight {
+ public:
+  ObjectPipeline& pipeline() { return pipeline_; }
+
+  /// Compares the map with the truth, whose objects have these names.
+  void judge(const Objects& truth, const std::vector<std::string>& names) {
+    if (!evaluation_) {
+      const std::vector<Body> bodies = bodies_of(names);
+      for (const Body& body : bodies) names_[truth.objects.at(body.parts.front()).id] = body.name;
+      evaluation_.emplace(MapEvaluationParams{}, bodies);
+    }
+    evaluation_->add(truth, pipeline_.map().at(truth.stamp_ns));
+  }
+
+  MapScore score(const std::string& title) const {
+    std::cout << title << '\n' << format_table(evaluation_->score(), names_);
+    return evaluation_->score();
+  }
+
+ private:
+  ObjectPipeline pipeline_{load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models")};
+  std::optional<MapEvaluation> evaluation_;
+  std::map<std::uint64_t, std::string> names_;
+};
+
 MapScore fly(const std::string& name, std::uint64_t seed) {
-  ScanSimulation world(kSource + "/models/worlds/" + name + ".xml", SimulatedScannerParams{}, seed);
-  ObjectPipeline pipeline(load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models"));
-  std::optional<MapEvaluation> evaluation;
-  std::map<std::uint64_t, std::string> names;
+  ScanSimulation world(world_path(name), SimulatedScannerParams{}, seed);
+  Flight flight;
   for (int i = 0; i < kScans; ++i) {
     const SimulatedScan scan = world.next();
-    if (!evaluation) {
-      const std::vector<Body> bodies = bodies_of(scan.names);
-      for (const Body& body : bodies) names[scan.truth.objects.at(body.parts.front()).id] = body.name;
-      evaluation.emplace(MapEvaluationParams{}, bodies);
-    }
-    pipeline.process(scan.scan, scan.T_world_lidar);
-    evaluation->add(scan.truth, pipeline.map().at(scan.scan.stamp_ns));
+    flight.pipeline().process(scan.scan, scan.T_world_lidar);
+    flight.judge(scan.truth, scan.names);
   }
-  std::cout << name << ", seed " << seed << '\n' << format_table(evaluation->score(), names);
-  return evaluation->score();
+  return flight.score(name + ", seed " + std::to_string(seed));
+}
+
+MapScore fly_with_rings(const std::string& name, int rings, std::uint64_t seed) {
+  World world(world_path(name));
+  SimulatedRingScannerParams params;
+  params.rings = rings;
+  SimulatedRingScanner scanner(world, world.T_robot_lidar(), params, seed);
+  Sightings sightings(world.names().size());
+  std::vector<std::string> names;
+  for (const std::size_t object : objects_of_true_map(world)) names.push_back(world.names()[object]);
+  Flight flight;
+  for (int i = 0; i < kScans; ++i) {
+    const double time_s = scanner.next_time_s();
+    const RingScannerSample sample = scanner.next();
+    sightings.add(sample.cloud.stamp_ns, sample.hits, sample.cloud.columns);
+    flight.pipeline().process(sample.cloud, sample.T_world_sensor, sample.T_world_sensor_end);
+    flight.judge(true_map(world, sightings, time_s, sample.T_world_sensor.translation().z()), names);
+  }
+  return flight.score(name + ", " + std::to_string(rings) + " rings, seed " + std::to_string(seed));
 }
 
 /// Bounds of a world by docs/benchmarks/README.md and docs/worlds.md, with a margin for other seeds and processors.
@@ -88,6 +130,18 @@ INSTANTIATE_TEST_SUITE_P(Others, FlownWorld,
                                          Bounds{"warehouse", 1, 0.96, 0.015, 0.07, 0.7, 0.0, 11},
                                          Bounds{"crowd", 1, 0.975, 0.018, 0.05, 0.9, 0.0, 23}),
                          [](const auto& info) { return std::string(info.param.world); });
+
+class DemoFromRings : public testing::TestWithParam<int> {};
+
+TEST_P(DemoFromRings, IsMappedWithinItsBounds) {
+  const MapScore score = fly_with_rings("demo", 16, static_cast<std::uint64_t>(GetParam()));
+  EXPECT_EQ(score.scans, kScans);
+  EXPECT_GE(score.recall, 0.98);
+  EXPECT_LE(score.center_rmse_m, 0.015);
+  EXPECT_EQ(score.false_per_scan, 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, DemoFromRings, testing::Values(1, 2, 3));
 
 }  // namespace
 }  // namespace situation_awareness

@@ -7,12 +7,14 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/cloud/cloud.hpp"
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/detections/probable_detector.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/points/points.hpp"
+#include "situation_awareness/scan/cloud_slice.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "situation_awareness/scan/scan.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
@@ -48,6 +50,7 @@ std::string model_path(const DetectionParams& params);
 
 /// All parameters of the pipeline from scan to map; cfg/objects.yaml mirrors it.
 struct ObjectPipelineParams {
+  CloudSliceParams cloud;
   RangeLimiterParams scan;
   SegmentationParams segments;
   DetectionParams detections;
@@ -55,6 +58,7 @@ struct ObjectPipelineParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
+    visit("cloud", self.cloud);
     visit("scan", self.scan);
     visit("segments", self.segments);
     visit("detections", self.detections);
@@ -101,6 +105,10 @@ class ObjectPipeline {
   const ObjectPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                       const Eigen::Isometry3d& T_world_lidar_end, const Objects& known);
 
+  /// From the slice of a cloud (slice_cloud); T_world_sensor at its first measurement, T_world_sensor_end at its last.
+  const ObjectPipelineResult& process(const Cloud& cloud, const Eigen::Isometry3d& T_world_sensor,
+                                      const Eigen::Isometry3d& T_world_sensor_end);
+
   const ObjectMap& map() const { return map_; }
   ObjectMap& map() { return map_; }
 
@@ -108,6 +116,7 @@ class ObjectPipeline {
   ObjectPipelineParams params_;
   std::unique_ptr<Detector> detector_;
   ObjectMap map_;
+  CloudSlice slice_;
   Scan limited_;
   Objects known_;
   std::vector<Ellipse> known_level_;
