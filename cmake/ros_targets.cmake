@@ -42,7 +42,8 @@ add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${cat
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
-  src/ros/nodelets/segmentation_nodelet.cpp)
+  src/ros/nodelets/segmentation_nodelet.cpp
+  src/ros/nodelets/slicing_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
 

@@ -102,6 +102,114 @@ TEST(ConvertCloud, HasTheLayoutOfDrivers) {
   EXPECT_TRUE(cloud_to_msg(cloud, "velodyne").is_dense);
 }
 
+Cloud some_cloud() {
+  Cloud cloud;
+  cloud.stamp_ns = kStamp_ns;
+  cloud.rows = 2;
+  cloud.columns = 3;
+  cloud.points.resize(6);
+  for (std::size_t i = 0; i < 6; ++i) cloud.points[i].time_s = 0.015625F * static_cast<float>(i);
+  cloud.points[1] = {0.5F, 1.25F, -0.25F, 12.0F, 0, cloud.points[1].time_s};
+  cloud.points[4] = {1.5F, -2.25F, 0.125F, 87.5F, 1, cloud.points[4].time_s};
+  return cloud;
+}
+
+TEST(ConvertCloud, ReadsWhatItWrites) {
+  const Cloud cloud = some_cloud();
+  const sensor_msgs::PointCloud2 msg = cloud_to_msg(cloud, "/velodyne");
+  EXPECT_EQ(cloud_msg_defect(msg), "");
+  const Cloud read = cloud_from_msg(msg);
+  EXPECT_EQ(read.stamp_ns, cloud.stamp_ns);
+  EXPECT_EQ(read.rows, cloud.rows);
+  EXPECT_EQ(read.columns, cloud.columns);
+  ASSERT_EQ(read.points.size(), cloud.points.size());
+  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+    EXPECT_EQ(read.points[i].time_s, cloud.points[i].time_s);
+    EXPECT_EQ(std::isnan(read.points[i].x_m), std::isnan(cloud.points[i].x_m));
+    if (std::isnan(cloud.points[i].x_m)) continue;
+    EXPECT_EQ(read.points[i].x_m, cloud.points[i].x_m);
+    EXPECT_EQ(read.points[i].y_m, cloud.points[i].y_m);
+    EXPECT_EQ(read.points[i].z_m, cloud.points[i].z_m);
+    EXPECT_EQ(read.points[i].intensity, cloud.points[i].intensity);
+  }
+  const Taken when = taken(msg, true);
+  EXPECT_EQ(when.frame, "velodyne");
+  EXPECT_EQ(to_nanoseconds(when.first), kStamp_ns);
+  EXPECT_EQ(to_nanoseconds(when.last), kStamp_ns + 78'125'000);
+  EXPECT_EQ(taken(msg, false).last, when.first);
+}
+
+/// One point, 2 m ahead, with its time in the units of a driver behind x, y and z, where no double may lie.
+template <class Number>
+sensor_msgs::PointCloud2 timed_msg(const std::string& name, std::uint8_t datatype, Number value) {
+  sensor_msgs::PointCloud2 msg;
+  msg.header.frame_id = "lidar";
+  msg.header.stamp = to_ros_time(kStamp_ns);
+  msg.height = msg.width = 1;
+  const auto field = [&](const std::string& of, std::uint32_t offset, std::uint8_t type) {
+    sensor_msgs::PointField f;
+    f.name = of;
+    f.offset = offset;
+    f.datatype = type;
+    f.count = 1;
+    msg.fields.push_back(f);
+  };
+  field("x", 0, sensor_msgs::PointField::FLOAT32);
+  field("y", 4, sensor_msgs::PointField::FLOAT32);
+  field("z", 8, sensor_msgs::PointField::FLOAT32);
+  field(name, 13, datatype);
+  msg.point_step = msg.row_step = 13 + sizeof value;
+  msg.data.assign(msg.row_step, 0);
+  const float x_m = 2.0F;
+  std::memcpy(msg.data.data(), &x_m, sizeof x_m);
+  std::memcpy(msg.data.data() + 13, &value, sizeof value);
+  return msg;
+}
+
+TEST(ConvertCloud, KnowsTheTimesOfDrivers) {
+  using sensor_msgs::PointField;
+  const double stamp_s = 1e-9 * static_cast<double>(kStamp_ns);
+  for (const sensor_msgs::PointCloud2& msg :
+       {timed_msg("time", PointField::FLOAT32, 0.0625F), timed_msg("t", PointField::UINT32, std::uint32_t{62'500'000}),
+        timed_msg("timestamp", PointField::FLOAT64, stamp_s + 0.0625),
+        timed_msg("timestamp", PointField::FLOAT64, static_cast<double>(kStamp_ns + 62'500'000)),
+        timed_msg("timestamp", PointField::FLOAT64, 0.0625),
+        timed_msg("offset_time", PointField::UINT32, std::uint32_t{62'500'000})}) {
+    EXPECT_EQ(cloud_msg_defect(msg), "");
+    const Cloud cloud = cloud_from_msg(msg);
+    EXPECT_EQ(cloud.points.at(0).x_m, 2.0F);
+    EXPECT_TRUE(std::isnan(cloud.points[0].intensity));
+    EXPECT_NEAR(cloud.points[0].time_s, 0.0625, 1e-6) << msg.fields[3].name;
+    EXPECT_NEAR((taken(msg, true).first - msg.header.stamp).toSec(), 0.0625, 1e-6);
+  }
+  EXPECT_EQ(cloud_from_msg(timed_msg("height", PointField::FLOAT32, 0.5F)).points[0].time_s, 0.0F);
+  EXPECT_FALSE(times_of(cloud_from_msg(timed_msg("time", PointField::FLOAT32, 1e3F))));
+  EXPECT_EQ(taken(timed_msg("time", PointField::FLOAT32, 1e3F), true).last, to_ros_time(kStamp_ns));
+}
+
+// Nothing is read beyond the data, whatever the fields say.
+TEST(ConvertCloud, SaysWhyACloudCannotBeUsed) {
+  const sensor_msgs::PointCloud2 good = cloud_to_msg(some_cloud(), "velodyne");
+  const auto defect_of = [&](auto change) {
+    sensor_msgs::PointCloud2 msg = good;
+    change(msg);
+    return cloud_msg_defect(msg);
+  };
+  EXPECT_EQ(defect_of([](auto&) {}), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.header.frame_id.clear(); }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.header.stamp = ros::Time(); }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.height = 0; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.height = 3; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.height = msg.width = msg.row_step = 0xFFFFFFFF; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.point_step = 0; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.row_step -= 1; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.fields.clear(); }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.fields[1].name = "Y"; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.fields[1].offset = 0xFFFFFFFF; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.fields[0].datatype = sensor_msgs::PointField::FLOAT64; }), "");
+  EXPECT_NE(defect_of([](auto& msg) { msg.is_bigendian = 1; }), "");
+}
+
 TEST(ConvertScan, DistinguishesTheThreeCasesOfRep117) {
   const Scan scan = scan_from_msg(scan_msg({2.0F, kInf, -kInf, kNan, -1.0F, 0.0F, 31.0F}));
   ASSERT_EQ(scan.beams.size(), 7U);

@@ -5,9 +5,17 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
+#include <limits>
+#include <vector>
 
+#include <pcl/point_cloud.h>
+#include <pcl/point_types.h>
+#include <pcl_conversions/pcl_conversions.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
@@ -43,6 +51,142 @@ sensor_msgs::PointCloud2 cloud_to_msg(const Cloud& cloud, const std::string& sen
     put(point.time_s);
   }
   return msg;
+}
+
+namespace {
+
+using sensor_msgs::PointField;
+
+/// Bytes of one value; 0 for a type that there is not.
+std::uint64_t size_of(std::uint8_t datatype) {
+  switch (datatype) {
+    case PointField::INT8:
+    case PointField::UINT8:
+      return 1;
+    case PointField::INT16:
+    case PointField::UINT16:
+      return 2;
+    case PointField::INT32:
+    case PointField::UINT32:
+    case PointField::FLOAT32:
+      return 4;
+    case PointField::FLOAT64:
+      return 8;
+    default:
+      return 0;
+  }
+}
+
+/// The field of that name, if it is one value of one of these types.
+const PointField* find_field(const sensor_msgs::PointCloud2& msg, const char* name,
+                             std::initializer_list<std::uint8_t> types) {
+  for (const PointField& field : msg.fields) {
+    if (field.name != name || field.count > 1) continue;
+    if (std::find(types.begin(), types.end(), field.datatype) != types.end()) return &field;
+  }
+  return nullptr;
+}
+
+const PointField* find_time_field(const sensor_msgs::PointCloud2& msg) {
+  for (const char* name : {"time", "t", "timestamp", "offset_time"}) {
+    const PointField* field =
+        find_field(msg, name, {PointField::FLOAT32, PointField::FLOAT64, PointField::INT32, PointField::UINT32});
+    if (field != nullptr) return field;
+  }
+  return nullptr;
+}
+
+template <class Number>
+double number_at(const std::uint8_t* from) {
+  Number number;
+  std::memcpy(&number, from, sizeof number);  // it may lie where none can be referred to
+  return static_cast<double>(number);
+}
+
+/// Seconds after the stamp.
+double time_s(const std::uint8_t* from, std::uint8_t type, double stamp_s) {
+  if (type == PointField::UINT32) return 1e-9 * number_at<std::uint32_t>(from);
+  if (type == PointField::INT32) return 1e-9 * number_at<std::int32_t>(from);
+  if (type == PointField::FLOAT32) return number_at<float>(from);
+  const double value = number_at<double>(from);
+  if (value < 1e6) return value;                           // after the stamp
+  return (value < 1e15 ? value : 1e-9 * value) - stamp_s;  // s or ns of the clock
+}
+
+void take_times(const sensor_msgs::PointCloud2& msg, std::vector<CloudPoint>& points) {
+  const PointField* field = find_time_field(msg);
+  if (field == nullptr) return;
+  const double stamp_s = msg.header.stamp.toSec();
+  auto point = points.begin();
+  for (std::size_t row = 0; row < msg.height; ++row) {
+    const std::uint8_t* from = msg.data.data() + row * msg.row_step + field->offset;
+    for (std::size_t column = 0; column < msg.width; ++column, from += msg.point_step, ++point) {
+      point->time_s = static_cast<float>(time_s(from, field->datatype, stamp_s));
+    }
+  }
+}
+
+float intensity_of(const pcl::PointXYZ& /*point*/) { return std::numeric_limits<float>::quiet_NaN(); }
+float intensity_of(const pcl::PointXYZI& point) { return point.intensity; }
+
+template <class Point>
+void take_points(const sensor_msgs::PointCloud2& msg, std::vector<CloudPoint>& points) {
+  pcl::PointCloud<Point> from;
+  pcl::fromROSMsg(msg, from);
+  points.reserve(from.size());
+  for (const Point& point : from) points.push_back({point.x, point.y, point.z, intensity_of(point)});
+}
+
+}  // namespace
+
+std::string cloud_msg_defect(const sensor_msgs::PointCloud2& msg) {
+  const std::string bad = "bad cloud: ";
+  if (msg.header.frame_id.empty()) return bad + "no frame_id";
+  // To TF a stamp of zero means "the latest", which would be a made-up pose.
+  if (msg.header.stamp.isZero()) return bad + "stamp is zero";
+  if (msg.height == 0 || msg.width == 0) return bad + "no points";
+  if (msg.is_bigendian != 0) return bad + "big-endian";
+  for (const PointField& field : msg.fields) {
+    const std::uint64_t count = std::max<std::uint64_t>(field.count, 1);
+    if (field.offset + count * size_of(field.datatype) > msg.point_step) return bad + "field beyond its point";
+  }
+  for (const char* name : {"x", "y", "z"}) {
+    if (find_field(msg, name, {PointField::FLOAT32}) == nullptr) return bad + "x, y, z are not float32";
+  }
+  if (std::uint64_t{msg.width} * msg.point_step > msg.row_step ||
+      std::uint64_t{msg.height} * msg.row_step > msg.data.size()) {
+    return bad + "less data than points";
+  }
+  return "";
+}
+
+std::optional<CloudTimes> cloud_msg_times(const sensor_msgs::PointCloud2& msg) {
+  if (find_time_field(msg) == nullptr) return CloudTimes{};
+  Cloud cloud;
+  cloud.points.resize(std::size_t{msg.height} * msg.width);
+  take_times(msg, cloud.points);
+  return times_of(cloud);
+}
+
+Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew) {
+  const CloudTimes times = cloud_msg_times(msg).value_or(CloudTimes{});
+  const auto at = [&](double time_s) { return to_ros_time(to_nanoseconds(msg.header.stamp) + nanoseconds(time_s)); };
+  return {tf2_frame(msg.header.frame_id), at(times.first_s), at(deskew ? times.last_s : times.first_s)};
+}
+
+Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg) {
+  Cloud cloud;
+  cloud.stamp_ns = to_nanoseconds(msg.header.stamp);
+  cloud.rows = msg.height;
+  cloud.columns = msg.width;
+  // PCL complains of each cloud that lacks a field of the point.
+  if (find_field(msg, "intensity", {PointField::FLOAT32}) != nullptr) {
+    take_points<pcl::PointXYZI>(msg, cloud.points);
+  } else {
+    take_points<pcl::PointXYZ>(msg, cloud.points);
+  }
+  take_times(msg, cloud.points);
+  return cloud;
 }
 
 }  // namespace situation_awareness

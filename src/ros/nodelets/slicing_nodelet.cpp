@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// points, TF world -> sensor  ->  scan, TF world -> SENSOR_level
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <geometry_msgs/TransformStamped.h>
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <tf2_ros/transform_broadcaster.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/ros/convert/cloud.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/scan/cloud_slice.hpp"
+
+namespace situation_awareness {
+
+class SlicingStage {
+ public:
+  using Input = PosedInput<sensor_msgs::PointCloud2>;
+  using Context = Input::Context;
+  static constexpr const char* kInput = "points";
+  static constexpr auto kReadParams = read_object_nodelet_params;
+
+  SlicingStage(Context& context, const ObjectNodeletParams& params)
+      : context_(context),
+        params_(params.nodelet),
+        publisher_(context.node().advertise<sensor_msgs::LaserScan>("scan", 20)),
+        input_(context, params.nodelet, params.pipeline.objects.reset_time_jump_s,
+               {cloud_msg_defect, [this](const sensor_msgs::PointCloud2& msg) { return taken(msg, params_.deskew); },
+                [] {}}) {
+    context.serve_live([this](const CloudSliceParams& cloud) { cloud_ = cloud; }, params.pipeline.cloud);
+  }
+  SlicingStage(const SlicingStage&) = delete;
+  SlicingStage& operator=(const SlicingStage&) = delete;
+
+  bool process(const PosedMessage<sensor_msgs::PointCloud2>& posed) {
+    const Cloud cloud = cloud_from_msg(*posed.msg);
+    if (!times_of(cloud)) context_.diagnostics().counted({{"times of points ignored", 1}});
+    slice_ = slice_cloud(cloud, posed.T_world_sensor, posed.T_world_sensor_end, cloud_, std::move(slice_));
+
+    const std::string level_frame = tf2_frame(posed.header.frame_id) + "_level";
+    const Scan& scan = slice_.scan;
+    const double duration_s = static_cast<double>(scan.beams.size() - 1) * scan.time_increment_s;
+    const sensor_msgs::LaserScan msg =
+        scan_to_msg(scan, level_frame, cloud_.min_range_m, cloud_.max_range_m, duration_s);
+    publish_level_frame(msg);
+    context_.publish(publisher_, msg);
+    return true;
+  }
+
+ private:
+  /// It stands still during the scan: the motion has been taken out.
+  void publish_level_frame(const sensor_msgs::LaserScan& scan) {
+    const auto at = [&](const ros::Time& time) {
+      return transform_to_msg(slice_.T_world_level, to_nanoseconds(time), params_.world_frame, scan.header.frame_id);
+    };
+    std::vector<geometry_msgs::TransformStamped> transforms{at(scan.header.stamp)};
+    const ros::Time end = time_of_last_beam(scan);
+    if (end != scan.header.stamp) transforms.push_back(at(end));
+    transforms_.sendTransform(transforms);
+  }
+
+  Context& context_;
+  NodeletParams params_;
+  CloudSliceParams cloud_;
+  CloudSlice slice_;
+  ros::Publisher publisher_;
+  tf2_ros::TransformBroadcaster transforms_;
+  Input input_;
+};
+
+using SlicingNodelet = StageNodelet<SlicingStage>;
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::SlicingNodelet, nodelet::Nodelet)
