@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/truth.hpp"
 
+#include <algorithm>
+
 #include "situation_awareness/common/time.hpp"
 
 namespace situation_awareness {
@@ -8,16 +10,17 @@ namespace situation_awareness {
 std::vector<int> Sightings::add(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns) {
   for (Sighting& sighting : of_object_) sighting.beams = 0;
   std::vector<int> object_of_ray(hits.size(), -1);
-  for (std::size_t column = 0; column < columns; ++column) {
-    for (std::size_t ray = column; ray < hits.size(); ray += columns) {
+  std::vector<int> beams_of_row(of_object_.size());
+  for (std::size_t row = 0; row < hits.size(); row += columns) {
+    std::fill(beams_of_row.begin(), beams_of_row.end(), 0);
+    for (std::size_t ray = row; ray < std::min(row + columns, hits.size()); ++ray) {
       const TrueHit& hit = hits[ray];
       if (hit.object < 0 || hit.range_m > range_m_) continue;
       object_of_ray[ray] = hit.object;
-      bool is_first = true;
-      for (std::size_t above = column; above < ray; above += columns) {
-        is_first = is_first && object_of_ray[above] != hit.object;
-      }
-      if (is_first) ++of_object_[static_cast<std::size_t>(hit.object)].beams;
+      ++beams_of_row[static_cast<std::size_t>(hit.object)];
+    }
+    for (std::size_t object = 0; object < of_object_.size(); ++object) {
+      of_object_[object].beams = std::max(of_object_[object].beams, beams_of_row[object]);
     }
   }
   for (Sighting& sighting : of_object_) {

@@ -146,7 +146,7 @@ TEST(Truth, AHiddenObjectHasNoBeamsAndKeepsItsTimeLastSeen) {
   EXPECT_EQ(world.truth_at(3.0).objects[0].observations, seen_scans);
 }
 
-TEST(Truth, CountsColumnsWithinRange) {
+TEST(Truth, CountsTheRowWithMostHitsWithinRange) {
   Sightings sightings(3, 10.0);
   // Two rows of four columns: object 0 in both rows of a column, object 1 once, object 2 too far away.
   const std::vector<TrueHit> hits = {{0, 2.0}, {1, 9.0}, {}, {2, 10.5}, {0, 2.0}, {0, 10.0}, {}, {2, 11.0}};
@@ -162,6 +162,9 @@ TEST(Truth, CountsColumnsWithinRange) {
   EXPECT_EQ(sightings.of_object()[1].observations, 1);
   EXPECT_EQ(sightings.of_object()[1].last_seen_ns, 5);
   EXPECT_EQ(sightings.of_object()[2].observations, 0);
+  // Two rows of a tilted scanner meet object 0 in different columns.
+  sightings.add(9, {{0, 2.0}, {}, {}, {}, {}, {}, {0, 2.0}, {0, 2.0}}, 4);
+  EXPECT_EQ(sightings.of_object()[0].beams, 2);
 }
 
 // --- files ----------------------------------------------------------------------------------------------------------

@@ -31,8 +31,9 @@ class Sightings {
   /// Hits farther away than `range_m` do not count.
   explicit Sightings(std::size_t objects, double range_m = kTruthRange_m) : range_m_(range_m), of_object_(objects) {}
 
-  /// Add a scan: `hits` are rows of `columns` rays, one row for a 2D scanner. A column that hits an object several
-  /// times counts once, so that the number of rows has no effect. Returns for each ray the object it counts for, or -1.
+  /// Add a scan: `hits` are rows of `columns` rays, one row for a 2D scanner. The row with the most hits on an
+  /// object counts for it, so that the number of rows has no effect: rows of a tilted scanner see what is between two
+  /// occlusions in different columns. Returns for each ray the object it counts for, or -1.
   std::vector<int> add(std::int64_t stamp_ns, const std::vector<TrueHit>& hits, std::size_t columns);
 
   const std::vector<Sighting>& of_object() const { return of_object_; }
