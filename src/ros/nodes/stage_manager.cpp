@@ -3,10 +3,12 @@
 // of them. Separate loaders would need 4 s to notice the end of their manager.
 //     stage_manager STAGE ... nodelets of this package, each named as its type
 #include <algorithm>
+#include <cstddef>
 #include <exception>
 #include <iostream>
 #include <map>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -91,6 +93,15 @@ class StageManager {
   ros::SteadyTimer timer_;
 };
 
+/// nodelet gives a callback that finds no idle worker to a busy one, and the nodelet's next callbacks follow: with
+/// fewer workers than stages a stage could wait behind a slow one again and again, while another worker is idle. With
+/// one per stage, and one for a driver's nodelet, a worker is always idle.
+void set_worker_threads(std::size_t stages) {
+  const std::string parameter = "~num_worker_threads";  // read by nodelet::Loader
+  if (ros::param::has(parameter)) return;
+  ros::param::set(parameter, static_cast<int>(std::max<std::size_t>(std::thread::hardware_concurrency(), stages + 1)));
+}
+
 }  // namespace
 }  // namespace situation_awareness
 
@@ -101,6 +112,7 @@ int main(int argc, char** argv) {
     std::cerr << "usage: stage_manager STAGE ..., such as: stage_manager segmentation detection mapping\n";
     return 2;
   }
+  situation_awareness::set_worker_threads(stages.size());
   situation_awareness::StageManager manager(stages);
   ros::spin();
   ros::shutdown();  // before the loader ends, as in the program nodelet
