@@ -106,7 +106,8 @@ Scan check_limit_range(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
 
 void check_points(const Points& points, const Scan& scan, bool moved) {
   require(points.stamp_ns == scan.stamp_ns, "points keep the stamp");
-  require(moved ? points.points.size() <= scan.beams.size() : points.points.size() == scan.beams.size(),
+  const bool beyond_circle = moved || points.full_circle;
+  require(beyond_circle ? points.points.size() <= scan.beams.size() : points.points.size() == scan.beams.size(),
           "one point per beam");
   require(points.resolution_rad >= 0.0 && std::isfinite(points.resolution_rad), "the resolution is a number");
   for (std::size_t i = 0; i < points.points.size(); ++i) {

@@ -163,6 +163,7 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
 
   // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it in reverse.
   const bool clockwise = (R_world_lidar(2, 2) < 0.0) != (scan.angle_increment_rad < 0.0);
+  const double increment_rad = std::abs(scan.angle_increment_rad);
   const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
   const std::vector<Eigen::Vector2d>& rays = rays_lidar(scan);
   double first_rad = 0.0;
@@ -176,9 +177,11 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
     const Eigen::Vector2d lidar_level_m = part * translation_level_m;
 
     const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
-    const double azimuth_rad = k == 0 ? wrapped_rad : previous_rad + wrap_to_pi(wrapped_rad - previous_rad);
+    double step_rad = wrap_to_pi(wrapped_rad - previous_rad);
+    if (step_rad < increment_rad - kPi) step_rad += 2.0 * kPi;  // more than half a turn to the next beam
+    const double azimuth_rad = k == 0 ? wrapped_rad : previous_rad + step_rad;
     if (k == 0) first_rad = azimuth_rad;
-    if (motion.moves && azimuth_rad > first_rad + 2.0 * kPi) break;  // beyond a full circle by the lidar's rotation
+    if (azimuth_rad > first_rad + 2.0 * kPi) break;  // beyond a full circle: seen already
     previous_rad = azimuth_rad;
 
     Point point;
@@ -200,7 +203,6 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
     result.points.push_back(point);
   }
 
-  const double increment_rad = std::abs(scan.angle_increment_rad);
   const std::size_t count = result.points.size();
   result.resolution_rad = count > 1 ? (previous_rad - first_rad) / static_cast<double>(count - 1) : increment_rad;
   result.full_circle = increment_rad * (static_cast<double>(n) + 0.5) >= 2.0 * kPi;

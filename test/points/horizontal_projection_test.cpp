@@ -116,6 +116,19 @@ TEST(HorizontalProjection, DetectsAFullCircle) {
   EXPECT_FALSE(project_horizontally(random_scan(random, radians(1.0), 350), pose(0, 0, 0)).full_circle);
 }
 
+// Found by fuzz/scan: the azimuths of a segment across the seam stepped back.
+TEST(HorizontalProjection, BeamsBeyondAFullCircleAreLeftOut) {
+  Random random(5);
+  const double overlap_rad = 4e-4;
+  const Scan scan = random_scan(random, (2.0 * kPi + overlap_rad) / 76.0, 77);
+  for (const double roll_rad : {0.0, kPi}) {
+    const Points points = project_horizontally(scan, pose(roll_rad, 0.0, 1.0));
+    EXPECT_TRUE(points.full_circle);
+    ASSERT_EQ(points.points.size(), 76U);
+    EXPECT_LE(points.points.back().azimuth_rad, points.points.front().azimuth_rad + 2.0 * kPi);
+  }
+}
+
 TEST(HorizontalProjection, BeamStatesStay) {
   Scan scan;
   scan.angle_increment_rad = 0.1;

@@ -217,6 +217,19 @@ TEST(Motion, AnyRangesGiveGrowingAzimuths) {
   }
 }
 
+// Found by fuzz/scan: a negative resolution.
+TEST(Motion, BeamsMoreThanHalfATurnApartStayInOrder) {
+  Scan scan;
+  scan.angle_increment_rad = radians(168.0);
+  scan.beams.assign(3, {2.0F, BeamState::kHit});
+  Eigen::Isometry3d T_end = Eigen::Isometry3d::Identity();
+  T_end.rotate(Eigen::AngleAxisd(radians(30.0), Eigen::Vector3d::UnitZ()));  // 183 degrees from beam to beam
+  const Points points = project_horizontally(scan, Eigen::Isometry3d::Identity(), T_end);
+  ASSERT_EQ(points.points.size(), 2U);  // the third is beyond a full circle
+  EXPECT_NEAR(points.points[1].azimuth_rad - points.points[0].azimuth_rad, radians(183.0), 1e-12);
+  EXPECT_NEAR(points.resolution_rad, radians(183.0), 1e-12);
+}
+
 TEST(Motion, RefusesMotionThatSwapsBeams) {
   const Scan scan = fast_in_a_room().scan();
   const Eigen::Isometry3d level = pose({0.0, 0.0, 0.0}, 0.0);

@@ -23,8 +23,8 @@ struct Point {
 };
 
 /// A scan in the horizontal plane: one point per beam, by increasing azimuth for any direction of rotation and mounting
-/// of the scanner. Where the lidar moved during the scan, azimuths may be equal, and beams beyond a full circle are
-/// left out (docs/math/points.md, "Motion").
+/// of the scanner. Beams beyond a full circle are left out. Where the lidar moved during the scan, azimuths may be
+/// equal (docs/math/points.md, "Motion").
 struct Points {
   std::int64_t stamp_ns = 0;
   Pose2 T_world_level;
