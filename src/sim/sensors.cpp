@@ -72,8 +72,11 @@ void add_sensor(const SensorMount& mount, WorldSensors& sensors) {
     sensors.gnss_receivers.push_back(sensor_at<SimulatedGnssParams>(mount, words));
   } else if (kind == "odometry") {
     sensors.odometries.push_back(sensor_at<SimulatedOdometryParams>(mount, words));
+  } else if (kind == "label_camera") {
+    sensors.label_cameras.push_back(sensor_at<SimulatedLabelCameraParams>(mount, words));
   } else {
-    throw std::invalid_argument("starts with '" + kind + "' instead of scanner, ring_scanner, imu, gnss or odometry");
+    throw std::invalid_argument("starts with '" + kind +
+                                "' instead of scanner, ring_scanner, imu, gnss, odometry or label_camera");
   }
 }
 

@@ -9,6 +9,7 @@
 
 #include "situation_awareness/sim/gnss.hpp"
 #include "situation_awareness/sim/imu.hpp"
+#include "situation_awareness/sim/label_camera.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/wheel_odometry.hpp"
@@ -31,6 +32,7 @@ struct WorldSensors {
   std::vector<MountedSensor<SimulatedImuParams>> imus;
   std::vector<MountedSensor<SimulatedGnssParams>> gnss_receivers;
   std::vector<MountedSensor<SimulatedOdometryParams>> odometries;
+  std::vector<MountedSensor<SimulatedLabelCameraParams>> label_cameras;
 };
 
 /// Reads the sensors of the file: the kind, then names of the kind's parameters, each followed by its value,
