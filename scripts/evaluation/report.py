@@ -7,6 +7,7 @@ import datetime
 import os
 import pathlib
 import shlex
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -90,6 +91,9 @@ def machine():
 
 def commit():
     """Of the working tree, with a note if the measured commit differs."""
+    if not shutil.which("git"):
+        return "unknown"
+
     def git(*words):
         return subprocess.run(["git", "-C", ROOT, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
                               text=True).stdout.strip()

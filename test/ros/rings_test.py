@@ -46,7 +46,7 @@ class RingsTest(unittest.TestCase):
         self.assertGreater(returns, 16 * columns / 7 / 2)
         return returns
 
-    def test_1_clouds_come_in_the_place_of_scans(self):
+    def test_1_clouds_replace_scans(self):
         clouds, truths = Latest("points", PointCloud2), Latest("truth", EllipseMap)
         transforms = Latest("/tf", TFMessage)
         wait_until(lambda: len(clouds.messages) >= 10 and len(truths.messages) >= 10, 60.0, "10 clouds")
