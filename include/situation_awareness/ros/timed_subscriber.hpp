@@ -51,6 +51,9 @@ class ArrivalQueue : public ros::CallbackQueueInterface {
 /// A subscription with the arrival time of each message by the steady clock, live and simulated: when the publisher in
 /// the same process, or the connection, delivered it, not when it is processed. Its queue is unbounded, since drops
 /// would not be counted; it holds only messages that arrive while one is processed.
+///
+/// Each message is taken once: where one thread subscribes while another advertises the topic, roscpp may connect the
+/// two twice within the process, and then delivers every shared message twice.
 template <typename M>
 class TimedSubscriber {
  public:
@@ -62,7 +65,10 @@ class TimedSubscriber {
       : queue_(*node.getCallbackQueue()) {
     const std::uint32_t no_bound = 0;
     auto options = ros::SubscribeOptions::create<M>(
-        topic, no_bound, [this, take = std::move(take)](const ConstPtr& msg) { take(msg, queue_.arrival()); },
+        topic, no_bound,
+        [this, take = std::move(take)](const ConstPtr& msg) {
+          if (std::exchange(latest_, msg) != msg) take(msg, queue_.arrival());
+        },
         ros::VoidConstPtr(), &queue_);
     options.transport_hints = ros::TransportHints().tcpNoDelay();
     subscriber_ = node.subscribe(options);
@@ -72,6 +78,7 @@ class TimedSubscriber {
 
  private:
   ArrivalQueue queue_;
+  ConstPtr latest_;
   ros::Subscriber subscriber_;  ///< ends before its queue
 };
 
