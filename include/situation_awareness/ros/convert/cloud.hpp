@@ -29,8 +29,8 @@ std::optional<CloudTimes> cloud_msg_times(const sensor_msgs::PointCloud2& msg);
 /// By the times of its points, or its stamp alone.
 Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew);
 
-/// A cloud without a defect, structured where the message is. Times that cannot be are left out, as are intensities
-/// that are not float32.
+/// A cloud without a defect, structured where the message is. Times are taken as they are, also those that times_of
+/// refuses; intensities that are not float32 are left out.
 Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg);
 
 }  // namespace situation_awareness
