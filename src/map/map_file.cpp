@@ -32,10 +32,12 @@ void check_size(std::uintmax_t bytes) {
 
 /// Everything before the last line, whose checksum must match.
 std::string_view sealed_content(std::string_view yaml) {
-  const std::size_t seal = yaml.rfind('\n' + std::string(kSeal));
-  const std::string_view content = yaml.substr(0, seal == std::string_view::npos ? 0 : seal + 1);
+  // The last line is looked for from the end: most files that are cut off are refused without being read.
+  const bool ends = !yaml.empty() && yaml.back() == '\n';
+  const std::size_t before = ends ? yaml.substr(0, yaml.size() - 1).rfind('\n') : std::string_view::npos;
+  const std::string_view content = yaml.substr(0, before == std::string_view::npos ? 0 : before + 1);
   const std::string_view last_line = yaml.substr(content.size());
-  if (last_line.empty() || last_line.find('\n') != last_line.size() - 1 || content.empty()) {
+  if (content.empty() || last_line.substr(0, kSeal.size()) != kSeal) {
     throw std::invalid_argument("does not end with its line sha256: cut off, or no map");
   }
   const std::string_view sum = last_line.substr(kSeal.size(), last_line.size() - kSeal.size() - 1);
