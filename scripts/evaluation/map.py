@@ -4,6 +4,7 @@ Run by scripts/evaluate."""
 
 import json
 import math
+import os
 import pathlib
 import subprocess
 import tempfile
@@ -58,17 +59,22 @@ def files_of(directory, flight):
     return directory / f"{flight.name}.xml", directory / f"{flight.experiment}.yaml"
 
 
-def fly(arguments, directory, flight, seeds):
-    """A line of map_flights per seed."""
+def fly(tool, directory, flight, seeds, options=(), environment=None):
+    """A line of map_flights per seed. `environment`: variables of it besides those of this process."""
     world, settings = files_of(directory, flight)
-    command = [arguments.tool, "--world", world, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models",
-               "--seeds", f"{seeds[0]}-{seeds[-1]}", "--duration", f"{flight.duration_s:g}", *flight.options]
+    command = [tool, "--world", world, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models",
+               "--seeds", f"{seeds[0]}-{seeds[-1]}", "--duration", f"{flight.duration_s:g}", *flight.options, *options]
     if flight.settings:
         command += ["--set", settings]
-    if flight.name in TRACED and seeds[0] == flight.seeds[0] and flight.experiment in ("crowd", "room", "people"):
-        command += ["--trace", directory / f"{flight.name}.jsonl", "--trace-points"]
-    output = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+    output = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True,
+                            env={**os.environ, **(environment or {})}).stdout
     return [json.loads(text) for text in output.splitlines()]
+
+
+def trace_options(directory, flight, seeds):
+    if flight.name in TRACED and seeds[0] == flight.seeds[0] and flight.experiment in ("crowd", "room", "people"):
+        return "--trace", directory / f"{flight.name}.jsonl", "--trace-points"
+    return ()
 
 
 def wanted_flights(arguments):
@@ -99,7 +105,9 @@ def fly_all(arguments, directory):
             key = (flight.name, flight.options, piece)  # some rows stand in several tables
             pieces.setdefault(key, (flight, piece))
             wanted.setdefault((flight.experiment, flight.row), []).append(key)
-    flown = run_pieces(lambda flight, seeds: fly(arguments, directory, flight, seeds), pieces, "pieces flown")
+    flown = run_pieces(
+        lambda flight, seeds: fly(arguments.tool, directory, flight, seeds, trace_options(directory, flight, seeds)),
+        pieces, "pieces flown")
     return {row: [run for key in keys for run in flown[key]] for row, keys in wanted.items()}
 
 
