@@ -193,15 +193,21 @@ void CloudSliceParams::validate() const {
   }
 }
 
+void CloudTimeRange::add(double time_s) {
+  valid_ = valid_ && std::abs(time_s) <= kMaxTime_s;
+  if (!times_) times_ = {time_s, time_s};
+  times_ = {std::min(times_->first_s, time_s), std::max(times_->last_s, time_s)};
+}
+
+std::optional<CloudTimes> CloudTimeRange::times() const {
+  if (!valid_) return std::nullopt;
+  return times_.value_or(CloudTimes{});
+}
+
 std::optional<CloudTimes> times_of(const Cloud& cloud) {
-  if (cloud.points.empty()) return CloudTimes{};
-  CloudTimes times{kInfinity, -kInfinity};
-  for (const CloudPoint& point : cloud.points) {
-    if (!(std::abs(point.time_s) <= kMaxTime_s)) return std::nullopt;
-    times.first_s = std::min(times.first_s, static_cast<double>(point.time_s));
-    times.last_s = std::max(times.last_s, static_cast<double>(point.time_s));
-  }
-  return times;
+  CloudTimeRange range;
+  for (const CloudPoint& point : cloud.points) range.add(point.time_s);
+  return range.times();
 }
 
 CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sensor,
@@ -213,7 +219,8 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
     throw std::invalid_argument("the sensor's pose is not finite");
   }
   thread_local Workspace work;
-  const CloudTimes times = times_of(cloud).value_or(CloudTimes{});
+  const std::optional<CloudTimes> valid_times = times_of(cloud);
+  const CloudTimes times = valid_times.value_or(CloudTimes{});
   work.to_level.set(T_world_sensor, T_world_sensor_end, times);
   work.directions.learn(cloud);
   const auto n = static_cast<std::size_t>(std::lround(2.0 * kPi / params.angle_increment_rad));
@@ -248,6 +255,7 @@ CloudSlice slice_cloud(const Cloud& cloud, const Eigen::Isometry3d& T_world_sens
   const Sweep sweep = sweep_of(work.bearings, times);
   CloudSlice slice = std::move(memory);
   slice.T_world_level = work.to_level.T_world_level();
+  slice.times_valid = valid_times.has_value();
   Scan& scan = slice.scan;
   scan.stamp_ns = cloud.stamp_ns + nanoseconds(times.first_s);
   const double increment_rad = 2.0 * kPi / static_cast<double>(n);

@@ -341,7 +341,10 @@ TEST(CloudSlice, WithoutASweepHasNoTimes) {
   EXPECT_EQ(slice.scan.time_increment_s, 0.0);
   for (CloudPoint& point : cloud.points) point.time_s = std::nanf("");
   EXPECT_FALSE(times_of(cloud));
-  expect_same(situation_awareness::slice(cloud, T_world_sensor).scan, slice.scan);
+  const CloudSlice ignored = situation_awareness::slice(cloud, T_world_sensor);
+  EXPECT_TRUE(slice.times_valid);
+  EXPECT_FALSE(ignored.times_valid);
+  expect_same(ignored.scan, slice.scan);
 }
 
 CloudPoint point_at(double azimuth_rad, double range_m, double z_m, float intensity = 0.0F) {

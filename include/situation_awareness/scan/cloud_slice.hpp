@@ -47,7 +47,20 @@ struct CloudTimes {
   double last_s = 0.0;
 };
 
-/// None where the times cannot be: not finite, or more than a second from the stamp. Both 0 for an empty cloud.
+/// The first and the last of times that are added one by one.
+class CloudTimeRange {
+ public:
+  void add(double time_s);
+
+  /// None if a time was not finite, or more than a second from the stamp. Both 0 if there was none.
+  std::optional<CloudTimes> times() const;
+
+ private:
+  std::optional<CloudTimes> times_;
+  bool valid_ = true;
+};
+
+/// As CloudTimeRange has them.
 std::optional<CloudTimes> times_of(const Cloud& cloud);
 
 /// A scan in a level frame: origin at the sensor when it took the first measurement, z up, x the sensor's x axis turned
@@ -55,6 +68,7 @@ std::optional<CloudTimes> times_of(const Cloud& cloud);
 struct CloudSlice {
   Scan scan;
   Eigen::Isometry3d T_world_level = Eigen::Isometry3d::Identity();
+  bool times_valid = true;  ///< else all measurements were taken for those of one instant (times_of)
 };
 
 /// The horizontal slice of a cloud through its sensor (docs/math/cloud.md).

@@ -113,15 +113,16 @@ double time_s(const std::uint8_t* from, std::uint8_t type, double stamp_s) {
   return (value < 1e15 ? value : 1e-9 * value) - stamp_s;  // s or ns of the clock
 }
 
-void take_times(const sensor_msgs::PointCloud2& msg, std::vector<CloudPoint>& points) {
+/// Calls visit(time_s) with the time of every point, after the stamp, if the message has times.
+template <class Visit>
+void for_each_time(const sensor_msgs::PointCloud2& msg, Visit&& visit) {
   const PointField* field = find_time_field(msg);
   if (field == nullptr) return;
   const double stamp_s = msg.header.stamp.toSec();
-  auto point = points.begin();
   for (std::size_t row = 0; row < msg.height; ++row) {
     const std::uint8_t* from = msg.data.data() + row * msg.row_step + field->offset;
-    for (std::size_t column = 0; column < msg.width; ++column, from += msg.point_step, ++point) {
-      point->time_s = static_cast<float>(time_s(from, field->datatype, stamp_s));
+    for (std::size_t column = 0; column < msg.width; ++column, from += msg.point_step) {
+      visit(static_cast<float>(time_s(from, field->datatype, stamp_s)));
     }
   }
 }
@@ -161,11 +162,9 @@ std::string cloud_msg_defect(const sensor_msgs::PointCloud2& msg) {
 }
 
 std::optional<CloudTimes> cloud_msg_times(const sensor_msgs::PointCloud2& msg) {
-  if (find_time_field(msg) == nullptr) return CloudTimes{};
-  Cloud cloud;
-  cloud.points.resize(std::size_t{msg.height} * msg.width);
-  take_times(msg, cloud.points);
-  return times_of(cloud);
+  CloudTimeRange range;
+  for_each_time(msg, [&range](float time_s) { range.add(time_s); });
+  return range.times();
 }
 
 Taken taken(const sensor_msgs::PointCloud2& msg, bool deskew) {
@@ -185,7 +184,8 @@ Cloud cloud_from_msg(const sensor_msgs::PointCloud2& msg) {
   } else {
     take_points<pcl::PointXYZ>(msg, cloud.points);
   }
-  take_times(msg, cloud.points);
+  auto point = cloud.points.begin();
+  for_each_time(msg, [&point](float time_s) { (point++)->time_s = time_s; });
   return cloud;
 }
 

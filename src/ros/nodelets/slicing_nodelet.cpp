@@ -41,9 +41,9 @@ class SlicingStage {
   SlicingStage& operator=(const SlicingStage&) = delete;
 
   bool process(const PosedMessage<sensor_msgs::PointCloud2>& posed) {
-    const Cloud cloud = cloud_from_msg(*posed.msg);
-    if (!times_of(cloud)) context_.diagnostics().counted({{"times of points ignored", 1}});
-    slice_ = slice_cloud(cloud, posed.T_world_sensor, posed.T_world_sensor_end, cloud_, std::move(slice_));
+    slice_ = slice_cloud(cloud_from_msg(*posed.msg), posed.T_world_sensor, posed.T_world_sensor_end, cloud_,
+                         std::move(slice_));
+    if (!slice_.times_valid) context_.diagnostics().counted({{"times of points ignored", 1}});
 
     const std::string level_frame = tf2_frame(posed.header.frame_id) + "_level";
     const Scan& scan = slice_.scan;
