@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <cstdint>
 #include <string>
 
 #include <ros/publisher.h>
-#include <ros/time.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/common/rate_limit.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 
@@ -36,8 +35,7 @@ class MapPublisher {
   void publish(const typename Kind::Value& value) {
     const auto msg = boost::make_shared<const typename Kind::Message>(Kind::to_msg(value, world_frame_));
     publisher_.publish(msg);
-    const auto now_ns = static_cast<std::int64_t>(ros::SteadyTime::now().toNSec());
-    if (downlink_limit_.passes(now_ns)) downlink_publisher_.publish(msg);
+    if (downlink_limit_.passes(steady_now_ns())) downlink_publisher_.publish(msg);
     if (markers_publisher_.getNumSubscribers() == 0) return;
     markers_publisher_.publish(
         boost::make_shared<const visualization_msgs::MarkerArray>(markers_.update(value, world_frame_)));

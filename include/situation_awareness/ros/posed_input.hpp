@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <exception>
 #include <functional>
 #include <optional>
@@ -18,6 +17,7 @@
 #include <boost/make_shared.hpp>
 #include <boost/shared_ptr.hpp>
 
+#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
@@ -87,8 +87,6 @@ class PosedInput {
     if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
     release();
   }
-
-  static std::int64_t steady_now_ns() { return static_cast<std::int64_t>(ros::SteadyTime::now().toNSec()); }
 
   /// Enqueues the measurements that have their transforms. Does not throw.
   void release() {

@@ -10,6 +10,9 @@ namespace situation_awareness {
 
 inline std::int64_t to_nanoseconds(const ros::Time& time) { return static_cast<std::int64_t>(time.toNSec()); }
 
+/// Of the steady clock, which a change of the wall clock or simulated time does not affect.
+inline std::int64_t steady_now_ns() { return static_cast<std::int64_t>(ros::SteadyTime::now().toNSec()); }
+
 /// Throws std::invalid_argument outside the range of ROS times: before 1970 and after 2106.
 inline ros::Time to_ros_time(std::int64_t stamp_ns) {
   constexpr std::int64_t kEndOfRosTime_ns = (std::int64_t{1} << 32) * 1'000'000'000;
