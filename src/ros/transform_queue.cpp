@@ -10,6 +10,8 @@ Taken taken(const sensor_msgs::LaserScan& msg, bool deskew) {
   return {tf2_frame(msg.header.frame_id), msg.header.stamp, deskew ? time_of_last_beam(msg) : msg.header.stamp};
 }
 
+ros::Duration transform_cache_time(double timeout_s) { return ros::Duration(10.0 + 2.0 * timeout_s); }
+
 bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken) {
   return transforms.canTransform(world_frame, taken.frame, taken.first) &&
          (taken.last == taken.first || transforms.canTransform(world_frame, taken.frame, taken.last));

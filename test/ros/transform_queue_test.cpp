@@ -209,6 +209,21 @@ TEST(TransformQueue, TakesAScanFromItsFirstBeamToItsLast) {
   EXPECT_EQ(taken(msg, deskew).last, at_ms(0));
 }
 
+TEST(TransformQueue, WaitsForATransformThatComesLastOfAChainUpToTheLongestTimeout) {
+  constexpr double kTimeout_s = 60.0;
+  tf2::BufferCore transforms(transform_cache_time(kTimeout_s));
+  TransformQueue<int> queue(transforms, {"world", kTimeout_s, 20, 1.0}, {});
+  queue.add(0, {"lidar", at_ms(0), at_ms(0)}, 0);
+  const auto set = [&](std::int64_t time_ms, const char* parent, const char* child) {
+    transforms.setTransform(
+        transform_to_msg(Eigen::Isometry3d::Identity(), kStart_ns + time_ms * kMillisecond_ns, parent, child), "test");
+  };
+  for (std::int64_t time_ms = 0; time_ms < 59'000; time_ms += 100) set(time_ms, "world", "base");
+  EXPECT_FALSE(queue.next(59'000 * kMillisecond_ns));
+  set(0, "base", "lidar");
+  EXPECT_TRUE(queue.next(59'000 * kMillisecond_ns));
+}
+
 TEST(TransformQueue, RefusesInvalidParameters) {
   tf2::BufferCore transforms;
   const auto make = [&](const TransformQueueParams& params) { TransformQueue<int>(transforms, params, {}); };

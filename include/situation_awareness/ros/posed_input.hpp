@@ -53,6 +53,7 @@ class PosedInput {
   PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, Use use)
       : context_(context),
         use_(std::move(use)),
+        tf_(transform_cache_time(params.tf_timeout_s)),
         transform_age_(tf_, params.world_frame),
         queue_(
             tf_,

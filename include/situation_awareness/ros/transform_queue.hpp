@@ -53,6 +53,10 @@ struct Taken {
 /// Of a scan: at its first beam and, if it is deskewed, at its last.
 Taken taken(const sensor_msgs::LaserScan& msg, bool deskew = true);
 
+/// Length of a TF buffer for measurements that wait so long: older transforms are not needed, and lookups cost its
+/// length.
+ros::Duration transform_cache_time(double timeout_s);
+
 /// Whether tf2 has the poses of the frame in the world at both instants.
 bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 

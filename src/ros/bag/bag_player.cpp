@@ -19,9 +19,6 @@ namespace {
 constexpr const char* kAuthority = "bag";
 constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
 
-/// Length of the TF buffer: older transforms are not needed, and lookups cost its length.
-ros::Duration cache_time(const BagOptions& options) { return ros::Duration(10.0 + 2.0 * options.tf_timeout_s); }
-
 /// Calls `act`; errors of the bag itself are thrown with its path.
 template <class Act>
 void reading(const std::string& path, const Act& act) {
@@ -46,7 +43,7 @@ std::string list(const Texts& texts) {
 
 BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s)
     : options_(options),
-      transforms_(cache_time(options)),
+      transforms_(transform_cache_time(options.tf_timeout_s)),
       queue_(transforms_, {tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting, reset_time_jump_s},
              [this](const char* reason, const std::string& /*detail*/) { drop(reason); }) {
   options_.world_frame = tf2_frame(options_.world_frame);
