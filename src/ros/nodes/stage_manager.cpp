@@ -12,6 +12,8 @@
 #include <utility>
 #include <vector>
 
+#include <malloc.h>
+
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <nodelet/loader.h>
 #include <ros/ros.h>
@@ -102,10 +104,15 @@ void set_worker_threads(std::size_t stages) {
   ros::param::set(parameter, static_cast<int>(std::max<std::size_t>(std::thread::hardware_concurrency(), stages + 1)));
 }
 
+/// Messages are allocated on one thread and freed on another. By default glibc gives every thread an arena of its own,
+/// and each would keep the memory of the largest message that it ever met.
+void share_one_arena() { mallopt(M_ARENA_MAX, 1); }
+
 }  // namespace
 }  // namespace situation_awareness
 
 int main(int argc, char** argv) {
+  situation_awareness::share_one_arena();
   ros::init(argc, argv, "stage_manager");
   const std::vector<std::string> stages(argv + 1, argv + argc);  // ros::init has removed ROS's arguments
   if (stages.empty()) {
