@@ -10,14 +10,13 @@
 #include <set>
 #include <vector>
 
-#include <Eigen/Eigenvalues>
-
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/map/objects/association.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/map/objects/visibility.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 #include "support/random_gaussian.hpp"
 
@@ -142,8 +141,8 @@ std::optional<double> log_ratio_of(const MapElement& element, const Detection& d
   const ObjectEstimate& estimate =
       element.estimate.p_moving > 0.5 ? element.estimate.moving : element.estimate.standing;
   const Ellipse ellipse = ellipse_world(estimate.x);
-  const double variance_m2 =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(estimate.P.block<2, 2>(kPosition, kPosition)).eigenvalues()(1);
+  const Eigen::Matrix2d P = estimate.P.block<2, 2>(kPosition, kPosition);
+  const double variance_m2 = P.trace() - smallest_eigenvalue(P);
   const double area_m2 = ellipse.rx_m * ellipse.ry_m;
   double p_miss = 1.0;
   if (look_at(inverse(scan.T_world_level) * ellipse, scan.free_space, kSightMargin_m) != Sight::kHidden) {
