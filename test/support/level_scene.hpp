@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "situation_awareness/common/random.hpp"
@@ -11,6 +13,14 @@
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
+
+/// Where the ray from the origin along the unit vector `u` meets the ellipse. Most rays pass far from it, and without
+/// intersecting these, tests of scans take a fraction of the time under sanitizers.
+inline std::optional<double> range_along(const Ellipse& ellipse, const Eigen::Vector2d& u) {
+  const double aside_m = std::abs(u.x() * ellipse.center_m.y() - u.y() * ellipse.center_m.x());
+  if (aside_m > 1.001 * std::max(ellipse.rx_m, ellipse.ry_m)) return std::nullopt;
+  return intersect_ray(ellipse, Eigen::Vector2d::Zero(), u);
+}
 
 /// A level scanner at the origin among ellipses and straight walls, for tests: rays are intersected analytically.
 struct LevelScene {
@@ -36,7 +46,7 @@ struct LevelScene {
       const Eigen::Vector2d u(std::cos(angle_rad), std::sin(angle_rad));
       double range_m = std::numeric_limits<double>::infinity();
       for (const Ellipse& ellipse : ellipses) {
-        const auto hit = intersect_ray(ellipse, Eigen::Vector2d::Zero(), u);
+        const auto hit = range_along(ellipse, u);
         if (hit && *hit < range_m) range_m = *hit;
       }
       for (const Wall& wall : walls) {

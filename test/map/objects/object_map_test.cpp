@@ -103,11 +103,11 @@ Detections scan_of(double time_s, const std::vector<Ellipse>& things, Random* ra
     for (int i = 0; i < scene.beams; ++i) {
       const double angle_rad = scene.angle_min_rad + i * scene.angle_increment_rad;
       const Eigen::Vector2d u(std::cos(angle_rad), std::sin(angle_rad));
-      const auto range_m = intersect_ray(things[k], Eigen::Vector2d::Zero(), u);
+      const auto range_m = range_along(things[k], u);
       if (!range_m) continue;
       ++on_it;
       before_it += std::any_of(things.begin(), things.end(), [&](const Ellipse& other) {
-        const auto other_m = intersect_ray(other, Eigen::Vector2d::Zero(), u);
+        const auto other_m = range_along(other, u);
         return other_m && *other_m < *range_m;
       });
     }
