@@ -3,6 +3,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
   src/ros/convert/hit_labels.cpp
+  src/ros/convert/images.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/poses.cpp

@@ -8,9 +8,9 @@
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
-#include <sensor_msgs/image_encodings.h>
 #include <tf2_ros/transform_broadcaster.h>
 
+#include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
@@ -71,29 +71,10 @@ class Camera {
   }
 
   void publish(const Picture& drawn, std::int64_t stamp_ns) {
-    const auto tf = transform_to_msg(view_.T_world_camera(), stamp_ns, params_.world_frame, params_.camera_frame);
-    tf_.sendTransform(tf);
-    sensor_msgs::Image image;
-    image.header.stamp = tf.header.stamp;
-    image.header.frame_id = params_.camera_frame;
-    image.width = static_cast<std::uint32_t>(drawn.width);
-    image.height = static_cast<std::uint32_t>(drawn.height);
-    image.encoding = sensor_msgs::image_encodings::RGB8;
-    image.step = 3 * image.width;
-    image.data = drawn.rgb;
-
-    sensor_msgs::CameraInfo info;
-    info.header = image.header;
-    info.width = image.width;
-    info.height = image.height;
-    info.distortion_model = "plumb_bob";
-    info.D.assign(5, 0.0);
-    const double f = view_.focal_length_px(), u = 0.5 * drawn.width, v = 0.5 * drawn.height;
-    info.K = {f, 0.0, u, 0.0, f, v, 0.0, 0.0, 1.0};
-    info.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-    info.P = {f, 0.0, u, 0.0, 0.0, f, v, 0.0, 0.0, 0.0, 1.0, 0.0};
-    info_.publish(info);
-    image_.publish(image);
+    tf_.sendTransform(transform_to_msg(view_.T_world_camera(), stamp_ns, params_.world_frame, params_.camera_frame));
+    info_.publish(
+        camera_info_to_msg(drawn.width, drawn.height, view_.focal_length_px(), stamp_ns, params_.camera_frame));
+    image_.publish(picture_to_msg(drawn, stamp_ns, params_.camera_frame));
   }
 
   CameraParams params_;
