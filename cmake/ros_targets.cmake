@@ -74,8 +74,10 @@ situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAM
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
-  situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${PROJECT_NAME}_sim)
-  situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag ${PROJECT_NAME}_sim)
+  set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
+  situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${situation_awareness_sensors})
+  situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag
+    ${situation_awareness_sensors})
   install(TARGETS ${PROJECT_NAME}_sim LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
     ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
   if(TARGET ${PROJECT_NAME}_camera)

@@ -53,13 +53,15 @@ class SimulatedLabelCamera::Impl {
     mjv_defaultCamera(&any);
     drawn_.update_scene(time_s, T_world_robot, any);
     look_from(image.T_world_camera);
-    // A segmentation image has the number of each shape plus one as a colour, low byte first; 0 is the background.
     mjvScene& scene = drawn_.scene();
+    if (params_.color != 0) image.rgb = drawn_.render();
+    // A segmentation image has the number of each shape plus one as a colour, low byte first; 0 is the background.
     scene.flags[mjRND_SEGMENT] = scene.flags[mjRND_IDCOLOR] = 1;
     for (int i = 0; i < scene.ngeom; ++i) scene.geoms[i].segid = i;
-    const std::vector<std::uint8_t> rgb = drawn_.render();
-    for (std::size_t k = 0; k < rgb.size(); k += 3) {
-      const int shape = rgb[k] + 256 * rgb[k + 1] + 65536 * rgb[k + 2] - 1;
+    const std::vector<std::uint8_t> numbers = drawn_.render();
+    scene.flags[mjRND_SEGMENT] = scene.flags[mjRND_IDCOLOR] = 0;
+    for (std::size_t k = 0; k < numbers.size(); k += 3) {
+      const int shape = numbers[k] + 256 * numbers[k + 1] + 65536 * numbers[k + 2] - 1;
       const bool is_geom = shape >= 0 && shape < scene.ngeom && scene.geoms[shape].objtype == mjOBJ_GEOM;
       const int geom = is_geom ? scene.geoms[shape].objid : -1;
       image.objects.push_back(object_of(geom));
@@ -67,6 +69,8 @@ class SimulatedLabelCamera::Impl {
     }
     return image;
   }
+
+  void skip() { ++images_; }
 
   double next_time_s() const { return static_cast<double>(images_) / params_.rate_hz; }
   const SimulatedLabelCameraParams& params() const { return params_; }
@@ -118,5 +122,6 @@ const SimulatedLabelCameraParams& SimulatedLabelCamera::params() const { return 
 const std::vector<std::string>& SimulatedLabelCamera::class_names() const { return impl_->class_names(); }
 double SimulatedLabelCamera::next_time_s() const { return impl_->next_time_s(); }
 LabelImage SimulatedLabelCamera::next() { return impl_->next(); }
+void SimulatedLabelCamera::skip() { impl_->skip(); }
 
 }  // namespace situation_awareness

@@ -51,6 +51,8 @@ class MotionSensorsTest(unittest.TestCase):
         frames = {t.child_frame_id: t.header.frame_id for msg in static.messages for t in msg.transforms}
         for frame in ("imu", "second_imu", "antenna", "base", "lidar"):
             self.assertEqual(frames.get(frame), "robot", frame)
+        names = [name for name, _ in rospy.get_published_topics()]
+        self.assertFalse([name for name in names if "label_camera" in name], "the world has no label camera")
 
 
 if __name__ == "__main__":

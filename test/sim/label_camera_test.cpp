@@ -104,6 +104,34 @@ TEST_F(LabelCamera, SeesWhatACameraSees) {
   EXPECT_GT(picture.rgb[3 * wall], picture.rgb[3 * above] + 20);
 }
 
+TEST_F(LabelCamera, HasTheColoursThatACameraSees) {
+  const auto eye = sensors_of(world_).label_cameras.at(0);
+  SimulatedLabelCameraParams params = eye.params;
+  params.color = 1;
+  SimulatedLabelCamera plain(world_, eye.T_robot_sensor, eye.params), coloured(world_, eye.T_robot_sensor, params);
+  CameraView view(file_.path(), "same", 320, 240);
+  for (int i = 0; i < 3; ++i) {
+    const double t = plain.next_time_s();
+    const LabelImage without = plain.next(), with = coloured.next();
+    EXPECT_TRUE(without.rgb.empty());
+    EXPECT_EQ(with.objects, without.objects) << t;
+    EXPECT_EQ(with.classes, without.classes) << t;
+    EXPECT_EQ(with.rgb, view.at(t, world_.robot_at(t).T_world_robot).rgb) << t;
+  }
+}
+
+TEST_F(LabelCamera, SkippingAnImageDoesNotChangeTheNext) {
+  SimulatedLabelCamera all = camera(), some = camera();
+  all.next();
+  some.skip();
+  EXPECT_EQ(some.next_time_s(), all.next_time_s());
+  const LabelImage expected = all.next(), image = some.next();
+  EXPECT_EQ(image.stamp_ns, expected.stamp_ns);
+  EXPECT_EQ(image.objects, expected.objects);
+  EXPECT_EQ(image.classes, expected.classes);
+  EXPECT_EQ(image.T_world_camera.matrix(), expected.T_world_camera.matrix());
+}
+
 TEST_F(LabelCamera, RefusesBadParamsNamingFieldAndBound) {
   SimulatedLabelCameraParams params;
   params.width = 8;

@@ -20,6 +20,7 @@ struct SimulatedLabelCameraParams {
   int width = 320;
   int height = 240;
   double fovy_rad = radians(60.0);
+  int color = 0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -27,6 +28,7 @@ struct SimulatedLabelCameraParams {
     visit("width", self.width, Bounds{16, 4096}, "px", "columns of an image");
     visit("height", self.height, Bounds{16, 4096}, "px", "rows of an image");
     visit("fovy_rad", self.fovy_rad, Bounds{0.01, 3.0}, "rad", "field of view from the lower edge to the upper");
+    visit("color", self.color, Bounds{0, 1}, "", "1: a colour picture with each image, as MuJoCo draws it");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -42,6 +44,7 @@ struct LabelImage {
       Eigen::Isometry3d::Identity();   ///< z ahead, x to the right and y down in the image
   std::vector<std::uint16_t> objects;  ///< TrueObject::id; 0: no object
   std::vector<std::uint16_t> classes;  ///< index in SimulatedLabelCamera::class_names()
+  std::vector<std::uint8_t> rgb;       ///< red, green and blue of each pixel; empty without `color`
 };
 
 /// A label camera on the robot of a world: it sees all shapes that a camera sees (camera_view.hpp), with the site's z
@@ -65,6 +68,9 @@ class SimulatedLabelCamera {
   double next_time_s() const;
 
   LabelImage next();
+
+  /// Passes over the next image without drawing it, which changes no other.
+  void skip();
 
  private:
   class Impl;

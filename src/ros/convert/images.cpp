@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/images.hpp"
 
+#include <vector>
+
 #include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
 
@@ -21,6 +23,18 @@ sensor_msgs::Image image_msg(int width, int height, const std::string& encoding,
   const int bits =
       sensor_msgs::image_encodings::numChannels(encoding) * sensor_msgs::image_encodings::bitDepth(encoding);
   msg.step = static_cast<std::uint32_t>(bits / 8) * msg.width;
+  return msg;
+}
+
+sensor_msgs::Image labels_to_msg(const std::vector<std::uint16_t>& labels, const LabelImage& image,
+                                 const std::string& camera_frame) {
+  sensor_msgs::Image msg =
+      image_msg(image.width, image.height, sensor_msgs::image_encodings::MONO16, image.stamp_ns, camera_frame);
+  msg.data.reserve(2 * labels.size());
+  for (const std::uint16_t label : labels) {
+    msg.data.push_back(static_cast<std::uint8_t>(label & 0xFFU));
+    msg.data.push_back(static_cast<std::uint8_t>(label >> 8U));
+  }
   return msg;
 }
 
@@ -47,6 +61,14 @@ sensor_msgs::Image picture_to_msg(const Picture& picture, std::int64_t stamp_ns,
       image_msg(picture.width, picture.height, sensor_msgs::image_encodings::RGB8, stamp_ns, camera_frame);
   msg.data = picture.rgb;
   return msg;
+}
+
+sensor_msgs::Image objects_image_to_msg(const LabelImage& image, const std::string& camera_frame) {
+  return labels_to_msg(image.objects, image, camera_frame);
+}
+
+sensor_msgs::Image classes_image_to_msg(const LabelImage& image, const std::string& camera_frame) {
+  return labels_to_msg(image.classes, image, camera_frame);
 }
 
 }  // namespace situation_awareness

@@ -12,6 +12,8 @@
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
 #include <rosgraph_msgs/Clock.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
 #include <tf2_ros/static_transform_broadcaster.h>
@@ -19,6 +21,7 @@
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
+#include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -27,6 +30,7 @@
 #include "situation_awareness/ros/motion_sensors.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/sim/label_camera.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/schedule.hpp"
@@ -138,6 +142,7 @@ class Simulator {
                            publisher.publish(to_msg(sample));
                          });
                        });
+    for (const auto& sensor : sensors.label_cameras) add_label_camera(sensor);
     static_tf_.sendTransform(mounts_);
   }
 
@@ -181,6 +186,36 @@ class Simulator {
           sample.cloud.stamp_ns += start_ns_;
           publisher.publish(cloud_to_msg(sample.cloud, frame));
           if (is_first) wait_for_map(stamp_ns, rate_hz);
+        });
+  }
+
+  /// It draws only while there are subscribers: each image takes time.
+  void add_label_camera(const MountedSensor<SimulatedLabelCameraParams>& sensor) {
+    const std::string frame = mount(sensor.name, sensor.T_robot_sensor);
+    const std::string topic = names_.of(sensor.name, "label_camera");
+    const bool has_colors = sensor.params.color != 0;
+    const ros::Publisher info = node_.advertise<sensor_msgs::CameraInfo>(topic + "/camera_info", 50);
+    const ros::Publisher objects = node_.advertise<sensor_msgs::Image>(topic + "/objects", 50);
+    const ros::Publisher classes = node_.advertise<sensor_msgs::Image>(topic + "/classes", 50);
+    const ros::Publisher picture =
+        has_colors ? node_.advertise<sensor_msgs::Image>(topic + "/image", 50) : ros::Publisher();
+    const auto camera = std::make_shared<SimulatedLabelCamera>(world_, sensor.T_robot_sensor, sensor.params);
+    schedule_.add(
+        [camera] { return camera->next_time_s(); },
+        [this, camera, frame, has_colors, info, objects, classes, picture] {
+          const auto is_heard = [](const ros::Publisher& p) { return p.getNumSubscribers() > 0; };
+          if (!is_heard(info) && !is_heard(objects) && !is_heard(classes) && !is_heard(picture)) {
+            camera->skip();
+            return;
+          }
+          LabelImage image = camera->next();
+          image.stamp_ns += start_ns_;
+          info.publish(camera_info_to_msg(image.width, image.height, image.focal_length_px, image.stamp_ns, frame));
+          objects.publish(objects_image_to_msg(image, frame));
+          classes.publish(classes_image_to_msg(image, frame));
+          if (has_colors) {
+            picture.publish(picture_to_msg({image.width, image.height, image.rgb}, image.stamp_ns, frame));
+          }
         });
   }
 

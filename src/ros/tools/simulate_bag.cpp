@@ -15,11 +15,13 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
+#include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/motion_sensors.hpp"
 #include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/sim/label_camera.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "situation_awareness/sim/schedule.hpp"
@@ -31,8 +33,8 @@ namespace {
 
 constexpr const char* kDescription =
     R"(Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with
---rings /points in place of /scan; besides /imu, /fix and /wheel_odometry of what the world's file asks for, with
-/tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is compressed.
+--rings /points in place of /scan; besides /imu, /fix, /wheel_odometry and /label_camera/... of what the world's file
+asks for, with /tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is compressed.
 )";
 
 constexpr double kFieldOfView_deg = 270.0;
@@ -148,15 +150,29 @@ void write_static_transforms(const tf2_msgs::TFMessage& tf, rosbag::Bag& bag) {
   bag.write("/tf_static", to_ros_time(kSimulationStart_ns), tf, header);
 }
 
-/// Lets `schedule` record IMUs, GNSS receivers and wheel odometries of the world's file, which are fixed to the lidar.
-void record_motion_sensors(const World& world, std::uint64_t seed, Schedule& schedule, rosbag::Bag& bag) {
+void record(LabelImage image, const std::string& topic, const std::string& frame, rosbag::Bag& bag) {
+  image.stamp_ns += kSimulationStart_ns;
+  const ros::Time stamp = to_ros_time(image.stamp_ns);
+  bag.write(topic + "/camera_info", stamp,
+            camera_info_to_msg(image.width, image.height, image.focal_length_px, image.stamp_ns, frame));
+  bag.write(topic + "/objects", stamp, objects_image_to_msg(image, frame));
+  bag.write(topic + "/classes", stamp, classes_image_to_msg(image, frame));
+  if (image.rgb.empty()) return;
+  bag.write(topic + "/image", stamp, picture_to_msg({image.width, image.height, image.rgb}, image.stamp_ns, frame));
+}
+
+/// Lets `schedule` record the sensors of the world's file besides scanners, which are fixed to the lidar.
+void record_sensors(const World& world, std::uint64_t seed, Schedule& schedule, rosbag::Bag& bag) {
+  const WorldSensors sensors = sensors_of(world);
   SensorNames names;
   tf2_msgs::TFMessage mounts;
-  const Eigen::Isometry3d T_lidar_robot = world.T_robot_lidar().inverse();
-  add_motion_sensors(world, sensors_of(world), seed, "", names,
+  const auto mount = [&, T_lidar_robot = world.T_robot_lidar().inverse()](const auto& mounted) {
+    mounts.transforms.push_back(
+        transform_to_msg(T_lidar_robot * mounted.T_robot_sensor, kSimulationStart_ns, "lidar", mounted.name));
+  };
+  add_motion_sensors(world, sensors, seed, "", names,
                      [&](const auto& mounted, auto sensor, const std::string& topic, const auto& to_msg) {
-                       mounts.transforms.push_back(transform_to_msg(T_lidar_robot * mounted.T_robot_sensor,
-                                                                    kSimulationStart_ns, "lidar", mounted.name));
+                       mount(mounted);
                        const auto shared = std::make_shared<decltype(sensor)>(std::move(sensor));
                        schedule.add([shared] { return shared->next_time_s(); },
                                     [shared, topic, to_msg, &bag] {
@@ -165,6 +181,13 @@ void record_motion_sensors(const World& world, std::uint64_t seed, Schedule& sch
                                       bag.write("/" + topic, to_ros_time(sample.stamp_ns), to_msg(sample));
                                     });
                      });
+  for (const auto& mounted : sensors.label_cameras) {
+    mount(mounted);
+    const auto camera = std::make_shared<SimulatedLabelCamera>(world, mounted.T_robot_sensor, mounted.params);
+    const std::string topic = "/" + names.of(mounted.name, "label_camera");
+    schedule.add([camera] { return camera->next_time_s(); },
+                 [camera, topic, frame = mounted.name, &bag] { record(camera->next(), topic, frame, bag); });
+  }
   if (!mounts.transforms.empty()) write_static_transforms(mounts, bag);
 }
 
@@ -174,7 +197,7 @@ void simulate_bag(const Options& options) {
   Schedule schedule;
   const World& world =
       options.rings > 0 ? add_ring_scanner(options, schedule, bag) : add_scanner(options, schedule, bag);
-  record_motion_sensors(world, options.seed, schedule, bag);
+  record_sensors(world, options.seed, schedule, bag);
   const auto scans = static_cast<double>(std::lround(options.duration_s * options.lidar.rate_hz));
   while (schedule.next_time_s() < scans / options.lidar.rate_hz) schedule.step();
   bag.close();

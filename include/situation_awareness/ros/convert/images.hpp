@@ -21,4 +21,8 @@ sensor_msgs::CameraInfo camera_info_to_msg(int width, int height, double focal_l
 /// As rgb8.
 sensor_msgs::Image picture_to_msg(const Picture& picture, std::int64_t stamp_ns, const std::string& camera_frame);
 
+/// The images of a label camera as messages: ids of objects, and classes, as mono16, low byte first.
+sensor_msgs::Image objects_image_to_msg(const LabelImage& image, const std::string& camera_frame);
+sensor_msgs::Image classes_image_to_msg(const LabelImage& image, const std::string& camera_frame);
+
 }  // namespace situation_awareness
