@@ -13,6 +13,8 @@ add_library(${PROJECT_NAME}_ros
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
+  src/ros/markers/shown_markers.cpp
+  src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
   src/ros/object_report.cpp

@@ -65,7 +65,7 @@ const Marker& find(const visualization_msgs::MarkerArray& array, const std::stri
 }
 
 TEST(ObjectMarkers, DrawTheMapAndNothingElse) {
-  ObjectMarkers markers(MarkerStyle::kEstimate);
+  ObjectMarkers markers;
   Viewer viewer;
   viewer.receive(markers.update(map_of({object(1), object(2, 1.0), object(3)}), "world"));
   EXPECT_EQ(viewer.ids("object"), (std::set<int>{1, 2, 3}));
@@ -85,7 +85,7 @@ TEST(ObjectMarkers, DrawTheMapAndNothingElse) {
 }
 
 TEST(ObjectMarkers, EllipseAndUncertaintyHaveTheirSizes) {
-  ObjectMarkers markers(MarkerStyle::kEstimate);
+  ObjectMarkers markers;
   Object one = object(5);
   one.covariance(0, 0) = 0.04;  // sigma 0.2 m along x, 0.01 m along y
   const auto array = markers.update(map_of({one}), "world");
@@ -101,16 +101,8 @@ TEST(ObjectMarkers, EllipseAndUncertaintyHaveTheirSizes) {
   EXPECT_NEAR(std::sin(2.0 * std::atan2(area.pose.orientation.z, area.pose.orientation.w)), 0.0, 1e-9);
 }
 
-TEST(ObjectMarkers, TruthCarriesLabels) {
-  ObjectMarkers markers(MarkerStyle::kTruth);
-  const auto array = markers.update(map_of({object(5)}), "world", {"pillar"});
-  EXPECT_EQ(find(array, "id").text, "pillar");
-  EXPECT_EQ(find(array, "object").type, Marker::LINE_STRIP);
-  EXPECT_THROW(find(array, "position_uncertainty"), std::runtime_error);
-}
-
 TEST(ObjectMarkers, SurviveAnUnknownPosition) {
-  ObjectMarkers markers(MarkerStyle::kEstimate);
+  ObjectMarkers markers;
   Object one = object(5);
   one.covariance.setZero();
   one.covariance(0, 0) = -1e-18;  // rounding

@@ -9,7 +9,6 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kChiSquare95 = 5.991464547107979;  ///< 95 % quantile, two degrees of freedom
-constexpr double kMinSpeed_m_s = 0.05;
 
 }  // namespace
 
@@ -18,7 +17,7 @@ bool moves(const Object& object) {
   const Eigen::Matrix2d covariance = object.covariance.block<2, 2>(kVelocity, kVelocity);
   const double variance = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(covariance).eigenvalues().maxCoeff();
   const double speed_m_s = object.velocity_world_m_s.norm();
-  return speed_m_s > kMinSpeed_m_s && speed_m_s * speed_m_s > kChiSquare95 * variance;
+  return speed_m_s > kMinDrawnSpeed_m_s && speed_m_s * speed_m_s > kChiSquare95 * variance;
 }
 
 Ellipse position_uncertainty(const Object& object) {

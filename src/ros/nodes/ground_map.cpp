@@ -72,7 +72,7 @@ class GroundMap {
   ros::Publisher map_, markers_;
   ros::Subscriber subscriber_;
   ros::SteadyTime alive_at_ = ros::SteadyTime::now();
-  ObjectMarkers draw_{MarkerStyle::kEstimate};
+  ObjectMarkers draw_;
 };
 
 }  // namespace

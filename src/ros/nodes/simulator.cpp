@@ -26,7 +26,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/markers/truth_markers.hpp"
 #include "situation_awareness/ros/motion_sensors.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
@@ -316,16 +316,9 @@ class Simulator {
     std::vector<std::string> names;
     for (const Object& object : truth.objects) names.push_back(world_.names()[object.id - 1]);
     truth_.publish(objects_to_msg(truth, params_.world_frame, names));
-    if (markers_.getNumSubscribers() > 0) publish_markers(truth);
-  }
-
-  /// The objects that are present now.
-  void publish_markers(Objects truth) {
-    const auto is_gone = [](const Object& object) { return object.p_exists == 0.0; };
-    truth.objects.erase(std::remove_if(truth.objects.begin(), truth.objects.end(), is_gone), truth.objects.end());
-    std::vector<std::string> names;
-    for (const Object& object : truth.objects) names.push_back(world_.names()[object.id - 1]);
-    markers_.publish(truth_markers_.update(truth, params_.world_frame, names));
+    if (markers_.getNumSubscribers() == 0) return;
+    markers_.publish(truth_markers_.update(world_.objects_at(seconds_between(0, stamp_ns)), world_.names(),
+                                           truth.height_world_m, params_.world_frame, truth.stamp_ns));
   }
 
   SimulatorParams params_;
@@ -340,7 +333,7 @@ class Simulator {
   ros::Subscriber map_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
-  ObjectMarkers truth_markers_{MarkerStyle::kTruth};
+  TruthMarkers truth_markers_;
   std::atomic<std::int64_t> mapped_ns_{0};
 };
 

@@ -5,7 +5,10 @@
 
 namespace situation_awareness {
 
-/// True for a velocity that is significant at 95 %.
+/// Slower objects are drawn as standing.
+constexpr double kMinDrawnSpeed_m_s = 0.05;
+
+/// True for a velocity that is significant at 95 %, and not too low to be drawn.
 bool moves(const Object& object);
 
 /// The 95 % ellipse of the centre's error about the centre, in the world. Negative variances by rounding count as zero.

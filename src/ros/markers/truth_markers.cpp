@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/markers/truth_markers.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "make_marker.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/ros/markers/object_shapes.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using visualization_msgs::Marker;
+
+/// The corners of an object's outline; those of an ellipse are points on it.
+std::vector<Eigen::Vector2d> outline_of(const TrueObject& object) {
+  if (!object.ellipse_world) return object.footprint_world_m;
+  const Ellipse& ellipse = *object.ellipse_world;
+  const Pose2 T_world_ellipse{ellipse.center_m, ellipse.psi_rad};
+  constexpr int kSides = 48;
+  std::vector<Eigen::Vector2d> outline_world_m;
+  for (int i = 0; i < kSides; ++i) {
+    const double angle_rad = 2.0 * kPi * i / kSides;
+    outline_world_m.push_back(T_world_ellipse *
+                              Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad)));
+  }
+  return outline_world_m;
+}
+
+Marker outline(const std_msgs::Header& header, std::uint64_t id, const std::vector<Eigen::Vector2d>& outline_world_m,
+               double z_m) {
+  Marker m = make_marker(header, "object", id, Marker::LINE_STRIP, kInkColor, 1.0F);
+  m.scale.x = 0.025;
+  for (const Eigen::Vector2d& p_world : outline_world_m) m.points.push_back(make_point(p_world, z_m));
+  m.points.push_back(m.points.front());
+  return m;
+}
+
+Marker velocity(const std_msgs::Header& header, std::uint64_t id, const Eigen::Vector2d& from_world_m,
+                const Eigen::Vector2d& velocity_world_m_s, double z_m) {
+  Marker m = make_marker(header, "velocity", id, Marker::ARROW, kInkColor, 1.0F);
+  m.points = {make_point(from_world_m, z_m), make_point(from_world_m + velocity_world_m_s, z_m)};
+  m.scale.x = 0.02;  // shaft diameter
+  m.scale.y = 0.06;  // head diameter
+  m.scale.z = 0.12;  // head length
+  return m;
+}
+
+Marker name(const std_msgs::Header& header, std::uint64_t id, const std::string& text, const Eigen::Vector2d& p_world_m,
+            double z_m) {
+  Marker m = make_marker(header, "id", id, Marker::TEXT_VIEW_FACING, kInkColor, 1.0F);
+  m.pose.position = make_point(p_world_m, z_m);
+  m.scale.z = 0.28;
+  m.text = text;
+  return m;
+}
+
+}  // namespace
+
+visualization_msgs::MarkerArray TruthMarkers::update(const std::vector<TrueObject>& objects,
+                                                     const std::vector<std::string>& names, double height_world_m,
+                                                     const std::string& world_frame, std::int64_t stamp_ns) {
+  const std_msgs::Header header = make_header(world_frame, stamp_ns);
+  std::vector<Marker> markers;
+  for (const TrueObject& object : objects) {
+    if (!object.is_there) continue;
+    const std::vector<Eigen::Vector2d> outline_world_m = outline_of(object);
+    Eigen::Vector2d center_world_m = Eigen::Vector2d::Zero();
+    double top_m = outline_world_m.front().y();
+    for (const Eigen::Vector2d& p_world : outline_world_m) {
+      center_world_m += p_world / static_cast<double>(outline_world_m.size());
+      top_m = std::max(top_m, p_world.y());
+    }
+    markers.push_back(outline(header, object.id, outline_world_m, height_world_m + 0.6 * kBodyHeight_m));
+
+    // The body turns about its origin, which a mesh may have anywhere.
+    const Eigen::Vector2d arm_m = center_world_m - object.T_world_object.translation_m;
+    const Eigen::Vector2d velocity_m_s =
+        object.velocity_world_m_s + object.angular_velocity_rad_s * Eigen::Vector2d(-arm_m.y(), arm_m.x());
+    if (velocity_m_s.norm() > kMinDrawnSpeed_m_s) {
+      markers.push_back(velocity(header, object.id, center_world_m, velocity_m_s, height_world_m + kBodyHeight_m));
+    }
+    // Above the object, and the map's id in it, so that both are readable.
+    const Eigen::Vector2d p_name_m(center_world_m.x(), top_m + 0.2);
+    markers.push_back(name(header, object.id, names[object.id - 1], p_name_m, height_world_m + 2.0 * kBodyHeight_m));
+  }
+  return shown_.update(header, std::move(markers));
+}
+
+}  // namespace situation_awareness
