@@ -13,6 +13,7 @@ import tempfile
 import time
 
 import numpy as np
+from scipy import stats
 
 import worlds
 from map import HELD, HIDDEN, files_of, fly, held_numbers, hidden_numbers, person_numbers, room_numbers
@@ -265,14 +266,15 @@ Constants of the map: {constants}, each halved and doubled, in the same {worlds}
 ([worlds.py](../../scripts/evaluation/worlds.py)).
 """
 METHOD = """
-{scenes}. In rooms all beams of a scan are of one time. Alike: crowds in which all twelve objects are circles of 0.1 m radius. Figures are those of the map's report,
-over all flights but those of persons and hidden objects, which have the last two columns. In the 99 % region: mean over
-position, position and velocity, and radii.
+{scenes}. In rooms all beams of a scan are of one time. Alike: crowds in which all twelve objects are circles of 0.1 m
+radius. Figures are those of the map's report, over all flights but those of persons and hidden objects, which have the
+last two columns. In the 99 % region: mean over position, position and velocity, and radii.
 """
 CHANCE = """
 Chance: the shipped values were flown {repetitions} more times with other noise of the scanner. A change is beyond
-chance, and **bold**, if it exceeds three standard deviations of the difference of two such flights. Of {cells} changes
-of figures by mere noise about {expected:.0f} would do so.
+chance, and **bold**, if it exceeds three standard deviations of the difference of two such flights. Of changes by other
+noise alone {percent:.0f} % would do so, as the standard deviation is that of few flights; but variants have the same
+noise, so that most of their changes are far smaller.
 """
 LEGEND = """
 Changes are those from the first row; a point: exactly the same figure. Effect: *none* if every line of `map_flights` is
@@ -331,7 +333,7 @@ def summary_of(found, sensitivity):
     for constant in found:
         own = [variant for variant in sensitivity.changes if variant.constant == constant.name]
         effects[sensitivity.effect(own)].append(constant.name)
-    what = {"none": "no effect: both values give the same map, to the last bit",
+    what = {"none": "no effect: with both values every line of `map_flights` is the same",
             "within chance": "insensitive: all changes within chance",
             "beyond chance": "sensitive: a figure changes beyond chance"}
     return table(("", "constants", ""),
@@ -352,7 +354,7 @@ def report_of(measured, found, flights, flown, spent_s):
     scans = sum(run["scans"] for runs in flown[SHIPPED].values() for run in runs)
     counts = collections.Counter(flight.experiment for flight in flights)
     scenes = ", ".join(f"{count} {experiment.replace('_', ' ')}" for experiment, count in counts.items())
-    cells = len(sensitivity.changes) * len(FIGURES)
+    percent = 200.0 * stats.t.sf(CHANCE_SIGMAS, REPETITIONS)  # one degree of freedom fewer than flights
     left_out = collections.defaultdict(list)
     for name, reason in LEFT_OUT.items():
         left_out[reason].append(f"`{name}`")
@@ -362,7 +364,7 @@ def report_of(measured, found, flights, flown, spent_s):
                                                    minutes=spent_s / 60)),
         section("Result", summary_of(found, sensitivity), better_of(sensitivity)),
         section("Every constant", prose(METHOD.format(scenes=f"Worlds: {scenes}")),
-                prose(CHANCE.format(repetitions=REPETITIONS, cells=cells, expected=0.0027 * cells)), prose(LEGEND),
+                prose(CHANCE.format(repetitions=REPETITIONS, percent=percent)), prose(LEGEND),
                 table_of(found, sensitivity)),
         section("Left out", table(("constants", "reason"),
                                   [(", ".join(names), reason) for reason, names in left_out.items()])),
