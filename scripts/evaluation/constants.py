@@ -282,7 +282,7 @@ the same, to the last bit; else the number of figures that are better / worse be
 """
 LIMITATIONS = """
 One constant at a time, so what two do together is not seen; in simulated worlds, for half a minute and less, with an
-exact pose.
+exact pose. Figures are over all worlds, and may hide that what helps manoeuvring objects harms others.
 A constant without effect here may act elsewhere: bounds act on data that these worlds do not have. Halving is not the
 smallest change that matters, and a figure beyond chance may still be one of chance.
 """
