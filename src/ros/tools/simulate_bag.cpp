@@ -34,7 +34,8 @@ namespace {
 constexpr const char* kDescription =
     R"(Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with
 --rings /points in place of /scan; besides /imu, /fix, /wheel_odometry and /label_camera/... of what the world's file
-asks for, with /tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is compressed.
+asks for, with /tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is
+compressed.
 )";
 
 constexpr double kFieldOfView_deg = 270.0;
