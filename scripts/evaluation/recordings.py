@@ -534,8 +534,8 @@ def report_of(measured, config, about, scores, near, detections, counts, images)
         section("Pictures", *(f"**{name}**\n\n" + picture(images, f"recordings_{name}.png",
                                                          f"Track and truth of {name} from above, over time, and in six "
                                                          "scans") for name in scores),
-                prose("In the scans of the lower rows the scanner is in the direction of the black arrow; the blue arrow is "
-                      "the object's way in 0.3 s.")),
+                prose("In the scans of the lower rows the scanner is in the direction of the black arrow; the blue "
+                      "arrow is the object's way in 0.3 s.")),
         section("Detections", prose(DETECTIONS.format(region=100 * REGION)), detections_table(detections)),
         *([section("Recordings without truth", prose(WITHOUT), counts_table(counts))] if counts else ()),
     ))
