@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace situation_awareness {
 
@@ -13,6 +14,14 @@ double true_intensity(const SimulatedIntensityParams& params, const Surface& sur
       (surface.diffuse + surface.retro) * cos_incidence + surface.glossy * std::pow(cos_incidence, kGlossExponent);
   const double ratio = range_m / params.half_range_m;
   return std::min(params.max, params.gain * part / (1.0 + ratio * ratio));
+}
+
+double received_power(const SimulatedIntensityParams& params, const Surface& surface, double range_m,
+                      double cos_incidence) {
+  SimulatedIntensityParams receiver = params;
+  receiver.gain = 1.0;
+  receiver.max = std::numeric_limits<double>::infinity();
+  return true_intensity(receiver, surface, range_m, cos_incidence);
 }
 
 }  // namespace situation_awareness

@@ -110,12 +110,23 @@ Eigen::Vector3d RayCaster::normal(int geom, const Eigen::Vector3d& p_world) cons
   }
 }
 
-double RayCaster::intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
-                            const SimulatedIntensityParams& params) const {
+double RayCaster::cos_incidence(const Ray& ray, const Eigen::Vector3d& origin_world,
+                                const Eigen::Vector3d& direction_world) const {
   const Eigen::Vector3d n = normal(ray.geom, origin_world + ray.range_m * direction_world);
   const double length = n.norm();
-  const double cos_incidence = length > 0.0 ? std::min(1.0, std::abs(n.dot(direction_world)) / length) : 1.0;
-  return true_intensity(params, surface_of_geom_[static_cast<std::size_t>(ray.geom)], ray.range_m, cos_incidence);
+  return length > 0.0 ? std::min(1.0, std::abs(n.dot(direction_world)) / length) : 1.0;
+}
+
+double RayCaster::intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
+                            const SimulatedIntensityParams& params) const {
+  return true_intensity(params, surface_of_geom_[static_cast<std::size_t>(ray.geom)], ray.range_m,
+                        cos_incidence(ray, origin_world, direction_world));
+}
+
+double RayCaster::received_power(const Ray& ray, const Eigen::Vector3d& origin_world,
+                                 const Eigen::Vector3d& direction_world, const SimulatedIntensityParams& params) const {
+  return situation_awareness::received_power(params, surface_of_geom_[static_cast<std::size_t>(ray.geom)], ray.range_m,
+                                             cos_incidence(ray, origin_world, direction_world));
 }
 
 }  // namespace situation_awareness

@@ -32,9 +32,19 @@ class RayCaster {
   /// The nearest hit of scenery or objects along the unit vector, at any range.
   Ray cast(const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world) const;
 
-  /// The noiseless intensity of a ray with a hit.
+  // Of a ray with a hit:
+
+  /// Cosine of the angle between the ray and the surface's normal, from 0 to 1; 1 where there is no normal.
+  double cos_incidence(const Ray& ray, const Eigen::Vector3d& origin_world,
+                       const Eigen::Vector3d& direction_world) const;
+
+  /// The noiseless intensity.
   double intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
                    const SimulatedIntensityParams& params) const;
+
+  /// The light received (intensity.hpp).
+  double received_power(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
+                        const SimulatedIntensityParams& params) const;
 
  private:
   /// Outward normal, of any length, of a geom at the hit of a ray; in the world. Zero where there is none.

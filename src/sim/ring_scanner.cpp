@@ -30,7 +30,7 @@ RingScannerSample SimulatedRingScanner::next() {
   cloud.points.resize(cloud.rows * cloud.columns);
   sample.hits.resize(cloud.points.size());
   sample.T_world_sensor = sweep.T_world_sensor;
-  sample.T_world_sensor_end = sweep.T_world_sensor_end;
+  sample.T_world_sensor_end = sensor_at(sweep.start_s + params().sweep_s);
   const double time_increment_s = params().sweep_s / (params().columns - 1);
   const double elevation_increment_rad =
       params().rings > 1 ? (params().elevation_max_rad - params().elevation_min_rad) / (params().rings - 1) : 0.0;

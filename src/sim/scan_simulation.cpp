@@ -21,7 +21,7 @@ class ScanSimulation::Impl {
   }
 
   SimulatedScan next() {
-    const double time_s = scanner_.next_time_s();
+    const double time_s = scanner_.next_time_s() + scanner_.params().stamp_error_s;
     ScannerSample sample = scanner_.next();
     SimulatedScan out;
     out.robot = world_.robot_at(time_s);

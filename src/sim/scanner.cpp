@@ -19,16 +19,19 @@ ScannerSample SimulatedScanner::next() {
   Sweep sweep = begin_sweep();
   ScannerSample sample;
   Scan& scan = sample.scan;
-  scan.stamp_ns = nanoseconds(sweep.start_s);
+  const double stamp_s = sweep.start_s + params().stamp_error_s;
+  const double time_increment_s = params().sweep_s / (params().beams - 1);
+  scan.stamp_ns = nanoseconds(stamp_s);
   scan.angle_min_rad = params().angle_min_rad;
   scan.angle_increment_rad = params().angle_increment_rad;
-  scan.time_increment_s = params().sweep_s / (params().beams - 1);
+  scan.time_increment_s = params().time_increment_scale * time_increment_s;
   scan.beams.resize(static_cast<std::size_t>(params().beams));
   sample.hits.resize(scan.beams.size());
-  sample.T_world_lidar = sweep.T_world_sensor;
-  sample.T_world_lidar_end = sweep.T_world_sensor_end;
-  for (int i = 0; i < params().beams; ++i) {
-    if (i > 0 && scan.time_increment_s > 0.0) move_to(i * scan.time_increment_s, sweep);
+  sample.T_world_lidar = sensor_at(stamp_s);
+  sample.T_world_lidar_end = sensor_at(stamp_s + params().time_increment_scale * params().sweep_s);
+  for (int measured = 0; measured < params().beams; ++measured) {
+    if (measured > 0 && time_increment_s > 0.0) move_to(measured * time_increment_s, sweep);
+    const int i = params().sweep_against_order != 0 ? params().beams - 1 - measured : measured;
     const double angle_rad = params().angle_min_rad + i * params().angle_increment_rad;
     const RayReturn ray = cast({std::cos(angle_rad), std::sin(angle_rad), 0.0}, sweep);
     Beam& beam = scan.beams[static_cast<std::size_t>(i)];

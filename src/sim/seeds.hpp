@@ -30,4 +30,7 @@ inline Eigen::Vector3d normal3(Random& random) {
 /// Combined with a sensor's seed for the noise of its intensities, so that it does not change the ranges.
 constexpr std::uint64_t kIntensityStream = 0x696E74656E736974U;
 
+/// The same for the errors of a scanner other than the noise of its ranges.
+constexpr std::uint64_t kErrorStream = 0x7363616E6E657273U;
+
 }  // namespace situation_awareness

@@ -79,9 +79,10 @@ Expected expected(const SimulatedScan& simulated, std::size_t beam) {
 // --- ranges ---------------------------------------------------------------------------------------------------------
 
 TEST(SimulatedScannerParams, DeclareAllTheirMembers) {
-  // `intensity` is one member, and is declared as a section with members of its own.
-  EXPECT_EQ(declared_size<SimulatedScannerParams>(),
-            aggregate_size<SimulatedScannerParams>() - 1 + declared_size<SimulatedIntensityParams>());
+  // `intensity` and `errors` are one member each, and are declared with members of their own.
+  EXPECT_EQ(declared_size<SimulatedScannerParams>(), aggregate_size<SimulatedScannerParams>() - 2 +
+                                                         declared_size<SimulatedIntensityParams>() +
+                                                         declared_size<ScannerErrors>());
 }
 
 TEST(SimulatedScan, RangesEqualAnalyticIntersections) {

@@ -42,4 +42,9 @@ struct Surface {
 double true_intensity(const SimulatedIntensityParams& params, const Surface& surface, double range_m,
                       double cos_incidence);
 
+/// Light that a receiver gets from a surface, relative to a white, diffuse one near by, seen square on: the intensity
+/// of a receiver of gain 1 that does not saturate.
+double received_power(const SimulatedIntensityParams& params, const Surface& surface, double range_m,
+                      double cos_incidence);
+
 }  // namespace situation_awareness

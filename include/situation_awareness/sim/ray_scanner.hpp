@@ -12,6 +12,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/scan/scan.hpp"
 #include "situation_awareness/sim/intensity.hpp"
+#include "situation_awareness/sim/scanner_errors.hpp"
 #include "situation_awareness/sim/truth.hpp"
 #include "situation_awareness/sim/world.hpp"
 
@@ -19,7 +20,7 @@ namespace situation_awareness {
 
 class RayCaster;
 
-/// The common parameters of all scanners: rate, sweep, range and intensity.
+/// The common parameters of all scanners: rate, sweep, range, intensity and errors.
 template <class Self, class Visit>
 void visit_ray_scanner_fields(Self& self, Visit&& visit) {
   visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz", "scans per second");
@@ -29,6 +30,7 @@ void visit_ray_scanner_fields(Self& self, Visit&& visit) {
   visit("range_max_m", self.range_max_m, Bounds{0.001, 1000.0}, "m", "farther objects are not seen");
   visit("range_sigma_m", self.range_sigma_m, Bounds{0.0, 1.0}, "m", "standard deviation of the ranges, Gaussian");
   SimulatedIntensityParams::fields(self.intensity, visit);
+  ScannerErrors::fields(self.errors, visit);
 }
 
 /// Checks the bounds of all fields, and those of the fields above against each other. Throws std::invalid_argument
@@ -39,6 +41,10 @@ void check_ray_scanner_params(const Params& params, const std::string& section) 
   if (!(params.range_max_m > params.range_min_m)) {
     throw std::invalid_argument(section + ".range_max_m must be above " + section + ".range_min_m");
   }
+  if (!(params.range_max_m - params.range_min_m >= params.errors.range_quantum_m)) {
+    throw std::invalid_argument(section + ".range_quantum_m must be at most " + section + ".range_max_m - " + section +
+                                ".range_min_m");
+  }
   if (!(params.sweep_s < 1.0 / params.rate_hz)) {
     throw std::invalid_argument(section + ".sweep_s must be below 1 / " + section + ".rate_hz");
   }
@@ -47,15 +53,15 @@ void check_ray_scanner_params(const Params& params, const std::string& section) 
 /// The measurement along one ray.
 struct RayReturn {
   BeamState state = BeamState::kFree;  ///< kHit, kFree or kTooClose
-  double range_m = 0.0;                ///< where it is a hit: with noise, within the sensor's limits
+  double range_m = 0.0;                ///< where it is a hit: with its errors, within the sensor's limits
   float intensity = kNoIntensity;      ///< where it is a hit and intensities are measured
-  TrueHit truth;                       ///< where it is a hit
+  TrueHit truth;                       ///< where it is a hit; of a mixture of surfaces that of the brightest
 };
 
 /// Common part of the scanners on the robot of a world. Scans begin at multiples of 1 / rate_hz; each ray is cast from
 /// the robot's pose at the ray's own time, with the objects' poses at that time. True ranges decide whether a ray is a
-/// hit, too close or free; noise is added to hits only and never moves them across the sensor's limits. Same seed, same
-/// scans, bit for bit: each scan has its own seed.
+/// hit, too close or free, unless its return is dropped; errors of hits never move them across the sensor's limits.
+/// Same seed, same scans, bit for bit: each scan has its own seed.
 template <class Params>
 class RayScanner {
  public:
@@ -74,9 +80,8 @@ class RayScanner {
   /// A scan that is being taken.
   struct Sweep {
     double start_s;
-    Random noise, intensity_noise;
-    Eigen::Isometry3d T_world_sensor_end;  ///< at the last ray
-    Eigen::Isometry3d T_world_sensor;      ///< now
+    Random noise, intensity_noise, errors;
+    Eigen::Isometry3d T_world_sensor;  ///< now
   };
 
   /// Begins the next scan; the sensor is where its first ray is cast.
@@ -85,13 +90,17 @@ class RayScanner {
   /// Moves sensor and objects to where they are `time_s` after the first ray.
   void move_to(double time_s, Sweep& sweep);
 
-  /// One draw of each noise, whatever the ray meets. `ray_sensor` is a unit vector.
+  /// Where the sensor is at any time.
+  Eigen::Isometry3d sensor_at(double time_s) const;
+
+  /// One draw of each error that is on, whatever the ray meets. `ray_sensor` is a unit vector.
   RayReturn cast(const Eigen::Vector3d& ray_sensor, Sweep& sweep) const;
 
  private:
   Params params_;
   Eigen::Isometry3d T_robot_sensor_;
   std::uint64_t seed_;
+  double least_power_ = 0.0;  // received from what has a return
   std::unique_ptr<RayCaster> rays_;
   std::uint64_t scans_ = 0;
 };

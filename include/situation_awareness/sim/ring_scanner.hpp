@@ -10,6 +10,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/intensity.hpp"
 #include "situation_awareness/sim/ray_scanner.hpp"
+#include "situation_awareness/sim/scanner_errors.hpp"
 #include "situation_awareness/sim/truth.hpp"
 
 namespace situation_awareness {
@@ -29,6 +30,7 @@ struct SimulatedRingScannerParams {
   double range_max_m = 30.0;
   double range_sigma_m = 0.01;
   SimulatedIntensityParams intensity;
+  ScannerErrors errors;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
