@@ -3,77 +3,99 @@
 
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 
 #include "seeds.hpp"
+#include "situation_awareness/sim/scanner_presets.hpp"
 
 namespace situation_awareness {
 namespace {
 
-/// The numbers of a text, each after its name, as a visitor of params that assigns them to the fields.
-class NamedNumbers {
+/// The values of a text, each after its name, as a visitor of params that assigns numbers to the fields.
+class NamedValues {
  public:
-  explicit NamedNumbers(std::istream& words) {
+  explicit NamedValues(std::istream& words) {
     for (std::string name, value; words >> name;) {
-      if (!(words >> value)) throw std::invalid_argument("has '" + name + "' without a number");
-      double number = 0.0;
-      const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
-      if (error != std::errc() || end != value.data() + value.size() || !std::isfinite(number)) {
-        throw std::invalid_argument("has '" + value + "' where the number of '" + name + "' should be");
-      }
-      if (!numbers_.emplace(name, number).second) throw std::invalid_argument("has '" + name + "' twice");
+      if (!(words >> value)) throw std::invalid_argument("has '" + name + "' without a value");
+      if (!values_.emplace(name, value).second) throw std::invalid_argument("has '" + name + "' twice");
     }
   }
 
   template <class Value>
   void operator()(const char* name, Value& value, Bounds /*bounds*/, const char* /*unit*/, const char* /*doc*/) {
-    const auto number = numbers_.find(name);
-    if (number == numbers_.end()) return;
-    if (std::is_integral_v<Value> &&
-        !(number->second == std::floor(number->second) && std::abs(number->second) < 1e9)) {
-      throw std::invalid_argument("needs a whole number after '" + number->first + "'");
+    const std::optional<std::string> text = take(name);
+    if (!text) return;
+    double number = 0.0;
+    const auto [end, error] = std::from_chars(text->data(), text->data() + text->size(), number);
+    if (error != std::errc() || end != text->data() + text->size() || !std::isfinite(number)) {
+      throw std::invalid_argument("has '" + *text + "' where the number of '" + name + "' should be");
     }
-    value = static_cast<Value>(number->second);
-    numbers_.erase(number);
+    if (std::is_integral_v<Value> && !(number == std::floor(number) && std::abs(number) < 1e9)) {
+      throw std::invalid_argument("needs a whole number after '" + std::string(name) + "'");
+    }
+    value = static_cast<Value>(number);
+  }
+
+  /// The value after a name, if the text has it.
+  std::optional<std::string> take(const std::string& name) {
+    const auto node = values_.extract(name);
+    return node.empty() ? std::nullopt : std::optional<std::string>(node.mapped());
   }
 
   void check_all_used() const {
-    if (!numbers_.empty()) throw std::invalid_argument("has '" + numbers_.begin()->first + "', which it does not know");
+    if (!values_.empty()) throw std::invalid_argument("has '" + values_.begin()->first + "', which it does not know");
   }
 
  private:
-  std::map<std::string, double> numbers_;
+  std::map<std::string, std::string> values_;
 };
 
+/// `params` has the values that the text omits.
 template <class Params>
-MountedSensor<Params> sensor_at(const SensorMount& mount, std::istream& words) {
-  MountedSensor<Params> sensor{mount.name, mount.T_robot_sensor, {}};
-  NamedNumbers numbers(words);
-  Params::fields(sensor.params, numbers);
-  numbers.check_all_used();
-  sensor.params.validate();
-  return sensor;
+MountedSensor<Params> sensor_at(const SensorMount& mount, NamedValues values, Params params = {}) {
+  Params::fields(params, values);
+  values.check_all_used();
+  params.validate();
+  return {mount.name, mount.T_robot_sensor, params};
 }
 
-void add_sensor(const SensorMount& mount, WorldSensors& sensors) {
+/// The scanner of which the text names the preset; without one the default. Names are of folder `scanners` beside the
+/// world's folder, paths relative to the world's folder.
+SimulatedScannerParams preset_of(NamedValues& values, const std::string& world_path) {
+  const std::optional<std::string> preset = values.take("preset");
+  if (!preset) return {};
+  const std::filesystem::path folder = std::filesystem::path(world_path).parent_path();
+  try {
+    return load_scanner_preset((folder / scanner_preset_file(*preset, "../scanners")).string());
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument("has a preset that cannot be used: " + std::string(error.what()));
+  }
+}
+
+void add_sensor(const SensorMount& mount, const std::string& world_path, WorldSensors& sensors) {
   std::istringstream words(mount.text);
   std::string kind = "scanner";
   if (!(words >> kind) && mount.name != "lidar") throw std::invalid_argument("is empty");
   if (kind == "scanner") {
-    sensors.scanners.push_back(sensor_at<SimulatedScannerParams>(mount, words));
+    NamedValues values(words);
+    const SimulatedScannerParams preset = preset_of(values, world_path);
+    sensors.scanners.push_back(sensor_at(mount, std::move(values), preset));
   } else if (kind == "ring_scanner") {
-    sensors.ring_scanners.push_back(sensor_at<SimulatedRingScannerParams>(mount, words));
+    sensors.ring_scanners.push_back(sensor_at<SimulatedRingScannerParams>(mount, NamedValues(words)));
   } else if (kind == "imu") {
-    sensors.imus.push_back(sensor_at<SimulatedImuParams>(mount, words));
+    sensors.imus.push_back(sensor_at<SimulatedImuParams>(mount, NamedValues(words)));
   } else if (kind == "gnss") {
-    sensors.gnss_receivers.push_back(sensor_at<SimulatedGnssParams>(mount, words));
+    sensors.gnss_receivers.push_back(sensor_at<SimulatedGnssParams>(mount, NamedValues(words)));
   } else if (kind == "odometry") {
-    sensors.odometries.push_back(sensor_at<SimulatedOdometryParams>(mount, words));
+    sensors.odometries.push_back(sensor_at<SimulatedOdometryParams>(mount, NamedValues(words)));
   } else if (kind == "label_camera") {
-    sensors.label_cameras.push_back(sensor_at<SimulatedLabelCameraParams>(mount, words));
+    sensors.label_cameras.push_back(sensor_at<SimulatedLabelCameraParams>(mount, NamedValues(words)));
   } else {
     throw std::invalid_argument("starts with '" + kind +
                                 "' instead of scanner, ring_scanner, imu, gnss, odometry or label_camera");
@@ -86,7 +108,7 @@ WorldSensors sensors_of(const World& world) {
   WorldSensors sensors;
   for (const SensorMount& mount : world.mounts()) {
     try {
-      add_sensor(mount, sensors);
+      add_sensor(mount, world.path(), sensors);
     } catch (const std::invalid_argument& error) {
       throw std::runtime_error(world.path() + ": the sensor '" + mount.name + "' " + error.what());
     }

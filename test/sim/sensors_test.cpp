@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/sensors.hpp"
 
+#include <filesystem>
+#include <fstream>
 #include <set>
 #include <stdexcept>
 #include <string>
@@ -55,6 +57,37 @@ TEST(Sensors, ASiteLidarIsAScannerConfiguredByItsText) {
   EXPECT_EQ(two.scanners[1].name, "rear");
 }
 
+TEST(Sensors, AScannerMayHaveAPreset) {
+  const WorldFile preset("beams: 541\nangle_increment_rad: 0.00872664626\nrange_quantum_m: 0.01\nrate_hz: 12.5\n");
+  const std::string path = preset.path() + ".yaml";
+  std::filesystem::copy_file(preset.path(), path);
+  const WorldSensors sensors =
+      sensors_in("<site name=\"lidar\"/><site name=\"rear\"/>", "<text name=\"lidar\" data=\"scanner preset " + path +
+                                                                    " rate_hz 15 missing_fraction 0.1\"/>" +
+                                                                    "<text name=\"rear\" data=\"scanner\"/>");
+  std::filesystem::remove(path);
+  ASSERT_EQ(sensors.scanners.size(), 2U);
+  EXPECT_EQ(sensors.scanners[0].params.beams, 541);
+  EXPECT_EQ(sensors.scanners[0].params.errors.range_quantum_m, 0.01);
+  EXPECT_EQ(sensors.scanners[0].params.rate_hz, 15.0) << "the text has precedence";
+  EXPECT_EQ(sensors.scanners[0].params.errors.missing_fraction, 0.1);
+  EXPECT_EQ(sensors.scanners[1].params.beams, SimulatedScannerParams{}.beams);
+}
+
+/// A folder of worlds, with a folder of scanners beside it.
+TEST(Sensors, APresetByNameIsBesideTheFolderOfTheWorld) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "sensors_test";
+  std::filesystem::create_directories(folder / "worlds");
+  std::filesystem::create_directories(folder / "scanners");
+  std::ofstream(folder / "scanners" / "mine.yaml") << "beams: 33\n";
+  std::ofstream(folder / "worlds" / "world.xml")
+      << world_text(robot_with("<site name=\"lidar\"/>"), "<text name=\"lidar\" data=\"scanner preset mine\"/>");
+  const WorldSensors sensors = sensors_of(World((folder / "worlds" / "world.xml").string()));
+  std::filesystem::remove_all(folder);
+  ASSERT_EQ(sensors.scanners.size(), 1U);
+  EXPECT_EQ(sensors.scanners[0].params.beams, 33);
+}
+
 TEST(Sensors, NameTheErrorInTheirText) {
   const std::string site = "<site name=\"eye\"/>";
   const auto error = [&](const std::string& text) {
@@ -69,6 +102,13 @@ TEST(Sensors, NameTheErrorInTheirText) {
   EXPECT_TRUE(names(error("scanner beams 20.5"), {"eye", "beams", "whole"}));
   EXPECT_TRUE(names(error("scanner beams 20 beams 21"), {"eye", "beams"}));
   EXPECT_TRUE(names(error("scanner lasers 4"), {"eye", "lasers"}));
+  EXPECT_TRUE(names(error("scanner preset"), {"eye", "preset"}));
+  EXPECT_TRUE(names(error("scanner preset none"),
+                    {"eye", "preset", (std::filesystem::temp_directory_path() / "../scanners/none.yaml").string()}));
+  EXPECT_TRUE(names(error("imu preset none"), {"eye", "preset"}));
+  const WorldFile spoiled("missing_fraction: 2\n");
+  EXPECT_TRUE(
+      names(error("scanner preset " + spoiled.path()), {"eye", spoiled.path(), "missing_fraction", "2", "0", "1"}));
   EXPECT_TRUE(names(error("scanner rate_hz 0"), {"eye", "scanner.rate_hz", "0", "0.1", "1000"}));
   EXPECT_TRUE(names(sensor_error(site, "<text name=\"ear\" data=\"scanner\"/>"), {"ear"}));
   EXPECT_TRUE(names(sensor_error("<site name=\"robot\"/>", "<text name=\"robot\" data=\"stand\"/>"),

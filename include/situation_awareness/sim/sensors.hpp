@@ -39,8 +39,8 @@ struct WorldSensors {
 ///
 ///     scanner beams 541 angle_increment_rad 0.00872665 range_sigma_m 0.012
 ///
-/// Others have their defaults; a site `lidar` without a text is a scanner with all defaults. Throws std::runtime_error
-/// naming the file, the sensor and its error.
+/// Others have their defaults, or of a scanner with `preset NAME` those of scanner_presets.hpp; a site `lidar` without
+/// a text is a scanner with all defaults. Throws std::runtime_error naming the file, the sensor and its error.
 WorldSensors sensors_of(const World& world);
 
 /// The seed of a sensor's noise, derived from its name, so that sensors do not affect each other's noise.
