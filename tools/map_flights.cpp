@@ -28,6 +28,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/scanner_presets.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -40,7 +41,7 @@ has it) and s. All times are on the clock of the flight, which starts at 0.
 )";
 
 struct Options {
-  std::string world, config, models, set, trace;
+  std::string world, config, models, set, scanner, trace;
   std::string seeds = "1";
   double duration_s = 60.0;
   double pose_sigma_m = 0.0, pose_sigma_rad = 0.0;
@@ -78,10 +79,19 @@ void add_options(CLI::App& app, Options& options) {
   number("--duration", options.duration_s, "length of a flight");
   number("--pose-sigma-m", options.pose_sigma_m, "white noise of the position given to the map, x and y each");
   number("--pose-sigma-rad", options.pose_sigma_rad, "the same of its yaw");
+  text("--scanner", options.scanner, "NAME|FILE",
+       "a preset in the folder scanners of --models, such as utm_30lx,\nor a YAML file; the next two have precedence");
   number("--range-sigma-m", options.lidar.range_sigma_m, "noise of the ranges");
   number("--sweep-s", options.lidar.sweep_s, "time from the first beam of a scan to the last;\n0: all at one instant");
   text("--trace", options.trace, "FILE", "one line of JSON per scan of the first seed");
   app.add_flag("--trace-points", options.trace_points, "in which the hits are, too");
+  app.callback([&app, &options] {
+    if (options.scanner.empty()) return;
+    const SimulatedScannerParams given = options.lidar;
+    options.lidar = load_scanner_preset(scanner_preset_file(options.scanner, options.models + "/scanners"));
+    if (app.count("--range-sigma-m") > 0) options.lidar.range_sigma_m = given.range_sigma_m;
+    if (app.count("--sweep-s") > 0) options.lidar.sweep_s = given.sweep_s;
+  });
 }
 
 /// `base` with the keys of `over` put in their place, map by map.

@@ -81,6 +81,20 @@ class MapFlights(unittest.TestCase):
         self.assertNotEqual(swept["gospa_m"], exact["gospa_m"])
         self.assertAlmostEqual(swept["gospa_m"], exact["gospa_m"], delta=0.2 * exact["gospa_m"])
 
+    def test_a_scanner_by_preset_or_file(self):
+        (line,) = fly("--scanner", "rplidar_a2", world="single")
+        self.assertEqual(line["scans"], round(3 * 12.9))
+        exact = self.written("range_sigma_m: 0.0")
+        self.assertEqual(fly("--scanner", exact), fly("--range-sigma-m", "0"))
+        self.assertEqual(fly("--scanner", exact, "--range-sigma-m", "0.01", "--sweep-s", "0.04"),
+                         fly("--sweep-s", "0.04"))
+        for scanner, facts in (("none", ["none.yaml"]),
+                               (self.written("missing_fraction: 1.5"), ["set.yaml", "missing_fraction", "1.5"])):
+            result = run("--scanner", scanner)
+            self.assertEqual(result.returncode, 1)
+            for fact in facts:
+                self.assertIn(fact, result.stderr)
+
     def test_set_overrides_the_configuration(self):
         (line,) = fly("--set", self.written("objects: {max_position_sigma_m: 0.001}"))
         self.assertEqual(line["recall"], 0.0)

@@ -20,10 +20,12 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/motion_sensors.hpp"
+#include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/label_camera.hpp"
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/scanner_presets.hpp"
 #include "situation_awareness/sim/schedule.hpp"
 #include "situation_awareness/sim/sensors.hpp"
 #include "situation_awareness/sim/world.hpp"
@@ -34,19 +36,25 @@ namespace {
 constexpr const char* kDescription =
     R"(Flies a world and records /scan and /tf (world to lidar, at the first and the last beam of each scan), or with
 --rings /points in place of /scan; besides /imu, /fix, /wheel_odometry and /label_camera/... of what the world's file
-asks for, with /tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them; the bag is
-compressed.
+asks for, with /tf_static (lidar to these sensors). Lengths are whole millimetres, as scanners give them, or with
+--scanner what that scanner gives. The bag is compressed.
 )";
 
 constexpr double kFieldOfView_deg = 270.0;
 
 struct Options {
-  std::string world, out;
+  std::string world, out, scanner;
   double duration_s = 10.0, resolution_deg = 0.25;
   std::uint64_t seed = 1;
   int rings = 0;
   SimulatedScannerParams lidar;
 };
+
+/// The file of a scanner's preset: a path as it is, a name as that of a preset of this package.
+std::string scanner_file(const std::string& scanner) {
+  if (is_scanner_preset_path(scanner)) return scanner;
+  return scanner_preset_file(scanner, package_folder() + "/models/scanners");
+}
 
 void add_options(CLI::App& app, Options& options) {
   app.add_option("--world", options.world, "the world (models/worlds/README.md)")->required()->type_name("FILE");
@@ -65,8 +73,20 @@ void add_options(CLI::App& app, Options& options) {
                  "time from the first beam of a scan to the last;\n0: all at one instant")
       ->type_name("S")
       ->check(from_to(0.0, 1.0));
-  app.callback([&options] {
+  app.add_option("--scanner", options.scanner,
+                 "a preset of models/scanners, such as utm_30lx, or a YAML\nfile; --rate and --sweep-s have precedence")
+      ->type_name("NAME|FILE")
+      ->excludes("--resolution-deg")
+      ->excludes("--rings");
+  app.callback([&app, &options] {
     SimulatedScannerParams& lidar = options.lidar;
+    if (!options.scanner.empty()) {
+      const SimulatedScannerParams given = lidar;
+      lidar = load_scanner_preset(scanner_file(options.scanner));
+      if (app.count("--rate") > 0) lidar.rate_hz = given.rate_hz;
+      if (app.count("--sweep-s") > 0) lidar.sweep_s = given.sweep_s;
+      return;
+    }
     lidar.beams = 1 + static_cast<int>(kFieldOfView_deg / std::abs(options.resolution_deg) + 1e-9);
     lidar.angle_increment_rad = radians(options.resolution_deg);
     lidar.angle_min_rad = std::copysign(radians(kFieldOfView_deg / 2.0), -options.resolution_deg);
@@ -78,13 +98,15 @@ float whole_millimetres(float length_m) { return std::round(length_m * 1000.0F) 
 void record(const Options& options, SimulatedScan simulated, rosbag::Bag& bag) {
   const SimulatedScannerParams& lidar = options.lidar;
   simulated.scan.stamp_ns += kSimulationStart_ns;
-  for (Beam& beam : simulated.scan.beams) beam.range_m = whole_millimetres(beam.range_m);
+  if (options.scanner.empty()) {
+    for (Beam& beam : simulated.scan.beams) beam.range_m = whole_millimetres(beam.range_m);
+  }
   const ros::Time stamp = to_ros_time(simulated.scan.stamp_ns);
   const sensor_msgs::LaserScan scan =
       scan_to_msg(simulated.scan, "lidar", lidar.range_min_m, lidar.range_max_m, 1.0 / lidar.rate_hz);
   tf2_msgs::TFMessage tf;
   tf.transforms.push_back(transform_to_msg(simulated.T_world_lidar, simulated.scan.stamp_ns, "world", "lidar"));
-  if (lidar.sweep_s > 0.0) {
+  if (simulated.scan.time_increment_s > 0.0) {
     tf.transforms.push_back(
         transform_to_msg(simulated.T_world_lidar_end, to_nanoseconds(time_of_last_beam(scan)), "world", "lidar"));
   }
