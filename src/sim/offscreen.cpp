@@ -22,7 +22,7 @@ int checked_size(int size, const std::string& name) {
 /// An OpenGL context without a window.
 class OffscreenWorld::Context {
  public:
-  Context() try {
+  Context() {
     display_ = eglGetPlatformDisplay(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, nullptr);
     if (!begin()) {  // drivers that are not Mesa's
       display_ = eglGetDisplay(EGL_DEFAULT_DISPLAY);
@@ -48,12 +48,9 @@ class OffscreenWorld::Context {
       throw std::runtime_error("EGL has no format of 8 bits per colour");
     }
     context_ = eglCreateContext(display_, config, EGL_NO_CONTEXT, nullptr);
-    if (context_ == EGL_NO_CONTEXT || !make_current()) {
-      throw std::runtime_error("EGL makes no context without a surface");
-    }
-  } catch (...) {
+    if (context_ != EGL_NO_CONTEXT && make_current()) return;
     end();
-    throw;
+    throw std::runtime_error("EGL makes no context without a surface");
   }
   ~Context() { end(); }
   /// Others may have been made current in this thread since. False where EGL takes no context without a surface.
