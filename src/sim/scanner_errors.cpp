@@ -2,6 +2,7 @@
 #include "situation_awareness/sim/scanner_errors.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 
@@ -10,9 +11,15 @@ namespace {
 
 constexpr std::size_t kAxis = kRaysOfBeam / 2;
 
-double unscaled_share(int ray) {
-  const double place = place_in_beam(ray);
-  return std::sqrt(1.0 - place * place);
+std::array<double, kRaysOfBeam> shares_of_beam() {
+  std::array<double, kRaysOfBeam> shares{};
+  double sum = 0.0;
+  for (int ray = 0; ray < kRaysOfBeam; ++ray) {
+    const double place = place_in_beam(ray);
+    sum += shares[static_cast<std::size_t>(ray)] = std::sqrt(1.0 - place * place);
+  }
+  for (double& share : shares) share /= sum;
+  return shares;
 }
 
 /// Light returned by one surface.
@@ -42,9 +49,8 @@ double quantised(double range_m, double quantum_m, double low_m, double high_m) 
 }
 
 double share_of_beam(int ray) {
-  double sum = 0.0;
-  for (int other = 0; other < kRaysOfBeam; ++other) sum += unscaled_share(other);
-  return unscaled_share(ray) / sum;
+  static const std::array<double, kRaysOfBeam> shares = shares_of_beam();
+  return shares[static_cast<std::size_t>(ray)];
 }
 
 bool is_at_depth_edge(const BeamRays& rays, double edge_depth_m) {
