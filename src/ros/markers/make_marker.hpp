@@ -50,4 +50,26 @@ inline geometry_msgs::Point make_point(const Eigen::Vector2d& p_m, double z_m) {
   return point;
 }
 
+/// The motion in 1 s of an object at p_m.
+inline visualization_msgs::Marker make_velocity(const std_msgs::Header& header, std::uint64_t id, const Color& color,
+                                                const Eigen::Vector2d& p_m, const Eigen::Vector2d& velocity_m_s,
+                                                double z_m, double shaft_diameter_m, double head_diameter_m) {
+  auto m = make_marker(header, "velocity", id, visualization_msgs::Marker::ARROW, color, 1.0F);
+  m.points = {make_point(p_m, z_m), make_point(p_m + velocity_m_s, z_m)};
+  m.scale.x = shaft_diameter_m;
+  m.scale.y = head_diameter_m;
+  m.scale.z = 0.12;  // head length
+  return m;
+}
+
+/// What an object is called, at p_m.
+inline visualization_msgs::Marker make_label(const std_msgs::Header& header, std::uint64_t id, const std::string& text,
+                                             const Eigen::Vector2d& p_m, double z_m) {
+  auto m = make_marker(header, "id", id, visualization_msgs::Marker::TEXT_VIEW_FACING, kInkColor, 1.0F);
+  m.pose.position = make_point(p_m, z_m);
+  m.scale.z = 0.28;
+  m.text = text;
+  return m;
+}
+
 }  // namespace situation_awareness

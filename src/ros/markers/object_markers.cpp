@@ -31,22 +31,14 @@ Marker body(const std_msgs::Header& header, const Object& object, double height_
 }
 
 Marker velocity(const std_msgs::Header& header, const Object& object, double height_m) {
-  Marker m = make_marker(header, "velocity", object.id, Marker::ARROW, color_of(object.id), 1.0F);
-  const double z_m = height_m + kBodyHeight_m;
-  const Eigen::Vector2d in_1s_m = object.ellipse_world.center_m + object.velocity_world_m_s;
-  m.points = {make_point(object.ellipse_world.center_m, z_m), make_point(in_1s_m, z_m)};
-  m.scale.x = 0.05;  // shaft diameter
-  m.scale.y = 0.14;  // head diameter
-  m.scale.z = 0.12;  // head length
-  return m;
+  constexpr double kShaftDiameter_m = 0.05, kHeadDiameter_m = 0.14;
+  return make_velocity(header, object.id, color_of(object.id), object.ellipse_world.center_m, object.velocity_world_m_s,
+                       height_m + kBodyHeight_m, kShaftDiameter_m, kHeadDiameter_m);
 }
 
 Marker number(const std_msgs::Header& header, const Object& object, double height_m) {
-  Marker m = make_marker(header, "id", object.id, Marker::TEXT_VIEW_FACING, kInkColor, 1.0F);
-  m.pose.position = make_point(object.ellipse_world.center_m, height_m + 2.0 * kBodyHeight_m);
-  m.scale.z = 0.28;
-  m.text = std::to_string(object.id);
-  return m;
+  return make_label(header, object.id, std::to_string(object.id), object.ellipse_world.center_m,
+                    height_m + 2.0 * kBodyHeight_m);
 }
 
 Marker uncertainty(const std_msgs::Header& header, const Object& object, double height_m) {

@@ -38,23 +38,10 @@ Marker outline(const std_msgs::Header& header, std::uint64_t id, const std::vect
   return m;
 }
 
-Marker velocity(const std_msgs::Header& header, std::uint64_t id, const Eigen::Vector2d& from_world_m,
+Marker velocity(const std_msgs::Header& header, std::uint64_t id, const Eigen::Vector2d& p_world_m,
                 const Eigen::Vector2d& velocity_world_m_s, double z_m) {
-  Marker m = make_marker(header, "velocity", id, Marker::ARROW, kInkColor, 1.0F);
-  m.points = {make_point(from_world_m, z_m), make_point(from_world_m + velocity_world_m_s, z_m)};
-  m.scale.x = 0.02;  // shaft diameter
-  m.scale.y = 0.06;  // head diameter
-  m.scale.z = 0.12;  // head length
-  return m;
-}
-
-Marker name(const std_msgs::Header& header, std::uint64_t id, const std::string& text, const Eigen::Vector2d& p_world_m,
-            double z_m) {
-  Marker m = make_marker(header, "id", id, Marker::TEXT_VIEW_FACING, kInkColor, 1.0F);
-  m.pose.position = make_point(p_world_m, z_m);
-  m.scale.z = 0.28;
-  m.text = text;
-  return m;
+  constexpr double kShaftDiameter_m = 0.02, kHeadDiameter_m = 0.06;
+  return make_velocity(header, id, kInkColor, p_world_m, velocity_world_m_s, z_m, kShaftDiameter_m, kHeadDiameter_m);
 }
 
 }  // namespace
@@ -84,7 +71,8 @@ visualization_msgs::MarkerArray TruthMarkers::update(const std::vector<TrueObjec
     }
     // Above the object, and the map's id in it, so that both are readable.
     const Eigen::Vector2d p_name_m(center_world_m.x(), top_m + 0.2);
-    markers.push_back(name(header, object.id, names[object.id - 1], p_name_m, height_world_m + 2.0 * kBodyHeight_m));
+    markers.push_back(
+        make_label(header, object.id, names[object.id - 1], p_name_m, height_world_m + 2.0 * kBodyHeight_m));
   }
   return shown_.update(header, std::move(markers));
 }
