@@ -111,7 +111,7 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
   if (known_level.empty()) return segments;
   thread_local Workspace work;
   work.overlaps = overlaps_of(segments, known_level, std::move(work.overlaps));
-  work.wholes.swap(segments.segments);
+  work.wholes = segments.segments;  // a swap would hand a short memory to the next caller on this thread
   segments.segments.clear();
   auto overlap = work.overlaps.cbegin();
   for (std::size_t s = 0; s < work.wholes.size(); ++s) {
