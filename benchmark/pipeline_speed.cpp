@@ -39,7 +39,7 @@ constexpr const char* kDescription =
 
 struct Options {
   std::string config, models;
-  int beams = 1081, objects = 12, elements = 0, threads = 1, scans = 600, warm_up = 160, rate_hz = 0, seed = 1;
+  int beams = 1081, objects = 12, elements = 0, threads = 1, scans = 600, warm_up = 1200, rate_hz = 0, seed = 1;
   bool networks = false;
 };
 
@@ -360,26 +360,36 @@ class Run {
 Json run_case(const Options& options) {
   ObjectPipelineParams params = load_object_pipeline_params(options.config, options.models);
   if (options.elements > 0) params.objects.max_unseen_s = 1e6;  // keeps all of them until the last scan
-  std::vector<std::unique_ptr<Run>> runs;
-  for (int i = 0; i < options.threads; ++i) runs.push_back(std::make_unique<Run>(options, params, i));
-
-  std::vector<std::exception_ptr> errors(runs.size());
-  std::vector<double> thread_cpu_us(runs.size());
+  // Each run is made, and so warmed up, on the thread that runs it: the stages keep memory per thread.
+  const auto n = static_cast<std::size_t>(options.threads);
+  std::vector<std::unique_ptr<Run>> runs(n);
+  std::vector<std::exception_ptr> errors(n);
+  std::vector<double> thread_cpu_us(n);
   std::vector<std::thread> threads;
-  std::atomic<std::size_t> waiting{runs.size()};
-  const double cpu_before_us = cpu_now_us(CLOCK_PROCESS_CPUTIME_ID);
-  for (std::size_t i = 0; i < runs.size(); ++i) {
+  std::atomic<std::size_t> waiting{n};
+  std::atomic<bool> started{false};
+  for (std::size_t i = 0; i < n; ++i) {
     threads.emplace_back([&, i] {
+      try {
+        runs[i] = std::make_unique<Run>(options, params, static_cast<int>(i));
+      } catch (...) {
+        errors[i] = std::current_exception();
+      }
       --waiting;
-      while (waiting > 0) std::this_thread::yield();
+      while (!started) std::this_thread::yield();
+      if (errors[i]) return;
+      const double before_us = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
       try {
         runs[i]->run();
       } catch (...) {
         errors[i] = std::current_exception();
       }
-      thread_cpu_us[i] = cpu_now_us(CLOCK_THREAD_CPUTIME_ID);
+      thread_cpu_us[i] = cpu_now_us(CLOCK_THREAD_CPUTIME_ID) - before_us;
     });
   }
+  while (waiting > 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  const double cpu_before_us = cpu_now_us(CLOCK_PROCESS_CPUTIME_ID);
+  started = true;
   for (std::thread& thread : threads) thread.join();
   const double cpu_of_all_us = cpu_now_us(CLOCK_PROCESS_CPUTIME_ID) - cpu_before_us;
   for (const std::exception_ptr& error : errors) {

@@ -377,7 +377,7 @@ is faster.
 
 def report_of(arguments, results, measured):
     parts = ["# Time from scan to map\n", introduction(measured, INTRODUCTION.format(
-        scans=arguments.scans, warm_up=160, rounds=arguments.rounds))]
+        scans=arguments.scans, warm_up=1200, rounds=arguments.rounds))]
     if not arguments.full:
         parts.append("**A quick look**: fewer scans or rounds than are published.\n")
     picture = lambda name, text: f"![{text}](images/{name})\n"
