@@ -14,8 +14,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/core/utility.hpp>
 #include <opencv2/dnn.hpp>
+#include <opencv2/dnn/all_layers.hpp>
 
 #include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/detections/dense_layers.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -105,6 +107,40 @@ Manifest read_manifest(const std::string& path) {
   return manifest;
 }
 
+/// The layers of `net` if they are a chain of fully connected ones, with or without a ReLU behind each; else none.
+DenseLayers dense_layers_of(const cv::dnn::Net& net) {
+  struct Layer {
+    cv::Mat A;
+    cv::Mat b;
+    bool relu;
+  };
+  std::vector<Layer> chain;
+  cv::Ptr<cv::dnn::Layer> previous;
+  for (const std::string& name : net.getLayerNames()) {
+    const int id = net.getLayerId(name);
+    const cv::Ptr<cv::dnn::Layer> layer = net.getLayer(id);
+    const std::vector<cv::Ptr<cv::dnn::Layer>> inputs = net.getLayerInputs(id);
+    if (inputs.size() != 1 || (previous && inputs.front() != previous)) return {};
+    const auto relu = layer.dynamicCast<cv::dnn::ReLULayer>();
+    const bool flattens_rows = chain.empty() && layer.dynamicCast<cv::dnn::FlattenLayer>();
+    if (layer.dynamicCast<cv::dnn::InnerProductLayer>() && layer->blobs.size() == 2) {
+      chain.push_back({layer->blobs[0], layer->blobs[1].reshape(1, 1).clone(), false});
+    } else if (relu && relu->negativeSlope == 0.0F && !chain.empty()) {
+      chain.back().relu = true;
+    } else if (!flattens_rows && !layer.dynamicCast<cv::dnn::BlankLayer>()) {
+      return {};
+    }
+    previous = layer;
+  }
+  DenseLayers layers;
+  for (const auto& [A, b, relu] : chain) {
+    const cv::Mat rows = A.clone();  // continuous
+    layers.add(Eigen::Map<const DenseLayers::Rows>(rows.ptr<float>(), rows.rows, rows.cols),
+               Eigen::Map<const Eigen::VectorXf>(b.ptr<float>(), b.cols), relu);
+  }
+  return layers;
+}
+
 }  // namespace
 
 class OnnxModel::Impl {
@@ -130,6 +166,10 @@ class OnnxModel::Impl {
         throw std::runtime_error("its only output is not '" + output_tensor_.name + "'");
       }
       check_golden(manifest.golden);
+      dense_ = dense_layers_of(net_);
+      if (dense_.empty()) return;
+      net_ = cv::dnn::Net();
+      check_golden(manifest.golden);
     } catch (const cv::Exception& error) {  // its what() is too long for a message
       throw std::runtime_error(onnx_path + ": not usable as a network (" + error.err + ")");
     } catch (const std::exception& error) {
@@ -142,27 +182,12 @@ class OnnxModel::Impl {
   const std::string& file_sha256() const { return sha256_; }
 
   float* resize(int rows, float value) {
-    std::vector<int> shape{rows};
-    shape.insert(shape.end(), input_tensor_.shape.begin(), input_tensor_.shape.end());
-    input_.create(static_cast<int>(shape.size()), shape.data(), CV_32F);
-    input_.setTo(value);
-    return input_.ptr<float>();
+    rows_ = rows;
+    input_.assign(static_cast<std::size_t>(rows) * static_cast<std::size_t>(inputs()), value);
+    return input_.data();
   }
 
-  const float* forward() {
-    // OpenCV runs nested parallel loops on the calling thread, so an outer loop of one iteration keeps this forward
-    // from using a thread per core beside the nodelet manager's; cv::setNumThreads would affect all other users of
-    // OpenCV in the process.
-    cv::parallel_for_(cv::Range(0, 1), [this](const cv::Range&) {
-      net_.setInput(input_, input_tensor_.name);
-      net_.forward(output_);
-    });
-    if (output_.dims != 2 || output_.rows != input_.size[0] || output_.cols != outputs() || output_.type() != CV_32F ||
-        !output_.isContinuous()) {
-      throw std::runtime_error("its output does not have " + std::to_string(outputs()) + " numbers per row");
-    }
-    return output_.ptr<float>();
-  }
+  const float* forward() { return dense_.empty() ? forward_by_opencv() : dense_.forward(input_.data(), rows_); }
 
  private:
   void check_golden(const Golden& golden) {
@@ -175,12 +200,32 @@ class OnnxModel::Impl {
     }
   }
 
+  const float* forward_by_opencv() {
+    std::vector<int> shape{rows_};
+    shape.insert(shape.end(), input_tensor_.shape.begin(), input_tensor_.shape.end());
+    const cv::Mat input(shape, CV_32F, input_.data());
+    // OpenCV runs nested parallel loops on the calling thread, so an outer loop of one iteration keeps this forward
+    // from using a thread per core beside the nodelet manager's; cv::setNumThreads would affect all other users of
+    // OpenCV in the process.
+    cv::parallel_for_(cv::Range(0, 1), [this, &input](const cv::Range&) {
+      net_.setInput(input, input_tensor_.name);
+      net_.forward(output_);
+    });
+    if (output_.dims != 2 || output_.rows != rows_ || output_.cols != outputs() || output_.type() != CV_32F ||
+        !output_.isContinuous()) {
+      throw std::runtime_error("its output does not have " + std::to_string(outputs()) + " numbers per row");
+    }
+    return output_.ptr<float>();
+  }
+
   std::string sha256_;
   Tensor input_tensor_;
   Tensor output_tensor_;
-  cv::dnn::Net net_;
-  cv::Mat input_;
-  cv::Mat output_;
+  DenseLayers dense_;  ///< the network if it is a chain of them, because a forward of OpenCV allocates; else none
+  cv::dnn::Net net_;   ///< the network if it is another one
+  cv::Mat output_;     ///< of net_
+  int rows_ = 0;
+  std::vector<float> input_;
 };
 
 OnnxModel::OnnxModel(const std::string& onnx_path) : impl_(std::make_unique<Impl>(onnx_path)) {}

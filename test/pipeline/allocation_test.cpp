@@ -9,8 +9,6 @@
 #include <vector>
 
 #include "allocations.hpp"
-#include "situation_awareness/detections/detect_each.hpp"
-#include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
@@ -42,7 +40,6 @@ std::vector<Scan> scans() {
 /// Allocations of a second round of the same scans.
 struct SecondRound {
   std::int64_t asked = 0;
-  std::vector<int> rows;  ///< segments that the detector was asked about, scan by scan, in both rounds
   std::size_t objects = 0;
 };
 
@@ -52,7 +49,6 @@ SecondRound second_round(const std::string& detector) {
   ObjectPipeline pipeline(params);
   std::vector<Scan> all = scans();
   SecondRound result;
-  result.rows.reserve(2 * all.size());
   Objects map;
   std::vector<HitLabel> labels;
   std::int64_t stamp_ns = 1'000'000'000;
@@ -61,12 +57,7 @@ SecondRound second_round(const std::string& detector) {
     for (Scan& scan : all) {
       scan.stamp_ns = stamp_ns += 50'000'000;
       const ObjectPipelineResult& made = pipeline.process(scan, Eigen::Isometry3d::Identity());
-      const Segments& segments = made.segments;
-      result.rows.push_back(static_cast<int>(
-          std::count_if(segments.segments.begin(), segments.segments.end(), [](const Segment& segment) {
-            return segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0';
-          })));
-      labels = label_hits(segments, made.detections, map, std::move(labels));
+      labels = label_hits(made.segments, made.detections, map, std::move(labels));
       map = pipeline.map().at(scan.stamp_ns, std::move(map));
     }
     result.asked = allocations().count - before;
@@ -84,29 +75,11 @@ TEST(Allocation, TheCounterCounts) {
 }
 
 TEST(Allocation, NoneFromScanToMapAfterWarmUp) {
-  const SecondRound round = second_round("least_squares");
-  EXPECT_GE(round.objects, 4U);
-  EXPECT_EQ(round.asked, 0);
-}
-
-// OpenCV's forward allocates, more where the number of rows changes; nothing else does.
-TEST(Allocation, WithTheNetworkOnlyInItsForward) {
-  const SecondRound round = second_round("network");
-  EXPECT_GE(round.objects, 4U);
-
-  OnnxModel model(kSource + "/models/ellipse.onnx");
-  std::int64_t of_forwards = 0;
-  for (std::size_t i = 0; i < round.rows.size(); ++i) {
-    const std::int64_t before = allocations().count;
-    if (round.rows[i] > 0) {
-      model.resize(round.rows[i]);
-      model.forward();
-    }
-    if (i >= kScans) of_forwards += allocations().count - before;
+  for (const char* detector : {"least_squares", "network"}) {
+    const SecondRound round = second_round(detector);
+    EXPECT_GE(round.objects, 4U) << detector;
+    EXPECT_EQ(round.asked, 0) << detector;
   }
-  RecordProperty("per_scan", std::to_string(static_cast<double>(round.asked) / kScans));
-  EXPECT_GT(of_forwards, 0);
-  EXPECT_EQ(round.asked, of_forwards);
 }
 
 TEST(Allocation, NoneForTheSliceOfACloudAfterWarmUp) {

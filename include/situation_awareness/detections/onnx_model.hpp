@@ -6,8 +6,9 @@
 
 namespace situation_awareness {
 
-/// A network with one row of inputs and outputs per sample, read from an ONNX file and run by OpenCV dnn on the calling
-/// thread only. Not thread-safe: one model, one thread.
+/// A network with one row of inputs and outputs per sample, read from an ONNX file by OpenCV dnn and run on the calling
+/// thread only: fully connected layers by DenseLayers, without allocation after the largest batch, all others by OpenCV
+/// dnn. Not thread-safe: one model, one thread.
 class OnnxModel {
  public:
   /// Reads MODEL.onnx and, beside it, MODEL.manifest.yaml, which has (docs/math/detections.md, "Loading")

@@ -1,0 +1,135 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/dense_layers.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <cstring>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+namespace situation_awareness {
+namespace {
+
+// Fast but ugly, for `pipeline_speed` (scripts/evaluate speed, "detect"): the sums of a tile, some rows by kPanel
+// outputs, stay in the processor's vector registers, so that each weight is loaded once per tile.
+
+constexpr int kPanel = 16;  // outputs of a tile
+
+struct Product {
+  const float* inputs;  ///< rows of n numbers
+  int n;
+  const float* panels;
+  int outputs;
+  bool relu;
+  float* results;  ///< rows of `outputs` numbers
+};
+
+struct Four {
+  static constexpr int kWidth = 4;
+  using Vector = float __attribute__((vector_size(kWidth * sizeof(float))));
+};
+
+#if defined(__x86_64__)
+struct Eight {
+  static constexpr int kWidth = 8;
+  using Vector = float __attribute__((vector_size(kWidth * sizeof(float))));
+};
+#endif
+
+template <typename Lanes, int kRows>
+[[gnu::always_inline]] inline void multiply_tile(const Product& product, int row, int panel) {
+  using Vector = typename Lanes::Vector;
+  constexpr int kWidth = Lanes::kWidth;
+  constexpr int kVectors = kPanel / kWidth;
+  const auto n = static_cast<std::ptrdiff_t>(product.n);
+  const float* const x = product.inputs + row * n;
+  const float* w = product.panels + panel * kPanel * (n + 1);
+  Vector sums[kRows][kVectors];
+  for (int v = 0; v < kVectors; ++v) {
+    Vector bias;
+    std::memcpy(&bias, w + v * kWidth, sizeof(bias));
+    for (int r = 0; r < kRows; ++r) sums[r][v] = bias;
+  }
+  for (std::ptrdiff_t i = 0; i < n; ++i) {
+    w += kPanel;
+    for (int v = 0; v < kVectors; ++v) {
+      Vector weights;
+      std::memcpy(&weights, w + v * kWidth, sizeof(weights));
+      for (int r = 0; r < kRows; ++r) sums[r][v] += weights * x[r * n + i];
+    }
+  }
+  const int first = panel * kPanel;
+  const int last = std::min(first + kPanel, product.outputs);
+  for (int r = 0; r < kRows; ++r) {
+    float results[kPanel];
+    std::memcpy(results, sums[r], sizeof(results));
+    float* const y = product.results + static_cast<std::ptrdiff_t>(row + r) * product.outputs;
+    for (int j = first; j < last; ++j) {
+      const float sum = results[j - first];
+      y[j] = product.relu && sum < 0.0F ? 0.0F : sum;
+    }
+  }
+}
+
+template <typename Lanes, int kRows>
+[[gnu::always_inline]] inline void multiply_rows(const Product& product, int rows) {
+  const int panels = (product.outputs + kPanel - 1) / kPanel;
+  for (int panel = 0; panel < panels; ++panel) {
+    int row = 0;
+    for (; row + kRows <= rows; row += kRows) multiply_tile<Lanes, kRows>(product, row, panel);
+    for (; row < rows; ++row) multiply_tile<Lanes, 1>(product, row, panel);
+  }
+}
+
+void multiply_portable(const Product& product, int rows) { multiply_rows<Four, 2>(product, rows); }
+
+#if defined(__x86_64__)
+[[gnu::target("avx2,fma")]] void multiply_avx2(const Product& product, int rows) {
+  multiply_rows<Eight, 4>(product, rows);
+}
+#endif
+
+void multiply(const Product& product, int rows) {
+#if defined(__x86_64__)
+  static const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  if (has_avx2) return multiply_avx2(product, rows);
+#endif
+  multiply_portable(product, rows);
+}
+
+}  // namespace
+
+void DenseLayers::add(const Eigen::Ref<const Rows>& A, const Eigen::Ref<const Eigen::VectorXf>& b, bool relu) {
+  if (A.size() == 0 || b.size() != A.rows() || (!empty() && A.cols() != outputs())) {
+    throw std::invalid_argument("a layer of " + std::to_string(A.rows()) + " outputs, " + std::to_string(A.cols()) +
+                                " inputs and " + std::to_string(b.size()) + " biases behind " +
+                                std::to_string(outputs()) + " outputs");
+  }
+  Layer layer{static_cast<int>(A.cols()), static_cast<int>(A.rows()), relu, {}};
+  for (int first = 0; first < layer.outputs; first += kPanel) {
+    for (int i = -1; i < layer.inputs; ++i) {
+      for (int j = first; j < first + kPanel; ++j) {
+        const bool filled = j >= layer.outputs;
+        layer.panels.push_back(filled ? 0.0F : i < 0 ? b(j) : A(j, i));
+      }
+    }
+  }
+  layers_.push_back(std::move(layer));
+}
+
+int DenseLayers::inputs() const { return empty() ? 0 : layers_.front().inputs; }
+int DenseLayers::outputs() const { return empty() ? 0 : layers_.back().outputs; }
+
+const float* DenseLayers::forward(const float* inputs, int rows) {
+  for (const Layer& layer : layers_) {
+    const auto size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(layer.outputs);
+    if (back_.size() < size) back_.resize(size);
+    multiply({inputs, layer.inputs, layer.panels.data(), layer.outputs, layer.relu, back_.data()}, rows);
+    std::swap(front_, back_);
+    inputs = front_.data();
+  }
+  return inputs;
+}
+
+}  // namespace situation_awareness
