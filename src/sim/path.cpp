@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/path.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -174,6 +175,38 @@ Path with_body(PathText& text, double height_m, const Path& body) {
   };
 }
 
+/// A foot: it stands for half of the period where its place in the body's axes is in the middle of this time, then goes
+/// to the next such place with the least jerk.
+Path foot_of_body(PathText& text, double height_m, const Path& body) {
+  const Row at = text.take("at", 2);
+  const double period_s = text.take_positive("steps");
+  const double phase_cycles = text.take_number("phase", 0.0) / (2.0 * kPi);
+  const auto foothold = [=](double cycle) {
+    const PathState carrier = body((cycle - phase_cycles) * period_s);
+    const Eigen::Vector2d place_m =
+        carrier.position_m.head<2>() + Eigen::Rotation2Dd(carrier.yaw_rad) * Eigen::Vector2d(at[0], at[1]);
+    return Eigen::Vector3d(place_m.x(), place_m.y(), carrier.yaw_rad);
+  };
+  return [=](double time_s) {
+    const double cycles = time_s / period_s + phase_cycles;
+    const double cycle = std::floor(cycles + 0.25);                // stands from a quarter before to a quarter after it
+    const double s = std::max(0.0, 2.0 * (cycles - cycle) - 0.5);  // the part of the way
+    const Eigen::Vector3d from = foothold(cycle);
+    Eigen::Vector3d way = foothold(cycle + 1.0) - from;
+    way.z() = wrap_to_pi(way.z());
+    const Eigen::Vector3d pose = from + s * s * s * (10.0 + s * (6.0 * s - 15.0)) * way;
+    const Eigen::Vector3d rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) * 2.0 / period_s * way;
+    PathState state;
+    state.position_m << pose.head<2>(), height_m;
+    state.velocity_m_s << rate.head<2>(), 0.0;
+    state.acceleration_m_s2.setConstant(std::numeric_limits<double>::quiet_NaN());
+    state.jerk_m_s3.setConstant(std::numeric_limits<double>::quiet_NaN());
+    state.yaw_rad = pose.z();
+    state.yaw_rate_rad_s = rate.z();
+    return state;
+  };
+}
+
 /// The waypoints of a loop as columns (x, y, z, yaw). Yaw goes the shorter way from point to point, without jumps.
 Eigen::Matrix4Xd waypoints(const std::vector<Row>& rows, double height_m) {
   if (rows.size() < 3) throw std::invalid_argument("needs at least 3 points");
@@ -291,7 +324,7 @@ Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, doub
       throw std::invalid_argument("moves with '" + words.body() +
                                   "', which only an object may, and only with a body that has a path of its own");
     }
-    path = with_body(words, position_m.z(), body);
+    path = words.has("steps") ? foot_of_body(words, position_m.z(), body) : with_body(words, position_m.z(), body);
   } else {
     throw std::invalid_argument("starts with '" + kind + "' instead of stand, circle, line, straight, loop or with");
   }

@@ -51,8 +51,8 @@ TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
   constexpr double h = 1e-4;
   for (const std::string& carrier : carriers) {
     const PathOfBody path_of_body = [&](const std::string&) { return parse_path(carrier, {0.5, -0.5, 0.9}, 0.4); };
-    for (const std::string text :
-         {"with it at 0.3 -0.2", "with it at 0.3 -0.2 swing 0.4 period 1.3 phase 2 spin 0.6"}) {
+    for (const std::string text : {"with it at 0.3 -0.2", "with it at 0.3 -0.2 swing 0.4 period 1.3 phase 2 spin 0.6",
+                                   "with it at 0 0.1 steps 1.1 phase 2"}) {
       const Path path = parse_path(text, {0.0, 0.0, 0.9}, 0.4, path_of_body);
       for (double t = -3.0; t < 20.0; t += 0.317) {
         const PathState now = path(t), before = path(t - h), after = path(t + h);
@@ -74,6 +74,44 @@ TEST(Path, HasAFixedPositionInTheAxesOfItsCarrier) {
     EXPECT_LT((state.position_m.head<2>() - (it.position_m.head<2>() + ahead * x - 0.2 * y)).norm(), 1e-12);
     EXPECT_EQ(state.position_m.z(), 3.0);
     EXPECT_NEAR(state.yaw_rad - it.yaw_rad, 0.7, 1e-12);
+  }
+}
+
+TEST(Path, OneFootStandsWhileTheOtherPassesIt) {
+  constexpr double kPeriod_s = 1.2, kSpeed_m_s = 0.9;
+  const Path carrier = parse_path("straight from 1 2 velocity 0.72 0.54 tangent", {0, 0, 1}, 0.0);  // at 0.9 m/s
+  const PathOfBody path_of_body = [&](const std::string&) { return carrier; };
+  const auto foot = [&](const std::string& text) { return parse_path(text, {0, 0, 0.3}, 0.0, path_of_body); };
+  const Path left = foot("with it at 0 0.1 steps 1.2"), right = foot("with it at 0 -0.1 steps 1.2 phase 3.14159265359");
+  const Eigen::Vector2d ahead(0.8, 0.6), to_left(-0.6, 0.8);
+  double farthest_m = 0.0, fastest_m_s = 0.0;
+  for (double t = -2.0; t < 6.0; t += 0.01) {
+    const PathState state = left(t), body = carrier(t);
+    const double cycles = t / kPeriod_s, off = cycles - std::round(cycles);
+    if (std::abs(off) > 0.249 && std::abs(off) < 0.251) continue;
+    EXPECT_EQ(state.velocity_m_s.isZero(0.0), std::abs(off) < 0.25) << t;
+    EXPECT_EQ(right(t).velocity_m_s.isZero(1e-9), std::abs(off) > 0.25) << t;
+    const Eigen::Vector2d q = (state.position_m - body.position_m).head<2>();
+    EXPECT_NEAR(q.dot(to_left), 0.1, 1e-9);
+    if (std::abs(off) < 0.25) {
+      EXPECT_NEAR(q.dot(ahead), -off * kPeriod_s * kSpeed_m_s, 1e-9);
+    }
+    EXPECT_LT(std::abs(q.dot(ahead)), 0.3 * kPeriod_s * kSpeed_m_s);  // half of a step, and left behind at the start
+    farthest_m = std::max(farthest_m, (state.position_m - right(t).position_m).head<2>().dot(ahead));
+    fastest_m_s = std::max(fastest_m_s, state.velocity_m_s.norm());
+    EXPECT_EQ(state.position_m.z(), 0.3);
+  }
+  EXPECT_NEAR(farthest_m, 0.5 * kPeriod_s * kSpeed_m_s, 0.01);  // a step
+  EXPECT_NEAR(fastest_m_s, 15.0 / 8.0 * 2.0 * kSpeed_m_s, 0.01);
+  const PathState first = left(0.0);  // the middle of a stand at phase 0
+  EXPECT_LT((first.position_m.head<2>() - (carrier(0.0).position_m.head<2>() + 0.1 * to_left)).norm(), 1e-12);
+
+  const Path standing = parse_path("stand", {3, 4, 1}, 0.5);
+  const Path still =
+      parse_path("with it at 0 0.1 steps 1.2", {0, 0, 0.3}, 0.0, [&](const std::string&) { return standing; });
+  for (const double t : {0.0, 0.3, 0.5, 7.7}) {
+    EXPECT_LT((still(t).position_m - Eigen::Vector3d(3 - 0.1 * std::sin(0.5), 4 + 0.1 * std::cos(0.5), 0.3)).norm(),
+              1e-12);
   }
 }
 
@@ -144,6 +182,9 @@ TEST(Path, NamesTheErrorInItsText) {
   EXPECT_TRUE(names(path_error("with it at 0 1 swing 1", path_of_body), {"period"}));
   EXPECT_TRUE(names(path_error("with it at 0 1 period 1", path_of_body), {"period"}));
   EXPECT_TRUE(names(path_error("with it at 0 1 tangent", path_of_body), {"tangent"}));
+  EXPECT_TRUE(names(path_error("with it at 0 1 steps 0", path_of_body), {"steps", "positive"}));
+  EXPECT_TRUE(names(path_error("with it at 0 1 steps 1 swing 1", path_of_body), {"swing"}));
+  EXPECT_TRUE(names(path_error("straight from 0 1 velocity 1 0 steps 1"), {"steps"}));
 }
 
 TEST(PeriodicSpline, PassesItsPointsWithFourContinuousDerivatives) {

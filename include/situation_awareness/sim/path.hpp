@@ -21,7 +21,8 @@ struct PathState {
   double yaw_rate_rad_s = 0.0;
 };
 
-/// A scripted path: a function of time in seconds, at least three times continuously differentiable.
+/// A scripted path: a function of time in seconds, at least three times continuously differentiable; that of a foot
+/// twice.
 using Path = std::function<PathState(double time_s)>;
 
 /// The path of the body of that name; empty where it has none, or none that another may move with.
@@ -37,6 +38,7 @@ using PathOfBody = std::function<Path(const std::string& body)>;
 ///     loop speed V points X Y Z YAW; ...                the same with height and yaw
 ///
 ///     with BODY at X Y [swing A period T [phase P]]     carried by another body, (X, Y) in its axes
+///     with BODY at X Y steps T [phase P]                a foot of another body, two steps of which take T
 ///
 /// and for all but the loop with yaw the rotation: `spin W` (default 0), or `tangent` for a body that keeps its angle
 /// to the direction of motion; and the time of presence: `appears T`, `goes T` (facts_of_path). `position_m` and
