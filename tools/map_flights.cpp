@@ -18,6 +18,7 @@
 #include <vector>
 
 #include <yaml-cpp/yaml.h>
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
 
 #include "command_line.hpp"
@@ -29,6 +30,8 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "situation_awareness/sim/scanner_presets.hpp"
+#include "situation_awareness/sim/truth.hpp"
+#include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -167,6 +170,60 @@ Json motion_json(const Object& object) {
           {"vy", object.velocity_world_m_s.y()}};
 }
 
+/// To 0.1 mm: with all digits these would be most of the file.
+Json points_json(const std::vector<Eigen::Vector2d>& points_m) {
+  Json json = Json::array();
+  for (const Eigen::Vector2d& p_m : points_m) {
+    json.push_back({std::round(1e4 * p_m.x()) / 1e4, std::round(1e4 * p_m.y()) / 1e4});
+  }
+  return json;
+}
+
+/// Length and width along the thing's axes of what its parts cover.
+Eigen::Vector2d extent_m(const TrueThing& thing, const std::vector<TrueObject>& objects) {
+  const Pose2 T_thing_world = inverse(thing.T_world_thing);
+  Eigen::AlignedBox2d box;
+  for (const std::size_t part : thing.parts) {
+    for (const Eigen::Vector2d& p_world_m : outline_of(objects[part])) box.extend(T_thing_world * p_world_m);
+  }
+  return box.sizes();
+}
+
+/// The things that are there at the stamp of the scan, with the places where its beams hit them within the truth's
+/// range: without errors, and on a thing that moves the same spots of it at the stamp.
+Json things_json(const World& world, const SimulatedScan& scan) {
+  const double time_s = seconds_between(0, scan.scan.stamp_ns);
+  const std::vector<TrueObject> objects = world.objects_at(time_s);
+  std::vector<std::vector<Eigen::Vector2d>> hits_world_m(objects.size());
+  for (const TrueHit& hit : scan.hits) {
+    if (hit.object < 0 || hit.range_m > kTruthRange_m) continue;
+    const auto object = static_cast<std::size_t>(hit.object);
+    hits_world_m[object].push_back(objects[object].T_world_object * hit.p_object_m);
+  }
+  Json things = Json::array();
+  for (const TrueThing& thing : world.things_at(time_s)) {
+    if (!thing.is_there) continue;
+    const Eigen::Vector2d size_m = extent_m(thing, objects);
+    Json json = {{"name", thing.name},
+                 {"kind", thing.kind},
+                 {"x", thing.T_world_thing.translation_m.x()},
+                 {"y", thing.T_world_thing.translation_m.y()},
+                 {"yaw", thing.T_world_thing.yaw_rad},
+                 {"length", size_m.x()},
+                 {"width", size_m.y()},
+                 {"vx", thing.velocity_world_m_s.x()},
+                 {"vy", thing.velocity_world_m_s.y()},
+                 {"wz", thing.angular_velocity_rad_s},
+                 {"parts", Json::array()}};
+    for (const std::size_t part : thing.parts) {
+      json["parts"].push_back(
+          {{"outline", points_json(outline_of(objects[part]))}, {"hits", points_json(hits_world_m[part])}});
+    }
+    things.push_back(std::move(json));
+  }
+  return things;
+}
+
 /// Writes truth and map, scan by scan.
 class Trace {
  public:
@@ -174,12 +231,13 @@ class Trace {
     if (!stream_) throw std::runtime_error(path_ + ": cannot be written");
   }
 
-  void add(const SimulatedScan& scan, const ObjectPipelineResult& result, const Objects& map, const ScanScore& score,
-           int id_switches) {
+  void add(const World& world, const SimulatedScan& scan, const ObjectPipelineResult& result, const Objects& map,
+           const ScanScore& score, int id_switches) {
     const Eigen::Vector3d robot = scan.robot.T_world_robot.translation();
     Json line = {{"t", seconds_between(0, scan.scan.stamp_ns)},
                  {"robot", {robot.x(), robot.y(), yaw_of(scan.robot.T_world_robot)}},
                  {"truth", Json::array()},
+                 {"things", things_json(world, scan)},
                  {"map", Json::array()},
                  {"gospa_m", score.gospa_m},
                  {"missed", score.missed},
@@ -325,7 +383,7 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
       parts.push_back(separate_parts(body, result.segments, scan.object_of_beam, params.segments.min_points));
     }
     const ScanScore score = evaluation->add(scan.truth, map, parts);
-    if (trace != nullptr) trace->add(scan, result, map, score, evaluation->id_switches());
+    if (trace != nullptr) trace->add(world.world(), scan, result, map, score, evaluation->id_switches());
   }
 
   std::sort(latencies_ms.begin(), latencies_ms.end());

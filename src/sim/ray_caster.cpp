@@ -117,6 +117,12 @@ double RayCaster::cos_incidence(const Ray& ray, const Eigen::Vector3d& origin_wo
   return length > 0.0 ? std::min(1.0, std::abs(n.dot(direction_world)) / length) : 1.0;
 }
 
+Eigen::Vector2d RayCaster::on_body(const Ray& ray, const Eigen::Vector3d& origin_world,
+                                   const Eigen::Vector3d& direction_world) const {
+  const Eigen::Isometry3d T_world_body = body_pose(world_.data(), world_.model().geom_bodyid[ray.geom]);
+  return (T_world_body.inverse() * (origin_world + ray.range_m * direction_world)).head<2>();
+}
+
 double RayCaster::intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
                             const SimulatedIntensityParams& params) const {
   return true_intensity(params, surface_of_geom_[static_cast<std::size_t>(ray.geom)], ray.range_m,

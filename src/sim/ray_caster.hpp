@@ -38,6 +38,10 @@ class RayCaster {
   double cos_incidence(const Ray& ray, const Eigen::Vector3d& origin_world,
                        const Eigen::Vector3d& direction_world) const;
 
+  /// The place hit, in the frame of the geom's body.
+  Eigen::Vector2d on_body(const Ray& ray, const Eigen::Vector3d& origin_world,
+                          const Eigen::Vector3d& direction_world) const;
+
   /// The noiseless intensity.
   double intensity(const Ray& ray, const Eigen::Vector3d& origin_world, const Eigen::Vector3d& direction_world,
                    const SimulatedIntensityParams& params) const;

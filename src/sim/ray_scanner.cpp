@@ -166,7 +166,9 @@ RayReturn RayScanner<Params>::cast(const Eigen::Vector3d& ray_sensor, Sweep& swe
                                         : rays_->intensity(hit.ray, hit.origin, hit.direction, params_.intensity);
     result.intensity = static_cast<float>(std::max(0.0, intensity * (1.0 + relative_error)));
   }
-  if (hit.ray.object >= 0) result.truth = {hit.ray.object, hit.ray.range_m};
+  if (hit.ray.object >= 0) {
+    result.truth = {hit.ray.object, hit.ray.range_m, rays_->on_body(hit.ray, hit.origin, hit.direction)};
+  }
   return result;
 }
 

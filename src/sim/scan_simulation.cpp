@@ -3,8 +3,6 @@
 
 #include <utility>
 
-#include "situation_awareness/sim/truth.hpp"
-
 namespace situation_awareness {
 class ScanSimulation::Impl {
  public:
@@ -32,6 +30,7 @@ class ScanSimulation::Impl {
       if (object >= 0) object = place_in_truth_[static_cast<std::size_t>(object)];
     }
     out.scan = std::move(sample.scan);
+    out.hits = std::move(sample.hits);
     out.truth = truth_at(time_s);
     out.names = names_;
     return out;

@@ -2,11 +2,28 @@
 #include "situation_awareness/sim/world.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <stdexcept>
+#include <utility>
 
+#include "situation_awareness/geometry/angles.hpp"
 #include "world_model.hpp"
 
 namespace situation_awareness {
+
+std::vector<Eigen::Vector2d> outline_of(const TrueObject& object) {
+  if (!object.ellipse_world) return object.footprint_world_m;
+  const Ellipse& ellipse = *object.ellipse_world;
+  const Pose2 T_world_ellipse{ellipse.center_m, ellipse.psi_rad};
+  constexpr int kSides = 48;
+  std::vector<Eigen::Vector2d> outline_world_m;
+  for (int i = 0; i < kSides; ++i) {
+    const double angle_rad = 2.0 * kPi * i / kSides;
+    outline_world_m.push_back(T_world_ellipse *
+                              Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad)));
+  }
+  return outline_world_m;
+}
 
 World::World(const std::string& mjcf_path) : path_(mjcf_path), model_(std::make_unique<WorldModel>(mjcf_path)) {}
 World::~World() = default;
@@ -37,6 +54,24 @@ std::vector<TrueObject> World::objects_at(double time_s) const {
     objects.push_back(object);
   }
   return objects;
+}
+
+std::vector<TrueThing> World::things_at(double time_s) const {
+  std::vector<TrueThing> things;
+  for (const WorldThing& of_file : model_->things()) {
+    const PathState state = of_file.path(time_s);
+    TrueThing thing;
+    thing.name = of_file.name;
+    thing.kind = of_file.name.substr(0, of_file.name.find_last_not_of("_0123456789") + 1);
+    thing.is_there = std::any_of(of_file.parts.begin(), of_file.parts.end(),
+                                 [&](std::size_t part) { return model_->objects()[part].presence.at(time_s); });
+    thing.T_world_thing = {state.position_m.head<2>(), state.yaw_rad};
+    thing.parts = of_file.parts;
+    thing.velocity_world_m_s = state.velocity_m_s.head<2>();
+    thing.angular_velocity_rad_s = state.yaw_rate_rad_s;
+    things.push_back(std::move(thing));
+  }
+  return things;
 }
 
 const std::vector<std::string>& World::names() const { return model_->names(); }

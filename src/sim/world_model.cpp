@@ -52,10 +52,6 @@ Eigen::Isometry3d isometry(const mjtNum* position, const mjtNum* rotation) {
   return T;
 }
 
-Eigen::Isometry3d body_pose(const mjData& data, int body) {
-  return isometry(data.xpos + 3 * body, data.xmat + 9 * body);
-}
-
 /// The path in the <text> with the body's name; empty without one.
 Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
   const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
@@ -99,6 +95,13 @@ PathOfBody any_path(const mjModel& model, const mjData& data) {
     const int carrier = mj_name2id(&model, mjOBJ_BODY, other.c_str());
     return carrier < 0 ? Path() : path_of(model, data, carrier);
   };
+}
+
+/// The path of a body, which without one stands where it is in the file.
+Path path_or_place(const mjModel& model, const mjData& data, int body) {
+  if (Path path = path_of(model, data, body, any_path(model, data))) return path;
+  const Eigen::Isometry3d T = body_pose(data, body);
+  return parse_path("stand", T.translation(), std::atan2(T(1, 0), T(0, 0)));
 }
 
 /// The triangles of a mesh in the frame of its body.
@@ -154,12 +157,8 @@ WorldObject object_of(const mjModel& model, const mjData& data, int geom) {
       refuse(error.what());
     }
   }
-  object.path = path_of(model, data, body, any_path(model, data));
+  object.path = path_or_place(model, data, body);
   object.presence = presence_of(model, object.name);
-  if (!object.path) {
-    const double yaw_rad = std::atan2(T_world_body(1, 0), T_world_body(0, 0));
-    object.path = parse_path("stand", T_world_body.translation(), yaw_rad);
-  }
   return object;
 }
 
@@ -174,6 +173,23 @@ std::vector<WorldObject> objects_of(const mjModel& model, const mjData& data) {
     }
   }
   return objects;
+}
+
+/// The objects, those named THING/PART as parts of THING, in the order of the first parts.
+std::vector<WorldThing> things_of(const mjModel& model, const mjData& data, const std::vector<WorldObject>& objects) {
+  std::vector<WorldThing> things;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const std::string name = objects[i].name.substr(0, objects[i].name.rfind('/'));
+    const auto known =
+        std::find_if(things.begin(), things.end(), [&name](const WorldThing& thing) { return thing.name == name; });
+    if (known != things.end()) {
+      known->parts.push_back(i);
+      continue;
+    }
+    const int body = mj_name2id(&model, mjOBJ_BODY, name.c_str());
+    things.push_back({name, {i}, body < 0 ? objects[i].path : path_or_place(model, data, body)});
+  }
+  return things;
 }
 
 bool has_free_joint(const mjModel& model, int body) {
@@ -315,6 +331,10 @@ MujocoThrows::~MujocoThrows() {
   mju_user_warning = warning_;
 }
 
+Eigen::Isometry3d body_pose(const mjData& data, int body) {
+  return isometry(data.xpos + 3 * body, data.xmat + 9 * body);
+}
+
 std::string quoted_name(const mjModel& model, mjtObj type, int id) {
   const char* const name = mj_id2name(&model, type, id);
   return name != nullptr ? "'" + std::string(name) + "'" : "number " + std::to_string(id) + " (without a name)";
@@ -324,6 +344,7 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   std::tie(model_, data_) = load(mjcf_path);
   objects_ = objects_of(*model_, *data_);
   for (const WorldObject& object : objects_) names_.push_back(object.name);
+  things_ = things_of(*model_, *data_, objects_);
   robot_ = robot_body(*model_);
   robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
   robot_path_ = path_of(*model_, *data_, robot_);

@@ -46,6 +46,8 @@ class MujocoThrows {
   void (*warning_)(const char*);
 };
 
+Eigen::Isometry3d body_pose(const mjData& data, int body);
+
 /// The element's name in quotes, or its number where it has none.
 std::string quoted_name(const mjModel& model, mjtObj type, int id);
 
@@ -59,6 +61,13 @@ struct WorldObject {
   std::vector<Eigen::Vector2d> footprint_m;  // of a box or a mesh, in the body's frame, counter-clockwise
   Path path;
   Presence presence;
+};
+
+/// One object, or several that are its parts.
+struct WorldThing {
+  std::string name;
+  std::vector<std::size_t> parts;  // indices of objects
+  Path path;                       // of the body of its name, else of its first part
 };
 
 /// A moving body that is visible only to cameras.
@@ -87,6 +96,7 @@ class WorldModel {
   mjData& data() { return *data_; }
   const std::vector<WorldObject>& objects() const { return objects_; }
   const std::vector<std::string>& names() const { return names_; }
+  const std::vector<WorldThing>& things() const { return things_; }
   const std::vector<SensorMount>& mounts() const { return mounts_; }
   const std::optional<WorldOrigin>& origin() const { return origin_; }
 
@@ -107,6 +117,7 @@ class WorldModel {
   DataPtr data_;
   std::vector<WorldObject> objects_;
   std::vector<std::string> names_;  // of the objects
+  std::vector<WorldThing> things_;
   std::vector<SensorMount> mounts_;
   std::optional<WorldOrigin> origin_;
   std::vector<WorldDecoration> decorations_;

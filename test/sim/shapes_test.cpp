@@ -143,6 +143,84 @@ TEST(Shapes, ScansOfABoxAndAMeshAreThoseOfTheirFootprints) {
   for (const int count : hits) EXPECT_GT(count, 60 * 20);
 }
 
+TEST(Shapes, HitsArePlacesOnTheObjectThatTurnsAndMovesDuringAScan) {
+  // Seen from the body the outline stands still, however late a beam is.
+  const WorldFile file(
+      world_text(kRobot + R"(<body name="crate" mocap="true" pos="0 0 1" euler="0 0 0.4">
+                                                <geom type="box" group="1" size="0.4 0.25 1"/> </body>)" +
+                     object_text("post", "mocap=\"true\" pos=\"0 0 1\" euler=\"0 0 0.2\"", "0.3 0.2 1"),
+                 R"(<text name="crate" data="straight from 2 -1 velocity 0 1.5 spin 1.2"/>
+                                     <text name="post" data="circle center -1 2 radius 0.5 rate 3"/>
+                                     <text name="robot" data="circle center 0 0 radius 0.5 rate 2 spin -1"/>)"));
+  SimulatedScannerParams params;
+  params.range_sigma_m = 0.05;  // is not in the truth
+  params.sweep_s = 0.045;
+  ScanSimulation simulation(file.path(), params, 1);
+  int on_crate = 0, on_post = 0;
+  for (int scan = 0; scan < 40; ++scan) {
+    const SimulatedScan simulated = simulation.next();
+    ASSERT_EQ(simulated.hits.size(), simulated.scan.beams.size());
+    for (const TrueHit& hit : simulated.hits) {
+      if (hit.object < 0) continue;
+      const Eigen::Vector2d& p_m = hit.p_object_m;
+      if (hit.object == 0) {
+        ++on_crate;
+        const Eigen::Vector2d beyond_m = p_m.cwiseAbs() - Eigen::Vector2d(0.4, 0.25);
+        ASSERT_NEAR(beyond_m.maxCoeff(), 0.0, 1e-9);
+      } else {
+        ++on_post;
+        ASSERT_NEAR(p_m.cwiseQuotient(Eigen::Vector2d(0.3, 0.2)).norm(), 1.0, 1e-6);
+      }
+    }
+  }
+  EXPECT_GT(on_crate, 1000);
+  EXPECT_GT(on_post, 300);
+}
+
+TEST(Shapes, ThePartsOfAThingAreOneInTruth) {
+  const auto part = [](const std::string& name, const std::string& radii) {
+    return object_text(name, "mocap=\"true\" pos=\"0 0 1\"", radii);
+  };
+  const WorldFile file(world_text(
+      kRobot + "<body name=\"table_12\" mocap=\"true\" pos=\"2 1 0\" euler=\"0 0 0.5\"/>" +
+          part("table_12/a", "0.05 0.05 1") + box_object("crate", "pos=\"-2 0 1\" euler=\"0 0 0.3\"", "0.4 0.25 1") +
+          part("table_12/b", "0.05 0.05 1") + part("person/torso", "0.2 0.1 1") + part("person/arm", "0.1 0.1 1"),
+      R"(<text name="table_12" data="straight from 2 1 velocity 0.5 0 spin 0.4"/>
+         <text name="table_12/a" data="with table_12 at 0.4 0.3"/>
+         <text name="table_12/b" data="with table_12 at -0.4 -0.3 appears 3"/>
+         <text name="person/torso" data="straight from 0 3 velocity 0 0.8 tangent appears 1"/>
+         <text name="person/arm" data="with person/torso at 0 0.3"/>)"));
+  const World world(file.path());
+  const std::vector<TrueThing> things = world.things_at(2.0);
+  ASSERT_EQ(things.size(), 3U);
+  EXPECT_EQ(things[0].name, "table_12");
+  EXPECT_EQ(things[0].kind, "table");
+  EXPECT_EQ(things[0].parts, (std::vector<std::size_t>{0, 2}));
+  EXPECT_LT((things[0].T_world_thing.translation_m - Eigen::Vector2d(3.0, 1.0)).norm(), 1e-12);  // of its body
+  EXPECT_NEAR(things[0].T_world_thing.yaw_rad, 0.5 + 0.8, 1e-12);
+  EXPECT_LT((things[0].velocity_world_m_s - Eigen::Vector2d(0.5, 0.0)).norm(), 1e-12);
+  EXPECT_NEAR(things[0].angular_velocity_rad_s, 0.4, 1e-12);
+  EXPECT_EQ(things[1].kind, "crate");
+  EXPECT_EQ(things[1].parts, (std::vector<std::size_t>{1}));
+  EXPECT_NEAR(things[1].T_world_thing.yaw_rad, 0.3, 1e-12);
+  EXPECT_EQ(things[2].name, "person");
+  EXPECT_LT((things[2].T_world_thing.translation_m - Eigen::Vector2d(0.0, 4.6)).norm(), 1e-12);  // of its first part
+  const std::vector<TrueThing> before = world.things_at(0.0);
+  EXPECT_TRUE(before[0].is_there && before[1].is_there);  // a part of the table is
+  EXPECT_FALSE(before[2].is_there);
+}
+
+TEST(Shapes, OutlinesOfEllipsesAreOnThemCounterClockwise) {
+  const WorldFile file(world_text(kRobot + object_text("post", "pos=\"2 1 1\" euler=\"0 0 0.4\"", "0.2 0.5 1")));
+  const TrueObject post = World(file.path()).objects_at(0.0)[0];
+  const Polygon outline = outline_of(post);
+  for (const Eigen::Vector2d& p_m : outline) {
+    const Eigen::Vector2d p_post_m = inverse(post.T_world_object) * p_m;
+    EXPECT_NEAR(p_post_m.cwiseQuotient(Eigen::Vector2d(0.2, 0.5)).norm(), 1.0, 1e-12);
+  }
+  EXPECT_NEAR(area(outline), kPi * 0.2 * 0.5, 0.01 * kPi * 0.2 * 0.5);
+}
+
 TEST(Shapes, BoxesAndMeshesAreAsTallAsTheyAre) {
   const WorldFile file(world_text(kRobot + box_object("low", "pos=\"3 0 0.4\"", "0.5 0.5 0.4") +
                                       mesh_object("slab", "pos=\"-3 0 0\"") +

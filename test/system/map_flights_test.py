@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """map_flights end to end: consistency of its lines, and refusals."""
 import json
+import math
 import pathlib
 import re
 import subprocess
@@ -14,9 +15,20 @@ SOURCE = pathlib.Path(__file__).resolve().parent.parent.parent
 TIMES = ("cpu_ms_per_scan", "latency_ms")  # all others are the same in every run
 
 
+THINGS = """<mujoco><compiler angle="radian"/>
+<custom><text name="crate_12" data="straight from 2 0 velocity 0.6 0"/> <text name="person_1" data="stand"/>
+        <text name="person_1/leg" data="with person_1 at 0 0.2 steps 1"/></custom>
+<worldbody>
+  <body name="crate_12" mocap="true" pos="2 0 1" euler="0 0 0.5"><geom type="box" group="1" size="0.4 0.25 1"/></body>
+  <body name="person_1" mocap="true" pos="-2 0.5 0"/>
+  <body name="person_1/leg" mocap="true" pos="0 0 1"><geom type="ellipsoid" group="1" size="0.1 0.1 1"/></body>
+  <body name="robot" mocap="true" pos="0 0 1"><site name="lidar" euler="0 0 0.6"/></body>
+</worldbody></mujoco>"""
+
+
 def run(*options, world="demo"):
     return subprocess.run(
-        [TOOL, "--world", SOURCE / f"models/worlds/{world}.xml", "--config", SOURCE / "cfg/objects.yaml",
+        [TOOL, "--world", SOURCE / "models/worlds" / f"{world}.xml", "--config", SOURCE / "cfg/objects.yaml",
          "--models", SOURCE / "models", "--duration", "3", *options], capture_output=True, text=True)
 
 
@@ -62,6 +74,34 @@ class MapFlights(unittest.TestCase):
             self.assertEqual(sum(count >= 5 for count in beams), truth["visible_scans"])
         hits = sum(truth["beams"] for truth in trace[0]["truth"])
         self.assertGreaterEqual(len(trace[0]["points"]), hits)
+
+    def test_the_trace_has_the_truth_of_every_thing(self):
+        path, world = self.folder / "trace.jsonl", self.folder / "things.xml"
+        world.write_text(THINGS)
+        fly("--trace", path, "--range-sigma-m", "0.1", world=world.with_suffix(""))
+        scans = [json.loads(text) for text in path.read_text().splitlines()]
+        self.assertEqual(len(scans), 60)
+        hits = 0
+        for scan in scans:
+            self.assertEqual(scan["truth"][0]["name"], "person_1/leg")  # the only ellipse
+            crate, person = scan["things"]
+            self.assertEqual([crate["name"], crate["kind"], person["name"], person["kind"]],
+                             ["crate_12", "crate", "person_1", "person"])
+            for key, value in (("length", 0.8), ("width", 0.5), ("yaw", 0.5), ("vx", 0.6), ("vy", 0.0),
+                               ("x", 2.0 + 0.6 * scan["t"])):
+                self.assertAlmostEqual(crate[key], value, places=3)
+            for key, value in (("x", -2.0), ("y", 0.5), ("length", 0.2), ("width", 0.2)):
+                self.assertAlmostEqual(person[key], value, places=3)
+            (leg,), (box,) = person["parts"], crate["parts"]
+            for x, y in leg["hits"]:
+                self.assertAlmostEqual(math.hypot(x + 2.0, y - 0.7), 0.1, places=3)
+            self.assertEqual(len(leg["hits"]), scan["truth"][0]["beams"])
+            for x, y in box["outline"] + box["hits"]:
+                c, s = math.cos(0.5), math.sin(0.5)
+                dx, dy = x - crate["x"], y - crate["y"]
+                self.assertAlmostEqual(max(abs(c * dx + s * dy) - 0.4, abs(c * dy - s * dx) - 0.25), 0.0, places=3)
+            hits += len(box["hits"])
+        self.assertGreater(hits, 60 * 20)
 
     def test_standing_and_moving_objects_are_all_objects(self):
         (line,) = fly()

@@ -11,6 +11,7 @@
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/scan/scan.hpp"
 #include "situation_awareness/sim/scanner.hpp"
+#include "situation_awareness/sim/truth.hpp"
 #include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
@@ -24,6 +25,7 @@ struct SimulatedScan {
   Objects truth;                    ///< at the stamp (true_map); `beams` counts the beams that hit it in this scan
   std::vector<std::string> names;   ///< of the truth's objects, same order
   std::vector<int> object_of_beam;  ///< by each beam, within the truth's range: index in the truth, else -1
+  std::vector<TrueHit> hits;        ///< of each beam, on any object of the world
 };
 
 /// A world, the 2D scanner at site `lidar` of its robot, and the truth, for the evaluation of maps.

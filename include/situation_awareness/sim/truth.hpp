@@ -5,6 +5,8 @@
 #include <limits>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/sim/world.hpp"
 
@@ -17,6 +19,7 @@ constexpr double kTruthRange_m = 10.0;
 struct TrueHit {
   int object = -1;  ///< index of an object in the world's order; -1: none, or none within the range that counts
   double range_m = std::numeric_limits<double>::infinity();  ///< to the object
+  Eigen::Vector2d p_object_m = Eigen::Vector2d::Zero();      ///< the place hit, in the frame of the object's body
 };
 
 /// Counts of the hits of scans on a world's objects.

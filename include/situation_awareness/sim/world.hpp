@@ -30,6 +30,21 @@ struct TrueObject {
   double angular_velocity_rad_s = 0.0;                           ///< about world z
 };
 
+/// The corners of an object's outline, counter-clockwise; those of an ellipse are points on it.
+std::vector<Eigen::Vector2d> outline_of(const TrueObject& object);
+
+/// A thing of a world in truth, at one time: an object, or all those named THING/PART together, such as the legs of a
+/// table or of a person.
+struct TrueThing {
+  std::string name;  ///< of the object, without its part
+  std::string kind;  ///< the name without a number at its end: `table` of table_2
+  bool is_there = true;
+  Pose2 T_world_thing;             ///< of the body THING where there is one, else of the first part
+  std::vector<std::size_t> parts;  ///< indices of the objects
+  Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();  ///< of the origin
+  double angular_velocity_rad_s = 0.0;                           ///< about world z
+};
+
 /// A place on the robot where the file mounts a sensor.
 struct SensorMount {
   std::string name;
@@ -62,6 +77,9 @@ class World {
 
   /// All objects at any time, in the order of the file.
   std::vector<TrueObject> objects_at(double time_s) const;
+
+  /// All things at any time, in the order of their first objects in the file.
+  std::vector<TrueThing> things_at(double time_s) const;
 
   /// Of all objects: that of id i at place i - 1.
   const std::vector<std::string>& names() const;

@@ -2,32 +2,15 @@
 #include "situation_awareness/ros/markers/truth_markers.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "make_marker.hpp"
-#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/ros/markers/object_shapes.hpp"
 
 namespace situation_awareness {
 namespace {
 
 using visualization_msgs::Marker;
-
-/// The corners of an object's outline; those of an ellipse are points on it.
-std::vector<Eigen::Vector2d> outline_of(const TrueObject& object) {
-  if (!object.ellipse_world) return object.footprint_world_m;
-  const Ellipse& ellipse = *object.ellipse_world;
-  const Pose2 T_world_ellipse{ellipse.center_m, ellipse.psi_rad};
-  constexpr int kSides = 48;
-  std::vector<Eigen::Vector2d> outline_world_m;
-  for (int i = 0; i < kSides; ++i) {
-    const double angle_rad = 2.0 * kPi * i / kSides;
-    outline_world_m.push_back(T_world_ellipse *
-                              Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad)));
-  }
-  return outline_world_m;
-}
 
 Marker outline(const std_msgs::Header& header, std::uint64_t id, const std::vector<Eigen::Vector2d>& outline_world_m,
                double z_m) {
