@@ -106,25 +106,38 @@ class Thing:
     def reach(self):
         return max(self.rx, self.ry)
 
+    def texts(self):
+        """(name of a body, its path)"""
+        return [(self.name, self.path.text)] if self.path.text else []
 
-def world(name, things, robot=(0.0, 0.0), robot_path="", height_m=1.8, walls=(), floor=False):
+    def assets(self):
+        return []
+
+    def bodies(self):
+        x, y = self.path.at(np.zeros(1))[0]
+        mocap = ' mocap="true"' if self.path.text else ""
+        return [f'<body name="{self.name}"{mocap} pos="{x:.4f} {y:.4f} 0.9" euler="0 0 {self.yaw:.5f}"> '
+                f'<geom type="ellipsoid" group="1" size="{self.rx:.5f} {self.ry:.5f} 0.9" '
+                f'rgba="{COLORS["moving" if self.moves else "standing"]}"/> </body>']
+
+
+def world(name, things, robot=(0.0, 0.0), robot_path="", height_m=1.8, walls=(), floor=False, drag_1_s=0.3):
     lines = [f'<mujoco model="{name}">', '  <compiler angle="radian"/>', "  <custom>",
-             '    <numeric name="robot_drag" data="0.3"/>']
+             f'    <numeric name="robot_drag" data="{drag_1_s:g}"/>']
     if robot_path:
         lines.append(f'    <text name="robot" data="{robot_path}"/>')
-    lines += [f'    <text name="{thing.name}" data="{thing.path.text}"/>' for thing in things if thing.path.text]
-    lines += ["  </custom>", "  <worldbody>", '    <light pos="0 0 9" dir="0 0 -1" directional="true"/>']
+    lines += [f'    <text name="{body}" data="{text}"/>' for thing in things for body, text in thing.texts()]
+    lines.append("  </custom>")
+    assets = [asset for thing in things for asset in thing.assets()]
+    if assets:
+        lines += ["  <asset>", *(f"    {asset}" for asset in assets), "  </asset>"]
+    lines += ["  <worldbody>", '    <light pos="0 0 9" dir="0 0 -1" directional="true"/>']
     if floor:
         lines.append('    <geom type="plane" size="20 20 1" rgba="0.78 0.78 0.76 1"/>')
     for x, y, half_x, half_y in walls:
         lines.append(f'    <geom type="box" pos="{x:.4f} {y:.4f} 3" size="{half_x:.4f} {half_y:.4f} 3" '
                      'rgba="0.86 0.84 0.79 1"/>')
-    for thing in things:
-        x, y = thing.path.at(np.zeros(1))[0]
-        mocap = ' mocap="true"' if thing.path.text else ""
-        lines.append(f'    <body name="{thing.name}"{mocap} pos="{x:.4f} {y:.4f} 0.9" euler="0 0 {thing.yaw:.5f}"> '
-                     f'<geom type="ellipsoid" group="1" size="{thing.rx:.5f} {thing.ry:.5f} 0.9" '
-                     f'rgba="{COLORS["moving" if thing.moves else "standing"]}"/> </body>')
+    lines += [f"    {body}" for thing in things for body in thing.bodies()]
     lines += [f'    <body name="robot" mocap="true" pos="{robot[0]:.4f} {robot[1]:.4f} {height_m}">',
               '      <site name="lidar" size="0.01"/>',
               '      <geom group="2" type="box" size="0.2 0.2 0.04" rgba="0.15 0.15 0.17 1"/>', "    </body>",
@@ -695,26 +708,27 @@ EXPERIMENTS = {
 }
 
 
-def flights(only=()):
+def flights(only=(), experiments=EXPERIMENTS):
     """Of the named experiments, or of all."""
-    wanted = [name for name in EXPERIMENTS if not only or name in only]
-    for maker in dict.fromkeys(EXPERIMENTS[name] for name in wanted):
+    wanted = [name for name in experiments if not only or name in only]
+    for maker in dict.fromkeys(experiments[name] for name in wanted):
         for flight in maker():
             if flight.experiment in wanted:
                 yield flight
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(doc, experiments):
+    """Of a script that writes the worlds of experiments."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("directory", type=pathlib.Path)
-    parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=" ".join(EXPERIMENTS))
+    parser.add_argument("experiments", nargs="*", metavar="EXPERIMENT", help=" ".join(experiments))
     arguments = parser.parse_args()
-    unknown = set(arguments.experiments) - set(EXPERIMENTS)
+    unknown = set(arguments.experiments) - set(experiments)
     if unknown:
-        parser.error(f"no experiment {sorted(unknown)}; there are {' '.join(EXPERIMENTS)}")
+        parser.error(f"no experiment {sorted(unknown)}; there are {' '.join(experiments)}")
     arguments.directory.mkdir(parents=True, exist_ok=True)
     count = 0
-    for count, flight in enumerate(flights(arguments.experiments), 1):
+    for count, flight in enumerate(flights(arguments.experiments, experiments), 1):
         (arguments.directory / f"{flight.name}.xml").write_text(flight.xml)
         if flight.settings:
             (arguments.directory / f"{flight.name}.yaml").write_text(flight.settings)
@@ -722,4 +736,4 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    main(__doc__, EXPERIMENTS)
