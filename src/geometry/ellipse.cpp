@@ -40,6 +40,18 @@ std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse) {
           ellipse.center_m - ellipse.rx_m * x_axis, ellipse.center_m - ellipse.ry_m * y_axis};
 }
 
+std::vector<Eigen::Vector2d> points_on(const Ellipse& ellipse, int count) {
+  const Pose2 T_frame_ellipse{ellipse.center_m, ellipse.psi_rad};
+  std::vector<Eigen::Vector2d> points;
+  points.reserve(static_cast<std::size_t>(count));
+  for (int i = 0; i < count; ++i) {
+    const double angle_rad = 2.0 * kPi * i / count;
+    points.push_back(T_frame_ellipse *
+                     Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad)));
+  }
+  return points;
+}
+
 double characteristic_distance(const Ellipse& a, const Ellipse& b) {
   const auto points_a = characteristic_points(a);
   const auto points_b = characteristic_points(b);

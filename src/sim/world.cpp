@@ -2,28 +2,12 @@
 #include "situation_awareness/sim/world.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 
-#include "situation_awareness/geometry/angles.hpp"
 #include "world_model.hpp"
 
 namespace situation_awareness {
-
-std::vector<Eigen::Vector2d> outline_of(const TrueObject& object) {
-  if (!object.ellipse_world) return object.footprint_world_m;
-  const Ellipse& ellipse = *object.ellipse_world;
-  const Pose2 T_world_ellipse{ellipse.center_m, ellipse.psi_rad};
-  constexpr int kSides = 48;
-  std::vector<Eigen::Vector2d> outline_world_m;
-  for (int i = 0; i < kSides; ++i) {
-    const double angle_rad = 2.0 * kPi * i / kSides;
-    outline_world_m.push_back(T_world_ellipse *
-                              Eigen::Vector2d(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad)));
-  }
-  return outline_world_m;
-}
 
 World::World(const std::string& mjcf_path) : path_(mjcf_path), model_(std::make_unique<WorldModel>(mjcf_path)) {}
 World::~World() = default;

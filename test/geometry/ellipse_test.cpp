@@ -57,6 +57,26 @@ TEST(Ellipse, CanonicalIsTheSameCurveWithOrderedRadii) {
   }
 }
 
+TEST(Ellipse, PointsOnItAreOnTheCurveAndCounterClockwise) {
+  Random random(11);
+  for (int i = 0; i < 100; ++i) {
+    const Ellipse ellipse = random_ellipse(random);
+    const std::vector<Eigen::Vector2d> points = points_on(ellipse, 17);
+    ASSERT_EQ(points.size(), 17u);
+    const Eigen::Matrix2d C_inverse = shape_matrix(ellipse).inverse();
+    double area_m2 = 0.0;
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const Eigen::Vector2d d = points[k] - ellipse.center_m;
+      const Eigen::Vector2d next = points[(k + 1) % points.size()] - ellipse.center_m;
+      EXPECT_NEAR(d.dot(C_inverse * d), 1.0, 1e-9);
+      area_m2 += 0.5 * (d.x() * next.y() - d.y() * next.x());
+    }
+    // Of the inscribed polygon at equal steps of the parameter: n / 2 sin(2 pi / n) rx ry.
+    EXPECT_NEAR(area_m2, 8.5 * std::sin(2.0 * kPi / 17.0) * ellipse.rx_m * ellipse.ry_m, 1e-12);
+    EXPECT_LT((points[0] - characteristic_points(ellipse)[0]).norm(), 1e-12);
+  }
+}
+
 TEST(Ellipse, ShapeMatrixDescribesTheCurve) {
   Random random(3);
   for (int i = 0; i < 100; ++i) {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <optional>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -38,6 +39,9 @@ double half_width_m(const Ellipse& ellipse, const Eigen::Vector2d& direction);
 
 /// The four ends of the principal axes, counter-clockwise from +x (ellipse paper, Fig. 4).
 std::array<Eigen::Vector2d, 4> characteristic_points(const Ellipse& ellipse);
+
+/// Points on the curve, counter-clockwise from +x, at equal steps of the parameter angle.
+std::vector<Eigen::Vector2d> points_on(const Ellipse& ellipse, int count);
 
 /// Mean distance of the four characteristic points (ellipse paper, eq. 1), pairing them in order.
 double characteristic_distance(const Ellipse& a, const Ellipse& b);

@@ -31,7 +31,10 @@ struct TrueObject {
 };
 
 /// The corners of an object's outline, counter-clockwise; those of an ellipse are points on it.
-std::vector<Eigen::Vector2d> outline_of(const TrueObject& object);
+inline std::vector<Eigen::Vector2d> outline_of(const TrueObject& object) {
+  constexpr int kSides = 48;
+  return object.ellipse_world ? points_on(*object.ellipse_world, kSides) : object.footprint_world_m;
+}
 
 /// A thing of a world in truth, at one time: an object, or all those named THING/PART together, such as the legs of a
 /// table or of a person.

@@ -4,10 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include <Eigen/Geometry>
-
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/ros/markers/object_shapes.hpp"
 
 namespace situation_awareness {
@@ -24,15 +21,11 @@ double top_m(const Objects& map, const MapStyle& style) { return map.height_worl
 
 /// The closed outline of an ellipse whose semi-axes are longer by `wider_m`.
 Polyline outline_of(const Ellipse& ellipse, std::size_t sides, double wider_m = 0.0) {
-  Polyline outline;
-  outline.reserve(sides + 1);
-  const Eigen::Rotation2Dd turn(ellipse.psi_rad);
-  for (std::size_t i = 0; i <= sides; ++i) {
-    const double angle_rad = 2.0 * kPi * static_cast<double>(i % sides) / static_cast<double>(sides);
-    const Eigen::Vector2d own_m((ellipse.rx_m + wider_m) * std::cos(angle_rad),
-                                (ellipse.ry_m + wider_m) * std::sin(angle_rad));
-    outline.emplace_back(ellipse.center_m + turn * own_m);
-  }
+  Ellipse wider = ellipse;
+  wider.rx_m += wider_m;
+  wider.ry_m += wider_m;
+  Polyline outline = points_on(wider, static_cast<int>(sides));
+  outline.push_back(outline.front());
   return outline;
 }
 
