@@ -7,6 +7,26 @@
 
 namespace situation_awareness {
 
+const char* name_of(ObjectClass object_class) {
+  switch (object_class) {
+    case ObjectClass::kUnknown:
+      return "unknown";
+    case ObjectClass::kPerson:
+      return "person";
+    case ObjectClass::kVehicle:
+      return "vehicle";
+    case ObjectClass::kPole:
+      return "pole";
+  }
+  return "";
+}
+
+std::vector<Eigen::Vector2d> outline_world(const Object& object) {
+  if (object.shape != Shape::kBox) return points_on(object.ellipse_world, kOutlinePoints);
+  const auto of_box = corners(object.box_world);
+  return {of_box.begin(), of_box.end()};
+}
+
 std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
                                  double max_age_s, std::vector<Ellipse> memory) {
   std::vector<Ellipse> outlines_level = std::move(memory);
