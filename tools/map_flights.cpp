@@ -252,6 +252,11 @@ class Trace {
     for (const Object& object : map.objects) {
       Json element = {{"id", object.id}};
       element.update(motion_json(object));
+      element["shape"] = name_of(object.shape);
+      element["p_shape"] = object.p_shape;
+      element["class"] = name_of(object.object_class);
+      element["p_class"] = object.p_class;
+      element["outline"] = points_json(outline_world(object));
       constexpr int k = object_error::kPosition;
       element["covariance_xy"] = {object.covariance(k, k), object.covariance(k, k + 1),
                                   object.covariance(k + 1, k + 1)};

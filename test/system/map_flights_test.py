@@ -72,6 +72,13 @@ class MapFlights(unittest.TestCase):
         for truth in line["objects"]:
             beams = [t["beams"] for scan in trace for t in scan["truth"] if t["name"] == truth["name"]]
             self.assertEqual(sum(count >= 5 for count in beams), truth["visible_scans"])
+        for element in trace[-1]["map"]:
+            self.assertEqual((element["shape"], element["class"]), ("ellipse", "unknown"))
+            for x, y in element["outline"]:
+                c, s = math.cos(element["psi"]), math.sin(element["psi"])
+                dx, dy = x - element["x"], y - element["y"]
+                place = math.hypot((c * dx + s * dy) / element["rx"], (c * dy - s * dx) / element["ry"])
+                self.assertAlmostEqual(place, 1.0, delta=2e-3)
         hits = sum(truth["beams"] for truth in trace[0]["truth"])
         self.assertGreaterEqual(len(trace[0]["points"]), hits)
 
