@@ -18,8 +18,8 @@ from worlds import (Flight, NoPlace, Path, Placement, circle, direction, line, l
 
 ROOM_M = (5.5, 4.5)  # half its length and width
 WALL_M = 0.1  # half its thickness
-TIMES = np.arange(0.0, 30.0, 0.05)
-DURATION_S = 30.0
+DURATION_S, PERSONS_DURATION_S = 20.0, 30.0
+TIMES = np.arange(0.0, PERSONS_DURATION_S, 0.05)
 SEEDS = (1, 2)
 COLORS = {False: "0.80 0.25 0.20 1", True: "0.18 0.40 0.78 1"}
 
@@ -183,6 +183,7 @@ class Scene:
     height_m: float  # of the scanner
     robot: Path = dataclasses.field(default_factory=lambda: stand(0.0, 0.0))
     walls: tuple = dataclasses.field(default_factory=walls)
+    duration_s: float = DURATION_S
 
 
 def drive(chance):
@@ -292,8 +293,8 @@ def parking(chance):
 
 def persons(chance, height_m, make):
     """Two that cross each other again and again, one farther away than the other, 0.8 m apart; one on a loop; one that
-    comes near and goes; and one that stands. All within 5 m of a standing robot that faces them."""
-    scene = Scene([], height_m, stand(-3.2, 0.0))
+    comes near and goes; and one that stands. All within 5 m of a standing robot."""
+    scene = Scene([], height_m, stand(-2.3, 0.0), duration_s=PERSONS_DURATION_S)
     placement = placement_about(scene.robot, scene.walls)
     things = []
 
@@ -320,7 +321,7 @@ def persons(chance, height_m, make):
 
     def come_and_go():
         side, speed = chance.choice((-1, 1)), chance.uniform(0.5, 0.95)
-        x, y = chance.uniform(-2.2, -1.6), side * chance.uniform(2.2, 3.4)
+        x, y = chance.uniform(-2.0, -1.4), side * chance.uniform(2.2, 3.4)
         to_x, to_y = x + chance.uniform(2.0, 3.0), y + chance.uniform(-0.3, 0.3)
         path = line(x, y, to_x, to_y, 2.0 * math.hypot(to_x - x, to_y - y) / speed, chance.uniform(0, 6.28))
         return placement.add(Thing("", path, 0.0, (), 0.45), 0.2) and add(path, math.atan2(to_y - y, to_x - x), speed)
@@ -391,7 +392,7 @@ def flights_of(experiment):
         robot = tuple(scene.robot.at(np.zeros(1))[0])
         name = f"{experiment}_{seed}"
         xml = world(name, scene.things, robot, scene.robot.text, scene.height_m, scene.walls, drag_1_s=0.0)
-        yield Flight(experiment, experiment, name, xml, (seed,), DURATION_S, walls=scene.walls)
+        yield Flight(experiment, experiment, name, xml, (seed,), scene.duration_s, walls=scene.walls)
 
 
 EXPERIMENTS = {name: (lambda name=name: flights_of(name)) for name in SCENES}
