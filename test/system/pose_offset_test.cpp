@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Scanners of simulated worlds whose stamps are wrong: how far, found from scans and poses, and the map that is made
+// with what was found.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/evaluation/bodies.hpp"
+#include "situation_awareness/evaluation/map_evaluation.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/pose/pose_offset.hpp"
+#include "situation_awareness/sim/scan_simulation.hpp"
+#include "situation_awareness/sim/scanner_presets.hpp"
+
+namespace situation_awareness {
+namespace {
+
+const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
+constexpr double kFlight_s = 50.0;
+constexpr double kLag_s = 0.13;
+constexpr double kTolerance_s = 0.02;
+
+std::string world_path(const std::string& name) { return kSource + "/models/worlds/" + name + ".xml"; }
+
+/// The preset, with stamps that are late by so much more than its own.
+SimulatedScannerParams late_scanner(const std::string& preset, double lag_s) {
+  SimulatedScannerParams scanner = load_scanner_preset(scanner_preset_file(preset, kSource + "/models/scanners"));
+  scanner.stamp_error_s += lag_s;
+  return scanner;
+}
+
+/// Of the pose of a scan on average over its beams: they are measured from the first one on, and are taken to be
+/// measured at the times that the scan says.
+double true_offset_s(const SimulatedScannerParams& scanner) {
+  return 0.5 * scanner.sweep_s * (1.0 - scanner.time_increment_scale) - scanner.stamp_error_s;
+}
+
+struct Case {
+  const char* world;
+  const char* preset;
+  int seed;
+  double lag_s;
+};
+
+void PrintTo(const Case& flown, std::ostream* stream) {
+  *stream << flown.world << ", " << flown.preset << ", seed " << flown.seed << ", late by " << flown.lag_s << " s";
+}
+
+class LateScans : public testing::TestWithParam<Case> {};
+
+TEST_P(LateScans, AreFoundToBeLate) {
+  const Case& flown = GetParam();
+  const SimulatedScannerParams scanner = late_scanner(flown.preset, flown.lag_s);
+  ScanSimulation world(world_path(flown.world), scanner, static_cast<std::uint64_t>(flown.seed));
+  PoseOffsetEstimator estimator(0.0);
+  for (int i = 0; i < kFlight_s * scanner.rate_hz; ++i) {
+    const SimulatedScan scan = world.next();
+    estimator.add(project_horizontally(scan.scan, scan.T_world_lidar, scan.T_world_lidar_end));
+  }
+  const PoseOffset& found = estimator.estimate();
+  ASSERT_TRUE(found.is_known);
+  const double error_s = found.offset_s - true_offset_s(scanner);
+  EXPECT_LT(std::abs(error_s), kTolerance_s);
+  EXPECT_LT(std::abs(error_s), 3.0 * found.sigma_s);
+  if (flown.lag_s != 0.0) {
+    EXPECT_TRUE(is_out_of_step(found, 0.0));
+    EXPECT_FALSE(is_out_of_step(found, true_offset_s(scanner)));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Flights, LateScans,
+                         testing::Values(Case{"demo", "lms100", 1, kLag_s}, Case{"demo", "lms100", 2, kLag_s},
+                                         Case{"demo", "lms100", 3, 0.0}, Case{"lab", "s300", 1, -kLag_s},
+                                         Case{"lab", "rplidar_a2", 1, kLag_s}, Case{"lab", "rplidar_a2", 2, 0.0},
+                                         Case{"warehouse", "lms100", 1, kLag_s}));
+
+/// The map of a flight with the poses of this offset after the stamps.
+struct Mapped {
+  MapScore score;
+  PoseOffset found;
+};
+
+Mapped fly(double lag_s, double offset_s) {
+  const SimulatedScannerParams scanner = late_scanner("lms100", lag_s);
+  ScanSimulation world(world_path("demo"), scanner, 1);
+  ObjectPipeline pipeline(load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models"));
+  PoseOffsetEstimator estimator(offset_s);
+  std::optional<MapEvaluation> evaluation;
+  for (int i = 0; i < kFlight_s * scanner.rate_hz; ++i) {
+    const SimulatedScan scan = world.next();
+    const double stamp_s = 1e-9 * static_cast<double>(scan.scan.stamp_ns);
+    const auto pose_at = [&](double time_s) { return world.robot_at(time_s).T_world_robot * world.T_robot_lidar(); };
+    const auto& result = pipeline.process(scan.scan, pose_at(stamp_s + offset_s),
+                                          pose_at(stamp_s + offset_s + scanner.time_increment_scale * scanner.sweep_s));
+    estimator.add(result.points);
+    if (!evaluation) evaluation.emplace(MapEvaluationParams{}, bodies_of(scan.names));
+    // What the scan saw is the truth of when it was taken.
+    Objects truth = world.truth_at(stamp_s - lag_s);
+    truth.stamp_ns = scan.scan.stamp_ns;
+    evaluation->add(truth, pipeline.map().at(scan.scan.stamp_ns));
+  }
+  return {evaluation->score(), estimator.estimate()};
+}
+
+TEST(FoundOffset, MakesTheMapAsGoodAsThatOfScansInTime) {
+  const Mapped in_time = fly(0.0, 0.0);
+  const Mapped late = fly(kLag_s, 0.0);
+  const Mapped corrected = fly(kLag_s, late.found.offset_s);
+  EXPECT_NEAR(corrected.found.offset_s, late.found.offset_s, 0.01);
+  EXPECT_GT(late.score.center_rmse_m, 2.0 * in_time.score.center_rmse_m) << "a lag matters in this flight";
+  EXPECT_LT(corrected.score.center_rmse_m, 1.1 * in_time.score.center_rmse_m);
+  EXPECT_LT(corrected.score.velocity_rmse_m_s, 1.1 * in_time.score.velocity_rmse_m_s);
+  EXPECT_GE(corrected.score.recall, in_time.score.recall - 0.01);
+  EXPECT_LE(corrected.score.id_switches, in_time.score.id_switches + 1);
+  std::printf("centre %.4f m in time, %.4f m late, %.4f m corrected\n", in_time.score.center_rmse_m,
+              late.score.center_rmse_m, corrected.score.center_rmse_m);
+}
+
+}  // namespace
+}  // namespace situation_awareness
