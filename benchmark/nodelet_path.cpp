@@ -19,7 +19,7 @@
 #include <sensor_msgs/LaserScan.h>
 #include <boost/make_shared.hpp>
 
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/common/random.hpp"
 
 namespace situation_awareness {
@@ -64,11 +64,11 @@ double quantile(const std::vector<double>& sorted, double part) {
 /// When the map of each stamp was published, and how many objects the latest holds.
 class Maps {
  public:
-  void receive(const ros::MessageEvent<EllipseMap const>& event) {
+  void receive(const ros::MessageEvent<MappedObjectArray const>& event) {
     const std::lock_guard<std::mutex> lock(mutex_);
     // In one process a message is received by the call that publishes it.
     published_[event.getConstMessage()->header.stamp] = event.getReceiptTime();
-    objects_ = event.getConstMessage()->ellipses.size();
+    objects_ = event.getConstMessage()->objects.size();
   }
 
   std::map<ros::Time, ros::Time> published() const {

@@ -9,12 +9,12 @@ find_package(GeographicLib REQUIRED)
 add_message_files(DIRECTORY msg FILES
   DetectionArray.msg
   EllipseDetection.msg
-  EllipseMap.msg
   LaserRefusedRun.msg
   LaserSegment.msg
   LaserStraightPiece.msg
   LevelFrame.msg
-  MappedEllipse.msg
+  MappedObject.msg
+  MappedObjectArray.msg
   SegmentArray.msg
   SegmentPoint.msg)
 add_service_files(DIRECTORY srv FILES

@@ -16,7 +16,7 @@ situation_awareness_target(${PROJECT_NAME}_rviz_logic)
 target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
 
 add_library(${PROJECT_NAME}_rviz
-  src/ros/rviz/ellipse_map_display.cpp
+  src/ros/rviz/object_map_display.cpp
   src/ros/rviz/knob_form.cpp
   src/ros/rviz/map_scene.cpp
   src/ros/rviz/service_caller.cpp

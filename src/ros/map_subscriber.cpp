@@ -17,7 +17,7 @@ MapSubscriber::MapSubscriber(StageContextBase& context, const std::string& world
   });
 }
 
-void MapSubscriber::on_map(const EllipseMapConstPtr& msg) {
+void MapSubscriber::on_map(const MappedObjectArrayConstPtr& msg) {
   try {
     if (tf2_frame(msg->header.frame_id) != world_frame_) {
       return context_.diagnostics().dropped(drop_reason::kBadMap, "a map in the frame " + msg->header.frame_id);

@@ -114,7 +114,7 @@ class InstallTest(unittest.TestCase):
             end = time.monotonic() + 60.0
             number = 0
             while number < 3 and time.monotonic() < end:
-                seen = self.run_installed("timeout", "20", "rostopic", "echo", "-n1", "/objects/ellipses")
+                seen = self.run_installed("timeout", "20", "rostopic", "echo", "-n1", "/objects/objects")
                 number = seen.stdout.count("last_seen:")
             used = mapped_files(self.port)
             self.run_installed("rosbag", "record", "-q", "--duration=3", "-O", str(bag), "scan", "tf", "tf_static")

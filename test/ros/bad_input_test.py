@@ -14,8 +14,8 @@ import rostest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
                          wait_until)
-from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
-from situation_awareness.msg import EllipseDetection, LaserSegment, MappedEllipse  # noqa: E402
+from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
+from situation_awareness.msg import EllipseDetection, LaserSegment, MappedObject  # noqa: E402
 
 CIRCLE = ((3.0, 0.5, 0.25),)
 
@@ -23,7 +23,7 @@ CIRCLE = ((3.0, 0.5, 0.25),)
 class BadInputTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot()
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
@@ -33,8 +33,8 @@ class BadInputTest(unittest.TestCase):
         self.assertTrue(rosnode.rosnode_ping("/objects_manager", max_count=1), "the manager lives")
         stamps = self.robot.run(8)
         wait_until(lambda: stamps[-1] in self.map.stamps(), 5.0, "good scans to be mapped again")
-        wait_until(lambda: self.map.messages[-1].ellipses, 5.0, "the object to be on the map again")
-        for ellipse in self.map.messages[-1].ellipses:
+        wait_until(lambda: self.map.messages[-1].objects, 5.0, "the object to be on the map again")
+        for ellipse in self.map.messages[-1].objects:
             numbers = [ellipse.pose.position.x, ellipse.pose.position.y, ellipse.rx, ellipse.ry, *ellipse.covariance]
             self.assertTrue(all(math.isfinite(number) for number in numbers))
 
@@ -170,13 +170,13 @@ class BadInputTest(unittest.TestCase):
         self.assert_dropped("tilt", lambda: self.robot.publish(scan_msg(stamp), transforms=False))
 
     def test_invalid_maps(self):
-        publisher = rospy.Publisher("objects", EllipseMap, queue_size=10)
+        publisher = rospy.Publisher("objects", MappedObjectArray, queue_size=10)
         wait_until(lambda: publisher.get_num_connections() > 1, 10.0, "the segmentation nodelet")
-        msg = EllipseMap(ellipses=[MappedEllipse(rx=math.nan, ry=0.1)])
+        msg = MappedObjectArray(objects=[MappedObject(rx=math.nan, ry=0.1)])
         msg.header.frame_id = "world"
         msg.header.stamp = rospy.Time.now()
         self.assert_dropped("bad map", lambda: publisher.publish(msg))
-        msg = EllipseMap(header=msg.header)
+        msg = MappedObjectArray(header=msg.header)
         msg.header.frame_id = "elsewhere"
         self.assert_dropped("bad map", lambda: publisher.publish(msg))
         publisher.unregister()

@@ -50,7 +50,7 @@ class BridgesTest(unittest.TestCase):
         os.environ["ROS_MASTER_URI"] = f"http://127.0.0.1:{port}"
         import rospy
         from ros_support import Latest, wait_until
-        from situation_awareness.msg import EllipseMap, MappedEllipse
+        from situation_awareness.msg import MappedObject, MappedObjectArray
         programs = [["rosmaster", "--core", "-p", str(port)]]
         programs += [[str(self.workspace / f"devel/lib/situation_awareness/{package}_bridge"),
                       f"obstacles:={package}/obstacles"] for package in PACKAGES]
@@ -59,14 +59,14 @@ class BridgesTest(unittest.TestCase):
             self.addCleanup(process.wait)
             self.addCleanup(process.terminate)
         rospy.init_node("bridges_test")  # waits for the master
-        ellipse = MappedEllipse(id=3, rx=0.5, ry=0.2)
+        ellipse = MappedObject(id=3, rx=0.5, ry=0.2)
         ellipse.pose.orientation.w = 1.0
-        publisher = rospy.Publisher("objects", EllipseMap, queue_size=1)
+        publisher = rospy.Publisher("objects", MappedObjectArray, queue_size=1)
         received = {package: Latest(f"{package}/obstacles", getattr(importlib.import_module(f"{package}.msg"), kind))
                     for package, kind in PACKAGES.items()}
 
         def both_came():
-            publisher.publish(EllipseMap(ellipses=[ellipse]))
+            publisher.publish(MappedObjectArray(objects=[ellipse]))
             return all(latest.messages for latest in received.values())
         wait_until(both_came, 20.0, "obstacles")
         self.assertEqual(received["costmap_converter"].messages[0].obstacles[0].id, 3)

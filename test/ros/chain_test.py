@@ -16,13 +16,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
                          wait_until)
-from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
+from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
 
 
 class ChainTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.markers = Latest("object_markers", MarkerArray)
         cls.cloud = Latest("hit_labels", PointCloud2)
         cls.segments = Latest("segments", SegmentArray)
@@ -39,8 +39,8 @@ class ChainTest(unittest.TestCase):
         latest = self.map.messages[-1]
         self.assertEqual(latest.header.frame_id, "world")
         self.assertEqual(self.map.stamps()[-10:], stamps[-10:])
-        self.assertEqual(len(latest.ellipses), 2)
-        first, second = sorted(latest.ellipses, key=lambda ellipse: -ellipse.pose.position.y)
+        self.assertEqual(len(latest.objects), 2)
+        first, second = sorted(latest.objects, key=lambda ellipse: -ellipse.pose.position.y)
         self.assertAlmostEqual(first.pose.position.x, 3.0, delta=0.05)
         self.assertAlmostEqual(first.pose.position.y, 0.5, delta=0.05)
         self.assertAlmostEqual(first.rx, 0.25, delta=0.08)
@@ -63,7 +63,7 @@ class ChainTest(unittest.TestCase):
         fates = {fate for (fate,) in point_cloud2.read_points(cloud, field_names=["fate"])}
         self.assertEqual(fates, {0}, "all hits are on an object")
         objects = {number for (number,) in point_cloud2.read_points(cloud, field_names=["object"])}
-        self.assertLessEqual(objects, {ellipse.id for ellipse in self.map.messages[-1].ellipses})
+        self.assertLessEqual(objects, {ellipse.id for ellipse in self.map.messages[-1].objects})
         self.assertGreater(cloud.width, 10)
         self.assertLessEqual(cloud.width, BEAMS)
         self.assertEqual(len(cloud.data), cloud.width * cloud.point_step)
@@ -85,7 +85,7 @@ class ChainTest(unittest.TestCase):
                 else:
                     shown.clear()
         self.assertEqual({id for ns, id in shown if ns == "object"},
-                         {ellipse.id for ellipse in self.map.messages[-1].ellipses})
+                         {ellipse.id for ellipse in self.map.messages[-1].objects})
 
     def test_4_a_late_transform_is_waited_for(self):
         self.robot.run(5)

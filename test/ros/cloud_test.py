@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import PERIOD_S, Diagnostics, Latest, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 HEIGHT_M = 1.2  # of the sensor above the floor
 POSTS = ((2.5, 0.4, 0.25), (3.5, -0.6, 0.2))  # x, y, radius
@@ -88,7 +88,7 @@ class CloudTest(unittest.TestCase):
     def setUpClass(cls):
         cls.clouds = rospy.Publisher("camera/points", PointCloud2, queue_size=1000)
         cls.tf = rospy.Publisher("/tf", TFMessage, queue_size=1000)
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.scans = Latest("level_scan", LaserScan)
         cls.diagnostics = Diagnostics()
         wait_until(lambda: cls.clouds.get_num_connections() > 0 and cls.tf.get_num_connections() > 0
@@ -110,8 +110,8 @@ class CloudTest(unittest.TestCase):
 
     def assert_posts(self, latest):
         self.assertEqual(latest.header.frame_id, "world")
-        self.assertEqual(len(latest.ellipses), len(POSTS))
-        for ellipse, (x, y, radius) in zip(sorted(latest.ellipses, key=lambda e: e.pose.position.x), POSTS):
+        self.assertEqual(len(latest.objects), len(POSTS))
+        for ellipse, (x, y, radius) in zip(sorted(latest.objects, key=lambda e: e.pose.position.x), POSTS):
             self.assertAlmostEqual(ellipse.pose.position.x, x, delta=0.02)
             self.assertAlmostEqual(ellipse.pose.position.y, y, delta=0.02)
             self.assertAlmostEqual(ellipse.rx, radius, delta=0.03)

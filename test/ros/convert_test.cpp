@@ -584,11 +584,11 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   object.p_exists = 0.75;
   object.beams = 34;
   objects.objects.push_back(object);
-  const EllipseMap msg = objects_to_msg(objects, "odom", {"pillar"});
+  const MappedObjectArray msg = objects_to_msg(objects, "odom", {"pillar"});
   EXPECT_EQ(msg.header.frame_id, "odom");
-  EXPECT_EQ(msg.ellipses[0].label, "pillar");
-  EXPECT_EQ(msg.ellipses[0].covariance[1], object.covariance(0, 1)) << "row-major";
-  EXPECT_EQ(msg.ellipses[0].pose.position.z, 1.25);
+  EXPECT_EQ(msg.objects[0].label, "pillar");
+  EXPECT_EQ(msg.objects[0].covariance[1], object.covariance(0, 1)) << "row-major";
+  EXPECT_EQ(msg.objects[0].pose.position.z, 1.25);
   const Objects back = objects_from_msg(msg);
   EXPECT_EQ(back.stamp_ns, objects.stamp_ns);
   EXPECT_EQ(back.height_world_m, objects.height_world_m);
@@ -614,9 +614,9 @@ TEST(ConvertObjects, TimesBeforeTheClocksZeroAreZero) {
   objects.stamp_ns = 5;
   objects.objects.emplace_back().first_seen_ns = -3'600'000'000'000;
   objects.objects[0].last_seen_ns = -1;
-  const EllipseMap msg = objects_to_msg(objects, "odom");
-  EXPECT_TRUE(msg.ellipses[0].first_seen.isZero());
-  EXPECT_TRUE(msg.ellipses[0].last_seen.isZero());
+  const MappedObjectArray msg = objects_to_msg(objects, "odom");
+  EXPECT_TRUE(msg.objects[0].first_seen.isZero());
+  EXPECT_TRUE(msg.objects[0].last_seen.isZero());
 }
 
 TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {

@@ -15,7 +15,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, Latest, Robot, scan_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 STAGES = ("segmentation", "detection", "mapping")
 CIRCLE = ((3.0, 0.5, 0.25),)
@@ -24,7 +24,7 @@ CIRCLE = ((3.0, 0.5, 0.25),)
 class DiagnosticsTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.diagnostics = Diagnostics()
         wait_until(lambda: set(STAGES) <= set(cls.diagnostics.stages), 60.0, "all stages to speak")
         cls.before_input = {stage: dict(cls.diagnostics.stages[stage]) for stage in STAGES}

@@ -25,7 +25,7 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
 from ros_support import Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap, SegmentArray  # noqa: E402
+from situation_awareness.msg import MappedObjectArray, SegmentArray  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PATIENCE_S = 60.0
@@ -41,7 +41,7 @@ class Robot:
         self.launch = subprocess.Popen(
             ["roslaunch", "--wait", str(ROOT / "launch/objects.launch"), "rviz:=false", *arguments],
             env=dict(os.environ, ROS_NAMESPACE=namespace), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.maps = Latest(f"/{namespace}/objects", EllipseMap)
+        self.maps = Latest(f"/{namespace}/objects", MappedObjectArray)
         self.segments = Latest(f"/{namespace}/segments", SegmentArray)
         self.scans = rospy.Publisher(f"/{namespace}/scan", LaserScan, queue_size=100)
 
@@ -114,7 +114,7 @@ class FaultsTest(unittest.TestCase):
     def maps_again(self, robot):
         stamp = self.scan(robot)
         time.sleep(0.1)
-        return stamp in robot.maps.stamps() and len(robot.maps.messages[-1].ellipses) == len(CIRCLES)
+        return stamp in robot.maps.stamps() and len(robot.maps.messages[-1].objects) == len(CIRCLES)
 
     @fault("mounting", "upside down, clockwise, and both, 40 scans each beside those of an upright scanner",
            "the same ids, ellipses, velocities and covariances, within 0.1 mm", times=3)
@@ -140,11 +140,11 @@ class FaultsTest(unittest.TestCase):
         def last(name):
             return next(msg for msg in robots[name].maps.messages if msg.header.stamp == stamp)
         expected = last("upright")
-        self.assertEqual(len(expected.ellipses), len(CIRCLES))
+        self.assertEqual(len(expected.objects), len(CIRCLES))
         for name in MOUNTINGS:
             got = last(name)
-            self.assertEqual([e.id for e in got.ellipses], [e.id for e in expected.ellipses], name)
-            for a, b in zip(expected.ellipses, got.ellipses):
+            self.assertEqual([e.id for e in got.objects], [e.id for e in expected.objects], name)
+            for a, b in zip(expected.objects, got.objects):
                 self.assertAlmostEqual(a.pose.position.x, b.pose.position.x, delta=SAME_M, msg=name)
                 self.assertAlmostEqual(a.pose.position.y, b.pose.position.y, delta=SAME_M, msg=name)
                 self.assertAlmostEqual(a.rx, b.rx, delta=SAME_M, msg=name)
@@ -206,7 +206,7 @@ class FaultsTest(unittest.TestCase):
                 clock.publish(Clock(clock=rospy.Time.from_sec(self.stamp_s)))
                 stamp = self.scan(robot)
                 wait_until(lambda: stamp in robot.maps.stamps(), PATIENCE_S, "the map")
-            self.assertEqual(len(robot.maps.messages[-1].ellipses), len(CIRCLES))
+            self.assertEqual(len(robot.maps.messages[-1].objects), len(CIRCLES))
             self.assertNotIn(rospy.Time(0), robot.maps.stamps())
         finally:
             rospy.delete_param("/use_sim_time")

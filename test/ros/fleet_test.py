@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from restart_test import pid_of  # noqa: E402
 from ros_support import Latest, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 ROBOTS = ("alpha", "bravo")
 SHARED = {"/tf", "/tf_static", "/rosout", "/diagnostics"}
@@ -29,7 +29,7 @@ SHARED = {"/tf", "/tf_static", "/rosout", "/diagnostics"}
 class FleetTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.maps = {robot: Latest(f"/{robot}/objects", EllipseMap) for robot in ROBOTS}
+        cls.maps = {robot: Latest(f"/{robot}/objects", MappedObjectArray) for robot in ROBOTS}
         cls.parents = {}
         cls.tf = [rospy.Subscriber(topic, TFMessage, cls.on_tf, queue_size=100) for topic in ("/tf", "/tf_static")]
 
@@ -42,7 +42,7 @@ class FleetTest(unittest.TestCase):
         for robot, maps in self.maps.items():
             wait_until(lambda maps=maps: len(maps.messages) > 40, 90.0, f"40 maps of {robot}")
             newest = maps.messages[-1]
-            self.assertGreaterEqual(len(newest.ellipses), 3)
+            self.assertGreaterEqual(len(newest.objects), 3)
             self.assertEqual(newest.header.frame_id, f"{robot}/world")
             self.assertLess(abs(newest.header.stamp.to_sec() - time.time()), 30.0, "stamps of the wall clock")
 

@@ -15,7 +15,7 @@ import rostest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import (PERIOD_S, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
                          wait_until)
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 RATE_HZ = 500.0
 FLOOD_S = 6.0
@@ -30,7 +30,7 @@ SLACK_S = 0.1
 class FloodTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot()
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")

@@ -124,14 +124,14 @@ class Record:
 def record(topics):
     import rospy
     from sensor_msgs.msg import LaserScan
-    from situation_awareness.msg import EllipseMap
+    from situation_awareness.msg import MappedObjectArray
     rospy.init_node("recorder", anonymous=True)
 
     def write(topic, msg):  # whole lines: each topic has its own thread
         os.write(1, f"{topic} {time.time():.3f} {msg.header.stamp.to_sec():.3f}\n".encode())
 
     for topic in topics:
-        rospy.Subscriber(topic, LaserScan if topic == "scan" else EllipseMap,
+        rospy.Subscriber(topic, LaserScan if topic == "scan" else MappedObjectArray,
                          lambda msg, topic=topic: write(topic, msg), queue_size=100)
     rospy.spin()
 

@@ -25,7 +25,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import BEAMS, Diagnostics, Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 from situation_awareness.srv import SaveObjects  # noqa: E402
 
 TESTS = pathlib.Path(__file__).resolve().parents[1]
@@ -61,7 +61,7 @@ class Number(float):
 def objects_of(message):
     """The line of objects_bag for such a map."""
     objects = []
-    for e in message.ellipses:
+    for e in message.objects:
         sigma = [math.sqrt(max(e.covariance[9 * i], 0.0)) for i in range(8)]
         objects.append(dict(id=e.id, x=e.pose.position.x, y=e.pose.position.y, qz=e.pose.orientation.z,
                             qw=e.pose.orientation.w, rx=e.rx, ry=e.ry, vx=e.twist.linear.x, vy=e.twist.linear.y,
@@ -85,7 +85,7 @@ class Live:
     def __init__(self, name):
         self.name = name
         self.diagnostics = Diagnostics()
-        self.maps = Latest(f"/{name}/objects", EllipseMap)
+        self.maps = Latest(f"/{name}/objects", MappedObjectArray)
         self.scans = rospy.Publisher(f"/{name}/scan", LaserScan, queue_size=1000, tcp_nodelay=True)
         self.tf = rospy.Publisher(f"/{name}/tf", TFMessage, queue_size=1000, tcp_nodelay=True)
         self.tf_static = rospy.Publisher(f"/{name}/tf_static", TFMessage, queue_size=10, latch=True)
@@ -155,7 +155,7 @@ class LiveOfflineTest(unittest.TestCase):
                     self.assert_same(objects_of(message), as_published(expected[stamp]["objects"]),
                                      f"{name} at {stamp}")
                     compared += 1
-                    elements += len(message.ellipses)
+                    elements += len(message.objects)
                     if compared % check_every == 0 or compared == len(expected):
                         _, saved = offline(bag, self.folder, *arguments, until=at)
                         self.assertEqual(live.saved(self.folder).decode(), saved.decode(), f"{name} at {stamp}")

@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, Robot, pid_of, scan_msg, wait_until  # noqa: E402
-from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
+from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
 
 CIRCLE = ((3.0, 0.5, 0.25),)
 
@@ -28,7 +28,7 @@ class LiveParamsTest(unittest.TestCase):
         cls.logs = Latest("/rosout", Log)
         cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.robot = Robot(transforms=False)
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
         wait_until(lambda: cls.detections.subscriber.get_num_connections() > 0, 60.0, "the detection nodelet")
@@ -116,12 +116,12 @@ class LiveParamsTest(unittest.TestCase):
 
     def test_7_the_map_keeps_its_elements(self):
         for _ in range(10):
-            ids = [ellipse.id for ellipse in self.of_next_scan(self.map).ellipses]
+            ids = [ellipse.id for ellipse in self.of_next_scan(self.map).objects]
         self.assertEqual(len(ids), 1)
         self.set("mapping", max_position_sigma_m=0.001)
-        self.assertEqual(self.of_next_scan(self.map).ellipses, [], "remembered, not shown")
+        self.assertEqual(self.of_next_scan(self.map).objects, [], "remembered, not shown")
         self.set("mapping", max_position_sigma_m=0.24)
-        self.assertEqual([ellipse.id for ellipse in self.of_next_scan(self.map).ellipses], ids)
+        self.assertEqual([ellipse.id for ellipse in self.of_next_scan(self.map).objects], ids)
 
     def test_8_a_respawn_keeps_live_values(self):
         self.set("segmentation", max_range_m=2.5)

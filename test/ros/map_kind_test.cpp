@@ -15,9 +15,9 @@
 #include <ros/ros.h>
 #include <boost/make_shared.hpp>
 
-#include "situation_awareness/EllipseMap.h"
 #include "situation_awareness/GetObjects.h"
 #include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/SaveObjects.h"
 #include "situation_awareness/SegmentArray.h"
 #include "situation_awareness/map/map_file.hpp"
@@ -95,7 +95,7 @@ struct PostMarkers {
 struct PostKind {
   using Map = PostMap;
   using Value = Posts;
-  using Message = EllipseMap;
+  using Message = MappedObjectArray;
   using Get = GetObjects;
   using Save = SaveObjects;
   using Load = LoadObjects;
@@ -103,17 +103,17 @@ struct PostKind {
   static constexpr const char* kName = "posts";
   static constexpr const char* kMarkersTopic = "post_markers";
 
-  static EllipseMap to_msg(const Posts& posts, const std::string& world_frame) {
-    EllipseMap msg;
+  static MappedObjectArray to_msg(const Posts& posts, const std::string& world_frame) {
+    MappedObjectArray msg;
     msg.header.stamp = to_ros_time(posts.stamp_ns);
     msg.header.frame_id = world_frame;
     for (const Post& post : posts.elements) {
-      msg.ellipses.emplace_back();
-      msg.ellipses.back().id = post.id;
+      msg.objects.emplace_back();
+      msg.objects.back().id = post.id;
     }
     return msg;
   }
-  static EllipseMap& map_of(GetObjects::Response& response) { return response.objects; }
+  static MappedObjectArray& map_of(GetObjects::Response& response) { return response.objects; }
   static void save(const std::string& file, const Posts& posts) { MapFile<PostFormat>::save(file, posts); }
   static Posts load(const std::string& file, const std::string& world_frame) {
     return MapFile<PostFormat>::load(file, world_frame);
@@ -163,8 +163,8 @@ class MapKindTest : public testing::Test {
  protected:
   void SetUp() override {
     points_ = node_.advertise<SegmentArray>("points", 10);
-    count<EllipseMap>("posts");
-    count<EllipseMap>("downlink/posts");
+    count<MappedObjectArray>("posts");
+    count<MappedObjectArray>("downlink/posts");
     subscribers_.push_back(node_.subscribe<visualization_msgs::MarkerArray>(
         "post_markers", 10, [this](const visualization_msgs::MarkerArrayConstPtr& msg) {
           const std::lock_guard<std::mutex> lock(mutex_);
@@ -183,7 +183,7 @@ class MapKindTest : public testing::Test {
   void count(const std::string& topic) {
     const boost::function<void(const boost::shared_ptr<const Message>&)> add = [this, topic](const auto& msg) {
       const std::lock_guard<std::mutex> lock(mutex_);
-      sizes_[topic].push_back(msg->ellipses.size());
+      sizes_[topic].push_back(msg->objects.size());
     };
     subscribers_.push_back(node_.subscribe<Message>(topic, 10, add));
   }
@@ -241,8 +241,8 @@ TEST_F(MapKindTest, TopicsAndServicesBearItsName) {
   EXPECT_EQ(sizes("downlink/posts"), Sizes{2});
   const GetObjects got = call<GetObjects>("/get_posts");
   ASSERT_TRUE(got.response.success) << got.response.message;
-  ASSERT_EQ(got.response.objects.ellipses.size(), 2U);
-  EXPECT_EQ(got.response.objects.ellipses[1].id, 2U);
+  ASSERT_EQ(got.response.objects.objects.size(), 2U);
+  EXPECT_EQ(got.response.objects.objects[1].id, 2U);
   EXPECT_EQ(got.response.objects.header.frame_id, "world");
 
   EXPECT_TRUE(call<std_srvs::SetBool>("/keeper/pause",

@@ -31,9 +31,9 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import rospy
 from ros_support import Robot
-from situation_awareness.msg import EllipseMap
+from situation_awareness.msg import MappedObjectArray
 rospy.init_node(sys.argv[2], disable_signals=True)
-rospy.Subscriber("objects", EllipseMap, lambda msg: print(len(msg.ellipses), flush=True))
+rospy.Subscriber("objects", MappedObjectArray, lambda msg: print(len(msg.objects), flush=True))
 robot = Robot()
 while True:
     robot.run(1)

@@ -13,13 +13,13 @@ import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, Robot, pid_of, scan_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 
 class RestartTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.robot = Robot(transforms=False)
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
         time.sleep(1.0)
@@ -31,8 +31,8 @@ class RestartTest(unittest.TestCase):
                 stamp = rospy.Time.from_sec(1.4e9 + 0.2 * i)
                 self.robot.publish(scan_msg(stamp))
         wait_until(lambda: self.map.stamps().count(stamp) == 2, 5.0, "the second round")
-        self.assertEqual(len(self.map.messages[-1].ellipses), 1)
-        self.assertEqual(self.map.messages[-1].ellipses[0].observations, 10)
+        self.assertEqual(len(self.map.messages[-1].objects), 1)
+        self.assertEqual(self.map.messages[-1].objects[0].observations, 10)
 
     def test_2_a_killed_manager_comes_back(self):
         os.kill(pid_of("/objects_manager"), signal.SIGKILL)

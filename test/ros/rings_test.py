@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 WORLDS = pathlib.Path(__file__).resolve().parents[2] / "models" / "worlds"
 
@@ -47,14 +47,14 @@ class RingsTest(unittest.TestCase):
         return returns
 
     def test_1_clouds_replace_scans(self):
-        clouds, truths = Latest("points", PointCloud2), Latest("truth", EllipseMap)
+        clouds, truths = Latest("points", PointCloud2), Latest("truth", MappedObjectArray)
         transforms = Latest("/tf", TFMessage)
         wait_until(lambda: len(clouds.messages) >= 10 and len(truths.messages) >= 10, 60.0, "10 clouds")
         cloud = clouds.messages[-1]
         self.assertEqual(cloud.header.frame_id, "lidar")
         self.check_cloud(cloud, 900, 0.0499)
         self.assertIn(cloud.header.stamp, truths.stamps())
-        self.assertGreater(sum(ellipse.beams for ellipse in truths.messages[-1].ellipses), 50)
+        self.assertGreater(sum(ellipse.beams for ellipse in truths.messages[-1].objects), 50)
         stamps = [t.header.stamp for message in transforms.messages for t in message.transforms]
         self.assertIn(cloud.header.stamp, stamps)
         self.assertNotIn("/scan", [topic for topic, _ in rospy.get_published_topics()])

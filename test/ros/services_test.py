@@ -19,7 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, Latest, Robot, scan_msg, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 from situation_awareness.srv import GetObjects, LoadObjects, SaveObjects  # noqa: E402
 
 STANDING = [(3.0, 0.5, 0.25), (2.0, -2.0, 0.3)]
@@ -29,7 +29,7 @@ VELOCITY = 0.6  # m/s, of the third, along y
 class ServicesTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.markers = Latest("object_markers", MarkerArray)
         cls.diagnostics = Diagnostics()
         cls.robot = Robot(transforms=False)
@@ -58,7 +58,7 @@ class ServicesTest(unittest.TestCase):
         return answer.message
 
     def ids(self):
-        return {ellipse.id for ellipse in self.map.messages[-1].ellipses}
+        return {ellipse.id for ellipse in self.map.messages[-1].objects}
 
     def run_and_map(self, count, **arguments):
         """Scans, and the resulting map."""
@@ -93,7 +93,7 @@ class ServicesTest(unittest.TestCase):
             self.robot.publish(scan_msg(stamp, circles=STANDING + [(4.5, y, 0.25)]))
         wait_until(lambda: stamp in self.map.stamps(), 5.0, "the map")
         latest = self.map.messages[-1]
-        self.assertEqual(len(latest.ellipses), 3)
+        self.assertEqual(len(latest.objects), 3)
         self.assertEqual(latest.header.frame_id, "odom")
         self.assert_map_is(latest)
         self.assert_map_is(latest, stamp)
@@ -102,14 +102,14 @@ class ServicesTest(unittest.TestCase):
         predicted = self.call("get_objects", later).objects
         self.assertEqual(predicted.header.stamp, later)
         self.assertEqual(predicted.header.frame_id, "odom")
-        self.assertEqual([ellipse.id for ellipse in predicted.ellipses], [ellipse.id for ellipse in latest.ellipses])
-        for now, then in zip(latest.ellipses, predicted.ellipses):
+        self.assertEqual([ellipse.id for ellipse in predicted.objects], [ellipse.id for ellipse in latest.objects])
+        for now, then in zip(latest.objects, predicted.objects):
             self.assertEqual(now.last_seen, then.last_seen)
             if now.p_moving < 0.5:
                 self.assertAlmostEqual(then.pose.position.x, now.pose.position.x, delta=0.01)
                 self.assertAlmostEqual(then.pose.position.y, now.pose.position.y, delta=0.01)
-        now = max(latest.ellipses, key=lambda ellipse: ellipse.p_moving)
-        then = next(ellipse for ellipse in predicted.ellipses if ellipse.id == now.id)
+        now = max(latest.objects, key=lambda ellipse: ellipse.p_moving)
+        then = next(ellipse for ellipse in predicted.objects if ellipse.id == now.id)
         self.assertAlmostEqual(now.twist.linear.y, VELOCITY, delta=0.15)
         self.assertAlmostEqual(then.pose.position.y - now.pose.position.y, 0.5 * VELOCITY, delta=0.08)
         self.assertAlmostEqual(then.pose.position.x - now.pose.position.x, 0.0, delta=0.08)
@@ -118,7 +118,7 @@ class ServicesTest(unittest.TestCase):
         self.assertIn("0.001", self.refused("get_objects", stamp - rospy.Duration(0.001)))
         self.assertIn("3600", self.refused("get_objects", stamp + rospy.Duration(3600)))
         self.refused("get_objects", rospy.Time(2 ** 32 - 1))
-        self.assertEqual(len(self.call("get_objects", stamp + rospy.Duration(30)).objects.ellipses), 3)
+        self.assertEqual(len(self.call("get_objects", stamp + rospy.Duration(30)).objects.objects), 3)
 
     def test_3_paused_the_map_stays_as_it_is(self):
         before = self.run_and_map(20)
@@ -135,7 +135,7 @@ class ServicesTest(unittest.TestCase):
         self.call("mapping/pause", False)
         after = self.run_and_map(5)
         self.assertEqual(self.ids(), ids)
-        self.assertEqual(after.ellipses[0].observations, before.ellipses[0].observations + 5)
+        self.assertEqual(after.objects[0].observations, before.objects[0].observations + 5)
         wait_until(lambda: self.diagnostics.stages["mapping"]["summary"] != "paused", 5.0, "the end of the pause")
         self.assertEqual(self.drops(), drops)
 
@@ -149,7 +149,7 @@ class ServicesTest(unittest.TestCase):
         self.assertIn(self.file, self.call("mapping/save_objects", self.file).message)
 
         empty = self.next_message(lambda: self.call("mapping/reset"))
-        self.assertEqual(empty.ellipses, [])
+        self.assertEqual(empty.objects, [])
         wait_until(lambda: not self.shown(), 2.0, "the markers to go")
         self.refused("get_objects", rospy.Time())
         self.run_and_map(20)
@@ -157,12 +157,12 @@ class ServicesTest(unittest.TestCase):
         self.assertGreater(min(self.ids()), max(ids), "ids are never used again")
 
         loaded = self.next_message(lambda: self.call("mapping/load_objects", self.file))
-        self.assertEqual({ellipse.id for ellipse in loaded.ellipses}, ids)
+        self.assertEqual({ellipse.id for ellipse in loaded.objects}, ids)
         wait_until(lambda: self.shown() == ids, 2.0, "the markers of what was loaded")
-        self.assertEqual({ellipse.id for ellipse in self.call("get_objects", rospy.Time()).objects.ellipses}, ids)
+        self.assertEqual({ellipse.id for ellipse in self.call("get_objects", rospy.Time()).objects.objects}, ids)
         self.run_and_map(20)
         self.assertEqual(self.ids(), ids)
-        self.assertEqual(self.map.messages[-1].ellipses[0].observations, loaded.ellipses[0].observations + 20)
+        self.assertEqual(self.map.messages[-1].objects[0].observations, loaded.objects[0].observations + 20)
 
     def shown(self):
         shown = set()
@@ -211,7 +211,7 @@ class ServicesTest(unittest.TestCase):
 
         self.assert_map_is(latest)
         after = self.run_and_map(5)
-        self.assertEqual(after.ellipses[0].observations, latest.ellipses[0].observations + 5)
+        self.assertEqual(after.objects[0].observations, latest.objects[0].observations + 5)
 
     def test_6_a_fresh_manager_goes_on_with_a_saved_map(self):
         self.run_and_map(20)
@@ -234,10 +234,10 @@ class ServicesTest(unittest.TestCase):
             return stamp in self.map.stamps()
         wait_until(maps_again, 60.0, "the stages before it to come back")
         self.assertEqual(self.ids(), ids)
-        before = self.map.messages[-1].ellipses
-        for then, now in zip(saved.ellipses, before):
+        before = self.map.messages[-1].objects
+        for then, now in zip(saved.objects, before):
             self.assertGreater(now.observations, then.observations)
-        after = self.run_and_map(10).ellipses
+        after = self.run_and_map(10).objects
         self.assertEqual(self.ids(), ids)
         self.assertEqual([ellipse.observations for ellipse in after],
                          [ellipse.observations + 10 for ellipse in before])

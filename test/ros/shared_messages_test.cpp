@@ -17,7 +17,7 @@
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/DetectionArray.h"
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/SegmentArray.h"
 #include "situation_awareness/ros/backlog.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
@@ -87,8 +87,8 @@ TEST(Stages, NothingIsSerialisedFromScanToMap) {
   std::atomic<int> maps{0};
   ros::Time latest;  // roscpp may deliver a message twice: TimedSubscriber
   const ros::Subscriber map_subscriber =
-      node.subscribe<EllipseMap>("objects", 0, [&maps, &latest](const EllipseMapConstPtr& msg) {
-        maps += !msg->ellipses.empty() && msg->header.stamp != latest;
+      node.subscribe<MappedObjectArray>("objects", 0, [&maps, &latest](const MappedObjectArrayConstPtr& msg) {
+        maps += !msg->objects.empty() && msg->header.stamp != latest;
         latest = msg->header.stamp;
       });
   const ros::Subscriber copies_subscriber = node.subscribe<sensor_msgs::LaserScan>(

@@ -13,20 +13,20 @@ from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, refusal_of_node, wait_until  # noqa: E402
-from situation_awareness.msg import EllipseMap  # noqa: E402
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 
 class SimTest(unittest.TestCase):
     def test_1_the_map_follows_the_truth(self):
-        scans, maps, truths = Latest("scan", LaserScan), Latest("objects", EllipseMap), Latest("truth", EllipseMap)
-        odometry = Latest("odometry", Odometry)
+        scans, odometry = Latest("scan", LaserScan), Latest("odometry", Odometry)
+        maps, truths = Latest("objects", MappedObjectArray), Latest("truth", MappedObjectArray)
         wait_until(lambda: len(maps.messages) > 40, 90.0, "40 maps")
         self.assertGreater(maps.messages[0].header.stamp.to_sec(), 999.0, "a simulation begins after zero")
         self.assertLessEqual(set(maps.stamps()[5:20]), set(scans.stamps()) & set(truths.stamps()))
         self.assertTrue(odometry.messages)
-        self.assertTrue(all(ellipse.label for ellipse in truths.messages[-1].ellipses))
-        self.assertGreaterEqual(len(truths.messages[-1].ellipses), 7)
-        self.assertGreaterEqual(len(maps.messages[-1].ellipses), 3)
+        self.assertTrue(all(ellipse.label for ellipse in truths.messages[-1].objects))
+        self.assertGreaterEqual(len(truths.messages[-1].objects), 7)
+        self.assertGreaterEqual(len(maps.messages[-1].objects), 3)
 
     def test_2_the_evaluator_prints_a_table_and_a_verdict(self):
         strict = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=strict", "_duration_s:=3.0",

@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, Latest, Robot, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import DetectionArray, EllipseMap, SegmentArray  # noqa: E402
+from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
 
 STAGES = ("segmentation", "detection", "mapping")
 PATIENCE_S = 60.0
@@ -29,7 +29,7 @@ class SimulatedTimeTest(unittest.TestCase):
         cls.robot = Robot()
         cls.segments = Latest("segments", SegmentArray)
         cls.detections = Latest("detections", DetectionArray)
-        cls.map = Latest("objects", EllipseMap)
+        cls.map = Latest("objects", MappedObjectArray)
         cls.diagnostics = Diagnostics()
         wait_until(lambda: all(each.subscriber.get_num_connections() > 0 for each in
                                (cls.segments, cls.detections, cls.map, cls.diagnostics))

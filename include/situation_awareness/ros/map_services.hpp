@@ -24,10 +24,10 @@ namespace situation_awareness {
 /// and load_KIND. All calls are on the callback queue of its stage, without a lock; `context` and `map` must outlive
 /// it. A kind of map is a struct such as ObjectKind with
 ///
-///     using Map = ObjectMap;       // kNoStamp, stamp_ns(), size(), at(), reset(), snapshot(), resume()
-///     using Value = Objects;       // the map at one time
-///     using Message = EllipseMap;  // and as a message
-///     using Get = GetObjects;      // types of the services
+///     using Map = ObjectMap;              // kNoStamp, stamp_ns(), size(), at(), reset(), snapshot(), resume()
+///     using Value = Objects;              // the map at one time
+///     using Message = MappedObjectArray;  // and as a message
+///     using Get = GetObjects;             // types of the services
 ///     using Save = SaveObjects;
 ///     using Load = LoadObjects;
 ///     static constexpr const char* kName = "objects";

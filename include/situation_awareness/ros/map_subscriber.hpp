@@ -7,7 +7,7 @@
 
 #include <ros/subscriber.h>
 
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
@@ -34,7 +34,7 @@ class MapSubscriber {
   }
 
  private:
-  void on_map(const EllipseMapConstPtr& msg);
+  void on_map(const MappedObjectArrayConstPtr& msg);
 
   std::string world_frame_;
   StageContextBase& context_;

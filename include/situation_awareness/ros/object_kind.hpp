@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "situation_awareness/EllipseMap.h"
 #include "situation_awareness/GetObjects.h"
 #include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/SaveObjects.h"
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
@@ -18,7 +18,7 @@ namespace situation_awareness {
 struct ObjectKind {
   using Map = ObjectMap;
   using Value = Objects;
-  using Message = EllipseMap;
+  using Message = MappedObjectArray;
   using Get = GetObjects;
   using Save = SaveObjects;
   using Load = LoadObjects;
@@ -26,10 +26,10 @@ struct ObjectKind {
   static constexpr const char* kName = "objects";
   static constexpr const char* kMarkersTopic = "object_markers";
 
-  static EllipseMap to_msg(const Objects& objects, const std::string& world_frame) {
+  static MappedObjectArray to_msg(const Objects& objects, const std::string& world_frame) {
     return objects_to_msg(objects, world_frame);
   }
-  static EllipseMap& map_of(GetObjects::Response& response) { return response.objects; }
+  static MappedObjectArray& map_of(GetObjects::Response& response) { return response.objects; }
   static void save(const std::string& file, const MapSnapshot& snapshot) { save_map(file, snapshot); }
   static MapSnapshot load(const std::string& file, const std::string& world_frame) {
     return load_map(file, world_frame);

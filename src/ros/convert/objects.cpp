@@ -15,15 +15,15 @@ using RowMajor8d = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
 
 }  // namespace
 
-EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame,
-                          const std::vector<std::string>& labels) {
-  EllipseMap msg;
+MappedObjectArray objects_to_msg(const Objects& objects, const std::string& world_frame,
+                                 const std::vector<std::string>& labels) {
+  MappedObjectArray msg;
   msg.header.stamp = to_ros_time(objects.stamp_ns);
   msg.header.frame_id = world_frame;
-  msg.ellipses.resize(objects.objects.size());
+  msg.objects.resize(objects.objects.size());
   for (std::size_t i = 0; i < objects.objects.size(); ++i) {
     const Object& object = objects.objects[i];
-    MappedEllipse& element = msg.ellipses[i];
+    MappedObject& element = msg.objects[i];
     element.id = object.id;
     if (i < labels.size()) element.label = labels[i];
     element.pose.position.x = object.ellipse_world.center_m.x();
@@ -48,13 +48,13 @@ EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame
   return msg;
 }
 
-Objects objects_from_msg(const EllipseMap& msg) {
+Objects objects_from_msg(const MappedObjectArray& msg) {
   Objects objects;
   objects.stamp_ns = to_nanoseconds(msg.header.stamp);
-  if (!msg.ellipses.empty()) objects.height_world_m = msg.ellipses.front().pose.position.z;
-  objects.objects.resize(msg.ellipses.size());
-  for (std::size_t i = 0; i < msg.ellipses.size(); ++i) {
-    const MappedEllipse& element = msg.ellipses[i];
+  if (!msg.objects.empty()) objects.height_world_m = msg.objects.front().pose.position.z;
+  objects.objects.resize(msg.objects.size());
+  for (std::size_t i = 0; i < msg.objects.size(); ++i) {
+    const MappedObject& element = msg.objects[i];
     Object& object = objects.objects[i];
     object.id = element.id;
     object.ellipse_world.center_m = {element.pose.position.x, element.pose.position.y};

@@ -24,7 +24,7 @@ constexpr int kDatagramBytes = 1400;  ///< with all headers less than the Ethern
 class GroundMap {
  public:
   explicit GroundMap(const ros::NodeHandle& node) : node_(node) {
-    map_ = node_.advertise<EllipseMap>("ground/objects", 1);
+    map_ = node_.advertise<MappedObjectArray>("ground/objects", 1);
     markers_ = node_.advertise<visualization_msgs::MarkerArray>("ground/object_markers", 5);
     subscribe();
   }
@@ -57,7 +57,7 @@ class GroundMap {
                                   ros::TransportHints().unreliable().maxDatagramSize(kDatagramBytes));
   }
 
-  void on_map(const EllipseMapConstPtr& msg) {
+  void on_map(const MappedObjectArrayConstPtr& msg) {
     alive_at_ = ros::SteadyTime::now();
     map_.publish(msg);
     if (markers_.getNumSubscribers() == 0) return;

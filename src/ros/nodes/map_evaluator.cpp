@@ -63,22 +63,22 @@ class Evaluator {
   }
 
  private:
-  void on_truth(const EllipseMapConstPtr& msg) {
+  void on_truth(const MappedObjectArrayConstPtr& msg) {
     if (!evaluation_) begin(*msg);
     truths_[msg->header.stamp] = msg;
     compare();
   }
 
   /// The parts of a person are one object.
-  void begin(const EllipseMap& truth) {
+  void begin(const MappedObjectArray& truth) {
     std::vector<std::string> labels;
-    for (const MappedEllipse& element : truth.ellipses) labels.push_back(element.label);
+    for (const MappedObject& element : truth.objects) labels.push_back(element.label);
     const std::vector<Body> bodies = bodies_of(labels);
-    for (const Body& body : bodies) names_[truth.ellipses.at(body.parts.front()).id] = body.name;
+    for (const Body& body : bodies) names_[truth.objects.at(body.parts.front()).id] = body.name;
     evaluation_.emplace(MapEvaluationParams{}, bodies);
   }
 
-  void on_map(const EllipseMapConstPtr& msg) {
+  void on_map(const MappedObjectArrayConstPtr& msg) {
     maps_[msg->header.stamp] = msg;
     compare();
   }
@@ -107,7 +107,7 @@ class Evaluator {
 
   EvaluatorParams params_;
   std::optional<MapEvaluation> evaluation_;
-  std::map<ros::Time, EllipseMapConstPtr> truths_, maps_;  ///< without their counterpart yet
+  std::map<ros::Time, MappedObjectArrayConstPtr> truths_, maps_;  ///< without their counterpart yet
   std::map<std::uint64_t, std::string> names_;
   ros::Time first_;
   ros::Subscriber truth_subscriber_, map_subscriber_;

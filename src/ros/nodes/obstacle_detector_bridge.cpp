@@ -9,8 +9,8 @@ int main(int argc, char** argv) {
   ros::init(argc, argv, "obstacle_detector_bridge");
   ros::NodeHandle node;
   const ros::Publisher obstacles = node.advertise<obstacle_detector::Obstacles>("obstacles", 5);
-  const ros::Subscriber map = node.subscribe<EllipseMap>(
-      "objects", 1, [&](const EllipseMapConstPtr& msg) { obstacles.publish(circles_from_map(*msg)); });
+  const ros::Subscriber map = node.subscribe<MappedObjectArray>(
+      "objects", 1, [&](const MappedObjectArrayConstPtr& msg) { obstacles.publish(circles_from_map(*msg)); });
   ros::spin();
   return 0;
 }

@@ -83,9 +83,9 @@ class Simulator {
       : params_(params), node_(node), world_(world_file(params.world)), sightings_(world_.names().size()) {
     if (params.clock) clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", 100);
     odometry_ = node_.advertise<nav_msgs::Odometry>("odometry", 100);
-    truth_ = node_.advertise<EllipseMap>("truth", 50);
+    truth_ = node_.advertise<MappedObjectArray>("truth", 50);
     markers_ = node_.advertise<visualization_msgs::MarkerArray>("truth_markers", 10);
-    map_ = node_.subscribe<EllipseMap>("objects", 50, [this](const EllipseMapConstPtr& msg) {
+    map_ = node_.subscribe<MappedObjectArray>("objects", 50, [this](const MappedObjectArrayConstPtr& msg) {
       mapped_ns_ = std::max(mapped_ns_.load(), to_nanoseconds(msg->header.stamp));
     });
     add_sensors();

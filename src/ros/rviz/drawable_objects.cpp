@@ -26,7 +26,7 @@ bool is_turn_about_z(const geometry_msgs::Quaternion& q) {
 bool is_probability(double p) { return p >= 0.0 && p <= 1.0; }
 
 /// The element's error; empty if it is valid.
-std::string fault(const MappedEllipse& element) {
+std::string fault(const MappedObject& element) {
   const auto finite = [](double number) { return std::isfinite(number); };
   const auto bounded = [](double variance) { return std::abs(variance) <= kMaxVariance; };
   const auto& p = element.pose.position;
@@ -48,10 +48,10 @@ std::string fault(const MappedEllipse& element) {
 
 }  // namespace
 
-DrawableObjects drawable_objects(const EllipseMap& msg) {
+DrawableObjects drawable_objects(const MappedObjectArray& msg) {
   std::unordered_set<std::uint64_t> ids;
   std::vector<std::string> names;
-  for (const MappedEllipse& element : msg.ellipses) {
+  for (const MappedObject& element : msg.objects) {
     std::string wrong = fault(element);
     if (!ids.insert(element.id).second) wrong = "its id appears twice";
     if (!wrong.empty()) throw std::invalid_argument("element " + std::to_string(element.id) + ": " + wrong);

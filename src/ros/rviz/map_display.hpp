@@ -28,7 +28,7 @@ namespace situation_awareness {
 /// Draws a topic with maps of one kind in rviz. An invalid map sets the status "Map" to Error, and the previous picture
 /// stays. `Drawing` is specific to the kind:
 ///
-///     using Message = EllipseMap;               // with a header
+///     using Message = MappedObjectArray;        // with a header
 ///     using Map = DrawableObjects;              // the data of a message
 ///     static constexpr const char* kColorings[] = {"id", "standing or moving"};  // by MapStyle::coloring
 ///     static constexpr const char* kColoringsHelp = "A colour for each element, or ...";

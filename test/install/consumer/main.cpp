@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <limits>
 
-#include <situation_awareness/EllipseMap.h>
+#include <situation_awareness/MappedObjectArray.h>
 #include <Eigen/Geometry>
 #include <situation_awareness/pipeline/object_pipeline.hpp>
 #include <situation_awareness/ros/convert/objects.hpp>
@@ -34,6 +34,6 @@ int main() {
     scan.stamp_ns = k * 50'000'000;
     pipeline.process(scan, Eigen::Isometry3d::Identity());
   }
-  const EllipseMap map = objects_to_msg(pipeline.map().at(scan.stamp_ns), "world");
-  std::printf("%zu\n", map.ellipses.size());
+  const MappedObjectArray map = objects_to_msg(pipeline.map().at(scan.stamp_ns), "world");
+  std::printf("%zu\n", map.objects.size());
 }

@@ -12,8 +12,8 @@
 namespace situation_awareness {
 namespace {
 
-MappedEllipse element(double rx_m, double ry_m, double psi_rad) {
-  MappedEllipse result;
+MappedObject element(double rx_m, double ry_m, double psi_rad) {
+  MappedObject result;
   result.id = 7;
   result.pose.position.x = 3.0;
   result.pose.position.y = -2.0;
@@ -29,16 +29,16 @@ MappedEllipse element(double rx_m, double ry_m, double psi_rad) {
   return result;
 }
 
-EllipseMap map_of(const MappedEllipse& only) {
-  EllipseMap map;
+MappedObjectArray map_of(const MappedObject& only) {
+  MappedObjectArray map;
   map.header.frame_id = "odom";
   map.header.stamp = ros::Time(12.5);
-  map.ellipses = {only};
+  map.objects = {only};
   return map;
 }
 
 /// Points of the curve, in the frame of the map.
-std::vector<std::pair<double, double>> outline(const MappedEllipse& ellipse, double psi_rad) {
+std::vector<std::pair<double, double>> outline(const MappedObject& ellipse, double psi_rad) {
   std::vector<std::pair<double, double>> points;
   for (int i = 0; i < 360; ++i) {
     const double x = ellipse.rx * std::cos(radians(i)), y = ellipse.ry * std::sin(radians(i));
@@ -50,7 +50,7 @@ std::vector<std::pair<double, double>> outline(const MappedEllipse& ellipse, dou
 
 TEST(CostmapConverterBridge, APolygonEnclosesTheEllipseTightly) {
   const double psi_rad = 0.7;
-  const MappedEllipse ellipse = element(0.6, 0.2, psi_rad);
+  const MappedObject ellipse = element(0.6, 0.2, psi_rad);
   const auto array = obstacle_array_from_map(map_of(ellipse));
   ASSERT_EQ(array.obstacles.size(), 1U);
   const auto& points = array.obstacles.front().polygon.points;
@@ -78,7 +78,7 @@ TEST(CostmapConverterBridge, ARoundEllipseIsAPointWithTheRadiusThatEnclosesIt) {
 }
 
 TEST(CostmapConverterBridge, IdFrameAndVelocityAreThoseOfTheMap) {
-  const MappedEllipse ellipse = element(0.6, 0.2, 0.7);
+  const MappedObject ellipse = element(0.6, 0.2, 0.7);
   const auto array = obstacle_array_from_map(map_of(ellipse));
   const auto& obstacle = array.obstacles.front();
   EXPECT_EQ(array.header.frame_id, "odom");
@@ -86,7 +86,7 @@ TEST(CostmapConverterBridge, IdFrameAndVelocityAreThoseOfTheMap) {
   EXPECT_EQ(obstacle.id, 7);
   EXPECT_EQ(obstacle.orientation, ellipse.pose.orientation);
   EXPECT_EQ(obstacle.velocities.twist, ellipse.twist);
-  // x, y and the turn about z of a TwistWithCovariance, by their places in MappedEllipse.
+  // x, y and the turn about z of a TwistWithCovariance, by their places in MappedObject.
   const std::map<std::size_t, std::size_t> place{{0, 2}, {1, 3}, {5, 5}};
   for (std::size_t i = 0; i < 6; ++i) {
     for (std::size_t j = 0; j < 6; ++j) {
@@ -98,7 +98,7 @@ TEST(CostmapConverterBridge, IdFrameAndVelocityAreThoseOfTheMap) {
 }
 
 TEST(ObstacleDetectorBridge, CirclesEncloseEllipsesWithAMarginOfTheirUncertainty) {
-  MappedEllipse ellipse = element(0.6, 0.2, 0.7);
+  MappedObject ellipse = element(0.6, 0.2, 0.7);
   ellipse.covariance.fill(0.0);
   const double angle_rad = 0.4, long_sigma_m = 0.2, short_sigma_m = 0.05;
   const double c = std::cos(angle_rad), s = std::sin(angle_rad);
@@ -119,8 +119,8 @@ TEST(ObstacleDetectorBridge, CirclesEncloseEllipsesWithAMarginOfTheirUncertainty
 }
 
 TEST(Bridges, AnEmptyMapIsNoObstacle) {
-  EXPECT_TRUE(obstacle_array_from_map(EllipseMap()).obstacles.empty());
-  EXPECT_TRUE(circles_from_map(EllipseMap()).circles.empty());
+  EXPECT_TRUE(obstacle_array_from_map(MappedObjectArray()).obstacles.empty());
+  EXPECT_TRUE(circles_from_map(MappedObjectArray()).circles.empty());
 }
 
 }  // namespace

@@ -291,7 +291,7 @@ std::string many_objects(Feed& feed) {
 std::string foreign_messages(Feed& feed) {
   ros::Publisher segments = feed.node().advertise<SegmentArray>("segments", 10);
   ros::Publisher detections = feed.node().advertise<DetectionArray>("detections", 10);
-  ros::Publisher map = feed.node().advertise<EllipseMap>("objects", 10);
+  ros::Publisher map = feed.node().advertise<MappedObjectArray>("objects", 10);
   const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(10.0);
   // Maps have one more subscriber: the feed itself.
   while (segments.getNumSubscribers() < 1 || detections.getNumSubscribers() < 1 || map.getNumSubscribers() < 2) {
@@ -312,7 +312,7 @@ std::string foreign_messages(Feed& feed) {
   bad_detections.detections[0].x = kNan;
   detections.publish(bad_detections);
   feed.expect_drop("mapping", drop_reason::kBadMessage, true);
-  EllipseMap bad_map;
+  MappedObjectArray bad_map;
   bad_map.header.stamp = bad_segments.header.stamp;
   bad_map.header.frame_id = "elsewhere";
   map.publish(bad_map);

@@ -220,7 +220,7 @@ void Feed::expect_drop(const std::string& stage, const std::string& reason, bool
 
 // --- what comes back
 
-void Feed::on_map(const EllipseMapConstPtr& msg) {
+void Feed::on_map(const MappedObjectArrayConstPtr& msg) {
   if (msg->header.stamp.isZero() || msg->header.frame_id != kWorldFrame) return;  // of a fault
   const std::lock_guard<std::mutex> lock(mutex_);
   received_.push_back({msg, ros::WallTime::now()});
@@ -278,13 +278,13 @@ void Feed::take_map(const Received& received) {
     ++mapped_all_;
   }
   latest_ = judge(*received.msg);
-  for (const MappedEllipse& ellipse : received.msg->ellipses) highest_id_ = std::max(highest_id_, ellipse.id);
+  for (const MappedObject& ellipse : received.msg->objects) highest_id_ = std::max(highest_id_, ellipse.id);
   if (!latest_.good) return good_since_ns_.reset();
   latest_good_ = latest_;
   if (!good_since_ns_) good_since_ns_ = map_ns;
 }
 
-MapState Feed::judge(const EllipseMap& map) const {
+MapState Feed::judge(const MappedObjectArray& map) const {
   constexpr double kNear_m = 0.15, kMaxPositionVariance_m2 = 0.24 * 0.24 * 1.001;
   MapState state;
   Objects objects;

@@ -18,7 +18,7 @@
 #include <tf2_msgs/TFMessage.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/common/random.hpp"
 #include "synthetic_scene.hpp"
 
@@ -117,7 +117,7 @@ class Feed {
  private:
   using Counts = std::map<std::string, std::int64_t>;
   struct Received {
-    EllipseMapConstPtr msg;
+    MappedObjectArrayConstPtr msg;
     ros::WallTime at;
   };
 
@@ -128,12 +128,12 @@ class Feed {
   const SyntheticScan& scan_at(std::int64_t slot) const;
   void add_transforms(std::int64_t slot, const Eigen::Isometry3d& moved, tf2_msgs::TFMessage& msg) const;
   void provide_transforms();
-  void on_map(const EllipseMapConstPtr& msg);
+  void on_map(const MappedObjectArrayConstPtr& msg);
   void on_diagnostics(const diagnostic_msgs::DiagnosticArrayConstPtr& msg);
   /// Evaluate received maps; optionally wait for at least one, false on timeout.
   bool take_maps(bool wait);
   void take_map(const Received& received);
-  MapState judge(const EllipseMap& map) const;
+  MapState judge(const MappedObjectArray& map) const;
   std::string imbalance(std::map<std::string, Counts>& counts) const;
   std::map<std::string, Counts> counts() const;
   void fail(const std::string& what) { failures_.push_back(what); }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "display_fixture.hpp"
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
@@ -18,12 +18,12 @@ class DisplayTest : public DisplayFixture {
  protected:
   void SetUp() override {
     DisplayFixture::SetUp();
-    connect(manager_->createDisplay("situation_awareness/EllipseMap", "Map", true),
-            node_.advertise<EllipseMap>("objects", 10));
+    connect(manager_->createDisplay("situation_awareness/ObjectMap", "Map", true),
+            node_.advertise<MappedObjectArray>("objects", 10));
     display_->subProp("Covariance")->setValue(false);
   }
 
-  static MappedEllipse element(std::uint64_t id, const Ellipse& ellipse, const Eigen::Vector2d& velocity_m_s = {0, 0}) {
+  static MappedObject element(std::uint64_t id, const Ellipse& ellipse, const Eigen::Vector2d& velocity_m_s = {0, 0}) {
     Object object;
     object.id = id;
     object.ellipse_world = ellipse;
@@ -31,15 +31,15 @@ class DisplayTest : public DisplayFixture {
     object.covariance = 1e-6 * Matrix8d::Identity();
     Objects map;
     map.objects = {object};
-    return objects_to_msg(map, "world").ellipses.front();
+    return objects_to_msg(map, "world").objects.front();
   }
 
-  void publish(double stamp_s, const std::vector<MappedEllipse>& elements, const std::string& frame = "world") {
-    EllipseMap msg;
+  void publish(double stamp_s, const std::vector<MappedObject>& elements, const std::string& frame = "world") {
+    MappedObjectArray msg;
     msg.header.stamp = ros::Time(stamp_s);
     msg.header.frame_id = frame;
-    msg.ellipses = elements;
-    for (MappedEllipse& element : msg.ellipses) element.last_seen = msg.header.stamp;
+    msg.objects = elements;
+    for (MappedObject& element : msg.objects) element.last_seen = msg.header.stamp;
     maps_.publish(msg);
   }
 };
@@ -94,8 +94,8 @@ TEST_F(DisplayTest, ShowsThePathUntilItIsReset) {
 
 TEST_F(DisplayTest, ShowsMovingAndStandingElements) {
   display_->subProp("Color")->setValue("standing or moving");
-  std::vector<MappedEllipse> elements{element(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}),
-                                      element(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
+  std::vector<MappedObject> elements{element(1, {{-1.0, 0.0}, 0.0, 0.4, 0.4}),
+                                     element(2, {{1.0, 0.0}, 0.0, 0.4, 0.4}, {0.0, 1.5})};
   elements[1].p_moving = 0.95;
   publish(10.0, elements);
   ASSERT_TRUE(until([this] { return status() == "2 elements"; }));
@@ -114,15 +114,15 @@ TEST_F(DisplayTest, RefusesInvalidMapsAndContinues) {
   publish(10.0, {element(5, ellipse)});
   ASSERT_TRUE(until([this] { return status() == "1 elements"; }));
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const std::vector<std::function<void(MappedEllipse&)>> faults{[&](MappedEllipse& e) { e.pose.position.x = nan; },
-                                                                [&](MappedEllipse& e) { e.covariance[0] = nan; },
-                                                                [&](MappedEllipse& e) { e.twist.linear.x = nan; },
-                                                                [](MappedEllipse& e) { e.pose.orientation.w = 0.0; },
-                                                                [](MappedEllipse& e) { e.rx = 1e12; },
-                                                                [](MappedEllipse& e) { e.pose.position.y = 1e300; }};
+  const std::vector<std::function<void(MappedObject&)>> faults{[&](MappedObject& e) { e.pose.position.x = nan; },
+                                                               [&](MappedObject& e) { e.covariance[0] = nan; },
+                                                               [&](MappedObject& e) { e.twist.linear.x = nan; },
+                                                               [](MappedObject& e) { e.pose.orientation.w = 0.0; },
+                                                               [](MappedObject& e) { e.rx = 1e12; },
+                                                               [](MappedObject& e) { e.pose.position.y = 1e300; }};
   double stamp_s = 10.0;
   for (const auto& spoil : faults) {
-    MappedEllipse bad = element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5});
+    MappedObject bad = element(6, {{2.0, 0.0}, 0.0, 0.5, 0.5});
     spoil(bad);
     publish(stamp_s += 0.1, {element(5, ellipse), bad});
     ASSERT_TRUE(until([this] { return status().startsWith("not drawn: element 6: "); })) << status().toStdString();
@@ -136,7 +136,7 @@ TEST_F(DisplayTest, DrawsAndRemovesHundreds) {
   display_->subProp("IDs")->setValue(true);
   display_->subProp("Covariance")->setValue(true);
   for (int frame = 0; frame < 20; ++frame) {
-    std::vector<MappedEllipse> elements;
+    std::vector<MappedObject> elements;
     for (int i = 0; i < (frame % 2 == 0 ? 500 : 250); ++i) {
       elements.push_back(
           element(static_cast<std::uint64_t>(i), {{0.5 * (i % 25) - 6.0, 0.5 * (i / 25) - 5.0}, 0.1, 0.2, 0.1}));

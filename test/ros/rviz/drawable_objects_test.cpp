@@ -12,12 +12,12 @@
 namespace situation_awareness {
 namespace {
 
-EllipseMap good_map() {
-  EllipseMap msg;
+MappedObjectArray good_map() {
+  MappedObjectArray msg;
   msg.header.frame_id = "world";
-  msg.ellipses.resize(2);
+  msg.objects.resize(2);
   for (std::size_t i = 0; i < 2; ++i) {
-    MappedEllipse& element = msg.ellipses[i];
+    MappedObject& element = msg.objects[i];
     element.id = i + 1;
     element.rx = 0.4;
     element.ry = 0.2;
@@ -27,8 +27,8 @@ EllipseMap good_map() {
 }
 
 TEST(DrawableObjects, IsTheMap) {
-  EllipseMap msg = good_map();
-  msg.ellipses[1].label = "pillar\n\xc3\xa4";
+  MappedObjectArray msg = good_map();
+  msg.objects[1].label = "pillar\n\xc3\xa4";
   const DrawableObjects map = drawable_objects(msg);
   EXPECT_EQ(map.objects.objects.size(), 2U);
   EXPECT_EQ(map.names, (std::vector<std::string>{"1", "2 pillar???"}));
@@ -37,27 +37,27 @@ TEST(DrawableObjects, IsTheMap) {
 TEST(DrawableObjects, RefusesMapsThatCannotBeDrawnWithTheReason) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double inf = std::numeric_limits<double>::infinity();
-  const std::vector<std::pair<std::string, std::function<void(MappedEllipse&)>>> faults{
-      {"position", [&](MappedEllipse& e) { e.pose.position.x = nan; }},
-      {"position", [&](MappedEllipse& e) { e.pose.position.z = inf; }},
-      {"100 km", [](MappedEllipse& e) { e.pose.position.y = 1e30; }},
-      {"orientation", [](MappedEllipse& e) { e.pose.orientation.w = 0.0; }},
-      {"orientation", [&](MappedEllipse& e) { e.pose.orientation.z = nan; }},
-      {"orientation", [](MappedEllipse& e) { e.pose.orientation.x = e.pose.orientation.w = std::sqrt(0.5); }},
-      {"radius", [](MappedEllipse& e) { e.rx = 1e9; }},
-      {"radius", [](MappedEllipse& e) { e.ry = 0.0; }},
-      {"radius", [&](MappedEllipse& e) { e.ry = nan; }},
-      {"velocity", [&](MappedEllipse& e) { e.twist.linear.y = nan; }},
-      {"faster", [](MappedEllipse& e) { e.twist.linear.x = 1e200; }},
-      {"covariance", [&](MappedEllipse& e) { e.covariance[9] = nan; }},
-      {"covariance", [](MappedEllipse& e) { e.covariance[0] = 1e300; }},
-      {"probability", [&](MappedEllipse& e) { e.p_moving = nan; }},
-      {"probability", [](MappedEllipse& e) { e.p_exists = 1.5; }},
-      {"twice", [](MappedEllipse& e) { e.id = 1; }}};
+  const std::vector<std::pair<std::string, std::function<void(MappedObject&)>>> faults{
+      {"position", [&](MappedObject& e) { e.pose.position.x = nan; }},
+      {"position", [&](MappedObject& e) { e.pose.position.z = inf; }},
+      {"100 km", [](MappedObject& e) { e.pose.position.y = 1e30; }},
+      {"orientation", [](MappedObject& e) { e.pose.orientation.w = 0.0; }},
+      {"orientation", [&](MappedObject& e) { e.pose.orientation.z = nan; }},
+      {"orientation", [](MappedObject& e) { e.pose.orientation.x = e.pose.orientation.w = std::sqrt(0.5); }},
+      {"radius", [](MappedObject& e) { e.rx = 1e9; }},
+      {"radius", [](MappedObject& e) { e.ry = 0.0; }},
+      {"radius", [&](MappedObject& e) { e.ry = nan; }},
+      {"velocity", [&](MappedObject& e) { e.twist.linear.y = nan; }},
+      {"faster", [](MappedObject& e) { e.twist.linear.x = 1e200; }},
+      {"covariance", [&](MappedObject& e) { e.covariance[9] = nan; }},
+      {"covariance", [](MappedObject& e) { e.covariance[0] = 1e300; }},
+      {"probability", [&](MappedObject& e) { e.p_moving = nan; }},
+      {"probability", [](MappedObject& e) { e.p_exists = 1.5; }},
+      {"twice", [](MappedObject& e) { e.id = 1; }}};
   for (const auto& [part, spoil] : faults) {
-    EllipseMap msg = good_map();
-    spoil(msg.ellipses[1]);
-    EXPECT_TRUE(names(refusal_of([&] { drawable_objects(msg); }), {part, std::to_string(msg.ellipses[1].id)}));
+    MappedObjectArray msg = good_map();
+    spoil(msg.objects[1]);
+    EXPECT_TRUE(names(refusal_of([&] { drawable_objects(msg); }), {part, std::to_string(msg.objects[1].id)}));
   }
 }
 

@@ -17,7 +17,7 @@
 #include <ros/ros.h>
 
 #include "panel_fixture.hpp"
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 
 namespace situation_awareness {
 namespace {
@@ -26,7 +26,7 @@ class PanelLiveTest : public PanelTest {
  protected:
   void SetUp() override {
     PanelTest::SetUp();
-    subscriber_ = node_.subscribe<EllipseMap>("objects", 10, [this](const EllipseMapConstPtr& msg) {
+    subscriber_ = node_.subscribe<MappedObjectArray>("objects", 10, [this](const MappedObjectArrayConstPtr& msg) {
       const std::lock_guard lock(mutex_);
       map_ = *msg;
       ++maps_;
@@ -37,7 +37,7 @@ class PanelLiveTest : public PanelTest {
     ASSERT_TRUE(until(running, 90'000)) << cell(0, 1) << ", " << cell(1, 1) << ", " << cell(2, 1);
   }
 
-  EllipseMap map() {
+  MappedObjectArray map() {
     const std::lock_guard lock(mutex_);
     return map_;
   }
@@ -49,12 +49,12 @@ class PanelLiveTest : public PanelTest {
   ros::NodeHandle node_;
   ros::Subscriber subscriber_;
   std::mutex mutex_;
-  EllipseMap map_;
+  MappedObjectArray map_;
   int maps_ = 0;
 };
 
 TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
-  ASSERT_TRUE(until([this] { return map().ellipses.size() >= 3; }, 60'000));
+  ASSERT_TRUE(until([this] { return map().objects.size() >= 3; }, 60'000));
   click("pause");
   ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Go on"; })) << answer();
   QTest::qWait(1000);
@@ -64,7 +64,7 @@ TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
   ASSERT_TRUE(until([this] { return cell(2, 1) == "paused"; })) << cell(2, 1);
 
   const std::string file = "/tmp/situation_awareness_panel_live_test_" + std::to_string(getpid()) + ".yaml";
-  const std::size_t saved = map().ellipses.size();
+  const std::size_t saved = map().objects.size();
   choose("save", file.c_str());
   ASSERT_TRUE(until([this] { return answer().rfind("mapping/save_objects: ", 0) == 0; })) << answer();
   EXPECT_TRUE(std::ifstream(file).good()) << answer();
@@ -79,7 +79,7 @@ TEST_F(PanelLiveTest, PausesResetsSavesAndLoads) {
   click("pause");
   ASSERT_TRUE(until([this] { return part<QPushButton>("pause").text() == "Pause"; })) << answer();
   ASSERT_TRUE(until([&] { return maps() > before + 5; })) << answer();
-  EXPECT_GE(map().ellipses.size() + 2, saved);
+  EXPECT_GE(map().objects.size() + 2, saved);
   std::remove(file.c_str());
 }
 
@@ -90,21 +90,21 @@ TEST_F(PanelLiveTest, ShowsLatenciesAlsoUnderSimulatedTime) {
 }
 
 TEST_F(PanelLiveTest, ChangesLiveParameters) {
-  ASSERT_TRUE(until([this] { return map().ellipses.size() >= 3; }, 60'000));
+  ASSERT_TRUE(until([this] { return map().objects.size() >= 3; }, 60'000));
   QWidget& form = part<QWidget>("segmentation");
   const auto range = [&form] { return form.findChild<QDoubleSpinBox*>("max_range_m"); };
   ASSERT_TRUE(until([&] { return range() != nullptr && range()->isEnabled() && range()->value() == 10.0; }));
   type(range(), "0.2");
   ASSERT_TRUE(until([this] { return answer() == "max_range_m = 0.2"; })) << answer();
   ASSERT_TRUE(until([this] {
-    const EllipseMap now = map();
-    return std::none_of(now.ellipses.begin(), now.ellipses.end(), [](const MappedEllipse& e) { return e.beams > 0; });
+    const MappedObjectArray now = map();
+    return std::none_of(now.objects.begin(), now.objects.end(), [](const MappedObject& e) { return e.beams > 0; });
   })) << "nothing is seen nearer than 0.2 m";
   type(range(), "10");
   ASSERT_TRUE(until([this] { return answer() == "max_range_m = 10"; })) << answer();
   EXPECT_TRUE(until([this] {
-    const EllipseMap now = map();
-    return std::any_of(now.ellipses.begin(), now.ellipses.end(), [](const MappedEllipse& e) { return e.beams > 0; });
+    const MappedObjectArray now = map();
+    return std::any_of(now.objects.begin(), now.objects.end(), [](const MappedObject& e) { return e.beams > 0; });
   }));
 }
 

@@ -9,7 +9,7 @@
 #include <costmap_converter/ObstacleArrayMsg.h>
 #include <geometry_msgs/Point32.h>
 
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -19,16 +19,16 @@ constexpr double kMaxCircleExcess_m = 0.05;  ///< rounder ellipses become circle
 
 /// The map for teb_local_planner: a point with a radius where the circle around the ellipse is hardly larger, else a
 /// polygon around it; ids, orientations, and velocities with covariance in the frame of the map.
-inline costmap_converter::ObstacleArrayMsg obstacle_array_from_map(const EllipseMap& map) {
+inline costmap_converter::ObstacleArrayMsg obstacle_array_from_map(const MappedObjectArray& map) {
   costmap_converter::ObstacleArrayMsg result;
   result.header = map.header;
-  for (const MappedEllipse& element : map.ellipses) {
+  for (const MappedObject& element : map.objects) {
     costmap_converter::ObstacleMsg obstacle;
     obstacle.header = map.header;
     obstacle.id = static_cast<std::int64_t>(element.id);
     obstacle.orientation = element.pose.orientation;
     obstacle.velocities.twist = element.twist;
-    const std::array<std::size_t, 3> from{2, 3, 5};  // vx, vy, wz in MappedEllipse
+    const std::array<std::size_t, 3> from{2, 3, 5};  // vx, vy, wz in MappedObject
     const std::array<std::size_t, 3> to{0, 1, 5};    // and in TwistWithCovariance
     for (std::size_t i = 0; i < from.size(); ++i) {
       for (std::size_t j = 0; j < from.size(); ++j) {

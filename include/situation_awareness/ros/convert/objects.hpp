@@ -4,18 +4,18 @@
 #include <string>
 #include <vector>
 
-#include <situation_awareness/EllipseMap.h>
+#include <situation_awareness/MappedObjectArray.h>
 
 #include "situation_awareness/map/objects/objects.hpp"
 
 namespace situation_awareness {
 
 /// `labels` names the objects in their order, or is empty.
-EllipseMap objects_to_msg(const Objects& objects, const std::string& world_frame,
-                          const std::vector<std::string>& labels = {});
+MappedObjectArray objects_to_msg(const Objects& objects, const std::string& world_frame,
+                                 const std::vector<std::string>& labels = {});
 
 /// Throws std::invalid_argument if a number is not finite or a radius is not positive. The height of an empty map is 0,
 /// since the message has it per element.
-Objects objects_from_msg(const EllipseMap& msg);
+Objects objects_from_msg(const MappedObjectArray& msg);
 
 }  // namespace situation_awareness

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include <situation_awareness/EllipseMap.h>
+#include <situation_awareness/MappedObjectArray.h>
 
 #include "situation_awareness/map/objects/objects.hpp"
 
@@ -19,6 +19,6 @@ struct DrawableObjects {
 /// Throws std::invalid_argument naming the element and its error: a number that is not finite, an orientation that is
 /// not a rotation about z, a probability outside [0, 1], an id that appears twice, a radius outside (0, 1] km, a
 /// position beyond 100 km, a speed beyond 1 km/s or a covariance beyond 1e12.
-DrawableObjects drawable_objects(const EllipseMap& msg);
+DrawableObjects drawable_objects(const MappedObjectArray& msg);
 
 }  // namespace situation_awareness

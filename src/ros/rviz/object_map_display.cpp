@@ -6,7 +6,7 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "map_display.hpp"
-#include "situation_awareness/EllipseMap.h"
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/ros/rviz/drawable_objects.hpp"
 #include "situation_awareness/ros/rviz/object_mesh.hpp"
 
@@ -14,7 +14,7 @@ namespace situation_awareness {
 
 class ObjectDrawing {
  public:
-  using Message = EllipseMap;
+  using Message = MappedObjectArray;
   using Map = DrawableObjects;
   static constexpr const char* kColorings[] = {"id", "standing or moving"};  // as ObjectStyle::Coloring
   static constexpr const char* kColoringsHelp =
@@ -28,7 +28,7 @@ class ObjectDrawing {
                                          "The ellipse in which the centre lies with 95 %.", &parent);
   }
 
-  static DrawableObjects map_of(const EllipseMap& msg) { return drawable_objects(msg); }
+  static DrawableObjects map_of(const MappedObjectArray& msg) { return drawable_objects(msg); }
   static std::size_t size_of(const DrawableObjects& map) { return map.names.size(); }
   static std::vector<MapPosition> positions_of(const DrawableObjects& map) {
     return situation_awareness::positions_of(map.objects);
@@ -45,8 +45,8 @@ class ObjectDrawing {
   rviz::BoolProperty* covariance_;
 };
 
-using EllipseMapDisplay = MapDisplay<ObjectDrawing>;
+using ObjectMapDisplay = MapDisplay<ObjectDrawing>;
 
 }  // namespace situation_awareness
 
-PLUGINLIB_EXPORT_CLASS(situation_awareness::EllipseMapDisplay, rviz::Display)
+PLUGINLIB_EXPORT_CLASS(situation_awareness::ObjectMapDisplay, rviz::Display)
