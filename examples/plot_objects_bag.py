@@ -6,7 +6,7 @@
     examples/plot_objects_bag.py IN.bag OUT.jsonl OUT.png [--scan-topic /scan] [--min-length 1.0]
 
 Needs python3-matplotlib and python3-rosbag. Grey: every hit of every tenth scan. Lines: centres over time, thick where
-an element moved by more than --min-length metres. Ellipses: each element as it was last seen.
+an element moved by more than --min-length metres. Outlines: each element as it was last seen.
 """
 import argparse
 import collections
@@ -18,7 +18,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import rosbag
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Polygon
 
 
 def hits(bag, topic):
@@ -65,8 +65,7 @@ def main():
         color = f"C{number % 10}"
         axes.plot(x, y, "-", color=color, linewidth=1.6 if far else 0.6, alpha=0.9)
         last = states[-1]
-        axes.add_patch(Ellipse((last["x"], last["y"]), 2 * last["rx"], 2 * last["ry"], angle=math.degrees(last["psi"]),
-                               fill=False, edgecolor=color, linewidth=0.6))
+        axes.add_patch(Polygon(last["outline"], fill=False, edgecolor=color, linewidth=0.6))
         if far:
             moved += 1
             axes.annotate(str(number), (x[0], y[0]), fontsize=7, color=color)

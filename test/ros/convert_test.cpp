@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <tuple>
 #include <vector>
@@ -607,6 +608,69 @@ TEST(ConvertObjects, SurvivesTheRoundTrip) {
   EXPECT_EQ(back.objects[0].p_moving, 0.25);
   EXPECT_EQ(back.objects[0].p_exists, 0.75);
   EXPECT_EQ(back.objects[0].beams, 34);
+}
+
+Object an_object() {
+  Object object;
+  object.ellipse_world = {{-3.0, 4.0}, -1.2, 0.5, 0.25};
+  return object;
+}
+
+Objects map_of(const Object& object) {
+  Objects objects;
+  objects.stamp_ns = kStamp_ns;
+  objects.objects = {object};
+  return objects;
+}
+
+TEST(ConvertObjects, ShapeAndClassSurviveTheRoundTrip) {
+  for (const Shape shape : {Shape::kEllipse, Shape::kBox, Shape::kCompact}) {
+    for (const ObjectClass object_class :
+         {ObjectClass::kUnknown, ObjectClass::kPerson, ObjectClass::kVehicle, ObjectClass::kPole}) {
+      Object object = an_object();
+      object.shape = shape;
+      object.p_shape = 0.7;
+      object.object_class = object_class;
+      object.p_class = 0.6;
+      object.box_world = {{-3.0, 4.0}, 4.5, 0.3, 0.1};
+      const MappedObjectArray msg = objects_to_msg(map_of(object), "odom");
+      const Object back = objects_from_msg(msg).objects.at(0);
+      EXPECT_EQ(back.shape, shape);
+      EXPECT_EQ(back.p_shape, 0.7);
+      EXPECT_EQ(back.object_class, object_class);
+      EXPECT_EQ(back.p_class, 0.6);
+      if (shape == Shape::kBox) {
+        EXPECT_EQ(msg.objects[0].box_length, 0.6);
+        EXPECT_EQ(msg.objects[0].box_width, 0.2);
+        EXPECT_EQ(back.box_world.center_m, object.box_world.center_m);
+        EXPECT_EQ(back.box_world.psi_rad, 4.5);
+        EXPECT_EQ(back.box_world.half_length_m, 0.3);
+        EXPECT_EQ(back.box_world.half_width_m, 0.1);
+      } else {
+        EXPECT_EQ(msg.objects[0].box_length, 0.0) << "no box";
+      }
+    }
+  }
+}
+
+TEST(ConvertObjects, RefusesUnknownShapesAndBoxesWithoutArea) {
+  Object object = an_object();
+  object.shape = Shape::kBox;
+  object.box_world = {{-3.0, 4.0}, 4.5, 0.3, 0.1};
+  const MappedObjectArray good = objects_to_msg(map_of(object), "odom");
+  EXPECT_NO_THROW(objects_from_msg(good));
+  const double nan = std::nan("");
+  const std::vector<std::function<void(MappedObject&)>> faults{
+      [](MappedObject& e) { e.shape = 3; },        [](MappedObject& e) { e.object_class = 4; },
+      [&](MappedObject& e) { e.p_shape = nan; },   [&](MappedObject& e) { e.p_class = nan; },
+      [&](MappedObject& e) { e.box.x = nan; },     [&](MappedObject& e) { e.box.theta = nan; },
+      [](MappedObject& e) { e.box_width = 0.0; },  [](MappedObject& e) { e.box_length = -0.1; },
+      [&](MappedObject& e) { e.box_length = nan; }};
+  for (const auto& spoil : faults) {
+    MappedObjectArray msg = good;
+    spoil(msg.objects[0]);
+    EXPECT_THROW(objects_from_msg(msg), std::invalid_argument);
+  }
 }
 
 TEST(ConvertObjects, TimesBeforeTheClocksZeroAreZero) {

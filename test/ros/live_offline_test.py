@@ -58,6 +58,10 @@ class Number(float):
         self.text = text
 
 
+SHAPES = ("ellipse", "box", "compact")
+CLASSES = ("unknown", "person", "vehicle", "pole")
+
+
 def objects_of(message):
     """The line of objects_bag for such a map."""
     objects = []
@@ -65,16 +69,18 @@ def objects_of(message):
         sigma = [math.sqrt(max(e.covariance[9 * i], 0.0)) for i in range(8)]
         objects.append(dict(id=e.id, x=e.pose.position.x, y=e.pose.position.y, qz=e.pose.orientation.z,
                             qw=e.pose.orientation.w, rx=e.rx, ry=e.ry, vx=e.twist.linear.x, vy=e.twist.linear.y,
-                            wz=e.twist.angular.z, sigma=sigma, beams=e.beams))
+                            wz=e.twist.angular.z, sigma=sigma, beams=e.beams, shape=SHAPES[e.shape], p_shape=e.p_shape,
+                            p_class=e.p_class, **{"class": CLASSES[e.object_class]}))
     return objects
 
 
 def as_published(objects):
-    """The same of a line, in which the orientation is an angle."""
+    """The same of a line, in which the orientation is an angle; without the outline, which follows from the rest."""
     published = []
     for element in objects:
         element = dict(element)
         psi = element.pop("psi")
+        del element["outline"]
         published.append(dict(element, qz=math.sin(0.5 * psi), qw=math.cos(0.5 * psi)))
     return published
 

@@ -101,6 +101,32 @@ TEST(ObjectMarkers, EllipseAndUncertaintyHaveTheirSizes) {
   EXPECT_NEAR(std::sin(2.0 * std::atan2(area.pose.orientation.z, area.pose.orientation.w)), 0.0, 1e-9);
 }
 
+TEST(ObjectMarkers, ABoxIsACubeOfItsSides) {
+  ObjectMarkers markers;
+  Object one = object(5);
+  one.shape = Shape::kBox;
+  one.box_world = {{1.0, 2.0}, 0.75, 0.5, 0.25};
+  one.ellipse_world = moment_equal_ellipse(one.box_world);
+  const Marker body = find(markers.update(map_of({one}), "world"), "object");
+  EXPECT_EQ(body.type, Marker::CUBE);
+  EXPECT_DOUBLE_EQ(body.scale.x, 1.0);
+  EXPECT_DOUBLE_EQ(body.scale.y, 0.5);
+  EXPECT_DOUBLE_EQ(body.pose.position.x, 1.0);
+  EXPECT_DOUBLE_EQ(body.pose.position.y, 2.0);
+  EXPECT_DOUBLE_EQ(2.0 * std::atan2(body.pose.orientation.z, body.pose.orientation.w), 0.75);
+  one.shape = Shape::kEllipse;
+  EXPECT_EQ(find(markers.update(map_of({one}), "world"), "object").type, Marker::CYLINDER);
+}
+
+TEST(ObjectMarkers, TheClassIsATextBesideTheId) {
+  ObjectMarkers markers;
+  Object one = object(5);
+  EXPECT_EQ(find(markers.update(map_of({one}), "world"), "id").text, "5");
+  one.object_class = ObjectClass::kPerson;
+  one.p_class = 0.934;
+  EXPECT_EQ(find(markers.update(map_of({one}), "world"), "id").text, "5 person 93 %");
+}
+
 TEST(ObjectMarkers, SurviveAnUnknownPosition) {
   ObjectMarkers markers;
   Object one = object(5);

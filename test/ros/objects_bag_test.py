@@ -103,6 +103,12 @@ class ObjectsBagTest(unittest.TestCase):
         self.assertFalse(self.out.exists() or self.detections.exists(), "nothing half-written")
         self.assertFalse(any(self.path.glob("*.part")), "nothing left behind")
 
+    @staticmethod
+    def sides(outline):
+        """Of a closed outline, each with the next one."""
+        sides = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(outline, outline[1:] + outline[:1])]
+        return list(zip(sides, sides[1:] + sides[:1]))
+
     def test_follows_a_moving_object(self):
         write_bag(self.bag)
         lines, result = self.objects_bag()
@@ -112,7 +118,15 @@ class ObjectsBagTest(unittest.TestCase):
         self.assertEqual(lines[0]["objects"], [], "a line even if nothing is known yet")
         last = lines[-1]["objects"]
         self.assertEqual(len(last), 1)
-        self.assertEqual(set(last[0]), {"id", "x", "y", "psi", "rx", "ry", "vx", "vy", "wz", "sigma", "beams"})
+        self.assertEqual(set(last[0]), {"id", "x", "y", "psi", "rx", "ry", "vx", "vy", "wz", "sigma", "beams", "shape",
+                                        "p_shape", "class", "p_class", "outline"})
+        self.assertIn(last[0]["shape"], ("ellipse", "box", "compact"))
+        self.assertIn(last[0]["class"], ("unknown", "person", "vehicle", "pole"))
+        self.assertTrue(0.0 < last[0]["p_shape"] <= 1.0 and 0.0 <= last[0]["p_class"] <= 1.0)
+        for x, y in last[0]["outline"]:
+            self.assertAlmostEqual(math.hypot(x - last[0]["x"], y - last[0]["y"]), 0.25, delta=0.1)
+        turns = [a[0] * b[1] - a[1] * b[0] for a, b in self.sides(last[0]["outline"])]
+        self.assertTrue(len(turns) > 3 and all(turn > 0.0 for turn in turns), "convex and counter-clockwise")
         self.assertIsInstance(last[0]["id"], int)
         self.assertIsInstance(last[0]["beams"], int)
         self.assertGreater(last[0]["beams"], 10)

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <stdexcept>
 
 #include "situation_awareness/geometry/angles.hpp"
@@ -12,6 +13,48 @@ namespace situation_awareness {
 namespace {
 
 using RowMajor8d = Eigen::Matrix<double, 8, 8, Eigen::RowMajor>;
+
+// The numbers of the message are those of the enumerations.
+static_assert(static_cast<int>(Shape::kEllipse) == MappedObject::ELLIPSE);
+static_assert(static_cast<int>(Shape::kBox) == MappedObject::BOX);
+static_assert(static_cast<int>(Shape::kCompact) == MappedObject::COMPACT);
+static_assert(static_cast<int>(ObjectClass::kUnknown) == MappedObject::UNKNOWN);
+static_assert(static_cast<int>(ObjectClass::kPerson) == MappedObject::PERSON);
+static_assert(static_cast<int>(ObjectClass::kVehicle) == MappedObject::VEHICLE);
+static_assert(static_cast<int>(ObjectClass::kPole) == MappedObject::POLE);
+
+void shape_to_msg(const Object& object, MappedObject& element) {
+  element.shape = static_cast<std::uint8_t>(object.shape);
+  element.p_shape = object.p_shape;
+  element.object_class = static_cast<std::uint8_t>(object.object_class);
+  element.p_class = object.p_class;
+  if (object.shape != Shape::kBox) return;
+  element.box.x = object.box_world.center_m.x();
+  element.box.y = object.box_world.center_m.y();
+  element.box.theta = object.box_world.psi_rad;
+  element.box_length = 2.0 * object.box_world.half_length_m;
+  element.box_width = 2.0 * object.box_world.half_width_m;
+}
+
+void shape_from_msg(const MappedObject& element, Object& object) {
+  if (element.shape > MappedObject::COMPACT) throw std::invalid_argument("a shape is unknown");
+  if (element.object_class > MappedObject::POLE) throw std::invalid_argument("a class is unknown");
+  if (!std::isfinite(element.p_shape + element.p_class)) throw std::invalid_argument("an element is not finite");
+  object.shape = static_cast<Shape>(element.shape);
+  object.p_shape = element.p_shape;
+  object.object_class = static_cast<ObjectClass>(element.object_class);
+  object.p_class = element.p_class;
+  if (object.shape != Shape::kBox) return;
+  object.box_world = {
+      {element.box.x, element.box.y}, element.box.theta, 0.5 * element.box_length, 0.5 * element.box_width};
+  if (!object.box_world.center_m.allFinite() || !std::isfinite(object.box_world.psi_rad) ||
+      !std::isfinite(element.box_length + element.box_width)) {
+    throw std::invalid_argument("a box is not finite");
+  }
+  if (!(element.box_length > 0.0 && element.box_width > 0.0)) {
+    throw std::invalid_argument("a side of a box is not positive");
+  }
+}
 
 }  // namespace
 
@@ -37,6 +80,7 @@ MappedObjectArray objects_to_msg(const Objects& objects, const std::string& worl
     element.twist.linear.y = object.velocity_world_m_s.y();
     element.twist.angular.z = object.angular_velocity_rad_s;
     Eigen::Map<RowMajor8d>(element.covariance.data()) = object.covariance;
+    shape_to_msg(object, element);
     element.p_moving = object.p_moving;
     element.p_exists = object.p_exists;
     // A loaded map may have times before this clock's zero.
@@ -64,6 +108,7 @@ Objects objects_from_msg(const MappedObjectArray& msg) {
     object.velocity_world_m_s = {element.twist.linear.x, element.twist.linear.y};
     object.angular_velocity_rad_s = element.twist.angular.z;
     object.covariance = Eigen::Map<const RowMajor8d>(element.covariance.data());
+    shape_from_msg(element, object);
     object.p_moving = element.p_moving;
     object.p_exists = element.p_exists;
     object.first_seen_ns = to_nanoseconds(element.first_seen);

@@ -21,11 +21,14 @@ void place(Marker& m, const Eigen::Vector2d& center_m, double z_m, double psi_ra
 }
 
 Marker body(const std_msgs::Header& header, const Object& object, double height_m) {
+  const bool is_box = object.shape == Shape::kBox;
   const Ellipse& ellipse = object.ellipse_world;
-  Marker m = make_marker(header, "object", object.id, Marker::CYLINDER, color_of(object.id), 0.6F);
-  place(m, ellipse.center_m, height_m, ellipse.psi_rad);
-  m.scale.x = 2.0 * ellipse.rx_m;
-  m.scale.y = 2.0 * ellipse.ry_m;
+  const Box& box = object.box_world;
+  Marker m =
+      make_marker(header, "object", object.id, is_box ? Marker::CUBE : Marker::CYLINDER, color_of(object.id), 0.6F);
+  place(m, is_box ? box.center_m : ellipse.center_m, height_m, is_box ? box.psi_rad : ellipse.psi_rad);
+  m.scale.x = 2.0 * (is_box ? box.half_length_m : ellipse.rx_m);
+  m.scale.y = 2.0 * (is_box ? box.half_width_m : ellipse.ry_m);
   m.scale.z = kBodyHeight_m;
   return m;
 }
@@ -37,7 +40,7 @@ Marker velocity(const std_msgs::Header& header, const Object& object, double hei
 }
 
 Marker number(const std_msgs::Header& header, const Object& object, double height_m) {
-  return make_label(header, object.id, std::to_string(object.id), object.ellipse_world.center_m,
+  return make_label(header, object.id, std::to_string(object.id) + class_text(object), object.ellipse_world.center_m,
                     height_m + 2.0 * kBodyHeight_m);
 }
 

@@ -28,4 +28,10 @@ Ellipse position_uncertainty(const Object& object) {
   return {object.ellipse_world.center_m, std::atan2(major.y(), major.x()), radii_m.y(), radii_m.x()};
 }
 
+std::string class_text(const Object& object) {
+  if (object.object_class == ObjectClass::kUnknown) return "";
+  return std::string(" ") + name_of(object.object_class) + ' ' + std::to_string(std::lround(100.0 * object.p_class)) +
+         " %";
+}
+
 }  // namespace situation_awareness

@@ -16,9 +16,9 @@ class ObjectDrawing {
  public:
   using Message = MappedObjectArray;
   using Map = DrawableObjects;
-  static constexpr const char* kColorings[] = {"id", "standing or moving"};  // as ObjectStyle::Coloring
+  static constexpr const char* kColorings[] = {"id", "standing or moving", "class"};  // as ObjectStyle::Coloring
   static constexpr const char* kColoringsHelp =
-      "A colour for each element, or one for all that stands and one for all that moves.";
+      "A colour for each element, one for all that stands and one for all that moves, or one for each class.";
 
   explicit ObjectDrawing(rviz::Property& parent) {
     const ObjectStyle style;

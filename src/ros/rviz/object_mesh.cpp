@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Geometry>
+
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/markers/object_shapes.hpp"
 
@@ -29,18 +31,66 @@ Polyline outline_of(const Ellipse& ellipse, std::size_t sides, double wider_m = 
   return outline;
 }
 
+/// The closed outline of a box whose sides are farther out by `wider_m`, in steps for dashes.
+Polyline outline_of(const Box& box, std::size_t sides, double wider_m) {
+  Box wider = box;
+  wider.half_length_m += wider_m;
+  wider.half_width_m += wider_m;
+  const auto corner = corners(wider);
+  const std::size_t steps = sides / corner.size();
+  Polyline outline;
+  outline.reserve(corner.size() * steps + 1);
+  for (std::size_t i = 0; i < corner.size(); ++i) {
+    const Eigen::Vector2d side_m = corner[(i + 1) % corner.size()] - corner[i];
+    for (std::size_t k = 0; k < steps; ++k) {
+      outline.emplace_back(corner[i] + static_cast<double>(k) / static_cast<double>(steps) * side_m);
+    }
+  }
+  outline.push_back(outline.front());
+  return outline;
+}
+
+Polyline outline_of(const Object& object, std::size_t sides, double wider_m = 0.0) {
+  if (object.shape == Shape::kBox) return outline_of(object.box_world, sides, wider_m);
+  return outline_of(object.ellipse_world, sides, wider_m);
+}
+
+/// Distance of the outline from the centre along a unit vector.
+double reach_m(const Object& object, const Eigen::Vector2d& direction) {
+  if (object.shape != Shape::kBox) {
+    return intersect_ray(object.ellipse_world, object.ellipse_world.center_m, direction).value_or(0.0);
+  }
+  const Box& box = object.box_world;
+  const Eigen::Vector2d along = (Eigen::Rotation2Dd(-box.psi_rad) * direction).cwiseAbs();
+  return 1.0 / std::max(along.x() / box.half_length_m, along.y() / box.half_width_m);
+}
+
 /// From the edge to the predicted edge in 1 s.
 void add_velocity(Mesh& mesh, const Object& object, double z_m, const Paint& paint) {
-  const Ellipse& ellipse = object.ellipse_world;
   const Eigen::Vector2d ahead = object.velocity_world_m_s.normalized();
-  const Eigen::Vector2d edge_m = intersect_ray(ellipse, ellipse.center_m, ahead).value_or(0.0) * ahead;
-  add_arrow(mesh, ellipse.center_m + edge_m, object.velocity_world_m_s, z_m, paint);
+  add_arrow(mesh, object.ellipse_world.center_m + reach_m(object, ahead) * ahead, object.velocity_world_m_s, z_m,
+            paint);
+}
+
+Color class_color(ObjectClass object_class) {
+  switch (object_class) {
+    case ObjectClass::kPerson:
+      return kPersonColor;
+    case ObjectClass::kVehicle:
+      return kVehicleColor;
+    case ObjectClass::kPole:
+      return kPoleColor;
+    case ObjectClass::kUnknown:
+      break;
+  }
+  return kUnknownClassColor;
 }
 
 }  // namespace
 
 Color color_of(const Object& object, ObjectStyle::Coloring coloring) {
   if (coloring == ObjectStyle::kId) return color_of(object.id);
+  if (coloring == ObjectStyle::kClass) return class_color(object.object_class);
   return object.p_moving > 0.5 ? kMovingColor : kStandingColor;
 }
 
@@ -58,8 +108,8 @@ void draw(const Objects& map, const MapHistory& history, const ObjectStyle& styl
   for (const Object& object : map.objects) {
     const Color color = color_of(object, coloring);
     const Paint body{color, static_cast<float>(style.alpha * object.p_exists)};
-    const Polyline outline = outline_of(object.ellipse_world, sides);
-    const Polyline outer = outline_of(object.ellipse_world, sides, kLineWidth_m);
+    const Polyline outline = outline_of(object, sides);
+    const Polyline outer = outline_of(object, sides, kLineWidth_m);
     add_wall(mesh.translucent, outline, outer, bottom, top, body);
     add_fan(mesh.translucent, object.ellipse_world.center_m, outline, top, body);
 

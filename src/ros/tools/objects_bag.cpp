@@ -25,10 +25,13 @@ namespace {
 constexpr const char* kName = "objects_bag";
 constexpr const char* kConfig = "objects.yaml";
 constexpr const char* kDescription =
-    R"(Reads laser scans and transforms from a bag and writes the map of ellipses after each scan as one line of JSON:
+    R"(Reads laser scans and transforms from a bag and writes the map after each scan as one line of JSON:
   {"stamp": s, "objects": [{"id": int, "x", "y", "psi", "rx", "ry", "vx", "vy", "wz": number,
-   "sigma": [8 standard deviations, order x y vx vy psi wz rx ry], "beams": int}]}
-in m, rad and s, in the world frame; or the detections of each scan:
+   "sigma": [8 standard deviations, order x y vx vy psi wz rx ry], "beams": int,
+   "shape": "ellipse", "box" or "compact", "p_shape": number,
+   "class": "unknown", "person", "vehicle" or "pole", "p_class": number, "outline": [[x, y], ...]}]}
+in m, rad and s, in the world frame: x to ry are the ellipse that stands for the object, whatever its shape, and the
+outline is counter-clockwise, the corners of a box or points on the ellipse; or the detections of each scan:
   {"stamp": s, "detections": [{"x", "y", "psi", "rx", "ry": number,
    "covariance": [25 numbers, row by row, of x y m p q], "p_ellipse": number, "beams": int}]}
 in the sensor's level frame, with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi).
@@ -88,7 +91,7 @@ Json json_of(const Objects& objects) {
   Json& list = line["objects"] = Json::array();
   for (const Object& object : objects.objects) {
     const Ellipse& ellipse = object.ellipse_world;
-    Json& element = add_object(list, 11);
+    Json& element = add_object(list, 16);
     element["id"] = object.id;
     element["x"] = finite(ellipse.center_m.x());
     element["y"] = finite(ellipse.center_m.y());
@@ -100,6 +103,14 @@ Json json_of(const Objects& objects) {
     element["wz"] = finite(object.angular_velocity_rad_s);
     element["sigma"] = list_of(8, [&](int i) { return std::sqrt(std::max(object.covariance(i, i), 0.0)); });
     element["beams"] = object.beams;
+    element["shape"] = name_of(object.shape);
+    element["p_shape"] = finite(object.p_shape);
+    element["class"] = name_of(object.object_class);
+    element["p_class"] = finite(object.p_class);
+    Json& outline = element["outline"] = Json::array();
+    for (const Eigen::Vector2d& p_world_m : outline_world(object)) {
+      outline.push_back(list_of(2, [&](int i) { return p_world_m(i); }));
+    }
   }
   return line;
 }

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <utility>
@@ -75,6 +76,45 @@ TEST(CostmapConverterBridge, ARoundEllipseIsAPointWithTheRadiusThatEnclosesIt) {
   EXPECT_FLOAT_EQ(obstacle.polygon.points.front().x, 3.0F);
   EXPECT_FLOAT_EQ(obstacle.polygon.points.front().y, -2.0F);
   EXPECT_EQ(obstacle.radius, 0.3);
+}
+
+/// A box of 0.8 m by 0.3 m whose length is along 0.7 rad; its ellipse is that of its moments.
+MappedObject box() {
+  MappedObject result = element(0.8 / std::sqrt(3.0), 0.3 / std::sqrt(3.0), 0.7);
+  result.shape = MappedObject::BOX;
+  result.box.x = 3.0;
+  result.box.y = -2.0;
+  result.box.theta = 0.7;
+  result.box_length = 0.8;
+  result.box_width = 0.3;
+  return result;
+}
+
+TEST(CostmapConverterBridge, ABoxIsItsCorners) {
+  const auto array = obstacle_array_from_map(map_of(box()));
+  const auto& points = array.obstacles.front().polygon.points;
+  ASSERT_EQ(points.size(), 4U);
+  EXPECT_EQ(array.obstacles.front().radius, 0.0);
+  const double sides_m[] = {0.8, 0.3, 0.8, 0.3};
+  double area_m2 = 0.0, along_m = 0.0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const auto &a = points[i], &b = points[(i + 1) % 4];
+    EXPECT_NEAR(std::hypot(b.x - a.x, b.y - a.y), sides_m[i], 1e-6);
+    EXPECT_NEAR(std::hypot(a.x - 3.0, a.y + 2.0), 0.5 * std::hypot(0.8, 0.3), 1e-6);
+    area_m2 += 0.5 * ((a.x - 3.0) * (b.y + 2.0) - (b.x - 3.0) * (a.y + 2.0));
+    along_m = std::max(along_m, (a.x - 3.0) * std::cos(0.7) + (a.y + 2.0) * std::sin(0.7));
+  }
+  EXPECT_NEAR(area_m2, 0.8 * 0.3, 1e-6) << "counter-clockwise";
+  EXPECT_NEAR(along_m, 0.4, 1e-6) << "its length is along theta";
+}
+
+TEST(ObstacleDetectorBridge, ACircleEnclosesABox) {
+  MappedObject element = box();
+  element.covariance.fill(0.0);
+  const auto circle = circles_from_map(map_of(element)).circles.at(0);
+  EXPECT_NEAR(circle.true_radius, 0.5 * std::hypot(0.8, 0.3), 1e-12);
+  EXPECT_NEAR(circle.radius, circle.true_radius, 1e-12);
+  EXPECT_EQ(circle.center, element.pose.position);
 }
 
 TEST(CostmapConverterBridge, IdFrameAndVelocityAreThoseOfTheMap) {

@@ -23,6 +23,9 @@ MappedObjectArray good_map() {
     element.ry = 0.2;
     element.pose.orientation.w = 1.0;
   }
+  msg.objects[1].shape = MappedObject::BOX;
+  msg.objects[1].box_length = 0.7;
+  msg.objects[1].box_width = 0.35;
   return msg;
 }
 
@@ -32,6 +35,14 @@ TEST(DrawableObjects, IsTheMap) {
   const DrawableObjects map = drawable_objects(msg);
   EXPECT_EQ(map.objects.objects.size(), 2U);
   EXPECT_EQ(map.names, (std::vector<std::string>{"1", "2 pillar???"}));
+  EXPECT_EQ(map.objects.objects[1].shape, Shape::kBox);
+}
+
+TEST(DrawableObjects, NamesTheClass) {
+  MappedObjectArray msg = good_map();
+  msg.objects[0].object_class = MappedObject::PERSON;
+  msg.objects[0].p_class = 0.9;
+  EXPECT_EQ(drawable_objects(msg).names, (std::vector<std::string>{"1 person 90 %", "2"}));
 }
 
 TEST(DrawableObjects, RefusesMapsThatCannotBeDrawnWithTheReason) {
@@ -53,6 +64,14 @@ TEST(DrawableObjects, RefusesMapsThatCannotBeDrawnWithTheReason) {
       {"covariance", [](MappedObject& e) { e.covariance[0] = 1e300; }},
       {"probability", [&](MappedObject& e) { e.p_moving = nan; }},
       {"probability", [](MappedObject& e) { e.p_exists = 1.5; }},
+      {"probability", [](MappedObject& e) { e.p_shape = -0.5; }},
+      {"probability", [&](MappedObject& e) { e.p_class = nan; }},
+      {"shape", [](MappedObject& e) { e.shape = 3; }},
+      {"class", [](MappedObject& e) { e.object_class = 4; }},
+      {"box", [&](MappedObject& e) { e.box.theta = nan; }},
+      {"100 km", [](MappedObject& e) { e.box.y = 1e30; }},
+      {"side", [](MappedObject& e) { e.box_width = 0.0; }},
+      {"side", [](MappedObject& e) { e.box_length = 1e9; }},
       {"twice", [](MappedObject& e) { e.id = 1; }}};
   for (const auto& [part, spoil] : faults) {
     MappedObjectArray msg = good_map();

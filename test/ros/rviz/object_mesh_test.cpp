@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -63,6 +65,40 @@ TEST(ObjectMesh, FillsTheEllipseAtTheTopOfTheBody) {
   for (const std::uint32_t index : mesh.translucent.indices) ASSERT_LT(index, mesh.translucent.vertices.size());
 }
 
+/// A box of 1 m by 0.4 m.
+Object box(std::uint64_t id) {
+  Object object = element(id, {});
+  object.shape = Shape::kBox;
+  object.box_world = {{3.0, -2.0}, 0.7, 0.5, 0.2};
+  object.ellipse_world = moment_equal_ellipse(object.box_world);
+  return object;
+}
+
+TEST(ObjectMesh, FillsABoxAndOutlinesIt) {
+  ObjectStyle style;
+  style.covariance = style.velocity = false;
+  const MapMesh mesh = drawn(map_of({box(4)}), style);
+  EXPECT_NEAR(area_at(mesh.translucent, 1.15), 1.0 * 0.4, 1e-5);
+  EXPECT_NEAR(area_at(mesh.solid, 1.16), 1.06 * 0.46 - 1.0 * 0.4, 1e-5);
+  for (const Vertex& vertex : mesh.translucent.vertices) {
+    EXPECT_LT(offset_m(box(4).box_world, vertex.position_m.head<2>().cast<double>()), 1e-6);
+  }
+  Object unseen = box(4);
+  unseen.last_seen_ns = nanoseconds(9.0);
+  EXPECT_NEAR(area_at(drawn(map_of({unseen}), style).solid, 1.16), 2.0 / 3.0 * (1.06 * 0.46 - 1.0 * 0.4), 0.01);
+}
+
+TEST(ObjectMesh, PointsTheArrowOfABoxFromItsSide) {
+  Object object = box(4);
+  object.velocity_world_m_s = 2.0 * Eigen::Vector2d(std::cos(0.7), std::sin(0.7));  // along its length
+  double farthest_m = 0.0;
+  for (const Vertex& vertex : drawn(map_of({object}), {}).solid.vertices) {
+    const Eigen::Vector2d from_center_m = vertex.position_m.head<2>().cast<double>() - object.box_world.center_m;
+    farthest_m = std::max(farthest_m, from_center_m.dot(object.velocity_world_m_s.normalized()));
+  }
+  EXPECT_NEAR(farthest_m, 0.5 + 2.0, 1e-5);
+}
+
 TEST(ObjectMesh, OutlinesWhatIsRememberedWithDashes) {
   const Ellipse ellipse{{0.0, 0.0}, 0.0, 0.5, 0.5};
   const ObjectStyle style;
@@ -118,6 +154,18 @@ TEST(ObjectMesh, TellsWhatMovesFromWhatStands) {
   object.p_moving = 0.1;
   EXPECT_EQ(color_of(object, ObjectStyle::kMotion).r, kStandingColor.r);
   EXPECT_EQ(color_of(object, ObjectStyle::kId).r, color_of(std::uint64_t{1}).r);
+}
+
+TEST(ObjectMesh, EachClassHasItsColor) {
+  std::set<std::tuple<float, float, float>> colors;
+  Object object = element(1, {{0.0, 0.0}, 0.0, 0.2, 0.2});
+  for (const ObjectClass object_class :
+       {ObjectClass::kUnknown, ObjectClass::kPerson, ObjectClass::kVehicle, ObjectClass::kPole}) {
+    object.object_class = object_class;
+    const Color color = color_of(object, ObjectStyle::kClass);
+    colors.emplace(color.r, color.g, color.b);
+  }
+  EXPECT_EQ(colors.size(), 4U);
 }
 
 TEST(ObjectMesh, StaysBoundedWithThousandsOfElements) {

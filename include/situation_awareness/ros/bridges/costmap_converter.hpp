@@ -8,6 +8,7 @@
 
 #include <costmap_converter/ObstacleArrayMsg.h>
 #include <geometry_msgs/Point32.h>
+#include <geometry_msgs/Pose2D.h>
 
 #include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/geometry/angles.hpp"
@@ -17,8 +18,9 @@ namespace situation_awareness {
 constexpr int kOutlineCorners = 16;          ///< of the polygon around an ellipse: at most 2 % longer than its radii
 constexpr double kMaxCircleExcess_m = 0.05;  ///< rounder ellipses become circles, which are cheaper for planners
 
-/// The map for teb_local_planner: a point with a radius where the circle around the ellipse is hardly larger, else a
-/// polygon around it; ids, orientations, and velocities with covariance in the frame of the map.
+/// The map for teb_local_planner: the corners of a box; of anything else a point with a radius where the circle around
+/// the ellipse is hardly larger, or a polygon around it; ids, orientations, and velocities with covariance in the frame
+/// of the map.
 inline costmap_converter::ObstacleArrayMsg obstacle_array_from_map(const MappedObjectArray& map) {
   costmap_converter::ObstacleArrayMsg result;
   result.header = map.header;
@@ -35,15 +37,27 @@ inline costmap_converter::ObstacleArrayMsg obstacle_array_from_map(const MappedO
         obstacle.velocities.covariance[6 * to[i] + to[j]] = element.covariance[8 * from[i] + from[j]];
       }
     }
-    const auto add_point = [&](double x_m, double y_m) {  // in the ellipse's own frame
-      const double psi_rad = 2.0 * std::atan2(element.pose.orientation.z, element.pose.orientation.w);
+    const bool is_box = element.shape == MappedObject::BOX;
+    geometry_msgs::Pose2D own = element.box;  // frame of the box or the ellipse
+    if (!is_box) {
+      own.x = element.pose.position.x;
+      own.y = element.pose.position.y;
+      own.theta = 2.0 * std::atan2(element.pose.orientation.z, element.pose.orientation.w);
+    }
+    const auto add_point = [&](double x_m, double y_m) {  // in that frame
       geometry_msgs::Point32 point;
-      point.x = static_cast<float>(element.pose.position.x + std::cos(psi_rad) * x_m - std::sin(psi_rad) * y_m);
-      point.y = static_cast<float>(element.pose.position.y + std::sin(psi_rad) * x_m + std::cos(psi_rad) * y_m);
+      point.x = static_cast<float>(own.x + std::cos(own.theta) * x_m - std::sin(own.theta) * y_m);
+      point.y = static_cast<float>(own.y + std::sin(own.theta) * x_m + std::cos(own.theta) * y_m);
       point.z = static_cast<float>(element.pose.position.z);
       obstacle.polygon.points.push_back(point);
     };
-    if (element.rx - element.ry <= kMaxCircleExcess_m) {
+    if (is_box) {
+      const double x_m = 0.5 * element.box_length, y_m = 0.5 * element.box_width;
+      add_point(x_m, y_m);
+      add_point(-x_m, y_m);
+      add_point(-x_m, -y_m);
+      add_point(x_m, -y_m);
+    } else if (element.rx - element.ry <= kMaxCircleExcess_m) {
       obstacle.radius = element.rx;
       add_point(0.0, 0.0);
     } else {

@@ -10,8 +10,9 @@
 
 namespace situation_awareness {
 
-/// The map as messages of obstacle_detector: circles around the ellipses, without segments, which the map does not
-/// have. `true_radius` is the longer semi-axis; `radius` has the position's 95 % uncertainty as its margin.
+/// The map as messages of obstacle_detector: circles around the ellipses and boxes, without segments, which the map
+/// does not have. `true_radius` is the longer semi-axis, or half the diagonal of a box; `radius` has the position's 95
+/// % uncertainty as its margin.
 inline obstacle_detector::Obstacles circles_from_map(const MappedObjectArray& map) {
   constexpr double kChiSquare95 = 5.991464547107979;  // 95 % quantile, two degrees of freedom
   obstacle_detector::Obstacles result;
@@ -22,8 +23,9 @@ inline obstacle_detector::Obstacles circles_from_map(const MappedObjectArray& ma
     obstacle_detector::CircleObstacle circle;
     circle.center = element.pose.position;
     circle.velocity = element.twist.linear;
-    circle.true_radius = element.rx;
-    circle.radius = element.rx + std::sqrt(kChiSquare95 * std::max(largest_variance, 0.0));
+    circle.true_radius =
+        element.shape == MappedObject::BOX ? 0.5 * std::hypot(element.box_length, element.box_width) : element.rx;
+    circle.radius = circle.true_radius + std::sqrt(kChiSquare95 * std::max(largest_variance, 0.0));
     result.circles.push_back(circle);
   }
   return result;

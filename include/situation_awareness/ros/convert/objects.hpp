@@ -14,7 +14,8 @@ namespace situation_awareness {
 MappedObjectArray objects_to_msg(const Objects& objects, const std::string& world_frame,
                                  const std::vector<std::string>& labels = {});
 
-/// Throws std::invalid_argument if a number is not finite or a radius is not positive. The height of an empty map is 0,
+/// Throws std::invalid_argument if a number is not finite, a radius or a side of a box is not positive, or a shape or
+/// class is unknown. The height of an empty map is 0,
 /// since the message has it per element.
 Objects objects_from_msg(const MappedObjectArray& msg);
 

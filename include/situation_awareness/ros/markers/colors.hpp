@@ -19,6 +19,10 @@ constexpr Color kNoSegmentColor{0.65F, 0.5F, 0.25F};  // hits in no segment
 constexpr Color kUncertaintyColor{0.85F, 0.1F, 0.1F};
 constexpr Color kStandingColor{0.12F, 0.42F, 0.82F};
 constexpr Color kMovingColor{0.97F, 0.48F, 0.04F};
+constexpr Color kUnknownClassColor{0.5F, 0.55F, 0.6F};
+constexpr Color kPersonColor{0.93F, 0.46F, 0.1F};
+constexpr Color kVehicleColor{0.12F, 0.42F, 0.82F};
+constexpr Color kPoleColor{0.2F, 0.6F, 0.3F};
 
 /// A saturated colour for each number, distinct from its neighbours': hues advance by the golden ratio.
 inline Color color_of(std::uint64_t number) {

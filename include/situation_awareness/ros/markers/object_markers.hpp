@@ -11,7 +11,8 @@
 namespace situation_awareness {
 
 /// Markers of successive maps, each element in its own colour; deletes those of removed elements. Namespaces: object
-/// (the ellipse), velocity (its motion in 1 s, if it moves), id, position_uncertainty (95 % ellipse of the centre).
+/// (the ellipse or box), velocity (its motion in 1 s, if it moves), id (with the class, if it is known),
+/// position_uncertainty (95 % ellipse of the centre).
 class ObjectMarkers {
  public:
   /// The markers that update the display to `objects`.

@@ -13,7 +13,7 @@ namespace situation_awareness {
 
 /// Style of a map of objects.
 struct ObjectStyle : MapStyle {
-  enum Coloring { kId, kMotion };
+  enum Coloring { kId, kMotion, kClass };
 
   bool velocity = true;
   bool covariance = true;
