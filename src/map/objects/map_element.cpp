@@ -34,6 +34,18 @@ void read_yaml_text(const std::string& text, TrackState& state) {
   throw std::invalid_argument("must be tentative, confirmed or lost");
 }
 
+std::string yaml_text(ObjectClass object_class) { return name_of(object_class); }
+
+void read_yaml_text(const std::string& text, ObjectClass& object_class) {
+  for (const ObjectClass known :
+       {ObjectClass::kUnknown, ObjectClass::kPerson, ObjectClass::kVehicle, ObjectClass::kPole}) {
+    if (text != name_of(known)) continue;
+    object_class = known;
+    return;
+  }
+  throw std::invalid_argument("must be unknown, person, vehicle or pole");
+}
+
 double position_sigma_m(const ObjectEstimate& estimate) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
   solver.computeDirect(estimate.P.block<2, 2>(object_state::kPosition, object_state::kPosition),

@@ -16,7 +16,7 @@ struct ObjectMapFormat {
   static constexpr std::size_t kMaxElements = map_bounds::kMaxElements;
 
   static MapFileHeader header() {
-    const std::uint64_t version = 2, oldest_version = 1;  // elements have `confirmed` in place of `state`
+    const std::uint64_t version = 3, oldest_version = 1;
     return {"State of an object map after an update; docs/map_file.md describes the fields.", "situation_awareness map",
             version, oldest_version};
   }
@@ -30,6 +30,10 @@ struct ObjectMapFormat {
   }
 
   static void read(MapElement& element, ReadFields& fields, std::uint64_t version, const MapSnapshot& snapshot) {
+    if (version < 3) {
+      fields.add("class", name_of(ObjectClass::kUnknown));
+      fields.add("p_class", "0");
+    }
     // Version 1 has `confirmed`; the time since the last detection then decides whether the element is lost.
     if (version == 1) {
       bool confirmed = false;

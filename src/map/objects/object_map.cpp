@@ -419,6 +419,8 @@ Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
       P_correlated.rightCols<2>().setZero();
     }
     fill_object(combine(estimate), P_correlated, object);
+    object.object_class = element.object_class;
+    object.p_class = element.p_class;
     object.p_moving = estimate.p_moving;
     object.p_exists = probability(element.log_odds);
     object.first_seen_ns = element.first_seen_ns;

@@ -13,6 +13,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -63,6 +64,16 @@ std::string with(std::string yaml, const std::string& name, const std::string& v
   return yaml.replace(from, yaml.find('\n', from) - from, " " + value);
 }
 
+/// The file as versions before 3 have it.
+std::string without_class(const std::string& yaml) {
+  std::istringstream lines(yaml);
+  std::string old, line;
+  while (std::getline(lines, line)) {
+    if (line.rfind("    class:", 0) != 0 && line.rfind("    p_class:", 0) != 0) old += line + '\n';
+  }
+  return old;
+}
+
 void expect_same(const Objects& a, const Objects& b) {
   ASSERT_EQ(a.stamp_ns, b.stamp_ns);
   EXPECT_EQ(a.height_world_m, b.height_world_m);
@@ -84,6 +95,8 @@ void expect_same(const Objects& a, const Objects& b) {
     EXPECT_EQ(p.last_seen_ns, q.last_seen_ns);
     EXPECT_EQ(p.observations, q.observations);
     EXPECT_EQ(p.beams, q.beams);
+    EXPECT_EQ(p.object_class, q.object_class);
+    EXPECT_EQ(p.p_class, q.p_class);
   }
 }
 
@@ -146,7 +159,7 @@ TEST(MapFile, ReadsVersionOne) {
   snapshot.elements.resize(3);
   for (MapElement& element : snapshot.elements) element.body = 0;
   const std::string yaml = map_to_yaml(snapshot);
-  std::string old = with(yaml, "version", "1");
+  std::string old = with(without_class(yaml), "version", "1");
   for (const char* state : {"tentative", "confirmed", "lost"}) {
     const std::string line = std::string("    state: ") + state + "\n";
     const std::size_t at = old.find(line);
@@ -156,8 +169,32 @@ TEST(MapFile, ReadsVersionOne) {
   EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml);
   // Each version knows only its own field.
   EXPECT_TRUE(names(refusal(edited(with(old, "confirmed", "yes"))), {"confirmed"}));
-  EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "1"))), {"confirmed"}));
+  EXPECT_TRUE(names(refusal(edited(with(without_class(yaml), "version", "1"))), {"confirmed"}));
   EXPECT_TRUE(names(refusal(edited(with(old, "version", "2"))), {"state"}));
+}
+
+TEST(MapFile, ReadsVersionTwo) {
+  const std::string yaml = map_to_yaml(snapshot_of(lively_map(60)));
+  const std::string old = with(without_class(yaml), "version", "2");
+  EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml) << "of unknown class";
+  EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "2"))), {"class"}));
+  EXPECT_TRUE(names(refusal(edited(with(old, "version", "3"))), {"class"}));
+}
+
+TEST(MapFile, KeepsTheClass) {
+  ObjectMap map = lively_map(60);
+  MapSnapshot snapshot = snapshot_of(map);
+  const std::uint64_t id = map.at(map.stamp_ns()).objects.at(0).id;
+  for (MapElement& element : snapshot.elements) {
+    if (element.id != id) continue;
+    element.object_class = ObjectClass::kPerson;
+    element.p_class = 0.8;
+  }
+  map.restore(map_from_yaml(map_to_yaml(snapshot), "a.yaml"));
+  const Objects objects = map.at(map.stamp_ns());
+  EXPECT_EQ(objects.objects.at(0).object_class, ObjectClass::kPerson);
+  EXPECT_EQ(objects.objects.at(0).p_class, 0.8);
+  EXPECT_EQ(objects.objects.at(1).object_class, ObjectClass::kUnknown);
 }
 
 TEST(MapFile, AnEmptyMapIsAMap) {
@@ -292,8 +329,8 @@ TEST(MapFile, RefusesInvalidMapsByElementAndField) {
   const std::string good_row = "[0, 1, 0, 0, 0, 0, 0, 0]";
   const std::vector<Case> cases = {
       {with(yaml, "format", "octomap"), {"format", "octomap"}},
-      {with(yaml, "version", "0"), {"version", "0", "1", "2"}},
-      {with(yaml, "version", "3"), {"version", "3", "1", "2"}},
+      {with(yaml, "version", "0"), {"version", "0", "1", "3"}},
+      {with(yaml, "version", "4"), {"version", "4", "1", "3"}},
       {with(yaml, "world_frame", "\"\""), {"world_frame"}},
       {with(yaml, "world_frame", "[a]"), {"world_frame"}},
       {with(yaml, "shape", "square"), {"shape", "square"}},
@@ -317,6 +354,8 @@ TEST(MapFile, RefusesInvalidMapsByElementAndField) {
       {with(yaml, "mobile", "yes", 2), {"elements[1]", "mobile", "yes"}},
       {with(yaml, "state", "confirmed\n    colour: red", 2), {"elements[1]", "colour"}},
       {with(yaml, "state", "confirmed\n    state: lost", 2), {"elements[1]", "state"}},
+      {with(yaml, "class", "dog", 2), {"elements[1]", "class", "dog", "person"}},
+      {with(yaml, "p_class", "1.5", 2), {"elements[1]", id_1, "p_class", "1.5", "0", "1"}},
       {with(yaml, "p_moving", "1.5", 2), {"elements[1]", id_1, "p_moving", "1.5", "0", "1"}},
       {with(yaml, "log_odds", "8", 2), {"elements[1]", id_1, "log_odds", "8"}},
       {with(yaml, "last_seen_ns", std::to_string(snapshot.stamp_ns + 1)),

@@ -44,6 +44,8 @@ const char* name_of(TrackState state);
 /// As a field of a map file, which has no deleted elements.
 std::string yaml_text(TrackState state);
 void read_yaml_text(const std::string& text, TrackState& state);
+std::string yaml_text(ObjectClass object_class);
+void read_yaml_text(const std::string& text, ObjectClass& object_class);
 
 /// State of one element between updates.
 struct MapElement {
@@ -65,6 +67,8 @@ struct MapElement {
   bool has_parts = false;  ///< it has had parts
   Eigen::Vector2d met_world_m = Eigen::Vector2d::Zero();       ///< its position when it met `body`
   Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< position of `body` then
+  ObjectClass object_class = ObjectClass::kUnknown;            ///< the likeliest
+  double p_class = 0.0;                                        ///< its probability; 0 for kUnknown
 
   /// Every field with its name in a map file (map/map_fields.hpp).
   template <class Self, class Visit>
@@ -87,6 +91,8 @@ struct MapElement {
     visit("has_parts", self.has_parts);
     visit("met_world", self.met_world_m, kState);
     visit("body_met_world", self.body_met_world_m, kState);
+    visit("class", self.object_class);
+    visit("p_class", self.p_class, kProbability);
     visit("standing", self.estimate.standing.x, kState);
     visit("standing_covariance", self.estimate.standing.P, kVariance);
     visit("moving", self.estimate.moving.x, kState);
