@@ -113,6 +113,26 @@ std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2
   return std::nullopt;
 }
 
+double offset_m(const Ellipse& ellipse, const Eigen::Vector2d& point) {
+  // In the first quadrant of the ellipse's own frame, towards the nearest point (a t.x, b t.y) with |t| = 1: near any
+  // of its points the curve is a circle about the centre of curvature there, on which the nearest point is known.
+  const double a = ellipse.rx_m;
+  const double b = ellipse.ry_m;
+  const Eigen::Vector2d p = (Eigen::Rotation2Dd(-ellipse.psi_rad) * (point - ellipse.center_m)).cwiseAbs();
+  Eigen::Vector2d t = Eigen::Vector2d::Constant(std::sqrt(0.5));
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector2d center((a * a - b * b) * t.x() * t.x() * t.x() / a,
+                                 (b * b - a * a) * t.y() * t.y() * t.y() / b);
+    const double radius_m = (Eigen::Vector2d(a * t.x(), b * t.y()) - center).norm();
+    const double distance_m = (p - center).norm();
+    if (!(distance_m > 0.0)) break;  // all points of the circle are equally near
+    const Eigen::Vector2d nearest_m = center + radius_m / distance_m * (p - center);
+    t = Eigen::Vector2d(nearest_m.x() / a, nearest_m.y() / b).cwiseMax(0.0).cwiseMin(1.0).normalized();
+  }
+  const double distance_m = (p - Eigen::Vector2d(a * t.x(), b * t.y())).norm();
+  return contains(ellipse, point) ? -distance_m : distance_m;
+}
+
 bool contains(const Ellipse& ellipse, const Eigen::Vector2d& point) {
   const Eigen::Vector2d p = Eigen::Rotation2Dd(-ellipse.psi_rad) * (point - ellipse.center_m);
   return Eigen::Vector2d(p.x() / ellipse.rx_m, p.y() / ellipse.ry_m).squaredNorm() <= 1.0;

@@ -24,8 +24,8 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
 
 const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                                     const Eigen::Isometry3d& T_world_lidar_end) {
-  known_ = map_.at(map_.stamp_ns(), std::move(known_));
-  return process(scan, T_world_lidar, T_world_lidar_end, known_);
+  if (map_may_have_changed_) result_.objects = map_.at(map_.stamp_ns(), std::move(result_.objects));
+  return process(scan, T_world_lidar, T_world_lidar_end, result_.objects);
 }
 
 const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
@@ -44,6 +44,9 @@ const ObjectPipelineResult& ObjectPipeline::process(const Scan& scan, const Eige
   detections =
       refine(detector_->detect(segments, std::move(detections)), segments, known_level_, params_.detections.fit);
   result_.update = map_.update(detections, std::move(result_.update));
+  result_.objects = map_.at(map_.stamp_ns(), std::move(result_.objects));  // may be `known`, which was used above
+  map_may_have_changed_ = false;
+  result_.unmapped = unmapped_.add(segments, result_.objects);
   return result_;
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -75,6 +76,33 @@ TEST(Ellipse, PointsOnItAreOnTheCurveAndCounterClockwise) {
     EXPECT_NEAR(area_m2, 8.5 * std::sin(2.0 * kPi / 17.0) * ellipse.rx_m * ellipse.ry_m, 1e-12);
     EXPECT_LT((points[0] - characteristic_points(ellipse)[0]).norm(), 1e-12);
   }
+}
+
+TEST(Ellipse, OffsetIsTheDistanceOfTheNearestPoint) {
+  Random random(12);
+  for (int i = 0; i < 300; ++i) {
+    Ellipse ellipse = random_ellipse(random);
+    if (i % 3 == 0) ellipse.ry_m = 0.1 * ellipse.rx_m;
+    if (i % 3 == 1) ellipse.ry_m = ellipse.rx_m;
+    const Eigen::Vector2d p = ellipse.center_m + Eigen::Vector2d(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0));
+    double nearest_m = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < 20000; ++k) {
+      nearest_m = std::min(nearest_m, (point_on(ellipse, 2.0 * kPi * k / 20000.0) - p).norm());
+    }
+    EXPECT_NEAR(offset_m(ellipse, p), contains(ellipse, p) ? -nearest_m : nearest_m, 2e-4);
+  }
+}
+
+TEST(Ellipse, OffsetOfThePointsOfSymmetry) {
+  const Ellipse ellipse{{1.0, 2.0}, 0.4, 0.5, 0.2};
+  EXPECT_NEAR(offset_m(ellipse, ellipse.center_m), -0.2, 1e-6);
+  for (const Eigen::Vector2d& end : characteristic_points(ellipse)) {
+    EXPECT_NEAR(offset_m(ellipse, end), 0.0, 1e-6);
+    const Eigen::Vector2d out = (end - ellipse.center_m).normalized();
+    EXPECT_NEAR(offset_m(ellipse, end + 0.3 * out), 0.3, 1e-6);
+    EXPECT_NEAR(offset_m(ellipse, end - 0.05 * out), -0.05, 1e-6);
+  }
+  EXPECT_NEAR(offset_m({{0.0, 0.0}, 0.0, 0.3, 0.3}, {0.0, 0.0}), -0.3, 1e-9);
 }
 
 TEST(Ellipse, ShapeMatrixDescribesTheCurve) {

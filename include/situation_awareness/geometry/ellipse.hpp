@@ -66,6 +66,9 @@ constexpr double kUniformAxisVariance = kPi * kPi / 12.0;  // rad^2
 std::optional<double> intersect_ray(const Ellipse& ellipse, const Eigen::Vector2d& origin,
                                     const Eigen::Vector2d& direction);
 
+/// Distance of a point from the curve, negative inside; to 1e-6 of the longer semi-axis.
+double offset_m(const Ellipse& ellipse, const Eigen::Vector2d& point);
+
 /// True if `point` lies inside or on the curve.
 bool contains(const Ellipse& ellipse, const Eigen::Vector2d& point);
 

@@ -13,6 +13,7 @@
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/detections/probable_detector.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
+#include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -85,6 +86,8 @@ struct ObjectPipelineResult {
   Segments segments;
   Detections detections;
   ObjectMapUpdate update;
+  Objects objects;    ///< the map after its latest update
+  Unmapped unmapped;  ///< compact segments that are not on it
 };
 
 /// From scan to map in one thread, without ROS: the same stages as the nodelets, for tests and offline use.
@@ -110,7 +113,11 @@ class ObjectPipeline {
                                       const Eigen::Isometry3d& T_world_sensor_end);
 
   const ObjectMap& map() const { return map_; }
-  ObjectMap& map() { return map_; }
+  /// To change the map between two scans; a reference is to be got again after each scan.
+  ObjectMap& map() {
+    map_may_have_changed_ = true;
+    return map_;
+  }
 
  private:
   ObjectPipelineParams params_;
@@ -118,8 +125,9 @@ class ObjectPipeline {
   ObjectMap map_;
   CloudSlice slice_;
   Scan limited_;
-  Objects known_;
+  bool map_may_have_changed_ = true;  ///< since result_.objects
   std::vector<Ellipse> known_level_;
+  UnmappedSegments unmapped_;
   ObjectPipelineResult result_;
 };
 
