@@ -10,6 +10,20 @@
 
 namespace situation_awareness {
 
+const char* name_of(HitFate fate) {
+  switch (fate) {
+    case HitFate::kObject:
+      return "object";
+    case HitFate::kRefused:
+      return "refused";
+    case HitFate::kStructure:
+      return "structure";
+    case HitFate::kNoSegment:
+      return "no segment";
+  }
+  return "";
+}
+
 std::vector<HitLabel> label_hits(const Segments& segments, const Detections& detections, const Objects& known,
                                  std::vector<HitLabel> memory) {
   const auto is_there = [&](const auto& item) { return item.segment < segments.segments.size(); };

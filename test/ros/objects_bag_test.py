@@ -147,6 +147,28 @@ class ObjectsBagTest(unittest.TestCase):
         self.objects_bag()
         self.assertEqual(first, self.out.read_bytes())
 
+    def test_tells_what_became_of_every_hit(self):
+        write_bag(self.bag)
+        points = self.path / "points.jsonl"
+        maps, result = self.objects_bag("--points", points)
+        lines = read_lines(points)
+        self.assertEqual([line["stamp"] for line in lines], [line["stamp"] for line in maps])
+        columns = ("x", "y", "segment", "fate", "reason", "id")
+        for i, (line, scan_map) in enumerate(zip(lines, maps)):
+            self.assertEqual(set(line), {"stamp", "compact", "on_no_map", "on_no_map_s", *columns})
+            self.assertEqual(len({len(line[column]) for column in columns}), 1)
+            for x, y, segment, fate, reason, id_ in zip(*(line[column] for column in columns)):
+                self.assertAlmostEqual(math.hypot(x - 3.0, y + 1.0 - 0.5 * 0.05 * i), 0.25, delta=0.05)
+                self.assertEqual((segment, fate, reason), (0, "object", ""))
+                self.assertEqual(id_, scan_map["objects"][0]["id"] if scan_map["objects"] else None)
+            self.assertEqual((line["compact"], line["on_no_map"]), (1, int(not scan_map["objects"])))
+        mapped_at = next(i for i, line in enumerate(maps) if line["objects"])
+        self.assertGreater(mapped_at, 0)
+        longest_s = max(line["on_no_map_s"] for line in lines)
+        self.assertAlmostEqual(longest_s, 0.05 * (mapped_at - 1), delta=1e-6)
+        self.assertIn(f"{mapped_at} of 60 compact segments on no map, a place for at most {longest_s:.3f} s",
+                      result.stdout)
+
     def test_writes_the_detections_of_every_scan(self):
         write_bag(self.bag)
         lines, _ = self.objects_bag("--detections", self.detections)
@@ -341,6 +363,7 @@ class ObjectsBagTest(unittest.TestCase):
         self.assert_fails(code=2, parts=("IN.bag",))
         self.assert_fails("a.bag", code=2, parts=("--out", "--detections", "--save-objects"))
         self.assert_fails("a.bag", "--out", "a", "--detections", "a", code=2, parts=("--out", "--detections"))
+        self.assert_fails("a.bag", "--points", "a", "--save-objects", "a", code=2, parts=("--points", "--save-objects"))
         self.assert_fails("a.bag", "--out", "a", "--detector", code=2, parts=("--detector",))
         self.assert_fails("a.bag", "b.bag", code=2, parts=("b.bag",))
         self.assert_fails("a.bag", "--fast", code=2, parts=("--fast",))

@@ -19,6 +19,9 @@ enum class HitFate : std::uint8_t {
   kNoSegment,  ///< in no segment: noise, or outside the range or volume of interest
 };
 
+/// "object", "refused", "structure", "no segment".
+const char* name_of(HitFate fate);
+
 struct HitLabel {
   HitFate fate = HitFate::kNoSegment;
   std::uint8_t reason = 0;                ///< index in hit_reasons(), 0 for kObject

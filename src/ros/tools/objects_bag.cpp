@@ -6,10 +6,13 @@
 #include <cstdio>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "command_line.hpp"
 #include "situation_awareness/map/objects/map_file.hpp"
+#include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
@@ -35,13 +38,17 @@ outline is counter-clockwise, the corners of a box or points on the ellipse; or 
   {"stamp": s, "detections": [{"x", "y", "psi", "rx", "ry": number,
    "covariance": [25 numbers, row by row, of x y m p q], "p_ellipse": number, "beams": int}]}
 in the sensor's level frame, with m = (rx + ry) / 2 and (p, q) = (rx - ry) / 2 (cos 2 psi, sin 2 psi).
+The points' lines tell what became of each hit, in columns, and count the compact segments that are on no map:
+  {"stamp": s, "compact": int, "on_no_map": int, "on_no_map_s": s, "x", "y": [numbers], "segment": [int or null],
+   "fate": ["object", "refused", "structure" or "no segment"], "reason": [texts], "id": [int or null]}
+with the id of the object on the map that the hit is on (docs/ros.md).
 Invalid scans have no line and are counted by reason. Files are written atomically.
 )";
 
 struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
-  std::string out, detections, load_objects, save_objects, detector, model_folder;
+  std::string out, detections, points, load_objects, save_objects, detector, model_folder;
 };
 
 void add_options(CLI::App& app, Options& options) {
@@ -52,17 +59,21 @@ void add_options(CLI::App& app, Options& options) {
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   text("--out", options.out, "FILE", "output file of the map's lines");
   text("--detections", options.detections, "FILE", "output file of the detections' lines");
+  text("--points", options.points, "FILE", "output file of the lines of what became of each hit");
   text("--load-objects", options.load_objects, "FILE", "start from this map (docs/map_file.md)");
   text("--save-objects", options.save_objects, "FILE", "output file of the map after the last scan");
   text("--detector", options.detector, "NAME", "in place of the configured one, with its own model");
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
-    if (options.out.empty() && options.detections.empty() && options.save_objects.empty()) {
-      throw CLI::RequiredError("--out, --detections or --save-objects");
+    std::vector<std::string> files;
+    for (const std::string* file : {&options.out, &options.detections, &options.points, &options.save_objects}) {
+      if (!file->empty()) files.push_back(*file);
     }
-    if (!options.out.empty() && options.out == options.detections) {
-      throw CLI::ValidationError("--out and --detections are the same file");
-    }
+    const std::string outputs = "--out, --detections, --points or --save-objects";
+    if (files.empty()) throw CLI::RequiredError(outputs);
+    std::sort(files.begin(), files.end());
+    const auto same = std::adjacent_find(files.begin(), files.end());
+    if (same != files.end()) throw CLI::ValidationError(*same + " is given for two of " + outputs);
   });
 }
 
@@ -115,6 +126,31 @@ Json json_of(const Objects& objects) {
   return line;
 }
 
+/// What became of the hits of a scan.
+Json json_of_points(const ObjectPipelineResult& result, const std::vector<HitLabel>& labels, MappedAreas& areas) {
+  const Segments& segments = result.segments;
+  areas.set(result.objects);
+  Json line;
+  line["compact"] = result.unmapped.compact;
+  line["on_no_map"] = result.unmapped.on_no_map;
+  line["on_no_map_s"] = finite(result.unmapped.for_s);
+  for (const char* column : {"x", "y", "segment", "fate", "reason", "id"}) line[column] = Json::array();
+  Json &x = line["x"], &y = line["y"], &segment = line["segment"];
+  Json &fate = line["fate"], &reason = line["reason"], &id = line["id"];
+  for (std::size_t i = 0; i < labels.size(); ++i) {
+    const HitLabel& label = labels[i];
+    const Eigen::Vector2d p_world_m = segments.T_world_level * segments.points[i].p_level_m;
+    const std::size_t object = areas.object_at(p_world_m);
+    x.push_back(finite(p_world_m.x()));
+    y.push_back(finite(p_world_m.y()));
+    segment.push_back(label.segment == HitLabel::kNoSegmentIndex ? Json() : Json(label.segment));
+    fate.push_back(name_of(label.fate));
+    reason.push_back(hit_reasons()[label.reason]);
+    id.push_back(object == MappedAreas::kNone ? Json() : Json(result.objects.objects[object].id));
+  }
+  return line;
+}
+
 ObjectPipelineParams load_params(const Options& options) {
   const std::string folder = options.model_folder.empty() ? package_folder() + "/models" : options.model_folder;
   ObjectPipelineParams params = load_object_pipeline_params(config_path(options.bag, kConfig), folder);
@@ -129,7 +165,7 @@ int objects_bag(const Options& options) {
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const ObjectPipelineParams params = load_params(options);
   BagPlayer player(options.bag, params.objects.reset_time_jump_s);
-  LineFile out(options.out), detections_out(options.detections);
+  LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
 
   // Segmentation and detection use the published map: the message has angles as quaternions, which changes their last
@@ -144,16 +180,25 @@ int objects_bag(const Options& options) {
   }
   std::size_t detections = 0;
   double log_likelihood = 0.0;
-  Objects objects;
+  std::size_t compact = 0, on_no_map = 0;
+  double longest_s = 0.0;
+  std::vector<HitLabel> labels;
+  MappedAreas areas;
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     const ObjectPipelineResult& result =
         player.timed([&]() -> decltype(auto) { return pipeline.process(scan, T_world_lidar, T_end, published); });
-    objects = pipeline.map().at(scan.stamp_ns, std::move(objects));
-    publish(objects);
-    if (out) out.write(json_line(scan.stamp_ns, json_of(objects)));
+    if (points_out) {
+      labels = label_hits(result.segments, result.detections, published, std::move(labels));
+      points_out.write(json_line(scan.stamp_ns, json_of_points(result, labels, areas)));
+    }
+    publish(result.objects);
+    if (out) out.write(json_line(scan.stamp_ns, json_of(result.objects)));
     if (detections_out) detections_out.write(json_line(scan.stamp_ns, json_of(result.detections)));
     detections += result.update.updated.size() + result.update.created.size();
     log_likelihood += result.update.log_likelihood;
+    compact += static_cast<std::size_t>(result.unmapped.compact);
+    on_no_map += static_cast<std::size_t>(result.unmapped.on_no_map);
+    longest_s = result.unmapped.longest_s;
   });
   player.play();
 
@@ -164,9 +209,11 @@ int objects_bag(const Options& options) {
   }
   out.finish();
   detections_out.finish();
+  points_out.finish();
   player.print_summary();
   std::printf("%zu detections, log-likelihood %.3f each given the map before\n", detections,
               log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1)));
+  std::printf("%zu of %zu compact segments on no map, a place for at most %.3f s\n", on_no_map, compact, longest_s);
   return 0;
 }
 
