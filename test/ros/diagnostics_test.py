@@ -79,6 +79,9 @@ class DiagnosticsTest(unittest.TestCase):
         self.assertEqual(self.value("mapping", "moving"), "0")
         self.assertGreater(self.number("mapping", "NIS matches"), 5)
         self.assertTrue(0.0 <= self.number("mapping", "NIS mean") < 3.0)
+        self.wait_for("detection", lambda status: status["compact segments on no map"] == "0"
+                      and float(status["compact segment on no map for [s]"]) == 0.0, "nothing on no map")
+        self.assertGreaterEqual(self.number("detection", "compact segment on no map for, since the start [s]"), 0.0)
         low, high = (float(text) for text in self.value("mapping", "NIS 95 % bounds").split(" to "))
         self.assertTrue(0.0 < low < 1.0 < high)
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // segments, objects  ->  detections, hit_labels (for rviz)
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 
 #include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
+#include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/hit_labels.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
@@ -37,6 +39,13 @@ class DetectionStage {
       status.add("model", path.empty() ? "none" : path);
       status.add("model SHA-256", path.empty() ? "none" : detector_->model_sha256());
     });
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) {
+      status.add("compact segments on no map", worst_.on_no_map);
+      status.add("compact segment on no map for [s]", worst_.for_s);
+      status.add("compact segment on no map for, since the start [s]", worst_.longest_s);
+      worst_.on_no_map = 0;
+      worst_.for_s = 0.0;
+    });
     context.serve_live(
         [this](const DetectionParams& detections) {
           detector_->set_min_p_ellipse(detections.min_p_ellipse);
@@ -53,6 +62,7 @@ class DetectionStage {
     } catch (const std::exception& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
+    follow_unmapped();
     const std::vector<Ellipse> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
     const Detections detections = refine(detector_->detect(segments), segments, known_level, fit_);
     context_.publish(publisher_, detections_to_msg(detections, msg.header.frame_id));
@@ -61,16 +71,29 @@ class DetectionStage {
       context_.publish(labels_publisher_, hit_labels_to_cloud(segments, labels_, msg.header.frame_id));
     }
     context_.diagnostics().counted(detections.refused);
+    segments_ = std::move(segments);
     return true;
   }
 
  private:
+  /// Of the scan before, if its map has come meanwhile.
+  void follow_unmapped() {
+    if (segments_.points.empty() || map_.latest().stamp_ns != segments_.stamp_ns) return;
+    const Unmapped& unmapped = unmapped_.add(segments_, map_.latest());
+    worst_.on_no_map = std::max(worst_.on_no_map, unmapped.on_no_map);
+    worst_.for_s = std::max(worst_.for_s, unmapped.for_s);
+    worst_.longest_s = unmapped.longest_s;
+  }
+
   Context& context_;
   EllipseFitParams fit_;
   std::unique_ptr<ProbableDetector> detector_;
   ros::Publisher publisher_, labels_publisher_;
   MapSubscriber map_;
   std::vector<HitLabel> labels_;  // kept for its memory
+  Segments segments_;             // of the latest scan
+  UnmappedSegments unmapped_;
+  Unmapped worst_;  // since the latest report
 };
 
 using DetectionNodelet = StageNodelet<DetectionStage>;
