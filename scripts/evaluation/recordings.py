@@ -49,6 +49,7 @@ TARGETS = (
     ("false_movers", f"at most {{}} elements per scan that are faster than {MOVING_M_S:g} m/s and not the object",
      "", 0.2, 3),
 )
+MAX_ON_NO_MAP_S = 0.5
 SCENES = 6  # of a picture
 SCENE_M = 0.6
 ID_COLORS = (MAPPED, "#8a5a83", "#b07d12", "#5fb49c")
@@ -75,19 +76,22 @@ def recordings_with_truth(folder):
 
 
 def run(arguments, bag, topic, *options, detections=False):
-    """Lines of the map after each scan, and of the detections if asked for."""
+    """The account of the hits, the lines of the map after each scan, and of the detections if asked for."""
     with tempfile.TemporaryDirectory() as folder:
+        points = pathlib.Path(folder) / "points.jsonl"
         out = {"--out": pathlib.Path(folder) / "map.jsonl"}
         if detections:
             out["--detections"] = pathlib.Path(folder) / "detections.jsonl"
         command = [arguments.tool, bag, "--scan-topic", topic, *options, "--config", arguments.config, "--model-folder",
-                   ROOT / "models"]
+                   ROOT / "models", "--points", points]
         for option, path in out.items():
             command += [option, path]
         result = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, check=False)
         if result.returncode:
             sys.exit(f"objects_bag ended with code {result.returncode} on {bag}:\n{result.stderr}")
-        return [[json.loads(text) for text in path.read_text().splitlines()] for path in out.values()]
+        with points.open(encoding="utf-8") as lines:
+            account = Account(map(json.loads, lines))
+        return account, *([json.loads(text) for text in path.read_text().splitlines()] for path in out.values())
 
 
 def hits_of(recording):
@@ -298,6 +302,27 @@ class Counts:
         self.movers = sum(speed(element) > MOVING_M_S for element in elements) / max(self.scans, 1)
 
 
+class Account:
+    """What became of the hits, and the compact segments that are on no map, of the lines of --points."""
+
+    FATES = ("on a mapped object", "detected, on no object yet", "refused", "structure", "no segment")
+
+    def __init__(self, lines):
+        self.scans, self.compact, self.on_no_map, self.longest_s = 0, 0, 0, 0.0
+        self.hits = collections.Counter()
+        for line in lines:
+            self.scans += 1
+            self.compact += line["compact"]
+            self.on_no_map += line["on_no_map"]
+            self.longest_s = max(self.longest_s, line["on_no_map_s"])
+            self.hits.update("on a mapped object" if id_ is not None else
+                             "detected, on no object yet" if fate == "object" else fate
+                             for fate, id_ in zip(line["fate"], line["id"]))
+
+    def part(self, fate):
+        return self.hits[fate] / self.hits.total() if self.hits else math.nan
+
+
 # --- verdicts
 
 
@@ -308,6 +333,14 @@ def targets(scores):
         figure = ", ".join(f"{value:.{decimals}f}{unit} {name}" for name, value in values.items())
         met = all(value >= target if key == "recall" else value <= target for value in values.values())
         yield what.format(f"{target:g}{unit}"), figure, met
+
+
+def account_target(accounts):
+    """The same for the longest time on no map, of {name: account}."""
+    worst = max(accounts, key=lambda name: accounts[name].longest_s)
+    longest_s = accounts[worst].longest_s
+    return (f"no compact segment of at least {VISIBLE_HITS} hits on no map for more than {MAX_ON_NO_MAP_S:g} s",
+            f"{longest_s:.2f} s {worst}", longest_s <= MAX_ON_NO_MAP_S)
 
 
 # --- tables
@@ -342,6 +375,14 @@ def detections_table(scores):
     return table(("recording", "no detection, %", f"error under {ERRORS_M[0]:g} m, %", f"up to {ERRORS_M[1]:g} m, %",
                   "more, %", "position RMSE, m", "behind the truth, mean, m",
                   f"truth in its {100 * REGION:.0f} % region, % of the detections"), rows)
+
+
+def accounts_table(accounts):
+    rows = [(name, f"{account.compact / account.scans:.2f}", f"{account.on_no_map / account.scans:.2f}",
+             f"{account.longest_s:.2f}", " / ".join(percent(account.part(fate)) for fate in Account.FATES))
+            for name, account in accounts.items()]
+    return table(("recording", "compact segments per scan", "of those on no map", "longest on no map, s",
+                  f"hits {' / '.join(Account.FATES)}, %"), rows)
 
 
 def counts_table(counts):
@@ -512,8 +553,13 @@ stand cannot be judged, since posts and walls are in sight that have no truth.
 """
 DETECTIONS = """
 What the map is given: the detection on the visible object that is nearest to its centre, in % of the scans with the
-object visible. The published covariance of a detection's centre should contain the truth in {region:.0f} % of all
-cases. What became of the rest, refused as no ellipse or taken for structure, `objects_bag` does not say.
+object visible. The published covariance of a detection's centre should contain the truth in {region:.0f} % of all cases.
+"""
+ACCOUNTS = """
+What became of every hit ([`objects_bag --points`](../ros.md#offline-objects_bag)). Compact are the segments of at least
+{hits} hits that are no structure. One is on no map if none of its hits is inside an object on the map after the
+scan, or within 0.15 m of its outline; a new object is on no map until it is confirmed. The longest time is that of one
+place, from its first scan on no map to its last, until it is on the map or not seen for 0.5 s.
 """
 WITHOUT = """
 What the map makes of recordings of other scanners: no errors, since nothing is known to compare with. The life of an
@@ -521,12 +567,12 @@ id is from its first to its last scan on the map.
 """
 
 
-def report_of(measured, config, about, scores, near, detections, counts, images):
+def report_of(measured, config, about, scores, near, detections, counts, accounts, images):
     return "\n".join((
         "# The map on recordings\n",
         introduction(measured, INTRODUCTION.format(config=config, about=about, count=len(scores),
                                                    scans=sum(score.scans for score in scores.values()))),
-        targets_section(list(targets(scores))),
+        targets_section([*targets(scores), account_target(accounts)]),
         section("The object on the map", prose(MEASURES.format(hits=VISIBLE_HITS, margin=MARGIN_M, gate=GATE_M)),
                 map_table(scores, near)),
         section("Identity and other elements", prose(TRACKS.format(moving=MOVING_M_S)),
@@ -537,6 +583,7 @@ def report_of(measured, config, about, scores, near, detections, counts, images)
                 prose("In the scans of the lower rows the scanner is in the direction of the black arrow; the blue "
                       "arrow is the object's way in 0.3 s.")),
         section("Detections", prose(DETECTIONS.format(region=100 * REGION)), detections_table(detections)),
+        section("Nothing compact vanishes", prose(ACCOUNTS.format(hits=VISIBLE_HITS)), accounts_table(accounts)),
         *([section("Recordings without truth", prose(WITHOUT), counts_table(counts))] if counts else ()),
     ))
 
@@ -554,10 +601,11 @@ def main():
     output = output_folder(arguments, whole)
     measured, images = facts(arguments, {"--data": "DIR", "--config": "FILE"}), images_folder(output)
 
-    scores, near, detections, counts = {}, {}, {}, {}
+    scores, near, detections, counts, accounts = {}, {}, {}, {}, {}
     for recording in recordings:
         print(recording.name, flush=True)
-        lines, detected = run(arguments, recording.bag, SCAN_TOPIC, "--world-frame", WORLD_FRAME, detections=True)
+        accounts[recording.name], lines, detected = run(arguments, recording.bag, SCAN_TOPIC, "--world-frame",
+                                                        WORLD_FRAME, detections=True)
         score = scores[recording.name] = Score(recording.frames, lines)
         near[recording.name] = Score(recording.frames, lines, is_near)
         detections[recording.name] = DetectionScore(recording.frames, detected)
@@ -565,11 +613,12 @@ def main():
     for (name, topic), options in WITHOUT_TRUTH.items():
         if (arguments.data / name).is_file():
             print(name, topic, flush=True)
-            lines, = run(arguments, arguments.data / name, topic, *options)
+            accounts[f"`{name} {topic}`"], lines = run(arguments, arguments.data / name, topic, *options)
             counts[f"`{name} {topic}`"] = Counts(lines)
     config = "the shipped `cfg/objects.yaml`" if arguments.config == ROOT / "cfg/objects.yaml" else "other parameters"
     about = ABOUT if arguments.data == DATA else ""
-    write(output, "recordings.md", report_of(measured, config, about, scores, near, detections, counts, images))
+    write(output, "recordings.md", report_of(measured, config, about, scores, near, detections, counts, accounts,
+                                                images))
 
 
 if __name__ == "__main__":

@@ -299,6 +299,27 @@ class CountsTest(unittest.TestCase):
         self.assertAlmostEqual(count.movers, 3 / 7)
 
 
+class AccountTest(unittest.TestCase):
+    def line(self, compact, on_no_map, on_no_map_s, *hits):
+        return {"compact": compact, "on_no_map": on_no_map, "on_no_map_s": on_no_map_s,
+                "fate": [fate for fate, _ in hits], "id": [id_ for _, id_ in hits]}
+
+    def test_each_hit_has_one_fate(self):
+        account = recordings.Account([
+            self.line(3, 1, 0.2, ("object", 4), ("refused", 4), ("structure", None), ("structure", None)),
+            self.line(2, 2, 0.3, ("object", None), ("refused", None), ("no segment", None), ("no segment", 7))])
+        self.assertEqual((account.scans, account.compact, account.on_no_map, account.longest_s), (2, 5, 3, 0.3))
+        parts = [account.part(fate) for fate in recordings.Account.FATES]
+        self.assertEqual(parts, [3 / 8, 1 / 8, 1 / 8, 2 / 8, 1 / 8])
+
+    def test_the_worst_recording_must_meet_the_target(self):
+        accounts = {name: recordings.Account([self.line(1, 1, longest_s)])
+                    for name, longest_s in (("a", 0.5), ("b", 0.4))}
+        self.assertEqual(recordings.account_target(accounts)[1:], ("0.50 s a", True))
+        accounts["b"] = recordings.Account([self.line(1, 1, 0.51), self.line(1, 0, 0.0)])
+        self.assertEqual(recordings.account_target(accounts)[1:], ("0.51 s b", False))
+
+
 @unittest.skipUnless(rosbag, "no python3-rosbag")
 class HitsTest(unittest.TestCase):
     """A scanner that drives and turns before a wall measures it beam by beam."""
