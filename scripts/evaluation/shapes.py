@@ -361,13 +361,17 @@ def of_group(scores, group):
 # --- verdicts
 
 
+def number(value, decimals=3):
+    return "none" if math.isnan(value) else f"{value:.{decimals}f}"
+
+
 def targets(scores):
     """(sentence, figure, met), of {(scanner, group): score}; those of a calibrated scanner are for comparison."""
     for group, key, what, unit, target, decimals, more in TARGETS:
         values = {scanner: getattr(score, key) for scanner, score in of_group(scores, group).items()}
         if not values:
             continue
-        figure = ", ".join(f"{value:.{decimals}f} {scanner}" for scanner, value in values.items())
+        figure = ", ".join(f"{number(value, decimals)} {scanner}" for scanner, value in values.items())
         met = all(value >= target if more else value <= target for scanner, value in values.items()
                   if scanner != CALIBRATED)
         yield what.format(f"{target:g}{unit}"), figure, met
@@ -376,12 +380,8 @@ def targets(scores):
 # --- tables
 
 
-def number(value, decimals=3):
-    return "-" if math.isnan(value) else f"{value:.{decimals}f}"
-
-
 def percent(value):
-    return "-" if math.isnan(value) else f"{100.0 * value:.1f}"
+    return number(100.0 * value, 1)
 
 
 def box_table(scores):

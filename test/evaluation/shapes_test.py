@@ -295,6 +295,7 @@ class Targets(unittest.TestCase):
         scores["b", "boxes"] = bad
         verdicts = list(shapes.targets(scores))
         self.assertEqual([met for _, _, met in verdicts], [False, False, False, False, True])  # no figure, no success
+        self.assertEqual(verdicts[1][1], f"0.000 a, none {shapes.CALIBRATED}, none b")
         self.assertEqual(verdicts[0][1], f"1.000 a, 0.000 {shapes.CALIBRATED}, 0.000 b")
 
     def test_a_preset_with_other_values(self):
