@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/transform_queue.hpp"
 
+#include <algorithm>
+
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 
@@ -8,6 +10,14 @@ namespace situation_awareness {
 
 Taken taken(const sensor_msgs::LaserScan& msg, bool deskew) {
   return {tf2_frame(msg.header.frame_id), msg.header.stamp, deskew ? time_of_last_beam(msg) : msg.header.stamp};
+}
+
+Taken later(const Taken& taken, double offset_s) {
+  const auto moved = [offset_ns = nanoseconds(offset_s)](const ros::Time& time) {
+    // Zero is the latest transform to tf2.
+    return to_ros_time(std::clamp<std::int64_t>(to_nanoseconds(time) + offset_ns, 1, to_nanoseconds(ros::TIME_MAX)));
+  };
+  return {taken.frame, moved(taken.first), moved(taken.last)};
 }
 
 ros::Duration transform_cache_time(double timeout_s) { return ros::Duration(10.0 + 2.0 * timeout_s); }

@@ -56,6 +56,7 @@ TEST(ObjectNodeletParams, ReadBothKindsOfParameters) {
   tree["tf_timeout_s"] = 1;
   tree["deskew"] = false;
   tree["queue_size"] = 5;
+  tree["scan_pose_offset_s"] = 0.13;
   tree["segments"]["min_points"] = 6;
   tree["scan"]["max_range_m"] = 7;
   tree["scan"]["volume"][0][0] = 1.0;
@@ -69,6 +70,7 @@ TEST(ObjectNodeletParams, ReadBothKindsOfParameters) {
   EXPECT_EQ(params.nodelet.tf_timeout_s, 1.0);
   EXPECT_FALSE(params.nodelet.deskew);
   EXPECT_EQ(params.nodelet.queue_size, 5);
+  EXPECT_EQ(params.pipeline.scan_pose_offset_s, 0.13);
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.pipeline.scan.max_range_m, 7.0);
   ASSERT_EQ(params.pipeline.scan.volume.size(), 1U);
@@ -90,6 +92,7 @@ TEST(ObjectNodeletParams, AreRefusedWithNodeFieldAndBound) {
     expect_refusal(with_model_folder(tree), facts);
   };
   expect_refusal_of("tf_timeout_s", -1.0, {"tf_timeout_s", "-1", "0", "60"});
+  expect_refusal_of("scan_pose_offset_s", 1.5, {"scan_pose_offset_s", "1.5", "-1", "1"});
   expect_refusal_of("queue_size", 0, {"queue_size", "0", "1", "1000"});
   expect_refusal_of("queue_size", 1.5, {"queue_size", "1.5", "whole number"});
   expect_refusal_of("deskew", "no", {"deskew", "\"no\"", "true", "false"});
@@ -116,7 +119,8 @@ TEST(ObjectNodeletParams, TellOfUnknownKeysOfBothKinds) {
   EXPECT_EQ(params.unknown[1].path, "tf_timeout");
   EXPECT_EQ(params.unknown[1].known,
             (std::vector<std::string>{"cloud", "deskew", "detections", "downlink_rate_hz", "model_folder", "objects",
-                                      "queue_size", "scan", "segments", "tf_timeout_s", "world_frame"}));
+                                      "queue_size", "scan", "scan_pose_offset_s", "segments", "tf_timeout_s",
+                                      "world_frame"}));
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.nodelet.tf_timeout_s, NodeletParams{}.tf_timeout_s);
 }

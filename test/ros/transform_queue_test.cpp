@@ -209,6 +209,53 @@ TEST(TransformQueue, TakesAScanFromItsFirstBeamToItsLast) {
   EXPECT_EQ(taken(msg, deskew).last, at_ms(0));
 }
 
+/// A sensor of which the pose is found at another time than the measurement's, and a measurement of 20 ms from 90 ms
+/// on.
+class OffsetTransformQueueTest : public TransformQueueTest {
+ protected:
+  /// The places at the measurement's first and last instant, once the pose of the last one is there; `now_ms`: by then.
+  std::vector<double> places_m(double offset_s, std::int64_t last_pose_ms, std::int64_t now_ms) {
+    TransformQueueParams with_offset = params();
+    with_offset.pose_offset_s = offset_s;
+    Queue queue(transforms_, with_offset, [this](const char* reason, const std::string&) { ++dropped_[reason]; });
+    queue.add(90, {"lidar", at_ms(90), at_ms(90 + kSweep_ms)}, 0);
+    for (std::int64_t time_ms = 0; time_ms <= last_pose_ms; time_ms += 30) move(time_ms);
+    const auto ready = queue.next(now_ms * kMillisecond_ns);
+    if (!ready) return {};
+    return {ready->T_world_sensor.translation().x(), ready->T_world_sensor_end.translation().x()};
+  }
+};
+
+TEST_F(OffsetTransformQueueTest, LooksUpPosesLaterOrEarlier) {
+  const std::vector<double> later_m = places_m(0.13, 300, 0);
+  ASSERT_EQ(later_m.size(), 2U);
+  EXPECT_NEAR(later_m[0], 0.22, 1e-9);
+  EXPECT_NEAR(later_m[1], 0.24, 1e-9);
+  const std::vector<double> earlier_m = places_m(-0.05, 300, 0);
+  ASSERT_EQ(earlier_m.size(), 2U);
+  EXPECT_NEAR(earlier_m[0], 0.04, 1e-9);
+  EXPECT_NEAR(earlier_m[1], 0.06, 1e-9);
+}
+
+TEST_F(OffsetTransformQueueTest, WaitsForLaterPosesSoMuchLonger) {
+  EXPECT_TRUE(places_m(0.4, 480, 899).empty());
+  EXPECT_EQ(dropped_, Drops()) << "0.5 s and the offset have not passed";
+  EXPECT_TRUE(places_m(0.4, 480, 900).empty());
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
+  EXPECT_FALSE(places_m(0.4, 510, 899).empty());
+}
+
+TEST_F(OffsetTransformQueueTest, PosesFromBeforeTheBeginningOfTimeAreMissing) {
+  TransformQueueParams with_offset = params();
+  with_offset.pose_offset_s = -1.0;
+  Queue queue(transforms_, with_offset, [this](const char* reason, const std::string&) { ++dropped_[reason]; });
+  const ros::Time soon(0, 5'000'000);
+  transforms_.setTransform(transform_to_msg(Eigen::Isometry3d::Identity(), 5'000'000, "world", "lidar"), "test");
+  queue.add(0, {"lidar", soon, soon}, 0);
+  EXPECT_FALSE(queue.next(kEndOfTime_ns).has_value());
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kNoTransform, 1}}));
+}
+
 TEST(TransformQueue, WaitsForATransformThatComesLastOfAChainUpToTheLongestTimeout) {
   constexpr double kTimeout_s = 60.0;
   tf2::BufferCore transforms(transform_cache_time(kTimeout_s));
@@ -231,6 +278,7 @@ TEST(TransformQueue, RefusesInvalidParameters) {
   EXPECT_THROW(make({"world", -0.5, 1, 1.0}), std::invalid_argument);
   EXPECT_THROW(make({"world", std::numeric_limits<double>::quiet_NaN(), 1, 1.0}), std::invalid_argument);
   EXPECT_THROW(make({"world", 0.5, 0, 1.0}), std::invalid_argument);
+  EXPECT_THROW(make({"world", 0.5, 1, 1.0, std::numeric_limits<double>::infinity()}), std::invalid_argument);
 }
 
 }  // namespace

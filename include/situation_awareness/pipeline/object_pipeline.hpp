@@ -49,8 +49,10 @@ std::vector<std::string> detector_names();
 /// Path of the network's file; empty for a detector without one.
 std::string model_path(const DetectionParams& params);
 
-/// All parameters of the pipeline from scan to map; cfg/objects.yaml mirrors it.
+/// All parameters of the pipeline from scan to map; cfg/objects.yaml mirrors it. `scan_pose_offset_s` is for those who
+/// look up the poses of scans.
 struct ObjectPipelineParams {
+  double scan_pose_offset_s = 0.0;
   CloudSliceParams cloud;
   RangeLimiterParams scan;
   SegmentationParams segments;
@@ -59,6 +61,10 @@ struct ObjectPipelineParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
+    visit("scan_pose_offset_s", self.scan_pose_offset_s, Bounds{-1.0, 1.0}, "s",
+          "added to the stamp of a scan or cloud, it is the time of the pose that belongs to it: positive where poses "
+          "are "
+          "late, negative where scans are");
     visit("cloud", self.cloud);
     visit("scan", self.scan);
     visit("segments", self.segments);

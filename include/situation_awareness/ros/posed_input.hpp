@@ -26,7 +26,7 @@
 
 namespace situation_awareness {
 
-/// A measurement of a sensor with the poses of the sensor at its first and its last instant.
+/// A measurement of a sensor with the poses of the sensor of its first and its last instant.
 template <class Message>
 struct PosedMessage {
   std_msgs::Header header;
@@ -49,16 +49,17 @@ class PosedInput {
     std::function<void()> restarted;                    ///< called after a restart of stamps
   };
 
-  /// A stamp that goes back by more than `reset_time_jump_s` is a restart.
-  PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, Use use)
+  /// A stamp that goes back by more than `reset_time_jump_s` is a restart; `pose_offset_s` later than a measurement is
+  /// its pose.
+  PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, double pose_offset_s, Use use)
       : context_(context),
         use_(std::move(use)),
         tf_(transform_cache_time(params.tf_timeout_s)),
         transform_age_(tf_, params.world_frame),
-        queue_(
-            tf_,
-            {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s},
-            [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
+        queue_(tf_,
+               {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s,
+                pose_offset_s},
+               [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on its own thread
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
     context.on_arrival([this](const ConstPtr& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },

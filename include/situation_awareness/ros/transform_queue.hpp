@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -33,14 +35,15 @@ struct TransformQueueParams {
   double timeout_s = 0.5;          ///< how long a measurement waits for its transforms
   std::size_t max_waiting = 20;    ///< measurements; beyond it, the newest replaces the previous one
   double reset_time_jump_s = 1.0;  ///< stamps that go back by more are a restart, by less they are refused
+  double pose_offset_s = 0.0;  ///< from a measurement's times to those of its poses; positive ones are waited for, too
 };
 
 /// A measurement with the poses of its sensor.
 template <class Item>
 struct Posed {
   Item item;
-  Eigen::Isometry3d T_world_sensor;      ///< at its first instant, the stamp
-  Eigen::Isometry3d T_world_sensor_end;  ///< at its last instant
+  Eigen::Isometry3d T_world_sensor;      ///< of its first instant, the stamp
+  Eigen::Isometry3d T_world_sensor_end;  ///< of its last instant
   double waited_s = 0.0;                 ///< for its transforms
 };
 
@@ -52,6 +55,9 @@ struct Taken {
 
 /// Of a scan: at its first beam and, if it is deskewed, at its last.
 Taken taken(const sensor_msgs::LaserScan& msg, bool deskew = true);
+
+/// The same, later by so much.
+Taken later(const Taken& taken, double offset_s);
 
 /// Length of a TF buffer for measurements that wait so long: older transforms are not needed, and lookups cost its
 /// length.
@@ -67,7 +73,7 @@ std::string missing_transform(const tf2::BufferCore& transforms, const std::stri
 Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
                                const std::string& frame, const ros::Time& time);
 
-/// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms at their first and last
+/// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms of their first and last
 /// instant. Nodelets and offline tools share it: it decides which are used and which are dropped.
 ///
 /// The clock is the caller's and must be monotonic: live a steady clock, offline the time of the recording. Transforms
@@ -87,11 +93,12 @@ class TransformQueue {
         on_drop_(std::move(on_drop)) {
     if (params_.world_frame.empty()) throw std::invalid_argument("world_frame is empty");
     if (!(params_.timeout_s >= 0.0)) throw std::invalid_argument("timeout_s is not a number >= 0");
+    if (!std::isfinite(params_.pose_offset_s)) throw std::invalid_argument("pose_offset_s is not finite");
     if (params_.max_waiting == 0) throw std::invalid_argument("max_waiting is 0, it must be 1 at least");
   }
 
   /// Adds a measurement. On kRestart all earlier ones are dropped, on kRefused this one.
-  StampOrder::Verdict add(Item item, Taken taken, std::int64_t now_ns) {
+  StampOrder::Verdict add(Item item, const Taken& taken, std::int64_t now_ns) {
     const StampOrder::Verdict verdict = order_.judge(to_nanoseconds(taken.first));
     if (verdict == StampOrder::Verdict::kRefused) {
       on_drop_(drop_reason::kStamp, "");
@@ -101,7 +108,7 @@ class TransformQueue {
       for (; !waiting_.empty(); waiting_.pop_front()) on_drop_(drop_reason::kRestart, "");
       transforms_.clear();  // its transforms are of a later time and would block new ones
     }
-    waiting_.push_back({std::move(item), std::move(taken), now_ns});
+    waiting_.push_back({std::move(item), later(taken, params_.pose_offset_s), now_ns});
     return verdict;
   }
 
@@ -111,20 +118,20 @@ class TransformQueue {
     while (!waiting_.empty()) {
       // Transforms come in order: if a later measurement has them, those of an earlier one will not come. They
       // come at any time, on another thread, so the later one is checked first.
-      const bool overtaken = waiting_.size() > 1 && has_transforms(waiting_.back().taken);
+      const bool overtaken = waiting_.size() > 1 && has_transforms(waiting_.back().posed);
       Waiting& oldest = waiting_.front();
       const double waited_s = seconds_between(oldest.since_ns, now_ns);
-      if (has_transforms(oldest.taken)) {
+      if (has_transforms(oldest.posed)) {
         const Waiting ready = std::move(oldest);
         waiting_.pop_front();
         try {
-          return Posed<Item>{ready.item, pose_at(ready.taken, ready.taken.first),
-                             pose_at(ready.taken, ready.taken.last), waited_s};
+          return Posed<Item>{ready.item, pose_at(ready.posed, ready.posed.first),
+                             pose_at(ready.posed, ready.posed.last), waited_s};
         } catch (const std::exception& error) {
           on_drop_(drop_reason::kBadTransform, error.what());
         }
-      } else if (overtaken || waited_s >= params_.timeout_s) {
-        on_drop_(drop_reason::kNoTransform, missing_transform(transforms_, params_.world_frame, oldest.taken));
+      } else if (overtaken || waited_s >= params_.timeout_s + std::max(params_.pose_offset_s, 0.0)) {
+        on_drop_(drop_reason::kNoTransform, missing_transform(transforms_, params_.world_frame, oldest.posed));
         waiting_.pop_front();
       } else {
         break;
@@ -143,7 +150,7 @@ class TransformQueue {
  private:
   struct Waiting {
     Item item;
-    Taken taken;
+    Taken posed;  ///< the times of its poses
     std::int64_t since_ns;
   };
 

@@ -41,10 +41,11 @@ std::string list(const Texts& texts) {
 
 }  // namespace
 
-BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s)
+BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s, double pose_offset_s)
     : options_(options),
       transforms_(transform_cache_time(options.tf_timeout_s)),
-      queue_(transforms_, {tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting, reset_time_jump_s},
+      queue_(transforms_,
+             {tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting, reset_time_jump_s, pose_offset_s},
              [this](const char* reason, const std::string& /*detail*/) { drop(reason); }) {
   options_.world_frame = tf2_frame(options_.world_frame);
   if (!std::filesystem::is_regular_file(options_.bag)) throw std::runtime_error(options_.bag + ": no such bag");

@@ -34,7 +34,7 @@ class SegmentationStage {
         publisher_(context.node().advertise<SegmentArray>("segments", 20)),
         map_(context, params.nodelet.world_frame),
         input_(
-            context, params.nodelet, params.pipeline.objects.reset_time_jump_s,
+            context, params.nodelet, params.pipeline.objects.reset_time_jump_s, params.pipeline.scan_pose_offset_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { map_.clear(); }}) {
     context.serve_live(

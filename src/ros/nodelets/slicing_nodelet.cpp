@@ -31,8 +31,9 @@ class SlicingStage {
   SlicingStage(Context& context, const ObjectNodeletParams& params)
       : context_(context),
         params_(params.nodelet),
+        pose_offset_s_(params.pipeline.scan_pose_offset_s),
         publisher_(context.node().advertise<sensor_msgs::LaserScan>("scan", 20)),
-        input_(context, params.nodelet, params.pipeline.objects.reset_time_jump_s,
+        input_(context, params.nodelet, params.pipeline.objects.reset_time_jump_s, pose_offset_s_,
                {cloud_msg_defect, [this](const sensor_msgs::PointCloud2& msg) { return taken(msg, params_.deskew); },
                 [] {}}) {
     context.serve_live([this](const CloudSliceParams& cloud) { cloud_ = cloud; }, params.pipeline.cloud);
@@ -56,19 +57,21 @@ class SlicingStage {
   }
 
  private:
-  /// It stands still during the scan: the motion has been taken out.
+  /// It stands still during the scan: the motion has been taken out. Segmentation looks up its pose as that of any
+  /// scan.
   void publish_level_frame(const sensor_msgs::LaserScan& scan) {
     const auto at = [&](const ros::Time& time) {
       return transform_to_msg(slice_.T_world_level, to_nanoseconds(time), params_.world_frame, scan.header.frame_id);
     };
-    std::vector<geometry_msgs::TransformStamped> transforms{at(scan.header.stamp)};
-    const ros::Time end = time_of_last_beam(scan);
-    if (end != scan.header.stamp) transforms.push_back(at(end));
+    const Taken posed = later(taken(scan), pose_offset_s_);
+    std::vector<geometry_msgs::TransformStamped> transforms{at(posed.first)};
+    if (posed.last != posed.first) transforms.push_back(at(posed.last));
     transforms_.sendTransform(transforms);
   }
 
   Context& context_;
   NodeletParams params_;
+  double pose_offset_s_;
   CloudSliceParams cloud_;
   CloudSlice slice_;
   ros::Publisher publisher_;

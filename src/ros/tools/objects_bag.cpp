@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -49,6 +50,7 @@ struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
   std::string out, detections, points, load_objects, save_objects, detector, model_folder;
+  std::optional<double> scan_pose_offset_s;
 };
 
 void add_options(CLI::App& app, Options& options) {
@@ -63,6 +65,9 @@ void add_options(CLI::App& app, Options& options) {
   text("--load-objects", options.load_objects, "FILE", "start from this map (docs/map_file.md)");
   text("--save-objects", options.save_objects, "FILE", "output file of the map after the last scan");
   text("--detector", options.detector, "NAME", "in place of the configured one, with its own model");
+  app.add_option("--scan-pose-offset", options.scan_pose_offset_s, "scan_pose_offset_s in place of the configured one")
+      ->type_name("S")
+      ->check(from_to(-1.0, 1.0));
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     std::vector<std::string> files;
@@ -158,13 +163,14 @@ ObjectPipelineParams load_params(const Options& options) {
     params.detections.detector = options.detector;
     params.detections.model.clear();
   }
+  if (options.scan_pose_offset_s) params.scan_pose_offset_s = *options.scan_pose_offset_s;
   return params;
 }
 
 int objects_bag(const Options& options) {
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const ObjectPipelineParams params = load_params(options);
-  BagPlayer player(options.bag, params.objects.reset_time_jump_s);
+  BagPlayer player(options.bag, params.objects.reset_time_jump_s, params.scan_pose_offset_s);
   LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
 

@@ -37,8 +37,9 @@ class BagPlayer {
   template <class Message>
   using Take = std::function<void(const boost::shared_ptr<const Message>& msg, const ros::Time& recorded)>;
 
-  /// Opens the bag; a stamp that goes back by more than `reset_time_jump_s` is a restart. Throws std::runtime_error.
-  BagPlayer(const BagOptions& options, double reset_time_jump_s);
+  /// Opens the bag; a stamp that goes back by more than `reset_time_jump_s` is a restart, and the pose of a measurement
+  /// is `pose_offset_s` later. Throws std::runtime_error.
+  BagPlayer(const BagOptions& options, double reset_time_jump_s, double pose_offset_s = 0.0);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
   /// the bag or of another type, naming the topics of this type.
