@@ -17,6 +17,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
+  src/ros/pose_offset_report.cpp
   src/ros/object_report.cpp
   src/ros/pace.cpp
   src/ros/params/live_params.cpp

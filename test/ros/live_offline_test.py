@@ -24,16 +24,37 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+<<<<<<< HEAD
 from ros_support import BEAMS, Diagnostics, Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
 from situation_awareness.msg import MappedObjectArray  # noqa: E402
+=======
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, ranges_to_circles, scan_msg,  # noqa: E402
+                         transform_msg, wait_until)
+from situation_awareness.msg import EllipseMap  # noqa: E402
+>>>>>>> cf9e3ed (Say by how much scans and poses are out of step)
 from situation_awareness.srv import SaveObjects  # noqa: E402
 
 TESTS = pathlib.Path(__file__).resolve().parents[1]
 BURST = 3
+LATE_S = 0.13
 
 
 def last_beam(scan):
     return scan.header.stamp + genpy.Duration(nsecs=round(scan.time_increment * (len(scan.ranges) - 1) * 1e9))
+
+
+def ranges_in_a_room(x, y, yaw):
+    """Of a scanner in a room of 10 m x 8 m about the origin, with two posts."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    posts = [((px - x) * c + (py - y) * s, (py - y) * c - (px - x) * s, 0.2) for px, py in ((-3.5, 2.5), (3.6, -2.6))]
+    ranges = ranges_to_circles(posts)
+    for i in range(BEAMS):
+        angle = yaw + ANGLE_MIN + i * INCREMENT
+        dx, dy = math.cos(angle), math.sin(angle)
+        to_x = (math.copysign(5.0, dx) - x) / dx if dx else math.inf
+        to_y = (math.copysign(4.0, dy) - y) / dy if dy else math.inf
+        ranges[i] = min(ranges[i], to_x, to_y)
+    return ranges
 
 
 def offline(bag, folder, *arguments, until=None):
@@ -137,10 +158,11 @@ class LiveOfflineTest(unittest.TestCase):
                        for a, b in zip(live, expected) for field in b if a[field] != b[field]]
         self.assertEqual(differences, [], where)
 
-    def lock_step(self, name, bag, static_frame=None, checks=1):
+    def lock_step(self, name, bag, static_frame=None, checks=1, pose_offset_s=0.0):
         """Play the bag and compare map by map; `checks` times on the way, and at the end, the whole state of the map."""
-        arguments = () if static_frame is None else ("--static-sensor",)
+        arguments = ("--scan-pose-offset", str(pose_offset_s)) + (() if static_frame is None else ("--static-sensor",))
         expected, _ = offline(bag, self.folder, *arguments)
+        offset = genpy.Duration(nsecs=round(1e9 * pose_offset_s))
         live = Live(name)
         if static_frame is not None:
             live.stand_still(static_frame)
@@ -154,7 +176,7 @@ class LiveOfflineTest(unittest.TestCase):
                 elif topic == "/scan":
                     live.scans.publish(msg)
                     waiting.append(msg)
-                while waiting and (static_frame is not None or last_beam(waiting[0]) <= transformed):
+                while waiting and (static_frame is not None or last_beam(waiting[0]) + offset <= transformed):
                     stamp = waiting.pop(0).header.stamp
                     message = live.map_of(stamp)
                     self.assertEqual(message.header.stamp, stamp)
@@ -168,6 +190,7 @@ class LiveOfflineTest(unittest.TestCase):
         self.assertEqual(compared, len(expected))
         self.assertEqual(live.late_maps(compared), 0)
         self.assertGreater(elements, compared, "more than one element in each map on average")
+        return live
 
     def test_demo(self):
         """A flight past standing and moving objects, each beam at its own time."""
@@ -208,6 +231,43 @@ class LiveOfflineTest(unittest.TestCase):
                 scan.time_increment = 0.02 / BEAMS
                 out.write("/scan", scan, at(t + 0.021))
         self.lock_step("interpolated", bag)
+
+    def test_late_poses(self):
+        """Poses that are 0.13 s late, of a robot that turns to and fro: /diagnostics of the nodelets and objects_bag have
+        the same estimate, and warn only where it is not set."""
+        bag = self.folder / "late_poses.bag"
+        start = genpy.Time(1_400_000_000, 0)
+
+        def at(t):
+            return start + genpy.Duration(nsecs=round(1e9 * t))
+
+        def pose(t):
+            return 2.0 * math.sin(0.5 * t), 1.2 * math.sin(t + 0.3), 0.9 * math.sin(0.8 * t)
+
+        with rosbag.Bag(str(bag), "w") as out:
+            for i in range(450):
+                t = 0.08 * i
+                x, y, yaw = pose(t - LATE_S)
+                msg = transform_msg(at(t), x=x)
+                msg.transforms[0].transform.translation.y = y
+                rotation = msg.transforms[0].transform.rotation
+                rotation.z, rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+                out.write("/tf", msg, at(t))
+                out.write("/scan", scan_msg(at(t), ranges=ranges_in_a_room(*pose(t))), at(t))
+        for name, offset_s, advice in (("late_poses", 0.0, True), ("in_step", LATE_S, False)):
+            live = self.lock_step(name, bag, pose_offset_s=offset_s)
+            said = subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--out",
+                                   str(self.folder / "out.jsonl"),
+                                   "--scan-pose-offset", str(offset_s)],
+                                  check=True, capture_output=True, text=True, timeout=120).stdout.splitlines()[-1]
+            stage = f"{name}/segmentation"
+            estimate = said.split(": ", 1)[1].split(";")[0]
+            self.assertAlmostEqual(float(estimate.split()[0]), LATE_S, delta=0.01)
+            wait_until(lambda: live.diagnostics.stages[stage].get("scan-pose offset estimate") == estimate, 5.0,
+                       f"{estimate} in the diagnostics of {stage}")
+            self.assertEqual(float(live.diagnostics.stages[stage]["scan_pose_offset_s"]), offset_s)
+            for text in (said, live.diagnostics.stages[stage]["summary"]):
+                self.assertEqual("out of step: set scan_pose_offset_s to 0.1" in text, advice, text)
 
     def test_pipelined(self):
         """Scans in bursts of three: the second and the third come before the map of the first."""

@@ -7,10 +7,12 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/pose_offset_report.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
@@ -33,10 +35,13 @@ class SegmentationStage {
         params_(params),
         publisher_(context.node().advertise<SegmentArray>("segments", 20)),
         map_(context, params.nodelet.world_frame),
+        pose_offset_(params.pipeline.scan_pose_offset_s),
         input_(
             context, params.nodelet, params.pipeline.objects.reset_time_jump_s, params.pipeline.scan_pose_offset_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { map_.clear(); }}) {
+    context.diagnostics().on_report(
+        [this](StageDiagnostics::Status& status) { report_pose_offset(pose_offset_, status); });
     context.serve_live(
         [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
           params_.pipeline.scan = scan;
@@ -62,6 +67,7 @@ class SegmentationStage {
 
     context_.diagnostics().counted(segments.refused);
     context_.publish(publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
+    pose_offset_.add(points);  // after the output, which does not wait for it
     return true;
   }
 
@@ -70,6 +76,7 @@ class SegmentationStage {
   ObjectNodeletParams params_;
   ros::Publisher publisher_;
   MapSubscriber map_;
+  PoseOffsetEstimator pose_offset_;
   Input input_;
 };
 

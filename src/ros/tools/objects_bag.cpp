@@ -14,6 +14,7 @@
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/unmapped_segments.hpp"
+#include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
@@ -22,6 +23,7 @@
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/params/package.hpp"
+#include "situation_awareness/ros/pose_offset_report.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -173,6 +175,7 @@ int objects_bag(const Options& options) {
   BagPlayer player(options.bag, params.objects.reset_time_jump_s, params.scan_pose_offset_s);
   LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
+  PoseOffsetEstimator pose_offset(params.scan_pose_offset_s);
 
   // Segmentation and detection use the published map: the message has angles as quaternions, which changes their last
   // digit.
@@ -193,6 +196,7 @@ int objects_bag(const Options& options) {
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     const ObjectPipelineResult& result =
         player.timed([&]() -> decltype(auto) { return pipeline.process(scan, T_world_lidar, T_end, published); });
+    pose_offset.add(result.points);
     if (points_out) {
       labels = label_hits(result.segments, result.detections, published, std::move(labels));
       points_out.write(json_line(scan.stamp_ns, json_of_points(result, labels, areas)));
@@ -220,6 +224,9 @@ int objects_bag(const Options& options) {
   std::printf("%zu detections, log-likelihood %.3f each given the map before\n", detections,
               log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1)));
   std::printf("%zu of %zu compact segments on no map, a place for at most %.3f s\n", on_no_map, compact, longest_s);
+  const std::string advice = pose_offset_advice(pose_offset);
+  std::printf("scan_pose_offset_s: %s%s%s\n", pose_offset_text(pose_offset.estimate()).c_str(),
+              advice.empty() ? "" : "; ", advice.c_str());
   return 0;
 }
 

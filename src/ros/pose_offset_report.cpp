@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/pose_offset_report.hpp"
+
+#include <array>
+#include <cstdio>
+
+namespace situation_awareness {
+namespace {
+
+std::string formatted(const char* format, double a, double b) {
+  std::array<char, 128> text{};
+  std::snprintf(text.data(), text.size(), format, a, b);
+  return text.data();
+}
+
+}  // namespace
+
+std::string pose_offset_advice(const PoseOffsetEstimator& estimator) {
+  if (!is_out_of_step(estimator.estimate(), estimator.used_offset_s())) return "";
+  return formatted("scans and poses are out of step: set scan_pose_offset_s to %.3f, not %.3f",
+                   estimator.estimate().offset_s, estimator.used_offset_s());
+}
+
+std::string pose_offset_text(const PoseOffset& estimate) {
+  if (!estimate.is_known) return "unknown: the motion has not shown it";
+  return formatted("%.3f s, sigma %.3f s", estimate.offset_s, estimate.sigma_s);
+}
+
+void report_pose_offset(const PoseOffsetEstimator& estimator, StageDiagnostics::Status& status) {
+  status.addf("scan_pose_offset_s", "%.3f", estimator.used_offset_s());
+  status.add("scan-pose offset estimate", pose_offset_text(estimator.estimate()));
+  const std::string advice = pose_offset_advice(estimator);
+  if (!advice.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, advice);
+}
+
+}  // namespace situation_awareness
