@@ -362,6 +362,8 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
   double cpu_sum_ms = 0.0;
   double log_likelihood = 0.0;
   std::size_t detections = 0;
+  int on_no_map = 0;
+  double longest_on_no_map_s = 0.0;
   for (int i = 0; i < scans; ++i) {
     const SimulatedScan scan = world.next();
     if (!evaluation) {
@@ -382,7 +384,9 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
     log_likelihood += result.update.log_likelihood;
     detections += result.update.updated.size() + result.update.created.size();
 
-    const Objects map = pipeline.map().at(scan.scan.stamp_ns);
+    const Objects& map = result.objects;
+    on_no_map += result.unmapped.on_no_map;
+    longest_on_no_map_s = result.unmapped.longest_s;
     std::vector<int> parts;
     for (const Body& body : bodies) {
       parts.push_back(separate_parts(body, result.segments, scan.object_of_beam, params.segments.min_points));
@@ -396,6 +400,8 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
                {"seed", seed},
                {"scans", scans},
                {"log_likelihood", log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1))},
+               {"on_no_map_per_scan", static_cast<double>(on_no_map) / std::max(scans, 1)},
+               {"longest_on_no_map_s", longest_on_no_map_s},
                {"cpu_ms_per_scan", cpu_sum_ms / std::max(scans, 1)},
                {"latency_ms", {{"p50", quantile(latencies_ms, 0.5)}, {"p95", quantile(latencies_ms, 0.95)}}}};
   json.update(score_json(evaluation ? evaluation->score() : MapScore{}, names));
