@@ -24,14 +24,9 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-<<<<<<< HEAD
-from ros_support import BEAMS, Diagnostics, Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import MappedObjectArray  # noqa: E402
-=======
 from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, ranges_to_circles, scan_msg,  # noqa: E402
                          transform_msg, wait_until)
-from situation_awareness.msg import EllipseMap  # noqa: E402
->>>>>>> cf9e3ed (Say by how much scans and poses are out of step)
+from situation_awareness.msg import MappedObjectArray  # noqa: E402
 from situation_awareness.srv import SaveObjects  # noqa: E402
 
 TESTS = pathlib.Path(__file__).resolve().parents[1]
