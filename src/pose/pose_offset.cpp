@@ -15,6 +15,8 @@
 namespace situation_awareness {
 namespace {
 
+// Chosen on flights in models/worlds with presets of scanners; test/pose and test/system hold what they must achieve.
+
 /// Of scans that are matched; all others give their poses alone.
 constexpr double kMinPeriod_s = 0.07;
 /// Between scans; after a longer gap nothing is known of the motion in between.
