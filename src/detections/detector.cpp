@@ -4,6 +4,12 @@
 #include <utility>
 
 namespace situation_awareness {
+namespace {
+
+/// Refusals are rare in most scans: without room from the start the first scan with more would allocate at any time.
+constexpr std::size_t kUsualRoom = 64;
+
+}  // namespace
 
 Detections Detector::detect(const Segments& segments, Detections memory) {
   Detections found = std::move(memory);
@@ -14,6 +20,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.detections.clear();
   found.refused.reset();
   found.refused_segments.clear();
+  found.refused_segments.reserve(kUsualRoom);
   find(segments, found);
   return found;
 }

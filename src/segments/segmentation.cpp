@@ -13,6 +13,9 @@
 namespace situation_awareness {
 namespace {
 
+/// Room from the start for what is rare in most scans: else the first scan with more would allocate at any time.
+constexpr std::size_t kUsualRoom = 64;
+
 /// True if two hits with `missing` beams without a hit between them are on the same object.
 bool same_object(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
   if (missing > params.max_missing_beams) return false;
@@ -127,6 +130,9 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   result.time_increment_s = points.time_increment_s;
   result.free_space = free_space(points, std::move(result.free_space));
   result.points.reserve(points.points.size());
+  result.segments.reserve(kUsualRoom);
+  result.refused_runs.reserve(kUsualRoom);
+  result.straight_pieces.reserve(kUsualRoom);
   if (points.points.empty()) return result;
 
   const auto beams = static_cast<double>(points.points.size());
