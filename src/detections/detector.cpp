@@ -3,13 +3,9 @@
 
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
+
 namespace situation_awareness {
-namespace {
-
-/// Refusals are rare in most scans: without room from the start the first scan with more would allocate at any time.
-constexpr std::size_t kUsualRoom = 64;
-
-}  // namespace
 
 Detections Detector::detect(const Segments& segments, Detections memory) {
   Detections found = std::move(memory);

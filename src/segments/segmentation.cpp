@@ -7,14 +7,12 @@
 #include <optional>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/segments/structure.hpp"
 
 namespace situation_awareness {
 namespace {
-
-/// Room from the start for what is rare in most scans: else the first scan with more would allocate at any time.
-constexpr std::size_t kUsualRoom = 64;
 
 /// True if two hits with `missing` beams without a hit between them are on the same object.
 bool same_object(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
