@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/segments/structure.hpp"
 
@@ -127,6 +128,9 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   result.time_increment_s = points.time_increment_s;
   result.free_space = free_space(points, std::move(result.free_space));
   result.points.reserve(points.points.size());
+  result.segments.reserve(kUsualRoom);
+  result.refused_runs.reserve(kUsualRoom);
+  result.straight_pieces.reserve(kUsualRoom);
   if (points.points.empty()) return result;
 
   const auto beams = static_cast<double>(points.points.size());

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -36,6 +37,7 @@ std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ell
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);
   result.clear();
+  result.reserve(kUsualRoom);
   if (segments.segments.empty()) return result;
   const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
   const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -119,9 +120,10 @@ void ObjectMap::adapt_noise(double mahalanobis2) {
 
 ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate memory) {
   ObjectMapUpdate report = std::move(memory);
-  report.updated.clear();
-  report.created.clear();
-  report.deleted.clear();
+  for (std::vector<std::uint64_t>* const ids : {&report.updated, &report.created, &report.deleted}) {
+    ids->clear();
+    ids->reserve(kUsualRoom);
+  }
   report.reasons.reset();
   report.matches = 0;
   report.mahalanobis2 = 0.0;
@@ -146,6 +148,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
                               detections.T_world_level, U, stamp_ns()},
                              params_, gate_);
   work_.newly_confirmed.clear();
+  work_.newly_confirmed.reserve(kUsualRoom);
   update_matched(detections, U, report);
   update_missed();
   map_unmatched(detections, U, report);
