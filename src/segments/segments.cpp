@@ -33,7 +33,7 @@ const char* text_of(RunRefusal refusal) {
                                               : "segment refused: out of range or volume";
 }
 
-std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
+std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<ExpectedOutline>& ellipses_level,
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);
   result.clear();
@@ -42,7 +42,7 @@ std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ell
   const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
   const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
   for (std::size_t k = 0; k < ellipses_level.size(); ++k) {
-    const Ellipse& ellipse = ellipses_level[k];
+    const Ellipse& ellipse = ellipses_level[k].ellipse;
     const double distance_m = ellipse.center_m.norm();
     const double reach_m = std::max(ellipse.rx_m, ellipse.ry_m);
     if (distance_m <= reach_m) continue;

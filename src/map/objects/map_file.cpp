@@ -33,6 +33,8 @@ struct ObjectMapFormat {
     if (version < 3) {
       fields.add("class", name_of(ObjectClass::kUnknown));
       fields.add("p_class", "0");
+      fields.add("box_log_odds", std::to_string(kSurelyEllipse));
+      fields.add("box_psi", "0");
     }
     // Version 1 has `confirmed`; the time since the last detection then decides whether the element is lost.
     if (version == 1) {
