@@ -429,7 +429,7 @@ TEST(ConvertSegments, RefusesInvalidStraightPieces) {
   refused([](LaserStraightPiece& piece) { piece.count = 3; });
   refused([](LaserStraightPiece& piece) { piece.count = 0; });
   refused([](LaserStraightPiece& piece) { piece.count = 4'294'967'295U; });
-  refused([](LaserStraightPiece& piece) { piece.right_end = 5; });
+  refused([](LaserStraightPiece& piece) { piece.right_end = LaserSegment::NO_RETURN + 1; });
   refused([](LaserStraightPiece& piece) { piece.normal_x = 0.0; });
   refused([](LaserStraightPiece& piece) { piece.covariance[3] = std::nan(""); });
   refused([](LaserStraightPiece& piece) { piece.left_x = std::numeric_limits<double>::infinity(); });
