@@ -55,6 +55,7 @@ Segments some_segments() {
   segments.segments.push_back({0, 4, SegmentKind::kObject, SegmentEnd::kOccluded, SegmentEnd::kFree, 0.03125, 0.0});
   segments.segments.push_back({4, 3, SegmentKind::kStructure, SegmentEnd::kScanEdge, SegmentEnd::kOccluded, 1.5707, 0.1,
                                StructureReason::kFlat});
+  segments.segments.push_back({2, 2, SegmentKind::kObject, SegmentEnd::kNoReturn, SegmentEnd::kNoReturn, 0.2, 0.3});
   segments.refused_runs.push_back({2, 5, RunRefusal::kOutside});
   StraightPiece piece;
   piece.segment = 1;
@@ -379,9 +380,11 @@ TEST(ConvertSegments, RefusesIndicesBeyondThePoints) {
   msg = good;
   msg.segments[0].count = 0;
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
-  msg = good;
-  msg.segments[0].left_end = 4;
-  EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  for (const int end : {+LaserSegment::CONTINUES, LaserSegment::NO_RETURN + 1}) {
+    msg = good;
+    msg.segments[0].left_end = static_cast<std::uint8_t>(end);
+    EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
+  }
   msg = good;
   msg.segments[0].structure = LaserSegment::FLAT;  // an object
   EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
@@ -423,7 +426,7 @@ TEST(ConvertSegments, RefusesInvalidStraightPieces) {
     spoil(msg.straight_pieces[0]);
     EXPECT_THROW(segments_from_msg(msg), std::invalid_argument);
   };
-  refused([](LaserStraightPiece& piece) { piece.segment = 2; });
+  refused([](LaserStraightPiece& piece) { piece.segment = 3; });
   refused([](LaserStraightPiece& piece) { piece.segment = 0; });  // an object
   refused([](LaserStraightPiece& piece) { piece.first = 3; });
   refused([](LaserStraightPiece& piece) { piece.count = 3; });

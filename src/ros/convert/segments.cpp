@@ -149,7 +149,8 @@ Segments segments_from_msg(const SegmentArray& msg) {
     check(segment.structure <= LaserSegment::IN_LINE &&
               (segment.structure == LaserSegment::NONE) == (segment.kind == LaserSegment::OBJECT),
           "the reason why a segment is structure does not fit its kind");
-    check(segment.right_end <= LaserSegment::SCAN_EDGE && segment.left_end <= LaserSegment::SCAN_EDGE,
+    check(segment.right_end <= LaserSegment::NO_RETURN && segment.left_end <= LaserSegment::NO_RETURN &&
+              segment.right_end != LaserSegment::CONTINUES && segment.left_end != LaserSegment::CONTINUES,
           "an end of a segment is of an unknown kind");
     check(std::isfinite(segment.right_hidden + segment.left_hidden) && segment.right_hidden >= 0.0 &&
               segment.left_hidden >= 0.0,
