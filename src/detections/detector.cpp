@@ -15,6 +15,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.refused.reset();
   found.refused_segments.clear();
   find(segments, found);
+  found.small_segments = small_segments(segments, found, std::move(found.small_segments));
   return found;
 }
 

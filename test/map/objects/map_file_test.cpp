@@ -69,7 +69,10 @@ std::string without_class(const std::string& yaml) {
   std::istringstream lines(yaml);
   std::string old, line;
   while (std::getline(lines, line)) {
-    if (line.rfind("    class:", 0) != 0 && line.rfind("    p_class:", 0) != 0) old += line + '\n';
+    const std::string name = line.substr(0, line.find(':'));
+    const bool is_new = name == "    class" || name == "    p_class" || name.rfind("    other_leg", 0) == 0 ||
+                        name.rfind("    leg_offset", 0) == 0;
+    if (!is_new) old += line + '\n';
   }
   return old;
 }

@@ -1,0 +1,458 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/people.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/objects/association.hpp"
+#include "situation_awareness/map/objects/re_identification.hpp"
+
+namespace situation_awareness {
+
+using namespace object_state;
+
+namespace {
+
+// Each constant with its unit and its source (docs/math/people.md, "Constants").
+
+/// m. Radius of the circle that stands for a person: half the width of the shoulders or the pelvis.
+constexpr double kPersonRadius_m = 0.2;
+constexpr double kPersonRadiusSigma_m = 0.03;
+/// m. Mean and standard deviation of the radius of a leg, and of its (p, q).
+constexpr double kLegRadius_m = 0.06;
+constexpr double kLegRadiusSigma_m = 0.03;
+/// m. A leg has no larger semi-axis; two of them side by side neither.
+constexpr double kMaxLeg_m = 0.14;
+constexpr double kMaxBothLegs_m = 0.35;
+/// m. Two legs side by side are at least this wide.
+constexpr double kMinBothLegs_m = 0.11;
+/// m. Standard deviation of a leg's way from the middle, per axis, when it walks, and of what has not been seen.
+constexpr double kStride_m = 0.18;
+/// s. Correlation time of that, when it walks and when it stands.
+constexpr double kStride_s = 0.35;
+constexpr double kStandingStride_s = 5.0;
+/// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
+constexpr double kHips_m = 0.03;
+constexpr double kBothInOne_m = 0.07;
+/// m. Standard deviation of the centre of a leg, of its hits alone.
+constexpr double kHits_m = 0.04;
+/// m^2. Variance of a shape that is set to what is expected.
+constexpr double kNoShape_m2 = 1e-6;
+/// m. A person less certain than this is found again by its two legs only.
+constexpr double kMaxSigma_m = 0.6;
+/// m/s^2/sqrt(Hz), m/sqrt(s), 1/s: the motion of a person.
+constexpr double kAcceleration = 1.2;
+constexpr double kStandingDrift_m = 0.03;
+constexpr double kStartRate_1_s = 0.5;
+constexpr double kStopRate_1_s = 0.3;
+
+/// m. Legs are at most this far apart.
+constexpr double kMaxApart_m = 0.9;
+/// m. Those of a person who stands: between these, and both leg-sized.
+constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.34;
+constexpr double kMaxStandingLeg_m = 0.095;
+/// s. Both appeared within this time, or have stood for as long.
+constexpr double kSamePast_s = 1.0;
+/// Ratio of the distance to the next such thing to that of the two.
+constexpr double kAlone = 1.8;
+/// Log-odds that two leg-sized elements are the legs of one person: at first, added by a scan that shows them as those
+/// of one who stands, added per second of gait, and taken per second otherwise.
+constexpr double kPairAtFirst = -1.0;
+constexpr double kPairStanding = 0.5;
+constexpr double kPairGait_1_s = 6.0;
+constexpr double kPairDecay_1_s = 1.0;
+/// Log-odds of the class of a person who only stood, added per second of gait, and at most.
+constexpr double kClassStanding = 0.4;
+constexpr double kClassGait_1_s = 1.5;
+constexpr double kMaxClass = 4.6;
+/// m. Where a leg may be, from the middle.
+constexpr double kReach_m = 0.55;
+constexpr double kGaitSpeed_m_s = 0.2;
+/// m. What is so near to the middle of two elements is between them.
+constexpr double kBetween_m = 0.05;
+
+double class_probability(double log_odds) { return probability(std::min(log_odds, kMaxClass)); }
+
+/// Log-likelihood of a shape as it was expected: that of what says nothing of its shape.
+double log_likelihood_of_shape() { return -1.5 * std::log(2.0 * kPi) - 3.0 * std::log(kLegRadiusSigma_m); }
+
+/// A leg, or both in one, `offset_m` from the middle.
+ObjectEstimate leg_estimate(const ObjectEstimate& middle, const Eigen::Vector2d& offset_m, double variance_m2,
+                            double radius_m) {
+  ObjectEstimate leg = middle;
+  leg.x.segment<2>(kPosition) += offset_m;
+  leg.x(kAngularVelocity) = 0.0;
+  leg.x.segment<3>(kShape) << radius_m, 0.0, 0.0;
+  leg.P.bottomRows<4>().setZero();
+  leg.P.rightCols<4>().setZero();
+  leg.P.diagonal().segment<2>(kPosition).array() += variance_m2;
+  leg.P.diagonal().segment<3>(kShape).array() = kLegRadiusSigma_m * kLegRadiusSigma_m;
+  return leg;
+}
+
+/// The measurement of the middle.
+Measurement middle_at(const Eigen::Vector2d& center_level_m, const Eigen::Matrix2d& R, double time_offset_s) {
+  Measurement middle;
+  middle.z << center_level_m, kPersonRadius_m, 0.0, 0.0;
+  middle.R.setZero();
+  middle.R.topLeftCorner<2, 2>() = R;
+  middle.R.diagonal().tail<3>().array() = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+  middle.time_offset_s = time_offset_s;
+  return middle;
+}
+
+/// True for an element that may be one leg.
+bool is_foot(const MapElement& element, std::int64_t stamp_ns) {
+  if (element.state == TrackState::kDeleted || is_person(element) || element.last_seen_ns != stamp_ns) return false;
+  if (element.state == TrackState::kTentative && element.observations < 2) return false;
+  const Vector8d& x = likelier(element.estimate).x;
+  return x(kShape) + x.segment<2>(kShape + 1).norm() <= kMaxLeg_m;
+}
+
+bool is_standing_leg(const MapElement& element) { return likelier(element.estimate).x(kShape) <= kMaxStandingLeg_m; }
+
+/// True if the elements are parts of other things than of each other.
+bool are_parts_of_others(const MapElement& a, const MapElement& b) {
+  return (a.is_part && a.body != b.id) || (b.is_part && b.body != a.id);
+}
+
+/// True if something larger than a leg is between two elements, such as a torso between its arms, or another person.
+bool is_something_between(const MapElement& a, const MapElement& b, std::int64_t stamp_ns,
+                          const std::vector<MapElement>& elements) {
+  const Eigen::Vector2d middle_m = 0.5 * (position(likelier(a.estimate)) + position(likelier(b.estimate)));
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_foot(element, stamp_ns) || is_out_of_sight(element, stamp_ns)) return false;
+    if (element.state != TrackState::kConfirmed) return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return (ellipse.center_m - middle_m).norm() < ellipse.rx_m + kBetween_m;
+  });
+}
+
+Eigen::Vector2d velocity(const MapElement& element) { return combine(element.estimate).x.segment<2>(kVelocity); }
+
+}  // namespace
+
+MotionParams motion_of_person(const MotionParams& motion) {
+  MotionParams result = motion;
+  result.moving.acceleration = kAcceleration;
+  result.moving.angular_acceleration = 0.0;
+  result.moving.radius_difference = result.standing.radius_difference = 0.0;
+  result.standing.position = kStandingDrift_m;
+  result.start_rate_1_s = kStartRate_1_s;
+  result.stop_rate_1_s = kStopRate_1_s;
+  result.start_angular_velocity_sigma = 0.0;
+  return result;
+}
+
+void predict_legs(MapElement& element, double dt_s) {
+  const bool walks = element.estimate.p_moving > 0.5;
+  const double decay = std::exp(-dt_s / (walks ? kStride_s : kStandingStride_s));
+  const double stride2 = kStride_m * kStride_m;
+  element.leg_offset_world_m *= decay;
+  element.leg_offset_variance_m2 = stride2 + decay * decay * (element.leg_offset_variance_m2 - stride2);
+}
+
+void People::see(const Detections& detections, const std::vector<Measurement>& measurements) {
+  legs_.clear();
+  const auto add = [&](const Measurement& measurement, bool has_shape, int beams, double size_m) {
+    Leg leg;
+    leg.measurement = measurement;
+    leg.has_shape = has_shape;
+    leg.center_world_m = detections.T_world_level * Eigen::Vector2d(measurement.z.head<2>());
+    leg.beams = beams;
+    leg.may_be_one = size_m <= kMaxLeg_m;
+    leg.may_be_both = size_m >= kMinBothLegs_m && size_m <= kMaxBothLegs_m;
+    legs_.push_back(leg);
+  };
+  for (std::size_t j = 0; j < measurements.size(); ++j) {
+    const Detection& detection = detections.detections[j];
+    add(measurements[j], true, detection.beams, detection.ellipse_level.rx_m);
+  }
+  for (const SmallSegment& small : detections.small_segments) {
+    // The centre of a leg is behind its hits, by about its radius times pi / 4.
+    const double range_m = std::max(small.center_level_m.norm(), 1e-3);
+    Measurement measurement;
+    measurement.z << small.center_level_m * (1.0 + 0.25 * kPi * kLegRadius_m / range_m), kLegRadius_m, 0.0, 0.0;
+    measurement.R.setZero();
+    measurement.R.diagonal().head<2>().array() = kHits_m * kHits_m;
+    measurement.time_offset_s = small.time_offset_s;
+    add(measurement, false, small.beams, 0.5 * small.width_m);
+  }
+  by_x_.resize(legs_.size());
+  for (std::size_t i = 0; i < by_x_.size(); ++i) by_x_[i] = i;
+  std::sort(by_x_.begin(), by_x_.end(), [&](std::size_t a, std::size_t b) {
+    return std::make_pair(legs_[a].center_world_m.x(), a) < std::make_pair(legs_[b].center_world_m.x(), b);
+  });
+}
+
+void People::find_candidates(const std::vector<MapElement>& elements, const std::vector<ExpectedDetection>& expected,
+                             const Pose2& T_world_level, const Eigen::Matrix3d& U, const ObjectMapParams& params,
+                             double gate) {
+  candidates_.clear();
+  parts_.clear();
+  persons_.clear();
+  first_row_ = elements.size();
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    if (is_person(elements[i])) persons_.push_back(i);
+  }
+  rows_ = static_cast<int>(elements.size() + 2 * persons_.size());
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    const MapElement& person = elements[persons_[k]];
+    const ObjectEstimate middle = combine(person.estimate);
+    const double sigma_m = position_sigma_m(middle);
+    if (sigma_m > kMaxSigma_m) continue;
+    const double detected = log_detection_ratio(expected[persons_[k]], params.detection_probability);
+    const Eigen::Vector2d& o_m = person.leg_offset_world_m;
+    const double variance_m2 = person.leg_offset_variance_m2;
+    const std::array<ObjectEstimate, 3> parts{
+        leg_estimate(middle, o_m, variance_m2, kLegRadius_m), leg_estimate(middle, -o_m, variance_m2, kLegRadius_m),
+        leg_estimate(middle, Eigen::Vector2d::Zero(), kBothInOne_m * kBothInOne_m, 0.5 * kMaxLeg_m + kLegRadius_m)};
+    const Eigen::Vector2d center_m = position(middle);
+    const double reach_m = kReach_m + std::sqrt(gate) * sigma_m;
+    auto near = std::lower_bound(by_x_.begin(), by_x_.end(), center_m.x() - reach_m,
+                                 [&](std::size_t leg, double x_m) { return legs_[leg].center_world_m.x() < x_m; });
+    for (; near != by_x_.end() && legs_[*near].center_world_m.x() <= center_m.x() + reach_m; ++near) {
+      const Leg& leg = legs_[*near];
+      if ((leg.center_world_m - center_m).norm() > reach_m) continue;
+      const auto cost_as = [&](Part part) {
+        const ObjectEstimate& expected_leg = parts[static_cast<std::size_t>(part)];
+        Measurement measurement = leg.measurement;
+        if (!leg.has_shape) {
+          measurement.z(2) = expected_leg.x(kShape);
+          measurement.R.diagonal().tail<3>().array() = kNoShape_m2;
+        }
+        const Match match = situation_awareness::match(expected_leg, T_world_level, measurement, U);
+        return inside_gate(match, gate) ? kLogNewObjectDensity - detected - match.log_likelihood : 0.0;
+      };
+      const double as_first = leg.may_be_one ? cost_as(Part::kFirst) : 0.0;
+      const double as_second = leg.may_be_one ? cost_as(Part::kSecond) : 0.0;
+      const double as_both = leg.may_be_both ? cost_as(Part::kBoth) : 0.0;
+      const auto add = [&](std::size_t row, double cost, Part part) {
+        if (!(cost < 0.0)) return;
+        candidates_.push_back({static_cast<int>(first_row_ + 2 * k + row), static_cast<int>(*near), cost});
+        parts_.push_back(part);
+      };
+      add(0, std::min(as_first, as_both), as_both < as_first ? Part::kBoth : Part::kFirst);
+      add(1, as_second, Part::kSecond);
+    }
+  }
+}
+
+const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_of_row, const Pose2& T_world_level,
+                                                 std::vector<MapElement>& elements) {
+  seen_.clear();
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    SeenLegs seen;
+    seen.element = persons_[k];
+    bool both = false;
+    for (std::size_t side = 0; side < 2; ++side) {
+      const auto row = first_row_ + 2 * k + side;
+      if (row < column_of_row.size()) seen.columns[side] = column_of_row[row];
+    }
+    if (seen.columns[0] < 0 && seen.columns[1] < 0) continue;
+    for (std::size_t c = 0; c < candidates_.size() && seen.columns[0] >= 0; ++c) {
+      const bool chosen =
+          candidates_[c].row == static_cast<int>(first_row_ + 2 * k) && candidates_[c].column == seen.columns[0];
+      both |= chosen && parts_[c] == Part::kBoth;
+    }
+    MapElement& person = elements[seen.element];
+    const Pose2 T_level_world = inverse(T_world_level);
+    const Eigen::Vector2d o_level_m = T_level_world.rotation() * person.leg_offset_world_m;
+    double& variance_m2 = person.leg_offset_variance_m2;
+    const Eigen::Matrix2d hips = kHips_m * kHips_m * Eigen::Matrix2d::Identity();
+    const auto leg_of = [&](std::size_t side) -> const Leg& {
+      return legs_[static_cast<std::size_t>(seen.columns[side])];
+    };
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (seen.columns[side] < 0) continue;
+      seen.as_detection.beams += leg_of(side).beams;
+      ++seen.legs;
+    }
+    if (both) {
+      const Measurement& m = leg_of(0).measurement;
+      seen.legs = 1;
+      seen.middle = middle_at(m.z.head<2>(),
+                              m.R.topLeftCorner<2, 2>() + kBothInOne_m * kBothInOne_m * Eigen::Matrix2d::Identity(),
+                              m.time_offset_s);
+    } else if (seen.legs == 2) {
+      const Measurement& a = leg_of(0).measurement;
+      const Measurement& b = leg_of(1).measurement;
+      const Eigen::Matrix2d R = 0.25 * (a.R.topLeftCorner<2, 2>() + b.R.topLeftCorner<2, 2>());
+      seen.middle =
+          middle_at(0.5 * (a.z.head<2>() + b.z.head<2>()), R + hips, 0.5 * (a.time_offset_s + b.time_offset_s));
+      person.leg_offset_world_m = T_world_level.rotation() * Eigen::Vector2d(0.5 * (a.z.head<2>() - b.z.head<2>()));
+      variance_m2 = 0.5 * R.trace();
+    } else {
+      const std::size_t side = seen.columns[0] >= 0 ? 0 : 1;
+      const double sign = side == 0 ? 1.0 : -1.0;
+      const Measurement& a = leg_of(side).measurement;
+      const Eigen::Matrix2d R = a.R.topLeftCorner<2, 2>();
+      seen.middle = middle_at(a.z.head<2>() - sign * o_level_m, R + hips + variance_m2 * Eigen::Matrix2d::Identity(),
+                              a.time_offset_s);
+      // What the leg is off the way that was predicted of it, by the share of its own variance in that.
+      const ObjectEstimate middle = combine(person.estimate);
+      const double others_m2 = 0.5 * (middle.P.block<2, 2>(kPosition, kPosition).trace() + R.trace());
+      const double gain = variance_m2 / (variance_m2 + others_m2);
+      const Eigen::Vector2d off_m = leg_of(side).center_world_m - position(middle) - sign * person.leg_offset_world_m;
+      person.leg_offset_world_m += sign * gain * off_m;
+      variance_m2 *= 1.0 - gain;
+    }
+    seen_.push_back(seen);
+  }
+  return seen_;
+}
+
+bool People::may_be_leg(std::size_t detection, const std::vector<MapElement>& elements) const {
+  const Leg& leg = legs_[detection];
+  if (!leg.may_be_one && !leg.may_be_both) return false;
+  return std::any_of(seen_.begin(), seen_.end(), [&](const SeenLegs& seen) {
+    return seen.legs < 2 && (position(combine(elements[seen.element].estimate)) - leg.center_world_m).norm() < kReach_m;
+  });
+}
+
+/// The element of a leg that a person lost, and has again: it was seen to walk, is new, or is already a part of the
+/// person. A post is none of these.
+void People::take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const {
+  for (const SeenLegs& seen : seen_) {
+    const MapElement& person = elements[seen.element];
+    if (seen.legs == 2) continue;
+    for (MapElement& element : elements) {
+      if (!is_foot(element, stamp_ns)) continue;
+      const bool is_new = element.first_seen_ns > person.first_seen_ns &&
+                          seconds_between(element.first_seen_ns, stamp_ns) < kSamePast_s;
+      const bool is_part = element.is_part && element.body == person.id;
+      if (!element.mobile && !is_new && !is_part) continue;
+      const Eigen::Vector2d apart_m = position(likelier(element.estimate)) - position(likelier(person.estimate));
+      if (apart_m.norm() < kReach_m) element.state = TrackState::kDeleted;
+    }
+  }
+}
+
+void People::find_feet(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  feet_.clear();
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    if (is_foot(elements[i], stamp_ns)) feet_.push_back({position(likelier(elements[i].estimate)).x(), i});
+  }
+  std::sort(feet_.begin(), feet_.end(), [](const Foot& a, const Foot& b) {
+    return std::make_pair(a.x_m, a.element) < std::make_pair(b.x_m, b.element);
+  });
+}
+
+/// The nearest other one, or feet_.size(); and the distance to the second nearest.
+std::size_t People::nearest_foot(std::size_t foot, double max_m, const std::vector<MapElement>& elements,
+                                 double& second_nearest_m) const {
+  const Eigen::Vector2d center_m = position(likelier(elements[feet_[foot].element].estimate));
+  std::size_t nearest = feet_.size();
+  double nearest_m = max_m;
+  second_nearest_m = std::numeric_limits<double>::infinity();
+  const auto look_at = [&](std::size_t other) {
+    const double distance_m = (position(likelier(elements[feet_[other].element].estimate)) - center_m).norm();
+    if (distance_m < nearest_m) {
+      if (nearest != feet_.size()) second_nearest_m = std::min(second_nearest_m, nearest_m);
+      nearest = other;
+      nearest_m = distance_m;
+    } else {
+      second_nearest_m = std::min(second_nearest_m, distance_m);
+    }
+  };
+  for (std::size_t i = foot; i-- > 0 && feet_[i].x_m >= feet_[foot].x_m - max_m;) look_at(i);
+  for (std::size_t i = foot + 1; i < feet_.size() && feet_[i].x_m <= feet_[foot].x_m + max_m; ++i) look_at(i);
+  return nearest;
+}
+
+void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                       std::vector<MapElement>& elements) {
+  // Gait of those who are known.
+  for (const SeenLegs& seen : seen_) {
+    MapElement& person = elements[seen.element];
+    if (seen.legs < 2 || person.estimate.p_moving < 0.9 || velocity(person).norm() < kGaitSpeed_m_s) continue;
+    person.p_class = class_probability(log_odds(person.p_class) + kClassGait_1_s * step_s);
+  }
+  take_legs(stamp_ns, elements);
+  find_feet(stamp_ns, elements);
+  for (std::size_t f = 0; f < feet_.size(); ++f) {
+    double others_m = 0.0, others_of_other_m = 0.0;
+    MapElement& foot = elements[feet_[f].element];
+    if (foot.state == TrackState::kDeleted || is_person(foot)) continue;
+    const std::size_t g = nearest_foot(f, kMaxApart_m, elements, others_m);
+    const bool mutual = g < feet_.size() && nearest_foot(g, kMaxApart_m, elements, others_of_other_m) == f;
+    if (!mutual) {
+      foot.other_leg = 0;
+      continue;
+    }
+    MapElement& other = elements[feet_[g].element];
+    if (other.state == TrackState::kDeleted || is_person(other) || other.id > foot.id) continue;  // once for each pair
+    // `other` is the older one.
+    if (foot.other_leg != other.id) {
+      foot.other_leg = other.id;
+      foot.other_leg_log_odds = kPairAtFirst;
+    }
+    const Eigen::Vector2d apart_m = position(likelier(foot.estimate)) - position(likelier(other.estimate));
+    const double distance_m = apart_m.norm();
+    const double speed = velocity(foot).norm();
+    const double speed_of_other = velocity(other).norm();
+    // A leg that passes a post is not one of two that stand.
+    const bool same_past =
+        !foot.mobile && !other.mobile && (other.stood_s - foot.stood_s < kSamePast_s || foot.stood_s > kSamePast_s);
+    const bool stands = same_past && distance_m >= kMinStanding_m && distance_m <= kMaxStanding_m &&
+                        is_standing_leg(foot) && is_standing_leg(other) &&
+                        std::min(others_m, others_of_other_m) > kAlone * distance_m;
+    const bool walks = foot.mobile && other.mobile &&
+                       std::abs(speed - speed_of_other) > 0.5 * (speed + speed_of_other) &&
+                       speed + speed_of_other > 2.0 * kGaitSpeed_m_s;
+    double& pair = foot.other_leg_log_odds;
+    pair += stands ? kPairStanding : 0.0;
+    pair += walks ? kPairGait_1_s * step_s : 0.0;
+    if (!stands && !walks) pair -= kPairDecay_1_s * step_s;
+    pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
+    if (pair < kClassStanding || (foot.state == TrackState::kTentative && other.state == TrackState::kTentative))
+      continue;
+    if (are_parts_of_others(foot, other) || is_something_between(foot, other, stamp_ns, elements)) continue;
+
+    // One person: the estimate of the middle, its velocity unknown.
+    ObjectEstimate mapped;
+    mapped.x.segment<2>(kPosition) = 0.5 * (position(likelier(foot.estimate)) + position(likelier(other.estimate)));
+    mapped.x.segment<2>(kVelocity) = 0.5 * (velocity(foot) + velocity(other));
+    mapped.x(kShape) = kPersonRadius_m;
+    mapped.P.diagonal().segment<2>(kPosition).array() = kHips_m * kHips_m;
+    mapped.P(kShape, kShape) = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+    const MotionEstimate estimate = start(mapped, motion_of_person(motion));
+
+    MapElement* person = &other;
+    // A person who was lost and may be here is found again.
+    double most = kLogNewObjectDensity;
+    for (MapElement& lost : elements) {
+      if (!is_person(lost) || lost.state != TrackState::kLost || lost.last_seen_ns == stamp_ns) continue;
+      const ObjectEstimate expected = combine(lost.estimate);
+      Measurement here = middle_at(position(mapped), kHips_m * kHips_m * Eigen::Matrix2d::Identity(), 0.0);
+      const Match match = situation_awareness::match(expected, {}, here, Eigen::Matrix3d::Zero());
+      const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
+      if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
+      most = log_likelihood;
+      person = &lost;
+    }
+    if (person != &other) other.state = TrackState::kDeleted;
+    foot.state = TrackState::kDeleted;
+    person->estimate = estimate;
+    person->log_odds = std::max(foot.log_odds, other.log_odds);
+    person->state = TrackState::kConfirmed;
+    person->last_seen_ns = stamp_ns;
+    person->beams = foot.beams + other.beams;
+    person->observations = std::max(person->observations, std::max(foot.observations, other.observations));
+    person->mobile = person->mobile || (foot.mobile && other.mobile);
+    person->is_part = false;
+    person->body = 0;
+    person->other_leg = 0;
+    person->P_view = foot.P_view + other.P_view;
+    person->leg_offset_world_m = -0.5 * apart_m;
+    person->leg_offset_variance_m2 = kHips_m * kHips_m;
+    if (!is_person(*person)) person->p_class = class_probability(pair);
+    person->object_class = ObjectClass::kPerson;
+  }
+}
+
+}  // namespace situation_awareness
