@@ -36,7 +36,7 @@ constexpr double kStride_m = 0.18;
 constexpr double kStride_s = 0.35;
 constexpr double kStandingStride_s = 5.0;
 /// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
-constexpr double kHips_m = 0.03;
+constexpr double kHips_m = 0.07;
 constexpr double kBothInOne_m = 0.07;
 /// m. Standard deviation of the centre of a leg, of its hits alone.
 constexpr double kHits_m = 0.04;
@@ -53,8 +53,11 @@ constexpr double kStopRate_1_s = 0.3;
 /// m. Legs are at most this far apart.
 constexpr double kMaxApart_m = 0.9;
 /// m. Those of a person who stands: between these, and both leg-sized.
-constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.34;
-constexpr double kMaxStandingLeg_m = 0.095;
+constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.38;
+constexpr double kMinStandingLeg_m = 0.03, kMaxStandingLeg_m = 0.115;
+/// s, and part of it: what has stood for more of its age is no leg of who walks.
+constexpr double kMinAge_s = 0.5;
+constexpr double kMaxStoodPart = 0.8;
 /// s. Both appeared within this time, or have stood for as long.
 constexpr double kSamePast_s = 1.0;
 /// Ratio of the distance to the next such thing to that of the two.
@@ -113,7 +116,16 @@ bool is_foot(const MapElement& element, std::int64_t stamp_ns) {
   return x(kShape) + x.segment<2>(kShape + 1).norm() <= kMaxLeg_m;
 }
 
-bool is_standing_leg(const MapElement& element) { return likelier(element.estimate).x(kShape) <= kMaxStandingLeg_m; }
+bool is_standing_leg(const MapElement& element) {
+  const double radius_m = likelier(element.estimate).x(kShape);
+  return radius_m >= kMinStandingLeg_m && radius_m <= kMaxStandingLeg_m;
+}
+
+/// True if it travelled, or at least has not stood for most of the time: a post has.
+bool has_walked(const MapElement& element, std::int64_t stamp_ns) {
+  const double age_s = seconds_between(element.first_seen_ns, stamp_ns);
+  return element.mobile || (age_s > kMinAge_s && element.stood_s < kMaxStoodPart * age_s);
+}
 
 /// True if the elements are parts of other things than of each other.
 bool are_parts_of_others(const MapElement& a, const MapElement& b) {
@@ -121,9 +133,9 @@ bool are_parts_of_others(const MapElement& a, const MapElement& b) {
 }
 
 /// True if something larger than a leg is between two elements, such as a torso between its arms, or another person.
-bool is_something_between(const MapElement& a, const MapElement& b, std::int64_t stamp_ns,
+bool is_something_between(const MapElement& foot, const Eigen::Vector2d& other_m, std::int64_t stamp_ns,
                           const std::vector<MapElement>& elements) {
-  const Eigen::Vector2d middle_m = 0.5 * (position(likelier(a.estimate)) + position(likelier(b.estimate)));
+  const Eigen::Vector2d middle_m = 0.5 * (position(likelier(foot.estimate)) + other_m);
   return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
     if (is_foot(element, stamp_ns) || is_out_of_sight(element, stamp_ns)) return false;
     if (element.state != TrackState::kConfirmed) return false;
@@ -310,7 +322,9 @@ bool People::may_be_leg(std::size_t detection, const std::vector<MapElement>& el
   const Leg& leg = legs_[detection];
   if (!leg.may_be_one && !leg.may_be_both) return false;
   return std::any_of(seen_.begin(), seen_.end(), [&](const SeenLegs& seen) {
-    return seen.legs < 2 && (position(combine(elements[seen.element].estimate)) - leg.center_world_m).norm() < kReach_m;
+    const MapElement& person = elements[seen.element];
+    return (seen.legs < 2 || person.estimate.p_moving > 0.5) &&
+           (position(combine(person.estimate)) - leg.center_world_m).norm() < kReach_m;
   });
 }
 
@@ -319,7 +333,7 @@ bool People::may_be_leg(std::size_t detection, const std::vector<MapElement>& el
 void People::take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const {
   for (const SeenLegs& seen : seen_) {
     const MapElement& person = elements[seen.element];
-    if (seen.legs == 2) continue;
+    if (seen.legs == 2 && person.estimate.p_moving < 0.5) continue;
     for (MapElement& element : elements) {
       if (!is_foot(element, stamp_ns)) continue;
       const bool is_new = element.first_seen_ns > person.first_seen_ns &&
@@ -375,13 +389,13 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   take_legs(stamp_ns, elements);
   find_feet(stamp_ns, elements);
   for (std::size_t f = 0; f < feet_.size(); ++f) {
-    double others_m = 0.0, others_of_other_m = 0.0;
     MapElement& foot = elements[feet_[f].element];
     if (foot.state == TrackState::kDeleted || is_person(foot)) continue;
+    double others_m = 0.0, others_of_other_m = 0.0;
     const std::size_t g = nearest_foot(f, kMaxApart_m, elements, others_m);
     const bool mutual = g < feet_.size() && nearest_foot(g, kMaxApart_m, elements, others_of_other_m) == f;
     if (!mutual) {
-      foot.other_leg = 0;
+      walk_beside_hits(foot, stamp_ns, step_s, motion, gate, elements);
       continue;
     }
     MapElement& other = elements[feet_[g].element];
@@ -401,58 +415,95 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     const bool stands = same_past && distance_m >= kMinStanding_m && distance_m <= kMaxStanding_m &&
                         is_standing_leg(foot) && is_standing_leg(other) &&
                         std::min(others_m, others_of_other_m) > kAlone * distance_m;
-    const bool walks = foot.mobile && other.mobile &&
+    const bool walks = (foot.mobile || other.mobile) && has_walked(foot, stamp_ns) && has_walked(other, stamp_ns) &&
                        std::abs(speed - speed_of_other) > 0.5 * (speed + speed_of_other) &&
                        speed + speed_of_other > 2.0 * kGaitSpeed_m_s;
     double& pair = foot.other_leg_log_odds;
-    pair += stands ? kPairStanding : 0.0;
-    pair += walks ? kPairGait_1_s * step_s : 0.0;
-    if (!stands && !walks) pair -= kPairDecay_1_s * step_s;
+    pair += stands ? kPairStanding : walks ? kPairGait_1_s * step_s : -kPairDecay_1_s * step_s;
     pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
-    if (pair < kClassStanding || (foot.state == TrackState::kTentative && other.state == TrackState::kTentative))
-      continue;
-    if (are_parts_of_others(foot, other) || is_something_between(foot, other, stamp_ns, elements)) continue;
-
-    // One person: the estimate of the middle, its velocity unknown.
-    ObjectEstimate mapped;
-    mapped.x.segment<2>(kPosition) = 0.5 * (position(likelier(foot.estimate)) + position(likelier(other.estimate)));
-    mapped.x.segment<2>(kVelocity) = 0.5 * (velocity(foot) + velocity(other));
-    mapped.x(kShape) = kPersonRadius_m;
-    mapped.P.diagonal().segment<2>(kPosition).array() = kHips_m * kHips_m;
-    mapped.P(kShape, kShape) = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
-    const MotionEstimate estimate = start(mapped, motion_of_person(motion));
-
-    MapElement* person = &other;
-    // A person who was lost and may be here is found again.
-    double most = kLogNewObjectDensity;
-    for (MapElement& lost : elements) {
-      if (!is_person(lost) || lost.state != TrackState::kLost || lost.last_seen_ns == stamp_ns) continue;
-      const ObjectEstimate expected = combine(lost.estimate);
-      Measurement here = middle_at(position(mapped), kHips_m * kHips_m * Eigen::Matrix2d::Identity(), 0.0);
-      const Match match = situation_awareness::match(expected, {}, here, Eigen::Matrix3d::Zero());
-      const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
-      if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
-      most = log_likelihood;
-      person = &lost;
-    }
-    if (person != &other) other.state = TrackState::kDeleted;
+    const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
+    if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;
+    if (is_something_between(foot, position(likelier(other.estimate)), stamp_ns, elements)) continue;
     foot.state = TrackState::kDeleted;
-    person->estimate = estimate;
-    person->log_odds = std::max(foot.log_odds, other.log_odds);
-    person->state = TrackState::kConfirmed;
-    person->last_seen_ns = stamp_ns;
-    person->beams = foot.beams + other.beams;
-    person->observations = std::max(person->observations, std::max(foot.observations, other.observations));
-    person->mobile = person->mobile || (foot.mobile && other.mobile);
-    person->is_part = false;
-    person->body = 0;
-    person->other_leg = 0;
-    person->P_view = foot.P_view + other.P_view;
-    person->leg_offset_world_m = -0.5 * apart_m;
-    person->leg_offset_variance_m2 = kHips_m * kHips_m;
-    if (!is_person(*person)) person->p_class = class_probability(pair);
-    person->object_class = ObjectClass::kPerson;
+    other.log_odds = std::max(foot.log_odds, other.log_odds);
+    other.beams += foot.beams;
+    other.mobile = foot.mobile && other.mobile;
+    become_person(other, 0.5 * apart_m, pair, motion, gate, stamp_ns, elements);
   }
+}
+
+/// A leg that walks beside hits that are no ellipse: these are the other one.
+void People::walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion,
+                              double gate, std::vector<MapElement>& elements) {
+  if (foot.other_leg != foot.id) {
+    foot.other_leg = foot.id;
+    foot.other_leg_log_odds = kPairAtFirst;
+  }
+  const Eigen::Vector2d center_m = position(likelier(foot.estimate));
+  const Leg* nearest = nullptr;
+  double nearest_m = kReach_m;
+  const auto is_of_person = [&](std::size_t leg) {
+    return std::any_of(seen_.begin(), seen_.end(), [&](const SeenLegs& seen) {
+      return seen.columns[0] == static_cast<int>(leg) || seen.columns[1] == static_cast<int>(leg);
+    });
+  };
+  for (std::size_t i = 0; i < legs_.size(); ++i) {
+    const Leg& leg = legs_[i];
+    const double distance_m = (leg.center_world_m - center_m).norm();
+    if (leg.has_shape || !leg.may_be_one || distance_m >= nearest_m || is_of_person(i)) continue;
+    nearest = &leg;
+    nearest_m = distance_m;
+  }
+  const bool walks = nearest != nullptr && foot.state == TrackState::kConfirmed && is_standing_leg(foot) &&
+                     foot.mobile && has_walked(foot, stamp_ns);
+  double& pair = foot.other_leg_log_odds;
+  pair += (walks ? kPairGait_1_s : -kPairDecay_1_s) * step_s;
+  pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
+  if (!walks || pair < kClassStanding || (foot.is_part && foot.body != foot.id)) return;
+  if (is_something_between(foot, nearest->center_world_m, stamp_ns, elements)) return;
+  become_person(foot, 0.5 * (nearest->center_world_m - center_m), pair, motion, gate, stamp_ns, elements);
+}
+
+/// The element becomes a person whose middle is `offset_m` from it: that one who was lost and may be here, or a new
+/// one.
+void People::become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
+                           const MotionParams& motion, double gate, std::int64_t stamp_ns,
+                           std::vector<MapElement>& elements) {
+  ObjectEstimate mapped;
+  mapped.x.segment<2>(kPosition) = position(likelier(foot.estimate)) + offset_m;
+  mapped.x(kShape) = kPersonRadius_m;
+  mapped.P.diagonal().segment<2>(kPosition).array() = kHips_m * kHips_m;
+  mapped.P(kShape, kShape) = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+
+  MapElement* person = &foot;
+  double most = kLogNewObjectDensity;
+  for (MapElement& lost : elements) {
+    if (!is_person(lost) || lost.state != TrackState::kLost || lost.last_seen_ns == stamp_ns) continue;
+    const Measurement here = middle_at(position(mapped), kHips_m * kHips_m * Eigen::Matrix2d::Identity(), 0.0);
+    const Match match = situation_awareness::match(combine(lost.estimate), {}, here, Eigen::Matrix3d::Zero());
+    const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
+    if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
+    most = log_likelihood;
+    person = &lost;
+  }
+  if (person != &foot) {
+    foot.state = TrackState::kDeleted;
+    person->log_odds = foot.log_odds;
+    person->last_seen_ns = stamp_ns;
+    person->beams = foot.beams;
+    person->P_view = foot.P_view;
+    person->observations += foot.observations;
+  }
+  if (!is_person(*person)) person->p_class = class_probability(pair_log_odds);
+  person->object_class = ObjectClass::kPerson;
+  person->estimate = start(mapped, motion_of_person(motion));
+  person->state = TrackState::kConfirmed;
+  person->is_part = false;
+  person->body = 0;
+  person->other_leg = 0;
+  person->other_leg_log_odds = 0.0;
+  person->leg_offset_world_m = offset_m;
+  person->leg_offset_variance_m2 = kHips_m * kHips_m;
 }
 
 }  // namespace situation_awareness

@@ -87,6 +87,11 @@ class People {
   };
 
   void take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const;
+  void walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                        std::vector<MapElement>& elements);
+  static void become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
+                            const MotionParams& motion, double gate, std::int64_t stamp_ns,
+                            std::vector<MapElement>& elements);
   void find_feet(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
   std::size_t nearest_foot(std::size_t foot, double max_m, const std::vector<MapElement>& elements,
                            double& second_nearest_m) const;
