@@ -191,7 +191,7 @@ void ObjectMap::update_persons(const Detections& detections, const Eigen::Matrix
     MapElement& person = elements_[seen.element];
     const MotionMatch match = situation_awareness::match(person.estimate, T_world_level, seen.middle, U);
     situation_awareness::update(person.estimate, T_world_level, seen.middle, match, U);
-    observe(person, seen.as_detection, seen.middle, T_world_level);
+    observe(person, seen.as_detection, seen.view, T_world_level);
     detection_update(person, false, params_);
     for (const int column : seen.columns) {
       if (column >= 0 && static_cast<std::size_t>(column) < work_.used.size()) {

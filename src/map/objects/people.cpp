@@ -32,9 +32,8 @@ constexpr double kMaxBothLegs_m = 0.35;
 constexpr double kMinBothLegs_m = 0.11;
 /// m. Standard deviation of a leg's way from the middle, per axis, when it walks, and of what has not been seen.
 constexpr double kStride_m = 0.18;
-/// s. Correlation time of that, when it walks and when it stands.
+/// s. Correlation time of that.
 constexpr double kStride_s = 0.35;
-constexpr double kStandingStride_s = 5.0;
 /// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
 constexpr double kHips_m = 0.07;
 constexpr double kBothInOne_m = 0.07;
@@ -54,7 +53,10 @@ constexpr double kStopRate_1_s = 0.3;
 constexpr double kMaxApart_m = 0.9;
 /// m. Those of a person who stands: between these, and both leg-sized.
 constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.38;
-constexpr double kMinStandingLeg_m = 0.03, kMaxStandingLeg_m = 0.115;
+constexpr double kMinStandingLeg_m = 0.03, kMaxStandingLeg_m = 0.1;
+/// m, and probability: the legs of a person who has just come into view are so near to each other, and one moves.
+constexpr double kMaxStep_m = 0.75;
+constexpr double kMoves = 0.8;
 /// s, and part of it: what has stood for more of its age is no leg of who walks.
 constexpr double kMinAge_s = 0.5;
 constexpr double kMaxStoodPart = 0.8;
@@ -161,10 +163,9 @@ MotionParams motion_of_person(const MotionParams& motion) {
 }
 
 void predict_legs(MapElement& element, double dt_s) {
-  const bool walks = element.estimate.p_moving > 0.5;
-  const double decay = std::exp(-dt_s / (walks ? kStride_s : kStandingStride_s));
+  const double decay = std::exp(-dt_s / kStride_s);
   const double stride2 = kStride_m * kStride_m;
-  element.leg_offset_world_m *= decay;
+  if (element.estimate.p_moving > 0.5) element.leg_offset_world_m *= decay;  // who stands may set off at any time
   element.leg_offset_variance_m2 = stride2 + decay * decay * (element.leg_offset_variance_m2 - stride2);
 }
 
@@ -313,6 +314,8 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
       person.leg_offset_world_m += sign * gain * off_m;
       variance_m2 *= 1.0 - gain;
     }
+    seen.view = seen.middle;
+    seen.view.R.topLeftCorner<2, 2>() = hips;
     seen_.push_back(seen);
   }
   return seen_;
@@ -412,14 +415,18 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     // A leg that passes a post is not one of two that stand.
     const bool same_past =
         !foot.mobile && !other.mobile && (other.stood_s - foot.stood_s < kSamePast_s || foot.stood_s > kSamePast_s);
-    const bool stands = same_past && distance_m >= kMinStanding_m && distance_m <= kMaxStanding_m &&
-                        is_standing_leg(foot) && is_standing_leg(other) &&
-                        std::min(others_m, others_of_other_m) > kAlone * distance_m;
-    const bool walks = (foot.mobile || other.mobile) && has_walked(foot, stamp_ns) && has_walked(other, stamp_ns) &&
-                       std::abs(speed - speed_of_other) > 0.5 * (speed + speed_of_other) &&
-                       speed + speed_of_other > 2.0 * kGaitSpeed_m_s;
+    const bool leg_sized = is_standing_leg(foot) && is_standing_leg(other);
+    const bool alone = std::min(others_m, others_of_other_m) > kAlone * distance_m;
+    const bool stands = same_past && leg_sized && alone && distance_m >= kMinStanding_m && distance_m <= kMaxStanding_m;
+    // Both are new, and one of them moves.
+    const bool comes = leg_sized && alone && distance_m <= kMaxStep_m &&
+                       seconds_between(other.first_seen_ns, stamp_ns) < kSamePast_s &&
+                       std::max(foot.estimate.p_moving, other.estimate.p_moving) > kMoves;
+    const bool walks = leg_sized && (foot.mobile || other.mobile) && has_walked(foot, stamp_ns) &&
+                       has_walked(other, stamp_ns) && speed + speed_of_other > 2.0 * kGaitSpeed_m_s &&
+                       velocity(foot).dot(velocity(other)) > -kGaitSpeed_m_s * kGaitSpeed_m_s;
     double& pair = foot.other_leg_log_odds;
-    pair += stands ? kPairStanding : walks ? kPairGait_1_s * step_s : -kPairDecay_1_s * step_s;
+    pair += stands || comes ? kPairStanding : walks ? kPairGait_1_s * step_s : -kPairDecay_1_s * step_s;
     pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
     const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
     if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;

@@ -36,6 +36,7 @@ void predict_legs(MapElement& element, double dt_s);
 struct SeenLegs {
   std::size_t element = 0;
   Measurement middle;
+  Measurement view;        ///< the same without what is not known of a hidden leg
   Detection as_detection;  ///< its beams and flags; those of the middle where it is of both legs
   std::array<int, 2> columns{-1, -1};
   int legs = 0;  ///< 2: both, each for itself
