@@ -386,7 +386,7 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   // Gait of those who are known.
   for (const SeenLegs& seen : seen_) {
     MapElement& person = elements[seen.element];
-    if (seen.legs < 2 || person.estimate.p_moving < 0.9 || velocity(person).norm() < kGaitSpeed_m_s) continue;
+    if (seen.legs < 2 || person.estimate.p_moving < 0.5 || velocity(person).norm() < kGaitSpeed_m_s) continue;
     person.p_class = class_probability(log_odds(person.p_class) + kClassGait_1_s * step_s);
   }
   take_legs(stamp_ns, elements);
