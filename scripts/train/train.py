@@ -20,10 +20,12 @@ import torch  # noqa: E402
 import ellipse_network  # noqa: E402
 import paper_tasks  # noqa: E402
 import publish  # noqa: E402
+import shape_network  # noqa: E402
 from trainer import Options, join_processes, steps_in, train  # noqa: E402
 
 TASKS = {  # name: what makes the task from a seed and a precision
     "ellipse": ellipse_network.EllipseTask,
+    "shape": shape_network.ShapeTask,
     "vgg": paper_tasks.vgg,
     "alex": paper_tasks.alex,
     "circle": paper_tasks.circle,
@@ -43,7 +45,7 @@ def parse_arguments():
         help="of the large products; bfloat16 is faster where the processor has it",
     )
     parser.add_argument("--peak-learning-rate", type=float, help="instead of the task's own")
-    parser.add_argument("--initial", type=pathlib.Path, help="published network to start from (ellipse only)")
+    parser.add_argument("--initial", type=pathlib.Path, help="published network to start from (ellipse and shape)")
     parser.add_argument("--resume", action="store_true", help="from the checkpoint of a run with the same arguments")
     parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("training"), help="checkpoints and curves")
     parser.add_argument("--output", type=pathlib.Path, default=pathlib.Path("models"))
@@ -58,7 +60,7 @@ def main():
     before = {}
     if arguments.initial:
         if not hasattr(task, "start_from"):
-            raise SystemExit(f"{arguments.task} starts from nothing: --initial is for ellipse")
+            raise SystemExit(f"{arguments.task} starts from nothing: --initial is for ellipse and shape")
         task.start_from(arguments.initial)
         manifest = arguments.initial.with_suffix(".manifest.yaml").read_text()
         before = {"after": manifest.split("  command: ")[1].split("\n")[0]}

@@ -8,8 +8,8 @@
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
-#include "situation_awareness/detections/onnx_model.hpp"
 #include "situation_awareness/detections/segment_encoding.hpp"
+#include "situation_awareness/detections/segment_network.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {
@@ -22,7 +22,7 @@ struct EllipseEstimate {
 };
 
 /// Number of the network's outputs.
-constexpr std::size_t kEllipseAnswer = 22;
+constexpr std::size_t kEllipseAnswer = kPosteriorAnswer + 1;
 
 /// The estimate for the encoded segment from the network's outputs, which may have any values; `max_radius_m` as for
 /// `encode`.
@@ -44,11 +44,10 @@ class EllipseNetwork {
   const std::vector<EllipseEstimate>& infer(const Segments& segments, const std::vector<std::size_t>& which,
                                             double range_sigma_m, double max_radius_m);
 
-  const OnnxModel& model() const { return model_; }
+  const OnnxModel& model() const { return network_.model(); }
 
  private:
-  OnnxModel model_;
-  std::vector<SegmentEncoding> encodings_;  ///< kept for its memory
+  SegmentNetwork network_;
   std::vector<EllipseEstimate> estimates_;  ///< kept for its memory
 };
 
