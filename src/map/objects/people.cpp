@@ -67,6 +67,7 @@ constexpr double kAlone = 1.8;
 /// Log-odds that two leg-sized elements are the legs of one person: at first, added by a scan that shows them as those
 /// of one who stands, added per second of gait, and taken per second otherwise.
 constexpr double kPairAtFirst = -1.0;
+constexpr double kMaxPair = 1.0;
 constexpr double kPairStanding = 0.5;
 constexpr double kPairGait_1_s = 6.0;
 constexpr double kPairDecay_1_s = 1.0;
@@ -127,6 +128,16 @@ bool is_standing_leg(const MapElement& element) {
 bool has_walked(const MapElement& element, std::int64_t stamp_ns) {
   const double age_s = seconds_between(element.first_seen_ns, stamp_ns);
   return element.mobile || (age_s > kMinAge_s && element.stood_s < kMaxStoodPart * age_s);
+}
+
+/// The log-odds that `other` is the other leg, after what one scan adds to them; without evidence none are kept.
+double gather(MapElement& foot, std::uint64_t other, double change) {
+  const double before = foot.other_leg == other ? foot.other_leg_log_odds : kPairAtFirst;
+  const double after = std::min(before + change, kMaxPair);
+  const bool none = after <= kPairAtFirst;
+  foot.other_leg = none ? 0 : other;
+  foot.other_leg_log_odds = none ? 0.0 : after;
+  return none ? kPairAtFirst : after;
 }
 
 /// True if the elements are parts of other things than of each other.
@@ -404,10 +415,6 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     MapElement& other = elements[feet_[g].element];
     if (other.state == TrackState::kDeleted || is_person(other) || other.id > foot.id) continue;  // once for each pair
     // `other` is the older one.
-    if (foot.other_leg != other.id) {
-      foot.other_leg = other.id;
-      foot.other_leg_log_odds = kPairAtFirst;
-    }
     const Eigen::Vector2d apart_m = position(likelier(foot.estimate)) - position(likelier(other.estimate));
     const double distance_m = apart_m.norm();
     const double speed = velocity(foot).norm();
@@ -425,9 +432,10 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     const bool walks = leg_sized && (foot.mobile || other.mobile) && has_walked(foot, stamp_ns) &&
                        has_walked(other, stamp_ns) && speed + speed_of_other > 2.0 * kGaitSpeed_m_s &&
                        velocity(foot).dot(velocity(other)) > -kGaitSpeed_m_s * kGaitSpeed_m_s;
-    double& pair = foot.other_leg_log_odds;
-    pair += stands || comes ? kPairStanding : walks ? kPairGait_1_s * step_s : -kPairDecay_1_s * step_s;
-    pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
+    const double pair = gather(foot, other.id,
+                               stands || comes ? kPairStanding
+                               : walks         ? kPairGait_1_s * step_s
+                                               : -kPairDecay_1_s * step_s);
     const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
     if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;
     if (is_something_between(foot, position(likelier(other.estimate)), stamp_ns, elements)) continue;
@@ -442,10 +450,6 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
 /// A leg that walks beside hits that are no ellipse: these are the other one.
 void People::walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion,
                               double gate, std::vector<MapElement>& elements) {
-  if (foot.other_leg != foot.id) {
-    foot.other_leg = foot.id;
-    foot.other_leg_log_odds = kPairAtFirst;
-  }
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
   const Leg* nearest = nullptr;
   double nearest_m = kReach_m;
@@ -463,9 +467,7 @@ void People::walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double st
   }
   const bool walks = nearest != nullptr && foot.state == TrackState::kConfirmed && is_standing_leg(foot) &&
                      foot.mobile && has_walked(foot, stamp_ns);
-  double& pair = foot.other_leg_log_odds;
-  pair += (walks ? kPairGait_1_s : -kPairDecay_1_s) * step_s;
-  pair = std::clamp(pair, 2.0 * kPairAtFirst, 1.0);
+  const double pair = gather(foot, foot.id, (walks ? kPairGait_1_s : -kPairDecay_1_s) * step_s);
   if (!walks || pair < kClassStanding || (foot.is_part && foot.body != foot.id)) return;
   if (is_something_between(foot, nearest->center_world_m, stamp_ns, elements)) return;
   become_person(foot, 0.5 * (nearest->center_world_m - center_m), pair, motion, gate, stamp_ns, elements);
