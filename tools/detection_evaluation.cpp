@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -19,9 +20,11 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/network.hpp"
+#include "situation_awareness/detections/shape_network.hpp"
 #include "situation_awareness/evaluation/dogleg.hpp"
 #include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/evaluation/synthetic_segments.hpp"
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 
@@ -37,9 +40,11 @@ constexpr const char* kUsage =
     "COUNT - 1:\n"
     "  hits, mean range, one end hidden (0 or 1), truth (t_x t_y psi rx ry), answer (the same), p_ellipse, ordered "
     "and\n"
-    "  symmetric characteristic distance, squared Mahalanobis distance of the truth in (t_x t_y m p q); m and rad; "
-    "NaN\n"
-    "  where there is no truth or no answer.\n"
+    "  symmetric characteristic distance, squared Mahalanobis distance of the truth in (t_x t_y m p q), p_box, kind (0 "
+    "one\n"
+    "  ellipse, 1 one box, 2 other); m and rad; NaN where there is no truth or no answer. The detector `shape` is the "
+    "shape\n"
+    "  network: truth and answer are the moment-equal ellipse of a box.\n"
     "points: x y of each hit of one sample, as text.\n"
     "times: microseconds of each detector per segment of the case `ellipse`, sixteen segments to a scan, on one "
     "thread;\n"
@@ -85,6 +90,7 @@ struct Answer {
   Ellipse ellipse_level;
   Matrix5d covariance = Matrix5d::Identity();
   double p_ellipse = kNothing;
+  double p_box = kNothing;
 };
 
 /// Runs any detector by its name.
@@ -94,6 +100,8 @@ class Asked {
     const DetectionParams params = detection_params(detector, model_folder);
     if (detector == "network") {
       network_ = std::make_unique<EllipseNetwork>(model_path(params));
+    } else if (detector == "shape") {
+      shape_ = std::make_unique<ShapeNetwork>(model_folder + "/shape.onnx");
     } else {
       detector_ = make_any_detector(params);
     }
@@ -106,16 +114,29 @@ class Asked {
       const auto& estimate =
           network_->infer(sample.segments, {0}, sample.range_sigma_m, fit_.prior_max_radius_m).front();
       const Detection detection = make_detection(sample.segments, 0, fit_, estimate.smooth_level);
-      return {true, detection.ellipse_level, estimate.covariance, estimate.p_ellipse};
+      return {true, detection.ellipse_level, estimate.covariance, estimate.p_ellipse, kNothing};
+    }
+    if (shape_) {
+      const auto& estimate = shape_->infer(sample.segments, {0}, sample.range_sigma_m, fit_.prior_max_radius_m).front();
+      const Detection detection = make_detection(sample.segments, 0, fit_, estimate.smooth_level);
+      return {true, detection.ellipse_level, estimate.covariance, estimate.p_ellipse, estimate.p_box};
     }
     const Detections detections = detector_->detect(sample.segments);
     if (detections.detections.empty()) return result;
     const Detection& detection = detections.detections.front();
-    return {true, detection.ellipse_level, detection.covariance, detection.p_ellipse};
+    return {true, detection.ellipse_level, detection.covariance, detection.p_ellipse, kNothing};
+  }
+
+  /// What it should have answered.
+  std::optional<Ellipse> truth(const SyntheticSegment& sample) const {
+    if (!shape_) return sample.ellipse_level;
+    if (!sample.box_level) return std::nullopt;
+    return canonical(moment_equal_ellipse(*sample.box_level));
   }
 
  private:
   std::unique_ptr<EllipseNetwork> network_;
+  std::unique_ptr<ShapeNetwork> shape_;
   std::unique_ptr<Detector> detector_;
   EllipseFitParams fit_;
 };
@@ -132,13 +153,14 @@ void write_answers(Asked& asked, SegmentCase which, std::uint64_t first, std::ui
     const SyntheticSegment sample = draw_segment(which, random);
     const Segment& segment = sample.segments.segments.front();
     const Answer answer = asked.answer(sample);
+    const std::optional<Ellipse> truth = asked.truth(sample);
     const auto& points = sample.segments.points;
     const double sum_m =
         std::accumulate(points.begin(), points.end(), 0.0, [](double sum, const Point& p) { return sum + p.range_m; });
     const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
     row = {static_cast<double>(segment.count), sum_m / static_cast<double>(points.size()), hidden ? 1.0 : 0.0};
-    if (sample.ellipse_level) {
-      append(row, *sample.ellipse_level);
+    if (truth) {
+      append(row, *truth);
     } else {
       row.insert(row.end(), 5, kNothing);
     }
@@ -148,14 +170,16 @@ void write_answers(Asked& asked, SegmentCase which, std::uint64_t first, std::ui
       row.insert(row.end(), 5, kNothing);
     }
     row.push_back(answer.p_ellipse);
-    if (sample.ellipse_level && answer.given) {
-      const Vector5d error = smooth_parameters(answer.ellipse_level) - smooth_parameters(*sample.ellipse_level);
-      row.push_back(characteristic_distance(canonical(answer.ellipse_level), *sample.ellipse_level));
-      row.push_back(symmetric_characteristic_distance(answer.ellipse_level, *sample.ellipse_level));
+    if (truth && answer.given) {
+      const Vector5d error = smooth_parameters(answer.ellipse_level) - smooth_parameters(*truth);
+      row.push_back(characteristic_distance(canonical(answer.ellipse_level), *truth));
+      row.push_back(symmetric_characteristic_distance(answer.ellipse_level, *truth));
       row.push_back(error.dot(answer.covariance.llt().solve(error)));
     } else {
       row.insert(row.end(), 3, kNothing);
     }
+    row.push_back(answer.p_box);
+    row.push_back(sample.ellipse_level ? 0.0 : sample.box_level ? 1.0 : 2.0);
     if (std::fwrite(row.data(), sizeof(double), row.size(), stdout) != row.size()) {
       throw std::runtime_error("the standard output is closed");
     }

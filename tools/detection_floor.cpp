@@ -8,14 +8,17 @@
 #include <exception>
 #include <fstream>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "command_line.hpp"
+#include "situation_awareness/evaluation/box_posterior.hpp"
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/synthetic_segments.hpp"
+#include "situation_awareness/geometry/box.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -37,10 +40,10 @@ struct Options {
 void add_options(CLI::App& app, Options& options) {
   app.add_option_function<std::string>(
          "--case", [&options](const std::string& name) { options.segment_case = segment_case(name); },
-         "ellipse, circle or occluded")
+         "ellipse, circle, occluded, boxes or faces")
       ->required()
       ->type_name("NAME")
-      ->check(CLI::IsMember({"ellipse", "circle", "occluded"}));
+      ->check(CLI::IsMember({"ellipse", "circle", "occluded", "boxes", "faces"}));
   app.add_option("--out", options.out, "where the lines go")->required()->type_name("FILE.csv");
   const auto number = [&app](const char* name, std::uint64_t& value, double low, const char* what) {
     app.add_option(name, value, what)->type_name("N")->check(from_to(low, 1e9));
@@ -54,6 +57,7 @@ void add_options(CLI::App& app, Options& options) {
 /// A segment with its ground truth and its observation.
 struct Sample {
   SegmentModel model;
+  std::optional<BoxPrior> boxes;
   SegmentObservation observation;
   Ellipse truth;
 };
@@ -64,7 +68,9 @@ Sample draw_sample(SegmentCase which, std::uint64_t seed) {
   const Segments& segments = drawn.segments;
   const Segment& segment = segments.segments.at(0);
   Sample sample;
-  sample.truth = drawn.ellipse_level.value();
+  sample.truth = drawn.box_level ? canonical(moment_equal_ellipse(*drawn.box_level)) : drawn.ellipse_level.value();
+  if (drawn.box_level) sample.boxes = BoxPrior{};
+  if (which == SegmentCase::kFaces) sample.boxes->one_face = true;
   sample.model.range_sigma_m = drawn.range_sigma_m;
   if (which == SegmentCase::kCircle) {
     sample.model.shape = ObjectShape::kCircle;
@@ -86,6 +92,12 @@ Sample draw_sample(SegmentCase which, std::uint64_t seed) {
     observation.blocked_beams = beams(segment.left_hidden_rad);
   }
   return sample;
+}
+
+EllipsePosterior posterior_of(const Sample& sample, double effective_samples, Random& random) {
+  constexpr std::size_t kDraws = 8192;
+  if (!sample.boxes) return sample_posterior(sample.observation, sample.model, effective_samples, kDraws, random);
+  return sample_box_posterior(sample.observation, sample.model, *sample.boxes, effective_samples, kDraws, random);
 }
 
 int beams_that_meet(const Ellipse& ellipse, const SegmentModel& model) {
@@ -116,16 +128,17 @@ std::vector<DetectionLoss> losses_of(SegmentCase which) {
 /// The estimate is chosen by one posterior sample and evaluated by another, so that it has no bias by selection.
 Floor floor_of(const Options& options, std::uint64_t seed) {
   constexpr std::uint64_t kSeedOfSampler = 0x9e3779b97f4a7c15;  // so that it does not repeat the segment's numbers
-  constexpr std::size_t kDraws = 8192;
   const Sample sample = draw_sample(options.segment_case, seed);
   Random random(seed ^ kSeedOfSampler);
   const auto effective = static_cast<double>(options.effective_samples);
-  const EllipsePosterior chooser = sample_posterior(sample.observation, sample.model, effective, kDraws, random);
-  const EllipsePosterior judge = sample_posterior(sample.observation, sample.model, effective, kDraws, random);
+  const EllipsePosterior chooser = posterior_of(sample, effective, random);
+  const EllipsePosterior judge = posterior_of(sample, effective, random);
   Floor floor;
   floor.hits = sample.observation.ranges_m.size();
   floor.distance_m = sample.truth.center_m.norm();
-  floor.hidden_share = 1.0 - static_cast<double>(floor.hits) / beams_that_meet(sample.truth, sample.model);
+  if (!sample.boxes) {
+    floor.hidden_share = 1.0 - static_cast<double>(floor.hits) / beams_that_meet(sample.truth, sample.model);
+  }
   floor.effective_samples = std::min(chooser.effective_samples, judge.effective_samples);
   for (const DetectionLoss loss : losses_of(options.segment_case)) {
     const Ellipse estimate = bayes_estimate(loss, chooser.draws);

@@ -18,7 +18,8 @@ from pictures import images_folder, pyplot
 from report import ROOT, arguments_parser, facts, introduction, output_folder, run_pieces, table, targets_section, write
 
 COLUMNS = (
-    "hits range_m hidden t_x t_y psi rx ry a_t_x a_t_y a_psi a_rx a_ry p_ellipse ordered_m symmetric_m mahalanobis"
+    "hits range_m hidden t_x t_y psi rx ry a_t_x a_t_y a_psi a_rx a_ry p_ellipse ordered_m symmetric_m mahalanobis "
+    "p_box kind"
 ).split()
 FRESH_SEED = 1_000_000  # first of the fresh samples; the floor has 1 to 2000, training has 2^63 and above
 MANY_SEED, MANY = 100_000_000, 5  # of those for the covariance, and how many times as many: its strata are small
@@ -28,12 +29,14 @@ NETWORK = "network"
 ELLIPSE_DETECTORS = (NETWORK, "least_squares", "vgg_polar", "vgg", "alex", "dogleg", "ransac")
 OCCLUDED_DETECTORS = (NETWORK, "least_squares", "vgg_polar", "vgg", "alex")
 CIRCLE_DETECTORS = (NETWORK, "least_squares", "circle")
+SHAPE, BOX_CASES = "shape", ("boxes", "faces")
+KINDS = ("one ellipse", "one box", "other")
 OTHERS = ("wall", "corner", "box", "bush", "two")
 PRINTED, PRINTED_CIRCLE = printed.detector_errors("ellipse"), printed.detector_errors("circle")
 NAMES = {
     NETWORK: "ours", "least_squares": "least squares with the sensor's model", "vgg_polar": "VGG-Net, segment's frame",
     "vgg": "VGG-Net", "alex": "Alex-Net", "dogleg": "least squares (dogleg)", "ransac": "RANSAC",
-    "circle": "circle CNN",
+    "circle": "circle CNN", SHAPE: "the shape network",
 }
 STRATA = (("under 10 beams", 0, 10), ("10 to 30 beams", 10, 31), ("over 30 beams", 31, 10**6))
 RANGES_M = ((0, 2), (2, 4), (4, 6), (6, 8), (8, 10))
@@ -159,6 +162,43 @@ def occluded_table(data, floor):
                      f"{more:+.4f} ± {error:.4f} ({100 * more / base:+.1f} %)"))
     rows.append(("floor", "{:.4f} ± {:.4f}".format(*mean_and_error(floor["achieved_symmetric_m"])), ""))
     return table(("detector", "symmetric loss, m", "above the floor, m"), rows)
+
+
+def boxes_table(data, floors):
+    rows = []
+    for case in BOX_CASES:
+        more, error, base = excess(data[SHAPE, case, 1], floors[case]["achieved_symmetric_m"])
+        fresh = data[SHAPE, case, FRESH_SEED]
+        rows.append((
+            f"`{case}`", "{:.4f} ± {:.4f}".format(*mean_and_error(fresh.symmetric_m)),
+            "{:.4f} ± {:.4f}".format(*mean_and_error(floors[case]["achieved_symmetric_m"])),
+            f"{more:+.5f} ± {error:.5f} ({100 * more / base:+.1f} %)", f"{inside(fresh, 0.9):.1f} %",
+        ))
+    shapes = data[SHAPE, "shapes", FRESH_SEED]
+    boxes = Answers(shapes.rows[shapes.kind == 1])
+    rows.append(("`shapes`, boxes", "{:.4f} ± {:.4f}".format(*mean_and_error(boxes.symmetric_m)), "", "",
+                 f"{inside(boxes, 0.9):.1f} %"))
+    return table(("case", "symmetric loss, m", "floor, m", "above the floor, m", "in the 90 % region"), rows)
+
+
+def inside(answers, region):
+    return share(answers.mahalanobis < CHI_SQUARE.ppf(region))
+
+
+def kinds_table(data):
+    """How often each kind is the true one, by its probability."""
+    answers = data[SHAPE, "shapes", FRESH_SEED]
+    probabilities = np.stack((answers.p_ellipse, answers.p_box, 1.0 - answers.p_ellipse - answers.p_box))
+    bounds = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0 + 1e-9)
+    rows = []
+    for low, high in zip(bounds[:-1], bounds[1:]):
+        row = [f"{low:.1f} to {min(high, 1.0):.1f}"]
+        for kind, p in enumerate(probabilities):
+            which = (p >= low) & (p < high)
+            row.append(f"{p[which].mean():.3f}: {(answers.kind[which] == kind).mean():.3f} ({which.sum()})")
+        rows.append(row)
+    right = share(probabilities.argmax(axis=0) == answers.kind)
+    return table(("probability", *KINDS), rows), right
 
 
 def angle_rows(data, floor):
@@ -379,6 +419,9 @@ def main():
     wanted += [(detector, "circle", FRESH_SEED, n // 2) for detector in CIRCLE_DETECTORS]
     wanted += [(NETWORK, case, FRESH_SEED, n // 2) for case in OTHERS]
     wanted += [(NETWORK, case, MANY_SEED, MANY * n) for case in ("ellipse", "occluded", "product")]
+    box_floors = {case: read_floor(case) for case in BOX_CASES}
+    wanted += [(SHAPE, case, 1, len(box_floors[case]["seed"])) for case in BOX_CASES]
+    wanted += [(SHAPE, case, FRESH_SEED, n) for case in (*BOX_CASES, "shapes")]
     data = ask_all(arguments, wanted)
 
     images = images_folder(output)
@@ -398,6 +441,7 @@ def main():
     negatives = table(("not one ellipse", f"refused below {threshold:.3f} (keeps 99 % of ellipses)",
                        f"refused below {DEFAULT_P}, the default (keeps {kept_default:.1f} %)"),
                       [(case, f"{high:.2f} %", f"{default:.2f} %") for case, (high, default) in refused.items()])
+    kinds, right = kinds_table(data)
     report = f"""\
 # Detectors, measured
 
@@ -440,6 +484,16 @@ A wall is 1 to 8 m long and a corner has sides of 0.5 to 4 m, half of them with 
 ellipses with few beams often look like one ellipse.
 
 ![Calibration, and ellipse or not](images/detectors_calibration.png)
+
+## Boxes and kinds: the shape network
+
+Of the moment-equal ellipse of a box; `faces` show one face only, so that their depth is known from the prior alone.
+
+{boxes_table(data, box_floors)}
+Mean probability that the network gives, share of the segments of `shapes` that are of this kind (segments):
+
+{kinds}
+The likeliest kind is the true one in {right:.1f} %.
 
 ## Circles: Table III of the circle paper
 

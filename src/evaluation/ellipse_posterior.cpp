@@ -5,13 +5,13 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 
+#include "importance_sampling.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -25,14 +25,6 @@ namespace {
 // A, B, E 1 / range = A x + B y + E sqrt(x y) along the unit vector x u_a + y u_b                     1/m
 // Q       4 A B - E^2, positive for an ellipse                                                        1/m^2
 // C       shape matrix in the frame whose x axis points along theta                                   m^2
-
-constexpr double kImpossible = -std::numeric_limits<double>::infinity();
-
-/// A weighted draw; its ellipse is seen from the segment's middle and not yet canonical.
-struct Draw {
-  Ellipse ellipse;
-  double log_weight = kImpossible;
-};
 
 /// Nearest distance of an ellipse from the sensor outside of it. With y the sensor in the ellipse's own frame, the
 /// nearest point is r_i^2 y_i / (s + r_i^2), s the root of a falling convex function, which Newton's method from 0
@@ -75,53 +67,6 @@ bool is_within_range(const Ellipse& ellipse, const SegmentModel& model) {
   const double radius = std::max(ellipse.rx_m, ellipse.ry_m);
   return (distance - radius > model.min_range_m || nearest_distance(ellipse) > model.min_range_m) &&
          (distance + radius < model.max_range_m || farthest_distance(ellipse) < model.max_range_m);
-}
-
-/// Azimuths of the beams from the segment's middle, and their ranges.
-struct Hits {
-  Eigen::ArrayXd cos;
-  Eigen::ArrayXd sin;
-  Eigen::ArrayXd range_m;
-
-  Hits(const SegmentObservation& observation, const SegmentModel& model) {
-    const auto n = static_cast<Eigen::Index>(observation.ranges_m.size());
-    const Eigen::ArrayXd azimuth =
-        (Eigen::ArrayXd::LinSpaced(n, 0.0, static_cast<double>(n - 1)) - 0.5 * static_cast<double>(n - 1)) *
-        model.resolution_rad;
-    cos = azimuth.cos();
-    sin = azimuth.sin();
-    range_m = Eigen::Map<const Eigen::ArrayXd>(observation.ranges_m.data(), n);
-  }
-};
-
-/// Student's t in `Dimensions` dimensions: as a proposal its tails are heavier than any Gaussian likelihood's.
-template <int Dimensions>
-struct StudentT {
-  using Vector = Eigen::Matrix<double, Dimensions, 1>;
-
-  static Vector draw(Random& random) {
-    Vector normal;
-    for (int i = 0; i < Dimensions; ++i) normal(i) = random.normal();
-    // A chi-square of 2 k degrees of freedom is -2 log of the product of k uniform numbers.
-    double product = 1.0;
-    for (int i = 0; i < kPairs; ++i) product *= 1.0 - random.uniform();
-    return normal * std::sqrt(kFreedom / (-2.0 * std::log(product)));
-  }
-
-  static double log_density(const Vector& t) {
-    static const double log_height = std::lgamma(0.5 * (kFreedom + Dimensions)) - std::lgamma(0.5 * kFreedom) -
-                                     0.5 * Dimensions * std::log(kFreedom * kPi);
-    return log_height - 0.5 * (kFreedom + Dimensions) * std::log1p(t.squaredNorm() / kFreedom);
-  }
-
- private:
-  static constexpr int kPairs = 4;
-  static constexpr double kFreedom = 2.0 * kPairs;
-};
-
-double log_of_sum(double log_a, double log_b) {
-  const double top = std::max(log_a, log_b);
-  return top == kImpossible ? top : top + std::log(std::exp(log_a - top) + std::exp(log_b - top));
 }
 
 /// The distance of a circle's centre given its tangents: ranges are the distance times known numbers, so that it is
@@ -367,7 +312,6 @@ struct Cell {
   double size_right = 0.0;
   double size_left = 0.0;
   double log_density = 0.0;  ///< of the observation without the ranges
-  double share = 0.0;        ///< of the proposal
 };
 
 /// Gaps are divided according to the variation of posteriors within them.
@@ -395,42 +339,11 @@ std::vector<Cell> cells_of(const Gaps& gaps) {
   return cells;
 }
 
-/// `count` indices, i with a frequency that is its weight's share of the sum, at equal steps from a random start.
-std::vector<std::size_t> pick(const std::vector<double>& weights, std::size_t count, Random& random) {
-  const double step = std::accumulate(weights.begin(), weights.end(), 0.0) / static_cast<double>(count);
-  const double start = random.uniform();
-  std::vector<std::size_t> picked;
-  picked.reserve(count);
-  double sum = 0.0;
-  for (std::size_t i = 0; i < weights.size(); ++i) {
-    sum += weights[i];
-    while (picked.size() < count && (static_cast<double>(picked.size()) + start) * step < sum) picked.push_back(i);
-  }
-  while (picked.size() < count) picked.push_back(picked.empty() ? 0 : picked.back());  // the sum's last bit
-  return picked;
-}
-
-/// Weighted draws in units of the largest weight.
-struct Population {
-  std::vector<Ellipse> ellipses;
-  std::vector<double> weights;
-
-  double effective_samples() const {
-    double sum = 0.0;
-    double sum_of_squares = 0.0;
-    for (const double weight : weights) {
-      sum += weight;
-      sum_of_squares += weight * weight;
-    }
-    return sum > 0.0 ? sum * sum / sum_of_squares : 0.0;
-  }
-};
-
-/// Importance sampling: cells by their share, tangents uniform in a cell, the rest by `Between` given those.
+/// Cells of tangents: these are uniform in a cell, the rest is by `Between` given those.
 template <class Between>
-class Sampler {
+class TangentProposal {
  public:
-  Sampler(const SegmentObservation& observation, const SegmentModel& model)
+  TangentProposal(const SegmentObservation& observation, const SegmentModel& model)
       : model_(model),
         hits_(observation, model),
         between_(hits_, model),
@@ -438,78 +351,27 @@ class Sampler {
     if (cells_.empty()) throw std::invalid_argument("observation: the model cannot hide or see these beams");
   }
 
-  /// Shares after the root mean square weight of a few draws per cell, which makes the variance least.
-  void adapt(Random& random) {
-    constexpr int kGroupsPerCell = 4;
-    constexpr double kFloor = 0.1;
-    std::vector<double> log_rms(cells_.size(), kImpossible);
-    for (std::size_t i = 0; i < cells_.size(); ++i) {
-      draws_.clear();
-      cells_[i].share = 1.0;
-      for (int group = 0; group < kGroupsPerCell; ++group) draw_group(cells_[i], random);
-      double top = kImpossible;
-      for (const Draw& draw : draws_) top = std::max(top, draw.log_weight);
-      if (top == kImpossible) continue;
-      double sum = 0.0;
-      for (const Draw& draw : draws_) sum += std::exp(2.0 * (draw.log_weight - top));
-      log_rms[i] = top + 0.5 * std::log(sum);
-    }
-    draws_.clear();
-    const double top = *std::max_element(log_rms.begin(), log_rms.end());
-    double sum = 0.0;
-    for (const double value : log_rms) sum += top == kImpossible ? 1.0 : std::exp(value - top);
-    const double uniform_share = 1.0 / static_cast<double>(cells_.size());
-    for (std::size_t i = 0; i < cells_.size(); ++i) {
-      const double own = top == kImpossible ? 1.0 : std::exp(log_rms[i] - top);
-      cells_[i].share = kFloor * uniform_share + (1.0 - kFloor) * own / sum;
-    }
-  }
+  std::size_t cells() const { return cells_.size(); }
 
-  Population sample(double effective_samples, Random& random) {
-    constexpr std::size_t kGroupsPerRound = 1024;
-    std::vector<double> shares;
-    for (const Cell& cell : cells_) shares.push_back(cell.share);
-    const auto most = static_cast<std::size_t>(100.0 * effective_samples);
-    while (true) {
-      for (const std::size_t i : pick(shares, kGroupsPerRound, random)) draw_group(cells_[i], random);
-      Population population = weighted();
-      if (population.effective_samples() >= effective_samples || draws_.size() >= most) return population;
+  /// With the same tangents, since the fit for new ones costs as much as several draws.
+  void draw_group(std::size_t index, double share, Random& random, std::vector<Draw>& draws) {
+    constexpr int kDrawsPerGroup = 4;
+    const Cell& cell = cells_[index];
+    const double a = (cell.right_low + cell.size_right * random.uniform()) * model_.resolution_rad;
+    const double b = (cell.left_low + cell.size_left * random.uniform()) * model_.resolution_rad;
+    const bool possible = between_.set_tangents(a, b);
+    const double log_cell = cell.log_density + std::log(cell.size_right * cell.size_left / share);
+    for (int i = 0; i < kDrawsPerGroup; ++i) {
+      draws.push_back(possible ? between_.draw(random) : Draw{});
+      draws.back().log_weight += log_cell;
     }
   }
 
  private:
-  /// A few draws with the same tangents, since the fit for new ones costs as much as several draws.
-  void draw_group(const Cell& cell, Random& random) {
-    constexpr int kDrawsPerGroup = 4;
-    const double a = (cell.right_low + cell.size_right * random.uniform()) * model_.resolution_rad;
-    const double b = (cell.left_low + cell.size_left * random.uniform()) * model_.resolution_rad;
-    const bool possible = between_.set_tangents(a, b);
-    const double log_cell = cell.log_density + std::log(cell.size_right * cell.size_left / cell.share);
-    for (int i = 0; i < kDrawsPerGroup; ++i) {
-      draws_.push_back(possible ? between_.draw(random) : Draw{});
-      draws_.back().log_weight += log_cell;
-    }
-  }
-
-  Population weighted() const {
-    double top = kImpossible;
-    for (const Draw& draw : draws_) top = std::max(top, draw.log_weight);
-    Population population;
-    if (top == kImpossible) return population;
-    for (const Draw& draw : draws_) {
-      const double weight = std::exp(draw.log_weight - top);
-      if (weight == 0.0) continue;
-      population.ellipses.push_back(draw.ellipse);
-      population.weights.push_back(weight);
-    }
-    return population;
-  }
-
   const SegmentModel& model_;
   Hits hits_;
   Between between_;
   std::vector<Cell> cells_;
-  std::vector<Draw> draws_;
 };
 
 /// The posterior as a density over y = (near_m, across_m, psi, rx, v), where the prior is flat: the ellipse's nearest
@@ -694,19 +556,14 @@ EllipsePosterior mix(const FlatPosterior& flat, const EllipsePosterior& start, d
 template <class Between>
 EllipsePosterior sample_between(const SegmentObservation& observation, const SegmentModel& model,
                                 double effective_samples, std::size_t count, Random& random) {
-  Sampler<Between> sampler(observation, model);
+  TangentProposal<Between> proposal(observation, model);
+  ImportanceSampler<TangentProposal<Between>> sampler(proposal);
   sampler.adapt(random);
-  const Population population = sampler.sample(effective_samples, random);
-  if (population.ellipses.empty()) throw std::invalid_argument("observation: no object of the model explains it");
-  EllipsePosterior posterior;
-  posterior.effective_samples = population.effective_samples();
-  posterior.draws.reserve(count);
-  for (const std::size_t i : pick(population.weights, count, random)) posterior.draws.push_back(population.ellipses[i]);
+  EllipsePosterior posterior = equally_weighted(sampler.sample(effective_samples, random), count, random);
   if (posterior.effective_samples < effective_samples) {
     posterior = mix(FlatPosterior(observation, model), posterior, effective_samples, random);
   }
-  const double middle = observation.first_beam + 0.5 * static_cast<double>(observation.ranges_m.size() - 1);
-  const Pose2 T_sensor_middle{Eigen::Vector2d::Zero(), model.first_azimuth_rad + middle * model.resolution_rad};
+  const Pose2 T_sensor_middle = middle_in_sensor(observation, model);
   for (Ellipse& draw : posterior.draws) {
     draw = canonical(T_sensor_middle * draw);
     if (model.shape == ObjectShape::kCircle) draw.psi_rad = 0.0;
