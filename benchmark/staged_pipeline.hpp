@@ -20,7 +20,7 @@ namespace situation_awareness {
 struct StageValues {
   Scan limited;
   Points points;
-  std::vector<Ellipse> known_level;
+  std::vector<ExpectedOutline> known_level;
   Segments undivided;
   Segments segments;
   Detections detected;

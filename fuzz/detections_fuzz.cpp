@@ -134,7 +134,7 @@ void run(Input input) {
   const Detections found = by_network ? network.detect(segments) : least_squares.detect(segments);
   check_detections(found, segments, used);
 
-  std::vector<Ellipse> known_level;
+  std::vector<ExpectedOutline> known_level;
   for (std::size_t i = input.count(4); i > 0; --i) known_level.push_back(input.ellipse());
   for (const Detection& detection : found.detections) {
     if (input.flag()) known_level.push_back(detection.ellipse_level);

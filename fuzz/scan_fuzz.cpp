@@ -224,7 +224,7 @@ void run(Input input) {
   memory = segment(points, params, std::move(memory));
   require_same(memory, segments);
 
-  std::vector<Ellipse> known_level;
+  std::vector<ExpectedOutline> known_level;
   for (std::size_t i = input.count(4); i > 0; --i) known_level.push_back(input.ellipse());
   const Segments divided = divide(segments, known_level, params);
   check_segments(divided, points, params);

@@ -17,6 +17,10 @@ bool is_usable(const Matrix5d& covariance) {
   return Eigen::LLT<Matrix5d>(correlations - kRounding * Matrix5d::Identity()).info() == Eigen::Success;
 }
 
+bool is_finite(const Box& box) {
+  return box.center_m.allFinite() && std::isfinite(box.psi_rad + box.half_length_m + box.half_width_m);
+}
+
 }  // namespace
 
 const char* detection_defect(const Detection& detection) {
@@ -24,7 +28,9 @@ const char* detection_defect(const Detection& detection) {
   const bool finite = ellipse.center_m.allFinite() && std::isfinite(ellipse.psi_rad) && std::isfinite(ellipse.rx_m) &&
                       std::isfinite(ellipse.ry_m) && std::isfinite(detection.residual_rms_m) &&
                       std::isfinite(detection.time_offset_s) && detection.covariance.allFinite();
-  if (!finite) return detection_refusal::kNotFinite;
+  if (!finite || !is_finite(detection.box_level) || std::isnan(detection.log_box_ratio)) {
+    return detection_refusal::kNotFinite;
+  }
   if (!(ellipse.rx_m >= ellipse.ry_m && ellipse.ry_m > 0.0)) return detection_refusal::kBadRadii;
   if (!(detection.p_ellipse >= 0.0 && detection.p_ellipse <= 1.0)) return detection_refusal::kBadProbability;
   if (!is_usable(detection.covariance)) return detection_refusal::kBadCovariance;

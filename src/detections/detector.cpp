@@ -3,6 +3,8 @@
 
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
+
 namespace situation_awareness {
 
 Detections Detector::detect(const Segments& segments, Detections memory) {
@@ -14,6 +16,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.detections.clear();
   found.refused.reset();
   found.refused_segments.clear();
+  found.refused_segments.reserve(kUsualRoom);
   find(segments, found);
   found.small_segments = small_segments(segments, found, std::move(found.small_segments));
   return found;

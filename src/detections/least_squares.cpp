@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/least_squares.hpp"
 
+#include "situation_awareness/detections/outline_errors.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
@@ -21,14 +23,14 @@ namespace {
 // A, b   J^T J and J^T r
 
 /// Shape matrix and its derivatives: rx, ry = m +- |(p, q)| give C = (m^2 + p^2 + q^2) I + 2 m [p q; q -p].
-struct Shape {
+struct EllipseShape {
   Eigen::Matrix2d C;
   Eigen::Matrix2d dC_dm;
   Eigen::Matrix2d dC_dp;
   Eigen::Matrix2d dC_dq;
 };
 
-Shape shape_of(const Vector5d& x) {
+EllipseShape shape_of(const Vector5d& x) {
   const double m = x(2);
   const double p = x(3);
   const double q = x(4);
@@ -125,7 +127,7 @@ class Problem {
       b->noalias() += jacobian * residual;
     };
 
-    const Shape shape = shape_of(x);
+    const EllipseShape shape = shape_of(x);
     const Eigen::Matrix2d M = shape.C.inverse();
     const Eigen::Matrix2d M_weights = shape_of(weights_at).C.inverse();
     for (std::size_t i = 0; i < count_; ++i) {
@@ -166,7 +168,27 @@ class Problem {
     return cost;
   }
 
-  /// Root mean square of the hits' distances from the curve, to first order.
+  /// Cost of hits and silhouettes alone, that of outliers bounded (Huber, 1964).
+  double robust_cost(const Vector5d& x) const {
+    const EllipseShape shape = shape_of(x);
+    const Eigen::Matrix2d M = shape.C.inverse();
+    double cost = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Curve curve(points_[i], x.head<2>(), M);
+      cost += huber(curve.distance() / std::hypot(hit_sigma(points_[i], curve.normal()), kRoughness_m));
+    }
+    const auto add_end = [&](const Point& end, double side, SegmentEnd kind, double hidden_rad) {
+      if (!is_silhouette(kind)) return;
+      const double azimuth_rad = end.azimuth_rad + side * 0.5 * resolution_rad_;
+      const Eigen::Vector2d n(-std::sin(azimuth_rad), std::cos(azimuth_rad));
+      const double off_m = n.dot(x.head<2>()) + side * std::sqrt(n.dot(shape.C * n));
+      cost += huber(off_m / end_sigma_m(end, kind, hidden_rad, side * off_m > 0.0, resolution_rad_));
+    };
+    add_end(points_[0], -1.0, segment_.right_end, segment_.right_hidden_rad);
+    add_end(points_[count_ - 1], +1.0, segment_.left_end, segment_.left_hidden_rad);
+    return cost;
+  }
+
   /// As wide as the segment, touching its middle from behind: a circle, or an ellipse inclined by `lean_rad` to the
   /// line of sight.
   Vector5d start(double half_difference_ratio, double lean_rad) const {
@@ -316,11 +338,17 @@ Detection assess_ellipse(const Segments& segments, std::size_t segment, const El
   return detection;
 }
 
+double ellipse_cost(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                    const Ellipse& ellipse_level) {
+  return Problem(segments, segments.segments[segment], params).robust_cost(smooth_parameters(canonical(ellipse_level)));
+}
+
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params) {
   const char* const defect = detection_defect(detection);
   if (*defect != '\0') return defect;
   if (detection.ellipse_level.rx_m > params.max_radius_m) return detection_refusal::kTooLarge;
-  if (detection.residual_rms_m > params.max_residual_m) return detection_refusal::kOffEllipse;
+  const bool is_box = detection.shape == Shape::kBox;  // the covariance of a box has its residual
+  if (!is_box && detection.residual_rms_m > params.max_residual_m) return detection_refusal::kOffEllipse;
   if (contains(detection.ellipse_level, Eigen::Vector2d::Zero())) return detection_refusal::kAroundSensor;
   return "";
 }

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/refine.hpp"
 
+#include "situation_awareness/detections/box_fit.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -11,7 +13,9 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kMaxOffset_m = 0.1;  // mean distance of an object's hits from its expected outline
+constexpr double kGoodCostMargin = 5.0;  // of the cost of a fit above the number of hits
+constexpr double kSureOfShape = 0.9;     // probability from which on a known object is refined as this shape
+constexpr double kMaxOffset_m = 0.1;     // mean distance of an object's hits from its expected outline
 
 double mean_offset_m(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum_m = 0.0;
@@ -32,10 +36,21 @@ bool on_near_side(const Segments& segments, const Segment& segment, const Outlin
   return sum < 0.0;
 }
 
+/// Where the predicted box is so wrong that a few steps do not reach the hits, the box is fitted anew.
+Detection refined_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                      const Box& known_level) {
+  const Detection refined = refit_box(segments, segment, params, known_level);
+  const double cost = box_cost(segments, segment, params, refined.box_level);
+  if (cost <= static_cast<double>(refined.beams) + kGoodCostMargin) return refined;
+  const Detection anew = fit_box(segments, segment, params);
+  return box_cost(segments, segment, params, anew.box_level) + kGoodCostMargin < cost ? anew : refined;
+}
+
 }  // namespace
 
 std::vector<std::size_t> known_of_each(const Detections& detections, const Segments& segments,
-                                       const std::vector<Ellipse>& known_level, std::vector<std::size_t> memory) {
+                                       const std::vector<ExpectedOutline>& known_level,
+                                       std::vector<std::size_t> memory) {
   std::vector<std::size_t> result = std::move(memory);
   result.assign(detections.detections.size(), kNotKnown);
   if (known_level.empty()) return result;
@@ -48,8 +63,10 @@ std::vector<std::size_t> known_of_each(const Detections& detections, const Segme
     auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), index,
                                     [](const Overlap& o, std::size_t wanted) { return o.segment < wanted; });
     for (; overlap != overlaps.cend() && overlap->segment == index; ++overlap) {
-      const Outline outline = outline_of(known_level[overlap->ellipse]);
-      const double offset = mean_offset_m(segments, segment, outline);
+      const ExpectedOutline& known = known_level[overlap->ellipse];
+      const Outline outline = outline_of(known.ellipse);
+      const double offset =
+          known.p_box > 0.5 ? mean_offset_m(segments, segment, known.box) : mean_offset_m(segments, segment, outline);
       if (!(offset < nearest_m) || !on_near_side(segments, segment, outline)) continue;
       nearest_m = offset;
       result[i] = overlap->ellipse;
@@ -58,7 +75,7 @@ std::vector<std::size_t> known_of_each(const Detections& detections, const Segme
   return result;
 }
 
-Detections refine(Detections detections, const Segments& segments, const std::vector<Ellipse>& known_level,
+Detections refine(Detections detections, const Segments& segments, const std::vector<ExpectedOutline>& known_level,
                   const EllipseFitParams& params) {
   if (known_level.empty()) return detections;
   thread_local std::vector<std::size_t> known;  // kept for its memory
@@ -66,8 +83,13 @@ Detections refine(Detections detections, const Segments& segments, const std::ve
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i] == kNotKnown) continue;
     Detection& detection = detections.detections[i];
-    Detection refined = refit_ellipse(segments, detection.segment, params, known_level[known[i]]);
+    const ExpectedOutline& expected = known_level[known[i]];
+    const bool is_box = expected.p_box > kSureOfShape;
+    if (!is_box && expected.p_box > 1.0 - kSureOfShape) continue;  // one scan's detection holds for either shape
+    Detection refined = is_box ? refined_box(segments, detection.segment, params, expected.box)
+                               : refit_ellipse(segments, detection.segment, params, expected.ellipse);
     refined.p_ellipse = detection.p_ellipse;
+    refined.log_box_ratio = detection.log_box_ratio;
     if (*detection_defect(refined, params) == '\0') detection = refined;
   }
   return detections;

@@ -10,6 +10,9 @@
 namespace situation_awareness {
 namespace {
 
+/// Beams without a return beside a segment, from which on its silhouette may be anywhere beyond.
+constexpr double kFewBeams = 3.5;
+
 constexpr double kMaxHalfAngleRad = radians(85.0);  // of a segment: beyond, the sensor is almost inside the object
 
 /// Mean of the ranges over each slot, by nearest-neighbour interpolation of the hits.
@@ -68,8 +71,14 @@ SegmentEncoding encode(const Segments& segments, const Segment& segment, double 
   }
   const double beams = (left_rad - right_rad) / segments.resolution_rad;
   const auto is_background = [](SegmentEnd end) { return end == SegmentEnd::kBackground ? 1.0 : 0.0; };
-  const auto is_hidden = [](SegmentEnd end) { return is_silhouette(end) ? 0.0 : 1.0; };
-  const auto share = [&](double hidden_rad) { return hidden_rad / (hidden_rad + left_rad - right_rad); };
+  // Beside few beams without a return the silhouette is at the last hit; beside many it may be anywhere.
+  const auto is_hidden = [&](SegmentEnd end, double hidden_rad) {
+    const bool lost = end == SegmentEnd::kNoReturn && hidden_rad > kFewBeams * segments.resolution_rad;
+    return lost || !is_silhouette(end) ? 1.0 : 0.0;
+  };
+  const auto share = [&](SegmentEnd end, double hidden_rad) {
+    return is_hidden(end, hidden_rad) * hidden_rad / (hidden_rad + left_rad - right_rad);
+  };
   const std::array<double, SegmentEncoding::kScalars> scalars = {
       std::log(w / max_radius_m),
       std::log(range_sigma_m / w),
@@ -77,12 +86,12 @@ SegmentEncoding encode(const Segments& segments, const Segment& segment, double 
       std::log(beams),
       1.0 - std::min(static_cast<double>(count) / beams, 1.0),
       std::log(0.1 + roughness(points, count, range_sigma_m)),
-      is_hidden(segment.right_end),
+      is_hidden(segment.right_end, segment.right_hidden_rad),
       is_background(segment.right_end),
-      share(segment.right_hidden_rad),
-      is_hidden(segment.left_end),
+      share(segment.right_end, segment.right_hidden_rad),
+      is_hidden(segment.left_end, segment.left_hidden_rad),
       is_background(segment.left_end),
-      share(segment.left_hidden_rad),
+      share(segment.left_end, segment.left_hidden_rad),
   };
   for (std::size_t i = 0; i < scalars.size(); ++i) {
     result.inputs[SegmentEncoding::kSlots + i] = static_cast<float>(scalars[i]);

@@ -93,7 +93,7 @@ class Residuals {
   Rows J_f_;
 };
 
-struct Box {
+struct Limits {
   Vector5d lower;
   Vector5d upper;
 
@@ -106,7 +106,7 @@ struct Way {
   Vector5i stopped = Vector5i::Constant(kFree);
 };
 
-Way distance_to_bound(const Vector5d& from, const Vector5d& direction, const Box& box) {
+Way distance_to_bound(const Vector5d& from, const Vector5d& direction, const Limits& box) {
   Vector5d lengths = Vector5d::Constant(std::numeric_limits<double>::infinity());
   for (int k = 0; k < 5; ++k) {
     if (direction(k) == 0.0) continue;
@@ -129,9 +129,9 @@ struct Step {
 /// Along the path from the best point down the gradient to the Gauss-Newton point, as far as the trust region and the
 /// bounds of x allow.
 Step dogleg_step(const Vector5d& x, const Vector5d& newton, const Vector5d& g, const Matrix6d& R, double delta,
-                 const Box& bounds) {
-  const Box to_bounds{bounds.lower - x, bounds.upper - x};
-  const Box box{to_bounds.lower.cwiseMax(-delta), to_bounds.upper.cwiseMin(delta)};
+                 const Limits& bounds) {
+  const Limits to_bounds{bounds.lower - x, bounds.upper - x};
+  const Limits box{to_bounds.lower.cwiseMax(-delta), to_bounds.upper.cwiseMin(delta)};
   Step step;
   if (box.contains(newton)) {
     step.s = newton;
@@ -153,14 +153,14 @@ Step dogleg_step(const Vector5d& x, const Vector5d& newton, const Vector5d& g, c
   return step;
 }
 
-Vector5i bounds_met(const Vector5d& x, const Box& bounds) {
+Vector5i bounds_met(const Vector5d& x, const Limits& bounds) {
   Vector5i on_bound;
   for (int k = 0; k < 5; ++k) on_bound(k) = x(k) == bounds.lower(k) ? kLower : x(k) == bounds.upper(k) ? kUpper : kFree;
   return on_bound;
 }
 
 /// Moves `x` to the minimum; returns the number of evaluations.
-int minimise(Residuals& residuals, Vector5d& x, const Box& bounds, const DoglegParams& params) {
+int minimise(Residuals& residuals, Vector5d& x, const Limits& bounds, const DoglegParams& params) {
   double cost = residuals.cost(x);
   int evaluations = 1;
   double delta = x.lpNorm<Eigen::Infinity>();
@@ -234,7 +234,7 @@ DoglegFit fit_dogleg(const std::vector<Eigen::Vector2d>& points_level_m, const D
     extent_m.extend(points_m.back());
   }
 
-  Box bounds;
+  Limits bounds;
   bounds.lower << -params.max_range_m, -params.max_range_m, -kPi / 2.0, params.min_radius_m, params.min_radius_m;
   bounds.upper << params.max_range_m, params.max_range_m, kPi / 2.0, params.max_radius_m, params.max_radius_m;
   const Eigen::Vector2d half_m = 0.5 * extent_m.sizes();

@@ -31,8 +31,8 @@ std::vector<HitLabel> label_hits(const Segments& segments, const Detections& det
       !std::all_of(detections.refused_segments.begin(), detections.refused_segments.end(), is_there)) {
     throw std::invalid_argument("detections are not of these segments");
   }
-  thread_local std::vector<Ellipse> known_level;   // kept for their memory
-  thread_local std::vector<std::size_t> known_of;  // of each detection, index in `known`
+  thread_local std::vector<ExpectedOutline> known_level;  // kept for their memory
+  thread_local std::vector<std::size_t> known_of;         // of each detection, index in `known`
   known_level = outlines_at(segments.stamp_ns, segments.T_world_level, known, kMaxMapAge_s, std::move(known_level));
   known_of = known_of_each(detections, segments, known_level, std::move(known_of));
 

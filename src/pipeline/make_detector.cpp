@@ -26,6 +26,8 @@ std::unique_ptr<Detector> make_least_squares(const DetectionParams& params) {
   return std::make_unique<LeastSquaresDetector>(params.fit);
 }
 
+constexpr const char* kShapeModel = "shape.onnx";
+
 struct Entry {
   const char* name;
   const char* model;  ///< file of its network; empty: it has none
@@ -77,7 +79,10 @@ std::string model_path(const DetectionParams& params) {
 
 std::unique_ptr<ProbableDetector> make_detector(const DetectionParams& params) {
   params.validate();
-  return std::make_unique<ProbableDetector>(entry_of(params.detector).make(params), params.min_p_ellipse);
+  std::unique_ptr<Detector> detector = entry_of(params.detector).make(params);
+  if (!params.boxes) return std::make_unique<ProbableDetector>(std::move(detector), params.min_p_ellipse);
+  const std::string shapes = (std::filesystem::path(params.model_folder) / kShapeModel).string();
+  return std::make_unique<ProbableDetector>(std::move(detector), std::make_unique<ShapeNetwork>(shapes), params.fit);
 }
 
 }  // namespace situation_awareness

@@ -28,7 +28,7 @@ void MapSubscriber::on_map(const MappedObjectArrayConstPtr& msg) {
   }
 }
 
-std::vector<Ellipse> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
+std::vector<ExpectedOutline> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
   if (!map_.objects.empty() && map_.stamp_ns > stamp_ns) {
     context_.diagnostics().counted({{"map of a later time", 1}});
     clear();

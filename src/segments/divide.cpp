@@ -14,8 +14,10 @@ namespace situation_awareness {
 namespace {
 
 constexpr std::size_t kNobody = static_cast<std::size_t>(-1);
-constexpr std::size_t kMinRun = 3;        // consecutive hits with one assignment: fewer are noise
-constexpr double kMinSticksOut_m = 0.12;  // hits that stick out of a known object by less belong to it
+constexpr std::size_t kMinRun = 3;          // consecutive hits with one assignment: fewer are noise
+constexpr double kMaxPBoxToDivide = 0.1;    // only what is surely an ellipse divides a segment
+constexpr double kMaxClaimOffset_m = 0.06;  // mean distance of the hits of a known box from its outline
+constexpr double kMinSticksOut_m = 0.12;    // hits that stick out of a known object by less belong to it
 
 /// Neighbouring hits with one assignment, an index into the expected outlines.
 struct Run {
@@ -105,12 +107,28 @@ SegmentEnd end_at_cut(const Point& end, const Point& beside, double margin_m) {
   return beside.range_m > end.range_m + margin_m ? SegmentEnd::kBackground : SegmentEnd::kOccluded;
 }
 
+/// A piece that was taken for structure, but lies on a known box, is part of that box.
+void claim_known(Segments& segments, Segment& segment, const ExpectedOutline& known) {
+  if (segment.kind != SegmentKind::kStructure || segment.structure == StructureReason::kExtent) return;
+  if (known.p_box < 0.5) return;
+  double sum_m = 0.0;
+  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
+    sum_m += std::abs(offset_m(known.box, segments.points[i].p_level_m));
+  }
+  if (sum_m > kMaxClaimOffset_m * static_cast<double>(segment.count)) return;
+  segment.kind = SegmentKind::kObject;
+  segment.structure = StructureReason::kNone;
+}
+
 }  // namespace
 
-Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params) {
+Segments divide(Segments segments, const std::vector<ExpectedOutline>& known_level, const SegmentationParams& params) {
   if (known_level.empty()) return segments;
   thread_local Workspace work;
   work.overlaps = overlaps_of(segments, known_level, std::move(work.overlaps));
+  for (const Overlap& overlap : work.overlaps) {
+    claim_known(segments, segments.segments[overlap.segment], known_level[overlap.ellipse]);
+  }
   work.wholes = segments.segments;  // a swap would hand a short memory to the next caller on this thread
   segments.segments.clear();
   auto overlap = work.overlaps.cbegin();
@@ -118,7 +136,8 @@ Segments divide(Segments segments, const std::vector<Ellipse>& known_level, cons
     const Segment& whole = work.wholes[s];
     work.expected.clear();
     for (; overlap != work.overlaps.cend() && overlap->segment == s; ++overlap) {
-      work.expected.push_back(outline_of(known_level[overlap->ellipse]));
+      const ExpectedOutline& known = known_level[overlap->ellipse];
+      if (known.p_box < kMaxPBoxToDivide) work.expected.push_back(outline_of(known.ellipse));
     }
     work.runs.clear();
     if (!work.expected.empty()) find_runs(segments, whole, params.max_division_offset_m, work);

@@ -11,6 +11,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -32,10 +33,16 @@ struct Run {
   std::size_t count() const { return last - first + 1; }
 };
 
-/// Memory reused from scan to scan.
+/// Memory reused from scan to scan, with room from the start: the first scan with more runs would else allocate at any
+/// time.
 struct Workspace {
   std::vector<Run> open;
   std::vector<Run> runs;
+
+  Workspace() {
+    open.reserve(kUsualRoom);
+    runs.reserve(kUsualRoom);
+  }
 };
 
 /// Break points where they lie farther than `max_offset_m` from the chord of their ends (Douglas and Peucker, 1973),

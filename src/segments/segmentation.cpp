@@ -7,11 +7,20 @@
 #include <optional>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/segments/lines.hpp"
 #include "situation_awareness/segments/structure.hpp"
 
 namespace situation_awareness {
 namespace {
+
+/// Beams without a return inside segments, per hit. From this on a beam without one beside a segment is no proof of
+/// free space either. On recordings an RPLidar A2 has 0.13 to 0.21 in nine scans of ten, Hokuyo's and SICK's scanners
+/// at most 0.017.
+constexpr double kManyLost = 0.05;
+/// Slope of what may still continue a surface, from its end: few hits do not tell its direction.
+constexpr double kMaxBend = 0.05;
 
 /// True if two hits with `missing` beams without a hit between them are on the same object.
 bool same_object(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
@@ -109,6 +118,32 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
   return reach_rad;
 }
 
+/// Ends beside beams without a return, of a scan in which surfaces lose returns. The silhouette may lie anywhere before
+/// the next return, if that is from behind; if it continues the surface or is nearer, it says nothing.
+void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
+  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+    Segment& segment = segments.segments[i];
+    const Line line = fit_line(&segments.points[segment.first], segment.count);
+    const auto distrust = [&](std::size_t end, int step, SegmentEnd& kind, double& hidden_rad) {
+      if (kind != SegmentEnd::kFree) return;
+      const Point& from = segments.points[end];
+      kind = SegmentEnd::kNoReturn;
+      hidden_rad = std::min(2.0 * params.max_object_extent_m / from.range_m, kPi);
+      const auto next = static_cast<std::ptrdiff_t>(end) + step;
+      if (next < 0 || next >= static_cast<std::ptrdiff_t>(segments.points.size())) return;
+      const Point& beside = segments.points[static_cast<std::size_t>(next)];
+      const double gap_rad = std::abs(beside.azimuth_rad - from.azimuth_rad);
+      const bool behind = beside.range_m > from.range_m + params.occlusion_margin_m;
+      const double beyond_m = (beside.p_level_m - from.p_level_m).norm();
+      const bool continues =
+          std::abs(offset_m(line, beside.p_level_m)) < params.max_structure_offset_m + kMaxBend * beyond_m;
+      if (behind && !continues) hidden_rad = std::min(hidden_rad, gap_rad);
+    };
+    distrust(segment.first, -1, segment.right_end, segment.right_hidden_rad);
+    distrust(segment.first + segment.count - 1, +1, segment.left_end, segment.left_hidden_rad);
+  }
+}
+
 }  // namespace
 
 void SegmentationParams::validate() const { check_bounds(*this, "segments"); }
@@ -127,6 +162,9 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   result.time_increment_s = points.time_increment_s;
   result.free_space = free_space(points, std::move(result.free_space));
   result.points.reserve(points.points.size());
+  result.segments.reserve(kUsualRoom);
+  result.refused_runs.reserve(kUsualRoom);
+  result.straight_pieces.reserve(kUsualRoom);
   if (points.points.empty()) return result;
 
   const auto beams = static_cast<double>(points.points.size());
@@ -165,6 +203,7 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   };
 
   int missing = 0;
+  int lost = 0;  // beams without a return inside segments
   for (std::size_t k = 0; k < reading.size(); ++k) {
     const Point point = reading.at(k);
     if (!is_hit(point.state)) {
@@ -173,13 +212,18 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
     }
     const bool open = result.points.size() > first;
     if (open && !same_object(result.points.back(), point, missing, params)) close_segment();
-    if (result.points.size() == first) first_read = k;
+    if (result.points.size() == first) {
+      first_read = k;
+    } else {
+      lost += missing;
+    }
     last_read = k;
     missing = 0;
     if (point.state == BeamState::kHit) ++inside;
     result.points.push_back(point);
   }
   close_segment();
+  if (lost > kManyLost * static_cast<double>(result.points.size())) distrust_free_ends(result, params);
 
   return classify_structure(std::move(result), params);
 }

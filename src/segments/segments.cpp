@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -32,15 +33,16 @@ const char* text_of(RunRefusal refusal) {
                                               : "segment refused: out of range or volume";
 }
 
-std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
+std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<ExpectedOutline>& ellipses_level,
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);
   result.clear();
+  result.reserve(kUsualRoom);
   if (segments.segments.empty()) return result;
   const auto first_rad = [&](const Segment& s) { return segments.points[s.first].azimuth_rad; };
   const auto last_rad = [&](const Segment& s) { return segments.points[s.first + s.count - 1].azimuth_rad; };
   for (std::size_t k = 0; k < ellipses_level.size(); ++k) {
-    const Ellipse& ellipse = ellipses_level[k];
+    const Ellipse& ellipse = ellipses_level[k].ellipse;
     const double distance_m = ellipse.center_m.norm();
     const double reach_m = std::max(ellipse.rx_m, ellipse.ry_m);
     if (distance_m <= reach_m) continue;

@@ -44,6 +44,15 @@ void mark(Segments& segments, Segment& segment, StructureReason reason) {
   if (reason != StructureReason::kNone) ++segments.refused[text_of(reason)];
 }
 
+/// True if all points from `first` to `end` lie on one line.
+bool is_straight(const Segments& segments, std::size_t first, std::size_t end, const SegmentationParams& params) {
+  const Point* const points = &segments.points[first];
+  const Line line = fit_line(points, end - first);
+  return std::all_of(points, points + (end - first), [&](const Point& point) {
+    return std::abs(offset_m(line, point.p_level_m)) <= params.max_structure_offset_m;
+  });
+}
+
 /// Mark pieces of a structure behind occluders: a piece with a hidden end on the line of a structure a few segments
 /// away on that side. `step` is the side; pieces are visited from there, so that a structure with several occluders is
 /// followed piece by piece.
@@ -55,7 +64,7 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
     const std::ptrdiff_t i = step < 0 ? visit : n - 1 - visit;
     Segment& piece = segments.segments[static_cast<std::size_t>(i)];
     const SegmentEnd end = step < 0 ? piece.right_end : piece.left_end;
-    if (piece.kind != SegmentKind::kObject || is_silhouette(end)) continue;
+    if (piece.kind != SegmentKind::kObject || (is_silhouette(end) && end != SegmentEnd::kNoReturn)) continue;
     for (std::ptrdiff_t reach = 1; reach <= kReach; ++reach) {
       const std::ptrdiff_t j = i + step * reach;
       if (j < 0 || j >= n) break;
@@ -73,6 +82,28 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
         break;
       }
     }
+  }
+}
+
+/// Mark pieces of a surface that lost returns: neighbours on one line, apart only by beams without a return, which
+/// together are larger than an object.
+void join_broken_structures(Segments& segments, const SegmentationParams& params) {
+  std::vector<Segment>& all = segments.segments;
+  for (std::size_t first = 0; first < all.size();) {
+    std::size_t last = first;
+    while (last + 1 < all.size() && all[last].left_end == SegmentEnd::kNoReturn &&
+           all[last + 1].right_end == SegmentEnd::kNoReturn &&
+           is_straight(segments, all[first].first, all[last + 1].first + all[last + 1].count, params)) {
+      ++last;
+    }
+    const Point* const points = &segments.points[all[first].first];
+    const std::size_t count = all[last].first + all[last].count - all[first].first;
+    if (last > first && extent_m(points, count, params.max_object_extent_m) > params.max_object_extent_m) {
+      for (std::size_t i = first; i <= last; ++i) {
+        if (all[i].kind == SegmentKind::kObject) mark(segments, all[i], StructureReason::kInLine);
+      }
+    }
+    first = std::max(last, first + 1);
   }
 }
 
@@ -105,7 +136,7 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   if (concavity_m(points, segment.count) > params.max_concavity_m) return StructureReason::kInnerCorner;
   const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
   const bool is_long = extent >= params.flat_extent_m;
-  if (!hidden && !is_long) return StructureReason::kNone;
+  if (!hidden && (!is_long || params.free_faces)) return StructureReason::kNone;
   const Line line = fit_line(points, segment.count);
   const double rms = rms_m(line, points, segment.count);
   if (hidden && rms < params.max_straight_rms_m) return StructureReason::kStraightHidden;
@@ -115,6 +146,7 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
 
 Segments classify_structure(Segments segments, const SegmentationParams& params) {
   for (Segment& segment : segments.segments) mark(segments, segment, structure_reason(segments, segment, params));
+  join_broken_structures(segments, params);
   extend_structures(segments, -1, params);
   extend_structures(segments, +1, params);
   return segments;

@@ -147,8 +147,8 @@ TEST(Refine, LeavesDetectionsOfNewObjectsUnchanged) {
   const Ellipse behind{{5.5, 0.1}, 0.4, 0.35, 0.16};
   const Ellipse beside{{4.0, -0.9}, 0.4, 0.35, 0.16};
   const Ellipse around_the_sensor{{0.0, 0.0}, 0.0, 4.0, 4.0};
-  for (const std::vector<Ellipse>& known :
-       {std::vector<Ellipse>{}, std::vector<Ellipse>{behind, beside, around_the_sensor}}) {
+  for (const std::vector<ExpectedOutline>& known :
+       {std::vector<ExpectedOutline>{}, std::vector<ExpectedOutline>{behind, beside, around_the_sensor}}) {
     const Detections same = refine(plain, segments, known, kParams);
     ASSERT_EQ(same.detections.size(), 1U);
     EXPECT_EQ(smooth_parameters(same.detections[0].ellipse_level),

@@ -136,6 +136,8 @@ TEST(ObjectPipelineParams, AllAreReadBackAsWritten) {
       **real += **real < parameter.bounds->high ? 1e-9 * (1.0 + **real) : -1e-9 * (1.0 + **real);
     } else if (auto* const* whole = std::get_if<int*>(&parameter.value)) {
       **whole += 1;
+    } else if (auto* const* flag = std::get_if<bool*>(&parameter.value)) {
+      **flag = !**flag;
     } else if (parameter.path() == "scan.volume") {
       std::get<YamlValue>(parameter.value).set("[[1, 0, 0, 2.5], [0, -1, 0, 3]]");
     } else if (parameter.path() == "detections.detector") {

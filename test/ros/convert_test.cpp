@@ -66,7 +66,7 @@ Segments some_segments() {
   piece.right_level_m = {1.5, 0.8};
   piece.left_level_m = {1.25, 1.1};
   piece.right_end = SegmentEnd::kContinues;
-  piece.left_end = SegmentEnd::kOccluded;
+  piece.left_end = SegmentEnd::kNoReturn;
   segments.straight_pieces.push_back(piece);
   return segments;
 }
@@ -429,7 +429,7 @@ TEST(ConvertSegments, RefusesInvalidStraightPieces) {
   refused([](LaserStraightPiece& piece) { piece.count = 3; });
   refused([](LaserStraightPiece& piece) { piece.count = 0; });
   refused([](LaserStraightPiece& piece) { piece.count = 4'294'967'295U; });
-  refused([](LaserStraightPiece& piece) { piece.right_end = 5; });
+  refused([](LaserStraightPiece& piece) { piece.right_end = LaserSegment::NO_RETURN + 1; });
   refused([](LaserStraightPiece& piece) { piece.normal_x = 0.0; });
   refused([](LaserStraightPiece& piece) { piece.covariance[3] = std::nan(""); });
   refused([](LaserStraightPiece& piece) { piece.left_x = std::numeric_limits<double>::infinity(); });
@@ -551,6 +551,20 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.free_space.azimuth_rad, detections.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, detections.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
+  EXPECT_EQ(back.detections[0].shape, Shape::kEllipse);
+  EXPECT_EQ(back.detections[0].log_box_ratio, kSurelyEllipse);
+  Detections of_box = detections;
+  of_box.detections[0].shape = Shape::kBox;
+  of_box.detections[0].box_level = {{3.0, -1.0}, 0.6, 0.25, 0.125};
+  of_box.detections[0].log_box_ratio = 1.75;
+  const Detections box_back = detections_from_msg(detections_to_msg(of_box, "world"));
+  const Detection& box = box_back.detections[0];
+  EXPECT_EQ(box.shape, Shape::kBox);
+  EXPECT_EQ(box.log_box_ratio, 1.75);
+  EXPECT_EQ(box.box_level.center_m, Eigen::Vector2d(3.0, -1.0));
+  EXPECT_EQ(box.box_level.psi_rad, 0.6);
+  EXPECT_EQ(box.box_level.half_length_m, 0.25);
+  EXPECT_EQ(box.box_level.half_width_m, 0.125);
   const Detections without = detections_from_msg(detections_to_msg(Detections{}, "world"));
   EXPECT_TRUE(without.free_space.azimuth_rad.empty());
 
@@ -571,6 +585,12 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
     msg.detections[0].p_ellipse = p;
     EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   }
+  msg = detections_to_msg(detections, "world");
+  msg.detections[0].shape = 2;
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  msg = detections_to_msg(of_box, "world");
+  msg.detections[0].box_length = std::numeric_limits<double>::infinity();
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   msg = detections_to_msg(detections, "world");
   msg.detections[0].time_offset = std::nan("");
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);

@@ -141,7 +141,7 @@ TEST(Divide, OneObjectMappedAsTwoStaysWhole) {
       LevelScene scene;
       scene.ellipses = {at(3.0, 0.0, 0.25, ry_m)};
       const double x_m = 3.0 - 0.4 * ry_m;
-      const std::vector<Ellipse> halves = {at(x_m, -0.12, 0.12, 0.5 * ry_m), at(x_m, 0.12, 0.12, 0.5 * ry_m)};
+      const std::vector<ExpectedOutline> halves = {at(x_m, -0.12, 0.12, 0.5 * ry_m), at(x_m, 0.12, 0.12, 0.5 * ry_m)};
       int wholes = 0;
       for (int i = 0; i < kScans; ++i) {
         const Segments whole = segments_of(scene, &random);
@@ -180,11 +180,9 @@ TEST(Divide, OutlinesElsewhereChangeNothing) {
   scene.ellipses = {kRight, kLeft};
   const Segments whole = segments_of(scene);
   // Beside, behind, in front, around the sensor.
-  const std::vector<Ellipse> elsewhere{{{3.0, 2.0}, 0.0, 0.3, 0.3},
-                                       {{5.0, 0.0}, 0.0, 0.3, 0.3},
-                                       {{1.5, 0.1}, 0.0, 0.2, 0.2},
-                                       {{-3.0, 0.0}, 0.0, 0.3, 0.3},
-                                       {{0.0, 0.1}, 0.0, 0.3, 0.3}};
+  const std::vector<ExpectedOutline> elsewhere{Ellipse{{3.0, 2.0}, 0.0, 0.3, 0.3}, Ellipse{{5.0, 0.0}, 0.0, 0.3, 0.3},
+                                               Ellipse{{1.5, 0.1}, 0.0, 0.2, 0.2}, Ellipse{{-3.0, 0.0}, 0.0, 0.3, 0.3},
+                                               Ellipse{{0.0, 0.1}, 0.0, 0.3, 0.3}};
   expect_same(divide(whole, elsewhere, params()), whole);
 }
 
@@ -261,7 +259,7 @@ TEST(Divide, HasNoSeam) {
     scene.ellipses = {T * kRight, T * kLeft};
     const Segments whole = segments_of(scene);
     ASSERT_EQ(whole.segments.size(), 1U) << turn;
-    const Segments divided = divide(whole, scene.ellipses, params());
+    const Segments divided = divide(whole, {scene.ellipses.begin(), scene.ellipses.end()}, params());
     ASSERT_EQ(divided.segments.size(), 2U) << turn;
     for (std::size_t i = 0; i < 2; ++i) {
       const Segment& piece = divided.segments[i];

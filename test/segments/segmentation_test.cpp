@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -269,6 +270,36 @@ TEST(Segmentation, EmptyAndSilentScansHaveNoSegments) {
   scene.angle_min_rad = -kPi;
   scene.angle_increment_rad = radians(1.0);
   EXPECT_TRUE(segment_scan(scene.scan()).segments.empty());
+}
+
+/// A wall of 2 m behind a thing of 0.3 m, of which the scanner loses every `lost`-th beam.
+Segments lossy(int lost, bool wall) {
+  LevelScene scene;
+  scene.walls = {{{2.0, -0.15}, {2.0, 0.15}}};
+  if (wall) scene.walls.push_back({{4.0, -4.0}, {4.0, 4.0}});
+  Scan scan = scene.scan();
+  for (std::size_t i = 0; i < scan.beams.size(); i += static_cast<std::size_t>(lost)) {
+    scan.beams[i] = {static_cast<float>(scene.max_range_m), BeamState::kFree};
+  }
+  return segment(project_horizontally(scan, Eigen::Isometry3d::Identity()), {});
+}
+
+const Segment& nearest(const Segments& segments) {
+  return *std::min_element(segments.segments.begin(), segments.segments.end(), [&](const Segment& a, const Segment& b) {
+    return segments.points[a.first].range_m < segments.points[b.first].range_m;
+  });
+}
+
+// Where surfaces lose returns, a beam without one beside a thing is no proof of free space.
+TEST(Segmentation, FreeEndsAreNoSilhouettesInScansThatLoseReturns) {
+  const Segments reliable = lossy(1000, false);
+  EXPECT_EQ(nearest(reliable).right_end, SegmentEnd::kFree);
+  EXPECT_EQ(nearest(reliable).right_hidden_rad, 0.0);
+  const Segments alone = lossy(7, false);
+  ASSERT_EQ(alone.segments.size(), 1U);
+  EXPECT_EQ(alone.segments[0].right_end, SegmentEnd::kNoReturn);
+  EXPECT_EQ(alone.segments[0].left_end, SegmentEnd::kNoReturn);
+  EXPECT_GT(alone.segments[0].left_hidden_rad, 0.5) << "no return tells where it ends";
 }
 
 }  // namespace

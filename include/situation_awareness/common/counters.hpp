@@ -25,7 +25,7 @@ class Counters {
   std::uint64_t& operator[](std::string_view reason) {
     auto entry = lower_bound(reason);
     if (entry == end_used() || entry->first != reason) {
-      if (used_ == entries_.size()) entries_.emplace_back().first.reserve(kReasonLength);
+      if (used_ == entries_.size()) make_room();
       // Reuses the first spare entry and its text's memory.
       const auto place = std::lower_bound(entries_.begin(), end_used(), reason, before);
       const auto spare = end_used();
@@ -49,8 +49,12 @@ class Counters {
   std::vector<Entry>::const_iterator begin() const { return entries_.begin(); }
   std::vector<Entry>::const_iterator end() const { return entries_.begin() + static_cast<std::ptrdiff_t>(used_); }
 
-  /// Removes all counts and keeps their memory.
-  void reset() { used_ = 0; }
+  /// Removes all counts and keeps their memory. The first reset makes room for some reasons, which may first occur at
+  /// any later time.
+  void reset() {
+    used_ = 0;
+    if (entries_.empty()) make_room();
+  }
 
   friend bool operator==(const Counters& a, const Counters& b) {
     return std::equal(a.begin(), a.end(), b.begin(), b.end());
@@ -59,8 +63,12 @@ class Counters {
 
  private:
   static constexpr std::size_t kReasonLength = 64;
+  static constexpr std::size_t kRoom = 16;  ///< made at once
 
   static bool before(const Entry& entry, std::string_view reason) { return entry.first < reason; }
+  void make_room() {
+    for (std::size_t i = 0; i < kRoom; ++i) entries_.emplace_back().first.reserve(kReasonLength);
+  }
   std::vector<Entry>::iterator end_used() { return entries_.begin() + static_cast<std::ptrdiff_t>(used_); }
   std::vector<Entry>::iterator lower_bound(std::string_view reason) {
     return std::lower_bound(entries_.begin(), end_used(), reason, before);

@@ -7,22 +7,30 @@
 
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/detections/small_segments.hpp"
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/geometry/shape.hpp"
 #include "situation_awareness/points/points.hpp"
 
 namespace situation_awareness {
 
-/// An ellipse estimated from one segment.
+/// log_box_ratio where only ellipses are expected.
+constexpr double kSurelyEllipse = -1000.0;
+
+/// An ellipse, or a box, estimated from one segment.
 struct Detection {
-  Ellipse ellipse_level;                   ///< in the level frame, rx >= ry > 0
+  Ellipse ellipse_level;                   ///< in the level frame, rx >= ry > 0; of a box that of equal moments
   Matrix5d covariance = Matrix5d::Zero();  ///< of the error of its smooth_parameters (t_x, t_y, m, p, q)
-  double residual_rms_m = 0.0;             ///< of the hits against the ellipse, along its normal
-  double p_ellipse = 1.0;                  ///< probability that the segment is one ellipse
-  double time_offset_s = 0.0;              ///< of the middle of its beams after the stamp
-  int beams = 0;                           ///< number of its hits
-  bool hidden_end = false;                 ///< one end of the segment is no silhouette: the object may extend beyond it
-  std::size_t segment = 0;                 ///< index in Segments::segments
+  Shape shape = Shape::kEllipse;
+  Box box_level;                          ///< if the shape is a box
+  double log_box_ratio = kSurelyEllipse;  ///< log-likelihood ratio of a box and an ellipse
+  double residual_rms_m = 0.0;            ///< of the hits against the ellipse, along its normal
+  double p_ellipse = 1.0;                 ///< probability that the segment is one ellipse
+  double time_offset_s = 0.0;             ///< of the middle of its beams after the stamp
+  int beams = 0;                          ///< number of its hits
+  bool hidden_end = false;                ///< one end of the segment is no silhouette: the object may extend beyond it
+  std::size_t segment = 0;                ///< index in Segments::segments
 };
 
 /// A detection less certain than this has no information, and would harm the numerical precision of a filter.

@@ -66,6 +66,11 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Ellipse& ellipse_level);
 
+/// Twice the negative log-likelihood of hits and silhouettes for an ellipse, up to a constant; outlying hits count up
+/// to a bound.
+double ellipse_cost(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                    const Ellipse& ellipse_level);
+
 /// Reason why a detection is untrustworthy or invalid; empty if it is valid.
 const char* detection_defect(const Detection& detection, const EllipseFitParams& params);
 

@@ -21,6 +21,12 @@ struct Box {
   double half_width_m = 0.0;   ///< along its y axis
 };
 
+/// Prior of half a side that was not seen, in m.
+namespace box_prior {
+constexpr double kMeanHalf_m = 0.2;
+constexpr double kHalfSigma_m = 0.15;
+}  // namespace box_prior
+
 /// The box `box_b` of frame b seen in frame a.
 Box operator*(const Pose2& T_a_b, const Box& box_b);
 

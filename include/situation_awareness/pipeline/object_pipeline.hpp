@@ -28,6 +28,7 @@ struct DetectionParams {
   std::string model;         ///< ONNX file instead of the detector's own, absolute or in model_folder; empty: its own
   std::string model_folder;  ///< folder of models with relative paths
   double min_p_ellipse = 0.9;
+  bool boxes = false;
   EllipseFitParams fit;
 
   template <class Self, class Visit>
@@ -36,6 +37,8 @@ struct DetectionParams {
     visit("model", self.model, "ONNX file instead of the detector's own, absolute or relative to model_folder");
     visit("min_p_ellipse", self.min_p_ellipse, Bounds{0.0, 1.0}, "",
           "minimum probability that a segment is one ellipse; a segment with less is rejected", kLive);
+    visit("boxes", self.boxes,
+          "detect what is not surely an ellipse as a box; min_p_ellipse is not used then (docs/math/boxes.md)");
     visit("fit", self.fit);
   }
 
@@ -132,7 +135,7 @@ class ObjectPipeline {
   CloudSlice slice_;
   Scan limited_;
   bool map_may_have_changed_ = true;  ///< since result_.objects
-  std::vector<Ellipse> known_level_;
+  std::vector<ExpectedOutline> known_level_;
   UnmappedSegments unmapped_;
   ObjectPipelineResult result_;
 };

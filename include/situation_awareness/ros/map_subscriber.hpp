@@ -8,7 +8,7 @@
 #include <ros/subscriber.h>
 
 #include "situation_awareness/MappedObjectArray.h"
-#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/expected_outline.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
@@ -23,7 +23,7 @@ class MapSubscriber {
 
   /// The expected outlines in a scan, in its level frame. A map of a later time is not used: time was reset. Counts
   /// scans that come before the map of the previous one.
-  std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
+  std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
   const Objects& latest() const { return map_; }
 

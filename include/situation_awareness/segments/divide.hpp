@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/expected_outline.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
@@ -17,6 +17,6 @@ namespace situation_awareness {
 /// changes, if it holds two known objects, or one and other hits that stick out of it, and only where it is not convex;
 /// pieces with fewer than params.min_points hits are dropped. Assigned pieces become objects unless they are flat; the
 /// rest keeps the kind of the whole. Hits beside all outlines are never assigned, so an empty list changes nothing.
-Segments divide(Segments segments, const std::vector<Ellipse>& known_level, const SegmentationParams& params);
+Segments divide(Segments segments, const std::vector<ExpectedOutline>& known_level, const SegmentationParams& params);
 
 }  // namespace situation_awareness

@@ -20,6 +20,7 @@ struct SegmentationParams {
   double max_straight_rms_m = 0.008;
   double flat_extent_m = 0.4;
   double min_bulge = 0.1;
+  bool free_faces = false;
   double occlusion_margin_m = 0.05;
   double max_division_offset_m = 0.06;
   double max_line_offset_m = 0.05;
@@ -54,6 +55,9 @@ struct SegmentationParams {
           "a segment is flat if its RMS distance from a line and its sagitta are both below this fraction of half its "
           "length; 0: none is",
           kLive);
+    visit(
+        "free_faces", self.free_faces,
+        "a flat segment with both edges visible is an object, the face of a box, not structure; with detections/boxes");
     visit("occlusion_margin_m", self.occlusion_margin_m, Bounds{0.0, 10.0}, "m",
           "an end of a segment is occluded if the return beside it is nearer by more than this");
     visit("max_division_offset_m", self.max_division_offset_m, Bounds{0.0, 10.0}, "m",

@@ -8,7 +8,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/common/counters.hpp"
-#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/expected_outline.hpp"
 #include "situation_awareness/geometry/line.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/points/points.hpp"
@@ -22,10 +22,13 @@ enum class SegmentEnd : std::uint8_t {
   kOccluded,    ///< a nearer hit beside it: the object may extend behind it
   kScanEdge,    ///< the end of the scan: the object may extend beyond it
   kContinues,   ///< of a straight piece only: the segment continues in another direction
+  kNoReturn,    ///< as kFree, of a scan in which surfaces lose returns, too: the object may extend beyond it
 };
 
 /// True where the end of the segment is the silhouette of the object.
-inline bool is_silhouette(SegmentEnd end) { return end == SegmentEnd::kFree || end == SegmentEnd::kBackground; }
+inline bool is_silhouette(SegmentEnd end) {
+  return end == SegmentEnd::kFree || end == SegmentEnd::kBackground || end == SegmentEnd::kNoReturn;
+}
 
 enum class SegmentKind : std::uint8_t {
   kObject,     ///< may be one object, of a size within the parameters
@@ -112,7 +115,7 @@ struct Overlap {
 
 /// All overlaps, sorted by segment and then ellipse; ellipses around the sensor overlap none. The cost is that of the
 /// overlaps, not of all pairs. `memory`: as for limit_range.
-std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<Ellipse>& ellipses_level,
+std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<ExpectedOutline>& ellipses_level,
                                  std::vector<Overlap> memory = {});
 
 }  // namespace situation_awareness

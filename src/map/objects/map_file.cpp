@@ -38,6 +38,8 @@ struct ObjectMapFormat {
       fields.add("leg_offset_x_m", "0");
       fields.add("leg_offset_y_m", "0");
       fields.add("leg_offset_variance_m2", "0");
+      fields.add("box_log_odds", std::to_string(kSurelyEllipse));
+      fields.add("box_psi", "0");
     }
     // Version 1 has `confirmed`; the time since the last detection then decides whether the element is lost.
     if (version == 1) {

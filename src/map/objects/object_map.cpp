@@ -7,8 +7,10 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/objects/shape_belief.hpp"
 
 namespace situation_awareness {
 
@@ -44,6 +46,12 @@ constexpr double kSurelyMoving = 0.95;
 /// m. An object that has moved this far without a stop is mobile. Below 1.2 m, the way of
 /// AMobileElementThatIsSeenThroughIsKeptAndAStandingOneIsNot.
 constexpr double kMobileAfter_m = 0.25;
+/// Probability that a new box moves: the views of its faces change, and look like motion.
+constexpr double kNewBoxMoves = 0.1;
+/// m. As kMobileAfter_m, of a box, and at least 3 standard deviations of its position.
+constexpr double kBoxMobileAfter_m = 0.3;
+/// Factor on the variances of the velocity where the shape is corrected.
+constexpr double kCorrectedVelocity = 4.0;
 
 }  // namespace
 
@@ -120,9 +128,10 @@ void ObjectMap::adapt_noise(double mahalanobis2) {
 
 ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate memory) {
   ObjectMapUpdate report = std::move(memory);
-  report.updated.clear();
-  report.created.clear();
-  report.deleted.clear();
+  for (std::vector<std::uint64_t>* const ids : {&report.updated, &report.created, &report.deleted}) {
+    ids->clear();
+    ids->reserve(kUsualRoom);
+  }
   report.reasons.reset();
   report.matches = 0;
   report.mahalanobis2 = 0.0;
@@ -150,6 +159,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
        stamp_ns(), work_.people.candidates(), work_.people.rows(), work_.people.columns()},
       params_, gate_);
   work_.newly_confirmed.clear();
+  work_.newly_confirmed.reserve(kUsualRoom);
   update_matched(detections, U, report);
   update_persons(detections, U, report);
   update_missed();
@@ -226,8 +236,8 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["leg of a person already seen"];
       continue;
     }
-    if (MapElement* const element = element_to_reinitialize(measurement, detections.T_world_level)) {
-      element->estimate = new_estimate(measurement, detections.T_world_level, U);
+    if (MapElement* const element = element_to_reinitialize(detection, measurement, detections.T_world_level)) {
+      correct(*element, detection, measurement, U, detections.T_world_level);
       observe(*element, detection, measurement, detections.T_world_level);
       confirm_if_due(static_cast<std::size_t>(element - elements_.data()), detection);
       report.updated.push_back(element->id);
@@ -243,6 +253,7 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
     MapElement element;
     element.id = next_id_++;
     element.estimate = new_estimate(measurement, detections.T_world_level, U);
+    if (detection.shape == Shape::kBox) element.estimate.p_moving = kNewBoxMoves;
     element.first_seen_ns = stamp_ns();
     observe(element, detection, measurement, detections.T_world_level);
     begin_existence(element, params_);
@@ -350,21 +361,46 @@ void ObjectMap::move_stamps_to(std::int64_t stamp_ns) {
 
 /// The element on which an unmatched detection with two visible ends lies: two objects cannot overlap, so the element
 /// was wrong (e.g. its first views were partial). Elements out of sight do not count.
-MapElement* ObjectMap::element_to_reinitialize(const Measurement& measurement, const Pose2& T_world_level) {
-  if (measurement.hidden_end) return nullptr;
+MapElement* ObjectMap::element_to_reinitialize(const Detection& detection, const Measurement& measurement,
+                                               const Pose2& T_world_level) {
+  if (measurement.hidden_end && detection.shape != Shape::kBox) return nullptr;
   const Eigen::Vector2d center_world_m = T_world_level * Eigen::Vector2d(measurement.z.head<2>());
+  const Ellipse detected_world = T_world_level * detection.ellipse_level;
+  const auto is_on = [&](const Ellipse& ellipse) {
+    return contains(ellipse, center_world_m) ||
+           (detection.shape == Shape::kBox && contains(detected_world, ellipse.center_m));
+  };
   MapElement* nearest = nullptr;
   double nearest_m = 0.0;
   for (MapElement& element : elements_) {
     if (is_person(element) || element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
-    if (!contains(ellipse, center_world_m)) continue;
+    if (!is_on(ellipse)) continue;
     const double distance_m = (ellipse.center_m - center_world_m).norm();
     if (nearest != nullptr && distance_m >= nearest_m) continue;
     nearest = &element;
     nearest_m = distance_m;
   }
   return nearest;
+}
+
+/// The estimate anew from a detection. Another face of a box says nothing against its velocity.
+void ObjectMap::correct(MapElement& element, const Detection& detection, const Measurement& measurement,
+                        const Eigen::Matrix3d& U, const Pose2& T_world_level) const {
+  const MotionEstimate anew = new_estimate(measurement, T_world_level, U);
+  if (detection.shape != Shape::kBox) {
+    element.estimate = anew;
+    return;
+  }
+  const auto keep_velocity = [](ObjectEstimate& estimate, const ObjectEstimate& other) {
+    const Eigen::Vector3d velocity = estimate.x.segment<3>(kVelocity);
+    const Eigen::Matrix3d P = kCorrectedVelocity * estimate.P.block<3, 3>(kVelocity, kVelocity);
+    estimate = other;
+    estimate.x.segment<3>(kVelocity) = velocity;
+    estimate.P.block<3, 3>(kVelocity, kVelocity) = P;
+  };
+  keep_velocity(element.estimate.standing, anew.standing);
+  keep_velocity(element.estimate.moving, anew.moving);
 }
 
 MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pose2& T_world_level,
@@ -379,9 +415,10 @@ MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pos
 void ObjectMap::observe(MapElement& element, const Detection& detection, const Measurement& measurement,
                         const Pose2& T_world_level) const {
   // A better view counts at once, a worse one gradually.
-  const Matrix8d P_view = state_covariance(measurement.R, T_world_level);
+  const Matrix8d P_view = state_covariance(view_covariance(detection, measurement.R), T_world_level);
   const bool better = element.observations == 0 || P_view.trace() < element.P_view.trace();
   element.P_view += (better ? 1.0 : kViewForgetting) * (P_view - element.P_view);
+  shape_update(element, detection, T_world_level);
   element.last_seen_ns = stamp_ns();
   element.beams = detection.beams;
   ++element.observations;
@@ -390,11 +427,13 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   element.moves = element.estimate.p_moving > kSurelyMoving;
   if (element.moves && !moved) element.set_off_world_m = position(element.estimate.moving);
   const double way_m = (position(element.estimate.moving) - element.set_off_world_m).norm();
-  element.mobile |= element.moves && way_m > kMobileAfter_m;
+  const double far_m =
+      is_box(element) ? std::max(kBoxMobileAfter_m, 3.0 * position_sigma_m(element.estimate.moving)) : kMobileAfter_m;
+  element.mobile |= element.moves && way_m > far_m;
 }
 
 void ObjectMap::confirm_if_due(std::size_t element, const Detection& detection) {
-  if (detection_update(elements_[element], detection.hidden_end, params_)) work_.newly_confirmed.push_back(element);
+  if (detection_update(elements_[element], detection, params_)) work_.newly_confirmed.push_back(element);
 }
 
 EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
@@ -447,10 +486,13 @@ Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
       P_correlated.bottomRows<2>().setZero();
       P_correlated.rightCols<2>().setZero();
     }
-    fill_object(combine(estimate), P_correlated, object);
+    // The views of a box's faces change: that it moves is certain only when it has travelled.
+    const bool as_standing = is_box(element) && !element.mobile;
+    fill_object(as_standing ? estimate.standing : combine(estimate), P_correlated, object);
+    fill_shape(element, object);
     object.object_class = element.object_class;
     object.p_class = element.p_class;
-    object.p_moving = estimate.p_moving;
+    object.p_moving = as_standing ? 0.0 : estimate.p_moving;
     object.p_exists = probability(element.log_odds);
     object.first_seen_ns = element.first_seen_ns;
     object.last_seen_ns = element.last_seen_ns;

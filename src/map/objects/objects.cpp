@@ -27,9 +27,9 @@ std::vector<Eigen::Vector2d> outline_world(const Object& object) {
   return {of_box.begin(), of_box.end()};
 }
 
-std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
-                                 double max_age_s, std::vector<Ellipse> memory) {
-  std::vector<Ellipse> outlines_level = std::move(memory);
+std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
+                                         double max_age_s, std::vector<ExpectedOutline> memory) {
+  std::vector<ExpectedOutline> outlines_level = std::move(memory);
   outlines_level.clear();
   if (map.objects.empty()) return outlines_level;
   const double age_s = seconds_between(map.stamp_ns, stamp_ns);
@@ -41,7 +41,13 @@ std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_lev
     Ellipse ellipse_world = object.ellipse_world;
     ellipse_world.center_m += age_s * object.velocity_world_m_s;
     ellipse_world.psi_rad += age_s * object.angular_velocity_rad_s;
-    outlines_level.push_back(T_level_world * ellipse_world);
+    ExpectedOutline expected = T_level_world * ellipse_world;
+    Box box_world = object.box_world;
+    box_world.center_m = ellipse_world.center_m;
+    box_world.psi_rad += age_s * object.angular_velocity_rad_s;
+    expected.box = T_level_world * box_world;
+    expected.p_box = object.shape == Shape::kBox ? object.p_shape : 1.0 - object.p_shape;
+    outlines_level.push_back(expected);
   }
   return outlines_level;
 }

@@ -10,6 +10,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/objects/association.hpp"
 #include "situation_awareness/map/objects/re_identification.hpp"
+#include "situation_awareness/map/objects/shape_belief.hpp"
 
 namespace situation_awareness {
 
@@ -114,6 +115,7 @@ Measurement middle_at(const Eigen::Vector2d& center_level_m, const Eigen::Matrix
 /// True for an element that may be one leg.
 bool is_foot(const MapElement& element, std::int64_t stamp_ns) {
   if (element.state == TrackState::kDeleted || is_person(element) || element.last_seen_ns != stamp_ns) return false;
+  if (is_box(element)) return false;
   if (element.state == TrackState::kTentative && element.observations < 2) return false;
   const Vector8d& x = likelier(element.estimate).x;
   return x(kShape) + x.segment<2>(kShape + 1).norm() <= kMaxLeg_m;
@@ -505,6 +507,7 @@ void People::become_person(MapElement& foot, const Eigen::Vector2d& offset_m, do
   }
   if (!is_person(*person)) person->p_class = class_probability(pair_log_odds);
   person->object_class = ObjectClass::kPerson;
+  person->box_log_odds = kSurelyEllipse;
   person->estimate = start(mapped, motion_of_person(motion));
   person->state = TrackState::kConfirmed;
   person->is_part = false;

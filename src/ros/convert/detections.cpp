@@ -33,6 +33,13 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     element.ry = detection.ellipse_level.ry_m;
     Eigen::Map<RowMajor5d>(element.covariance.data()) = detection.covariance;
     element.p_ellipse = detection.p_ellipse;
+    element.log_box_ratio = detection.log_box_ratio;
+    if (detection.shape == Shape::kBox) {
+      element.shape = EllipseDetection::BOX;
+      element.box_psi = detection.box_level.psi_rad;
+      element.box_length = 2.0 * detection.box_level.half_length_m;
+      element.box_width = 2.0 * detection.box_level.half_width_m;
+    }
     element.residual = detection.residual_rms_m;
     element.time_offset = detection.time_offset_s;
     element.beams = static_cast<std::uint32_t>(detection.beams);
@@ -62,6 +69,14 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.ellipse_level = {{element.x, element.y}, element.psi, element.rx, element.ry};
     detection.covariance = Eigen::Map<const RowMajor5d>(element.covariance.data());
     detection.p_ellipse = element.p_ellipse;
+    detection.log_box_ratio = element.log_box_ratio;
+    if (element.shape == EllipseDetection::BOX) {
+      detection.shape = Shape::kBox;
+      detection.box_level = {detection.ellipse_level.center_m, element.box_psi, 0.5 * element.box_length,
+                             0.5 * element.box_width};
+    } else if (element.shape != EllipseDetection::ELLIPSE) {
+      throw std::invalid_argument("a detection is invalid: its shape is unknown");
+    }
     detection.residual_rms_m = element.residual;
     detection.time_offset_s = element.time_offset;
     detection.beams = static_cast<int>(element.beams);

@@ -15,6 +15,7 @@ namespace {
 static_assert(static_cast<int>(SegmentKind::kObject) == LaserSegment::OBJECT);
 static_assert(static_cast<int>(SegmentKind::kStructure) == LaserSegment::STRUCTURE);
 static_assert(static_cast<int>(SegmentEnd::kFree) == LaserSegment::FREE);
+static_assert(static_cast<int>(SegmentEnd::kNoReturn) == LaserSegment::NO_RETURN);
 static_assert(static_cast<int>(SegmentEnd::kBackground) == LaserSegment::BACKGROUND);
 static_assert(static_cast<int>(SegmentEnd::kOccluded) == LaserSegment::OCCLUDED);
 static_assert(static_cast<int>(SegmentEnd::kScanEdge) == LaserSegment::SCAN_EDGE);
@@ -39,7 +40,7 @@ StraightPiece straight_piece_from_msg(const LaserStraightPiece& msg, const Segme
   check(msg.count > 0 && msg.first >= segment.first &&
             std::size_t{msg.first} + msg.count <= std::size_t{segment.first} + segment.count,
         "a straight piece has points that are not of its segment");
-  check(msg.right_end <= LaserSegment::CONTINUES && msg.left_end <= LaserSegment::CONTINUES,
+  check(msg.right_end <= LaserSegment::NO_RETURN && msg.left_end <= LaserSegment::NO_RETURN,
         "an end of a straight piece is of an unknown kind");
   StraightPiece piece;
   piece.segment = msg.segment;

@@ -63,7 +63,7 @@ class DetectionStage {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
     follow_unmapped();
-    const std::vector<Ellipse> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
+    const std::vector<ExpectedOutline> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
     const Detections detections = refine(detector_->detect(segments), segments, known_level, fit_);
     context_.publish(publisher_, detections_to_msg(detections, msg.header.frame_id));
     if (labels_publisher_.getNumSubscribers() > 0) {

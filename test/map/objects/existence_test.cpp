@@ -18,6 +18,12 @@ namespace {
 using namespace object_state;
 
 constexpr double kLn4 = 1.3862943611198906;
+const Detection kWhole;
+const Detection kPiece = [] {
+  Detection detection;
+  detection.hidden_end = true;
+  return detection;
+}();
 
 /// A standing element of 0.3 m and 0.2 m, with a position sigma of `sigma_m` in each direction.
 MapElement element_at(const Eigen::Vector2d& center_m, double sigma_m) {
@@ -53,10 +59,10 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
   age(element, nanoseconds(0.9));
   EXPECT_EQ(element.state, TrackState::kTentative) << "only what is confirmed can be lost";
 
-  EXPECT_FALSE(detection_update(element, false, params));
-  EXPECT_TRUE(detection_update(element, false, params));  // 4 * 4 / 4: odds of 4
+  EXPECT_FALSE(detection_update(element, kWhole, params));
+  EXPECT_TRUE(detection_update(element, kWhole, params));  // 4 * 4 / 4: odds of 4
   EXPECT_EQ(element.state, TrackState::kConfirmed);
-  EXPECT_FALSE(detection_update(element, false, params)) << "it was before";
+  EXPECT_FALSE(detection_update(element, kWhole, params)) << "it was before";
   EXPECT_NEAR(element.log_odds, std::log(0.25) + 3.0 * kLn4, 1e-12);
 
   element.last_seen_ns = nanoseconds(10.0);
@@ -64,8 +70,23 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
   EXPECT_EQ(element.state, TrackState::kConfirmed);
   age(element, nanoseconds(10.5) + 1);
   EXPECT_EQ(element.state, TrackState::kLost);
-  EXPECT_FALSE(detection_update(element, false, params));
+  EXPECT_FALSE(detection_update(element, kWhole, params));
   EXPECT_EQ(element.state, TrackState::kConfirmed);
+}
+
+// A robot must not drive for three scans towards what 30 beams show.
+TEST(Existence, ABoxOfManyHitsIsConfirmedByTheSecondScan) {
+  const ObjectMapParams params;
+  Detection box;
+  box.shape = Shape::kBox;
+  box.beams = 8;
+  MapElement element = element_at({3.0, 0.0}, 0.01);
+  begin_existence(element, params);
+  EXPECT_TRUE(detection_update(element, box, params));
+  box.beams = 7;
+  MapElement other = element_at({3.0, 0.0}, 0.01);
+  begin_existence(other, params);
+  EXPECT_FALSE(detection_update(other, box, params));
 }
 
 TEST(Existence, AHighBirthProbabilityConfirmsAtOnce) {
@@ -80,9 +101,9 @@ TEST(Existence, ADetectionWithAHiddenEndCountsLessAndLogOddsAreBounded) {
   ObjectMapParams params;
   params.hidden_observation_weight = 0.25;
   MapElement element = element_at({3.0, 0.0}, 0.01);
-  detection_update(element, true, params);
+  detection_update(element, kPiece, params);
   EXPECT_NEAR(element.log_odds, 0.25 * kLn4, 1e-12);
-  for (int i = 0; i < 100; ++i) detection_update(element, false, params);
+  for (int i = 0; i < 100; ++i) detection_update(element, kWhole, params);
   EXPECT_NEAR(probability(element.log_odds), 0.999, 1e-4);
 }
 

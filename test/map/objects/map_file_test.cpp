@@ -64,7 +64,7 @@ std::string with(std::string yaml, const std::string& name, const std::string& v
   return yaml.replace(from, yaml.find('\n', from) - from, " " + value);
 }
 
-/// The snapshot without what versions before 3 do not have.
+/// The snapshot without the legs of persons, which versions before 3 do not have.
 MapSnapshot without_legs(MapSnapshot snapshot) {
   for (MapElement& element : snapshot.elements) {
     element.other_leg = 0;
@@ -73,14 +73,24 @@ MapSnapshot without_legs(MapSnapshot snapshot) {
   return snapshot;
 }
 
+constexpr std::array kOfVersionThree = {"class",
+                                        "p_class",
+                                        "other_leg",
+                                        "other_leg_log_odds",
+                                        "leg_offset_x_m",
+                                        "leg_offset_y_m",
+                                        "leg_offset_variance_m2",
+                                        "box_log_odds",
+                                        "box_psi"};
+
 /// The file as versions before 3 have it.
-std::string without_class(const std::string& yaml) {
+std::string before_version_three(const std::string& yaml) {
   std::istringstream lines(yaml);
   std::string old, line;
   while (std::getline(lines, line)) {
-    const std::string name = line.substr(0, line.find(':'));
-    const bool is_new = name == "    class" || name == "    p_class" || name.rfind("    other_leg", 0) == 0 ||
-                        name.rfind("    leg_offset", 0) == 0;
+    const bool is_new = std::any_of(kOfVersionThree.begin(), kOfVersionThree.end(), [&](const char* key) {
+      return line.rfind("    " + std::string(key) + ":", 0) == 0;
+    });
     if (!is_new) old += line + '\n';
   }
   return old;
@@ -109,6 +119,8 @@ void expect_same(const Objects& a, const Objects& b) {
     EXPECT_EQ(p.beams, q.beams);
     EXPECT_EQ(p.object_class, q.object_class);
     EXPECT_EQ(p.p_class, q.p_class);
+    EXPECT_EQ(p.shape, q.shape);
+    EXPECT_EQ(p.p_shape, q.p_shape);
   }
 }
 
@@ -171,7 +183,7 @@ TEST(MapFile, ReadsVersionOne) {
   snapshot.elements.resize(3);
   for (MapElement& element : snapshot.elements) element.body = 0;
   const std::string yaml = map_to_yaml(without_legs(snapshot));
-  std::string old = with(without_class(yaml), "version", "1");
+  std::string old = with(before_version_three(yaml), "version", "1");
   for (const char* state : {"tentative", "confirmed", "lost"}) {
     const std::string line = std::string("    state: ") + state + "\n";
     const std::size_t at = old.find(line);
@@ -181,19 +193,19 @@ TEST(MapFile, ReadsVersionOne) {
   EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml);
   // Each version knows only its own field.
   EXPECT_TRUE(names(refusal(edited(with(old, "confirmed", "yes"))), {"confirmed"}));
-  EXPECT_TRUE(names(refusal(edited(with(without_class(yaml), "version", "1"))), {"confirmed"}));
+  EXPECT_TRUE(names(refusal(edited(with(before_version_three(yaml), "version", "1"))), {"confirmed"}));
   EXPECT_TRUE(names(refusal(edited(with(old, "version", "2"))), {"state"}));
 }
 
 TEST(MapFile, ReadsVersionTwo) {
   const std::string yaml = map_to_yaml(without_legs(snapshot_of(lively_map(60))));
-  const std::string old = with(without_class(yaml), "version", "2");
+  const std::string old = with(before_version_three(yaml), "version", "2");
   EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml) << "of unknown class";
   EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "2"))), {"class"}));
   EXPECT_TRUE(names(refusal(edited(with(old, "version", "3"))), {"class"}));
 }
 
-TEST(MapFile, KeepsTheClass) {
+TEST(MapFile, KeepsClassAndShape) {
   ObjectMap map = lively_map(60);
   MapSnapshot snapshot = snapshot_of(map);
   const std::uint64_t id = map.at(map.stamp_ns()).objects.at(0).id;
@@ -201,11 +213,15 @@ TEST(MapFile, KeepsTheClass) {
     if (element.id != id) continue;
     element.object_class = ObjectClass::kPerson;
     element.p_class = 0.8;
+    element.box_log_odds = 2.0;
+    element.box_psi_rad = 0.3;
   }
   map.restore(map_from_yaml(map_to_yaml(snapshot), "a.yaml"));
   const Objects objects = map.at(map.stamp_ns());
   EXPECT_EQ(objects.objects.at(0).object_class, ObjectClass::kPerson);
   EXPECT_EQ(objects.objects.at(0).p_class, 0.8);
+  EXPECT_EQ(objects.objects.at(0).shape, Shape::kBox);
+  EXPECT_NEAR(objects.objects.at(0).p_shape, 1.0 / (1.0 + std::exp(-2.0)), 1e-12);
   EXPECT_EQ(objects.objects.at(1).object_class, ObjectClass::kUnknown);
 }
 

@@ -45,7 +45,7 @@ void begin_existence(MapElement& element, const ObjectMapParams& params);
 
 /// Update by a detection: raises the probability of existence, confirms the element from `confirmation_probability` on,
 /// and ends the state lost. True if this detection confirmed it.
-bool detection_update(MapElement& element, bool hidden_end, const ObjectMapParams& params);
+bool detection_update(MapElement& element, const Detection& detection, const ObjectMapParams& params);
 
 /// Missed-detection update: lowers the probability of existence only where beams show that the element is not there;
 /// hidden elements are unchanged. `another_there`: another element was detected at its place. An element that can move

@@ -10,6 +10,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
@@ -19,6 +20,7 @@ namespace situation_awareness {
 namespace map_bounds {
 constexpr Bounds kProbability{0.0, 1.0};
 constexpr Bounds kLogOdds{-1e9, 7.0};
+constexpr Bounds kBoxLogOdds{kSurelyEllipse, -kSurelyEllipse};
 constexpr Bounds kNoise{1.0, 100.0};
 constexpr Bounds kState{-1e6, 1e6};    ///< m, m/s, rad/s
 constexpr Bounds kVariance{0.0, 1e9};  ///< their squares
@@ -73,6 +75,8 @@ struct MapElement {
   double other_leg_log_odds = 0.0;  ///< that it is
   Eigen::Vector2d leg_offset_world_m = Eigen::Vector2d::Zero();  ///< of a person: of its first leg from the middle
   double leg_offset_variance_m2 = 0.0;                           ///< of that, per axis
+  double box_log_odds = kSurelyEllipse;                          ///< that it is a box rather than an ellipse
+  double box_psi_rad = 0.0;                                      ///< in the world, of the latest detection as a box
 
   /// Every field with its name in a map file (map/map_fields.hpp).
   template <class Self, class Visit>
@@ -102,6 +106,8 @@ struct MapElement {
     visit("leg_offset_x_m", self.leg_offset_world_m.x(), kState);
     visit("leg_offset_y_m", self.leg_offset_world_m.y(), kState);
     visit("leg_offset_variance_m2", self.leg_offset_variance_m2, kVariance);
+    visit("box_log_odds", self.box_log_odds, kBoxLogOdds);
+    visit("box_psi", self.box_psi_rad, kState);
     visit("standing", self.estimate.standing.x, kState);
     visit("standing_covariance", self.estimate.standing.P, kVariance);
     visit("moving", self.estimate.moving.x, kState);

@@ -107,7 +107,10 @@ class ObjectMap {
   void update_persons(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
   void update_missed();
   void map_unmatched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
-  MapElement* element_to_reinitialize(const Measurement& measurement, const Pose2& T_world_level);
+  MapElement* element_to_reinitialize(const Detection& detection, const Measurement& measurement,
+                                      const Pose2& T_world_level);
+  void correct(MapElement& element, const Detection& detection, const Measurement& measurement,
+               const Eigen::Matrix3d& U, const Pose2& T_world_level) const;
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
                               const Eigen::Matrix3d& U) const;
   void observe(MapElement& element, const Detection& detection, const Measurement& measurement,

@@ -7,7 +7,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/geometry/box.hpp"
-#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/geometry/expected_outline.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/geometry/shape.hpp"
 
@@ -77,7 +77,7 @@ constexpr double kMaxMapAge_s = 0.5;
 /// The outlines of the map's elements in the level frame, predicted to a later time by their velocities; none where the
 /// map is older than `max_age_s` or of a later time. `memory` is a result no longer needed, whose memory this one
 /// reuses.
-std::vector<Ellipse> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
-                                 double max_age_s = kMaxMapAge_s, std::vector<Ellipse> memory = {});
+std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level, const Objects& map,
+                                         double max_age_s = kMaxMapAge_s, std::vector<ExpectedOutline> memory = {});
 
 }  // namespace situation_awareness

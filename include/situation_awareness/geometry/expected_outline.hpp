@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include "situation_awareness/geometry/box.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
+
+namespace situation_awareness {
+
+/// Outline of a known object where it is expected: an ellipse or a box.
+struct ExpectedOutline {
+  ExpectedOutline() = default;
+  ExpectedOutline(const Ellipse& known) : ellipse(known) {}  // NOLINT(google-explicit-constructor): surely an ellipse
+
+  Ellipse ellipse;     ///< that stands for it: for a box that of equal moments
+  Box box;             ///< if p_box > 0
+  double p_box = 0.0;  ///< probability that it is a box
+};
+
+}  // namespace situation_awareness

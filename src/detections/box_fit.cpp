@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/detections/box_fit.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/detections/outline_errors.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+// x        (t_x, t_y, psi, a, b): centre, orientation, half lengths along e1 and e2      5
+// e1, e2   axes of the box
+// A, b     J^T J and J^T r of the whitened residuals
+
+constexpr double kMinHalf_m = 0.02;
+/// For a known box: so wide that what was not seen does not count.
+constexpr double kKnownSigma_m = 3.0;
+constexpr double kKnownSigma_rad = 1.0;
+/// m. Hits that spread less along an axis of the box do not show that side.
+constexpr double kMinSpread_m = 0.1;
+constexpr double kCoarseStep_rad = kPi / 36.0;
+constexpr int kRefitSteps = 4;
+/// Of the prediction, to find which side is seen.
+constexpr double kTurnSigma_rad = 0.5;
+constexpr double kSideSigma_m = 0.03;
+/// A known box that turned by more is linearised where it was found.
+constexpr double kMaxTurn_rad = 0.35;
+/// m^2. The orientation of a square has no effect on (p, q).
+constexpr double kLeastVariance_m2 = 1e-6;
+
+struct Prior {
+  Vector5d mean;
+  Vector5d sigma;
+};
+
+class BoxProblem {
+ public:
+  BoxProblem(const Segments& segments, const Segment& segment, const EllipseFitParams& params)
+      : points_(&segments.points[segment.first]),
+        count_(segment.count),
+        resolution_rad_(segments.resolution_rad),
+        segment_(segment),
+        params_(params) {}
+
+  /// Cost at `x`, and A and b. Robust: outlying hits have less weight.
+  double evaluate(const Vector5d& x, const Prior* prior, Matrix5d* A, Vector5d* b) const {
+    if (A != nullptr) {
+      A->setZero();
+      b->setZero();
+    }
+    double cost = 0.0;
+    const auto add = [&](double residual, const Vector5d& jacobian) {
+      cost += huber(residual);
+      if (A == nullptr) return;
+      const double weight = huber_weight(residual);
+      A->noalias() += weight * jacobian * jacobian.transpose();
+      b->noalias() += weight * residual * jacobian;
+    };
+
+    const Faces faces = faces_of(x);
+    for (std::size_t i = 0; i < count_; ++i) {
+      Vector5d jacobian;
+      Eigen::Vector2d normal;
+      const double d = faces.offset_m(points_[i].p_level_m, &jacobian, &normal);
+      const double sigma = hit_sigma(points_[i], normal);
+      add(d / sigma, jacobian / sigma);
+    }
+
+    const auto add_end = [&](const Point& end, double side, SegmentEnd kind, double hidden_rad) {
+      const bool silhouette = is_silhouette(kind);
+      const double azimuth_rad = end.azimuth_rad + (silhouette ? side * 0.5 * resolution_rad_ : 0.0);
+      const Eigen::Vector2d n(-std::sin(azimuth_rad), std::cos(azimuth_rad));
+      const double n1 = n.dot(faces.e1);
+      const double n2 = n.dot(faces.e2);
+      const double half_width = x(3) * std::abs(n1) + x(4) * std::abs(n2);
+      const double off_m = n.dot(x.head<2>()) + side * half_width;
+      if (!silhouette && side * off_m >= 0.0) return;  // it may extend behind what hides it
+      const double sigma = end_sigma_m(end, kind, hidden_rad, side * off_m > 0.0, resolution_rad_);
+      Vector5d jacobian;
+      jacobian.head<2>() = n;
+      jacobian(2) = side * (x(3) * std::copysign(n2, n1 * n2) - x(4) * std::copysign(n1, n1 * n2));
+      jacobian(3) = side * std::abs(n1);
+      jacobian(4) = side * std::abs(n2);
+      add(off_m / sigma, jacobian / sigma);
+    };
+    add_end(points_[0], -1.0, segment_.right_end, segment_.right_hidden_rad);
+    add_end(points_[count_ - 1], +1.0, segment_.left_end, segment_.left_hidden_rad);
+
+    if (prior != nullptr) {
+      for (int k = 0; k < 5; ++k) {
+        const double residual = (x(k) - prior->mean(k)) / prior->sigma(k);
+        cost += residual * residual;
+        if (A == nullptr) continue;
+        (*A)(k, k) += 1.0 / (prior->sigma(k) * prior->sigma(k));
+        (*b)(k) += residual / prior->sigma(k);
+      }
+    }
+    return cost;
+  }
+
+  /// The rectangle whose two faces towards the sensor are nearest to the hits, over all orientations (after Zhang et
+  /// al., 2017), its unseen half lengths those of the prior.
+  Vector5d start() const {
+    Eigen::Vector2d mean = Eigen::Vector2d::Zero();
+    for (std::size_t i = 0; i < count_; ++i) mean += points_[i].p_level_m;
+    mean /= static_cast<double>(count_);
+    Vector5d best = Vector5d::Zero();
+    double least = std::numeric_limits<double>::infinity();
+    for (double psi_rad = 0.0; psi_rad < 0.5 * kPi - 1e-9; psi_rad += kCoarseStep_rad) {
+      const Eigen::Vector2d e1(std::cos(psi_rad), std::sin(psi_rad));
+      const Eigen::Vector2d e2(-e1.y(), e1.x());
+      const double side1 = e1.dot(mean) < 0.0 ? 1.0 : -1.0;  // towards the sensor
+      const double side2 = e2.dot(mean) < 0.0 ? 1.0 : -1.0;
+      double low1 = std::numeric_limits<double>::infinity(), high1 = -low1, low2 = low1, high2 = -low1;
+      for (std::size_t i = 0; i < count_; ++i) {
+        const double c1 = side1 * e1.dot(points_[i].p_level_m);
+        const double c2 = side2 * e2.dot(points_[i].p_level_m);
+        low1 = std::min(low1, c1);
+        high1 = std::max(high1, c1);
+        low2 = std::min(low2, c2);
+        high2 = std::max(high2, c2);
+      }
+      double sum = 0.0;
+      for (std::size_t i = 0; i < count_; ++i) {
+        const double d1 = high1 - side1 * e1.dot(points_[i].p_level_m);
+        const double d2 = high2 - side2 * e2.dot(points_[i].p_level_m);
+        const double d = std::min(d1, d2);
+        sum += d * d;
+      }
+      if (sum >= least) continue;
+      least = sum;
+      const auto half = [](double extent_m) {
+        return extent_m > kMinSpread_m ? 0.5 * extent_m : box_prior::kMeanHalf_m;
+      };
+      const double a = half(high1 - low1);
+      const double b = half(high2 - low2);
+      const Eigen::Vector2d t = side1 * (high1 - a) * e1 + side2 * (high2 - b) * e2;
+      best << t, psi_rad, a, b;
+    }
+    return best;
+  }
+
+  double residual_rms_m(const Vector5d& x) const {
+    const Faces faces = faces_of(x);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) sum += std::pow(faces.offset_m(points_[i].p_level_m), 2);
+    return std::sqrt(sum / static_cast<double>(count_));
+  }
+
+  double mean_offset_m(const Vector5d& x) const {
+    const Faces faces = faces_of(x);
+    double sum = 0.0;
+    for (std::size_t i = 0; i < count_; ++i) sum += std::abs(faces.offset_m(points_[i].p_level_m));
+    return sum / static_cast<double>(count_);
+  }
+
+ private:
+  /// The faces towards the sensor, at the origin: one or two.
+  struct Faces {
+    Eigen::Vector2d t, e1, e2;
+    double a, b;
+    double side1, side2;  ///< 0: not towards the sensor
+
+    /// Distance from the nearest of the planes of the faces, positive outside, and its derivative by x.
+    double offset_m(const Eigen::Vector2d& y, Vector5d* jacobian = nullptr, Eigen::Vector2d* normal = nullptr) const {
+      const double p1 = e1.dot(y - t);
+      const double p2 = e2.dot(y - t);
+      const double d1 = side1 == 0.0 ? -std::numeric_limits<double>::infinity() : side1 * p1 - a;
+      const double d2 = side2 == 0.0 ? -std::numeric_limits<double>::infinity() : side2 * p2 - b;
+      if (jacobian != nullptr) {
+        if (d1 >= d2) {
+          *normal = side1 * e1;
+          *jacobian << -side1 * e1, side1 * p2, -1.0, 0.0;
+        } else {
+          *normal = side2 * e2;
+          *jacobian << -side2 * e2, -side2 * p1, 0.0, -1.0;
+        }
+      }
+      return std::max(d1, d2);
+    }
+  };
+
+  static Faces faces_of(const Vector5d& x) {
+    Faces faces;
+    faces.t = x.head<2>();
+    faces.e1 = {std::cos(x(2)), std::sin(x(2))};
+    faces.e2 = {-faces.e1.y(), faces.e1.x()};
+    faces.a = x(3);
+    faces.b = x(4);
+    const double s1 = -faces.e1.dot(faces.t);
+    const double s2 = -faces.e2.dot(faces.t);
+    faces.side1 = std::abs(s1) > x(3) ? std::copysign(1.0, s1) : 0.0;
+    faces.side2 = std::abs(s2) > x(4) ? std::copysign(1.0, s2) : 0.0;
+    if (faces.side1 == 0.0 && faces.side2 == 0.0) faces.side1 = std::copysign(1.0, s1);  // the sensor is in the box
+    return faces;
+  }
+
+  double hit_sigma(const Point& point, const Eigen::Vector2d& normal) const {
+    const Eigen::Vector2d u = point.p_level_m / point.range_m;
+    const Eigen::Vector2d across(-u.y(), u.x());
+    const double along_sigma = normal.dot(u) * params_.range_sigma_m;
+    const double across_sigma = normal.dot(across) * point.range_m * resolution_rad_ / std::sqrt(12.0);
+    return std::hypot(along_sigma, across_sigma, std::max(kRoughness_m, params_.shape_sigma_m));
+  }
+
+  const Point* points_;
+  std::size_t count_;
+  double resolution_rad_;
+  Segment segment_;
+  const EllipseFitParams& params_;
+};
+
+void bound_halves(Vector5d& x) {
+  x(3) = std::max(x(3), kMinHalf_m);
+  x(4) = std::max(x(4), kMinHalf_m);
+}
+
+Vector5d minimise(const BoxProblem& problem, const Prior& prior, Vector5d x, int max_iterations) {
+  bound_halves(x);
+  double damping = 1e-3;
+  for (int iteration = 0; iteration < max_iterations; ++iteration) {
+    Matrix5d A;
+    Vector5d b;
+    const double cost = problem.evaluate(x, &prior, &A, &b);
+    bool improved = false;
+    double change = 0.0;
+    for (int attempt = 0; attempt < 6 && !improved; ++attempt) {
+      Matrix5d damped = A;
+      damped.diagonal() *= 1.0 + damping;
+      Vector5d candidate = x - damped.llt().solve(b);
+      bound_halves(candidate);
+      improved = problem.evaluate(candidate, &prior, nullptr, nullptr) < cost;
+      if (improved) {
+        change = (candidate - x).norm();
+        x = candidate;
+        damping = std::max(damping * 0.2, 1e-9);
+      } else {
+        damping *= 10.0;
+      }
+    }
+    if (!improved || change < 1e-5) break;
+  }
+  return x;
+}
+
+Vector5d state_of(const Box& box) {
+  Vector5d x;
+  x << box.center_m, box.psi_rad, box.half_length_m, box.half_width_m;
+  return x;
+}
+
+/// The detection of the box x with the covariance P, which is linearised at `at`.
+Detection detection_of(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                       const BoxProblem& problem, const Vector5d& x, const Vector5d& at, const Matrix5d& P) {
+  const Box box{x.head<2>(), x(2), x(3), x(4)};
+  Detection detection = make_detection(segments, segment, params, smooth_parameters(moment_equal_ellipse(box)));
+  detection.shape = Shape::kBox;
+  detection.box_level = box;
+  detection.residual_rms_m = problem.residual_rms_m(x);
+  const double c = std::cos(2.0 * at(2));
+  const double s = std::sin(2.0 * at(2));
+  const double half = 1.0 / std::sqrt(3.0);  // m = (a + b) / sqrt(3), |(p, q)| = |a - b| / sqrt(3)
+  const double difference = half * (at(3) - at(4));
+  Matrix5d J = Matrix5d::Zero();  // of (t, m, p, q) by x
+  J.topLeftCorner<2, 2>().setIdentity();
+  J.row(2) << 0.0, 0.0, 0.0, half, half;
+  J.row(3) << 0.0, 0.0, -2.0 * difference * s, half * c, -half * c;
+  J.row(4) << 0.0, 0.0, 2.0 * difference * c, half * s, -half * s;
+  const Matrix5d covariance = J * P * J.transpose();
+  detection.covariance = 0.5 * (covariance + covariance.transpose());
+  detection.covariance.diagonal().array() += kLeastVariance_m2;
+  return detection;
+}
+
+}  // namespace
+
+Detection fit_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params) {
+  const BoxProblem problem(segments, segments.segments[segment], params);
+  const Vector5d from = problem.start();
+  Prior prior;
+  prior.mean << from.head<2>(), from(2), box_prior::kMeanHalf_m, box_prior::kMeanHalf_m;
+  prior.sigma << 1.0, 1.0, kKnownSigma_rad, box_prior::kHalfSigma_m, box_prior::kHalfSigma_m;
+  const Vector5d x = minimise(problem, prior, from, params.max_iterations);
+  Matrix5d A;
+  Vector5d b;
+  problem.evaluate(x, &prior, &A, &b);
+  return detection_of(segments, segment, params, problem, x, x, A.llt().solve(Matrix5d::Identity()));
+}
+
+Detection refit_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                    const Box& known_level) {
+  const BoxProblem problem(segments, segments.segments[segment], params);
+  Vector5d x = state_of(known_level);
+  bound_halves(x);
+  // Its sides tell which of them is seen: first with them, then without, so that they are not counted twice.
+  Prior prior;
+  prior.mean = x;
+  prior.sigma << 1.0, 1.0, kTurnSigma_rad, kSideSigma_m, kSideSigma_m;
+  x = minimise(problem, prior, x, kRefitSteps);
+  prior.sigma << kKnownSigma_m, kKnownSigma_m, kKnownSigma_rad, kKnownSigma_m, kKnownSigma_m;
+  x = minimise(problem, prior, x, 1);
+  // The direction that a view does not show depends on the orientation. Taken at the fitted one, which scatters from
+  // scan to scan, each scan would tell a bit of it; so it is taken at the predicted one (Huang et al., 2010).
+  Vector5d at = x;
+  if (std::abs(x(2) - prior.mean(2)) < kMaxTurn_rad) at(2) = prior.mean(2);
+  Matrix5d A;
+  Vector5d b;
+  problem.evaluate(at, &prior, &A, &b);
+  return detection_of(segments, segment, params, problem, x, at, A.llt().solve(Matrix5d::Identity()));
+}
+
+double box_cost(const Segments& segments, std::size_t segment, const EllipseFitParams& params, const Box& box_level) {
+  return BoxProblem(segments, segments.segments[segment], params)
+      .evaluate(state_of(box_level), nullptr, nullptr, nullptr);
+}
+
+double residual_rms_m(const Segments& segments, std::size_t segment, const Box& box_level) {
+  return BoxProblem(segments, segments.segments[segment], {}).residual_rms_m(state_of(box_level));
+}
+
+double mean_offset_m(const Segments& segments, const Segment& segment, const Box& box_level) {
+  return BoxProblem(segments, segment, {}).mean_offset_m(state_of(box_level));
+}
+
+}  // namespace situation_awareness
