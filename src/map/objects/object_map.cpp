@@ -197,12 +197,13 @@ void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix
 /// A person takes up to two detections.
 void ObjectMap::update_persons(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
   const Pose2& T_world_level = detections.T_world_level;
-  for (const SeenLegs& seen : work_.people.update_legs(work_.associator.column_of_row(), T_world_level, elements_)) {
+  for (const SeenLegs& seen :
+       work_.people.update_legs(work_.associator.column_of_row(), T_world_level, stamp_ns(), step_s_, elements_)) {
     MapElement& person = elements_[seen.element];
     const MotionMatch match = situation_awareness::match(person.estimate, T_world_level, seen.middle, U);
     situation_awareness::update(person.estimate, T_world_level, seen.middle, match, U);
     observe(person, seen.as_detection, seen.view, T_world_level);
-    detection_update(person, false, params_);
+    detection_update(person, seen.as_detection, params_);
     for (const int column : seen.columns) {
       if (column >= 0 && static_cast<std::size_t>(column) < work_.used.size()) {
         work_.used[static_cast<std::size_t>(column)] = 1;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
@@ -37,6 +38,8 @@ constexpr double kStride_m = 0.18;
 constexpr double kStride_s = 0.35;
 /// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
 constexpr double kHips_m = 0.07;
+/// s. Correlation time of that of the hips: a part of a step.
+constexpr double kHips_s = 0.15;
 constexpr double kBothInOne_m = 0.07;
 /// m. Standard deviation of the centre of a leg, of its hits alone.
 constexpr double kHits_m = 0.04;
@@ -69,9 +72,12 @@ constexpr double kAlone = 1.8;
 /// of one who stands, added per second of gait, and taken per second otherwise.
 constexpr double kPairAtFirst = -1.0;
 constexpr double kMaxPair = 1.0;
-constexpr double kPairStanding = 0.5;
+constexpr double kPairStanding = 0.75;
 constexpr double kPairGait_1_s = 6.0;
 constexpr double kPairDecay_1_s = 1.0;
+constexpr double kPairStep_1_m = 4.0;
+/// m. One leg has stepped if the way to it has changed by so much.
+constexpr double kMinStep_m = 0.1;
 /// Log-odds of the class of a person who only stood, added per second of gait, and at most.
 constexpr double kClassStanding = 0.4;
 constexpr double kClassGait_1_s = 1.5;
@@ -99,6 +105,12 @@ ObjectEstimate leg_estimate(const ObjectEstimate& middle, const Eigen::Vector2d&
   leg.P.diagonal().segment<2>(kPosition).array() += variance_m2;
   leg.P.diagonal().segment<3>(kShape).array() = kLegRadiusSigma_m * kLegRadiusSigma_m;
   return leg;
+}
+
+/// Factor on the variance of an error that lasts for `correlation_s`, by which independent errors in scans every
+/// `step_s` tell as little.
+double repetition(double correlation_s, double step_s) {
+  return step_s > 0.0 ? std::max(1.0, 2.0 * correlation_s / step_s) : 1.0;
 }
 
 /// The measurement of the middle.
@@ -268,28 +280,92 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
   }
 }
 
+/// The rows that the assignment gave each column, and the columns of each person.
+void People::find_owners(const std::vector<int>& column_of_row) {
+  row_of_column_.assign(legs_.size(), -1);
+  columns_of_person_.assign(persons_.size(), {-1, -1});
+  for (std::size_t row = 0; row < column_of_row.size(); ++row) {
+    const int column = column_of_row[row];
+    if (column < 0) continue;
+    row_of_column_[static_cast<std::size_t>(column)] = static_cast<int>(row);
+    if (row >= first_row_) columns_of_person_[(row - first_row_) / 2][(row - first_row_) % 2] = column;
+  }
+}
+
+bool People::is_both_in_one(std::size_t person) const {
+  const int row = static_cast<int>(first_row_ + 2 * person);
+  for (std::size_t c = 0; c < candidates_.size(); ++c) {
+    if (candidates_[c].row == row && candidates_[c].column == columns_of_person_[person][0]) {
+      return parts_[c] == Part::kBoth;
+    }
+  }
+  return false;
+}
+
+/// True if a column may be a leg of who walks: it is of no person and of no thing that has stood there.
+bool People::is_free(std::size_t column, std::int64_t stamp_ns, const std::vector<MapElement>& elements) const {
+  const int row = row_of_column_[column];
+  if (row < 0) return true;
+  if (row >= static_cast<int>(first_row_)) return false;
+  const MapElement& element = elements[static_cast<std::size_t>(row)];
+  const bool is_new = seconds_between(element.first_seen_ns, stamp_ns) < kSamePast_s;
+  return is_foot(element, stamp_ns) && (element.mobile || is_new);
+}
+
+/// A leg may swing faster than any gate allows: legs that persons miss are the nearest free ones within reach.
+void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  missing_.clear();
+  robbed_.clear();
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    const std::array<int, 2>& columns = columns_of_person_[k];
+    const ObjectEstimate middle = combine(elements[persons_[k]].estimate);
+    const bool misses = (columns[0] < 0 || columns[1] < 0) && !is_both_in_one(k);
+    if (!misses || position_sigma_m(middle) > kMaxSigma_m) continue;
+    const int seen = std::max(columns[0], columns[1]);
+    for (std::size_t leg = 0; leg < legs_.size(); ++leg) {
+      if (!legs_[leg].has_shape || !legs_[leg].may_be_one || !is_free(leg, stamp_ns, elements)) continue;
+      const Eigen::Vector2d& center_m = legs_[leg].center_world_m;
+      const double distance_m = (center_m - position(middle)).norm();
+      const bool near =
+          seen < 0 ? distance_m <= kReach_m
+                   : distance_m <= kMaxApart_m &&
+                         (center_m - legs_[static_cast<std::size_t>(seen)].center_world_m).norm() <= kMaxApart_m;
+      if (near) missing_.push_back({distance_m, k, leg});
+    }
+  }
+  std::sort(missing_.begin(), missing_.end(), [](const Missing& a, const Missing& b) {
+    return std::make_tuple(a.distance_m, a.person, a.leg) < std::make_tuple(b.distance_m, b.person, b.leg);
+  });
+  for (const Missing& found : missing_) {
+    std::array<int, 2>& columns = columns_of_person_[found.person];
+    if (!is_free(found.leg, stamp_ns, elements) || (columns[0] >= 0 && columns[1] >= 0)) continue;
+    const MapElement& person = elements[persons_[found.person]];
+    const Eigen::Vector2d off_m = legs_[found.leg].center_world_m - position(combine(person.estimate));
+    const std::size_t nearer = off_m.dot(person.leg_offset_world_m) >= 0.0 ? 0 : 1;
+    const std::size_t side = columns[nearer] < 0 ? nearer : 1 - nearer;
+    columns[side] = static_cast<int>(found.leg);
+    if (row_of_column_[found.leg] >= 0) robbed_.push_back(static_cast<std::size_t>(row_of_column_[found.leg]));
+    row_of_column_[found.leg] = static_cast<int>(first_row_ + 2 * found.person + side);
+  }
+}
+
 const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_of_row, const Pose2& T_world_level,
+                                                 std::int64_t stamp_ns, double step_s,
                                                  std::vector<MapElement>& elements) {
   seen_.clear();
+  find_owners(column_of_row);
+  find_missing_legs(stamp_ns, elements);
   for (std::size_t k = 0; k < persons_.size(); ++k) {
     SeenLegs seen;
     seen.element = persons_[k];
-    bool both = false;
-    for (std::size_t side = 0; side < 2; ++side) {
-      const auto row = first_row_ + 2 * k + side;
-      if (row < column_of_row.size()) seen.columns[side] = column_of_row[row];
-    }
+    seen.columns = columns_of_person_[k];
     if (seen.columns[0] < 0 && seen.columns[1] < 0) continue;
-    for (std::size_t c = 0; c < candidates_.size() && seen.columns[0] >= 0; ++c) {
-      const bool chosen =
-          candidates_[c].row == static_cast<int>(first_row_ + 2 * k) && candidates_[c].column == seen.columns[0];
-      both |= chosen && parts_[c] == Part::kBoth;
-    }
+    const bool both = is_both_in_one(k);
     MapElement& person = elements[seen.element];
     const Pose2 T_level_world = inverse(T_world_level);
     const Eigen::Vector2d o_level_m = T_level_world.rotation() * person.leg_offset_world_m;
     double& variance_m2 = person.leg_offset_variance_m2;
-    const Eigen::Matrix2d hips = kHips_m * kHips_m * Eigen::Matrix2d::Identity();
+    const Eigen::Matrix2d hips = repetition(kHips_s, step_s) * kHips_m * kHips_m * Eigen::Matrix2d::Identity();
     const auto leg_of = [&](std::size_t side) -> const Leg& {
       return legs_[static_cast<std::size_t>(seen.columns[side])];
     };
@@ -317,8 +393,9 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
       const double sign = side == 0 ? 1.0 : -1.0;
       const Measurement& a = leg_of(side).measurement;
       const Eigen::Matrix2d R = a.R.topLeftCorner<2, 2>();
-      seen.middle = middle_at(a.z.head<2>() - sign * o_level_m, R + hips + variance_m2 * Eigen::Matrix2d::Identity(),
-                              a.time_offset_s);
+      seen.middle = middle_at(
+          a.z.head<2>() - sign * o_level_m,
+          R + hips + repetition(0.5 * kStride_s, step_s) * variance_m2 * Eigen::Matrix2d::Identity(), a.time_offset_s);
       // What the leg is off the way that was predicted of it, by the share of its own variance in that.
       const ObjectEstimate middle = combine(person.estimate);
       const double others_m2 = 0.5 * (middle.P.block<2, 2>(kPosition, kPosition).trace() + R.trace());
@@ -328,7 +405,7 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
       variance_m2 *= 1.0 - gain;
     }
     seen.view = seen.middle;
-    seen.view.R.topLeftCorner<2, 2>() = hips;
+    seen.view.R.topLeftCorner<2, 2>() = kHips_m * kHips_m * Eigen::Matrix2d::Identity();
     seen_.push_back(seen);
   }
   return seen_;
@@ -347,6 +424,9 @@ bool People::may_be_leg(std::size_t detection, const std::vector<MapElement>& el
 /// The element of a leg that a person lost, and has again: it was seen to walk, is new, or is already a part of the
 /// person. A post is none of these.
 void People::take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const {
+  for (const std::size_t element : robbed_) {
+    if (is_foot(elements[element], stamp_ns)) elements[element].state = TrackState::kDeleted;
+  }
   for (const SeenLegs& seen : seen_) {
     const MapElement& person = elements[seen.element];
     if (seen.legs == 2 && person.estimate.p_moving < 0.5) continue;
@@ -411,7 +491,7 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     const std::size_t g = nearest_foot(f, kMaxApart_m, elements, others_m);
     const bool mutual = g < feet_.size() && nearest_foot(g, kMaxApart_m, elements, others_of_other_m) == f;
     if (!mutual) {
-      walk_beside_hits(foot, stamp_ns, step_s, motion, gate, elements);
+      step_about(foot, stamp_ns, step_s, motion, gate, elements);
       continue;
     }
     MapElement& other = elements[feet_[g].element];
@@ -449,30 +529,43 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   }
 }
 
-/// A leg that walks beside hits that are no ellipse: these are the other one.
-void People::walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion,
-                              double gate, std::vector<MapElement>& elements) {
+/// Something leg-sized that steps about a leg: a leg stands while the other swings, and neither stands for long. Where
+/// scans are rare, no element follows a swinging leg, so the other one is what each scan shows.
+void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                        std::vector<MapElement>& elements) {
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
   const Leg* nearest = nullptr;
-  double nearest_m = kReach_m;
-  const auto is_of_person = [&](std::size_t leg) {
-    return std::any_of(seen_.begin(), seen_.end(), [&](const SeenLegs& seen) {
-      return seen.columns[0] == static_cast<int>(leg) || seen.columns[1] == static_cast<int>(leg);
-    });
-  };
+  double nearest_m = kMaxApart_m, second_nearest_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < legs_.size(); ++i) {
     const Leg& leg = legs_[i];
     const double distance_m = (leg.center_world_m - center_m).norm();
-    if (leg.has_shape || !leg.may_be_one || distance_m >= nearest_m || is_of_person(i)) continue;
-    nearest = &leg;
-    nearest_m = distance_m;
+    if (!leg.may_be_one || distance_m < kMinStanding_m) continue;  // the leg itself
+    if (distance_m < nearest_m) {
+      if (nearest != nullptr) second_nearest_m = nearest_m;
+      nearest = is_free(i, stamp_ns, elements) ? &leg : nullptr;
+      nearest_m = distance_m;
+    } else {
+      second_nearest_m = std::min(second_nearest_m, distance_m);
+    }
   }
-  const bool walks = nearest != nullptr && foot.state == TrackState::kConfirmed && is_standing_leg(foot) &&
-                     foot.mobile && has_walked(foot, stamp_ns);
-  const double pair = gather(foot, foot.id, (walks ? kPairGait_1_s : -kPairDecay_1_s) * step_s);
-  if (!walks || pair < kClassStanding || (foot.is_part && foot.body != foot.id)) return;
+  const bool may_walk = foot.mobile || foot.stood_s < kSamePast_s;
+  const bool pair = nearest != nullptr && may_walk && is_standing_leg(foot) && second_nearest_m > nearest_m;
+  if (!pair) {
+    gather(foot, foot.id, -kPairDecay_1_s * step_s);
+    return;
+  }
+  const Eigen::Vector2d offset_m = 0.5 * (center_m - nearest->center_world_m);
+  const bool knows = foot.other_leg == foot.id;
+  const double step_m = knows ? 2.0 * (offset_m - foot.leg_offset_world_m).norm() : 0.0;
+  if (!knows || step_m > kMinStep_m) foot.leg_offset_world_m = offset_m;
+  const double change = !knows                ? kPairAtFirst * -0.1
+                        : step_m > kMinStep_m ? kPairStep_1_m * std::min(step_m, kMaxStep_m)
+                                              : -kPairDecay_1_s * step_s;
+  const double log_odds = gather(foot, foot.id, change);
+  if (log_odds < kClassStanding || foot.state != TrackState::kConfirmed || (foot.is_part && foot.body != foot.id))
+    return;
   if (is_something_between(foot, nearest->center_world_m, stamp_ns, elements)) return;
-  become_person(foot, 0.5 * (nearest->center_world_m - center_m), pair, motion, gate, stamp_ns, elements);
+  become_person(foot, -offset_m, log_odds, motion, gate, stamp_ns, elements);
 }
 
 /// The element becomes a person whose middle is `offset_m` from it: that one who was lost and may be here, or a new

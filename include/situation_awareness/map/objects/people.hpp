@@ -60,7 +60,7 @@ class People {
 
   /// What the assignment (column of each row, or -1) gave to the persons, those that were seen; updates their legs.
   const std::vector<SeenLegs>& update_legs(const std::vector<int>& column_of_row, const Pose2& T_world_level,
-                                           std::vector<MapElement>& elements);
+                                           std::int64_t stamp_ns, double step_s, std::vector<MapElement>& elements);
 
   /// True if a detection without an element may be a leg of a person, of whom only one leg was seen.
   bool may_be_leg(std::size_t detection, const std::vector<MapElement>& elements) const;
@@ -88,8 +88,12 @@ class People {
   };
 
   void take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const;
-  void walk_beside_hits(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
-                        std::vector<MapElement>& elements);
+  void step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                  std::vector<MapElement>& elements);
+  void find_owners(const std::vector<int>& column_of_row);
+  bool is_both_in_one(std::size_t person) const;
+  bool is_free(std::size_t column, std::int64_t stamp_ns, const std::vector<MapElement>& elements) const;
+  void find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
   static void become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
                             const MotionParams& motion, double gate, std::int64_t stamp_ns,
                             std::vector<MapElement>& elements);
@@ -105,7 +109,17 @@ class People {
   int rows_ = 0;
   std::size_t first_row_ = 0;
   std::vector<SeenLegs> seen_;
-  std::vector<Foot> feet_;  ///< leg-sized elements, by x
+  /// A leg that a person may miss.
+  struct Missing {
+    double distance_m;
+    std::size_t person;  ///< of persons_
+    std::size_t leg;
+  };
+  std::vector<int> row_of_column_;                     ///< or -1
+  std::vector<std::array<int, 2>> columns_of_person_;  ///< of persons_
+  std::vector<Missing> missing_;
+  std::vector<std::size_t> robbed_;  ///< elements whose detections are legs of persons
+  std::vector<Foot> feet_;           ///< leg-sized elements, by x
 };
 
 }  // namespace situation_awareness
