@@ -319,8 +319,7 @@ void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapEleme
   for (std::size_t k = 0; k < persons_.size(); ++k) {
     const std::array<int, 2>& columns = columns_of_person_[k];
     const ObjectEstimate middle = combine(elements[persons_[k]].estimate);
-    const bool misses = (columns[0] < 0 || columns[1] < 0) && !is_both_in_one(k);
-    if (!misses || position_sigma_m(middle) > kMaxSigma_m) continue;
+    if ((columns[0] >= 0 && columns[1] >= 0) || position_sigma_m(middle) > kMaxSigma_m) continue;
     const int seen = std::max(columns[0], columns[1]);
     for (std::size_t leg = 0; leg < legs_.size(); ++leg) {
       if (!legs_[leg].has_shape || !legs_[leg].may_be_one || !is_free(leg, stamp_ns, elements)) continue;
@@ -360,7 +359,7 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
     seen.element = persons_[k];
     seen.columns = columns_of_person_[k];
     if (seen.columns[0] < 0 && seen.columns[1] < 0) continue;
-    const bool both = is_both_in_one(k);
+    const bool both = seen.columns[1] < 0 && is_both_in_one(k);
     MapElement& person = elements[seen.element];
     const Pose2 T_level_world = inverse(T_world_level);
     const Eigen::Vector2d o_level_m = T_level_world.rotation() * person.leg_offset_world_m;
@@ -487,6 +486,7 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   for (std::size_t f = 0; f < feet_.size(); ++f) {
     MapElement& foot = elements[feet_[f].element];
     if (foot.state == TrackState::kDeleted || is_person(foot)) continue;
+    if (is_leg_of_lost(foot, gate, stamp_ns, elements)) continue;
     double others_m = 0.0, others_of_other_m = 0.0;
     const std::size_t g = nearest_foot(f, kMaxApart_m, elements, others_m);
     const bool mutual = g < feet_.size() && nearest_foot(g, kMaxApart_m, elements, others_of_other_m) == f;
@@ -529,6 +529,21 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   }
 }
 
+/// What is new, moves and may be one leg of a person who was lost is that: the other one may still be hidden.
+bool People::is_leg_of_lost(MapElement& foot, double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements) {
+  const bool sets_off = foot.mobile || foot.estimate.p_moving > kMoves;
+  const bool is_new = seconds_between(foot.first_seen_ns, stamp_ns) < kSamePast_s;
+  if (!sets_off || !is_new || foot.state != TrackState::kConfirmed || !is_standing_leg(foot)) return false;
+  ObjectEstimate middle;
+  middle.x.segment<2>(kPosition) = position(likelier(foot.estimate));
+  middle.P.diagonal().segment<2>(kPosition).array() = kStride_m * kStride_m + kHips_m * kHips_m;
+  MapElement* const person = who_may_be_at(middle, gate, stamp_ns, elements);
+  if (person == nullptr) return false;
+  come_back(foot, middle, *person, stamp_ns);
+  person->leg_offset_variance_m2 = kStride_m * kStride_m;
+  return true;
+}
+
 /// Something leg-sized that steps about a leg: a leg stands while the other swings, and neither stands for long. Where
 /// scans are rare, no element follows a swinging leg, so the other one is what each scan shows.
 void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
@@ -568,7 +583,24 @@ void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, 
   become_person(foot, -offset_m, log_odds, motion, gate, stamp_ns, elements);
 }
 
-/// The element becomes a person whose middle is `offset_m` from it: that one who was lost and may be here, or a new
+/// The person who is not seen, but may be at `middle_world`; or none.
+MapElement* People::who_may_be_at(const ObjectEstimate& middle_world, double gate, std::int64_t stamp_ns,
+                                  std::vector<MapElement>& elements) {
+  const Measurement here = middle_at(position(middle_world), middle_world.P.topLeftCorner<2, 2>(), 0.0);
+  MapElement* likeliest = nullptr;
+  double most = kLogNewObjectDensity;
+  for (MapElement& person : elements) {
+    if (!is_person(person) || person.state == TrackState::kDeleted || person.last_seen_ns == stamp_ns) continue;
+    const Match match = situation_awareness::match(combine(person.estimate), {}, here, Eigen::Matrix3d::Zero());
+    const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
+    if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
+    most = log_likelihood;
+    likeliest = &person;
+  }
+  return likeliest;
+}
+
+/// The element becomes a person whose middle is `offset_m` from it: that one who is not seen and may be here, or a new
 /// one.
 void People::become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
                            const MotionParams& motion, double gate, std::int64_t stamp_ns,
@@ -578,37 +610,40 @@ void People::become_person(MapElement& foot, const Eigen::Vector2d& offset_m, do
   mapped.x(kShape) = kPersonRadius_m;
   mapped.P.diagonal().segment<2>(kPosition).array() = kHips_m * kHips_m;
   mapped.P(kShape, kShape) = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+  if (MapElement* const person = who_may_be_at(mapped, gate, stamp_ns, elements)) {
+    come_back(foot, mapped, *person, stamp_ns);
+    person->leg_offset_world_m = offset_m;
+    person->leg_offset_variance_m2 = kHips_m * kHips_m;
+    return;
+  }
+  foot.p_class = class_probability(pair_log_odds);
+  foot.object_class = ObjectClass::kPerson;
+  foot.box_log_odds = kSurelyEllipse;
+  foot.estimate = start(mapped, motion_of_person(motion));
+  if (foot.mobile) foot.estimate.p_moving = kMoves;
+  foot.state = TrackState::kConfirmed;
+  foot.is_part = false;
+  foot.body = 0;
+  foot.other_leg = 0;
+  foot.other_leg_log_odds = 0.0;
+  foot.leg_offset_world_m = offset_m;
+  foot.leg_offset_variance_m2 = kHips_m * kHips_m;
+}
 
-  MapElement* person = &foot;
-  double most = kLogNewObjectDensity;
-  for (MapElement& lost : elements) {
-    if (!is_person(lost) || lost.state != TrackState::kLost || lost.last_seen_ns == stamp_ns) continue;
-    const Measurement here = middle_at(position(mapped), kHips_m * kHips_m * Eigen::Matrix2d::Identity(), 0.0);
-    const Match match = situation_awareness::match(combine(lost.estimate), {}, here, Eigen::Matrix3d::Zero());
-    const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
-    if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
-    most = log_likelihood;
-    person = &lost;
-  }
-  if (person != &foot) {
-    foot.state = TrackState::kDeleted;
-    person->log_odds = foot.log_odds;
-    person->last_seen_ns = stamp_ns;
-    person->beams = foot.beams;
-    person->P_view = foot.P_view;
-    person->observations += foot.observations;
-  }
-  if (!is_person(*person)) person->p_class = class_probability(pair_log_odds);
-  person->object_class = ObjectClass::kPerson;
-  person->box_log_odds = kSurelyEllipse;
-  person->estimate = start(mapped, motion_of_person(motion));
-  person->state = TrackState::kConfirmed;
-  person->is_part = false;
-  person->body = 0;
-  person->other_leg = 0;
-  person->other_leg_log_odds = 0.0;
-  person->leg_offset_world_m = offset_m;
-  person->leg_offset_variance_m2 = kHips_m * kHips_m;
+/// A person who was not seen is seen again, by this element; the velocity is what led there.
+void People::come_back(MapElement& foot, const ObjectEstimate& middle_world, MapElement& person,
+                       std::int64_t stamp_ns) {
+  const Measurement here = middle_at(position(middle_world), middle_world.P.topLeftCorner<2, 2>(), 0.0);
+  const Eigen::Matrix3d U = Eigen::Matrix3d::Zero();
+  const MotionMatch match = situation_awareness::match(person.estimate, {}, here, U);
+  situation_awareness::update(person.estimate, {}, here, match, U);
+  foot.state = TrackState::kDeleted;
+  person.state = TrackState::kConfirmed;
+  person.log_odds = std::max(person.log_odds, foot.log_odds);
+  person.last_seen_ns = stamp_ns;
+  person.beams = foot.beams;
+  person.P_view = foot.P_view;
+  person.observations += foot.observations;
 }
 
 }  // namespace situation_awareness

@@ -97,6 +97,11 @@ class People {
   static void become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
                             const MotionParams& motion, double gate, std::int64_t stamp_ns,
                             std::vector<MapElement>& elements);
+  static MapElement* who_may_be_at(const ObjectEstimate& middle_world, double gate, std::int64_t stamp_ns,
+                                   std::vector<MapElement>& elements);
+  static void come_back(MapElement& foot, const ObjectEstimate& middle_world, MapElement& person,
+                        std::int64_t stamp_ns);
+  static bool is_leg_of_lost(MapElement& foot, double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements);
   void find_feet(std::int64_t stamp_ns, const std::vector<MapElement>& elements);
   std::size_t nearest_foot(std::size_t foot, double max_m, const std::vector<MapElement>& elements,
                            double& second_nearest_m) const;
