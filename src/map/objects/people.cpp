@@ -322,13 +322,14 @@ void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapEleme
     if ((columns[0] >= 0 && columns[1] >= 0) || position_sigma_m(middle) > kMaxSigma_m) continue;
     const int seen = std::max(columns[0], columns[1]);
     for (std::size_t leg = 0; leg < legs_.size(); ++leg) {
-      if (!legs_[leg].has_shape || !legs_[leg].may_be_one || !is_free(leg, stamp_ns, elements)) continue;
+      if (!legs_[leg].may_be_one || !is_free(leg, stamp_ns, elements)) continue;
       const Eigen::Vector2d& center_m = legs_[leg].center_world_m;
       const double distance_m = (center_m - position(middle)).norm();
       const bool near =
-          seen < 0 ? distance_m <= kReach_m
-                   : distance_m <= kMaxApart_m &&
-                         (center_m - legs_[static_cast<std::size_t>(seen)].center_world_m).norm() <= kMaxApart_m;
+          seen < 0 || !legs_[leg].has_shape
+              ? distance_m <= kReach_m
+              : distance_m <= kMaxApart_m &&
+                    (center_m - legs_[static_cast<std::size_t>(seen)].center_world_m).norm() <= kMaxApart_m;
       if (near) missing_.push_back({distance_m, k, leg});
     }
   }
@@ -521,11 +522,7 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
     if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;
     if (is_something_between(foot, position(likelier(other.estimate)), stamp_ns, elements)) continue;
-    foot.state = TrackState::kDeleted;
-    other.log_odds = std::max(foot.log_odds, other.log_odds);
-    other.beams += foot.beams;
-    other.mobile = foot.mobile && other.mobile;
-    become_person(other, 0.5 * apart_m, pair, motion, gate, stamp_ns, elements);
+    become_one_person(foot, other, pair, motion, gate, stamp_ns, elements);
   }
 }
 
@@ -549,27 +546,21 @@ bool People::is_leg_of_lost(MapElement& foot, double gate, std::int64_t stamp_ns
 void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
                         std::vector<MapElement>& elements) {
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
-  const Leg* nearest = nullptr;
-  double nearest_m = kMaxApart_m, second_nearest_m = std::numeric_limits<double>::infinity();
+  std::size_t other = legs_.size();
+  double other_m = kMaxApart_m;
   for (std::size_t i = 0; i < legs_.size(); ++i) {
-    const Leg& leg = legs_[i];
-    const double distance_m = (leg.center_world_m - center_m).norm();
-    if (!leg.may_be_one || distance_m < kMinStanding_m) continue;  // the leg itself
-    if (distance_m < nearest_m) {
-      if (nearest != nullptr) second_nearest_m = nearest_m;
-      nearest = is_free(i, stamp_ns, elements) ? &leg : nullptr;
-      nearest_m = distance_m;
-    } else {
-      second_nearest_m = std::min(second_nearest_m, distance_m);
-    }
+    const double distance_m = (legs_[i].center_world_m - center_m).norm();
+    if (!legs_[i].may_be_one || distance_m < kMinStanding_m) continue;  // that is the leg itself
+    if (distance_m >= other_m) continue;
+    other = i;
+    other_m = distance_m;
   }
   const bool may_walk = foot.mobile || foot.stood_s < kSamePast_s;
-  const bool pair = nearest != nullptr && may_walk && is_standing_leg(foot) && second_nearest_m > nearest_m;
-  if (!pair) {
+  if (other == legs_.size() || !may_walk || !is_standing_leg(foot) || !is_free(other, stamp_ns, elements)) {
     gather(foot, foot.id, -kPairDecay_1_s * step_s);
     return;
   }
-  const Eigen::Vector2d offset_m = 0.5 * (center_m - nearest->center_world_m);
+  const Eigen::Vector2d offset_m = 0.5 * (center_m - legs_[other].center_world_m);
   const bool knows = foot.other_leg == foot.id;
   const double step_m = knows ? 2.0 * (offset_m - foot.leg_offset_world_m).norm() : 0.0;
   if (!knows || step_m > kMinStep_m) foot.leg_offset_world_m = offset_m;
@@ -579,8 +570,28 @@ void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, 
   const double log_odds = gather(foot, foot.id, change);
   if (log_odds < kClassStanding || foot.state != TrackState::kConfirmed || (foot.is_part && foot.body != foot.id))
     return;
-  if (is_something_between(foot, nearest->center_world_m, stamp_ns, elements)) return;
-  become_person(foot, -offset_m, log_odds, motion, gate, stamp_ns, elements);
+  if (is_something_between(foot, legs_[other].center_world_m, stamp_ns, elements)) return;
+  if (row_of_column_[other] >= 0) {
+    become_one_person(foot, elements[static_cast<std::size_t>(row_of_column_[other])], log_odds, motion, gate, stamp_ns,
+                      elements);
+  } else {
+    become_person(foot, -offset_m, log_odds, motion, gate, stamp_ns, elements);
+  }
+}
+
+/// Two elements become a person, who keeps the id of the one that is on the map, or else of the older one.
+void People::become_one_person(MapElement& a, MapElement& b, double pair_log_odds, const MotionParams& motion,
+                               double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements) {
+  const bool a_on_map = a.state != TrackState::kTentative, b_on_map = b.state != TrackState::kTentative;
+  const bool keep_a = a_on_map != b_on_map ? a_on_map : a.id < b.id;
+  MapElement& kept = keep_a ? a : b;
+  MapElement& dropped = keep_a ? b : a;
+  const Eigen::Vector2d way_m = position(likelier(dropped.estimate)) - position(likelier(kept.estimate));
+  dropped.state = TrackState::kDeleted;
+  kept.log_odds = std::max(kept.log_odds, dropped.log_odds);
+  kept.beams += dropped.beams;
+  kept.mobile = kept.mobile && dropped.mobile;
+  become_person(kept, 0.5 * way_m, pair_log_odds, motion, gate, stamp_ns, elements);
 }
 
 /// The person who is not seen, but may be at `middle_world`; or none.

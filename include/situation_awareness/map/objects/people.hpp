@@ -97,6 +97,8 @@ class People {
   static void become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
                             const MotionParams& motion, double gate, std::int64_t stamp_ns,
                             std::vector<MapElement>& elements);
+  static void become_one_person(MapElement& a, MapElement& b, double pair_log_odds, const MotionParams& motion,
+                                double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements);
   static MapElement* who_may_be_at(const ObjectEstimate& middle_world, double gate, std::int64_t stamp_ns,
                                    std::vector<MapElement>& elements);
   static void come_back(MapElement& foot, const ObjectEstimate& middle_world, MapElement& person,
