@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/objects/association.hpp"
 #include "situation_awareness/map/objects/re_identification.hpp"
@@ -315,7 +316,9 @@ bool People::is_free(std::size_t column, std::int64_t stamp_ns, const std::vecto
 /// A leg may swing faster than any gate allows: legs that persons miss are the nearest free ones within reach.
 void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   missing_.clear();
+  missing_.reserve(kUsualRoom);
   robbed_.clear();
+  robbed_.reserve(kUsualRoom);
   for (std::size_t k = 0; k < persons_.size(); ++k) {
     const std::array<int, 2>& columns = columns_of_person_[k];
     const ObjectEstimate middle = combine(elements[persons_[k]].estimate);
@@ -547,16 +550,16 @@ void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, 
                         std::vector<MapElement>& elements) {
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
   std::size_t other = legs_.size();
-  double other_m = kMaxApart_m;
+  int others = 0;  // among several the nearest may change, and nothing steps
   for (std::size_t i = 0; i < legs_.size(); ++i) {
     const double distance_m = (legs_[i].center_world_m - center_m).norm();
-    if (!legs_[i].may_be_one || distance_m < kMinStanding_m) continue;  // that is the leg itself
-    if (distance_m >= other_m) continue;
+    if (!legs_[i].may_be_one || distance_m > kMaxApart_m) continue;
+    if (distance_m < kMinStanding_m) continue;  // that is the leg itself
     other = i;
-    other_m = distance_m;
+    ++others;
   }
   const bool may_walk = foot.mobile || foot.stood_s < kSamePast_s;
-  if (other == legs_.size() || !may_walk || !is_standing_leg(foot) || !is_free(other, stamp_ns, elements)) {
+  if (others != 1 || !may_walk || !is_standing_leg(foot) || !is_free(other, stamp_ns, elements)) {
     gather(foot, foot.id, -kPairDecay_1_s * step_s);
     return;
   }

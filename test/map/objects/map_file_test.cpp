@@ -69,6 +69,7 @@ MapSnapshot without_legs(MapSnapshot snapshot) {
   for (MapElement& element : snapshot.elements) {
     element.other_leg = 0;
     element.other_leg_log_odds = 0.0;
+    element.leg_offset_world_m.setZero();
   }
   return snapshot;
 }
