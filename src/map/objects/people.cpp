@@ -86,6 +86,8 @@ constexpr double kMaxClass = 4.6;
 /// m. Where a leg may be, from the middle.
 constexpr double kReach_m = 0.55;
 constexpr double kGaitSpeed_m_s = 0.2;
+/// m. What is so near to a leg-sized thing is beside it.
+constexpr double kBeside_m = 0.4;
 /// m. What is so near to the middle of two elements is between them.
 constexpr double kBetween_m = 0.05;
 
@@ -169,6 +171,17 @@ bool is_something_between(const MapElement& foot, const Eigen::Vector2d& other_m
     if (element.state != TrackState::kConfirmed) return false;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
     return (ellipse.center_m - middle_m).norm() < ellipse.rx_m + kBetween_m;
+  });
+}
+
+/// True if something larger than a leg is beside one, such as the torso of which it is an arm.
+bool is_beside_larger(const MapElement& foot, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  const Eigen::Vector2d center_m = position(likelier(foot.estimate));
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_person(element) || is_out_of_sight(element, stamp_ns) || element.state != TrackState::kConfirmed)
+      return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return ellipse.rx_m > kMaxLeg_m && (ellipse.center_m - center_m).norm() < ellipse.rx_m + kBeside_m;
   });
 }
 
@@ -525,6 +538,7 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
     const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
     if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;
     if (is_something_between(foot, position(likelier(other.estimate)), stamp_ns, elements)) continue;
+    if (!stands && (distance_m < kMinStanding_m || is_beside_larger(foot, stamp_ns, elements))) continue;
     become_one_person(foot, other, pair, motion, gate, stamp_ns, elements);
   }
 }
@@ -573,7 +587,7 @@ void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, 
   const double log_odds = gather(foot, foot.id, change);
   if (log_odds < kClassStanding || foot.state != TrackState::kConfirmed || (foot.is_part && foot.body != foot.id))
     return;
-  if (is_something_between(foot, legs_[other].center_world_m, stamp_ns, elements)) return;
+  if (is_beside_larger(foot, stamp_ns, elements)) return;
   if (row_of_column_[other] >= 0) {
     become_one_person(foot, elements[static_cast<std::size_t>(row_of_column_[other])], log_odds, motion, gate, stamp_ns,
                       elements);

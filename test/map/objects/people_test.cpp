@@ -187,6 +187,28 @@ TEST(People, WhoStandsHasOneIdFromTheFirstScanOnTheMap) {
   }
 }
 
+TEST(People, ArmsBesideATorsoAreNoLegs) {
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    ObjectMap map{ObjectMapParams{}};
+    Random random(seed);
+    for (double time_s = 0.0; time_s < 8.0; time_s += kPeriod_s) {
+      const Eigen::Vector2d middle_m(3.0, -4.0 + time_s);
+      const double swing_m = 0.2 * std::sin(6.0 * time_s);
+      std::vector<Ellipse> things{{middle_m, 0.0, 0.22, 0.12}};
+      const Eigen::Vector2d arms_m[] = {middle_m + Eigen::Vector2d(0.31, swing_m),
+                                        middle_m - Eigen::Vector2d(0.31, swing_m)};
+      for (const Eigen::Vector2d& arm_m : arms_m) {
+        if (random.uniform() < 0.3) continue;  // hidden
+        things.push_back({arm_m, 0.0, 0.06, 0.05});
+        // At times an arm is detected as two things.
+        if (random.uniform() < 0.1) things.push_back({arm_m + Eigen::Vector2d(0.0, 0.05), 0.0, 0.04, 0.04});
+      }
+      map.update(detections_of(time_s, things, random));
+      ASSERT_EQ(persons_on(map), 0) << "seed " << seed << ", " << time_s << " s";
+    }
+  }
+}
+
 TEST(People, BoxesAreNoLegs) {
   ObjectMap map{ObjectMapParams{}};
   Random random(8);
