@@ -11,6 +11,7 @@ add_message_files(DIRECTORY msg FILES
   EllipseDetection.msg
   LaserRefusedRun.msg
   LaserSegment.msg
+  LaserSmallSegment.msg
   LaserStraightPiece.msg
   LevelFrame.msg
   MappedObject.msg

@@ -18,6 +18,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.refused_segments.clear();
   found.refused_segments.reserve(kUsualRoom);
   find(segments, found);
+  found.small_segments = small_segments(segments, found, std::move(found.small_segments));
   return found;
 }
 

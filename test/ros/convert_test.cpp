@@ -528,6 +528,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detection.segment = 7;
   detection.time_offset_s = 0.0123;
   detections.detections.push_back(detection);
+  detections.small_segments.push_back({{2.0, -0.5}, 0.11, 0.034, 3});
   detections.free_space = {{-0.5F, 0.0F, 3.25F}, {kInf, 0.0F, 29.5F}, true};
   const Detections back = detections_from_msg(detections_to_msg(detections, "world"));
   EXPECT_EQ(back.stamp_ns, detections.stamp_ns);
@@ -545,6 +546,11 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].beams, 42);
   EXPECT_EQ(back.detections[0].segment, 7U);
   EXPECT_EQ(back.detections[0].time_offset_s, 0.0123);
+  ASSERT_EQ(back.small_segments.size(), 1U);
+  EXPECT_EQ(back.small_segments[0].center_level_m, detections.small_segments[0].center_level_m);
+  EXPECT_EQ(back.small_segments[0].width_m, 0.11);
+  EXPECT_EQ(back.small_segments[0].time_offset_s, 0.034);
+  EXPECT_EQ(back.small_segments[0].beams, 3);
   EXPECT_EQ(back.free_space.azimuth_rad, detections.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, detections.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
@@ -570,6 +576,9 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   msg = detections_to_msg(detections, "world");
   msg.detections[0].covariance[3] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
+  msg = detections_to_msg(detections, "world");
+  msg.small_segments[0].y = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(detections_from_msg(msg), std::invalid_argument);
   msg = detections_to_msg(detections, "world");
   msg.detections[0].covariance[0] = -1.0;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/detections/small_segments.hpp"
 #include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
@@ -69,6 +70,7 @@ struct Detections {
   FreeSpace free_space;                          ///< of the whole scan, as Segments::free_space
   Counters refused;                              ///< segments of kind kObject without a detection, by reason
   std::vector<RefusedSegment> refused_segments;  ///< each of them
+  std::vector<SmallSegment> small_segments;      ///< hits without a detection that may be legs
 
   /// Adds a segment without a detection.
   void refuse(std::size_t segment, const char* why) {

@@ -119,14 +119,17 @@ void Associator::associate(const AssociationInput& input, const ObjectMapParams&
   associations_.clear();
   rejections_.assign(input.measurements.size(), {});
   sort_measurements(input);
-  for (std::size_t i = 0; i < input.elements.size(); ++i) find_candidates(input, i, params, gate);
+  for (std::size_t i = 0; i < input.elements.size(); ++i) {
+    if (!is_person(input.elements[i])) find_candidates(input, i, params, gate);
+  }
+  candidates_.insert(candidates_.end(), input.of_persons.begin(), input.of_persons.end());
+  column_of_row_.clear();
   if (candidates_.empty()) return;
 
-  measurement_of_element_ = assign(static_cast<int>(input.elements.size()), static_cast<int>(input.measurements.size()),
-                                   candidates_, std::move(measurement_of_element_));
-  for (std::size_t c = 0; c < candidates_.size(); ++c) {
+  column_of_row_ = assign(input.rows, input.columns, candidates_, std::move(column_of_row_));
+  for (std::size_t c = 0; c < matches_.size(); ++c) {
     const auto element = static_cast<std::size_t>(candidates_[c].row);
-    if (measurement_of_element_[element] != candidates_[c].column) continue;
+    if (column_of_row_[element] != candidates_[c].column) continue;
     associations_.push_back({element, static_cast<std::size_t>(candidates_[c].column), matches_[c]});
   }
 }

@@ -33,6 +33,11 @@ struct ObjectMapFormat {
     if (version < 3) {
       fields.add("class", name_of(ObjectClass::kUnknown));
       fields.add("p_class", "0");
+      fields.add("other_leg", "0");
+      fields.add("other_leg_log_odds", "0");
+      fields.add("leg_offset_x_m", "0");
+      fields.add("leg_offset_y_m", "0");
+      fields.add("leg_offset_variance_m2", "0");
       fields.add("box_log_odds", std::to_string(kSurelyEllipse));
       fields.add("box_psi", "0");
     }

@@ -102,6 +102,7 @@ Eigen::Matrix3d ObjectMap::robot_covariance(const Detections& detections) {
 /// Elements that have moved, or have not stood for long, start at a higher rate. Out of sight, standing elements are
 /// expected where they stood and moving ones along their predicted path, without transitions.
 MotionParams ObjectMap::motion_of(const MapElement& element) const {
+  if (is_person(element)) return motion_of_person(motion_);
   MotionParams motion = motion_;
   if (is_out_of_sight(element, stamp_ns())) motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
   const bool settled = !element.mobile && element.stood_s > kSettled_s;
@@ -151,16 +152,21 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
     work_.expected.push_back(
         expect_detection(element, T_level_world, detections.free_space, params_.detection_probability));
   }
-  work_.associator.associate({elements_, work_.expected, common_shape, work_.recently_seen, measurements,
-                              detections.T_world_level, U, stamp_ns()},
-                             params_, gate_);
+  work_.people.see(detections, measurements);
+  work_.people.find_candidates(elements_, work_.expected, detections.T_world_level, U, params_, gate_);
+  work_.associator.associate(
+      {elements_, work_.expected, common_shape, work_.recently_seen, measurements, detections.T_world_level, U,
+       stamp_ns(), work_.people.candidates(), work_.people.rows(), work_.people.columns()},
+      params_, gate_);
   work_.newly_confirmed.clear();
   work_.newly_confirmed.reserve(kUsualRoom);
   update_matched(detections, U, report);
+  update_persons(detections, U, report);
   update_missed();
   map_unmatched(detections, U, report);
   std::sort(work_.newly_confirmed.begin(), work_.newly_confirmed.end());
   re_identify(work_.newly_confirmed, common_shape, gate_, stamp_ns(), elements_);
+  work_.people.join_legs(stamp_ns(), step_s_, motion_, gate_, elements_);
   work_.body_joiner.join_parts(stamp_ns(), params_, elements_);
   delete_elements(report);
   return report;
@@ -188,6 +194,25 @@ void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix
   }
 }
 
+/// A person takes up to two detections.
+void ObjectMap::update_persons(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
+  const Pose2& T_world_level = detections.T_world_level;
+  for (const SeenLegs& seen :
+       work_.people.update_legs(work_.associator.column_of_row(), T_world_level, stamp_ns(), step_s_, elements_)) {
+    MapElement& person = elements_[seen.element];
+    const MotionMatch match = situation_awareness::match(person.estimate, T_world_level, seen.middle, U);
+    situation_awareness::update(person.estimate, T_world_level, seen.middle, match, U);
+    observe(person, seen.as_detection, seen.view, T_world_level);
+    detection_update(person, seen.as_detection, params_);
+    for (const int column : seen.columns) {
+      if (column >= 0 && static_cast<std::size_t>(column) < work_.used.size()) {
+        work_.used[static_cast<std::size_t>(column)] = 1;
+      }
+    }
+    report.updated.push_back(person.id);
+  }
+}
+
 void ObjectMap::update_missed() {
   work_.seen_now = seen_within(0.0, std::move(work_.seen_now));
   for (std::size_t i = 0; i < elements_.size(); ++i) {
@@ -208,6 +233,10 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
     const Detection& detection = detections.detections[j];
     const char* const rejected = work_.associator.rejections()[j].reason;
     if (*rejected != '\0') ++report.reasons[rejected];
+    if (work_.people.may_be_leg(j, elements_)) {
+      ++report.reasons["leg of a person already seen"];
+      continue;
+    }
     if (MapElement* const element = element_to_reinitialize(detection, measurement, detections.T_world_level)) {
       correct(*element, detection, measurement, U, detections.T_world_level);
       observe(*element, detection, measurement, detections.T_world_level);
@@ -250,6 +279,7 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
       step_s_ = previous_ns != kNoStamp ? seconds_between(previous_ns, stamp_ns) : 0.0;
       for (MapElement& element : elements_) {
         age(element, stamp_ns);
+        if (is_person(element)) predict_legs(element, step_s_);
         predict(element.estimate, step_s_, motion_of(element));
         element.beams = 0;
       }
@@ -344,7 +374,7 @@ MapElement* ObjectMap::element_to_reinitialize(const Detection& detection, const
   MapElement* nearest = nullptr;
   double nearest_m = 0.0;
   for (MapElement& element : elements_) {
-    if (element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
+    if (is_person(element) || element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
     if (!is_on(ellipse)) continue;
     const double distance_m = (ellipse.center_m - center_world_m).norm();

@@ -37,6 +37,7 @@ std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_w
   const Pose2 T_level_world = inverse(T_world_level);
   outlines_level.reserve(map.objects.size());
   for (const Object& object : map.objects) {
+    if (object.object_class == ObjectClass::kPerson) continue;  // its legs have other outlines
     Ellipse ellipse_world = object.ellipse_world;
     ellipse_world.center_m += age_s * object.velocity_world_m_s;
     ellipse_world.psi_rad += age_s * object.angular_velocity_rad_s;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/detections.hpp"
 
+#include <cmath>
 #include <stdexcept>
 #include <string>
 
@@ -45,6 +46,14 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
     element.segment = static_cast<std::uint32_t>(detection.segment);
   }
+  for (const SmallSegment& small : detections.small_segments) {
+    LaserSmallSegment& element = msg.small_segments.emplace_back();
+    element.x = small.center_level_m.x();
+    element.y = small.center_level_m.y();
+    element.width = small.width_m;
+    element.time_offset = small.time_offset_s;
+    element.beams = static_cast<std::uint32_t>(small.beams);
+  }
   return msg;
 }
 
@@ -75,6 +84,13 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.segment = element.segment;
     const std::string defect = detection_defect(detection);
     if (!defect.empty()) throw std::invalid_argument("a detection is invalid: " + defect);
+  }
+  for (const LaserSmallSegment& element : msg.small_segments) {
+    const bool finite = std::isfinite(element.x) && std::isfinite(element.y) && std::isfinite(element.width) &&
+                        std::isfinite(element.time_offset);
+    if (!finite || element.width < 0.0) throw std::invalid_argument("a small segment is not finite");
+    detections.small_segments.push_back(
+        {{element.x, element.y}, element.width, element.time_offset, static_cast<int>(element.beams)});
   }
   return detections;
 }

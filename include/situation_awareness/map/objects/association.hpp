@@ -59,6 +59,9 @@ struct AssociationInput {
   const Pose2& T_world_level;
   const Eigen::Matrix3d& U;  ///< covariance of T_world_level, as in object_filter.hpp
   std::int64_t stamp_ns;
+  const std::vector<Candidate>& of_persons;  ///< their legs: rows beyond the elements, columns beyond the measurements
+  int rows;                                  ///< with theirs
+  int columns;                               ///< the same
 };
 
 /// Associates the detections of each scan; it has no state but reusable memory.
@@ -70,6 +73,8 @@ class Associator {
   const std::vector<Association>& associations() const { return associations_; }
   /// Of the latest scan's measurements.
   const std::vector<Rejection>& rejections() const { return rejections_; }
+  /// Of each row, with those of persons; -1: none.
+  const std::vector<int>& column_of_row() const { return column_of_row_; }
 
  private:
   /// A measurement's position, for the search.
@@ -87,7 +92,7 @@ class Associator {
   double longest_offset_s_ = 0.0;
   std::vector<Candidate> candidates_;
   std::vector<MotionMatch> matches_;  ///< of the candidates
-  std::vector<int> measurement_of_element_;
+  std::vector<int> column_of_row_;
   std::vector<Association> associations_;
   std::vector<Rejection> rejections_;
 };

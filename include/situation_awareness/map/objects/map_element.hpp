@@ -71,8 +71,12 @@ struct MapElement {
   Eigen::Vector2d body_met_world_m = Eigen::Vector2d::Zero();  ///< position of `body` then
   ObjectClass object_class = ObjectClass::kUnknown;            ///< the likeliest
   double p_class = 0.0;                                        ///< its probability; 0 for kUnknown
-  double box_log_odds = kSurelyEllipse;                        ///< that it is a box rather than an ellipse
-  double box_psi_rad = 0.0;                                    ///< in the world, of the latest detection as a box
+  std::uint64_t other_leg = 0;      ///< id of the element that may be the other leg of a person; 0: none
+  double other_leg_log_odds = 0.0;  ///< that it is
+  Eigen::Vector2d leg_offset_world_m = Eigen::Vector2d::Zero();  ///< of a person: of its first leg from the middle
+  double leg_offset_variance_m2 = 0.0;                           ///< of that, per axis
+  double box_log_odds = kSurelyEllipse;                          ///< that it is a box rather than an ellipse
+  double box_psi_rad = 0.0;                                      ///< in the world, of the latest detection as a box
 
   /// Every field with its name in a map file (map/map_fields.hpp).
   template <class Self, class Visit>
@@ -97,6 +101,11 @@ struct MapElement {
     visit("body_met_world", self.body_met_world_m, kState);
     visit("class", self.object_class);
     visit("p_class", self.p_class, kProbability);
+    visit("other_leg", self.other_leg, 0, kMaxId);
+    visit("other_leg_log_odds", self.other_leg_log_odds, kLogOdds);
+    visit("leg_offset_x_m", self.leg_offset_world_m.x(), kState);
+    visit("leg_offset_y_m", self.leg_offset_world_m.y(), kState);
+    visit("leg_offset_variance_m2", self.leg_offset_variance_m2, kVariance);
     visit("box_log_odds", self.box_log_odds, kBoxLogOdds);
     visit("box_psi", self.box_psi_rad, kState);
     visit("standing", self.estimate.standing.x, kState);
@@ -106,6 +115,9 @@ struct MapElement {
     visit("view_covariance", self.P_view, kVariance);
   }
 };
+
+/// True if the element is a person, known by the legs (people.hpp).
+inline bool is_person(const MapElement& element) { return element.object_class == ObjectClass::kPerson; }
 
 /// Time since the element's last detection.
 inline double unseen_s(const MapElement& element, std::int64_t stamp_ns) {

@@ -19,6 +19,7 @@
 #include "situation_awareness/map/objects/motion_models.hpp"
 #include "situation_awareness/map/objects/object_map_params.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/objects/people.hpp"
 #include "situation_awareness/map/objects/re_identification.hpp"
 
 namespace situation_awareness {
@@ -88,6 +89,7 @@ class ObjectMap {
     EllipsesByX seen_now;
     CommonShapes common_shapes;
     std::vector<ExpectedDetection> expected;  ///< of the elements
+    People people;
     Associator associator;
     std::vector<std::size_t> newly_confirmed;  ///< elements
     BodyJoiner body_joiner;
@@ -102,6 +104,7 @@ class ObjectMap {
   void adapt_noise(double mahalanobis2);
   Measurement widened(const Detection& detection) const;
   void update_matched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
+  void update_persons(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
   void update_missed();
   void map_unmatched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
   MapElement* element_to_reinitialize(const Detection& detection, const Measurement& measurement,

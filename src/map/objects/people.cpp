@@ -1,0 +1,677 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/objects/people.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <tuple>
+#include <utility>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/objects/association.hpp"
+#include "situation_awareness/map/objects/re_identification.hpp"
+#include "situation_awareness/map/objects/shape_belief.hpp"
+
+namespace situation_awareness {
+
+using namespace object_state;
+
+namespace {
+
+// Each constant with its unit and its source (docs/math/people.md, "Constants").
+
+/// m. Radius of the circle that stands for a person: half the width of the shoulders or the pelvis.
+constexpr double kPersonRadius_m = 0.2;
+constexpr double kPersonRadiusSigma_m = 0.03;
+/// m. Mean and standard deviation of the radius of a leg, and of its (p, q).
+constexpr double kLegRadius_m = 0.06;
+constexpr double kLegRadiusSigma_m = 0.03;
+/// m. A leg has no larger semi-axis; two of them side by side neither.
+constexpr double kMaxLeg_m = 0.14;
+constexpr double kMaxBothLegs_m = 0.35;
+/// m. Two legs side by side are at least this wide.
+constexpr double kMinBothLegs_m = 0.11;
+/// m. Standard deviation of a leg's way from the middle, per axis, when it walks, and of what has not been seen.
+constexpr double kStride_m = 0.18;
+/// s. Correlation time of that.
+constexpr double kStride_s = 0.35;
+/// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
+constexpr double kHips_m = 0.07;
+/// s. Correlation time of that of the hips: a part of a step.
+constexpr double kHips_s = 0.15;
+constexpr double kBothInOne_m = 0.07;
+/// m. Standard deviation of the centre of a leg, of its hits alone.
+constexpr double kHits_m = 0.04;
+/// m^2. Variance of a shape that is set to what is expected.
+constexpr double kNoShape_m2 = 1e-6;
+/// m. A person less certain than this is found again by its two legs only.
+constexpr double kMaxSigma_m = 0.6;
+/// m/s^2/sqrt(Hz), m/sqrt(s), 1/s: the motion of a person.
+constexpr double kAcceleration = 1.2;
+constexpr double kStandingDrift_m = 0.03;
+constexpr double kStartRate_1_s = 0.5;
+constexpr double kStopRate_1_s = 0.3;
+
+/// m. Legs are at most this far apart.
+constexpr double kMaxApart_m = 0.9;
+/// m. Those of a person who stands: between these, and both leg-sized.
+constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.38;
+constexpr double kMinStandingLeg_m = 0.03, kMaxStandingLeg_m = 0.1;
+/// m, and probability: the legs of a person who has just come into view are so near to each other, and one moves.
+constexpr double kMaxStep_m = 0.75;
+constexpr double kMoves = 0.8;
+/// s, and part of it: what has stood for more of its age is no leg of who walks.
+constexpr double kMinAge_s = 0.5;
+constexpr double kMaxStoodPart = 0.8;
+/// s. Both appeared within this time, or have stood for as long.
+constexpr double kSamePast_s = 1.0;
+/// Ratio of the distance to the next such thing to that of the two.
+constexpr double kAlone = 1.8;
+/// Log-odds that two leg-sized elements are the legs of one person: at first, added by a scan that shows them as those
+/// of one who stands, added per second of gait, and taken per second otherwise.
+constexpr double kPairAtFirst = -1.0;
+constexpr double kMaxPair = 1.0;
+constexpr double kPairStanding = 0.75;
+constexpr double kPairGait_1_s = 6.0;
+constexpr double kPairDecay_1_s = 1.0;
+constexpr double kPairStep_1_m = 4.0;
+/// m. One leg has stepped if the way to it has changed by so much.
+constexpr double kMinStep_m = 0.1;
+/// Log-odds of the class of a person who only stood, added per second of gait, and at most.
+constexpr double kClassStanding = 0.4;
+constexpr double kClassGait_1_s = 1.5;
+constexpr double kMaxClass = 4.6;
+/// m. Where a leg may be, from the middle.
+constexpr double kReach_m = 0.55;
+constexpr double kGaitSpeed_m_s = 0.2;
+/// m. What is so near to a leg-sized thing is beside it.
+constexpr double kBeside_m = 0.4;
+/// m. What is so near to the middle of two elements is between them.
+constexpr double kBetween_m = 0.05;
+
+double class_probability(double log_odds) { return probability(std::min(log_odds, kMaxClass)); }
+
+/// Log-likelihood of a shape as it was expected: that of what says nothing of its shape.
+double log_likelihood_of_shape() { return -1.5 * std::log(2.0 * kPi) - 3.0 * std::log(kLegRadiusSigma_m); }
+
+/// A leg, or both in one, `offset_m` from the middle.
+ObjectEstimate leg_estimate(const ObjectEstimate& middle, const Eigen::Vector2d& offset_m, double variance_m2,
+                            double radius_m) {
+  ObjectEstimate leg = middle;
+  leg.x.segment<2>(kPosition) += offset_m;
+  leg.x(kAngularVelocity) = 0.0;
+  leg.x.segment<3>(kShape) << radius_m, 0.0, 0.0;
+  leg.P.bottomRows<4>().setZero();
+  leg.P.rightCols<4>().setZero();
+  leg.P.diagonal().segment<2>(kPosition).array() += variance_m2;
+  leg.P.diagonal().segment<3>(kShape).array() = kLegRadiusSigma_m * kLegRadiusSigma_m;
+  return leg;
+}
+
+/// Factor on the variance of an error that lasts for `correlation_s`, by which independent errors in scans every
+/// `step_s` tell as little.
+double repetition(double correlation_s, double step_s) {
+  return step_s > 0.0 ? std::max(1.0, 2.0 * correlation_s / step_s) : 1.0;
+}
+
+/// The measurement of the middle.
+Measurement middle_at(const Eigen::Vector2d& center_level_m, const Eigen::Matrix2d& R, double time_offset_s) {
+  Measurement middle;
+  middle.z << center_level_m, kPersonRadius_m, 0.0, 0.0;
+  middle.R.setZero();
+  middle.R.topLeftCorner<2, 2>() = R;
+  middle.R.diagonal().tail<3>().array() = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+  middle.time_offset_s = time_offset_s;
+  return middle;
+}
+
+/// True for an element that may be one leg.
+bool is_foot(const MapElement& element, std::int64_t stamp_ns) {
+  if (element.state == TrackState::kDeleted || is_person(element) || element.last_seen_ns != stamp_ns) return false;
+  if (is_box(element)) return false;
+  if (element.state == TrackState::kTentative && element.observations < 2) return false;
+  const Vector8d& x = likelier(element.estimate).x;
+  return x(kShape) + x.segment<2>(kShape + 1).norm() <= kMaxLeg_m;
+}
+
+bool is_standing_leg(const MapElement& element) {
+  const double radius_m = likelier(element.estimate).x(kShape);
+  return radius_m >= kMinStandingLeg_m && radius_m <= kMaxStandingLeg_m;
+}
+
+/// True if it travelled, or at least has not stood for most of the time: a post has.
+bool has_walked(const MapElement& element, std::int64_t stamp_ns) {
+  const double age_s = seconds_between(element.first_seen_ns, stamp_ns);
+  return element.mobile || (age_s > kMinAge_s && element.stood_s < kMaxStoodPart * age_s);
+}
+
+/// The log-odds that `other` is the other leg, after what one scan adds to them; without evidence none are kept.
+double gather(MapElement& foot, std::uint64_t other, double change) {
+  const double before = foot.other_leg == other ? foot.other_leg_log_odds : kPairAtFirst;
+  const double after = std::min(before + change, kMaxPair);
+  const bool none = after <= kPairAtFirst;
+  foot.other_leg = none ? 0 : other;
+  foot.other_leg_log_odds = none ? 0.0 : after;
+  return none ? kPairAtFirst : after;
+}
+
+/// True if the elements are parts of other things than of each other.
+bool are_parts_of_others(const MapElement& a, const MapElement& b) {
+  return (a.is_part && a.body != b.id) || (b.is_part && b.body != a.id);
+}
+
+/// True if something larger than a leg is between two elements, such as a torso between its arms, or another person.
+bool is_something_between(const MapElement& foot, const Eigen::Vector2d& other_m, std::int64_t stamp_ns,
+                          const std::vector<MapElement>& elements) {
+  const Eigen::Vector2d middle_m = 0.5 * (position(likelier(foot.estimate)) + other_m);
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_foot(element, stamp_ns) || is_out_of_sight(element, stamp_ns)) return false;
+    if (element.state != TrackState::kConfirmed) return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return (ellipse.center_m - middle_m).norm() < ellipse.rx_m + kBetween_m;
+  });
+}
+
+/// True if something larger than a leg is beside one, such as the torso of which it is an arm.
+bool is_beside_larger(const MapElement& foot, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  const Eigen::Vector2d center_m = position(likelier(foot.estimate));
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_person(element) || is_out_of_sight(element, stamp_ns) || element.state != TrackState::kConfirmed)
+      return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return ellipse.rx_m > kMaxLeg_m && (ellipse.center_m - center_m).norm() < ellipse.rx_m + kBeside_m;
+  });
+}
+
+Eigen::Vector2d velocity(const MapElement& element) { return combine(element.estimate).x.segment<2>(kVelocity); }
+
+}  // namespace
+
+MotionParams motion_of_person(const MotionParams& motion) {
+  MotionParams result = motion;
+  result.moving.acceleration = kAcceleration;
+  result.moving.angular_acceleration = 0.0;
+  result.moving.radius_difference = result.standing.radius_difference = 0.0;
+  result.standing.position = kStandingDrift_m;
+  result.start_rate_1_s = kStartRate_1_s;
+  result.stop_rate_1_s = kStopRate_1_s;
+  result.start_angular_velocity_sigma = 0.0;
+  return result;
+}
+
+void predict_legs(MapElement& element, double dt_s) {
+  const double decay = std::exp(-dt_s / kStride_s);
+  const double stride2 = kStride_m * kStride_m;
+  if (element.estimate.p_moving > 0.5) element.leg_offset_world_m *= decay;  // who stands may set off at any time
+  element.leg_offset_variance_m2 = stride2 + decay * decay * (element.leg_offset_variance_m2 - stride2);
+}
+
+void People::see(const Detections& detections, const std::vector<Measurement>& measurements) {
+  legs_.clear();
+  const auto add = [&](const Measurement& measurement, bool has_shape, int beams, double size_m) {
+    Leg leg;
+    leg.measurement = measurement;
+    leg.has_shape = has_shape;
+    leg.center_world_m = detections.T_world_level * Eigen::Vector2d(measurement.z.head<2>());
+    leg.beams = beams;
+    leg.may_be_one = size_m <= kMaxLeg_m;
+    leg.may_be_both = size_m >= kMinBothLegs_m && size_m <= kMaxBothLegs_m;
+    legs_.push_back(leg);
+  };
+  for (std::size_t j = 0; j < measurements.size(); ++j) {
+    const Detection& detection = detections.detections[j];
+    add(measurements[j], true, detection.beams, detection.ellipse_level.rx_m);
+  }
+  for (const SmallSegment& small : detections.small_segments) {
+    // The centre of a leg is behind its hits, by about its radius times pi / 4.
+    const double range_m = std::max(small.center_level_m.norm(), 1e-3);
+    Measurement measurement;
+    measurement.z << small.center_level_m * (1.0 + 0.25 * kPi * kLegRadius_m / range_m), kLegRadius_m, 0.0, 0.0;
+    measurement.R.setZero();
+    measurement.R.diagonal().head<2>().array() = kHits_m * kHits_m;
+    measurement.time_offset_s = small.time_offset_s;
+    add(measurement, false, small.beams, 0.5 * small.width_m);
+  }
+  by_x_.resize(legs_.size());
+  for (std::size_t i = 0; i < by_x_.size(); ++i) by_x_[i] = i;
+  std::sort(by_x_.begin(), by_x_.end(), [&](std::size_t a, std::size_t b) {
+    return std::make_pair(legs_[a].center_world_m.x(), a) < std::make_pair(legs_[b].center_world_m.x(), b);
+  });
+}
+
+void People::find_candidates(const std::vector<MapElement>& elements, const std::vector<ExpectedDetection>& expected,
+                             const Pose2& T_world_level, const Eigen::Matrix3d& U, const ObjectMapParams& params,
+                             double gate) {
+  candidates_.clear();
+  parts_.clear();
+  persons_.clear();
+  first_row_ = elements.size();
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    if (is_person(elements[i])) persons_.push_back(i);
+  }
+  rows_ = static_cast<int>(elements.size() + 2 * persons_.size());
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    const MapElement& person = elements[persons_[k]];
+    const ObjectEstimate middle = combine(person.estimate);
+    const double sigma_m = position_sigma_m(middle);
+    if (sigma_m > kMaxSigma_m) continue;
+    const double detected = log_detection_ratio(expected[persons_[k]], params.detection_probability);
+    const Eigen::Vector2d& o_m = person.leg_offset_world_m;
+    const double variance_m2 = person.leg_offset_variance_m2;
+    const std::array<ObjectEstimate, 3> parts{
+        leg_estimate(middle, o_m, variance_m2, kLegRadius_m), leg_estimate(middle, -o_m, variance_m2, kLegRadius_m),
+        leg_estimate(middle, Eigen::Vector2d::Zero(), kBothInOne_m * kBothInOne_m, 0.5 * kMaxLeg_m + kLegRadius_m)};
+    const Eigen::Vector2d center_m = position(middle);
+    const double reach_m = kReach_m + std::sqrt(gate) * sigma_m;
+    auto near = std::lower_bound(by_x_.begin(), by_x_.end(), center_m.x() - reach_m,
+                                 [&](std::size_t leg, double x_m) { return legs_[leg].center_world_m.x() < x_m; });
+    for (; near != by_x_.end() && legs_[*near].center_world_m.x() <= center_m.x() + reach_m; ++near) {
+      const Leg& leg = legs_[*near];
+      if ((leg.center_world_m - center_m).norm() > reach_m) continue;
+      const auto cost_as = [&](Part part) {
+        const ObjectEstimate& expected_leg = parts[static_cast<std::size_t>(part)];
+        Measurement measurement = leg.measurement;
+        if (!leg.has_shape) {
+          measurement.z(2) = expected_leg.x(kShape);
+          measurement.R.diagonal().tail<3>().array() = kNoShape_m2;
+        }
+        const Match match = situation_awareness::match(expected_leg, T_world_level, measurement, U);
+        return inside_gate(match, gate) ? kLogNewObjectDensity - detected - match.log_likelihood : 0.0;
+      };
+      const double as_first = leg.may_be_one ? cost_as(Part::kFirst) : 0.0;
+      const double as_second = leg.may_be_one ? cost_as(Part::kSecond) : 0.0;
+      const double as_both = leg.may_be_both ? cost_as(Part::kBoth) : 0.0;
+      const auto add = [&](std::size_t row, double cost, Part part) {
+        if (!(cost < 0.0)) return;
+        candidates_.push_back({static_cast<int>(first_row_ + 2 * k + row), static_cast<int>(*near), cost});
+        parts_.push_back(part);
+      };
+      add(0, std::min(as_first, as_both), as_both < as_first ? Part::kBoth : Part::kFirst);
+      add(1, as_second, Part::kSecond);
+    }
+  }
+}
+
+/// The rows that the assignment gave each column, and the columns of each person.
+void People::find_owners(const std::vector<int>& column_of_row) {
+  row_of_column_.assign(legs_.size(), -1);
+  columns_of_person_.assign(persons_.size(), {-1, -1});
+  for (std::size_t row = 0; row < column_of_row.size(); ++row) {
+    const int column = column_of_row[row];
+    if (column < 0) continue;
+    row_of_column_[static_cast<std::size_t>(column)] = static_cast<int>(row);
+    if (row >= first_row_) columns_of_person_[(row - first_row_) / 2][(row - first_row_) % 2] = column;
+  }
+}
+
+bool People::is_both_in_one(std::size_t person) const {
+  const int row = static_cast<int>(first_row_ + 2 * person);
+  for (std::size_t c = 0; c < candidates_.size(); ++c) {
+    if (candidates_[c].row == row && candidates_[c].column == columns_of_person_[person][0]) {
+      return parts_[c] == Part::kBoth;
+    }
+  }
+  return false;
+}
+
+/// True if a column may be a leg of who walks: it is of no person and of no thing that has stood there.
+bool People::is_free(std::size_t column, std::int64_t stamp_ns, const std::vector<MapElement>& elements) const {
+  const int row = row_of_column_[column];
+  if (row < 0) return true;
+  if (row >= static_cast<int>(first_row_)) return false;
+  const MapElement& element = elements[static_cast<std::size_t>(row)];
+  const bool is_new = seconds_between(element.first_seen_ns, stamp_ns) < kSamePast_s;
+  return is_foot(element, stamp_ns) && (element.mobile || is_new);
+}
+
+/// A leg may swing faster than any gate allows: legs that persons miss are the nearest free ones within reach.
+void People::find_missing_legs(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  missing_.clear();
+  missing_.reserve(kUsualRoom);
+  robbed_.clear();
+  robbed_.reserve(kUsualRoom);
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    const std::array<int, 2>& columns = columns_of_person_[k];
+    const ObjectEstimate middle = combine(elements[persons_[k]].estimate);
+    if ((columns[0] >= 0 && columns[1] >= 0) || position_sigma_m(middle) > kMaxSigma_m) continue;
+    const int seen = std::max(columns[0], columns[1]);
+    for (std::size_t leg = 0; leg < legs_.size(); ++leg) {
+      if (!legs_[leg].may_be_one || !is_free(leg, stamp_ns, elements)) continue;
+      const Eigen::Vector2d& center_m = legs_[leg].center_world_m;
+      const double distance_m = (center_m - position(middle)).norm();
+      const bool near =
+          seen < 0 || !legs_[leg].has_shape
+              ? distance_m <= kReach_m
+              : distance_m <= kMaxApart_m &&
+                    (center_m - legs_[static_cast<std::size_t>(seen)].center_world_m).norm() <= kMaxApart_m;
+      if (near) missing_.push_back({distance_m, k, leg});
+    }
+  }
+  std::sort(missing_.begin(), missing_.end(), [](const Missing& a, const Missing& b) {
+    return std::make_tuple(a.distance_m, a.person, a.leg) < std::make_tuple(b.distance_m, b.person, b.leg);
+  });
+  for (const Missing& found : missing_) {
+    std::array<int, 2>& columns = columns_of_person_[found.person];
+    if (!is_free(found.leg, stamp_ns, elements) || (columns[0] >= 0 && columns[1] >= 0)) continue;
+    const MapElement& person = elements[persons_[found.person]];
+    const Eigen::Vector2d off_m = legs_[found.leg].center_world_m - position(combine(person.estimate));
+    const std::size_t nearer = off_m.dot(person.leg_offset_world_m) >= 0.0 ? 0 : 1;
+    const std::size_t side = columns[nearer] < 0 ? nearer : 1 - nearer;
+    columns[side] = static_cast<int>(found.leg);
+    if (row_of_column_[found.leg] >= 0) robbed_.push_back(static_cast<std::size_t>(row_of_column_[found.leg]));
+    row_of_column_[found.leg] = static_cast<int>(first_row_ + 2 * found.person + side);
+  }
+}
+
+const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_of_row, const Pose2& T_world_level,
+                                                 std::int64_t stamp_ns, double step_s,
+                                                 std::vector<MapElement>& elements) {
+  seen_.clear();
+  find_owners(column_of_row);
+  find_missing_legs(stamp_ns, elements);
+  for (std::size_t k = 0; k < persons_.size(); ++k) {
+    SeenLegs seen;
+    seen.element = persons_[k];
+    seen.columns = columns_of_person_[k];
+    if (seen.columns[0] < 0 && seen.columns[1] < 0) continue;
+    const bool both = seen.columns[1] < 0 && is_both_in_one(k);
+    MapElement& person = elements[seen.element];
+    const Pose2 T_level_world = inverse(T_world_level);
+    const Eigen::Vector2d o_level_m = T_level_world.rotation() * person.leg_offset_world_m;
+    double& variance_m2 = person.leg_offset_variance_m2;
+    const Eigen::Matrix2d hips = repetition(kHips_s, step_s) * kHips_m * kHips_m * Eigen::Matrix2d::Identity();
+    const auto leg_of = [&](std::size_t side) -> const Leg& {
+      return legs_[static_cast<std::size_t>(seen.columns[side])];
+    };
+    for (std::size_t side = 0; side < 2; ++side) {
+      if (seen.columns[side] < 0) continue;
+      seen.as_detection.beams += leg_of(side).beams;
+      ++seen.legs;
+    }
+    if (both) {
+      const Measurement& m = leg_of(0).measurement;
+      seen.legs = 1;
+      seen.middle = middle_at(m.z.head<2>(),
+                              m.R.topLeftCorner<2, 2>() + kBothInOne_m * kBothInOne_m * Eigen::Matrix2d::Identity(),
+                              m.time_offset_s);
+    } else if (seen.legs == 2) {
+      const Measurement& a = leg_of(0).measurement;
+      const Measurement& b = leg_of(1).measurement;
+      const Eigen::Matrix2d R = 0.25 * (a.R.topLeftCorner<2, 2>() + b.R.topLeftCorner<2, 2>());
+      seen.middle =
+          middle_at(0.5 * (a.z.head<2>() + b.z.head<2>()), R + hips, 0.5 * (a.time_offset_s + b.time_offset_s));
+      person.leg_offset_world_m = T_world_level.rotation() * Eigen::Vector2d(0.5 * (a.z.head<2>() - b.z.head<2>()));
+      variance_m2 = 0.5 * R.trace();
+    } else {
+      const std::size_t side = seen.columns[0] >= 0 ? 0 : 1;
+      const double sign = side == 0 ? 1.0 : -1.0;
+      const Measurement& a = leg_of(side).measurement;
+      const Eigen::Matrix2d R = a.R.topLeftCorner<2, 2>();
+      seen.middle = middle_at(
+          a.z.head<2>() - sign * o_level_m,
+          R + hips + repetition(0.5 * kStride_s, step_s) * variance_m2 * Eigen::Matrix2d::Identity(), a.time_offset_s);
+      // What the leg is off the way that was predicted of it, by the share of its own variance in that.
+      const ObjectEstimate middle = combine(person.estimate);
+      const double others_m2 = 0.5 * (middle.P.block<2, 2>(kPosition, kPosition).trace() + R.trace());
+      const double gain = variance_m2 / (variance_m2 + others_m2);
+      const Eigen::Vector2d off_m = leg_of(side).center_world_m - position(middle) - sign * person.leg_offset_world_m;
+      person.leg_offset_world_m += sign * gain * off_m;
+      variance_m2 *= 1.0 - gain;
+    }
+    seen.view = seen.middle;
+    seen.view.R.topLeftCorner<2, 2>() = kHips_m * kHips_m * Eigen::Matrix2d::Identity();
+    seen_.push_back(seen);
+  }
+  return seen_;
+}
+
+bool People::may_be_leg(std::size_t detection, const std::vector<MapElement>& elements) const {
+  const Leg& leg = legs_[detection];
+  if (!leg.may_be_one && !leg.may_be_both) return false;
+  return std::any_of(seen_.begin(), seen_.end(), [&](const SeenLegs& seen) {
+    const MapElement& person = elements[seen.element];
+    return (seen.legs < 2 || person.estimate.p_moving > 0.5) &&
+           (position(combine(person.estimate)) - leg.center_world_m).norm() < kReach_m;
+  });
+}
+
+/// The element of a leg that a person lost, and has again: it was seen to walk, is new, or is already a part of the
+/// person. A post is none of these.
+void People::take_legs(std::int64_t stamp_ns, std::vector<MapElement>& elements) const {
+  for (const std::size_t element : robbed_) {
+    if (is_foot(elements[element], stamp_ns)) elements[element].state = TrackState::kDeleted;
+  }
+  for (const SeenLegs& seen : seen_) {
+    const MapElement& person = elements[seen.element];
+    if (seen.legs == 2 && person.estimate.p_moving < 0.5) continue;
+    for (MapElement& element : elements) {
+      if (!is_foot(element, stamp_ns)) continue;
+      const bool is_new = element.first_seen_ns > person.first_seen_ns &&
+                          seconds_between(element.first_seen_ns, stamp_ns) < kSamePast_s;
+      const bool is_part = element.is_part && element.body == person.id;
+      if (!element.mobile && !is_new && !is_part) continue;
+      const Eigen::Vector2d apart_m = position(likelier(element.estimate)) - position(likelier(person.estimate));
+      if (apart_m.norm() < kReach_m) element.state = TrackState::kDeleted;
+    }
+  }
+}
+
+void People::find_feet(std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  feet_.clear();
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    if (is_foot(elements[i], stamp_ns)) feet_.push_back({position(likelier(elements[i].estimate)).x(), i});
+  }
+  std::sort(feet_.begin(), feet_.end(), [](const Foot& a, const Foot& b) {
+    return std::make_pair(a.x_m, a.element) < std::make_pair(b.x_m, b.element);
+  });
+}
+
+/// The nearest other one, or feet_.size(); and the distance to the second nearest.
+std::size_t People::nearest_foot(std::size_t foot, double max_m, const std::vector<MapElement>& elements,
+                                 double& second_nearest_m) const {
+  const Eigen::Vector2d center_m = position(likelier(elements[feet_[foot].element].estimate));
+  std::size_t nearest = feet_.size();
+  double nearest_m = max_m;
+  second_nearest_m = std::numeric_limits<double>::infinity();
+  const auto look_at = [&](std::size_t other) {
+    const double distance_m = (position(likelier(elements[feet_[other].element].estimate)) - center_m).norm();
+    if (distance_m < nearest_m) {
+      if (nearest != feet_.size()) second_nearest_m = std::min(second_nearest_m, nearest_m);
+      nearest = other;
+      nearest_m = distance_m;
+    } else {
+      second_nearest_m = std::min(second_nearest_m, distance_m);
+    }
+  };
+  for (std::size_t i = foot; i-- > 0 && feet_[i].x_m >= feet_[foot].x_m - max_m;) look_at(i);
+  for (std::size_t i = foot + 1; i < feet_.size() && feet_[i].x_m <= feet_[foot].x_m + max_m; ++i) look_at(i);
+  return nearest;
+}
+
+void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                       std::vector<MapElement>& elements) {
+  // Gait of those who are known.
+  for (const SeenLegs& seen : seen_) {
+    MapElement& person = elements[seen.element];
+    if (seen.legs < 2 || person.estimate.p_moving < 0.5 || velocity(person).norm() < kGaitSpeed_m_s) continue;
+    person.p_class = class_probability(log_odds(person.p_class) + kClassGait_1_s * step_s);
+  }
+  take_legs(stamp_ns, elements);
+  find_feet(stamp_ns, elements);
+  for (std::size_t f = 0; f < feet_.size(); ++f) {
+    MapElement& foot = elements[feet_[f].element];
+    if (foot.state == TrackState::kDeleted || is_person(foot)) continue;
+    if (is_leg_of_lost(foot, gate, stamp_ns, elements)) continue;
+    double others_m = 0.0, others_of_other_m = 0.0;
+    const std::size_t g = nearest_foot(f, kMaxApart_m, elements, others_m);
+    const bool mutual = g < feet_.size() && nearest_foot(g, kMaxApart_m, elements, others_of_other_m) == f;
+    if (!mutual) {
+      step_about(foot, stamp_ns, step_s, motion, gate, elements);
+      continue;
+    }
+    MapElement& other = elements[feet_[g].element];
+    if (other.state == TrackState::kDeleted || is_person(other) || other.id > foot.id) continue;  // once for each pair
+    // `other` is the older one.
+    const Eigen::Vector2d apart_m = position(likelier(foot.estimate)) - position(likelier(other.estimate));
+    const double distance_m = apart_m.norm();
+    const double speed = velocity(foot).norm();
+    const double speed_of_other = velocity(other).norm();
+    // A leg that passes a post is not one of two that stand.
+    const bool same_past =
+        !foot.mobile && !other.mobile && (other.stood_s - foot.stood_s < kSamePast_s || foot.stood_s > kSamePast_s);
+    const bool leg_sized = is_standing_leg(foot) && is_standing_leg(other);
+    const bool alone = std::min(others_m, others_of_other_m) > kAlone * distance_m;
+    const bool stands = same_past && leg_sized && alone && distance_m >= kMinStanding_m && distance_m <= kMaxStanding_m;
+    // Both are new, and one of them moves.
+    const bool comes = leg_sized && alone && distance_m <= kMaxStep_m &&
+                       seconds_between(other.first_seen_ns, stamp_ns) < kSamePast_s &&
+                       std::max(foot.estimate.p_moving, other.estimate.p_moving) > kMoves;
+    const bool walks = leg_sized && (foot.mobile || other.mobile) && has_walked(foot, stamp_ns) &&
+                       has_walked(other, stamp_ns) && speed + speed_of_other > 2.0 * kGaitSpeed_m_s &&
+                       velocity(foot).dot(velocity(other)) > -kGaitSpeed_m_s * kGaitSpeed_m_s;
+    const double pair = gather(foot, other.id,
+                               stands || comes ? kPairStanding
+                               : walks         ? kPairGait_1_s * step_s
+                                               : -kPairDecay_1_s * step_s);
+    const bool tentative = foot.state == TrackState::kTentative && other.state == TrackState::kTentative;
+    if (pair < kClassStanding || tentative || are_parts_of_others(foot, other)) continue;
+    if (is_something_between(foot, position(likelier(other.estimate)), stamp_ns, elements)) continue;
+    if (!stands && (distance_m < kMinStanding_m || is_beside_larger(foot, stamp_ns, elements))) continue;
+    become_one_person(foot, other, pair, motion, gate, stamp_ns, elements);
+  }
+}
+
+/// What is new, moves and may be one leg of a person who was lost is that: the other one may still be hidden.
+bool People::is_leg_of_lost(MapElement& foot, double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements) {
+  const bool sets_off = foot.mobile || foot.estimate.p_moving > kMoves;
+  const bool is_new = seconds_between(foot.first_seen_ns, stamp_ns) < kSamePast_s;
+  if (!sets_off || !is_new || foot.state != TrackState::kConfirmed || !is_standing_leg(foot)) return false;
+  ObjectEstimate middle;
+  middle.x.segment<2>(kPosition) = position(likelier(foot.estimate));
+  middle.P.diagonal().segment<2>(kPosition).array() = kStride_m * kStride_m + kHips_m * kHips_m;
+  MapElement* const person = who_may_be_at(middle, gate, stamp_ns, elements);
+  if (person == nullptr) return false;
+  come_back(foot, middle, *person, stamp_ns);
+  person->leg_offset_variance_m2 = kStride_m * kStride_m;
+  return true;
+}
+
+/// Something leg-sized that steps about a leg: a leg stands while the other swings, and neither stands for long. Where
+/// scans are rare, no element follows a swinging leg, so the other one is what each scan shows.
+void People::step_about(MapElement& foot, std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
+                        std::vector<MapElement>& elements) {
+  const Eigen::Vector2d center_m = position(likelier(foot.estimate));
+  std::size_t other = legs_.size();
+  int others = 0;  // among several the nearest may change, and nothing steps
+  for (std::size_t i = 0; i < legs_.size(); ++i) {
+    const double distance_m = (legs_[i].center_world_m - center_m).norm();
+    if (!legs_[i].may_be_one || distance_m > kMaxApart_m) continue;
+    if (distance_m < kMinStanding_m) continue;  // that is the leg itself
+    other = i;
+    ++others;
+  }
+  const bool may_walk = foot.mobile || foot.stood_s < kSamePast_s;
+  if (others != 1 || !may_walk || !is_standing_leg(foot) || !is_free(other, stamp_ns, elements)) {
+    gather(foot, foot.id, -kPairDecay_1_s * step_s);
+    return;
+  }
+  const Eigen::Vector2d offset_m = 0.5 * (center_m - legs_[other].center_world_m);
+  const bool knows = foot.other_leg == foot.id;
+  const double step_m = knows ? 2.0 * (offset_m - foot.leg_offset_world_m).norm() : 0.0;
+  if (!knows || step_m > kMinStep_m) foot.leg_offset_world_m = offset_m;
+  const double change = !knows                ? kPairAtFirst * -0.1
+                        : step_m > kMinStep_m ? kPairStep_1_m * std::min(step_m, kMaxStep_m)
+                                              : -kPairDecay_1_s * step_s;
+  const double log_odds = gather(foot, foot.id, change);
+  if (log_odds < kClassStanding || foot.state != TrackState::kConfirmed || (foot.is_part && foot.body != foot.id))
+    return;
+  if (is_beside_larger(foot, stamp_ns, elements)) return;
+  if (row_of_column_[other] >= 0) {
+    become_one_person(foot, elements[static_cast<std::size_t>(row_of_column_[other])], log_odds, motion, gate, stamp_ns,
+                      elements);
+  } else {
+    become_person(foot, -offset_m, log_odds, motion, gate, stamp_ns, elements);
+  }
+}
+
+/// Two elements become a person, who keeps the id of the one that is on the map, or else of the older one.
+void People::become_one_person(MapElement& a, MapElement& b, double pair_log_odds, const MotionParams& motion,
+                               double gate, std::int64_t stamp_ns, std::vector<MapElement>& elements) {
+  const bool a_on_map = a.state != TrackState::kTentative, b_on_map = b.state != TrackState::kTentative;
+  const bool keep_a = a_on_map != b_on_map ? a_on_map : a.id < b.id;
+  MapElement& kept = keep_a ? a : b;
+  MapElement& dropped = keep_a ? b : a;
+  const Eigen::Vector2d way_m = position(likelier(dropped.estimate)) - position(likelier(kept.estimate));
+  dropped.state = TrackState::kDeleted;
+  kept.log_odds = std::max(kept.log_odds, dropped.log_odds);
+  kept.beams += dropped.beams;
+  kept.mobile = kept.mobile && dropped.mobile;
+  become_person(kept, 0.5 * way_m, pair_log_odds, motion, gate, stamp_ns, elements);
+}
+
+/// The person who is not seen, but may be at `middle_world`; or none.
+MapElement* People::who_may_be_at(const ObjectEstimate& middle_world, double gate, std::int64_t stamp_ns,
+                                  std::vector<MapElement>& elements) {
+  const Measurement here = middle_at(position(middle_world), middle_world.P.topLeftCorner<2, 2>(), 0.0);
+  MapElement* likeliest = nullptr;
+  double most = kLogNewObjectDensity;
+  for (MapElement& person : elements) {
+    if (!is_person(person) || person.state == TrackState::kDeleted || person.last_seen_ns == stamp_ns) continue;
+    const Match match = situation_awareness::match(combine(person.estimate), {}, here, Eigen::Matrix3d::Zero());
+    const double log_likelihood = match.log_likelihood - log_likelihood_of_shape();
+    if (!inside_gate(match, gate) || !(log_likelihood > most)) continue;
+    most = log_likelihood;
+    likeliest = &person;
+  }
+  return likeliest;
+}
+
+/// The element becomes a person whose middle is `offset_m` from it: that one who is not seen and may be here, or a new
+/// one.
+void People::become_person(MapElement& foot, const Eigen::Vector2d& offset_m, double pair_log_odds,
+                           const MotionParams& motion, double gate, std::int64_t stamp_ns,
+                           std::vector<MapElement>& elements) {
+  ObjectEstimate mapped;
+  mapped.x.segment<2>(kPosition) = position(likelier(foot.estimate)) + offset_m;
+  mapped.x(kShape) = kPersonRadius_m;
+  mapped.P.diagonal().segment<2>(kPosition).array() = kHips_m * kHips_m;
+  mapped.P(kShape, kShape) = kPersonRadiusSigma_m * kPersonRadiusSigma_m;
+  if (MapElement* const person = who_may_be_at(mapped, gate, stamp_ns, elements)) {
+    come_back(foot, mapped, *person, stamp_ns);
+    person->leg_offset_world_m = offset_m;
+    person->leg_offset_variance_m2 = kHips_m * kHips_m;
+    return;
+  }
+  foot.p_class = class_probability(pair_log_odds);
+  foot.object_class = ObjectClass::kPerson;
+  foot.box_log_odds = kSurelyEllipse;
+  foot.estimate = start(mapped, motion_of_person(motion));
+  if (foot.mobile) foot.estimate.p_moving = kMoves;
+  foot.state = TrackState::kConfirmed;
+  foot.is_part = false;
+  foot.body = 0;
+  foot.other_leg = 0;
+  foot.other_leg_log_odds = 0.0;
+  foot.leg_offset_world_m = offset_m;
+  foot.leg_offset_variance_m2 = kHips_m * kHips_m;
+}
+
+/// A person who was not seen is seen again, by this element; the velocity is what led there.
+void People::come_back(MapElement& foot, const ObjectEstimate& middle_world, MapElement& person,
+                       std::int64_t stamp_ns) {
+  const Measurement here = middle_at(position(middle_world), middle_world.P.topLeftCorner<2, 2>(), 0.0);
+  const Eigen::Matrix3d U = Eigen::Matrix3d::Zero();
+  const MotionMatch match = situation_awareness::match(person.estimate, {}, here, U);
+  situation_awareness::update(person.estimate, {}, here, match, U);
+  foot.state = TrackState::kDeleted;
+  person.state = TrackState::kConfirmed;
+  person.log_odds = std::max(person.log_odds, foot.log_odds);
+  person.last_seen_ns = stamp_ns;
+  person.beams = foot.beams;
+  person.P_view = foot.P_view;
+  person.observations += foot.observations;
+}
+
+}  // namespace situation_awareness
