@@ -58,7 +58,7 @@ class StagedPipeline {
     v.detected = stage("detect", [&] { return detector_->detect(v.segments, std::move(v.detected)); });
     v.detections = v.detected;
     v.detections = stage(
-        "refine", [&] { return refine(std::move(v.detections), v.segments, v.known_level, params_.detections.fit); });
+        "refine", [&] { return refine(std::move(v.detections), v.segments, v.known_level, detector_->scan_fit()); });
     v.update = stage("update", [&] { return map_.update(v.detections, std::move(v.update)); });
     v.map = stage("publish", [&] { return map_.at(scan.stamp_ns, std::move(v.map)); });
     return v;
@@ -68,7 +68,7 @@ class StagedPipeline {
 
  private:
   ObjectPipelineParams params_;
-  std::unique_ptr<Detector> detector_;
+  std::unique_ptr<ProbableDetector> detector_;
   ObjectMap map_;
   Objects known_;
   StageValues values_;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "situation_awareness/detections/box_fit.hpp"
+#include "situation_awareness/detections/refine.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -55,14 +56,24 @@ Detection mixture(const Detection& ellipse, const Detection& box) {
 
 }  // namespace
 
-ProbableDetector::ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse)
-    : detector_(std::move(detector)), min_p_ellipse_(min_p_ellipse) {}
+ProbableDetector::ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse,
+                                   const EllipseFitParams& fit)
+    : detector_(std::move(detector)), min_p_ellipse_(min_p_ellipse), fit_(fit) {}
 
 ProbableDetector::ProbableDetector(std::unique_ptr<Detector> detector, std::unique_ptr<ShapeNetwork> shapes,
                                    const EllipseFitParams& fit)
     : detector_(std::move(detector)), shapes_(std::move(shapes)), fit_(fit) {}
 
+Detections ProbableDetector::detect(const Segments& segments, const std::vector<ExpectedOutline>& known_level,
+                                    Detections memory) {
+  memory = detect(segments, std::move(memory));
+  return refine(std::move(memory), segments, known_level, scan_fit_);
+}
+
 void ProbableDetector::find(const Segments& segments, Detections& found) {
+  scan_fit_ = fit_;
+  scan_fit_.range_sigma_m = std::max(fit_.range_sigma_m, noise_.sigma_m(segments));
+  detector_->set_fit(scan_fit_);
   found = detector_->detect(segments, std::move(found));
   if (shapes_ == nullptr) {
     refuse_improbable(found);
@@ -92,16 +103,16 @@ void ProbableDetector::compare_with_boxes(const Segments& segments, Detections& 
   for (const Detection& detection : found.detections) judged_.push_back(detection.segment);
   for (const RefusedSegment& segment : refused_) judged_.push_back(segment.segment);
   const std::vector<ShapeEstimate>& shapes =
-      shapes_->infer(segments, judged_, fit_.range_sigma_m, fit_.prior_max_radius_m);
+      shapes_->infer(segments, judged_, scan_fit_.range_sigma_m, scan_fit_.prior_max_radius_m);
 
   auto shape = shapes.begin();
   for (Detection& detection : found.detections) {
-    const Detection box = box_detection(segments, detection.segment, fit_, *shape++);
-    if (*detection_defect(box, fit_) == '\0') detection = mixture(detection, box);
+    const Detection box = box_detection(segments, detection.segment, scan_fit_, *shape++);
+    if (*detection_defect(box, scan_fit_) == '\0') detection = mixture(detection, box);
   }
   for (const RefusedSegment& segment : refused_) {
-    const Detection box = box_detection(segments, segment.segment, fit_, *shape++);
-    const char* const defect = detection_defect(box, fit_);
+    const Detection box = box_detection(segments, segment.segment, scan_fit_, *shape++);
+    const char* const defect = detection_defect(box, scan_fit_);
     if (*defect == '\0') {
       found.detections.push_back(box);
     } else {

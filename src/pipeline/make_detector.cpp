@@ -80,7 +80,7 @@ std::string model_path(const DetectionParams& params) {
 std::unique_ptr<ProbableDetector> make_detector(const DetectionParams& params) {
   params.validate();
   std::unique_ptr<Detector> detector = entry_of(params.detector).make(params);
-  if (!params.boxes) return std::make_unique<ProbableDetector>(std::move(detector), params.min_p_ellipse);
+  if (!params.boxes) return std::make_unique<ProbableDetector>(std::move(detector), params.min_p_ellipse, params.fit);
   const std::string shapes = (std::filesystem::path(params.model_folder) / kShapeModel).string();
   return std::make_unique<ProbableDetector>(std::move(detector), std::make_unique<ShapeNetwork>(shapes), params.fit);
 }

@@ -34,7 +34,7 @@ class Dice final : public Detector {
 TEST(ProbableDetector, KeepsProbableDetectionsInOrderAndCountsTheOthers) {
   Segments segments;
   segments.stamp_ns = 7;
-  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6);
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6, EllipseFitParams{});
   const Detections detections = detector.detect(segments);
   EXPECT_EQ(detections.stamp_ns, 7);
   ASSERT_EQ(detections.detections.size(), 2U);
@@ -50,14 +50,14 @@ TEST(ProbableDetector, KeepsProbableDetectionsInOrderAndCountsTheOthers) {
 }
 
 TEST(ProbableDetector, AcceptsAnotherBound) {
-  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6}), 0.6);
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6}), 0.6, EllipseFitParams{});
   EXPECT_EQ(detector.detect(Segments()).detections.size(), 1U);
   detector.set_min_p_ellipse(0.1);
   EXPECT_EQ(detector.detect(Segments()).detections.size(), 2U);
 }
 
 TEST(ProbableDetector, CountsOnlyRefusals) {
-  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.0, 1.0}), 0.0);
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.0, 1.0}), 0.0, EllipseFitParams{});
   const Detections detections = detector.detect(Segments());
   EXPECT_EQ(detections.detections.size(), 2U);
   EXPECT_EQ(detections.refused.of("not one ellipse"), 0U);

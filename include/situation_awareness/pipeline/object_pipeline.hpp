@@ -130,7 +130,7 @@ class ObjectPipeline {
 
  private:
   ObjectPipelineParams params_;
-  std::unique_ptr<Detector> detector_;
+  std::unique_ptr<ProbableDetector> detector_;
   ObjectMap map_;
   CloudSlice slice_;
   Scan limited_;

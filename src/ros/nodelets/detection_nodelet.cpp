@@ -9,7 +9,6 @@
 #include <sensor_msgs/PointCloud2.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/unmapped_segments.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
@@ -50,7 +49,6 @@ class DetectionStage {
         [this](const DetectionParams& detections) {
           detector_->set_min_p_ellipse(detections.min_p_ellipse);
           detector_->set_fit(detections.fit);
-          fit_ = detections.fit;
         },
         params.pipeline.detections);
   }
@@ -64,7 +62,7 @@ class DetectionStage {
     }
     follow_unmapped();
     const std::vector<ExpectedOutline> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
-    const Detections detections = refine(detector_->detect(segments), segments, known_level, fit_);
+    const Detections detections = detector_->detect(segments, known_level);
     context_.publish(publisher_, detections_to_msg(detections, msg.header.frame_id));
     if (labels_publisher_.getNumSubscribers() > 0) {
       labels_ = label_hits(segments, detections, map_.latest(), std::move(labels_));
@@ -86,7 +84,6 @@ class DetectionStage {
   }
 
   Context& context_;
-  EllipseFitParams fit_;
   std::unique_ptr<ProbableDetector> detector_;
   ros::Publisher publisher_, labels_publisher_;
   MapSubscriber map_;
