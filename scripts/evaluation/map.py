@@ -184,6 +184,7 @@ def room_numbers(runs):
     mean = lambda values: float(np.mean(list(values)))
     return {
         "recall": mean(run["recall"] for run in runs), "false_per_scan": mean(run["false_per_scan"] for run in runs),
+        "on_fixtures_per_scan": mean(run["on_fixtures_per_scan"] for run in runs),
         "center_standing": pooled(runs, "standing", "center_rmse_m"),
         "center_moving": pooled(runs, "moving", "center_rmse_m"),
         "velocity_standing": pooled(runs, "standing", "velocity_rmse_m_s"),
@@ -335,15 +336,15 @@ def room_table(results):
         n = room_numbers(runs)
         rows.append((
             f"**ours, {mode}** ({len(runs)} rooms)", f"{n['recall']:.3f}", f"{n['false_per_scan']:.3f}",
-            pair(n, "center"), pair(n, "velocity"), f"{n['semi_axes']:.3f}",
+            f"{n['on_fixtures_per_scan']:.3f}", pair(n, "center"), pair(n, "velocity"), f"{n['semi_axes']:.3f}",
             f"{n['id_switches']:.2f} (most {n['id_switches_most']})",
             f"{n['latency'][0]:.2f} / {n['latency'][1]:.2f}", f"{n['cpu_ms']:.2f}",
         ))
-    header = ("", "recall", "false per scan", "centre RMSE standing / moving, m",
+    header = ("", "recall", "false per scan", "on fixtures", "centre RMSE standing / moving, m",
               "velocity RMSE standing / moving, m/s", "semi-axes MAE, m", "id switches", "latency p50 / p95, ms",
               "CPU, ms per scan")
-    target = ("target", "≥ .98", "≤ .02", "≤ .02 / .03", "≤ .03 / .20", "≤ .02", "≤ 2", "", "")
-    peers = [(row["name"], row["recall"], row["false_per_scan"],
+    target = ("target", "≥ .98", "≤ .02", "", "≤ .02 / .03", "≤ .03 / .20", "≤ .02", "≤ 2", "", "")
+    peers = [(row["name"], row["recall"], row["false_per_scan"], "",
               f"{row['center_standing_m']} / {row['center_moving_m']}",
               f"{row['velocity_standing_m_s']} / {row['velocity_moving_m_s']}", row["semi_axes_m"], row["id_switches"],
               row["latency_ms"], row["cpu_ms_per_scan"]) for row in printed.peers()]
@@ -677,7 +678,8 @@ which should be that of an unknown axis (52°).
 """
 ROOM = """
 Six standing and five moving objects (larger radius 0.1 to 0.45 m, ratio up to 2.5, 0.3 to 1.2 m/s), four walls, a
-cabinet, sometimes a closet, 40 s. The scans of a moving robot take 19 ms. The lower rows were measured
+cabinet, sometimes a closet, 40 s. These two are boxes that the truth does not have: elements on them (on fixtures, per
+scan) are neither correct nor false. The scans of a moving robot take 19 ms. The lower rows were measured
 elsewhere, on one bag of one such room: not by this command, on this machine or in these rooms. Compare orders of
 magnitude only.
 """

@@ -226,7 +226,7 @@ CIRCLE_TABLES = {
 # The same for all rows. Without the wider limits an object of 1.2 m across is structure, and its radius beyond belief.
 CIRCLE_SETTINGS = """\
 segments: {max_object_extent_m: 1.5}
-detections: {detector: least_squares, fit: {radius_difference_sigma_m: 0.001, max_radius_m: 1.0}}
+detections: {detector: least_squares, boxes: false, fit: {radius_difference_sigma_m: 0.001, max_radius_m: 1.0}}
 objects: {shape: circle}
 """
 
@@ -450,6 +450,11 @@ def people_flights():
 # --- walled room
 
 
+def fixture_options(walls):
+    """Of map_flights: what room_walls adds to the four walls. The truth has no such things, but the map may."""
+    return tuple(text for wall in walls[4:] for text in ("--fixture", *(f"{number:.4f}" for number in wall)))
+
+
 def room_walls(chance):
     """Four walls, a cabinet in the middle of one, and in every second room a closet in a corner."""
     half_x, half_y = chance.uniform(5.6, 6.4), chance.uniform(4.6, 5.4)
@@ -536,7 +541,8 @@ def room_flights():
         for mode, (robot_path, options) in ROOM_MODES.items():
             name = f"room_{seed}_{mode.replace(' ', '_')}"
             xml = world(name, built.things, built.robot, robot_path(built), walls=built.walls, floor=True)
-            yield Flight("room", mode, name, xml, (seed,), 40.0, options, walls=built.walls)
+            yield Flight("room", mode, name, xml, (seed,), 40.0, (*options, *fixture_options(built.walls)),
+                         walls=built.walls)
 
 
 # --- tilt
@@ -574,7 +580,8 @@ def tilt_flights():
                                   + TURN_RAD_S)):
             name = f"tilt_{seed}_{row.replace(' ', '_')}"
             xml = world(name, things, robot, path, walls=walls, floor=True)
-            yield Flight("tilt", row, name, xml, (seed,), 30.0, ("--sweep-s", SWEEP_S), walls=walls)
+            yield Flight("tilt", row, name, xml, (seed,), 30.0, ("--sweep-s", SWEEP_S, *fixture_options(walls)),
+                         walls=walls)
 
 
 # --- occlusion

@@ -157,6 +157,12 @@ void MapEvaluation::evaluate_bodies(const std::vector<Target>& targets, const Ob
   }
 }
 
+bool MapEvaluation::is_on_fixture(const Object& element) const {
+  return std::any_of(fixtures_world_.begin(), fixtures_world_.end(), [&](const Box& fixture) {
+    return offset_m(fixture, element.ellipse_world.center_m) <= params_.body_margin_m;
+  });
+}
+
 ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts) {
   ++scans_;
   stamp_ns_ = truth.stamp_ns;
@@ -204,6 +210,10 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
 
   std::map<std::uint64_t, std::int64_t> false_since;
   for (std::size_t j = 0; j < map.objects.size(); ++j) {
+    if (!on_truth[j] && is_on_fixture(map.objects[j])) {
+      ++on_fixtures_;
+      continue;
+    }
     if (!on_hidden[j]) estimates_m.push_back(map.objects[j].ellipse_world.center_m);
     if (on_truth[j]) continue;
     const std::uint64_t id = map.objects[j].id;
@@ -244,6 +254,7 @@ MapScore MapEvaluation::score() const {
   score.id_switches = id_switches();
   score.longest_false_s = longest_false_s_;
   score.false_per_scan = ratio(static_cast<double>(false_elements_), scans_);
+  score.on_fixtures_per_scan = ratio(static_cast<double>(on_fixtures_), scans_);
   score.gospa_m = ratio(gospa_sum_m_, scans_);
   long visible = 0;
   Sums all, standing, moving;

@@ -56,6 +56,23 @@ TEST(MapEvaluation, MeasuresErrorsDelaysAndDurationsOfFalseElements) {
   EXPECT_NEAR(score.recall, 15.0 / 20.0, 1e-12);
 }
 
+TEST(MapEvaluation, AnElementOnAFixtureIsNeitherCorrectNorFalse) {
+  const Box cabinet{{3.0, 0.5}, 0.0, 1.0, 0.4};  // 0.1 m from the elements' line
+  for (const bool known : {true, false}) {
+    MapEvaluation evaluation({}, {}, known ? std::vector<Box>{cabinet} : std::vector<Box>{});
+    for (int i = 0; i < 10; ++i) {
+      evaluation.add(objects_at(0.1 * i, {object_at(1, 0.0), object_at(2, 2.1)}),
+                     objects_at(0.1 * i, {object_at(7, 0.0), object_at(8, 3.9), object_at(9, 4.2)}));
+    }
+    const MapScore score = evaluation.score();
+    EXPECT_EQ(score.recall, 0.5);  // it is not that of the object beside it
+    EXPECT_EQ(score.false_per_scan, known ? 1.0 : 2.0);
+    EXPECT_EQ(score.on_fixtures_per_scan, known ? 1.0 : 0.0);
+    // GOSPA: one missed, and what is false.
+    EXPECT_NEAR(score.gospa_m * score.gospa_m, (known ? 1.0 : 1.5) * 0.25, 1e-9);
+  }
+}
+
 TEST(MapEvaluation, AHiddenObjectNeitherDelaysNorIsFalse) {
   MapEvaluation evaluation;
   for (int i = 0; i < 20; ++i) {

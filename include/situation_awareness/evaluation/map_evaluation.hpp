@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "situation_awareness/evaluation/bodies.hpp"
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 
@@ -91,6 +92,7 @@ struct MapScore {
   double max_delay_s = 0.0;
   double longest_false_s = 0.0;  ///< longest duration of a false element
   double false_per_scan = 0.0;
+  double on_fixtures_per_scan = 0.0;
   double recall = 0.0;
   double gospa_m = 0.0;  ///< mean over the scans
   int id_switches = 0;
@@ -107,12 +109,14 @@ struct ScanScore {
 /// Compares map and truth scan by scan: elements are matched one to one with true objects at the least total distance.
 /// A visible object counts for recall, delay and errors; an element on a hidden object, or on one hit by few beams, is
 /// neither correct nor false, and GOSPA ignores both. The parts of a body are one object, on which an element may be
-/// anywhere; a second one there is false.
+/// anywhere; a second one there is false. A fixture is a box of the room, such as a cabinet: an element within
+/// body_margin_m of it is on something real that is no object of the truth, and neither correct nor false.
 class MapEvaluation {
  public:
   /// `bodies`: objects that are one body, as indices of the truth's objects; without it each object is its own.
-  explicit MapEvaluation(const MapEvaluationParams& params = {}, std::vector<Body> bodies = {})
-      : params_(params), bodies_(std::move(bodies)) {}
+  explicit MapEvaluation(const MapEvaluationParams& params = {}, std::vector<Body> bodies = {},
+                         std::vector<Box> fixtures_world = {})
+      : params_(params), bodies_(std::move(bodies)), fixtures_world_(std::move(fixtures_world)) {}
 
   /// Truth and map at the same stamp; stamps increase, and the truth's objects keep their order. `Object::beams` of the
   /// truth counts the beams that hit it. `separate_parts`, one number per body, counts the parts that are separate
@@ -162,6 +166,7 @@ class MapEvaluation {
   };
 
   std::vector<Target> targets_of(const Objects& truth) const;
+  bool is_on_fixture(const Object& element) const;
   std::vector<int> match(const std::vector<Target>& targets, const Objects& map) const;
   void compare(ObjectTally& tally, const Object& truth, const Object& element) const;
   void update_hidden_time(ObjectTally& tally, const Target& target, const Object* element, const Objects& map) const;
@@ -170,6 +175,7 @@ class MapEvaluation {
 
   MapEvaluationParams params_;
   std::vector<Body> bodies_;
+  std::vector<Box> fixtures_world_;
   std::map<std::uint64_t, ObjectTally> objects_;       ///< by truth id
   std::vector<BodyTally> body_tallies_;                ///< as bodies_
   std::map<std::uint64_t, bool> has_parts_;            ///< by truth id: a body of several
@@ -177,6 +183,7 @@ class MapEvaluation {
   double longest_false_s_ = 0.0;
   double gospa_sum_m_ = 0.0;
   long false_elements_ = 0;
+  long on_fixtures_ = 0;
   int scans_ = 0;
   std::int64_t stamp_ns_ = 0;
 };
