@@ -16,6 +16,8 @@ namespace {
 constexpr double kGoodCostMargin = 5.0;  // of the cost of a fit above the number of hits
 constexpr double kSureOfShape = 0.9;     // probability from which on a known object is refined as this shape
 constexpr double kMaxOffset_m = 0.1;     // mean distance of an object's hits from its expected outline
+constexpr double kLarger = 1.3;          // factor on a known ellipse's length from which on a segment is more than it
+constexpr double kHitsOnIt = 0.25;       // least part of such a segment's hits that is on the ellipse
 
 double mean_offset_m(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum_m = 0.0;
@@ -44,6 +46,47 @@ Detection refined_box(const Segments& segments, std::size_t segment, const Ellip
   if (cost <= static_cast<double>(refined.beams) + kGoodCostMargin) return refined;
   const Detection anew = fit_box(segments, segment, params);
   return box_cost(segments, segment, params, anew.box_level) + kGoodCostMargin < cost ? anew : refined;
+}
+
+/// Whether the segment holds more than an object that is surely an ellipse: hits on it, and others beyond its length.
+bool holds_more_than(const Segments& segments, const Segment& segment, const Ellipse& known_level) {
+  const Eigen::Vector2d ends_m = segments.points[segment.first + segment.count - 1].p_level_m -
+                                 segments.points[segment.first].p_level_m;
+  if (ends_m.norm() < 2.0 * kLarger * known_level.rx_m) return false;
+  const Outline outline = outline_of(known_level);
+  const auto* const first = &segments.points[segment.first];
+  const auto on_it = std::count_if(first, first + segment.count, [&](const Point& point) {
+    return std::abs(offset_m(outline, point.p_level_m)) < kMaxOffset_m;
+  });
+  return static_cast<double>(on_it) > kHitsOnIt * static_cast<double>(segment.count);
+}
+
+/// Refuse what looks like a box and holds an object that is surely an ellipse: these are two things side by side.
+void refuse_composites(const Segments& segments, const std::vector<ExpectedOutline>& known_level, Detections& found) {
+  thread_local std::vector<Overlap> overlaps;  // kept for its memory
+  overlaps = overlaps_of(segments, known_level, std::move(overlaps));
+  const auto is_composite = [&](const Detection& detection) {
+    if (detection.log_box_ratio <= 0.0) return false;
+    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), detection.segment,
+                                    [](const Overlap& o, std::size_t wanted) { return o.segment < wanted; });
+    for (; overlap != overlaps.cend() && overlap->segment == detection.segment; ++overlap) {
+      const ExpectedOutline& known = known_level[overlap->ellipse];
+      if (known.p_box < 1.0 - kSureOfShape &&
+          holds_more_than(segments, segments.segments[detection.segment], known.ellipse)) {
+        return true;
+      }
+    }
+    return false;
+  };
+  std::size_t kept = 0;
+  for (const Detection& detection : found.detections) {
+    if (is_composite(detection)) {
+      found.refuse(detection.segment, detection_refusal::kNotOneEllipse);
+    } else {
+      found.detections[kept++] = detection;
+    }
+  }
+  found.detections.resize(kept);
 }
 
 }  // namespace
@@ -78,6 +121,7 @@ std::vector<std::size_t> known_of_each(const Detections& detections, const Segme
 Detections refine(Detections detections, const Segments& segments, const std::vector<ExpectedOutline>& known_level,
                   const EllipseFitParams& params) {
   if (known_level.empty()) return detections;
+  refuse_composites(segments, known_level, detections);
   thread_local std::vector<std::size_t> known;  // kept for its memory
   known = known_of_each(detections, segments, known_level, std::move(known));
   for (std::size_t i = 0; i < known.size(); ++i) {

@@ -7,6 +7,8 @@
 #include <tuple>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
+
 namespace situation_awareness {
 namespace {
 
@@ -114,6 +116,7 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
   thread_local Workspace work;
   std::vector<Candidate>& sorted = work.sorted;
   sorted.clear();
+  sorted.reserve(kUsualRoom);
   for (const Candidate& candidate : candidates) {
     if (candidate.cost < 0.0) sorted.push_back(candidate);  // nor NaN, with which the search would not end
   }

@@ -194,6 +194,15 @@ TEST(EllipsesByX, CoverWhatAnyOfThemContains) {
 
 // Circles, with an analytic solution: at a distance d, radii r of the one asked for and R of the other, r + R - d
 // of its width 2 r lies on the other.
+TEST(EllipsesByX, AnEllipseIsNotCoveredByItselfOrASmallerOne) {
+  const Ellipse small{{0.1, 0.0}, 0.0, 0.3, 0.2};
+  const Ellipse large{{0.0, 0.0}, 0.0, 0.8, 0.3};
+  const EllipsesByX by_x({large, small, {{20.0, 0.0}, 0.0, 5.0, 5.0}});
+  EXPECT_TRUE(by_x.cover_by_larger(small));
+  EXPECT_FALSE(by_x.cover_by_larger(large));
+  EXPECT_FALSE(by_x.cover_by_larger({{0.0, 0.4}, 0.0, 0.3, 0.2}));
+}
+
 TEST(EllipsesByX, OverlapEllipsesByMoreThanAQuarterOfTheirWidth) {
   Random random(8);
   for (int i = 0; i < 500; ++i) {

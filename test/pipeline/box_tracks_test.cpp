@@ -136,6 +136,47 @@ TEST(BoxTracks, AMovingBoxKeepsItsIdAndItsVelocity) {
   EXPECT_LT((object->velocity_world_m_s - Eigen::Vector2d(kSpeed_m_s, 0.0)).norm(), 0.1);
 }
 
+// The velocity of a vehicle turns with it: around a curve it does not lag behind.
+TEST(BoxTracks, AVelocityFollowsACurve) {
+  constexpr double kSpeed_m_s = 0.8;
+  constexpr double kRadius_m = 0.5;
+  Flight flight(6);
+  double sum2 = 0.0;
+  int scans = 0;
+  for (int i = 0; i < 240; ++i) {
+    const double angle_rad = kSpeed_m_s / kRadius_m * kPeriod_s * i;
+    const Eigen::Vector2d outward(std::cos(angle_rad), std::sin(angle_rad));
+    const Eigen::Vector2d along(-outward.y(), outward.x());
+    const Object* const object =
+        flight.see({{-2.0, 0.0}, 0.0}, {kRadius_m * outward, angle_rad + 0.5 * kPi, 0.22, 0.1});
+    if (i < 60 || object == nullptr) continue;
+    sum2 += (object->velocity_world_m_s - kSpeed_m_s * along).squaredNorm();
+    ++scans;
+  }
+  EXPECT_EQ(flight.ids(), 1U);
+  EXPECT_GT(scans, 170);
+  EXPECT_LT(std::sqrt(sum2 / scans), 0.15);
+}
+
+TEST(BoxTracks, ABoxThatSetsOffIsPublishedSoMoving) {
+  constexpr double kSpeed_m_s = 0.8;
+  Flight flight(7);
+  double lag_s = -1.0;
+  for (int i = 0; i < 100; ++i) {
+    const double moved_s = std::max(0.0, kPeriod_s * (i - 60));
+    const Object* const object =
+        flight.see({{0.0, -0.5}, 0.5 * kPi}, {{-0.5 + kSpeed_m_s * moved_s, 1.5}, 0.0, 0.4, 0.25});
+    const bool moving = object != nullptr && object->velocity_world_m_s.norm() > 0.5 * kSpeed_m_s;
+    if (moved_s == 0.0) {
+      EXPECT_FALSE(moving) << i;
+    }
+    if (moving && lag_s < 0.0) lag_s = moved_s;
+  }
+  EXPECT_EQ(flight.ids(), 1U);
+  EXPECT_GT(lag_s, 0.0);
+  EXPECT_LT(lag_s, 0.55);  // 0.3 m take 0.38 s
+}
+
 // An ellipse stays one, from near and far.
 TEST(BoxTracks, AnEllipseIsNoBox) {
   ObjectPipeline pipeline(params_with_boxes());

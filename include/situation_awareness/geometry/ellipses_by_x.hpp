@@ -32,6 +32,13 @@ class EllipsesByX {
     return any_within(0.0, point, [&](const Ellipse& other) { return contains(other, point); });
   }
 
+  /// Whether the centre of an ellipse lies on one that is larger.
+  bool cover_by_larger(const Ellipse& ellipse) const {
+    return any_within(0.0, ellipse.center_m, [&](const Ellipse& other) {
+      return other.rx_m * other.ry_m > ellipse.rx_m * ellipse.ry_m && contains(other, ellipse.center_m);
+    });
+  }
+
   /// Whether an ellipse overlaps one by more than a quarter of its width along the line of their centres: more than
   /// errors cause for two that touch.
   bool overlap(const Ellipse& ellipse) const {

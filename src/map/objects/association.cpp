@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
+
 namespace situation_awareness {
 
 using namespace object_state;
@@ -115,6 +117,7 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
 
 void Associator::associate(const AssociationInput& input, const ObjectMapParams& params, double gate) {
   candidates_.clear();
+  candidates_.reserve(kUsualRoom);
   matches_.clear();
   associations_.clear();
   rejections_.assign(input.measurements.size(), {});

@@ -17,9 +17,11 @@ namespace {
 /// 3.5 to 4.1 (object_map_test). In flights half of it, a factor of 2, lowers the recall by 0.014; twice, a
 /// factor of 16, raises it by 0.006, and the velocity RMSE of standing objects from 0.2 to 1.5 mm/s.
 const double kLogOddsOfDetection = std::log(4.0);
-/// A box of at least so many hits counts more: clutter has fewer.
+/// A detection of at least so many hits counts more: clutter has fewer.
 constexpr int kManyBeams = 8;
-/// Factor on the weight of such a box. With 2 the second scan confirms it.
+/// m. A small ellipse near the sensor has as many: legs, arms, chair legs, which come and go.
+constexpr double kSmall_m = 0.1;
+/// Factor on the weight of such a detection. With 2 the second scan confirms it.
 constexpr double kWeightOfManyBeams = 2.0;
 /// Upper bound of the log-odds, p = 0.999. With p_D = 0.6 it takes 8 scans seen through to fall to even odds; at most
 /// 10 are allowed, which are reached with a bound of 9.2 (AnElementThatIsSeenThroughIsDeletedSoon).
@@ -69,7 +71,8 @@ void begin_existence(MapElement& element, const ObjectMapParams& params) {
 
 bool detection_update(MapElement& element, const Detection& detection, const ObjectMapParams& params) {
   double weight = detection.hidden_end ? params.hidden_observation_weight : 1.0;
-  if (detection.shape == Shape::kBox && detection.beams >= kManyBeams) weight *= kWeightOfManyBeams;
+  const bool is_small = detection.shape == Shape::kEllipse && detection.ellipse_level.rx_m < kSmall_m;
+  if (detection.beams >= kManyBeams && !is_small) weight *= kWeightOfManyBeams;
   element.log_odds = std::min(element.log_odds + weight * kLogOddsOfDetection, kMaxLogOdds);
   const bool tentative = element.state == TrackState::kTentative;
   if (tentative && element.log_odds < log_odds(params.confirmation_probability)) return false;

@@ -40,6 +40,9 @@ struct ObjectMapFormat {
       fields.add("leg_offset_variance_m2", "0");
       fields.add("box_log_odds", std::to_string(kSurelyEllipse));
       fields.add("box_psi", "0");
+      bool moves = false;
+      fields("moves", moves);
+      fields.add("moving_scans", moves ? "1" : "0");
     }
     // Version 1 has `confirmed`; the time since the last detection then decides whether the element is lost.
     if (version == 1) {

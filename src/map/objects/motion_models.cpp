@@ -62,7 +62,7 @@ void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) 
   estimate.moving = moving;
   estimate.p_moving = std::min(moves, 1.0);
   predict(estimate.standing, dt_s, params.standing);
-  predict(estimate.moving, dt_s, params.moving);
+  predict(estimate.moving, dt_s, params.moving, params.course);
 }
 
 MotionMatch match(const MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,

@@ -25,14 +25,46 @@ Eigen::Matrix2d turn(double angle_rad) { return Eigen::Rotation2Dd(angle_rad).to
 /// covariance of the radii.
 constexpr double kAnyTurn_rad = 30.0;
 
+/// Below it the integrals of a turn are series, whose first terms left out are of its fourth power.
+constexpr double kSmallTurn_rad = 1e-3;
+
 /// d(p, q) / d(psi) after `dt_s`.
 Eigen::Vector2d axis_by_psi(const Vector8d& x, double dt_s) {
   return 2.0 * quarter_turn(turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis));
 }
 
-Matrix8d jacobian(const Vector8d& x, double dt_s, const Eigen::Vector2d& by_psi) {
+/// Integrals of cos(t a) and sin(t a) over t in [0, 1], and their derivatives by the angle a.
+struct MeanTurn {
+  double cosine, sine, cosine_by_angle, sine_by_angle;
+};
+
+MeanTurn mean_turn(double angle_rad) {
+  if (std::abs(angle_rad) < kSmallTurn_rad) {
+    const double a2 = angle_rad * angle_rad;
+    return {1.0 - a2 / 6.0, angle_rad * (0.5 - a2 / 24.0), -angle_rad / 3.0, 0.5 - a2 / 8.0};
+  }
+  const double cosine = std::sin(angle_rad) / angle_rad;
+  const double sine = (1.0 - std::cos(angle_rad)) / angle_rad;
+  return {cosine, sine, (std::cos(angle_rad) - cosine) / angle_rad, (std::sin(angle_rad) - sine) / angle_rad};
+}
+
+/// The rows of position and velocity where the velocity turns.
+void turn_course(const Vector8d& x, double dt_s, Matrix8d& F) {
+  const double angle_rad = dt_s * x(kAngularVelocity);
+  const Eigen::Vector2d v = x.segment<2>(kVelocity);
+  const MeanTurn mean = mean_turn(angle_rad);
+  F.block<2, 2>(kPosition, kVelocity) << mean.cosine, -mean.sine, mean.sine, mean.cosine;
+  F.block<2, 2>(kPosition, kVelocity) *= dt_s;
+  F.block<2, 1>(kPosition, kAngularVelocity) =
+      dt_s * dt_s * (mean.cosine_by_angle * v + mean.sine_by_angle * quarter_turn(v));
+  F.block<2, 2>(kVelocity, kVelocity) = turn(angle_rad);
+  F.block<2, 1>(kVelocity, kAngularVelocity) = dt_s * quarter_turn(turn(angle_rad) * v);
+}
+
+Matrix8d jacobian(const Vector8d& x, double dt_s, const Eigen::Vector2d& by_psi, Course course) {
   Matrix8d F = Matrix8d::Identity();
   F.block<2, 2>(kPosition, kVelocity) = dt_s * Eigen::Matrix2d::Identity();
+  if (course == Course::kTurning) turn_course(x, dt_s, F);
   F.block<2, 2>(kAxis, kAxis) = turn(2.0 * dt_s * x(kAngularVelocity));
   F.block<2, 1>(kAxis, kAngularVelocity) = dt_s * by_psi;
   return F;
@@ -73,24 +105,34 @@ Matrix5d noise_covariance(const Vector8d& x, const Pose2& T_world_level, const M
 
 }  // namespace
 
-Vector8d predict(const Vector8d& x, double dt_s) {
+Vector8d predict(const Vector8d& x, double dt_s, Course course) {
   Vector8d result = x;
-  result.segment<2>(kPosition) += dt_s * x.segment<2>(kVelocity);
-  result.segment<2>(kAxis) = turn(2.0 * dt_s * x(kAngularVelocity)) * x.segment<2>(kAxis);
+  const double angle_rad = dt_s * x(kAngularVelocity);
+  const Eigen::Vector2d v = x.segment<2>(kVelocity);
+  if (course == Course::kTurning) {
+    const MeanTurn mean = mean_turn(angle_rad);
+    result.segment<2>(kPosition) += dt_s * (mean.cosine * v + mean.sine * quarter_turn(v));
+    result.segment<2>(kVelocity) = turn(angle_rad) * v;
+  } else {
+    result.segment<2>(kPosition) += dt_s * v;
+  }
+  result.segment<2>(kAxis) = turn(2.0 * angle_rad) * x.segment<2>(kAxis);
   return result;
 }
 
-Matrix8d process_jacobian(const Vector8d& x, double dt_s) { return jacobian(x, dt_s, axis_by_psi(x, dt_s)); }
+Matrix8d process_jacobian(const Vector8d& x, double dt_s, Course course) {
+  return jacobian(x, dt_s, axis_by_psi(x, dt_s), course);
+}
 
 Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise) {
   return added_covariance(dt_s, noise, axis_by_psi(x, dt_s));
 }
 
-void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise) {
+void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise, Course course) {
   Eigen::Vector2d by_psi = axis_by_psi(estimate.x, dt_s);
   const double sigma_rad = turn_sigma_rad(estimate, dt_s, noise);
   if (sigma_rad > kAnyTurn_rad) by_psi *= kAnyTurn_rad / sigma_rad;
-  predict(estimate, predict(estimate.x, dt_s), jacobian(estimate.x, dt_s, by_psi),
+  predict(estimate, predict(estimate.x, dt_s, course), jacobian(estimate.x, dt_s, by_psi, course),
           added_covariance(dt_s, noise, by_psi));
 }
 

@@ -50,6 +50,12 @@ constexpr double kMobileAfter_m = 0.25;
 constexpr double kNewBoxMoves = 0.1;
 /// m. As kMobileAfter_m, of a box, and at least 3 standard deviations of its position.
 constexpr double kBoxMobileAfter_m = 0.3;
+/// Detections in a row with which a box must surely move before it is mobile.
+constexpr int kBoxMobileScans = 4;
+/// Factor on the angular acceleration of a mobile box: a vehicle is at its rate of turn within a second.
+constexpr double kBoxTurns = 5.0;
+/// Log-odds from which on a shape is known: a probability of 0.9.
+constexpr double kKnownShape = 2.2;
 /// Factor on the variances of the velocity where the shape is corrected.
 constexpr double kCorrectedVelocity = 4.0;
 
@@ -105,6 +111,10 @@ MotionParams ObjectMap::motion_of(const MapElement& element) const {
   if (is_person(element)) return motion_of_person(motion_);
   MotionParams motion = motion_;
   if (is_out_of_sight(element, stamp_ns())) motion.start_rate_1_s = motion.stop_rate_1_s = 0.0;
+  if (is_box(element) && element.mobile) {  // a vehicle: its velocity turns with it
+    motion.course = Course::kTurning;
+    motion.moving.angular_acceleration *= kBoxTurns;
+  }
   const bool settled = !element.mobile && element.stood_s > kSettled_s;
   const double unsettled = settled ? 0.0 : element.mobile ? 1.0 : std::exp(-element.stood_s / kRestartDecay_s);
   motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
@@ -375,6 +385,8 @@ MapElement* ObjectMap::element_to_reinitialize(const Detection& detection, const
   double nearest_m = 0.0;
   for (MapElement& element : elements_) {
     if (is_person(element) || element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
+    // What looks like a box says nothing of what is known to be none: it is more than this element.
+    if (detection.log_box_ratio > 0.0 && element.box_log_odds < -kKnownShape) continue;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
     if (!is_on(ellipse)) continue;
     const double distance_m = (ellipse.center_m - center_world_m).norm();
@@ -412,6 +424,16 @@ MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pos
   return start(mapped, motion_);
 }
 
+/// Whether it surely moves and is away from where it began to: an ellipse from where that was sure, a box, which has to
+/// be sure of it for longer, from where it stood. The visible faces of a box change, which looks like
+/// motion for a moment.
+bool ObjectMap::has_travelled(const MapElement& element) const {
+  const double way_m = (position(element.estimate.moving) - element.set_off_world_m).norm();
+  if (!is_box(element)) return element.moving_scans > 0 && way_m > kMobileAfter_m;
+  return element.moving_scans >= kBoxMobileScans &&
+         way_m > std::max(kBoxMobileAfter_m, 3.0 * position_sigma_m(element.estimate.moving));
+}
+
 /// Updates of an element by a detection other than its estimate and existence: view covariance and motion flags.
 void ObjectMap::observe(MapElement& element, const Detection& detection, const Measurement& measurement,
                         const Pose2& T_world_level) const {
@@ -423,14 +445,15 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   element.last_seen_ns = stamp_ns();
   element.beams = detection.beams;
   ++element.observations;
-  if (element.estimate.p_moving < 0.5) element.stood_s += step_s_;
-  const bool moved = element.moves;
-  element.moves = element.estimate.p_moving > kSurelyMoving;
-  if (element.moves && !moved) element.set_off_world_m = position(element.estimate.moving);
-  const double way_m = (position(element.estimate.moving) - element.set_off_world_m).norm();
-  const double far_m =
-      is_box(element) ? std::max(kBoxMobileAfter_m, 3.0 * position_sigma_m(element.estimate.moving)) : kMobileAfter_m;
-  element.mobile |= element.moves && way_m > far_m;
+  const bool stands = element.estimate.p_moving < 0.5;
+  if (stands) element.stood_s += step_s_;
+  element.moving_scans = element.estimate.p_moving > kSurelyMoving ? element.moving_scans + 1 : 0;
+  if (is_box(element)) {
+    if (stands) element.set_off_world_m = position(element.estimate.standing);
+  } else if (element.moving_scans == 1) {
+    element.set_off_world_m = position(element.estimate.moving);
+  }
+  element.mobile |= has_travelled(element);
 }
 
 void ObjectMap::confirm_if_due(std::size_t element, const Detection& detection) {
@@ -447,12 +470,31 @@ EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
   return EllipsesByX(std::move(ellipses));
 }
 
+/// Confirmed elements that stand.
+EllipsesByX ObjectMap::standing(EllipsesByX memory) const {
+  std::vector<Ellipse> ellipses = memory.release();
+  ellipses.clear();
+  ellipses.reserve(kUsualRoom);
+  for (const MapElement& element : elements_) {
+    if (is_person(element) || element.mobile) continue;
+    if (element.state != TrackState::kConfirmed || element.estimate.p_moving > 0.5) continue;
+    ellipses.push_back(ellipse_world(element.estimate.standing.x));
+  }
+  return EllipsesByX(std::move(ellipses));
+}
+
 /// Map management (circle paper, Sect. V-B3).
 void ObjectMap::delete_elements(ObjectMapUpdate& report) {
   std::vector<char>& dropped = work_.dropped;
   dropped.clear();
+  work_.standing = standing(std::move(work_.standing));
   for (const MapElement& element : elements_) {
-    const char* const reason = deletion_reason(element, stamp_ns(), params_);
+    const char* reason = deletion_reason(element, stamp_ns(), params_);
+    // A piece of a surface that lost returns slides along it from scan to scan, onto what is known of it.
+    if (is_box(element) && !element.mobile &&
+        work_.standing.cover_by_larger(ellipse_world(element.estimate.standing.x))) {
+      reason = "piece of a larger object";
+    }
     dropped.push_back(*reason != '\0' ? 1 : 0);
     if (dropped.back() != 0) ++report.reasons[reason];
   }

@@ -24,12 +24,15 @@ namespace {
 
 /// m. Radius of the circle that stands for a person: half the width of the shoulders or the pelvis.
 constexpr double kPersonRadius_m = 0.2;
+/// m. Standard deviation of that.
 constexpr double kPersonRadiusSigma_m = 0.03;
-/// m. Mean and standard deviation of the radius of a leg, and of its (p, q).
+/// m. Mean radius of a leg.
 constexpr double kLegRadius_m = 0.06;
+/// m. Standard deviation of that, and of a leg's (p, q).
 constexpr double kLegRadiusSigma_m = 0.03;
-/// m. A leg has no larger semi-axis; two of them side by side neither.
+/// m. A leg has no larger semi-axis.
 constexpr double kMaxLeg_m = 0.14;
+/// m. Two legs side by side have no larger one.
 constexpr double kMaxBothLegs_m = 0.35;
 /// m. Two legs side by side are at least this wide.
 constexpr double kMinBothLegs_m = 0.11;
@@ -37,10 +40,11 @@ constexpr double kMinBothLegs_m = 0.11;
 constexpr double kStride_m = 0.18;
 /// s. Correlation time of that.
 constexpr double kStride_s = 0.35;
-/// m. Standard deviation of the hips about the middle of both legs, and about that of the hits of both.
+/// m. Standard deviation of the hips about the middle of both legs.
 constexpr double kHips_m = 0.07;
 /// s. Correlation time of that of the hips: a part of a step.
 constexpr double kHips_s = 0.15;
+/// m. Standard deviation of the hips about the middle of the hits of both legs.
 constexpr double kBothInOne_m = 0.07;
 /// m. Standard deviation of the centre of a leg, of its hits alone.
 constexpr double kHits_m = 0.04;
@@ -48,43 +52,60 @@ constexpr double kHits_m = 0.04;
 constexpr double kNoShape_m2 = 1e-6;
 /// m. A person less certain than this is found again by its two legs only.
 constexpr double kMaxSigma_m = 0.6;
-/// m/s^2/sqrt(Hz), m/sqrt(s), 1/s: the motion of a person.
+/// Spectral density of the acceleration of a person, in m/s^2/sqrt(Hz).
 constexpr double kAcceleration = 1.2;
+/// m. Sway of a person who stands, after 1 s.
 constexpr double kStandingDrift_m = 0.03;
+/// Rate at which who stands sets off.
 constexpr double kStartRate_1_s = 0.5;
+/// Rate at which who walks stops.
 constexpr double kStopRate_1_s = 0.3;
 
 /// m. Legs are at most this far apart.
 constexpr double kMaxApart_m = 0.9;
-/// m. Those of a person who stands: between these, and both leg-sized.
-constexpr double kMinStanding_m = 0.08, kMaxStanding_m = 0.38;
-constexpr double kMinStandingLeg_m = 0.03, kMaxStandingLeg_m = 0.1;
-/// m, and probability: the legs of a person who has just come into view are so near to each other, and one moves.
+/// m. Distance of the legs of who stands, at least.
+constexpr double kMinStanding_m = 0.08;
+/// m. The same, at most.
+constexpr double kMaxStanding_m = 0.38;
+/// m. Radius of a leg of who stands, at least.
+constexpr double kMinStandingLeg_m = 0.03;
+/// m. The same, at most.
+constexpr double kMaxStandingLeg_m = 0.1;
+/// m. The legs of a person who has just come into view are so near to each other, and one moves.
 constexpr double kMaxStep_m = 0.75;
+/// Probability of moving from which on it does.
 constexpr double kMoves = 0.8;
-/// s, and part of it: what has stood for more of its age is no leg of who walks.
+/// s. Age from which on the time of standing tells of gait.
 constexpr double kMinAge_s = 0.5;
+/// Part of its age. What has stood for longer is no leg of who walks.
 constexpr double kMaxStoodPart = 0.8;
 /// s. Both appeared within this time, or have stood for as long.
 constexpr double kSamePast_s = 1.0;
 /// Ratio of the distance to the next such thing to that of the two.
 constexpr double kAlone = 1.8;
-/// Log-odds that two leg-sized elements are the legs of one person: at first, added by a scan that shows them as those
-/// of one who stands, added per second of gait, and taken per second otherwise.
+/// Log-odds that two leg-sized elements are the legs of one person, at first.
 constexpr double kPairAtFirst = -1.0;
+/// The same, at most.
 constexpr double kMaxPair = 1.0;
+/// Added by a scan that shows them as those of who stands.
 constexpr double kPairStanding = 0.75;
+/// Added per second of gait.
 constexpr double kPairGait_1_s = 6.0;
+/// Taken per second without either.
 constexpr double kPairDecay_1_s = 1.0;
+/// Added per metre of a step about a leg that stands.
 constexpr double kPairStep_1_m = 4.0;
 /// m. One leg has stepped if the way to it has changed by so much.
 constexpr double kMinStep_m = 0.1;
-/// Log-odds of the class of a person who only stood, added per second of gait, and at most.
+/// Log-odds of the class of a person who only stood.
 constexpr double kClassStanding = 0.4;
+/// Added to it per second of gait.
 constexpr double kClassGait_1_s = 1.5;
+/// The same, at most.
 constexpr double kMaxClass = 4.6;
 /// m. Where a leg may be, from the middle.
 constexpr double kReach_m = 0.55;
+/// Speed of who walks, at least.
 constexpr double kGaitSpeed_m_s = 0.2;
 /// m. What is so near to a leg-sized thing is beside it.
 constexpr double kBeside_m = 0.4;
@@ -185,6 +206,16 @@ bool is_beside_larger(const MapElement& foot, std::int64_t stamp_ns, const std::
   });
 }
 
+/// True if something larger than a leg is where a person's legs are: a body, and what was taken for legs are its arms.
+bool is_in_body(const MapElement& person, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
+  const Eigen::Vector2d middle_m = position(likelier(person.estimate));
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_person(element) || element.state != TrackState::kConfirmed || element.last_seen_ns != stamp_ns) return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return ellipse.rx_m > kMaxLeg_m && (ellipse.center_m - middle_m).norm() < kPersonRadius_m;
+  });
+}
+
 Eigen::Vector2d velocity(const MapElement& element) { return combine(element.estimate).x.segment<2>(kVelocity); }
 
 }  // namespace
@@ -245,7 +276,9 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
                              const Pose2& T_world_level, const Eigen::Matrix3d& U, const ObjectMapParams& params,
                              double gate) {
   candidates_.clear();
+  candidates_.reserve(kUsualRoom);
   parts_.clear();
+  parts_.reserve(kUsualRoom);
   persons_.clear();
   first_row_ = elements.size();
   for (std::size_t i = 0; i < elements.size(); ++i) {
@@ -495,6 +528,10 @@ void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams&
   // Gait of those who are known.
   for (const SeenLegs& seen : seen_) {
     MapElement& person = elements[seen.element];
+    if (is_in_body(person, stamp_ns, elements)) {
+      person.state = TrackState::kDeleted;
+      continue;
+    }
     if (seen.legs < 2 || person.estimate.p_moving < 0.5 || velocity(person).norm() < kGaitSpeed_m_s) continue;
     person.p_class = class_probability(log_odds(person.p_class) + kClassGait_1_s * step_s);
   }

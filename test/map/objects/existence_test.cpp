@@ -75,18 +75,21 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
 }
 
 // A robot must not drive for three scans towards what 30 beams show.
-TEST(Existence, ABoxOfManyHitsIsConfirmedByTheSecondScan) {
+TEST(Existence, WhatHasManyHitsIsConfirmedByTheSecondScan) {
   const ObjectMapParams params;
-  Detection box;
-  box.shape = Shape::kBox;
-  box.beams = 8;
-  MapElement element = element_at({3.0, 0.0}, 0.01);
-  begin_existence(element, params);
-  EXPECT_TRUE(detection_update(element, box, params));
-  box.beams = 7;
-  MapElement other = element_at({3.0, 0.0}, 0.01);
-  begin_existence(other, params);
-  EXPECT_FALSE(detection_update(other, box, params));
+  for (const Shape shape : {Shape::kEllipse, Shape::kBox}) {
+    Detection detection;
+    detection.shape = shape;
+    detection.beams = 8;
+    detection.ellipse_level = {{3.0, 0.0}, 0.0, 0.2, 0.1};
+    MapElement element = element_at({3.0, 0.0}, 0.01);
+    begin_existence(element, params);
+    EXPECT_TRUE(detection_update(element, detection, params));
+    detection.beams = 7;
+    MapElement other = element_at({3.0, 0.0}, 0.01);
+    begin_existence(other, params);
+    EXPECT_FALSE(detection_update(other, detection, params));
+  }
 }
 
 TEST(Existence, AHighBirthProbabilityConfirmsAtOnce) {

@@ -74,7 +74,8 @@ MapSnapshot without_legs(MapSnapshot snapshot) {
   return snapshot;
 }
 
-constexpr std::array kOfVersionThree = {"class",
+constexpr std::array kOfVersionThree = {"moving_scans",
+                                        "class",
                                         "p_class",
                                         "other_leg",
                                         "other_leg_log_odds",
@@ -92,6 +93,7 @@ std::string before_version_three(const std::string& yaml) {
     const bool is_new = std::any_of(kOfVersionThree.begin(), kOfVersionThree.end(), [&](const char* key) {
       return line.rfind("    " + std::string(key) + ":", 0) == 0;
     });
+    if (line.rfind("    moving_scans:", 0) == 0) old += "    moves: " + std::string(line.back() == '0' ? "false\n" : "true\n");
     if (!is_new) old += line + '\n';
   }
   return old;
@@ -182,7 +184,10 @@ TEST(MapFile, ReadsVersionOne) {
   snapshot.elements.at(2).state = TrackState::kLost;
   snapshot.elements.at(2).last_seen_ns = snapshot.stamp_ns - 500'000'001;
   snapshot.elements.resize(3);
-  for (MapElement& element : snapshot.elements) element.body = 0;
+  for (MapElement& element : snapshot.elements) {
+    element.body = 0;
+    element.moving_scans = std::min(element.moving_scans, 1);  // all that was written of it
+  }
   const std::string yaml = map_to_yaml(without_legs(snapshot));
   std::string old = with(before_version_three(yaml), "version", "1");
   for (const char* state : {"tentative", "confirmed", "lost"}) {
@@ -199,11 +204,13 @@ TEST(MapFile, ReadsVersionOne) {
 }
 
 TEST(MapFile, ReadsVersionTwo) {
-  const std::string yaml = map_to_yaml(without_legs(snapshot_of(lively_map(60))));
+  MapSnapshot snapshot = without_legs(snapshot_of(lively_map(60)));
+  for (MapElement& element : snapshot.elements) element.moving_scans = std::min(element.moving_scans, 1);
+  const std::string yaml = map_to_yaml(snapshot);
   const std::string old = with(before_version_three(yaml), "version", "2");
   EXPECT_EQ(map_to_yaml(map_from_yaml(edited(old), "a.yaml")), yaml) << "of unknown class";
   EXPECT_TRUE(names(refusal(edited(with(yaml, "version", "2"))), {"class"}));
-  EXPECT_TRUE(names(refusal(edited(with(old, "version", "3"))), {"class"}));
+  EXPECT_TRUE(names(refusal(edited(with(old, "version", "3"))), {"moving_scans"}));
 }
 
 TEST(MapFile, KeepsClassAndShape) {

@@ -63,8 +63,10 @@ TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
     const double dt_s = random.uniform(0.0, 2.0);
     const double offset_s = random.uniform(-0.1, 0.1);
 
-    const auto F = numerical_jacobian<8, 8>([&](const Vector8d& at) { return predict(at, dt_s); }, x);
-    EXPECT_LT((F - process_jacobian(x, dt_s)).cwiseAbs().maxCoeff(), 1e-8);
+    for (const Course course : {Course::kStraight, Course::kTurning}) {
+      const auto F = numerical_jacobian<8, 8>([&](const Vector8d& at) { return predict(at, dt_s, course); }, x);
+      EXPECT_LT((F - process_jacobian(x, dt_s, course)).cwiseAbs().maxCoeff(), 1e-8);
+    }
 
     const auto H = numerical_jacobian<5, 8>([&](const Vector8d& at) { return measure(at, T, offset_s); }, x);
     EXPECT_LT((H - measurement_jacobian(T, offset_s)).cwiseAbs().maxCoeff(), 1e-8);
@@ -122,6 +124,35 @@ TEST(ObjectFilter, OneLongStepPredictsAsManyShortOnes) {
     predict(whole, 1.6, {0.7, 0.4, 0.1, 0.02, 0.03});
     EXPECT_LT((in_steps.x - whole.x).norm(), 1e-9) << w;
     EXPECT_LT((in_steps.P - whole.P).cwiseAbs().maxCoeff(), 1e-9) << w;
+  }
+}
+
+TEST(ObjectFilter, AVelocityThatTurnsGoesAroundACircle) {
+  Random random(7);
+  for (const double w : {-1.3, -1e-9, 1e-9, 2e-4, 0.02, 0.9}) {
+    Vector8d x = random_state(random);
+    x(kAngularVelocity) = w;
+    const Vector8d after = predict(x, 0.7, Course::kTurning);
+    EXPECT_NEAR(after.segment<2>(kVelocity).norm(), x.segment<2>(kVelocity).norm(), 1e-12);
+    Vector8d in_steps = x;
+    for (int i = 0; i < 32; ++i) in_steps = predict(in_steps, 0.7 / 32, Course::kTurning);
+    EXPECT_LT((in_steps - after).norm(), 1e-9) << w;
+    if (std::abs(w) < 1e-6) {
+      EXPECT_LT((predict(x, 0.7) - after).norm(), 1e-8);
+    } else {
+      const Vector8d around = predict(x, 2.0 * kPi / std::abs(w), Course::kTurning);
+      EXPECT_LT((around - x).norm(), 1e-7) << w;
+    }
+  }
+}
+
+TEST(ObjectFilter, TheJacobianOfATurnHasNoStepAtItsSeries) {
+  Random random(8);
+  Vector8d x = random_state(random);
+  for (const double w : {0.999e-3, 1.001e-3}) {
+    x(kAngularVelocity) = w;
+    const auto F = numerical_jacobian<8, 8>([&](const Vector8d& at) { return predict(at, 1.0, Course::kTurning); }, x);
+    EXPECT_LT((F - process_jacobian(x, 1.0, Course::kTurning)).cwiseAbs().maxCoeff(), 1e-6) << w;
   }
 }
 

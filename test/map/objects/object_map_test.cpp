@@ -71,7 +71,7 @@ Detection detection_of(const Ellipse& ellipse_level) {
   Detection detection;
   detection.ellipse_level = canonical(ellipse_level);
   detection.covariance = kSeen_m * kSeen_m * Matrix5d::Identity();
-  detection.beams = 20;
+  detection.beams = 7;  // with more, fewer scans confirm it
   return detection;
 }
 
@@ -153,7 +153,7 @@ TEST(ObjectMap, IsOnTheMapAfterItsThirdObservation) {
   ASSERT_EQ(objects.objects.size(), 1U);
   EXPECT_EQ(objects.objects[0].id, 1U);
   EXPECT_EQ(objects.objects[0].observations, 3);
-  EXPECT_EQ(objects.objects[0].beams, 20);
+  EXPECT_EQ(objects.objects[0].beams, 7);
   EXPECT_EQ(objects.objects[0].first_seen_ns, 0);
   EXPECT_EQ(objects.objects[0].last_seen_ns, nanoseconds(2 * kScanPeriod_s));
   EXPECT_GE(objects.objects[0].p_exists, params().confirmation_probability);
@@ -333,6 +333,29 @@ TEST(ObjectMap, ASecondDetectionOnAnElementAlreadySeenIsNoNewElement) {
   EXPECT_TRUE(update.created.empty());
   EXPECT_EQ(update.reasons,
             (Counters{{"detection on an element already seen", 1}, {"match rejected: outside the gate", 1}}));
+}
+
+// What looks like a box and slides along a surface onto what is known of it is a piece of that surface.
+TEST(ObjectMap, APieceThatSlidesOntoALargerObjectIsNoObject) {
+  const Ellipse large{{3.0, 0.0}, 0.0, 0.6, 0.4};
+  for (const bool larger : {true, false}) {
+    ObjectMap map{params()};
+    int i = 0;
+    const auto see = [&](double y_m) {
+      Detections detections = detections_at(i++ * kScanPeriod_s, {{{3.0, y_m}, 0.0, 0.2, 0.1}});
+      detections.detections[0].shape = Shape::kBox;
+      detections.detections[0].log_box_ratio = 4.0;
+      if (larger) detections.detections.push_back(detection_of(large));
+      return map.update(detections);
+    };
+    for (int k = 0; k < 10; ++k) see(0.6);
+    int pieces = 0;
+    for (const double y_m : {0.45, 0.3}) {
+      for (int k = 0; k < 12; ++k) pieces += static_cast<int>(see(y_m).reasons.of("piece of a larger object"));
+    }
+    EXPECT_EQ(pieces > 0, larger);
+    EXPECT_EQ(map.at(nanoseconds(i * kScanPeriod_s)).objects.size(), 1U);
+  }
 }
 
 TEST(ObjectMap, NamesTheReasonOfARejectedMatch) {

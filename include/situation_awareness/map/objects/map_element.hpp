@@ -61,9 +61,9 @@ struct MapElement {
   int observations = 0;
   int beams = 0;
   double stood_s = 0.0;                                       ///< time for which it was seen to stand
-  bool moves = false;                                         ///< it moves (p_moving above its threshold)
+  int moving_scans = 0;                                       ///< detections in a row with which it surely moves
   bool mobile = false;                                        ///< it has travelled
-  Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< its position when `moves` began
+  Eigen::Vector2d set_off_world_m = Eigen::Vector2d::Zero();  ///< where it began to move
   std::uint64_t body = 0;  ///< id of the element that it is, or may be, a part of; 0: none
   bool is_part = false;    ///< it is part of `body`
   bool has_parts = false;  ///< it has had parts
@@ -91,7 +91,7 @@ struct MapElement {
     visit("observations", self.observations);
     visit("beams", self.beams);
     visit("stood_s", self.stood_s, kDuration_s);
-    visit("moves", self.moves);
+    visit("moving_scans", self.moving_scans);
     visit("mobile", self.mobile);
     visit("set_off_world", self.set_off_world_m, kState);
     visit("body", self.body, 0, kMaxId);

@@ -12,6 +12,7 @@ namespace situation_awareness {
 struct MotionParams {
   ProcessNoise standing;                      ///< of standing objects
   ProcessNoise moving;                        ///< of moving objects
+  Course course = Course::kStraight;          ///< of moving objects
   double start_rate_1_s = 0.0;                ///< rate of transitions from standing to moving
   double stop_rate_1_s = 0.0;                 ///< rate of transitions from moving to standing
   double start_velocity_sigma = 0.0;          ///< m/s, per axis, of objects that begin to move

@@ -61,18 +61,22 @@ struct ProcessNoise {
   double radius_difference = 0.0;     ///< m/sqrt(s), of p and q
 };
 
-/// State after `dt_s` (ellipse paper, eqs. 8 to 12): constant velocity, constant angular velocity, constant radii.
-Vector8d predict(const Vector8d& x, double dt_s);
+/// How a velocity goes on: constant, or turning with the body as that of a vehicle (coordinated turn; Bar-Shalom, Li and
+/// Kirubarajan, 2001, Sect. 11.7).
+enum class Course { kStraight, kTurning };
+
+/// State after `dt_s` (ellipse paper, eqs. 8 to 12): constant angular velocity and radii, and the velocity as by `course`.
+Vector8d predict(const Vector8d& x, double dt_s, Course course = Course::kStraight);
 
 /// F of that step.
-Matrix8d process_jacobian(const Vector8d& x, double dt_s);
+Matrix8d process_jacobian(const Vector8d& x, double dt_s, Course course = Course::kStraight);
 
 /// Process noise of `dt_s`, integrated over continuous time, so that one long step equals many short ones (exactly so
-/// without rotation).
+/// without rotation). What a turn within the step changes of it is left out.
 Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& noise);
 
 /// Predict state and covariance. The uncertainty of the orientation is bounded by that of an unknown axis.
-void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
+void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise, Course course = Course::kStraight);
 
 /// Measurement of the ellipse by a detection.
 struct Measurement {

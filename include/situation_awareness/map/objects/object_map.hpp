@@ -87,6 +87,7 @@ class ObjectMap {
     std::vector<char> used;  ///< measurements
     EllipsesByX recently_seen;
     EllipsesByX seen_now;
+    EllipsesByX standing;
     CommonShapes common_shapes;
     std::vector<ExpectedDetection> expected;  ///< of the elements
     People people;
@@ -113,10 +114,12 @@ class ObjectMap {
                const Eigen::Matrix3d& U, const Pose2& T_world_level) const;
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
                               const Eigen::Matrix3d& U) const;
+  bool has_travelled(const MapElement& element) const;
   void observe(MapElement& element, const Detection& detection, const Measurement& measurement,
                const Pose2& T_world_level) const;
   void confirm_if_due(std::size_t element, const Detection& detection);
   EllipsesByX seen_within(double past_s, EllipsesByX memory) const;
+  EllipsesByX standing(EllipsesByX memory) const;
   MotionParams motion_of(const MapElement& element) const;
   void delete_elements(ObjectMapUpdate& report);
 

@@ -11,8 +11,13 @@ namespace situation_awareness {
 // The shape of an element is a belief beside its estimate, which is that of the ellipse of equal moments for either
 // shape: id, existence, position and velocity do not depend on it (docs/math/boxes.md).
 
+/// m, of the mean radius. Of smaller things, such as legs, the hits tell no shape: they are ellipses.
+constexpr double kLeastBox_m = 0.08;
+
 /// True if a box is more probable than an ellipse.
-inline bool is_box(const MapElement& element) { return element.box_log_odds > 0.0; }
+inline bool is_box(const MapElement& element) {
+  return element.box_log_odds > 0.0 && element.estimate.standing.x(object_state::kShape) >= kLeastBox_m;
+}
 
 /// Update the belief by a detection, and the estimate where it turns to a box: what was seen of the ellipse was a face,
 /// and how far the box extends behind it is unknown.
