@@ -34,6 +34,7 @@ void run(const std::string& yaml) {
   // Accepted parameters can run.
   params.detections.detector = "least_squares";
   params.detections.model.clear();
+  params.detections.boxes = false;
   ObjectPipeline pipeline(params);
   Scan scan;
   scan.angle_min_rad = -1.0;

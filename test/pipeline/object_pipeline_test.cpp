@@ -158,6 +158,7 @@ TEST(ObjectPipelineParams, AllAreReadBackAsWritten) {
 ObjectPipelineParams params_without_model() {
   ObjectPipelineParams params;
   params.detections.detector = "least_squares";
+  params.detections.boxes = false;
   return params;
 }
 

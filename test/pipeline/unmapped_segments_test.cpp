@@ -157,9 +157,10 @@ TEST(UnmappedSegments, AStampThatGoesBackIsARestart) {
 }
 
 /// Four cylinders, one of which moves, before a wall, at 20 Hz.
-std::vector<Unmapped> flown(double min_p_ellipse, int scans) {
+std::vector<Unmapped> flown(const DetectionParams& detections, int scans) {
   ObjectPipelineParams params = load_object_pipeline_params(kSource + "/cfg/objects.yaml", kSource + "/models");
-  params.detections.min_p_ellipse = min_p_ellipse;
+  params.detections.min_p_ellipse = detections.min_p_ellipse;
+  params.detections.boxes = detections.boxes;
   ObjectPipeline pipeline(params);
   Random random(1);
   std::vector<Unmapped> result;
@@ -178,7 +179,7 @@ std::vector<Unmapped> flown(double min_p_ellipse, int scans) {
 }
 
 TEST(UnmappedSegments, NothingCompactIsOnNoMapForHalfASecond) {
-  const std::vector<Unmapped> unmapped = flown(ObjectPipelineParams().detections.min_p_ellipse, 60);
+  const std::vector<Unmapped> unmapped = flown({}, 60);
   EXPECT_LT(unmapped.back().longest_s, 0.5);
   for (std::size_t i = 10; i < unmapped.size(); ++i) {
     EXPECT_GE(unmapped[i].compact, 3) << i;
@@ -187,7 +188,10 @@ TEST(UnmappedSegments, NothingCompactIsOnNoMapForHalfASecond) {
 }
 
 TEST(UnmappedSegments, WhatTheDetectorRefusesIsOnNoMap) {
-  const std::vector<Unmapped> unmapped = flown(1.0, 21);
+  DetectionParams ellipses_alone;
+  ellipses_alone.boxes = false;
+  ellipses_alone.min_p_ellipse = 1.0;
+  const std::vector<Unmapped> unmapped = flown(ellipses_alone, 21);
   EXPECT_GE(unmapped.back().compact, 3);
   EXPECT_EQ(unmapped.back().on_no_map, unmapped.back().compact);
   EXPECT_NEAR(unmapped.back().for_s, 1.0, 1e-6);

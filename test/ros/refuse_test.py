@@ -15,7 +15,7 @@ from rosgraph_msgs.msg import Log
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, wait_until  # noqa: E402
 
-LEAST_SQUARES = {"detections": {"detector": "least_squares"}}  # needs no model
+LEAST_SQUARES = {"detections": {"detector": "least_squares", "boxes": False}}  # needs no model
 
 
 class RefuseTest(unittest.TestCase):

@@ -34,7 +34,8 @@ TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
   EXPECT_EQ(pieces, 8);
 }
 
-// Ellipses up to 1 : 4 bulge at any orientation; a cabinet's front does not, even if it is not quite straight.
+// Ellipses up to 1 : 4 bulge at any orientation; a cabinet's front does not, even if it is not quite straight. With
+// free faces a front of which both edges are seen is an object.
 TEST(Structure, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
   Random random(5);
   for (int i = 0; i < 200; ++i) {
@@ -46,9 +47,15 @@ TEST(Structure, FlatFrontsAreStructureAndFlatEllipsesAreNot) {
     LevelScene front;
     const Eigen::Vector2d step(step_m, 0.0);
     front.walls = {{middle - half_m * along, middle}, {middle + step, middle + step + half_m * along}};
-    const Segments flat = segment_scan(front.scan(&random));
-    ASSERT_EQ(flat.segments.size(), 1U);
-    EXPECT_EQ(flat.segments[0].structure, StructureReason::kFlat) << "front " << i;
+    const Scan scan = front.scan(&random);
+    for (const bool free_faces : {false, true}) {
+      SegmentationParams params;
+      params.free_faces = free_faces;
+      const Segments flat = segment_scan(scan, params);
+      ASSERT_EQ(flat.segments.size(), 1U);
+      EXPECT_EQ(flat.segments[0].structure, free_faces ? StructureReason::kNone : StructureReason::kFlat)
+          << "front " << i;
+    }
 
     LevelScene body;
     const double rx_m = random.uniform(0.1, 0.5);

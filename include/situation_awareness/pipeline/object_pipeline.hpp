@@ -28,7 +28,7 @@ struct DetectionParams {
   std::string model;         ///< ONNX file instead of the detector's own, absolute or in model_folder; empty: its own
   std::string model_folder;  ///< folder of models with relative paths
   double min_p_ellipse = 0.9;
-  bool boxes = false;
+  bool boxes = true;
   EllipseFitParams fit;
 
   template <class Self, class Visit>

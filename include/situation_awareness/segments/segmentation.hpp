@@ -20,7 +20,7 @@ struct SegmentationParams {
   double max_straight_rms_m = 0.008;
   double flat_extent_m = 0.4;
   double min_bulge = 0.1;
-  bool free_faces = false;
+  bool free_faces = true;
   double occlusion_margin_m = 0.05;
   double max_division_offset_m = 0.06;
   double max_line_offset_m = 0.05;

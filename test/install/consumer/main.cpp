@@ -16,6 +16,7 @@ int main() {
   using namespace situation_awareness;
   ObjectPipelineParams params;
   params.detections.detector = "least_squares";
+  params.detections.boxes = false;  // neither of them needs a model
   ObjectPipeline pipeline(params);
 
   constexpr double kDistance_m = 3.0, kRadius_m = 0.25;
