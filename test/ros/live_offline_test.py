@@ -303,8 +303,8 @@ class LiveOfflineTest(unittest.TestCase):
         print(f"{maps} maps, {len(distances_m)} of {elements} elements in both, {changes} pairs of ids change; "
               f"RMS {rms_m:.4f} m, 99 % within {sorted(in_sigmas)[int(0.99 * len(in_sigmas))]:.2f} sigma")
         self.assertGreater(maps, 0.9 * len(expected), "few are overtaken")
-        # Measured in two runs: 588 of 617 and 593 of 627, 2 and 6, 0.033 and 0.043 m, 3.05 and 3.07 sigma.
-        self.assertGreater(len(distances_m), 0.9 * elements)
+        # Measured in three runs: 91 to 95 %, 2 to 8 changes, 0.033 to 0.043 m, 3.05 to 3.09 sigma.
+        self.assertGreater(len(distances_m), 0.8 * elements)
         self.assertLessEqual(changes, 20)
         self.assertLess(rms_m, 0.07)
         self.assertLess(sorted(in_sigmas)[int(0.99 * len(in_sigmas))], 5.0)
