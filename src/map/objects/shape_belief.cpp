@@ -80,10 +80,8 @@ Matrix5d view_covariance(const Detection& detection, const Matrix5d& R) {
 
 void fill_shape(const MapElement& element, Object& object) {
   const double p_box = probability(element.box_log_odds);
-  const bool box = is_box(element);
-  const bool small = !box && p_box > 0.5;
-  object.shape = box ? Shape::kBox : Shape::kEllipse;
-  object.p_shape = box || small ? p_box : 1.0 - p_box;
+  object.shape = is_box(element) ? Shape::kBox : Shape::kEllipse;
+  object.p_shape = std::max(p_box, 1.0 - p_box);
   object.box_world = moment_equal_box(object.ellipse_world);
   const Ellipse& ellipse = object.ellipse_world;
   const bool is_long = ellipse.rx_m - ellipse.ry_m > kLongBox * (ellipse.rx_m + ellipse.ry_m);
