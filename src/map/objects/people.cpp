@@ -195,24 +195,30 @@ bool is_something_between(const MapElement& foot, const Eigen::Vector2d& other_m
   });
 }
 
+/// True if something confirmed that is larger than a leg, and no person, is there: `is_there` of the element and its
+/// ellipse.
+template <class IsThere>
+bool is_larger_there(const std::vector<MapElement>& elements, IsThere&& is_there) {
+  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
+    if (is_person(element) || element.state != TrackState::kConfirmed) return false;
+    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
+    return ellipse.rx_m > kMaxLeg_m && is_there(element, ellipse);
+  });
+}
+
 /// True if something larger than a leg is beside one, such as the torso of which it is an arm.
 bool is_beside_larger(const MapElement& foot, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
-  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
-    if (is_person(element) || is_out_of_sight(element, stamp_ns) || element.state != TrackState::kConfirmed)
-      return false;
-    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
-    return ellipse.rx_m > kMaxLeg_m && (ellipse.center_m - center_m).norm() < ellipse.rx_m + kBeside_m;
+  return is_larger_there(elements, [&](const MapElement& element, const Ellipse& ellipse) {
+    return !is_out_of_sight(element, stamp_ns) && (ellipse.center_m - center_m).norm() < ellipse.rx_m + kBeside_m;
   });
 }
 
 /// True if something larger than a leg is where a person's legs are: a body, and what was taken for legs are its arms.
 bool is_in_body(const MapElement& person, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   const Eigen::Vector2d middle_m = position(likelier(person.estimate));
-  return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
-    if (is_person(element) || element.state != TrackState::kConfirmed || element.last_seen_ns != stamp_ns) return false;
-    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
-    return ellipse.rx_m > kMaxLeg_m && (ellipse.center_m - middle_m).norm() < kPersonRadius_m;
+  return is_larger_there(elements, [&](const MapElement& element, const Ellipse& ellipse) {
+    return element.last_seen_ns == stamp_ns && (ellipse.center_m - middle_m).norm() < kPersonRadius_m;
   });
 }
 
@@ -525,7 +531,7 @@ std::size_t People::nearest_foot(std::size_t foot, double max_m, const std::vect
 
 void People::join_legs(std::int64_t stamp_ns, double step_s, const MotionParams& motion, double gate,
                        std::vector<MapElement>& elements) {
-  // Gait of those who are known.
+  // Who is no person after all, and the gait of the others.
   for (const SeenLegs& seen : seen_) {
     MapElement& person = elements[seen.element];
     if (is_in_body(person, stamp_ns, elements)) {
