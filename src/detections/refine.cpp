@@ -61,22 +61,26 @@ bool holds_more_than(const Segments& segments, const Segment& segment, const Ell
   return static_cast<double>(on_it) > kHitsOnIt * static_cast<double>(segment.count);
 }
 
+/// Of the overlaps, in the order of their segments, those of one segment.
+auto overlaps_with(std::size_t segment, const std::vector<Overlap>& overlaps) {
+  struct BySegment {
+    bool operator()(const Overlap& o, std::size_t wanted) const { return o.segment < wanted; }
+    bool operator()(std::size_t wanted, const Overlap& o) const { return wanted < o.segment; }
+  };
+  return std::equal_range(overlaps.begin(), overlaps.end(), segment, BySegment{});
+}
+
 /// Refuse what looks like a box and holds an object that is surely an ellipse: these are two things side by side.
-void refuse_composites(const Segments& segments, const std::vector<ExpectedOutline>& known_level, Detections& found) {
-  thread_local std::vector<Overlap> overlaps;  // kept for its memory
-  overlaps = overlaps_of(segments, known_level, std::move(overlaps));
+void refuse_composites(const Segments& segments, const std::vector<ExpectedOutline>& known_level,
+                       const std::vector<Overlap>& overlaps, Detections& found) {
   const auto is_composite = [&](const Detection& detection) {
     if (detection.log_box_ratio <= 0.0) return false;
-    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), detection.segment,
-                                    [](const Overlap& o, std::size_t wanted) { return o.segment < wanted; });
-    for (; overlap != overlaps.cend() && overlap->segment == detection.segment; ++overlap) {
-      const ExpectedOutline& known = known_level[overlap->ellipse];
-      if (known.p_box < 1.0 - kSureOfShape &&
-          holds_more_than(segments, segments.segments[detection.segment], known.ellipse)) {
-        return true;
-      }
-    }
-    return false;
+    const auto [first, last] = overlaps_with(detection.segment, overlaps);
+    return std::any_of(first, last, [&](const Overlap& overlap) {
+      const ExpectedOutline& known = known_level[overlap.ellipse];
+      return known.p_box < 1.0 - kSureOfShape &&
+             holds_more_than(segments, segments.segments[detection.segment], known.ellipse);
+    });
   };
   std::size_t kept = 0;
   for (const Detection& detection : found.detections) {
@@ -89,23 +93,17 @@ void refuse_composites(const Segments& segments, const std::vector<ExpectedOutli
   found.detections.resize(kept);
 }
 
-}  // namespace
-
-std::vector<std::size_t> known_of_each(const Detections& detections, const Segments& segments,
-                                       const std::vector<ExpectedOutline>& known_level,
-                                       std::vector<std::size_t> memory) {
+/// Of each detection, as known_of_each.
+std::vector<std::size_t> known_by(const Detections& detections, const Segments& segments,
+                                  const std::vector<ExpectedOutline>& known_level, const std::vector<Overlap>& overlaps,
+                                  std::vector<std::size_t> memory) {
   std::vector<std::size_t> result = std::move(memory);
   result.assign(detections.detections.size(), kNotKnown);
-  if (known_level.empty()) return result;
-  thread_local std::vector<Overlap> overlaps;  // kept for its memory
-  overlaps = overlaps_of(segments, known_level, std::move(overlaps));
   for (std::size_t i = 0; i < result.size(); ++i) {
-    const std::size_t index = detections.detections[i].segment;
-    const Segment& segment = segments.segments[index];
+    const Segment& segment = segments.segments[detections.detections[i].segment];
     double nearest_m = kMaxOffset_m;
-    auto overlap = std::lower_bound(overlaps.cbegin(), overlaps.cend(), index,
-                                    [](const Overlap& o, std::size_t wanted) { return o.segment < wanted; });
-    for (; overlap != overlaps.cend() && overlap->segment == index; ++overlap) {
+    auto [overlap, last] = overlaps_with(detections.detections[i].segment, overlaps);
+    for (; overlap != last; ++overlap) {
       const ExpectedOutline& known = known_level[overlap->ellipse];
       const Outline outline = outline_of(known.ellipse);
       const double offset =
@@ -118,12 +116,25 @@ std::vector<std::size_t> known_of_each(const Detections& detections, const Segme
   return result;
 }
 
+/// Kept for their memory.
+thread_local std::vector<Overlap> all_overlaps;
+
+}  // namespace
+
+std::vector<std::size_t> known_of_each(const Detections& detections, const Segments& segments,
+                                       const std::vector<ExpectedOutline>& known_level,
+                                       std::vector<std::size_t> memory) {
+  all_overlaps = overlaps_of(segments, known_level, std::move(all_overlaps));
+  return known_by(detections, segments, known_level, all_overlaps, std::move(memory));
+}
+
 Detections refine(Detections detections, const Segments& segments, const std::vector<ExpectedOutline>& known_level,
                   const EllipseFitParams& params) {
   if (known_level.empty()) return detections;
-  refuse_composites(segments, known_level, detections);
+  all_overlaps = overlaps_of(segments, known_level, std::move(all_overlaps));
+  refuse_composites(segments, known_level, all_overlaps, detections);
   thread_local std::vector<std::size_t> known;  // kept for its memory
-  known = known_of_each(detections, segments, known_level, std::move(known));
+  known = known_by(detections, segments, known_level, all_overlaps, std::move(known));
   for (std::size_t i = 0; i < known.size(); ++i) {
     if (known[i] == kNotKnown) continue;
     Detection& detection = detections.detections[i];
