@@ -7,9 +7,14 @@
 #include <utility>
 
 #include "situation_awareness/segments/lines.hpp"
+#include "situation_awareness/segments/range_noise.hpp"
 
 namespace situation_awareness {
 namespace {
+
+/// Of the range noise: the largest RMS distance from a line of what is seen between two occluders and shows no bend. 4 to
+/// 6 hits on a wall exceed it in 1 of 200 scans. With half of it, 10 pieces of walls are on a map of 60 objects.
+constexpr double kStraightByNoise = 1.6;
 
 /// Largest distance between two points by two sweeps from one end: too small by a factor of at most 1 / sqrt(3).
 /// Returns any distance above `enough_m` where there is one.
@@ -129,23 +134,32 @@ bool is_flat(const Segments& segments, const Segment& segment, const Segmentatio
   return flat_along(line, rms_m(line, points, segment.count), points, segment.count, params);
 }
 
-StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
+StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params,
+                                 double range_sigma_m) {
   const Point* points = &segments.points[segment.first];
   const double extent = extent_m(points, segment.count, params.max_object_extent_m);
   if (extent > params.max_object_extent_m) return StructureReason::kExtent;
   if (concavity_m(points, segment.count) > params.max_concavity_m) return StructureReason::kInnerCorner;
-  const bool hidden = !is_silhouette(segment.right_end) || !is_silhouette(segment.left_end);
+  const int hidden_ends = (is_silhouette(segment.right_end) ? 0 : 1) + (is_silhouette(segment.left_end) ? 0 : 1);
+  const bool hidden = hidden_ends > 0;
   const bool is_long = extent >= params.flat_extent_m;
   if (!hidden && (!is_long || params.free_faces)) return StructureReason::kNone;
   const Line line = fit_line(points, segment.count);
   const double rms = rms_m(line, points, segment.count);
-  if (hidden && rms < params.max_straight_rms_m) return StructureReason::kStraightHidden;
+  // Between two occluders nothing but its bend tells a piece of an object from one of a wall.
+  const double straight_m = hidden_ends == 2 ? std::max(params.max_straight_rms_m, kStraightByNoise * range_sigma_m)
+                                             : params.max_straight_rms_m;
+  if (hidden && rms < straight_m) return StructureReason::kStraightHidden;
   return is_long && flat_along(line, rms, points, segment.count, params) ? StructureReason::kFlat
                                                                          : StructureReason::kNone;
 }
 
 Segments classify_structure(Segments segments, const SegmentationParams& params) {
-  for (Segment& segment : segments.segments) mark(segments, segment, structure_reason(segments, segment, params));
+  thread_local RangeNoise noise;  // kept for its memory
+  const double range_sigma_m = noise.sigma_m(segments);
+  for (Segment& segment : segments.segments) {
+    mark(segments, segment, structure_reason(segments, segment, params, range_sigma_m));
+  }
   join_broken_structures(segments, params);
   extend_structures(segments, -1, params);
   extend_structures(segments, +1, params);

@@ -5,6 +5,7 @@
 
 #include <cmath>
 
+#include "situation_awareness/segments/range_noise.hpp"
 #include "support/level_scene.hpp"
 #include "support/segment_scan.hpp"
 
@@ -32,6 +33,33 @@ TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
   }
   EXPECT_EQ(objects, 7);
   EXPECT_EQ(pieces, 8);
+}
+
+// Through a gap between two occluders a wall shows no bend but that of the range noise, and a post does.
+TEST(Structure, WhatIsSeenThroughAGapIsAnObjectIfItsBendExceedsTheNoise) {
+  Random random(4);
+  const auto seen_beyond = [&random](const LevelScene& scene) {
+    const Segments segments = segment_scan(scene.scan(&random));
+    for (const Segment& s : segments.segments) {
+      if (segments.points[s.first + s.count / 2].p_level_m.x() > 4.0) return s;
+    }
+    ADD_FAILURE() << "nothing is seen through the gap";
+    return Segment{};
+  };
+  LevelScene occluders;
+  occluders.walls = {{{2.0, -3.0}, {2.0, -0.07}}, {{2.0, 0.07}, {2.0, 3.0}}};
+  int objects = 0;
+  for (int i = 0; i < 200; ++i) {
+    LevelScene with_wall = occluders;
+    with_wall.walls.push_back({{6.0, -8.0}, {6.0, 8.0}});
+    const Segment piece = seen_beyond(with_wall);
+    EXPECT_FALSE(is_silhouette(piece.right_end) || is_silhouette(piece.left_end));
+    objects += piece.kind == SegmentKind::kObject ? 1 : 0;
+    LevelScene with_post = occluders;
+    with_post.ellipses = {{{6.0, 0.0}, 0.0, 0.25, 0.25}};
+    EXPECT_EQ(seen_beyond(with_post).kind, SegmentKind::kObject) << i;
+  }
+  EXPECT_LE(objects, 4);
 }
 
 // Ellipses up to 1 : 4 bulge at any orientation; a cabinet's front does not, even if it is not quite straight. With
@@ -123,13 +151,14 @@ LevelScene furnished_scene(Random& random) {
 TEST(Structure, EachSegmentHasAReasonOrMayBeAnObject) {
   Random random(7);
   Counters reasons;
+  RangeNoise noise;
   for (int i = 0; i < 100; ++i) {
     const LevelScene scene = furnished_scene(random);
     const Segments segments = segment_scan(scene.scan(&random));
     for (const Segment& s : segments.segments) {
       EXPECT_EQ(s.kind == SegmentKind::kStructure, s.structure != StructureReason::kNone);
       // Segments in line with another are not structure by themselves; all others have their own reason.
-      const StructureReason alone = structure_reason(segments, s, {});
+      const StructureReason alone = structure_reason(segments, s, {}, noise.sigma_m(segments));
       EXPECT_EQ(alone, s.structure == StructureReason::kInLine ? StructureReason::kNone : s.structure);
     }
     for (const auto& [reason, count] : segments.refused) reasons[reason] += count;

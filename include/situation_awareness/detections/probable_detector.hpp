@@ -9,9 +9,9 @@
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
-#include "situation_awareness/detections/range_noise.hpp"
 #include "situation_awareness/detections/shape_network.hpp"
 #include "situation_awareness/geometry/expected_outline.hpp"
+#include "situation_awareness/segments/range_noise.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/detections/range_noise.hpp"
+#include "situation_awareness/segments/range_noise.hpp"
 
 #include <gtest/gtest.h>
 
