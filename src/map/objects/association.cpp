@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/LU>
+
 #include "situation_awareness/common/usual_room.hpp"
 
 namespace situation_awareness {
@@ -30,6 +32,22 @@ double position_variance(const ObjectEstimate& estimate) {
 
 double position_variance(const Measurement& measurement) { return measurement.R.topLeftCorner<2, 2>().trace(); }
 
+/// Squared Mahalanobis distance of the position alone, which is never more than that of the whole measurement.
+double position_mahalanobis2(const ObjectEstimate& estimate, const Eigen::Vector2d& center_world_m,
+                             const Eigen::Matrix2d& covariance_world_m2, double offset_s, const Pose2& T_world_level,
+                             const Eigen::Matrix3d& U) {
+  const Eigen::Vector2d expected_m = position(estimate) + offset_s * estimate.x.segment<2>(kVelocity);
+  const Eigen::Vector2d lever_m = expected_m - T_world_level.translation_m;
+  Eigen::Matrix<double, 2, 4> H;
+  H << Eigen::Matrix2d::Identity(), offset_s * Eigen::Matrix2d::Identity();
+  Eigen::Matrix<double, 2, 3> H_u;
+  H_u << Eigen::Matrix2d::Identity(), Eigen::Vector2d(-lever_m.y(), lever_m.x());
+  const Eigen::Matrix2d S = H * estimate.P.block<4, 4>(kPosition, kPosition) * H.transpose() +
+                            H_u * U * H_u.transpose() + covariance_world_m2;
+  const Eigen::Vector2d nu = center_world_m - expected_m;
+  return nu.dot(S.inverse() * nu);
+}
+
 }  // namespace
 
 double log_detection_ratio(const ExpectedDetection& expected, double detection_probability) {
@@ -52,8 +70,11 @@ void Associator::sort_measurements(const AssociationInput& input) {
   by_x_.clear();
   on_seen_.clear();
   largest_variance_m2_ = longest_offset_s_ = 0.0;
+  const Eigen::Matrix2d R_world_level = input.T_world_level.rotation();
   for (const Measurement& measurement : input.measurements) {
-    by_x_.push_back({input.T_world_level * Eigen::Vector2d(measurement.z.head<2>()), static_cast<int>(by_x_.size())});
+    by_x_.push_back({input.T_world_level * Eigen::Vector2d(measurement.z.head<2>()),
+                     R_world_level * measurement.R.topLeftCorner<2, 2>() * R_world_level.transpose(),
+                     static_cast<int>(by_x_.size())});
     on_seen_.push_back(input.recently_seen.cover(by_x_.back().center_world_m) ? 1 : 0);
     largest_variance_m2_ = std::max(largest_variance_m2_, position_variance(measurement));
     longest_offset_s_ = std::max(longest_offset_s_, std::abs(measurement.time_offset_s));
@@ -79,10 +100,8 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
   const double fastest_m_s = estimate.moving.x.segment<2>(kVelocity).norm() +
                              std::sqrt(gate * estimate.moving.P.block<2, 2>(kVelocity, kVelocity).trace());
   const double apart_m = (center_m - position(estimate.standing)).norm();
-  const auto reach_of = [&](double measured_m2, double offset_s) {
-    return std::sqrt(gate * (variance_m2 + measured_m2)) + std::abs(offset_s) * fastest_m_s + apart_m;
-  };
-  const double reach_m = reach_of(largest_variance_m2_, longest_offset_s_);
+  const double reach_m =
+      std::sqrt(gate * (variance_m2 + largest_variance_m2_)) + longest_offset_s_ * fastest_m_s + apart_m;
 
   auto near = std::lower_bound(by_x_.begin(), by_x_.end(), center_m.x() - reach_m,
                                [](const Place& place, double x_m) { return place.center_world_m.x() < x_m; });
@@ -97,8 +116,11 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
       if (*rejection.reason == '\0') rejection.reason = kOutOfSight;
       continue;
     }
-    const double own_reach_m = reach_of(position_variance(measurement), measurement.time_offset_s);
-    if ((near->center_world_m - center_m).squaredNorm() > own_reach_m * own_reach_m) {
+    const auto is_out_of_reach = [&](const ObjectEstimate& of_motion) {
+      return position_mahalanobis2(of_motion, near->center_world_m, near->covariance_world_m2,
+                                   measurement.time_offset_s, input.T_world_level, input.U) > gate;
+    };
+    if (is_out_of_reach(estimate.standing) && is_out_of_reach(estimate.moving)) {
       if (*rejection.reason == '\0') rejection.reason = kOutsideGate;
       continue;
     }

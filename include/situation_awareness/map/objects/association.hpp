@@ -77,9 +77,10 @@ class Associator {
   const std::vector<int>& column_of_row() const { return column_of_row_; }
 
  private:
-  /// A measurement's position, for the search.
+  /// A measurement's position and its covariance, for the search.
   struct Place {
     Eigen::Vector2d center_world_m;
+    Eigen::Matrix2d covariance_world_m2;
     int measurement;
   };
 
