@@ -96,10 +96,49 @@ double turn_sigma_rad(const ObjectEstimate& estimate, double dt_s, const Process
   return dt_s * std::sqrt(estimate.P(kAngularVelocity, kAngularVelocity) + q_w * dt_s / 3.0);
 }
 
-/// Covariance of the measurement noise and of the robot input.
-Matrix5d noise_covariance(const Vector8d& x, const Pose2& T_world_level, const Measurement& measurement,
+/// The world in the level frame: of positions, and of (p, q), which turn twice as far.
+struct LevelFrame {
+  explicit LevelFrame(const Pose2& T_world_level)
+      : R_level_world(T_world_level.rotation().transpose()),
+        world_level_m(-(R_level_world * T_world_level.translation_m)),
+        axis_turn(turn(-2.0 * T_world_level.yaw_rad)) {}
+
+  Vector5d measure(const Vector8d& x, double offset_s) const {
+    Vector5d z;
+    z.head<2>() =
+        R_level_world * Eigen::Vector2d(x.segment<2>(kPosition) + offset_s * x.segment<2>(kVelocity)) + world_level_m;
+    z(2) = x(kShape);
+    z.tail<2>() = axis_turn * x.segment<2>(kAxis);
+    return z;
+  }
+
+  Matrix58d jacobian(double offset_s) const {
+    Matrix58d H = Matrix58d::Zero();
+    H.block<2, 2>(0, kPosition) = R_level_world;
+    H.block<2, 2>(0, kVelocity) = offset_s * R_level_world;
+    H(2, kShape) = 1.0;
+    H.block<2, 2>(3, kAxis) = axis_turn;
+    return H;
+  }
+
+  /// Of what is measured as `z`.
+  Matrix53d input_jacobian(const Vector5d& z) const {
+    Matrix53d H_u = Matrix53d::Zero();
+    H_u.topLeftCorner<2, 2>() = -R_level_world;
+    H_u.block<2, 1>(0, 2) = -quarter_turn(z.head<2>());
+    H_u.block<2, 1>(3, 2) = -2.0 * quarter_turn(z.tail<2>());
+    return H_u;
+  }
+
+  Eigen::Matrix2d R_level_world;
+  Eigen::Vector2d world_level_m;
+  Eigen::Matrix2d axis_turn;
+};
+
+/// Covariance of the measurement noise and of the robot input, of what is expected as `z`.
+Matrix5d noise_covariance(const LevelFrame& level, const Vector5d& z, const Measurement& measurement,
                           const Eigen::Matrix3d& U) {
-  const Matrix53d H_u = measurement_input_jacobian(x, T_world_level, measurement.time_offset_s);
+  const Matrix53d H_u = level.input_jacobian(z);
   return measurement.R + H_u * U * H_u.transpose();
 }
 
@@ -151,43 +190,31 @@ Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level) {
 }
 
 Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
-  Vector5d z;
-  z.head<2>() = inverse(T_world_level) * Eigen::Vector2d(x.segment<2>(kPosition) + offset_s * x.segment<2>(kVelocity));
-  z(2) = x(kShape);
-  z.tail<2>() = turn(-2.0 * T_world_level.yaw_rad) * x.segment<2>(kAxis);
-  return z;
+  return LevelFrame(T_world_level).measure(x, offset_s);
 }
 
 Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s) {
-  const Eigen::Matrix2d R_level_world = T_world_level.rotation().transpose();
-  Matrix58d H = Matrix58d::Zero();
-  H.block<2, 2>(0, kPosition) = R_level_world;
-  H.block<2, 2>(0, kVelocity) = offset_s * R_level_world;
-  H(2, kShape) = 1.0;
-  H.block<2, 2>(3, kAxis) = turn(-2.0 * T_world_level.yaw_rad);
-  return H;
+  return LevelFrame(T_world_level).jacobian(offset_s);
 }
 
 Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
-  const Vector5d z = measure(x, T_world_level, offset_s);
-  Matrix53d H_u = Matrix53d::Zero();
-  H_u.topLeftCorner<2, 2>() = -T_world_level.rotation().transpose();
-  H_u.block<2, 1>(0, 2) = -quarter_turn(z.head<2>());
-  H_u.block<2, 1>(3, 2) = -2.0 * quarter_turn(z.tail<2>());
-  return H_u;
+  const LevelFrame level(T_world_level);
+  return level.input_jacobian(level.measure(x, offset_s));
 }
 
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U) {
-  const Vector5d nu = measurement.z - measure(estimate.x, T_world_level, measurement.time_offset_s);
-  const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  return innovation(estimate, nu, H, noise_covariance(estimate.x, T_world_level, measurement, U));
+  const LevelFrame level(T_world_level);
+  const Vector5d z = level.measure(estimate.x, measurement.time_offset_s);
+  return innovation(estimate, Vector5d(measurement.z - z), level.jacobian(measurement.time_offset_s),
+                    noise_covariance(level, z, measurement, U));
 }
 
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U) {
-  const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
-  update(estimate, match, H, noise_covariance(estimate.x, T_world_level, measurement, U));
+  const LevelFrame level(T_world_level);
+  const Vector5d z = level.measure(estimate.x, measurement.time_offset_s);
+  update(estimate, match, level.jacobian(measurement.time_offset_s), noise_covariance(level, z, measurement, U));
 }
 
 void bound_radii(Vector8d& x, double min_radius_m) {
