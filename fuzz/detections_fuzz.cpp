@@ -47,6 +47,7 @@ Segments draw_segments(Input& input) {
   segments.T_world_level = input.pose2();
   segments.resolution_rad = input.flag() ? radians(0.25) : input.by_magnitude(1e-9, 10.0);
   segments.time_increment_s = input.flag() ? 0.0 : input.uniform(0.0, 1.0);
+  segments.range_sigma_m = input.flag() ? 0.0 : input.by_magnitude(1e-6, 10.0);
   for (std::size_t i = input.count(5); i > 0; --i) {
     Segment segment;
     segment.first = segments.points.size();

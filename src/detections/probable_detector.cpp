@@ -72,7 +72,7 @@ Detections ProbableDetector::detect(const Segments& segments, const std::vector<
 
 void ProbableDetector::find(const Segments& segments, Detections& found) {
   scan_fit_ = fit_;
-  scan_fit_.range_sigma_m = std::max(fit_.range_sigma_m, noise_.sigma_m(segments));
+  scan_fit_.range_sigma_m = std::max(fit_.range_sigma_m, segments.range_sigma_m);
   detector_->set_fit(scan_fit_);
   found = detector_->detect(segments, std::move(found));
   if (shapes_ == nullptr) {

@@ -134,8 +134,7 @@ bool is_flat(const Segments& segments, const Segment& segment, const Segmentatio
   return flat_along(line, rms_m(line, points, segment.count), points, segment.count, params);
 }
 
-StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params,
-                                 double range_sigma_m) {
+StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params) {
   const Point* points = &segments.points[segment.first];
   const double extent = extent_m(points, segment.count, params.max_object_extent_m);
   if (extent > params.max_object_extent_m) return StructureReason::kExtent;
@@ -147,7 +146,7 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const Line line = fit_line(points, segment.count);
   const double rms = rms_m(line, points, segment.count);
   // Between two occluders nothing but its bend tells a piece of an object from one of a wall.
-  const double straight_m = hidden_ends == 2 ? std::max(params.max_straight_rms_m, kStraightByNoise * range_sigma_m)
+  const double straight_m = hidden_ends == 2 ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
                                              : params.max_straight_rms_m;
   if (hidden && rms < straight_m) return StructureReason::kStraightHidden;
   return is_long && flat_along(line, rms, points, segment.count, params) ? StructureReason::kFlat
@@ -156,9 +155,9 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
 
 Segments classify_structure(Segments segments, const SegmentationParams& params) {
   thread_local RangeNoise noise;  // kept for its memory
-  const double range_sigma_m = noise.sigma_m(segments);
+  segments.range_sigma_m = noise.sigma_m(segments);
   for (Segment& segment : segments.segments) {
-    mark(segments, segment, structure_reason(segments, segment, params, range_sigma_m));
+    mark(segments, segment, structure_reason(segments, segment, params));
   }
   join_broken_structures(segments, params);
   extend_structures(segments, -1, params);

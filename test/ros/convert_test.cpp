@@ -45,6 +45,7 @@ Segments some_segments() {
   segments.T_world_level = {{1.1, -2.2}, 0.3};
   segments.height_world_m = 1.5;
   segments.resolution_rad = 0.00436;
+  segments.range_sigma_m = 0.012;
   for (int i = 0; i < 7; ++i) {
     const double azimuth_rad = 0.1 * i;
     segments.points.push_back(
@@ -324,11 +325,12 @@ TEST(ConvertSegments, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.T_world_level.yaw_rad, segments.T_world_level.yaw_rad);
   EXPECT_EQ(back.height_world_m, segments.height_world_m);
   EXPECT_EQ(back.resolution_rad, segments.resolution_rad);
+  EXPECT_EQ(back.range_sigma_m, segments.range_sigma_m);
   EXPECT_EQ(back.time_increment_s, segments.time_increment_s);
   EXPECT_EQ(back.free_space.azimuth_rad, segments.free_space.azimuth_rad);
   EXPECT_EQ(back.free_space.range_m, segments.free_space.range_m);
   EXPECT_TRUE(back.free_space.full_circle);
-  EXPECT_TRUE(segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, {}, {}, {}, {}, {}, {}}, "world"))
+  EXPECT_TRUE(segments_from_msg(segments_to_msg({0, {}, 0.0, 0.01, 0.0, 0.0, {}, {}, {}, {}, {}, {}}, "world"))
                   .free_space.range_m.empty());
   ASSERT_EQ(back.points.size(), segments.points.size());
   for (std::size_t i = 0; i < back.points.size(); ++i) {

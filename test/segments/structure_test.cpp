@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "situation_awareness/segments/range_noise.hpp"
 #include "support/level_scene.hpp"
 #include "support/segment_scan.hpp"
 
@@ -151,14 +150,13 @@ LevelScene furnished_scene(Random& random) {
 TEST(Structure, EachSegmentHasAReasonOrMayBeAnObject) {
   Random random(7);
   Counters reasons;
-  RangeNoise noise;
   for (int i = 0; i < 100; ++i) {
     const LevelScene scene = furnished_scene(random);
     const Segments segments = segment_scan(scene.scan(&random));
     for (const Segment& s : segments.segments) {
       EXPECT_EQ(s.kind == SegmentKind::kStructure, s.structure != StructureReason::kNone);
       // Segments in line with another are not structure by themselves; all others have their own reason.
-      const StructureReason alone = structure_reason(segments, s, {}, noise.sigma_m(segments));
+      const StructureReason alone = structure_reason(segments, s, {});
       EXPECT_EQ(alone, s.structure == StructureReason::kInLine ? StructureReason::kNone : s.structure);
     }
     for (const auto& [reason, count] : segments.refused) reasons[reason] += count;

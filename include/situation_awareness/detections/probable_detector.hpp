@@ -11,7 +11,6 @@
 #include "situation_awareness/detections/least_squares.hpp"
 #include "situation_awareness/detections/shape_network.hpp"
 #include "situation_awareness/geometry/expected_outline.hpp"
-#include "situation_awareness/segments/range_noise.hpp"
 #include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {
@@ -51,7 +50,6 @@ class ProbableDetector final : public Detector {
   double min_p_ellipse_ = 0.0;
   EllipseFitParams fit_;
   EllipseFitParams scan_fit_;  ///< with the range noise of the latest scan
-  RangeNoise noise_;
   std::vector<std::size_t> judged_;      ///< segments, kept for its memory
   std::vector<RefusedSegment> refused_;  ///< by the other detector, kept for its memory
 };

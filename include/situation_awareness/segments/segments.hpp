@@ -100,6 +100,7 @@ struct Segments {
   double height_world_m = 0.0;
   double resolution_rad = 0.0;    ///< mean azimuth between neighbouring beams
   double time_increment_s = 0.0;  ///< from beam to beam, 0: all at the stamp
+  double range_sigma_m = 0.0;     ///< range noise, as this scan shows it (RangeNoise); 0: unknown
   std::vector<Point> points;
   std::vector<Segment> segments;
   std::vector<RefusedRun> refused_runs;

@@ -10,13 +10,11 @@
 namespace situation_awareness {
 
 /// Reason why a segment is structure by its own hits and ends, without its neighbours; kNone if it may be an object.
-/// `segment` need not be one of `segments`, but its points are. `range_sigma_m`: the range noise that the scan shows
-/// (RangeNoise).
-StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params,
-                                 double range_sigma_m);
+/// `segment` need not be one of `segments`, but its points are, and their range noise is known.
+StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params);
 
 /// Classify every segment as object or structure, with the reason (docs/math/segments.md, "Structure"), by its own hits
-/// and by structures in line with it. Structures are counted by reason in Segments::refused. Earlier classifications
+/// and by structures in line with it, and measure the range noise. Structures are counted by reason in Segments::refused. Earlier classifications
 /// have no effect.
 Segments classify_structure(Segments segments, const SegmentationParams& params);
 

@@ -89,6 +89,7 @@ SegmentArray segments_to_msg(const Segments& segments, const std::string& world_
   msg.level = level_to_msg(segments.T_world_level, segments.height_world_m);
   msg.resolution = segments.resolution_rad;
   msg.time_increment = segments.time_increment_s;
+  msg.range_sigma = segments.range_sigma_m;
   free_space_to_msg(segments.free_space, msg);
   msg.points.resize(segments.points.size());
   for (std::size_t i = 0; i < segments.points.size(); ++i) {
@@ -132,6 +133,8 @@ Segments segments_from_msg(const SegmentArray& msg) {
   check(std::isfinite(msg.resolution) && msg.resolution > 0.0, "resolution is not a positive number");
   segments.time_increment_s = msg.time_increment;
   check(std::isfinite(msg.time_increment) && msg.time_increment >= 0.0, "time increment is not a number >= 0");
+  segments.range_sigma_m = msg.range_sigma;
+  check(std::isfinite(msg.range_sigma) && msg.range_sigma >= 0.0, "range noise is not a number >= 0");
   segments.free_space = free_space_from_msg(msg);
   segments.points.resize(msg.points.size());
   for (std::size_t i = 0; i < msg.points.size(); ++i) {
