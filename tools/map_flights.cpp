@@ -50,7 +50,6 @@ struct Options {
   double pose_sigma_m = 0.0, pose_sigma_rad = 0.0;
   SimulatedScannerParams lidar;
   bool trace_points = false;
-  std::vector<double> fixtures;  // four numbers each
 };
 
 struct Seeds {
@@ -89,10 +88,6 @@ void add_options(CLI::App& app, Options& options) {
   number("--sweep-s", options.lidar.sweep_s, "time from the first beam of a scan to the last;\n0: all at one instant");
   text("--trace", options.trace, "FILE", "one line of JSON per scan of the first seed");
   app.add_flag("--trace-points", options.trace_points, "in which the hits are, too");
-  app.add_option("--fixture", options.fixtures, "a box of the room, such as a cabinet: an element on it is not false")
-      ->type_name("X Y HALF_X HALF_Y")
-      ->type_size(4)
-      ->expected(1, 1000);
   app.callback([&app, &options] {
     if (options.scanner.empty()) return;
     const SimulatedScannerParams given = options.lidar;
@@ -361,11 +356,6 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
   PoseNoise pose_noise(options.pose_sigma_m, options.pose_sigma_rad, seed ^ (kPoseStream << 32));
   std::optional<MapEvaluation> evaluation;
   std::vector<Body> bodies;
-  std::vector<Box> fixtures;
-  for (std::size_t k = 0; k < options.fixtures.size(); k += 4) {
-    const double* const f = &options.fixtures[k];
-    fixtures.push_back({{f[0], f[1]}, 0.0, f[2], f[3]});
-  }
   std::map<std::uint64_t, std::string> names;
 
   const auto scans = static_cast<int>(std::lround(options.duration_s * options.lidar.rate_hz));
@@ -380,7 +370,7 @@ Json fly(const Options& options, const ObjectPipelineParams& params, std::uint64
     if (!evaluation) {
       bodies = bodies_of(scan.names);
       names = names_of(bodies, scan.truth);
-      evaluation.emplace(MapEvaluationParams{}, bodies, fixtures);
+      evaluation.emplace(MapEvaluationParams{}, bodies, world.world().fixtures());
     }
     pose_noise.next();
     const Eigen::Isometry3d T_world_lidar = pose_noise(scan.T_world_lidar);

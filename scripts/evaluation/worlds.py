@@ -121,7 +121,8 @@ class Thing:
                 f'rgba="{COLORS["moving" if self.moves else "standing"]}"/> </body>']
 
 
-def world(name, things, robot=(0.0, 0.0), robot_path="", height_m=1.8, walls=(), floor=False, drag_1_s=0.3):
+def world(name, things, robot=(0.0, 0.0), robot_path="", height_m=1.8, walls=(), fixtures=(), floor=False,
+          drag_1_s=0.3):
     lines = [f'<mujoco model="{name}">', '  <compiler angle="radian"/>', "  <custom>",
              f'    <numeric name="robot_drag" data="{drag_1_s:g}"/>']
     if robot_path:
@@ -134,8 +135,9 @@ def world(name, things, robot=(0.0, 0.0), robot_path="", height_m=1.8, walls=(),
     lines += ["  <worldbody>", '    <light pos="0 0 9" dir="0 0 -1" directional="true"/>']
     if floor:
         lines.append('    <geom type="plane" size="20 20 1" rgba="0.78 0.78 0.76 1"/>')
-    for x, y, half_x, half_y in walls:
-        lines.append(f'    <geom type="box" pos="{x:.4f} {y:.4f} 3" size="{half_x:.4f} {half_y:.4f} 3" '
+    labels = [""] * len(walls) + [f'name="fixture/{k + 1}" ' for k in range(len(fixtures))]
+    for label, (x, y, half_x, half_y) in zip(labels, (*walls, *fixtures)):
+        lines.append(f'    <geom {label}type="box" pos="{x:.4f} {y:.4f} 3" size="{half_x:.4f} {half_y:.4f} 3" '
                      'rgba="0.86 0.84 0.79 1"/>')
     lines += [f"    {body}" for thing in things for body in thing.bodies()]
     lines += [f'    <body name="robot" mocap="true" pos="{robot[0]:.4f} {robot[1]:.4f} {height_m}">',
@@ -450,13 +452,8 @@ def people_flights():
 # --- walled room
 
 
-def fixture_options(walls):
-    """Of map_flights: what room_walls adds to the four walls. The truth has no such things, but the map may."""
-    return tuple(text for wall in walls[4:] for text in ("--fixture", *(f"{number:.4f}" for number in wall)))
-
-
 def room_walls(chance):
-    """Four walls, a cabinet in the middle of one, and in every second room a closet in a corner."""
+    """Four walls, then fixtures: a cabinet in the middle of one, and in every second room a closet in a corner."""
     half_x, half_y = chance.uniform(5.6, 6.4), chance.uniform(4.6, 5.4)
     walls = [(half_x + 0.1, 0, 0.1, half_y + 0.2), (-half_x - 0.1, 0, 0.1, half_y + 0.2),
              (0, half_y + 0.1, half_x, 0.1), (0, -half_y - 0.1, half_x, 0.1)]
@@ -540,9 +537,9 @@ def room_flights():
         built = room(seed)
         for mode, (robot_path, options) in ROOM_MODES.items():
             name = f"room_{seed}_{mode.replace(' ', '_')}"
-            xml = world(name, built.things, built.robot, robot_path(built), walls=built.walls, floor=True)
-            yield Flight("room", mode, name, xml, (seed,), 40.0, (*options, *fixture_options(built.walls)),
-                         walls=built.walls)
+            xml = world(name, built.things, built.robot, robot_path(built), walls=built.walls[:4],
+                        fixtures=built.walls[4:], floor=True)
+            yield Flight("room", mode, name, xml, (seed,), 40.0, options, walls=built.walls)
 
 
 # --- tilt
@@ -579,9 +576,8 @@ def tilt_flights():
                                  ("tilted and turning", (2.0, 0.0), "circle center 0 0 radius 2 rate 1.147 spin "
                                   + TURN_RAD_S)):
             name = f"tilt_{seed}_{row.replace(' ', '_')}"
-            xml = world(name, things, robot, path, walls=walls, floor=True)
-            yield Flight("tilt", row, name, xml, (seed,), 30.0, ("--sweep-s", SWEEP_S, *fixture_options(walls)),
-                         walls=walls)
+            xml = world(name, things, robot, path, walls=walls[:4], fixtures=walls[4:], floor=True)
+            yield Flight("tilt", row, name, xml, (seed,), 30.0, ("--sweep-s", SWEEP_S), walls=walls)
 
 
 # --- occlusion

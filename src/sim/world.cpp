@@ -64,6 +64,8 @@ const std::vector<SensorMount>& World::mounts() const { return model_->mounts();
 
 const std::optional<WorldOrigin>& World::origin() const { return model_->origin(); }
 
+const std::vector<Box>& World::fixtures() const { return model_->fixtures(); }
+
 const Eigen::Isometry3d& World::T_robot_lidar() const {
   const auto lidar =
       std::find_if(mounts().begin(), mounts().end(), [](const SensorMount& mount) { return mount.name == "lidar"; });

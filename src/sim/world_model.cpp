@@ -319,6 +319,25 @@ std::optional<WorldOrigin> origin_of(const mjModel& model) {
                      check(data[2], 20000.0, "altitude")};
 }
 
+std::vector<Box> fixtures_of(const mjModel& model, const mjData& data) {
+  const std::string prefix = "fixture/";
+  std::vector<Box> fixtures;
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    const char* const name = mj_id2name(&model, mjOBJ_GEOM, geom);
+    if (name == nullptr || std::string(name).compare(0, prefix.size(), prefix) != 0) continue;
+    const Eigen::Isometry3d T_world_geom = isometry(data.geom_xpos + 3 * geom, data.geom_xmat + 9 * geom);
+    const Eigen::Vector3d x_axis = T_world_geom.linear().col(0);
+    if (model.geom_bodyid[geom] != 0 || model.geom_type[geom] != mjGEOM_BOX || std::abs(x_axis.z()) > 1e-6 ||
+        std::abs(T_world_geom.linear()(2, 2)) < 1.0 - 1e-6) {
+      throw std::runtime_error("geom " + quoted_name(model, mjOBJ_GEOM, geom) +
+                               " needs type=\"box\", upright in the world body: a fixture stands");
+    }
+    const mjtNum* const half_m = model.geom_size + 3 * geom;
+    fixtures.push_back({T_world_geom.translation().head<2>(), std::atan2(x_axis.y(), x_axis.x()), half_m[0], half_m[1]});
+  }
+  return fixtures;
+}
+
 }  // namespace
 
 MujocoThrows::MujocoThrows() : lock_(mujoco_mutex()), error_(mju_user_error), warning_(mju_user_warning) {
@@ -351,6 +370,7 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   robot_drag_1_s_ = robot_drag(*model_);
   mounts_ = mounts_of(*model_, *data_, robot_);
   origin_ = origin_of(*model_);
+  fixtures_ = fixtures_of(*model_, *data_);
   decorations_ = decorations_of(*model_, *data_, robot_);
   visitors_ = visitors_of(*model_);
   check_elements(*model_, robot_);

@@ -99,6 +99,7 @@ class WorldModel {
   const std::vector<WorldThing>& things() const { return things_; }
   const std::vector<SensorMount>& mounts() const { return mounts_; }
   const std::optional<WorldOrigin>& origin() const { return origin_; }
+  const std::vector<Box>& fixtures() const { return fixtures_; }
 
   RobotState robot_at(double time_s) const;
 
@@ -120,6 +121,7 @@ class WorldModel {
   std::vector<WorldThing> things_;
   std::vector<SensorMount> mounts_;
   std::optional<WorldOrigin> origin_;
+  std::vector<Box> fixtures_;
   std::vector<WorldDecoration> decorations_;
   std::vector<WorldVisitor> visitors_;
   int robot_ = -1;

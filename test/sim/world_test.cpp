@@ -241,6 +241,22 @@ TEST(World, SaysWhereItIsIfTheFileDoes) {
   EXPECT_EQ(world.origin()->altitude_m, 40.5);
 }
 
+TEST(World, HasTheFixturesOfItsFile) {
+  const std::string walls = "<geom type=\"box\" pos=\"4 0 1\" size=\"0.1 4 1\"/>";
+  const WorldFile file(world_text(
+      walls + "<geom name=\"fixture/closet\" type=\"box\" pos=\"1 2 1\" size=\"0.6 0.3 1\" euler=\"0 0 0.4\"/>" + kRobot));
+  const World world(file.path());
+  ASSERT_EQ(world.fixtures().size(), 1U);
+  const Box& closet = world.fixtures()[0];
+  EXPECT_EQ(closet.center_m, Eigen::Vector2d(1.0, 2.0));
+  EXPECT_NEAR(closet.psi_rad, 0.4, 1e-12);
+  EXPECT_EQ(closet.half_length_m, 0.6);
+  EXPECT_EQ(closet.half_width_m, 0.3);
+  for (const std::string geom : {"type=\"sphere\" size=\"1\"", "type=\"box\" size=\"1 1 1\" euler=\"0.2 0 0\""}) {
+    expect_error(world_text("<geom name=\"fixture/odd\" " + geom + "/>" + kRobot), {"fixture/odd", "upright"});
+  }
+}
+
 TEST(DemoWorld, ShowsStandingAndMovingObjectsAndHidesThePoleForAWhile) {
   ScanSimulation world(kWorlds + "demo.xml", {}, 0);
   const std::vector<TrueObject> at_start = world.world().objects_at(0.0), later = world.world().objects_at(5.0);

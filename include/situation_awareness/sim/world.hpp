@@ -9,6 +9,7 @@
 
 #include <Eigen/Geometry>
 
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/sim/multirotor.hpp"
@@ -95,6 +96,10 @@ class World {
 
   /// Where the file says that the world is; nothing where it does not.
   const std::optional<WorldOrigin>& origin() const;
+
+  /// Boxes of the room, such as cabinets, that the scanner sees and the truth does not have: those of the world body with
+  /// the name fixture/NAME.
+  const std::vector<Box>& fixtures() const;
 
   /// For the sensors: the world as MuJoCo has it, which they move to the times at which they measure.
   WorldModel& model() { return *model_; }
