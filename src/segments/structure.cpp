@@ -12,8 +12,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Of the range noise: the largest RMS distance from a line of what is seen between two occluders and shows no bend. 4 to
-/// 6 hits on a wall exceed it in 1 of 200 scans. With half of it, 10 pieces of walls are on a map of 60 objects.
+/// Of the range noise: the largest RMS distance from a line of what is seen between two occluders and shows no bend. 4
+/// to 6 hits on a wall exceed it in 1 of 200 scans. With half of it, 10 pieces of walls are on a map of 60 objects.
 constexpr double kStraightByNoise = 1.6;
 
 /// Largest distance between two points by two sweeps from one end: too small by a factor of at most 1 / sqrt(3).
@@ -146,8 +146,9 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const Line line = fit_line(points, segment.count);
   const double rms = rms_m(line, points, segment.count);
   // Between two occluders nothing but its bend tells a piece of an object from one of a wall.
-  const double straight_m = hidden_ends == 2 ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
-                                             : params.max_straight_rms_m;
+  const double straight_m = hidden_ends == 2
+                                ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
+                                : params.max_straight_rms_m;
   if (hidden && rms < straight_m) return StructureReason::kStraightHidden;
   return is_long && flat_along(line, rms, points, segment.count, params) ? StructureReason::kFlat
                                                                          : StructureReason::kNone;

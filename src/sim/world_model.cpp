@@ -333,7 +333,8 @@ std::vector<Box> fixtures_of(const mjModel& model, const mjData& data) {
                                " needs type=\"box\", upright in the world body: a fixture stands");
     }
     const mjtNum* const half_m = model.geom_size + 3 * geom;
-    fixtures.push_back({T_world_geom.translation().head<2>(), std::atan2(x_axis.y(), x_axis.x()), half_m[0], half_m[1]});
+    fixtures.push_back(
+        {T_world_geom.translation().head<2>(), std::atan2(x_axis.y(), x_axis.x()), half_m[0], half_m[1]});
   }
   return fixtures;
 }

@@ -244,7 +244,8 @@ TEST(World, SaysWhereItIsIfTheFileDoes) {
 TEST(World, HasTheFixturesOfItsFile) {
   const std::string walls = "<geom type=\"box\" pos=\"4 0 1\" size=\"0.1 4 1\"/>";
   const WorldFile file(world_text(
-      walls + "<geom name=\"fixture/closet\" type=\"box\" pos=\"1 2 1\" size=\"0.6 0.3 1\" euler=\"0 0 0.4\"/>" + kRobot));
+      walls + "<geom name=\"fixture/closet\" type=\"box\" pos=\"1 2 1\" size=\"0.6 0.3 1\" euler=\"0 0 0.4\"/>" +
+      kRobot));
   const World world(file.path());
   ASSERT_EQ(world.fixtures().size(), 1U);
   const Box& closet = world.fixtures()[0];

@@ -115,8 +115,8 @@ TEST_P(FlownWorld, IsMappedWithinItsBounds) {
   EXPECT_LE(score.id_switches, bounds.max_id_switches);
 }
 
-// Worst of 40 seeds: recall 0.990, centre 0.0092 m, velocity 0.0476 m/s, delay 0.45 s, nothing false (but on the cabinet),
-// 6 changes of id. Without boxes 0.0081 m, 0.0404 m/s and 3: a segment that looks like a box is then refused.
+// Worst of 40 seeds: recall 0.990, centre 0.0092 m, velocity 0.0476 m/s, delay 0.45 s, nothing false (but on the
+// cabinet), 6 changes of id. Without boxes 0.0081 m, 0.0404 m/s and 3: a segment that looks like a box is then refused.
 constexpr Bounds demo(int seed) { return {"demo", seed, 0.98, 0.01, 0.05, 0.6, 0.0, 7}; }
 
 INSTANTIATE_TEST_SUITE_P(Demo, FlownWorld, testing::Values(demo(1), demo(2), demo(3), demo(4), demo(5)),
@@ -128,8 +128,8 @@ INSTANTIATE_TEST_SUITE_P(Demo, FlownWorld, testing::Values(demo(1), demo(2), dem
 //   warehouse  0.971   0.014     0.056       1.10     nothing            9
 //   crowd      0.984   0.012     0.052       1.00     nothing           20
 // The swinging arms of the lab's persons are not always joined with their bodies; a torso and an arm in one segment are
-// taken for a box, and how often depends on the noise: its bounds are the worst of 20 seeds. Without boxes it has 0.060 m,
-// 0.112 m/s, 1.9 s and 26.
+// taken for a box, and how often depends on the noise: its bounds are the worst of 20 seeds. Without boxes it has 0.060
+// m, 0.112 m/s, 1.9 s and 26.
 INSTANTIATE_TEST_SUITE_P(Others, FlownWorld,
                          testing::Values(Bounds{"lab", 1, 0.98, 0.09, 0.22, 1.0, 6.0, 60},
                                          Bounds{"orchard", 1, 0.985, 0.01, 0.02, 0.9, 0.0, 12},

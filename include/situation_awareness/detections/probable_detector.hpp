@@ -18,8 +18,8 @@ namespace situation_awareness {
 /// Another detector's detections, judged by the probability that their segment is one ellipse. Without a shape network
 /// those below `min_p_ellipse` are refused as "not one ellipse". With one, nothing is refused for its shape: the
 /// network says how probable an ellipse is and which box it would be else, and the detection has the mean and
-/// covariance of not knowing which (docs/math/boxes.md). Where a scan shows more range noise than `range_sigma_m` of the
-/// fit, that of the scan is used: rough hits are no corners.
+/// covariance of not knowing which (docs/math/boxes.md). Where a scan shows more range noise than `range_sigma_m` of
+/// the fit, that of the scan is used: rough hits are no corners.
 class ProbableDetector final : public Detector {
  public:
   ProbableDetector(std::unique_ptr<Detector> detector, double min_p_ellipse, const EllipseFitParams& fit);
@@ -49,7 +49,7 @@ class ProbableDetector final : public Detector {
   std::unique_ptr<ShapeNetwork> shapes_;  ///< null: only ellipses are expected
   double min_p_ellipse_ = 0.0;
   EllipseFitParams fit_;
-  EllipseFitParams scan_fit_;  ///< with the range noise of the latest scan
+  EllipseFitParams scan_fit_;            ///< with the range noise of the latest scan
   std::vector<std::size_t> judged_;      ///< segments, kept for its memory
   std::vector<RefusedSegment> refused_;  ///< by the other detector, kept for its memory
 };

@@ -47,9 +47,10 @@ struct SegmentationParams {
     visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
           "a partially occluded segment with all points within this distance of the line of a neighbouring structure "
           "is part of that structure");
-    visit("max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
-          "a partially occluded segment whose RMS distance from a line is below this is structure; between two occluders "
-          "below 1.6 times the range noise that the scan shows, if that is more");
+    visit(
+        "max_straight_rms_m", self.max_straight_rms_m, Bounds{0.0, 10.0}, "m",
+        "a partially occluded segment whose RMS distance from a line is below this is structure; between two occluders "
+        "below 1.6 times the range noise that the scan shows, if that is more");
     visit("flat_extent_m", self.flat_extent_m, Bounds{0.0, 100.0}, "m",
           "minimum extent of a flat segment that is structure (the front of a wall or a cabinet)");
     visit("min_bulge", self.min_bulge, Bounds{0.0, 1.0}, "",

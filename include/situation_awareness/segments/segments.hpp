@@ -62,8 +62,8 @@ struct Segment {
   SegmentKind kind = SegmentKind::kObject;
   SegmentEnd right_end = SegmentEnd::kFree;  ///< at its lowest azimuth
   SegmentEnd left_end = SegmentEnd::kFree;   ///< at its highest azimuth
-  /// Azimuth beyond that end in which the object may extend: occluded, outside the scan, or (kNoReturn) without returns;
-  /// 0 at the other ends.
+  /// Azimuth beyond that end in which the object may extend: occluded, outside the scan, or (kNoReturn) without
+  /// returns; 0 at the other ends.
   double right_hidden_rad = 0.0;
   double left_hidden_rad = 0.0;
   StructureReason structure = StructureReason::kNone;  ///< kNone if and only if the kind is kObject

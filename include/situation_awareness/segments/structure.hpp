@@ -14,8 +14,8 @@ namespace situation_awareness {
 StructureReason structure_reason(const Segments& segments, const Segment& segment, const SegmentationParams& params);
 
 /// Classify every segment as object or structure, with the reason (docs/math/segments.md, "Structure"), by its own hits
-/// and by structures in line with it, and measure the range noise. Structures are counted by reason in Segments::refused. Earlier classifications
-/// have no effect.
+/// and by structures in line with it, and measure the range noise. Structures are counted by reason in
+/// Segments::refused. Earlier classifications have no effect.
 Segments classify_structure(Segments segments, const SegmentationParams& params);
 
 /// Mean distance of points in reading order behind the chord of their ends, as seen from the sensor; negative in front

@@ -97,8 +97,8 @@ class World {
   /// Where the file says that the world is; nothing where it does not.
   const std::optional<WorldOrigin>& origin() const;
 
-  /// Boxes of the room, such as cabinets, that the scanner sees and the truth does not have: those of the world body with
-  /// the name fixture/NAME.
+  /// Boxes of the room, such as cabinets, that the scanner sees and the truth does not have: those of the world body
+  /// with the name fixture/NAME.
   const std::vector<Box>& fixtures() const;
 
   /// For the sensors: the world as MuJoCo has it, which they move to the times at which they measure.
