@@ -157,9 +157,7 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
 Segments classify_structure(Segments segments, const SegmentationParams& params) {
   thread_local RangeNoise noise;  // kept for its memory
   segments.range_sigma_m = noise.sigma_m(segments);
-  for (Segment& segment : segments.segments) {
-    mark(segments, segment, structure_reason(segments, segment, params));
-  }
+  for (Segment& segment : segments.segments) mark(segments, segment, structure_reason(segments, segment, params));
   join_broken_structures(segments, params);
   extend_structures(segments, -1, params);
   extend_structures(segments, +1, params);
