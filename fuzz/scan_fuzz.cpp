@@ -128,9 +128,6 @@ void check_points(const Points& points, const Scan& scan, bool moved) {
   }
 }
 
-/// True where the object ends: at the other silhouettes a beam without return may hide more of it.
-bool is_sure(SegmentEnd end) { return is_silhouette(end) && end != SegmentEnd::kNoReturn; }
-
 void check_segments(const Segments& segments, const Points& points, const SegmentationParams& params) {
   require(segments.free_space.azimuth_rad.size() == points.points.size() &&
               segments.free_space.range_m.size() == points.points.size(),
@@ -145,10 +142,12 @@ void check_segments(const Segments& segments, const Points& points, const Segmen
     for (const double hidden_rad : {segment.right_hidden_rad, segment.left_hidden_rad}) {
       require(std::isfinite(hidden_rad) && hidden_rad >= 0.0, "a hidden azimuth is a number >= 0");
     }
-    require(!is_sure(segment.right_end) || segment.right_hidden_rad == 0.0, "nothing is hidden at a sure silhouette");
+    require(!is_sure_silhouette(segment.right_end) || segment.right_hidden_rad == 0.0,
+            "nothing is hidden at a sure silhouette");
     require((segment.kind == SegmentKind::kStructure) == (segment.structure != StructureReason::kNone),
             "a structure has its reason");
-    require(!is_sure(segment.left_end) || segment.left_hidden_rad == 0.0, "nothing is hidden at a sure silhouette");
+    require(!is_sure_silhouette(segment.left_end) || segment.left_hidden_rad == 0.0,
+            "nothing is hidden at a sure silhouette");
     for (std::size_t i = segment.first; i < end; ++i) {
       const Point& point = segments.points[i];
       require(is_hit(point.state), "every point of a segment is a hit");

@@ -69,7 +69,7 @@ void extend_structures(Segments& segments, int step, const SegmentationParams& p
     const std::ptrdiff_t i = step < 0 ? visit : n - 1 - visit;
     Segment& piece = segments.segments[static_cast<std::size_t>(i)];
     const SegmentEnd end = step < 0 ? piece.right_end : piece.left_end;
-    if (piece.kind != SegmentKind::kObject || (is_silhouette(end) && end != SegmentEnd::kNoReturn)) continue;
+    if (piece.kind != SegmentKind::kObject || is_sure_silhouette(end)) continue;
     for (std::ptrdiff_t reach = 1; reach <= kReach; ++reach) {
       const std::ptrdiff_t j = i + step * reach;
       if (j < 0 || j >= n) break;

@@ -30,6 +30,9 @@ inline bool is_silhouette(SegmentEnd end) {
   return end == SegmentEnd::kFree || end == SegmentEnd::kBackground || end == SegmentEnd::kNoReturn;
 }
 
+/// True where the object surely ends: at the other silhouettes it may extend over beams without a return.
+inline bool is_sure_silhouette(SegmentEnd end) { return is_silhouette(end) && end != SegmentEnd::kNoReturn; }
+
 enum class SegmentKind : std::uint8_t {
   kObject,     ///< may be one object, of a size within the parameters
   kStructure,  ///< a wall, a corner or another surface larger than an object, or a visible part of one
