@@ -53,12 +53,13 @@ constexpr const char* kUsage =
 constexpr std::size_t kScanSegments = 16;
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-/// The estimate is evaluated, so only results that cannot be compared are refused.
+/// The estimate is evaluated, so only results that cannot be compared are refused, and none becomes a box.
 DetectionParams detection_params(const std::string& detector, const std::string& model_folder) {
   DetectionParams params;
   params.detector = detector;
   params.model_folder = model_folder;
   params.min_p_ellipse = 0.0;
+  params.boxes = false;
   params.fit.min_radius_m = 0.001;
   params.fit.max_radius_m = 100.0;
   params.fit.max_residual_m = 10.0;
