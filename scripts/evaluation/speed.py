@@ -166,7 +166,7 @@ def targets(results):
            f"{whole:.0f} times; {min(found['vgg_forward_to_detector'] for found in networks):.0f} times the detector "
            "alone", whole >= 15.0)
     allocations = [line["whole"]["allocations"] for line in results.medians.values()]
-    yield ("no allocation after warm-up", f"{min(allocations):,.0f} to {max(allocations):,.0f} per scan",
+    yield ("no allocation after warm-up", f"{min(allocations):,.3g} to {max(allocations):,.3g} per scan",
            max(allocations) == 0.0)
     for what in GROWTH:
         exponent = last_exponent(results, what)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/dense_layers.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -124,7 +125,7 @@ int DenseLayers::outputs() const { return empty() ? 0 : layers_.back().outputs; 
 const float* DenseLayers::forward(const float* inputs, int rows) {
   for (const Layer& layer : layers_) {
     const auto size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(layer.outputs);
-    if (back_.size() < size) back_.resize(size);
+    if (back_.size() < size) assign_with_room(back_, size, 0.0F);
     multiply({inputs, layer.inputs, layer.panels.data(), layer.outputs, layer.relu, back_.data()}, rows);
     std::swap(front_, back_);
     inputs = front_.data();

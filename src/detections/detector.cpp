@@ -14,6 +14,7 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.height_world_m = segments.height_world_m;
   found.free_space = segments.free_space;
   found.detections.clear();
+  found.detections.reserve(kUsualRoom);
   found.refused.reset();
   found.refused_segments.clear();
   found.refused_segments.reserve(kUsualRoom);

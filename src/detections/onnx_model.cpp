@@ -17,6 +17,7 @@
 #include <opencv2/dnn/all_layers.hpp>
 
 #include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/detections/dense_layers.hpp"
 
 namespace situation_awareness {
@@ -183,7 +184,7 @@ class OnnxModel::Impl {
 
   float* resize(int rows, float value) {
     rows_ = rows;
-    input_.assign(static_cast<std::size_t>(rows) * static_cast<std::size_t>(inputs()), value);
+    assign_with_room(input_, static_cast<std::size_t>(rows) * static_cast<std::size_t>(inputs()), value);
     return input_.data();
   }
 

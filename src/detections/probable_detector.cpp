@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/detections/box_fit.hpp"
 #include "situation_awareness/detections/refine.hpp"
 
@@ -96,10 +97,12 @@ void ProbableDetector::refuse_improbable(Detections& found) const {
 }
 
 void ProbableDetector::compare_with_boxes(const Segments& segments, Detections& found) {
+  refused_.reserve(kUsualRoom);
   refused_ = found.refused_segments;  // a swap would hand a short memory to the caller
   found.refused_segments.clear();
   found.refused.reset();
   judged_.clear();
+  judged_.reserve(kUsualRoom);
   for (const Detection& detection : found.detections) judged_.push_back(detection.segment);
   for (const RefusedSegment& segment : refused_) judged_.push_back(segment.segment);
   const std::vector<ShapeEstimate>& shapes =

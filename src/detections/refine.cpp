@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/refine.hpp"
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/detections/box_fit.hpp"
 
 #include <algorithm>
@@ -98,7 +99,7 @@ std::vector<std::size_t> known_by(const Detections& detections, const Segments& 
                                   const std::vector<ExpectedOutline>& known_level, const std::vector<Overlap>& overlaps,
                                   std::vector<std::size_t> memory) {
   std::vector<std::size_t> result = std::move(memory);
-  result.assign(detections.detections.size(), kNotKnown);
+  assign_with_room(result, detections.detections.size(), kNotKnown);
   for (std::size_t i = 0; i < result.size(); ++i) {
     const Segment& segment = segments.segments[detections.detections[i].segment];
     double nearest_m = kMaxOffset_m;

@@ -33,7 +33,7 @@ struct Workspace {
 class Groups {
  public:
   Groups(int size, std::vector<int>& memory) : parent_(memory) {
-    parent_.resize(static_cast<std::size_t>(size));
+    assign_with_room(parent_, static_cast<std::size_t>(size), 0);
     std::iota(parent_.begin(), parent_.end(), 0);
   }
   int find(int i) {
@@ -59,14 +59,14 @@ void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
   std::vector<double>& distance = work.distance;
   std::vector<std::size_t>& previous = work.previous;
   std::vector<char>& done = work.done;
-  row_price.assign(rows, 0.0);
-  column_price.assign(columns + 1, 0.0);
-  row_of.assign(columns + 1, rows);  // the extra column holds the row being placed
+  assign_with_room(row_price, rows, 0.0);
+  assign_with_room(column_price, columns + 1, 0.0);
+  assign_with_room(row_of, columns + 1, rows);  // the extra column holds the row being placed
 
   for (std::size_t row = 0; row < rows; ++row) {
-    distance.assign(columns, kInfinity);
-    previous.assign(columns, none);
-    done.assign(columns + 1, 0);
+    assign_with_room(distance, columns, kInfinity);
+    assign_with_room(previous, columns, none);
+    assign_with_room(done, columns + 1, 0);
     row_of[none] = row;
     std::size_t column = none;
     do {  // shortest path over reduced costs from the new row to a free column
@@ -104,7 +104,7 @@ void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
     row_of[none] = rows;
   }
 
-  work.column_of.assign(rows, none);
+  assign_with_room(work.column_of, rows, none);
   for (std::size_t j = 0; j < columns; ++j) {
     if (row_of[j] != rows) work.column_of[row_of[j]] = j;
   }
@@ -123,7 +123,7 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
   Groups groups(rows + columns, work.parents);
   for (const Candidate& candidate : sorted) groups.join(candidate.row, rows + candidate.column);
 
-  work.group_of.resize(static_cast<std::size_t>(rows));
+  assign_with_room(work.group_of, static_cast<std::size_t>(rows), 0);
   for (int row = 0; row < rows; ++row) work.group_of[static_cast<std::size_t>(row)] = groups.find(row);
   const auto group = [](const Candidate& candidate) { return work.group_of[static_cast<std::size_t>(candidate.row)]; };
   std::sort(sorted.begin(), sorted.end(), [&](const Candidate& a, const Candidate& b) {
@@ -131,10 +131,13 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
   });
 
   std::vector<int> result = std::move(memory);
-  result.assign(static_cast<std::size_t>(rows), -1);
+  assign_with_room(result, static_cast<std::size_t>(rows), -1);
   std::vector<int>& local_rows = work.local_rows;
   std::vector<int>& local_columns = work.local_columns;
+  local_rows.reserve(kUsualRoom);
+  local_columns.reserve(kUsualRoom);
   std::vector<double>& cost = work.cost;
+  cost.reserve(8 * kUsualRoom);  // a matrix
   for (auto begin = sorted.begin(); begin != sorted.end();) {
     const auto end = std::find_if(begin, sorted.end(), [&](const Candidate& c) { return group(c) != group(*begin); });
     local_rows.clear();
@@ -154,7 +157,7 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
     // Pairs that are no candidates, and extra columns, cost nothing: a row assigned to one is unmatched.
     const std::size_t n = local_rows.size();
     const std::size_t m = std::max(n, local_columns.size());
-    cost.assign(n * m, 0.0);
+    assign_with_room(cost, n * m, 0.0);
     for (auto c = begin; c != end; ++c) cost[place(local_rows, c->row) * m + place(local_columns, c->column)] = c->cost;
     assign_dense(n, m, work);
     for (std::size_t i = 0; i < n; ++i) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/outline.hpp"
 #include "situation_awareness/segments/structure.hpp"
 
@@ -26,13 +27,20 @@ struct Run {
   std::size_t owner = kNobody;
 };
 
-/// Memory reused from scan to scan.
+/// Memory reused from scan to scan, with room from the start.
 struct Workspace {
   std::vector<Overlap> overlaps;
   std::vector<Segment> wholes;
   std::vector<Outline> expected;  ///< in a segment
   std::vector<Run> raw;
   std::vector<Run> runs;
+
+  Workspace() {
+    wholes.reserve(kUsualRoom);
+    expected.reserve(kUsualRoom);
+    raw.reserve(kUsualRoom);
+    runs.reserve(kUsualRoom);
+  }
 };
 
 /// Runs of a segment's hits by assignment, short ones merged into the run before: into `work.runs`.

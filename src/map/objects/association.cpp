@@ -142,7 +142,7 @@ void Associator::associate(const AssociationInput& input, const ObjectMapParams&
   candidates_.reserve(kUsualRoom);
   matches_.clear();
   associations_.clear();
-  rejections_.assign(input.measurements.size(), {});
+  assign_with_room(rejections_, input.measurements.size(), {});
   sort_measurements(input);
   for (std::size_t i = 0; i < input.elements.size(); ++i) {
     if (!is_person(input.elements[i])) find_candidates(input, i, params, gate);

@@ -183,7 +183,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
 }
 
 void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
-  work_.used.assign(work_.measurements.size(), 0);
+  assign_with_room(work_.used, work_.measurements.size(), 0);
   for (const Association& association : work_.associator.associations()) {
     MapElement& element = elements_[association.element];
     const Measurement& measurement = work_.measurements[association.measurement];

@@ -335,8 +335,8 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
 
 /// The rows that the assignment gave each column, and the columns of each person.
 void People::find_owners(const std::vector<int>& column_of_row) {
-  row_of_column_.assign(legs_.size(), -1);
-  columns_of_person_.assign(persons_.size(), {-1, -1});
+  assign_with_room(row_of_column_, legs_.size(), -1);
+  assign_with_room(columns_of_person_, persons_.size(), {-1, -1});
   for (std::size_t row = 0; row < column_of_row.size(); ++row) {
     const int column = column_of_row[row];
     if (column < 0) continue;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/map/objects/association.hpp"
 
 namespace situation_awareness {
@@ -22,8 +23,9 @@ constexpr int kManyOfAShape = 3;
 }  // namespace
 
 const std::vector<char>& CommonShapes::find(const std::vector<MapElement>& elements) {
-  common_.assign(elements.size(), 0);
+  assign_with_room(common_, elements.size(), 0);
   by_mean_radius_m_.clear();
+  by_mean_radius_m_.reserve(kUsualRoom);
   for (std::size_t i = 0; i < elements.size(); ++i) {
     if (elements[i].state == TrackState::kTentative) continue;
     by_mean_radius_m_.emplace_back(likelier(elements[i].estimate).x(kShape), i);
