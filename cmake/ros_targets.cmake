@@ -42,6 +42,9 @@ target_link_libraries(${PROJECT_NAME}_ros PRIVATE pcl_common)
 target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES}
   PRIVATE ${GeographicLib_LIBRARIES})
 add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
+set(situation_awareness_ros_headers ${situation_awareness_headers} <ros/ros.h> <sensor_msgs/PointCloud2.h>
+  <tf2_ros/buffer.h> <visualization_msgs/MarkerArray.h>)
+target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_headers})
 
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
@@ -50,6 +53,7 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/slicing_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
+target_precompile_headers(${PROJECT_NAME}_nodelets PRIVATE ${situation_awareness_ros_headers})
 
 # situation_awareness_node(NAME SOURCE LIBRARY...): a program for rosrun.
 function(situation_awareness_node name source)
@@ -71,6 +75,7 @@ add_library(${PROJECT_NAME}_bag STATIC
 situation_awareness_target(${PROJECT_NAME}_bag)
 target_include_directories(${PROJECT_NAME}_bag PUBLIC tools)
 target_link_libraries(${PROJECT_NAME}_bag PUBLIC ${PROJECT_NAME}_ros CLI11::CLI11 nlohmann_json::nlohmann_json)
+target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_nodelets)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)

@@ -9,6 +9,7 @@ find_package(Qt5 REQUIRED COMPONENTS Test Widgets)
 foreach(name display kind_display panel panel_live)
   add_executable(rviz_${name}_test rviz/${name}_test.cpp)
   situation_awareness_target(rviz_${name}_test)
+  target_compile_options(rviz_${name}_test PRIVATE ${test_options})  # Qt wants -fPIC: no precompiled headers of others
   target_compile_definitions(rviz_${name}_test PRIVATE QT_NO_KEYWORDS)
   target_include_directories(rviz_${name}_test SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
   target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt5::Test Qt5::Widgets ${rviz_LIBRARIES}
