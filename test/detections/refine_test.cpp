@@ -55,7 +55,7 @@ struct Average {
 };
 
 // Fits of single scans have the same bias each time; refined detections have none.
-TEST(Refine, AveragesConvergeToTheTruthWhereThoseOfFitsDoNot) {
+TEST(RefineStatistics, AveragesConvergeToTheTruthWhereThoseOfFitsDoNot) {
   double refined_m = 0.0;
   double fitted_m = 0.0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {

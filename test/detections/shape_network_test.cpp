@@ -134,7 +134,9 @@ TEST_F(Shapes, OfABatchAreThoseOfEachAlone) {
   EXPECT_TRUE(network_.infer(scan, {}, 0.01, kMaxRadiusM).empty());
 }
 
-TEST_F(Shapes, ProbabilitiesAreFrequencies) {
+using ShapesStatistics = Shapes;
+
+TEST_F(ShapesStatistics, ProbabilitiesAreFrequencies) {
   constexpr int kCount = 20000;
   constexpr std::array<double, 7> kBounds = {0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0 + 1e-9};
   struct Bin {
@@ -164,7 +166,7 @@ TEST_F(Shapes, ProbabilitiesAreFrequencies) {
   }
 }
 
-TEST_F(Shapes, RegionsHoldNineTenthsOfTheBoxes) {
+TEST_F(ShapesStatistics, RegionsHoldNineTenthsOfTheBoxes) {
   constexpr double kChiSquare90 = 9.2364;  // of 5 degrees of freedom
   for (const SegmentCase which : {SegmentCase::kBoxes, SegmentCase::kFaces, SegmentCase::kShapes}) {
     int inside = 0;

@@ -199,7 +199,7 @@ TEST(InertialNavigation, JacobiansEqualNumericalOnes) {
   }
 }
 
-TEST(InertialNavigation, NeesAndNisOfSeededRunsAreInsideTheirBands) {
+TEST(InertialNavigationStatistics, NeesAndNisOfSeededRunsAreInsideTheirBands) {
   for (const int steps : {50, 250, 1000}) {
     ChiSquareSum nees_sum;
     ChiSquareSum nis_sum;
@@ -240,7 +240,7 @@ TEST(InertialNavigation, RigidMotionOfTheWorldMovesTheEstimateWithIt) {
   }
 }
 
-TEST(InertialNavigation, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandSteps) {
+TEST(InertialNavigationStatistics, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandSteps) {
   NavigationRun run(42);
   double least = 1e9;
   for (int i = 0; i < 100000; ++i) {

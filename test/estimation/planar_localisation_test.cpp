@@ -124,7 +124,7 @@ TEST(PlanarLocalisation, JacobiansEqualNumericalOnes) {
   }
 }
 
-TEST(PlanarLocalisation, NeesAndNisOfSeededRunsAreInsideTheirBands) {
+TEST(PlanarLocalisationStatistics, NeesAndNisOfSeededRunsAreInsideTheirBands) {
   for (const int steps : {1, 20, 200}) {
     ChiSquareSum nees_sum;
     ChiSquareSum nis_sum;
@@ -205,7 +205,7 @@ TEST(PlanarLocalisation, TheGateKeepsOutliersOut) {
   EXPECT_GT(ungated.sum, 10.0 * gated.sum);
 }
 
-TEST(PlanarLocalisation, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandSteps) {
+TEST(PlanarLocalisationStatistics, CovarianceStaysSymmetricPositiveDefiniteOverAHundredThousandSteps) {
   LocalisationRun run(42);
   double least = 1e9;
   for (int i = 0; i < 100000; ++i) {

@@ -927,13 +927,7 @@ TEST(ObjectMap, SameInputGivesTheSameMapBitForBit) {
   }
 }
 
-// Runs of each mismatch. A quarter of them under sanitizers, which look at what is executed: more runs execute the
-// same.
-#ifdef SITUATION_AWARENESS_SANITIZED
-constexpr int kRuns = 10;
-#else
-constexpr int kRuns = 40;
-#endif
+constexpr int kRuns = 40;  // of each mismatch
 
 /// Fraction of truths inside the published 99 % region, over runs of one object and some standing ones.
 struct Mismatch {
@@ -1001,7 +995,7 @@ Held held_by_99_percent_region(const Mismatch& mismatch) {
   return {static_cast<double>(inside) / elements, static_cast<double>(elements - first) / first};
 }
 
-TEST(ObjectMap, The99PercentRegionHolds99PercentOnMatchedRuns) {
+TEST(ObjectMapStatistics, The99PercentRegionHolds99PercentOnMatchedRuns) {
   for (const Mismatch& matched : {Mismatch{}, Mismatch{1.0, 0.0, {0.6, -0.4}}, Mismatch{1.0, 0.0, {0.6, -0.4}, 5}}) {
     const Held held = held_by_99_percent_region(matched);
     EXPECT_GE(held.part, 0.97);
@@ -1009,7 +1003,7 @@ TEST(ObjectMap, The99PercentRegionHolds99PercentOnMatchedRuns) {
   }
 }
 
-TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsWhenTheNoiseIsDoubled) {
+TEST(ObjectMapStatistics, The99PercentRegionHolds97PercentOfTruthsWhenTheNoiseIsDoubled) {
   for (const Mismatch& noisy : {Mismatch{2.0, 0.0, {0.0, 0.0}}, Mismatch{2.0, 0.0, {0.6, -0.4}},
                                 Mismatch{2.0, 0.4, {0.6, -0.4}}, Mismatch{2.0, 0.0, {0.6, -0.4}, 5}}) {
     const Held held = held_by_99_percent_region(noisy);
@@ -1018,7 +1012,7 @@ TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsWhenTheNoiseIsDoubled) {
   }
 }
 
-TEST(ObjectMap, The99PercentRegionHolds97PercentOfTruthsThroughManoeuvres) {
+TEST(ObjectMapStatistics, The99PercentRegionHolds97PercentOfTruthsThroughManoeuvres) {
   const Held held = held_by_99_percent_region({1.0, 0.4, {0.6, -0.4}});
   EXPECT_GE(held.part, 0.97);
   EXPECT_EQ(held.doubles, 0.0);

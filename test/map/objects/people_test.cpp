@@ -285,7 +285,7 @@ TEST(People, WhoStopsStaysAPersonAndGoesOn) {
   EXPECT_EQ(ids.size(), 1U);
 }
 
-TEST(People, WhatStandsIsNoPerson) {
+TEST(PeopleStatistics, WhatStandsIsNoPerson) {
   const std::vector<std::vector<Ellipse>> scenes{
       {{{3.0, 0.0}, 0.0, 0.12, 0.12}, {{3.0, 0.4}, 0.0, 0.12, 0.12}},  // two posts
       {{{3.0, 0.0}, 0.0, 0.05, 0.05}, {{3.0, 0.5}, 0.0, 0.05, 0.05}},  // two thin ones
