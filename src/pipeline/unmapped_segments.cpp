@@ -74,6 +74,21 @@ void UnmappedSegments::see_mapped(const Eigen::Vector2d& p_world_m, std::int64_t
   places_.erase(std::remove_if(places_.begin(), places_.end(), is_here), places_.end());
 }
 
+/// What was there is now seen as a wall, or as a part of one.
+void UnmappedSegments::see_structure(const Segments& segments) {
+  const auto is_structure = [&](const Place& place) {
+    if (place.last_ns == segments.stamp_ns) return false;
+    return std::any_of(segments.segments.begin(), segments.segments.end(), [&](const Segment& segment) {
+      if (segment.kind != SegmentKind::kStructure) return false;
+      const auto* const first = &segments.points[segment.first];
+      return std::any_of(first, first + segment.count, [&](const Point& point) {
+        return (segments.T_world_level * point.p_level_m - place.p_world_m).norm() <= kOnOutline_m;
+      });
+    });
+  };
+  places_.erase(std::remove_if(places_.begin(), places_.end(), is_structure), places_.end());
+}
+
 const Unmapped& UnmappedSegments::add(const Segments& segments, const Objects& objects) {
   const std::int64_t stamp_ns = segments.stamp_ns;
   const auto is_forgotten = [&](const Place& place) {
@@ -101,6 +116,7 @@ const Unmapped& UnmappedSegments::add(const Segments& segments, const Objects& o
     }
   }
   for (const Eigen::Vector2d& p_world_m : mapped_world_m_) see_mapped(p_world_m, stamp_ns);
+  see_structure(segments);
   result_.longest_s = std::max(result_.longest_s, result_.for_s);
   return result_;
 }

@@ -119,7 +119,8 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
 }
 
 /// Ends beside beams without a return, of a scan in which surfaces lose returns. The silhouette may lie anywhere before
-/// the next return, if that is from behind; if it continues the surface or is nearer, it says nothing.
+/// the next return, if that is from behind; if it continues the surface or is nearer, it says nothing. Few beams beside
+/// what is nearer were lost at its edge: it occludes.
 void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     Segment& segment = segments.segments[i];
@@ -133,6 +134,8 @@ void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
       if (next < 0 || next >= static_cast<std::ptrdiff_t>(segments.points.size())) return;
       const Point& beside = segments.points[static_cast<std::size_t>(next)];
       const double gap_rad = std::abs(beside.azimuth_rad - from.azimuth_rad);
+      const bool few = gap_rad < (params.max_missing_beams + 1.5) * segments.resolution_rad;
+      if (few && beside.range_m < from.range_m - params.occlusion_margin_m) kind = SegmentEnd::kOccluded;
       const bool behind = beside.range_m > from.range_m + params.occlusion_margin_m;
       const double beyond_m = (beside.p_level_m - from.p_level_m).norm();
       const bool continues =

@@ -124,6 +124,15 @@ TEST(UnmappedSegments, APlaceIsUnmappedUntilItIsMapped) {
   EXPECT_NEAR(lost.longest_s, 0.6, 1e-6);
 }
 
+TEST(UnmappedSegments, APlaceEndsWhereStructureIsSeen) {
+  UnmappedSegments unmapped;
+  unmapped.add(HandMade(1.0).add({2.0, 0.0}, 10).segments, {});
+  unmapped.add(HandMade(1.2).add({2.3, 0.0}, 10, SegmentKind::kStructure).segments, {});
+  EXPECT_NEAR(unmapped.add(HandMade(1.4).add({2.0, 0.0}, 10).segments, {}).for_s, 0.4, 1e-6) << "a wall behind it";
+  unmapped.add(HandMade(1.6).add({2.05, -1.0}, 200, SegmentKind::kStructure).segments, {});
+  EXPECT_EQ(unmapped.add(HandMade(1.8).add({2.0, 0.0}, 10).segments, {}).for_s, 0.0);
+}
+
 TEST(UnmappedSegments, APlaceMovesWithItsSegment) {
   UnmappedSegments unmapped;
   Unmapped now;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 
@@ -300,6 +301,34 @@ TEST(Segmentation, FreeEndsAreNoSilhouettesInScansThatLoseReturns) {
   EXPECT_EQ(alone.segments[0].right_end, SegmentEnd::kNoReturn);
   EXPECT_EQ(alone.segments[0].left_end, SegmentEnd::kNoReturn);
   EXPECT_GT(alone.segments[0].left_hidden_rad, 0.5) << "no return tells where it ends";
+}
+
+// Scanners that lose returns lose most at edges. The wall beside an edge is hidden by what is nearer all the same.
+TEST(Segmentation, WhatIsBehindALostEdgeIsOccluded) {
+  LevelScene scene;
+  scene.walls = {{{2.0, -0.15}, {2.0, 0.15}}, {{4.0, -4.0}, {4.0, 4.0}}};
+  const auto ends_behind = [&](std::size_t lost_at_edges) {
+    Scan scan = scene.scan();
+    const std::vector<Beam> whole = scan.beams;
+    for (std::size_t i = 10; i + 10 < whole.size(); ++i) {
+      const auto near_within = [&](std::size_t beams) {
+        return whole[i - beams].range_m < 3.0F || whole[i + beams].range_m < 3.0F;
+      };
+      const bool lost = near_within(0) ? false : near_within(10) ? near_within(lost_at_edges) : i % 7 == 0;
+      if (lost) scan.beams[i] = {static_cast<float>(scene.max_range_m), BeamState::kFree};
+    }
+    const Segments found = segment(project_horizontally(scan, Eigen::Isometry3d::Identity()), {});
+    const Segment& thing = nearest(found);
+    EXPECT_EQ(thing.right_end, SegmentEnd::kNoReturn);
+    EXPECT_EQ(thing.left_end, SegmentEnd::kNoReturn);
+    const Segment* const right = &thing - 1;
+    const Segment* const left = &thing + 1;
+    return std::array<SegmentEnd, 2>{right->left_end, left->right_end};
+  };
+  const auto max_missing = static_cast<std::size_t>(SegmentationParams{}.max_missing_beams);
+  for (const SegmentEnd end : ends_behind(1)) EXPECT_EQ(end, SegmentEnd::kOccluded);
+  for (const SegmentEnd end : ends_behind(max_missing)) EXPECT_EQ(end, SegmentEnd::kOccluded);
+  for (const SegmentEnd end : ends_behind(max_missing + 3)) EXPECT_EQ(end, SegmentEnd::kNoReturn) << "open space";
 }
 
 }  // namespace

@@ -51,7 +51,8 @@ struct Unmapped {
   double longest_s = 0.0;  ///< the same, of this and all scans before
 };
 
-/// Follows the places of compact segments that are on no map from scan to scan.
+/// Follows the places of compact segments that are on no map from scan to scan, until one is on the map or is structure
+/// in a later scan.
 class UnmappedSegments {
  public:
   static constexpr std::size_t kMinHits = 8;
@@ -69,6 +70,7 @@ class UnmappedSegments {
 
   void see_unmapped(const Eigen::Vector2d& p_world_m, std::int64_t stamp_ns);
   void see_mapped(const Eigen::Vector2d& p_world_m, std::int64_t stamp_ns);
+  void see_structure(const Segments& segments);
 
   MappedAreas areas_;
   std::vector<Place> places_;
