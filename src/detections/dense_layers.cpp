@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/dense_layers.hpp"
-#include "situation_awareness/common/usual_room.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -8,6 +7,8 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+
+#include "situation_awareness/common/usual_room.hpp"
 
 namespace situation_awareness {
 namespace {

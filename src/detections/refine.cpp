@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/refine.hpp"
 
-#include "situation_awareness/common/usual_room.hpp"
-#include "situation_awareness/detections/box_fit.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <utility>
 
+#include "situation_awareness/common/usual_room.hpp"
+#include "situation_awareness/detections/box_fit.hpp"
 #include "situation_awareness/geometry/outline.hpp"
 
 namespace situation_awareness {
