@@ -50,8 +50,8 @@ Detection refined_box(const Segments& segments, std::size_t segment, const Ellip
 
 /// Whether the segment holds more than an object that is surely an ellipse: hits on it, and others beyond its length.
 bool holds_more_than(const Segments& segments, const Segment& segment, const Ellipse& known_level) {
-  const Eigen::Vector2d ends_m = segments.points[segment.first + segment.count - 1].p_level_m -
-                                 segments.points[segment.first].p_level_m;
+  const Eigen::Vector2d ends_m =
+      segments.points[segment.first + segment.count - 1].p_level_m - segments.points[segment.first].p_level_m;
   if (ends_m.norm() < 2.0 * kLarger * known_level.rx_m) return false;
   const Outline outline = outline_of(known_level);
   const auto* const first = &segments.points[segment.first];

@@ -34,7 +34,8 @@ class Dice final : public Detector {
 TEST(ProbableDetector, KeepsProbableDetectionsInOrderAndCountsTheOthers) {
   Segments segments;
   segments.stamp_ns = 7;
-  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6, EllipseFitParams{});
+  ProbableDetector detector(std::make_unique<Dice>(std::vector<double>{0.2, 0.6, std::nan(""), 0.59, 1.0}), 0.6,
+                            EllipseFitParams{});
   const Detections detections = detector.detect(segments);
   EXPECT_EQ(detections.stamp_ns, 7);
   ASSERT_EQ(detections.detections.size(), 2U);

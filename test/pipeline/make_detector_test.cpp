@@ -31,9 +31,8 @@ class MakeDetectorTest : public testing::Test {
       model.write(folder_ / name);
     }
     const fs::path models = SITUATION_AWARENESS_SOURCE_DIR "/models";
-    for (const char* name :
-         {"ellipse.onnx", "ellipse.manifest.yaml", "shape.onnx", "shape.manifest.yaml", "paper_vgg_polar.onnx",
-          "paper_vgg_polar.manifest.yaml"}) {
+    for (const char* name : {"ellipse.onnx", "ellipse.manifest.yaml", "shape.onnx", "shape.manifest.yaml",
+                             "paper_vgg_polar.onnx", "paper_vgg_polar.manifest.yaml"}) {
       fs::copy_file(models / name, folder_ / name);
     }
   }

@@ -74,16 +74,10 @@ MapSnapshot without_legs(MapSnapshot snapshot) {
   return snapshot;
 }
 
-constexpr std::array kOfVersionThree = {"moving_scans",
-                                        "class",
-                                        "p_class",
-                                        "other_leg",
-                                        "other_leg_log_odds",
-                                        "leg_offset_x_m",
-                                        "leg_offset_y_m",
-                                        "leg_offset_variance_m2",
-                                        "box_log_odds",
-                                        "box_psi"};
+constexpr std::array kOfVersionThree = {
+    "moving_scans",       "class",          "p_class",        "other_leg",
+    "other_leg_log_odds", "leg_offset_x_m", "leg_offset_y_m", "leg_offset_variance_m2",
+    "box_log_odds",       "box_psi"};
 
 /// The file as versions before 3 have it.
 std::string before_version_three(const std::string& yaml) {
@@ -93,7 +87,9 @@ std::string before_version_three(const std::string& yaml) {
     const bool is_new = std::any_of(kOfVersionThree.begin(), kOfVersionThree.end(), [&](const char* key) {
       return line.rfind("    " + std::string(key) + ":", 0) == 0;
     });
-    if (line.rfind("    moving_scans:", 0) == 0) old += "    moves: " + std::string(line.back() == '0' ? "false\n" : "true\n");
+    if (line.rfind("    moving_scans:", 0) == 0) {
+      old += "    moves: " + std::string(line.back() == '0' ? "false\n" : "true\n");
+    }
     if (!is_new) old += line + '\n';
   }
   return old;

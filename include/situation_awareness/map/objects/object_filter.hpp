@@ -61,11 +61,12 @@ struct ProcessNoise {
   double radius_difference = 0.0;     ///< m/sqrt(s), of p and q
 };
 
-/// How a velocity goes on: constant, or turning with the body as that of a vehicle (coordinated turn; Bar-Shalom, Li and
-/// Kirubarajan, 2001, Sect. 11.7).
+/// How a velocity goes on: constant, or turning with the body as that of a vehicle (coordinated turn; Bar-Shalom, Li
+/// and Kirubarajan, 2001, Sect. 11.7).
 enum class Course { kStraight, kTurning };
 
-/// State after `dt_s` (ellipse paper, eqs. 8 to 12): constant angular velocity and radii, and the velocity as by `course`.
+/// State after `dt_s` (ellipse paper, eqs. 8 to 12): constant angular velocity and radii, and the velocity as by
+/// `course`.
 Vector8d predict(const Vector8d& x, double dt_s, Course course = Course::kStraight);
 
 /// F of that step.
