@@ -135,7 +135,7 @@ void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
       const Point& beside = segments.points[static_cast<std::size_t>(next)];
       const double gap_rad = std::abs(beside.azimuth_rad - from.azimuth_rad);
       const bool few = gap_rad < (params.max_missing_beams + 1.5) * segments.resolution_rad;
-      if (few && beside.range_m < from.range_m - params.occlusion_margin_m) kind = SegmentEnd::kOccluded;
+      if (few && !passed(beside, from, params)) kind = SegmentEnd::kOccluded;
       const bool behind = beside.range_m > from.range_m + params.occlusion_margin_m;
       const double beyond_m = (beside.p_level_m - from.p_level_m).norm();
       const bool continues =
