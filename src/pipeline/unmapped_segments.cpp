@@ -76,14 +76,15 @@ void UnmappedSegments::see_mapped(const Eigen::Vector2d& p_world_m, std::int64_t
 
 /// What was there is now seen as a wall, or as a part of one.
 void UnmappedSegments::see_structure(const Segments& segments) {
+  const Pose2 T_level_world = inverse(segments.T_world_level);
   const auto is_structure = [&](const Place& place) {
     if (place.last_ns == segments.stamp_ns) return false;
+    const Eigen::Vector2d p_level_m = T_level_world * place.p_world_m;
     return std::any_of(segments.segments.begin(), segments.segments.end(), [&](const Segment& segment) {
       if (segment.kind != SegmentKind::kStructure) return false;
       const auto* const first = &segments.points[segment.first];
-      return std::any_of(first, first + segment.count, [&](const Point& point) {
-        return (segments.T_world_level * point.p_level_m - place.p_world_m).norm() <= kOnOutline_m;
-      });
+      return std::any_of(first, first + segment.count,
+                         [&](const Point& point) { return (point.p_level_m - p_level_m).norm() <= kOnOutline_m; });
     });
   };
   places_.erase(std::remove_if(places_.begin(), places_.end(), is_structure), places_.end());
