@@ -13,11 +13,11 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kGoodCostMargin = 5.0;  // of the cost of a fit above the number of hits
-constexpr double kSureOfShape = 0.9;     // probability from which on a known object is refined as this shape
-constexpr double kMaxOffset_m = 0.1;     // mean distance of an object's hits from its expected outline
-constexpr double kLarger = 1.3;          // factor on a known ellipse's length from which on a segment is more than it
-constexpr double kHitsOnIt = 0.25;       // least part of such a segment's hits that is on the ellipse
+constexpr double kGoodBoxCostMargin = 5.0;  // of the cost of a fit above the number of hits
+constexpr double kSureOfShape = 0.9;        // probability from which on a known object is refined as this shape
+constexpr double kMaxOffset_m = 0.1;        // mean distance of an object's hits from its expected outline
+constexpr double kLarger = 1.3;     // factor on a known ellipse's length from which on a segment is more than it
+constexpr double kHitsOnIt = 0.25;  // least part of such a segment's hits that is on the ellipse
 
 double mean_offset_m(const Segments& segments, const Segment& segment, const Outline& outline) {
   double sum_m = 0.0;
@@ -43,9 +43,9 @@ Detection refined_box(const Segments& segments, std::size_t segment, const Ellip
                       const Box& known_level) {
   const Detection refined = refit_box(segments, segment, params, known_level);
   const double cost = box_cost(segments, segment, params, refined.box_level);
-  if (cost <= static_cast<double>(refined.beams) + kGoodCostMargin) return refined;
+  if (cost <= static_cast<double>(refined.beams) + kGoodBoxCostMargin) return refined;
   const Detection anew = fit_box(segments, segment, params);
-  return box_cost(segments, segment, params, anew.box_level) + kGoodCostMargin < cost ? anew : refined;
+  return box_cost(segments, segment, params, anew.box_level) + kGoodBoxCostMargin < cost ? anew : refined;
 }
 
 /// Whether the segment holds more than an object that is surely an ellipse: hits on it, and others beyond its length.

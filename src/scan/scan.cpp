@@ -2,7 +2,6 @@
 #include "situation_awareness/scan/scan.hpp"
 
 #include <cmath>
-#include <limits>
 
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -13,14 +12,13 @@ namespace {
 constexpr double kMaxFirstAngle_rad = 100.0;
 constexpr double kMinIncrement_rad = 1e-6;
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
-
 }  // namespace
 
 Beam beam_from_range(float range_m, float range_min_m, float range_max_m) {
   if (std::isnan(range_m)) return {0.0F, BeamState::kInvalid};
-  if (range_m > range_max_m || range_m == kInfinity) return {range_max_m > 0.0F ? range_max_m : 0.0F, BeamState::kFree};
-  if (range_m == -kInfinity) return {0.0F, BeamState::kTooClose};
+  const bool infinite = std::isinf(range_m);
+  if (infinite && range_m < 0.0F) return {0.0F, BeamState::kTooClose};
+  if (infinite || range_m > range_max_m) return {range_max_m > 0.0F ? range_max_m : 0.0F, BeamState::kFree};
   if (range_m < range_min_m || range_m <= 0.0F) return {0.0F, BeamState::kInvalid};
   return {range_m, BeamState::kHit};
 }

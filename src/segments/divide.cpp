@@ -21,21 +21,21 @@ constexpr double kMaxClaimOffset_m = 0.06;  // mean distance of the hits of a kn
 constexpr double kMinSticksOut_m = 0.12;    // hits that stick out of a known object by less belong to it
 
 /// Neighbouring hits with one assignment, an index into the expected outlines.
-struct Run {
+struct OwnedRun {
   std::size_t first = 0;
   std::size_t count = 0;
   std::size_t owner = kNobody;
 };
 
 /// Memory reused from scan to scan, with room from the start.
-struct Workspace {
+struct DivideWorkspace {
   std::vector<Overlap> overlaps;
   std::vector<Segment> wholes;
   std::vector<Outline> expected;  ///< in a segment
-  std::vector<Run> raw;
-  std::vector<Run> runs;
+  std::vector<OwnedRun> raw;
+  std::vector<OwnedRun> runs;
 
-  Workspace() {
+  DivideWorkspace() {
     wholes.reserve(kUsualRoom);
     expected.reserve(kUsualRoom);
     raw.reserve(kUsualRoom);
@@ -44,7 +44,7 @@ struct Workspace {
 };
 
 /// Runs of a segment's hits by assignment, short ones merged into the run before: into `work.runs`.
-void find_runs(const Segments& segments, const Segment& segment, double max_offset_m, Workspace& work) {
+void find_runs(const Segments& segments, const Segment& segment, double max_offset_m, DivideWorkspace& work) {
   work.raw.clear();
   for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) {
     std::size_t owner = kNobody;
@@ -58,8 +58,8 @@ void find_runs(const Segments& segments, const Segment& segment, double max_offs
     if (work.raw.empty() || work.raw.back().owner != owner) work.raw.push_back({i, 0, owner});
     ++work.raw.back().count;
   }
-  std::vector<Run>& smooth = work.runs;
-  for (const Run& run : work.raw) {
+  std::vector<OwnedRun>& smooth = work.runs;
+  for (const OwnedRun& run : work.raw) {
     if (!smooth.empty() && (run.count < kMinRun || run.owner == smooth.back().owner)) {
       smooth.back().count += run.count;
     } else if (!smooth.empty() && smooth.back().count < kMinRun) {  // only the first can be short
@@ -72,11 +72,11 @@ void find_runs(const Segments& segments, const Segment& segment, double max_offs
 
 /// Merge neighbouring runs where the segment is convex from the middle of one to that of the other: between two objects
 /// there is a corner or a step. One object that was mapped as two by mistake would otherwise be cut in two for ever.
-void join_convex(const Segments& segments, std::vector<Run>& runs) {
+void join_convex(const Segments& segments, std::vector<OwnedRun>& runs) {
   std::size_t kept = 0;
   for (std::size_t r = 1; r < runs.size(); ++r) {
-    Run& last = runs[kept];
-    const Run& next = runs[r];
+    OwnedRun& last = runs[kept];
+    const OwnedRun& next = runs[r];
     const std::size_t from = last.first + last.count / 2;
     const std::size_t to = next.first + next.count / 2;
     if (concavity_m(&segments.points[from], to - from + 1) >= 0.0) {
@@ -90,18 +90,18 @@ void join_convex(const Segments& segments, std::vector<Run>& runs) {
 }
 
 /// True if the runs are to become separate segments.
-bool holds_several(const Segments& segments, const Workspace& work, const SegmentationParams& params) {
+bool holds_several(const Segments& segments, const DivideWorkspace& work, const SegmentationParams& params) {
   if (work.runs.size() < 2) return false;
   const auto min_points = static_cast<std::size_t>(params.min_points);
   std::size_t known = kNobody;
-  for (const Run& run : work.runs) {
+  for (const OwnedRun& run : work.runs) {
     if (run.owner == kNobody || run.count < min_points) continue;
     if (known != kNobody && known != run.owner) return true;
     known = run.owner;
   }
   if (known == kNobody) return false;
   const Outline& outline = work.expected[known];
-  return std::any_of(work.runs.begin(), work.runs.end(), [&](const Run& run) {
+  return std::any_of(work.runs.begin(), work.runs.end(), [&](const OwnedRun& run) {
     if (run.owner != kNobody || run.count < min_points) return false;
     const Point* points = &segments.points[run.first];
     return std::any_of(points, points + run.count, [&](const Point& point) {
@@ -132,7 +132,7 @@ void claim_known(Segments& segments, Segment& segment, const ExpectedOutline& kn
 
 Segments divide(Segments segments, const std::vector<ExpectedOutline>& known_level, const SegmentationParams& params) {
   if (known_level.empty()) return segments;
-  thread_local Workspace work;
+  thread_local DivideWorkspace work;
   work.overlaps = overlaps_of(segments, known_level, std::move(work.overlaps));
   for (const Overlap& overlap : work.overlaps) {
     claim_known(segments, segments.segments[overlap.segment], known_level[overlap.ellipse]);
@@ -154,9 +154,9 @@ Segments divide(Segments segments, const std::vector<ExpectedOutline>& known_lev
       segments.segments.push_back(whole);
       continue;
     }
-    const std::vector<Run>& runs = work.runs;
+    const std::vector<OwnedRun>& runs = work.runs;
     for (std::size_t r = 0; r < runs.size(); ++r) {
-      const Run& run = runs[r];
+      const OwnedRun& run = runs[r];
       if (run.count < static_cast<std::size_t>(params.min_points)) {
         segments.refused_runs.push_back({run.first, run.count, RunRefusal::kTooFewPoints});
         ++segments.refused[text_of(RunRefusal::kTooFewPoints)];
@@ -165,7 +165,7 @@ Segments divide(Segments segments, const std::vector<ExpectedOutline>& known_lev
       Segment piece = whole;
       piece.first = run.first;
       piece.count = run.count;
-      const auto width_rad = [&](const Run& other) {
+      const auto width_rad = [&](const OwnedRun& other) {
         return segments.points[other.first + other.count - 1].azimuth_rad - segments.points[other.first].azimuth_rad;
       };
       if (r > 0) {

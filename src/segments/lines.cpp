@@ -35,11 +35,11 @@ struct Run {
 
 /// Memory reused from scan to scan, with room from the start: the first scan with more runs would else allocate at any
 /// time.
-struct Workspace {
+struct LinesWorkspace {
   std::vector<Run> open;
   std::vector<Run> runs;
 
-  Workspace() {
+  LinesWorkspace() {
     open.reserve(kUsualRoom);
     runs.reserve(kUsualRoom);
   }
@@ -47,7 +47,7 @@ struct Workspace {
 
 /// Break points where they lie farther than `max_offset_m` from the chord of their ends (Douglas and Peucker, 1973),
 /// into `work.runs`. A point at which they are broken belongs to the run after it.
-void split(const Point* points, Run whole, double max_offset_m, Workspace& work) {
+void split(const Point* points, Run whole, double max_offset_m, LinesWorkspace& work) {
   work.open.assign(1, whole);
   while (!work.open.empty()) {
     const Run run = work.open.back();
@@ -228,7 +228,7 @@ LineEstimate refine_line(const Line& first, const Point* points, std::size_t cou
 
 /// Add the straight pieces of one segment.
 void add_pieces(Segments& segments, std::size_t index, const SegmentationParams& params, double range_sigma_m,
-                Workspace& work) {
+                LinesWorkspace& work) {
   const Segment& segment = segments.segments[index];
   const Point* points = segments.points.data();
   const Run whole{segment.first, segment.first + segment.count - 1};
@@ -317,7 +317,7 @@ LineEstimate estimate_line(const Point* points, std::size_t count, double range_
 }
 
 Segments with_straight_pieces(Segments segments, const SegmentationParams& params, double range_sigma_m) {
-  thread_local Workspace work;
+  thread_local LinesWorkspace work;
   segments.straight_pieces.clear();
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     if (segments.segments[i].kind == SegmentKind::kStructure) add_pieces(segments, i, params, range_sigma_m, work);
