@@ -17,8 +17,6 @@ constexpr double kFieldRad = radians(270.0);
 constexpr double kObjectsRad = radians(258.0);  // of the field of view, without margins for swaying and tilting
 constexpr double kSweep_s = 0.01875;            // UTM-30LX: three quarters of a turn of 25 ms
 constexpr double kRangeSigma_m = 0.01;
-constexpr float kRangeMin_m = 0.1F;
-constexpr float kRangeMax_m = 30.0F;
 constexpr double kWall_m = 9.5;  // half of the room: partly within the range of interest, its corners beyond
 
 double period_s() { return SyntheticScene::kPeriodScans * seconds_between(0, SyntheticScene::kStep_ns); }

@@ -30,6 +30,7 @@ enum class SceneMotion {
 /// kPeriodScans, and follows from the arguments: same seed, same scans.
 class SyntheticScene {
  public:
+  static constexpr float kRangeMin_m = 0.1F, kRangeMax_m = 30.0F;  ///< of the scanner
   static constexpr int kPeriodScans = 80;
   static constexpr std::int64_t kStep_ns = kNanosecondsPerSecond / 20;
 

@@ -121,7 +121,8 @@ void turn_upside_down(LaserScan& msg) {
 std::string range_max(Feed& feed) {
   return mapped(feed, 40, [&feed](LaserScan& msg) {
     const float farthest_m = *std::max_element(msg.ranges.begin(), msg.ranges.end());
-    const std::array<float, 4> limits_m = {farthest_m, kInf, kRangeMax_m, 2.0F * kRangeMax_m};
+    const std::array<float, 4> limits_m = {farthest_m, kInf, SyntheticScene::kRangeMax_m,
+                                           2.0F * SyntheticScene::kRangeMax_m};
     msg.range_max = limits_m[static_cast<std::size_t>(draw(feed, 0, 3))];
   });
 }

@@ -96,8 +96,8 @@ const SyntheticScan& Feed::scan_at(std::int64_t slot) const {
 }
 
 sensor_msgs::LaserScanPtr Feed::due() const {
-  auto msg = boost::make_shared<sensor_msgs::LaserScan>(
-      scan_to_msg(scan_at(slot_).scan, kLidarFrame, kRangeMin_m, kRangeMax_m, kScanPeriod_s));
+  auto msg = boost::make_shared<sensor_msgs::LaserScan>(scan_to_msg(
+      scan_at(slot_).scan, kLidarFrame, SyntheticScene::kRangeMin_m, SyntheticScene::kRangeMax_m, kScanPeriod_s));
   msg->header.stamp = to_ros_time(stamp_ns());
   return msg;
 }
@@ -105,8 +105,8 @@ sensor_msgs::LaserScanPtr Feed::due() const {
 sensor_msgs::LaserScanPtr Feed::due_with_beams(int beams) const {
   const SyntheticScene scene(beams, kObjects, scene_seed_);
   const int i = static_cast<int>(slot_ % SyntheticScene::kPeriodScans);
-  auto msg = boost::make_shared<sensor_msgs::LaserScan>(
-      scan_to_msg(scene.scan(i).scan, kLidarFrame, kRangeMin_m, kRangeMax_m, kScanPeriod_s));
+  auto msg = boost::make_shared<sensor_msgs::LaserScan>(scan_to_msg(
+      scene.scan(i).scan, kLidarFrame, SyntheticScene::kRangeMin_m, SyntheticScene::kRangeMax_m, kScanPeriod_s));
   msg->header.stamp = to_ros_time(stamp_ns());
   return msg;
 }

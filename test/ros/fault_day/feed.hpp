@@ -29,7 +29,6 @@ constexpr std::array<const char*, 3> kStages = {"segmentation", "detection", "ma
 constexpr const char* kWorldFrame = "world";
 constexpr const char* kLidarFrame = "lidar";
 constexpr const char* kUpsideDownFrame = "lidar_upside_down";  ///< turned about the lidar's x axis by pi
-constexpr float kRangeMin_m = 0.1F, kRangeMax_m = 30.0F;
 constexpr double kScanPeriod_s = 1e-9 * static_cast<double>(SyntheticScene::kStep_ns);
 
 /// Expected outcome of a scan.
