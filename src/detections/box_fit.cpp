@@ -25,6 +25,8 @@ constexpr double kKnownSigma_m = 3.0;
 constexpr double kKnownSigma_rad = 1.0;
 /// m. Hits that spread less along an axis of the box do not show that side.
 constexpr double kMinSpread_m = 0.1;
+/// Standard deviations that a hit may be beyond the end of its face: farther out the face is longer.
+constexpr double kBeyond = 2.0;
 constexpr double kCoarseStep_rad = kPi / 36.0;
 constexpr int kRefitSteps = 4;
 /// Of the prediction, to find which side is seen.
@@ -71,6 +73,9 @@ class BoxProblem {
       const double d = faces.offset_m(points_[i].p_level_m, &jacobian, &normal);
       const double sigma = hit_sigma(points_[i], normal);
       add(d / sigma, jacobian / sigma);
+      const double beyond_m = faces.beyond_m(points_[i].p_level_m, &jacobian, &normal);
+      const double beyond = beyond_m / hit_sigma(points_[i], normal);
+      if (beyond > kBeyond) add(beyond - kBeyond, jacobian * (beyond / beyond_m));
     }
 
     const auto add_end = [&](const Point& end, double side, SegmentEnd kind, double hidden_rad) {
@@ -172,8 +177,8 @@ class BoxProblem {
     double offset_m(const Eigen::Vector2d& y, Vector5d* jacobian = nullptr, Eigen::Vector2d* normal = nullptr) const {
       const double p1 = e1.dot(y - t);
       const double p2 = e2.dot(y - t);
-      const double d1 = side1 == 0.0 ? -std::numeric_limits<double>::infinity() : side1 * p1 - a;
-      const double d2 = side2 == 0.0 ? -std::numeric_limits<double>::infinity() : side2 * p2 - b;
+      const double d1 = depth1(p1);
+      const double d2 = depth2(p2);
       if (jacobian != nullptr) {
         if (d1 >= d2) {
           *normal = side1 * e1;
@@ -185,6 +190,27 @@ class BoxProblem {
       }
       return std::max(d1, d2);
     }
+
+    /// Distance beyond the far end of the face in whose plane it is nearest, negative before it, the derivative by x,
+    /// and the direction in which it counts. Beyond the near end it is outside of the other face.
+    double beyond_m(const Eigen::Vector2d& y, Vector5d* jacobian, Eigen::Vector2d* along) const {
+      const double p1 = e1.dot(y - t);
+      const double p2 = e2.dot(y - t);
+      if (depth1(p1) >= depth2(p2)) {
+        const double s = side2 == 0.0 ? std::copysign(1.0, p2) : -side2;
+        *along = s * e2;
+        *jacobian << -s * e2, -s * p1, 0.0, -1.0;
+        return s * p2 - b;
+      }
+      const double s = side1 == 0.0 ? std::copysign(1.0, p1) : -side1;
+      *along = s * e1;
+      *jacobian << -s * e1, s * p2, -1.0, 0.0;
+      return s * p1 - a;
+    }
+
+    /// Distance from the plane of a face, positive outside.
+    double depth1(double p1) const { return side1 == 0.0 ? -std::numeric_limits<double>::infinity() : side1 * p1 - a; }
+    double depth2(double p2) const { return side2 == 0.0 ? -std::numeric_limits<double>::infinity() : side2 * p2 - b; }
   };
 
   static Faces faces_of(const Vector5d& x) {

@@ -147,6 +147,83 @@ void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
   }
 }
 
+/// The points of a scan from the end of a segment on, in direction `step`.
+class Beyond {
+ public:
+  Beyond(const Segments& segments, std::size_t end, int step)
+      : segments_(segments), end_(static_cast<std::ptrdiff_t>(end)), step_(step) {}
+
+  /// The i-th one, the end itself the 0th.
+  const Point& at(std::size_t i) const { return segments_.points[static_cast<std::size_t>(index(i))]; }
+
+  /// The number of hits of the run that begins with the i-th, if they are too few for a segment, else 0.
+  std::size_t few_hits_at(std::size_t i) const {
+    const std::vector<RefusedRun>& runs = segments_.refused_runs;
+    const auto after = std::upper_bound(
+        runs.begin(), runs.end(), index(i),
+        [](std::ptrdiff_t at, const RefusedRun& run) { return at < static_cast<std::ptrdiff_t>(run.first); });
+    if (after == runs.begin()) return 0;
+    const RefusedRun& run = *std::prev(after);
+    const bool is_in = index(i) < static_cast<std::ptrdiff_t>(run.first + run.count);
+    return is_in && run.why == RunRefusal::kTooFewPoints ? run.count : 0;
+  }
+
+ private:
+  std::ptrdiff_t index(std::size_t i) const { return end_ + step_ * static_cast<std::ptrdiff_t>(i); }
+
+  const Segments& segments_;
+  std::ptrdiff_t end_;
+  int step_;
+};
+
+/// Number of hits beyond an end that belong to its surface. On one at a grazing angle hits are farther apart than
+/// max_gap_m: runs of few hits follow, each hit behind the one before, on one line with the end.
+std::size_t grazing_hits(const Segments& segments, std::size_t end, int step, const SegmentationParams& params) {
+  const Beyond beyond(segments, end, step);
+  const Point& from = beyond.at(0);
+  const double next_beam_rad = (params.max_missing_beams + 1.5) * segments.resolution_rad;
+  const auto goes_on = [&](const Point& point, const Point& before) {
+    return std::abs(point.azimuth_rad - before.azimuth_rad) < next_beam_rad && point.range_m > before.range_m &&
+           (point.p_level_m - from.p_level_m).norm() < params.max_object_extent_m;
+  };
+  std::size_t count = 0;
+  while (const std::size_t few = beyond.few_hits_at(count + 1)) {
+    for (std::size_t i = 0; i < few; ++i, ++count) {
+      if (!goes_on(beyond.at(count + 1), beyond.at(count))) return 0;
+    }
+  }
+  if (count < 2) return 0;  // any two points are on one line
+  const Eigen::Vector2d along = (beyond.at(count).p_level_m - from.p_level_m).normalized();
+  const Line line{from.p_level_m, {along.y(), -along.x()}};
+  for (std::size_t i = 1; i < count; ++i) {
+    if (std::abs(offset_m(line, beyond.at(i).p_level_m)) > params.max_line_offset_m) return 0;
+  }
+  return count;
+}
+
+void join_grazing_hits(Segments& segments, const SegmentationParams& params) {
+  for (Segment& segment : segments.segments) {
+    if (segment.left_end == SegmentEnd::kBackground) {
+      segment.count += grazing_hits(segments, segment.first + segment.count - 1, +1, params);
+    }
+    if (segment.right_end == SegmentEnd::kBackground) {
+      const std::size_t joined = grazing_hits(segments, segment.first, -1, params);
+      segment.first -= joined;
+      segment.count += joined;
+    }
+  }
+  const auto is_joined = [&](const RefusedRun& run) {
+    const auto after =
+        std::upper_bound(segments.segments.begin(), segments.segments.end(), run.first,
+                         [](std::size_t first, const Segment& segment) { return first < segment.first; });
+    if (after == segments.segments.begin()) return false;
+    const Segment& segment = *std::prev(after);
+    return run.first < segment.first + segment.count;
+  };
+  std::vector<RefusedRun>& runs = segments.refused_runs;
+  runs.erase(std::remove_if(runs.begin(), runs.end(), is_joined), runs.end());
+}
+
 }  // namespace
 
 void SegmentationParams::validate() const { check_bounds(*this, "segments"); }
@@ -186,7 +263,6 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
       if (count > 0) {
         const RunRefusal why = too_few ? RunRefusal::kTooFewPoints : RunRefusal::kOutside;
         result.refused_runs.push_back({first, count, why});
-        ++result.refused[text_of(why)];
       }
     } else {
       Segment segment;
@@ -227,7 +303,8 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   }
   close_segment();
   if (lost > kManyLost * static_cast<double>(result.points.size())) distrust_free_ends(result, params);
-
+  join_grazing_hits(result, params);
+  for (const RefusedRun& run : result.refused_runs) ++result.refused[text_of(run.why)];
   return classify_structure(std::move(result), params);
 }
 

@@ -112,6 +112,32 @@ void join_broken_structures(Segments& segments, const SegmentationParams& params
   }
 }
 
+/// True if a straight segment with one hidden end surely ends behind what hides it: a beam beyond passes through the
+/// line of the segment, near enough for one object. It is the face of a box then, no piece of a wall.
+bool ends_behind_occluder(const Segments& segments, const Segment& segment, const Line& line,
+                          const SegmentationParams& params) {
+  const bool left_hidden = !is_silhouette(segment.left_end);
+  if ((left_hidden ? segment.left_end : segment.right_end) != SegmentEnd::kOccluded) return false;
+  const Point* const right = &segments.points[segment.first];
+  const Point* const left = right + segment.count - 1;
+  const Eigen::Vector2d seen_end_m = (left_hidden ? right : left)->p_level_m;
+  const auto passes = [&](const Point& point, bool& too_far) {
+    const Eigen::Vector2d u = point.p_level_m / point.range_m;
+    const double line_range_m = line.normal.dot(line.through_m) / line.normal.dot(u);
+    too_far = !(line_range_m > 0.0) || (line_range_m * u - seen_end_m).norm() > params.max_object_extent_m;
+    return !too_far && point.range_m > line_range_m + params.max_range_gap_m;
+  };
+  const Point* const begin = segments.points.data();
+  const Point* const end = begin + segments.points.size();
+  const int step = left_hidden ? 1 : -1;
+  bool too_far = false;
+  for (const Point* beside = (left_hidden ? left : right) + step; beside >= begin && beside < end; beside += step) {
+    if (passes(*beside, too_far)) return true;
+    if (too_far) return false;
+  }
+  return false;
+}
+
 }  // namespace
 
 double concavity_m(const Point* points, std::size_t count) {
@@ -149,6 +175,9 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const double straight_m = hidden_ends == 2
                                 ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
                                 : params.max_straight_rms_m;
+  if (params.free_faces && hidden_ends == 1 && ends_behind_occluder(segments, segment, line, params)) {
+    return StructureReason::kNone;
+  }
   if (hidden && rms < straight_m) return StructureReason::kStraightHidden;
   return is_long && flat_along(line, rms, points, segment.count, params) ? StructureReason::kFlat
                                                                          : StructureReason::kNone;

@@ -106,6 +106,24 @@ TEST(BoxFit, ErrorsAreAsLargeAsTheCovarianceSays) {
   EXPECT_GT(inside, 0.87 * fitted);
 }
 
+// Of what is known of a box too little may be right: hits beyond the far end of a face show that it is longer.
+TEST(BoxFit, AKnownBoxIsAsLongAsItsHitsShow) {
+  Random random(6);
+  for (const double psi_rad : {0.25, 0.4, 0.6}) {
+    const Box truth{{3.0, 0.0}, psi_rad, 0.5, 0.35};
+    const Eigen::Vector2d e1(std::cos(psi_rad), std::sin(psi_rad));
+    const Box known{truth.center_m - 0.3 * e1, psi_rad, 0.2, 0.35};  // the same near face
+    const Segments segments = near_segments(scene_of(truth), &random);
+    ASSERT_EQ(segments.segments.size(), 1U);
+    Detection detection = refit_box(segments, 0, kParams, known);
+    EXPECT_GT(detection.box_level.half_length_m, 0.4) << psi_rad;
+    for (int scan = 0; scan < 3; ++scan) detection = refit_box(segments, 0, kParams, detection.box_level);
+    EXPECT_NEAR(detection.box_level.half_length_m, truth.half_length_m, 0.03) << psi_rad;
+    EXPECT_NEAR(detection.box_level.half_width_m, truth.half_width_m, 0.03) << psi_rad;
+    EXPECT_LT((detection.box_level.center_m - truth.center_m).norm(), 0.04) << psi_rad;
+  }
+}
+
 TEST(BoxFit, IsEquivariantUnderRotation) {
   const Box truth{{3.0, 0.2}, 0.5, 0.4, 0.2};
   const Segments segments = near_segments(scene_of(truth));

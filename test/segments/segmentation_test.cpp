@@ -331,5 +331,54 @@ TEST(Segmentation, WhatIsBehindALostEdgeIsOccluded) {
   for (const SegmentEnd end : ends_behind(max_missing + 3)) EXPECT_EQ(end, SegmentEnd::kNoReturn) << "open space";
 }
 
+/// A box of 1 m x 0.8 m, seen by its shorter face and at a grazing angle by its longer one, in a room.
+LevelScene grazed_box(double psi_rad) {
+  LevelScene scene;
+  scene.angle_min_rad = radians(-90.0);
+  scene.beams = 721;
+  const auto add = [&](const Box& box) {
+    const auto at = corners(box);
+    for (std::size_t i = 0; i < at.size(); ++i) scene.walls.push_back({at[i], at[(i + 1) % at.size()]});
+  };
+  add({{3.2, 0.0}, psi_rad, 0.5, 0.4});
+  add({{0.0, 0.0}, 0.0, 8.0, 8.0});
+  return scene;
+}
+
+// Hits on a surface at a grazing angle are farther apart than max_gap_m. Where they lie on one line with the segment's
+// end they belong to it.
+TEST(Segmentation, ASurfaceGoesOnOverItsHitsAtAGrazingAngle) {
+  int joined = 0;
+  for (double psi_rad = 0.16; psi_rad < 0.24; psi_rad += 0.005) {
+    const Scan scan = grazed_box(psi_rad).scan();
+    std::set<int> on_box;
+    for (std::size_t i = 0; i < scan.beams.size(); ++i) {
+      if (scan.beams[i].range_m < 5.0F) on_box.insert(static_cast<int>(i));
+    }
+    const Segments segments = segment_scan(scan);
+    const Segment& box = nearest(segments);
+    joined += beams_of(segments, box) == on_box ? 1 : 0;
+    std::set<std::size_t> in_runs;
+    for (const RefusedRun& run : segments.refused_runs) {
+      for (std::size_t k = run.first; k < run.first + run.count; ++k) {
+        EXPECT_TRUE(in_runs.insert(k).second);
+        EXPECT_TRUE(k < box.first || k >= box.first + box.count) << "in a segment and refused";
+      }
+    }
+    EXPECT_EQ(segments.refused.of("segment refused: too few points"), segments.refused_runs.size());
+  }
+  EXPECT_GE(joined, 12) << "a single hit is on a line with any end";
+}
+
+TEST(Segmentation, HitsBehindAnEndThatAreNotOnOneLineWithItBelongToOtherThings) {
+  LevelScene scene = grazed_box(0.0);
+  const std::size_t count = nearest(segment_scan(scene.scan())).count;
+  // Two thin things behind its left end, which is at (2.7, 0.4).
+  scene.ellipses = {{{3.0, 0.46}, 0.0, 0.02, 0.02}, {{3.5, 0.72}, 0.0, 0.02, 0.02}};
+  const Segments segments = segment_scan(scene.scan());
+  EXPECT_GE(segments.refused_runs.size(), 1U);
+  EXPECT_EQ(nearest(segments).count, count);
+}
+
 }  // namespace
 }  // namespace situation_awareness

@@ -34,6 +34,35 @@ TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
   EXPECT_EQ(pieces, 8);
 }
 
+// A face of a box that a post hides in part is no wall: a beam beyond the post passes through its line. A piece of a
+// wall as long ends in a corner, where none does.
+TEST(Structure, AFaceThatEndsBehindAnOccluderIsAnObjectAndAPieceOfAWallIsNot) {
+  Random random(3);
+  SegmentationParams params;
+  params.free_faces = true;
+  const Ellipse post{{2.0, 0.5}, 0.0, 0.12, 0.12};  // before y = 0.85 to 1.2 m of what is at 4 m
+  const auto seen_at_4_m = [&](const LevelScene& scene) {
+    const Segments segments = segment_scan(scene.scan(&random, 0.004), params);
+    for (const Segment& s : segments.segments) {
+      const Eigen::Vector2d p_m = segments.points[s.first + s.count / 2].p_level_m;
+      if (std::abs(p_m.x() - 4.0) < 0.1 && p_m.y() > 0.0 && p_m.y() < 0.9) return s.kind;
+    }
+    ADD_FAILURE() << "nothing is seen at 4 m";
+    return SegmentKind::kObject;
+  };
+  for (int i = 0; i < 20; ++i) {
+    LevelScene box;
+    box.ellipses = {post};
+    box.walls = {
+        {{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {5.0, 1.1}}, {{4.0, 0.1}, {5.0, 0.1}}, {{8.0, -9.0}, {8.0, 9.0}}};
+    EXPECT_EQ(seen_at_4_m(box), SegmentKind::kObject) << i;
+    LevelScene corner;
+    corner.ellipses = {post};
+    corner.walls = {{{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {0.5, 1.1}}, {{8.0, -9.0}, {8.0, 9.0}}};
+    EXPECT_EQ(seen_at_4_m(corner), SegmentKind::kStructure) << i;
+  }
+}
+
 // Through a gap between two occluders a wall shows no bend but that of the range noise, and a post does.
 TEST(Structure, WhatIsSeenThroughAGapIsAnObjectIfItsBendExceedsTheNoise) {
   Random random(4);
