@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "situation_awareness/detections/refine.hpp"
+#include "situation_awareness/pipeline/unmapped_segments.hpp"
 
 namespace situation_awareness {
 
@@ -32,7 +33,8 @@ std::vector<HitLabel> label_hits(const Segments& segments, const Detections& det
     throw std::invalid_argument("detections are not of these segments");
   }
   thread_local std::vector<ExpectedOutline> known_level;  // kept for their memory
-  thread_local std::vector<std::size_t> known_of;         // of each detection, index in `known`
+  thread_local std::vector<std::size_t> known_of;         // of each detection, index in known_level
+  thread_local MappedAreas areas;
   known_level = outlines_at(segments.stamp_ns, segments.T_world_level, known, kMaxMapAge_s, std::move(known_level));
   known_of = known_of_each(detections, segments, known_level, std::move(known_of));
 
@@ -58,9 +60,14 @@ std::vector<HitLabel> label_hits(const Segments& segments, const Detections& det
   for (const RefusedSegment& refused : detections.refused_segments) {
     label_segment(refused.segment, HitFate::kRefused, refused.why);
   }
+  areas.set(known);
   for (std::size_t i = 0; i < known_of.size(); ++i) {
-    const std::uint64_t id = known_of[i] == kNotKnown ? 0 : known.objects[known_of[i]].id;
-    label_segment(detections.detections[i].segment, HitFate::kObject, "", id);
+    const Detection& detection = detections.detections[i];
+    const std::size_t on = areas.object_at(segments.T_world_level * detection.middle_level_m);
+    const std::uint64_t id = known_of[i] != kNotKnown   ? known_level[known_of[i]].id
+                             : on != MappedAreas::kNone ? known.objects[on].id
+                                                        : 0;
+    label_segment(detection.segment, HitFate::kObject, "", id);
   }
   return labels;
 }

@@ -13,6 +13,8 @@ namespace {
 /// m. The middles of a segment in two scans are this near to each other: a person at 1.5 m/s moves by 0.35 m between
 /// scans at 4.3 Hz. Two things this near are one place, which makes times longer, not shorter.
 constexpr double kSamePlace_m = 0.4;
+/// The legs of a walking person are up to this far from the person's middle, beyond the outline of the torso.
+constexpr double kLegsReach_m = 0.45;
 /// s. A place whose segment is not seen (hidden, divided, of fewer hits) for this long is forgotten.
 constexpr double kForget_s = 0.5;
 
@@ -28,7 +30,11 @@ void MappedAreas::set(const Objects& objects) {
   areas_.clear();
   for (const Object& object : objects.objects) {
     const bool is_box = object.shape == Shape::kBox;
-    const Ellipse& ellipse = object.ellipse_world;
+    Ellipse ellipse = object.ellipse_world;
+    if (object.object_class == ObjectClass::kPerson) {
+      ellipse.rx_m = std::max(ellipse.rx_m, kLegsReach_m);
+      ellipse.ry_m = std::max(ellipse.ry_m, kLegsReach_m);
+    }
     const Box& box = object.box_world;
     const double size_m =
         is_box ? std::hypot(box.half_length_m, box.half_width_m) : std::max(ellipse.rx_m, ellipse.ry_m);
@@ -44,7 +50,7 @@ std::size_t MappedAreas::object_at(const Eigen::Vector2d& p_world_m) const {
     if ((p_world_m - area.center_world_m).squaredNorm() > area.reach_m * area.reach_m) continue;
     const double offset =
         area.shape == Shape::kBox ? offset_m(area.box_world, p_world_m) : offset_m(area.ellipse_world, p_world_m);
-    if (offset > kOnOutline_m || std::abs(offset) >= nearest_m) continue;
+    if (!(offset <= kOnOutline_m) || std::abs(offset) >= nearest_m) continue;
     nearest = i;
     nearest_m = std::abs(offset);
   }

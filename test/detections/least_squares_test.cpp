@@ -175,6 +175,12 @@ TEST(LeastSquaresDetector, PassesOnTheFreeSpaceAndTheTimesOfItsBeams) {
   EXPECT_EQ(detections.free_space.range_m, segments.free_space.range_m);
   ASSERT_EQ(detections.detections.size(), 2U);
   // Beams start at -135 deg; the objects are symmetric about 0 and 90 deg.
+  for (const Detection& detection : detections.detections) {
+    Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
+    const Segment& segment = segments.segments[detection.segment];
+    for (std::size_t i = 0; i < segment.count; ++i) sum_m += segments.points[segment.first + i].p_level_m;
+    EXPECT_LT((detection.middle_level_m - sum_m / static_cast<double>(segment.count)).norm(), 1e-12);
+  }
   EXPECT_NEAR(detections.detections[0].time_offset_s, 135.0 * 4.0 * 2e-5, 1e-12);
   EXPECT_NEAR(detections.detections[1].time_offset_s, 225.0 * 4.0 * 2e-5, 1e-12);
 }

@@ -124,6 +124,24 @@ TEST_F(HitLabelsTest, AHitHasTheIdOfTheElementThatItIsOn) {
   EXPECT_GE(found.size(), 4U);
 }
 
+// A person has no outline by which detections are refined: its legs have others.
+TEST_F(HitLabelsTest, HitsOnAPersonHaveItsIdAndThoseOnOthersTheirs) {
+  fly(40);
+  const std::vector<HitLabel> before = labels_;
+  Objects with_person = known_;
+  ASSERT_GE(with_person.objects.size(), 4U);
+  const std::uint64_t person = with_person.objects[1].id;
+  with_person.objects[1].object_class = ObjectClass::kPerson;
+  labels_ = label_hits(result_.segments, result_.detections, with_person, std::move(labels_));
+  std::set<std::uint64_t> found;
+  for (std::size_t i = 0; i < labels_.size(); ++i) {
+    found.insert(labels_[i].object_id);
+    if (before[i].object_id == 0) continue;
+    EXPECT_EQ(labels_[i].object_id, before[i].object_id);
+  }
+  EXPECT_EQ(found.count(person), 1U);
+}
+
 TEST_F(HitLabelsTest, WithoutAMapNoHitHasAnId) {
   fly(1);
   int objects = 0;

@@ -76,6 +76,17 @@ TEST(MappedAreas, AHitIsOnWhatItIsInsideOfOrNear) {
   EXPECT_EQ(areas.object_at({0.0, 0.0}), MappedAreas::kNone);
 }
 
+TEST(MappedAreas, TheLegsOfAPersonAreOnThePerson) {
+  Object person = ellipse(7, {{2.0, 1.0}, 0.0, 0.2, 0.2});
+  MappedAreas areas;
+  areas.set(map_of({person}));
+  EXPECT_EQ(areas.object_at({2.5, 1.0}), MappedAreas::kNone);
+  person.object_class = ObjectClass::kPerson;
+  areas.set(map_of({person}));
+  EXPECT_EQ(areas.object_at({2.5, 1.0}), 0U) << "a step of 0.9 m, and half a leg";
+  EXPECT_EQ(areas.object_at({2.65, 1.0}), MappedAreas::kNone);
+}
+
 TEST(MappedAreas, OfSeveralObjectsItIsTheOneWithTheNearestOutline) {
   MappedAreas areas;
   areas.set(map_of({ellipse(1, {{0.0, 0.0}, 0.0, 1.0, 1.0}), ellipse(2, {{0.0, 0.0}, 0.0, 0.3, 0.3})}));

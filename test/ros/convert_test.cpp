@@ -527,6 +527,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   detection.p_ellipse = 0.75;
   detection.residual_rms_m = 0.004;
   detection.beams = 42;
+  detection.middle_level_m = {2.4, -0.7};
   detection.segment = 7;
   detection.time_offset_s = 0.0123;
   detections.detections.push_back(detection);
@@ -546,6 +547,7 @@ TEST(ConvertDetections, SurvivesTheRoundTripExactly) {
   EXPECT_EQ(back.detections[0].p_ellipse, 0.75);
   EXPECT_EQ(back.detections[0].residual_rms_m, detection.residual_rms_m);
   EXPECT_EQ(back.detections[0].beams, 42);
+  EXPECT_EQ(back.detections[0].middle_level_m, detection.middle_level_m);
   EXPECT_EQ(back.detections[0].segment, 7U);
   EXPECT_EQ(back.detections[0].time_offset_s, 0.0123);
   ASSERT_EQ(back.small_segments.size(), 1U);

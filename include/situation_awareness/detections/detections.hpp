@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "situation_awareness/common/counters.hpp"
@@ -29,8 +30,10 @@ struct Detection {
   double p_ellipse = 1.0;                 ///< probability that the segment is one ellipse
   double time_offset_s = 0.0;             ///< of the middle of its beams after the stamp
   int beams = 0;                          ///< number of its hits
-  bool hidden_end = false;                ///< one end of the segment is no silhouette: the object may extend beyond it
-  std::size_t segment = 0;                ///< index in Segments::segments
+  /// Mean of its hits in the level frame, or NaN where it is not known.
+  Eigen::Vector2d middle_level_m = Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());
+  bool hidden_end = false;  ///< one end of the segment is no silhouette: the object may extend beyond it
+  std::size_t segment = 0;  ///< index in Segments::segments
 };
 
 /// A detection less certain than this has no information, and would harm the numerical precision of a filter.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
+
 #include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 
@@ -11,9 +13,10 @@ struct ExpectedOutline {
   ExpectedOutline() = default;
   ExpectedOutline(const Ellipse& known) : ellipse(known) {}  // NOLINT(google-explicit-constructor): surely an ellipse
 
-  Ellipse ellipse;     ///< that stands for it: for a box that of equal moments
-  Box box;             ///< if p_box > 0
-  double p_box = 0.0;  ///< probability that it is a box
+  std::uint64_t id = 0;  ///< of the object, 0: none
+  Ellipse ellipse;       ///< that stands for it: for a box that of equal moments
+  Box box;               ///< if p_box > 0
+  double p_box = 0.0;    ///< probability that it is a box
 };
 
 }  // namespace situation_awareness

@@ -24,8 +24,8 @@ const char* name_of(HitFate fate);
 
 struct HitLabel {
   HitFate fate = HitFate::kNoSegment;
-  std::uint8_t reason = 0;                ///< index in hit_reasons(), 0 for kObject
-  std::uint64_t object_id = 0;            ///< of the element whose prediction the detection is refined by; 0: none
+  std::uint8_t reason = 0;      ///< index in hit_reasons(), 0 for kObject
+  std::uint64_t object_id = 0;  ///< of the object by which the detection is refined, or on which it is; 0: none
   std::size_t segment = kNoSegmentIndex;  ///< index in Segments::segments
 
   static constexpr std::size_t kNoSegmentIndex = static_cast<std::size_t>(-1);

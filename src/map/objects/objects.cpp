@@ -42,6 +42,7 @@ std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_w
     ellipse_world.center_m += age_s * object.velocity_world_m_s;
     ellipse_world.psi_rad += age_s * object.angular_velocity_rad_s;
     ExpectedOutline expected = T_level_world * ellipse_world;
+    expected.id = object.id;
     Box box_world = object.box_world;
     box_world.center_m = ellipse_world.center_m;
     box_world.psi_rad += age_s * object.angular_velocity_rad_s;

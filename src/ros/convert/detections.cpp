@@ -43,6 +43,8 @@ DetectionArray detections_to_msg(const Detections& detections, const std::string
     element.residual = detection.residual_rms_m;
     element.time_offset = detection.time_offset_s;
     element.beams = static_cast<std::uint32_t>(detection.beams);
+    element.middle_x = detection.middle_level_m.x();
+    element.middle_y = detection.middle_level_m.y();
     element.hidden_end = static_cast<std::uint8_t>(detection.hidden_end);
     element.segment = static_cast<std::uint32_t>(detection.segment);
   }
@@ -80,6 +82,7 @@ Detections detections_from_msg(const DetectionArray& msg) {
     detection.residual_rms_m = element.residual;
     detection.time_offset_s = element.time_offset;
     detection.beams = static_cast<int>(element.beams);
+    detection.middle_level_m = {element.middle_x, element.middle_y};
     detection.hidden_end = element.hidden_end != 0;
     detection.segment = element.segment;
     const std::string defect = detection_defect(detection);
