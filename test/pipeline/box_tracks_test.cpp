@@ -74,12 +74,15 @@ Pose2 on_circle(double radius_m, double bearing_rad) {
   return {radius_m * Eigen::Vector2d(std::cos(bearing_rad), std::sin(bearing_rad)), bearing_rad + kPi};
 }
 
-TEST(BoxTracks, AStandingBoxKeepsItsIdAroundAllItsFaces) {
-  const Box box{{0.0, 0.0}, 0.4, 0.4, 0.25};
+class StandingBox : public testing::TestWithParam<Box> {};
+
+TEST_P(StandingBox, KeepsItsIdAroundAllItsFaces) {
+  const Box box = GetParam();
+  const double away_m = 1.7 + 2.0 * box.half_length_m;
   Flight flight(1);
   const Object* object = nullptr;
   constexpr int kScans = 240;
-  for (int i = 0; i < kScans; ++i) object = flight.see(on_circle(2.5, 2.0 * kPi * i / kScans), box);
+  for (int i = 0; i < kScans; ++i) object = flight.see(on_circle(away_m, 2.0 * kPi * i / kScans), box);
   EXPECT_EQ(flight.ids(), 1U);
   EXPECT_EQ(flight.more_than_one(), 0);
   EXPECT_LE(flight.none(), 3);
@@ -92,6 +95,10 @@ TEST(BoxTracks, AStandingBoxKeepsItsIdAroundAllItsFaces) {
   EXPECT_LT(std::abs(std::remainder(object->box_world.psi_rad - box.psi_rad, kPi)), 0.05);
   EXPECT_LT(object->velocity_world_m_s.norm(), 0.02);
 }
+
+INSTANTIATE_TEST_SUITE_P(BoxTracks, StandingBox,
+                         testing::Values(Box{{0.0, 0.0}, 0.4, 0.4, 0.25}, Box{{0.0, 0.0}, 0.4, 0.75, 0.25},
+                                         Box{{0.0, 0.0}, 0.0, 0.6, 0.45}));
 
 TEST(BoxTracks, ASquareHasTheOrientationOfItsFaces) {
   const Box box{{0.0, 0.0}, 0.5, 0.3, 0.3};

@@ -118,8 +118,12 @@ class LiveParamsTest(unittest.TestCase):
         for _ in range(10):
             ids = [ellipse.id for ellipse in self.of_next_scan(self.map).objects]
         self.assertEqual(len(ids), 1)
+        hidden = [float("nan")] * len(scan_msg(rospy.Time.now()).ranges)
+        until = rospy.Time.now() + rospy.Duration(0.6)  # then it is lost
+        while rospy.Time.now() < until:
+            self.of_next_scan(self.map, ranges=hidden)
         self.set("mapping", max_position_sigma_m=0.001)
-        self.assertEqual(self.of_next_scan(self.map).objects, [], "remembered, not shown")
+        self.assertEqual(self.of_next_scan(self.map, ranges=hidden).objects, [], "remembered, not shown")
         self.set("mapping", max_position_sigma_m=0.24)
         self.assertEqual([ellipse.id for ellipse in self.of_next_scan(self.map).objects], ids)
 

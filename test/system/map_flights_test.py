@@ -143,7 +143,7 @@ class MapFlights(unittest.TestCase):
                 self.assertIn(fact, result.stderr)
 
     def test_set_overrides_the_configuration(self):
-        (line,) = fly("--set", self.written("objects: {max_position_sigma_m: 0.001}"))
+        (line,) = fly("--set", self.written("scan: {max_range_m: 0.5}"))
         self.assertEqual(line["recall"], 0.0)
         self.assertEqual(fly("--set", self.written("")), fly())
         unknown = run("--set", self.written("objects: {nonsense: 1}"))

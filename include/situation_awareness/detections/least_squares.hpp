@@ -18,7 +18,7 @@ struct EllipseFitParams {
   double mean_radius_sigma_m = 0.12;
   double radius_difference_sigma_m = 0.06;
   double min_radius_m = 0.03;
-  double max_radius_m = 0.8;
+  double max_radius_m = 0.9;
   double max_residual_m = 0.06;
   int max_iterations = 15;
 

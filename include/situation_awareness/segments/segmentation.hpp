@@ -14,7 +14,7 @@ struct SegmentationParams {
   int max_missing_beams = 2;
   double min_points_fraction = 0.003;
   int min_points = 4;
-  double max_object_extent_m = 1.2;
+  double max_object_extent_m = 1.6;
   double max_concavity_m = 0.03;
   double max_structure_offset_m = 0.06;
   double max_straight_rms_m = 0.008;

@@ -58,6 +58,45 @@ constexpr double kBoxTurns = 5.0;
 constexpr double kKnownShape = 2.2;
 /// Factor on the variances of the velocity where the shape is corrected.
 constexpr double kCorrectedVelocity = 4.0;
+/// Factor on the standard deviation of the prior of a radius from which on a view tells nothing of it.
+constexpr double kUnknownRadius = 2.0;
+
+/// True for a confirmed element that stands and is no person.
+bool is_standing(const MapElement& element) {
+  return !is_person(element) && !element.mobile && element.state == TrackState::kConfirmed &&
+         element.estimate.p_moving <= 0.5;
+}
+
+/// A detection that was refined by a known shape has no prior in it: what the view does not show is as good as unknown.
+/// For an element that begins with it the prior of boxes holds.
+void complete_by_prior(ObjectEstimate& estimate) {
+  const double scale = 1.0 / std::sqrt(3.0);  // m = (a + b) / sqrt(3) of the half lengths a and b
+  const double sigma_m = std::sqrt(2.0) * scale * box_prior::kHalfSigma_m;
+  if (estimate.P(kShape, kShape) < std::pow(kUnknownRadius * sigma_m, 2)) return;
+  Eigen::Matrix<double, 3, 8> H = Eigen::Matrix<double, 3, 8>::Zero();
+  H.middleCols<3>(kShape).setIdentity();
+  const Eigen::Matrix3d R = sigma_m * sigma_m * Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d mean(2.0 * scale * box_prior::kMeanHalf_m, 0.0, 0.0);
+  update(estimate, innovation(estimate, Eigen::Vector3d(mean - estimate.x.segment<3>(kShape)), H, R), H, R);
+}
+
+/// Of a dropped piece and the larger object on which it lies the id of the first seen stays.
+void pass_id_on(std::size_t piece, std::vector<MapElement>& elements, std::vector<char>& dropped) {
+  if (elements[piece].state == TrackState::kTentative) return;
+  const Ellipse piece_world = ellipse_world(elements[piece].estimate.standing.x);
+  for (std::size_t i = piece + 1; i < elements.size(); ++i) {
+    if (dropped[i] != 0 || !is_standing(elements[i])) continue;
+    const Ellipse larger_world = ellipse_world(elements[i].estimate.standing.x);
+    if (larger_world.rx_m * larger_world.ry_m <= piece_world.rx_m * piece_world.ry_m) continue;
+    if (!contains(larger_world, piece_world.center_m)) continue;
+    std::swap(elements[piece].id, elements[i].id);
+    std::swap(elements[piece].first_seen_ns, elements[i].first_seen_ns);
+    std::swap(elements[piece], elements[i]);
+    dropped[piece] = 0;
+    dropped[i] = 1;
+    return;
+  }
+}
 
 }  // namespace
 
@@ -213,7 +252,7 @@ void ObjectMap::update_persons(const Detections& detections, const Eigen::Matrix
     const MotionMatch match = situation_awareness::match(person.estimate, T_world_level, seen.middle, U);
     situation_awareness::update(person.estimate, T_world_level, seen.middle, match, U);
     observe(person, seen.as_detection, seen.view, T_world_level);
-    detection_update(person, seen.as_detection, params_);
+    detection_update(person, seen.as_detection, step_s_, params_);
     for (const int column : seen.columns) {
       if (column >= 0 && static_cast<std::size_t>(column) < work_.used.size()) {
         work_.used[static_cast<std::size_t>(column)] = 1;
@@ -419,6 +458,7 @@ void ObjectMap::correct(MapElement& element, const Detection& detection, const M
 MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pose2& T_world_level,
                                        const Eigen::Matrix3d& U) const {
   ObjectEstimate mapped = map_measurement(measurement, T_world_level, U);
+  complete_by_prior(mapped);
   if (params_.shape == "circle") make_circle(mapped);
   bound_radii(mapped.x, kMinRadius_m);
   return start(mapped, motion_);
@@ -457,7 +497,7 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
 }
 
 void ObjectMap::confirm_if_due(std::size_t element, const Detection& detection) {
-  if (detection_update(elements_[element], detection, params_)) work_.newly_confirmed.push_back(element);
+  if (detection_update(elements_[element], detection, step_s_, params_)) work_.newly_confirmed.push_back(element);
 }
 
 EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
@@ -476,9 +516,7 @@ EllipsesByX ObjectMap::standing(EllipsesByX memory) const {
   ellipses.clear();
   ellipses.reserve(kUsualRoom);
   for (const MapElement& element : elements_) {
-    if (is_person(element) || element.mobile) continue;
-    if (element.state != TrackState::kConfirmed || element.estimate.p_moving > 0.5) continue;
-    ellipses.push_back(ellipse_world(element.estimate.standing.x));
+    if (is_standing(element)) ellipses.push_back(ellipse_world(element.estimate.standing.x));
   }
   return EllipsesByX(std::move(ellipses));
 }
@@ -487,6 +525,8 @@ EllipsesByX ObjectMap::standing(EllipsesByX memory) const {
 void ObjectMap::delete_elements(ObjectMapUpdate& report) {
   std::vector<char>& dropped = work_.dropped;
   dropped.clear();
+  std::vector<std::size_t>& pieces = work_.pieces;
+  pieces.clear();
   work_.standing = standing(std::move(work_.standing));
   for (const MapElement& element : elements_) {
     const char* reason = deletion_reason(element, stamp_ns(), params_);
@@ -494,10 +534,12 @@ void ObjectMap::delete_elements(ObjectMapUpdate& report) {
     if (is_box(element) && !element.mobile &&
         work_.standing.cover_by_larger(ellipse_world(element.estimate.standing.x))) {
       reason = "piece of a larger object";
+      pieces.push_back(dropped.size());
     }
     dropped.push_back(*reason != '\0' ? 1 : 0);
     if (dropped.back() != 0) ++report.reasons[reason];
   }
+  for (const std::size_t piece : pieces) pass_id_on(piece, elements_, dropped);
   const std::size_t off_the_map = transfer_body_ids(stamp_ns(), elements_, dropped);
   if (off_the_map > 0) report.reasons["seen through"] += off_the_map;
   std::size_t kept = 0;

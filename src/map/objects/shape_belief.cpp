@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 
 #include "situation_awareness/map/objects/existence.hpp"
@@ -27,8 +28,11 @@ constexpr double kMaxBoxLogOdds = 5.0;
 constexpr double kRepeated = 1.0;
 /// (rx - ry) / (rx + ry) from which on the ellipse gives the orientation of the box; else the latest detection does.
 constexpr double kLongBox = 0.1;
-/// m. Bound of the standard deviation of errors that repeat from the same viewpoint.
-constexpr double kMaxViewSigma_m = 0.05;
+/// m. Bound of the standard deviation of errors that repeat from the same viewpoint: that of the mean radius before it
+/// was seen (EllipseFitParams). Without a bound, views of few hits on what is known take it off the map.
+constexpr double kMaxViewSigma_m = 0.12;
+/// m. The same of a box, whose faces are seen in turn.
+constexpr double kMaxViewSigmaOfBox_m = 0.05;
 
 /// The estimate of the box with this ellipse as its face: its half depth d is that of the prior, and the centre lies
 /// behind the face by d. g is the derivative of the state by d.
@@ -74,8 +78,13 @@ void shape_update(MapElement& element, const Detection& detection, const Pose2& 
 }
 
 Matrix5d view_covariance(const Detection& detection, const Matrix5d& R) {
-  if (detection.shape != Shape::kBox) return R;
-  return (R.inverse() + Matrix5d::Identity() / (kMaxViewSigma_m * kMaxViewSigma_m)).inverse();
+  if (detection.shape == Shape::kBox) {
+    return (R.inverse() + Matrix5d::Identity() / (kMaxViewSigmaOfBox_m * kMaxViewSigmaOfBox_m)).inverse();
+  }
+  const double most_m2 = kMaxViewSigma_m * kMaxViewSigma_m;
+  if (R.trace() <= most_m2) return R;
+  const Eigen::SelfAdjointEigenSolver<Matrix5d> axes(R);
+  return axes.eigenvectors() * axes.eigenvalues().cwiseMin(most_m2).asDiagonal() * axes.eigenvectors().transpose();
 }
 
 void fill_shape(const MapElement& element, Object& object) {

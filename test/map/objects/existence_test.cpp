@@ -18,6 +18,7 @@ namespace {
 using namespace object_state;
 
 constexpr double kLn4 = 1.3862943611198906;
+constexpr double kScan_s = 0.05;
 const Detection kWhole;
 const Detection kPiece = [] {
   Detection detection;
@@ -59,10 +60,10 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
   age(element, nanoseconds(0.9));
   EXPECT_EQ(element.state, TrackState::kTentative) << "only what is confirmed can be lost";
 
-  EXPECT_FALSE(detection_update(element, kWhole, params));
-  EXPECT_TRUE(detection_update(element, kWhole, params));  // 4 * 4 / 4: odds of 4
+  EXPECT_FALSE(detection_update(element, kWhole, kScan_s, params));
+  EXPECT_TRUE(detection_update(element, kWhole, kScan_s, params));  // 4 * 4 / 4: odds of 4
   EXPECT_EQ(element.state, TrackState::kConfirmed);
-  EXPECT_FALSE(detection_update(element, kWhole, params)) << "it was before";
+  EXPECT_FALSE(detection_update(element, kWhole, kScan_s, params)) << "it was before";
   EXPECT_NEAR(element.log_odds, std::log(0.25) + 3.0 * kLn4, 1e-12);
 
   element.last_seen_ns = nanoseconds(10.0);
@@ -70,7 +71,7 @@ TEST(Existence, AnElementIsTentativeThenConfirmedThenLostAndConfirmedAgain) {
   EXPECT_EQ(element.state, TrackState::kConfirmed);
   age(element, nanoseconds(10.5) + 1);
   EXPECT_EQ(element.state, TrackState::kLost);
-  EXPECT_FALSE(detection_update(element, kWhole, params));
+  EXPECT_FALSE(detection_update(element, kWhole, kScan_s, params));
   EXPECT_EQ(element.state, TrackState::kConfirmed);
 }
 
@@ -84,11 +85,11 @@ TEST(Existence, WhatHasManyHitsIsConfirmedByTheSecondScan) {
     detection.ellipse_level = {{3.0, 0.0}, 0.0, 0.2, 0.1};
     MapElement element = element_at({3.0, 0.0}, 0.01);
     begin_existence(element, params);
-    EXPECT_TRUE(detection_update(element, detection, params));
+    EXPECT_TRUE(detection_update(element, detection, kScan_s, params));
     detection.beams = 7;
     MapElement other = element_at({3.0, 0.0}, 0.01);
     begin_existence(other, params);
-    EXPECT_FALSE(detection_update(other, detection, params));
+    EXPECT_FALSE(detection_update(other, detection, kScan_s, params));
   }
 }
 
@@ -104,10 +105,27 @@ TEST(Existence, ADetectionWithAHiddenEndCountsLessAndLogOddsAreBounded) {
   ObjectMapParams params;
   params.hidden_observation_weight = 0.25;
   MapElement element = element_at({3.0, 0.0}, 0.01);
-  detection_update(element, kPiece, params);
+  detection_update(element, kPiece, kScan_s, params);
   EXPECT_NEAR(element.log_odds, 0.25 * kLn4, 1e-12);
-  for (int i = 0; i < 100; ++i) detection_update(element, kWhole, params);
+  for (int i = 0; i < 100; ++i) detection_update(element, kWhole, kScan_s, params);
   EXPECT_NEAR(probability(element.log_odds), 0.999, 1e-4);
+}
+
+// Scans far apart do not repeat each other's errors.
+TEST(Existence, OfFewerScansPerSecondOneWithAHiddenEndCountsMore) {
+  ObjectMapParams params;
+  params.hidden_observation_weight = 0.25;
+  double before = 0.0;
+  for (const double step_s : {0.025, 0.1, 0.15, 0.2, 1.0}) {
+    MapElement element = element_at({3.0, 0.0}, 0.01);
+    detection_update(element, kPiece, step_s, params);
+    EXPECT_GE(element.log_odds, before);
+    before = element.log_odds;
+    if (step_s <= 0.1) {
+      EXPECT_NEAR(element.log_odds, 0.25 * kLn4, 1e-12);
+    }
+  }
+  EXPECT_NEAR(before, kLn4, 1e-12);
 }
 
 TEST(Existence, DetectionProbabilityFallsWithOcclusionAndPositionUncertainty) {
@@ -217,17 +235,16 @@ TEST(Existence, OnTheMapAreConfirmedLikelyCertainElementsThatAreNoParts) {
   element = good;
   element.is_part = true;
   EXPECT_FALSE(is_on_map(element, params));
-  EXPECT_FALSE(is_on_map(
-      [&] {
-        MapElement uncertain = element_at({3.0, 0.0}, 0.25);
-        uncertain.log_odds = 1.0;
-        uncertain.state = TrackState::kConfirmed;
-        return uncertain;
-      }(),
-      params));
+  MapElement uncertain = element_at({3.0, 0.0}, 0.25);
+  uncertain.log_odds = 1.0;
+  uncertain.state = TrackState::kConfirmed;
+  EXPECT_TRUE(is_on_map(uncertain, params)) << "it is seen";
+  uncertain.state = TrackState::kLost;
+  EXPECT_FALSE(is_on_map(uncertain, params));
   // Correlated errors count, too: 0.2^2 + 0.4 * 0.3^2 > 0.24^2.
   params.correlated_error_fraction = 0.4;
   good.P_view = 0.3 * 0.3 * Matrix8d::Identity();
+  good.state = TrackState::kLost;
   EXPECT_FALSE(is_on_map(good, params));
 }
 

@@ -358,6 +358,72 @@ TEST(ObjectMap, APieceThatSlidesOntoALargerObjectIsNoObject) {
   }
 }
 
+// One thing has one id, and it is the first: a larger object is the same thing, seen as a whole.
+TEST(ObjectMap, TheLargerObjectOfWhichAnElementIsAPieceTakesItsId) {
+  ObjectMap map{params()};
+  int i = 0;
+  const auto see = [&](const Ellipse& ellipse) {
+    Detections detections = detections_at(i++ * kScanPeriod_s, {ellipse});
+    detections.detections[0].shape = Shape::kBox;
+    detections.detections[0].log_box_ratio = 4.0;
+    return map.update(detections);
+  };
+  for (int k = 0; k < 20; ++k) see({{3.0, 0.0}, 0.0, 0.2, 0.1});
+  const std::uint64_t first = map.at(map.stamp_ns()).objects.at(0).id;
+  const std::int64_t since_ns = map.at(map.stamp_ns()).objects.at(0).first_seen_ns;
+  for (int k = 0; k < 20; ++k) i++;  // out of sight
+  for (int k = 0; k < 20; ++k) see({{3.1, 0.25}, 0.0, 0.6, 0.4});
+  const Objects objects = map.at(map.stamp_ns());
+  ASSERT_EQ(objects.objects.size(), 1U);
+  EXPECT_EQ(objects.objects[0].id, first);
+  EXPECT_EQ(objects.objects[0].first_seen_ns, since_ns);
+  EXPECT_NEAR(objects.objects[0].ellipse_world.rx_m, 0.6, 0.05);
+}
+
+// Refined by what was known, a view says nothing of what it does not show. Where it corrects an element nothing is
+// known any more, and the prior holds.
+TEST(ObjectMap, ACorrectionByAViewOfOneFaceLeavesTheElementWhereItIs) {
+  ObjectMap map{params()};
+  const Ellipse before{{3.0, 0.0}, 0.0, 0.5, 0.3};
+  int i = 0;
+  const auto see = [&](const Ellipse& ellipse, const Eigen::Vector2d& hidden_sigma_m) {
+    Detections detections = detections_at(i++ * kScanPeriod_s, {ellipse});
+    Detection& detection = detections.detections[0];
+    detection.shape = Shape::kBox;
+    detection.log_box_ratio = 4.0;
+    Vector5d along = Vector5d::Zero();  // the depth: the centre moves with the radii
+    along << 1.0, 0.0, 0.5, 0.5, 0.0;
+    detection.covariance += hidden_sigma_m.squaredNorm() * along * along.transpose();
+    return map.update(detections);
+  };
+  for (int k = 0; k < 20; ++k) see(before, {0.0, 0.0});
+  const Ellipse smaller{{3.1, 0.1}, 0.0, 0.3, 0.12};
+  const ObjectMapUpdate update = see(smaller, {3.0, 0.0});
+  ASSERT_EQ(update.reasons.of("element corrected"), 1U);
+  const Objects objects = map.at(map.stamp_ns());
+  ASSERT_EQ(objects.objects.size(), 1U);
+  EXPECT_LT(std::sqrt(objects.objects[0].covariance(kPosition, kPosition)), 0.5);
+  EXPECT_LT((objects.objects[0].ellipse_world.center_m - smaller.center_m).norm(), 0.5);
+}
+
+// A detection with a hidden end may have a centre anywhere, but not its hits.
+TEST(ObjectMap, ADetectionWithAHiddenEndIsNotOfAnElementAwayFromItsHits) {
+  for (const bool here : {true, false}) {
+    ObjectMap map{params()};
+    const Ellipse post{{3.0, 0.0}, 0.0, 0.1, 0.1};
+    int i = 0;
+    for (; i < 20; ++i) map.update(detections_at(i * kScanPeriod_s, {post}));
+    Detections detections = detections_at(i * kScanPeriod_s, {{{3.1, 0.1}, 0.0, 0.15, 0.1}});
+    Detection& piece = detections.detections[0];
+    piece.covariance = 0.06 * 0.06 * Matrix5d::Identity();
+    piece.hidden_end = true;
+    piece.middle_level_m = here ? Eigen::Vector2d(2.9, 0.05) : Eigen::Vector2d(3.2, 0.6);
+    const ObjectMapUpdate update = map.update(detections);
+    EXPECT_EQ(update.updated.size(), here ? 1U : 0U);
+    EXPECT_EQ(update.reasons.of("match rejected: its hits are elsewhere"), here ? 0U : 1U);
+  }
+}
+
 TEST(ObjectMap, NamesTheReasonOfARejectedMatch) {
   const Ellipse standing{{3.0, 0.0}, 0.0, 0.1, 0.1};
   ObjectMap map{params()};

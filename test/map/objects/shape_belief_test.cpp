@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include <Eigen/Cholesky>
+
 #include "situation_awareness/detections/box_fit.hpp"
 #include "situation_awareness/map/objects/object_filter.hpp"
 
@@ -101,6 +103,18 @@ TEST(ShapeBelief, PublishesTheLikelierShapeWithItsProbability) {
   EXPECT_NEAR(object.p_shape, 1.0 / (1.0 + std::exp(-2.0)), 1e-12);
   fill_shape(element_with(kSurelyEllipse), object);
   EXPECT_EQ(object.p_shape, 1.0);
+}
+
+// What a view does not show is no error that repeats.
+TEST(ShapeBelief, ErrorsThatRepeatAreThoseOfWhatTheViewShows) {
+  Matrix5d R = 1e-4 * Matrix5d::Identity();
+  R(0, 0) = R(2, 2) = 9.0;
+  for (const Shape shape : {Shape::kEllipse, Shape::kBox}) {
+    const Matrix5d repeated = view_covariance(view(0.0, shape), R);
+    EXPECT_LT(repeated(0, 0), 0.12 * 0.12 + 1e-9);
+    EXPECT_NEAR(repeated(1, 1), 1e-4, 1e-5);
+    EXPECT_GT(Matrix5d(R - repeated).ldlt().vectorD().minCoeff(), -1e-12);
+  }
 }
 
 }  // namespace

@@ -44,8 +44,8 @@ ExpectedDetection expect_detection(const MapElement& element, const Pose2& T_lev
 void begin_existence(MapElement& element, const ObjectMapParams& params);
 
 /// Update by a detection: raises the probability of existence, confirms the element from `confirmation_probability` on,
-/// and ends the state lost. True if this detection confirmed it.
-bool detection_update(MapElement& element, const Detection& detection, const ObjectMapParams& params);
+/// and ends the state lost. True if this detection confirmed it. `step_s`: time since the scan before.
+bool detection_update(MapElement& element, const Detection& detection, double step_s, const ObjectMapParams& params);
 
 /// Missed-detection update: lowers the probability of existence only where beams show that the element is not there;
 /// hidden elements are unchanged. `another_there`: another element was detected at its place. An element that can move
@@ -63,8 +63,8 @@ const char* deletion_reason(const MapElement& element, std::int64_t stamp_ns, co
 /// almost certain, with correlated errors.
 double published_position_sigma_m(const MapElement& element, const ObjectMapParams& params);
 
-/// True if the element is on the map: confirmed, more likely to exist than not, no part of another, its position
-/// certain.
+/// True if the element is on the map: confirmed, more likely to exist than not, no part of another, and its position
+/// certain once it is lost. What is seen is there, however little is known of how far it extends behind its hits.
 bool is_on_map(const MapElement& element, const ObjectMapParams& params);
 
 }  // namespace situation_awareness

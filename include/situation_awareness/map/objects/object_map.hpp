@@ -94,7 +94,8 @@ class ObjectMap {
     Associator associator;
     std::vector<std::size_t> newly_confirmed;  ///< elements
     BodyJoiner body_joiner;
-    std::vector<char> dropped;  ///< elements
+    std::vector<char> dropped;        ///< elements
+    std::vector<std::size_t> pieces;  ///< elements that are pieces of larger ones
   };
 
   /// False, and the map unchanged, if the stamp is refused (StampOrder).

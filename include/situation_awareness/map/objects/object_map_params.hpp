@@ -90,14 +90,16 @@ struct ObjectMapParams {
     visit("detection_probability", self.detection_probability, Bounds{0.01, 0.99}, "",
           "probability that an unoccluded object is detected in a scan");
     visit("hidden_observation_weight", self.hidden_observation_weight, Bounds{0.0, 1.0}, "",
-          "weight of a detection with an occluded end in the update of the probability of existence");
+          "weight of a detection with an occluded end in the update of the probability of existence, of at least 10 "
+          "scans per second");
     visit("max_part_radius_m", self.max_part_radius_m, Bounds{0.0, 10.0}, "m",
           "maximum mean radius of an element that may be part of a body (a limb)");
     visit("max_part_gap_m", self.max_part_gap_m, Bounds{0.0, 10.0}, "m", "maximum gap between a part and its body");
     visit("min_part_travel_m", self.min_part_travel_m, Bounds{0.01, 100.0}, "m",
           "distance that two elements must move together to become one body");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
-          "maximum standard deviation of the position in any direction of an element that is published (circle paper, "
+          "maximum standard deviation of the position in any direction of a lost element that is published (circle "
+          "paper, "
           "eq. 33)",
           kLive);
     visit("lost_position_sigma_m", self.lost_position_sigma_m, Bounds{0.001, 1000.0}, "m",

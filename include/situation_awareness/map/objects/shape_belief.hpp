@@ -23,8 +23,8 @@ inline bool is_box(const MapElement& element) {
 /// and how far the box extends behind it is unknown.
 void shape_update(MapElement& element, const Detection& detection, const Pose2& T_world_level);
 
-/// Covariance of the part of a detection's error that repeats from the same viewpoint: for a box without what the view
-/// does not show, which the estimate knows better.
+/// Covariance of the part of a detection's error that repeats from the same viewpoint: without what the view does not
+/// show, which the estimate knows better.
 Matrix5d view_covariance(const Detection& detection, const Matrix5d& R);
 
 /// The likelier shape, its probability, and the box of the object's ellipse.
