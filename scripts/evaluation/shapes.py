@@ -148,6 +148,7 @@ class BoxScore:
     def __init__(self):
         self.scans = self.visible = self.false = self.switches = 0
         self.errors_m = {False: [], True: []}  # by whether it moves
+        self.seen_errors_m = {False: [], True: []}  # of them, once two sides were seen
         self.size_errors_m = []
 
     def add(self, frames):
@@ -173,6 +174,7 @@ class BoxScore:
                 last_id[name] = element["id"]
                 self.errors_m[name in moving].append(distance(element, thing))
                 if all(seen[name]):
+                    self.seen_errors_m[name in moving].append(distance(element, thing))
                     true = sorted((thing["length"], thing["width"]), reverse=True)
                     self.size_errors_m += [a - b for a, b in zip(size_of(element), true)]
 
@@ -387,10 +389,12 @@ def percent(value):
 def box_table(scores):
     rows = [(scanner, f"{score.visible:,}", number(score.recall),
              f"{number(score.standing_rmse_m)} / {number(score.moving_rmse_m)}",
+             f"{number(rms(score.seen_errors_m[False]))} / {number(rms(score.seen_errors_m[True]))}",
              f"{number(score.size_rmse_m)} / {number(score.size_bias_m)}", number(score.false_per_scan),
              str(score.switches)) for scanner, score in scores.items()]
     return table(("scanner", "visible", "recall", "centre RMSE standing / moving, m",
-                  "length and width, RMSE / mean error, m", "false per scan", "id switches"), rows)
+                  "once two sides were seen, m", "length and width, RMSE / mean error, m", "false per scan",
+                  "id switches"), rows)
 
 
 def cover_table(scores):
@@ -504,7 +508,8 @@ Six boxes of 0.2 to 1.5 m that stand and three that drive at 0.3 to 1 m/s, in a 
 least {hits} beams hit it. An element is on it if its centre is on the box or within 0.2 m of it, and of these the
 nearest to its centre is its own. False are all others, second ones on a box among them. Recall is from the first scan
 on. Length and width are compared once two sides were seen, one of each direction: each in a scan with at least
-{side_hits} hits on it, over {side:.0f} % of its length.
+{side_hits} hits on it, over {side:.0f} % of its length. Before that nothing tells how far a box extends behind its
+face, and so where its centre is.
 """
 COVER = """
 What part of the hits on things, as they are without the scanner's errors, is within {covered:g} m of something on the

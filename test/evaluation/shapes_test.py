@@ -172,6 +172,16 @@ class Boxes(unittest.TestCase):
         self.assertAlmostEqual(found.size_rmse_m, 0.04 * math.sqrt(0.5))
         self.assertAlmostEqual(found.size_bias_m, 0.02)
 
+    def test_errors_once_two_sides_were_seen(self):
+        frames = frames_of([box(sides=("front",))], 30)
+        for frame in frames[10:20]:
+            frame["things"] = [box(sides=("end",))]
+        for k, frame in enumerate(frames):
+            frame["map"][0]["x"] += 0.15 if k < 10 else 0.02
+        found = score(shapes.BoxScore, frames)
+        self.assertEqual((len(found.errors_m[False]), len(found.seen_errors_m[False])), (30, 20))
+        self.assertAlmostEqual(max(found.seen_errors_m[False]), 0.02)
+
     def test_flights_are_pooled_and_their_ids_are_not_compared(self):
         other = frames_of(self.things)
         for frame in other:
