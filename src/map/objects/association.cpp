@@ -32,7 +32,7 @@ constexpr double kElsewhere_m = 0.2;
 /// its own for 0.7 s, not 0.6 s (freiburg_079).
 constexpr double kElsewhereSigmas = 2.0;
 
-/// A detection with a hidden end may have a center anywhere behind its hits, but not its hits; false where these are
+/// A box with a hidden end may have its centre anywhere behind its hits, but not its hits; false where these are
 /// not known.
 bool hits_elsewhere(const MotionEstimate& estimate, const Eigen::Vector2d& middle_world_m) {
   const ObjectEstimate& likely = likelier(estimate);
@@ -104,6 +104,7 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
   const MapElement& element = input.elements[i];
   const MotionEstimate& estimate = element.estimate;
   const bool out_of_sight = is_out_of_sight(element, input.stamp_ns);
+  const bool stands = !element.mobile && estimate.p_moving < 0.5;
   const bool uncertain = published_position_sigma_m(element, params) > kMaxSigmaOfPieces * params.max_position_sigma_m;
   const double detected = log_detection_ratio(input.expected[i], params.detection_probability);
 
@@ -139,7 +140,8 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
       if (*rejection.reason == '\0') rejection.reason = kOutsideGate;
       continue;
     }
-    if (measurement.hidden_end && hits_elsewhere(estimate, input.T_world_level * measurement.middle_level_m)) {
+    const bool may_be_aside = measurement.is_box && measurement.hidden_end && stands;
+    if (may_be_aside && hits_elsewhere(estimate, input.T_world_level * measurement.middle_level_m)) {
       if (*rejection.reason == '\0') rejection.reason = kHitsElsewhere;
       continue;
     }

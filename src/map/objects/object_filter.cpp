@@ -180,6 +180,7 @@ Measurement measurement_of(const Detection& detection) {
   result.z = smooth_parameters(detection.ellipse_level);
   result.R = detection.covariance;
   result.hidden_end = detection.hidden_end;
+  result.is_box = detection.shape == Shape::kBox;
   result.middle_level_m = detection.middle_level_m;
   result.time_offset_s = detection.time_offset_s;
   return result;

@@ -68,7 +68,7 @@ bool is_standing(const MapElement& element) {
 }
 
 /// A detection that was refined by a known shape has no prior in it: what the view does not show is as good as unknown.
-/// For an element that begins with it the prior of boxes holds.
+/// For a box that begins with it the prior of boxes holds.
 void complete_by_prior(ObjectEstimate& estimate) {
   const double scale = 1.0 / std::sqrt(3.0);  // m = (a + b) / sqrt(3) of the half lengths a and b
   const double sigma_m = std::sqrt(2.0) * scale * box_prior::kHalfSigma_m;
@@ -458,7 +458,7 @@ void ObjectMap::correct(MapElement& element, const Detection& detection, const M
 MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pose2& T_world_level,
                                        const Eigen::Matrix3d& U) const {
   ObjectEstimate mapped = map_measurement(measurement, T_world_level, U);
-  complete_by_prior(mapped);
+  if (measurement.is_box) complete_by_prior(mapped);
   if (params_.shape == "circle") make_circle(mapped);
   bound_radii(mapped.x, kMinRadius_m);
   return start(mapped, motion_);
@@ -527,6 +527,7 @@ void ObjectMap::delete_elements(ObjectMapUpdate& report) {
   dropped.clear();
   std::vector<std::size_t>& pieces = work_.pieces;
   pieces.clear();
+  pieces.reserve(kUsualRoom);
   work_.standing = standing(std::move(work_.standing));
   for (const MapElement& element : elements_) {
     const char* reason = deletion_reason(element, stamp_ns(), params_);

@@ -416,6 +416,7 @@ TEST(ObjectMap, ADetectionWithAHiddenEndIsNotOfAnElementAwayFromItsHits) {
     Detections detections = detections_at(i * kScanPeriod_s, {{{3.1, 0.1}, 0.0, 0.15, 0.1}});
     Detection& piece = detections.detections[0];
     piece.covariance = 0.06 * 0.06 * Matrix5d::Identity();
+    piece.shape = Shape::kBox;
     piece.hidden_end = true;
     piece.middle_level_m = here ? Eigen::Vector2d(2.9, 0.05) : Eigen::Vector2d(3.2, 0.6);
     const ObjectMapUpdate update = map.update(detections);

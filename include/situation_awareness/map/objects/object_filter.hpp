@@ -83,6 +83,7 @@ void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise, C
 struct Measurement {
   Vector5d z = Vector5d::Zero();  ///< smooth_parameters in the level frame
   Matrix5d R = Matrix5d::Identity();
+  bool is_box = false;      ///< of a box
   bool hidden_end = false;  ///< an end of its segment is hidden: it may be part of anything
   /// Mean of the hits in the level frame, or NaN where it is not known.
   Eigen::Vector2d middle_level_m = Eigen::Vector2d::Constant(std::numeric_limits<double>::quiet_NaN());

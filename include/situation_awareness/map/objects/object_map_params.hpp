@@ -99,8 +99,7 @@ struct ObjectMapParams {
           "distance that two elements must move together to become one body");
     visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.001, 1000.0}, "m",
           "maximum standard deviation of the position in any direction of a lost element that is published (circle "
-          "paper, "
-          "eq. 33)",
+          "paper, eq. 33)",
           kLive);
     visit("lost_position_sigma_m", self.lost_position_sigma_m, Bounds{0.001, 1000.0}, "m",
           "maximum standard deviation of the position in any direction of a lost element that is kept for "
