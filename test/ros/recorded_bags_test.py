@@ -57,7 +57,7 @@ class TenSecondsTest(unittest.TestCase):
     # Where to look, how far its hits are around there, how far its middle may lie behind them (a box of which one face
     # is seen has its depth open), the scan in which it is on the map at the latest, and how many ids it has: of the
     # furniture the person hides a half, and what is left is taken for another thing once.
-    STANDING = {"post": ((3.65, 3.95), 0.2, 0.25, 10, 1), "furniture": ((5.46, -0.5), 0.4, 0.2, 30, 2)}
+    STANDING = {"post": ((3.65, 3.95), 0.2, 0.25, 10, 1), "furniture": ((5.46, -0.5), 0.4, 0.4, 30, 2)}
 
     @classmethod
     def setUpClass(cls):
@@ -89,8 +89,8 @@ class TenSecondsTest(unittest.TestCase):
                     self.assertLess(math.dist((element["x"], element["y"]), hit), behind_m)
                     # Seen from the origin its middle is not before what was hit of it.
                     self.assertGreater(math.hypot(element["x"], element["y"]), math.hypot(*hit) - 0.02)
-                last = life[-1][1]
-                self.assertLess(math.dist((last["x"], last["y"]), (life[0][1]["x"], life[0][1]["y"])), 0.1)
+                last = life[-1][1]  # by then more of its sides has been seen
+                self.assertLess(math.dist((last["x"], last["y"]), (life[0][1]["x"], life[0][1]["y"])), 0.15)
 
     def test_who_walks_moves(self):
         places = [place for place, *_ in self.STANDING.values()]
