@@ -82,12 +82,6 @@ double residual_rms_m(const Point* points, std::size_t count, const Vector5d& x)
   return std::sqrt(sum / static_cast<double>(count));
 }
 
-Eigen::Vector2d mean_m(const Point* points, std::size_t count) {
-  Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
-  for (std::size_t i = 0; i < count; ++i) sum_m += points[i].p_level_m;
-  return sum_m / static_cast<double>(count);
-}
-
 double mean_beam(const Point* points, std::size_t count) {
   double sum = 0.0;
   for (std::size_t i = 0; i < count; ++i) sum += points[i].beam;
@@ -328,7 +322,7 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
   detection.ellipse_level = ellipse_from_smooth_parameters(x);
   detection.residual_rms_m = residual_rms_m(&segments.points[piece.first], piece.count, x);
   detection.beams = static_cast<int>(piece.count);
-  detection.middle_level_m = mean_m(&segments.points[piece.first], piece.count);
+  detection.middle_level_m = middle_level_m(segments, piece);
   detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);
   detection.segment = segment;
   detection.time_offset_s = mean_beam(&segments.points[piece.first], piece.count) * segments.time_increment_s;

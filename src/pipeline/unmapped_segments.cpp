@@ -18,12 +18,6 @@ constexpr double kLegsReach_m = 0.45;
 /// s. A place whose segment is not seen (hidden, divided, of fewer hits) for this long is forgotten.
 constexpr double kForget_s = 0.5;
 
-Eigen::Vector2d middle_level_m(const Segments& segments, const Segment& segment) {
-  Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
-  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) sum_m += segments.points[i].p_level_m;
-  return sum_m / static_cast<double>(segment.count);
-}
-
 }  // namespace
 
 void MappedAreas::set(const Objects& objects) {

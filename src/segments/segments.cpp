@@ -33,6 +33,12 @@ const char* text_of(RunRefusal refusal) {
                                               : "segment refused: out of range or volume";
 }
 
+Eigen::Vector2d middle_level_m(const Segments& segments, const Segment& segment) {
+  Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
+  for (std::size_t i = segment.first; i < segment.first + segment.count; ++i) sum_m += segments.points[i].p_level_m;
+  return sum_m / static_cast<double>(segment.count);
+}
+
 std::vector<Overlap> overlaps_of(const Segments& segments, const std::vector<ExpectedOutline>& ellipses_level,
                                  std::vector<Overlap> memory) {
   std::vector<Overlap> result = std::move(memory);

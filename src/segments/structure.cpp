@@ -121,19 +121,15 @@ bool ends_behind_occluder(const Segments& segments, const Segment& segment, cons
   const Point* const right = &segments.points[segment.first];
   const Point* const left = right + segment.count - 1;
   const Eigen::Vector2d seen_end_m = (left_hidden ? right : left)->p_level_m;
-  const auto passes = [&](const Point& point, bool& too_far) {
-    const Eigen::Vector2d u = point.p_level_m / point.range_m;
-    const double line_range_m = line.normal.dot(line.through_m) / line.normal.dot(u);
-    too_far = !(line_range_m > 0.0) || (line_range_m * u - seen_end_m).norm() > params.max_object_extent_m;
-    return !too_far && point.range_m > line_range_m + params.max_range_gap_m;
-  };
   const Point* const begin = segments.points.data();
   const Point* const end = begin + segments.points.size();
   const int step = left_hidden ? 1 : -1;
-  bool too_far = false;
   for (const Point* beside = (left_hidden ? left : right) + step; beside >= begin && beside < end; beside += step) {
-    if (passes(*beside, too_far)) return true;
-    if (too_far) return false;
+    const Eigen::Vector2d u = beside->p_level_m / beside->range_m;
+    const double line_range_m = line.normal.dot(line.through_m) / line.normal.dot(u);
+    if (!(line_range_m > 0.0)) return false;
+    if ((line_range_m * u - seen_end_m).norm() > params.max_object_extent_m) return false;
+    if (beside->range_m > line_range_m + params.max_range_gap_m) return true;
   }
   return false;
 }

@@ -112,6 +112,9 @@ struct Segments {
   Counters refused;                            ///< runs of hits that became no segment, and structures, by reason
 };
 
+/// Mean of the hits of a segment that has any, in the level frame.
+Eigen::Vector2d middle_level_m(const Segments& segments, const Segment& segment);
+
 /// Overlap of a segment's azimuths with an ellipse.
 struct Overlap {
   std::size_t segment = 0;

@@ -136,14 +136,10 @@ std::size_t transfer_body_ids(std::int64_t stamp_ns, std::vector<MapElement>& el
     if (heir == elements.size()) continue;
     if (dropped[i] == 0) ++off_the_map;
     MapElement& part = elements[heir];
-    std::swap(body.id, part.id);
-    std::swap(body.first_seen_ns, part.first_seen_ns);
     part.is_part = false;
     part.body = 0;
     part.has_parts = true;
-    std::swap(body, part);
-    dropped[i] = 0;
-    dropped[heir] = 1;
+    take_over_id(i, heir, elements, dropped);
   }
   return off_the_map;
 }

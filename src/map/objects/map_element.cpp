@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
@@ -44,6 +45,15 @@ void read_yaml_text(const std::string& text, ObjectClass& object_class) {
     return;
   }
   throw std::invalid_argument("must be unknown, person, vehicle or pole");
+}
+
+void take_over_id(std::size_t element, std::size_t heir, std::vector<MapElement>& elements,
+                  std::vector<char>& dropped) {
+  std::swap(elements[element].id, elements[heir].id);
+  std::swap(elements[element].first_seen_ns, elements[heir].first_seen_ns);
+  std::swap(elements[element], elements[heir]);
+  dropped[element] = 0;
+  dropped[heir] = 1;
 }
 
 double position_sigma_m(const ObjectEstimate& estimate) {

@@ -89,11 +89,7 @@ void pass_id_on(std::size_t piece, std::vector<MapElement>& elements, std::vecto
     const Ellipse larger_world = ellipse_world(elements[i].estimate.standing.x);
     if (larger_world.rx_m * larger_world.ry_m <= piece_world.rx_m * piece_world.ry_m) continue;
     if (!contains(larger_world, piece_world.center_m)) continue;
-    std::swap(elements[piece].id, elements[i].id);
-    std::swap(elements[piece].first_seen_ns, elements[i].first_seen_ns);
-    std::swap(elements[piece], elements[i]);
-    dropped[piece] = 0;
-    dropped[i] = 1;
+    take_over_id(piece, i, elements, dropped);
     return;
   }
 }

@@ -136,6 +136,10 @@ inline Eigen::Vector2d position(const ObjectEstimate& estimate) {
 /// The element with this id, of elements by ascending id; null if there is none.
 const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& elements);
 
+/// The later element `heir` goes on under the id of `element`, in its place, so that ids still ascend; `element` itself
+/// is dropped under the other's id.
+void take_over_id(std::size_t element, std::size_t heir, std::vector<MapElement>& elements, std::vector<char>& dropped);
+
 /// Standard deviation of the position in its least certain direction.
 double position_sigma_m(const ObjectEstimate& estimate);
 
