@@ -138,7 +138,8 @@ void check_segments(const Segments& segments, const Points& points, const Segmen
     require(segment.first >= end, "segments do not overlap and are in order");
     end = segment.first + segment.count;
     require(end <= segments.points.size(), "a segment names points that are there");
-    require(segment.count >= static_cast<std::size_t>(params.min_points), "a segment has enough points");
+    require(segment.count >= static_cast<std::size_t>(std::min(params.min_points, params.min_narrow_points)),
+            "a segment has enough points");
     for (const double hidden_rad : {segment.right_hidden_rad, segment.left_hidden_rad}) {
       require(std::isfinite(hidden_rad) && hidden_rad >= 0.0, "a hidden azimuth is a number >= 0");
     }

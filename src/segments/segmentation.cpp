@@ -22,6 +22,9 @@ constexpr double kManyLost = 0.05;
 /// Slope of what may still continue a surface, from its end: few hits do not tell its direction.
 constexpr double kMaxBend = 0.05;
 
+/// m. Width of a leg or a post, of which fewer hits are a segment. No source is recorded, and no test bounds it.
+constexpr double kNarrow_m = 0.2;
+
 /// True if two hits with `missing` beams without a hit between them are on the same object.
 bool same_object(const Point& a, const Point& b, int missing, const SegmentationParams& params) {
   if (missing > params.max_missing_beams) return false;
@@ -256,9 +259,16 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
   std::size_t first_read = 0;  // reading positions of its ends
   std::size_t last_read = 0;
   std::size_t inside = 0;  // its points in the volume of interest
+  // Narrow things end on both sides: pieces of a surface that lost returns do not.
+  const auto is_narrow = [&](std::size_t count) {
+    return count >= static_cast<std::size_t>(params.min_narrow_points) &&
+           (result.points.back().p_level_m - result.points[first].p_level_m).norm() <= kNarrow_m &&
+           end_at(reading, first_read, -1, params) == SegmentEnd::kBackground &&
+           end_at(reading, last_read, +1, params) == SegmentEnd::kBackground;
+  };
   const auto close_segment = [&] {
     const std::size_t count = result.points.size() - first;
-    const bool too_few = count < min_points;
+    const bool too_few = count < min_points && !is_narrow(count);
     if (too_few || 2 * inside < count) {
       if (count > 0) {
         const RunRefusal why = too_few ? RunRefusal::kTooFewPoints : RunRefusal::kOutside;

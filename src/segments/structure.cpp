@@ -112,6 +112,12 @@ void join_broken_structures(Segments& segments, const SegmentationParams& params
   }
 }
 
+/// True if a segment with one hidden end surely ends at the other: something farther away is seen beside it. The walls
+/// of a room have no such end.
+bool ends_before_background(const Segment& segment) {
+  return (is_silhouette(segment.right_end) ? segment.right_end : segment.left_end) == SegmentEnd::kBackground;
+}
+
 /// True if a straight segment with one hidden end surely ends behind what hides it: a beam beyond passes through the
 /// line of the segment, near enough for one object. It is the face of a box then, no piece of a wall.
 bool ends_behind_occluder(const Segments& segments, const Segment& segment, const Line& line,
@@ -171,7 +177,8 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const double straight_m = hidden_ends == 2
                                 ? std::max(params.max_straight_rms_m, kStraightByNoise * segments.range_sigma_m)
                                 : params.max_straight_rms_m;
-  if (params.free_faces && hidden_ends == 1 && ends_behind_occluder(segments, segment, line, params)) {
+  if (params.free_faces && hidden_ends == 1 &&
+      (ends_before_background(segment) || ends_behind_occluder(segments, segment, line, params))) {
     return StructureReason::kNone;
   }
   if (hidden && rms < straight_m) return StructureReason::kStraightHidden;

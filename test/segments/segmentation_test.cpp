@@ -175,6 +175,41 @@ TEST(Segmentation, DropsTooFewPoints) {
   EXPECT_EQ(segment_scan(scene.scan(), params).segments.size(), 1U);
 }
 
+// Three hits on a leg are a segment if what is behind it is seen on both sides; beside a nearer thing, or beside beams
+// without a return, they are not.
+TEST(Segmentation, ThreeHitsOnANarrowThingBeforeABackgroundAreASegment) {
+  SegmentationParams params;
+  params.min_points_fraction = 0.0;
+  const LevelScene::Wall background{{9.0, -9.0}, {9.0, 9.0}};
+  const auto counts_within = [&](const LevelScene& scene, double range_m) {
+    std::vector<std::size_t> counts;
+    const Segments segments = segment_scan(scene.scan(), params);
+    for (const Segment& s : segments.segments) {
+      if (segments.points[s.first].range_m < range_m) counts.push_back(s.count);
+    }
+    return counts;
+  };
+  LevelScene leg;
+  leg.ellipses = {{{8.0, 0.0}, 0.0, 0.05, 0.05}};
+  leg.walls = {background};
+  params.min_narrow_points = 2;
+  const std::vector<std::size_t> counts = counts_within(leg, 8.5);
+  ASSERT_EQ(counts.size(), 1U);
+  ASSERT_LT(counts[0], static_cast<std::size_t>(params.min_points));
+  params.min_narrow_points = static_cast<int>(counts[0]);
+  EXPECT_EQ(counts_within(leg, 8.5), counts);
+  params.min_narrow_points = static_cast<int>(counts[0]) + 1;
+  EXPECT_TRUE(counts_within(leg, 8.5).empty());
+
+  params.min_narrow_points = 2;
+  LevelScene alone = leg;
+  alone.walls.clear();
+  EXPECT_TRUE(counts_within(alone, 8.5).empty());
+  LevelScene beside = leg;
+  beside.walls.push_back({{6.0, 0.02}, {6.0, 2.0}});
+  EXPECT_EQ(counts_within(beside, 8.5).size(), 1U) << "the nearer thing alone";
+}
+
 // The same scene seen by a scanner that turns anywhere, over the seam too, gives the same segments.
 TEST(Segmentation, FullCircleHasNoSeam) {
   for (const double increment_deg : {0.5, -0.5}) {

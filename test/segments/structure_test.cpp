@@ -54,12 +54,47 @@ TEST(Structure, AFaceThatEndsBehindAnOccluderIsAnObjectAndAPieceOfAWallIsNot) {
     LevelScene box;
     box.ellipses = {post};
     box.walls = {
-        {{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {5.0, 1.1}}, {{4.0, 0.1}, {5.0, 0.1}}, {{8.0, -9.0}, {8.0, 9.0}}};
+        {{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {5.0, 1.1}}, {{4.0, 0.1}, {5.0, 0.1}}, {{8.0, 1.0}, {8.0, 9.0}}};
     EXPECT_EQ(seen_at_4_m(box), SegmentKind::kObject) << i;
     LevelScene corner;
     corner.ellipses = {post};
-    corner.walls = {{{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {0.5, 1.1}}, {{8.0, -9.0}, {8.0, 9.0}}};
+    corner.walls = {{{4.0, 0.1}, {4.0, 1.1}}, {{4.0, 1.1}, {0.5, 1.1}}, {{8.0, 1.0}, {8.0, 9.0}}};
     EXPECT_EQ(seen_at_4_m(corner), SegmentKind::kStructure) << i;
+  }
+}
+
+// A board of which one end is outside of the scan or behind a post is an object once something is seen behind its other
+// end. A piece of a wall that is seen past posts has no such end, however long.
+TEST(Structure, AFaceThatEndsBeforeABackgroundIsAnObject) {
+  Random random(4);
+  SegmentationParams params;
+  params.free_faces = true;
+  const auto kind_at = [&](const LevelScene& scene, const Eigen::Vector2d& p_m) {
+    const Segments segments = segment_scan(scene.scan(&random, 0.004), params);
+    for (const Segment& s : segments.segments) {
+      for (std::size_t i = s.first; i < s.first + s.count; ++i) {
+        if ((segments.points[i].p_level_m - p_m).norm() < 0.05) return s.kind;
+      }
+    }
+    ADD_FAILURE() << "nothing is seen at " << p_m.transpose();
+    return SegmentKind::kObject;
+  };
+  const auto edge_at = [](double range_m) -> Eigen::Vector2d {  // the last beam of 270 degrees
+    return range_m * Eigen::Vector2d(std::cos(radians(135.0)), std::sin(radians(135.0)));
+  };
+  const Eigen::Vector2d board_end_m = edge_at(2.0) + Eigen::Vector2d(0.7, 0.0);
+  const LevelScene::Wall board{edge_at(2.0) - Eigen::Vector2d(0.5, 0.0), board_end_m};
+  const LevelScene::Wall background{{-9.0, 5.0}, {9.0, 5.0}};
+  for (int i = 0; i < 20; ++i) {
+    LevelScene scene;
+    scene.walls = {board, background};
+    EXPECT_EQ(kind_at(scene, edge_at(2.0) + Eigen::Vector2d(0.35, 0.0)), SegmentKind::kObject) << i;
+    scene.walls = {{{4.0, -0.5}, {4.0, 0.6}}, background, {{8.0, -9.0}, {8.0, 9.0}}};
+    scene.ellipses = {{{2.0, -0.2}, 0.0, 0.12, 0.12}};
+    EXPECT_EQ(kind_at(scene, {4.0, 0.3}), SegmentKind::kObject) << i;
+    scene.walls = {{{4.0, -9.0}, {4.0, 9.0}}};
+    scene.ellipses.push_back({{2.0, 0.4}, 0.0, 0.12, 0.12});
+    EXPECT_EQ(kind_at(scene, {4.0, 0.2}), SegmentKind::kStructure) << i;
   }
 }
 

@@ -14,6 +14,7 @@ struct SegmentationParams {
   int max_missing_beams = 2;
   double min_points_fraction = 0.003;
   int min_points = 4;
+  int min_narrow_points = 3;
   double max_object_extent_m = 1.6;
   double max_concavity_m = 0.03;
   double max_structure_offset_m = 0.06;
@@ -39,6 +40,10 @@ struct SegmentationParams {
         "minimum number of points of a segment, as a fraction of the scan's beams (circle paper, Sect. III-C: 0.003)");
     visit("min_points", self.min_points, Bounds{2, 1000}, "",
           "minimum number of points of a segment, whatever the number of beams", kLive);
+    visit("min_narrow_points", self.min_narrow_points, Bounds{2, 1000}, "",
+          "minimum number of points of a segment up to 0.2 m wide with something farther away seen beside both ends (a "
+          "leg, a post), where that is less than the minimum of others",
+          kLive);
     visit("max_object_extent_m", self.max_object_extent_m, Bounds{0.01, 100.0}, "m",
           "maximum extent of an object; a larger segment is structure", kLive);
     visit("max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
