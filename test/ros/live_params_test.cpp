@@ -68,9 +68,9 @@ struct EveryParams {
 TEST(LiveParameters, OfTheNodeletsHaveTheNamesThatArePublished) {
   ObjectPipelineParams params;
   EXPECT_EQ(names_of(live_parameters(parameters_of(params.scan))), (Names{"min_range_m", "max_range_m", "volume"}));
-  EXPECT_EQ(
-      names_of(live_parameters(parameters_of(params.segments))),
-      (Names{"max_gap_m", "max_range_gap_m", "max_missing_beams", "min_points", "max_object_extent_m", "min_bulge"}));
+  EXPECT_EQ(names_of(live_parameters(parameters_of(params.segments))),
+            (Names{"max_gap_m", "max_range_gap_m", "max_missing_beams", "min_points", "min_narrow_points",
+                   "max_object_extent_m", "min_bulge"}));
   EXPECT_EQ(names_of(live_parameters(parameters_of(params.detections))), (Names{"min_p_ellipse", "max_residual_m"}));
   EXPECT_EQ(names_of(live_parameters(parameters_of(params.objects))),
             (Names{"gate_probability", "confirmation_probability", "deletion_probability", "max_position_sigma_m",
@@ -90,7 +90,7 @@ TEST(LiveDescription, IsThatOfTheDeclarations) {
   std::vector<Parameter> all = parameters_of(params);
   for (const Parameter& parameter : parameters_of(every)) all.push_back(parameter);
   const std::vector<Parameter> live = live_parameters(all);
-  EXPECT_EQ(names_of(live).size(), 25U);
+  EXPECT_EQ(names_of(live).size(), 26U);
   const ConfigDescription description = description_of(live);
   ASSERT_EQ(description.groups.size(), 1U);
   EXPECT_EQ(description.groups[0].id, 0) << "clients look for this group";
