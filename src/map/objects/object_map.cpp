@@ -461,8 +461,8 @@ MotionEstimate ObjectMap::new_estimate(const Measurement& measurement, const Pos
 }
 
 /// Whether it surely moves and is away from where it began to: an ellipse from where that was sure, a box, which has to
-/// be sure of it for longer, from where it stood. The visible faces of a box change, which looks like
-/// motion for a moment.
+/// be sure of it for longer and with both ends in view, from where it stood. The visible faces of a box change, which
+/// looks like motion for a moment.
 bool ObjectMap::has_travelled(const MapElement& element) const {
   const double way_m = (position(element.estimate.moving) - element.set_off_world_m).norm();
   if (!is_box(element)) return element.moving_scans > 0 && way_m > kMobileAfter_m;
@@ -483,7 +483,13 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   ++element.observations;
   const bool stands = element.estimate.p_moving < 0.5;
   if (stands) element.stood_s += step_s_;
-  element.moving_scans = element.estimate.p_moving > kSurelyMoving ? element.moving_scans + 1 : 0;
+  // What comes out from behind an occluder grows at that end, and its middle moves.
+  const bool may_grow = is_box(element) && detection.hidden_end;
+  if (element.estimate.p_moving <= kSurelyMoving) {
+    element.moving_scans = 0;
+  } else if (!may_grow) {
+    ++element.moving_scans;
+  }
   if (is_box(element)) {
     if (stands) element.set_off_world_m = position(element.estimate.standing);
   } else if (element.moving_scans == 1) {

@@ -425,6 +425,34 @@ TEST(ObjectMap, ADetectionWithAHiddenEndIsNotOfAnElementAwayFromItsHits) {
   }
 }
 
+// A face that comes out from behind an occluder grows, and its middle moves; one with both ends in view does move.
+TEST(ObjectMap, ABoxThatGrowsAtAHiddenEndDoesNotMove) {
+  constexpr double kSpeed_m_s = 2.0;  // of the edge of the shadow
+  for (const bool hidden_end : {true, false}) {
+    ObjectMap map{params()};
+    for (int i = 0; i < 20; ++i) {
+      const double half_m = 0.1 + 0.5 * kSpeed_m_s * i * kScanPeriod_s;
+      const Ellipse face{{3.0, half_m}, kPi / 2.0, half_m, 0.1};
+      Detections detections =
+          detections_at(i * kScanPeriod_s, {hidden_end ? face : Ellipse{{3.0, half_m}, 0, 0.2, 0.1}});
+      Detection& detection = detections.detections[0];
+      detection.shape = Shape::kBox;
+      detection.log_box_ratio = 4.0;
+      detection.hidden_end = hidden_end;
+      detection.middle_level_m = detection.ellipse_level.center_m;
+      map.update(detections);
+    }
+    const Objects objects = map.at(map.stamp_ns());
+    ASSERT_EQ(objects.objects.size(), 1U);
+    const double speed_m_s = objects.objects[0].velocity_world_m_s.norm();
+    if (hidden_end) {
+      EXPECT_EQ(speed_m_s, 0.0);
+    } else {
+      EXPECT_NEAR(speed_m_s, 0.5 * kSpeed_m_s, 0.2);
+    }
+  }
+}
+
 TEST(ObjectMap, NamesTheReasonOfARejectedMatch) {
   const Ellipse standing{{3.0, 0.0}, 0.0, 0.1, 0.1};
   ObjectMap map{params()};
