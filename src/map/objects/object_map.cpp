@@ -54,8 +54,6 @@ constexpr double kBoxMobileAfter_m = 0.3;
 constexpr int kBoxMobileScans = 4;
 /// Factor on the angular acceleration of a mobile box: a vehicle is at its rate of turn within a second.
 constexpr double kBoxTurns = 5.0;
-/// Log-odds from which on a shape is known: a probability of 0.9.
-constexpr double kKnownShape = 2.2;
 /// Factor on the variances of the velocity where the shape is corrected.
 constexpr double kCorrectedVelocity = 4.0;
 /// Factor on the standard deviation of the prior of a radius from which on a view tells nothing of it.

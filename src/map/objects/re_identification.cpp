@@ -6,6 +6,7 @@
 
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/map/objects/association.hpp"
+#include "situation_awareness/map/objects/shape_belief.hpp"
 
 namespace situation_awareness {
 
@@ -65,7 +66,7 @@ void re_identify(const std::vector<std::size_t>& newly_confirmed, const std::vec
     double most = kLogNewObjectDensity;
     for (std::size_t j = 0; j < i; ++j) {  // ids are ascending: lost elements come first
       MapElement& lost = elements[j];
-      if (lost.state != TrackState::kLost || lost.is_part) continue;
+      if (lost.state != TrackState::kLost || lost.is_part || differ_in_shape(lost, found)) continue;
       const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
       const bool common = j < common_shape.size() && common_shape[j] != 0;
       if (*match_defect(lost, candidate, gate, common, stamp_ns) != '\0' || !(candidate.log_likelihood > most))

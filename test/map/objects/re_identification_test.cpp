@@ -76,6 +76,19 @@ TEST(ReIdentification, AnotherShapeOrAPositionOutOfReachIsAnotherElement) {
   }
 }
 
+TEST(ReIdentification, ABoxIsNotIdentifiedAsAnEllipseUnlessOneOfThemIsUnsure) {
+  for (const double lost_log_odds : {-5.0, -1.0, 1.0, 5.0}) {
+    for (const double found_log_odds : {-5.0, -1.0, 1.0, 5.0}) {
+      MapElement other = lost(element_of(3, {3.5, 0.5}, 0.5, 0.2));
+      MapElement found = element_of(7, {4.0, 1.0}, 0.02, 0.2);
+      other.box_log_odds = lost_log_odds;
+      found.box_log_odds = found_log_odds;
+      const bool differ = lost_log_odds * found_log_odds == -25.0;
+      EXPECT_EQ(re_identified({other, found})[1].state, differ ? TrackState::kConfirmed : TrackState::kDeleted);
+    }
+  }
+}
+
 TEST(ReIdentification, ChoosesTheMostProbable) {
   const auto elements =
       re_identified({lost(element_of(2, {3.0, 0.5}, 0.5, 0.2)), lost(element_of(3, {3.9, 0.9}, 0.5, 0.2)),

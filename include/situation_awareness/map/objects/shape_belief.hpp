@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
+
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/map_element.hpp"
@@ -14,9 +16,18 @@ namespace situation_awareness {
 /// m, of the mean radius. Of smaller things, such as legs, the hits tell no shape: they are ellipses.
 constexpr double kLeastBox_m = 0.08;
 
+/// Log-odds from which on a shape is known: a probability of 0.9.
+constexpr double kKnownShape = 2.2;
+
 /// True if a box is more probable than an ellipse.
 inline bool is_box(const MapElement& element) {
   return element.box_log_odds > 0.0 && element.estimate.standing.x(object_state::kShape) >= kLeastBox_m;
+}
+
+/// True if one is known to be a box and the other to be an ellipse.
+inline bool differ_in_shape(const MapElement& a, const MapElement& b) {
+  return std::min(a.box_log_odds, b.box_log_odds) < -kKnownShape &&
+         std::max(a.box_log_odds, b.box_log_odds) > kKnownShape;
 }
 
 /// Update the belief by a detection, and the estimate where it turns to a box: what was seen of the ellipse was a face,
