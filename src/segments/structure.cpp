@@ -112,6 +112,11 @@ void join_broken_structures(Segments& segments, const SegmentationParams& params
   }
 }
 
+/// True if something farther away is seen beside both ends.
+bool stands_free(const Segment& segment) {
+  return segment.right_end == SegmentEnd::kBackground && segment.left_end == SegmentEnd::kBackground;
+}
+
 /// True if a segment with one hidden end surely ends at the other: something farther away is seen beside it. The walls
 /// of a room have no such end.
 bool ends_before_background(const Segment& segment) {
@@ -166,7 +171,9 @@ StructureReason structure_reason(const Segments& segments, const Segment& segmen
   const Point* points = &segments.points[segment.first];
   const double extent = extent_m(points, segment.count, params.max_object_extent_m);
   if (extent > params.max_object_extent_m) return StructureReason::kExtent;
-  if (concavity_m(points, segment.count) > params.max_concavity_m) return StructureReason::kInnerCorner;
+  if (!(params.free_faces && stands_free(segment)) && concavity_m(points, segment.count) > params.max_concavity_m) {
+    return StructureReason::kInnerCorner;
+  }
   const int hidden_ends = (is_silhouette(segment.right_end) ? 0 : 1) + (is_silhouette(segment.left_end) ? 0 : 1);
   const bool hidden = hidden_ends > 0;
   const bool is_long = extent >= params.flat_extent_m;

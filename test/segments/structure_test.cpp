@@ -191,6 +191,27 @@ TEST(Structure, AnInnerCornerIsStructureAndAnObjectOfTheSameSizeIsNot) {
   EXPECT_EQ(segments.segments[0].structure, StructureReason::kNone);
 }
 
+// Two boards that meet, seen from inside, with something behind: no corner of a room looks like that.
+TEST(Structure, AnInnerCornerBeforeABackgroundIsAnObject) {
+  SegmentationParams params;
+  LevelScene scene;
+  scene.walls = {{{4.0, 0.0}, {3.6, 0.4}}, {{4.0, 0.0}, {3.6, -0.4}}, {{8.0, -8.0}, {8.0, 8.0}}};
+  const auto kind_of_corner = [&] {
+    const Segments segments = segment_scan(scene.scan(), params);
+    for (const Segment& s : segments.segments) {
+      if (segments.points[s.first + s.count / 2].p_level_m.x() < 5.0) return s.kind;
+    }
+    ADD_FAILURE() << "the corner is not seen";
+    return SegmentKind::kObject;
+  };
+  for (const bool free_faces : {false, true}) {
+    params.free_faces = free_faces;
+    EXPECT_EQ(kind_of_corner(), free_faces ? SegmentKind::kObject : SegmentKind::kStructure);
+  }
+  scene.walls.push_back({{3.6, 0.4}, {3.0, 8.0}});  // the left board goes on
+  EXPECT_EQ(kind_of_corner(), SegmentKind::kStructure);
+}
+
 /// Walls with a passage, posts before them, a cabinet, a board behind a post, an inner corner, and objects.
 LevelScene furnished_scene(Random& random) {
   LevelScene scene;

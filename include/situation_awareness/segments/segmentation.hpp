@@ -48,7 +48,8 @@ struct SegmentationParams {
           "maximum extent of an object; a larger segment is structure", kLive);
     visit("max_concavity_m", self.max_concavity_m, Bounds{0.0, 10.0}, "m",
           "maximum mean distance of an object's points behind the chord of its ends, seen from the sensor; a segment "
-          "with more is structure (an inner corner)");
+          "with more is structure (an inner corner), with free_faces only if not both ends have something farther away "
+          "beside them");
     visit("max_structure_offset_m", self.max_structure_offset_m, Bounds{0.0, 10.0}, "m",
           "a partially occluded segment with all points within this distance of the line of a neighbouring structure "
           "is part of that structure");
