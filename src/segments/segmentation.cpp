@@ -22,6 +22,12 @@ constexpr double kManyLost = 0.05;
 /// Slope of what may still continue a surface, from its end: few hits do not tell its direction.
 constexpr double kMaxBend = 0.05;
 
+/// Fraction of beams without a return up to which a scan is closed: such a beam was lost on a surface. No test bounds
+/// it.
+constexpr double kClosed = 0.05;
+/// Sine of the angle at which sides lose all their returns. No source is recorded, and no test bounds it.
+constexpr double kGrazed = 0.25;
+
 /// m. Width of a leg or a post, of which fewer hits are a segment. No source is recorded, and no test bounds it.
 constexpr double kNarrow_m = 0.2;
 
@@ -121,24 +127,39 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
   return reach_rad;
 }
 
-/// Ends beside beams without a return, of a scan in which surfaces lose returns. The silhouette may lie anywhere before
-/// the next return, if that is from behind; if it continues the surface or is nearer, it says nothing. Few beams beside
-/// what is nearer were lost at its edge: it occludes.
-void distrust_free_ends(Segments& segments, const SegmentationParams& params) {
-  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
-    Segment& segment = segments.segments[i];
+/// What a scan tells of beams without a return.
+enum class NoReturns {
+  kFree,    ///< they passed freely
+  kLost,    ///< surfaces lose returns: nothing
+  kClosed,  ///< nearly all beams return: they were lost on sides at a grazing angle
+};
+
+/// Ends beside beams without a return that a surface may have lost. Where surfaces lose returns, the silhouette may lie
+/// anywhere before the next return, if that is from behind; if it continues the surface or is nearer, it says nothing.
+/// Few beams beside what is nearer were lost at its edge, and in a closed scan as many as meet its side: it occludes.
+void distrust_free_ends(Segments& segments, NoReturns no_returns, const SegmentationParams& params) {
+  const bool may_be_lost = no_returns == NoReturns::kLost;
+  for (Segment& segment : segments.segments) {
     const Line line = fit_line(&segments.points[segment.first], segment.count);
     const auto distrust = [&](std::size_t end, int step, SegmentEnd& kind, double& hidden_rad) {
       if (kind != SegmentEnd::kFree) return;
       const Point& from = segments.points[end];
-      kind = SegmentEnd::kNoReturn;
-      hidden_rad = std::min(2.0 * params.max_object_extent_m / from.range_m, kPi);
+      const double reach_rad = std::min(2.0 * params.max_object_extent_m / from.range_m, kPi);
+      if (may_be_lost) {
+        kind = SegmentEnd::kNoReturn;
+        hidden_rad = reach_rad;
+      }
       const auto next = static_cast<std::ptrdiff_t>(end) + step;
       if (next < 0 || next >= static_cast<std::ptrdiff_t>(segments.points.size())) return;
       const Point& beside = segments.points[static_cast<std::size_t>(next)];
       const double gap_rad = std::abs(beside.azimuth_rad - from.azimuth_rad);
-      const bool few = gap_rad < (params.max_missing_beams + 1.5) * segments.resolution_rad;
-      if (few && !passed(beside, from, params)) kind = SegmentEnd::kOccluded;
+      const bool of_beside = may_be_lost ? gap_rad < (params.max_missing_beams + 1.5) * segments.resolution_rad
+                                         : beside.range_m * gap_rad < kGrazed * params.max_object_extent_m;
+      if (of_beside && !passed(beside, from, params)) {
+        kind = SegmentEnd::kOccluded;
+        hidden_rad = reach_rad;
+      }
+      if (kind != SegmentEnd::kNoReturn) return;
       const bool behind = beside.range_m > from.range_m + params.occlusion_margin_m;
       const double beyond_m = (beside.p_level_m - from.p_level_m).norm();
       const bool continues =
@@ -293,10 +314,12 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
 
   int missing = 0;
   int lost = 0;  // beams without a return inside segments
+  int free_beams = 0;
   for (std::size_t k = 0; k < reading.size(); ++k) {
     const Point point = reading.at(k);
     if (!is_hit(point.state)) {
       ++missing;
+      free_beams += point.state == BeamState::kFree ? 1 : 0;
       continue;
     }
     const bool open = result.points.size() > first;
@@ -312,7 +335,10 @@ Segments segment(const Points& points, const SegmentationParams& params, Segment
     result.points.push_back(point);
   }
   close_segment();
-  if (lost > kManyLost * static_cast<double>(result.points.size())) distrust_free_ends(result, params);
+  const NoReturns no_returns = lost > kManyLost * static_cast<double>(result.points.size()) ? NoReturns::kLost
+                               : free_beams <= kClosed * beams                              ? NoReturns::kClosed
+                                                                                            : NoReturns::kFree;
+  if (no_returns != NoReturns::kFree) distrust_free_ends(result, no_returns, params);
   join_grazing_hits(result, params);
   for (const RefusedRun& run : result.refused_runs) ++result.refused[text_of(run.why)];
   return classify_structure(std::move(result), params);

@@ -366,6 +366,37 @@ TEST(Segmentation, WhatIsBehindALostEdgeIsOccluded) {
   for (const SegmentEnd end : ends_behind(max_missing + 3)) EXPECT_EQ(end, SegmentEnd::kNoReturn) << "open space";
 }
 
+// In a room nearly all beams return. Those that do not beside a near thing were lost on its side, which they graze: it
+// hides what is behind. Outdoors they pass freely, and so they do in a room through what is as wide as a door.
+TEST(Segmentation, InARoomBeamsWithoutAReturnBesideANearThingWereLostOnItsSide) {
+  LevelScene room;
+  room.walls = {{{4.0, -0.3}, {4.0, 0.3}},
+                {{6.0, -6.0}, {6.0, 6.0}},
+                {{-6.0, 6.0}, {6.0, 6.0}},
+                {{-6.0, -6.0}, {6.0, -6.0}},
+                {{-6.0, -6.0}, {-6.0, 6.0}}};
+  LevelScene outdoors;
+  outdoors.walls = {room.walls[0], room.walls[1]};
+  const auto end_behind = [](const LevelScene& scene, int lost) {
+    Scan scan = scene.scan();
+    for (std::size_t i = 1; i + 1 < scan.beams.size(); ++i) {
+      if (!(scan.beams[i - 1].range_m < 4.5F) || scan.beams[i].range_m < 4.5F) continue;
+      for (int k = 0; k < lost; ++k) {
+        scan.beams[i + static_cast<std::size_t>(k)] = {static_cast<float>(scene.max_range_m), BeamState::kFree};
+      }
+      break;
+    }
+    const Segments segments = segment(project_horizontally(scan, Eigen::Isometry3d::Identity()), {});
+    const Segment& thing = nearest(segments);
+    EXPECT_EQ(thing.left_end, SegmentEnd::kFree);
+    return *(&thing + 1);
+  };
+  EXPECT_EQ(end_behind(room, 8).right_end, SegmentEnd::kOccluded);
+  EXPECT_GT(end_behind(room, 8).right_hidden_rad, 0.1);
+  EXPECT_EQ(end_behind(room, 40).right_end, SegmentEnd::kFree);
+  EXPECT_EQ(end_behind(outdoors, 8).right_end, SegmentEnd::kFree);
+}
+
 /// A box of 1 m x 0.8 m, seen by its shorter face and at a grazing angle by its longer one, in a room.
 LevelScene grazed_box(double psi_rad) {
   LevelScene scene;
