@@ -127,6 +127,18 @@ double hidden_rad(const Reading& reading, std::size_t k, int step, double resolu
   return reach_rad;
 }
 
+/// True if the hit is of a segment wider than a leg or a post.
+bool is_on_wide_thing(const Segments& segments, std::size_t hit) {
+  const auto& all = segments.segments;
+  const auto after = std::upper_bound(all.begin(), all.end(), hit,
+                                      [](std::size_t at, const Segment& segment) { return at < segment.first; });
+  if (after == all.begin()) return false;
+  const Segment& segment = *std::prev(after);
+  if (hit >= segment.first + segment.count) return false;
+  const Point* const first = &segments.points[segment.first];
+  return (first[segment.count - 1].p_level_m - first->p_level_m).norm() > kNarrow_m;
+}
+
 /// What a scan tells of beams without a return.
 enum class NoReturns {
   kFree,    ///< they passed freely
@@ -137,6 +149,7 @@ enum class NoReturns {
 /// Ends beside beams without a return that a surface may have lost. Where surfaces lose returns, the silhouette may lie
 /// anywhere before the next return, if that is from behind; if it continues the surface or is nearer, it says nothing.
 /// Few beams beside what is nearer were lost at its edge, and in a closed scan as many as meet its side: it occludes.
+/// Legs beside each other have no such sides.
 void distrust_free_ends(Segments& segments, NoReturns no_returns, const SegmentationParams& params) {
   const bool may_be_lost = no_returns == NoReturns::kLost;
   for (Segment& segment : segments.segments) {
@@ -154,7 +167,9 @@ void distrust_free_ends(Segments& segments, NoReturns no_returns, const Segmenta
       const Point& beside = segments.points[static_cast<std::size_t>(next)];
       const double gap_rad = std::abs(beside.azimuth_rad - from.azimuth_rad);
       const bool of_beside = may_be_lost ? gap_rad < (params.max_missing_beams + 1.5) * segments.resolution_rad
-                                         : beside.range_m * gap_rad < kGrazed * params.max_object_extent_m;
+                                         : beside.range_m * gap_rad < kGrazed * params.max_object_extent_m &&
+                                               (is_on_wide_thing(segments, end) ||
+                                                is_on_wide_thing(segments, static_cast<std::size_t>(next)));
       if (of_beside && !passed(beside, from, params)) {
         kind = SegmentEnd::kOccluded;
         hidden_rad = reach_rad;

@@ -395,6 +395,10 @@ TEST(Segmentation, InARoomBeamsWithoutAReturnBesideANearThingWereLostOnItsSide) 
   EXPECT_GT(end_behind(room, 8).right_hidden_rad, 0.1);
   EXPECT_EQ(end_behind(room, 40).right_end, SegmentEnd::kFree);
   EXPECT_EQ(end_behind(outdoors, 8).right_end, SegmentEnd::kFree);
+  LevelScene legs = room;
+  legs.walls[0] = {{4.0, -0.07}, {4.0, 0.07}};
+  legs.walls.push_back({{4.8, 0.15}, {4.8, 0.29}});
+  EXPECT_EQ(end_behind(legs, 3).right_end, SegmentEnd::kFree) << "a leg beside a leg";
 }
 
 /// A box of 1 m x 0.8 m, seen by its shorter face and at a grazing angle by its longer one, in a room.
