@@ -1,0 +1,338 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/estimation/error_state_filter.hpp"
+#include "situation_awareness/estimation/nis_monitor.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/pose/odometry_track.hpp"
+#include "situation_awareness/pose/reflector_map.hpp"
+#include "situation_awareness/pose/reflector_search.hpp"
+#include "situation_awareness/pose/reflectors.hpp"
+
+namespace situation_awareness {
+
+// Localisation by reflectors (docs/math/reflectors.md; polygons paper, Sect. 5.1).
+//
+//   symbol  meaning                                                            space        size
+//   T       T_world_base at the stamp                                          SE(2)
+//   s       scale errors of odometry, of distances and of turns                R^2          2
+//   e       error: of T in its own frame (forward, left, yaw), and of s        R^5          5
+//   u       motion of the base by odometry between two stamps                  SE(2)
+//   z, R    range and azimuth of a reflector's centre in the level frame       R^2          2, 2x2
+//   H       Jacobian of z by e                                                 J_z_e        2x5
+
+/// State of the localisation: a pose, and how much farther the robot drives and turns than its odometry says, relative.
+struct ReflectorState {
+  Pose2 T_world_base;
+  Eigen::Vector2d scale_error = Eigen::Vector2d::Zero();
+};
+
+template <>
+struct Manifold<ReflectorState> {
+  static constexpr int kDimension = 5;
+  static constexpr bool kFlat = false;
+  using Error = Eigen::Matrix<double, 5, 1>;
+
+  static ReflectorState identity() { return {}; }
+  static ReflectorState retract(const ReflectorState& x, const Error& e) {
+    return {Manifold<Pose2>::retract(x.T_world_base, e.head<3>()), x.scale_error + e.tail<2>()};
+  }
+  static Error local_coordinates(const ReflectorState& x, const ReflectorState& y) {
+    Error e;
+    e << Manifold<Pose2>::local_coordinates(x.T_world_base, y.T_world_base), y.scale_error - x.scale_error;
+    return e;
+  }
+  static Eigen::Matrix<double, 5, 5> reset_jacobian(const Error& e) {
+    Eigen::Matrix<double, 5, 5> G = Eigen::Matrix<double, 5, 5>::Identity();
+    G.topLeftCorner<3, 3>() = Manifold<Pose2>::reset_jacobian(e.head<3>());
+    return G;
+  }
+};
+
+/// Errors of wheel odometry.
+struct WheelErrorParams {
+  double distance_noise = 0.01;
+  double lateral_noise = 0.002;
+  double yaw_noise_of_distance = 0.01;
+  double yaw_noise_of_yaw = 0.02;
+  double distance_scale_sigma = 0.02;
+  double yaw_scale_sigma = 0.02;
+  double scale_drift = 0.001;
+  double jump_sigma_m = 0.1;
+  double jump_sigma_rad = 0.1;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("distance_noise", self.distance_noise, Bounds{0.0, 1.0}, "m/sqrt(m)",
+          "random error of the distance, by distance");
+    visit("lateral_noise", self.lateral_noise, Bounds{0.0, 1.0}, "m/sqrt(m)", "random error sideways, by distance");
+    visit("yaw_noise_of_distance", self.yaw_noise_of_distance, Bounds{0.0, 1.0}, "rad/sqrt(m)",
+          "random error of the yaw, by distance");
+    visit("yaw_noise_of_yaw", self.yaw_noise_of_yaw, Bounds{0.0, 1.0}, "rad/sqrt(rad)",
+          "random error of the yaw, by turning");
+    visit("distance_scale_sigma", self.distance_scale_sigma, Bounds{0.0, 0.5}, "",
+          "standard deviation of the constant relative error of distances; it is estimated");
+    visit("yaw_scale_sigma", self.yaw_scale_sigma, Bounds{0.0, 0.5}, "",
+          "standard deviation of the constant relative error of turns; it is estimated");
+    visit("scale_drift", self.scale_drift, Bounds{0.0, 1.0}, "1/sqrt(m)",
+          "random change of both relative errors, by distance and by turning in rad");
+    visit("jump_sigma_m", self.jump_sigma_m, Bounds{0.0, 10.0}, "m",
+          "error of the motion that replaces a jump of odometry, in each direction");
+    visit("jump_sigma_rad", self.jump_sigma_rad, Bounds{0.0, 3.0}, "rad",
+          "error of the turn that replaces a jump of odometry");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// Parameters of localisation by reflectors.
+struct ReflectorLocalizationParams {
+  double gate_probability = 0.999;
+  double min_advantage = 6.0;
+  double model_sigma_m = 0.001;
+  double max_view_m = 8.0;
+  int missing_scans = 25;
+  int moved_scans = 25;
+  double max_move_m = 1.0;
+  int lost_scans = 12;
+  double lost_sigma_m = 0.03;
+  double lost_sigma_rad = 0.02;
+  double max_sigma_m = 1.0;
+  double max_sigma_rad = 0.5;
+  int search_scans = 3;
+  WheelErrorParams wheels;
+  OdometryTrackParams odometry;
+  ReflectorSearchParams search;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("gate_probability", self.gate_probability, Bounds{0.5, 0.999999}, "",
+          "probability that a sighting is inside the gate of the reflector that it is of");
+    visit(
+        "min_advantage", self.min_advantage, Bounds{0.0, 1000.0}, "",
+        "a match is ambiguous if other matches contradict it whose cost, the sum of squared Mahalanobis distances and "
+        "of the gate for each sighting left unmatched, is not higher by this");
+    visit("model_sigma_m", self.model_sigma_m, Bounds{0.0, 0.2}, "m",
+          "standard deviation of a reflector's place about that of its sighting, apart from the scanner's errors");
+    visit("max_view_m", self.max_view_m, Bounds{0.1, 1000.0}, "m",
+          "a reflector is missing only where it should be seen nearer than this");
+    visit("missing_scans", self.missing_scans, Bounds{1, 10000}, "",
+          "a reflector is missing after so many scans with beams through its place, less those that saw it");
+    visit("moved_scans", self.moved_scans, Bounds{1, 10000}, "",
+          "a reflector is moved after so many scans in a row that saw one standing near its place instead");
+    visit("max_move_m", self.max_move_m, Bounds{0.0, 100.0}, "m", "a reflector that moved farther is a missing one");
+    visit("lost_scans", self.lost_scans, Bounds{1, 10000}, "",
+          "the pose is searched for anew after so many scans in a row that contradict it");
+    visit("lost_sigma_m", self.lost_sigma_m, Bounds{0.0, 10.0}, "m",
+          "error added to the position, in each direction, by a scan that contradicts it");
+    visit("lost_sigma_rad", self.lost_sigma_rad, Bounds{0.0, 3.0}, "rad",
+          "error added to the yaw by a scan that contradicts it");
+    visit("max_sigma_m", self.max_sigma_m, Bounds{0.01, 1000.0}, "m",
+          "the pose is unknown beyond this standard deviation of the position in its worst direction");
+    visit("max_sigma_rad", self.max_sigma_rad, Bounds{0.01, 3.0}, "rad",
+          "the pose is unknown beyond this standard deviation of the yaw");
+    visit("search_scans", self.search_scans, Bounds{1, 1000}, "",
+          "a search uses what has been seen standing in so many scans of the last seconds");
+    visit("wheels", self.wheels);
+    visit("odometry", self.odometry);
+    visit("search", self.search);
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// A sighting that was used.
+struct ReflectorMatch {
+  std::size_t sighting = 0;  ///< index in ReflectorSightings::sightings
+  int reflector = 0;         ///< index in the map
+  double nis = 0.0;          ///< normalised innovation squared against the prediction, chi-square of 2
+};
+
+/// A reflector that does not stand where the map says.
+struct MovedReflector {
+  int reflector = 0;
+  Eigen::Vector2d center_world_m = Eigen::Vector2d::Zero();  ///< where it was seen instead
+};
+
+/// What an update did.
+struct ReflectorUpdate {
+  std::int64_t stamp_ns = 0;
+  bool is_known = false;  ///< the pose is, at this stamp
+  /// Why the pose is not known, or the scan was not used: "scan out of order", "no odometry", "no pose yet" (fewer than
+  /// search_scans scans), those of ReflectorPose, "lost" (contradicted until nothing was known). Empty if neither.
+  const char* reason = "";
+  bool is_found = false;         ///< the pose was found by a search in this update
+  bool is_contradicted = false;  ///< reflectors are not where the pose says, or sightings where it says there are none
+  std::vector<ReflectorMatch> matches;
+  std::vector<std::size_t> ambiguous;  ///< sightings that may be of several reflectors and were not used
+  std::vector<std::size_t> unmatched;  ///< sightings of no reflector
+  std::vector<int> missing;            ///< reflectors that should have been in view for long, and were not
+  std::vector<MovedReflector> moved;   ///< they are not used until they are seen in their places again
+  double nis = 0.0;                    ///< sum over the matches
+};
+
+/// Pose with the two forms of its covariance.
+struct LocalizedPose {
+  std::int64_t stamp_ns = 0;
+  Estimate<Pose2> T_world_base;  ///< P: of the error in the frame of the base (forward, left, yaw)
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of x, y (m) in the world and yaw (rad)
+};
+
+/// Covariance of x, y in the world and yaw, to first order.
+Eigen::Matrix3d world_covariance(const Estimate<Pose2>& T_world_base);
+
+/// Range (m) and azimuth (rad) of a reflector's centre in the frame of the lidar, and its Jacobian by the error of
+/// T_world_base.
+Eigen::Vector2d observed_reflector(const Pose2& T_world_base, const Pose2& T_base_lidar,
+                                   const Eigen::Vector2d& center_world_m);
+Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
+                                                        const Eigen::Vector2d& center_world_m);
+
+/// The state after the motion u by odometry, and its Jacobian by the error of the state before.
+ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u);
+Eigen::Matrix<double, 5, 5> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u);
+/// Noise of that motion, an error of the state after it.
+Eigen::Matrix<double, 5, 5> odometry_noise(const Pose2& u, const WheelErrorParams& params);
+
+/// Localises a robot by reflectors and wheel odometry. Time and memory per call are bounded; no allocation after
+/// warm-up.
+class ReflectorLocalization {
+ public:
+  /// Most sightings of a scan that are used: those with the most hits.
+  static constexpr std::size_t kMaxSightings = 16;
+
+  /// Throws std::invalid_argument as check_reflectors and the params' validate() do.
+  ReflectorLocalization(const ReflectorMap& map, const ReflectorLocalizationParams& params);
+
+  /// Adds a pose by odometry, in the order of the stamps. `counters` has what was wrong with it; one that goes far back
+  /// in time is a restart, after which no pose is known.
+  void add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base);
+
+  /// Sets the pose at a stamp, with its standard deviations.
+  void initial_pose(std::int64_t stamp_ns, const Pose2& T_world_base, double sigma_m, double sigma_rad);
+
+  /// Forgets the pose: the next scans find it without a guess.
+  void relocate();
+
+  /// Predicts the pose to the stamp of the scan and corrects it, or searches for it while it is not known.
+  /// `T_base_lidar`: of the level frame of the scan. The result is overwritten by the next call.
+  const ReflectorUpdate& update(const ReflectorSightings& sightings, const Pose2& T_base_lidar);
+
+  bool is_known() const { return is_known_; }
+  /// The pose at the stamp of the latest scan. Only while it is known.
+  LocalizedPose pose() const;
+  const Estimate<ReflectorState>& state() const { return estimate_; }
+
+  const ReflectorMap& map() const { return map_; }
+  /// Of the innovations; its summary takes what was added since the one before.
+  NisMonitor& nis_monitor() { return nis_monitor_; }
+  /// Since the construction: what was wrong with odometry and scans, searches by their result, poses lost and found.
+  Counters counters() const;
+
+ private:
+  using Vector5 = Eigen::Matrix<double, 5, 1>;
+  using Matrix5 = Eigen::Matrix<double, 5, 5>;
+  using Matrix25 = Eigen::Matrix<double, 2, 5>;
+  using Assignment = std::array<int, kMaxSightings>;  ///< reflector of each sighting, or -1
+
+  /// A sighting as a reflector.
+  struct Possible {
+    int reflector;
+    Eigen::Vector2d z;
+    Eigen::Matrix2d R;
+    double profile_share;
+  };
+
+  /// A sighting of the scan that is treated.
+  struct Seen {
+    std::size_t sighting;
+    Pose2 T_base_lidar;        ///< at the time of the sighting, from the base at the stamp
+    std::size_t first, count;  ///< in possible_
+  };
+
+  /// What has been seen of a reflector lately.
+  struct Watched {
+    bool has_azimuth = false;
+    double azimuth_rad = 0.0;  ///< at which it was last used, in the lidar's frame
+    int missing = 0;
+    bool is_missing = false;
+    int elsewhere = 0;
+    Eigen::Vector2d elsewhere_world_m = Eigen::Vector2d::Zero();
+    bool is_moved = false;
+    int back = 0;
+  };
+
+  /// Something that has been seen standing, for the search.
+  struct Stood {
+    Eigen::Vector2d center_track_m;
+    Eigen::Matrix2d covariance;
+    int scans;
+    std::int64_t stamp_ns;
+    Eigen::Vector2d base_track_m;  ///< where the robot was then
+  };
+
+  struct Leaf {
+    Assignment reflector_of;
+    double cost;
+  };
+
+  void forget(const char* reason);
+  void set_pose(const OdometryTrack::Entry& at, const Estimate<Pose2>& T_world_base);
+  void predict_to(const OdometryTrack::Entry& target);
+  void look(const ReflectorSightings& sightings, const Pose2& T_base_lidar, const OdometryTrack::Entry& now);
+  void list_possible(const ReflectorSightings& sightings);
+  void associate();
+  void try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost);
+  void correct(double resolution_rad);
+  void judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar);
+  bool is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar, std::size_t reflector) const;
+  void collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now);
+  void search(const OdometryTrack::Entry& now);
+
+  ReflectorMap map_;
+  ReflectorLocalizationParams params_;
+  double gate_;
+  double mean_radius_m_ = 0.0, radius_spread_m_ = 0.0;
+  OdometryTrack track_;
+  StampOrder scans_;
+  ReflectorSearch search_;
+  NisMonitor nis_monitor_{2};
+  Counters counters_;
+
+  bool is_known_ = false;
+  const char* reason_ = "no pose yet";
+  Estimate<ReflectorState> estimate_;
+  OdometryTrack::Entry at_;  ///< the odometry of the estimate
+  bool has_initial_ = false;
+  LocalizedPose initial_;
+  int contradicted_ = 0;  ///< scans in a row
+
+  std::vector<Watched> watched_;
+  std::vector<Seen> seen_;
+  std::vector<Possible> possible_;
+  Assignment reflector_of_{};  ///< of seen_
+  std::vector<Leaf> leaves_;
+  Assignment trial_{};
+  std::vector<char> taken_;
+  double best_cost_ = 0.0;
+  int nodes_ = 0;
+  std::vector<Stood> stood_;
+  std::vector<std::size_t> order_;
+  std::vector<ReflectorPlace> places_;
+  std::vector<char> excluded_;
+  ReflectorUpdate update_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,725 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pose/reflector_localization.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/lie_groups.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Matches of a scan that are tried before it is given up as ambiguous; without false sightings a few per reflector.
+constexpr int kMaxNodes = 3000;
+/// Assignments that are kept to tell whether a match is ambiguous.
+constexpr std::size_t kMaxLeaves = 32;
+/// A correction is linearised anew where it exceeds this, in m and rad.
+constexpr double kRelinearise = 0.02;
+constexpr int kMaxIterations = 6;
+/// While the azimuth of a reflector changes by less than this part of the beams' spacing, the same beams see it, with
+/// the same error. The error of a rounded number is uncorrelated after 0.21 steps.
+constexpr double kFreshAzimuth = 0.25;
+/// Reflectors are judged only by a pose that is known better than this.
+constexpr double kCertain_m = 0.05;
+constexpr double kCertain_rad = 0.03;
+/// Beams that pass through the place of a reflector end farther behind it than this.
+constexpr double kBehind_m = 0.1;
+/// What is seen within this distance of where it was seen before stands.
+constexpr double kStands_m = 0.1;
+/// What was seen longer ago, or farther away, is not searched with.
+constexpr double kMaxAge_s = 3.0;
+constexpr double kMaxTravel_m = 1.5;
+/// Error of a place by odometry in between, relative to the way.
+constexpr double kTravelError = 0.03;
+constexpr std::size_t kMaxStood = 64;
+
+double larger_eigenvalue(const Eigen::Matrix2d& P) {
+  const double mean = 0.5 * (P(0, 0) + P(1, 1));
+  return mean + std::hypot(0.5 * (P(0, 0) - P(1, 1)), P(0, 1));
+}
+
+}  // namespace
+
+void WheelErrorParams::validate() const { check_bounds(*this, "localization.wheels"); }
+
+void ReflectorLocalizationParams::validate() const {
+  check_bounds(*this, "localization");
+  wheels.validate();
+  odometry.validate();
+  search.validate();
+}
+
+// --- models ----------------------------------------------------------------------------------------------------------
+
+Eigen::Matrix3d world_covariance(const Estimate<Pose2>& T_world_base) {
+  Eigen::Matrix3d B = Eigen::Matrix3d::Identity();
+  B.topLeftCorner<2, 2>() = T_world_base.x.rotation();
+  return transformed(B, T_world_base.P);
+}
+
+Eigen::Vector2d observed_reflector(const Pose2& T_world_base, const Pose2& T_base_lidar,
+                                   const Eigen::Vector2d& center_world_m) {
+  const Eigen::Vector2d p_lidar = place_of(T_base_lidar, place_of(T_world_base, center_world_m));
+  return {p_lidar.norm(), std::atan2(p_lidar.y(), p_lidar.x())};
+}
+
+Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
+                                                        const Eigen::Vector2d& center_world_m) {
+  const Eigen::Vector2d p_base = place_of(T_world_base, center_world_m);
+  const Eigen::Vector2d p_lidar = place_of(T_base_lidar, p_base);
+  const double range2_m2 = p_lidar.squaredNorm();
+  Eigen::Matrix2d J_z_p;
+  J_z_p << p_lidar.transpose() / std::sqrt(range2_m2), -p_lidar.y() / range2_m2, p_lidar.x() / range2_m2;
+  return J_z_p * T_base_lidar.rotation().transpose() * place_jacobian(p_base);
+}
+
+ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u) {
+  Eigen::Vector3d tau = log_se2(u);
+  tau.head<2>() *= 1.0 + x.scale_error(0);
+  tau(2) *= 1.0 + x.scale_error(1);
+  return {x.T_world_base * exp_se2(tau), x.scale_error};
+}
+
+Eigen::Matrix<double, 5, 5> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u) {
+  const Eigen::Vector3d tau = log_se2(u);
+  Eigen::Vector3d scaled = tau;
+  scaled.head<2>() *= 1.0 + x.scale_error(0);
+  scaled(2) *= 1.0 + x.scale_error(1);
+  Eigen::Matrix<double, 3, 2> J_tau_s;
+  J_tau_s << tau(0), 0.0, tau(1), 0.0, 0.0, tau(2);
+  Eigen::Matrix<double, 5, 5> F = Eigen::Matrix<double, 5, 5>::Identity();
+  F.topLeftCorner<3, 3>() = adjoint_se2(inverse(exp_se2(scaled)));
+  F.topRightCorner<3, 2>() = right_jacobian_se2(scaled) * J_tau_s;
+  return F;
+}
+
+Eigen::Matrix<double, 5, 5> odometry_noise(const Pose2& u, const WheelErrorParams& params) {
+  const double distance_m = u.translation_m.norm();
+  const double turn_rad = std::abs(wrap_to_pi(u.yaw_rad));
+  const auto variance = [](double noise, double way) { return noise * noise * way; };
+  Eigen::Matrix<double, 5, 1> diagonal;
+  diagonal << variance(params.distance_noise, distance_m), variance(params.lateral_noise, distance_m),
+      variance(params.yaw_noise_of_distance, distance_m) + variance(params.yaw_noise_of_yaw, turn_rad),
+      variance(params.scale_drift, distance_m), variance(params.scale_drift, turn_rad);
+  return diagonal.asDiagonal();
+}
+
+// --- poses -----------------------------------------------------------------------------------------------------------
+
+ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const ReflectorLocalizationParams& params)
+    : map_(map),
+      params_(params),
+      gate_(0.0),
+      track_(params.odometry),
+      scans_(params.odometry.reset_time_jump_s),
+      search_(map, params.search) {
+  params_.validate();
+  gate_ = chi_square_quantile(params_.gate_probability, 2);
+  const std::size_t n = map_.reflectors.size();
+  for (const Reflector& reflector : map_.reflectors) mean_radius_m_ += reflector.radius_m / static_cast<double>(n);
+  for (const Reflector& reflector : map_.reflectors) {
+    radius_spread_m_ = std::max(radius_spread_m_, std::abs(reflector.radius_m - mean_radius_m_));
+  }
+  watched_.resize(n);
+  seen_.reserve(kMaxSightings);
+  possible_.reserve(kMaxSightings * n);
+  leaves_.reserve(kMaxLeaves);
+  taken_.resize(n);
+  stood_.reserve(kMaxStood);
+  order_.reserve(1024);
+  places_.reserve(kMaxStood);
+  excluded_.resize(n);
+  update_.matches.reserve(kMaxSightings);
+  update_.ambiguous.reserve(kMaxSightings);
+  update_.unmatched.reserve(kMaxSightings);
+  update_.missing.reserve(n);
+  update_.moved.reserve(n);
+  counters_.reset();
+}
+
+void ReflectorLocalization::forget(const char* reason) {
+  is_known_ = false;
+  reason_ = reason;
+  contradicted_ = 0;
+  for (Watched& watched : watched_) watched = {};
+}
+
+void ReflectorLocalization::relocate() {
+  forget("no pose yet");
+  stood_.clear();
+  has_initial_ = false;
+}
+
+void ReflectorLocalization::initial_pose(std::int64_t stamp_ns, const Pose2& T_world_base, double sigma_m,
+                                         double sigma_rad) {
+  relocate();
+  has_initial_ = true;
+  initial_.stamp_ns = stamp_ns;
+  initial_.T_world_base.x = T_world_base;
+  initial_.T_world_base.P = Eigen::Vector3d(sigma_m, sigma_m, sigma_rad).cwiseAbs2().asDiagonal();
+}
+
+void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estimate<Pose2>& T_world_base) {
+  for (Watched& watched : watched_) watched = {};
+  is_known_ = true;
+  reason_ = "";
+  contradicted_ = 0;
+  at_ = at;
+  estimate_.x = {T_world_base.x, Eigen::Vector2d::Zero()};
+  estimate_.P.setZero();
+  estimate_.P.topLeftCorner<3, 3>() = T_world_base.P;
+  estimate_.P(3, 3) = params_.wheels.distance_scale_sigma * params_.wheels.distance_scale_sigma;
+  estimate_.P(4, 4) = params_.wheels.yaw_scale_sigma * params_.wheels.yaw_scale_sigma;
+}
+
+LocalizedPose ReflectorLocalization::pose() const {
+  LocalizedPose result;
+  result.stamp_ns = at_.stamp_ns;
+  result.T_world_base.x = estimate_.x.T_world_base;
+  result.T_world_base.x.yaw_rad = wrap_to_pi(result.T_world_base.x.yaw_rad);
+  result.T_world_base.P = estimate_.P.topLeftCorner<3, 3>();
+  result.covariance_world = world_covariance(result.T_world_base);
+  return result;
+}
+
+Counters ReflectorLocalization::counters() const {
+  Counters all = counters_;
+  for (const Counters::Entry& entry : track_.counters()) all[entry.first] += entry.second;
+  return all;
+}
+
+void ReflectorLocalization::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+  // Without scans the estimate is taken along before its place in the track is overwritten.
+  if (is_known_ && track_.size() == OdometryTrack::kCapacity && track_[1].stamp_ns > at_.stamp_ns) {
+    predict_to(track_[1]);
+  }
+  if (track_.add(stamp_ns, T_odom_base) != OdometryTrack::Verdict::kRestarted) return;
+  relocate();
+}
+
+void ReflectorLocalization::predict_to(const OdometryTrack::Entry& target) {
+  const auto step = [&](const OdometryTrack::Entry& to) {
+    const Pose2 u = inverse(at_.T_track_base) * to.T_track_base;
+    Matrix5 Q = odometry_noise(u, params_.wheels);
+    if (to.jumps > at_.jumps) {
+      const Eigen::Vector3d sigma(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m,
+                                  params_.wheels.jump_sigma_rad);
+      Q.diagonal().head<3>() += (to.jumps - at_.jumps) * sigma.cwiseAbs2();
+    }
+    predict(estimate_, moved_by_odometry(estimate_.x, u), moved_by_odometry_jacobian(estimate_.x, u), Q);
+    at_ = to;
+  };
+  for (std::size_t i = track_.after(at_.stamp_ns); i < track_.size() && track_[i].stamp_ns < target.stamp_ns; ++i) {
+    step(track_[i]);
+  }
+  step(target);
+}
+
+// --- a scan ----------------------------------------------------------------------------------------------------------
+
+// Where the lidar was when each sighting was seen.
+void ReflectorLocalization::look(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
+                                 const OdometryTrack::Entry& now) {
+  seen_.clear();
+  const std::size_t n = sightings.sightings.size();
+  order_.clear();
+  for (std::size_t i = 0; i < n; ++i) order_.push_back(i);
+  if (n > kMaxSightings) {
+    std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+      const std::size_t hits_a = sightings.sightings[a].count, hits_b = sightings.sightings[b].count;
+      return hits_a != hits_b ? hits_a > hits_b : a < b;
+    });
+    order_.resize(kMaxSightings);
+    ++counters_["too many sightings"];
+  }
+  for (const std::size_t i : order_) {
+    OdometryTrack::Entry then = now;
+    const std::int64_t stamp_ns = sightings.stamp_ns + nanoseconds(sightings.sightings[i].time_offset_s);
+    if (!track_.at(stamp_ns, then)) continue;
+    ReflectorState x;  // only its scale errors count
+    x.scale_error = estimate_.x.scale_error;
+    const Pose2 u = moved_by_odometry(x, inverse(now.T_track_base) * then.T_track_base).T_world_base;
+    seen_.push_back({i, u * T_base_lidar, 0, 0});
+  }
+}
+
+const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
+  update_.stamp_ns = sightings.stamp_ns;
+  update_.is_known = is_known_;
+  update_.reason = "";
+  update_.is_found = false;
+  update_.is_contradicted = false;
+  update_.matches.clear();
+  update_.ambiguous.clear();
+  update_.unmatched.clear();
+  update_.missing.clear();
+  update_.moved.clear();
+  update_.nis = 0.0;
+
+  const StampOrder::Verdict verdict = scans_.judge(sightings.stamp_ns);
+  if (verdict == StampOrder::Verdict::kRefused) {
+    update_.reason = "scan out of order";
+    ++counters_[update_.reason];
+    return update_;
+  }
+  // Odometry may have restarted before the scans did, and the pose have been given since.
+  if (verdict == StampOrder::Verdict::kRestart && is_known_ && at_.stamp_ns > sightings.stamp_ns) relocate();
+
+  OdometryTrack::Entry now;
+  if (!track_.at(sightings.stamp_ns, now)) {
+    update_.reason = "no odometry";
+    ++counters_[update_.reason];
+    return update_;
+  }
+  if (has_initial_) {
+    OdometryTrack::Entry then = now;
+    track_.at(initial_.stamp_ns, then);  // else the robot is taken to have stood since
+    if (then.stamp_ns > now.stamp_ns) then = now;
+    set_pose(then, initial_.T_world_base);
+    has_initial_ = false;
+  }
+
+  if (is_known_) {
+    if (now.stamp_ns < at_.stamp_ns) {
+      update_.reason = "scan out of order";
+      ++counters_[update_.reason];
+      return update_;
+    }
+    predict_to(now);
+    look(sightings, T_base_lidar, now);
+    list_possible(sightings);
+    associate();
+    correct(sightings.resolution_rad);
+    judge_reflectors(sightings, T_base_lidar);
+  } else {
+    look(sightings, T_base_lidar, now);
+  }
+  if (is_known_ && contradicted_ == 0) {
+    stood_.clear();
+  } else {
+    collect(sightings, now);
+    if (!is_known_ || contradicted_ >= params_.lost_scans) search(now);
+  }
+  if (is_known_) {
+    const bool is_lost = std::sqrt(larger_eigenvalue(estimate_.P.topLeftCorner<2, 2>())) > params_.max_sigma_m ||
+                         std::sqrt(estimate_.P(2, 2)) > params_.max_sigma_rad;
+    if (is_lost) {
+      forget("lost");
+      ++counters_["pose lost"];
+    }
+  }
+  update_.is_known = is_known_;
+  if (!is_known_) update_.reason = reason_;
+  return update_;
+}
+
+// Which reflectors each sighting may be of, each by itself.
+void ReflectorLocalization::list_possible(const ReflectorSightings& sightings) {
+  possible_.clear();
+  for (Seen& seen : seen_) {
+    seen.first = possible_.size();
+    const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
+    double radius_m = -1.0;
+    ReflectorFit fit;
+    for (std::size_t k = 0; k < map_.reflectors.size(); ++k) {
+      const Reflector& reflector = map_.reflectors[k];
+      const Eigen::Vector2d predicted =
+          observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar, reflector.center_world_m);
+      if (predicted(0) < reflector.radius_m + 0.01) continue;  // inside it
+      Matrix25 H = Matrix25::Zero();
+      H.leftCols<3>() =
+          observed_reflector_jacobian(estimate_.x.T_world_base, seen.T_base_lidar, reflector.center_world_m);
+      const Eigen::Matrix2d HPH = transformed(H, estimate_.P);
+      // Most are far away: only near ones are fitted.
+      const double off_m = predicted(0) - sighting.surface_range_m - reflector.radius_m;
+      if (off_m * off_m > 4.0 * gate_ * (HPH(0, 0) + 0.01)) continue;
+      const double off_rad = wrap_to_pi(predicted(1) - sighting.azimuth_rad);
+      if (off_rad * off_rad > 4.0 * gate_ * (HPH(1, 1) + 1e-3)) continue;
+      if (reflector.radius_m != radius_m) {
+        radius_m = reflector.radius_m;
+        fit = fit_reflector(sightings, sighting, radius_m);
+      }
+      Possible possible{static_cast<int>(k), {fit.range_m, fit.azimuth_rad}, fit.covariance, fit.profile_share};
+      const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
+      possible.R(0, 0) += model_m2;
+      possible.R(1, 1) += model_m2 / (fit.range_m * fit.range_m);
+      Eigen::Vector2d nu = possible.z - predicted;
+      nu(1) = wrap_to_pi(nu(1));
+      if (!inside_gate(innovation(estimate_, nu, H, possible.R), gate_)) continue;
+      if (watched_[k].is_moved) {
+        ++watched_[k].back;
+        continue;
+      }
+      possible_.push_back(possible);
+    }
+    seen.count = possible_.size() - seen.first;
+  }
+  // Those with the least choice first, which makes the tree of assignments small.
+  std::stable_partition(seen_.begin(), seen_.end(), [](const Seen& seen) { return seen.count == 1; });
+}
+
+// The assignment with the least sum of squared Mahalanobis distances, of all sightings jointly, and of the gate for
+// each left out (joint compatibility: Neira and Tardos, 2001).
+void ReflectorLocalization::associate() {
+  leaves_.clear();
+  best_cost_ = std::numeric_limits<double>::infinity();
+  nodes_ = 0;
+  std::fill(taken_.begin(), taken_.end(), 0);
+  trial_.fill(-1);
+  reflector_of_.fill(-1);
+  try_sighting(0, estimate_, 0.0);
+  if (nodes_ > kMaxNodes) {
+    ++counters_["association given up"];
+    for (const Seen& seen : seen_) {
+      if (seen.count > 0) update_.ambiguous.push_back(seen.sighting);
+    }
+    return;
+  }
+  if (leaves_.empty()) return;
+  const Leaf& best =
+      *std::min_element(leaves_.begin(), leaves_.end(), [](const Leaf& a, const Leaf& b) { return a.cost < b.cost; });
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const int reflector = best.reflector_of[k];
+    if (reflector < 0) continue;
+    const bool is_contested = std::any_of(leaves_.begin(), leaves_.end(), [&](const Leaf& leaf) {
+      if (leaf.cost > best.cost + params_.min_advantage) return false;
+      if (leaf.reflector_of[k] >= 0 && leaf.reflector_of[k] != reflector) return true;
+      for (std::size_t m = 0; m < seen_.size(); ++m) {
+        if (m != k && leaf.reflector_of[m] == reflector) return true;
+      }
+      return false;
+    });
+    if (is_contested) {
+      update_.ambiguous.push_back(seen_[k].sighting);
+    } else {
+      reflector_of_[k] = reflector;
+    }
+  }
+}
+
+void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost) {
+  if (++nodes_ > kMaxNodes) return;
+  if (k == seen_.size()) {
+    best_cost_ = std::min(best_cost_, cost);
+    if (leaves_.size() == kMaxLeaves) {  // the worst makes room
+      const auto worst = std::max_element(leaves_.begin(), leaves_.end(),
+                                          [](const Leaf& a, const Leaf& b) { return a.cost < b.cost; });
+      if (worst->cost > cost) *worst = {trial_, cost};
+    } else {
+      leaves_.push_back({trial_, cost});
+    }
+    return;
+  }
+  // Each sighting to come may at best be matched without any distance.
+  const auto is_hopeless = [&](double so_far) { return so_far > best_cost_ + params_.min_advantage; };
+  if (is_hopeless(cost)) return;
+  const Seen& seen = seen_[k];
+  for (std::size_t i = seen.first; i < seen.first + seen.count; ++i) {
+    const Possible& possible = possible_[i];
+    const auto reflector = static_cast<std::size_t>(possible.reflector);
+    if (taken_[reflector] != 0) continue;
+    const Eigen::Vector2d& center_m = map_.reflectors[reflector].center_world_m;
+    // Linearised at the estimate that the matches so far lead to, and again where the correction by this one is large.
+    Matrix25 H = Matrix25::Zero();
+    Innovation<2> compared;
+    Vector5 e = Vector5::Zero();
+    double nis = 0.0;
+    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+      const ReflectorState x = Manifold<ReflectorState>::retract(estimate.x, e);
+      H.leftCols<3>() =
+          observed_reflector_jacobian(x.T_world_base, seen.T_base_lidar, center_m) * right_jacobian_se2(e.head<3>());
+      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, seen.T_base_lidar, center_m);
+      nu(1) = wrap_to_pi(nu(1));
+      compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R);
+      nis = compared.mahalanobis2;
+      if (!(nis < 4.0 * gate_)) break;  // also NaN
+      const Vector5 next = estimate.P * H.transpose() * compared.S.llt().solve(compared.nu);
+      const double change = (next - e).norm();
+      e = next;
+      if (change < kRelinearise) break;
+    }
+    if (!(nis <= gate_)) continue;
+    const double next_cost = cost + nis;
+    if (is_hopeless(next_cost)) continue;
+    Estimate<ReflectorState> next = estimate;
+    situation_awareness::update(next, compared, H, possible.R);
+    taken_[reflector] = 1;
+    trial_[k] = possible.reflector;
+    try_sighting(k + 1, next, next_cost);
+    trial_[k] = -1;
+    taken_[reflector] = 0;
+  }
+  try_sighting(k + 1, estimate, cost + (seen.count > 0 ? gate_ : 0.0));
+}
+
+// All matches at once, as a linear problem in the error about the prediction, linearised again while it is large.
+void ReflectorLocalization::correct(double resolution_rad) {
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const bool is_ambiguous =
+        std::find(update_.ambiguous.begin(), update_.ambiguous.end(), seen_[k].sighting) != update_.ambiguous.end();
+    if (reflector_of_[k] < 0 && !is_ambiguous) update_.unmatched.push_back(seen_[k].sighting);
+  }
+  const auto possible_of = [&](std::size_t k) -> Possible& {
+    return *std::find_if(possible_.begin() + static_cast<std::ptrdiff_t>(seen_[k].first), possible_.end(),
+                         [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });
+  };
+  const auto center_of = [&](std::size_t k) -> const Eigen::Vector2d& {
+    return map_.reflectors[static_cast<std::size_t>(reflector_of_[k])].center_world_m;
+  };
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    if (reflector_of_[k] < 0) continue;
+    Possible& possible = possible_of(k);
+    const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_of(k));
+    Matrix25 H = Matrix25::Zero();
+    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_of(k));
+    Eigen::Vector2d nu = possible.z - predicted;
+    nu(1) = wrap_to_pi(nu(1));
+    const double nis = innovation(estimate_, nu, H, possible.R).mahalanobis2;
+    update_.matches.push_back({seen_[k].sighting, reflector_of_[k], nis});
+    update_.nis += nis;
+
+    // What the choice of beams says of the azimuth counts once as long as they are the same.
+    Watched& watched = watched_[static_cast<std::size_t>(reflector_of_[k])];
+    double fresh = 1.0;
+    if (watched.has_azimuth) {
+      const double change_rad = std::abs(wrap_to_pi(predicted(1) - watched.azimuth_rad));
+      fresh = std::min(1.0, change_rad / (kFreshAzimuth * resolution_rad));
+    }
+    watched.has_azimuth = true;
+    watched.azimuth_rad = predicted(1);
+    const double share = std::max(1e-6, fresh + (1.0 - fresh) * possible.profile_share);
+    possible.R(1, 1) /= share;
+    possible.R(0, 1) = possible.R(1, 0) = possible.R(0, 1) / std::sqrt(share);
+  }
+  if (update_.matches.empty()) return;
+  nis_monitor_.add(update_.matches.size(), update_.nis);
+
+  Vector5 e = Vector5::Zero();
+  Estimate<Vector5> error;
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    error.x.setZero();
+    error.P = estimate_.P;
+    const ReflectorState x = Manifold<ReflectorState>::retract(estimate_.x, e);
+    const Eigen::Matrix3d J = right_jacobian_se2(e.head<3>());
+    for (std::size_t k = 0; k < seen_.size(); ++k) {
+      if (reflector_of_[k] < 0) continue;
+      const Possible& possible = possible_of(k);
+      Matrix25 H = Matrix25::Zero();
+      H.leftCols<3>() = observed_reflector_jacobian(x.T_world_base, seen_[k].T_base_lidar, center_of(k)) * J;
+      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, seen_[k].T_base_lidar, center_of(k));
+      nu(1) = wrap_to_pi(nu(1));
+      const Eigen::Vector2d nu_of_error = nu + H * (e - error.x);
+      situation_awareness::update(error, innovation(error, nu_of_error, H, possible.R), H, possible.R);
+    }
+    const double change = (error.x - e).norm();
+    e = error.x;
+    if (change < kRelinearise) break;
+  }
+  estimate_.x = Manifold<ReflectorState>::retract(estimate_.x, e);
+  estimate_.P = transformed(Manifold<ReflectorState>::reset_jacobian(e), error.P);
+}
+
+// --- the reflectors themselves ---------------------------------------------------------------------------------------
+
+// All beams that would meet the reflector, wherever it is by the errors of the pose, end far behind it.
+bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
+                                            std::size_t reflector) const {
+  const std::vector<float>& azimuths = sightings.free.azimuth_rad;
+  if (azimuths.size() < 2) return false;
+  const Reflector& known = map_.reflectors[reflector];
+  double time_s = 0.5 * (sightings.free_begin_s + sightings.free_end_s);
+  Eigen::Vector2d z;
+  Matrix25 H = Matrix25::Zero();
+  double azimuth_rad = 0.0;
+  for (int iteration = 0; iteration < 2; ++iteration) {  // the time depends on the azimuth
+    OdometryTrack::Entry then;
+    if (!track_.at(sightings.stamp_ns + nanoseconds(time_s), then)) return false;
+    const Pose2 T_base_then_lidar = inverse(at_.T_track_base) * then.T_track_base * T_base_lidar;
+    z = observed_reflector(estimate_.x.T_world_base, T_base_then_lidar, known.center_world_m);
+    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, T_base_then_lidar, known.center_world_m);
+    azimuth_rad = z(1);
+    while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
+    while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
+    const double part = (azimuth_rad - azimuths.front()) / static_cast<double>(azimuths.back() - azimuths.front());
+    time_s = sightings.free_begin_s + std::min(1.0, part) * (sightings.free_end_s - sightings.free_begin_s);
+  }
+  if (z(0) > params_.max_view_m || z(0) < known.radius_m + 0.1) return false;
+  const Eigen::Matrix2d HPH = transformed(H, estimate_.P);
+  const double half_rad = std::asin(std::min(1.0, known.radius_m / z(0))) + 2.0 * std::sqrt(HPH(1, 1));
+  const double behind_m = z(0) + known.radius_m + kBehind_m + 2.0 * std::sqrt(HPH(0, 0));
+  const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
+  const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
+  if (begin == azimuths.begin() || begin == end || end == azimuths.end()) return false;
+  return std::all_of(sightings.free.range_m.begin() + (begin - azimuths.begin()),
+                     sightings.free.range_m.begin() + (end - azimuths.begin()),
+                     [&](float range_m) { return range_m > behind_m; });
+}
+
+void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
+  const bool is_certain = update_.matches.size() >= 2 &&
+                          larger_eigenvalue(estimate_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
+                          estimate_.P(2, 2) < kCertain_rad * kCertain_rad;
+  std::size_t seen_through = 0;
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    Watched& watched = watched_[k];
+    const bool is_matched = std::any_of(update_.matches.begin(), update_.matches.end(),
+                                        [&](const ReflectorMatch& m) { return m.reflector == static_cast<int>(k); });
+    if (is_matched) {
+      watched.missing = std::max(0, watched.missing - 2);
+      watched.elsewhere = 0;
+      if (watched.missing == 0) watched.is_missing = false;
+      continue;
+    }
+    const bool is_gone = is_seen_through(sightings, T_base_lidar, k);
+    if (is_gone && !watched.is_missing && !watched.is_moved) ++seen_through;
+    if (!is_certain) continue;
+    if (is_gone) {
+      watched.missing = std::min(watched.missing + 1, params_.missing_scans);
+      watched.back = 0;
+      if (watched.missing == params_.missing_scans && !watched.is_missing) {
+        watched.is_missing = true;
+        ++counters_["reflector missing"];
+      }
+    }
+    // Back in its place.
+    if (watched.is_moved && watched.back >= params_.moved_scans) {
+      watched = {};
+      ++counters_["reflector back"];
+      continue;
+    }
+    // Something that stands near by and is nobody else's.
+    double nearest_m = params_.max_move_m;
+    Eigen::Vector2d nearest_world_m = Eigen::Vector2d::Zero();
+    for (const Seen& seen : seen_) {
+      if (std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) == update_.unmatched.end()) {
+        continue;
+      }
+      const ReflectorFit fit =
+          fit_reflector(sightings, sightings.sightings[seen.sighting], map_.reflectors[k].radius_m);
+      const Eigen::Vector2d p_lidar =
+          fit.range_m * Eigen::Vector2d(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
+      const Eigen::Vector2d p_world = estimate_.x.T_world_base * (seen.T_base_lidar * p_lidar);
+      const double distance_m = (p_world - map_.reflectors[k].center_world_m).norm();
+      if (distance_m >= nearest_m) continue;
+      nearest_m = distance_m;
+      nearest_world_m = p_world;
+    }
+    if (nearest_m >= params_.max_move_m) continue;
+    if (watched.elsewhere > 0 && (nearest_world_m - watched.elsewhere_world_m).norm() > kStands_m)
+      watched.elsewhere = 0;
+    ++watched.elsewhere;
+    watched.elsewhere_world_m += (nearest_world_m - watched.elsewhere_world_m) / watched.elsewhere;
+    if (watched.elsewhere >= params_.moved_scans) {
+      if (!watched.is_moved) ++counters_["reflector moved"];
+      watched.is_moved = true;
+    }
+  }
+  for (std::size_t k = 0; k < watched_.size(); ++k) {
+    if (watched_[k].is_moved) {
+      update_.moved.push_back({static_cast<int>(k), watched_[k].elsewhere_world_m});
+    } else if (watched_[k].is_missing) {
+      update_.missing.push_back(static_cast<int>(k));
+    }
+  }
+
+  const std::size_t matches = update_.matches.size();
+  update_.is_contradicted =
+      (seen_through >= 2 && seen_through > matches) || (matches == 0 && update_.unmatched.size() >= 3);
+  if (!update_.is_contradicted) {
+    if (matches >= 2) contradicted_ = 0;
+    return;
+  }
+  ++contradicted_;
+  const Eigen::Vector3d sigma(params_.lost_sigma_m, params_.lost_sigma_m, params_.lost_sigma_rad);
+  estimate_.P.diagonal().head<3>() += sigma.cwiseAbs2();
+}
+
+// --- search ----------------------------------------------------------------------------------------------------------
+
+void ReflectorLocalization::collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now) {
+  const auto is_old = [&](const Stood& stood) {
+    return seconds_between(stood.stamp_ns, now.stamp_ns) > kMaxAge_s ||
+           (stood.base_track_m - now.T_track_base.translation_m).norm() > kMaxTravel_m;
+  };
+  stood_.erase(std::remove_if(stood_.begin(), stood_.end(), is_old), stood_.end());
+  for (const Seen& seen : seen_) {
+    const ReflectorFit fit = fit_reflector(sightings, sightings.sightings[seen.sighting], mean_radius_m_);
+    if (!fit.is_width_plausible) continue;
+    const Pose2 T_track_lidar = now.T_track_base * seen.T_base_lidar;
+    const Eigen::Vector2d along =
+        T_track_lidar.rotation() * Eigen::Vector2d(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
+    const Eigen::Vector2d center_m = T_track_lidar.translation_m + fit.range_m * along;
+    Eigen::Matrix2d J;
+    J << along.x(), -fit.range_m * along.y(), along.y(), fit.range_m * along.x();
+    const double spread_m2 = radius_spread_m_ * radius_spread_m_ + params_.model_sigma_m * params_.model_sigma_m;
+    const Eigen::Matrix2d covariance = transformed(J, fit.covariance) + spread_m2 * Eigen::Matrix2d::Identity();
+    const auto same = std::find_if(stood_.begin(), stood_.end(), [&](const Stood& stood) {
+      return stood.stamp_ns != now.stamp_ns && (stood.center_track_m - center_m).norm() < kStands_m;
+    });
+    if (same == stood_.end()) {
+      if (stood_.size() < kMaxStood) {
+        stood_.push_back({center_m, covariance, 1, now.stamp_ns, now.T_track_base.translation_m});
+      }
+      continue;
+    }
+    // A mean of the last few; its errors are those of one, since most of them are the same in each.
+    ++same->scans;
+    same->center_track_m += std::max(0.2, 1.0 / same->scans) * (center_m - same->center_track_m);
+    same->covariance = covariance;
+    same->stamp_ns = now.stamp_ns;
+    same->base_track_m = now.T_track_base.translation_m;
+  }
+}
+
+void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
+  order_.clear();
+  for (std::size_t i = 0; i < stood_.size(); ++i) {
+    if (stood_[i].scans >= params_.search_scans) order_.push_back(i);
+  }
+  if (order_.empty()) return;
+  std::sort(order_.begin(), order_.end(), [&](std::size_t a, std::size_t b) {
+    return stood_[a].scans != stood_[b].scans ? stood_[a].scans > stood_[b].scans : a < b;
+  });
+  if (order_.size() > ReflectorSearch::kMaxPlaces) order_.resize(ReflectorSearch::kMaxPlaces);
+  places_.clear();
+  for (const std::size_t i : order_) {
+    const double way_m = (stood_[i].base_track_m - now.T_track_base.translation_m).norm();
+    places_.push_back({stood_[i].center_track_m, stood_[i].covariance + kTravelError * kTravelError * way_m * way_m *
+                                                                            Eigen::Matrix2d::Identity()});
+  }
+  const ReflectorPose& found = search_.find(places_);
+  const auto matches = std::count_if(found.reflectors.begin(), found.reflectors.end(), [](int r) { return r >= 0; });
+  if (!found.is_known) {
+    if (!is_known_) reason_ = found.reason;
+    ++counters_[found.reason];
+    return;
+  }
+  if (is_known_ && static_cast<std::size_t>(matches) <= update_.matches.size()) return;
+  ++counters_[is_known_ ? "pose replaced" : "pose found"];
+  Estimate<Pose2> T_world_base;
+  T_world_base.x = found.T_world_frame * now.T_track_base;
+  T_world_base.P = transformed(adjoint_se2(inverse(now.T_track_base)), found.P);
+  set_pose(now, T_world_base);
+  // This scan has been used.
+  for (const int reflector : found.reflectors) {
+    if (reflector < 0) continue;
+    Watched& watched = watched_[static_cast<std::size_t>(reflector)];
+    for (const Seen& seen : seen_) {
+      const Eigen::Vector2d z = observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar,
+                                                   map_.reflectors[static_cast<std::size_t>(reflector)].center_world_m);
+      watched.has_azimuth = true;
+      watched.azimuth_rad = z(1);
+    }
+  }
+  update_.is_found = true;
+  update_.matches.clear();
+  update_.ambiguous.clear();
+  update_.unmatched.clear();
+  stood_.clear();
+}
+
+}  // namespace situation_awareness
