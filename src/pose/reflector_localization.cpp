@@ -23,6 +23,10 @@ constexpr int kMaxIterations = 6;
 /// While the azimuth of a reflector changes by less than this part of the beams' spacing, the same beams see it, with
 /// the same error. The error of a rounded number is uncorrelated after 0.21 steps.
 constexpr double kFreshAzimuth = 0.25;
+/// Scans of the same beams whose mean is taken at most.
+constexpr double kMostScans = 1000.0;
+/// Fewer count as none.
+constexpr double kLeastScans = 1e-3;
 /// Reflectors are judged only by a pose that is known better than this.
 constexpr double kCertain_m = 0.05;
 constexpr double kCertain_rad = 0.03;
@@ -131,6 +135,7 @@ ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const Refl
   taken_.resize(n);
   stood_.reserve(kMaxStood);
   order_.reserve(1024);
+  in_time_.reserve(kMaxSightings);
   places_.reserve(kMaxStood);
   excluded_.resize(n);
   update_.matches.reserve(kMaxSightings);
@@ -174,14 +179,15 @@ void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estim
   estimate_.P.topLeftCorner<3, 3>() = T_world_base.P;
   estimate_.P(3, 3) = params_.wheels.distance_scale_sigma * params_.wheels.distance_scale_sigma;
   estimate_.P(4, 4) = params_.wheels.yaw_scale_sigma * params_.wheels.yaw_scale_sigma;
+  at_stamp_ = T_world_base;
+  stamp_ns_ = at.stamp_ns;
 }
 
 LocalizedPose ReflectorLocalization::pose() const {
   LocalizedPose result;
-  result.stamp_ns = at_.stamp_ns;
-  result.T_world_base.x = estimate_.x.T_world_base;
+  result.stamp_ns = stamp_ns_;
+  result.T_world_base = at_stamp_;
   result.T_world_base.x.yaw_rad = wrap_to_pi(result.T_world_base.x.yaw_rad);
-  result.T_world_base.P = estimate_.P.topLeftCorner<3, 3>();
   result.covariance_world = world_covariance(result.T_world_base);
   return result;
 }
@@ -242,8 +248,9 @@ void ReflectorLocalization::look(const ReflectorSightings& sightings, const Pose
     if (!track_.at(stamp_ns, then)) continue;
     ReflectorState x;  // only its scale errors count
     x.scale_error = estimate_.x.scale_error;
-    const Pose2 u = moved_by_odometry(x, inverse(now.T_track_base) * then.T_track_base).T_world_base;
-    seen_.push_back({i, u * T_base_lidar, 0, 0});
+    const Pose2 u = inverse(now.T_track_base) * then.T_track_base;
+    seen_.push_back(
+        {i, then, moved_by_odometry(x, u).T_world_base * T_base_lidar, odometry_noise(u, params_.wheels), 0, 0});
   }
 }
 
@@ -284,16 +291,14 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
   }
 
   if (is_known_) {
-    if (now.stamp_ns < at_.stamp_ns) {
-      update_.reason = "scan out of order";
-      ++counters_[update_.reason];
-      return update_;
-    }
     predict_to(now);
+    at_stamp_ = {estimate_.x.T_world_base, estimate_.P.topLeftCorner<3, 3>()};
+    stamp_ns_ = now.stamp_ns;
     look(sightings, T_base_lidar, now);
     list_possible(sightings);
     associate();
-    correct(sightings.resolution_rad);
+    weigh(sightings.resolution_rad);
+    correct(T_base_lidar);
     judge_reflectors(sightings, T_base_lidar);
   } else {
     look(sightings, T_base_lidar, now);
@@ -343,13 +348,15 @@ void ReflectorLocalization::list_possible(const ReflectorSightings& sightings) {
         radius_m = reflector.radius_m;
         fit = fit_reflector(sightings, sighting, radius_m);
       }
-      Possible possible{static_cast<int>(k), {fit.range_m, fit.azimuth_rad}, fit.covariance, fit.profile_share};
+      Possible possible{static_cast<int>(k), {fit.range_m, fit.azimuth_rad}, fit.covariance, fit.white, {}};
       const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
       possible.R(0, 0) += model_m2;
       possible.R(1, 1) += model_m2 / (fit.range_m * fit.range_m);
+      // To first order errors of odometry since the stamp act as one of the pose at the stamp, turned by the motion.
+      possible.R_gate = possible.R + transformed(H, seen.Q);
       Eigen::Vector2d nu = possible.z - predicted;
       nu(1) = wrap_to_pi(nu(1));
-      if (!inside_gate(innovation(estimate_, nu, H, possible.R), gate_)) continue;
+      if (!inside_gate(innovation(estimate_, nu, H, possible.R_gate), gate_)) continue;
       if (watched_[k].is_moved) {
         ++watched_[k].back;
         continue;
@@ -434,7 +441,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
           observed_reflector_jacobian(x.T_world_base, seen.T_base_lidar, center_m) * right_jacobian_se2(e.head<3>());
       Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, seen.T_base_lidar, center_m);
       nu(1) = wrap_to_pi(nu(1));
-      compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R);
+      compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R_gate);
       nis = compared.mahalanobis2;
       if (!(nis < 4.0 * gate_)) break;  // also NaN
       const Vector5 next = estimate.P * H.transpose() * compared.S.llt().solve(compared.nu);
@@ -446,7 +453,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
     const double next_cost = cost + nis;
     if (is_hopeless(next_cost)) continue;
     Estimate<ReflectorState> next = estimate;
-    situation_awareness::update(next, compared, H, possible.R);
+    situation_awareness::update(next, compared, H, possible.R_gate);
     taken_[reflector] = 1;
     trial_[k] = possible.reflector;
     try_sighting(k + 1, next, next_cost);
@@ -456,33 +463,38 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
   try_sighting(k + 1, estimate, cost + (seen.count > 0 ? gate_ : 0.0));
 }
 
-// All matches at once, as a linear problem in the error about the prediction, linearised again while it is large.
-void ReflectorLocalization::correct(double resolution_rad) {
+// That which `seen_[k]` is matched as.
+ReflectorLocalization::Possible& ReflectorLocalization::possible_of(std::size_t k) {
+  return *std::find_if(possible_.begin() + static_cast<std::ptrdiff_t>(seen_[k].first), possible_.end(),
+                       [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });
+}
+
+const Eigen::Vector2d& ReflectorLocalization::center_of(std::size_t k) const {
+  return map_.reflectors[static_cast<std::size_t>(reflector_of_[k])].center_world_m;
+}
+
+// What each match says that is new: with n scans of the same beams the covariance of their mean is W / n + C, the
+// constant part C being that of which beams are bright.
+void ReflectorLocalization::weigh(double resolution_rad) {
   for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const std::size_t sighting = seen_[k].sighting;
     const bool is_ambiguous =
-        std::find(update_.ambiguous.begin(), update_.ambiguous.end(), seen_[k].sighting) != update_.ambiguous.end();
-    if (reflector_of_[k] < 0 && !is_ambiguous) update_.unmatched.push_back(seen_[k].sighting);
-  }
-  const auto possible_of = [&](std::size_t k) -> Possible& {
-    return *std::find_if(possible_.begin() + static_cast<std::ptrdiff_t>(seen_[k].first), possible_.end(),
-                         [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });
-  };
-  const auto center_of = [&](std::size_t k) -> const Eigen::Vector2d& {
-    return map_.reflectors[static_cast<std::size_t>(reflector_of_[k])].center_world_m;
-  };
-  for (std::size_t k = 0; k < seen_.size(); ++k) {
-    if (reflector_of_[k] < 0) continue;
+        std::find(update_.ambiguous.begin(), update_.ambiguous.end(), sighting) != update_.ambiguous.end();
+    if (reflector_of_[k] < 0) {
+      if (!is_ambiguous) update_.unmatched.push_back(sighting);
+      continue;
+    }
     Possible& possible = possible_of(k);
-    const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_of(k));
+    const Eigen::Vector2d& center_m = center_of(k);
+    const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
     Matrix25 H = Matrix25::Zero();
-    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_of(k));
+    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
     Eigen::Vector2d nu = possible.z - predicted;
     nu(1) = wrap_to_pi(nu(1));
-    const double nis = innovation(estimate_, nu, H, possible.R).mahalanobis2;
-    update_.matches.push_back({seen_[k].sighting, reflector_of_[k], nis});
+    const double nis = innovation(estimate_, nu, H, possible.R_gate).mahalanobis2;
+    update_.matches.push_back({sighting, reflector_of_[k], nis});
     update_.nis += nis;
 
-    // What the choice of beams says of the azimuth counts once as long as they are the same.
     Watched& watched = watched_[static_cast<std::size_t>(reflector_of_[k])];
     double fresh = 1.0;
     if (watched.has_azimuth) {
@@ -491,36 +503,78 @@ void ReflectorLocalization::correct(double resolution_rad) {
     }
     watched.has_azimuth = true;
     watched.azimuth_rad = predicted(1);
-    const double share = std::max(1e-6, fresh + (1.0 - fresh) * possible.profile_share);
-    possible.R(1, 1) /= share;
-    possible.R(0, 1) = possible.R(1, 0) = possible.R(0, 1) / std::sqrt(share);
+    const double before = std::min(kMostScans, (1.0 - fresh) * watched.scans);
+    watched.scans = before + 1.0;
+    if (before < kLeastScans) continue;
+    const Eigen::Matrix2d constant = possible.R - possible.white;
+    const auto information = [&](double scans) -> Eigen::Matrix2d {
+      return (possible.white / scans + constant).inverse();
+    };
+    const Eigen::Matrix2d gain = information(before + 1.0) - information(before);
+    const Eigen::Matrix2d R = gain.inverse();
+    possible.R = 0.5 * (R + R.transpose());
   }
   if (update_.matches.empty()) return;
   nis_monitor_.add(update_.matches.size(), update_.nis);
+}
 
-  Vector5 e = Vector5::Zero();
-  Estimate<Vector5> error;
-  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    error.x.setZero();
-    error.P = estimate_.P;
-    const ReflectorState x = Manifold<ReflectorState>::retract(estimate_.x, e);
-    const Eigen::Matrix3d J = right_jacobian_se2(e.head<3>());
-    for (std::size_t k = 0; k < seen_.size(); ++k) {
-      if (reflector_of_[k] < 0) continue;
-      const Possible& possible = possible_of(k);
-      Matrix25 H = Matrix25::Zero();
-      H.leftCols<3>() = observed_reflector_jacobian(x.T_world_base, seen_[k].T_base_lidar, center_of(k)) * J;
-      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, seen_[k].T_base_lidar, center_of(k));
-      nu(1) = wrap_to_pi(nu(1));
-      const Eigen::Vector2d nu_of_error = nu + H * (e - error.x);
-      situation_awareness::update(error, innovation(error, nu_of_error, H, possible.R), H, possible.R);
-    }
-    const double change = (error.x - e).norm();
-    e = error.x;
-    if (change < kRelinearise) break;
+// All matches at once, each at its own time: a linear filter for the error about the predicted trajectory, of the pose
+// at the stamp as well, and linearised again about its result while that is large.
+void ReflectorLocalization::correct(const Pose2& T_base_lidar) {
+  if (update_.matches.empty()) return;
+  in_time_.clear();
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    if (reflector_of_[k] >= 0 && possible_of(k).R.allFinite()) in_time_.push_back(k);
   }
-  estimate_.x = Manifold<ReflectorState>::retract(estimate_.x, e);
-  estimate_.P = transformed(Manifold<ReflectorState>::reset_jacobian(e), error.P);
+  std::sort(in_time_.begin(), in_time_.end(), [&](std::size_t a, std::size_t b) {
+    return seen_[a].at.stamp_ns != seen_[b].at.stamp_ns ? seen_[a].at.stamp_ns < seen_[b].at.stamp_ns : a < b;
+  });
+
+  using Vector8 = Eigen::Matrix<double, 8, 1>;  // of the state at the time of a sighting, and of the pose at the stamp
+  using Matrix8 = Eigen::Matrix<double, 8, 8>;
+  const Estimate<ReflectorState> before = estimate_;
+  const OdometryTrack::Entry stamp = at_;
+  ReflectorState about = before.x;  // at the stamp
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const Vector5 off = Manifold<ReflectorState>::local_coordinates(before.x, about);
+    const Matrix5 P = transformed(Manifold<ReflectorState>::reset_jacobian(off), before.P);
+    Estimate<Vector8> error;
+    error.x.head<5>() = Manifold<ReflectorState>::local_coordinates(about, before.x);
+    error.x.tail<3>() = error.x.head<3>();
+    error.P.topLeftCorner<5, 5>() = P;
+    error.P.topRightCorner<5, 3>() = P.leftCols<3>();
+    error.P.bottomLeftCorner<3, 5>() = P.topRows<3>();
+    error.P.bottomRightCorner<3, 3>() = P.topLeftCorner<3, 3>();
+    ReflectorState x = about;
+    at_ = stamp;
+    for (const std::size_t k : in_time_) {
+      const Pose2 u = inverse(at_.T_track_base) * seen_[k].at.T_track_base;
+      at_ = seen_[k].at;
+      Matrix8 F = Matrix8::Identity();
+      Matrix8 Q = Matrix8::Zero();
+      F.topLeftCorner<5, 5>() = moved_by_odometry_jacobian(x, u);
+      Q.topLeftCorner<5, 5>() = odometry_noise(u, params_.wheels);
+      x = moved_by_odometry(x, u);
+      predict(error, Vector8(F * error.x), F, Q);
+
+      const Possible& possible = possible_of(k);
+      Eigen::Matrix<double, 2, 8> H = Eigen::Matrix<double, 2, 8>::Zero();
+      H.leftCols<3>() = observed_reflector_jacobian(x.T_world_base, T_base_lidar, center_of(k));
+      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, T_base_lidar, center_of(k));
+      nu(1) = wrap_to_pi(nu(1));
+      nu -= H * error.x;
+      situation_awareness::update(error, innovation(error, nu, H, possible.R), H, possible.R);
+    }
+    const Vector5 e = error.x.head<5>();
+    const Eigen::Vector3d e_stamp = error.x.tail<3>();
+    estimate_.x = Manifold<ReflectorState>::retract(x, e);
+    estimate_.P = transformed(Manifold<ReflectorState>::reset_jacobian(e), Matrix5(error.P.topLeftCorner<5, 5>()));
+    at_stamp_.x = Manifold<Pose2>::retract(about.T_world_base, e_stamp);
+    at_stamp_.P =
+        transformed(Manifold<Pose2>::reset_jacobian(e_stamp), Eigen::Matrix3d(error.P.bottomRightCorner<3, 3>()));
+    if (e_stamp.norm() < kRelinearise) break;
+    about = {at_stamp_.x, estimate_.x.scale_error};
+  }
 }
 
 // --- the reflectors themselves ---------------------------------------------------------------------------------------
@@ -533,14 +587,16 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
   const Reflector& known = map_.reflectors[reflector];
   double time_s = 0.5 * (sightings.free_begin_s + sightings.free_end_s);
   Eigen::Vector2d z;
-  Matrix25 H = Matrix25::Zero();
+  Eigen::Matrix<double, 2, 3> H;
   double azimuth_rad = 0.0;
+  OdometryTrack::Entry now;
+  if (!track_.at(sightings.stamp_ns, now)) return false;
   for (int iteration = 0; iteration < 2; ++iteration) {  // the time depends on the azimuth
     OdometryTrack::Entry then;
     if (!track_.at(sightings.stamp_ns + nanoseconds(time_s), then)) return false;
-    const Pose2 T_base_then_lidar = inverse(at_.T_track_base) * then.T_track_base * T_base_lidar;
-    z = observed_reflector(estimate_.x.T_world_base, T_base_then_lidar, known.center_world_m);
-    H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, T_base_then_lidar, known.center_world_m);
+    const Pose2 T_base_then_lidar = inverse(now.T_track_base) * then.T_track_base * T_base_lidar;
+    z = observed_reflector(at_stamp_.x, T_base_then_lidar, known.center_world_m);
+    H = observed_reflector_jacobian(at_stamp_.x, T_base_then_lidar, known.center_world_m);
     azimuth_rad = z(1);
     while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
     while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
@@ -548,7 +604,7 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
     time_s = sightings.free_begin_s + std::min(1.0, part) * (sightings.free_end_s - sightings.free_begin_s);
   }
   if (z(0) > params_.max_view_m || z(0) < known.radius_m + 0.1) return false;
-  const Eigen::Matrix2d HPH = transformed(H, estimate_.P);
+  const Eigen::Matrix2d HPH = transformed(H, at_stamp_.P);
   const double half_rad = std::asin(std::min(1.0, known.radius_m / z(0))) + 2.0 * std::sqrt(HPH(1, 1));
   const double behind_m = z(0) + known.radius_m + kBehind_m + 2.0 * std::sqrt(HPH(0, 0));
   const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
@@ -561,8 +617,8 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
 
 void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
   const bool is_certain = update_.matches.size() >= 2 &&
-                          larger_eigenvalue(estimate_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
-                          estimate_.P(2, 2) < kCertain_rad * kCertain_rad;
+                          larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
+                          at_stamp_.P(2, 2) < kCertain_rad * kCertain_rad;
   std::size_t seen_through = 0;
   for (std::size_t k = 0; k < watched_.size(); ++k) {
     Watched& watched = watched_[k];
@@ -602,7 +658,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
           fit_reflector(sightings, sightings.sightings[seen.sighting], map_.reflectors[k].radius_m);
       const Eigen::Vector2d p_lidar =
           fit.range_m * Eigen::Vector2d(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
-      const Eigen::Vector2d p_world = estimate_.x.T_world_base * (seen.T_base_lidar * p_lidar);
+      const Eigen::Vector2d p_world = at_stamp_.x * (seen.T_base_lidar * p_lidar);
       const double distance_m = (p_world - map_.reflectors[k].center_world_m).norm();
       if (distance_m >= nearest_m) continue;
       nearest_m = distance_m;
@@ -636,6 +692,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
   ++contradicted_;
   const Eigen::Vector3d sigma(params_.lost_sigma_m, params_.lost_sigma_m, params_.lost_sigma_rad);
   estimate_.P.diagonal().head<3>() += sigma.cwiseAbs2();
+  at_stamp_.P.diagonal() += sigma.cwiseAbs2();
 }
 
 // --- search ----------------------------------------------------------------------------------------------------------

@@ -23,6 +23,8 @@ constexpr int kWidths = 6;
 constexpr double kMaxOffset_sigma = 4.0;
 /// Most hits that a fit uses the ranges of, evenly spread; there are more only on a reflector very near by.
 constexpr std::size_t kMaxFitHits = 64;
+/// Least share of the ranges in the information about an azimuth: keeps what is new with each scan positive definite.
+constexpr double kMinShare = 1e-4;
 /// Beams beside a run that are looked at to tell whether it is flush.
 constexpr int kBeside = 3;
 
@@ -352,7 +354,12 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
   for (std::size_t i = 0; i < count; ++i) {
     information += used[i].weight * (used[i].slope_m_rad - mean) * (used[i].slope_m_rad - mean);
   }
-  fit.profile_share = std::min(1.0, information * fit.covariance(1, 1));
+  // Of the azimuth's information this share comes from the ranges. The mean of two estimates, weighted by information,
+  // has from each a variance that is its share of the whole.
+  const double share = std::clamp(information * fit.covariance(1, 1), kMinShare, 1.0);
+  fit.white(0, 0) = 1.0 / weights;
+  fit.white(1, 1) = share * fit.covariance(1, 1);
+  fit.covariance(0, 1) = fit.covariance(1, 0) = std::sqrt(1.0 - share) * fit.covariance(0, 1);  // keeps the rest >= 0
   return fit;
 }
 

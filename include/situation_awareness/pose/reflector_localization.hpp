@@ -28,6 +28,7 @@ namespace situation_awareness {
 //   s       scale errors of odometry, of distances and of turns                R^2          2
 //   e       error: of T in its own frame (forward, left, yaw), and of s        R^5          5
 //   u       motion of the base by odometry between two stamps                  SE(2)
+//   w, Q    error of odometry, of the pose after the motion, and its covariance  R^5         5, 5x5
 //   z, R    range and azimuth of a reflector's centre in the level frame       R^2          2, 2x2
 //   H       Jacobian of z by e                                                 J_z_e        2x5
 
@@ -62,7 +63,7 @@ struct Manifold<ReflectorState> {
 /// Errors of wheel odometry.
 struct WheelErrorParams {
   double distance_noise = 0.01;
-  double lateral_noise = 0.002;
+  double lateral_noise = 0.001;
   double yaw_noise_of_distance = 0.01;
   double yaw_noise_of_yaw = 0.02;
   double distance_scale_sigma = 0.02;
@@ -233,6 +234,7 @@ class ReflectorLocalization {
   bool is_known() const { return is_known_; }
   /// The pose at the stamp of the latest scan. Only while it is known.
   LocalizedPose pose() const;
+  /// The state at the last sighting that was used, with what has been learned of the wheels.
   const Estimate<ReflectorState>& state() const { return estimate_; }
 
   const ReflectorMap& map() const { return map_; }
@@ -251,14 +253,17 @@ class ReflectorLocalization {
   struct Possible {
     int reflector;
     Eigen::Vector2d z;
-    Eigen::Matrix2d R;
-    double profile_share;
+    Eigen::Matrix2d R;       ///< of one scan
+    Eigen::Matrix2d white;   ///< the part of R that is new with every scan
+    Eigen::Matrix2d R_gate;  ///< R, and the errors of odometry since the stamp
   };
 
   /// A sighting of the scan that is treated.
   struct Seen {
     std::size_t sighting;
-    Pose2 T_base_lidar;        ///< at the time of the sighting, from the base at the stamp
+    OdometryTrack::Entry at;   ///< odometry at its time
+    Pose2 T_base_lidar;        ///< at its time, from the base at the stamp
+    Matrix5 Q;                 ///< error of odometry from the stamp on
     std::size_t first, count;  ///< in possible_
   };
 
@@ -266,6 +271,7 @@ class ReflectorLocalization {
   struct Watched {
     bool has_azimuth = false;
     double azimuth_rad = 0.0;  ///< at which it was last used, in the lidar's frame
+    double scans = 0.0;        ///< that have used the same beams
     int missing = 0;
     bool is_missing = false;
     int elsewhere = 0;
@@ -293,9 +299,12 @@ class ReflectorLocalization {
   void predict_to(const OdometryTrack::Entry& target);
   void look(const ReflectorSightings& sightings, const Pose2& T_base_lidar, const OdometryTrack::Entry& now);
   void list_possible(const ReflectorSightings& sightings);
+  Possible& possible_of(std::size_t k);
+  const Eigen::Vector2d& center_of(std::size_t k) const;
   void associate();
   void try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost);
-  void correct(double resolution_rad);
+  void weigh(double resolution_rad);
+  void correct(const Pose2& T_base_lidar);
   void judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar);
   bool is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar, std::size_t reflector) const;
   void collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now);
@@ -314,7 +323,9 @@ class ReflectorLocalization {
   bool is_known_ = false;
   const char* reason_ = "no pose yet";
   Estimate<ReflectorState> estimate_;
-  OdometryTrack::Entry at_;  ///< the odometry of the estimate
+  OdometryTrack::Entry at_;   ///< the odometry of the estimate
+  Estimate<Pose2> at_stamp_;  ///< of the latest scan; the estimate is at that of its last sighting
+  std::int64_t stamp_ns_ = 0;
   bool has_initial_ = false;
   LocalizedPose initial_;
   int contradicted_ = 0;  ///< scans in a row
@@ -330,6 +341,7 @@ class ReflectorLocalization {
   int nodes_ = 0;
   std::vector<Stood> stood_;
   std::vector<std::size_t> order_;
+  std::vector<std::size_t> in_time_;  ///< matched ones of seen_
   std::vector<ReflectorPlace> places_;
   std::vector<char> excluded_;
   ReflectorUpdate update_;

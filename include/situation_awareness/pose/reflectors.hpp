@@ -16,9 +16,9 @@ namespace situation_awareness {
 /// What the fit of a cylinder to the hits on it takes for true of the scanner (docs/math/reflectors.md).
 struct ReflectorFitParams {
   double range_sigma_m = 0.012;
-  double beam_width_rad = 0.002;
-  double pointing_sigma_rad = 0.001;
-  double min_bright_part = 0.75;
+  double beam_width_rad = 0.001;
+  double pointing_sigma_rad = 0.0005;
+  double min_bright_part = 0.8;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -128,8 +128,9 @@ struct ReflectorFit {
   double range_m = 0.0;  ///< to the centre
   double azimuth_rad = 0.0;
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  ///< of range (m) and azimuth (rad)
-  double profile_share = 0.0;  ///< in [0, 1]: part of the information about the azimuth that comes from the ranges; the
-                               ///< rest comes from which beams are bright and is the same again while nothing moves
+  /// Part of the covariance that is new with every scan, by the noise of the ranges. The rest, by which beams are
+  /// bright, is the same again while nothing moves.
+  Eigen::Matrix2d white = Eigen::Matrix2d::Zero();
   bool is_width_plausible = false;  ///< a reflector of that radius can be as wide at that range
 };
 
