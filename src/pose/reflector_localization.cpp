@@ -366,7 +366,10 @@ void ReflectorLocalization::list_possible(const ReflectorSightings& sightings) {
     seen.count = possible_.size() - seen.first;
   }
   // Those with the least choice first, which makes the tree of assignments small.
-  std::stable_partition(seen_.begin(), seen_.end(), [](const Seen& seen) { return seen.count == 1; });
+  std::sort(seen_.begin(), seen_.end(), [](const Seen& a, const Seen& b) {
+    const bool is_clear_a = a.count == 1, is_clear_b = b.count == 1;
+    return is_clear_a != is_clear_b ? is_clear_a : a.sighting < b.sighting;
+  });
 }
 
 // The assignment with the least sum of squared Mahalanobis distances, of all sightings jointly, and of the gate for

@@ -6,6 +6,7 @@
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/pose/reflector_localization.hpp"
 #include "support/aggregate_size.hpp"
 
 namespace situation_awareness {
@@ -31,6 +32,12 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<DetectionParams>() + 1, aggregate_size<DetectionParams>()) << "model_folder is the caller's";
   EXPECT_EQ(declared_size<ObjectMapParams>(), aggregate_size<ObjectMapParams>());
   EXPECT_EQ(declared_size<ObjectPipelineParams>(), aggregate_size<ObjectPipelineParams>());
+  EXPECT_EQ(declared_size<OdometryTrackParams>(), aggregate_size<OdometryTrackParams>());
+  EXPECT_EQ(declared_size<ReflectorDetectionParams>(), aggregate_size<ReflectorDetectionParams>());
+  EXPECT_EQ(declared_size<ReflectorFitParams>(), aggregate_size<ReflectorFitParams>());
+  EXPECT_EQ(declared_size<ReflectorLocalizationParams>(), aggregate_size<ReflectorLocalizationParams>());
+  EXPECT_EQ(declared_size<ReflectorSearchParams>(), aggregate_size<ReflectorSearchParams>());
+  EXPECT_EQ(declared_size<WheelErrorParams>(), aggregate_size<WheelErrorParams>());
   EXPECT_EQ(declared_size<SegmentModel>() + 1, aggregate_size<SegmentModel>()) << "shape is the caller's";
 }
 

@@ -29,8 +29,8 @@ class ReflectorWorld {
   struct Cylinder {
     Eigen::Vector2d center_m;
     double radius_m;
-    double intensity;     ///< seen square on
-    bool falls = false;   ///< the intensity is that times the cosine of the incidence
+    double intensity;    ///< seen square on
+    bool falls = false;  ///< the intensity is that times the cosine of the incidence
   };
   struct Wall {
     Eigen::Vector2d from, to;
@@ -99,8 +99,7 @@ class ReflectorWorld {
       if (is_lost || !(range_m < max_range_m)) {
         result.beams.push_back({static_cast<float>(max_range_m), BeamState::kFree});
       } else {
-        result.beams.push_back(
-            {static_cast<float>(range_m + noise_m), BeamState::kHit, static_cast<float>(intensity)});
+        result.beams.push_back({static_cast<float>(range_m + noise_m), BeamState::kHit, static_cast<float>(intensity)});
       }
     }
     return result;
@@ -150,7 +149,7 @@ class DriftingWheels {
     yaw_scale_ = 1.0 + 0.01 * random_.normal();
   }
 
-  double next_time_s() const { return steps_ * period_s_; }
+  double next_time_s() const { return static_cast<double>(steps_) * period_s_; }
 
   std::pair<std::int64_t, Pose2> next() {
     const double time_s = next_time_s();
@@ -178,14 +177,13 @@ class DriftingWheels {
   std::int64_t steps_ = 0;
 };
 
-/// At a speed along a curve that bends both ways, about the middle of the room, starting and stopping smoothly.
+/// At about a speed along a figure of eight in the middle of the room.
 inline ReflectorWorld::Path winding_path(double speed_m_s) {
   return [speed_m_s](double t_s) {
-    const double a = speed_m_s * t_s / 1.2;
+    const double a = speed_m_s * t_s / 1.47;  // the mean length of v
     const Eigen::Vector2d p(1.4 * std::sin(a), 0.8 * std::sin(2.0 * a + 0.4));
     const Eigen::Vector2d v(1.4 * std::cos(a), 1.6 * std::cos(2.0 * a + 0.4));
-    double yaw_rad = std::atan2(v.y(), v.x());
-    return Pose2{p, yaw_rad};
+    return Pose2{p, std::atan2(v.y(), v.x())};
   };
 }
 
