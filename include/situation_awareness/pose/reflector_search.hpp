@@ -59,7 +59,7 @@ struct ReflectorPose {
 class ReflectorSearch {
  public:
   /// Most places that are used: the first. The time grows with their square and that of the reflectors.
-  static constexpr int kMaxPlaces = 12;
+  static constexpr int kMaxPlaces = 8;
 
   /// Throws std::invalid_argument as check_reflectors and the params' validate().
   ReflectorSearch(const ReflectorMap& map, const ReflectorSearchParams& params);
