@@ -57,6 +57,7 @@ BIN_M = 0.01  # of an outline, for what was seen of it
 SEEN_SCANS = 10  # a bin was seen, or seen to be free, after so many scans
 FREE_MARGIN_M = 0.1  # so far behind a bin must the beams beside it end
 GAP_M = 0.3  # between two neighbouring hits on a thing, at most
+PASSED_PART = 1 / 3  # of the bins of what has gone, for a scan that has seen it to be gone
 IN_SIGHT_BEAMS, IN_SIGHT_INTENSITY = 2, 420.0
 CIRCLE_SIDES = 180
 
@@ -603,8 +604,8 @@ def make_world(name, seed, transits=TRANSITS):
 
 
 class Sight:
-    """Of which bins of the outlines which scan was the last that it took to have seen them, or seen them to be
-    free."""
+    """When the bins of the outlines were first hit, had been seen by SEEN_SCANS scans, were first passed by the beams
+    after the thing had gone, and had been passed by SEEN_SCANS scans."""
 
     def __init__(self, things):
         self.things = things
@@ -614,12 +615,23 @@ class Sight:
         self.bins = np.array(counts + [1])
         self.centres = np.vstack([thing.bin_centres() for thing in things])
         self.seen_count, self.free_count = (np.zeros(self.offsets[-1], int) for _ in range(2))
-        self.first_s, self.seen_s, self.free_s = (np.full(self.offsets[-1], np.nan) for _ in range(3))
+        self.first_s, self.seen_s, self.first_free_s, self.free_s = (np.full(self.offsets[-1], np.nan)
+                                                                     for _ in range(4))
+        self.in_sight, self.passed = ([[] for _ in things] for _ in range(2))  # scans, as [first, last] of runs
 
-    def add_hits(self, stamp_s, things, arcs_m, points):
+    @staticmethod
+    def _extend(runs, scan):
+        if runs and runs[-1][1] == scan - 1:
+            runs[-1][1] = scan
+        else:
+            runs.append([scan, scan])
+
+    def add_hits(self, scan, stamp_s, things, arcs_m, points):
         """`things`: of each beam, an index or -1. What is between two neighbouring hits was seen as well."""
         known = (things >= 0) & (things < len(self.things))
         index = np.where(known, things, -1)
+        for thing in np.flatnonzero(np.bincount(things[known], minlength=len(self.things)) >= IN_SIGHT_BEAMS):
+            self._extend(self.in_sight[thing], scan)
         at = np.minimum((arcs_m / self.lengths_m[index] * self.bins[index]).astype(int), self.bins[index] - 1)
         edge = np.zeros(self.offsets[-1] + 1, int)
 
@@ -646,12 +658,11 @@ class Sight:
         self.first_s[seen & (self.seen_count == 1)] = stamp_s
         self.seen_s[seen & (self.seen_count == SEEN_SCANS)] = stamp_s
 
-    def add_free(self, stamp_s, gone, range_m, pose_of_beam):
+    def add_free(self, scan, stamp_s, gone, range_m, pose_of_beam):
         """`gone`: indices of things that are not there any more. `pose_of_beam` gives the scanner's poses of beams."""
         if not gone:
             return
         bins = np.concatenate([np.arange(self.offsets[i], self.offsets[i + 1]) for i in gone])
-        bins = bins[self.free_count[bins] < SEEN_SCANS]
         beam = np.zeros(len(bins))
         for _ in range(2):  # the beam's time depends on the beam
             poses = pose_of_beam(beam)
@@ -664,6 +675,13 @@ class Sight:
                               np.where(np.isfinite(range_m[low + 1]), range_m[low + 1], 0.0))
         free = bins[inside & (behind_m > np.hypot(*away.T) + FREE_MARGIN_M)]
         self.free_count[free] += 1
+        self.first_free_s[free[self.free_count[free] == 1]] = stamp_s
+        passed = np.zeros(self.offsets[-1], bool)
+        passed[free] = True
+        for i in gone:
+            own = passed[self.offsets[i]:self.offsets[i + 1]]
+            if own.mean() >= PASSED_PART:
+                self._extend(self.passed[i], scan)
         self.free_s[free[self.free_count[free] == SEEN_SCANS]] = stamp_s
 
 
@@ -737,6 +755,7 @@ class Simulation:
         rays_rad = (angles[:, None] + FOOTPRINT_RAD).ravel()
         after_s = self.time_increment_s * np.arange(BEAMS)
         trousers = MATERIALS["trousers"]
+        scans = 0
         for transit, (begin_s, end_s) in enumerate(self.drive.transits):
             here = [i for i, thing in enumerate(world.things) if transit in thing.present]
             gone = [i for i, thing in enumerate(world.things) if max(thing.present) < transit]
@@ -760,14 +779,15 @@ class Simulation:
                 reach = np.where(np.isfinite(scan.range_m), scan.range_m, 0.0)
                 points = poses[:, :2] + reach[:, None] * np.column_stack((np.cos(direction), np.sin(direction)))
                 things = index_of[np.minimum(scan.thing, len(here))]
-                self.sight.add_hits(stamp_s, things, scan.arc_m, points)
-                self.sight.add_free(stamp_s, gone, scan.range_m, lambda beam: composed(
+                self.sight.add_hits(scans, stamp_s, things, scan.arc_m, points)
+                self.sight.add_free(scans, stamp_s, gone, scan.range_m, lambda beam: composed(
                     self.drive.at(stamp_s + self.time_increment_s * np.minimum(beam, BEAMS - 1.0)), mount))
                 bright = scan.intensity >= IN_SIGHT_INTENSITY
                 in_sight = sum(int(((scan.thing == i) & bright).sum()) >= IN_SIGHT_BEAMS for i in reflectors)
                 for key, value in zip(self._rows, (stamp_s, transit, *(round(float(v), 7) for v in base[0]), in_sight,
                                                    None if middle is None else [round(float(v), 4) for v in middle])):
                     self._rows[key].append(value)
+                scans += 1
                 yield stamp_s, transit, scan
 
     def truth(self):
@@ -783,7 +803,9 @@ class Simulation:
                 "circle": None if thing.circle is None else [round(float(v), 6) for v in thing.circle],
                 "present": [k for k in thing.present if k < self.world.transits],
                 "length_m": round(thing.length_m, 6), "first_s": stamps(self.sight.first_s, i),
-                "seen_s": stamps(self.sight.seen_s, i), "free_s": stamps(self.sight.free_s, i)})
+                "seen_s": stamps(self.sight.seen_s, i), "first_free_s": stamps(self.sight.first_free_s, i),
+                "free_s": stamps(self.sight.free_s, i), "in_sight": self.sight.in_sight[i],
+                "passed": self.sight.passed[i]})
         return {"world": self.world.name, "seed": self.world.seed, "sweep": self.sweep,
                 "initial_pose": None if self.initial_pose is None else [float(v) for v in self.initial_pose],
                 "scan_period_s": SCAN_PERIOD_S, "seen_scans": SEEN_SCANS,
