@@ -41,6 +41,7 @@ FOUND_M = 0.03
 PERSON_M, PERSON_LEFT_S, PERSON_CHAIN_M = 0.3, 2.0, 0.1
 PERSON_AWAY_M = 0.5
 STAMP_TOLERANCE_S = 1e-3
+NEVER = 10**9  # scan
 ADDED_S, REMOVED_S = 4.0, 6.0  # targets; what was neither for less time in sight is not counted
 
 TF = "tf"  # a run with true poses
@@ -227,10 +228,15 @@ class Truth:
         with np.errstate(invalid="ignore"):
             return (self.seen_s <= stamp_s) & self.standing(transit)[self.thing_of_bin]
 
-    def open_bins(self, stamp_s, transit):
-        """Bins at which a chain is neither right nor wrong: of what has gone and was not seen to be free."""
+    def is_open(self, points, stamp_s, transit, away_m):
+        """Whether a chain at these points is neither right nor wrong: they are at what may be on the map, or at the
+        place of what has gone and was not seen to be free, and not nearer to what stands there (`away_m`)."""
         with np.errstate(invalid="ignore"):
-            return (self.last < transit)[self.thing_of_bin] & ~(self.free_s <= stamp_s)
+            bins = (self.last < transit)[self.thing_of_bin] & ~(self.free_s <= stamp_s)
+        to_open_m, _ = self.nearest(points, self.stands[:, transit] & self.optional)
+        if bins.any() and len(points):
+            to_open_m = np.minimum(to_open_m, cKDTree(self.centres[bins]).query(points)[0])
+        return (to_open_m <= NEAR_M) & (to_open_m < away_m)
 
     def seen_parts(self, thing, seen):
         """Of its own bins which were seen: [first, last] of the parts, which may go over the end; none if it is the
@@ -302,12 +308,8 @@ def snapshot(truth, chains, stamp_s, transit):
     standing = truth.standing(transit)
     samples = samples_of(chains)
     away_m, owner = truth.nearest(samples.points, standing)
-    near = away_m <= NEAR_M
-    optional = truth.nearest(samples.points, truth.stands[:, transit] & truth.optional)[0] <= NEAR_M
-    open_bins = truth.open_bins(stamp_s, transit)
-    if open_bins.any() and len(samples.points):
-        optional |= cKDTree(truth.centres[open_bins]).query(samples.points)[0] <= NEAR_M
-    counted = near | ~optional
+    counted = ~truth.is_open(samples.points, stamp_s, transit, away_m)
+    near = counted & (away_m <= NEAR_M)
     length = samples.length_m
     found.counted_m, found.near_m = length[counted].sum(), length[near].sum()
     found.false_m = found.counted_m - found.near_m
@@ -361,10 +363,7 @@ def snapshot(truth, chains, stamp_s, transit):
         if not matched[k]:
             continue
         vertex_m, _ = truth.nearest(chain.points, standing)
-        beside = truth.nearest(chain.points, truth.stands[:, transit] & truth.optional)[0] <= NEAR_M
-        if open_bins.any():
-            beside |= cKDTree(truth.centres[open_bins]).query(chain.points)[0] <= NEAR_M
-        counts = (vertex_m <= NEAR_M) | ~beside
+        counts = ~truth.is_open(chain.points, stamp_s, transit, vertex_m)
         found.vertices += int(counts.sum())
         own = counts & (vertex_m <= NEAR_M) & (chain.sigma_m > 0.0)
         found.vertex_squares += ((vertex_m[own] / chain.sigma_m[own])**2).tolist()
@@ -464,10 +463,16 @@ class Delays:
                 self._end_added(first, i, scan)
         removed_s = {}
         for i, bins in self._had.items():
+            if not len(bins):
+                continue
             runs, delays = self.truth.things[i]["passed"], []
-            for b in bins:
-                freed = self.free_scan.get(int(b))
-                if freed is None:
+            own = np.arange(self.truth.offsets[i], self.truth.offsets[i + 1])
+            own = own[~np.isnan(self.truth.seen_s[own])]
+            free = np.array([self.free_scan.get(int(b), NEVER) for b in own])
+            tree = cKDTree(self.truth.centres[own])
+            for b, beside in zip(bins, tree.query_ball_point(self.truth.centres[bins], PART_GAP_M)):
+                freed = int(free[beside].max())  # a chain bridges gaps that are shorter
+                if freed == NEVER:
                     continue
                 off = self._off.get(int(b))
                 waited_s = scans_within(runs, freed + 1, scan if off is None else off) * self.period_s
@@ -513,10 +518,8 @@ class Persons:
         if not len(either):
             return
         transit, stamp_s = truth.transit_of_scan[scan], truth.stamps[scan]
-        right = truth.nearest(samples.points[either], truth.stands[:, transit])[0] <= NEAR_M
-        open_bins = truth.open_bins(stamp_s, transit)
-        if open_bins.any():
-            right |= cKDTree(truth.centres[open_bins]).query(samples.points[either])[0] <= NEAR_M
+        away_m, _ = truth.nearest(samples.points[either], truth.standing(transit))
+        right = (away_m <= NEAR_M) | truth.is_open(samples.points[either], stamp_s, transit, away_m)
         wrong = np.zeros(len(on_track), bool)
         wrong[either] = ~right
         for mask, left in ((wrong & on_track, True), (wrong & on_person, False)):
@@ -911,23 +914,24 @@ MAP = """
 After the last transit. Chains are sampled each {sample:.0f} cm, outlines in bins as long. *Precision*: the part of the
 chains' length within 10 cm of what stands there. *Recall*: of the things of which 10 cm (or a quarter of the outline,
 if this is less) were seen, those with a chain of their own and half of what was seen within 10 cm of the map.
-*Coverage*: the part of the seen outlines within 10 cm of the map. Seen are bins that {seen} scans hit. Reflectors, and
-the places of things that have gone and were not seen to be free, are neither right nor wrong. *Distances* are of all
-of the matched chains, those with half their length within 10 cm of the truth, without a gate on what exceeds it.
-*False chains*: what is farther than 10 cm from what stands there. *Chains per object*: chains on a thing, with at least
-10 cm or a quarter of what was seen, over the parts of its outline that were seen and are 10 cm apart. *Same id*: of the
-things on the map after a transit that still stand, those on which the chain that had most of them has at least half
-as much after the next. *Fewest*: the vertices that Douglas and Peucker leave of the seen truth at {tolerance:.0f} cm.
-*Vertex error over sigma*: root mean square of each vertex's distance from the truth over its `sigma_m`.
+*Coverage*: the part of the seen outlines within 10 cm of the map. Seen are bins that {seen} scans hit. What is nearer
+to a reflector, or to the place of a thing that has gone and was not seen to be free, is neither right nor wrong.
+*Distances* are of all of the matched chains, those with half their length within 10 cm of the truth, without a gate on
+what exceeds it. *False chains*: what is farther than 10 cm from what stands there. *Chains per object*: chains on a
+thing, with at least 10 cm or a quarter of what was seen, over the parts of its outline that were seen and are 10 cm
+apart. *Same id*: of the things on the map after a transit that still stand, those on which the chain that had most of
+them has at least half as much after the next. *Fewest*: the vertices that Douglas and Peucker leave of the seen truth
+at {tolerance:.0f} cm. *Vertex error over sigma*: root mean square of each vertex's distance from the truth over its
+`sigma_m`.
 """
 CHANGE = """
 *Added*: from when 10 cm (or a quarter of the outline) were seen until half of what was seen is on the map, in time in
-which the thing was in sight. *Removed*: of nine in ten of its bins, from when {seen} scans have passed through the
-place until the map has nothing within 5 cm, in time in which beams passed; bins within 12 cm of what stands there are
-left out. What had no time to be added or removed does not count. *Lost*: things of which the map had more than 10 cm after
-one transit and not after the next, though no beam went through the place. *Left by persons*: chains with more than
-10 cm farther than 10 cm from anything that stands, within 0.3 m of where a person was at least 2 s ago and none has
-been since.
+which the thing was in sight. *Removed*: of nine in ten of its bins, from when {seen} scans have passed through all of
+its outline within 10 cm until the map has nothing within 5 cm, in time in which beams passed; bins within 12 cm of what
+stands there are left out. What had no time to be added or removed does not count. *Lost*: things of which the map had
+more than 10 cm after one transit and not after the next, though no beam went through the place. *Left by persons*:
+chains with more than 10 cm farther than 10 cm from anything that stands, within 0.3 m of where a person was at least 2
+s ago and none has been since.
 """
 POSE = """
 Of base_link at the stamps of the scans, from {settle:g} s after the first. Two reflectors are in sight if at least two
