@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """scripts/evaluate polygons: its measures of maps whose errors are known, and the simulator of its worlds."""
+import functools
 import math
 import pathlib
 import sys
@@ -41,6 +42,14 @@ def run_simulation(simulation):
     return scans, simulation.truth()
 
 
+@functools.lru_cache(maxsize=None)
+def part_chain(truth, thing, part):
+    points = truth.part_points(thing, part)
+    if part is None:
+        return polygons.simplified(np.vstack((points, points[:1])), 1e-4)[:-1]
+    return polygons.simplified(points, 1e-4)
+
+
 def seen_chains(truth, stamp_s, ids):
     """A map that is the truth: the seen parts of what stands, and of what has gone and was not seen to be free. The id
     of a chain is 100 times the number of its thing, and more; a part keeps the id of that before which it has most in
@@ -54,11 +63,7 @@ def seen_chains(truth, stamp_s, ids):
             seen = (truth.seen_s[bins] <= stamp_s) & ~(truth.free_s[bins] <= stamp_s)
         parts = truth.seen_parts(i, seen)
         for k, part in enumerate([None] if parts is None else parts):
-            points = truth.part_points(i, part)
-            if part is None:
-                points = polygons.simplified(np.vstack((points, points[:1])), 1e-4)[:-1]
-            else:
-                points = polygons.simplified(points, 1e-4)
+            points = part_chain(truth, i, part and tuple(part))
             own = set(np.arange(*((0, len(seen)) if part is None else (part[0], part[1] + 1))) % len(seen))
             common = {id_: len(own & before) for id_, before in ids.items() if id_ // 100 == i and id_ not in kept}
             id_ = max(common, key=common.get, default=None)
