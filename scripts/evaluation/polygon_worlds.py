@@ -5,11 +5,25 @@ again, while what stands there changes between the transits. Everything follows 
     python3 scripts/evaluation/polygon_worlds.py DIR [--worlds corridor hall] [--seeds 1 2]
         [--sweep off on both] [--initial-pose off on both]
 
-writes for each world NAME.bag (scans, odometry, TF odom -> base_link), NAME_tf.bag (with map -> odom besides, so that
-map -> base_link is the truth), NAME.reflectors.yaml and NAME.truth.json. docs/benchmarks/polygons.md has the formats.
+NAME is WORLD_SEED, then _sweep with a sweep, then _lost without an initial pose. Written are
+
+    NAME.bag              /scan, /odom, /tf odom -> base_link, and /tf_static base_link -> laser (shifted and turned)
+    NAME_tf.bag           the same, and map -> odom such that map -> base_link is the truth
+    NAME.reflectors.yaml  where the reflectors are known to be: {reflectors: [{x, y, radius_m}]}
+    NAME.truth.json       the truth, in the world's frame (map)
+
+The truth: `transits`: [first scan's stamp, the time that none reaches] of each; `initial_pose`: [x, y, yaw] as it is
+told, or null; `scans`: of each scan `stamp`, `transit`, the pose of base_link at the stamp (`x`, `y`, `yaw`),
+`reflectors_in_sight`, and `walker`, [x, y] or null. `things`: `id`, `kind`, `optional` (it may be on the map but need
+not), `outline` (closed), `circle` ([x, y, radius] or null), `present` (transits) and `length_m` of the outline. The
+outline is divided in bins of equal length from its first point on, a circle from its point towards +x; of each bin
+`first_s`: when a beam first hit it; `seen_s`: when `seen_scans` scans had; `first_free_s`, `free_s`: the same of beams
+that went through its place after the thing had gone; or null. `in_sight`: runs [first, last] of scans that hit the
+thing with two beams at least; `passed`: of scans whose beams went through a third of the gone outline.
 
 All in the plane of the scanner: rays are cast exactly on line segments and circles. A walker is where it is in the
-middle of a scan; everything else is at the time of each beam."""
+middle of a scan; everything else is at the time of each beam. Between the transits the robot is docked: in the corridor
+it turns for the way back, in the hall it stands; odometry goes on."""
 
 import argparse
 import dataclasses
@@ -32,7 +46,7 @@ LEAD_S = 1.0  # of odometry before the first scan
 GRID_S = 0.001  # of the true path; between its points it is straight
 ODOMETRY_PERIOD_S = 0.02
 
-# As models/scanners/lms100.yaml, but with the noise of the paper and mixed ranges.
+# As models/scanners/lms100.yaml, but it sees what is near as well, and beams over an edge may give a range between.
 BEAMS, ANGLE_MIN_RAD, ANGLE_INCREMENT_RAD = 541, math.radians(-135.0), math.radians(0.5)
 SCAN_PERIOD_S, SWEEP_S = 0.04, 0.03
 RANGE_MIN_M, RANGE_MAX_M, RANGE_SIGMA_M, RANGE_QUANTUM_M = 0.05, 20.0, 0.012, 0.001
