@@ -15,7 +15,7 @@ Pose2 part_of(const Pose2& from, const Pose2& to, double part) {
 }
 
 /// Between poses nearer in time than this a velocity says little; a jump is then one by distance.
-constexpr double kMinPeriod_s = 0.005;
+constexpr double kMinOdometryPeriod_s = 0.005;
 
 }  // namespace
 
@@ -49,7 +49,7 @@ OdometryTrack::Verdict OdometryTrack::add(std::int64_t stamp_ns, const Pose2& T_
     const double period_s = seconds_between(before.stamp_ns, stamp_ns);
     Pose2 motion = inverse(T_odom_latest_) * T_odom_base;
     const Eigen::Vector3d tau = log_se2(motion);
-    const double judged_s = std::max(period_s, kMinPeriod_s);
+    const double judged_s = std::max(period_s, kMinOdometryPeriod_s);
     entry.jumps = before.jumps;
     if (tau.head<2>().norm() > params_.max_speed_m_s * judged_s ||
         std::abs(tau(2)) > params_.max_yaw_rate_rad_s * judged_s) {
@@ -58,8 +58,8 @@ OdometryTrack::Verdict OdometryTrack::add(std::int64_t stamp_ns, const Pose2& T_
       motion = {};
       if (size_ > 1) {  // as before
         const Entry& earlier = (*this)[size_ - 2];
-        const double part =
-            std::min(1.0, period_s / std::max(kMinPeriod_s, seconds_between(earlier.stamp_ns, before.stamp_ns)));
+        const double part = std::min(
+            1.0, period_s / std::max(kMinOdometryPeriod_s, seconds_between(earlier.stamp_ns, before.stamp_ns)));
         motion = exp_se2(part * log_se2(inverse(earlier.T_track_base) * before.T_track_base));
       }
     }
@@ -98,7 +98,7 @@ bool OdometryTrack::at(std::int64_t stamp_ns, Entry& entry) const {
   if (beyond_s > params_.max_extrapolation_s) return false;
   if (size_ < 2) return true;
   const Entry& earlier = (*this)[size_ - 2];
-  const double part = beyond_s / std::max(kMinPeriod_s, seconds_between(earlier.stamp_ns, latest().stamp_ns));
+  const double part = beyond_s / std::max(kMinOdometryPeriod_s, seconds_between(earlier.stamp_ns, latest().stamp_ns));
   entry.T_track_base = part_of(latest().T_track_base,
                                latest().T_track_base * (inverse(earlier.T_track_base) * latest().T_track_base), part);
   return true;

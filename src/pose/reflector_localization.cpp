@@ -36,7 +36,7 @@ constexpr double kBehind_m = 0.1;
 constexpr double kStands_m = 0.1;
 /// What was seen longer ago, or farther away, is not searched with.
 constexpr double kMaxAge_s = 3.0;
-constexpr double kMaxTravel_m = 1.5;
+constexpr double kMaxSearchTravel_m = 1.5;
 /// Error of a place by odometry in between, relative to the way.
 constexpr double kTravelError = 0.03;
 constexpr std::size_t kMaxStood = 64;
@@ -703,7 +703,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
 void ReflectorLocalization::collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now) {
   const auto is_old = [&](const Stood& stood) {
     return seconds_between(stood.stamp_ns, now.stamp_ns) > kMaxAge_s ||
-           (stood.base_track_m - now.T_track_base.translation_m).norm() > kMaxTravel_m;
+           (stood.base_track_m - now.T_track_base.translation_m).norm() > kMaxSearchTravel_m;
   };
   stood_.erase(std::remove_if(stood_.begin(), stood_.end(), is_old), stood_.end());
   for (const Seen& seen : seen_) {
