@@ -15,7 +15,7 @@ import pathlib
 import re
 import sys
 
-STAGES = ["cloud", "scan", "image", "points", "segments", "detections", "map", "pose", "path"]
+STAGES = ["cloud", "scan", "image", "points", "segments", "polylines", "detections", "map", "pose", "path"]
 ORDER = ["common", "geometry", "estimation"] + STAGES + ["pipeline", "sim", "evaluation", "ros"]
 VALUES_ONLY = STAGES + ["sim"]
 APART = {("sim", "pipeline"), ("evaluation", "sim")}  # the first may not include the second

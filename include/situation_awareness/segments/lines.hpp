@@ -26,19 +26,6 @@ struct Bulge {
 
 Bulge bulge_of(const Line& line, const Point* points, std::size_t count);
 
-/// A line through hits, with its covariance from the range noise.
-struct LineEstimate {
-  Line line_level;  ///< through the weighted mean of the hits, the normal away from the sensor
-  /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad); invariant under
-  /// rigid motion.
-  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
-};
-
-/// The maximum likelihood line through points measured from the origin, their ranges with independent normal errors of
-/// standard deviation `range_sigma_m` (docs/math/segments.md, "Straight pieces"). At least two distinct points.
-/// Covariances do not include deviations of the surface from a line; rms_m shows them.
-LineEstimate estimate_line(const Point* points, std::size_t count, double range_sigma_m);
-
 /// Find the straight pieces of the structures among `segments`, into Segments::straight_pieces: runs of at least
 /// params.min_line_points hits within params.max_line_offset_m of a line, except for runs of fewer hits off it.
 /// Replaces earlier pieces. The time per piece is linear in the points.

@@ -88,6 +88,19 @@ struct StraightPiece {
   SegmentEnd left_end = SegmentEnd::kFree;
 };
 
+/// A line through hits, with its covariance from the range noise.
+struct LineEstimate {
+  Line line_level;  ///< through the weighted mean of the hits, the normal away from the sensor
+  /// Of the error of (offset along the normal at `through_m` in m, rotation counter-clockwise in rad); invariant under
+  /// rigid motion.
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+};
+
+/// The maximum likelihood line through points measured from the origin, their ranges with independent normal errors of
+/// standard deviation `range_sigma_m` (docs/math/segments.md, "Straight pieces"). At least two distinct points.
+/// Covariances do not include deviations of the surface from a line; rms_m shows them.
+LineEstimate estimate_line(const Point* points, std::size_t count, double range_sigma_m);
+
 /// A run of neighbouring hits that is no segment.
 struct RefusedRun {
   std::size_t first = 0;  ///< index of its first (lowest azimuth) point in Segments::points
