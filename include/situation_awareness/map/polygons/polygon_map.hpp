@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/polylines/polylines.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the map of polygons.
+struct PolygonMapParams {
+  double spacing_m = 0.04;
+  double gate_m = 0.12;
+  double max_gap_m = 0.25;
+  double pass_margin_m = 0.06;
+  double max_pose_sigma_m = 0.05;
+  int confirm_hits = 6;
+  double confirm_s = 0.3;
+  double park_s = 10.0;
+  double removal_s = 1.2;
+  double absence_s = 2.0;
+  double tolerance_m = 0.012;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("spacing_m", self.spacing_m, Bounds{0.005, 1.0}, "m", "distance of the boundary's elements along it");
+    visit("gate_m", self.gate_m, Bounds{0.01, 1.0}, "m",
+          "a hit is of a known boundary up to this distance across it, or 4 standard deviations if that is less");
+    visit("max_gap_m", self.max_gap_m, Bounds{0.01, 10.0}, "m", "elements farther apart are not joined");
+    visit("pass_margin_m", self.pass_margin_m, Bounds{0.01, 1.0}, "m",
+          "a beam has passed a boundary if it ends so far behind it");
+    visit("max_pose_sigma_m", self.max_pose_sigma_m, Bounds{0.0, 100.0}, "m",
+          "with a pose less certain than this the map stays as it is");
+    visit("confirm_hits", self.confirm_hits, Bounds{1, 1000}, "", "hits after which an element is on the map");
+    visit("confirm_s", self.confirm_s, Bounds{0.0, 100.0}, "s", "time from its first hit until then, at least");
+    visit("park_s", self.park_s, Bounds{0.0, 1e6}, "s",
+          "the same for what came while the place was watched: it moves, or it was parked");
+    visit("removal_s", self.removal_s, Bounds{0.01, 1e4}, "s",
+          "time for which beams pass a well-known element until it is removed");
+    visit("absence_s", self.absence_s, Bounds{0.0, 1e6}, "s",
+          "after a longer gap between scans nothing is known of what was watched");
+    visit("tolerance_m", self.tolerance_m, Bounds{0.001, 1.0}, "m",
+          "maximum distance of the elements from the chain's edges, in addition to twice their standard deviations");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "polygons"); }
+};
+
+/// What an update did.
+struct PolygonMapUpdate {
+  int fused = 0;    ///< hits on known elements
+  int created = 0;  ///< elements
+  int removed = 0;
+  Counters reasons;  ///< why a scan was not used, and elements were removed
+};
+
+/// The semi-static map of polygons (docs/math/polygons.md): the boundaries of all that stands.
+///
+/// It consists of oriented surface elements (surfels), fused from the hits of the scans' polylines (point-based fusion;
+/// Keller et al., 2013), which are linked in the order in which scans saw them. Where the paper merges a scan's chain
+/// vertex by vertex with one of the map, which needs a chain-to-chain association that the order around the viewpoint
+/// does not give (polygon paper, Sects. 3.3 and 3.4), here each hit is associated with the element at its place that
+/// faces it, and chains are what the links make of the elements. So nothing is doubled that is seen again, whatever
+/// part of it, errors average out as 1 / n, and things go piece by piece.
+class PolygonMap {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit PolygonMap(const PolygonMapParams& params);
+
+  /// Adds a scan, in the order of the stamps. `pose_covariance`: of the error of T_world_level in x, y (m) and yaw
+  /// (rad), in the axes of the world.
+  PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                          PolygonMapUpdate memory = {});
+
+  /// The chains at the time of the latest scan. `memory`: as for limit_range.
+  Polygons polygons(Polygons memory = {});
+
+  std::size_t elements() const { return surfels_.size() - free_.size(); }
+
+ private:
+  using Index = std::int32_t;
+  static constexpr Index kNone = -1;
+
+  struct Surfel {
+    Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
+    Eigen::Vector2d normal_world = Eigen::Vector2d::UnitX();  ///< towards the free side
+    double variance_m2 = 0.0;                                 ///< across, of range noise and pose
+    double low_m = 0.0, high_m = 0.0;                         ///< extent of its hits along it, from right to left
+    double log_odds = 0.0;                                    ///< of its existence
+    double seen_s = 0.0;                                      ///< time for which it was hit
+    std::int64_t first_seen_ns = 0, last_seen_ns = 0;
+    int hits = 0;
+    Index right = kNone, left = kNone;  ///< the next element, linked only if both agree
+    Index next = kNone;                 ///< in its cell
+    std::uint64_t chain = 0;            ///< id
+    bool oriented = false;              ///< by a hit with a normal; else the normal is along the beam
+    bool alive = false, confirmed = false;
+    bool watched = false;  ///< it came while its place was seen to be free
+    bool walked = false;   ///< while chains are made
+    std::size_t elements_of_chain = 0;
+  };
+
+  /// An earlier scan: what was free then.
+  struct Watch {
+    std::int64_t stamp_ns = std::numeric_limits<std::int64_t>::min();
+    Pose2 T_level_world;
+    FreeSpace free_space;
+  };
+
+  /// How a scan saw a place.
+  enum class View { kUnknown, kHit, kPassed };
+
+  static Eigen::Vector2d along(const Surfel& surfel) { return {surfel.normal_world.y(), -surfel.normal_world.x()}; }
+  std::size_t bucket(int cell_x, int cell_y) const;
+  std::size_t bucket_of(const Eigen::Vector2d& p_world_m) const;
+  void insert(Index index);
+  void erase(Index index);
+  void move(Index index, const Eigen::Vector2d& p_world_m);
+  template <class Act>
+  void for_each_near(const Eigen::Vector2d& p_world_m, const Act& act) const;
+  bool linked(Index right, Index left) const;
+
+  Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
+             bool has_normal);
+  Index create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2);
+  void merge_double(Index kept, Index other);
+  Index take_into_chain(Index index, Index right);
+  void unlink(Index index);
+  void remove(Index index);
+  void link(Index right, Index left);
+  void close_gaps();
+  void link_neighbours(Index right, Index left);
+  View view_of(const FreeSpace& free_space, const Eigen::Vector2d& p_level_m, double near_m, double* weight) const;
+  bool was_watched(const Eigen::Vector2d& p_world_m) const;
+  void see_through(const Polylines& polylines, PolygonMapUpdate& update);
+  void remember(const Polylines& polylines);
+  void walk_chain(Index from);
+  void name_chains();
+  bool is_beside_larger(std::size_t chain) const;
+  void make_chain(std::vector<Index>& elements, bool closed, Polygons& result, std::size_t& used);
+
+  PolygonMapParams params_;
+  std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
+  double step_s_ = 0.0;  ///< since the scan before
+  double cell_m_;
+  std::uint64_t next_id_ = 1;
+  std::vector<Surfel> surfels_;
+  std::vector<Index> free_;     ///< places in surfels_
+  std::vector<Index> buckets_;  ///< first element of each
+  std::vector<Watch> watches_;
+  std::size_t next_watch_ = 0;
+  std::vector<Index> of_hit_;                      ///< element of each hit of the scan
+  std::vector<std::pair<double, Index>> between_;  ///< part of the way, element
+  std::vector<Index> walk_;
+  std::vector<std::pair<std::size_t, std::size_t>> chains_;  ///< first and end in walk_
+  std::vector<bool> closed_;
+  std::vector<std::pair<std::uint64_t, std::size_t>> names_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace situation_awareness {
+
+/// A vertex of a chain, with the standard deviation of the boundary there, across it: absolute, the pose's error
+/// included.
+struct ChainVertex {
+  Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
+  double sigma_m = 0.0;
+};
+
+/// The boundary of a standing thing, or of several that touch, as far as it was seen. Its free side lies to the left
+/// of the way from a vertex to the one before: seen from there, the vertices go from right to left.
+struct Chain {
+  std::uint64_t id = 0;               ///< never used twice
+  bool closed = false;                ///< an edge leads from the last vertex to the first
+  std::vector<ChainVertex> vertices;  ///< two at least
+  std::int64_t first_seen_ns = 0;     ///< stamps of scans that hit it
+  std::int64_t last_seen_ns = 0;
+  double p_exists = 0.0;  ///< probability, of its least certain part
+};
+
+/// All standing things, walls included.
+struct Polygons {
+  std::int64_t stamp_ns = 0;
+  std::vector<Chain> chains;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <set>
+#include <vector>
+
+#include "situation_awareness/geometry/box.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/polylines/polyline_extraction.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+#include "support/level_scene.hpp"
+#include "support/refusal.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kPeriod_s = 0.04;
+constexpr double kSigma_m = 0.01;
+
+using Walls = std::vector<LevelScene::Wall>;
+
+void add_box(Walls& walls, const Box& box) {
+  const std::array<Eigen::Vector2d, 4> at = corners(box);
+  for (std::size_t i = 0; i < at.size(); ++i) walls.push_back({at[i], at[(i + 1) % at.size()]});
+}
+
+/// A room of 6 m x 4 m about the origin.
+Walls room() {
+  Walls walls;
+  add_box(walls, {{0.0, 0.0}, 0.0, 3.0, 2.0});
+  return walls;
+}
+
+/// A scanner at a known pose in a world of walls, and the map of what it sees.
+class World {
+ public:
+  explicit World(std::uint64_t seed, const PolygonMapParams& params = {}) : random_(seed), map_(params) {}
+
+  /// The scans of so many seconds, from a place that moves.
+  template <class PoseAt>
+  void see(const Walls& walls, double duration_s, const PoseAt& pose_at) {
+    for (double t = 0.0; t < duration_s; t += kPeriod_s) {
+      const Pose2 T_world_level = pose_at(t);
+      LevelScene scene;
+      scene.angle_min_rad = -kPi;
+      scene.beams = 720;
+      scene.angle_increment_rad = 2.0 * kPi / scene.beams;
+      const Pose2 T_level_world = inverse(T_world_level);
+      for (const LevelScene::Wall& wall : walls)
+        scene.walls.push_back({T_level_world * wall.from, T_level_world * wall.to});
+      Scan scan = scene.scan(&random_, kSigma_m);
+      scan.stamp_ns = stamp_ns_;
+      Points points = project_horizontally(scan, Eigen::Isometry3d::Identity());
+      points.T_world_level = T_world_level;
+      update_ = map_.update(extract_polylines(segment(points, {}), {}), Eigen::Matrix3d::Zero(), std::move(update_));
+      stamp_ns_ += static_cast<std::int64_t>(kPeriod_s * 1e9);
+    }
+    polygons_ = map_.polygons();
+  }
+
+  void see(const Walls& walls, double duration_s, const Eigen::Vector2d& from_m = {0.3, 0.2}) {
+    see(walls, duration_s, [&](double t) { return Pose2{from_m, 0.1 * t}; });
+  }
+
+  void wait(double duration_s) { stamp_ns_ += static_cast<std::int64_t>(duration_s * 1e9); }
+
+  const Polygons& polygons() const { return polygons_; }
+  const PolygonMapUpdate& last_update() const { return update_; }
+
+ private:
+  Random random_;
+  PolygonMap map_;
+  std::int64_t stamp_ns_ = 1'000'000'000'000;
+  PolygonMapUpdate update_;
+  Polygons polygons_;
+};
+
+double distance_m(const Eigen::Vector2d& p_m, const Eigen::Vector2d& a_m, const Eigen::Vector2d& b_m) {
+  const Eigen::Vector2d way_m = b_m - a_m;
+  const double part = std::clamp((p_m - a_m).dot(way_m) / std::max(way_m.squaredNorm(), 1e-12), 0.0, 1.0);
+  return (p_m - a_m - part * way_m).norm();
+}
+
+/// Distance from the map.
+double distance_m(const Eigen::Vector2d& p_m, const Polygons& polygons) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (const Chain& chain : polygons.chains) {
+    for (std::size_t i = 0; i + 1 < chain.vertices.size() + (chain.closed ? 1 : 0); ++i) {
+      least_m = std::min(least_m, distance_m(p_m, chain.vertices[i].p_world_m,
+                                             chain.vertices[(i + 1) % chain.vertices.size()].p_world_m));
+    }
+  }
+  return least_m;
+}
+
+double distance_m(const Eigen::Vector2d& p_m, const Walls& walls) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (const LevelScene::Wall& wall : walls) least_m = std::min(least_m, distance_m(p_m, wall.from, wall.to));
+  return least_m;
+}
+
+/// Id of the chain nearest to a place.
+std::uint64_t id_at(const Eigen::Vector2d& p_m, const Polygons& polygons) {
+  std::uint64_t id = 0;
+  double least_m = std::numeric_limits<double>::infinity();
+  for (const Chain& chain : polygons.chains) {
+    const double off_m = distance_m(p_m, Polygons{0, {chain}});
+    if (off_m >= least_m) continue;
+    least_m = off_m;
+    id = chain.id;
+  }
+  return id;
+}
+
+TEST(PolygonMap, ARoomIsOneClosedChainOfItsFourCorners) {
+  World world(1);
+  world.see(room(), 6.0);
+  ASSERT_EQ(world.polygons().chains.size(), 1U);
+  const Chain& chain = world.polygons().chains[0];
+  EXPECT_TRUE(chain.closed);
+  EXPECT_EQ(chain.vertices.size(), 4U);
+  EXPECT_GT(chain.p_exists, 0.9);
+  for (const LevelScene::Wall& wall : room()) {
+    double least_m = 1.0;
+    for (const ChainVertex& vertex : chain.vertices) least_m = std::min(least_m, (vertex.p_world_m - wall.from).norm());
+    EXPECT_LT(least_m, 0.005);
+  }
+}
+
+// The errors of the walls average out, and are as large as sigma says. Along a wall, at an open end, sigma says
+// nothing.
+TEST(PolygonMap, ErrorsAverageOutAndAreAsLargeAsSigmaSays) {
+  double squares = 0.0, squares_m2 = 0.0;
+  int samples = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    World world(seed);
+    world.see(room(), 4.0);
+    for (const Chain& chain : world.polygons().chains) {
+      for (std::size_t i = 0; i + 1 < chain.vertices.size() + (chain.closed ? 1 : 0); ++i) {
+        const ChainVertex& from = chain.vertices[i];
+        const ChainVertex& to = chain.vertices[(i + 1) % chain.vertices.size()];
+        if ((to.p_world_m - from.p_world_m).norm() < 0.5) continue;
+        for (const double part : {0.1, 0.3, 0.5, 0.7, 0.9}) {
+          const Eigen::Vector2d p_m = from.p_world_m + part * (to.p_world_m - from.p_world_m);
+          const double off_m = distance_m(p_m, room());
+          squares_m2 += off_m * off_m;
+          squares += std::pow(off_m / ((1.0 - part) * from.sigma_m + part * to.sigma_m), 2);
+          ++samples;
+        }
+      }
+    }
+  }
+  ASSERT_GT(samples, 150);
+  EXPECT_LT(std::sqrt(squares_m2 / samples), 0.0015);  // a hit's is 0.01
+  EXPECT_LT(std::sqrt(squares / samples), 1.3);
+  EXPECT_GT(std::sqrt(squares / samples), 0.2);
+}
+
+TEST(PolygonMap, WhatWasTakenAwayGoesOnceBeamsPassAndTheWallBehindStays) {
+  const Box box{{1.5, 0.0}, 0.3, 0.25, 0.2};
+  Walls with_box = room();
+  add_box(with_box, box);
+  World world(2);
+  world.see(with_box, 3.0);
+  EXPECT_LT(distance_m(corners(box)[2], world.polygons()), 0.02);
+  world.wait(10.0);
+  world.see(room(), 2.0);
+  for (const Eigen::Vector2d& corner_m : corners(box)) EXPECT_GT(distance_m(corner_m, world.polygons()), 0.3);
+  for (const Chain& chain : world.polygons().chains) {
+    for (const ChainVertex& vertex : chain.vertices) EXPECT_LT(distance_m(vertex.p_world_m, room()), 0.01);
+  }
+}
+
+TEST(PolygonMap, NothingThatIsHiddenGoes) {
+  const Box box{{2.2, 0.6}, 0.0, 0.15, 0.15};
+  Walls with_box = room();
+  add_box(with_box, box);
+  World world(3);
+  world.see(with_box, 3.0);
+  const std::uint64_t id = id_at(box.center_m, world.polygons());
+  const Eigen::Vector2d near_corner_m(2.05, 0.45);
+  ASSERT_LT(distance_m(near_corner_m, world.polygons()), 0.02);
+  // Put a screen before the box and take the box away behind it: nobody can know.
+  Walls screened = room();
+  screened.push_back({{1.2, -0.6}, {1.2, 1.4}});
+  world.wait(10.0);
+  world.see(screened, 20.0);
+  EXPECT_LT(distance_m(near_corner_m, world.polygons()), 0.02);
+  EXPECT_EQ(id_at(box.center_m, world.polygons()), id);
+}
+
+TEST(PolygonMap, WhoStandsForAMomentIsNotOnTheMapWhatIsParkedIs) {
+  const auto person_at = [](const Eigen::Vector2d& at_m) {
+    Walls walls = room();
+    add_box(walls, {at_m, 0.2, 0.12, 0.12});
+    return walls;
+  };
+  World world(4);
+  world.see(room(), 3.0);
+  for (double x = 2.4; x > 1.3; x -= 0.04) world.see(person_at({x, 0.5}), kPeriod_s);
+  world.see(person_at({1.3, 0.5}), 3.0);
+  EXPECT_GT(distance_m({1.3, 0.5}, world.polygons()), 0.3);
+  world.see(person_at({1.3, 0.5}), 9.0);  // it has been there for 12 s
+  EXPECT_LT(distance_m({1.18, 0.4}, world.polygons()), 0.1);
+  for (double x = 1.3; x < 2.4; x += 0.04) world.see(person_at({x, 0.5}), kPeriod_s);
+  world.see(room(), 2.0);
+  EXPECT_GT(distance_m({1.3, 0.5}, world.polygons()), 0.5);
+  for (const Chain& chain : world.polygons().chains) {
+    for (const ChainVertex& vertex : chain.vertices) EXPECT_LT(distance_m(vertex.p_world_m, room()), 0.02);
+  }
+}
+
+TEST(PolygonMap, WhatStoodThereWhenThePlaceWasFirstSeenIsKnownWithinASecond) {
+  Walls with_box = room();
+  add_box(with_box, {{1.5, 0.0}, 0.3, 0.25, 0.2});
+  World world(5);
+  world.see(room(), 3.0);
+  world.wait(10.0);  // the scanner was off
+  world.see(with_box, 1.0);
+  EXPECT_LT(distance_m({1.25, -0.05}, world.polygons()), 0.06);
+}
+
+TEST(PolygonMap, IdsStayAndAreUsedOnce) {
+  Walls with_box = room();
+  add_box(with_box, {{1.5, 0.0}, 0.3, 0.25, 0.2});
+  World world(6);
+  world.see(with_box, 3.0);
+  const std::uint64_t wall = id_at({-3.0, 0.0}, world.polygons());
+  const std::uint64_t box = id_at({1.25, -0.05}, world.polygons());
+  EXPECT_NE(wall, box);
+  world.wait(20.0);
+  world.see(with_box, 3.0, {0.5, -0.9});
+  EXPECT_EQ(id_at({-3.0, 0.0}, world.polygons()), wall);
+  EXPECT_EQ(id_at({1.25, -0.05}, world.polygons()), box);
+  world.see(room(), 3.0);
+  world.wait(20.0);
+  world.see(with_box, 3.0);
+  EXPECT_NE(id_at({1.25, -0.05}, world.polygons()), box);
+  std::set<std::uint64_t> ids;
+  for (const Chain& chain : world.polygons().chains) EXPECT_TRUE(ids.insert(chain.id).second);
+}
+
+TEST(PolygonMap, ASecondVisitWithAPoseThatIsOffDoublesNothing) {
+  World world(7);
+  world.see(room(), 3.0);
+  Polylines nothing;
+  world.wait(10.0);
+  world.see(room(), 3.0, [](double t) { return Pose2{{0.32, 0.19}, 0.1 * t + 0.002}; });
+  double length_m = 0.0;
+  for (const Chain& chain : world.polygons().chains) {
+    for (std::size_t i = 0; i + 1 < chain.vertices.size() + (chain.closed ? 1 : 0); ++i) {
+      length_m += (chain.vertices[(i + 1) % chain.vertices.size()].p_world_m - chain.vertices[i].p_world_m).norm();
+    }
+  }
+  EXPECT_NEAR(length_m, 20.0, 0.3);
+}
+
+TEST(PolygonMap, SameInputSameMap) {
+  World first(8), second(8);
+  for (World* world : {&first, &second}) world->see(room(), 2.0);
+  ASSERT_EQ(first.polygons().chains.size(), second.polygons().chains.size());
+  for (std::size_t c = 0; c < first.polygons().chains.size(); ++c) {
+    const Chain& a = first.polygons().chains[c];
+    const Chain& b = second.polygons().chains[c];
+    ASSERT_EQ(a.vertices.size(), b.vertices.size());
+    EXPECT_EQ(a.id, b.id);
+    for (std::size_t i = 0; i < a.vertices.size(); ++i) EXPECT_EQ(a.vertices[i].p_world_m, b.vertices[i].p_world_m);
+  }
+}
+
+TEST(PolygonMap, StampsThatDoNotGoOnAndUncertainPosesAreCounted) {
+  PolygonMap map({});
+  Polylines polylines;
+  polylines.stamp_ns = 5;
+  EXPECT_TRUE(map.update(polylines, Eigen::Matrix3d::Zero()).reasons.empty());
+  EXPECT_EQ(map.update(polylines, Eigen::Matrix3d::Zero()).reasons.of("stamp not after the one before"), 1U);
+  polylines.stamp_ns = 6;
+  EXPECT_EQ(map.update(polylines, Eigen::Matrix3d::Identity()).reasons.of("pose not known well enough"), 1U);
+}
+
+TEST(PolygonMap, NamesFieldAndBound) {
+  PolygonMapParams params;
+  params.spacing_m = 0.0;
+  EXPECT_TRUE(names(refusal_of([&] { PolygonMap map(params); }), {"polygons.spacing_m"}));
+}
+
+}  // namespace
+}  // namespace situation_awareness
