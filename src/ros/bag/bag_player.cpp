@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <stdexcept>
+#include <utility>
 
 #include <ros/exception.h>
 #include <rosbag/exceptions.h>
@@ -79,13 +80,22 @@ std::string BagPlayer::find_topic(const std::string& wanted, const std::string& 
 
 void BagPlayer::add_transforms(const tf2_msgs::TFMessage& msg, bool is_static) {
   if (options_.static_sensor) return;
-  for (geometry_msgs::TransformStamped transform : msg.transforms) {
-    transform.header.frame_id = tf2_frame(transform.header.frame_id);
-    transform.child_frame_id = tf2_frame(transform.child_frame_id);
-    frames_.insert(transform.header.frame_id);
-    frames_.insert(transform.child_frame_id);
-    transforms_.setTransform(transform, kAuthority, is_static);
+  for (const geometry_msgs::TransformStamped& transform : msg.transforms) {
+    if (added_.count(tf2_frame(transform.child_frame_id)) == 0) set_transform(transform, is_static);
   }
+}
+
+void BagPlayer::add_transform(geometry_msgs::TransformStamped transform) {
+  added_.insert(tf2_frame(transform.child_frame_id));
+  set_transform(std::move(transform), false);
+}
+
+void BagPlayer::set_transform(geometry_msgs::TransformStamped transform, bool is_static) {
+  transform.header.frame_id = tf2_frame(transform.header.frame_id);
+  transform.child_frame_id = tf2_frame(transform.child_frame_id);
+  frames_.insert(transform.header.frame_id);
+  frames_.insert(transform.child_frame_id);
+  transforms_.setTransform(transform, kAuthority, is_static);
 }
 
 void BagPlayer::use_when_posed(const Taken& taken, const ros::Time& recorded, Use use) {

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include <geometry_msgs/TransformStamped.h>
 #include <ros/message_traits.h>
 #include <ros/time.h>
 #include <rosbag/bag.h>
@@ -66,6 +67,12 @@ class BagPlayer {
   /// At the time of `taken` in the recording.
   void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
 
+  /// Adds a transform in the place of those of its child frame in /tf, such as that of an odometry message.
+  void add_transform(geometry_msgs::TransformStamped transform);
+
+  /// The transforms until now.
+  const tf2::BufferCore& transforms() const { return transforms_; }
+
   void drop(const std::string& reason) { ++dropped_[reason]; }
 
   /// Returns the result of `work`; its duration is part of the summary.
@@ -102,6 +109,7 @@ class BagPlayer {
   [[noreturn]] static void other_version(const std::string& topic);
 
   std::string find_topic(const std::string& wanted, const std::string& datatype);
+  void set_transform(geometry_msgs::TransformStamped transform, bool is_static);
   void add_transforms(const tf2_msgs::TFMessage& msg, bool is_static);
   void play_all();
   void release(std::int64_t now_ns);
@@ -112,6 +120,7 @@ class BagPlayer {
   std::map<std::string, std::function<void(const rosbag::MessageInstance&)>> subscriptions_;  ///< by topic
   std::string noun_, measured_topic_;
   std::set<std::string> frames_;  ///< of all transforms
+  std::set<std::string> added_;   ///< child frames of transforms that do not come from /tf
   std::string sensor_frame_;      ///< of the latest measurement
   tf2::BufferCore transforms_;
   TransformQueue<Use> queue_;

@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/points/points.hpp"
+#include "situation_awareness/polylines/polyline_extraction.hpp"
+#include "situation_awareness/polylines/polylines.hpp"
+#include "situation_awareness/pose/reflector_localization.hpp"
+#include "situation_awareness/pose/reflector_map.hpp"
+#include "situation_awareness/pose/reflectors.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
+#include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+#include "situation_awareness/segments/segments.hpp"
+
+namespace situation_awareness {
+
+/// All parameters of the pipeline from scan to the map of polygons; cfg/polygons.yaml mirrors it.
+struct PolygonPipelineParams {
+  RangeLimiterParams scan;
+  SegmentationParams segments;
+  ReflectorDetectionParams reflectors;
+  ReflectorLocalizationParams localization;
+  PolylineParams polylines;
+  PolygonMapParams polygons;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("scan", self.scan);
+    visit("segments", self.segments);
+    visit("reflectors", self.reflectors);
+    visit("localization", self.localization);
+    visit("polylines", self.polylines);
+    visit("polygons", self.polygons);
+  }
+};
+
+/// The results of all stages for one scan.
+struct PolygonPipelineResult {
+  Points points;
+  Segments segments;
+  Polylines polylines;
+  PolygonMapUpdate update;
+};
+
+/// From scan to the map of polygons in one thread, without ROS.
+class PolygonPipeline {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit PolygonPipeline(const PolygonPipelineParams& params);
+
+  /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged. `pose_covariance`:
+  /// of the error of the pose in x, y (m) and yaw (rad), in the axes of the world. The result is valid until the next
+  /// call, which reuses its memory.
+  const PolygonPipelineResult& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                       const Eigen::Isometry3d& T_world_lidar_end,
+                                       const Eigen::Matrix3d& pose_covariance);
+
+  PolygonMap& map() { return map_; }
+
+ private:
+  PolygonPipelineParams params_;
+  PolygonMap map_;
+  Scan limited_;
+  PolygonPipelineResult result_;
+};
+
+/// A scan with the poses that it is placed by.
+struct OdometryScan {
+  Pose2 T_odom_base;      ///< by odometry, at the stamp
+  Pose2 T_odom_base_end;  ///< at the last beam
+  Eigen::Isometry3d T_base_lidar = Eigen::Isometry3d::Identity();
+};
+
+/// The same with the pose by reflectors and odometry, for a base that moves in the plane.
+class ReflectorPolygonPipeline {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params);
+
+  ReflectorLocalization& localization() { return localization_; }
+  PolygonPipeline& pipeline() { return pipeline_; }
+
+  /// Localises by the scan and, where the pose is known then, maps it. The odometry up to the scan has been added to
+  /// localization(). Returns whether the pose is known. Throws std::invalid_argument if the scan or a pose cannot be
+  /// used.
+  bool process(const Scan& scan, const OdometryScan& placed);
+
+ private:
+  PolygonPipelineParams params_;
+  ReflectorLocalization localization_;
+  PolygonPipeline pipeline_;
+  Points points_;
+  ReflectorSightings sightings_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
+
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "situation_awareness/points/horizontal_projection.hpp"
+
+namespace situation_awareness {
+namespace {
+
+Eigen::Isometry3d in_plane(const Pose2& T_a_b) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().head<2>() = T_a_b.translation_m;
+  T.linear() = Eigen::AngleAxisd(T_a_b.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return T;
+}
+
+}  // namespace
+
+PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params) : params_(params), map_(params.polygons) {
+  params_.scan.validate();
+  params_.segments.validate();
+  params_.polylines.validate();
+}
+
+const PolygonPipelineResult& PolygonPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                                      const Eigen::Isometry3d& T_world_lidar_end,
+                                                      const Eigen::Matrix3d& pose_covariance) {
+  const std::string defect = scan_defect(scan);
+  if (!defect.empty()) throw std::invalid_argument(defect);
+
+  limited_ = limit_range(scan, T_world_lidar, params_.scan, std::move(limited_));
+  result_.points = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(result_.points));
+  result_.segments = segment(result_.points, params_.segments, std::move(result_.segments));
+  result_.polylines = extract_polylines(result_.segments, params_.polylines, std::move(result_.polylines));
+  result_.update = map_.update(result_.polylines, pose_covariance, std::move(result_.update));
+  return result_;
+}
+
+ReflectorPolygonPipeline::ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params)
+    : params_(params), localization_(reflectors, params.localization), pipeline_(params) {
+  params_.reflectors.validate();
+}
+
+bool ReflectorPolygonPipeline::process(const Scan& scan, const OdometryScan& placed) {
+  const std::string defect = scan_defect(scan);
+  if (!defect.empty()) throw std::invalid_argument(defect);
+  // Its level frame is planar with the base's, and each reflector is treated at its own time.
+  points_ = project_horizontally(scan, placed.T_base_lidar, placed.T_base_lidar, std::move(points_));
+  sightings_ = detect_reflectors(points_, params_.reflectors, std::move(sightings_));
+  if (!localization_.update(sightings_, points_.T_world_level).is_known) return false;
+
+  const LocalizedPose pose = localization_.pose();
+  const Pose2& T_world_base = pose.T_world_base.x;
+  const Pose2 T_world_base_end = T_world_base * (inverse(placed.T_odom_base) * placed.T_odom_base_end);
+  // An error of the yaw moves the lidar, which is not at the base's origin.
+  const Eigen::Vector2d lever_m = T_world_base.rotation() * points_.T_world_level.translation_m;
+  Eigen::Matrix3d J_lidar_base = Eigen::Matrix3d::Identity();
+  J_lidar_base.topRightCorner<2, 1>() << -lever_m.y(), lever_m.x();
+  const Eigen::Matrix3d covariance = J_lidar_base * pose.covariance_world * J_lidar_base.transpose();
+  pipeline_.process(scan, in_plane(T_world_base) * placed.T_base_lidar,
+                    in_plane(T_world_base_end) * placed.T_base_lidar, covariance);
+  return true;
+}
+
+}  // namespace situation_awareness

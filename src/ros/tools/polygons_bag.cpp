@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From a recorded bag to a map of polygons, without a roscore: the same stages as the nodelets', as fast as possible.
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <geometry_msgs/TransformStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
+#include "command_line.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/ros/bag/atomic_file.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/bag/scans.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kName = "polygons_bag";
+constexpr const char* kConfig = "polygons.yaml";
+constexpr const char* kDescription =
+    R"(Reads laser scans, odometry and transforms from a bag and writes pose and map after each scan as one line of JSON:
+  {"stamp": s, "pose": {"x", "y", "yaw": number, "covariance": [9 numbers, row by row]},
+   "polylines": [{"id": int, "closed": bool, "points": [[x, y], ...], "sigma_m": [one per point],
+    "first_seen", "last_seen": s, "p": number}]}
+in m, rad and s, in the world frame: the pose is that of the odometry's child frame at the stamp, the polylines are all
+standing things, walls included. Invalid scans have no line and are counted by reason. Files are written atomically.
+)";
+
+constexpr double kResetTimeJump_s = 1.0;
+/// Of an initial pose.
+constexpr double kInitialSigma_m = 0.12;
+constexpr double kInitialSigma_rad = 0.07;
+/// Of poses from /tf, which have no covariance: those of a good SLAM.
+constexpr double kTfSigma_m = 0.02;
+constexpr double kTfSigma_rad = 0.01;
+
+struct Options {
+  BagOptions bag;
+  std::string scan_topic = "/scan";
+  std::string odom_topic = "/odom";
+  std::string localization = "reflectors";
+  std::string reflectors, initial_pose, out;
+};
+
+/// X,Y,YAW
+Pose2 parse_pose(const std::string& text) {
+  std::istringstream stream(text);
+  Pose2 pose;
+  char comma[2] = {};
+  stream >> pose.translation_m.x() >> comma[0] >> pose.translation_m.y() >> comma[1] >> pose.yaw_rad;
+  const bool is_pose =
+      stream && comma[0] == ',' && comma[1] == ',' && stream.peek() == std::istringstream::traits_type::eof();
+  if (!is_pose || !std::isfinite(pose.translation_m.sum() + pose.yaw_rad)) {
+    throw std::invalid_argument("--initial-pose: " + text + " is not X,Y,YAW in m and rad");
+  }
+  return pose;
+}
+
+void add_options(CLI::App& app, Options& options) {
+  add_bag_options(app, options.bag, kConfig);
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what)->type_name(type);
+  };
+  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  text("--odom-topic", options.odom_topic, "TOPIC", "nav_msgs/Odometry");
+  text("--reflectors", options.reflectors, "FILE", "the reflectors, from which the pose comes");
+  text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the start, good to 12 cm and 4 degrees");
+  text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
+      ->check(CLI::IsMember({"reflectors", "tf"}));
+  text("--out", options.out, "FILE", "output file of the lines")->required();
+  app.callback([&options] {
+    if (options.localization == "reflectors" && options.reflectors.empty()) throw CLI::RequiredError("--reflectors");
+    if (options.localization == "tf" && !options.initial_pose.empty()) {
+      throw CLI::ValidationError("--initial-pose is for --reflectors");
+    }
+    if (!options.initial_pose.empty()) parse_pose(options.initial_pose);
+  });
+}
+
+Json json_of(const Pose2& T_world_base, const Eigen::Matrix3d& covariance, const Polygons& polygons) {
+  Json line;
+  Json& pose = line["pose"] = Json::object();
+  pose["x"] = finite(T_world_base.translation_m.x());
+  pose["y"] = finite(T_world_base.translation_m.y());
+  pose["yaw"] = finite(std::remainder(T_world_base.yaw_rad, 2.0 * M_PI));
+  pose["covariance"] = list_of(9, [&](int i) { return covariance(i / 3, i % 3); });
+  Json& list = line["polylines"] = Json::array();
+  for (const Chain& chain : polygons.chains) {
+    Json& element = add_object(list, 7);
+    element["id"] = chain.id;
+    element["closed"] = chain.closed;
+    Json& points = element["points"] = Json::array();
+    Json& sigma = element["sigma_m"] = Json::array();
+    for (const ChainVertex& vertex : chain.vertices) {
+      points.push_back(list_of(2, [&](int i) { return vertex.p_world_m(i); }));
+      sigma.push_back(finite(vertex.sigma_m));
+    }
+    element["first_seen"] = 1e-9 * static_cast<double>(chain.first_seen_ns);
+    element["last_seen"] = 1e-9 * static_cast<double>(chain.last_seen_ns);
+    element["p"] = finite(chain.p_exists);
+  }
+  return line;
+}
+
+Pose2 pose_of(const Eigen::Isometry3d& T) { return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))}; }
+
+/// Frames of the odometry in the bag; empty where there is none.
+struct OdometryFrames {
+  std::string odom, base;
+};
+
+OdometryFrames odometry_frames(const Options& options) {
+  rosbag::Bag bag(options.bag.bag, rosbag::bagmode::Read);
+  const std::string bare = tf2_frame(options.odom_topic);
+  for (const rosbag::MessageInstance& instance :
+       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
+    const auto msg = instance.instantiate<nav_msgs::Odometry>();
+    if (msg) return {tf2_frame(msg->header.frame_id), tf2_frame(msg->child_frame_id)};
+  }
+  return {};
+}
+
+/// What the program writes and counts.
+struct Output {
+  explicit Output(const std::string& path) : file(path) {}
+  void write(const Scan& scan, const Pose2& T_world_base, const Eigen::Matrix3d& covariance, PolygonMap& map) {
+    polygons = map.polygons(std::move(polygons));
+    file.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, polygons)));
+  }
+  LineFile file;
+  Polygons polygons;
+};
+
+void map_by_tf(const Options& options, const PolygonPipelineParams& params, const OdometryFrames& frames) {
+  BagPlayer player(options.bag, kResetTimeJump_s);
+  Output out(options.out);
+  PolygonPipeline pipeline(params);
+  const std::string world_frame = tf2_frame(options.bag.world_frame);
+  const Eigen::Matrix3d covariance =
+      Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
+  subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
+    player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
+    const Eigen::Isometry3d T_world_base =
+        frames.base.empty() ? Eigen::Isometry3d(T_world_lidar)
+                            : transform_at(player.transforms(), world_frame, frames.base, to_ros_time(scan.stamp_ns));
+    out.write(scan, pose_of(T_world_base), covariance, pipeline.map());
+  });
+  player.play();
+  out.file.finish();
+  player.print_summary();
+}
+
+void map_by_reflectors(const Options& options, const PolygonPipelineParams& params, const OdometryFrames& frames) {
+  if (frames.odom.empty()) {
+    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odom_topic);
+  }
+  ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors), params);
+  ReflectorLocalization& localization = pipeline.localization();
+  // Scans wait for the odometry of their first and last beams.
+  BagOptions bag = options.bag;
+  bag.world_frame = frames.odom;
+  BagPlayer player(bag, kResetTimeJump_s);
+  Output out(options.out);
+  bool needs_initial = !options.initial_pose.empty();
+  const Pose2 initial = needs_initial ? parse_pose(options.initial_pose) : Pose2{};
+  std::string lidar_frame;
+  std::size_t known = 0, unknown = 0;
+  player.subscribe<nav_msgs::Odometry>(options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) {
+    geometry_msgs::TransformStamped transform;
+    transform.header = msg->header;
+    transform.child_frame_id = msg->child_frame_id;
+    transform.transform.translation.x = msg->pose.pose.position.x;
+    transform.transform.translation.y = msg->pose.pose.position.y;
+    transform.transform.translation.z = msg->pose.pose.position.z;
+    transform.transform.rotation = msg->pose.pose.orientation;
+    const Eigen::Isometry3d T_odom_base = isometry_from_msg(transform.transform);
+    player.add_transform(transform);
+    const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
+    if (needs_initial) localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
+    needs_initial = false;
+    localization.add_odometry(stamp_ns, pose_of(T_odom_base));
+  });
+  subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_end) {
+    const Eigen::Isometry3d T_odom_base =
+        transform_at(player.transforms(), frames.odom, frames.base, to_ros_time(scan.stamp_ns));
+    OdometryScan placed;
+    placed.T_odom_base = pose_of(T_odom_base);
+    placed.T_base_lidar = T_odom_base.inverse() * T_odom_lidar;
+    placed.T_odom_base_end = pose_of(T_end * placed.T_base_lidar.inverse());
+    const bool is_known = player.timed([&] { return pipeline.process(scan, placed); });
+    ++(is_known ? known : unknown);
+    if (!is_known) return;
+    const LocalizedPose pose = localization.pose();
+    out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline().map());
+  });
+  player.play();
+  out.file.finish();
+  player.print_summary();
+  std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
+  for (const auto& [reason, count] : localization.counters()) {
+    std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
+  }
+}
+
+int polygons_bag(const Options& options) {
+  const std::string path = config_path(options.bag, kConfig);
+  const auto params = params_from_yaml<PolygonPipelineParams>(read_text_file(path), path);
+  const OdometryFrames frames = odometry_frames(options);
+  if (options.localization == "tf") {
+    map_by_tf(options, params, frames);
+  } else {
+    map_by_reflectors(options, params, frames);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  Options options;
+  CommandLine app(kName, kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] { return polygons_bag(options); });
+}
