@@ -9,7 +9,7 @@
 
 #include <Eigen/LU>
 
-#include "situation_awareness/common/usual_room.hpp"
+#include "situation_awareness/geometry/simplify.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -36,7 +36,7 @@ struct Edge {
 
 /// Kept for their memory.
 struct Workspace {
-  std::vector<std::pair<std::size_t, std::size_t>> open;
+  Simplification simplification;
   std::vector<std::size_t> corners;
   std::vector<Edge> edges;
 };
@@ -47,40 +47,11 @@ double sine_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 
 /// The vertices of the simplified chain of points, as indices.
 void simplify(const Point* points, std::size_t count, double max_offset_m, Workspace& work) {
-  work.corners.clear();
-  work.open.clear();
-  work.corners.push_back(0);
-  if (count > 1) work.open.emplace_back(0, count - 1);
-  while (!work.open.empty()) {
-    const auto [first, last] = work.open.back();
-    work.open.pop_back();
-    const Eigen::Vector2d& a_m = points[first].p_level_m;
-    const Eigen::Vector2d chord_m = points[last].p_level_m - a_m;
-    const double length_m = chord_m.norm();
-    double most_m = max_offset_m;
-    std::size_t farthest = first;
-    for (std::size_t i = first + 1; i < last; ++i) {
-      const Eigen::Vector2d d_m = points[i].p_level_m - a_m;
-      const double along_m = length_m > 0.0 ? d_m.dot(chord_m) / length_m : 0.0;
-      double offset_m = 0.0;
-      if (along_m < 0.0 || length_m == 0.0) {
-        offset_m = d_m.norm();
-      } else if (along_m > length_m) {
-        offset_m = (points[i].p_level_m - points[last].p_level_m).norm();
-      } else {
-        offset_m = std::abs(chord_m.x() * d_m.y() - chord_m.y() * d_m.x()) / length_m;
-      }
-      if (offset_m <= most_m) continue;
-      most_m = offset_m;
-      farthest = i;
-    }
-    if (farthest == first) {
-      work.corners.push_back(last);
-    } else {  // the right part is done first
-      work.open.emplace_back(farthest, last);
-      work.open.emplace_back(first, farthest);
-    }
-  }
+  work.corners.assign(1, 0);
+  if (count < 2) return;
+  const auto at = [points](std::size_t i) -> const Eigen::Vector2d& { return points[i].p_level_m; };
+  work.simplification.add(
+      0, count - 1, max_offset_m, at, [](std::size_t /*i*/) { return 0.0; }, work.corners);
 }
 
 /// A line through the only hit or hits on the beam, square to it.

@@ -75,15 +75,6 @@ constexpr double kCorner = 0.6;
 /// A chain of so few elements, all of them so near to a larger one, is none of its own.
 constexpr std::size_t kFewElements = 3;
 constexpr double kOnChain_m = 0.035;
-/// m. Farthest place of a vertex from the elements at its corner.
-constexpr double kMaxCorner_m = 0.06;
-/// Of an edge with more elements than this, those at its corners do not count for its line.
-constexpr std::size_t kLongEdge = 6;
-constexpr std::size_t kAtCorner = 2;
-/// m. Length of an edge that may be a rounded corner.
-constexpr double kShortEdge_m = 0.12;
-/// rad. Edges that turn by less have no corner.
-constexpr double kMinTurn_rad = 0.15;
 
 }  // namespace
 
@@ -345,7 +336,7 @@ void PolygonMap::link(Index right, Index left) {
   const Eigen::Vector2d from_m = surfels_[static_cast<std::size_t>(right)].p_world_m;
   const Eigen::Vector2d way_m = surfels_[static_cast<std::size_t>(left)].p_world_m - from_m;
   const double length_m = way_m.norm();
-  if (length_m < 1e-6) return;
+  if (length_m < 1e-6 || length_m > params_.max_gap_m + params_.gate_m) return;
   const Eigen::Vector2d normal(-way_m.y() / length_m, way_m.x() / length_m);  // towards the free side
   // Noise may turn the order of elements that are near to each other.
   if (normal.dot(surfels_[static_cast<std::size_t>(right)].normal_world) < 0.0 ||
@@ -438,10 +429,10 @@ void PolygonMap::close_gaps() {
   }
 }
 
-PolygonMap::View PolygonMap::view_of(const FreeSpace& free_space, const Eigen::Vector2d& p_level_m, double near_m,
+PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m,
                                      double* weight) const {
-  const std::vector<float>& azimuth_rad = free_space.azimuth_rad;
-  const std::vector<float>& range_m = free_space.range_m;
+  const std::vector<float>& azimuth_rad = watch.free_space.azimuth_rad;
+  const std::vector<float>& range_m = watch.free_space.range_m;
   if (azimuth_rad.size() < 2) return View::kUnknown;
   const double range = p_level_m.norm();
   double azimuth = std::atan2(p_level_m.y(), p_level_m.x());
@@ -469,6 +460,7 @@ PolygonMap::View PolygonMap::view_of(const FreeSpace& free_space, const Eigen::V
   if (!(at(right) > margin_m && at(left) > margin_m)) return View::kUnknown;
   const double apart_m = range * (angle(left) - angle(right));
   *weight = std::min(1.0, std::pow(kCloseBeams_m / apart_m, 2));
+  if (std::max(at(right), at(left)) >= watch.most_m) *weight *= kNoReturnWeight;
   return View::kPassed;
 }
 
@@ -478,39 +470,40 @@ bool PolygonMap::was_watched(const Eigen::Vector2d& p_world_m) const {
   for (const Watch& watch : watches_) {
     if (watch.free_space.range_m.empty()) continue;
     double weight = 0.0;
-    const View view = view_of(watch.free_space, watch.T_level_world * p_world_m, kNearWatched_m, &weight);
+    const View view = view_of(watch, watch.T_level_world * p_world_m, kNearWatched_m, &weight);
     if (view == View::kHit && seconds_between(watch.stamp_ns, stamp_ns_) > kThereBefore_s) return false;
-    if (view == View::kPassed) ++passed;
+    if (view == View::kPassed && weight > kNoReturnWeight) ++passed;
   }
   return passed >= kWatchedBy;
 }
 
-void PolygonMap::remember(const Polylines& polylines) {
-  const std::size_t latest = (next_watch_ + kWatches - 1) % kWatches;
-  const Watch& last = watches_[latest];
+void PolygonMap::set_now(const Polylines& polylines) {
+  now_.stamp_ns = stamp_ns_;
+  now_.T_level_world = inverse(polylines.T_world_level);
+  now_.free_space = polylines.free_space;
+  now_.most_m = 0.0;
+  for (const float range_m : now_.free_space.range_m) now_.most_m = std::max(now_.most_m, static_cast<double>(range_m));
+}
+
+void PolygonMap::remember() {
+  const Watch& last = watches_[(next_watch_ + kWatches - 1) % kWatches];
   if (!last.free_space.range_m.empty() && seconds_between(last.stamp_ns, stamp_ns_) < kWatchStep_s) return;
-  Watch& watch = watches_[next_watch_];
-  watch.stamp_ns = stamp_ns_;
-  watch.T_level_world = inverse(polylines.T_world_level);
-  watch.free_space = polylines.free_space;
+  watches_[next_watch_] = now_;
   next_watch_ = (next_watch_ + 1) % kWatches;
 }
 
 /// Elements whose place beams have passed lose existence, hidden ones never.
-void PolygonMap::see_through(const Polylines& polylines, PolygonMapUpdate& update) {
-  const Pose2 T_level_world = inverse(polylines.T_world_level);
-  const Eigen::Matrix2d R_level_world = T_level_world.rotation();
-  float most_m = 0.0F;
-  for (const float range_m : polylines.free_space.range_m) most_m = std::max(most_m, range_m);
+void PolygonMap::see_through(PolygonMapUpdate& update) {
+  const Eigen::Matrix2d R_level_world = now_.T_level_world.rotation();
   const double rate = std::min(step_s_, kMaxStep_s) * kMostLogOdds / params_.removal_s;
   for (std::size_t k = 0; k < surfels_.size(); ++k) {
     Surfel& surfel = surfels_[k];
     if (!surfel.alive || surfel.last_seen_ns == stamp_ns_) continue;
     const char* reason = "";
-    const Eigen::Vector2d p_level_m = R_level_world * surfel.p_world_m + T_level_world.translation_m;
+    const Eigen::Vector2d p_level_m = R_level_world * surfel.p_world_m + now_.T_level_world.translation_m;
     double weight = 0.0;
-    if (p_level_m.squaredNorm() < static_cast<double>(most_m) * most_m) {
-      const View view = view_of(polylines.free_space, p_level_m, kNearHit_m, &weight);
+    if (p_level_m.squaredNorm() < now_.most_m * now_.most_m) {
+      const View view = view_of(now_, p_level_m, kNearHit_m, &weight);
       const bool faces = (R_level_world * surfel.normal_world).dot(p_level_m) < -kFaces * p_level_m.norm();
       if (view == View::kUnknown) weight = 0.0;
       if (view == View::kHit && !faces) weight = std::min(weight, kBesideWeight);
@@ -580,7 +573,8 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
       link(right, left);
     }
   }
-  see_through(polylines, report);
+  set_now(polylines);
+  see_through(report);
   close_gaps();
   for (const Index index : of_hit_) {
     Surfel& surfel = surfels_[static_cast<std::size_t>(index)];
@@ -589,7 +583,7 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     surfel.confirmed =
         surfel.hits >= params_.confirm_hits && age_s >= (surfel.watched ? params_.park_s : params_.confirm_s);
   }
-  remember(polylines);
+  remember();
   return report;
 }
 
@@ -639,8 +633,8 @@ void PolygonMap::walk_chain(Index from) {
 
 /// An id goes to the chain with most of its elements; what is left of a chain gets a new one.
 void PolygonMap::name_chains() {
-  names_.clear();  // id and, in chains_, the place of the chain that wants it
-  std::vector<std::pair<std::uint64_t, std::size_t>>& claims = names_;
+  thread_local std::vector<std::pair<std::uint64_t, std::size_t>> claims;  // of an id by a chain; kept for its memory
+  claims.clear();
   for (std::size_t c = 0; c < chains_.size(); ++c) {
     for (std::size_t k = chains_[c].first; k < chains_[c].second; ++k) {
       const std::uint64_t id = surfels_[static_cast<std::size_t>(walk_[k])].chain;
@@ -711,194 +705,31 @@ Polygons PolygonMap::polygons(Polygons memory) {
   }
   name_chains();
   std::size_t used = 0;
-  thread_local std::vector<Index> elements;  // kept for its memory
   for (std::size_t c = 0; c < chains_.size(); ++c) {
     if (is_beside_larger(c)) continue;
-    elements.assign(walk_.begin() + static_cast<std::ptrdiff_t>(chains_[c].first),
-                    walk_.begin() + static_cast<std::ptrdiff_t>(chains_[c].second));
-    make_chain(elements, closed_[c], result, used);
+    if (result.chains.size() == used) result.chains.emplace_back();
+    make_chain(c, result.chains[used++]);
   }
   result.chains.resize(used);
   return result;
 }
 
-namespace {
-
-/// Sums of the weighted least squares line through elements.
-struct LineSums {
-  double weight = 0.0;
-  Eigen::Vector2d sum = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d squares = Eigen::Matrix2d::Zero();
-
-  void add(const Eigen::Vector2d& p_m, double variance_m2) {
-    const double w = 1.0 / variance_m2;
-    weight += w;
-    sum += w * p_m;
-    squares += w * p_m * p_m.transpose();
+void PolygonMap::make_chain(std::size_t chain, Chain& result) {
+  elements_.clear();
+  double least_log_odds = kMostLogOdds;
+  result.first_seen_ns = std::numeric_limits<std::int64_t>::max();
+  result.last_seen_ns = std::numeric_limits<std::int64_t>::min();
+  for (std::size_t k = chains_[chain].first; k < chains_[chain].second; ++k) {
+    const Surfel& surfel = surfels_[static_cast<std::size_t>(walk_[k])];
+    elements_.push_back({surfel.p_world_m, along(surfel), surfel.variance_m2, surfel.low_m, surfel.high_m});
+    result.id = surfel.chain;
+    result.first_seen_ns = std::min(result.first_seen_ns, surfel.first_seen_ns);
+    result.last_seen_ns = std::max(result.last_seen_ns, surfel.last_seen_ns);
+    least_log_odds = std::min(least_log_odds, surfel.log_odds);
   }
-};
-
-struct FittedLine {
-  Eigen::Vector2d through_m, normal;
-  double offset_variance_m2, turn_variance, rms2_m2;
-
-  double variance_at(const Eigen::Vector2d& p_m) const {
-    const double s_m = Eigen::Vector2d(-normal.y(), normal.x()).dot(p_m - through_m);
-    return offset_variance_m2 + turn_variance * s_m * s_m;
-  }
-};
-
-FittedLine fit(const LineSums& sums) {
-  FittedLine line;
-  line.through_m = sums.sum / sums.weight;
-  const Eigen::Matrix2d S = sums.squares / sums.weight - line.through_m * line.through_m.transpose();
-  const double angle = 0.5 * std::atan2(2.0 * S(0, 1), S(0, 0) - S(1, 1));
-  const Eigen::Vector2d along(std::cos(angle), std::sin(angle));
-  line.normal = {-along.y(), along.x()};
-  const double spread_m2 = std::max(along.dot(S * along), 1e-8);
-  line.rms2_m2 = std::max(line.normal.dot(S * line.normal), 0.0);
-  line.offset_variance_m2 = 1.0 / sums.weight;
-  line.turn_variance = line.offset_variance_m2 / spread_m2;
-  return line;
-}
-
-/// Where two lines meet; false where they hardly turn.
-bool crossing(const FittedLine& a, const FittedLine& b, Eigen::Vector2d& crossing_m) {
-  const double determinant = a.normal.x() * b.normal.y() - a.normal.y() * b.normal.x();
-  if (std::abs(determinant) < std::sin(kMinTurn_rad)) return false;
-  const double d_a = a.normal.dot(a.through_m);
-  const double d_b = b.normal.dot(b.through_m);
-  crossing_m << (d_a * b.normal.y() - d_b * a.normal.y()) / determinant,
-      (d_b * a.normal.x() - d_a * b.normal.x()) / determinant;
-  return true;
-}
-
-}  // namespace
-
-/// The elements simplified (Douglas and Peucker), each edge the line through its elements, vertices their
-/// intersections.
-void PolygonMap::make_chain(std::vector<Index>& elements, bool closed, Polygons& result, std::size_t& used) {
-  if (result.chains.size() == used) result.chains.emplace_back();
-  Chain& chain = result.chains[used++];
-  const auto at = [&](std::size_t i) -> const Surfel& {
-    return surfels_[static_cast<std::size_t>(elements[i % elements.size()])];
-  };
-  chain.id = at(0).chain;
-  chain.closed = closed;
-  chain.vertices.clear();
-  chain.first_seen_ns = at(0).first_seen_ns;
-  chain.last_seen_ns = at(0).last_seen_ns;
-  double least = at(0).log_odds;
-  for (std::size_t i = 1; i < elements.size(); ++i) {
-    chain.first_seen_ns = std::min(chain.first_seen_ns, at(i).first_seen_ns);
-    chain.last_seen_ns = std::max(chain.last_seen_ns, at(i).last_seen_ns);
-    least = std::min(least, at(i).log_odds);
-  }
-  chain.p_exists = 1.0 / (1.0 + std::exp(-least));
-
-  const std::size_t count = elements.size() + (closed ? 1 : 0);  // a closed chain ends where it begins
-  if (elements.size() == 1) {
-    const Surfel& only = at(0);
-    const double half_m = std::max(0.5 * (only.high_m - only.low_m), 0.005);
-    const Eigen::Vector2d middle_m = only.p_world_m + 0.5 * (only.high_m + only.low_m) * along(only);
-    for (const double side : {-1.0, 1.0}) {
-      chain.vertices.push_back({middle_m + side * half_m * along(only), std::sqrt(only.variance_m2)});
-    }
-    return;
-  }
-  thread_local std::vector<std::size_t> corners;  // kept for their memory
-  thread_local std::vector<std::pair<std::size_t, std::size_t>> open;
-  corners.assign(1, 0);
-  open.clear();
-  if (closed) {  // it begins at a corner: what is farthest from anything is one
-    const auto farthest_from_first = [&] {
-      std::size_t farthest = 1;
-      for (std::size_t i = 2; i < elements.size(); ++i) {
-        const Eigen::Vector2d& first_m = at(0).p_world_m;
-        if ((at(i).p_world_m - first_m).norm() > (at(farthest).p_world_m - first_m).norm()) farthest = i;
-      }
-      return farthest;
-    };
-    std::rotate(elements.begin(), elements.begin() + static_cast<std::ptrdiff_t>(farthest_from_first()),
-                elements.end());
-    const std::size_t farthest = farthest_from_first();
-    open.emplace_back(farthest, count - 1);
-    open.emplace_back(0, farthest);
-  } else {
-    open.emplace_back(0, count - 1);
-  }
-  while (!open.empty()) {
-    const auto [first, last] = open.back();
-    open.pop_back();
-    const Eigen::Vector2d& a_m = at(first).p_world_m;
-    const Eigen::Vector2d chord_m = at(last).p_world_m - a_m;
-    const double length_m = std::max(chord_m.norm(), 1e-9);
-    double most = params_.tolerance_m;
-    std::size_t farthest = first;
-    for (std::size_t i = first + 1; i < last; ++i) {
-      const Eigen::Vector2d d_m = at(i).p_world_m - a_m;
-      const double along_m = std::clamp(d_m.dot(chord_m) / length_m, 0.0, length_m);
-      const double off_m = (d_m - along_m / length_m * chord_m).norm() - 2.0 * std::sqrt(at(i).variance_m2);
-      if (off_m <= most) continue;
-      most = off_m;
-      farthest = i;
-    }
-    if (farthest == first) {
-      corners.push_back(last);
-    } else {
-      open.emplace_back(farthest, last);
-      open.emplace_back(first, farthest);
-    }
-  }
-
-  thread_local std::vector<FittedLine> lines;
-  lines.clear();
-  // Elements at a corner are of both edges, and round it.
-  const auto line_of = [&](std::size_t k) {
-    const std::size_t trim = corners[k + 1] - corners[k] > kLongEdge ? kAtCorner : 0;
-    const std::size_t first = corners[k] + (closed || k > 0 ? trim : 0);
-    const std::size_t last = corners[k + 1] - (closed || k + 2 < corners.size() ? trim : 0);
-    LineSums sums;
-    for (std::size_t i = first; i <= last; ++i) sums.add(at(i).p_world_m, at(i).variance_m2);
-    return fit(sums);
-  };
-  for (std::size_t k = 0; k + 1 < corners.size(); ++k) lines.push_back(line_of(k));
-  // A short edge between two whose lines meet beside it is their rounded corner.
-  for (std::size_t k = 1; k + 1 < lines.size();) {
-    const Eigen::Vector2d& from_m = at(corners[k]).p_world_m;
-    const Eigen::Vector2d& to_m = at(corners[k + 1]).p_world_m;
-    Eigen::Vector2d crossing_m;
-    if ((to_m - from_m).norm() < kShortEdge_m && crossing(lines[k - 1], lines[k + 1], crossing_m) &&
-        (crossing_m - from_m).norm() < kMaxCorner_m && (crossing_m - to_m).norm() < kMaxCorner_m) {
-      corners[k] = corners[k] + (corners[k + 1] - corners[k]) / 2;
-      corners.erase(corners.begin() + static_cast<std::ptrdiff_t>(k + 1));
-      lines.erase(lines.begin() + static_cast<std::ptrdiff_t>(k));
-    } else {
-      ++k;
-    }
-  }
-  const auto sigma_at = [&](const FittedLine& line, const Eigen::Vector2d& p_m) {
-    return std::sqrt(line.variance_at(p_m) + line.rms2_m2 + kLeastVariance_m2);
-  };
-  const auto end_vertex = [&](const FittedLine& line, const Surfel& surfel, double beyond_m) {
-    const Eigen::Vector2d p_m = surfel.p_world_m + beyond_m * along(surfel);
-    const Eigen::Vector2d on_m = p_m - line.normal * line.normal.dot(p_m - line.through_m);
-    chain.vertices.push_back({on_m, sigma_at(line, on_m)});
-  };
-  const auto corner_vertex = [&](const FittedLine& right, const FittedLine& left, const Surfel& surfel) {
-    Eigen::Vector2d p_m = surfel.p_world_m;
-    Eigen::Vector2d crossing_m;
-    if (crossing(right, left, crossing_m) && (crossing_m - p_m).norm() < kMaxCorner_m) p_m = crossing_m;
-    chain.vertices.push_back({p_m, std::max(sigma_at(right, p_m), sigma_at(left, p_m))});
-  };
-  if (!closed) end_vertex(lines.front(), at(0), at(0).low_m);
-  for (std::size_t k = 0; k + 1 < lines.size(); ++k) corner_vertex(lines[k], lines[k + 1], at(corners[k + 1]));
-  if (closed) {
-    corner_vertex(lines.back(), lines.front(), at(0));
-  } else {
-    const Surfel& last = at(count - 1);
-    end_vertex(lines.back(), last, last.high_m);
-  }
+  result.closed = closed_[chain];
+  result.p_exists = 1.0 / (1.0 + std::exp(-least_log_odds));
+  chain_fit_.fit(elements_, result.closed, params_.tolerance_m, result.vertices);
 }
 
 }  // namespace situation_awareness

@@ -276,6 +276,33 @@ TEST(PolygonMap, SameInputSameMap) {
   }
 }
 
+// A box on which no beam returns any more may have been lost by the scanner.
+TEST(PolygonMap, BeamsWithoutAReturnAreWeakEvidence) {
+  const Box box{{1.5, 0.0}, 0.3, 0.25, 0.2};
+  Walls with_box;
+  add_box(with_box, box);
+  World world(9);
+  world.see(with_box, 3.0);
+  ASSERT_LT(distance_m(corners(box)[2], world.polygons()), 0.05);
+  world.see({}, 2.0);
+  EXPECT_LT(distance_m(corners(box)[2], world.polygons()), 0.05);
+  world.see({}, 20.0);
+  EXPECT_TRUE(world.polygons().chains.empty());
+}
+
+TEST(PolygonMap, FarFromTheOriginItIsTheSame) {
+  const Eigen::Vector2d far_m(500'000.0, 5'000'000.0);  // UTM
+  Walls moved = room();
+  for (LevelScene::Wall& wall : moved) wall.from += far_m, wall.to += far_m;
+  World here(10), there(10);
+  here.see(room(), 3.0);
+  there.see(moved, 3.0, Eigen::Vector2d(far_m + Eigen::Vector2d(0.3, 0.2)));
+  ASSERT_EQ(here.polygons().chains.size(), 1U);
+  ASSERT_EQ(there.polygons().chains.size(), 1U);
+  const Chain& chain = there.polygons().chains[0];
+  for (const ChainVertex& vertex : chain.vertices) EXPECT_LT(distance_m(vertex.p_world_m, moved), 0.005);
+}
+
 TEST(PolygonMap, StampsThatDoNotGoOnAndUncertainPosesAreCounted) {
   PolygonMap map({});
   Polylines polylines;

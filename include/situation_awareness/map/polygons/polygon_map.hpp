@@ -12,6 +12,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
@@ -111,11 +112,12 @@ class PolygonMap {
     std::size_t elements_of_chain = 0;
   };
 
-  /// An earlier scan: what was free then.
+  /// What was free in a scan.
   struct Watch {
     std::int64_t stamp_ns = std::numeric_limits<std::int64_t>::min();
     Pose2 T_level_world;
     FreeSpace free_space;
+    double most_m = 0.0;  ///< of its ranges: that of beams without a return
   };
 
   /// How a scan saw a place.
@@ -141,14 +143,15 @@ class PolygonMap {
   void link(Index right, Index left);
   void close_gaps();
   void link_neighbours(Index right, Index left);
-  View view_of(const FreeSpace& free_space, const Eigen::Vector2d& p_level_m, double near_m, double* weight) const;
+  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
-  void see_through(const Polylines& polylines, PolygonMapUpdate& update);
-  void remember(const Polylines& polylines);
+  void set_now(const Polylines& polylines);
+  void see_through(PolygonMapUpdate& update);
+  void remember();
   void walk_chain(Index from);
   void name_chains();
   bool is_beside_larger(std::size_t chain) const;
-  void make_chain(std::vector<Index>& elements, bool closed, Polygons& result, std::size_t& used);
+  void make_chain(std::size_t chain, Chain& result);
 
   PolygonMapParams params_;
   std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
@@ -158,6 +161,7 @@ class PolygonMap {
   std::vector<Surfel> surfels_;
   std::vector<Index> free_;     ///< places in surfels_
   std::vector<Index> buckets_;  ///< first element of each
+  Watch now_;                   ///< of the latest scan
   std::vector<Watch> watches_;
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;                      ///< element of each hit of the scan
@@ -165,7 +169,8 @@ class PolygonMap {
   std::vector<Index> walk_;
   std::vector<std::pair<std::size_t, std::size_t>> chains_;  ///< first and end in walk_
   std::vector<bool> closed_;
-  std::vector<std::pair<std::uint64_t, std::size_t>> names_;
+  std::vector<BoundaryElement> elements_;
+  ChainFit chain_fit_;
 };
 
 }  // namespace situation_awareness
