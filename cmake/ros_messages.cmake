@@ -21,6 +21,7 @@ add_message_files(DIRECTORY msg FILES
 add_service_files(DIRECTORY srv FILES
   GetObjects.srv
   LoadObjects.srv
+  Relocate.srv
   SaveObjects.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 

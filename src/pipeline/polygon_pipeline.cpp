@@ -40,23 +40,16 @@ const PolygonPipelineResult& PolygonPipeline::process(const Scan& scan, const Ei
 }
 
 ReflectorPolygonPipeline::ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params)
-    : params_(params), localization_(reflectors, params.localization), pipeline_(params) {
-  params_.reflectors.validate();
-}
+    : localization_(reflectors, params.reflectors, params.localization), pipeline_(params) {}
 
 bool ReflectorPolygonPipeline::process(const Scan& scan, const OdometryScan& placed) {
-  const std::string defect = scan_defect(scan);
-  if (!defect.empty()) throw std::invalid_argument(defect);
-  // Its level frame is planar with the base's, and each reflector is treated at its own time.
-  points_ = project_horizontally(scan, placed.T_base_lidar, placed.T_base_lidar, std::move(points_));
-  sightings_ = detect_reflectors(points_, params_.reflectors, std::move(sightings_));
-  if (!localization_.update(sightings_, points_.T_world_level).is_known) return false;
+  if (!localization_.process(scan, placed.T_base_lidar).is_known) return false;
 
-  const LocalizedPose pose = localization_.pose();
+  const LocalizedPose pose = localization().pose();
   const Pose2& T_world_base = pose.T_world_base.x;
   const Pose2 T_world_base_end = T_world_base * (inverse(placed.T_odom_base) * placed.T_odom_base_end);
   // An error of the yaw moves the lidar, which is not at the base's origin.
-  const Eigen::Vector2d lever_m = T_world_base.rotation() * points_.T_world_level.translation_m;
+  const Eigen::Vector2d lever_m = T_world_base.rotation() * localization_.T_base_level().translation_m;
   Eigen::Matrix3d J_lidar_base = Eigen::Matrix3d::Identity();
   J_lidar_base.topRightCorner<2, 1>() << -lever_m.y(), lever_m.x();
   const Eigen::Matrix3d covariance = J_lidar_base * pose.covariance_world * J_lidar_base.transpose();

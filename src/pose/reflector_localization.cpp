@@ -198,13 +198,14 @@ Counters ReflectorLocalization::counters() const {
   return all;
 }
 
-void ReflectorLocalization::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+OdometryTrack::Verdict ReflectorLocalization::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
   // Without scans the estimate is taken along before its place in the track is overwritten.
   if (is_known_ && track_.size() == OdometryTrack::kCapacity && track_[1].stamp_ns > at_.stamp_ns) {
     predict_to(track_[1]);
   }
-  if (track_.add(stamp_ns, T_odom_base) != OdometryTrack::Verdict::kRestarted) return;
-  relocate();
+  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base);
+  if (verdict == OdometryTrack::Verdict::kRestarted) relocate();
+  return verdict;
 }
 
 void ReflectorLocalization::predict_to(const OdometryTrack::Entry& target) {

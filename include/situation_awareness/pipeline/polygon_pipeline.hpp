@@ -8,6 +8,7 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -84,7 +85,7 @@ class ReflectorPolygonPipeline {
   /// Throws std::invalid_argument naming field and bound.
   ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params);
 
-  ReflectorLocalization& localization() { return localization_; }
+  ReflectorLocalization& localization() { return localization_.localization(); }
   PolygonPipeline& pipeline() { return pipeline_; }
 
   /// Localises by the scan and, where the pose is known then, maps it. The odometry up to the scan has been added to
@@ -93,11 +94,8 @@ class ReflectorPolygonPipeline {
   bool process(const Scan& scan, const OdometryScan& placed);
 
  private:
-  PolygonPipelineParams params_;
-  ReflectorLocalization localization_;
+  LocalizationPipeline localization_;
   PolygonPipeline pipeline_;
-  Points points_;
-  ReflectorSightings sightings_;
 };
 
 }  // namespace situation_awareness

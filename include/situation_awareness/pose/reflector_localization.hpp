@@ -219,7 +219,7 @@ class ReflectorLocalization {
 
   /// Adds a pose by odometry, in the order of the stamps. `counters` has what was wrong with it; one that goes far back
   /// in time is a restart, after which no pose is known.
-  void add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base);
+  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base);
 
   /// Sets the pose at a stamp, with its standard deviations.
   void initial_pose(std::int64_t stamp_ns, const Pose2& T_world_base, double sigma_m, double sigma_rad);

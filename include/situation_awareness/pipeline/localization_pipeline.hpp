@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/points/points.hpp"
+#include "situation_awareness/pose/odometry_track.hpp"
+#include "situation_awareness/pose/reflector_localization.hpp"
+#include "situation_awareness/pose/reflector_map.hpp"
+#include "situation_awareness/pose/reflectors.hpp"
+#include "situation_awareness/scan/scan.hpp"
+
+namespace situation_awareness {
+
+/// From scan and odometry to the pose of a base that moves in the plane, without ROS: the same live and offline.
+class LocalizationPipeline {
+ public:
+  /// Throws std::invalid_argument naming field and bound, and as check_reflectors does.
+  LocalizationPipeline(const ReflectorMap& map, const ReflectorDetectionParams& reflectors,
+                       const ReflectorLocalizationParams& localization);
+
+  /// As ReflectorLocalization::add_odometry.
+  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+    return localization_.add_odometry(stamp_ns, T_odom_base);
+  }
+
+  /// Localises by a scan; the odometry up to its last beam has been added. Throws std::invalid_argument if the scan
+  /// cannot be used. The result is overwritten by the next call. No allocation after warm-up.
+  const ReflectorUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_base_lidar);
+
+  ReflectorLocalization& localization() { return localization_; }
+  const ReflectorLocalization& localization() const { return localization_; }
+
+  // Of the latest scan:
+
+  const ReflectorSightings& sightings() const { return sightings_; }
+  /// Of the level frame of the sightings.
+  const Pose2& T_base_level() const { return points_.T_world_level; }
+
+ private:
+  ReflectorDetectionParams params_;
+  ReflectorLocalization localization_;
+  Points points_;
+  ReflectorSightings sightings_;
+};
+
+}  // namespace situation_awareness
