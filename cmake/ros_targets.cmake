@@ -6,6 +6,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/images.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/objects.cpp
+  src/ros/convert/odometry.cpp
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
@@ -13,18 +14,22 @@ add_library(${PROJECT_NAME}_ros
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
+  src/ros/markers/reflector_markers.cpp
   src/ros/markers/shown_markers.cpp
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
   src/ros/pose_offset_report.cpp
   src/ros/object_report.cpp
+  src/ros/odometry_input.cpp
   src/ros/pace.cpp
   src/ros/params/live_params.cpp
+  src/ros/params/localization_nodelet_params.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/object_nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
+  src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp
   src/ros/stage_context.cpp
@@ -49,6 +54,7 @@ target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
+  src/ros/nodelets/reflector_localization_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
   src/ros/nodelets/slicing_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
-#include <sstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -16,6 +15,7 @@
 #include <rosbag/view.h>
 
 #include "command_line.hpp"
+#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -57,20 +58,6 @@ struct Options {
   std::string reflectors, initial_pose, out;
 };
 
-/// X,Y,YAW
-Pose2 parse_pose(const std::string& text) {
-  std::istringstream stream(text);
-  Pose2 pose;
-  char comma[2] = {};
-  stream >> pose.translation_m.x() >> comma[0] >> pose.translation_m.y() >> comma[1] >> pose.yaw_rad;
-  const bool is_pose =
-      stream && comma[0] == ',' && comma[1] == ',' && stream.peek() == std::istringstream::traits_type::eof();
-  if (!is_pose || !std::isfinite(pose.translation_m.sum() + pose.yaw_rad)) {
-    throw std::invalid_argument("--initial-pose: " + text + " is not X,Y,YAW in m and rad");
-  }
-  return pose;
-}
-
 void add_options(CLI::App& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
@@ -88,7 +75,7 @@ void add_options(CLI::App& app, Options& options) {
     if (options.localization == "tf" && !options.initial_pose.empty()) {
       throw CLI::ValidationError("--initial-pose is for --reflectors");
     }
-    if (!options.initial_pose.empty()) parse_pose(options.initial_pose);
+    if (!options.initial_pose.empty()) parse_pose2(options.initial_pose, "--initial-pose");
   });
 }
 
@@ -116,8 +103,6 @@ Json json_of(const Pose2& T_world_base, const Eigen::Matrix3d& covariance, const
   }
   return line;
 }
-
-Pose2 pose_of(const Eigen::Isometry3d& T) { return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))}; }
 
 /// Frames of the odometry in the bag; empty where there is none.
 struct OdometryFrames {
@@ -158,7 +143,7 @@ void map_by_tf(const Options& options, const PolygonPipelineParams& params, cons
     const Eigen::Isometry3d T_world_base =
         frames.base.empty() ? Eigen::Isometry3d(T_world_lidar)
                             : transform_at(player.transforms(), world_frame, frames.base, to_ros_time(scan.stamp_ns));
-    out.write(scan, pose_of(T_world_base), covariance, pipeline.map());
+    out.write(scan, pose2_of(T_world_base), covariance, pipeline.map());
   });
   player.play();
   out.file.finish();
@@ -177,31 +162,31 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
   BagPlayer player(bag, kResetTimeJump_s);
   Output out(options.out);
   bool needs_initial = !options.initial_pose.empty();
-  const Pose2 initial = needs_initial ? parse_pose(options.initial_pose) : Pose2{};
+  const Pose2 initial = needs_initial ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
   std::string lidar_frame;
   std::size_t known = 0, unknown = 0;
+  Counters refused;
   player.subscribe<nav_msgs::Odometry>(options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) {
-    geometry_msgs::TransformStamped transform;
-    transform.header = msg->header;
-    transform.child_frame_id = msg->child_frame_id;
-    transform.transform.translation.x = msg->pose.pose.position.x;
-    transform.transform.translation.y = msg->pose.pose.position.y;
-    transform.transform.translation.z = msg->pose.pose.position.z;
-    transform.transform.rotation = msg->pose.pose.orientation;
+    const std::string defect = odometry_msg_defect(*msg);
+    if (!defect.empty()) {
+      ++refused[defect];
+      return;
+    }
+    const geometry_msgs::TransformStamped transform = transform_from_odometry(*msg);
     const Eigen::Isometry3d T_odom_base = isometry_from_msg(transform.transform);
     player.add_transform(transform);
     const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
     if (needs_initial) localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
     needs_initial = false;
-    localization.add_odometry(stamp_ns, pose_of(T_odom_base));
+    localization.add_odometry(stamp_ns, pose2_of(T_odom_base));
   });
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_end) {
     const Eigen::Isometry3d T_odom_base =
         transform_at(player.transforms(), frames.odom, frames.base, to_ros_time(scan.stamp_ns));
     OdometryScan placed;
-    placed.T_odom_base = pose_of(T_odom_base);
+    placed.T_odom_base = pose2_of(T_odom_base);
     placed.T_base_lidar = T_odom_base.inverse() * T_odom_lidar;
-    placed.T_odom_base_end = pose_of(T_end * placed.T_base_lidar.inverse());
+    placed.T_odom_base_end = pose2_of(T_end * placed.T_base_lidar.inverse());
     const bool is_known = player.timed([&] { return pipeline.process(scan, placed); });
     ++(is_known ? known : unknown);
     if (!is_known) return;
@@ -212,7 +197,8 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
   out.file.finish();
   player.print_summary();
   std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
-  for (const auto& [reason, count] : localization.counters()) {
+  for (const auto& [reason, count] : localization.counters()) refused[reason] += count;
+  for (const auto& [reason, count] : refused) {
     std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
   }
 }

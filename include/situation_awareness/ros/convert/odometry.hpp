@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/TransformStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/pose/reflector_localization.hpp"
+
+namespace situation_awareness {
+
+/// Reason why a message of odometry is not used, regardless of the messages before it; empty if it is. The texts are
+/// fixed, for counters.
+std::string odometry_msg_defect(const nav_msgs::Odometry& msg);
+
+/// The pose of a message of odometry as a transform from its frame to its child frame.
+geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry& msg);
+
+/// Of a motion in the plane: position and yaw.
+Pose2 pose2_of(const Eigen::Isometry3d& T);
+Eigen::Isometry3d isometry_in_plane(const Pose2& T);
+
+/// Height, roll and pitch are those of the plane, with no variance.
+geometry_msgs::PoseWithCovarianceStamped pose_to_msg(const LocalizedPose& pose, const std::string& world_frame);
+
+/// A pose given by hand, with the standard deviation of its position in its worse direction.
+struct GivenPose {
+  Pose2 T_world_base;
+  double sigma_m = 0.0;
+  double sigma_rad = 0.0;
+};
+
+/// Throws std::invalid_argument if a number is not finite, the quaternion is not a rotation or a variance is negative.
+GivenPose given_pose_from_msg(const geometry_msgs::PoseWithCovariance& msg);
+
+/// A pose from text, "X,Y,YAW" in m and rad. Throws std::invalid_argument naming `source`.
+Pose2 parse_pose2(const std::string& text, const std::string& source);
+
+}  // namespace situation_awareness

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/convert/odometry.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <exception>
+#include <sstream>
+#include <stdexcept>
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Index in the covariance of a message, row by row, of variables from (x, y, z, roll, pitch, yaw).
+constexpr std::array<std::size_t, 3> kPlanar = {0, 1, 5};
+constexpr std::size_t covariance_index(std::size_t row, std::size_t column) { return 6 * row + column; }
+
+geometry_msgs::Transform transform_of(const geometry_msgs::Pose& pose) {
+  geometry_msgs::Transform transform;
+  transform.translation.x = pose.position.x;
+  transform.translation.y = pose.position.y;
+  transform.translation.z = pose.position.z;
+  transform.rotation = pose.orientation;
+  return transform;
+}
+
+}  // namespace
+
+std::string odometry_msg_defect(const nav_msgs::Odometry& msg) {
+  if (msg.header.stamp.isZero()) return "odometry with a stamp of zero";
+  try {
+    isometry_from_msg(transform_of(msg.pose.pose));
+  } catch (const std::exception&) {
+    return "odometry not a finite pose";
+  }
+  return "";
+}
+
+geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry& msg) {
+  geometry_msgs::TransformStamped transform;
+  transform.header = msg.header;
+  transform.child_frame_id = msg.child_frame_id;
+  transform.transform = transform_of(msg.pose.pose);
+  return transform;
+}
+
+Pose2 pose2_of(const Eigen::Isometry3d& T) { return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))}; }
+
+Eigen::Isometry3d isometry_in_plane(const Pose2& T) {
+  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+  result.translation().head<2>() = T.translation_m;
+  result.linear() = Eigen::AngleAxisd(T.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return result;
+}
+
+geometry_msgs::PoseWithCovarianceStamped pose_to_msg(const LocalizedPose& pose, const std::string& world_frame) {
+  geometry_msgs::PoseWithCovarianceStamped msg;
+  msg.header.stamp = to_ros_time(pose.stamp_ns);
+  msg.header.frame_id = world_frame;
+  const Pose2& T_world_base = pose.T_world_base.x;
+  msg.pose.pose.position.x = T_world_base.translation_m.x();
+  msg.pose.pose.position.y = T_world_base.translation_m.y();
+  msg.pose.pose.orientation.z = std::sin(0.5 * T_world_base.yaw_rad);
+  msg.pose.pose.orientation.w = std::cos(0.5 * T_world_base.yaw_rad);
+  for (std::size_t row = 0; row < kPlanar.size(); ++row) {
+    for (std::size_t column = 0; column < kPlanar.size(); ++column) {
+      msg.pose.covariance[covariance_index(kPlanar[row], kPlanar[column])] =
+          pose.covariance_world(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column));
+    }
+  }
+  return msg;
+}
+
+GivenPose given_pose_from_msg(const geometry_msgs::PoseWithCovariance& msg) {
+  GivenPose given;
+  given.T_world_base = pose2_of(isometry_from_msg(transform_of(msg.pose)));
+  const auto variance = [&msg](std::size_t i) {
+    const double value = msg.covariance[covariance_index(kPlanar[i], kPlanar[i])];
+    if (!(value >= 0.0) || !std::isfinite(value)) {
+      throw std::invalid_argument("a variance is not a finite number >= 0");
+    }
+    return value;
+  };
+  given.sigma_m = std::sqrt(std::max(variance(0), variance(1)));
+  given.sigma_rad = std::sqrt(variance(2));
+  return given;
+}
+
+Pose2 parse_pose2(const std::string& text, const std::string& source) {
+  std::istringstream stream(text);
+  Pose2 pose;
+  char comma[2] = {};
+  stream >> pose.translation_m.x() >> comma[0] >> pose.translation_m.y() >> comma[1] >> pose.yaw_rad;
+  const bool is_pose =
+      stream && comma[0] == ',' && comma[1] == ',' && stream.peek() == std::istringstream::traits_type::eof();
+  if (!is_pose || !std::isfinite(pose.translation_m.sum() + pose.yaw_rad)) {
+    throw std::invalid_argument(source + ": " + text + " is not X,Y,YAW in m and rad");
+  }
+  return pose;
+}
+
+}  // namespace situation_awareness
