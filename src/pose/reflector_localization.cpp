@@ -20,13 +20,6 @@ constexpr std::size_t kMaxLeaves = 32;
 /// A correction is linearised anew where it exceeds this, in m and rad.
 constexpr double kRelinearise = 0.02;
 constexpr int kMaxIterations = 6;
-/// While the azimuth of a reflector changes by less than this part of the beams' spacing, the same beams see it, with
-/// the same error. The error of a rounded number is uncorrelated after 0.21 steps.
-constexpr double kFreshAzimuth = 0.25;
-/// Scans of the same beams whose mean is taken at most.
-constexpr double kMostScans = 1000.0;
-/// Fewer count as none.
-constexpr double kLeastScans = 1e-3;
 /// Reflectors are judged only by a pose that is known better than this.
 constexpr double kCertain_m = 0.05;
 constexpr double kCertain_rad = 0.03;
@@ -477,8 +470,7 @@ const Eigen::Vector2d& ReflectorLocalization::center_of(std::size_t k) const {
   return map_.reflectors[static_cast<std::size_t>(reflector_of_[k])].center_world_m;
 }
 
-// What each match says that is new: with n scans of the same beams the covariance of their mean is W / n + C, the
-// constant part C being that of which beams are bright.
+// What each match says that is new.
 void ReflectorLocalization::weigh(double resolution_rad) {
   for (std::size_t k = 0; k < seen_.size(); ++k) {
     const std::size_t sighting = seen_[k].sighting;
@@ -499,24 +491,8 @@ void ReflectorLocalization::weigh(double resolution_rad) {
     update_.matches.push_back({sighting, reflector_of_[k], nis});
     update_.nis += nis;
 
-    Watched& watched = watched_[static_cast<std::size_t>(reflector_of_[k])];
-    double fresh = 1.0;
-    if (watched.has_azimuth) {
-      const double change_rad = std::abs(wrap_to_pi(predicted(1) - watched.azimuth_rad));
-      fresh = std::min(1.0, change_rad / (kFreshAzimuth * resolution_rad));
-    }
-    watched.has_azimuth = true;
-    watched.azimuth_rad = predicted(1);
-    const double before = std::min(kMostScans, (1.0 - fresh) * watched.scans);
-    watched.scans = before + 1.0;
-    if (before < kLeastScans) continue;
-    const Eigen::Matrix2d constant = possible.R - possible.white;
-    const auto information = [&](double scans) -> Eigen::Matrix2d {
-      return (possible.white / scans + constant).inverse();
-    };
-    const Eigen::Matrix2d gain = information(before + 1.0) - information(before);
-    const Eigen::Matrix2d R = gain.inverse();
-    possible.R = 0.5 * (R + R.transpose());
+    RepeatedBeams& beams = watched_[static_cast<std::size_t>(reflector_of_[k])].beams;
+    possible.R = beams.new_covariance(possible.R, possible.white, predicted(1), resolution_rad);
   }
   if (update_.matches.empty()) return;
   nis_monitor_.add(update_.matches.size(), update_.nis);
@@ -772,8 +748,7 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
     for (const Seen& seen : seen_) {
       const Eigen::Vector2d z = observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar,
                                                    map_.reflectors[static_cast<std::size_t>(reflector)].center_world_m);
-      watched.has_azimuth = true;
-      watched.azimuth_rad = z(1);
+      watched.beams.used(z(1));
     }
   }
   update_.is_found = true;

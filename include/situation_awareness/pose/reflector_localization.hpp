@@ -18,6 +18,7 @@
 #include "situation_awareness/pose/reflector_map.hpp"
 #include "situation_awareness/pose/reflector_search.hpp"
 #include "situation_awareness/pose/reflectors.hpp"
+#include "situation_awareness/pose/repeated_beams.hpp"
 
 namespace situation_awareness {
 
@@ -269,9 +270,7 @@ class ReflectorLocalization {
 
   /// What has been seen of a reflector lately.
   struct Watched {
-    bool has_azimuth = false;
-    double azimuth_rad = 0.0;  ///< at which it was last used, in the lidar's frame
-    double scans = 0.0;        ///< that have used the same beams
+    RepeatedBeams beams;
     int missing = 0;
     bool is_missing = false;
     int elsewhere = 0;
