@@ -1,0 +1,578 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pose/reflector_survey.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <utility>
+
+#include <Eigen/Cholesky>
+#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/lie_groups.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Without scans a key is made after so many times the way, or the turning, of one with a scan.
+constexpr double kWithoutScan = 3.0;
+/// A new reflector is outside this gate of all others.
+constexpr double kFarProbability = 0.99999;
+/// What was seen so often at most is given up when it has not been seen for so many keys.
+constexpr int kRareSightings = 2, kRareKeys = 20;
+/// Floor of the errors of odometry between keys, in m and rad: with none the adjustment is singular.
+constexpr double kLeastOdometryError = 1e-5;
+/// Sightings farther away than this many standard deviations count less (Huber, 1964).
+constexpr double kHuber = 3.0;
+constexpr int kMaxAdjustments = 30;
+constexpr double kConverged = 1e-7;
+/// Beams that end within this distance of a reflector's surface end on it; that end behind it by more pass through.
+constexpr double kOnIt_m = 0.08;
+/// Rounds of adjusting and leaving out what is no reflector.
+constexpr int kMaxRounds = 6;
+
+Eigen::Matrix2d place_by_center_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
+                                         const Eigen::Vector2d& center_world_m) {
+  const Pose2 T_world_lidar = T_world_base * T_base_lidar;
+  const Eigen::Vector2d p_lidar = place_of(T_world_lidar, center_world_m);
+  const double range2_m2 = p_lidar.squaredNorm();
+  Eigen::Matrix2d J_z_p;
+  J_z_p << p_lidar.transpose() / std::sqrt(range2_m2), -p_lidar.y() / range2_m2, p_lidar.x() / range2_m2;
+  return J_z_p * T_world_lidar.rotation().transpose();
+}
+
+Eigen::Vector2d residual_of(const Eigen::Vector2d& z, const Pose2& T_world_base, const Pose2& T_base_lidar,
+                            const Eigen::Vector2d& center_world_m) {
+  Eigen::Vector2d nu = z - observed_reflector(T_world_base, T_base_lidar, center_world_m);
+  nu(1) = wrap_to_pi(nu(1));
+  return nu;
+}
+
+std::string sentence(const char* format, double value) {
+  char text[200];
+  std::snprintf(text, sizeof text, format, value);
+  return text;
+}
+
+}  // namespace
+
+void ReflectorSurveyParams::validate() const {
+  check_bounds(*this, "survey");
+  wheels.validate();
+  odometry.validate();
+}
+
+ReflectorSurvey::ReflectorSurvey(const ReflectorSurveyParams& params, const Pose2& T_world_base)
+    : params_(params), gate_(0.0), far_gate_(0.0), track_(params.odometry) {
+  params_.validate();
+  gate_ = chi_square_quantile(params_.gate_probability, 2);
+  far_gate_ = chi_square_quantile(std::max(kFarProbability, params_.gate_probability), 2);
+  x_.T_world_base = T_world_base;
+  P_ = Eigen::MatrixXd::Zero(5, 5);
+  P_(3, 3) = params_.wheels.distance_scale_sigma * params_.wheels.distance_scale_sigma;
+  P_(4, 4) = params_.wheels.yaw_scale_sigma * params_.wheels.yaw_scale_sigma;
+}
+
+// --- on the way ------------------------------------------------------------------------------------------------------
+
+OdometryTrack::Verdict ReflectorSurvey::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base);
+  was_restarted_ = was_restarted_ || verdict == OdometryTrack::Verdict::kRestarted;
+  // Where there are no scans, such as where the robot turns with its scanner off.
+  if (verdict == OdometryTrack::Verdict::kAdded && has_key_) {
+    const Pose2 u = inverse(at_.T_track_base) * track_.latest().T_track_base;
+    if (u.translation_m.norm() >= kWithoutScan * params_.key_distance_m ||
+        std::abs(u.yaw_rad) >= kWithoutScan * params_.key_turn_rad) {
+      begin_key(track_.latest());
+    }
+  }
+  return verdict;
+}
+
+void ReflectorSurvey::begin_key(const OdometryTrack::Entry& at) {
+  Key key;
+  if (has_key_) {
+    key.u = inverse(at_.T_track_base) * at.T_track_base;
+    key.jumps = at.jumps - at_.jumps;
+    way_m_ += key.u.translation_m.norm();
+    predict(key.u, key.jumps);
+  }
+  key.T_world_base = x_.T_world_base;
+  has_key_ = true;
+  at_ = at;
+  keys_.push_back(std::move(key));
+}
+
+void ReflectorSurvey::predict(const Pose2& u, int jumps) {
+  Eigen::Matrix<double, 5, 5> Q = odometry_noise(u, params_.wheels);
+  const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_rad);
+  Q.diagonal().head<3>() += jumps * jump.cwiseAbs2();
+  const Eigen::Matrix<double, 5, 5> F = moved_by_odometry_jacobian(x_, u);
+  const Eigen::Index others = P_.cols() - 5;
+  x_ = moved_by_odometry(x_, u);
+  P_.topLeftCorner<5, 5>() = F * P_.topLeftCorner<5, 5>().eval() * F.transpose() + Q;
+  P_.topRightCorner(5, others) = F * P_.topRightCorner(5, others).eval();
+  P_.bottomLeftCorner(others, 5) = P_.topRightCorner(5, others).transpose();
+}
+
+Eigen::Vector2d ReflectorSurvey::center_of(const Found& found) const {
+  return centers_m_.segment<2>(2 * static_cast<Eigen::Index>(found.place));
+}
+
+Eigen::MatrixXd ReflectorSurvey::jacobian(const Found& found, const Pose2& T_base_lidar) const {
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, P_.cols());
+  const Eigen::Vector2d center_m = center_of(found);
+  H.leftCols<3>() = observed_reflector_jacobian(x_.T_world_base, T_base_lidar, center_m);
+  H.middleCols<2>(5 + 2 * found.place) = place_by_center_jacobian(x_.T_world_base, T_base_lidar, center_m);
+  return H;
+}
+
+// Squared Mahalanobis distance.
+double ReflectorSurvey::distance2(const Found& found, const Sighting& sighting) const {
+  const Eigen::MatrixXd H = jacobian(found, sighting.T_base_lidar);
+  const Eigen::Matrix2d S = H * P_ * H.transpose() + sighting.R;
+  const Eigen::Vector2d nu = residual_of(sighting.z, x_.T_world_base, sighting.T_base_lidar, center_of(found));
+  return nu.dot(S.llt().solve(nu));
+}
+
+void ReflectorSurvey::correct(std::size_t found, const Sighting& sighting) {
+  const Eigen::MatrixXd H = jacobian(found_[found], sighting.T_base_lidar);
+  const Eigen::Vector2d nu = residual_of(sighting.z, x_.T_world_base, sighting.T_base_lidar, center_of(found_[found]));
+  const Eigen::Matrix2d S = H * P_ * H.transpose() + sighting.R;
+  const Eigen::MatrixXd K = P_ * H.transpose() * S.inverse();
+  const Eigen::VectorXd e = K * nu;
+  const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(P_.rows(), P_.cols()) - K * H;
+  P_ = A * P_.eval() * A.transpose() + K * sighting.R * K.transpose();  // Joseph's form
+  x_ = Manifold<ReflectorState>::retract(x_, e.head<5>());
+  centers_m_ += e.tail(e.size() - 5);
+}
+
+// A reflector that was not known: its error is that of the pose and of the sighting.
+void ReflectorSurvey::start(const Sighting& sighting) {
+  const Eigen::Vector2d along(std::cos(sighting.z(1)), std::sin(sighting.z(1)));
+  const Eigen::Vector2d center_m = x_.T_world_base * (sighting.T_base_lidar * (sighting.z(0) * along));
+  const Eigen::Matrix2d J_z_l = place_by_center_jacobian(x_.T_world_base, sighting.T_base_lidar, center_m);
+  const Eigen::Matrix2d J_l_z = J_z_l.inverse();
+  const Eigen::Matrix<double, 2, 3> J_l_e =
+      -J_l_z * observed_reflector_jacobian(x_.T_world_base, sighting.T_base_lidar, center_m);
+  const Eigen::Index n = P_.cols();
+  Eigen::MatrixXd grown(n + 2, n + 2);
+  grown.topLeftCorner(n, n) = P_;
+  grown.bottomLeftCorner(2, n) = J_l_e * P_.topRows<3>();
+  grown.topRightCorner(n, 2) = grown.bottomLeftCorner(2, n).transpose();
+  grown.bottomRightCorner<2, 2>() =
+      J_l_e * P_.topLeftCorner<3, 3>() * J_l_e.transpose() + J_l_z * sighting.R * J_l_z.transpose();
+  P_ = std::move(grown);
+  Found found;
+  found.place = static_cast<int>(centers_m_.size() / 2);
+  found.first_key = static_cast<int>(keys_.size()) - 1;
+  centers_m_.conservativeResize(centers_m_.size() + 2);
+  centers_m_.tail<2>() = center_m;
+  found_.push_back(found);
+}
+
+// What was seen once or twice, such as a walker's trousers, does not stay in the filter.
+void ReflectorSurvey::give_up_rare() {
+  const int now = static_cast<int>(keys_.size()) - 1;
+  for (Found& found : found_) {
+    if (found.place < 0 || found.sightings > kRareSightings || now - found.latest_key < kRareKeys) continue;
+    found.center_world_m = center_of(found);
+    const Eigen::Index begin = 5 + 2 * static_cast<Eigen::Index>(found.place), behind = P_.cols() - begin - 2;
+    P_.middleRows(begin, behind) = P_.bottomRows(behind).eval();
+    P_.middleCols(begin, behind) = P_.rightCols(behind).eval();
+    P_.conservativeResize(P_.rows() - 2, P_.cols() - 2);
+    centers_m_.segment(begin - 5, behind) = centers_m_.tail(behind).eval();
+    centers_m_.conservativeResize(centers_m_.size() - 2);
+    for (Found& other : found_) other.place -= other.place > found.place ? 1 : 0;
+    found.place = -1;
+  }
+}
+
+void ReflectorSurvey::add(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
+  OdometryTrack::Entry now;
+  if (was_restarted_ || !track_.at(sightings.stamp_ns, now)) return;
+  if (has_key_) {
+    // Near to the key before a scan has the errors of that one's.
+    if (now.stamp_ns <= at_.stamp_ns) return;
+    const Pose2 u = inverse(at_.T_track_base) * now.T_track_base;
+    if (u.translation_m.norm() < params_.key_distance_m && std::abs(u.yaw_rad) < params_.key_turn_rad) return;
+  }
+  begin_key(now);
+  keys_.back().T_base_lidar = T_base_lidar;
+  keys_.back().free = sightings.free;
+
+  struct Open {
+    Sighting sighting;
+    Eigen::Matrix2d white;
+  };
+  std::vector<Open> open;
+  for (const ReflectorSighting& seen : sightings.sightings) {
+    const ReflectorFit fit = fit_reflector(sightings, seen, params_.radius_m);
+    OdometryTrack::Entry then;
+    if (!fit.is_width_plausible || !track_.at(sightings.stamp_ns + nanoseconds(seen.time_offset_s), then)) continue;
+    const Pose2 u = inverse(now.T_track_base) * then.T_track_base;
+    ReflectorState scaled;
+    scaled.scale_error = x_.scale_error;
+    const Pose2 T_base_then_lidar = moved_by_odometry(scaled, u).T_world_base * T_base_lidar;
+    Eigen::Matrix2d R = fit.covariance;
+    const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
+    R(0, 0) += model_m2;
+    R(1, 1) += model_m2 / (fit.range_m * fit.range_m);
+    // Of the wheels since the stamp, as errors of the pose.
+    const Eigen::Vector2d center_m =
+        x_.T_world_base *
+        (T_base_then_lidar * (fit.range_m * Eigen::Vector2d(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad))));
+    const Eigen::Matrix<double, 2, 3> H = observed_reflector_jacobian(x_.T_world_base, T_base_then_lidar, center_m);
+    R += H * odometry_noise(u, params_.wheels).topLeftCorner<3, 3>() * H.transpose();
+    open.push_back({{0, {fit.range_m, fit.azimuth_rad}, R, T_base_then_lidar}, fit.white});
+  }
+
+  // The clearest first; each makes the others clearer.
+  std::vector<char> taken(found_.size(), 0);
+  const auto known = found_.size();
+  while (!open.empty()) {
+    std::size_t best = open.size(), best_found = 0;
+    double best_advantage = -1.0;
+    for (std::size_t i = 0; i < open.size(); ++i) {
+      double least = std::numeric_limits<double>::infinity(), second = 4.0 * far_gate_;
+      std::size_t nearest = 0;
+      for (std::size_t k = 0; k < known; ++k) {
+        if (found_[k].place < 0 || taken[k] != 0) continue;
+        const double d2 = distance2(found_[k], open[i].sighting);
+        if (d2 < least) {
+          second = std::min(second, least);
+          least = d2;
+          nearest = k;
+        } else {
+          second = std::min(second, d2);
+        }
+      }
+      const double advantage = second - least;
+      if (!(least <= gate_) || advantage < params_.min_advantage || advantage <= best_advantage) continue;
+      best = i;
+      best_found = nearest;
+      best_advantage = advantage;
+    }
+    if (best == open.size()) break;
+    Sighting sighting = open[best].sighting;
+    sighting.reflector = best_found;
+    Found& found = found_[best_found];
+    const double azimuth_rad = observed_reflector(x_.T_world_base, sighting.T_base_lidar, center_of(found))(1);
+    sighting.R = found.beams.new_covariance(sighting.R, open[best].white, azimuth_rad, sightings.resolution_rad);
+    taken[best_found] = 1;
+    found.latest_key = static_cast<int>(keys_.size()) - 1;
+    ++found.sightings;
+    if (sighting.R.allFinite()) {
+      correct(best_found, sighting);
+      keys_.back().sightings.push_back(sighting);
+    }
+    open.erase(open.begin() + static_cast<std::ptrdiff_t>(best));
+  }
+  for (const Open& left : open) {
+    const auto near = [&](const Found& found) {
+      if (found.place < 0) return false;
+      const Eigen::Vector2d along(std::cos(left.sighting.z(1)), std::sin(left.sighting.z(1)));
+      const Eigen::Vector2d place_m = x_.T_world_base * (left.sighting.T_base_lidar * (left.sighting.z(0) * along));
+      return (place_m - center_of(found)).norm() < params_.min_separation_m ||
+             distance2(found, left.sighting) < far_gate_;
+    };
+    if (std::any_of(found_.begin(), found_.end(), near)) continue;
+    start(left.sighting);
+    Found& found = found_.back();
+    found.sightings = 1;
+    found.latest_key = found.first_key;
+    found.beams.used(left.sighting.z(1));
+    keys_.back().sightings.push_back(left.sighting);
+    keys_.back().sightings.back().reflector = found_.size() - 1;
+  }
+  keys_.back().T_world_base = x_.T_world_base;
+  give_up_rare();
+}
+
+// --- at the end ------------------------------------------------------------------------------------------------------
+
+struct ReflectorSurvey::Solution {
+  std::vector<Pose2> T_world_base;
+  Eigen::Vector2d scale_error;
+  std::vector<Eigen::Vector2d> centers_m;  ///< of found_
+  std::vector<std::size_t> same_as;        ///< index in found_ that it is the same as, itself if of none before
+  std::vector<const char*> refused;        ///< reason, or null while it is used
+  std::vector<int> sightings;
+  std::vector<double> nis;
+  double odometry_nis = 0.0;      ///< mean, per degree of freedom
+  std::vector<std::size_t> used;  ///< indices of those used
+  Eigen::MatrixXd covariance;     ///< of the centres of those used
+};
+
+// Least squares over all poses, scales and reflectors, by Gauss-Newton steps: the matrix is sparse, since a key sees
+// few reflectors and is tied to its neighbours alone.
+ReflectorSurvey::Solution ReflectorSurvey::adjust(const Solution& from) const {
+  Solution solution = from;
+  solution.used.clear();
+  std::vector<Eigen::Index> column(found_.size(), -1);
+  const auto keys = static_cast<Eigen::Index>(keys_.size());
+  const Eigen::Index scales = 3 * (keys - 1);  // the first pose is given
+  Eigen::Index size = scales + 2;
+  for (std::size_t j = 0; j < found_.size(); ++j) {
+    if (solution.same_as[j] != j || solution.refused[j] != nullptr) continue;
+    column[j] = size;
+    size += 2;
+    solution.used.push_back(j);
+  }
+  const auto column_of = [&](std::size_t found) { return column[solution.same_as[found]]; };
+  Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> factor;
+  for (int step = 0; step < kMaxAdjustments; ++step) {
+    std::vector<Eigen::Triplet<double>> entries;
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
+    // Adds a residual r - J e with blocks of J at columns.
+    const auto add = [&](const Eigen::VectorXd& r, const Eigen::MatrixXd& information,
+                         const std::vector<std::pair<Eigen::Index, Eigen::MatrixXd>>& blocks) {
+      for (const auto& [row, J_row] : blocks) {
+        if (row < 0) continue;
+        b.segment(row, J_row.cols()) += J_row.transpose() * information * r;
+        for (const auto& [col, J_col] : blocks) {
+          if (col < 0) continue;
+          const Eigen::MatrixXd block = J_row.transpose() * information * J_col;
+          for (Eigen::Index m = 0; m < block.rows(); ++m) {
+            for (Eigen::Index n = 0; n < block.cols(); ++n) entries.emplace_back(row + m, col + n, block(m, n));
+          }
+        }
+      }
+    };
+    const Eigen::Vector2d scale_sigma(params_.wheels.distance_scale_sigma, params_.wheels.yaw_scale_sigma);
+    const Eigen::Vector2d floored = scale_sigma.cwiseMax(kLeastOdometryError);
+    add(-solution.scale_error, floored.cwiseAbs2().cwiseInverse().asDiagonal().toDenseMatrix(),
+        {{scales, Eigen::Matrix2d::Identity()}});
+    std::fill(solution.sightings.begin(), solution.sightings.end(), 0);
+    std::fill(solution.nis.begin(), solution.nis.end(), 0.0);
+    solution.odometry_nis = 0.0;
+    for (std::size_t i = 0; i < keys_.size(); ++i) {
+      const Key& key = keys_[i];
+      const Eigen::Index pose = i == 0 ? -1 : 3 * static_cast<Eigen::Index>(i - 1);
+      if (i > 0) {
+        const ReflectorState before{solution.T_world_base[i - 1], solution.scale_error};
+        const ReflectorState predicted = moved_by_odometry(before, key.u);
+        const Eigen::Vector3d r = Manifold<Pose2>::local_coordinates(predicted.T_world_base, solution.T_world_base[i]);
+        const Eigen::Matrix<double, 3, 5> F = moved_by_odometry_jacobian(before, key.u).topRows<3>();
+        Eigen::Vector3d variance = odometry_noise(key.u, params_.wheels).diagonal().head<3>();
+        const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m,
+                                   params_.wheels.jump_sigma_rad);
+        variance += key.jumps * jump.cwiseAbs2();
+        variance = variance.cwiseMax(kLeastOdometryError * kLeastOdometryError);
+        const Eigen::Matrix3d information = variance.cwiseInverse().asDiagonal();
+        solution.odometry_nis += r.dot(information * r) / (3.0 * static_cast<double>(keys - 1));
+        const Eigen::Index pose_before = i == 1 ? -1 : pose - 3;
+        add(r, information,
+            {{pose, -Eigen::Matrix3d::Identity()}, {pose_before, F.leftCols<3>()}, {scales, F.rightCols<2>()}});
+      }
+      for (const Sighting& sighting : key.sightings) {
+        const std::size_t j = solution.same_as[sighting.reflector];
+        if (column_of(sighting.reflector) < 0) continue;
+        const Pose2& T = solution.T_world_base[i];
+        const Eigen::Vector2d nu = residual_of(sighting.z, T, sighting.T_base_lidar, solution.centers_m[j]);
+        Eigen::Matrix2d information = sighting.R.inverse();
+        const double nis = nu.dot(information * nu);
+        solution.nis[j] += nis;
+        ++solution.sightings[j];
+        const double sigmas = std::sqrt(nis);
+        if (sigmas > kHuber) information *= kHuber / sigmas;
+        add(nu, information,
+            {{pose, observed_reflector_jacobian(T, sighting.T_base_lidar, solution.centers_m[j])},
+             {column[j], place_by_center_jacobian(T, sighting.T_base_lidar, solution.centers_m[j])}});
+      }
+    }
+    for (const std::size_t j : solution.used) {
+      solution.nis[j] /= std::max(1, 2 * solution.sightings[j]);
+      // A reflector of which no sighting is left must not make it singular.
+      for (Eigen::Index m = 0; m < 2; ++m) entries.emplace_back(column[j] + m, column[j] + m, 1e-9);
+    }
+    Eigen::SparseMatrix<double> A(size, size);
+    A.setFromTriplets(entries.begin(), entries.end());
+    factor.compute(A);
+    if (factor.info() != Eigen::Success) break;
+    const Eigen::VectorXd e = factor.solve(b);
+    for (std::size_t i = 1; i < keys_.size(); ++i) {
+      const Eigen::Vector3d of_pose = e.segment<3>(3 * static_cast<Eigen::Index>(i - 1));
+      solution.T_world_base[i] = Manifold<Pose2>::retract(solution.T_world_base[i], of_pose);
+    }
+    solution.scale_error += e.segment<2>(scales);
+    for (const std::size_t j : solution.used) solution.centers_m[j] += e.segment<2>(column[j]);
+    if (e.cwiseAbs().maxCoeff() < kConverged) break;
+  }
+  const Eigen::Index n = size - scales - 2;
+  solution.covariance = Eigen::MatrixXd::Zero(n, n);
+  if (factor.info() == Eigen::Success) {
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const Eigen::VectorXd unit = Eigen::VectorXd::Unit(size, scales + 2 + k);
+      solution.covariance.col(k) = factor.solve(unit).tail(n);
+    }
+  } else {
+    solution.covariance.diagonal().setConstant(std::numeric_limits<double>::infinity());
+  }
+  return solution;
+}
+
+// The same reflector may have been begun twice, where the pose was not known well enough.
+void ReflectorSurvey::merge(Solution& solution) const {
+  for (std::size_t a = 0; a < solution.used.size(); ++a) {
+    for (std::size_t b = a + 1; b < solution.used.size(); ++b) {
+      const std::size_t j = solution.used[a], k = solution.used[b];
+      if (solution.same_as[j] != j || solution.same_as[k] != k) continue;
+      const Eigen::Vector2d off_m = solution.centers_m[j] - solution.centers_m[k];
+      const auto block = [&](std::size_t row, std::size_t col) -> Eigen::Matrix2d {
+        return solution.covariance.block<2, 2>(2 * static_cast<Eigen::Index>(row), 2 * static_cast<Eigen::Index>(col));
+      };
+      const Eigen::Matrix2d S =
+          block(a, a) + block(b, b) - block(a, b) - block(b, a) + 1e-6 * Eigen::Matrix2d::Identity();
+      if (off_m.norm() > params_.radius_m + params_.min_separation_m || off_m.dot(S.llt().solve(off_m)) > far_gate_) {
+        continue;
+      }
+      for (std::size_t& same : solution.same_as) {
+        if (same == k) same = j;
+      }
+    }
+  }
+}
+
+// Leaves out what is no reflector to localise by.
+void ReflectorSurvey::judge(Solution& solution) const {
+  std::vector<int> latest(found_.size(), -1), bright(found_.size(), 0), dim(found_.size(), 0),
+      through(found_.size(), 0);
+  for (std::size_t i = 0; i < keys_.size(); ++i) {
+    for (const Sighting& sighting : keys_[i].sightings) {
+      latest[solution.same_as[sighting.reflector]] = static_cast<int>(i);
+    }
+  }
+  for (std::size_t i = 0; i < keys_.size(); ++i) {
+    const Key& key = keys_[i];
+    const std::vector<float>& azimuths = key.free.azimuth_rad;
+    if (azimuths.size() < 2) continue;
+    for (const std::size_t j : solution.used) {
+      const Eigen::Vector2d z = observed_reflector(solution.T_world_base[i], key.T_base_lidar, solution.centers_m[j]);
+      if (z(0) > params_.max_view_m || z(0) < params_.radius_m + 0.1) continue;
+      const bool is_bright = std::any_of(key.sightings.begin(), key.sightings.end(), [&](const Sighting& sighting) {
+        return solution.same_as[sighting.reflector] == j;
+      });
+      if (is_bright) {
+        ++bright[j];
+        continue;
+      }
+      double azimuth_rad = z(1);
+      while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
+      while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
+      const double half_rad = 0.7 * std::asin(std::min(1.0, params_.radius_m / z(0)));
+      const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
+      const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
+      if (begin == azimuths.begin() || begin == end || end == azimuths.end()) continue;
+      const auto all = [&](auto is) {
+        return std::all_of(key.free.range_m.begin() + (begin - azimuths.begin()),
+                           key.free.range_m.begin() + (end - azimuths.begin()), is);
+      };
+      const double surface_m = z(0) - params_.radius_m;
+      if (all([&](float range_m) { return std::abs(range_m - surface_m) < kOnIt_m; })) ++dim[j];
+      const double behind_m = z(0) + params_.radius_m + kOnIt_m;
+      if (static_cast<int>(i) > latest[j] && all([&](float range_m) { return range_m > behind_m; })) ++through[j];
+    }
+  }
+  for (const std::size_t j : solution.used) {
+    if (solution.same_as[j] != j) continue;
+    int sightings = 0;
+    for (const Key& key : keys_) {
+      sightings += static_cast<int>(std::count_if(key.sightings.begin(), key.sightings.end(), [&](const Sighting& s) {
+        return solution.same_as[s.reflector] == j;
+      }));
+    }
+    if (sightings < params_.min_sightings) {
+      solution.refused[j] = "seen too seldom";
+    } else if (bright[j] < params_.min_bright_part * (bright[j] + dim[j])) {
+      solution.refused[j] = "not always bright";
+    } else if (through[j] >= params_.gone_scans) {
+      solution.refused[j] = "gone";
+    } else if (solution.nis[j] > params_.max_nis) {
+      solution.refused[j] = "does not stand still";
+    }
+  }
+}
+
+ReflectorSurveyResult ReflectorSurvey::solve() const {
+  ReflectorSurveyResult result;
+  result.way_m = way_m_;
+  if (was_restarted_) {
+    result.reason = "the stamps of odometry go back: a survey is of one drive";
+    return result;
+  }
+  if (track_.empty()) {
+    result.reason = "there is no odometry";
+    return result;
+  }
+  if (keys_.size() < 2) {
+    result.reason = keys_.empty() ? "no scan has odometry" : "the robot did not move";
+    return result;
+  }
+  Solution solution;
+  solution.scale_error = x_.scale_error;
+  for (const Key& key : keys_) solution.T_world_base.push_back(key.T_world_base);
+  for (std::size_t j = 0; j < found_.size(); ++j) {
+    const bool is_kept = found_[j].place >= 0;
+    solution.centers_m.push_back(is_kept ? center_of(found_[j]) : found_[j].center_world_m);
+    solution.same_as.push_back(j);
+    solution.refused.push_back(is_kept && found_[j].sightings > kRareSightings ? nullptr : "seen too seldom");
+  }
+  solution.sightings.assign(found_.size(), 0);
+  solution.nis.assign(found_.size(), 0.0);
+  for (int round = 0; round < kMaxRounds; ++round) {
+    solution = adjust(solution);
+    const std::size_t used = solution.used.size();
+    merge(solution);
+    judge(solution);
+    const auto left = std::count_if(solution.used.begin(), solution.used.end(), [&](std::size_t j) {
+      return solution.same_as[j] == j && solution.refused[j] == nullptr;
+    });
+    if (static_cast<std::size_t>(left) == used) break;
+  }
+  result.T_world_base = solution.T_world_base;
+  result.scale_error = solution.scale_error;
+  for (std::size_t j = 0; j < found_.size(); ++j) {
+    if (solution.same_as[j] == j && solution.refused[j] != nullptr && found_[j].sightings > kRareSightings) {
+      result.refused.push_back({solution.centers_m[j], found_[j].sightings, solution.refused[j]});
+    }
+  }
+  for (std::size_t a = 0; a < solution.used.size(); ++a) {
+    const std::size_t j = solution.used[a];
+    const auto at = [](std::size_t i) { return 2 * static_cast<Eigen::Index>(i); };
+    result.reflectors.push_back({{solution.centers_m[j], params_.radius_m},
+                                 solution.covariance.block<2, 2>(at(a), at(a)),
+                                 solution.sightings[j],
+                                 solution.nis[j]});
+    for (std::size_t b = 0; b < a; ++b) {
+      const Eigen::Vector2d along = (solution.centers_m[j] - solution.centers_m[solution.used[b]]).normalized();
+      const Eigen::Matrix2d S =
+          solution.covariance.block<2, 2>(at(a), at(a)) + solution.covariance.block<2, 2>(at(b), at(b)) -
+          solution.covariance.block<2, 2>(at(a), at(b)) - solution.covariance.block<2, 2>(at(b), at(a));
+      result.distance_sigma_m = std::max(result.distance_sigma_m, std::sqrt(std::max(0.0, along.dot(S * along))));
+    }
+  }
+  if (result.reflectors.empty()) {
+    result.reason = "nothing was seen to be a reflector in " + std::to_string(params_.min_sightings) + " scans or more";
+  } else if (!(result.distance_sigma_m <= params_.max_distance_sigma_m)) {
+    result.reason = sentence(
+        "the drive does not tell the distances of the reflectors: one has a standard deviation of "
+        "%.3f m; drive so that two or more are in sight everywhere, and return to the start",
+        result.distance_sigma_m);
+  } else if (solution.odometry_nis > params_.max_nis) {
+    result.reason = sentence(
+        "sightings and odometry contradict each other: mean squared error %.1f of what odometry "
+        "should have (wheels that slip, or another set of parameters is needed)",
+        solution.odometry_nis);
+  }
+  if (!result.reason.empty()) return result;
+  for (const SurveyedReflector& surveyed : result.reflectors) result.map.reflectors.push_back(surveyed.reflector);
+  return result;
+}
+
+}  // namespace situation_awareness
