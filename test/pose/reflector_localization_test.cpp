@@ -409,6 +409,23 @@ TEST(ReflectorLocalization, AHiddenReflectorIsNotMissing) {
   EXPECT_TRUE(update.missing.empty());
 }
 
+// The reflector itself is hidden, and something bright stands half a metre from it.
+TEST(ReflectorLocalization, ABrightThingBesideAHiddenReflectorIsNoMovedOne) {
+  const ReflectorMap map = map_of(5);
+  ReflectorWorld world = room_with(map);
+  const Eigen::Vector2d l = map.reflectors[1].center_world_m;
+  world.walls.push_back({0.9 * l + Eigen::Vector2d(-0.2, -0.16), 0.9 * l + Eigen::Vector2d(0.2, 0.16)});
+  world.cylinders.push_back({l + Eigen::Vector2d(0.5, 0.1), 0.05, 700.0});
+  Drive drive(map, world, 5);
+  drive.guess();
+  for (int scan = 0; scan < 100; ++scan) drive.scan();
+  const ReflectorUpdate& update = drive.scan();
+  EXPECT_EQ(update.matches.size(), 4U);
+  EXPECT_EQ(update.unmatched.size(), 1U);
+  EXPECT_TRUE(update.moved.empty());
+  EXPECT_TRUE(update.missing.empty());
+}
+
 TEST(ReflectorLocalization, ReportsAMovedReflectorAndUsesItAgainWhenItIsBack) {
   const ReflectorMap map = map_of(5);
   ReflectorWorld world = room_with(map);
