@@ -76,6 +76,7 @@ add_library(${PROJECT_NAME}_bag STATIC
   src/ros/bag/bag_options.cpp
   src/ros/bag/bag_player.cpp
   src/ros/bag/json_line.cpp
+  src/ros/bag/odometry.cpp
   src/ros/bag/progress.cpp
   src/ros/bag/scans.cpp)
 situation_awareness_target(${PROJECT_NAME}_bag)
@@ -86,6 +87,7 @@ target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_nodelet
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
+situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)

@@ -33,6 +33,10 @@ constexpr int kMaxAdjustments = 30;
 constexpr double kConverged = 1e-7;
 /// Beams that end within this distance of a reflector's surface end on it; that end behind it by more pass through.
 constexpr double kOnIt_m = 0.08;
+/// Part of a reflector's width whose beams are looked at.
+constexpr double kMiddle = 0.7;
+/// A sighting with fewer beams between it and the end of the view may be cut.
+constexpr double kCutBeams = 3.0;
 /// Rounds of adjusting and leaving out what is no reflector.
 constexpr int kMaxRounds = 6;
 
@@ -108,16 +112,30 @@ void ReflectorSurvey::begin_key(const OdometryTrack::Entry& at) {
   keys_.push_back(std::move(key));
 }
 
+// An error w of the pose in its own frame is one of the whole world about the robot: of the pose, and the opposite one
+// of all reflectors, which have not moved.
+Eigen::MatrixXd ReflectorSurvey::error_of_own(const Pose2& T_world_base) const {
+  Eigen::MatrixXd G = Eigen::MatrixXd::Zero(P_.rows(), 3);
+  G.topRows<3>() = adjoint_se2(T_world_base);
+  for (Eigen::Index i = 0; i < centers_m_.size(); i += 2) {
+    G(5 + i, 2) = centers_m_(i + 1);
+    G(6 + i, 2) = -centers_m_(i);
+  }
+  return G;
+}
+
 void ReflectorSurvey::predict(const Pose2& u, int jumps) {
-  Eigen::Matrix<double, 5, 5> Q = odometry_noise(u, params_.wheels);
+  const Eigen::Matrix<double, 5, 5> Q = odometry_noise(u, params_.wheels);
+  Eigen::Matrix3d of_pose = Q.topLeftCorner<3, 3>();
   const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_rad);
-  Q.diagonal().head<3>() += jumps * jump.cwiseAbs2();
-  const Eigen::Matrix<double, 5, 5> F = moved_by_odometry_jacobian(x_, u);
-  const Eigen::Index others = P_.cols() - 5;
+  of_pose.diagonal() += jumps * jump.cwiseAbs2();
+  const Eigen::Matrix<double, 3, 2> J_own_s = moved_by_odometry_jacobian(x_, u).topRightCorner<3, 2>();
   x_ = moved_by_odometry(x_, u);
-  P_.topLeftCorner<5, 5>() = F * P_.topLeftCorner<5, 5>().eval() * F.transpose() + Q;
-  P_.topRightCorner(5, others) = F * P_.topRightCorner(5, others).eval();
-  P_.bottomLeftCorner(others, 5) = P_.topRightCorner(5, others).transpose();
+  const Eigen::MatrixXd G = error_of_own(x_.T_world_base);
+  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(P_.rows(), P_.cols());
+  F.middleCols<2>(3) += G * J_own_s;
+  P_ = F * P_.eval() * F.transpose() + G * of_pose * G.transpose();
+  P_.diagonal().segment<2>(3) += Q.diagonal().tail<2>();
 }
 
 Eigen::Vector2d ReflectorSurvey::center_of(const Found& found) const {
@@ -126,9 +144,9 @@ Eigen::Vector2d ReflectorSurvey::center_of(const Found& found) const {
 
 Eigen::MatrixXd ReflectorSurvey::jacobian(const Found& found, const Pose2& T_base_lidar) const {
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, P_.cols());
-  const Eigen::Vector2d center_m = center_of(found);
-  H.leftCols<3>() = observed_reflector_jacobian(x_.T_world_base, T_base_lidar, center_m);
-  H.middleCols<2>(5 + 2 * found.place) = place_by_center_jacobian(x_.T_world_base, T_base_lidar, center_m);
+  const Eigen::Matrix2d J_z_l = place_by_center_jacobian(x_.T_world_base, T_base_lidar, center_of(found));
+  H.leftCols<2>() = -J_z_l;
+  H.middleCols<2>(5 + 2 * found.place) = J_z_l;
   return H;
 }
 
@@ -148,8 +166,13 @@ void ReflectorSurvey::correct(std::size_t found, const Sighting& sighting) {
   const Eigen::VectorXd e = K * nu;
   const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(P_.rows(), P_.cols()) - K * H;
   P_ = A * P_.eval() * A.transpose() + K * sighting.R * K.transpose();  // Joseph's form
-  x_ = Manifold<ReflectorState>::retract(x_, e.head<5>());
-  centers_m_ += e.tail(e.size() - 5);
+  const Pose2 turn{{0.0, 0.0}, e(2)};
+  x_.T_world_base = turn * x_.T_world_base;
+  x_.T_world_base.translation_m += e.head<2>();
+  x_.scale_error += e.segment<2>(3);
+  for (Eigen::Index i = 0; i < centers_m_.size(); i += 2) {
+    centers_m_.segment<2>(i) = turn * Eigen::Vector2d(centers_m_.segment<2>(i)) + e.segment<2>(5 + i);
+  }
 }
 
 // A reflector that was not known: its error is that of the pose and of the sighting.
@@ -158,15 +181,12 @@ void ReflectorSurvey::start(const Sighting& sighting) {
   const Eigen::Vector2d center_m = x_.T_world_base * (sighting.T_base_lidar * (sighting.z(0) * along));
   const Eigen::Matrix2d J_z_l = place_by_center_jacobian(x_.T_world_base, sighting.T_base_lidar, center_m);
   const Eigen::Matrix2d J_l_z = J_z_l.inverse();
-  const Eigen::Matrix<double, 2, 3> J_l_e =
-      -J_l_z * observed_reflector_jacobian(x_.T_world_base, sighting.T_base_lidar, center_m);
   const Eigen::Index n = P_.cols();
   Eigen::MatrixXd grown(n + 2, n + 2);
   grown.topLeftCorner(n, n) = P_;
-  grown.bottomLeftCorner(2, n) = J_l_e * P_.topRows<3>();
+  grown.bottomLeftCorner(2, n) = P_.topRows<2>();
   grown.topRightCorner(n, 2) = grown.bottomLeftCorner(2, n).transpose();
-  grown.bottomRightCorner<2, 2>() =
-      J_l_e * P_.topLeftCorner<3, 3>() * J_l_e.transpose() + J_l_z * sighting.R * J_l_z.transpose();
+  grown.bottomRightCorner<2, 2>() = P_.topLeftCorner<2, 2>() + J_l_z * sighting.R * J_l_z.transpose();
   P_ = std::move(grown);
   Found found;
   found.place = static_cast<int>(centers_m_.size() / 2);
@@ -304,6 +324,7 @@ struct ReflectorSurvey::Solution {
   std::vector<const char*> refused;        ///< reason, or null while it is used
   std::vector<int> sightings;
   std::vector<double> nis;
+  std::vector<double> bright_part;
   double odometry_nis = 0.0;      ///< mean, per degree of freedom
   std::vector<std::size_t> used;  ///< indices of those used
   Eigen::MatrixXd covariance;     ///< of the centres of those used
@@ -465,10 +486,15 @@ void ReflectorSurvey::judge(Solution& solution) const {
       double azimuth_rad = z(1);
       while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
       while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
-      const double half_rad = 0.7 * std::asin(std::min(1.0, params_.radius_m / z(0)));
+      const double whole_rad = std::asin(std::min(1.0, params_.radius_m / z(0)));
+      const double half_rad = kMiddle * whole_rad;
       const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
       const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
-      if (begin == azimuths.begin() || begin == end || end == azimuths.end()) continue;
+      // At the ends of the view a sighting is cut.
+      const double margin_rad = whole_rad + kCutBeams * std::abs(azimuths[1] - azimuths[0]);
+      if (azimuth_rad - margin_rad < azimuths.front() || azimuth_rad + margin_rad > azimuths.back() || begin == end) {
+        continue;
+      }
       const auto all = [&](auto is) {
         return std::all_of(key.free.range_m.begin() + (begin - azimuths.begin()),
                            key.free.range_m.begin() + (end - azimuths.begin()), is);
@@ -487,9 +513,10 @@ void ReflectorSurvey::judge(Solution& solution) const {
         return solution.same_as[s.reflector] == j;
       }));
     }
+    solution.bright_part[j] = bright[j] / std::max(1.0, static_cast<double>(bright[j] + dim[j]));
     if (sightings < params_.min_sightings) {
       solution.refused[j] = "seen too seldom";
-    } else if (bright[j] < params_.min_bright_part * (bright[j] + dim[j])) {
+    } else if (solution.bright_part[j] < params_.min_bright_part) {
       solution.refused[j] = "not always bright";
     } else if (through[j] >= params_.gone_scans) {
       solution.refused[j] = "gone";
@@ -525,6 +552,7 @@ ReflectorSurveyResult ReflectorSurvey::solve() const {
   }
   solution.sightings.assign(found_.size(), 0);
   solution.nis.assign(found_.size(), 0.0);
+  solution.bright_part.assign(found_.size(), 0.0);
   for (int round = 0; round < kMaxRounds; ++round) {
     solution = adjust(solution);
     const std::size_t used = solution.used.size();
@@ -548,7 +576,8 @@ ReflectorSurveyResult ReflectorSurvey::solve() const {
     result.reflectors.push_back({{solution.centers_m[j], params_.radius_m},
                                  solution.covariance.block<2, 2>(at(a), at(a)),
                                  solution.sightings[j],
-                                 solution.nis[j]});
+                                 solution.nis[j],
+                                 solution.bright_part[j]});
     for (std::size_t b = 0; b < a; ++b) {
       const Eigen::Vector2d along = (solution.centers_m[j] - solution.centers_m[solution.used[b]]).normalized();
       const Eigen::Matrix2d S =
@@ -559,6 +588,8 @@ ReflectorSurveyResult ReflectorSurvey::solve() const {
   }
   if (result.reflectors.empty()) {
     result.reason = "nothing was seen to be a reflector in " + std::to_string(params_.min_sightings) + " scans or more";
+  } else if (result.reflectors.size() == 1) {
+    result.reason = "only one reflector was found, and a pose needs two or more in sight";
   } else if (!(result.distance_sigma_m <= params_.max_distance_sigma_m)) {
     result.reason = sentence(
         "the drive does not tell the distances of the reflectors: one has a standard deviation of "

@@ -12,7 +12,6 @@
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/scan_check.hpp"

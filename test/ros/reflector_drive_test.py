@@ -35,7 +35,6 @@ class ReflectorDriveTest(unittest.TestCase):
     def setUpClass(cls):
         folder = pathlib.Path(os.environ["ROS_HOME"]) / "drive"
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "reflectors.yaml").unlink(missing_ok=True)
         polygon_worlds.write_world(folder, "corridor", 1, sweep=True, with_initial_pose=True, transits=1)
         cls.bag = next(path for path in folder.glob("*.bag") if not path.stem.endswith("_tf"))
         known = cls.bag.with_suffix(".reflectors.yaml")
@@ -46,7 +45,8 @@ class ReflectorDriveTest(unittest.TestCase):
                         f"--initial-pose={initial}", "--world-frame", "map", "--out", out], check=True)
         cls.offline = [json.loads(line) for line in out.read_text().splitlines()]
         rospy.set_param("reflector_localization/initial_pose", initial)
-        (folder / "reflectors.yaml").write_text(known.read_text())  # the nodelet has waited for it
+        file = pathlib.Path(rospy.get_param("reflector_localization/reflector_file"))
+        file.write_text(known.read_text())  # the nodelet has waited for it
 
     def test_live_poses_are_those_of_the_tool(self):
         poses = Latest("pose", PoseWithCovarianceStamped)

@@ -2,7 +2,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodelet reflector_localization: a robot stands in a hall of which each reflector can be taken away."""
 import math
-import os
 import pathlib
 import sys
 import time
@@ -24,7 +23,6 @@ from ros_support import ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, wait_u
 from situation_awareness.srv import Relocate  # noqa: E402
 
 STAGE = "reflector_localization"
-FILE = pathlib.Path(os.environ["ROS_HOME"]) / "reflectors.yaml"
 REFLECTORS = [(3.5, 1.0), (1.0, 3.0), (-2.0, 2.2), (2.5, -2.4)]
 RADIUS = 0.05
 ROBOT = (0.4, -0.3, 0.5)  # truth, in the world
@@ -83,8 +81,8 @@ def transform_of(stamp, parent, child, pose):
 class ReflectorLocalizationTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
-        FILE.parent.mkdir(parents=True, exist_ok=True)
-        FILE.unlink(missing_ok=True)
+        cls.file = pathlib.Path(rospy.get_param(f"{STAGE}/reflector_file"))
+        cls.file.parent.mkdir(parents=True, exist_ok=True)
         cls.logs = []
         cls.log = rospy.Subscriber("/rosout", Log, cls.logs.append, queue_size=1000)
         cls.diagnostics = Diagnostics()
@@ -153,10 +151,10 @@ class ReflectorLocalizationTest(unittest.TestCase):
     # --- start
 
     def test_01_a_file_that_cannot_be_used_is_said_and_tried_again(self):
-        wait_until(lambda: self.logged(Log.FATAL, str(FILE)), 30.0, "the missing file to be named")
-        FILE.write_text("reflectors: [{x: 1, y: 2, radius_m: 0.05}, {x: 1.01, y: 2, radius_m: 0.05}]\n")
-        wait_until(lambda: self.logged(Log.FATAL, str(FILE), "overlap"), 10.0, "the wrong file to be named")
-        FILE.write_text("reflectors:\n" + "".join(f"  - {{x: {x}, y: {y}, radius_m: {RADIUS}}}\n"
+        wait_until(lambda: self.logged(Log.FATAL, str(self.file)), 30.0, "the missing file to be named")
+        self.file.write_text("reflectors: [{x: 1, y: 2, radius_m: 0.05}, {x: 1.01, y: 2, radius_m: 0.05}]\n")
+        wait_until(lambda: self.logged(Log.FATAL, str(self.file), "overlap"), 10.0, "the wrong file to be named")
+        self.file.write_text("reflectors:\n" + "".join(f"  - {{x: {x}, y: {y}, radius_m: {RADIUS}}}\n"
                                                   for x, y in REFLECTORS))
         rospy.wait_for_service("relocate", 10.0)
         wait_until(lambda: min(self.scans.get_num_connections(), self.odometry.get_num_connections(),

@@ -28,6 +28,11 @@ namespace situation_awareness {
 //   l_j     centre of reflector j in the world                                   R^2       2
 //   u_i     motion of the base by odometry from key i - 1 to key i               SE(2)
 //   z_ij    range and azimuth of reflector j at key i                            R^2       2
+//   xi, P   error of the filter: T = (R_xi T^, p_xi), l = R_xi l^ + xi_l         R^(5+2n)
+//
+// The filter's error is that of the whole scene, turned about the origin of the world (a right-invariant error: Barrau
+// and Bonnabel, "An EKF-SLAM algorithm with consistency properties", 2015). With the error of each pose in its own
+// frame the filter would learn its yaw from single reflectors, which say nothing of it.
 
 /// Parameters of a survey.
 struct ReflectorSurveyParams {
@@ -40,7 +45,7 @@ struct ReflectorSurveyParams {
   double model_sigma_m = 0.001;
   double max_view_m = 8.0;
   int min_sightings = 8;
-  double min_bright_part = 0.5;
+  double min_bright_part = 0.75;
   double max_nis = 4.0;
   int gone_scans = 8;
   double max_distance_sigma_m = 0.03;
@@ -86,7 +91,8 @@ struct SurveyedReflector {
   Reflector reflector;
   Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();  ///< of its centre in the world, where the first pose is exact
   int sightings = 0;
-  double nis = 0.0;  ///< mean squared Mahalanobis distance of its sightings, per degree of freedom
+  double nis = 0.0;          ///< mean squared Mahalanobis distance of its sightings, per degree of freedom
+  double bright_part = 0.0;  ///< of the scans with beams that end on it
 };
 
 /// What was seen bright and is no reflector to localise by.
@@ -162,6 +168,7 @@ class ReflectorSurvey {
   struct Solution;
 
   void begin_key(const OdometryTrack::Entry& at);
+  Eigen::MatrixXd error_of_own(const Pose2& T_world_base) const;
   void predict(const Pose2& u, int jumps);
   void correct(std::size_t found, const Sighting& sighting);
   Eigen::Vector2d center_of(const Found& found) const;
@@ -182,7 +189,7 @@ class ReflectorSurvey {
   double way_m_ = 0.0;
   std::vector<Key> keys_;
   std::vector<Found> found_;
-  // The filter: error of pose and scales, then of the reflectors.
+  // The filter: error of pose and scales, then of the reflectors, by `place`.
   ReflectorState x_;
   Eigen::VectorXd centers_m_;
   Eigen::MatrixXd P_;

@@ -18,6 +18,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/pose/odometry_track.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
@@ -31,11 +32,6 @@ struct OdometryPosedScan {
   sensor_msgs::LaserScanConstPtr msg;
   Eigen::Isometry3d T_odom_lidar, T_odom_lidar_end;
   Eigen::Isometry3d T_odom_base;  ///< at the first beam
-};
-
-/// Frames of the odometry, as tf2 names them; empty while unknown.
-struct OdometryFrames {
-  std::string odom, base;
 };
 
 /// The input of a stage that places scans by the messages of odometry, and by TF only the scanner on the base: a scan

@@ -7,12 +7,6 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
-#include <vector>
-
-#include <geometry_msgs/TransformStamped.h>
-#include <nav_msgs/Odometry.h>
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
@@ -22,8 +16,8 @@
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/bag/odometry.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
-#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -104,22 +98,6 @@ Json json_of(const Pose2& T_world_base, const Eigen::Matrix3d& covariance, const
   return line;
 }
 
-/// Frames of the odometry in the bag; empty where there is none.
-struct OdometryFrames {
-  std::string odom, base;
-};
-
-OdometryFrames odometry_frames(const Options& options) {
-  rosbag::Bag bag(options.bag.bag, rosbag::bagmode::Read);
-  const std::string bare = tf2_frame(options.odom_topic);
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
-    const auto msg = instance.instantiate<nav_msgs::Odometry>();
-    if (msg) return {tf2_frame(msg->header.frame_id), tf2_frame(msg->child_frame_id)};
-  }
-  return {};
-}
-
 /// What the program writes and counts.
 struct Output {
   explicit Output(const std::string& path) : file(path) {}
@@ -163,36 +141,22 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
   Output out(options.out);
   bool needs_initial = !options.initial_pose.empty();
   const Pose2 initial = needs_initial ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
-  std::string lidar_frame;
   std::size_t known = 0, unknown = 0;
   Counters refused;
-  player.subscribe<nav_msgs::Odometry>(options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) {
-    const std::string defect = odometry_msg_defect(*msg);
-    if (!defect.empty()) {
-      ++refused[defect];
-      return;
-    }
-    const geometry_msgs::TransformStamped transform = transform_from_odometry(*msg);
-    const Eigen::Isometry3d T_odom_base = isometry_from_msg(transform.transform);
-    player.add_transform(transform);
-    const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
+  UseOdometry use;
+  use.add = [&](std::int64_t stamp_ns, const Pose2& T_odom_base) {
     if (needs_initial) localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
     needs_initial = false;
-    localization.add_odometry(stamp_ns, pose2_of(T_odom_base));
-  });
-  subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_end) {
-    const Eigen::Isometry3d T_odom_base =
-        transform_at(player.transforms(), frames.odom, frames.base, to_ros_time(scan.stamp_ns));
-    OdometryScan placed;
-    placed.T_odom_base = pose2_of(T_odom_base);
-    placed.T_base_lidar = T_odom_base.inverse() * T_odom_lidar;
-    placed.T_odom_base_end = pose2_of(T_end * placed.T_base_lidar.inverse());
+    localization.add_odometry(stamp_ns, T_odom_base);
+  };
+  use.use = [&](const Scan& scan, const OdometryScan& placed) {
     const bool is_known = player.timed([&] { return pipeline.process(scan, placed); });
     ++(is_known ? known : unknown);
     if (!is_known) return;
     const LocalizedPose pose = localization.pose();
     out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline().map());
-  });
+  };
+  subscribe_odometry_scans(player, options.odom_topic, options.scan_topic, frames, refused, std::move(use));
   player.play();
   out.file.finish();
   player.print_summary();
@@ -206,7 +170,7 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
 int polygons_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<PolygonPipelineParams>(read_text_file(path), path);
-  const OdometryFrames frames = odometry_frames(options);
+  const OdometryFrames frames = odometry_frames(options.bag, options.odom_topic);
   if (options.localization == "tf") {
     map_by_tf(options, params, frames);
   } else {

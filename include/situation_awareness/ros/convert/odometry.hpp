@@ -13,6 +13,11 @@
 
 namespace situation_awareness {
 
+/// Frames of odometry, as tf2 names them; empty while unknown.
+struct OdometryFrames {
+  std::string odom, base;
+};
+
 /// Reason why a message of odometry is not used, regardless of the messages before it; empty if it is. The texts are
 /// fixed, for counters.
 std::string odometry_msg_defect(const nav_msgs::Odometry& msg);
