@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "allocations.hpp"
+#include "pose/reflector_world.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
+#include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
 #include "support/level_scene.hpp"
@@ -142,6 +144,38 @@ TEST(Allocation, NoneForTheSliceOfACloudAfterWarmUp) {
   EXPECT_GT(std::count_if(slice.scan.beams.begin(), slice.scan.beams.end(),
                           [](const Beam& beam) { return beam.state == BeamState::kHit; }),
             100);
+}
+
+// From the scan on, with the first pose found in the warm-up.
+TEST(Allocation, NoneFromScanToPoseByReflectorsAfterWarmUp) {
+  ReflectorMap map;
+  for (const Eigen::Vector2d& center : {Eigen::Vector2d(4.0, 1.0), Eigen::Vector2d(-2.5, 3.2),
+                                        Eigen::Vector2d(-1.5, -3.0), Eigen::Vector2d(3.0, -2.8)}) {
+    map.reflectors.push_back({center, 0.05});
+  }
+  ReflectorWorld world;
+  world.add_room({-5.5, -4.5}, {5.5, 4.5});
+  world.add(map);
+  world.path = winding_path(0.5);
+  world.sweep_s = 0.03;
+  world.lost_share = 0.01;
+  Random random(3);
+  std::vector<Scan> all;
+  for (int i = 0; i < 200; ++i) all.push_back(world.scan(0.1 + 0.04 * i, random));
+  DriftingWheels wheels(world.path, 1);
+  LocalizationPipeline pipeline(map, {}, {});
+  std::int64_t before = 0;
+  bool is_known = false;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (i == 50) before = allocations().count;
+    while (wheels.next_time_s() < 0.1 + 0.04 * static_cast<double>(i) + 0.045) {
+      const auto [stamp_ns, T_odom_base] = wheels.next();
+      pipeline.add_odometry(stamp_ns, T_odom_base);
+    }
+    is_known = pipeline.process(all[i], Eigen::Isometry3d::Identity()).is_known;
+  }
+  EXPECT_EQ(allocations().count - before, 0);
+  EXPECT_TRUE(is_known);
 }
 
 }  // namespace
