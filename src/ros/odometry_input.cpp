@@ -32,6 +32,7 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
     : context_(context),
       frames_(frames),
       world_frame_(params.world_frame),
+      deskew_(params.deskew),
       use_(std::move(use)),
       tf_(transform_cache_time(params.tf_timeout_s)),
       odometry_(transform_cache_time(params.tf_timeout_s)),
@@ -62,7 +63,7 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
 void OdometryInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
   const std::string defect = scan_msg_defect(*msg);
   if (!defect.empty()) return context_.diagnostics().dropped(defect);
-  Taken taken = situation_awareness::taken(*msg);
+  Taken taken = situation_awareness::taken(*msg, deskew_);
   if (taken.frame != lidar_frame_) mounted_.clear();
   lidar_frame_ = std::exchange(taken.frame, kOnBase);
   if (queue_.add({msg, arrival}, taken, steady_now_ns()) == StampOrder::Verdict::kRestart) {

@@ -74,6 +74,7 @@ class OdometryInput {
   Context& context_;
   OdometryFrames frames_;
   std::string world_frame_;
+  bool deskew_;
   Use use_;
   tf2_ros::Buffer tf_;           ///< for the place of the scanner on the base
   tf2::BufferCore odometry_;     ///< odometry -> base -> lidar, by names of its own

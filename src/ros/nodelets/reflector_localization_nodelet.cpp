@@ -58,7 +58,8 @@ class ReflectorLocalizationStage {
   }
 
   bool process(const OdometryPosedScan& posed) {
-    const Scan scan = scan_from_msg(*posed.msg);
+    Scan scan = scan_from_msg(*posed.msg);
+    if (!params_.nodelet.deskew) scan.time_increment_s = 0.0;
     const std::string defect = projection_defect(scan, posed.T_odom_lidar, posed.T_odom_lidar_end);
     if (!defect.empty()) return context_.drop(defect);
     if (posed.msg->intensities.empty()) context_.diagnostics().counted({{"scans without intensities", 1}});
@@ -92,8 +93,8 @@ class ReflectorLocalizationStage {
   void broadcast(const LocalizedPose& pose, const OdometryPosedScan& posed) {
     const Eigen::Isometry3d T_world_odom =
         isometry_in_plane(pose.T_world_base.x * inverse(pose2_of(posed.T_odom_base)));
-    const std::int64_t last_ns =
-        std::max(to_nanoseconds(time_of_last_beam(*posed.msg)), pose.stamp_ns + nanoseconds(params_.tf_ahead_s));
+    const std::int64_t last_ns = std::max(to_nanoseconds(taken(*posed.msg, params_.nodelet.deskew).last),
+                                          pose.stamp_ns + nanoseconds(params_.tf_ahead_s));
     std::vector<geometry_msgs::TransformStamped> transforms;
     for (const std::int64_t stamp_ns : {pose.stamp_ns, last_ns}) {
       if (!transforms.empty() && stamp_ns == pose.stamp_ns) continue;
