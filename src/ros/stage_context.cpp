@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/stage_context.hpp"
 
+#include <utility>
+
 #include <ros/console.h>
 
 namespace situation_awareness {
@@ -27,6 +29,8 @@ void StageContextBase::begin_calls() {
 
 void StageContextBase::begin() {
   begin_.stop();
+  // Under load the timer has expired again before its first callback runs, and then there is a second one.
+  if (std::exchange(has_begun_, true)) return;
   diagnostics_.start(node_, private_node_);
   for (const auto& act : when_made_) {
     try {

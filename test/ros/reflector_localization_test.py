@@ -156,7 +156,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         wait_until(lambda: self.logged(Log.FATAL, str(self.file), "overlap"), 10.0, "the wrong file to be named")
         self.file.write_text("reflectors:\n" + "".join(f"  - {{x: {x}, y: {y}, radius_m: {RADIUS}}}\n"
                                                   for x, y in REFLECTORS))
-        rospy.wait_for_service("relocate", 10.0)
+        rospy.wait_for_service("relocate", 30.0)
         wait_until(lambda: min(self.scans.get_num_connections(), self.odometry.get_num_connections(),
                                self.tf.get_num_connections(), self.given.get_num_connections()) > 0, 10.0, "inputs")
 

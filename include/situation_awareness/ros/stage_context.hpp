@@ -83,6 +83,7 @@ class StageContextBase {
   std::vector<std::function<void()>> when_made_;
   std::shared_ptr<void> live_;
   ros::SteadyTimer begin_;
+  bool has_begun_ = false;
   std::vector<ros::SteadyTimer> timers_;
 };
 
