@@ -26,7 +26,7 @@ constexpr double kCertain_rad = 0.03;
 /// Beams that pass through the place of a reflector end farther behind it than this.
 constexpr double kBehind_m = 0.1;
 /// What is seen nearer than this to a reflector's place and not in it hides that place, or is the reflector itself.
-constexpr double kBeside_m = 0.15;
+constexpr double kBesidePlace_m = 0.15;
 /// What is seen within this distance of where it was seen before stands.
 constexpr double kStands_m = 0.1;
 /// What was seen longer ago, or farther away, is not searched with.
@@ -643,7 +643,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
       const Eigen::Vector2d p_world = at_stamp_.x * (seen.T_base_lidar * p_lidar);
       const double distance_m = (p_world - map_.reflectors[k].center_world_m).norm();
       // Where the place itself is hidden, something bright at some distance is another thing.
-      if (distance_m >= nearest_m || (distance_m > kBeside_m && !is_gone && !watched.is_missing)) continue;
+      if (distance_m >= nearest_m || (distance_m > kBesidePlace_m && !is_gone && !watched.is_missing)) continue;
       nearest_m = distance_m;
       nearest_world_m = p_world;
     }

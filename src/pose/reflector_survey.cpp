@@ -30,11 +30,11 @@ constexpr double kLeastOdometryError = 1e-5;
 /// Sightings farther away than this many standard deviations count less (Huber, 1964).
 constexpr double kHuber = 3.0;
 constexpr int kMaxAdjustments = 30;
-constexpr double kConverged = 1e-7;
+constexpr double kAdjusted = 1e-7;
 /// Beams that end within this distance of a reflector's surface end on it; that end behind it by more pass through.
 constexpr double kOnIt_m = 0.08;
 /// Part of a reflector's width whose beams are looked at.
-constexpr double kMiddle = 0.7;
+constexpr double kMiddlePart = 0.7;
 /// A sighting with fewer beams between it and the end of the view may be cut.
 constexpr double kCutBeams = 3.0;
 /// Rounds of adjusting and leaving out what is no reflector.
@@ -57,7 +57,7 @@ Eigen::Vector2d residual_of(const Eigen::Vector2d& z, const Pose2& T_world_base,
   return nu;
 }
 
-std::string sentence(const char* format, double value) {
+std::string sentence_of(const char* format, double value) {
   char text[200];
   std::snprintf(text, sizeof text, format, value);
   return text;
@@ -423,7 +423,7 @@ ReflectorSurvey::Solution ReflectorSurvey::adjust(const Solution& from) const {
     }
     solution.scale_error += e.segment<2>(scales);
     for (const std::size_t j : solution.used) solution.centers_m[j] += e.segment<2>(column[j]);
-    if (e.cwiseAbs().maxCoeff() < kConverged) break;
+    if (e.cwiseAbs().maxCoeff() < kAdjusted) break;
   }
   const Eigen::Index n = size - scales - 2;
   solution.covariance = Eigen::MatrixXd::Zero(n, n);
@@ -487,7 +487,7 @@ void ReflectorSurvey::judge(Solution& solution) const {
       while (azimuth_rad < azimuths.front()) azimuth_rad += 2.0 * kPi;
       while (azimuth_rad - 2.0 * kPi >= azimuths.front()) azimuth_rad -= 2.0 * kPi;
       const double whole_rad = std::asin(std::min(1.0, params_.radius_m / z(0)));
-      const double half_rad = kMiddle * whole_rad;
+      const double half_rad = kMiddlePart * whole_rad;
       const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
       const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
       // At the ends of the view a sighting is cut.
@@ -591,12 +591,12 @@ ReflectorSurveyResult ReflectorSurvey::solve() const {
   } else if (result.reflectors.size() == 1) {
     result.reason = "only one reflector was found, and a pose needs two or more in sight";
   } else if (!(result.distance_sigma_m <= params_.max_distance_sigma_m)) {
-    result.reason = sentence(
+    result.reason = sentence_of(
         "the drive does not tell the distances of the reflectors: one has a standard deviation of "
         "%.3f m; drive so that two or more are in sight everywhere, and return to the start",
         result.distance_sigma_m);
   } else if (solution.odometry_nis > params_.max_nis) {
-    result.reason = sentence(
+    result.reason = sentence_of(
         "sightings and odometry contradict each other: mean squared error %.1f of what odometry "
         "should have (wheels that slip, or another set of parameters is needed)",
         solution.odometry_nis);

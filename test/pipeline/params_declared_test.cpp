@@ -7,6 +7,7 @@
 #include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
+#include "situation_awareness/pose/reflector_survey.hpp"
 #include "support/aggregate_size.hpp"
 
 namespace situation_awareness {
@@ -37,6 +38,7 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<ReflectorFitParams>(), aggregate_size<ReflectorFitParams>());
   EXPECT_EQ(declared_size<ReflectorLocalizationParams>(), aggregate_size<ReflectorLocalizationParams>());
   EXPECT_EQ(declared_size<ReflectorSearchParams>(), aggregate_size<ReflectorSearchParams>());
+  EXPECT_EQ(declared_size<ReflectorSurveyParams>(), aggregate_size<ReflectorSurveyParams>());
   EXPECT_EQ(declared_size<WheelErrorParams>(), aggregate_size<WheelErrorParams>());
   EXPECT_EQ(declared_size<SegmentModel>() + 1, aggregate_size<SegmentModel>()) << "shape is the caller's";
 }
