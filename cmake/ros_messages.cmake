@@ -16,13 +16,18 @@ add_message_files(DIRECTORY msg FILES
   LevelFrame.msg
   MappedObject.msg
   MappedObjectArray.msg
+  MappedPolygon.msg
+  PolygonArray.msg
   SegmentArray.msg
   SegmentPoint.msg)
 add_service_files(DIRECTORY srv FILES
   GetObjects.srv
+  GetPolygons.srv
   LoadObjects.srv
+  LoadPolygons.srv
   Relocate.srv
-  SaveObjects.srv)
+  SaveObjects.srv
+  SavePolygons.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 if(SITUATION_AWARENESS_SIM)

@@ -7,6 +7,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/odometry.cpp
+  src/ros/convert/polygons.cpp
   src/ros/convert/poses.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp

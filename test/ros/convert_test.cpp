@@ -13,6 +13,7 @@
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/hit_labels.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
@@ -717,6 +718,74 @@ TEST(ConvertObjects, TimesBeforeTheClocksZeroAreZero) {
   const MappedObjectArray msg = objects_to_msg(objects, "odom");
   EXPECT_TRUE(msg.objects[0].first_seen.isZero());
   EXPECT_TRUE(msg.objects[0].last_seen.isZero());
+}
+
+Polygons some_polygons() {
+  Polygons polygons;
+  polygons.stamp_ns = kStamp_ns;
+  polygons.height_world_m = 0.25;
+  const std::vector<ChainVertex> vertices{{{-3.0, 4.0}, 0.011}, {{1.1, 4.125}, 0.004}, {{1.2, -0.5}, 0.02}};
+  for (const ChainState state : {ChainState::kWall, ChainState::kKnown, ChainState::kNew, ChainState::kDoubted}) {
+    const auto n = static_cast<std::uint64_t>(state);
+    polygons.chains.push_back({18'000'000'000'000'000'000ULL + n, n % 2 == 1, vertices,
+                               kStamp_ns - static_cast<std::int64_t>(n), kStamp_ns, 0.75, state});
+  }
+  return polygons;
+}
+
+TEST(ConvertPolygons, SurviveTheRoundTripExactly) {
+  const Polygons polygons = some_polygons();
+  const PolygonArray msg = polygons_to_msg(polygons, "map");
+  EXPECT_EQ(msg.header.frame_id, "map");
+  ASSERT_EQ(msg.polygons.size(), 4U);
+  EXPECT_EQ(msg.polygons[0].vertices[0].z, 0.25);
+  const Polygons back = polygons_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, kStamp_ns);
+  EXPECT_EQ(back.height_world_m, 0.25);
+  ASSERT_EQ(back.chains.size(), 4U);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const Chain& chain = back.chains[i];
+    const Chain& before = polygons.chains[i];
+    EXPECT_EQ(chain.id, before.id);
+    EXPECT_EQ(chain.closed, before.closed);
+    ASSERT_EQ(chain.vertices.size(), 3U);
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_EQ(chain.vertices[k].p_world_m, before.vertices[k].p_world_m);
+      EXPECT_EQ(chain.vertices[k].sigma_m, before.vertices[k].sigma_m);
+    }
+    EXPECT_EQ(chain.first_seen_ns, before.first_seen_ns);
+    EXPECT_EQ(chain.last_seen_ns, before.last_seen_ns);
+    EXPECT_EQ(chain.p_exists, 0.75);
+    EXPECT_EQ(chain.state, before.state);
+  }
+}
+
+TEST(ConvertPolygons, RefuseWhatIsNoChain) {
+  const PolygonArray good = polygons_to_msg(some_polygons(), "map");
+  EXPECT_NO_THROW(polygons_from_msg(good));
+  const double nan = std::nan("");
+  const std::vector<std::function<void(MappedPolygon&)>> faults{
+      [](MappedPolygon& p) { p.id = 0; },
+      [&](MappedPolygon& p) { p.id = good.polygons[0].id; },
+      [](MappedPolygon& p) { p.vertices.resize(1), p.sigma_m.resize(1); },
+      [](MappedPolygon& p) { p.sigma_m.pop_back(); },
+      [](MappedPolygon& p) { p.state = 4; },
+      [](MappedPolygon& p) { p.p_exists = 1.01; },
+      [&](MappedPolygon& p) { p.p_exists = nan; },
+      [&](MappedPolygon& p) { p.vertices[1].y = nan; },
+      [](MappedPolygon& p) { p.sigma_m[1] = 0.0; },
+      [&](MappedPolygon& p) { p.sigma_m[1] = nan; }};
+  for (const auto& spoil : faults) {
+    PolygonArray msg = good;
+    spoil(msg.polygons[1]);
+    EXPECT_THROW(polygons_from_msg(msg), std::invalid_argument);
+  }
+}
+
+TEST(ConvertPolygons, TimesBeforeTheClocksZeroAreZero) {
+  Polygons polygons = some_polygons();
+  polygons.chains[0].first_seen_ns = -3'600'000'000'000;
+  EXPECT_TRUE(polygons_to_msg(polygons, "map").polygons[0].first_seen.isZero());
 }
 
 TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {

@@ -15,6 +15,14 @@ struct ChainVertex {
   double sigma_m = 0.0;
 };
 
+/// What a chain is to who drives past it (map/polygons/chain_state.hpp).
+enum class ChainState : std::uint8_t {
+  kWall,     ///< larger than an object, and there for long
+  kKnown,    ///< there since before the present transit, or for long
+  kNew,      ///< first seen a short time ago
+  kDoubted,  ///< beams passed a part of it: it is about to be removed, there or as a whole
+};
+
 /// The boundary of a standing thing, or of several that touch, as far as it was seen. Its free side lies to the left
 /// of the way from a vertex to the one before: seen from there, the vertices go from right to left.
 struct Chain {
@@ -24,12 +32,14 @@ struct Chain {
   std::int64_t first_seen_ns = 0;     ///< stamps of scans that hit it
   std::int64_t last_seen_ns = 0;
   double p_exists = 0.0;  ///< probability, of its least certain part
+  ChainState state = ChainState::kNew;
 };
 
 /// All standing things, walls included.
 struct Polygons {
   std::int64_t stamp_ns = 0;
   std::vector<Chain> chains;
+  double height_world_m = 0.0;  ///< of the plane that they are in
 };
 
 }  // namespace situation_awareness
