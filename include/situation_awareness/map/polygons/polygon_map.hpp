@@ -13,6 +13,7 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/chain_fit.hpp"
+#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
@@ -88,6 +89,13 @@ class PolygonMap {
   Polygons polygons(Polygons memory = {});
 
   std::size_t elements() const { return surfels_.size() - free_.size(); }
+
+  /// The whole state, after an update or a call of polygons(), which names new chains.
+  PolygonMapSnapshot snapshot() const;
+
+  /// Continues from that state bit for bit; ids that were used by this map before are not used again, either. Throws
+  /// std::invalid_argument as PolygonMapSnapshot::validate; the map is then unchanged.
+  void restore(const PolygonMapSnapshot& snapshot);
 
  private:
   using Index = std::int32_t;

@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/map/polygons/chain_state.hpp"
+#include "situation_awareness/map/polygons/map_snapshot.hpp"
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/polylines/polylines.hpp"
+
+namespace situation_awareness {
+
+/// The map of polygons of a program that runs for long: a PolygonMap with the states of its chains, with restarts of
+/// time, transits, reset and loaded maps. A transit is what lies between two gaps of `absence_s` in the scans, and
+/// after loading a map.
+class TimedPolygonMap {
+ public:
+  static constexpr std::int64_t kNoStamp = StampOrder::kNone;
+
+  /// A stamp that goes back by more than `reset_time_jump_s` begins a new map. Throws std::invalid_argument naming
+  /// field and bound.
+  TimedPolygonMap(const PolygonMapParams& params, const ChainStateParams& states, double reset_time_jump_s);
+
+  /// As PolygonMap::update. A scan with another number than finite ones, or farther than 1000 km from the world's
+  /// origin, and one whose stamp is not after the latest are not used: the reason is counted, and stamp_ns() stays.
+  PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                          PolygonMapUpdate memory = {});
+
+  /// The chains as of the latest update, by ascending id.
+  const Polygons& polygons() const { return polygons_; }
+
+  /// Stamp of the latest update, kNoStamp before the first.
+  std::int64_t stamp_ns() const { return order_.latest_ns(); }
+
+  /// Number of chains.
+  std::size_t size() const { return polygons_.chains.size(); }
+
+  /// The chains at a time from the latest update on: what stands is where it is.
+  Polygons at(std::int64_t stamp_ns) const;
+
+  /// Deletes the map and its time. Ids are not used again.
+  void reset();
+
+  /// The whole state; `world_frame` is left empty.
+  PolygonMapSnapshot snapshot() const;
+
+  /// Continues from a state that may be of another time: a scan that comes within `absence_s` after it goes on bit for
+  /// bit as if nothing had been saved. Times of a state that is later than the running map's, or than the next scan,
+  /// are moved to before that. Throws std::invalid_argument as PolygonMap::restore; the map is then unchanged.
+  void resume(const PolygonMapSnapshot& snapshot);
+
+ private:
+  static PolygonMapSnapshot nothing(std::uint64_t next_id, std::size_t watches);
+  void begin_anew();
+  void shift_to(std::int64_t stamp_ns);
+  void make_polygons(std::int64_t stamp_ns);
+
+  PolygonMapParams params_;
+  ChainStateParams states_;
+  double reset_time_jump_s_;
+  StampOrder order_;
+  PolygonMap map_;
+  Polygons polygons_;
+  std::int64_t map_stamp_ns_ = kNoStamp;  ///< of map_
+  std::int64_t transit_ns_ = kNoStamp;    ///< begin of the present transit
+  bool resumed_ = false;                  ///< and not updated since
+};
+
+}  // namespace situation_awareness

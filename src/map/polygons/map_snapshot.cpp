@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/polygons/map_snapshot.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <stdexcept>
+#include <system_error>
+#include <type_traits>
+#include <utility>
+
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// rad. An azimuth is that of a beam, not wrapped.
+constexpr double kMaxAzimuth_rad = 100.0;
+/// Of one scan.
+constexpr std::size_t kMaxBeams = 200'000;
+/// Existence of the elements of chains that come without it is at most this, as that of well-known ones.
+constexpr double kMostLogOdds_snapshot = 6.0;
+/// Hits of the elements of chains: as many as make a well-known one.
+constexpr int kHitsOfChain = 100;
+
+template <class Number>
+std::string row_text(const std::vector<Number>& values) {
+  if (values.empty()) return "''";
+  std::string text;
+  for (const Number value : values) {
+    if (!text.empty()) text += ' ';
+    text += detail::field_text(value);
+  }
+  return text;
+}
+
+template <class Number>
+void read_row(const std::string& text, std::vector<Number>& values) {
+  values.clear();
+  const char* at = text.data();
+  const char* const end = at + text.size();
+  while (at != end) {
+    Number value{};
+    const auto [stop, error] = std::from_chars(at, end, value);
+    if (error != std::errc() || (stop != end && (*stop != ' ' || stop + 1 == end))) {
+      throw std::invalid_argument("must be numbers with single spaces between them");
+    }
+    values.push_back(value);
+    at = stop == end ? end : stop + 1;
+  }
+}
+
+/// A place for the state of one element, whatever the types of its integers are.
+class PackedState {
+ public:
+  struct Writer {
+    PackedState& state;
+    template <class Value, class... Limits>
+    void operator()(const char* /*name*/, const Value& value, const Limits&... /*limits*/) {
+      state.write(value);
+    }
+  };
+  struct Reader {
+    PackedState& state;
+    template <class Value, class... Limits>
+    void operator()(const char* /*name*/, Value& value, const Limits&... /*limits*/) {
+      state.read(value);
+    }
+  };
+
+ private:
+  template <class Value>
+  void write(const Value& value) {
+    if constexpr (std::is_same_v<Value, Eigen::Vector2d>) {
+      write(value.x());
+      write(value.y());
+    } else if constexpr (std::is_floating_point_v<Value>) {
+      std::memcpy(&words_.at(written_++), &value, sizeof(double));
+    } else {
+      words_.at(written_++) = static_cast<std::uint64_t>(value);
+    }
+  }
+  template <class Value>
+  void read(Value& value) {
+    if constexpr (std::is_same_v<Value, Eigen::Vector2d>) {
+      read(value.x());
+      read(value.y());
+    } else if constexpr (std::is_floating_point_v<Value>) {
+      std::memcpy(&value, &words_.at(read_++), sizeof(double));
+    } else {
+      value = static_cast<Value>(words_.at(read_++));
+    }
+  }
+
+  std::array<std::uint64_t, 64> words_{};
+  std::size_t written_ = 0, read_ = 0;
+};
+
+/// Copies the state between an element of the map and one of a snapshot.
+template <class From, class To>
+void copy_state(const From& from, To& to) {
+  PackedState state;
+  PolygonMapElement::state_fields(from, PackedState::Writer{state});
+  PolygonMapElement::state_fields(to, PackedState::Reader{state});
+}
+
+void check_watch(const PolygonMapWatch& watch, const CheckFields& check) {
+  const std::vector<float>& azimuth_rad = watch.azimuth_rad.values;
+  const std::vector<float>& range_m = watch.range_m.values;
+  if (azimuth_rad.size() != range_m.size()) check.refuse("range_m", "has not one range for each azimuth");
+  if (range_m.size() > kMaxBeams) check.refuse("range_m", "has too many ranges");
+  for (std::size_t i = 0; i < azimuth_rad.size(); ++i) {
+    const bool ascends = i == 0 || azimuth_rad[i] >= azimuth_rad[i - 1];
+    if (!(std::abs(azimuth_rad[i]) < kMaxAzimuth_rad) || !ascends) {
+      check.refuse("azimuth_rad", "has an azimuth that is not a number or steps back");
+    }
+    if (!(range_m[i] >= 0.0F)) check.refuse("range_m", "has a range that is not a number >= 0");
+  }
+}
+
+}  // namespace
+
+std::string yaml_text(const FloatRow& row) { return row_text(row.values); }
+std::string yaml_text(const PlaceRow& row) { return row_text(row.values); }
+void read_yaml_text(const std::string& text, FloatRow& row) { read_row(text, row.values); }
+void read_yaml_text(const std::string& text, PlaceRow& row) { read_row(text, row.values); }
+
+void PolygonMapSnapshot::validate() const {
+  const CheckFields check;
+  fields(*this, check);
+  if (elements.size() > polygon_bounds::kMaxElements) {
+    check.refuse("elements", "are more than " + std::to_string(polygon_bounds::kMaxElements));
+  }
+  for (std::size_t i = 0; i < watches.size(); ++i) {
+    check_watch(watches[i], CheckFields(detail::item_place("", "watches", i)));
+  }
+  if (next_watch != 0 && next_watch >= static_cast<std::int64_t>(watches.size())) {
+    check.refuse("next_watch", "= " + std::to_string(next_watch) + " is none of the watches");
+  }
+  const auto places = static_cast<std::int64_t>(elements.size() + free_places.values.size());
+  std::vector<bool> taken(static_cast<std::size_t>(places));
+  for (const std::int32_t place : free_places.values) {
+    if (place < 0 || place >= places || taken[static_cast<std::size_t>(place)]) {
+      check.refuse("free_places", "has the place " + std::to_string(place) + " that is not there, or twice");
+    }
+    taken[static_cast<std::size_t>(place)] = true;
+  }
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    const PolygonMapElement& element = elements[i];
+    const CheckFields check_fields("elements[" + std::to_string(i) + "]: ");
+    PolygonMapElement::fields(element, check_fields);
+    if (element.place >= places || taken[static_cast<std::size_t>(element.place)]) {
+      check_fields.refuse("place", "= " + std::to_string(element.place) + " is not there, or not free");
+    }
+    taken[static_cast<std::size_t>(element.place)] = true;
+    for (const auto& [name, link] : {std::pair{"right", element.right}, std::pair{"left", element.left}}) {
+      if (link >= places) check_fields.refuse(name, "= " + std::to_string(link) + " is not there");
+      if (link == element.place) check_fields.refuse(name, "is the element itself");
+    }
+    if (std::abs(element.normal_world.norm() - 1.0) > 1e-6) check_fields.refuse("normal_world", "is no unit vector");
+    if (element.chain >= next_id) check_fields.refuse("chain", "is not below next_id");
+    if (!(element.low_m <= element.high_m)) check_fields.refuse("low_m", "is above high_m");
+    for (const auto& [name, seen_ns] :
+         {std::pair{"first_seen_ns", element.first_seen_ns}, std::pair{"last_seen_ns", element.last_seen_ns}}) {
+      if (seen_ns > stamp_ns) check_fields.refuse(name, "is after stamp_ns");
+      if (stamp_ns - seen_ns > polygon_bounds::kMaxAge_ns) check_fields.refuse(name, "is too long before stamp_ns");
+    }
+  }
+}
+
+void PolygonMapSnapshot::shift_time(std::int64_t later_ns) {
+  stamp_ns += later_ns;
+  polygons.stamp_ns += later_ns;
+  for (PolygonMapWatch& watch : watches) watch.stamp_ns += later_ns;
+  for (PolygonMapElement& element : elements) {
+    element.first_seen_ns += later_ns;
+    element.last_seen_ns += later_ns;
+  }
+  for (Chain& chain : polygons.chains) {
+    chain.first_seen_ns += later_ns;
+    chain.last_seen_ns += later_ns;
+  }
+}
+
+PolygonMapSnapshot PolygonMap::snapshot() const {
+  PolygonMapSnapshot result;
+  if (stamp_ns_ != std::numeric_limits<std::int64_t>::min()) result.stamp_ns = stamp_ns_;
+  result.step_s = step_s_;
+  result.next_id = next_id_;
+  result.free_places.values = free_;
+  result.next_watch = static_cast<std::int64_t>(next_watch_);
+  for (const Watch& watch : watches_) {
+    PolygonMapWatch& remembered = result.watches.emplace_back();
+    if (watch.free_space.range_m.empty()) continue;
+    remembered = {watch.stamp_ns,
+                  watch.T_level_world,
+                  {watch.free_space.azimuth_rad},
+                  {watch.free_space.range_m},
+                  watch.free_space.full_circle};
+  }
+  result.elements.reserve(elements());
+  for (const Index first : buckets_) {
+    const std::size_t begin = result.elements.size();
+    for (Index i = first; i != kNone; i = surfels_[static_cast<std::size_t>(i)].next) {
+      PolygonMapElement& element = result.elements.emplace_back();
+      copy_state(surfels_[static_cast<std::size_t>(i)], element);
+      element.place = i;
+    }
+    // Insertion is at the front.
+    std::reverse(result.elements.begin() + static_cast<std::ptrdiff_t>(begin), result.elements.end());
+  }
+  return result;
+}
+
+void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
+  snapshot.validate();
+  if (!snapshot.watches.empty() && snapshot.watches.size() != watches_.size()) {
+    throw std::invalid_argument("watches are not " + std::to_string(watches_.size()));
+  }
+  stamp_ns_ =
+      snapshot.stamp_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min() : snapshot.stamp_ns;
+  step_s_ = snapshot.step_s;
+  next_id_ = std::max(next_id_, snapshot.next_id);
+  free_ = snapshot.free_places.values;
+  next_watch_ = static_cast<std::size_t>(snapshot.next_watch);
+  for (std::size_t i = 0; i < watches_.size(); ++i) {
+    Watch& watch = watches_[i];
+    watch = Watch{};
+    if (i >= snapshot.watches.size()) continue;
+    const PolygonMapWatch& remembered = snapshot.watches[i];
+    watch.stamp_ns = remembered.stamp_ns;
+    watch.T_level_world = remembered.T_level_world;
+    watch.free_space = {remembered.azimuth_rad.values, remembered.range_m.values, remembered.full_circle};
+    for (const float range_m : watch.free_space.range_m) {
+      watch.most_m = std::max(watch.most_m, static_cast<double>(range_m));
+    }
+  }
+  std::fill(buckets_.begin(), buckets_.end(), kNone);
+  surfels_.assign(snapshot.elements.size() + free_.size(), Surfel{});
+  for (const PolygonMapElement& element : snapshot.elements) {
+    Surfel& surfel = surfels_[static_cast<std::size_t>(element.place)];
+    copy_state(element, surfel);
+    surfel.alive = true;
+    insert(static_cast<Index>(element.place));
+  }
+}
+
+PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m) {
+  PolygonMapSnapshot result;
+  result.stamp_ns = polygons.stamp_ns;
+  result.height_world_m = polygons.height_world_m;
+  result.polygons = polygons;
+  for (const Chain& chain : polygons.chains) {
+    result.next_id = std::max(result.next_id, chain.id + 1);
+    const std::size_t first = result.elements.size();
+    const std::size_t edges = chain.closed ? chain.vertices.size() : chain.vertices.size() - 1;
+    for (std::size_t k = 0; k < edges; ++k) {
+      const ChainVertex& a = chain.vertices[k];
+      const ChainVertex& b = chain.vertices[(k + 1) % chain.vertices.size()];
+      const Eigen::Vector2d way_m = b.p_world_m - a.p_world_m;
+      const double length_m = way_m.norm();
+      if (!(length_m > 0.0)) continue;
+      const auto pieces = static_cast<int>(std::max(1.0, std::round(length_m / spacing_m)));
+      if (result.elements.size() + static_cast<std::size_t>(pieces) > polygon_bounds::kMaxElements) {
+        throw std::invalid_argument("the chains are too long for a map");
+      }
+      for (int piece = 0; piece < pieces; ++piece) {
+        const double part = (piece + 0.5) / pieces;
+        const double sigma_m = (1.0 - part) * a.sigma_m + part * b.sigma_m;
+        PolygonMapElement& element = result.elements.emplace_back();
+        element.place = static_cast<std::int64_t>(result.elements.size()) - 1;
+        element.p_world_m = a.p_world_m + part * way_m;
+        element.normal_world = Eigen::Vector2d(-way_m.y(), way_m.x()) / length_m;
+        element.variance_m2 = sigma_m * sigma_m;
+        element.high_m = 0.5 * length_m / pieces;
+        element.low_m = -element.high_m;
+        const double odds = chain.p_exists < 1.0 ? chain.p_exists / (1.0 - chain.p_exists) : 1e9;
+        element.log_odds = odds > 0.0 ? std::min(std::log(odds), kMostLogOdds_snapshot) : 0.0;
+        element.first_seen_ns = chain.first_seen_ns;
+        element.last_seen_ns = chain.last_seen_ns;
+        element.hits = kHitsOfChain;
+        element.chain = chain.id;
+        element.oriented = element.confirmed = true;
+        if (result.elements.size() > first + 1) {
+          element.right = element.place - 1;
+          result.elements[static_cast<std::size_t>(element.right)].left = element.place;
+        }
+      }
+    }
+    const std::size_t end = result.elements.size();
+    if (chain.closed && end > first + 2) {
+      result.elements[first].right = static_cast<std::int64_t>(end) - 1;
+      result.elements[end - 1].left = static_cast<std::int64_t>(first);
+    }
+  }
+  result.validate();
+  return result;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// m. Places farther from the world's origin than this have no place in the grid of the map, either.
+constexpr double kFarthest_m = 1e6;
+
+bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {
+  const Pose2& T = polylines.T_world_level;
+  const auto is_near = [](const Eigen::Vector2d& p_m) { return p_m.cwiseAbs().maxCoeff() < kFarthest_m; };
+  if (!T.translation_m.allFinite() || !is_near(T.translation_m) || !std::isfinite(T.yaw_rad) ||
+      !pose_covariance.allFinite() || !(pose_covariance.diagonal().minCoeff() >= 0.0)) {
+    return false;
+  }
+  return std::all_of(polylines.hits.begin(), polylines.hits.end(), [&](const PolylineHit& hit) {
+    return hit.p_level_m.allFinite() && is_near(hit.p_level_m) && hit.normal_level.allFinite() && hit.sigma_m > 0.0 &&
+           std::isfinite(hit.sigma_m);
+  });
+}
+
+}  // namespace
+
+TimedPolygonMap::TimedPolygonMap(const PolygonMapParams& params, const ChainStateParams& states,
+                                 double reset_time_jump_s)
+    : params_(params), states_(states), reset_time_jump_s_(reset_time_jump_s), order_(reset_time_jump_s), map_(params) {
+  states_.validate();
+}
+
+PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                                         PolygonMapUpdate memory) {
+  PolygonMapUpdate report = std::move(memory);
+  report.fused = report.created = report.removed = 0;
+  report.reasons.reset();
+  if (!can_be_used(polylines, pose_covariance)) {
+    ++report.reasons["scan with numbers that cannot be used"];
+    return report;
+  }
+  if (resumed_) {
+    // The clock may have begun anew since the map was saved; no such scan is refused.
+    if (map_stamp_ns_ != kNoStamp && polylines.stamp_ns <= map_stamp_ns_) shift_to(polylines.stamp_ns - 1);
+    order_ = StampOrder(reset_time_jump_s_);
+    transit_ns_ = kNoStamp;
+    resumed_ = false;
+  }
+  const std::int64_t previous_ns = order_.latest_ns();
+  bool restarted = false;
+  switch (order_.judge(polylines.stamp_ns)) {
+    case StampOrder::Verdict::kNext:
+      break;
+    case StampOrder::Verdict::kRefused:
+      ++report.reasons[polylines.stamp_ns == previous_ns ? "stamp repeats" : "stamp goes back"];
+      return report;
+    case StampOrder::Verdict::kRestart:
+      begin_anew();
+      restarted = true;
+      break;
+  }
+  if (transit_ns_ == kNoStamp ||
+      (previous_ns != kNoStamp && seconds_between(previous_ns, polylines.stamp_ns) > params_.absence_s)) {
+    transit_ns_ = polylines.stamp_ns;
+  }
+  report = map_.update(polylines, pose_covariance, std::move(report));
+  if (restarted) ++report.reasons["time jumped back: new map"];
+  map_stamp_ns_ = polylines.stamp_ns;
+  polygons_.height_world_m = polylines.height_world_m;
+  make_polygons(polylines.stamp_ns);
+  return report;
+}
+
+void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
+  polygons_ = map_.polygons(std::move(polygons_));
+  polygons_.stamp_ns = stamp_ns;
+  std::sort(polygons_.chains.begin(), polygons_.chains.end(),
+            [](const Chain& a, const Chain& b) { return a.id < b.id; });
+  for (Chain& chain : polygons_.chains) chain.state = state_of(chain, stamp_ns, transit_ns_, states_);
+}
+
+Polygons TimedPolygonMap::at(std::int64_t stamp_ns) const {
+  Polygons then = polygons_;
+  then.stamp_ns = stamp_ns;
+  return then;
+}
+
+/// The state of a map that is empty.
+PolygonMapSnapshot TimedPolygonMap::nothing(std::uint64_t next_id, std::size_t watches) {
+  PolygonMapSnapshot result;
+  result.next_id = next_id;
+  result.watches.resize(watches);
+  return result;
+}
+
+void TimedPolygonMap::begin_anew() {
+  const PolygonMapSnapshot before = map_.snapshot();
+  map_.restore(nothing(before.next_id, before.watches.size()));
+  polygons_.chains.clear();
+  map_stamp_ns_ = transit_ns_ = kNoStamp;
+  resumed_ = false;
+}
+
+void TimedPolygonMap::reset() {
+  begin_anew();
+  order_ = StampOrder(reset_time_jump_s_);
+}
+
+PolygonMapSnapshot TimedPolygonMap::snapshot() const {
+  PolygonMapSnapshot result = map_.snapshot();
+  result.height_world_m = polygons_.height_world_m;
+  result.polygons = polygons_;
+  return result;
+}
+
+void TimedPolygonMap::resume(const PolygonMapSnapshot& snapshot) {
+  PolygonMapSnapshot moved = snapshot;
+  const std::int64_t latest_ns = stamp_ns();
+  if (latest_ns != kNoStamp && moved.stamp_ns > latest_ns) moved.shift_time(latest_ns - moved.stamp_ns);
+  map_.restore(moved);
+  map_stamp_ns_ = moved.stamp_ns == PolygonMapSnapshot::kNoStamp ? kNoStamp : moved.stamp_ns;
+  resumed_ = true;
+  if (latest_ns == kNoStamp && map_stamp_ns_ != kNoStamp) order_.judge(map_stamp_ns_);
+  polygons_.height_world_m = moved.height_world_m;
+  // All of it is from before the next transit.
+  transit_ns_ = std::numeric_limits<std::int64_t>::max();
+  make_polygons(stamp_ns() == kNoStamp ? 0 : stamp_ns());
+}
+
+void TimedPolygonMap::shift_to(std::int64_t stamp_ns) {
+  PolygonMapSnapshot moved = map_.snapshot();
+  moved.shift_time(stamp_ns - moved.stamp_ns);
+  // What was seen by another clock does not say what is free now.
+  moved.watches.assign(moved.watches.size(), {});
+  moved.next_watch = 0;
+  map_.restore(moved);
+}
+
+}  // namespace situation_awareness

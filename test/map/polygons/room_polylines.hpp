@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/box.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/polylines/polyline_extraction.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+#include "support/level_scene.hpp"
+
+namespace situation_awareness {
+
+/// Polylines of scans in a room of 6 m x 4 m about the origin with boxes, from a place that moves.
+class RoomPolylines {
+ public:
+  static constexpr std::int64_t kPeriod_ns = 40'000'000;
+
+  explicit RoomPolylines(std::uint64_t seed, std::int64_t stamp_ns = 1'000'000'000'000)
+      : random_(seed), stamp_ns_(stamp_ns) {
+    add_box({{0.0, 0.0}, 0.0, 3.0, 2.0});
+  }
+
+  void add_box(const Box& box) {
+    const std::array<Eigen::Vector2d, 4> at = corners(box);
+    for (std::size_t i = 0; i < at.size(); ++i) walls_.push_back({at[i], at[(i + 1) % at.size()]});
+  }
+
+  void remove_box() { walls_.resize(walls_.size() - 4); }
+
+  void set_stamp(std::int64_t stamp_ns) { stamp_ns_ = stamp_ns; }
+  std::int64_t stamp_ns() const { return stamp_ns_; }
+
+  /// Of the next scan.
+  Polylines next() {
+    const double t_s = 0.04 * scans_++;
+    const Pose2 T_world_level{{0.3 + 0.1 * t_s, 0.2 - 0.05 * t_s}, 0.1 * t_s};
+    LevelScene scene;
+    scene.angle_min_rad = -kPi;
+    scene.beams = 720;
+    scene.angle_increment_rad = 2.0 * kPi / scene.beams;
+    const Pose2 T_level_world = inverse(T_world_level);
+    for (const LevelScene::Wall& wall : walls_) {
+      scene.walls.push_back({T_level_world * wall.from, T_level_world * wall.to});
+    }
+    Scan scan = scene.scan(&random_, 0.01);
+    scan.stamp_ns = stamp_ns_;
+    Points points = project_horizontally(scan, Eigen::Isometry3d::Identity());
+    points.T_world_level = T_world_level;
+    points.height_world_m = 0.25;
+    stamp_ns_ += kPeriod_ns;
+    return extract_polylines(segment(points, {}), {});
+  }
+
+  /// Polylines of so many scans.
+  std::vector<Polylines> next(int scans) {
+    std::vector<Polylines> result;
+    for (int i = 0; i < scans; ++i) result.push_back(next());
+    return result;
+  }
+
+ private:
+  Random random_;
+  std::int64_t stamp_ns_;
+  std::vector<LevelScene::Wall> walls_;
+  int scans_ = 0;
+};
+
+}  // namespace situation_awareness
