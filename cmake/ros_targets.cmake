@@ -15,11 +15,13 @@ add_library(${PROJECT_NAME}_ros
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
+  src/ros/markers/polygon_markers.cpp
   src/ros/markers/reflector_markers.cpp
   src/ros/markers/shown_markers.cpp
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
+  src/ros/pose_covariance_input.cpp
   src/ros/pose_offset_report.cpp
   src/ros/object_report.cpp
   src/ros/odometry_input.cpp
@@ -30,6 +32,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/object_nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
+  src/ros/params/polygon_nodelet_params.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp
@@ -55,6 +58,7 @@ target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
+  src/ros/nodelets/polygon_mapping_nodelet.cpp
   src/ros/nodelets/reflector_localization_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
   src/ros/nodelets/slicing_nodelet.cpp)

@@ -6,6 +6,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
@@ -30,6 +31,7 @@ struct PolygonPipelineParams {
   ReflectorLocalizationParams localization;
   PolylineParams polylines;
   PolygonMapParams polygons;
+  ChainStateParams chain_states;  ///< of the live map alone
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -39,6 +41,7 @@ struct PolygonPipelineParams {
     visit("localization", self.localization);
     visit("polylines", self.polylines);
     visit("polygons", self.polygons);
+    visit("chain_states", self.chain_states);
   }
 };
 

@@ -40,7 +40,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
   report.fused = report.created = report.removed = 0;
   report.reasons.reset();
   if (!can_be_used(polylines, pose_covariance)) {
-    ++report.reasons["scan with numbers that cannot be used"];
+    ++report.reasons[kCannotBeUsed];
     return report;
   }
   if (resumed_) {

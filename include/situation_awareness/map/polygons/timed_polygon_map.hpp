@@ -21,6 +21,8 @@ namespace situation_awareness {
 class TimedPolygonMap {
  public:
   static constexpr std::int64_t kNoStamp = StampOrder::kNone;
+  /// The reason counted for a scan that has no place in the map.
+  static constexpr const char* kCannotBeUsed = "scan with numbers that cannot be used";
 
   /// A stamp that goes back by more than `reset_time_jump_s` begins a new map. Throws std::invalid_argument naming
   /// field and bound.
@@ -36,6 +38,9 @@ class TimedPolygonMap {
 
   /// Stamp of the latest update, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
+
+  /// Number of elements of their boundaries.
+  std::size_t elements() const { return map_.elements(); }
 
   /// Number of chains.
   std::size_t size() const { return polygons_.chains.size(); }

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <ros/time.h>
+#include <std_msgs/Header.h>
+#include <Eigen/Core>
+
+#include "situation_awareness/SegmentArray.h"
+#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/stage_context.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
+
+namespace situation_awareness {
+
+/// The pose of the base at the time of a scan.
+struct BasePose {
+  Eigen::Vector2d translation_world_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of the error in x, y (m) and yaw (rad)
+};
+
+/// Throws std::invalid_argument if a number is not finite or a variance is negative.
+BasePose base_pose_from_msg(const geometry_msgs::PoseWithCovarianceStamped& msg);
+
+/// Of the error of the pose of a sensor at `p_world_m` that is fixed to the base: an error of the base's yaw moves it.
+Eigen::Matrix3d covariance_at(const Eigen::Vector2d& p_world_m, const BasePose& base);
+
+/// Segments with the pose that localisation has for their scan.
+struct CovariedSegments {
+  std_msgs::Header header;
+  double latency = 0.0;
+  SegmentArrayConstPtr msg;
+  std::optional<BasePose> base;  ///< none: the source of the pose has no covariance
+};
+
+/// The input of a stage that needs segments and, where something publishes `pose`, the pose's covariance at the same
+/// stamp, for which they wait up to `pose_timeout_s`. All calls are on the callback queue of its stage, without a lock;
+/// `context` must outlive it.
+class PoseCovarianceInput {
+ public:
+  using Context = StageContext<SegmentArray, CovariedSegments>;
+
+  PoseCovarianceInput(Context& context, const PolygonNodeletParams& params);
+  PoseCovarianceInput(const PoseCovarianceInput&) = delete;
+  PoseCovarianceInput& operator=(const PoseCovarianceInput&) = delete;
+
+ private:
+  struct Waiting {
+    SegmentArrayConstPtr msg;
+    ros::SteadyTime arrival;
+  };
+
+  void take(const geometry_msgs::PoseWithCovarianceStamped& msg);
+  void release();
+  void enqueue_first(const std::optional<BasePose>& base);
+
+  Context& context_;
+  std::string world_frame_;
+  double timeout_s_;
+  std::size_t queue_size_;
+  std::deque<Waiting> waiting_;
+  std::map<std::uint64_t, BasePose> poses_;  ///< by their stamp in ns
+  std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> subscriber_;
+};
+
+}  // namespace situation_awareness
