@@ -56,7 +56,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
     case StampOrder::Verdict::kNext:
       break;
     case StampOrder::Verdict::kRefused:
-      ++report.reasons[polylines.stamp_ns == previous_ns ? "stamp repeats" : "stamp goes back"];
+      ++report.reasons[polylines.stamp_ns == previous_ns ? kRepeats : kGoesBack];
       return report;
     case StampOrder::Verdict::kRestart:
       begin_anew();

@@ -64,7 +64,8 @@ class PolygonMappingStage {
       return context_.drop(drop_reason::kBadMessage, "numbers that are no place near the world's origin");
     }
     context_.diagnostics().counted(update_.reasons);
-    if (map_.stamp_ns() != segments.stamp_ns) return context_.drop(drop_reason::kStamp);
+    if (update_.reasons.of(TimedPolygonMap::kRepeats) + update_.reasons.of(TimedPolygonMap::kGoesBack) > 0)
+      return context_.drop(drop_reason::kStamp);
     publisher_.publish(map_.polygons());
     return true;
   }

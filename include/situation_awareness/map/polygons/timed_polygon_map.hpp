@@ -21,7 +21,9 @@ namespace situation_awareness {
 class TimedPolygonMap {
  public:
   static constexpr std::int64_t kNoStamp = StampOrder::kNone;
-  /// The reason counted for a scan that has no place in the map.
+  /// The reasons counted for a scan that is not used.
+  static constexpr const char* kRepeats = "stamp repeats";
+  static constexpr const char* kGoesBack = "stamp goes back";
   static constexpr const char* kCannotBeUsed = "scan with numbers that cannot be used";
 
   /// A stamp that goes back by more than `reset_time_jump_s` begins a new map. Throws std::invalid_argument naming

@@ -1,0 +1,241 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodelet polygon_mapping: topics, services, files, and what it does with messages that cannot be used."""
+import copy
+import json
+import math
+import pathlib
+import sys
+import tempfile
+import time
+import unittest
+
+import rospy
+import rostest
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, Robot, scan_msg,  # noqa: E402
+                         transform_msg, wait_until)
+from situation_awareness.msg import MappedPolygon, PolygonArray, SegmentArray  # noqa: E402
+from situation_awareness.srv import GetPolygons, LoadPolygons, SavePolygons  # noqa: E402
+
+STAGE = "polygon_mapping"
+
+
+def ranges_in_a_room(box=True):
+    """Of a scanner at the origin of a room of 10 m x 8 m, with a box of 1 m x 1 m before its wall."""
+    ranges = []
+    for i in range(BEAMS):
+        angle = ANGLE_MIN + i * INCREMENT
+        dx, dy = math.cos(angle), math.sin(angle)
+        nearest = min(5.0 / abs(dx) if dx else math.inf, 4.0 / abs(dy) if dy else math.inf)
+        if box and dx > 0 and abs(2.5 / dx * dy) < 0.5:
+            nearest = min(nearest, 2.5 / dx)
+        ranges.append(nearest)
+    return ranges
+
+
+class PolygonMappingTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.robot = Robot()
+        cls.diagnostics = Diagnostics()
+        cls.maps = Latest("polygons", PolygonArray)
+        cls.downlink = Latest("downlink/polygons", PolygonArray)
+        cls.markers = Latest("polygon_markers", MarkerArray)
+        cls.segments = Latest("segments", SegmentArray)
+        cls.raw = rospy.Publisher("segments", SegmentArray, queue_size=100)
+        cls.get = rospy.ServiceProxy("get_polygons", GetPolygons)
+        cls.save = rospy.ServiceProxy(f"{STAGE}/save_polygons", SavePolygons)
+        cls.load = rospy.ServiceProxy(f"{STAGE}/load_polygons", LoadPolygons)
+        cls.reset = rospy.ServiceProxy(f"{STAGE}/reset", Trigger)
+        cls.pause = rospy.ServiceProxy(f"{STAGE}/pause", SetBool)
+        cls.load.wait_for_service(60.0)
+        wait_until(lambda: cls.raw.get_num_connections() > 1 and all(
+            latest.subscriber.get_num_connections() > 0
+            for latest in (cls.maps, cls.downlink, cls.markers, cls.segments)), 60.0, "the nodelets")
+        time.sleep(0.5)
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.pause(False)
+        self.reset()
+        time.sleep(1.1)  # the room is new
+
+    def scan(self, count, before_scan=lambda stamp: None, **arguments):
+        """So many scans of the room; the map of the last one."""
+        stamp = None
+        for _ in range(count):
+            stamp = rospy.Time.now()
+            before_scan(stamp)
+            self.robot.tf.publish(transform_msg(stamp, parent="map"))
+            self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room(**arguments)), transforms=False)
+        wait_until(lambda: self.maps.messages and self.maps.messages[-1].header.stamp >= stamp, 10.0, "the map")
+        return self.maps.messages[-1]
+
+    def count(self, key):
+        return self.diagnostics.count(f"/{STAGE}", key) + self.diagnostics.count(STAGE, key)
+
+    def test_a_room_with_a_box(self):
+        message = self.scan(25)
+        self.assertEqual(message.header.frame_id, "map")
+        self.assertGreaterEqual(len(message.polygons), 2)
+        wall = max(message.polygons, key=lambda polygon: len(polygon.vertices))
+        for polygon in message.polygons:
+            self.assertEqual(polygon.state, MappedPolygon.NEW)
+            self.assertEqual(len(polygon.vertices), len(polygon.sigma_m))
+            for vertex in polygon.vertices:
+                off_wall = min(abs(abs(vertex.x) - 5.0), abs(abs(vertex.y) - 4.0))
+                self.assertLess(min(off_wall, abs(vertex.x - 2.5)), 0.03)
+        self.assertGreater(len(wall.vertices), 2)
+        wait_until(lambda: self.downlink.messages, 5.0, "the downlink")
+        wait_until(lambda: self.markers.messages, 5.0, "markers")
+        names = {marker.ns for marker in self.markers.messages[-1].markers}
+        self.assertTrue({"new", "id", "uncertainty"} <= names, names)
+        got = self.get(rospy.Time())
+        self.assertTrue(got.success, got.message)
+        self.assertEqual(got.polygons.header.stamp, message.header.stamp)
+        self.assertEqual(got.polygons.polygons, message.polygons)
+        later = self.get(message.header.stamp + rospy.Duration(1.0))
+        self.assertTrue(later.success)
+        self.assertEqual(later.polygons.polygons, message.polygons)
+        self.assertFalse(self.get(message.header.stamp - rospy.Duration(1.0)).success)
+
+    def test_files(self):
+        before = self.scan(25)
+        ids = {polygon.id for polygon in before.polygons}
+        for name in ("map.yaml", "map.geojson"):
+            path = self.folder / name
+            answer = self.save(str(path))
+            self.assertTrue(answer.success, answer.message)
+            self.assertFalse(self.save(name).success, "no absolute path")
+            self.reset()
+            wait_until(lambda: not self.maps.messages[-1].polygons, 5.0, "the empty map")
+            answer = self.load(str(path))
+            self.assertTrue(answer.success, answer.message)
+            wait_until(lambda: {polygon.id for polygon in self.maps.messages[-1].polygons} == ids, 5.0,
+                       "the loaded map")
+            seen = self.scan(3)
+            self.assertEqual({polygon.id for polygon in seen.polygons}, ids, "it is the same room")
+            self.assertNotIn(MappedPolygon.NEW, [polygon.state for polygon in seen.polygons])
+        collection = json.loads((self.folder / "map.geojson").read_text())
+        self.assertEqual(collection["type"], "FeatureCollection")
+        self.assertEqual({feature["properties"]["id"] for feature in collection["features"]}, ids)
+        # Damage is refused with the file's name, and the map stays.
+        text = (self.folder / "map.yaml").read_text()
+        for name, damaged in (("cut.yaml", text[:len(text) // 2]), ("bit.yaml", text.replace("hits: ", "hits: 1", 1)),
+                              ("cut.geojson", (self.folder / "map.geojson").read_text()[:200])):
+            path = self.folder / name
+            path.write_text(damaged)
+            answer = self.load(str(path))
+            self.assertFalse(answer.success)
+            self.assertTrue(answer.message.startswith(f"{path}: "), answer.message)
+        self.assertEqual({polygon.id for polygon in self.get(rospy.Time()).polygons.polygons}, ids)
+
+    def test_reset_and_pause(self):
+        last = max(polygon.id for polygon in self.scan(25).polygons)
+        self.assertTrue(self.pause(True).success)
+        messages = len(self.maps.messages)
+        for _ in range(3):
+            stamp = rospy.Time.now()
+            self.robot.tf.publish(transform_msg(stamp, parent="map"))
+            self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room()), transforms=False)
+        self.assertEqual(len(self.maps.messages), messages)
+        self.pause(False)
+        self.assertTrue(self.reset().success)
+        wait_until(lambda: not self.maps.messages[-1].polygons, 5.0, "the empty map")
+        time.sleep(1.1)
+        self.assertGreater(min(polygon.id for polygon in self.scan(25).polygons), last, "ids are not used again")
+
+    def test_messages_that_cannot_be_used(self):
+        self.scan(25)
+        good = self.segments.messages[-1]
+        self.assertGreater(len(good.points), 100)
+        expected = self.get(rospy.Time()).polygons.polygons
+
+        def later(spoil):
+            msg = copy.deepcopy(good)
+            msg.header.stamp = rospy.Time.now()
+            spoil(msg)
+            return msg
+
+        def set_point(msg, name, value):
+            setattr(msg.points[7], name, value)
+
+        def far_free_space(msg):
+            msg.free_azimuth = [azimuth + 1e9 for azimuth in msg.free_azimuth]
+
+        faults = [lambda msg: setattr(msg.header, "frame_id", "elsewhere"),
+                  lambda msg: set_point(msg, "x", math.nan), lambda msg: set_point(msg, "y", 1e30),
+                  lambda msg: setattr(msg.level, "x", math.inf), lambda msg: setattr(msg.level, "x", 1e9),
+                  lambda msg: setattr(msg.segments[0], "first", 10**6),
+                  lambda msg: setattr(msg.segments[0], "right_end", 77), far_free_space]
+        bad = self.count("dropped: bad message")
+        for spoil in faults:
+            self.raw.publish(later(spoil))
+            time.sleep(0.05)
+        wait_until(lambda: self.count("dropped: bad message") == bad + len(faults), 5.0, "the drops of bad messages")
+        stamps = self.count("dropped: stamp repeats or goes back")
+        for seconds in (0.0, 0.3):
+            msg = copy.deepcopy(good)
+            msg.header.stamp = good.header.stamp - rospy.Duration(seconds)
+            self.raw.publish(msg)
+            time.sleep(0.05)
+        wait_until(lambda: self.count("dropped: stamp repeats or goes back") == stamps + 2, 5.0, "stamps that go back")
+        self.assertEqual(self.get(rospy.Time()).polygons.polygons, expected, "the map is as it was")
+        # A jump far back begins a new map; it goes on from there.
+        msg = copy.deepcopy(good)
+        msg.header.stamp = good.header.stamp - rospy.Duration(100.0)
+        self.raw.publish(msg)
+        wait_until(lambda: not self.maps.messages[-1].polygons, 5.0, "the new map")
+        wait_until(lambda: self.count("time jumped back: new map") >= 1, 5.0, "the reason")
+
+    def test_the_covariance_of_the_pose(self):
+        """It is that of the same stamp, waited for while `pose` has a publisher."""
+        publisher = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=100)
+        self.addCleanup(publisher.unregister)
+        wait_until(lambda: publisher.get_num_connections() > 0, 10.0, "polygon_mapping")
+        time.sleep(0.3)
+        variance, frame, offset = [1e-6], ["map"], [rospy.Duration()]
+
+        def publish(stamp):
+            msg = PoseWithCovarianceStamped()
+            msg.header.stamp, msg.header.frame_id = stamp + offset[0], frame[0]
+            msg.pose.pose.orientation.w = 1.0
+            for i in (0, 7, 35):
+                msg.pose.covariance = [variance[0] if k == i else value for k, value in
+                                       enumerate(msg.pose.covariance)]
+            publisher.publish(msg)
+
+        key = "scans with the covariance of pose"
+        before = self.count(key)
+        sigma = max(max(polygon.sigma_m) for polygon in self.scan(25, publish).polygons)
+        wait_until(lambda: self.count(key) == before + 25, 5.0, "all covariances")
+        self.assertLess(sigma, 0.01, "that of the default is 0.02 m")
+        unsure = self.count("pose not known well enough")
+        variance[0] = 1.0
+        self.scan(5, publish)
+        wait_until(lambda: self.count("pose not known well enough") == unsure + 5, 5.0, "what is not known well enough")
+        # What cannot be used counts as none: after the timeout the default's serves.
+        missing, bad = self.count("no pose of that stamp"), self.count("pose that cannot be used")
+        for variance[0] in (math.nan, -1.0):
+            self.scan(2, publish)
+        variance[0] = 1e-6
+        wait_until(lambda: self.count("pose that cannot be used") == bad + 4, 5.0, "bad poses")
+        other = self.count("pose in another frame")
+        frame[0] = "odom"
+        self.scan(2, publish)
+        wait_until(lambda: self.count("pose in another frame") == other + 2, 5.0, "poses in another frame")
+        frame[0], offset[0] = "map", rospy.Duration(0.001)
+        self.scan(2, publish)
+        wait_until(lambda: self.count("no pose of that stamp") == missing + 8, 5.0, "poses that are missed")
+
+
+if __name__ == "__main__":
+    rospy.init_node("polygon_mapping_test")
+    rostest.rosrun("situation_awareness", "polygon_mapping_test", PolygonMappingTest)
