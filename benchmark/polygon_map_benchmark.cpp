@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Cost of a scan on the way to the map of polygons in a corridor with 40 chains, stage by stage and in all, with what
+// the nodelet adds for its message; and its growth with the chains on the map, of which the same part is in view.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/polygons/map_file.hpp"
+#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr std::int64_t kPeriod_ns = 40'000'000;
+constexpr int kBoxesInView = 38;
+constexpr double kHalfLength_m = 10.0;
+
+/// Corridors of 20 m x 3 m side by side, each with a wall on either side and boxes of 0.2 m along both.
+Polygons corridors(int chains) {
+  Polygons polygons;
+  polygons.stamp_ns = 1'000'000'000;
+  const auto add = [&](const std::vector<Eigen::Vector2d>& places, bool closed) {
+    Chain chain;
+    chain.id = polygons.chains.size() + 1;
+    chain.closed = closed;
+    for (const Eigen::Vector2d& p_m : places) chain.vertices.push_back({p_m, 0.01});
+    chain.first_seen_ns = chain.last_seen_ns = polygons.stamp_ns;
+    chain.p_exists = 0.9975;
+    polygons.chains.push_back(chain);
+  };
+  for (int k = 0; static_cast<int>(polygons.chains.size()) < chains; ++k) {
+    const double y_m = 10.0 * k;
+    add({{kHalfLength_m, y_m + 1.5}, {-kHalfLength_m, y_m + 1.5}}, false);
+    add({{-kHalfLength_m, y_m - 1.5}, {kHalfLength_m, y_m - 1.5}}, false);
+    for (int box = 0; box < kBoxesInView && static_cast<int>(polygons.chains.size()) < chains; ++box) {
+      const Eigen::Vector2d c(-9.0 + box / 2, y_m + (box % 2 == 0 ? 1.1 : -1.1));
+      const double half_m = 0.1;
+      add({{c.x() - half_m, c.y() - half_m},
+           {c.x() - half_m, c.y() + half_m},
+           {c.x() + half_m, c.y() + half_m},
+           {c.x() + half_m, c.y() - half_m}},
+          true);
+    }
+  }
+  return polygons;
+}
+
+double range_to(const Eigen::Vector2d& from_m, const Eigen::Vector2d& u, const Eigen::Vector2d& a_m,
+                const Eigen::Vector2d& b_m) {
+  const Eigen::Vector2d way_m = b_m - a_m;
+  const double determinant = way_m.x() * u.y() - way_m.y() * u.x();
+  if (std::abs(determinant) < 1e-12) return 1e9;
+  const Eigen::Vector2d d_m = from_m - a_m;
+  const double part = (d_m.x() * u.y() - d_m.y() * u.x()) / determinant;
+  const double range_m = (d_m.x() * way_m.y() - d_m.y() * way_m.x()) / determinant;
+  return part >= 0.0 && part <= 1.0 && range_m > 0.05 ? range_m : 1e9;
+}
+
+/// A scanner of 270 degrees that drives along the first corridor: 541 beams, 12 mm.
+class Drive {
+ public:
+  explicit Drive(int chains) : polygons_(corridors(chains)) {}
+
+  Scan next() {
+    const Eigen::Vector2d from_m = position_m();
+    Scan scan;
+    scan.stamp_ns = 100'000'000'000 + scans_ * kPeriod_ns;
+    scan.angle_min_rad = radians(-135.0);
+    scan.angle_increment_rad = radians(0.5);
+    const std::size_t in_view = std::min<std::size_t>(polygons_.chains.size(), 2 + kBoxesInView);
+    for (int i = 0; i < 541; ++i) {
+      const double angle_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
+      const Eigen::Vector2d u(std::cos(angle_rad), std::sin(angle_rad));
+      double range_m = 1e9;
+      for (std::size_t k = 0; k < in_view; ++k) {
+        const std::vector<ChainVertex>& v = polygons_.chains[k].vertices;
+        for (std::size_t e = 0; e + 1 < v.size() + (polygons_.chains[k].closed ? 1 : 0); ++e) {
+          range_m = std::min(range_m, range_to(from_m, u, v[e].p_world_m, v[(e + 1) % v.size()].p_world_m));
+        }
+      }
+      const auto measured_m = static_cast<float>(range_m > 1e6 ? INFINITY : range_m + 0.012 * random_.normal());
+      scan.beams.push_back(beam_from_range(measured_m, 0.05F, 20.0F));
+    }
+    return scan;
+  }
+
+  /// Of the scan that next() gave.
+  Eigen::Isometry3d pose() {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation().head<2>() = position_m();
+    ++scans_;
+    return T;
+  }
+
+  const Polygons& polygons() const { return polygons_; }
+
+ private:
+  Eigen::Vector2d position_m() const { return {6.0 * std::sin(0.01 * static_cast<double>(scans_)), 0.0}; }
+
+  Polygons polygons_;
+  std::int64_t scans_ = 0;
+  Random random_{1};
+};
+
+const Eigen::Matrix3d kCovariance = Eigen::Vector3d(9e-6, 9e-6, 1e-6).asDiagonal();
+
+/// From scan to the chains with their states.
+void from_scan_to_map(benchmark::State& state) {
+  Drive drive(static_cast<int>(state.range(0)));
+  TimedPolygonMap map(PolygonMapParams{}, ChainStateParams{}, 1.0);
+  map.resume(snapshot_of_chains(drive.polygons(), PolygonMapParams{}.spacing_m));
+  const PolygonPipelineParams params;
+  Scan limited;
+  Points points;
+  Segments segments;
+  Polylines polylines;
+  PolygonMapUpdate update;
+  const auto one = [&](const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
+    limited = limit_range(scan, T_world_lidar, params.scan, std::move(limited));
+    points = project_horizontally(limited, T_world_lidar, T_world_lidar, std::move(points));
+    segments = segment(points, params.segments, std::move(segments));
+    polylines = extract_polylines(segments, params.polylines, std::move(polylines));
+    update = map.update(polylines, kCovariance, std::move(update));
+  };
+  for (int i = 0; i < 100; ++i) {
+    const Scan scan = drive.next();
+    one(scan, drive.pose());
+  }
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Scan scan = drive.next();
+    const Eigen::Isometry3d T_world_lidar = drive.pose();
+    state.ResumeTiming();
+    one(scan, T_world_lidar);
+  }
+  state.counters["chains"] = static_cast<double>(map.size());
+  state.counters["elements"] = static_cast<double>(map.elements());
+}
+BENCHMARK(from_scan_to_map)
+    ->Arg(40)
+    ->Arg(125)
+    ->Arg(250)
+    ->Arg(500)
+
+    ->Iterations(500)
+    ->Unit(benchmark::kMicrosecond);
+
+void save_and_load(benchmark::State& state) {
+  PolygonMap map(PolygonMapParams{});
+  map.restore(snapshot_of_chains(corridors(static_cast<int>(state.range(0))), PolygonMapParams{}.spacing_m));
+  map.polygons();
+  PolygonMapSnapshot snapshot = map.snapshot();
+  snapshot.world_frame = "map";
+  std::size_t bytes = 0;
+  for (auto _ : state) {
+    const std::string yaml = polygon_map_to_yaml(snapshot);
+    bytes = yaml.size();
+    benchmark::DoNotOptimize(polygon_map_from_yaml(yaml, "benchmark"));
+  }
+  state.counters["bytes"] = static_cast<double>(bytes);
+  state.counters["elements"] = static_cast<double>(snapshot.elements.size());
+}
+BENCHMARK(save_and_load)->Arg(40)->Arg(500)->Iterations(3)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace situation_awareness
