@@ -149,7 +149,6 @@ BENCHMARK(from_scan_to_map)
     ->Arg(125)
     ->Arg(250)
     ->Arg(500)
-
     ->Iterations(500)
     ->Unit(benchmark::kMicrosecond);
 

@@ -25,7 +25,7 @@ def replay(bag, kind):
     """The map after each scan, as the tool of this kind writes it."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "map.jsonl"
-        subprocess.run(["rosrun", "situation_awareness", kind.tool, str(bag), "--out", str(out)], check=True,
+        subprocess.run(["rosrun", "situation_awareness", kind.tool, str(bag), "--out", str(out), *kind.arguments], check=True,
                        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, timeout=300)
         return [json.loads(line) for line in out.read_text().splitlines()]
 

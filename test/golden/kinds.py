@@ -39,9 +39,11 @@ class Field:
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """A kind of map: the tool NAME_bag writes lines {"stamp": s, NAME: [element, ...]}."""
+    """A kind of map: the tool NAME_bag writes lines {"stamp": s, LIST: [element, ...]}; LIST is NAME if not given."""
     name: str
     fields: tuple
+    list: str = ""
+    arguments: tuple = ()  # of the tool
 
     @property
     def tool(self):
@@ -50,7 +52,7 @@ class Kind:
     def elements(self, line):
         """{id: {field: value}} of a line."""
         return {element["id"]: {field.name: field.rounded(field.value(element)) for field in self.fields}
-                for element in line[self.name]}
+                for element in line[self.list or self.name]}
 
 
 def member(name, unit="", **arguments):
@@ -74,4 +76,24 @@ OBJECTS = Kind("objects", (
     sigma(4, "psi", "rad", tolerance=angle_tolerance), sigma(5, "wz", "rad/s"), sigma(6, "rx", "m"),
     sigma(7, "ry", "m"), member("beams", decimals=0, tolerance=0.5)))
 
-KINDS = (OBJECTS,)
+
+
+def along(chain):
+    """The lengths of a chain's edges."""
+    points = chain["points"] + chain["points"][:1] * chain["closed"]
+    return [math.dist(a, b) for a, b in zip(points, points[1:])]
+
+
+def mean(axis):
+    return lambda chain: sum(point[axis] for point in chain["points"]) / len(chain["points"])
+
+
+POLYGONS = Kind("polygons", (
+    Field("x", mean(0), "m"), Field("y", mean(1), "m"), Field("length", lambda chain: sum(along(chain)), "m"),
+    Field("sigma", lambda chain: max(chain["sigma_m"]), "m"), member("p"),
+    Field("vertices", lambda chain: len(chain["points"]), decimals=0, tolerance=0.5),
+    member("closed", decimals=0, tolerance=0.5),
+    Field("age", lambda chain: chain["last_seen"] - chain["first_seen"], "s")),
+    list="polylines", arguments=("--localization", "tf"))
+
+KINDS = (OBJECTS, POLYGONS)
