@@ -11,6 +11,7 @@ add_library(${PROJECT_NAME}_rviz_logic STATIC
   src/ros/rviz/map_history.cpp
   src/ros/rviz/map_mesh.cpp
   src/ros/rviz/object_mesh.cpp
+  src/ros/rviz/polygon_mesh.cpp
   src/ros/rviz/stage_board.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz_logic)
 target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
@@ -20,6 +21,7 @@ add_library(${PROJECT_NAME}_rviz
   src/ros/rviz/object_map_display.cpp
   src/ros/rviz/knob_form.cpp
   src/ros/rviz/map_scene.cpp
+  src/ros/rviz/polygon_map_display.cpp
   src/ros/rviz/service_caller.cpp
   src/ros/rviz/status_panel.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz)

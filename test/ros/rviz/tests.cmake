@@ -1,5 +1,5 @@
 # Tests of what rviz loads: its logic, and the plugins themselves without a screen.
-foreach(name drawable_objects knobs map_history map_mesh object_mesh stage_board)
+foreach(name drawable_objects knobs map_history map_mesh object_mesh polygon_mesh stage_board)
   situation_awareness_ros_gtest(rviz/${name}_test)
   target_link_libraries(ros_rviz_${name}_test PRIVATE ${PROJECT_NAME}_rviz_logic)
 endforeach()

@@ -11,7 +11,7 @@ namespace situation_awareness {
 // closed one. Coordinates are x, y in m in the frame `world_frame`, a member beside the features, not longitude and
 // latitude. Properties: id, closed, sigma_m (one per vertex), first_seen, last_seen (s), p, state (as text, which is
 // not read) and, of a Polygon, free_side (`outside` or `inside`), since RFC 7946 orders its vertices counter-clockwise.
-// A line has its free side to the left of the way from a vertex to the one before, as Chain has.
+// A line has its free side to the left of the way from a vertex to the next, as Chain has.
 
 /// Numbers are read back exactly, times within 1 us.
 std::string polygons_to_geojson(const Polygons& polygons, const std::string& world_frame);

@@ -24,7 +24,7 @@ enum class ChainState : std::uint8_t {
 };
 
 /// The boundary of a standing thing, or of several that touch, as far as it was seen. Its free side lies to the left
-/// of the way from a vertex to the one before: seen from there, the vertices go from right to left.
+/// of the way from a vertex to the next: seen from there, the vertices go from right to left.
 struct Chain {
   std::uint64_t id = 0;               ///< never used twice
   bool closed = false;                ///< an edge leads from the last vertex to the first
