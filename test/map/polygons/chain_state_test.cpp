@@ -39,7 +39,7 @@ TEST(ChainState, IsThatOfItsRules) {
   EXPECT_EQ(state_of(a_chain(1.0, 59.0), kNow_ns, kNow_ns - 100 * kSecond_ns, params), ChainState::kNew);
   for (const double extent_m : {1.0, 5.0}) {
     for (const double age_s : {1.0, 1000.0}) {
-      EXPECT_EQ(state_of(a_chain(extent_m, age_s, 0.89), kNow_ns, transit_ns, params), ChainState::kDoubted);
+      EXPECT_EQ(state_of(a_chain(extent_m, age_s, 0.74), kNow_ns, transit_ns, params), ChainState::kDoubted);
     }
   }
 }

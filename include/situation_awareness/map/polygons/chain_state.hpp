@@ -12,7 +12,7 @@ namespace situation_awareness {
 struct ChainStateParams {
   double wall_extent_m = 1.6;
   double known_s = 60.0;
-  double doubted_p = 0.9;
+  double doubted_p = 0.75;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
