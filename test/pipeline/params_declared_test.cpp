@@ -6,6 +6,7 @@
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/ransac.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/pose/reflector_survey.hpp"
 #include "support/aggregate_size.hpp"
@@ -34,6 +35,10 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<ObjectMapParams>(), aggregate_size<ObjectMapParams>());
   EXPECT_EQ(declared_size<ObjectPipelineParams>(), aggregate_size<ObjectPipelineParams>());
   EXPECT_EQ(declared_size<OdometryTrackParams>(), aggregate_size<OdometryTrackParams>());
+  EXPECT_EQ(declared_size<ChainStateParams>(), aggregate_size<ChainStateParams>());
+  EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
+  EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());
+  EXPECT_EQ(declared_size<PolygonPipelineParams>(), aggregate_size<PolygonPipelineParams>());
   EXPECT_EQ(declared_size<ReflectorDetectionParams>(), aggregate_size<ReflectorDetectionParams>());
   EXPECT_EQ(declared_size<ReflectorFitParams>(), aggregate_size<ReflectorFitParams>());
   EXPECT_EQ(declared_size<ReflectorLocalizationParams>(), aggregate_size<ReflectorLocalizationParams>());

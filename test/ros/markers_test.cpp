@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "situation_awareness/ros/markers/object_markers.hpp"
+#include "situation_awareness/ros/markers/polygon_markers.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -135,6 +136,44 @@ TEST(ObjectMarkers, SurviveAnUnknownPosition) {
   const Marker area = find(markers.update(map_of({one}), "world"), "position_uncertainty");
   EXPECT_TRUE(std::isfinite(area.scale.x) && area.scale.x > 0.0);
   EXPECT_TRUE(std::isfinite(area.scale.y) && area.scale.y > 0.0);
+}
+
+Polygons two_chains() {
+  Polygons polygons;
+  polygons.stamp_ns = 1'000'000'000;
+  polygons.height_world_m = 0.5;
+  polygons.chains.push_back(
+      {3, false, {{{2.0, 3.0}, 0.01}, {{-2.0, 3.0}, 0.02}, {{-2.0, 1.0}, 0.02}}, 0, 0, 1.0, ChainState::kWall});
+  polygons.chains.push_back({5, true, {{{0.0, 0.0}, 0.01}, {{0.0, 1.0}, 0.01}, {{1.0, 1.0}, 0.01}}, 0, 0, 1.0});
+  return polygons;
+}
+
+TEST(PolygonMarkers, OneMarkerHasAllEdgesOfAState) {
+  PolygonMarkers markers;
+  Polygons polygons = two_chains();
+  const auto array = markers.update(polygons, "map");
+  const Marker wall = find(array, "wall");
+  EXPECT_EQ(wall.header.frame_id, "map");
+  ASSERT_EQ(wall.points.size(), 4U) << "two edges";
+  EXPECT_EQ(wall.points[1].x, -2.0);
+  EXPECT_EQ(wall.points[1].z, 0.5);
+  const Marker fresh = find(array, "new");
+  ASSERT_EQ(fresh.points.size(), 6U) << "closed";
+  EXPECT_EQ(fresh.points[5].x, 0.0);
+  EXPECT_EQ(fresh.points[5].y, 0.0);
+  // Bars of 2 sigma to both sides, across the first edge.
+  const Marker bars = find(array, "uncertainty");
+  ASSERT_EQ(bars.points.size(), 12U);
+  EXPECT_NEAR(bars.points[0].x, bars.points[1].x, 1e-12);
+  EXPECT_NEAR(std::abs(bars.points[0].y - bars.points[1].y), 0.04, 1e-12);
+  // A chain that changes its state leaves nothing of the one before.
+  polygons.chains[1].state = ChainState::kKnown;
+  const auto next = markers.update(polygons, "map");
+  EXPECT_EQ(find(next, "known").points.size(), 6U);
+  EXPECT_EQ(find(next, "new").action, Marker::DELETE);
+  // And without chains all go.
+  polygons.chains.clear();
+  for (const Marker& marker : markers.update(polygons, "map").markers) EXPECT_EQ(marker.action, Marker::DELETE);
 }
 
 }  // namespace
