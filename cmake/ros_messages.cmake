@@ -17,7 +17,9 @@ add_message_files(DIRECTORY msg FILES
   MappedObject.msg
   MappedObjectArray.msg
   MappedPolygon.msg
+  PathError.msg
   PolygonArray.msg
+  SafetyVerdict.msg
   SegmentArray.msg
   SegmentPoint.msg)
 add_service_files(DIRECTORY srv FILES
