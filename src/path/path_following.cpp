@@ -30,7 +30,7 @@ double towards(double from, double to, double least_step, double most_step) {
 
 }  // namespace
 
-PathError path_error(const Pose2& T_world_reference, const Pose2& T_world_base) {
+FollowingError following_error(const Pose2& T_world_reference, const Pose2& T_world_base) {
   const Pose2 error = inverse(T_world_reference) * T_world_base;
   return {error.translation_m.x(), error.translation_m.y(), wrap_to_pi(error.yaw_rad)};
 }
@@ -42,7 +42,7 @@ void PathFollowingParams::validate() const {
   }
 }
 
-Velocity controlled(const PathError& error, const Velocity& reference, const PathFollowingParams& params) {
+Velocity controlled(const FollowingError& error, const Velocity& reference, const PathFollowingParams& params) {
   const double u1r = reference.speed_m_s;
   return {u1r - params.gain_along_1_m * std::abs(u1r) * error.along_m,
           reference.turn_rate_rad_s - params.gain_across_1_m2 * u1r * error.across_m -
@@ -122,13 +122,13 @@ void PathFollowing::locate(const Pose2& T_world_base) {
     located_ = true;
     begin_transit(T_world_base, there);
   }
-  result_.error = path_error(way().at(result_.way_m).pose(), T_world_base);
+  result_.error = following_error(way().at(result_.way_m).pose(), T_world_base);
 }
 
 void PathFollowing::begin_transit(const Pose2& T_world_base, bool there) {
   result_.there = there;
   result_.way_m = way().nearest_m(T_world_base.translation_m);
-  result_.error = path_error(way().at(result_.way_m).pose(), T_world_base);
+  result_.error = following_error(way().at(result_.way_m).pose(), T_world_base);
   turn_sign_ = 0.0;
 }
 
@@ -216,7 +216,7 @@ void PathFollowing::drive(double allowed_m_s, double slowing_m_s2, double period
       u1r * std::cos(result_.error.heading_rad) / std::max(1.0 - kappa * result_.error.across_m, 0.2);
   // The vehicle heads for the path at no more than 45 degrees, whatever its distance.
   const double most_across_m = params_.gain_heading_1_m / params_.gain_across_1_m2;
-  PathError error = result_.error;
+  FollowingError error = result_.error;
   error.across_m = std::clamp(error.across_m, -most_across_m, most_across_m);
   Velocity wanted = controlled(error, {u1r, 0.0}, params_);
   wanted.turn_rate_rad_s += kappa * ahead_m_s;

@@ -67,11 +67,11 @@ TEST(PathFollowing, ControlConvergesToAMovingReference) {
     Pose2 T_reference, T{{-0.2, 0.25}, 0.3};
     const Velocity reference{0.5, turn_rate_rad_s};
     for (int i = 0; i < 4000; ++i) {
-      const Velocity u = controlled(path_error(T_reference, T), reference, params);
+      const Velocity u = controlled(following_error(T_reference, T), reference, params);
       T = T * exp_se2(0.005 * Eigen::Vector3d(u.speed_m_s, 0.0, u.turn_rate_rad_s));
       T_reference = T_reference * exp_se2(0.005 * Eigen::Vector3d(reference.speed_m_s, 0.0, reference.turn_rate_rad_s));
     }
-    const PathError error = path_error(T_reference, T);
+    const FollowingError error = following_error(T_reference, T);
     EXPECT_NEAR(error.along_m, 0.0, 2e-3);
     EXPECT_NEAR(error.across_m, 0.0, 2e-3);
     EXPECT_NEAR(error.heading_rad, 0.0, 2e-3);
@@ -81,7 +81,7 @@ TEST(PathFollowing, ControlConvergesToAMovingReference) {
 // docs/math/path.md: V = K2 y^2 / 2 + 1 - cos theta does not grow along the exact motion.
 TEST(PathFollowing, LyapunovFunctionDecreases) {
   const PathFollowingParams params;
-  const auto V = [&](const PathError& e) {
+  const auto V = [&](const FollowingError& e) {
     return 0.5 * params.gain_across_1_m2 * e.across_m * e.across_m + 1.0 - std::cos(e.heading_rad);
   };
   for (const Path& path : {straight(), winding(), ring()}) {
@@ -90,11 +90,11 @@ TEST(PathFollowing, LyapunovFunctionDecreases) {
     for (int n = 0; n < 20; ++n) {
       double way_m = 1.0;
       Pose2 T = spline.at(way_m).pose() * Pose2{{0.0, random.uniform(-0.4, 0.4)}, random.uniform(-0.8, 0.8)};
-      double before = V(path_error(spline.at(way_m).pose(), T));
+      double before = V(following_error(spline.at(way_m).pose(), T));
       for (int i = 0; i < 3000; ++i) {
         way_m = spline.nearest_m(T.translation_m, way_m);
         const PathPoint reference = spline.at(way_m);
-        const PathError error = path_error(reference.pose(), T);
+        const FollowingError error = following_error(reference.pose(), T);
         EXPECT_LE(V(error), before + 2e-6);
         before = V(error);
         const double ahead_m_s = 0.5 * std::cos(error.heading_rad) / (1.0 - reference.curvature_1_m * error.across_m);

@@ -24,13 +24,13 @@ namespace situation_awareness {
 //   K1 to K3   gains                                                                      1/m, 1/m^2, 1/m
 
 /// Error of a vehicle against a reference on its path.
-struct PathError {
+struct FollowingError {
   double along_m = 0.0;      ///< x_e
   double across_m = 0.0;     ///< y_e, to the left positive
   double heading_rad = 0.0;  ///< theta_e, in [-pi, pi]
 };
 
-PathError path_error(const Pose2& T_world_reference, const Pose2& T_world_base);
+FollowingError following_error(const Pose2& T_world_reference, const Pose2& T_world_base);
 
 /// Speed and turn rate of a vehicle.
 struct Velocity {
@@ -83,7 +83,7 @@ struct PathFollowingParams {
 /// u1 and u2 by eq. 6: u1 = u1r - K1 |u1r| x_e, u2 = u2r - K2 u1r y_e - K3 |u1r| tan theta_e. |theta_e| < pi / 2.
 /// With the reference at the nearest point, which moves as the vehicle does, K2 y_e^2 / 2 + 1 - cos theta_e does not
 /// grow.
-Velocity controlled(const PathError& error, const Velocity& reference, const PathFollowingParams& params);
+Velocity controlled(const FollowingError& error, const Velocity& reference, const PathFollowingParams& params);
 
 /// Where a vehicle on a path is, and what it is told.
 struct PathFollowingResult {
@@ -91,7 +91,7 @@ struct PathFollowingResult {
 
   State state = State::kStopped;
   Velocity command;
-  PathError error;
+  FollowingError error;
   double way_m = 0.0;  ///< along the way of this transit
   int transit = 0;
   bool there = true;  ///< false: on the way back

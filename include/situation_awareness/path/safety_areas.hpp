@@ -1,0 +1,268 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/path/path.hpp"
+#include "situation_awareness/path/spline_path.hpp"
+#include "situation_awareness/path/vehicle.hpp"
+#include "situation_awareness/points/points.hpp"
+
+namespace situation_awareness {
+
+// Safety areas (docs/math/path.md; polygons paper, Sects. 1 and 4).
+//
+//   symbol   meaning                                                                            unit
+//   v        speed; v_f is the full one, the least of vehicle and path                          m/s
+//   t_r      reaction time                                                                      s
+//   a, b     usual deceleration, and the one that is sure                                       m/s^2
+//   D(v)     way to stop in, v t_r + v^2 / 2 a, and a distance to what is ahead                  m
+//   D_f(v)   the least one, v t_r + v^2 / 2 b                                                   m
+//   T(v)     time to stop in, t_r + v / b                                                       s
+//   m        margin about the footprint                                                         m
+//
+// An area is what the footprint sweeps on its way, with a margin. All grow with v:
+//
+//   hard floor         D_f(v), m_f         whatever is in it counts under every policy
+//   protective area    D(v), m_p           where something in it counts the vehicle stops
+//   warning area       D(v), m_p + v_m T(v)    v_m: speed of a mover; where something in it counts the vehicle slows
+//   down
+
+/// What counts (polygons paper, Sect. 1). Things that may move and unknown hits count under every policy, and so does
+/// what is in the hard floor.
+enum class SafetyPolicy : std::uint8_t {
+  kConservative,  ///< whatever is in the areas
+  kUpdated,       ///< the areas shrink beside the way so that known chains are outside, as far as the hard floor allows
+  kIgnoreKnown,   ///< hits on known chains do not count
+};
+
+/// "conservative", "updated", "ignore_known".
+const char* name_of(SafetyPolicy policy);
+std::string yaml_text(SafetyPolicy policy);
+/// Throws std::invalid_argument if there is no such policy.
+void read_yaml_text(const std::string& yaml, SafetyPolicy& policy);
+
+/// Parameters of the safety areas.
+struct SafetyParams {
+  SafetyPolicy policy = SafetyPolicy::kUpdated;
+  double margin_m = 0.12;
+  double floor_margin_m = 0.05;
+  double standoff_m = 0.15;
+  double mover_speed_m_s = 2.0;
+  double slow_speed_m_s = 0.15;
+  double sigmas = 3.0;
+  double max_sigma_m = 0.2;
+  double max_error_m = 1.0;
+  double explain_m = 0.08;
+  double min_p_exists = 0.8;
+  double standing_s = 2.0;
+  double memory_s = 3.0;
+  int min_hits = 2;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("policy", self.policy,
+          "what counts: conservative (whatever is in the areas), updated (the areas shrink so that known chains are "
+          "outside) or ignore_known; what may move and what is unknown always counts");
+    visit("margin_m", self.margin_m, Bounds{0.0, 10.0}, "m", "margin of the protective area about the footprint");
+    visit("floor_margin_m", self.floor_margin_m, Bounds{0.0, 10.0}, "m",
+          "that of the hard floor, at most margin_m: nothing nearer is ever ignored");
+    visit("standoff_m", self.standoff_m, Bounds{0.0, 10.0}, "m",
+          "distance ahead, beyond the margin, that the vehicle keeps from what is on its way");
+    visit("mover_speed_m_s", self.mover_speed_m_s, Bounds{0.1, 20.0}, "m/s",
+          "greatest speed of what may move: the vehicle stands before something so fast gets to it");
+    visit("slow_speed_m_s", self.slow_speed_m_s, Bounds{0.0, 20.0}, "m/s",
+          "speed beside standing things in the warning area");
+    visit("sigmas", self.sigmas, Bounds{0.0, 10.0}, "",
+          "standard deviations of the pose that are added to the margins");
+    visit("max_sigma_m", self.max_sigma_m, Bounds{0.001, 10.0}, "m",
+          "the vehicle stops where the standard deviation of its position is greater");
+    visit("max_error_m", self.max_error_m, Bounds{0.05, 100.0}, "m",
+          "the vehicle stops where it is farther from its path");
+    visit("explain_m", self.explain_m, Bounds{0.0, 1.0}, "m",
+          "a hit is on a chain or an object that is so near, and nearer than sigmas of both");
+    visit("min_p_exists", self.min_p_exists, Bounds{0.0, 1.0}, "",
+          "a chain is known from this probability of existence on, an object counts from it on");
+    visit("standing_s", self.standing_s, Bounds{0.0, 1000.0}, "s",
+          "what is on a map for so long and does not move is a standing thing, which the vehicle may pass slowly");
+    visit("memory_s", self.memory_s, Bounds{0.0, 1000.0}, "s",
+          "what counted and is out of view since counts for so long");
+    visit("min_hits", self.min_hits, Bounds{1, 100}, "",
+          "an unknown hit counts, outside the hard floor, with so many unknown ones near it, itself included");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// A vehicle when a scan began.
+struct VehicleState {
+  Pose2 T_world_base;
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of the error in x, y (m) and yaw (rad)
+  double speed_m_s = 0.0;                                      ///< measured
+};
+
+/// What the areas say of a scan.
+struct SafetyDecision {
+  enum class Verdict : std::uint8_t { kFullSpeed, kSlow, kStop };
+  enum class Kind : std::uint8_t { kNone, kUnknownHit, kChain, kObject, kHidden, kPose };
+
+  std::int64_t stamp_ns = 0;
+  Verdict verdict = Verdict::kStop;
+  Kind kind = Kind::kPose;  ///< of what decides
+  std::uint64_t id = 0;     ///< of the chain or object that does
+  Eigen::Vector2d place_world_m = Eigen::Vector2d::Zero();
+  double distance_m = std::numeric_limits<double>::infinity();  ///< along the way
+  double allowed_speed_m_s = 0.0;
+  bool may_turn = false;  ///< on the spot
+  SafetyPolicy policy = SafetyPolicy::kUpdated;
+  std::size_t segment = 0;  ///< of the path as its file has it
+  std::size_t counted = 0;  ///< hits in the areas that count, and
+  std::size_t ignored = 0;  ///< those on known chains that do not
+  /// The areas, as polygons: the warning area of the full speed, the protective area of the present one. Empty without
+  /// a pose on the path.
+  std::vector<Eigen::Vector2d> warning_world_m, protective_world_m;
+};
+
+const char* name_of(SafetyDecision::Verdict verdict);  ///< "full speed", "slow", "stop"
+const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit", "chain", "object", "hidden", "pose"
+
+/// Decides how fast a vehicle may drive along its path: the greatest speed at which nothing that counts is in the
+/// areas.
+///
+/// - Hits are unknown, unless a chain or an object explains them. What is unknown, what moves and persons may move at
+///   mover_speed_m_s to wherever they like; the vehicle stands before they get to it, if it brakes.
+/// - Standing things (new chains, objects that do not move, and known chains where they count) are passed at
+///   slow_speed_m_s in the warning area; the vehicle stops before the protective area reaches them.
+/// - A hidden place is not free: the vehicle can stop before the first place of its way that the scan does not see.
+///   What may step out of a hidden place beside the way is not guessed. What counted and got out of view still counts,
+///   for memory_s.
+///
+/// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the
+/// product of those alone that are within the areas.
+class SafetyAreas {
+ public:
+  /// Throws std::invalid_argument naming `source`, or field and bound.
+  SafetyAreas(const Path& path, const VehicleParams& vehicle, const SafetyParams& params,
+              const std::string& source = "path");
+
+  const SafetyParams& params() const { return params_; }
+
+  /// Areas of the scan `points`. `objects` are as of about the same time. The result is valid until the next call.
+  const SafetyDecision& update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
+                               const Objects& objects);
+
+  /// Forgets the hits of earlier scans and where on the path the vehicle was.
+  void reset();
+
+ private:
+  /// How much something counts.
+  enum class Weight : std::uint8_t { kMayMove, kStands, kKnown, kFloorAlone };
+
+  /// Something in or near the areas.
+  struct Thing {
+    Eigen::Vector2d p_world_m;
+    Weight weight = Weight::kMayMove;
+    SafetyDecision::Kind kind = SafetyDecision::Kind::kUnknownHit;
+    std::uint64_t id = 0;
+    int point = -1;  ///< index of the hit in the scan; -1: none
+  };
+
+  struct Edge {
+    Eigen::Vector2d from_m, to_m;
+    double reach_m;  ///< a hit on it is so near
+    Weight weight;
+    std::uint64_t id;
+  };
+
+  struct Mover {
+    Ellipse ellipse;
+    Weight weight;
+    std::uint64_t id;
+  };
+
+  struct Remembered {
+    Eigen::Vector2d p_world_m;
+    std::int64_t stamp_ns;
+  };
+
+  /// A pose on the way ahead, and its rotation.
+  struct Step {
+    Pose2 pose;
+    Eigen::Matrix2d R_base_world;
+  };
+
+  /// Margins of the present pose.
+  struct Margins {
+    double floor_m = 0.0, protective_m = 0.0;
+  };
+
+  struct Limits {
+    double stop_m_s;   ///< the vehicle stops if it is faster
+    double speed_m_s;  ///< it may drive as fast as this
+    double distance_m;
+  };
+
+  bool place_on_path(const VehicleState& vehicle);
+  void set_full_speed();
+  void make_way(const VehicleState& vehicle);
+  void gather_edges(const Polygons& polygons);
+  void gather_movers(const Objects& objects, std::int64_t stamp_ns);
+  void gather_things(const Points& points);
+  void explain(Thing& thing) const;
+  void count_neighbours();
+  void recall(const Points& points);
+  void remember(std::int64_t stamp_ns);
+  Limits limits_of(const Thing& thing) const;
+  void judge(double present_m_s);
+  void look_along_the_way(const Points& points);
+  bool may_turn() const;
+  double seen_range_m(const Points& points, const Eigen::Vector2d& p_level_m) const;
+  bool is_near(const Eigen::Vector2d& p_world_m, double more_m = 0.0) const;
+
+  double way_of_speed_m(double speed_m_s) const;  ///< D
+  double speed_of_way_m_s(double way_m) const;    ///< the inverse of D
+  double floor_speed_of_way_m_s(double way_m) const;
+  double warning_margin_m(double speed_m_s) const;
+  double speed_of_margin_m_s(double margin_m) const;
+
+  void make_frames();
+  void sweep(double way_m, double margin_m, std::vector<Eigen::Vector2d>& polygon_world_m);
+  void shrink(std::vector<double>& widths_m, double side, const std::vector<double>& least_m) const;
+
+  VehicleParams vehicle_;
+  SafetyParams params_;
+  std::vector<SplinePath> ways_;        ///< there and, of an open path, back
+  std::vector<Eigen::Vector2d> rim_m_;  ///< places on the outline of the footprint
+  double reach_m_ = 0.0;
+
+  std::size_t direction_ = 0;
+  bool on_path_ = false;
+  double way_m_ = 0.0;
+  double full_speed_m_s_ = 0.0;
+  Margins margins_;
+  Pose2 T_world_base_;
+  std::vector<Step> steps_;
+  Eigen::Vector2d low_m_, high_m_;  ///< corners of a box about the warning area
+  std::vector<Edge> edges_;
+  std::vector<Mover> movers_;
+  std::vector<Thing> things_;
+  std::vector<Remembered> remembered_;
+  // For the polygons: frames along the way, beyond its begin and end too, and the widths of an area at each.
+  std::vector<Pose2> frames_;
+  std::size_t first_frame_ = 0;  ///< that of the first step
+  std::vector<double> left_m_, right_m_, wide_left_m_, wide_right_m_, floor_left_m_, floor_right_m_;
+  SafetyDecision decision_;
+};
+
+}  // namespace situation_awareness

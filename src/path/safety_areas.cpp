@@ -1,0 +1,679 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/path/safety_areas.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/simplify.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Verdict = SafetyDecision::Verdict;
+using Kind = SafetyDecision::Kind;
+
+constexpr double kStep_m = 0.05;        // between the poses on the way; contacts are interpolated between them
+constexpr double kRimSpacing_m = 0.05;  // of places on the outline of the footprint, for the polygons
+// The error against the path gets smaller by this factor e on the way; the controller's is 1 / K3, 0.67 m.
+constexpr double kSettling_m = 0.7;
+constexpr double kMostHeading_rad = 1.2;     // beyond this the way that the vehicle will take is not the path
+constexpr double kFlip_rad = 1.65;           // an open path is driven the other way round beyond this
+constexpr double kStopTolerance_m_s = 0.05;  // so that noise of a vehicle at its allowed speed does not stop it
+constexpr double kStanding_m_s = 0.02;       // slower is to stand
+// A place is seen if one of these beams gets there: a shadow as narrow as that of a lost beam hides nobody.
+constexpr int kBeamsBeside = 2;
+constexpr double kSeenTolerance_m = 0.05;
+constexpr double kForgetTolerance_m = 0.1;
+constexpr double kRememberSpacing_m = 0.1;
+constexpr std::size_t kMostRemembered = 64;
+constexpr int kNeighbours = 4;  // beams on each side in which a hit may have neighbours
+constexpr double kNeighbour_m = 0.2;
+constexpr double kMostExplain_m = 0.25;  // however uncertain chain and pose are
+constexpr int kMoverPoints = 16;
+constexpr double kMapAge_s = 2.0;  // an older map of objects says nothing of where movers are
+
+double infinity() { return std::numeric_limits<double>::infinity(); }
+
+/// The greatest speed with which the vehicle stops in a way.
+double stopping_speed_m_s(double way_m, double reaction_s, double deceleration_m_s2) {
+  if (way_m <= 0.0) return 0.0;
+  const double lost_m_s = reaction_s * deceleration_m_s2;
+  return std::sqrt(lost_m_s * lost_m_s + 2.0 * deceleration_m_s2 * way_m) - lost_m_s;
+}
+
+double stopping_way_m(double speed_m_s, double reaction_s, double deceleration_m_s2) {
+  return speed_m_s * (reaction_s + 0.5 * speed_m_s / deceleration_m_s2);
+}
+
+}  // namespace
+
+const char* name_of(SafetyPolicy policy) {
+  switch (policy) {
+    case SafetyPolicy::kConservative:
+      return "conservative";
+    case SafetyPolicy::kUpdated:
+      return "updated";
+    case SafetyPolicy::kIgnoreKnown:
+      return "ignore_known";
+  }
+  return "";
+}
+
+std::string yaml_text(SafetyPolicy policy) { return name_of(policy); }
+
+void read_yaml_text(const std::string& yaml, SafetyPolicy& policy) {
+  for (const auto known : {SafetyPolicy::kConservative, SafetyPolicy::kUpdated, SafetyPolicy::kIgnoreKnown}) {
+    if (yaml != name_of(known) && yaml != '"' + std::string(name_of(known)) + '"') continue;
+    policy = known;
+    return;
+  }
+  throw std::invalid_argument("must be conservative, updated or ignore_known");
+}
+
+const char* name_of(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::kFullSpeed:
+      return "full speed";
+    case Verdict::kSlow:
+      return "slow";
+    case Verdict::kStop:
+      return "stop";
+  }
+  return "";
+}
+
+const char* name_of(Kind kind) {
+  switch (kind) {
+    case Kind::kNone:
+      return "none";
+    case Kind::kUnknownHit:
+      return "unknown hit";
+    case Kind::kChain:
+      return "chain";
+    case Kind::kObject:
+      return "object";
+    case Kind::kHidden:
+      return "hidden";
+    case Kind::kPose:
+      return "pose";
+  }
+  return "";
+}
+
+void SafetyParams::validate() const {
+  check_bounds(*this, "safety");
+  if (floor_margin_m > margin_m) {
+    throw std::invalid_argument("safety.floor_margin_m must not be greater than safety.margin_m");
+  }
+}
+
+SafetyAreas::SafetyAreas(const Path& path, const VehicleParams& vehicle, const SafetyParams& params,
+                         const std::string& source)
+    : vehicle_(vehicle), params_(params) {
+  vehicle_.validate();
+  params_.validate();
+  ways_.emplace_back(path, source);
+  if (!path.closed) ways_.emplace_back(reversed(path), source);
+  reach_m_ = reach_m(vehicle_.footprint);
+  const auto& corners = vehicle_.footprint.corners_m;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    const Eigen::Vector2d edge = corners[(i + 1) % corners.size()] - corners[i];
+    const int pieces = std::max(1, static_cast<int>(std::ceil(edge.norm() / kRimSpacing_m)));
+    for (int k = 0; k < pieces; ++k) rim_m_.emplace_back(corners[i] + edge * (static_cast<double>(k) / pieces));
+  }
+  full_speed_m_s_ = vehicle_.max_speed_m_s;
+  const double most_m = way_of_speed_m(full_speed_m_s_) +
+                        4.0 * (reach_m_ + warning_margin_m(full_speed_m_s_) + params_.sigmas * params_.max_sigma_m);
+  const auto frames = static_cast<std::size_t>(most_m / kStep_m) + 8;
+  steps_.reserve(frames);
+  frames_.reserve(frames);
+  for (auto* widths : {&left_m_, &right_m_, &wide_left_m_, &wide_right_m_, &floor_left_m_, &floor_right_m_}) {
+    widths->reserve(frames);
+  }
+  decision_.warning_world_m.reserve(2 * frames);
+  decision_.protective_world_m.reserve(2 * frames);
+  remembered_.reserve(kMostRemembered);
+}
+
+void SafetyAreas::reset() {
+  remembered_.clear();
+  on_path_ = false;
+}
+
+// --- speeds, ways and margins: each grows with the others
+
+double SafetyAreas::way_of_speed_m(double speed_m_s) const {
+  return params_.standoff_m + stopping_way_m(speed_m_s, vehicle_.reaction_s, vehicle_.slowing_m_s2);
+}
+
+double SafetyAreas::speed_of_way_m_s(double way_m) const {
+  return stopping_speed_m_s(way_m - params_.standoff_m, vehicle_.reaction_s, vehicle_.slowing_m_s2);
+}
+
+double SafetyAreas::floor_speed_of_way_m_s(double way_m) const {
+  return stopping_speed_m_s(way_m, vehicle_.reaction_s, vehicle_.braking_m_s2);
+}
+
+/// Beyond the protective one: what a mover comes nearer while the vehicle stops.
+double SafetyAreas::warning_margin_m(double speed_m_s) const {
+  return params_.mover_speed_m_s * (vehicle_.reaction_s + speed_m_s / vehicle_.braking_m_s2);
+}
+
+double SafetyAreas::speed_of_margin_m_s(double margin_m) const {
+  const double time_s = std::max(margin_m, 0.0) / params_.mover_speed_m_s - vehicle_.reaction_s;
+  return std::max(time_s, 0.0) * vehicle_.braking_m_s2;
+}
+
+// --- the way
+
+bool SafetyAreas::place_on_path(const VehicleState& vehicle) {
+  const Eigen::Vector2d& p_world_m = vehicle.T_world_base.translation_m;
+  const auto is_far = [&] { return (ways_[direction_].at(way_m_).p_world_m - p_world_m).norm() > params_.max_error_m; };
+  if (on_path_) way_m_ = ways_[direction_].nearest_m(p_world_m, way_m_);
+  if (!on_path_ || is_far()) way_m_ = ways_[direction_].nearest_m(p_world_m);
+  on_path_ = !is_far();
+  if (!on_path_) return false;
+  const auto heading_rad = [&] {
+    return std::abs(wrap_to_pi(vehicle.T_world_base.yaw_rad - ways_[direction_].at(way_m_).yaw_rad));
+  };
+  if (heading_rad() > kFlip_rad && ways_.size() > 1) {
+    direction_ = 1 - direction_;
+    way_m_ = ways_[direction_].nearest_m(p_world_m, ways_[direction_].length_m() - way_m_);
+  }
+  return heading_rad() <= kMostHeading_rad;
+}
+
+void SafetyAreas::set_full_speed() {
+  const SplinePath& way = ways_[direction_];
+  const std::size_t segment = way.at(way_m_).segment;
+  full_speed_m_s_ = std::min(vehicle_.max_speed_m_s, way.speed_m_s(segment).value_or(infinity()));
+  decision_.segment = direction_ == 0 ? segment : way.segments() - 1 - segment;
+}
+
+/// Poses of the vehicle on the way on which it stops from its full speed, on an open path up to its end.
+void SafetyAreas::make_way(const VehicleState& vehicle) {
+  const SplinePath& way = ways_[direction_];
+  const Pose2 error = inverse(way.at(way_m_).pose()) * vehicle.T_world_base;
+  const double most_m = way_of_speed_m(full_speed_m_s_) + kStep_m;
+  const double left_m = way.closed() ? infinity() : std::max(way.length_m() - way_m_, 0.0);
+  steps_.clear();
+  for (int k = 0; k * kStep_m <= std::min(most_m, left_m + kStep_m); ++k) {
+    const double d_m = std::min(k * kStep_m, left_m);
+    const double part = std::exp(-d_m / kSettling_m);
+    const Pose2 pose =
+        way.at(way_m_ + d_m).pose() * Pose2{part * error.translation_m, part * wrap_to_pi(error.yaw_rad)};
+    steps_.push_back({k == 0 ? vehicle.T_world_base : pose, pose.rotation().transpose()});
+  }
+  low_m_ = high_m_ = T_world_base_.translation_m;
+  for (const Step& step : steps_) {
+    low_m_ = low_m_.cwiseMin(step.pose.translation_m);
+    high_m_ = high_m_.cwiseMax(step.pose.translation_m);
+  }
+  const double beside_m = reach_m_ + margins_.protective_m + warning_margin_m(full_speed_m_s_);
+  low_m_.array() -= beside_m;
+  high_m_.array() += beside_m;
+}
+
+bool SafetyAreas::is_near(const Eigen::Vector2d& p_world_m, double more_m) const {
+  return ((p_world_m - low_m_).array() >= -more_m).all() && ((high_m_ - p_world_m).array() >= -more_m).all();
+}
+
+// --- what is in the areas
+
+void SafetyAreas::gather_edges(const Polygons& polygons) {
+  edges_.clear();
+  for (const Chain& chain : polygons.chains) {
+    const bool is_known = (chain.state == ChainState::kWall || chain.state == ChainState::kKnown) &&
+                          chain.p_exists >= params_.min_p_exists;
+    const bool stands = seconds_between(chain.first_seen_ns, decision_.stamp_ns) >= params_.standing_s;
+    const Weight weight = is_known ? Weight::kKnown : stands ? Weight::kStands : Weight::kMayMove;
+    const std::size_t count = chain.vertices.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      if (i + 1 == count && !chain.closed) break;
+      const ChainVertex& from = chain.vertices[i];
+      const ChainVertex& to = chain.vertices[(i + 1) % count];
+      const Eigen::Vector2d low_m = from.p_world_m.cwiseMin(to.p_world_m),
+                            high_m = from.p_world_m.cwiseMax(to.p_world_m);
+      const bool beside =
+          ((low_m - high_m_).array() > kMostExplain_m).any() || ((low_m_ - high_m).array() > kMostExplain_m).any();
+      if (beside) continue;
+      const double sigma_m = std::max(from.sigma_m, to.sigma_m);
+      const double reach_m = std::min(params_.explain_m + params_.sigmas * sigma_m, kMostExplain_m);
+      edges_.push_back({from.p_world_m, to.p_world_m, reach_m, weight, chain.id});
+    }
+  }
+}
+
+void SafetyAreas::gather_movers(const Objects& objects, std::int64_t stamp_ns) {
+  movers_.clear();
+  const double age_s = seconds_between(objects.stamp_ns, stamp_ns);
+  if (std::abs(age_s) > kMapAge_s) return;
+  for (const Object& object : objects.objects) {
+    if (object.p_exists < params_.min_p_exists) continue;
+    Ellipse ellipse = object.ellipse_world;
+    ellipse.center_m += age_s * object.velocity_world_m_s;
+    if (!is_near(ellipse.center_m, std::max(ellipse.rx_m, ellipse.ry_m))) continue;
+    const bool moves = object.p_moving >= 0.5 || object.object_class == ObjectClass::kPerson;
+    const bool stands = seconds_between(object.first_seen_ns, stamp_ns) >= params_.standing_s;
+    movers_.push_back({ellipse, moves || !stands ? Weight::kMayMove : Weight::kStands, object.id});
+    if (!moves) continue;
+    // It counts itself, also where the scan does not see it.
+    for (int i = 0; i < kMoverPoints; ++i) {
+      const double angle_rad = 2.0 * kPi * i / kMoverPoints;
+      const Eigen::Vector2d p_ellipse_m(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad));
+      const Eigen::Vector2d p_world_m = ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) * p_ellipse_m;
+      if (is_near(p_world_m)) things_.push_back({p_world_m, Weight::kMayMove, Kind::kObject, object.id});
+    }
+  }
+}
+
+/// What a hit is on. Movers come first: where they are beside a wall, the wall explains nothing.
+void SafetyAreas::explain(Thing& thing) const {
+  const auto take = [&thing](Weight weight, Kind kind, std::uint64_t id) {
+    thing.weight = weight;
+    thing.kind = kind;
+    thing.id = id;
+  };
+  const Mover* standing = nullptr;
+  for (const Mover& mover : movers_) {
+    const double most_m = std::max(mover.ellipse.rx_m, mover.ellipse.ry_m) + params_.explain_m;
+    if ((thing.p_world_m - mover.ellipse.center_m).squaredNorm() > most_m * most_m) continue;
+    if (offset_m(mover.ellipse, thing.p_world_m) > params_.explain_m) continue;
+    if (mover.weight == Weight::kMayMove) return take(mover.weight, Kind::kObject, mover.id);
+    standing = &mover;
+  }
+  const Edge* nearest = nullptr;
+  double nearest_m = infinity();
+  for (const Edge& edge : edges_) {
+    const double d_m = distance_from_segment_m(thing.p_world_m, edge.from_m, edge.to_m);
+    if (d_m > edge.reach_m) continue;
+    // A known chain explains it rather than one that is not; of several alike the nearest does.
+    if (nearest != nullptr && std::pair(nearest->weight, -nearest_m) >= std::pair(edge.weight, -d_m)) continue;
+    nearest = &edge;
+    nearest_m = d_m;
+  }
+  if (nearest != nullptr && nearest->weight != Weight::kMayMove) {
+    return take(nearest->weight, Kind::kChain, nearest->id);
+  }
+  if (standing != nullptr) return take(standing->weight, Kind::kObject, standing->id);
+  if (nearest != nullptr) take(nearest->weight, Kind::kChain, nearest->id);
+}
+
+void SafetyAreas::gather_things(const Points& points) {
+  const double beside_m = reach_m_ + margins_.protective_m + warning_margin_m(full_speed_m_s_);
+  for (std::size_t i = 0; i < points.points.size(); ++i) {
+    const Point& point = points.points[i];
+    Thing thing;
+    thing.point = static_cast<int>(i);
+    if (point.state == BeamState::kHit) {
+      thing.p_world_m = points.T_world_level * point.p_level_m;
+    } else if (point.state == BeamState::kTooClose) {
+      thing.p_world_m = points.T_world_level.translation_m;  // nearer than the scanner can measure
+    } else {
+      continue;
+    }
+    if (!is_near(thing.p_world_m)) continue;
+    const bool is_beside = std::any_of(steps_.begin(), steps_.end(), [&](const Step& step) {
+      return (step.pose.translation_m - thing.p_world_m).squaredNorm() <= beside_m * beside_m;
+    });
+    if (!is_beside) continue;
+    explain(thing);
+    things_.push_back(thing);
+  }
+}
+
+/// Unknown hits without neighbours, as at edges between near and far, count in the hard floor alone.
+void SafetyAreas::count_neighbours() {
+  const auto is_unknown = [](const Thing& thing) { return thing.kind == Kind::kUnknownHit && thing.point >= 0; };
+  for (std::size_t i = 0; i < things_.size(); ++i) {
+    Thing& thing = things_[i];
+    if (!is_unknown(thing)) continue;
+    int hits = 1;
+    const auto look = [&](std::size_t k) {
+      const int apart = std::abs(things_[k].point - thing.point);
+      if (things_[k].point < 0 || apart > kNeighbours * params_.min_hits) return false;
+      const bool is_neighbour =
+          is_unknown(things_[k]) && (things_[k].p_world_m - thing.p_world_m).norm() <= kNeighbour_m;
+      hits += is_neighbour ? 1 : 0;
+      return true;
+    };
+    for (std::size_t k = i; k-- > 0 && look(k);) {
+    }
+    for (std::size_t k = i + 1; k < things_.size() && look(k); ++k) {
+    }
+    if (hits < params_.min_hits) thing.weight = Weight::kFloorAlone;
+  }
+}
+
+/// The range to which the scan sees in the direction of a place; 0 where it does not look.
+double SafetyAreas::seen_range_m(const Points& points, const Eigen::Vector2d& p_level_m) const {
+  if (points.points.empty()) return 0.0;
+  const double first_rad = points.points.front().azimuth_rad, last_rad = points.points.back().azimuth_rad;
+  double azimuth_rad = std::atan2(p_level_m.y(), p_level_m.x());
+  azimuth_rad += 2.0 * kPi * std::ceil((first_rad - azimuth_rad) / (2.0 * kPi));
+  if (azimuth_rad > last_rad + points.resolution_rad && !points.full_circle) return 0.0;
+  const auto at = std::lower_bound(points.points.begin(), points.points.end(), azimuth_rad,
+                                   [](const Point& point, double a_rad) { return point.azimuth_rad < a_rad; });
+  const auto count = static_cast<std::ptrdiff_t>(points.points.size());
+  const std::ptrdiff_t middle = at - points.points.begin();
+  double range_m = 0.0;
+  for (std::ptrdiff_t i = middle - kBeamsBeside; i < middle + kBeamsBeside; ++i) {
+    if (!points.full_circle && (i < 0 || i >= count)) continue;
+    const Point& point = points.points[static_cast<std::size_t>(((i % count) + count) % count)];
+    if (is_hit(point.state) || point.state == BeamState::kFree) range_m = std::max(range_m, point.range_m);
+  }
+  return range_m;
+}
+
+/// What counted before and is out of view still counts. What the present scan sees, or sees through, it says itself.
+void SafetyAreas::recall(const Points& points) {
+  const Pose2 T_level_world = inverse(points.T_world_level);
+  const auto forget = [&](const Remembered& place) {
+    const double age_s = seconds_between(place.stamp_ns, points.stamp_ns);
+    if (age_s < 0.0 || age_s > params_.memory_s) return true;
+    const Eigen::Vector2d p_level_m = T_level_world * place.p_world_m;
+    if (seen_range_m(points, p_level_m) >= p_level_m.norm() - kForgetTolerance_m) return true;
+    Thing thing;
+    thing.p_world_m = place.p_world_m;
+    explain(thing);
+    return thing.weight != Weight::kMayMove;
+  };
+  remembered_.erase(std::remove_if(remembered_.begin(), remembered_.end(), forget), remembered_.end());
+  for (const Remembered& place : remembered_) {
+    if (is_near(place.p_world_m)) things_.push_back({place.p_world_m, Weight::kMayMove, Kind::kUnknownHit, 0});
+  }
+}
+
+// --- the verdict
+
+SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
+  Weight weight = thing.weight;
+  if (weight == Weight::kKnown && params_.policy == SafetyPolicy::kConservative) weight = Weight::kStands;
+  const bool warns = weight == Weight::kMayMove || weight == Weight::kStands;
+  const bool is_shrunk = weight == Weight::kKnown && params_.policy == SafetyPolicy::kUpdated;
+  const double margin_m = warns ? margins_.protective_m : margins_.floor_m;
+
+  double contact_m = infinity(), before_m = infinity();
+  double warning_m_s = infinity(), nearest_m = infinity(), nearest_at_m = 0.0;
+  for (std::size_t k = 0; k < steps_.size(); ++k) {
+    const double d_m = static_cast<double>(k) * kStep_m;
+    const double earlier_m = k > 0 ? d_m - kStep_m : 0.0;
+    if (speed_of_way_m_s(earlier_m) > full_speed_m_s_ && k > 0) break;
+    const Eigen::Vector2d p_base_m = steps_[k].R_base_world * (thing.p_world_m - steps_[k].pose.translation_m);
+    const double c_m = clearance_m(vehicle_.footprint, p_base_m);
+    if (c_m <= margin_m && contact_m == infinity()) {
+      const double part = before_m < infinity() ? (before_m - margin_m) / std::max(before_m - c_m, 1e-9) : 1.0;
+      contact_m = earlier_m + part * (d_m - earlier_m);
+    }
+    before_m = c_m;
+    if (!warns) continue;
+    warning_m_s = std::min(warning_m_s, std::max(k > 0 ? speed_of_way_m_s(earlier_m) : 0.0,
+                                                 speed_of_margin_m_s(c_m - margins_.protective_m)));
+    if (c_m < nearest_m) {
+      nearest_m = c_m;
+      nearest_at_m = d_m;
+    }
+  }
+  Limits limits{infinity(), infinity(), contact_m < infinity() ? contact_m : nearest_at_m};
+  if (contact_m < infinity()) {
+    limits.stop_m_s = warns || is_shrunk ? speed_of_way_m_s(contact_m) : floor_speed_of_way_m_s(contact_m);
+  }
+  limits.speed_m_s = limits.stop_m_s;
+  if (weight == Weight::kStands) warning_m_s = std::max(warning_m_s, params_.slow_speed_m_s);
+  if (warns) limits.speed_m_s = std::min(limits.speed_m_s, warning_m_s);
+  return limits;
+}
+
+void SafetyAreas::judge(double present_m_s) {
+  const Thing* slowest = nullptr;
+  const Thing* stopping = nullptr;
+  Limits least{infinity(), full_speed_m_s_, infinity()}, least_stop{infinity(), 0.0, infinity()};
+  const std::size_t remembered = remembered_.size();
+  for (const Thing& thing : things_) {
+    const Limits limits = limits_of(thing);
+    if (!(limits.speed_m_s < full_speed_m_s_)) {
+      if (thing.weight == Weight::kKnown && params_.policy != SafetyPolicy::kConservative) ++decision_.ignored;
+      continue;
+    }
+    ++decision_.counted;
+    if (thing.weight == Weight::kMayMove && thing.point >= 0 && remembered_.size() < kMostRemembered) {
+      const bool is_new = std::none_of(
+          remembered_.begin() + static_cast<std::ptrdiff_t>(remembered), remembered_.end(),
+          [&](const Remembered& place) { return (place.p_world_m - thing.p_world_m).norm() < kRememberSpacing_m; });
+      if (is_new) remembered_.push_back({thing.p_world_m, decision_.stamp_ns});
+    }
+    if (limits.speed_m_s < least.speed_m_s) {
+      least = limits;
+      slowest = &thing;
+    }
+    if (limits.stop_m_s < least_stop.stop_m_s) {
+      least_stop = limits;
+      stopping = &thing;
+    }
+  }
+  const auto name = [this](const Thing& thing, const Limits& limits) {
+    decision_.kind = thing.kind;
+    decision_.id = thing.id;
+    decision_.place_world_m = thing.p_world_m;
+    decision_.distance_m = limits.distance_m;
+  };
+  decision_.verdict = Verdict::kFullSpeed;
+  decision_.kind = Kind::kNone;
+  decision_.allowed_speed_m_s = full_speed_m_s_;
+  if (slowest != nullptr) {
+    decision_.verdict = Verdict::kSlow;
+    decision_.allowed_speed_m_s = least.speed_m_s;
+    name(*slowest, least);
+  }
+  if (stopping != nullptr && present_m_s > least_stop.stop_m_s + kStopTolerance_m_s) {
+    decision_.verdict = Verdict::kStop;
+    name(*stopping, least_stop);
+  }
+}
+
+/// A part of the way that the scan does not see ends it: within sight the vehicle can stop.
+void SafetyAreas::look_along_the_way(const Points& points) {
+  double front_m = 0.0, left_m = 0.0, right_m = 0.0;
+  for (const Eigen::Vector2d& corner : vehicle_.footprint.corners_m) {
+    front_m = std::max(front_m, corner.x());
+    left_m = std::max(left_m, corner.y());
+    right_m = std::min(right_m, corner.y());
+  }
+  const Pose2 T_level_world = inverse(points.T_world_level);
+  for (std::size_t k = 1; k < steps_.size(); ++k) {
+    for (const double across_m : {right_m, 0.0, left_m}) {
+      const Eigen::Vector2d p_world_m = steps_[k].pose * Eigen::Vector2d(front_m, across_m);
+      const Eigen::Vector2d p_level_m = T_level_world * p_world_m;
+      if (seen_range_m(points, p_level_m) + kSeenTolerance_m >= p_level_m.norm()) continue;
+      const double seen_m = static_cast<double>(k - 1) * kStep_m;
+      const double speed_m_s = floor_speed_of_way_m_s(seen_m);
+      if (speed_m_s >= decision_.allowed_speed_m_s) return;
+      decision_.allowed_speed_m_s = speed_m_s;
+      if (decision_.verdict == Verdict::kStop) return;
+      decision_.verdict = Verdict::kSlow;
+      decision_.kind = Kind::kHidden;
+      decision_.id = 0;
+      decision_.place_world_m = p_world_m;
+      decision_.distance_m = seen_m;
+      return;
+    }
+  }
+}
+
+/// The circle about the base that the footprint sweeps when it turns.
+bool SafetyAreas::may_turn() const {
+  return std::none_of(things_.begin(), things_.end(), [this](const Thing& thing) {
+    const double beside_m = (thing.p_world_m - T_world_base_.translation_m).norm() - reach_m_;
+    const bool may_move = thing.weight == Weight::kMayMove;
+    return beside_m <= (may_move ? margins_.protective_m + warning_margin_m(0.0) : margins_.floor_m);
+  });
+}
+
+const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
+                                          const Objects& objects) {
+  decision_.stamp_ns = points.stamp_ns;
+  decision_.policy = params_.policy;
+  decision_.verdict = Verdict::kStop;
+  decision_.kind = Kind::kPose;
+  decision_.id = 0;
+  decision_.place_world_m.setZero();
+  decision_.distance_m = infinity();
+  decision_.allowed_speed_m_s = 0.0;
+  decision_.may_turn = false;
+  decision_.counted = decision_.ignored = 0;
+  decision_.warning_world_m.clear();
+  decision_.protective_world_m.clear();
+
+  const Eigen::Matrix2d P = vehicle.covariance_world.topLeftCorner<2, 2>();
+  const double variance_m2 = 0.5 * (P.trace() + std::hypot(P(0, 0) - P(1, 1), 2.0 * P(0, 1)));  // the greatest
+  const double sigma_m = std::sqrt(std::max(variance_m2, 0.0));
+  const bool is_finite = vehicle.T_world_base.translation_m.allFinite() &&
+                         std::isfinite(vehicle.T_world_base.yaw_rad) && std::isfinite(vehicle.speed_m_s);
+  if (!is_finite || !(sigma_m <= params_.max_sigma_m)) return decision_;
+  T_world_base_ = vehicle.T_world_base;
+  margins_.floor_m = params_.floor_margin_m + params_.sigmas * sigma_m;
+  margins_.protective_m = params_.margin_m + params_.sigmas * sigma_m;
+  const bool heads_along = place_on_path(vehicle);
+  if (!on_path_) return decision_;
+  set_full_speed();
+  make_way(vehicle);
+  things_.clear();
+  gather_edges(polygons);
+  gather_movers(objects, points.stamp_ns);
+  gather_things(points);
+  count_neighbours();
+  recall(points);
+  decision_.may_turn = may_turn();
+  if (!heads_along) return decision_;
+
+  const double present_m_s = std::abs(vehicle.speed_m_s);
+  judge(present_m_s);
+  look_along_the_way(points);
+  if (decision_.allowed_speed_m_s < kStanding_m_s) decision_.verdict = Verdict::kStop;
+  if (decision_.verdict == Verdict::kStop) decision_.allowed_speed_m_s = 0.0;
+
+  make_frames();
+  sweep(way_of_speed_m(full_speed_m_s_), margins_.protective_m + warning_margin_m(full_speed_m_s_),
+        decision_.warning_world_m);
+  sweep(way_of_speed_m(std::min(present_m_s, full_speed_m_s_)), margins_.protective_m, decision_.protective_world_m);
+  return decision_;
+}
+
+// --- the polygons
+
+/// Frames along the way, from behind the vehicle to ahead of where it stops.
+void SafetyAreas::make_frames() {
+  const double beyond_m = reach_m_ + margins_.protective_m + warning_margin_m(full_speed_m_s_);
+  const auto beyond = static_cast<std::size_t>(std::ceil(beyond_m / kStep_m)) + 1;
+  frames_.clear();
+  for (std::size_t i = beyond; i > 0; --i) {
+    frames_.push_back(T_world_base_ * Pose2{{-kStep_m * static_cast<double>(i), 0.0}, 0.0});
+  }
+  first_frame_ = frames_.size();
+  for (const Step& step : steps_) frames_.push_back(step.pose);
+  const Pose2 last = steps_.back().pose;
+  for (std::size_t i = 1; i <= beyond; ++i) {
+    frames_.push_back(last * Pose2{{kStep_m * static_cast<double>(i), 0.0}, 0.0});
+  }
+}
+
+/// The outline of what the footprint sweeps on a way, with a margin, by its widths to the left and to the right of each
+/// frame.
+void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector2d>& polygon_world_m) {
+  const std::size_t count = frames_.size();
+  left_m_.assign(count, -infinity());
+  right_m_.assign(count, -infinity());
+  const auto swept = std::min(steps_.size(), static_cast<std::size_t>(std::ceil(way_m / kStep_m)) + 1);
+  std::size_t first = count, last = 0;
+  for (std::size_t k = 0; k < swept; ++k) {
+    for (const Eigen::Vector2d& rim_m : rim_m_) {
+      const Eigen::Vector2d p_world_m = steps_[k].pose * rim_m;
+      const auto guess = static_cast<std::ptrdiff_t>(first_frame_ + k) + std::lround(rim_m.x() / kStep_m);
+      std::size_t nearest = 0;
+      double nearest_m2 = infinity();
+      for (std::ptrdiff_t i = guess - 2; i <= guess + 2; ++i) {
+        const auto j =
+            static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, static_cast<std::ptrdiff_t>(count) - 1));
+        const double d_m2 = (frames_[j].translation_m - p_world_m).squaredNorm();
+        if (d_m2 < nearest_m2) {
+          nearest_m2 = d_m2;
+          nearest = j;
+        }
+      }
+      const double across_m = (inverse(frames_[nearest]) * p_world_m).y();
+      left_m_[nearest] = std::max(left_m_[nearest], across_m);
+      right_m_[nearest] = std::max(right_m_[nearest], -across_m);
+      first = std::min(first, nearest);
+      last = std::max(last, nearest);
+    }
+  }
+  for (std::size_t i = first + 1; i <= last; ++i) {
+    if (left_m_[i] == -infinity()) left_m_[i] = left_m_[i - 1];
+    if (right_m_[i] == -infinity()) right_m_[i] = right_m_[i - 1];
+  }
+  const auto widen = [&](const std::vector<double>& widths_m, double by_m, std::vector<double>& wide_m) {
+    wide_m.assign(count, -infinity());
+    const auto reach = static_cast<std::size_t>(by_m / kStep_m);
+    for (std::size_t i = first; i <= last; ++i) {
+      for (std::size_t j = i > reach ? i - reach : 0; j <= std::min(i + reach, count - 1); ++j) {
+        const double along_m = kStep_m * (static_cast<double>(j) - static_cast<double>(i));
+        wide_m[j] = std::max(wide_m[j], widths_m[i] + std::sqrt(std::max(by_m * by_m - along_m * along_m, 0.0)));
+      }
+    }
+  };
+  widen(left_m_, margin_m, wide_left_m_);
+  widen(right_m_, margin_m, wide_right_m_);
+  if (params_.policy == SafetyPolicy::kUpdated) {
+    widen(left_m_, margins_.floor_m, floor_left_m_);
+    widen(right_m_, margins_.floor_m, floor_right_m_);
+    shrink(wide_left_m_, 1.0, floor_left_m_);
+    shrink(wide_right_m_, -1.0, floor_right_m_);
+  }
+  polygon_world_m.clear();
+  const auto is_in = [&](std::size_t j) { return wide_left_m_[j] + wide_right_m_[j] > 0.0; };  // false for -infinity
+  for (std::size_t j = 0; j < count; ++j) {
+    if (is_in(j)) polygon_world_m.emplace_back(frames_[j] * Eigen::Vector2d(0.0, -wide_right_m_[j]));
+  }
+  for (std::size_t j = count; j-- > 0;) {
+    if (is_in(j)) polygon_world_m.emplace_back(frames_[j] * Eigen::Vector2d(0.0, wide_left_m_[j]));
+  }
+}
+
+/// Widths on one side (1: left, -1: right) up to the known chains there, but never less than those of the hard floor.
+void SafetyAreas::shrink(std::vector<double>& widths_m, double side, const std::vector<double>& least_m) const {
+  for (const Edge& edge : edges_) {
+    if (edge.weight != Weight::kKnown) continue;
+    for (std::size_t j = 0; j < frames_.size(); ++j) {
+      if (widths_m[j] == -infinity()) continue;
+      // Of the edge, the part beside this frame: at most half a step ahead and behind.
+      const Pose2 T_frame_world = inverse(frames_[j]);
+      const Eigen::Vector2d from_m = T_frame_world * edge.from_m, to_m = T_frame_world * edge.to_m;
+      const double ahead_m = to_m.x() - from_m.x();
+      double low = 0.0, high = 1.0;
+      if (std::abs(ahead_m) < 1e-9) {
+        if (std::abs(from_m.x()) > 0.5 * kStep_m) continue;
+      } else {
+        const double a = (-0.5 * kStep_m - from_m.x()) / ahead_m, b = (0.5 * kStep_m - from_m.x()) / ahead_m;
+        low = std::max(low, std::min(a, b));
+        high = std::min(high, std::max(a, b));
+        if (low > high) continue;
+      }
+      const double y1_m = side * (from_m.y() + low * (to_m.y() - from_m.y()));
+      const double y2_m = side * (from_m.y() + high * (to_m.y() - from_m.y()));
+      const double nearest_m = std::min(y1_m, y2_m);
+      if (std::max(y1_m, y2_m) < 0.0) continue;  // on the other side
+      const double floor_m = std::max(least_m[j], 0.0);
+      widths_m[j] = std::max(std::min(widths_m[j], nearest_m - edge.reach_m), floor_m);
+    }
+  }
+}
+
+}  // namespace situation_awareness

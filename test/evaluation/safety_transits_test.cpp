@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/evaluation/safety_transits.hpp"
+
+#include <gtest/gtest.h>
+
+namespace situation_awareness {
+namespace {
+
+constexpr SafetyPolicy kPolicies[] = {SafetyPolicy::kConservative, SafetyPolicy::kUpdated, SafetyPolicy::kIgnoreKnown};
+
+TransitOutcome run(const TransitScene& scene, SafetyPolicy policy, std::uint64_t seed) {
+  TransitParams params;
+  params.safety.policy = policy;
+  return simulate_transit(scene, params, seed);
+}
+
+TEST(SafetyTransits, AreTheSameForTheSameSeed) {
+  const TransitScene scene = scene_with_walker(3);
+  const TransitOutcome a = run(scene, SafetyPolicy::kUpdated, 3), b = run(scene, SafetyPolicy::kUpdated, 3);
+  EXPECT_EQ(a.time_s, b.time_s);
+  EXPECT_EQ(a.least_clearance_m, b.least_clearance_m);
+}
+
+TEST(SafetyTransits, AnEmptyCorridorIsDrivenAtFullSpeed) {
+  TransitScene scene;
+  const TransitOutcome outcome = run(scene, SafetyPolicy::kUpdated, 1);
+  ASSERT_TRUE(outcome.arrived);
+  // 12 m at 0.5 m/s, acceleration at 0.3 and slowing at 0.5 m/s^2, and the last centimetres.
+  EXPECT_NEAR(outcome.time_s, 12.0 / 0.5 + 0.25 / 0.3 + 0.25 / 0.5, 1.0);
+}
+
+// Without the safety areas' braking the vehicle runs into the walker: the simulation can show what it is to show.
+TEST(SafetyTransits, AVehicleThatDoesNotBrakeTouches) {
+  TransitParams blind;
+  blind.safety.mover_speed_m_s = 0.1;
+  blind.safety.margin_m = blind.safety.floor_margin_m = blind.safety.standoff_m = 0.0;
+  blind.safety.min_hits = 100;
+  blind.vehicle.reaction_s = 0.0;
+  blind.vehicle.slowing_m_s2 = blind.vehicle.braking_m_s2 = 20.0;
+  int touched = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    touched += simulate_transit(scene_with_walker(seed), blind, seed).touched ? 1 : 0;
+  }
+  EXPECT_GT(touched, 0);
+}
+
+TEST(SafetyTransits, NewBoxesArePassedOrStoppedFor) {
+  TransitScene scene = scene_with_boxes(2);
+  scene.new_boxes = {{{6.0, 0.1}, 0.0, 0.2, 0.2}};  // on the way
+  const TransitOutcome outcome = run(scene, SafetyPolicy::kIgnoreKnown, 1);
+  EXPECT_FALSE(outcome.arrived);
+  EXPECT_FALSE(outcome.hit_box);
+}
+
+TEST(SafetyTransits, UpdatedAreasSaveTime) {
+  for (std::uint64_t seed = 1; seed <= 1; ++seed) {
+    const TransitScene scene = scene_with_boxes(seed);
+    const TransitOutcome conservative = run(scene, SafetyPolicy::kConservative, seed);
+    const TransitOutcome updated = run(scene, SafetyPolicy::kUpdated, seed);
+    EXPECT_TRUE(conservative.arrived && updated.arrived);
+    EXPECT_FALSE(conservative.hit_box || updated.hit_box);
+    EXPECT_LE(updated.time_s, 0.85 * conservative.time_s);
+  }
+}
+
+TEST(SafetyTransits, NobodyIsTouched) {
+  for (const SafetyPolicy policy : kPolicies) {
+    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+      const TransitOutcome outcome = run(scene_with_walker(seed), policy, seed);
+      EXPECT_FALSE(outcome.touched) << name_of(policy) << ' ' << seed;
+      EXPECT_FALSE(outcome.hit_box) << name_of(policy) << ' ' << seed;
+    }
+  }
+}
+
+TEST(SafetyStatistics, NobodyIsTouchedInAThousandRuns) {
+  for (const SafetyPolicy policy : kPolicies) {
+    int stopped = 0;
+    for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
+      const TransitOutcome outcome = run(scene_with_walker(seed), policy, seed);
+      EXPECT_FALSE(outcome.touched) << name_of(policy) << ' ' << seed;
+      stopped += outcome.least_speed_m_s < 0.01 ? 1 : 0;
+    }
+    EXPECT_GT(stopped, 200) << "they are in the way";
+  }
+}
+
+TEST(SafetyStatistics, UpdatedAreasSaveTime) {
+  double conservative_s = 0.0, updated_s = 0.0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    const TransitScene scene = scene_with_boxes(seed);
+    conservative_s += run(scene, SafetyPolicy::kConservative, seed).time_s;
+    updated_s += run(scene, SafetyPolicy::kUpdated, seed).time_s;
+  }
+  EXPECT_LE(updated_s, 0.85 * conservative_s);
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "allocations.hpp"
+#include "path/safety_scene.hpp"
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/path/path_following.hpp"
+#include "situation_awareness/path/safety_areas.hpp"
+
+namespace situation_awareness {
+namespace {
+
+// Among unknown and known things and movers, there and back.
+TEST(Allocation, NoneForSafetyAreasAndPathFollowingAfterWarmUp) {
+  SafetyScene scene;
+  scene.path.way_points = {{{0.0, 0.0}, {}}, {{3.0, 0.4}, {}}, {{6.0, 0.0}, {}}};
+  Random random(1);
+  for (int i = 0; i < 12; ++i) {
+    scene.boxes.push_back({{0.5 * i, i % 2 == 0 ? 0.9 : -0.8}, 0.3 * i, 0.2, 0.1});
+    if (i % 3 != 0) scene.know(scene.boxes.back(), static_cast<std::uint64_t>(i + 1), ChainState::kKnown);
+  }
+  Object person;
+  person.id = 1;
+  person.p_moving = 1.0;
+  scene.objects.objects.assign(3, person);
+  SafetyAreas areas(scene.path, {}, {});
+  PathFollowing following(scene.path, {}, {});
+  following.start();
+  const SplinePath spline(scene.path);
+  std::int64_t before = 0, after = 0;
+  std::size_t counted = 0;
+  for (int i = 0; i < 300; ++i) {
+    const double way_m = spline.length_m() * (0.5 - 0.5 * std::cos(0.05 * i));
+    scene.stamp_ns += 40'000'000;
+    scene.T_world_base = spline.at(way_m).pose() * Pose2{{0.0, 0.05}, std::sin(0.05 * i) > 0.0 ? 0.1 : 3.1};
+    scene.objects.stamp_ns = scene.stamp_ns;
+    for (Object& object : scene.objects.objects) {
+      object.ellipse_world = {{random.uniform(0.0, 6.0), random.uniform(-1.0, 1.0)}, 0.0, 0.2, 0.15};
+    }
+    const Points points = scene.points();
+    VehicleState state;
+    state.T_world_base = scene.T_world_base;
+    state.speed_m_s = random.uniform(0.0, 0.5);
+    before = allocations().count;
+    const SafetyDecision& decision = areas.update(points, state, scene.polygons, scene.objects);
+    following.update(scene.stamp_ns, scene.T_world_base, {decision.allowed_speed_m_s, decision.may_turn});
+    if (i > 150) after += allocations().count - before;
+    counted += decision.counted;
+  }
+  EXPECT_EQ(after, 0);
+  EXPECT_GT(counted, 1000U);
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,445 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/path/safety_areas.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <vector>
+
+#include <boost/geometry.hpp>
+#include <boost/geometry/geometries/point_xy.hpp>
+#include <boost/geometry/geometries/polygon.hpp>
+
+#include "path/safety_scene.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "support/refusal.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Verdict = SafetyDecision::Verdict;
+using Kind = SafetyDecision::Kind;
+constexpr SafetyPolicy kPolicies[] = {SafetyPolicy::kConservative, SafetyPolicy::kUpdated, SafetyPolicy::kIgnoreKnown};
+
+SafetyDecision decide(const SafetyScene& scene, double speed_m_s = 0.5, SafetyParams params = {}) {
+  SafetyAreas areas(scene.path, {}, params);
+  VehicleState state;
+  state.T_world_base = scene.T_world_base;
+  state.speed_m_s = speed_m_s;
+  return areas.update(scene.points(), state, scene.polygons, scene.objects);
+}
+
+SafetyDecision decide(const SafetyScene& scene, SafetyPolicy policy, double speed_m_s = 0.5) {
+  SafetyParams params;
+  params.policy = policy;
+  return decide(scene, speed_m_s, params);
+}
+
+/// Whether a point is within what the footprint sweeps on a straight way ahead, with a margin.
+bool in_straight_area(const Pose2& T_world_base, double way_m, double margin_m, const Eigen::Vector2d& p_world_m) {
+  const Footprint footprint = VehicleParams().footprint;
+  const Eigen::Vector2d p = inverse(T_world_base) * p_world_m;
+  for (double d_m = 0.0; d_m <= way_m; d_m += 0.002) {
+    if (clearance_m(footprint, p - Eigen::Vector2d(d_m, 0.0)) <= margin_m) return true;
+  }
+  return false;
+}
+
+double floor_way_m(double speed_m_s) {
+  const VehicleParams vehicle;
+  return speed_m_s * vehicle.reaction_s + 0.5 * speed_m_s * speed_m_s / vehicle.braking_m_s2;
+}
+
+TEST(SafetyAreas, AnEmptySceneIsFullSpeed) {
+  for (const SafetyPolicy policy : kPolicies) {
+    const SafetyDecision decision = decide(SafetyScene::straight(), policy);
+    EXPECT_EQ(decision.verdict, Verdict::kFullSpeed);
+    EXPECT_EQ(decision.kind, Kind::kNone);
+    EXPECT_EQ(decision.allowed_speed_m_s, VehicleParams().max_speed_m_s);
+    EXPECT_TRUE(decision.may_turn);
+    EXPECT_EQ(decision.policy, policy);
+  }
+}
+
+TEST(SafetyAreas, AScanWithoutBeamsHidesTheWay) {
+  SafetyScene scene = SafetyScene::straight();
+  SafetyAreas areas(scene.path, {}, {});
+  Points none;
+  none.stamp_ns = scene.stamp_ns;
+  const SafetyDecision& decision = areas.update(none, {}, {}, {});
+  EXPECT_EQ(decision.verdict, Verdict::kStop);
+  EXPECT_EQ(decision.kind, Kind::kHidden);
+  EXPECT_EQ(decision.allowed_speed_m_s, 0.0);
+}
+
+TEST(SafetyAreas, StopsBeforeAnUnknownThing) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{1.0, 0.0}, 0.0, 0.1, 0.2}};
+  double before_m_s = 1.0;
+  for (const double gap_m : {1.5, 0.8, 0.6, 0.4, 0.3, 0.1}) {
+    scene.T_world_base.translation_m.x() = 0.9 - 0.215 - gap_m;
+    const SafetyDecision decision = decide(scene, 0.1);
+    EXPECT_LE(decision.allowed_speed_m_s, before_m_s);
+    if (decision.allowed_speed_m_s < 0.5) {
+      EXPECT_EQ(decision.kind, Kind::kUnknownHit);
+      EXPECT_NEAR(decision.place_world_m.x(), 0.9, 0.01);
+    }
+    before_m_s = decision.allowed_speed_m_s;
+  }
+  EXPECT_EQ(before_m_s, 0.0);
+  scene.T_world_base.translation_m.x() = 0.9 - 0.215 - 0.5;
+  EXPECT_EQ(decide(scene, 0.5).verdict, Verdict::kStop);
+}
+
+TEST(SafetyAreas, NamesTheChainOrObject) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.9, 0.0}, 0.0, 0.1, 0.2}};
+  scene.know(scene.boxes.front(), 17, ChainState::kKnown);
+  SafetyDecision decision = decide(scene, SafetyPolicy::kConservative);
+  EXPECT_EQ(decision.kind, Kind::kChain);
+  EXPECT_EQ(decision.id, 17U);
+  EXPECT_NEAR(decision.distance_m, 0.8 - 0.215 - 0.12, 0.01);
+  scene.polygons.chains.clear();
+  Object object;
+  object.id = 5;
+  object.ellipse_world = {{0.9, 0.0}, 0.0, 0.2, 0.2};
+  object.p_moving = 0.9;
+  scene.objects.stamp_ns = scene.stamp_ns;
+  scene.objects.objects = {object};
+  decision = decide(scene, SafetyPolicy::kIgnoreKnown);
+  EXPECT_EQ(decision.kind, Kind::kObject);
+  EXPECT_EQ(decision.id, 5U);
+}
+
+TEST(SafetyAreas, AMoverCountsWithoutAHit) {
+  SafetyScene scene = SafetyScene::straight();
+  Object person;
+  person.id = 5;
+  person.ellipse_world = {{0.8, 0.7}, 0.0, 0.2, 0.15};
+  person.object_class = ObjectClass::kPerson;
+  scene.objects.stamp_ns = scene.stamp_ns;
+  scene.objects.objects = {person};
+  for (const SafetyPolicy policy : kPolicies) {
+    EXPECT_LT(decide(scene, policy).allowed_speed_m_s, 0.3);
+    EXPECT_EQ(decide(scene, policy).kind, Kind::kObject);
+  }
+  // A map too old to say where it is now does not count.
+  scene.objects.stamp_ns -= 3'000'000'000;
+  EXPECT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
+}
+
+TEST(SafetyAreas, PoliciesDifferBesideAndOnTheWay) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};  // 0.31 m beside the vehicle
+  EXPECT_LT(decide(scene).allowed_speed_m_s, 0.15) << "an unknown thing may come nearer";
+  scene.know(scene.boxes.front(), 3, ChainState::kNew);
+  EXPECT_EQ(decide(scene).allowed_speed_m_s, SafetyParams().slow_speed_m_s) << "a standing one is passed";
+  scene.polygons.chains.clear();
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  EXPECT_EQ(decide(scene, SafetyPolicy::kConservative).allowed_speed_m_s, SafetyParams().slow_speed_m_s);
+  EXPECT_EQ(decide(scene, SafetyPolicy::kUpdated).allowed_speed_m_s, 0.5);
+  EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s, 0.5);
+  EXPECT_GT(decide(scene, SafetyPolicy::kUpdated).ignored, 5U);
+
+  // On the way, the areas cannot shrink beside it.
+  scene = SafetyScene::straight();
+  scene.boxes = {{{0.75, 0.0}, 0.0, 0.1, 0.2}};
+  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  const double updated_m_s = decide(scene, SafetyPolicy::kUpdated, 0.2).allowed_speed_m_s;
+  const double ignore_m_s = decide(scene, SafetyPolicy::kIgnoreKnown, 0.2).allowed_speed_m_s;
+  EXPECT_LT(updated_m_s, 0.45);
+  EXPECT_GT(ignore_m_s, updated_m_s);
+}
+
+TEST(SafetyAreas, AKnownChainDoesNotExplainWhoStandsBesideIt) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}, {{0.6, 0.3}, 0.0, 0.05, 0.05}};
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  for (const SafetyPolicy policy : kPolicies) {
+    const SafetyDecision decision = decide(scene, policy);
+    EXPECT_EQ(decision.verdict, Verdict::kStop);
+    EXPECT_EQ(decision.kind, Kind::kUnknownHit);
+  }
+}
+
+TEST(SafetyAreas, DoubtedAndUncertainChainsAreNotKnown) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
+  scene.know(scene.boxes.front(), 3, ChainState::kDoubted);
+  EXPECT_LT(decide(scene).allowed_speed_m_s, 0.5);
+  scene.polygons.chains.front().state = ChainState::kKnown;
+  scene.polygons.chains.front().p_exists = 0.5;
+  EXPECT_LT(decide(scene).allowed_speed_m_s, 0.5);
+}
+
+TEST(SafetyAreas, ALoneHitCountsInTheHardFloorAlone) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.lone_hits = {{0.7, 0.0}};
+  EXPECT_EQ(decide(scene, 0.1).kind, Kind::kNone);
+  scene.lone_hits = {{0.3, 0.1}};
+  EXPECT_LT(decide(scene, 0.5).allowed_speed_m_s, 0.3);
+  EXPECT_EQ(decide(scene, 0.5).verdict, Verdict::kStop);
+}
+
+TEST(SafetyAreas, DrivesWithinSight) {
+  // A corner of a known wall hides the way round it.
+  SafetyScene scene;
+  for (const auto& [x, y] : {std::pair{0.0, 0.0}, {1.0, 0.0}, {1.5, 0.2}, {1.7, 0.7}, {1.7, 1.7}}) {
+    scene.path.way_points.push_back({{x, y}, {}});
+  }
+  scene.boxes = {{{0.0, 1.35}, 0.0, 1.15, 1.0}};
+  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  scene.T_world_base = {{0.4, 0.0}, 0.0};
+  SafetyParams params;
+  params.policy = SafetyPolicy::kIgnoreKnown;
+  VehicleParams fast;
+  fast.max_speed_m_s = 3.0;
+  SafetyAreas areas(scene.path, fast, params);
+  VehicleState state;
+  state.T_world_base = scene.T_world_base;
+  const SafetyDecision hidden = areas.update(scene.points(), state, scene.polygons, {});
+  EXPECT_EQ(hidden.kind, Kind::kHidden);
+  EXPECT_GT(hidden.allowed_speed_m_s, 0.5);
+  EXPECT_LT(hidden.allowed_speed_m_s, 2.0);
+}
+
+TEST(SafetyAreas, WhatCountedAndGotOutOfViewStillCounts) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.5, 0.5}, 0.0, 0.1, 0.1}};
+  SafetyAreas areas(scene.path, {}, {});
+  VehicleState state;
+  EXPECT_LT(areas.update(scene.points(), state, {}, {}).allowed_speed_m_s, 0.1);
+  // Gone, and seen to be gone.
+  SafetyAreas other = areas;
+  SafetyScene gone = scene;
+  gone.boxes.clear();
+  gone.stamp_ns += 40'000'000;
+  EXPECT_EQ(other.update(gone.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
+  // Behind something in between, until it is forgotten.
+  SafetyScene behind = scene;
+  behind.boxes = {{{0.36, 0.36}, 0.25 * kPi, 0.01, 0.13}};
+  behind.know(behind.boxes.front(), 3, ChainState::kKnown);
+  behind.stamp_ns += 40'000'000;
+  const SafetyDecision& decision = areas.update(behind.points(), state, behind.polygons, {});
+  EXPECT_LT(decision.allowed_speed_m_s, 0.1);
+  EXPECT_EQ(decision.kind, Kind::kUnknownHit);
+  behind.stamp_ns += 4'000'000'000;
+  EXPECT_GT(areas.update(behind.points(), state, behind.polygons, {}).allowed_speed_m_s, 0.2);
+}
+
+TEST(SafetyAreas, WithoutAPoseTheyStop) {
+  const SafetyScene scene = SafetyScene::straight();
+  SafetyAreas areas(scene.path, {}, {});
+  VehicleState state;
+  state.covariance_world.diagonal() << 0.3, 0.01, 0.001;
+  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).kind, Kind::kPose);
+  state = {};
+  state.T_world_base.translation_m.y() = 1.5;
+  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).kind, Kind::kPose);
+  state = {};
+  state.T_world_base.yaw_rad = 1.4;
+  SafetyDecision decision = areas.update(scene.points(), state, {}, {});
+  EXPECT_EQ(decision.kind, Kind::kPose);
+  EXPECT_TRUE(decision.may_turn);
+  state.T_world_base.yaw_rad = std::nan("");
+  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kStop);
+  state = {};
+  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
+}
+
+TEST(SafetyAreas, AreThoseOfTheWayBack) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.T_world_base = {{3.0, 0.0}, kPi};
+  scene.boxes = {{{2.2, 0.0}, 0.0, 0.1, 0.2}};
+  const SafetyDecision decision = decide(scene, 0.1);
+  EXPECT_EQ(decision.kind, Kind::kUnknownHit);
+  scene.boxes = {{{3.9, 0.0}, 0.0, 0.1, 0.2}};  // behind
+  scene.know(scene.boxes.front(), 1, ChainState::kKnown);
+  EXPECT_EQ(decide(scene, 0.1).verdict, Verdict::kFullSpeed);
+}
+
+/// Things of random size, place and state on and beside the way.
+SafetyScene random_scene(Random& random) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.T_world_base = {{random.uniform(0.0, 2.0), random.uniform(-0.05, 0.05)}, random.uniform(-0.05, 0.05)};
+  const int things = 1 + static_cast<int>(random.uniform(0.0, 4.0));
+  for (int i = 0; i < things; ++i) {
+    scene.boxes.push_back({{random.uniform(0.5, 4.0), random.uniform(-1.2, 1.2)},
+                           random.uniform(-kPi, kPi),
+                           random.uniform(0.05, 0.4),
+                           random.uniform(0.03, 0.3)});
+    const double what = random.uniform();
+    const auto id = static_cast<std::uint64_t>(i + 1);
+    if (what < 0.5) scene.know(scene.boxes.back(), id, ChainState::kKnown);
+    if (what > 0.7) scene.know(scene.boxes.back(), id, ChainState::kNew);
+  }
+  return scene;
+}
+
+TEST(SafetyAreas, VerdictIsMonotoneInSpeed) {
+  Random random(1);
+  for (int n = 0; n < 60; ++n) {
+    const SafetyScene scene = random_scene(random);
+    for (const SafetyPolicy policy : kPolicies) {
+      double before_m_s = 1.0;
+      Verdict worst = Verdict::kFullSpeed;
+      for (const double speed_m_s : {0.0, 0.1, 0.2, 0.3, 0.4, 0.5}) {
+        const SafetyDecision decision = decide(scene, policy, speed_m_s);
+        EXPECT_LE(decision.allowed_speed_m_s, before_m_s);
+        EXPECT_GE(decision.verdict, worst);
+        before_m_s = decision.allowed_speed_m_s;
+        worst = decision.verdict;
+      }
+    }
+  }
+}
+
+TEST(SafetyAreas, PoliciesAreOrdered) {
+  Random random(2);
+  int differ = 0;
+  for (int n = 0; n < 200; ++n) {
+    const SafetyScene scene = random_scene(random);
+    for (const double speed_m_s : {0.0, 0.25, 0.5}) {
+      const SafetyDecision a = decide(scene, SafetyPolicy::kConservative, speed_m_s);
+      const SafetyDecision b = decide(scene, SafetyPolicy::kUpdated, speed_m_s);
+      const SafetyDecision c = decide(scene, SafetyPolicy::kIgnoreKnown, speed_m_s);
+      EXPECT_LE(a.allowed_speed_m_s, b.allowed_speed_m_s);
+      EXPECT_LE(b.allowed_speed_m_s, c.allowed_speed_m_s);
+      EXPECT_GE(a.verdict, b.verdict);
+      EXPECT_GE(b.verdict, c.verdict);
+      differ += a.allowed_speed_m_s < c.allowed_speed_m_s ? 1 : 0;
+    }
+  }
+  EXPECT_GT(differ, 50);
+}
+
+TEST(SafetyAreas, TheHardFloorIsNeverViolated) {
+  Random random(3);
+  int limited = 0;
+  for (int n = 0; n < 200; ++n) {
+    SafetyScene scene = random_scene(random);
+    scene.T_world_base = {{random.uniform(0.0, 2.0), 0.0}, 0.0};
+    const Points points = scene.points();
+    for (const SafetyPolicy policy : kPolicies) {
+      const SafetyDecision decision = decide(scene, policy, 0.5);
+      limited += decision.allowed_speed_m_s > 0.0 && decision.allowed_speed_m_s < 0.5 ? 1 : 0;
+      if (decision.allowed_speed_m_s == 0.0) continue;
+      for (const Point& point : points.points) {
+        if (point.state != BeamState::kHit) continue;
+        EXPECT_FALSE(in_straight_area(scene.T_world_base, floor_way_m(decision.allowed_speed_m_s) - 0.003,
+                                      SafetyParams().floor_margin_m - 0.003, points.T_world_level * point.p_level_m));
+      }
+    }
+  }
+  EXPECT_GT(limited, 30);
+}
+
+TEST(SafetyAreas, MoveWithTheWorld) {
+  Random random(4);
+  for (int n = 0; n < 50; ++n) {
+    const SafetyScene scene = random_scene(random);
+    const SafetyScene moved = scene.moved({{20.0, -7.0}, 2.2});
+    for (const SafetyPolicy policy : kPolicies) {
+      const SafetyDecision a = decide(scene, policy), b = decide(moved, policy);
+      EXPECT_EQ(a.verdict, b.verdict);
+      EXPECT_NEAR(a.allowed_speed_m_s, b.allowed_speed_m_s, 1e-6);
+      ASSERT_EQ(a.warning_world_m.size(), b.warning_world_m.size());
+    }
+  }
+}
+
+using BoostPoint = boost::geometry::model::d2::point_xy<double>;
+using BoostPolygon = boost::geometry::model::polygon<BoostPoint, false, false>;
+
+BoostPolygon boost_polygon(const std::vector<Eigen::Vector2d>& points_m) {
+  BoostPolygon polygon;
+  for (const Eigen::Vector2d& p : points_m) polygon.outer().emplace_back(p.x(), p.y());
+  return polygon;
+}
+
+// The polygons cover what the footprint sweeps with its margin, and not much more.
+TEST(SafetyAreas, PolygonsAreTheSweptFootprint) {
+  const VehicleParams vehicle;
+  SafetyScene bend;
+  for (const auto& [x, y] : {std::pair{0.0, 0.0}, {1.5, 0.1}, {2.6, 0.9}, {2.9, 2.2}}) {
+    bend.path.way_points.push_back({{x, y}, {}});
+  }
+  bend.T_world_base = SplinePath(bend.path).at(1.2).pose();
+  for (const SafetyScene& scene : {SafetyScene::straight(), bend}) {
+    const SafetyDecision decision = decide(scene, SafetyPolicy::kConservative, 0.5);
+    const SplinePath spline(scene.path);
+    const double way_m = spline.nearest_m(scene.T_world_base.translation_m);
+    const BoostPolygon protective = boost_polygon(decision.protective_world_m);
+    EXPECT_TRUE(boost::geometry::is_valid(protective));
+    EXPECT_TRUE(boost::geometry::is_valid(boost_polygon(decision.warning_world_m)));
+    EXPECT_GT(boost::geometry::area(protective), 0.0) << "counter-clockwise";
+    const double ahead_m = SafetyParams().standoff_m + 0.5 * vehicle.reaction_s + 0.25 / (2.0 * vehicle.slowing_m_s2);
+    int inside = 0;
+    for (double x = -1.0; x < 2.0; x += 0.03) {
+      for (double y = -1.0; y < 1.0; y += 0.03) {
+        const Eigen::Vector2d p = scene.T_world_base * Eigen::Vector2d(x, y);
+        double gap_m = 1e9;
+        for (double d_m = 0.0; d_m <= ahead_m; d_m += 0.01) {
+          gap_m = std::min(gap_m, clearance_m(vehicle.footprint, inverse(spline.at(way_m + d_m).pose()) * p));
+        }
+        const bool is_in = boost::geometry::within(BoostPoint(p.x(), p.y()), protective);
+        inside += is_in ? 1 : 0;
+        if (gap_m < SafetyParams().margin_m - 0.04 && !is_in) ADD_FAILURE() << "outside: " << x << ' ' << y;
+        if (gap_m > SafetyParams().margin_m + 0.08 && is_in) ADD_FAILURE() << "inside: " << x << ' ' << y;
+      }
+    }
+    EXPECT_GT(inside, 300);
+  }
+}
+
+TEST(SafetyAreas, PolygonsGrowWithSpeedAndShrinkToKnownChains) {
+  SafetyScene scene = SafetyScene::straight();
+  const auto area = [](const std::vector<Eigen::Vector2d>& points_m) {
+    return boost::geometry::area(boost_polygon(points_m));
+  };
+  double before_m2 = 0.0;
+  for (const double speed_m_s : {0.0, 0.2, 0.35, 0.5}) {
+    const double now_m2 = area(decide(scene, speed_m_s).protective_world_m);
+    EXPECT_GT(now_m2, before_m2);
+    before_m2 = now_m2;
+  }
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  const SafetyDecision updated = decide(scene, SafetyPolicy::kUpdated);
+  const SafetyDecision conservative = decide(scene, SafetyPolicy::kConservative);
+  EXPECT_LT(area(updated.warning_world_m), area(conservative.warning_world_m));
+  for (const ChainVertex& vertex : scene.polygons.chains.front().vertices) {
+    const BoostPoint p(vertex.p_world_m.x(), vertex.p_world_m.y());
+    EXPECT_FALSE(boost::geometry::within(p, boost_polygon(updated.warning_world_m)));
+    EXPECT_TRUE(boost::geometry::within(p, boost_polygon(conservative.warning_world_m)));
+  }
+  // Never below the hard floor, in whose way a chain may stand.
+  scene.boxes = {{{0.6, 0.2}, 0.0, 0.2, 0.1}};
+  scene.polygons.chains.clear();
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  const BoostPolygon shrunk = boost_polygon(decide(scene, SafetyPolicy::kUpdated).protective_world_m);
+  for (double x_m = -0.2; x_m < 0.4; x_m += 0.05) {
+    for (const double y_m : {-0.2, 0.0, 0.2}) {
+      EXPECT_TRUE(boost::geometry::within(BoostPoint(x_m, y_m), shrunk)) << x_m << ' ' << y_m;
+    }
+  }
+}
+
+TEST(SafetyAreas, PoliciesAreNamed) {
+  SafetyParams params;
+  for (const SafetyPolicy policy : kPolicies) {
+    params.policy = policy;
+    EXPECT_EQ(params_from_yaml<SafetyParams>(yaml_from_params(params), "text").policy, policy);
+  }
+  EXPECT_TRUE(names(refusal_of([] { params_from_yaml<SafetyParams>("policy: reckless", "my.yaml"); }),
+                    {"my.yaml", "policy", "conservative", "updated", "ignore_known"}));
+  EXPECT_TRUE(names(refusal_of([] { params_from_yaml<SafetyParams>("floor_margin_m: 1", "my.yaml"); }),
+                    {"safety.floor_margin_m", "safety.margin_m"}));
+}
+
+}  // namespace
+}  // namespace situation_awareness
