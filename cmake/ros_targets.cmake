@@ -9,6 +9,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/odometry.cpp
   src/ros/convert/polygons.cpp
   src/ros/convert/poses.cpp
+  src/ros/convert/safety.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
   src/ros/map_services.cpp
@@ -17,6 +18,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/markers/object_shapes.cpp
   src/ros/markers/polygon_markers.cpp
   src/ros/markers/reflector_markers.cpp
+  src/ros/markers/safety_markers.cpp
   src/ros/markers/shown_markers.cpp
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
@@ -32,6 +34,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/object_nodelet_params.cpp
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
+  src/ros/params/path_nodelet_params.cpp
   src/ros/params/polygon_nodelet_params.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
@@ -58,8 +61,10 @@ target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
+  src/ros/nodelets/path_following_nodelet.cpp
   src/ros/nodelets/polygon_mapping_nodelet.cpp
   src/ros/nodelets/reflector_localization_nodelet.cpp
+  src/ros/nodelets/safety_areas_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
   src/ros/nodelets/slicing_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)

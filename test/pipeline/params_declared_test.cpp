@@ -39,6 +39,9 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
   EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());
   EXPECT_EQ(declared_size<PolygonPipelineParams>(), aggregate_size<PolygonPipelineParams>());
+  EXPECT_EQ(declared_size<PathFollowingParams>(), aggregate_size<PathFollowingParams>());
+  EXPECT_EQ(declared_size<SafetyParams>(), aggregate_size<SafetyParams>());
+  EXPECT_EQ(declared_size<VehicleParams>(), aggregate_size<VehicleParams>());
   EXPECT_EQ(declared_size<ReflectorDetectionParams>(), aggregate_size<ReflectorDetectionParams>());
   EXPECT_EQ(declared_size<ReflectorFitParams>(), aggregate_size<ReflectorFitParams>());
   EXPECT_EQ(declared_size<ReflectorLocalizationParams>(), aggregate_size<ReflectorLocalizationParams>());

@@ -9,6 +9,9 @@
 #include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/path/path_following.hpp"
+#include "situation_awareness/path/safety_areas.hpp"
+#include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
@@ -32,6 +35,9 @@ struct PolygonPipelineParams {
   PolylineParams polylines;
   PolygonMapParams polygons;
   ChainStateParams chain_states;  ///< of the live map alone
+  VehicleParams vehicle;          ///< these of a vehicle that drives by it
+  SafetyParams safety;
+  PathFollowingParams path;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -42,6 +48,9 @@ struct PolygonPipelineParams {
     visit("polylines", self.polylines);
     visit("polygons", self.polygons);
     visit("chain_states", self.chain_states);
+    visit("vehicle", self.vehicle);
+    visit("safety", self.safety);
+    visit("path", self.path);
   }
 };
 

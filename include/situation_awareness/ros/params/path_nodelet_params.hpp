@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the nodelets safety_areas and path_following (cfg/polygons.yaml, which serves all stages on the way to
+/// the map of polygons), of which they use the sections `scan`, `vehicle`, `safety` and `path`, and their own.
+struct PathNodeletParams {
+  NodeletParams nodelet;
+  std::string path_file;
+  std::string base_frame = "base_link";
+  bool start_at_once = false;
+  double pose_sigma_m = 0.02;
+  double pose_sigma_rad = 0.01;
+  double reset_time_jump_s = 1.0;
+  PolygonPipelineParams pipeline;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("path_file", self.path_file, "YAML file of the way points of the path, in the world");
+    visit("base_frame", self.base_frame, "frame of the vehicle's footprint, midway between its driven wheels");
+    visit("start_at_once", self.start_at_once,
+          "drive as soon as pose and verdict are there; else when the service path_following/start is called");
+    visit("pose_sigma_m", self.pose_sigma_m, Bounds{0.0, 100.0}, "m",
+          "standard deviation of x and of y of a scan's pose that comes without a covariance on `pose`");
+    visit("pose_sigma_rad", self.pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");
+    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
+          "a stamp that goes back by more than this is a restart");
+    PolygonPipelineParams::fields(self.pipeline, visit);
+  }
+};
+
+/// As read_nodelet_params. Keys of other stages, which read the same file, are not unknown.
+PathNodeletParams read_path_nodelet_params(const ParamReader& reader);
+
+}  // namespace situation_awareness

@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/params/path_nodelet_params.hpp"
+
+#include <stdexcept>
+
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+
+namespace situation_awareness {
+
+PathNodeletParams read_path_nodelet_params(const ParamReader& reader) {
+  auto params = read_nodelet_params<PathNodeletParams>(reader);
+  forget_known_to<ObjectNodeletParams>(reader, params.unknown);
+  forget_known_to<PolygonNodeletParams>(reader, params.unknown);
+  params.base_frame = tf2_frame(params.base_frame);
+  if (params.base_frame.empty()) throw std::invalid_argument(reader.source() + ": base_frame is empty");
+  if (params.path_file.empty()) throw std::invalid_argument(reader.source() + ": path_file is empty");
+  return params;
+}
+
+}  // namespace situation_awareness
