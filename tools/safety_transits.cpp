@@ -20,8 +20,9 @@ using Json = nlohmann::ordered_json;
 
 constexpr SafetyPolicy kPolicies[] = {SafetyPolicy::kConservative, SafetyPolicy::kUpdated, SafetyPolicy::kIgnoreKnown};
 
-Json of_boxes(SafetyPolicy policy, int seeds) {
+Json of_boxes(SafetyPolicy policy, int seeds, double slow_speed_m_s) {
   TransitParams params;
+  params.safety.slow_speed_m_s = slow_speed_m_s;
   params.safety.policy = policy;
   double sum_s = 0.0, least_s = 1e9, most_s = 0.0;
   int arrived = 0, hit = 0;
@@ -79,11 +80,14 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1000000));
   app.add_option("--hidden", hidden, "those with someone who steps out from behind a box")
       ->check(CLI::Range(1, 1000000));
+  double slow_speed_m_s = SafetyParams().slow_speed_m_s;
+  app.add_option("--slow-speed", slow_speed_m_s, "beside standing things in the warning area, in m/s")
+      ->check(CLI::Range(0.01, 0.5));
   CLI11_PARSE(app, argc, argv);
   try {
     Json result;
     for (const SafetyPolicy policy : kPolicies) {
-      result[name_of(policy)] = {{"boxes", of_boxes(policy, boxes)},
+      result[name_of(policy)] = {{"boxes", of_boxes(policy, boxes, slow_speed_m_s)},
                                  {"walkers", of_walkers(policy, walkers, false)},
                                  {"walkers_behind_a_box", of_walkers(policy, hidden, true)}};
     }

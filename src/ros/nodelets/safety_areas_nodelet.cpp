@@ -4,20 +4,25 @@
 #include <cmath>
 #include <cstdint>
 #include <exception>
+#include <fstream>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
+#include <ros/service_server.h>
 #include <sensor_msgs/LaserScan.h>
 #include <situation_awareness/PolygonArray.h>
+#include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/path/local_maps.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
+#include "situation_awareness/path/spline_path.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -42,6 +47,7 @@ class SafetyAreasStage {
   SafetyAreasStage(Context& context, const PathNodeletParams& params)
       : context_(context),
         params_(params),
+        path_(load_path(params.path_file), params.path_file),
         areas_(load_path(params.path_file), params.pipeline.vehicle, params.pipeline.safety, params.path_file),
         publisher_(context.node().advertise<SafetyVerdict>("safety", 20)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("safety_areas", 5)),
@@ -52,10 +58,14 @@ class SafetyAreasStage {
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { restart(); }}) {
     params_.pipeline.scan.validate();
+    load_local_maps_of_path();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
       odometry_ = context_.node().subscribe("odom", 20, &SafetyAreasStage::take_odometry, this);
       pose_ = context_.node().subscribe("pose", 20, &SafetyAreasStage::take_pose, this);
+      if (!params_.local_maps_file.empty()) {
+        save_ = context_.private_node().advertiseService("save_local_maps", &SafetyAreasStage::save, this);
+      }
       polygons_subscriber_ = context_.node().subscribe("polygons", 5, &SafetyAreasStage::take_polygons, this);
     });
   }
@@ -146,6 +156,30 @@ class SafetyAreasStage {
     }
   }
 
+  /// What the transit begins with, if there was one before.
+  void load_local_maps_of_path() {
+    if (params_.local_maps_file.empty()) return;
+    if (!std::ifstream(params_.local_maps_file)) {
+      ROS_INFO_STREAM(context_.name() << ": there is no " << params_.local_maps_file << " yet");
+      return;
+    }
+    polygons_ = polygons_of(load_local_maps(params_.local_maps_file, path_.segments()), path_);
+  }
+
+  bool save(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    try {
+      save_local_maps(local_maps(path_, polygons_, params_.local_map_reach_m), params_.local_maps_file);
+      response.success = 1;
+      response.message = "saved to " + params_.local_maps_file;
+      ROS_INFO_STREAM(context_.name() << ": local maps " << response.message);
+    } catch (const std::exception& error) {
+      response.success = 0;
+      response.message = error.what();
+      ROS_WARN_STREAM(context_.name() << ": refused: " << response.message);
+    }
+    return true;
+  }
+
   void restart() {
     areas_.reset();
     objects_.clear();
@@ -171,6 +205,7 @@ class SafetyAreasStage {
 
   Context& context_;
   PathNodeletParams params_;
+  SplinePath path_;
   SafetyAreas areas_;
   Scan limited_;
   Points points_;
@@ -183,6 +218,7 @@ class SafetyAreasStage {
   const SafetyDecision* decision_ = nullptr;
   ros::Publisher publisher_, markers_;
   ros::Subscriber odometry_, pose_, polygons_subscriber_;
+  ros::ServiceServer save_;
   MapSubscriber objects_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener listener_;

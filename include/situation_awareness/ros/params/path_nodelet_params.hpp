@@ -16,6 +16,8 @@ struct PathNodeletParams {
   std::string path_file;
   std::string base_frame = "base_link";
   bool start_at_once = false;
+  std::string local_maps_file;
+  double local_map_reach_m = 3.0;
   double pose_sigma_m = 0.02;
   double pose_sigma_rad = 0.01;
   double reset_time_jump_s = 1.0;
@@ -29,6 +31,11 @@ struct PathNodeletParams {
     visit("base_frame", self.base_frame, "frame of the vehicle's footprint, midway between its driven wheels");
     visit("start_at_once", self.start_at_once,
           "drive as soon as pose and verdict are there; else when the service path_following/start is called");
+    visit("local_maps_file", self.local_maps_file,
+          "YAML file of the chains beside each segment of the path, by which safety_areas starts until polygons come, "
+          "and which its service save_local_maps writes; empty: none");
+    visit("local_map_reach_m", self.local_map_reach_m, Bounds{0.1, 100.0}, "m",
+          "chains as near to a segment as this are on its local map");
     visit("pose_sigma_m", self.pose_sigma_m, Bounds{0.0, 100.0}, "m",
           "standard deviation of x and of y of a scan's pose that comes without a covariance on `pose`");
     visit("pose_sigma_rad", self.pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");

@@ -1,0 +1,284 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The nodelets safety_areas and path_following lead a vehicle along its path, stop it before what is in the way, and
+where scans, poses or sense are missing."""
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+import unittest
+
+import numpy as np
+import rosnode
+import rospy
+import rostest
+from geometry_msgs.msg import Point, Twist
+from nav_msgs.msg import Odometry, Path
+from rosgraph_msgs.msg import Log
+from sensor_msgs.msg import LaserScan
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from ros_support import Diagnostics, Latest, scan_msg, transform_msg, wait_until  # noqa: E402
+from situation_awareness.msg import MappedPolygon, PathError, PolygonArray, SafetyVerdict  # noqa: E402
+
+LASER_X_M = 0.1
+WALLS = (((-2, -1.6), (6, -1.6)), ((-2, 1.6), (6, 1.6)), ((-2, -1.6), (-2, 1.6)), ((6, -1.6), (6, 1.6)))
+
+
+def box(x, y, half):
+    corners = [(x - half, y - half), (x + half, y - half), (x + half, y + half), (x - half, y + half)]
+    return list(zip(corners, corners[1:] + corners[:1]))
+
+
+def cast(edges, x, y, azimuths):
+    ranges = np.full(len(azimuths), np.inf)
+    ux, uy = np.cos(azimuths), np.sin(azimuths)
+    for (ax, ay), (bx, by) in edges:
+        dx, dy, fx, fy = bx - ax, by - ay, ax - x, ay - y
+        determinant = dx * uy - dy * ux
+        with np.errstate(divide="ignore", invalid="ignore"):
+            r = (fy * dx - fx * dy) / determinant
+            s = (ux * fy - uy * fx) / determinant
+            ranges = np.where((r > 0) & (s >= 0) & (s <= 1) & (r < ranges), r, ranges)
+    return ranges
+
+
+class Vehicle:
+    """Does as cmd_vel says; publishes scan, odom and TF in real time. What it does not publish can be chosen."""
+
+    def __init__(self):
+        self.x, self.y, self.yaw = 0.0, 0.0, 0.0
+        self.speed, self.turn_rate = 0.0, 0.0
+        self.edges = list(WALLS)
+        self.with_scan = self.with_tf = True
+        self.commands = []
+        self.scans = rospy.Publisher("scan", LaserScan, queue_size=10)
+        self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
+        self.odometry = rospy.Publisher("odom", Odometry, queue_size=100)
+        self.subscriber = rospy.Subscriber("cmd_vel", Twist, self.command, queue_size=10)
+        threading.Thread(target=self.run, daemon=True).start()
+
+    def command(self, msg):
+        self.speed, self.turn_rate = msg.linear.x, msg.angular.z
+        self.commands.append(msg)
+
+    def run(self):
+        before, count = rospy.Time.now().to_sec(), 0
+        while not rospy.is_shutdown():
+            time.sleep(0.02)
+            stamp = rospy.Time.now()
+            period = min(stamp.to_sec() - before, 0.5)
+            before = stamp.to_sec()
+            self.x += period * self.speed * math.cos(self.yaw)
+            self.y += period * self.speed * math.sin(self.yaw)
+            self.yaw += period * self.turn_rate
+            self.publish(stamp, count)
+            count += 1
+
+    def publish(self, stamp, count):
+        if self.with_tf:
+            base = transform_msg(stamp, self.x, "map", "base_link")
+            transform = base.transforms[0].transform
+            transform.translation.y = self.y
+            transform.rotation.z, transform.rotation.w = math.sin(self.yaw / 2), math.cos(self.yaw / 2)
+            self.tf.publish(TFMessage(base.transforms
+                                      + transform_msg(stamp, LASER_X_M, "base_link", "laser").transforms))
+        odometry = Odometry()
+        odometry.header.stamp = stamp
+        odometry.twist.twist.linear.x = self.speed
+        self.odometry.publish(odometry)
+        if self.with_scan and count % 2 == 0:
+            scan = scan_msg(stamp, [], frame="laser")
+            azimuths = self.yaw + scan.angle_min + scan.angle_increment * np.arange(541)
+            lidar_x = self.x + LASER_X_M * math.cos(self.yaw)
+            lidar_y = self.y + LASER_X_M * math.sin(self.yaw)
+            scan.ranges = cast(self.edges, lidar_x, lidar_y, azimuths).tolist()
+            scan.angle_max = scan.angle_min + 540 * scan.angle_increment
+            self.scans.publish(scan)
+
+    def stands(self):
+        return self.speed == 0.0 and self.turn_rate == 0.0
+
+
+def polygons_msg(edges, ident=1, state=MappedPolygon.KNOWN):
+    msg = PolygonArray()
+    msg.header.stamp = rospy.Time.now()
+    msg.header.frame_id = "map"
+    polygon = MappedPolygon(id=ident, closed=True, p_exists=0.99, state=state)
+    polygon.vertices = [Point(x, y, 0) for (x, y), _ in edges]
+    polygon.sigma_m = [0.005] * len(polygon.vertices)
+    polygon.first_seen = msg.header.stamp - rospy.Duration(5.0)
+    polygon.last_seen = msg.header.stamp
+    msg.polygons = [polygon]
+    return msg
+
+
+class PathTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.logs = []
+        cls.log_subscriber = rospy.Subscriber("/rosout", Log, cls.logs.append, queue_size=1000)
+        cls.verdicts = Latest("safety", SafetyVerdict)
+        cls.errors = Latest("path_error", PathError)
+        cls.paths = Latest("path", Path)
+        cls.markers = Latest("safety_areas", MarkerArray)
+        cls.diagnostics = Diagnostics()
+        cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=5)
+        cls.safety = rospy.Publisher("safety", SafetyVerdict, queue_size=5)
+        for name in ("start", "stop"):
+            rospy.wait_for_service(f"path_following/{name}", 60.0)
+        cls.start = rospy.ServiceProxy("path_following/start", Trigger)
+        cls.stop = rospy.ServiceProxy("path_following/stop", Trigger)
+        cls.vehicle = Vehicle()
+        wait_until(lambda: cls.verdicts.messages, 30.0, "a verdict")
+        wait_until(lambda: cls.polygons.get_num_connections() > 0 and cls.safety.get_num_connections() > 1, 30.0,
+                   "subscribers")
+
+    def latest(self):
+        return self.verdicts.messages[-1]
+
+    def settle(self, x=0.0):
+        """The vehicle stands at the begin of its way, with nothing there but walls, and is told nothing."""
+        self.stop()
+        vehicle = self.vehicle
+        wait_until(vehicle.stands, 10.0, "the vehicle to stand")
+        vehicle.edges, vehicle.with_scan, vehicle.with_tf = list(WALLS), True, True
+        vehicle.x, vehicle.y, vehicle.yaw = x, 0.0, 0.0
+        self.polygons.publish(PolygonArray(header=polygons_msg(box(0, 0, 1)).header))
+        wait_until(lambda: self.latest().kind != SafetyVerdict.POSE and self.latest().allowed_speed_m_s > 0.3, 10.0,
+                   "a verdict of full speed or nearly")
+
+    def drive(self):
+        self.assertTrue(self.start().success)
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "the vehicle to drive")
+
+    def test_1_it_drives_to_the_end_of_its_path(self):
+        self.settle()
+        wait_until(lambda: self.paths.messages, 5.0, "the path")
+        poses = self.paths.messages[0].poses
+        self.assertEqual(self.paths.messages[0].header.frame_id, "map")
+        self.assertAlmostEqual(poses[-1].pose.position.x, 3.0, places=6)
+        self.assertTrue(self.vehicle.stands(), "it waits for the service")
+        before = len(self.errors.messages)
+        self.drive()
+        wait_until(lambda: self.errors.messages[-1].state == PathError.ARRIVED and self.vehicle.stands(), 40.0,
+                   "the end of the path")
+        self.assertLess(math.hypot(self.vehicle.x - 3.0, self.vehicle.y), 0.08)
+        across = [abs(error.across_m) for error in self.errors.messages[before:]]
+        self.assertLess(max(across), 0.08)
+        self.assertGreater(max(command.linear.x for command in self.vehicle.commands), 0.4)
+        names = {marker.ns for array in self.markers.messages for marker in array.markers}
+        self.assertEqual(names, {"warning", "protective", "decides", "verdict"})
+
+    def test_2_it_stops_before_what_is_in_the_way(self):
+        self.settle()
+        self.vehicle.edges += box(2.0, 0.1, 0.15)
+        self.drive()
+        wait_until(lambda: self.vehicle.stands() and self.vehicle.x > 0.5, 20.0, "the vehicle to stop")
+        self.assertEqual(self.latest().verdict, SafetyVerdict.STOP)
+        self.assertEqual(self.latest().kind, SafetyVerdict.UNKNOWN_HIT)
+        self.assertLess(self.vehicle.x + 0.215, 1.85 - 0.1)
+        self.assertLess(abs(self.latest().place.x - 1.85), 0.1)
+        self.vehicle.edges = list(WALLS)
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
+
+    def test_3_known_chains_do_not_slow_it_down(self):
+        self.settle()
+        self.vehicle.x = 1.0
+        edges = box(1.4, 0.85, 0.2)
+        self.vehicle.edges += edges
+        wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT and self.latest().allowed_speed_m_s < 0.3,
+                   5.0, "slow")
+        self.polygons.publish(polygons_msg(edges, 7, MappedPolygon.NEW))
+        wait_until(lambda: self.latest().kind == SafetyVerdict.CHAIN and self.latest().id == 7, 5.0, "the new chain")
+        self.polygons.publish(polygons_msg(edges, 7))
+        wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the speed beside the walls, which are on no map")
+
+        save = rospy.ServiceProxy("safety_areas/save_local_maps", Trigger)()
+        self.assertTrue(save.success, save.message)
+        file = pathlib.Path(save.message.split()[-1])
+        self.assertIn("id: 7", file.read_text())
+        file.unlink()
+
+    def assert_stops(self, what, key):
+        count = self.diagnostics.count("path_following", key)
+        wait_until(self.vehicle.stands, 5.0, f"the vehicle to stop: {what}")
+        wait_until(lambda: self.diagnostics.count("path_following", key) > count, 5.0, key)
+        wait_until(lambda: "stopped" in self.diagnostics.stages["path_following"]["summary"]
+                   or "no input" in self.diagnostics.stages["path_following"]["summary"], 5.0, "a warning")
+
+    def test_4_without_scans_it_stops_and_goes_on(self):
+        self.settle()
+        self.drive()
+        self.vehicle.with_scan = False
+        self.assert_stops("no scan", "commands without a verdict")
+        self.vehicle.with_scan = True
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
+
+    def test_5_without_a_pose_it_stops_and_goes_on(self):
+        self.settle()
+        self.drive()
+        self.vehicle.with_tf = False
+        self.assert_stops("no pose", "commands without a pose")
+        self.vehicle.with_tf = True
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
+
+    def test_6_stale_verdicts_and_those_that_are_no_sense_stop_it(self):
+        self.settle()
+        self.drive()
+        self.vehicle.with_scan = False
+        wait_until(self.vehicle.stands, 5.0, "the vehicle to stop")
+        key, before = "dropped: bad message", self.diagnostics.count("path_following", "dropped: bad message")
+        good = {"verdict": SafetyVerdict.FULL_SPEED, "may_turn": True}
+        for wrong in ({"allowed_speed_m_s": math.nan}, {"allowed_speed_m_s": -1.0}, {"allowed_speed_m_s": math.inf},
+                      {"allowed_speed_m_s": 0.5, "verdict": 9}, {"allowed_speed_m_s": 0.5, "verdict": 2}):
+            msg = SafetyVerdict(**{**good, **wrong})
+            msg.header.stamp, msg.header.frame_id = rospy.Time.now(), "map"
+            self.safety.publish(msg)
+        old = SafetyVerdict(allowed_speed_m_s=0.5, **good)
+        old.header.stamp, old.header.frame_id = rospy.Time.now() - rospy.Duration(5.0), "map"
+        self.safety.publish(old)
+        wait_until(lambda: self.diagnostics.count("path_following", key) == before + 5, 5.0, "5 bad messages")
+        time.sleep(1.0)
+        self.assertTrue(self.vehicle.stands())
+
+    def test_7_bad_maps_and_odometry_are_counted(self):
+        self.settle()
+        before = self.diagnostics.count("safety_areas", "dropped: bad map")
+        bad = polygons_msg(box(1, 1, 0.2))
+        bad.polygons[0].vertices[0].x = math.nan
+        self.polygons.publish(bad)
+        elsewhere = polygons_msg(box(1, 1, 0.2))
+        elsewhere.header.frame_id = "moon"
+        self.polygons.publish(elsewhere)
+        wait_until(lambda: self.diagnostics.count("safety_areas", "dropped: bad map") == before + 2, 5.0, "bad maps")
+        odometry = Odometry()
+        odometry.twist.twist.linear.x = math.nan
+        self.vehicle.odometry.publish(odometry)
+        wait_until(lambda: self.diagnostics.count("safety_areas", "odometry not used") > 0, 5.0, "bad odometry")
+        self.assertGreater(self.latest().allowed_speed_m_s, 0.3)
+
+    def test_8_a_path_that_is_none_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            file = pathlib.Path(folder) / "wrong.yaml"
+            file.write_text("path: [{x: 0, y: 0}, {x: .nan, y: 1}]")
+            for nodelet in ("safety_areas", "path_following"):
+                name = f"wrong_{nodelet}"
+                rospy.set_param(name, {"path_file": str(file)})
+                loader = subprocess.run(["rosrun", "nodelet", "nodelet", "load", f"situation_awareness/{nodelet}",
+                                         "path_manager", f"__name:={name}"], timeout=60, check=False)
+                self.assertNotEqual(loader.returncode, 0)
+                wait_until(lambda: [log.msg for log in self.logs if log.level == Log.FATAL and f"/{name} " in log.msg
+                                    and "path[1].x" in log.msg and str(file) in log.msg], 5.0, "the sentence")
+        self.assertTrue(rosnode.rosnode_ping("/path_manager", max_count=1), "the manager lives")
+
+
+if __name__ == "__main__":
+    rospy.init_node("path_test")
+    rostest.rosrun("situation_awareness", "path_test", PathTest)
