@@ -35,7 +35,7 @@ std::string chain_place(std::size_t map, std::size_t chain) {
   return "local_maps[" + std::to_string(map) + "].chains[" + std::to_string(chain) + ']';
 }
 
-double distance_m(const Chain& chain, const Eigen::Vector2d& p_m) {
+double chain_distance_m(const Chain& chain, const Eigen::Vector2d& p_m) {
   double nearest_m = std::numeric_limits<double>::infinity();
   const std::size_t count = chain.vertices.size();
   for (std::size_t i = 0; i + 1 < count + (chain.closed ? 1 : 0); ++i) {
@@ -45,14 +45,14 @@ double distance_m(const Chain& chain, const Eigen::Vector2d& p_m) {
   return nearest_m;
 }
 
-Chain transformed(Chain chain, const Pose2& T) {
+Chain chain_by(Chain chain, const Pose2& T) {
   for (ChainVertex& vertex : chain.vertices) vertex.p_world_m = T * vertex.p_world_m;
   return chain;
 }
 
 /// The keys of a map are these, each once.
-void check_keys(const YAML::Node& node, const std::set<std::string>& keys, const std::string& place,
-                const std::string& source) {
+void check_local_map_keys(const YAML::Node& node, const std::set<std::string>& keys, const std::string& place,
+                          const std::string& source) {
   if (!node.IsMap()) refuse_local_maps(source, place + " must be a map");
   std::set<std::string> given;
   for (const auto& item : node) {
@@ -66,7 +66,7 @@ void check_keys(const YAML::Node& node, const std::set<std::string>& keys, const
 }
 
 template <class Value>
-Value value_of(const YAML::Node& node, const char* key, const std::string& place, const std::string& source) {
+Value local_map_value(const YAML::Node& node, const char* key, const std::string& place, const std::string& source) {
   Value value{};
   if (!node[key].IsScalar() || !YAML::convert<Value>::decode(node[key], value)) {
     refuse_local_maps(source, place + '.' + key + " is not of its type");
@@ -75,14 +75,15 @@ Value value_of(const YAML::Node& node, const char* key, const std::string& place
 }
 
 Chain read_local_chain(const YAML::Node& node, const std::string& place, const std::string& source) {
-  check_keys(node, {"id", "closed", "state", "p_exists", "first_seen_ns", "last_seen_ns", "vertices"}, place, source);
+  check_local_map_keys(node, {"id", "closed", "state", "p_exists", "first_seen_ns", "last_seen_ns", "vertices"}, place,
+                       source);
   Chain chain;
-  chain.id = value_of<std::uint64_t>(node, "id", place, source);
-  chain.closed = value_of<bool>(node, "closed", place, source);
-  chain.p_exists = value_of<double>(node, "p_exists", place, source);
-  chain.first_seen_ns = value_of<std::int64_t>(node, "first_seen_ns", place, source);
-  chain.last_seen_ns = value_of<std::int64_t>(node, "last_seen_ns", place, source);
-  const auto name = value_of<std::string>(node, "state", place, source);
+  chain.id = local_map_value<std::uint64_t>(node, "id", place, source);
+  chain.closed = local_map_value<bool>(node, "closed", place, source);
+  chain.p_exists = local_map_value<double>(node, "p_exists", place, source);
+  chain.first_seen_ns = local_map_value<std::int64_t>(node, "first_seen_ns", place, source);
+  chain.last_seen_ns = local_map_value<std::int64_t>(node, "last_seen_ns", place, source);
+  const auto name = local_map_value<std::string>(node, "state", place, source);
   const auto* const state =
       std::find_if(kStates.begin(), kStates.end(), [&](const auto& known) { return known.second == name; });
   if (state == kStates.end()) refuse_local_maps(source, place + ".state must be wall, known, new or doubted");
@@ -114,9 +115,9 @@ std::vector<LocalMap> local_maps(const SplinePath& path, const Polygons& polygon
       bool is_near = false;
       for (int k = 0; k <= steps && !is_near; ++k) {
         const double way_m = begin_m + (end_m - begin_m) * k / steps;
-        is_near = distance_m(chain, path.at(way_m).p_world_m) <= reach_m;
+        is_near = chain_distance_m(chain, path.at(way_m).p_world_m) <= reach_m;
       }
-      if (is_near) map.chains.push_back(transformed(chain, inverse(path.at(begin_m).pose())));
+      if (is_near) map.chains.push_back(chain_by(chain, inverse(path.at(begin_m).pose())));
     }
     maps.push_back(std::move(map));
   }
@@ -130,7 +131,7 @@ Polygons polygons_of(const std::vector<LocalMap>& maps, const SplinePath& path) 
     const Pose2 T_world_segment = path.at(path.begin_m(map.segment)).pose();
     for (const Chain& chain : map.chains) {
       if (!ids.insert(chain.id).second) continue;
-      polygons.chains.push_back(transformed(chain, T_world_segment));
+      polygons.chains.push_back(chain_by(chain, T_world_segment));
       polygons.stamp_ns = std::max(polygons.stamp_ns, chain.last_seen_ns);
     }
   }
@@ -190,14 +191,14 @@ std::vector<LocalMap> read_local_maps(const std::string& yaml, std::size_t segme
   } catch (const YAML::Exception& error) {
     refuse_local_maps(source, std::string("not valid YAML: ") + error.what());
   }
-  check_keys(root, {"local_maps"}, "the file", source);
+  check_local_map_keys(root, {"local_maps"}, "the file", source);
   if (!root["local_maps"].IsSequence()) refuse_local_maps(source, "local_maps must be a list");
   std::vector<LocalMap> maps;
   for (const YAML::Node& node : root["local_maps"]) {
     const std::string place = "local_maps[" + std::to_string(maps.size()) + ']';
-    check_keys(node, {"segment", "chains"}, place, source);
+    check_local_map_keys(node, {"segment", "chains"}, place, source);
     LocalMap map;
-    map.segment = value_of<std::size_t>(node, "segment", place, source);
+    map.segment = local_map_value<std::size_t>(node, "segment", place, source);
     if (!node["chains"].IsSequence()) refuse_local_maps(source, place + ".chains must be a list");
     for (const YAML::Node& chain : node["chains"]) {
       map.chains.push_back(read_local_chain(chain, chain_place(maps.size(), map.chains.size()), source));

@@ -12,7 +12,7 @@
 namespace situation_awareness {
 namespace {
 
-using State = PathFollowingResult::State;
+using FollowingState = PathFollowingResult::State;
 
 constexpr double kLimitStep_m = 0.05;
 constexpr double kMostLimits = 200'000.0;
@@ -20,7 +20,7 @@ constexpr double kMostLimits = 200'000.0;
 // usual tolerance in a period of 0.1 s.
 constexpr double kCreep_m_s = 0.03;
 constexpr double kLongestPeriod_s = 0.2;  // of calls; after a longer pause speeds change as in this time
-constexpr double kStanding_m_s = 0.02;
+constexpr double kAtRest_m_s = 0.02;
 // Beyond this error of heading a turn keeps its direction, whatever noise says of the shorter way.
 constexpr double kBehind_rad = 2.6;
 
@@ -105,7 +105,7 @@ double PathFollowing::speed_limit_m_s(double way_m) const {
 void PathFollowing::start() {
   running_ = true;
   located_ = false;
-  result_.state = State::kStopped;
+  result_.state = FollowingState::kStopped;
   result_.transit = 0;
   pause_left_s_ = 0.0;
   turn_sign_ = 0.0;
@@ -147,7 +147,7 @@ double PathFollowing::period_since(std::int64_t stamp_ns) {
 
 const PathFollowingResult& PathFollowing::brake(std::int64_t stamp_ns) {
   command(0.0, vehicle_.braking_m_s2, 0.0, period_since(stamp_ns));
-  if (!running_) result_.state = State::kStopped;
+  if (!running_) result_.state = FollowingState::kStopped;
   return result_;
 }
 
@@ -160,33 +160,33 @@ const PathFollowingResult& PathFollowing::update(std::int64_t stamp_ns, const Po
   const bool is_allowed = result_.command.speed_m_s <= allowed.speed_m_s;
   const double slowing_m_s2 = is_allowed ? vehicle_.slowing_m_s2 : vehicle_.braking_m_s2;
   if (!running_) {
-    if (result_.state != State::kArrived) result_.state = State::kStopped;
+    if (result_.state != FollowingState::kArrived) result_.state = FollowingState::kStopped;
     command(0.0, slowing_m_s2, 0.0, period_s);
     return result_;
   }
   if (std::hypot(result_.error.along_m, result_.error.across_m) > params_.max_error_m) {
-    result_.state = State::kOffPath;
+    result_.state = FollowingState::kOffPath;
     command(0.0, vehicle_.braking_m_s2, 0.0, period_s);
     return result_;
   }
-  if (result_.state == State::kWaiting) {
+  if (result_.state == FollowingState::kWaiting) {
     pause_left_s_ -= period_s;
     command(0.0, slowing_m_s2, 0.0, period_s);
     if (pause_left_s_ > 0.0) return result_;
     ++result_.transit;
     begin_transit(T_world_base, !result_.there);
-    result_.state = State::kTurning;
+    result_.state = FollowingState::kTurning;
     return result_;
   }
   if (was_located && at_the_end(before_m)) {
     if (is_last()) {
       running_ = false;
-      result_.state = State::kArrived;
+      result_.state = FollowingState::kArrived;
     } else if (way().closed()) {
       ++result_.transit;
     } else {
       pause_left_s_ = params_.pause_s;
-      result_.state = State::kWaiting;
+      result_.state = FollowingState::kWaiting;
     }
     if (!way().closed() || !running_) {
       command(0.0, slowing_m_s2, 0.0, period_s);
@@ -204,7 +204,7 @@ const PathFollowingResult& PathFollowing::update(std::int64_t stamp_ns, const Po
 }
 
 void PathFollowing::drive(double allowed_m_s, double slowing_m_s2, double period_s) {
-  result_.state = State::kDriving;
+  result_.state = FollowingState::kDriving;
   const double limit_m_s = std::min(speed_limit_m_s(result_.way_m), std::max(allowed_m_s, 0.0));
   const double before_m_s = result_.command.speed_m_s;
   const double u1r = towards(before_m_s, limit_m_s, -slowing_m_s2 * period_s, vehicle_.acceleration_m_s2 * period_s);
@@ -229,10 +229,10 @@ void PathFollowing::drive(double allowed_m_s, double slowing_m_s2, double period
 }
 
 void PathFollowing::turn(bool may_turn, double slowing_m_s2, double period_s) {
-  result_.state = State::kTurning;
+  result_.state = FollowingState::kTurning;
   const double error_rad = result_.error.heading_rad;
   if (turn_sign_ == 0.0 || std::abs(error_rad) < kBehind_rad) turn_sign_ = error_rad > 0.0 ? -1.0 : 1.0;
-  const bool stands = result_.command.speed_m_s < kStanding_m_s;
+  const bool stands = result_.command.speed_m_s < kAtRest_m_s;
   double rate_rad_s = 0.0;
   if (may_turn && stands) {
     rate_rad_s = std::min({params_.turn_gain_1_s * std::abs(error_rad), vehicle_.max_turn_rate_rad_s,

@@ -17,8 +17,8 @@
 namespace situation_awareness {
 namespace {
 
-using Verdict = SafetyDecision::Verdict;
-using Kind = SafetyDecision::Kind;
+using DecidedVerdict = SafetyDecision::Verdict;
+using DecidedKind = SafetyDecision::Kind;
 
 constexpr double kStep_m = 0.05;        // between the poses on the way; contacts are interpolated between them
 constexpr double kRimSpacing_m = 0.05;  // of places on the outline of the footprint, for the polygons
@@ -29,7 +29,7 @@ constexpr double kFlip_rad = 1.65;           // an open path is driven the other
 constexpr double kStopTolerance_m_s = 0.05;  // so that noise of a vehicle at its allowed speed does not stop it
 constexpr double kStanding_m_s = 0.02;       // slower is to stand
 // A place is seen if one of these beams gets there: a shadow as narrow as that of a lost beam hides nobody.
-constexpr int kBeamsBeside = 2;
+constexpr int kBeamsToEachSide = 2;
 constexpr double kSeenTolerance_m = 0.05;
 constexpr double kForgetTolerance_m = 0.1;
 constexpr double kRememberSpacing_m = 0.1;
@@ -40,7 +40,7 @@ constexpr double kMostExplain_m = 0.25;  // however uncertain chain and pose are
 constexpr int kMoverPoints = 16;
 constexpr double kMapAge_s = 2.0;  // an older map of objects says nothing of where movers are
 
-double infinity() { return std::numeric_limits<double>::infinity(); }
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 /// The greatest speed with which the vehicle stops in a way.
 double stopping_speed_m_s(double way_m, double reaction_s, double deceleration_m_s2) {
@@ -78,31 +78,31 @@ void read_yaml_text(const std::string& yaml, SafetyPolicy& policy) {
   throw std::invalid_argument("must be conservative, updated or ignore_known");
 }
 
-const char* name_of(Verdict verdict) {
+const char* name_of(DecidedVerdict verdict) {
   switch (verdict) {
-    case Verdict::kFullSpeed:
+    case DecidedVerdict::kFullSpeed:
       return "full speed";
-    case Verdict::kSlow:
+    case DecidedVerdict::kSlow:
       return "slow";
-    case Verdict::kStop:
+    case DecidedVerdict::kStop:
       return "stop";
   }
   return "";
 }
 
-const char* name_of(Kind kind) {
+const char* name_of(DecidedKind kind) {
   switch (kind) {
-    case Kind::kNone:
+    case DecidedKind::kNone:
       return "none";
-    case Kind::kUnknownHit:
+    case DecidedKind::kUnknownHit:
       return "unknown hit";
-    case Kind::kChain:
+    case DecidedKind::kChain:
       return "chain";
-    case Kind::kObject:
+    case DecidedKind::kObject:
       return "object";
-    case Kind::kHidden:
+    case DecidedKind::kHidden:
       return "hidden";
-    case Kind::kPose:
+    case DecidedKind::kPose:
       return "pose";
   }
   return "";
@@ -194,7 +194,7 @@ bool SafetyAreas::place_on_path(const VehicleState& vehicle) {
 void SafetyAreas::set_full_speed() {
   const SplinePath& way = ways_[direction_];
   const std::size_t segment = way.at(way_m_).segment;
-  full_speed_m_s_ = std::min(vehicle_.max_speed_m_s, way.speed_m_s(segment).value_or(infinity()));
+  full_speed_m_s_ = std::min(vehicle_.max_speed_m_s, way.speed_m_s(segment).value_or(kNoLimit));
   decision_.segment = direction_ == 0 ? segment : way.segments() - 1 - segment;
 }
 
@@ -203,7 +203,7 @@ void SafetyAreas::make_way(const VehicleState& vehicle) {
   const SplinePath& way = ways_[direction_];
   const Pose2 error = inverse(way.at(way_m_).pose()) * vehicle.T_world_base;
   const double most_m = way_of_speed_m(full_speed_m_s_) + kStep_m;
-  const double left_m = way.closed() ? infinity() : std::max(way.length_m() - way_m_, 0.0);
+  const double left_m = way.closed() ? kNoLimit : std::max(way.length_m() - way_m_, 0.0);
   steps_.clear();
   for (int k = 0; k * kStep_m <= std::min(most_m, left_m + kStep_m); ++k) {
     const double d_m = std::min(k * kStep_m, left_m);
@@ -270,14 +270,14 @@ void SafetyAreas::gather_movers(const Objects& objects, std::int64_t stamp_ns) {
       const double angle_rad = 2.0 * kPi * i / kMoverPoints;
       const Eigen::Vector2d p_ellipse_m(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad));
       const Eigen::Vector2d p_world_m = ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) * p_ellipse_m;
-      if (is_near(p_world_m)) things_.push_back({p_world_m, Weight::kMayMove, Kind::kObject, object.id});
+      if (is_near(p_world_m)) things_.push_back({p_world_m, Weight::kMayMove, DecidedKind::kObject, object.id});
     }
   }
 }
 
 /// What a hit is on. Movers come first: where they are beside a wall, the wall explains nothing.
 void SafetyAreas::explain(Thing& thing) const {
-  const auto take = [&thing](Weight weight, Kind kind, std::uint64_t id) {
+  const auto take = [&thing](Weight weight, DecidedKind kind, std::uint64_t id) {
     thing.weight = weight;
     thing.kind = kind;
     thing.id = id;
@@ -287,11 +287,11 @@ void SafetyAreas::explain(Thing& thing) const {
     const double most_m = std::max(mover.ellipse.rx_m, mover.ellipse.ry_m) + params_.explain_m;
     if ((thing.p_world_m - mover.ellipse.center_m).squaredNorm() > most_m * most_m) continue;
     if (offset_m(mover.ellipse, thing.p_world_m) > params_.explain_m) continue;
-    if (mover.weight == Weight::kMayMove) return take(mover.weight, Kind::kObject, mover.id);
+    if (mover.weight == Weight::kMayMove) return take(mover.weight, DecidedKind::kObject, mover.id);
     standing = &mover;
   }
   const Edge* nearest = nullptr;
-  double nearest_m = infinity();
+  double nearest_m = kNoLimit;
   for (const Edge& edge : edges_) {
     const double d_m = distance_from_segment_m(thing.p_world_m, edge.from_m, edge.to_m);
     if (d_m > edge.reach_m) continue;
@@ -301,10 +301,10 @@ void SafetyAreas::explain(Thing& thing) const {
     nearest_m = d_m;
   }
   if (nearest != nullptr && nearest->weight != Weight::kMayMove) {
-    return take(nearest->weight, Kind::kChain, nearest->id);
+    return take(nearest->weight, DecidedKind::kChain, nearest->id);
   }
-  if (standing != nullptr) return take(standing->weight, Kind::kObject, standing->id);
-  if (nearest != nullptr) take(nearest->weight, Kind::kChain, nearest->id);
+  if (standing != nullptr) return take(standing->weight, DecidedKind::kObject, standing->id);
+  if (nearest != nullptr) take(nearest->weight, DecidedKind::kChain, nearest->id);
 }
 
 void SafetyAreas::gather_things(const Points& points) {
@@ -332,7 +332,7 @@ void SafetyAreas::gather_things(const Points& points) {
 
 /// Unknown hits without neighbours, as at edges between near and far, count in the hard floor alone.
 void SafetyAreas::count_neighbours() {
-  const auto is_unknown = [](const Thing& thing) { return thing.kind == Kind::kUnknownHit && thing.point >= 0; };
+  const auto is_unknown = [](const Thing& thing) { return thing.kind == DecidedKind::kUnknownHit && thing.point >= 0; };
   for (std::size_t i = 0; i < things_.size(); ++i) {
     Thing& thing = things_[i];
     if (!is_unknown(thing)) continue;
@@ -365,7 +365,7 @@ double SafetyAreas::seen_range_m(const Points& points, const Eigen::Vector2d& p_
   const auto count = static_cast<std::ptrdiff_t>(points.points.size());
   const std::ptrdiff_t middle = at - points.points.begin();
   double range_m = 0.0;
-  for (std::ptrdiff_t i = middle - kBeamsBeside; i < middle + kBeamsBeside; ++i) {
+  for (std::ptrdiff_t i = middle - kBeamsToEachSide; i < middle + kBeamsToEachSide; ++i) {
     if (!points.full_circle && (i < 0 || i >= count)) continue;
     const Point& point = points.points[static_cast<std::size_t>(((i % count) + count) % count)];
     if (is_hit(point.state) || point.state == BeamState::kFree) range_m = std::max(range_m, point.range_m);
@@ -388,7 +388,7 @@ void SafetyAreas::recall(const Points& points) {
   };
   remembered_.erase(std::remove_if(remembered_.begin(), remembered_.end(), forget), remembered_.end());
   for (const Remembered& place : remembered_) {
-    if (is_near(place.p_world_m)) things_.push_back({place.p_world_m, Weight::kMayMove, Kind::kUnknownHit, 0});
+    if (is_near(place.p_world_m)) things_.push_back({place.p_world_m, Weight::kMayMove, DecidedKind::kUnknownHit, 0});
   }
 }
 
@@ -401,16 +401,16 @@ SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
   const bool is_shrunk = weight == Weight::kKnown && params_.policy == SafetyPolicy::kUpdated;
   const double margin_m = warns ? margins_.protective_m : margins_.floor_m;
 
-  double contact_m = infinity(), before_m = infinity();
-  double warning_m_s = infinity(), nearest_m = infinity(), nearest_at_m = 0.0;
+  double contact_m = kNoLimit, before_m = kNoLimit;
+  double warning_m_s = kNoLimit, nearest_m = kNoLimit, nearest_at_m = 0.0;
   for (std::size_t k = 0; k < steps_.size(); ++k) {
     const double d_m = static_cast<double>(k) * kStep_m;
     const double earlier_m = k > 0 ? d_m - kStep_m : 0.0;
     if (speed_of_way_m_s(earlier_m) > full_speed_m_s_ && k > 0) break;
     const Eigen::Vector2d p_base_m = steps_[k].R_base_world * (thing.p_world_m - steps_[k].pose.translation_m);
     const double c_m = clearance_m(vehicle_.footprint, p_base_m);
-    if (c_m <= margin_m && contact_m == infinity()) {
-      const double part = before_m < infinity() ? (before_m - margin_m) / std::max(before_m - c_m, 1e-9) : 1.0;
+    if (c_m <= margin_m && contact_m == kNoLimit) {
+      const double part = before_m < kNoLimit ? (before_m - margin_m) / std::max(before_m - c_m, 1e-9) : 1.0;
       contact_m = earlier_m + part * (d_m - earlier_m);
     }
     before_m = c_m;
@@ -422,8 +422,8 @@ SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
       nearest_at_m = d_m;
     }
   }
-  Limits limits{infinity(), infinity(), contact_m < infinity() ? contact_m : nearest_at_m};
-  if (contact_m < infinity()) {
+  Limits limits{kNoLimit, kNoLimit, contact_m < kNoLimit ? contact_m : nearest_at_m};
+  if (contact_m < kNoLimit) {
     limits.stop_m_s = warns || is_shrunk ? speed_of_way_m_s(contact_m) : floor_speed_of_way_m_s(contact_m);
   }
   limits.speed_m_s = limits.stop_m_s;
@@ -435,7 +435,7 @@ SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
 void SafetyAreas::judge(double present_m_s) {
   const Thing* slowest = nullptr;
   const Thing* stopping = nullptr;
-  Limits least{infinity(), full_speed_m_s_, infinity()}, least_stop{infinity(), 0.0, infinity()};
+  Limits least{kNoLimit, full_speed_m_s_, kNoLimit}, least_stop{kNoLimit, 0.0, kNoLimit};
   const std::size_t remembered = remembered_.size();
   for (const Thing& thing : things_) {
     const Limits limits = limits_of(thing);
@@ -465,16 +465,16 @@ void SafetyAreas::judge(double present_m_s) {
     decision_.place_world_m = thing.p_world_m;
     decision_.distance_m = limits.distance_m;
   };
-  decision_.verdict = Verdict::kFullSpeed;
-  decision_.kind = Kind::kNone;
+  decision_.verdict = DecidedVerdict::kFullSpeed;
+  decision_.kind = DecidedKind::kNone;
   decision_.allowed_speed_m_s = full_speed_m_s_;
   if (slowest != nullptr) {
-    decision_.verdict = Verdict::kSlow;
+    decision_.verdict = DecidedVerdict::kSlow;
     decision_.allowed_speed_m_s = least.speed_m_s;
     name(*slowest, least);
   }
   if (stopping != nullptr && present_m_s > least_stop.stop_m_s + kStopTolerance_m_s) {
-    decision_.verdict = Verdict::kStop;
+    decision_.verdict = DecidedVerdict::kStop;
     name(*stopping, least_stop);
   }
 }
@@ -497,9 +497,9 @@ void SafetyAreas::look_along_the_way(const Points& points) {
       const double speed_m_s = floor_speed_of_way_m_s(seen_m);
       if (speed_m_s >= decision_.allowed_speed_m_s) return;
       decision_.allowed_speed_m_s = speed_m_s;
-      if (decision_.verdict == Verdict::kStop) return;
-      decision_.verdict = Verdict::kSlow;
-      decision_.kind = Kind::kHidden;
+      if (decision_.verdict == DecidedVerdict::kStop) return;
+      decision_.verdict = DecidedVerdict::kSlow;
+      decision_.kind = DecidedKind::kHidden;
       decision_.id = 0;
       decision_.place_world_m = p_world_m;
       decision_.distance_m = seen_m;
@@ -521,11 +521,11 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
                                           const Objects& objects) {
   decision_.stamp_ns = points.stamp_ns;
   decision_.policy = params_.policy;
-  decision_.verdict = Verdict::kStop;
-  decision_.kind = Kind::kPose;
+  decision_.verdict = DecidedVerdict::kStop;
+  decision_.kind = DecidedKind::kPose;
   decision_.id = 0;
   decision_.place_world_m.setZero();
-  decision_.distance_m = infinity();
+  decision_.distance_m = kNoLimit;
   decision_.allowed_speed_m_s = 0.0;
   decision_.may_turn = false;
   decision_.counted = decision_.ignored = 0;
@@ -557,8 +557,8 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   const double present_m_s = std::abs(vehicle.speed_m_s);
   judge(present_m_s);
   look_along_the_way(points);
-  if (decision_.allowed_speed_m_s < kStanding_m_s) decision_.verdict = Verdict::kStop;
-  if (decision_.verdict == Verdict::kStop) decision_.allowed_speed_m_s = 0.0;
+  if (decision_.allowed_speed_m_s < kStanding_m_s) decision_.verdict = DecidedVerdict::kStop;
+  if (decision_.verdict == DecidedVerdict::kStop) decision_.allowed_speed_m_s = 0.0;
 
   make_frames();
   sweep(way_of_speed_m(full_speed_m_s_), margins_.protective_m + warning_margin_m(full_speed_m_s_),
@@ -589,8 +589,8 @@ void SafetyAreas::make_frames() {
 /// frame.
 void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector2d>& polygon_world_m) {
   const std::size_t count = frames_.size();
-  left_m_.assign(count, -infinity());
-  right_m_.assign(count, -infinity());
+  left_m_.assign(count, -kNoLimit);
+  right_m_.assign(count, -kNoLimit);
   const auto swept = std::min(steps_.size(), static_cast<std::size_t>(std::ceil(way_m / kStep_m)) + 1);
   std::size_t first = count, last = 0;
   for (std::size_t k = 0; k < swept; ++k) {
@@ -598,7 +598,7 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
       const Eigen::Vector2d p_world_m = steps_[k].pose * rim_m;
       const auto guess = static_cast<std::ptrdiff_t>(first_frame_ + k) + std::lround(rim_m.x() / kStep_m);
       std::size_t nearest = 0;
-      double nearest_m2 = infinity();
+      double nearest_m2 = kNoLimit;
       for (std::ptrdiff_t i = guess - 2; i <= guess + 2; ++i) {
         const auto j =
             static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, static_cast<std::ptrdiff_t>(count) - 1));
@@ -616,11 +616,11 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
     }
   }
   for (std::size_t i = first + 1; i <= last; ++i) {
-    if (left_m_[i] == -infinity()) left_m_[i] = left_m_[i - 1];
-    if (right_m_[i] == -infinity()) right_m_[i] = right_m_[i - 1];
+    if (left_m_[i] == -kNoLimit) left_m_[i] = left_m_[i - 1];
+    if (right_m_[i] == -kNoLimit) right_m_[i] = right_m_[i - 1];
   }
   const auto widen = [&](const std::vector<double>& widths_m, double by_m, std::vector<double>& wide_m) {
-    wide_m.assign(count, -infinity());
+    wide_m.assign(count, -kNoLimit);
     const auto reach = static_cast<std::size_t>(by_m / kStep_m);
     for (std::size_t i = first; i <= last; ++i) {
       for (std::size_t j = i > reach ? i - reach : 0; j <= std::min(i + reach, count - 1); ++j) {
@@ -652,7 +652,7 @@ void SafetyAreas::shrink(std::vector<double>& widths_m, double side, const std::
   for (const Edge& edge : edges_) {
     if (edge.weight != Weight::kKnown) continue;
     for (std::size_t j = 0; j < frames_.size(); ++j) {
-      if (widths_m[j] == -infinity()) continue;
+      if (widths_m[j] == -kNoLimit) continue;
       // Of the edge, the part beside this frame: at most half a step ahead and behind.
       const Pose2 T_frame_world = inverse(frames_[j]);
       const Eigen::Vector2d from_m = T_frame_world * edge.from_m, to_m = T_frame_world * edge.to_m;

@@ -15,8 +15,8 @@ constexpr Color kWarningColor{0.98F, 0.8F, 0.05F};
 constexpr Color kProtectiveColor{0.9F, 0.08F, 0.08F};
 constexpr double kAreaLine_m = 0.03;
 
-Marker outline(const std_msgs::Header& header, const char* name, const std::vector<Eigen::Vector2d>& polygon_world_m,
-               const Color& color, double height_m) {
+Marker area_outline(const std_msgs::Header& header, const char* name,
+                    const std::vector<Eigen::Vector2d>& polygon_world_m, const Color& color, double height_m) {
   Marker m = make_marker(header, name, 0, Marker::LINE_STRIP, color, 1.0F);
   if (polygon_world_m.empty()) {
     m.action = Marker::DELETE;
@@ -34,9 +34,9 @@ visualization_msgs::MarkerArray safety_markers(const SafetyDecision& decision, d
                                                const std::string& world_frame) {
   const std_msgs::Header header = make_header(world_frame, decision.stamp_ns);
   visualization_msgs::MarkerArray markers;
-  markers.markers.push_back(outline(header, "warning", decision.warning_world_m, kWarningColor, height_world_m));
+  markers.markers.push_back(area_outline(header, "warning", decision.warning_world_m, kWarningColor, height_world_m));
   markers.markers.push_back(
-      outline(header, "protective", decision.protective_world_m, kProtectiveColor, height_world_m));
+      area_outline(header, "protective", decision.protective_world_m, kProtectiveColor, height_world_m));
   Marker decides =
       make_marker(header, "decides", 0, Marker::SPHERE,
                   decision.verdict == SafetyDecision::Verdict::kStop ? kProtectiveColor : kWarningColor, 1.0F);
