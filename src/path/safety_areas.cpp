@@ -210,7 +210,7 @@ void SafetyAreas::make_way(const VehicleState& vehicle) {
     const double part = std::exp(-d_m / kSettling_m);
     const Pose2 pose =
         way.at(way_m_ + d_m).pose() * Pose2{part * error.translation_m, part * wrap_to_pi(error.yaw_rad)};
-    steps_.push_back({k == 0 ? vehicle.T_world_base : pose, pose.rotation().transpose()});
+    steps_.emplace_back(k == 0 ? vehicle.T_world_base : pose);
   }
   low_m_ = high_m_ = T_world_base_.translation_m;
   for (const Step& step : steps_) {
@@ -407,7 +407,7 @@ SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
     const double d_m = static_cast<double>(k) * kStep_m;
     const double earlier_m = k > 0 ? d_m - kStep_m : 0.0;
     if (speed_of_way_m_s(earlier_m) > full_speed_m_s_ && k > 0) break;
-    const Eigen::Vector2d p_base_m = steps_[k].R_base_world * (thing.p_world_m - steps_[k].pose.translation_m);
+    const Eigen::Vector2d p_base_m = steps_[k].to_base(thing.p_world_m);
     const double c_m = clearance_m(vehicle_.footprint, p_base_m);
     if (c_m <= margin_m && contact_m == kNoLimit) {
       const double part = before_m < kNoLimit ? (before_m - margin_m) / std::max(before_m - c_m, 1e-9) : 1.0;
@@ -490,7 +490,7 @@ void SafetyAreas::look_along_the_way(const Points& points) {
   const Pose2 T_level_world = inverse(points.T_world_level);
   for (std::size_t k = 1; k < steps_.size(); ++k) {
     for (const double across_m : {right_m, 0.0, left_m}) {
-      const Eigen::Vector2d p_world_m = steps_[k].pose * Eigen::Vector2d(front_m, across_m);
+      const Eigen::Vector2d p_world_m = steps_[k].to_world({front_m, across_m});
       const Eigen::Vector2d p_level_m = T_level_world * p_world_m;
       if (seen_range_m(points, p_level_m) + kSeenTolerance_m >= p_level_m.norm()) continue;
       const double seen_m = static_cast<double>(k - 1) * kStep_m;
@@ -575,13 +575,13 @@ void SafetyAreas::make_frames() {
   const auto beyond = static_cast<std::size_t>(std::ceil(beyond_m / kStep_m)) + 1;
   frames_.clear();
   for (std::size_t i = beyond; i > 0; --i) {
-    frames_.push_back(T_world_base_ * Pose2{{-kStep_m * static_cast<double>(i), 0.0}, 0.0});
+    frames_.emplace_back(T_world_base_ * Pose2{{-kStep_m * static_cast<double>(i), 0.0}, 0.0});
   }
   first_frame_ = frames_.size();
-  for (const Step& step : steps_) frames_.push_back(step.pose);
+  frames_.insert(frames_.end(), steps_.begin(), steps_.end());
   const Pose2 last = steps_.back().pose;
   for (std::size_t i = 1; i <= beyond; ++i) {
-    frames_.push_back(last * Pose2{{kStep_m * static_cast<double>(i), 0.0}, 0.0});
+    frames_.emplace_back(last * Pose2{{kStep_m * static_cast<double>(i), 0.0}, 0.0});
   }
 }
 
@@ -595,20 +595,20 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
   std::size_t first = count, last = 0;
   for (std::size_t k = 0; k < swept; ++k) {
     for (const Eigen::Vector2d& rim_m : rim_m_) {
-      const Eigen::Vector2d p_world_m = steps_[k].pose * rim_m;
+      const Eigen::Vector2d p_world_m = steps_[k].to_world(rim_m);
       const auto guess = static_cast<std::ptrdiff_t>(first_frame_ + k) + std::lround(rim_m.x() / kStep_m);
       std::size_t nearest = 0;
       double nearest_m2 = kNoLimit;
       for (std::ptrdiff_t i = guess - 2; i <= guess + 2; ++i) {
         const auto j =
             static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(i, 0, static_cast<std::ptrdiff_t>(count) - 1));
-        const double d_m2 = (frames_[j].translation_m - p_world_m).squaredNorm();
+        const double d_m2 = (frames_[j].pose.translation_m - p_world_m).squaredNorm();
         if (d_m2 < nearest_m2) {
           nearest_m2 = d_m2;
           nearest = j;
         }
       }
-      const double across_m = (inverse(frames_[nearest]) * p_world_m).y();
+      const double across_m = frames_[nearest].to_base(p_world_m).y();
       left_m_[nearest] = std::max(left_m_[nearest], across_m);
       right_m_[nearest] = std::max(right_m_[nearest], -across_m);
       first = std::min(first, nearest);
@@ -640,10 +640,10 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
   polygon_world_m.clear();
   const auto is_in = [&](std::size_t j) { return wide_left_m_[j] + wide_right_m_[j] > 0.0; };  // false for -infinity
   for (std::size_t j = 0; j < count; ++j) {
-    if (is_in(j)) polygon_world_m.emplace_back(frames_[j] * Eigen::Vector2d(0.0, -wide_right_m_[j]));
+    if (is_in(j)) polygon_world_m.emplace_back(frames_[j].to_world({0.0, -wide_right_m_[j]}));
   }
   for (std::size_t j = count; j-- > 0;) {
-    if (is_in(j)) polygon_world_m.emplace_back(frames_[j] * Eigen::Vector2d(0.0, wide_left_m_[j]));
+    if (is_in(j)) polygon_world_m.emplace_back(frames_[j].to_world({0.0, wide_left_m_[j]}));
   }
 }
 
@@ -654,8 +654,7 @@ void SafetyAreas::shrink(std::vector<double>& widths_m, double side, const std::
     for (std::size_t j = 0; j < frames_.size(); ++j) {
       if (widths_m[j] == -kNoLimit) continue;
       // Of the edge, the part beside this frame: at most half a step ahead and behind.
-      const Pose2 T_frame_world = inverse(frames_[j]);
-      const Eigen::Vector2d from_m = T_frame_world * edge.from_m, to_m = T_frame_world * edge.to_m;
+      const Eigen::Vector2d from_m = frames_[j].to_base(edge.from_m), to_m = frames_[j].to_base(edge.to_m);
       const double ahead_m = to_m.x() - from_m.x();
       double low = 0.0, high = 1.0;
       if (std::abs(ahead_m) < 1e-9) {

@@ -15,6 +15,7 @@
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/safety.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -799,6 +800,44 @@ TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {
   msg = isometry_to_msg(T);
   msg.translation.x = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(isometry_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertSafety, VerdictsAllowWhatWasDecided) {
+  SafetyDecision decision;
+  decision.stamp_ns = kStamp_ns;
+  decision.verdict = SafetyDecision::Verdict::kSlow;
+  decision.kind = SafetyDecision::Kind::kChain;
+  decision.id = 17;
+  decision.place_world_m = {1.0, -2.0};
+  decision.distance_m = 0.7;
+  decision.allowed_speed_m_s = 0.25;
+  decision.may_turn = true;
+  SafetyVerdict msg = safety_to_msg(decision, 0.3, "map");
+  EXPECT_EQ(msg.verdict, SafetyVerdict::SLOW);
+  EXPECT_EQ(msg.kind, SafetyVerdict::CHAIN);
+  EXPECT_EQ(msg.id, 17U);
+  EXPECT_EQ(msg.place.z, 0.3);
+  EXPECT_EQ(msg.header.frame_id, "map");
+  EXPECT_EQ(to_nanoseconds(msg.header.stamp), kStamp_ns);
+  EXPECT_EQ(allowed_motion_from_msg(msg).speed_m_s, 0.25);
+  EXPECT_TRUE(allowed_motion_from_msg(msg).may_turn);
+  for (const double wrong : {static_cast<double>(kNan), static_cast<double>(kInf), -0.1}) {
+    msg.allowed_speed_m_s = wrong;
+    EXPECT_THROW(allowed_motion_from_msg(msg), std::invalid_argument);
+  }
+  msg.allowed_speed_m_s = 0.25;
+  for (const int wrong : {2, 3}) {  // STOP with a speed, and none that there is
+    msg.verdict = static_cast<std::uint8_t>(wrong);
+    EXPECT_THROW(allowed_motion_from_msg(msg), std::invalid_argument);
+  }
+}
+
+TEST(ConvertPath, IsSampledFromEndToEnd) {
+  const SplinePath path({false, {{{0.0, 0.0}, {}}, {{1.0, 1.0}, {}}}});
+  const nav_msgs::Path msg = path_to_msg(path, kStamp_ns, "map");
+  EXPECT_NEAR(msg.poses.back().pose.position.x, 1.0, 1e-9);
+  EXPECT_NEAR(2.0 * std::atan2(msg.poses[3].pose.orientation.z, msg.poses[3].pose.orientation.w), 0.25 * M_PI, 1e-9);
+  EXPECT_GT(msg.poses.size(), 28U);
 }
 
 TEST(ConvertTime, RefusesTimesOutsideRosTime) {

@@ -196,10 +196,19 @@ class SafetyAreas {
     std::int64_t stamp_ns;
   };
 
-  /// A pose on the way ahead, and its rotation.
+  /// A pose on the way, with its rotation, which is needed for each hit.
   struct Step {
+    Step(const Pose2& T_world_base) : pose(T_world_base), R_world_base(T_world_base.rotation()) {}  // NOLINT
+
+    Eigen::Vector2d to_world(const Eigen::Vector2d& p_base_m) const {
+      return R_world_base * p_base_m + pose.translation_m;
+    }
+    Eigen::Vector2d to_base(const Eigen::Vector2d& p_world_m) const {
+      return R_world_base.transpose() * (p_world_m - pose.translation_m);
+    }
+
     Pose2 pose;
-    Eigen::Matrix2d R_base_world;
+    Eigen::Matrix2d R_world_base;
   };
 
   /// Margins of the present pose.
@@ -259,7 +268,7 @@ class SafetyAreas {
   std::vector<Thing> things_;
   std::vector<Remembered> remembered_;
   // For the polygons: frames along the way, beyond its begin and end too, and the widths of an area at each.
-  std::vector<Pose2> frames_;
+  std::vector<Step> frames_;
   std::size_t first_frame_ = 0;  ///< that of the first step
   std::vector<double> left_m_, right_m_, wide_left_m_, wide_right_m_, floor_left_m_, floor_right_m_;
   SafetyDecision decision_;
