@@ -15,9 +15,12 @@ SimulatedOdometry::SimulatedOdometry(const World& world, const Eigen::Isometry3d
   params.validate();
   distance_scale_ = 1.0 + params.distance_scale_sigma * random_.normal();
   yaw_scale_ = 1.0 + params.yaw_scale_sigma * random_.normal();
+  // Without it the random numbers are those of odometry that does not have it.
+  if (params.yaw_drift_sigma > 0.0) yaw_drift_rad_m_ = params.yaw_drift_sigma * random_.normal();
   covariance_.setZero();
   covariance_(3, 3) = params.distance_scale_sigma * params.distance_scale_sigma;
   covariance_(4, 4) = params.yaw_scale_sigma * params.yaw_scale_sigma;
+  covariance_(5, 5) = params.yaw_drift_sigma * params.yaw_drift_sigma;
 }
 
 Pose2 SimulatedOdometry::true_pose_at(double time_s) const {
@@ -38,7 +41,7 @@ OdometrySample SimulatedOdometry::next() {
     const double yaw_error_rad = params_.yaw_noise_of_distance * std::sqrt(distance_m) * random_.normal() +
                                  params_.yaw_noise_of_yaw * std::sqrt(turn_rad) * random_.normal();
     if (distance_m > 0.0) motion.translation_m *= distance_scale_ + distance_error_m / distance_m;
-    motion.yaw_rad = yaw_scale_ * motion.yaw_rad + yaw_error_rad;
+    motion.yaw_rad = yaw_scale_ * motion.yaw_rad + yaw_drift_rad_m_ * distance_m + yaw_error_rad;
     add_motion(motion, sample);
   }
   sample.T_odom_base = T_odom_base_;
@@ -57,11 +60,12 @@ void SimulatedOdometry::add_motion(const Pose2& motion, OdometrySample& sample) 
   const Eigen::Rotation2Dd R_odom_base(T_odom_base_.yaw_rad);
   const Eigen::Vector2d step_odom_m = R_odom_base * motion.translation_m, along_odom = R_odom_base * along_base;
 
-  // x' = x + s R(yaw) u, yaw' = yaw + r w: the derivatives by yaw and by the scales s and r.
-  Eigen::Matrix<double, 5, 5> F = Eigen::Matrix<double, 5, 5>::Identity();
+  // x' = x + s R(yaw) u, yaw' = yaw + r w + d |u|: the derivatives by yaw, by the scales s and r, and by the drift d.
+  Eigen::Matrix<double, 6, 6> F = Eigen::Matrix<double, 6, 6>::Identity();
   F.block<2, 1>(0, 2) << -step_odom_m.y(), step_odom_m.x();
   F.block<2, 1>(0, 3) = step_odom_m;
   F(2, 4) = motion.yaw_rad;
+  F(2, 5) = distance_m;
   covariance_ = F * covariance_ * F.transpose();
   covariance_.topLeftCorner<2, 2>() += distance_variance * along_odom * along_odom.transpose();
   covariance_(2, 2) += yaw_variance;
@@ -74,7 +78,9 @@ void SimulatedOdometry::add_motion(const Pose2& motion, OdometrySample& sample) 
   sample.twist_covariance.topLeftCorner<2, 2>() =
       (distance_variance + square(params_.distance_scale_sigma * distance_m)) / square(period_s) * along_base *
       along_base.transpose();
-  sample.twist_covariance(2, 2) = (yaw_variance + square(params_.yaw_scale_sigma * turn_rad)) / square(period_s);
+  sample.twist_covariance(2, 2) =
+      (yaw_variance + square(params_.yaw_scale_sigma * turn_rad) + square(params_.yaw_drift_sigma * distance_m)) /
+      square(period_s);
 }
 
 }  // namespace situation_awareness

@@ -239,12 +239,31 @@ TEST(SimulatedOdometry, DriftsAsParameterisedWhileItTurns) {
   expect_variance(yaw, kSeeds, 4e-4 * 2.0 + std::pow(0.03 * 2.0, 2));
 }
 
+TEST(SimulatedOdometry, TurnsByTheDriftOfItsWheels) {
+  const WorldFile file(driven());
+  const World world(file.path());
+  SimulatedOdometryParams params = exact_odometry();
+  params.yaw_drift_sigma = 0.005;
+  constexpr int kSeeds = 600;
+  double yaw = 0.0;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    SimulatedOdometry odometry(world, Eigen::Isometry3d::Identity(), params, static_cast<std::uint64_t>(seed));
+    OdometrySample half, last;
+    while (odometry.next_time_s() < 3.01) half = odometry.next();
+    while (odometry.next_time_s() < 6.01) last = odometry.next();
+    EXPECT_NEAR(last.T_odom_base.yaw_rad, 2.0 * half.T_odom_base.yaw_rad, 1e-9);  // constant
+    yaw += std::pow(last.T_odom_base.yaw_rad, 2);
+  }
+  expect_variance(yaw, kSeeds, std::pow(0.005 * 6.0, 2));
+}
+
 TEST(SimulatedOdometry, StatesTheCovarianceOfItsDrift) {
   const WorldFile file(driven("circle center 0 0 radius 2 rate 0.5 tangent"));
   const World world(file.path());
   SimulatedOdometryParams params;
   params.distance_scale_sigma = 0.02;
   params.yaw_scale_sigma = 0.03;
+  params.yaw_drift_sigma = 0.01;
   SimulatedOdometry exact(world, Eigen::Isometry3d::Identity(), exact_odometry(), 0);
   OdometrySample truth;
   while (exact.next_time_s() < 6.01) truth = exact.next();

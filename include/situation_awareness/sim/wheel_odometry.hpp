@@ -20,6 +20,7 @@ struct SimulatedOdometryParams {
   double yaw_noise_of_yaw = 0.02;
   double distance_scale_sigma = 0.005;
   double yaw_scale_sigma = 0.01;
+  double yaw_drift_sigma = 0.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -34,6 +35,8 @@ struct SimulatedOdometryParams {
           "standard deviation of the constant error of the wheels' radius, relative");
     visit("yaw_scale_sigma", self.yaw_scale_sigma, Bounds{0.0, 0.5}, "",
           "standard deviation of the constant error of the wheels' track, relative");
+    visit("yaw_drift_sigma", self.yaw_drift_sigma, Bounds{0.0, 1.0}, "rad/m",
+          "standard deviation of the constant turn by distance, of wheels that differ");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -52,7 +55,7 @@ struct OdometrySample {
 
 /// Wheel odometry of a mounting place on the robot of a world, which drives in the plane. The motion in the plane
 /// between two samples, in the axes of the first, has errors that grow with the square root of the distance and the
-/// rotation, and constant errors of scale; the motions are chained.
+/// rotation, constant errors of scale, and a constant turn by distance; the motions are chained.
 class SimulatedOdometry {
  public:
   /// `world` must outlive the odometry. Throws std::invalid_argument for params.
@@ -75,8 +78,9 @@ class SimulatedOdometry {
   SimulatedOdometryParams params_;
   Random random_;
   double distance_scale_, yaw_scale_;
+  double yaw_drift_rad_m_ = 0.0;
   Pose2 T_odom_base_;
-  Eigen::Matrix<double, 5, 5> covariance_;  ///< of x, y, yaw, scale of distances, scale of yaw
+  Eigen::Matrix<double, 6, 6> covariance_;  ///< of x, y, yaw, scale of distances, scale of yaw, yaw by distance
   std::uint64_t samples_ = 0;
 };
 
