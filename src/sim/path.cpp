@@ -291,6 +291,19 @@ Presence take_presence(PathText& text) {
   presence.appears_s = text.take_number("appears", presence.appears_s);
   presence.goes_s = text.take_number("goes", presence.goes_s);
   if (!(presence.goes_s > presence.appears_s)) throw std::invalid_argument("goes before it appears");
+  if (!text.has("transits")) return presence;
+  const std::vector<Row> rows = text.take_rows("transits");
+  presence.transits.emplace();
+  for (const double number : rows.front()) {
+    if (!(number >= 1.0 && number < 1e6 && number == std::floor(number))) {
+      throw std::invalid_argument("needs whole numbers from 1 on after 'transits'");
+    }
+    presence.transits->push_back(static_cast<int>(number));
+  }
+  if (rows.size() != 1 || presence.transits->empty()) {
+    throw std::invalid_argument("needs the numbers of transits after 'transits'");
+  }
+  std::sort(presence.transits->begin(), presence.transits->end());
   return presence;
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
 #include <tuple>
@@ -11,6 +13,7 @@
 
 #include "flight.hpp"
 #include "mesh_section.hpp"
+#include "named_values.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -63,7 +66,8 @@ Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBod
     const std::string words = model.text_data + model.text_adr[text];
     const PathFacts facts = facts_of_path(words);
     if (body_name == "robot") {
-      if (!facts.presence.always()) throw std::invalid_argument("has 'appears' or 'goes': the robot is always there");
+      if (!facts.presence.always())
+        throw std::invalid_argument("has 'appears', 'goes' or 'transits': the robot is always there");
     } else if (model.body_mocapid[body] < 0 && (!facts.stands || facts.presence.always())) {
       throw std::runtime_error("body '" + body_name + "' has a path and so needs mocap=\"true\"");
     }
@@ -83,6 +87,13 @@ Presence presence_of(const mjModel& model, const std::string& body_name) {
     const Presence of_carrier = presence_of(model, facts.carrier);
     facts.presence.appears_s = std::max(facts.presence.appears_s, of_carrier.appears_s);
     facts.presence.goes_s = std::min(facts.presence.goes_s, of_carrier.goes_s);
+    if (of_carrier.transits) {
+      std::vector<int> both;
+      for (const int transit : *of_carrier.transits) {
+        if (facts.presence.in(transit)) both.push_back(transit);
+      }
+      facts.presence.transits = std::move(both);
+    }
     return facts.presence;
   } catch (const std::invalid_argument& error) {
     throw std::runtime_error("the path of '" + body_name + "' " + error.what());
@@ -339,6 +350,83 @@ std::vector<Box> fixtures_of(const mjModel& model, const mjData& data) {
   return fixtures;
 }
 
+/// The parameters in the text of a robot that is a vehicle; nothing for others.
+std::optional<UnicycleParams> vehicle_of(const mjModel& model, int robot) {
+  const int text = mj_name2id(&model, mjOBJ_TEXT, "robot");
+  if (text < 0) return std::nullopt;
+  std::istringstream words(model.text_data + model.text_adr[text]);
+  std::string kind;
+  if (!(words >> kind) || kind != "unicycle") return std::nullopt;
+  try {
+    if (model.body_mocapid[robot] < 0) throw std::invalid_argument("needs mocap=\"true\"");
+    NamedValues values(words);
+    UnicycleParams params;
+    UnicycleParams::fields(params, values);
+    values.check_all_used();
+    params.validate();
+    return params;
+  } catch (const std::invalid_argument& error) {
+    throw std::runtime_error("the vehicle 'robot' " + std::string(error.what()));
+  }
+}
+
+std::vector<Eigen::Vector2d> docks_of(const mjModel& model) {
+  const int numeric = mj_name2id(&model, mjOBJ_NUMERIC, "docks");
+  if (numeric < 0) return {};
+  const int size = model.numeric_size[numeric];
+  if (size != 2 && size != 4) throw std::runtime_error("numeric 'docks' needs x y of one place or of two, in m");
+  std::vector<Eigen::Vector2d> docks;
+  for (int i = 0; i < size; i += 2)
+    docks.emplace_back(Eigen::Map<const Eigen::Vector2d>(model.numeric_data + model.numeric_adr[numeric] + i));
+  return docks;
+}
+
+/// The outlines of what a scanner may hit. `objects` are those of the file.
+std::vector<WorldOutline> outlines_of(const mjModel& model, const mjData& data,
+                                      const std::vector<WorldObject>& objects) {
+  constexpr int kCylinderSides = 96;
+  std::vector<WorldOutline> outlines;
+  for (int geom = 0; geom < model.ngeom; ++geom) {
+    const int group = model.geom_group[geom], type = model.geom_type[geom], body = model.geom_bodyid[geom];
+    if (group != kSceneryGroup && group != kObjectGroup) continue;
+    const char* const name = mj_id2name(&model, body > 0 ? mjOBJ_BODY : mjOBJ_GEOM, body > 0 ? body : geom);
+    WorldOutline outline;
+    outline.thing = name == nullptr ? "scenery" : std::string(name);
+    outline.thing.resize(std::min(outline.thing.size(), outline.thing.rfind('/')));
+    outline.can_move = model.body_mocapid[body] >= 0;
+    const Eigen::Isometry3d T = isometry(data.geom_xpos + 3 * geom, data.geom_xmat + 9 * geom);
+    const Eigen::Vector3d half_m = Eigen::Map<const Eigen::Vector3d>(model.geom_size + 3 * geom);
+    if (group == kObjectGroup) {
+      const auto object =
+          std::find_if(objects.begin(), objects.end(), [geom](const WorldObject& o) { return o.geom == geom; });
+      outline.object = static_cast<int>(object - objects.begin());
+      outline.presence = object->presence;
+      const bool is_box = type == mjGEOM_BOX;  // others have any height
+      outline.bottom_m = is_box ? T.translation().z() - half_m.z() : -std::numeric_limits<double>::infinity();
+      outline.top_m = is_box ? T.translation().z() + half_m.z() : std::numeric_limits<double>::infinity();
+    } else {
+      if ((type != mjGEOM_BOX && type != mjGEOM_CYLINDER) || std::abs(T(2, 2)) < 1.0 - 1e-9) continue;
+      const double half_height_m = type == mjGEOM_BOX ? half_m.z() : half_m.y();
+      outline.bottom_m = T.translation().z() - half_height_m;
+      outline.top_m = T.translation().z() + half_height_m;
+      if (type == mjGEOM_BOX) {
+        const Eigen::Vector2d corner_m = half_m.head<2>();
+        const double yaw_rad = std::atan2(T(1, 0), T(0, 0));
+        for (const Eigen::Vector2d& p : {Eigen::Vector2d(-corner_m), Eigen::Vector2d(corner_m.x(), -corner_m.y()),
+                                         corner_m, Eigen::Vector2d(-corner_m.x(), corner_m.y())}) {
+          outline.points_world_m.push_back(T.translation().head<2>() + Eigen::Rotation2Dd(yaw_rad) * p);
+        }
+      } else {
+        outline.points_world_m =
+            points_on(Ellipse{T.translation().head<2>(), 0.0, half_m.x(), half_m.x()}, kCylinderSides);
+      }
+      if (body > 0 && name != nullptr) outline.presence = presence_of(model, name);
+    }
+    outlines.push_back(std::move(outline));
+  }
+  return outlines;
+}
+
 }  // namespace
 
 MujocoThrows::MujocoThrows() : lock_(mujoco_mutex()), error_(mju_user_error), warning_(mju_user_warning) {
@@ -367,13 +455,21 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   things_ = things_of(*model_, *data_, objects_);
   robot_ = robot_body(*model_);
   robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
-  robot_path_ = path_of(*model_, *data_, robot_);
+  if (const std::optional<UnicycleParams> vehicle = vehicle_of(*model_, robot_)) {
+    const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
+    if (T(2, 2) < 1.0 - 1e-9) throw std::runtime_error("the vehicle 'robot' is not upright");
+    vehicle_ = std::make_unique<Unicycle>(*vehicle, Pose2{T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))});
+  } else {
+    robot_path_ = path_of(*model_, *data_, robot_);
+  }
+  docks_ = docks_of(*model_);
   robot_drag_1_s_ = robot_drag(*model_);
   mounts_ = mounts_of(*model_, *data_, robot_);
   origin_ = origin_of(*model_);
   fixtures_ = fixtures_of(*model_, *data_);
   decorations_ = decorations_of(*model_, *data_, robot_);
   visitors_ = visitors_of(*model_);
+  outlines_ = outlines_of(*model_, *data_, objects_);
   check_elements(*model_, robot_);
   if (model_->body_mocapid[robot_] < 0) {
     const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
@@ -388,6 +484,17 @@ WorldModel::~WorldModel() = default;
 
 RobotState WorldModel::robot_at(double time_s) const {
   if (flight_) return flight_->at(time_s);
+  if (vehicle_) {
+    const UnicycleState state = vehicle_->at(time_s);
+    const double yaw_rad = state.T_world_robot.yaw_rad;
+    RobotState robot;
+    robot.T_world_robot.linear() = Eigen::AngleAxisd(yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    robot.T_world_robot.translation() << state.T_world_robot.translation_m,
+        robot_at_rest_.T_world_robot.translation().z();
+    robot.velocity_world_m_s << state.speed_m_s * std::cos(yaw_rad), state.speed_m_s * std::sin(yaw_rad), 0.0;
+    robot.angular_velocity_robot_rad_s.z() = state.yaw_rate_rad_s;
+    return robot;
+  }
   return robot_path_ ? multirotor_state(robot_path_(time_s), robot_drag_1_s_) : robot_at_rest_;
 }
 
@@ -397,15 +504,15 @@ void WorldModel::set_mocap(int mocap, const Eigen::Vector3d& position_world, con
 }
 
 void WorldModel::move_along(int mocap, const Path& path, double time_s) {
-  const PathState state = path(time_s);
+  const PathState state = path(time_of_transit(time_s));
   set_mocap(mocap, state.position_m, Eigen::Quaterniond(Eigen::AngleAxisd(state.yaw_rad, Eigen::Vector3d::UnitZ())));
 }
 
 void WorldModel::show_those_there(double time_s) {
   for (const WorldVisitor& visitor : visitors_) {
-    const bool is_there = visitor.presence.at(time_s);
+    const bool there = is_there(visitor.presence, time_s);
     for (std::size_t i = 0; i < visitor.geoms.size(); ++i) {
-      model_->geom_group[visitor.geoms[i]] = is_there ? visitor.groups[i] : kAbsentGroup;
+      model_->geom_group[visitor.geoms[i]] = there ? visitor.groups[i] : kAbsentGroup;
     }
   }
 }

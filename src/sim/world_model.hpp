@@ -13,6 +13,7 @@
 
 #include "situation_awareness/sim/multirotor.hpp"
 #include "situation_awareness/sim/path.hpp"
+#include "situation_awareness/sim/unicycle.hpp"
 #include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
@@ -83,6 +84,16 @@ struct WorldVisitor {
   std::vector<int> groups;  // of the geoms, while they are present
 };
 
+/// The outline of a geom that may be hit.
+struct WorldOutline {
+  std::string thing;
+  int object = -1;  // index of the object that it is of; -1: scenery, which stands
+  bool can_move = false;
+  double bottom_m = 0.0, top_m = 0.0;
+  std::vector<Eigen::Vector2d> points_world_m;  // of scenery
+  Presence presence;
+};
+
 class Flight;
 
 /// A loaded and checked world file, with the poses of everything at any time.
@@ -101,7 +112,25 @@ class WorldModel {
   const std::optional<WorldOrigin>& origin() const { return origin_; }
   const std::vector<Box>& fixtures() const { return fixtures_; }
 
+  const std::vector<WorldOutline>& outlines() const { return outlines_; }
+  const std::vector<Eigen::Vector2d>& docks() const { return docks_; }
+  Unicycle* vehicle() { return vehicle_.get(); }
+
   RobotState robot_at(double time_s) const;
+
+  /// See World::begin_transit.
+  void begin_transit(int transit, double time_s) {
+    transit_ = transit;
+    transit_begin_s_ = time_s;
+  }
+  int transit() const { return transit_; }
+
+  /// The time of paths and presence.
+  double time_of_transit(double time_s) const { return time_s - transit_begin_s_; }
+
+  bool is_there(const Presence& presence, double time_s) const {
+    return presence.at(time_of_transit(time_s), transit_);
+  }
 
   /// Move the present objects to their poses at that time, and the robot to the given pose.
   void place(double time_s, const Eigen::Isometry3d& T_world_robot);
@@ -124,11 +153,16 @@ class WorldModel {
   std::vector<Box> fixtures_;
   std::vector<WorldDecoration> decorations_;
   std::vector<WorldVisitor> visitors_;
+  std::vector<WorldOutline> outlines_;
+  std::vector<Eigen::Vector2d> docks_;
+  int transit_ = 1;
+  double transit_begin_s_ = 0.0;
   int robot_ = -1;
   RobotState robot_at_rest_;  // the robot's state without a path
   Path robot_path_;
   double robot_drag_1_s_ = 0.0;
-  std::unique_ptr<Flight> flight_;  // of a robot that is flown; one that follows its path exactly has none
+  std::unique_ptr<Unicycle> vehicle_;  // of a robot that is driven
+  std::unique_ptr<Flight> flight_;     // of a robot that is flown; one that follows its path exactly has none
 };
 
 }  // namespace situation_awareness

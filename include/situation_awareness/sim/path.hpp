@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -41,24 +44,27 @@ using PathOfBody = std::function<Path(const std::string& body)>;
 ///     with BODY at X Y steps T [phase P]                a foot of another body, two steps of which take T
 ///
 /// and for all but the loop with yaw the rotation: `spin W` (default 0), or `tangent` for a body that keeps its angle
-/// to the direction of motion; and the time of presence: `appears T`, `goes T` (facts_of_path). `position_m` and
-/// `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the path of BODY, and without it the
-/// body may not move with another. Throws std::invalid_argument with the error in the text.
+/// to the direction of motion; and the time of presence: `appears T`, `goes T`, `transits N N ...` (facts_of_path).
+/// `position_m` and `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the path of BODY,
+/// and without it the body may not move with another. Throws std::invalid_argument with the error in the text.
 Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
                 const PathOfBody& path_of_body = {});
 
-/// Presence of a body: from `appears_s` on, until just before `goes_s`.
+/// Presence of a body: in some transits, from `appears_s` on, until just before `goes_s`, which are times of a transit.
+/// Where nobody drives through a world, all is in transit 1, which begins at time 0.
 struct Presence {
   double appears_s = -std::numeric_limits<double>::infinity();
   double goes_s = std::numeric_limits<double>::infinity();
+  std::optional<std::vector<int>> transits = std::nullopt;  ///< from 1, sorted; nothing: all
 
-  bool at(double time_s) const { return time_s >= appears_s && time_s < goes_s; }
-  bool always() const { return std::isinf(appears_s) && std::isinf(goes_s); }
+  bool in(int transit) const { return !transits || std::binary_search(transits->begin(), transits->end(), transit); }
+  bool at(double time_s, int transit = 1) const { return time_s >= appears_s && time_s < goes_s && in(transit); }
+  bool always() const { return std::isinf(appears_s) && std::isinf(goes_s) && !transits; }
 };
 
 /// Attributes in the text of a path other than its geometry.
 struct PathFacts {
-  Presence presence;    ///< by `appears T` and `goes T`, in s, both optional
+  Presence presence;    ///< by `appears T` and `goes T`, in s, and `transits N ...`, all optional
   std::string carrier;  ///< the body that it moves with; empty where it moves by itself
   bool stands = false;  ///< of the kind `stand`, without rotation
 };

@@ -76,6 +76,9 @@ class RayScanner {
   /// When the next scan begins; the first is at time 0.
   double next_time_s() const { return static_cast<double>(scans_) / params_.rate_hz; }
 
+  /// Leaves the next scan out, as a scanner that is off; the others stay as they are.
+  void skip() { ++scans_; }
+
  protected:
   /// A scan that is being taken.
   struct Sweep {

@@ -16,6 +16,7 @@
 
 namespace situation_awareness {
 
+class Unicycle;
 class WorldModel;
 
 /// An object of a world in truth, at one time: an elliptic cylinder, or something whose outline is a polygon.
@@ -49,6 +50,14 @@ struct TrueThing {
   double angular_velocity_rad_s = 0.0;                           ///< about world z
 };
 
+/// What a 2D scanner at one height may hit, in truth: the outline of a geom of the scenery or of an object.
+struct TrueOutline {
+  std::string thing;  ///< name of the body, or of a geom of the world body; of THING/PART it is THING
+  bool is_there = true;
+  bool can_move = false;                        ///< it has `mocap`
+  std::vector<Eigen::Vector2d> points_world_m;  ///< counter-clockwise, without the first again at the end
+};
+
 /// A place on the robot where the file mounts a sensor.
 struct SensorMount {
   std::string name;
@@ -63,9 +72,10 @@ struct WorldOrigin {
   double altitude_m = 0.0;  ///< above the ellipsoid
 };
 
-/// A world in MuJoCo: named objects that stand or follow scripted paths, and a multirotor that follows its own, tilted
-/// as its acceleration demands. Everything is a function of time. Measurements are in the sensors, counts of hits in
-/// the truth. models/worlds/README.md describes the file.
+/// A world in MuJoCo: named objects that stand or follow scripted paths, and a robot: a multirotor that follows its own
+/// path, tilted as its acceleration demands, or a vehicle on wheels that is driven by commands. Everything but that
+/// vehicle is a function of time. Measurements are in the sensors, counts of hits in the truth. models/worlds/README.md
+/// describes the file.
 class World {
  public:
   /// Throws std::runtime_error naming the file, the element and its error.
@@ -76,8 +86,25 @@ class World {
 
   const std::string& path() const;
 
-  /// State of the robot at any time.
+  /// State of the robot at any time. Throws std::out_of_range for a vehicle where its motion is not known.
   RobotState robot_at(double time_s) const;
+
+  /// The vehicle, where the robot is one; else nothing.
+  Unicycle* vehicle();
+  const Unicycle* vehicle() const;
+
+  /// Where the vehicle's transits begin and end; empty without `docks` in the file.
+  const std::vector<Eigen::Vector2d>& docks() const;
+
+  /// A new transit begins: paths and presence of all bodies but the robot have the time since then. Poses of earlier
+  /// times are then no longer those of the transit before. In the beginning it is transit 1, from time 0 on.
+  void begin_transit(int transit, double time_s);
+
+  int transit() const;
+
+  /// Of all boxes and cylinders of the scenery that are upright and of all objects, where they reach `height_m`; in the
+  /// order of the file. Other shapes have none.
+  std::vector<TrueOutline> outlines_at(double time_s, double height_m) const;
 
   /// All objects at any time, in the order of the file.
   std::vector<TrueObject> objects_at(double time_s) const;
