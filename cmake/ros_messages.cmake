@@ -21,7 +21,9 @@ add_message_files(DIRECTORY msg FILES
   PolygonArray.msg
   SafetyVerdict.msg
   SegmentArray.msg
-  SegmentPoint.msg)
+  SegmentPoint.msg
+  ThingOutline.msg
+  Transit.msg)
 add_service_files(DIRECTORY srv FILES
   GetObjects.srv
   GetPolygons.srv

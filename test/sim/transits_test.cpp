@@ -4,11 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <yaml-cpp/yaml.h>
 
 #include "sim/world_file.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -172,6 +174,98 @@ TEST(Transits, OneDockIsForRounds) {
   wait_for_departure(world, transits);
   EXPECT_EQ(transits.transit(), 2);
   EXPECT_NEAR(wrap_to_pi(world.vehicle()->state().T_world_robot.yaw_rad), 0.0, 0.02);
+}
+
+/// The least distance of a place from an outline.
+double distance_to(const TrueOutline& outline, const Eigen::Vector2d& p_world_m) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < outline.points_world_m.size(); ++i) {
+    const Eigen::Vector2d& a = outline.points_world_m[i];
+    const Eigen::Vector2d edge = outline.points_world_m[(i + 1) % outline.points_world_m.size()] - a;
+    const double along = std::clamp((p_world_m - a).dot(edge) / edge.squaredNorm(), 0.0, 1.0);
+    least_m = std::min(least_m, (p_world_m - a - along * edge).norm());
+  }
+  return least_m;
+}
+
+TEST(Corridor, TheWayIsFreeInAllTransits) {
+  constexpr double kVehicle_m = 0.26, kClearance_m = 0.5;
+  World world(kWorlds + "corridor.xml");
+  const YAML::Node path = YAML::LoadFile(kWorlds + "corridor.path.yaml")["path"];
+  ASSERT_GE(path.size(), 2U);
+  EXPECT_EQ(Eigen::Vector2d(path[0]["x"].as<double>(), path[0]["y"].as<double>()), world.docks().at(0));
+  for (int transit = 1; transit <= 6; ++transit) {
+    world.begin_transit(transit, 0.0);
+    int standing = 0;
+    for (const TrueOutline& outline : world.outlines_at(0.0, 0.3)) {
+      if (!outline.is_there || outline.can_move) continue;
+      ++standing;
+      for (std::size_t i = 0; i + 1 < path.size(); ++i) {
+        for (double part = 0.0; part <= 1.0; part += 0.02) {
+          const auto at = [&](std::size_t k) {
+            return Eigen::Vector2d(path[k]["x"].as<double>(), path[k]["y"].as<double>());
+          };
+          const Eigen::Vector2d p = (1.0 - part) * at(i) + part * at(i + 1);
+          ASSERT_GT(distance_to(outline, p), kVehicle_m + kClearance_m) << outline.thing << ", transit " << transit;
+        }
+      }
+    }
+    EXPECT_GT(standing, 20);
+  }
+}
+
+TEST(Corridor, OnlyReflectorsAreBrightAndTheyAreWhereTheFileSays) {
+  World world(kWorlds + "corridor.xml");
+  const YAML::Node reflectors = YAML::LoadFile(kWorlds + "corridor.reflectors.yaml")["reflectors"];
+  ASSERT_EQ(reflectors.size(), 7U);
+  std::vector<TrueOutline> outlines;
+  for (const TrueOutline& outline : world.outlines_at(0.0, 0.3)) {
+    if (outline.thing.rfind("reflector_", 0) == 0) outlines.push_back(outline);
+  }
+  ASSERT_EQ(outlines.size(), reflectors.size());
+  for (std::size_t i = 0; i < outlines.size(); ++i) {
+    const Eigen::Vector2d center(reflectors[i]["x"].as<double>(), reflectors[i]["y"].as<double>());
+    for (const Eigen::Vector2d& p : outlines[i].points_world_m) {
+      EXPECT_NEAR((p - center).norm(), reflectors[i]["radius_m"].as<double>(), 1e-9);
+    }
+  }
+  // Of the beams that hit reflectors most are bright, of others at most those on the glossy pillar seen at right
+  // angles.
+  const WorldSensors sensors = sensors_of(world);
+  SimulatedScanner scanner(world, world.T_robot_lidar(), sensors.scanners.at(0).params, 1);
+  Transits transits(world, {});
+  int scans = 0, on_reflector = 0, bright_on_reflector = 0, other = 0, bright_other = 0;
+  while (!transits.docked() && world.vehicle()->time_s() < 100.0) {
+    const double left_m = 13.6 - world.vehicle()->state().T_world_robot.translation_m.x();
+    transits.command(std::clamp(left_m, 0.0, 0.5), 0.0);
+    transits.advance(world.vehicle()->time_s() + 0.04);
+    while (scanner.next_time_s() + 0.04 <= world.vehicle()->time_s()) {
+      if (scans++ % 10 != 0) {
+        scanner.skip();
+        continue;
+      }
+      const ScannerSample sample = scanner.next();
+      for (std::size_t i = 0; i < sample.scan.beams.size(); ++i) {
+        const Beam& beam = sample.scan.beams[i];
+        if (beam.state != BeamState::kHit) continue;
+        const double time_s =
+            1e-9 * static_cast<double>(sample.scan.stamp_ns) + static_cast<double>(i) * sample.scan.time_increment_s;
+        const double angle_rad = sample.scan.angle_min_rad + static_cast<double>(i) * sample.scan.angle_increment_rad;
+        const Eigen::Isometry3d T = world.robot_at(time_s).T_world_robot * world.T_robot_lidar();
+        const Eigen::Vector3d p =
+            T * Eigen::Vector3d(beam.range_m * std::cos(angle_rad), beam.range_m * std::sin(angle_rad), 0.0);
+        const bool is_reflector = std::any_of(outlines.begin(), outlines.end(), [&](const TrueOutline& outline) {
+          return distance_to(outline, p.head<2>()) < 0.03;
+        });
+        (is_reflector ? on_reflector : other) += 1;
+        if (beam.intensity > 450.0F) (is_reflector ? bright_on_reflector : bright_other) += 1;
+      }
+    }
+  }
+  EXPECT_TRUE(transits.docked());
+  EXPECT_GT(on_reflector, 500);
+  EXPECT_GT(bright_on_reflector, 0.8 * on_reflector);
+  EXPECT_LT(bright_other, 0.01 * other);
 }
 
 TEST(Transits, WorldsNameTheirErrors) {

@@ -60,4 +60,14 @@ visualization_msgs::MarkerArray TruthMarkers::update(const std::vector<TrueObjec
   return shown_.update(header, std::move(markers));
 }
 
+visualization_msgs::MarkerArray TruthMarkers::update(const std::vector<TrueOutline>& outlines, double height_world_m,
+                                                     const std::string& world_frame, std::int64_t stamp_ns) {
+  const std_msgs::Header header = make_header(world_frame, stamp_ns);
+  std::vector<Marker> markers;
+  for (std::size_t i = 0; i < outlines.size(); ++i) {
+    if (outlines[i].is_there) markers.push_back(outline(header, i + 1, outlines[i].points_world_m, height_world_m));
+  }
+  return shown_.update(header, std::move(markers));
+}
+
 }  // namespace situation_awareness

@@ -22,6 +22,10 @@ class TruthMarkers {
   visualization_msgs::MarkerArray update(const std::vector<TrueObject>& objects, const std::vector<std::string>& names,
                                          double height_world_m, const std::string& world_frame, std::int64_t stamp_ns);
 
+  /// The markers that update the display to those of `outlines` that are there: their outlines, without names.
+  visualization_msgs::MarkerArray update(const std::vector<TrueOutline>& outlines, double height_world_m,
+                                         const std::string& world_frame, std::int64_t stamp_ns);
+
  private:
   ShownMarkers shown_;
 };
