@@ -99,6 +99,7 @@ situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAM
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation)
+situation_awareness_node(transit_evaluator src/ros/nodes/transit_evaluator.cpp ${PROJECT_NAME}_evaluation)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
