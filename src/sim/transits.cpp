@@ -14,7 +14,7 @@ constexpr double kMoves_m_s = 0.01, kMoves_rad_s = 0.01;  ///< faster than this 
 constexpr double kTurned_rad = 0.01;                      ///< near enough to the heading
 constexpr double kTurnGain_1_s = 2.0;                     ///< yaw rate by what is left to turn
 
-Unicycle& vehicle_of(World& world) {
+Unicycle& required_vehicle(World& world) {
   if (world.vehicle() == nullptr) {
     throw std::runtime_error(world.path() + ": 'robot' is no vehicle, whose text begins with unicycle");
   }
@@ -25,7 +25,7 @@ Unicycle& vehicle_of(World& world) {
 }  // namespace
 
 Transits::Transits(World& world, const TransitsParams& params)
-    : world_(world), vehicle_(vehicle_of(world)), params_(params) {
+    : world_(world), vehicle_(required_vehicle(world)), params_(params) {
   params.validate();
   const Pose2& T_world_robot = vehicle_.state().T_world_robot;
   start_m_ = T_world_robot.translation_m;

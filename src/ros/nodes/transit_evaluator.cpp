@@ -72,6 +72,17 @@ Pose2 pose2_of(const geometry_msgs::Pose& pose) {
           std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
 }
 
+/// Of x, y and yaw, out of that of all six.
+Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose) {
+  constexpr Eigen::Index kAxes[] = {0, 1, 5};
+  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> whole(pose.covariance.data());
+  Eigen::Matrix3d covariance;
+  for (Eigen::Index i = 0; i < 3; ++i) {
+    for (Eigen::Index k = 0; k < 3; ++k) covariance(i, k) = whole(kAxes[i], kAxes[k]);
+  }
+  return covariance;
+}
+
 std::vector<TransitThing> things_of(const Transit& transit) {
   std::vector<TransitThing> things;
   for (const ThingOutline& outline : transit.outlines) {
@@ -91,7 +102,7 @@ std::vector<TransitThing> things_of(const Transit& transit) {
 
 class TransitEvaluator {
  public:
-  TransitEvaluator(ros::NodeHandle node, const TransitEvaluatorParams& params)
+  TransitEvaluator(const ros::NodeHandle& node, const TransitEvaluatorParams& params)
       : params_(params), node_(node), tf_listener_(tf_) {
     transit_ = node_.subscribe("transit", 20, &TransitEvaluator::on_transit, this);
     true_pose_ = node_.subscribe("true_pose", 500, &TransitEvaluator::on_true_pose, this);
@@ -220,14 +231,7 @@ class TransitEvaluator {
       if (truth == truths_.end()) {
         if (!truths_.empty() && to_nanoseconds(msg.header.stamp) > truths_.rbegin()->first) break;
       } else {
-        Eigen::Matrix3d covariance;
-        constexpr int kAxes[] = {0, 1, 5};
-        for (int i = 0; i < 3; ++i) {
-          for (int k = 0; k < 3; ++k) {
-            covariance(i, k) = msg.pose.covariance[static_cast<std::size_t>(6 * kAxes[i] + kAxes[k])];
-          }
-        }
-        evaluation_.add_pose(pose2_of(msg.pose.pose), covariance, truth->second);
+        evaluation_.add_pose(pose2_of(msg.pose.pose), planar_covariance(msg.pose), truth->second);
       }
       poses_.pop_front();
     }

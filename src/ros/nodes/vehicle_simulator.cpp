@@ -68,7 +68,7 @@ struct VehicleSimulatorParams {
 
 class VehicleSimulator {
  public:
-  VehicleSimulator(ros::NodeHandle node, const VehicleSimulatorParams& params)
+  VehicleSimulator(const ros::NodeHandle& node, const VehicleSimulatorParams& params)
       : params_(params),
         node_(node),
         world_(world_file(params.world)),
