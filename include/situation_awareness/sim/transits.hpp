@@ -10,7 +10,7 @@ namespace situation_awareness {
 struct TransitsParams {
   int transits = 6;
   double dock_radius_m = 0.3;
-  double at_rest_s = 1.0;
+  double at_rest_s = 0.5;
   double docked_s = 6.0;
   double turn_rate_rad_s = 1.0;
 
