@@ -103,7 +103,7 @@ Airframe airframe_of(const mjModel& model, int body) {
 
 }  // namespace
 
-Flight::Flight(const mjModel& model, int robot_body, Path path, double drag_1_s)
+Flight::Flight(const mjModel& model, int robot_body, ScriptedPath path, double drag_1_s)
     : model_(model),
       data_(mj_makeData(&model)),
       body_(robot_body),

@@ -21,7 +21,7 @@ namespace situation_awareness {
 class Flight {
  public:
   /// `model` must outlive the flight. Throws std::runtime_error naming the error in robot or motors.
-  Flight(const mjModel& model, int robot_body, Path path, double drag_1_s);
+  Flight(const mjModel& model, int robot_body, ScriptedPath path, double drag_1_s);
 
   /// Throws std::runtime_error where the robot has left its path. Before time 0 it is on it.
   RobotState at(double time_s) const;
@@ -48,7 +48,7 @@ class Flight {
   const mjModel& model_;
   DataPtr data_;  // MuJoCo's working memory, without state between calls
   int body_;
-  Path path_;
+  ScriptedPath path_;
   double drag_1_s_;
   double step_s_;
   Airframe airframe_;

@@ -93,7 +93,7 @@ class PathText {
 
 Eigen::Vector3d in_plane(double x, double y, double z = 0.0) { return {x, y, z}; }
 
-Path stand(const Eigen::Vector3d& position_m) {
+ScriptedPath stand(const Eigen::Vector3d& position_m) {
   return [=](double /*time_s*/) {
     PathState state;
     state.position_m = position_m;
@@ -101,7 +101,7 @@ Path stand(const Eigen::Vector3d& position_m) {
   };
 }
 
-Path circle(PathText& text, double height_m) {
+ScriptedPath circle(PathText& text, double height_m) {
   const Row center = text.take("center", 2);
   const double r = text.take_positive("radius");
   const double w = text.take_number("rate");
@@ -118,7 +118,7 @@ Path circle(PathText& text, double height_m) {
   };
 }
 
-Path line(PathText& text, double height_m) {
+ScriptedPath line(PathText& text, double height_m) {
   const Row from = text.take("from", 2);
   const Row to = text.take("to", 2);
   const double w = 2.0 * kPi / text.take_positive("period");
@@ -137,7 +137,7 @@ Path line(PathText& text, double height_m) {
   };
 }
 
-Path straight(PathText& text, double height_m) {
+ScriptedPath straight(PathText& text, double height_m) {
   const Row from = text.take("from", 2);
   const Row velocity = text.take("velocity", 2);
   const Eigen::Vector3d start = in_plane(from[0], from[1], height_m);
@@ -152,7 +152,7 @@ Path straight(PathText& text, double height_m) {
 
 /// p = b + R q, where R turns by the carrying body's yaw and q(t) is the position in its axes; v = b' + R (yaw' J q +
 /// q').
-Path with_body(PathText& text, double height_m, const Path& body) {
+ScriptedPath with_body(PathText& text, double height_m, const ScriptedPath& body) {
   const Row at = text.take("at", 2);
   const bool swings = text.has("swing");
   const double amplitude_m = text.take_number("swing", 0.0);
@@ -177,7 +177,7 @@ Path with_body(PathText& text, double height_m, const Path& body) {
 
 /// A foot: it stands for half of the period where its place in the body's axes is in the middle of this time, then goes
 /// to the next such place with the least jerk.
-Path foot_of_body(PathText& text, double height_m, const Path& body) {
+ScriptedPath foot_of_body(PathText& text, double height_m, const ScriptedPath& body) {
   const Row at = text.take("at", 2);
   const double period_s = text.take_positive("steps");
   const double phase_cycles = text.take_number("phase", 0.0) / (2.0 * kPi);
@@ -235,7 +235,7 @@ double length_of(const PeriodicSpline& curve) {
   return sum / kSamplesPerLeg;
 }
 
-Path loop(PathText& text, double height_m) {
+ScriptedPath loop(PathText& text, double height_m) {
   const double speed = text.take_positive("speed");
   Eigen::Matrix4Xd points = waypoints(text.take_rows("points"), height_m);
 
@@ -265,7 +265,7 @@ Path loop(PathText& text, double height_m) {
 }
 
 /// The same path with an additional rotation about the vertical at a constant rate.
-Path spinning(const Path& path, double yaw_rad, double rate_rad_s) {
+ScriptedPath spinning(const ScriptedPath& path, double yaw_rad, double rate_rad_s) {
   return [=](double time_s) {
     PathState state = path(time_s);
     state.yaw_rad += yaw_rad + rate_rad_s * time_s;
@@ -275,7 +275,7 @@ Path spinning(const Path& path, double yaw_rad, double rate_rad_s) {
 }
 
 /// The same path, at a constant angle to the direction of motion.
-Path tangent(const Path& path, double yaw_rad) {
+ScriptedPath tangent(const ScriptedPath& path, double yaw_rad) {
   return [=](double time_s) {
     PathState state = path(time_s);
     const Eigen::Vector3d& v = state.velocity_m_s;
@@ -309,11 +309,11 @@ Presence take_presence(PathText& text) {
 
 }  // namespace
 
-Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
-                const PathOfBody& path_of_body) {
+ScriptedPath parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
+                        const PathOfBody& path_of_body) {
   PathText words(text);
   const std::string kind = words.kind();
-  Path path;
+  ScriptedPath path;
   bool moves_on = false;  // never at rest, so that the direction of motion is defined
   bool has_yaw = false;
   if (kind == "stand") {
@@ -332,7 +332,7 @@ Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, doub
     moves_on = true;
     path = loop(words, position_m.z());
   } else if (kind == "with") {
-    const Path body = path_of_body ? path_of_body(words.body()) : Path();
+    const ScriptedPath body = path_of_body ? path_of_body(words.body()) : ScriptedPath();
     if (!body) {
       throw std::invalid_argument("moves with '" + words.body() +
                                   "', which only an object may, and only with a body that has a path of its own");

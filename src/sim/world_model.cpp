@@ -56,7 +56,7 @@ Eigen::Isometry3d isometry(const mjtNum* position, const mjtNum* rotation) {
 }
 
 /// The path in the <text> with the body's name; empty without one.
-Path path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
+ScriptedPath path_of(const mjModel& model, const mjData& data, int body, const PathOfBody& path_of_body = {}) {
   const std::string body_name = mj_id2name(&model, mjOBJ_BODY, body);
   const int text = mj_name2id(&model, mjOBJ_TEXT, body_name.c_str());
   if (text < 0) return {};
@@ -102,15 +102,15 @@ Presence presence_of(const mjModel& model, const std::string& body_name) {
 
 /// Finds the paths that others may move `with`.
 PathOfBody any_path(const mjModel& model, const mjData& data) {
-  return [&](const std::string& other) -> Path {
+  return [&](const std::string& other) -> ScriptedPath {
     const int carrier = mj_name2id(&model, mjOBJ_BODY, other.c_str());
-    return carrier < 0 ? Path() : path_of(model, data, carrier);
+    return carrier < 0 ? ScriptedPath() : path_of(model, data, carrier);
   };
 }
 
 /// The path of a body, which without one stands where it is in the file.
-Path path_or_place(const mjModel& model, const mjData& data, int body) {
-  if (Path path = path_of(model, data, body, any_path(model, data))) return path;
+ScriptedPath path_or_place(const mjModel& model, const mjData& data, int body) {
+  if (ScriptedPath path = path_of(model, data, body, any_path(model, data))) return path;
   const Eigen::Isometry3d T = body_pose(data, body);
   return parse_path("stand", T.translation(), std::atan2(T(1, 0), T(0, 0)));
 }
@@ -280,7 +280,7 @@ std::vector<WorldDecoration> decorations_of(const mjModel& model, const mjData& 
       throw std::runtime_error("body '" + std::string(name) + "' moves and has a geom in group 0, where nothing does");
     }
     if (is_object) continue;
-    const Path path = path_of(model, data, body, any_path(model, data));
+    const ScriptedPath path = path_of(model, data, body, any_path(model, data));
     if (model.body_mocapid[body] >= 0) decorations.push_back({model.body_mocapid[body], path});
   }
   return decorations;
@@ -473,7 +473,7 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   check_elements(*model_, robot_);
   if (model_->body_mocapid[robot_] < 0) {
     const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
-    Path path = robot_path_ ? robot_path_ : parse_path("stand", T.translation(), std::atan2(T(1, 0), T(0, 0)));
+    ScriptedPath path = robot_path_ ? robot_path_ : parse_path("stand", T.translation(), std::atan2(T(1, 0), T(0, 0)));
     flight_ = std::make_unique<Flight>(*model_, robot_, std::move(path), robot_drag_1_s_);
   }
 } catch (const std::runtime_error& error) {
@@ -503,7 +503,7 @@ void WorldModel::set_mocap(int mocap, const Eigen::Vector3d& position_world, con
   Eigen::Map<Eigen::Vector4d>(data_->mocap_quat + 4 * mocap) << q_world.w(), q_world.vec();
 }
 
-void WorldModel::move_along(int mocap, const Path& path, double time_s) {
+void WorldModel::move_along(int mocap, const ScriptedPath& path, double time_s) {
   const PathState state = path(time_of_transit(time_s));
   set_mocap(mocap, state.position_m, Eigen::Quaterniond(Eigen::AngleAxisd(state.yaw_rad, Eigen::Vector3d::UnitZ())));
 }

@@ -60,7 +60,7 @@ struct WorldObject {
   double rx_m = 0.0;  // of a cylinder
   double ry_m = 0.0;
   std::vector<Eigen::Vector2d> footprint_m;  // of a box or a mesh, in the body's frame, counter-clockwise
-  Path path;
+  ScriptedPath path;
   Presence presence;
 };
 
@@ -68,13 +68,13 @@ struct WorldObject {
 struct WorldThing {
   std::string name;
   std::vector<std::size_t> parts;  // indices of objects
-  Path path;                       // of the body of its name, else of its first part
+  ScriptedPath path;               // of the body of its name, else of its first part
 };
 
 /// A moving body that is visible only to cameras.
 struct WorldDecoration {
   int mocap = -1;
-  Path path;
+  ScriptedPath path;
 };
 
 /// A body that is not always present.
@@ -140,7 +140,7 @@ class WorldModel {
 
  private:
   void set_mocap(int mocap, const Eigen::Vector3d& position_world, const Eigen::Quaterniond& q_world);
-  void move_along(int mocap, const Path& path, double time_s);
+  void move_along(int mocap, const ScriptedPath& path, double time_s);
   void show_those_there(double time_s);
 
   ModelPtr model_;
@@ -159,7 +159,7 @@ class WorldModel {
   double transit_begin_s_ = 0.0;
   int robot_ = -1;
   RobotState robot_at_rest_;  // the robot's state without a path
-  Path robot_path_;
+  ScriptedPath robot_path_;
   double robot_drag_1_s_ = 0.0;
   std::unique_ptr<Unicycle> vehicle_;  // of a robot that is driven
   std::unique_ptr<Flight> flight_;     // of a robot that is flown; one that follows its path exactly has none

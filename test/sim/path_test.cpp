@@ -34,7 +34,7 @@ TEST(Path, DerivativesAgreeForEveryKind) {
   };
   constexpr double h = 1e-4;
   for (const std::string& text : paths) {
-    const Path path = parse_path(text, {0.5, -0.5, 0.9}, 0.4);
+    const ScriptedPath path = parse_path(text, {0.5, -0.5, 0.9}, 0.4);
     for (double t = -3.0; t < 20.0; t += 0.317) {
       const PathState now = path(t), before = path(t - h), after = path(t + h);
       EXPECT_LT(((after.position_m - before.position_m) / (2 * h) - now.velocity_m_s).norm(), 1e-6) << text;
@@ -53,7 +53,7 @@ TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
     const PathOfBody path_of_body = [&](const std::string&) { return parse_path(carrier, {0.5, -0.5, 0.9}, 0.4); };
     for (const std::string text : {"with it at 0.3 -0.2", "with it at 0.3 -0.2 swing 0.4 period 1.3 phase 2 spin 0.6",
                                    "with it at 0 0.1 steps 1.1 phase 2"}) {
-      const Path path = parse_path(text, {0.0, 0.0, 0.9}, 0.4, path_of_body);
+      const ScriptedPath path = parse_path(text, {0.0, 0.0, 0.9}, 0.4, path_of_body);
       for (double t = -3.0; t < 20.0; t += 0.317) {
         const PathState now = path(t), before = path(t - h), after = path(t + h);
         EXPECT_LT(((after.position_m - before.position_m) / (2 * h) - now.velocity_m_s).norm(), 1e-6) << text;
@@ -64,9 +64,10 @@ TEST(Path, VelocitiesWithAnotherBodyAreDerivativesOfThePose) {
 }
 
 TEST(Path, HasAFixedPositionInTheAxesOfItsCarrier) {
-  const Path carrier = parse_path("circle center 1 2 radius 0.5 rate 2 tangent", {5, 6, 7}, 0.2);
-  const PathOfBody path_of_body = [&](const std::string& body) { return body == "it" ? carrier : Path(); };
-  const Path path = parse_path("with it at 0.3 -0.2 swing 0.1 period 4 phase 0.5", {8, 9, 3}, 0.7, path_of_body);
+  const ScriptedPath carrier = parse_path("circle center 1 2 radius 0.5 rate 2 tangent", {5, 6, 7}, 0.2);
+  const PathOfBody path_of_body = [&](const std::string& body) { return body == "it" ? carrier : ScriptedPath(); };
+  const ScriptedPath path =
+      parse_path("with it at 0.3 -0.2 swing 0.1 period 4 phase 0.5", {8, 9, 3}, 0.7, path_of_body);
   for (const double t : {0.0, 0.6, 1.9}) {
     const PathState it = carrier(t), state = path(t);
     const double ahead = 0.3 + 0.1 * std::sin(0.5 * kPi * t + 0.5);
@@ -79,10 +80,12 @@ TEST(Path, HasAFixedPositionInTheAxesOfItsCarrier) {
 
 TEST(Path, OneFootStandsWhileTheOtherPassesIt) {
   constexpr double kPeriod_s = 1.2, kSpeed_m_s = 0.9;
-  const Path carrier = parse_path("straight from 1 2 velocity 0.72 0.54 tangent", {0, 0, 1}, 0.0);  // at 0.9 m/s
+  const ScriptedPath carrier =
+      parse_path("straight from 1 2 velocity 0.72 0.54 tangent", {0, 0, 1}, 0.0);  // at 0.9 m/s
   const PathOfBody path_of_body = [&](const std::string&) { return carrier; };
   const auto foot = [&](const std::string& text) { return parse_path(text, {0, 0, 0.3}, 0.0, path_of_body); };
-  const Path left = foot("with it at 0 0.1 steps 1.2"), right = foot("with it at 0 -0.1 steps 1.2 phase 3.14159265359");
+  const ScriptedPath left = foot("with it at 0 0.1 steps 1.2"),
+                     right = foot("with it at 0 -0.1 steps 1.2 phase 3.14159265359");
   const Eigen::Vector2d ahead(0.8, 0.6), to_left(-0.6, 0.8);
   double farthest_m = 0.0, fastest_m_s = 0.0;
   for (double t = -2.0; t < 6.0; t += 0.01) {
@@ -106,8 +109,8 @@ TEST(Path, OneFootStandsWhileTheOtherPassesIt) {
   const PathState first = left(0.0);  // the middle of a stand at phase 0
   EXPECT_LT((first.position_m.head<2>() - (carrier(0.0).position_m.head<2>() + 0.1 * to_left)).norm(), 1e-12);
 
-  const Path standing = parse_path("stand", {3, 4, 1}, 0.5);
-  const Path still =
+  const ScriptedPath standing = parse_path("stand", {3, 4, 1}, 0.5);
+  const ScriptedPath still =
       parse_path("with it at 0 0.1 steps 1.2", {0, 0, 0.3}, 0.0, [&](const std::string&) { return standing; });
   for (const double t : {0.0, 0.3, 0.5, 7.7}) {
     EXPECT_LT((still(t).position_m - Eigen::Vector3d(3 - 0.1 * std::sin(0.5), 4 + 0.1 * std::cos(0.5), 0.3)).norm(),
@@ -127,7 +130,7 @@ TEST(Path, IsThatOfTheManual) {
   EXPECT_NEAR(wrap_to_pi(circle.yaw_rad - (0.7 + 0.5 * kPi + 0.2)), 0.0, 1e-12);
   EXPECT_NEAR(circle.yaw_rate_rad_s, 2.0, 1e-12);
 
-  const Path line = parse_path("line from 0 1 to 4 1 period 8", place, 0.2);
+  const ScriptedPath line = parse_path("line from 0 1 to 4 1 period 8", place, 0.2);
   EXPECT_LT((line(0.0).position_m - Eigen::Vector3d(0, 1, 7)).norm(), 1e-12);
   EXPECT_LT((line(4.0).position_m - Eigen::Vector3d(4, 1, 7)).norm(), 1e-12);
   EXPECT_LT(line(4.0).velocity_m_s.norm(), 1e-12);
@@ -171,7 +174,7 @@ TEST(Path, NamesTheErrorInItsText) {
   EXPECT_TRUE(names(path_error("straight from 0 0 velocity 0 0 tangent"), {"tangent"}));
   EXPECT_TRUE(names(path_error("with"), {"body"}));
   const PathOfBody path_of_body = [](const std::string& body) {
-    return body == "it" ? parse_path("stand", Eigen::Vector3d::Zero(), 0.0) : Path();
+    return body == "it" ? parse_path("stand", Eigen::Vector3d::Zero(), 0.0) : ScriptedPath();
   };
   EXPECT_TRUE(names(path_error("with it at 0 1"), {"it"}));
   EXPECT_TRUE(names(path_error("with other at 0 1", path_of_body), {"other"}));

@@ -26,10 +26,10 @@ struct PathState {
 
 /// A scripted path: a function of time in seconds, at least three times continuously differentiable; that of a foot
 /// twice.
-using Path = std::function<PathState(double time_s)>;
+using ScriptedPath = std::function<PathState(double time_s)>;
 
 /// The path of the body of that name; empty where it has none, or none that another may move with.
-using PathOfBody = std::function<Path(const std::string& body)>;
+using PathOfBody = std::function<ScriptedPath(const std::string& body)>;
 
 /// The path that a world file describes in one line of text; models/worlds/README.md is its manual:
 ///
@@ -47,8 +47,8 @@ using PathOfBody = std::function<Path(const std::string& body)>;
 /// to the direction of motion; and the time of presence: `appears T`, `goes T`, `transits N N ...` (facts_of_path).
 /// `position_m` and `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the path of BODY,
 /// and without it the body may not move with another. Throws std::invalid_argument with the error in the text.
-Path parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
-                const PathOfBody& path_of_body = {});
+ScriptedPath parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
+                        const PathOfBody& path_of_body = {});
 
 /// Presence of a body: in some transits, from `appears_s` on, until just before `goes_s`, which are times of a transit.
 /// Where nobody drives through a world, all is in transit 1, which begins at time 0.
