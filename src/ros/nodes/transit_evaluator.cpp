@@ -46,7 +46,7 @@ struct TransitEvaluatorParams {
   double min_coverage = 0.98;
   double min_found = 0.97;
   double max_position_rms_m = 0.0035;
-  double max_yaw_rms_rad = 0.001;
+  double max_yaw_rms_rad = 0.0015;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
