@@ -36,6 +36,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/param_reader.cpp
   src/ros/params/path_nodelet_params.cpp
   src/ros/params/polygon_nodelet_params.cpp
+  src/ros/params/shared_file.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp

@@ -3,9 +3,12 @@
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/params/path_nodelet_params.hpp"
+#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "support/aggregate_size.hpp"
 #include "support/refusal.hpp"
 
@@ -123,6 +126,35 @@ TEST(ObjectNodeletParams, TellOfUnknownKeysOfBothKinds) {
                                       "world_frame"}));
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.nodelet.tf_timeout_s, NodeletParams{}.tf_timeout_s);
+}
+
+TEST(NodeletParams, OfEachKindDoNotWarnOfThoseOfTheOthers) {
+  XmlRpcValue tree;
+  tree["model_folder"] = "/models";
+  tree["objects"]["max_unseen_s"] = 30.0;  // of the map of objects
+  tree["polygons"]["removal_s"] = 1.2;     // of that of polygons
+  tree["pose_timeout_s"] = 0.1;            // of the nodelet that keeps it
+  tree["localization"]["gate_probability"] = 0.99;
+  tree["reflector_file"] = "/reflectors.yaml";  // of localisation
+  tree["path"]["pause_s"] = 1.0;
+  tree["path_file"] = "/path.yaml";   // of the nodelets that drive
+  tree["polygons"]["removal"] = 1.2;  // of nobody
+  const ParamReader reader(tree, "one file");
+  const auto expect_one = [](const std::vector<UnknownKey>& unknown) {
+    ASSERT_EQ(unknown.size(), 1U);
+    EXPECT_EQ(unknown[0].path, "polygons.removal");
+  };
+  expect_one(read_polygon_nodelet_params(reader).unknown);
+  expect_one(read_localization_nodelet_params(reader).unknown);
+  expect_one(read_path_nodelet_params(reader).unknown);
+}
+
+TEST(NodeletParams, OfEachKindDeclareAllTheirMembers) {
+  const std::size_t others = 3;  // as above
+  const std::size_t shared = declared_size<NodeletParams>() + declared_size<PolygonPipelineParams>();
+  EXPECT_EQ(declared_size<PolygonNodeletParams>(), aggregate_size<PolygonNodeletParams>() - others + shared);
+  EXPECT_EQ(declared_size<LocalizationNodeletParams>(), aggregate_size<LocalizationNodeletParams>() - others + shared);
+  EXPECT_EQ(declared_size<PathNodeletParams>(), aggregate_size<PathNodeletParams>() - others + shared);
 }
 
 /// A nodelet of another kind of map, without objects.

@@ -4,11 +4,13 @@
 #include <stdexcept>
 
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/params/shared_file.hpp"
 
 namespace situation_awareness {
 
 LocalizationNodeletParams read_localization_nodelet_params(const ParamReader& reader) {
   auto params = read_nodelet_params<LocalizationNodeletParams>(reader);
+  forget_keys_of_other_stages(reader, params.unknown);
   if (params.reflector_file.empty()) {
     throw std::invalid_argument(reader.source() + ": reflector_file is empty, it must be a file of reflectors");
   }

@@ -4,15 +4,13 @@
 #include <stdexcept>
 
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/params/object_nodelet_params.hpp"
-#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/shared_file.hpp"
 
 namespace situation_awareness {
 
 PathNodeletParams read_path_nodelet_params(const ParamReader& reader) {
   auto params = read_nodelet_params<PathNodeletParams>(reader);
-  forget_known_to<ObjectNodeletParams>(reader, params.unknown);
-  forget_known_to<PolygonNodeletParams>(reader, params.unknown);
+  forget_keys_of_other_stages(reader, params.unknown);
   params.base_frame = tf2_frame(params.base_frame);
   if (params.base_frame.empty()) throw std::invalid_argument(reader.source() + ": base_frame is empty");
   if (params.path_file.empty()) throw std::invalid_argument(reader.source() + ": path_file is empty");

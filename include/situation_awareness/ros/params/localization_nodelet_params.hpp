@@ -43,7 +43,7 @@ struct LocalizationNodeletParams {
   }
 };
 
-/// As read_nodelet_params.
+/// As read_nodelet_params; keys of other stages, which read the same file, are not unknown.
 LocalizationNodeletParams read_localization_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <algorithm>
-#include <exception>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,7 +28,7 @@ struct NodeletParams {
     visit("queue_size", self.queue_size, Bounds{1, 1000}, "scans",
           "maximum number of scans that wait for their transforms; in a full queue a new scan replaces the newest one");
     visit("downlink_rate_hz", self.downlink_rate_hz, Bounds{0.1, 1000.0}, "Hz",
-          "maximum rate of downlink/objects, in wall time");
+          "maximum rate of downlink/objects or downlink/polygons, in wall time");
   }
 };
 
@@ -49,23 +47,6 @@ Params read_nodelet_params(const ParamReader& reader) {
   params.unknown = std::move(unknown);
   params.nodelet.world_frame = checked_world_frame(params.nodelet.world_frame, reader.source());
   return params;
-}
-
-/// Removes keys that the stages with `Other` parameters have: one file serves several kinds of stages, and each reads
-/// its own.
-template <class Other>
-void forget_known_to(const ParamReader& reader, std::vector<UnknownKey>& unknown) {
-  if (unknown.empty()) return;
-  std::vector<std::string> unknown_to_other;
-  try {
-    reader.read<Other>([&unknown_to_other](const UnknownKey& key) { unknown_to_other.push_back(key.path); });
-  } catch (const std::exception&) {
-    return;  // the other stage refuses to start, and says why
-  }
-  const auto knows = [&unknown_to_other](const UnknownKey& key) {
-    return std::find(unknown_to_other.begin(), unknown_to_other.end(), key.path) == unknown_to_other.end();
-  };
-  unknown.erase(std::remove_if(unknown.begin(), unknown.end(), knows), unknown.end());
 }
 
 }  // namespace situation_awareness

@@ -25,8 +25,8 @@ struct ObjectNodeletParams {
   }
 };
 
-/// As read_nodelet_params; keys of the stages of polygons are not unknown, and a relative model is looked for in
-/// ~model_folder.
+/// As read_nodelet_params; keys of other stages, which read the same file, are not unknown, and a relative model is
+/// looked for in ~model_folder.
 ObjectNodeletParams read_object_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

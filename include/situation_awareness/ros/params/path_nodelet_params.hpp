@@ -45,7 +45,7 @@ struct PathNodeletParams {
   }
 };
 
-/// As read_nodelet_params. Keys of other stages, which read the same file, are not unknown.
+/// As read_nodelet_params; keys of other stages, which read the same file, are not unknown.
 PathNodeletParams read_path_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

@@ -34,7 +34,7 @@ struct PolygonNodeletParams {
   }
 };
 
-/// As read_nodelet_params. Keys of the stages before it, which read the same file, are not unknown.
+/// As read_nodelet_params; keys of other stages, which read the same file, are not unknown.
 PolygonNodeletParams read_polygon_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/params/shared_file.hpp"
+
+#include <algorithm>
+#include <exception>
+#include <string>
+
+#include "situation_awareness/ros/params/localization_nodelet_params.hpp"
+#include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/params/path_nodelet_params.hpp"
+#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+
+namespace situation_awareness {
+namespace {
+
+template <class Other>
+void forget_known_to(const ParamReader& reader, std::vector<UnknownKey>& unknown) {
+  if (unknown.empty()) return;
+  std::vector<std::string> unknown_to_other;
+  try {
+    reader.read<Other>([&unknown_to_other](const UnknownKey& key) { unknown_to_other.push_back(key.path); });
+  } catch (const std::exception&) {
+    return;  // the other stage refuses to start, and says why
+  }
+  const auto knows = [&unknown_to_other](const UnknownKey& key) {
+    return std::find(unknown_to_other.begin(), unknown_to_other.end(), key.path) == unknown_to_other.end();
+  };
+  unknown.erase(std::remove_if(unknown.begin(), unknown.end(), knows), unknown.end());
+}
+
+}  // namespace
+
+void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownKey>& unknown) {
+  forget_known_to<ObjectNodeletParams>(reader, unknown);
+  forget_known_to<PolygonNodeletParams>(reader, unknown);
+  forget_known_to<LocalizationNodeletParams>(reader, unknown);
+  forget_known_to<PathNodeletParams>(reader, unknown);
+}
+
+}  // namespace situation_awareness
