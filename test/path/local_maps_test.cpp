@@ -83,10 +83,13 @@ TEST(LocalMaps, RefusalsNameSourcePlaceAndBound) {
   EXPECT_TRUE(names(refused([](auto& m) { m[2].segment = 3; }), {"way.yaml", "local_maps[2].segment", "3"}));
   EXPECT_TRUE(names(refused([](auto& m) { m[1].segment = 0; }), {"local_maps[1].segment"}));
   EXPECT_TRUE(names(refused([](auto& m) { m[0].chains[1].id = 3; }), {"local_maps[0].chains[1].id"}));
-  EXPECT_TRUE(names(refused([](auto& m) { m[0].chains[1].p_exists = 2.0; }), {"local_maps[0].chains[1].p_exists", "[0, 1]"}));
-  EXPECT_TRUE(names(refused([](auto& m) { m[0].chains[0].vertices.resize(1); }), {"local_maps[0].chains[0].vertices", "2"}));
+  EXPECT_TRUE(
+      names(refused([](auto& m) { m[0].chains[1].p_exists = 2.0; }), {"local_maps[0].chains[1].p_exists", "[0, 1]"}));
+  EXPECT_TRUE(
+      names(refused([](auto& m) { m[0].chains[0].vertices.resize(1); }), {"local_maps[0].chains[0].vertices", "2"}));
   EXPECT_TRUE(names(refused([](auto& m) { m[0].chains[0].vertices[0].sigma_m = 0.0; }), {"sigma_m", "(0, 100] m"}));
-  EXPECT_TRUE(names(refused([](auto& m) { m[0].chains[0].first_seen_ns = -1; }), {"local_maps[0].chains[0].first_seen_ns"}));
+  EXPECT_TRUE(
+      names(refused([](auto& m) { m[0].chains[0].first_seen_ns = -1; }), {"local_maps[0].chains[0].first_seen_ns"}));
   const auto text_refused = [](const std::string& yaml) {
     return refusal_of([&] { read_local_maps(yaml, 3, "way.yaml"); });
   };
