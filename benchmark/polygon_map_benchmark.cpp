@@ -144,13 +144,7 @@ void from_scan_to_map(benchmark::State& state) {
   state.counters["chains"] = static_cast<double>(map.size());
   state.counters["elements"] = static_cast<double>(map.elements());
 }
-BENCHMARK(from_scan_to_map)
-    ->Arg(40)
-    ->Arg(125)
-    ->Arg(250)
-    ->Arg(500)
-    ->Iterations(500)
-    ->Unit(benchmark::kMicrosecond);
+BENCHMARK(from_scan_to_map)->Arg(40)->Arg(125)->Arg(250)->Arg(500)->Iterations(500)->Unit(benchmark::kMicrosecond);
 
 void save_and_load(benchmark::State& state) {
   PolygonMap map(PolygonMapParams{});

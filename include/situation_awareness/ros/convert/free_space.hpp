@@ -18,8 +18,8 @@ void free_space_to_msg(const FreeSpace& free_space, Message& msg) {
   msg.free_full_circle = static_cast<std::uint8_t>(free_space.full_circle);
 }
 
-/// Throws std::invalid_argument if there is not one range for each azimuth, azimuths are not finite, decrease or are many
-/// turns away, or a range is NaN or negative.
+/// Throws std::invalid_argument if there is not one range for each azimuth, azimuths are not finite, decrease or are
+/// many turns away, or a range is NaN or negative.
 template <class Message>
 FreeSpace free_space_from_msg(const Message& msg) {
   if (msg.free_azimuth.size() != msg.free_range.size()) {
@@ -27,7 +27,8 @@ FreeSpace free_space_from_msg(const Message& msg) {
   }
   constexpr float kMaxAzimuth_rad = 100.0F;  // it is wrapped by turns
   for (std::size_t i = 0; i < msg.free_azimuth.size(); ++i) {
-    if (!(std::abs(msg.free_azimuth[i]) < kMaxAzimuth_rad) || (i > 0 && msg.free_azimuth[i] < msg.free_azimuth[i - 1])) {
+    if (!(std::abs(msg.free_azimuth[i]) < kMaxAzimuth_rad) ||
+        (i > 0 && msg.free_azimuth[i] < msg.free_azimuth[i - 1])) {
       throw std::invalid_argument("an azimuth of free space is not that of a beam, or steps back");
     }
     if (!(msg.free_range[i] >= 0.0F)) throw std::invalid_argument("a range of free space is not a number >= 0");
