@@ -8,7 +8,10 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/params/path_nodelet_params.hpp"
+#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -24,15 +27,18 @@ constexpr const char* kIntroduction =
 
 *Printed by `build/parameter_reference` from the lists of fields that the package itself reads; a test compares them.*
 
-Each nodelet reads the same private parameters, so that one file and one line of a launch file serve all three. The
-sections `scan`, `segments`, `detections` and `objects` make a YAML file of the form of
-[cfg/objects.yaml](../cfg/objects.yaml); omitted parameters keep their defaults:
+Each nodelet reads the same private parameters, so that one file and one line of a launch file serve all. The sections
+`scan`, `segments`, `detections` and `objects` make a YAML file of the form of [cfg/objects.yaml](../cfg/objects.yaml);
+`scan`, `segments` and those after [the map of polygons](#the-map-of-polygons) one of the form of
+[cfg/polygons.yaml](../cfg/polygons.yaml), which may have all. Omitted parameters keep their defaults:
 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
+    roslaunch situation_awareness polygons.launch config:=/path/to/my.yaml
 
-The first section are arguments of `objects.launch`, of the same names. `objects_bag` takes the same file by `--config`. A
-value out of its bounds, or of another type, is refused with a message that names it. Parameters marked *live* can be
-changed while the nodelets run ([ros.md](ros.md#live-parameters)).
+The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
+`objects_bag` and `polygons_bag` take the same files by `--config`. A value out of its bounds, or of another type, is
+refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
+([ros.md](ros.md#live-parameters)).
 )";
 
 /// Strings without quotes where YAML needs none.
@@ -48,11 +54,23 @@ std::string heading_of(const std::string& section) {
   return heading;
 }
 
-void print_section(const std::vector<Parameter>& parameters, const std::string& section) {
-  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | Live | |\n|---|---|---|---|---|\n",
-              heading_of(section).c_str());
+bool is_in(const std::vector<Parameter>& parameters, const std::string& section, const std::string& name) {
+  return std::any_of(parameters.begin(), parameters.end(), [&](const Parameter& parameter) {
+    return parameter.section == section && parameter.name == name;
+  });
+}
+
+bool has_section(const std::vector<Parameter>& parameters, const std::string& section) {
+  return std::any_of(parameters.begin(), parameters.end(),
+                     [&](const Parameter& parameter) { return parameter.section == section; });
+}
+
+/// The parameters of a section but those that `before` has, too.
+void print_section(const std::vector<Parameter>& parameters, const std::string& section, const std::string& heading,
+                   const std::vector<Parameter>& before) {
+  std::printf("\n## %s\n\n| Name | Default | Bounds and unit | Live | |\n|---|---|---|---|---|\n", heading.c_str());
   for (const Parameter& parameter : parameters) {
-    if (parameter.section != section) continue;
+    if (parameter.section != section || is_in(before, section, parameter.name)) continue;
     const std::string range = parameter.bounds ? text_of(*parameter.bounds, parameter.unit) : "";
     std::printf("| `%s` | `%s` | %s | %s | %s |\n", parameter.name.c_str(), default_of(parameter).c_str(),
                 range.c_str(), parameter.live ? "live" : "", parameter.doc.c_str());
@@ -64,17 +82,31 @@ void print_section(const std::vector<Parameter>& parameters, const std::string& 
   }
 }
 
-void print_all() {
-  std::fputs(kIntroduction, stdout);
-  ObjectNodeletParams params;
-  const std::vector<Parameter> parameters = parameters_of(params);
+/// All sections in the order of their first parameters, but those that `before` has, too.
+void print_sections(const std::vector<Parameter>& parameters, const std::vector<Parameter>& before) {
   std::vector<std::string> sections;
   for (const Parameter& parameter : parameters) {
-    if (std::find(sections.begin(), sections.end(), parameter.section) == sections.end()) {
+    if (std::find(sections.begin(), sections.end(), parameter.section) == sections.end() &&
+        !has_section(before, parameter.section)) {
       sections.push_back(parameter.section);
     }
   }
-  for (const std::string& section : sections) print_section(parameters, section);
+  for (const std::string& section : sections) print_section(parameters, section, heading_of(section), {});
+}
+
+void print_all() {
+  std::fputs(kIntroduction, stdout);
+  ObjectNodeletParams object_params;
+  PolygonNodeletParams polygon_params;
+  LocalizationNodeletParams localization_params;
+  PathNodeletParams path_params;
+  const std::vector<Parameter> of_objects = parameters_of(object_params);
+  const std::vector<Parameter> of_polygons = parameters_of(polygon_params);
+  print_sections(of_objects, {});
+  print_section(of_polygons, "", "The map of polygons", of_objects);
+  print_sections(of_polygons, of_objects);
+  print_section(parameters_of(localization_params), "", "reflector_localization", of_objects);
+  print_section(parameters_of(path_params), "", "safety_areas and path_following", of_objects);
 }
 
 }  // namespace
