@@ -50,7 +50,7 @@ struct PathFollowingParams {
   double lateral_acceleration_m_s2 = 0.4;
   double goal_tolerance_m = 0.02;
   int transits = 1;
-  double pause_s = 1.0;
+  double pause_s = 2.0;
   double timeout_s = 0.3;
 
   template <class Self, class Visit>
