@@ -24,7 +24,7 @@ constexpr int kMaxIterations = 6;
 constexpr double kCertain_m = 0.05;
 constexpr double kCertain_rad = 0.03;
 /// Beams that pass through the place of a reflector end farther behind it than this.
-constexpr double kBehind_m = 0.1;
+constexpr double kBehindReflector_m = 0.1;
 /// What is seen nearer than this to a reflector's place and not in it hides that place, or is the reflector itself.
 constexpr double kBesidePlace_m = 0.15;
 /// What is seen within this distance of where it was seen before stands.
@@ -588,7 +588,7 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
   if (z(0) > params_.max_view_m || z(0) < known.radius_m + 0.1) return false;
   const Eigen::Matrix2d HPH = transformed(H, at_stamp_.P);
   const double half_rad = std::asin(std::min(1.0, known.radius_m / z(0))) + 2.0 * std::sqrt(HPH(1, 1));
-  const double behind_m = z(0) + known.radius_m + kBehind_m + 2.0 * std::sqrt(HPH(0, 0));
+  const double behind_m = z(0) + known.radius_m + kBehindReflector_m + 2.0 * std::sqrt(HPH(0, 0));
   const auto begin = std::lower_bound(azimuths.begin(), azimuths.end(), static_cast<float>(azimuth_rad - half_rad));
   const auto end = std::upper_bound(begin, azimuths.end(), static_cast<float>(azimuth_rad + half_rad));
   if (begin == azimuths.begin() || begin == end || end == azimuths.end()) return false;

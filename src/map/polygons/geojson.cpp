@@ -25,7 +25,7 @@ constexpr double kDrawnSigma_m = 0.02;
 constexpr double kDrawnP = 0.9975;
 constexpr std::size_t kMaxFeatures = 20'000;
 constexpr std::size_t kMaxVertices = 100'000;  ///< of one chain
-constexpr double kMaxSigma_m = 1e3;
+constexpr double kMaxVertexSigma_m = 1e3;
 constexpr double kLatest_s = 4'294'967'295.0;  ///< the end of ROS time
 constexpr double kEarliest_s = -2'000'000'000.0;
 
@@ -167,7 +167,7 @@ Chain chain_of(const GeoJson& feature, std::int64_t stamp_ns, const std::string&
       refuse_geojson(place, "sigma_m has not one number for each vertex");
     }
     for (std::size_t i = 0; i < sigma_m.size(); ++i) {
-      chain.vertices[i].sigma_m = number_within(sigma_m[i], 1e-6, kMaxSigma_m, place, "sigma_m");
+      chain.vertices[i].sigma_m = number_within(sigma_m[i], 1e-6, kMaxVertexSigma_m, place, "sigma_m");
     }
   }
   if (is_ring) {
