@@ -9,6 +9,7 @@
 
 #include <Eigen/LU>
 
+#include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
 namespace situation_awareness {
@@ -22,10 +23,21 @@ constexpr double kMaxCorner_m = 0.15;
 /// Range errors and the width of the beam make a line at least so uncertain across, as a fraction of a beam's spacing.
 constexpr double kAzimuthSigma = 0.1;
 
-/// An edge whose orientation is less certain has no normal.
+/// An edge whose orientation is less certain, or which has fewer hits, has no normal: two hits may be of two surfaces.
 constexpr double kMaxTurnSigma_rad = 0.3;
+constexpr std::size_t kFewestWithNormal = 3;
+/// Standard deviations of a hit from its edge's line, beyond which it has no normal: it may be of the next surface.
+constexpr double kOnEdgeSigmas = 2.5;
+/// The same along the beam, for a hit that is behind the one beside it.
+constexpr double kBehindSigmas = 3.0;
 /// m. A shorter step between two hits is none from one surface to another.
 constexpr double kShortStep_m = 0.05;
+
+/// A hit between two surfaces is off either by so many standard deviations of the range noise, and by more than this
+/// multiple of the steps between the hits next to it, as a surface that beams graze has steps of one size.
+constexpr double kMixedSigmas = 3.0;
+constexpr double kMixedStep = 1.2;
+constexpr int kSurfaceSteps = 2;
 
 /// Points [first, last] of a polyline between two vertices. Neighbouring edges share the hit between them.
 struct Edge {
@@ -39,6 +51,7 @@ struct Workspace {
   Simplification simplification;
   std::vector<std::size_t> corners;
   std::vector<Edge> edges;
+  std::vector<bool> mixed;  ///< of each hit of the scan
 };
 
 double sine_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
@@ -108,6 +121,21 @@ class Extraction {
       : segments_(segments), params_(params), result_(result), work_(work) {}
 
   void add(std::size_t first, std::size_t count, SegmentEnd right_end, SegmentEnd left_end) {
+    // From right to left: the parts before each hit between two surfaces, then the rest.
+    const std::size_t end = first + count;
+    for (std::size_t i = first; i < end; ++i) {
+      if (!work_.mixed[i]) continue;
+      ++result_.refused[kMixed];
+      const bool nearer = i > 0 && segments_.points[i - 1].range_m < segments_.points[i].range_m;
+      if (i > first) add_part(first, i - first, right_end, nearer ? SegmentEnd::kBackground : SegmentEnd::kOccluded);
+      right_end = nearer ? SegmentEnd::kOccluded : SegmentEnd::kBackground;
+      first = i + 1;
+    }
+    if (first < end) add_part(first, end - first, right_end, left_end);
+  }
+
+ private:
+  void add_part(std::size_t first, std::size_t count, SegmentEnd right_end, SegmentEnd left_end) {
     drop_mixed_ends(first, count, right_end, left_end);
     const Point* points = &segments_.points[first];
     simplify(points, count, params_.max_offset_m, work_);
@@ -124,7 +152,6 @@ class Extraction {
     add_one(first, count, right_end, left_end);
   }
 
- private:
   static constexpr std::size_t kNoJump = std::numeric_limits<std::size_t>::max();
 
   /// The hit on the right of the first edge that leads from one surface to another behind it: it is along the beam,
@@ -153,7 +180,7 @@ class Extraction {
     simplify(points, count, params_.max_offset_m, work_);
     fit_edges(points, count);
     add_vertices(points);
-    add_hits(points, count);
+    add_hits(first, count);
     polyline.vertices = result_.vertices.size() - polyline.first_vertex;
     result_.polylines.push_back(polyline);
   }
@@ -163,7 +190,7 @@ class Extraction {
     const Point* const points = segments_.points.data();
     const auto is_mixed = [&](std::size_t end, std::size_t beside) {
       const Eigen::Vector2d step_m = points[end].p_level_m - points[beside].p_level_m;
-      return points[end].range_m > points[beside].range_m + 3.0 * result_.range_sigma_m &&
+      return points[end].range_m > points[beside].range_m + kMixedSigmas * result_.range_sigma_m &&
              sine_between(step_m, points[end].p_level_m) < std::sin(params_.min_incidence_rad);
     };
     if (count > 2 && right_end == SegmentEnd::kBackground && is_mixed(first, first + 1)) {
@@ -207,7 +234,18 @@ class Extraction {
 
   std::size_t hits_of(std::size_t edge) const { return work_.edges[edge].last - work_.edges[edge].first; }
 
-  void add_hits(const Point* points, std::size_t count) {
+  /// Whether a beam beside a hit ends before it.
+  bool is_behind_beside(std::size_t i) const {
+    const std::vector<Point>& points = segments_.points;
+    const auto is_nearer = [&](std::size_t beside) {
+      return std::abs(points[beside].beam - points[i].beam) == 1 &&
+             points[beside].range_m < points[i].range_m - kBehindSigmas * result_.range_sigma_m;
+    };
+    return (i > 0 && is_nearer(i - 1)) || (i + 1 < points.size() && is_nearer(i + 1));
+  }
+
+  void add_hits(std::size_t first, std::size_t count) {
+    const Point* const points = &segments_.points[first];
     std::size_t edge = 0;
     for (std::size_t i = 0; i < count; ++i) {
       while (edge + 1 < work_.edges.size() && i > work_.edges[edge].last) ++edge;
@@ -216,14 +254,21 @@ class Extraction {
       const Point& point = points[i];
       const Eigen::Vector2d u = point.p_level_m / point.range_m;
       const LineEstimate& line = work_.edges[edge].line;
-      const bool has_normal = line.covariance(1, 1) < kMaxTurnSigma_rad * kMaxTurnSigma_rad;
-      Eigen::Vector2d normal = has_normal ? line.line_level.normal : u;
+      const Eigen::Vector2d line_normal = line.line_level.normal;
+      const double along_beam_of_line = std::abs(line_normal.dot(u));
+      const bool has_normal = hits_of(edge) + 1 >= kFewestWithNormal &&
+                              line.covariance(1, 1) < kMaxTurnSigma_rad * kMaxTurnSigma_rad &&
+                              std::abs(line_normal.dot(point.p_level_m - line.line_level.through_m)) <
+                                  kOnEdgeSigmas * std::hypot(along_beam_of_line * result_.range_sigma_m,
+                                                             kAzimuthSigma * point.range_m * segments_.resolution_rad);
+      Eigen::Vector2d normal = has_normal ? line_normal : u;
       if (normal.dot(u) > 0.0) normal = -normal;
       const double along_beam = std::abs(normal.dot(u));
       const double across_beam = std::sqrt(std::max(0.0, 1.0 - along_beam * along_beam));
       const double sigma_m = std::hypot(along_beam * result_.range_sigma_m,
                                         across_beam * kAzimuthSigma * point.range_m * segments_.resolution_rad);
-      result_.hits.push_back({point.p_level_m, normal, has_normal, sigma_m, point.azimuth_rad, point.range_m});
+      result_.hits.push_back({point.p_level_m, normal, has_normal, is_behind_beside(first + i), sigma_m,
+                              point.azimuth_rad, point.range_m});
     }
   }
 
@@ -233,14 +278,31 @@ class Extraction {
   Workspace& work_;
 };
 
-/// Whether a single hit lies between a nearer and a farther one of the beams beside it: a mixture of both.
-bool is_between(const Segments& segments, std::size_t i) {
-  if (i == 0 || i + 1 >= segments.points.size()) return false;
-  const Point& here = segments.points[i];
-  const Point& right = segments.points[i - 1];
-  const Point& left = segments.points[i + 1];
-  if (here.beam - right.beam != left.beam - here.beam || std::abs(left.beam - here.beam) != 1) return false;
-  return (right.range_m < here.range_m) == (here.range_m < left.range_m);
+/// Whether a hit lies between a nearer and a farther one of the beams beside it, on neither surface: a beam over an
+/// edge measures a mixture of both.
+bool is_mixed(const std::vector<Point>& points, std::size_t i, double range_sigma_m) {
+  if (i == 0 || i + 1 >= points.size()) return false;
+  const auto are_neighbours = [&](std::size_t a, std::size_t b) {
+    return std::abs(points[a].beam - points[b].beam) == 1;
+  };
+  if (!are_neighbours(i - 1, i) || !are_neighbours(i, i + 1)) return false;
+  const double right_m = points[i].range_m - points[i - 1].range_m;
+  const double left_m = points[i + 1].range_m - points[i].range_m;
+  if (right_m * left_m <= 0.0) return false;
+  // On the other side of the hit beside it the steps are those of a surface.
+  const auto is_jump = [&](double step_m, std::size_t beside, std::ptrdiff_t direction) {
+    double on_surface_m = 0.0;
+    auto from = static_cast<std::ptrdiff_t>(beside);
+    for (int k = 0; k < kSurfaceSteps; ++k, from += direction) {
+      const std::ptrdiff_t to = from + direction;
+      if (to < 0 || to >= static_cast<std::ptrdiff_t>(points.size())) break;
+      const auto a = static_cast<std::size_t>(from), b = static_cast<std::size_t>(to);
+      if (!are_neighbours(a, b)) break;
+      on_surface_m = std::max(on_surface_m, std::abs(points[a].range_m - points[b].range_m));
+    }
+    return std::abs(step_m) > kMixedSigmas * range_sigma_m + kMixedStep * on_surface_m;
+  };
+  return is_jump(right_m, i - 1, -1) && is_jump(left_m, i + 1, 1);
 }
 
 }  // namespace
@@ -262,6 +324,10 @@ Polylines extract_polylines(const Segments& segments, const PolylineParams& para
   result.polylines.reserve(segments.points.size());
 
   thread_local Workspace work;
+  assign_with_room(work.mixed, segments.points.size(), false);
+  for (std::size_t i = 0; i < segments.points.size(); ++i) {
+    work.mixed[i] = is_mixed(segments.points, i, result.range_sigma_m);
+  }
   Extraction extraction(segments, params, result, work);
   // Segments and refused runs are each by increasing azimuth: merged.
   std::size_t run = 0;
@@ -271,8 +337,6 @@ Polylines extract_polylines(const Segments& segments, const PolylineParams& para
       if (segments.points[refused.first].azimuth_rad > azimuth_rad) return;
       if (refused.why != RunRefusal::kTooFewPoints) {
         result.refused[text_of(refused.why)] += refused.count;
-      } else if (refused.count == 1 && is_between(segments, refused.first)) {
-        ++result.refused[kMixed];
       } else {
         extraction.add(refused.first, refused.count, SegmentEnd::kFree, SegmentEnd::kFree);
       }

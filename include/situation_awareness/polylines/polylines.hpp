@@ -18,8 +18,9 @@ namespace situation_awareness {
 struct PolylineHit {
   Eigen::Vector2d p_level_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d normal_level = Eigen::Vector2d::UnitX();  ///< unit, of its edge, towards the sensor
-  bool has_normal = false;  ///< else its edge has too few hits to tell, and the normal is along the beam
-  double sigma_m = 0.0;     ///< of its error along the normal, from the range noise
+  bool has_normal = false;        ///< else its edge has too few hits to tell, and the normal is along the beam
+  bool is_behind_beside = false;  ///< a beam beside it ends before it
+  double sigma_m = 0.0;           ///< of its error along the normal, from the range noise
   double azimuth_rad = 0.0;
   double range_m = 0.0;
 };

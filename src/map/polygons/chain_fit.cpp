@@ -11,16 +11,23 @@ namespace {
 /// round the corner.
 constexpr std::size_t kLongEdge = 6;
 constexpr std::size_t kAtCorner = 2;
+/// Elements of an edge that is a line, at least.
+constexpr std::size_t kFewestOfLine = 4;
 /// m. Length of an edge that may be a rounded corner.
 constexpr double kShortEdge_m = 0.12;
 /// m. Farthest place of a vertex from the elements at its corner.
 constexpr double kMaxCorner_m = 0.06;
 /// rad. Edges that turn by less have no corner.
 constexpr double kLeastTurn_rad = 0.15;
+/// rad. Edges that turn by less may be one.
+constexpr double kStraight_rad = 0.3;
 /// m. Half the least length of what one element stands for.
 constexpr double kLeastHalf_m = 0.005;
+/// m. Standard deviation of an element's place that its hits do not show: beams over an edge, normals that are off. The
+/// more elements an edge has, the less it matters.
+constexpr double kElementSigma_m = 0.01;
 /// m. Poses have errors that repeat: no boundary is known better.
-constexpr double kLeastSigma_m = 0.001;
+constexpr double kLeastSigma_m = 0.002;
 
 }  // namespace
 
@@ -64,7 +71,9 @@ ChainFit::FittedLine ChainFit::line_of(const std::vector<BoundaryElement>& eleme
   line.normal = {-along.y(), along.x()};
   line.offset_variance_m2 = 1.0 / weight;
   line.turn_variance = line.offset_variance_m2 / std::max(along.dot(S * along), 1e-8);
-  line.spread_m2 = std::max(line.normal.dot(S * line.normal), 0.0);
+  line.spread_m2 = std::max(line.normal.dot(S * line.normal), 0.0) +
+                   kElementSigma_m * kElementSigma_m / static_cast<double>(last - first + 1);
+  line.elements = last - first + 1;
   return line;
 }
 
@@ -90,19 +99,53 @@ void ChainFit::find_corners(std::vector<BoundaryElement>& elements, bool closed,
 }
 
 /// A short edge between two whose lines meet beside it is their corner.
-void ChainFit::drop_rounded_corners(const std::vector<BoundaryElement>& elements) {
+void ChainFit::drop_rounded_corners(const std::vector<BoundaryElement>& elements, bool closed) {
   const auto place_m = [&](std::size_t corner) -> Eigen::Vector2d {
     return elements[corners_[corner] % elements.size()].p_world_m - elements[0].p_world_m;
   };
-  for (std::size_t k = 1; k + 1 < lines_.size();) {
-    const Eigen::Vector2d from_m = place_m(k), to_m = place_m(k + 1);
+  const auto is_corner = [&](std::size_t before, std::size_t edge, std::size_t after) {
+    const Eigen::Vector2d from_m = place_m(edge), to_m = place_m(edge + 1);
     Eigen::Vector2d crossing_m;
-    if ((to_m - from_m).norm() < kShortEdge_m && crossing(lines_[k - 1], lines_[k + 1], crossing_m) &&
-        (crossing_m - from_m).norm() < kMaxCorner_m && (crossing_m - to_m).norm() < kMaxCorner_m) {
+    return (to_m - from_m).norm() < kShortEdge_m && crossing(lines_[before], lines_[after], crossing_m) &&
+           (crossing_m - from_m).norm() < kMaxCorner_m && (crossing_m - to_m).norm() < kMaxCorner_m;
+  };
+  for (std::size_t k = 1; k + 1 < lines_.size();) {
+    if (is_corner(k - 1, k, k + 1)) {
       corners_[k] += (corners_[k + 1] - corners_[k]) / 2;
       corners_.erase(corners_.begin() + static_cast<std::ptrdiff_t>(k + 1));
       lines_.erase(lines_.begin() + static_cast<std::ptrdiff_t>(k));
     } else {
+      ++k;
+    }
+  }
+  // On both sides of where a closed chain begins.
+  if (closed && lines_.size() > 3 && is_corner(lines_.size() - 2, lines_.size() - 1, 0)) {
+    corners_.erase(corners_.end() - 2);
+    lines_.pop_back();
+  }
+  if (closed && lines_.size() > 3 && is_corner(lines_.size() - 1, 0, 1)) {
+    corners_.erase(corners_.begin() + 1);
+    lines_.erase(lines_.begin());
+  }
+}
+
+/// Elements at a corner that are of both its sides may have bent an edge: two that are one without those are one.
+void ChainFit::straighten(const std::vector<BoundaryElement>& elements, bool closed, double tolerance_m) {
+  for (std::size_t k = 0; k + 1 < lines_.size();) {
+    const std::size_t corner = corners_[k + 1];
+    corners_.erase(corners_.begin() + static_cast<std::ptrdiff_t>(k + 1));
+    const FittedLine line = line_of(elements, closed, k);
+    bool is_straight = std::abs(lines_[k].normal.dot(lines_[k + 1].normal)) > std::cos(kStraight_rad);
+    for (std::size_t i = corners_[k] + kAtCorner; is_straight && i + kAtCorner <= corners_[k + 1]; ++i) {
+      const BoundaryElement& element = elements[i % elements.size()];
+      const double off_m = std::abs(line.normal.dot(element.p_world_m - elements[0].p_world_m - line.through_m));
+      is_straight = off_m < tolerance_m + 2.0 * std::sqrt(element.variance_m2);
+    }
+    if (is_straight) {
+      lines_[k] = line;
+      lines_.erase(lines_.begin() + static_cast<std::ptrdiff_t>(k + 1));
+    } else {
+      corners_.insert(corners_.begin() + static_cast<std::ptrdiff_t>(k + 1), corner);
       ++k;
     }
   }
@@ -116,14 +159,16 @@ void ChainFit::fit(std::vector<BoundaryElement>& elements, bool closed, double t
     const double middle_m = 0.5 * (only.high_m + only.low_m);
     const double half_m = std::max(0.5 * (only.high_m - only.low_m), kLeastHalf_m);
     for (const double along_m : {middle_m - half_m, middle_m + half_m}) {
-      vertices.push_back({only.p_world_m + along_m * only.along_world, std::sqrt(only.variance_m2)});
+      vertices.push_back(
+          {only.p_world_m + along_m * only.along_world, std::hypot(std::sqrt(only.variance_m2), kElementSigma_m)});
     }
     return;
   }
   find_corners(elements, closed, tolerance_m);
   lines_.clear();
   for (std::size_t k = 0; k + 1 < corners_.size(); ++k) lines_.push_back(line_of(elements, closed, k));
-  drop_rounded_corners(elements);
+  drop_rounded_corners(elements, closed);
+  straighten(elements, closed, tolerance_m);
 
   const Eigen::Vector2d origin_m = elements[0].p_world_m;
   const auto add_end = [&](const FittedLine& line, const BoundaryElement& element, double beyond_m) {
@@ -134,7 +179,11 @@ void ChainFit::fit(std::vector<BoundaryElement>& elements, bool closed, double t
   const auto add_corner = [&](const FittedLine& right, const FittedLine& left, const BoundaryElement& element) {
     Eigen::Vector2d p_m = element.p_world_m - origin_m;
     Eigen::Vector2d crossing_m;
-    if (crossing(right, left, crossing_m) && (crossing_m - p_m).norm() < kMaxCorner_m) p_m = crossing_m;
+    // Short edges follow a curve, on which the element is and the crossing is not.
+    if (std::min(right.elements, left.elements) >= kFewestOfLine && crossing(right, left, crossing_m) &&
+        (crossing_m - p_m).norm() < kMaxCorner_m) {
+      p_m = crossing_m;
+    }
     vertices.push_back({origin_m + p_m, std::max(right.sigma_at(p_m), left.sigma_at(p_m))});
   };
   if (!closed) add_end(lines_.front(), elements.front(), elements.front().low_m);

@@ -155,10 +155,6 @@ void PolygonMapSnapshot::validate() const {
       check_fields.refuse("place", "= " + std::to_string(element.place) + " is not there, or not free");
     }
     taken[static_cast<std::size_t>(element.place)] = true;
-    for (const auto& [name, link] : {std::pair{"right", element.right}, std::pair{"left", element.left}}) {
-      if (link >= places) check_fields.refuse(name, "= " + std::to_string(link) + " is not there");
-      if (link == element.place) check_fields.refuse(name, "is the element itself");
-    }
     if (std::abs(element.normal_world.norm() - 1.0) > 1e-6) check_fields.refuse("normal_world", "is no unit vector");
     if (element.chain >= next_id) check_fields.refuse("chain", "is not below next_id");
     if (!(element.low_m <= element.high_m)) check_fields.refuse("low_m", "is above high_m");
@@ -189,7 +185,7 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
   if (stamp_ns_ != std::numeric_limits<std::int64_t>::min()) result.stamp_ns = stamp_ns_;
   result.step_s = step_s_;
   result.next_id = next_id_;
-  result.free_places.values = free_;
+  result.free_places.values = surfels_.free_places();
   result.next_watch = static_cast<std::int64_t>(next_watch_);
   for (const Watch& watch : watches_) {
     PolygonMapWatch& remembered = result.watches.emplace_back();
@@ -201,15 +197,10 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
                   watch.free_space.full_circle};
   }
   result.elements.reserve(elements());
-  for (const Index first : buckets_) {
-    const std::size_t begin = result.elements.size();
-    for (Index i = first; i != kNone; i = surfels_[static_cast<std::size_t>(i)].next) {
-      PolygonMapElement& element = result.elements.emplace_back();
-      copy_state(surfels_[static_cast<std::size_t>(i)], element);
-      element.place = i;
-    }
-    // Insertion is at the front.
-    std::reverse(result.elements.begin() + static_cast<std::ptrdiff_t>(begin), result.elements.end());
+  for (const Index i : surfels_.in_order()) {
+    PolygonMapElement& element = result.elements.emplace_back();
+    copy_state(surfels_[i], element);
+    element.place = i;
   }
   return result;
 }
@@ -223,7 +214,6 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
       snapshot.stamp_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min() : snapshot.stamp_ns;
   step_s_ = snapshot.step_s;
   next_id_ = std::max(next_id_, snapshot.next_id);
-  free_ = snapshot.free_places.values;
   next_watch_ = static_cast<std::size_t>(snapshot.next_watch);
   for (std::size_t i = 0; i < watches_.size(); ++i) {
     Watch& watch = watches_[i];
@@ -237,13 +227,11 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
       watch.most_m = std::max(watch.most_m, static_cast<double>(range_m));
     }
   }
-  std::fill(buckets_.begin(), buckets_.end(), kNone);
-  surfels_.assign(snapshot.elements.size() + free_.size(), Surfel{});
+  surfels_.begin(snapshot.elements.size(), snapshot.free_places.values);
   for (const PolygonMapElement& element : snapshot.elements) {
-    Surfel& surfel = surfels_[static_cast<std::size_t>(element.place)];
+    Surfel surfel;
     copy_state(element, surfel);
-    surfel.alive = true;
-    insert(static_cast<Index>(element.place));
+    surfels_.put(static_cast<Index>(element.place), surfel);
   }
 }
 
@@ -254,7 +242,6 @@ PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m
   result.polygons = polygons;
   for (const Chain& chain : polygons.chains) {
     result.next_id = std::max(result.next_id, chain.id + 1);
-    const std::size_t first = result.elements.size();
     const std::size_t edges = chain.closed ? chain.vertices.size() : chain.vertices.size() - 1;
     for (std::size_t k = 0; k < edges; ++k) {
       const ChainVertex& a = chain.vertices[k];
@@ -283,16 +270,7 @@ PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m
         element.hits = kHitsOfChain;
         element.chain = chain.id;
         element.oriented = element.confirmed = true;
-        if (result.elements.size() > first + 1) {
-          element.right = element.place - 1;
-          result.elements[static_cast<std::size_t>(element.right)].left = element.place;
-        }
       }
-    }
-    const std::size_t end = result.elements.size();
-    if (chain.closed && end > first + 2) {
-      result.elements[first].right = static_cast<std::int64_t>(end) - 1;
-      result.elements[end - 1].left = static_cast<std::int64_t>(first);
     }
   }
   result.validate();

@@ -87,8 +87,6 @@ TEST(PolygonMapFile, InvalidStatesAreRefusedNamingTheField) {
       {"place", [](auto& s) { s.elements[2].place = -1; }},
       {"free_places", [](auto& s) { s.free_places.values.push_back(s.free_places.values[0]); }},
       {"free_places", [](auto& s) { s.free_places.values[0] = -1; }},
-      {"left", [](auto& s) { s.elements[2].left = 100'000; }},
-      {"right", [](auto& s) { s.elements[2].right = s.elements[2].place; }},
       {"chain", [](auto& s) { s.elements[2].chain = s.next_id; }},
       {"last_seen_ns", [](auto& s) { s.elements[2].last_seen_ns = s.stamp_ns + 1; }},
       {"first_seen_ns", [](auto& s) { s.elements[2].first_seen_ns = s.stamp_ns + 1; }},

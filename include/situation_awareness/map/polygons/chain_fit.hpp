@@ -33,6 +33,7 @@ class ChainFit {
   struct FittedLine {
     Eigen::Vector2d through_m, normal;
     double offset_variance_m2, turn_variance, spread_m2;
+    std::size_t elements;
 
     double sigma_at(const Eigen::Vector2d& p_m) const;
   };
@@ -40,7 +41,8 @@ class ChainFit {
   static bool crossing(const FittedLine& a, const FittedLine& b, Eigen::Vector2d& crossing_m);
   FittedLine line_of(const std::vector<BoundaryElement>& elements, bool closed, std::size_t edge) const;
   void find_corners(std::vector<BoundaryElement>& elements, bool closed, double tolerance_m);
-  void drop_rounded_corners(const std::vector<BoundaryElement>& elements);
+  void drop_rounded_corners(const std::vector<BoundaryElement>& elements, bool closed);
+  void straighten(const std::vector<BoundaryElement>& elements, bool closed, double tolerance_m);
 
   Simplification simplification_;
   std::vector<std::size_t> corners_;  ///< as indices of elements; the last of a closed chain is the first element again

@@ -45,7 +45,7 @@ void read_yaml_text(const std::string& text, PlaceRow& row);
 
 /// An element of a boundary, as PolygonMap keeps it.
 struct PolygonMapElement {
-  std::int64_t place = 0;  ///< in the map's memory, to which links refer
+  std::int64_t place = 0;  ///< in the map's memory
   Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d normal_world = Eigen::Vector2d::UnitX();
   double variance_m2 = 1.0;
@@ -54,8 +54,8 @@ struct PolygonMapElement {
   double seen_s = 0.0;
   std::int64_t first_seen_ns = 0, last_seen_ns = 0;
   int hits = 0;
-  std::int64_t right = -1, left = -1;  ///< places, -1: none
   std::uint64_t chain = 0;
+  int elements_of_chain = 0;
   bool oriented = false, confirmed = false, watched = false;
 
   /// The state that an element of the map and this have in common: the only list of it (map/map_fields.hpp).
@@ -72,9 +72,8 @@ struct PolygonMapElement {
     visit("first_seen_ns", self.first_seen_ns, -kMaxAge_ns, kEnd_ns);
     visit("last_seen_ns", self.last_seen_ns, -kMaxAge_ns, kEnd_ns);
     visit("hits", self.hits);
-    visit("right", self.right, -1, kMaxPlace);
-    visit("left", self.left, -1, kMaxPlace);
     visit("chain", self.chain, 0, kMaxId);
+    visit("elements_of_chain", self.elements_of_chain, 0, kMaxPlace);
     visit("oriented", self.oriented);
     visit("confirmed", self.confirmed);
     visit("watched", self.watched);
@@ -135,9 +134,9 @@ struct PolygonMapSnapshot {
   }
 
   /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or
-  /// out of bounds, a normal that is no unit vector, places that are not each of one element or free, a link to a place
-  /// that is not there, a chain that is not below `next_id`, a stamp after the latest update, free space that is not
-  /// one range for each of ascending azimuths. `world_frame` may be empty.
+  /// out of bounds, a normal that is no unit vector, places that are not each of one element or free, a chain that is
+  /// not below `next_id`, a stamp after the latest update, free space that is not one range for each of ascending
+  /// azimuths. `world_frame` may be empty.
   void validate() const;
 
   /// Moves all times by the same.

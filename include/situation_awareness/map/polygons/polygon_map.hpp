@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,8 +12,10 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/chain_fit.hpp"
+#include "situation_awareness/map/polygons/chain_links.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/polygons/surfels.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
 namespace situation_awareness {
@@ -29,7 +30,7 @@ struct PolygonMapParams {
   int confirm_hits = 6;
   double confirm_s = 0.3;
   double park_s = 10.0;
-  double removal_s = 1.2;
+  double removal_s = 0.8;
   double absence_s = 2.0;
   double tolerance_m = 0.012;
 
@@ -70,10 +71,10 @@ struct PolygonMapUpdate {
 /// The semi-static map of polygons (docs/math/polygons.md): the boundaries of all that stands.
 ///
 /// It consists of oriented surface elements (surfels), fused from the hits of the scans' polylines (point-based fusion;
-/// Keller et al., 2013), which are linked in the order in which scans saw them. Where the paper merges a scan's chain
+/// Keller et al., 2013). Where the paper merges a scan's chain
 /// vertex by vertex with one of the map, which needs a chain-to-chain association that the order around the viewpoint
 /// does not give (polygon paper, Sects. 3.3 and 3.4), here each hit is associated with the element at its place that
-/// faces it, and chains are what the links make of the elements. So nothing is doubled that is seen again, whatever
+/// faces it, and chains are what links make of the elements. So nothing is doubled that is seen again, whatever
 /// part of it, errors average out as 1 / n, and things go piece by piece.
 class PolygonMap {
  public:
@@ -88,7 +89,7 @@ class PolygonMap {
   /// The chains at the time of the latest scan. `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
 
-  std::size_t elements() const { return surfels_.size() - free_.size(); }
+  std::size_t elements() const { return surfels_.count(); }
 
   /// The whole state, after an update or a call of polygons(), which names new chains.
   PolygonMapSnapshot snapshot() const;
@@ -98,27 +99,8 @@ class PolygonMap {
   void restore(const PolygonMapSnapshot& snapshot);
 
  private:
-  using Index = std::int32_t;
-  static constexpr Index kNone = -1;
-
-  struct Surfel {
-    Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
-    Eigen::Vector2d normal_world = Eigen::Vector2d::UnitX();  ///< towards the free side
-    double variance_m2 = 0.0;                                 ///< across, of range noise and pose
-    double low_m = 0.0, high_m = 0.0;                         ///< extent of its hits along it, from right to left
-    double log_odds = 0.0;                                    ///< of its existence
-    double seen_s = 0.0;                                      ///< time for which it was hit
-    std::int64_t first_seen_ns = 0, last_seen_ns = 0;
-    int hits = 0;
-    Index right = kNone, left = kNone;  ///< the next element, linked only if both agree
-    Index next = kNone;                 ///< in its cell
-    std::uint64_t chain = 0;            ///< id
-    bool oriented = false;              ///< by a hit with a normal; else the normal is along the beam
-    bool alive = false, confirmed = false;
-    bool watched = false;  ///< it came while its place was seen to be free
-    bool walked = false;   ///< while chains are made
-    std::size_t elements_of_chain = 0;
-  };
+  using Index = Surfels::Index;
+  static constexpr Index kNone = Surfels::kNone;
 
   /// What was free in a scan.
   struct Watch {
@@ -131,54 +113,51 @@ class PolygonMap {
   /// How a scan saw a place.
   enum class View { kUnknown, kHit, kPassed };
 
-  static Eigen::Vector2d along(const Surfel& surfel) { return {surfel.normal_world.y(), -surfel.normal_world.x()}; }
-  std::size_t bucket(int cell_x, int cell_y) const;
-  std::size_t bucket_of(const Eigen::Vector2d& p_world_m) const;
-  void insert(Index index);
-  void erase(Index index);
-  void move(Index index, const Eigen::Vector2d& p_world_m);
-  template <class Act>
-  void for_each_near(const Eigen::Vector2d& p_world_m, const Act& act) const;
-  bool linked(Index right, Index left) const;
+  /// Elements beside a place on the boundary.
+  struct Neighbours {
+    Index right = kNone, left = kNone;
+    double right_m = 0.0, left_m = 0.0;  ///< along, to them
+  };
 
-  Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
-             bool has_normal);
-  Index create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2);
+  static double azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level_m);
+  static Eigen::Vector2d hit_of(const Watch& watch, std::ptrdiff_t beam);
+
+  Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2, bool has_normal,
+             bool may_create);
+  Index create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
+               bool has_normal, const Neighbours& beside);
+  void correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
+               bool has_normal);
   void merge_double(Index kept, Index other);
-  Index take_into_chain(Index index, Index right);
-  void unlink(Index index);
-  void remove(Index index);
-  void link(Index right, Index left);
-  void close_gaps();
-  void link_neighbours(Index right, Index left);
-  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, double* weight) const;
+  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, bool is_wide, double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
   void set_now(const Polylines& polylines);
+  double passing_weight(const Surfel& surfel) const;
   void see_through(PolygonMapUpdate& update);
   void remember();
-  void walk_chain(Index from);
   void name_chains();
-  bool is_beside_larger(std::size_t chain) const;
-  void make_chain(std::size_t chain, Chain& result);
+  bool is_rare(const Surfel& surfel) const;
+  bool is_beside_larger(const ChainLinks::Run& run) const;
+  void make_chain(const ChainLinks::Run& run, Chain& result);
 
   PolygonMapParams params_;
   std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
-  double step_s_ = 0.0;  ///< since the scan before
-  double cell_m_;
+  double step_s_ = 0.0;       ///< since the scan before
+  double hit_sigma_m_ = 0.0;  ///< of the latest scan's hits, range noise and pose
+  double resolution_rad_ = 0.0;
   std::uint64_t next_id_ = 1;
-  std::vector<Surfel> surfels_;
-  std::vector<Index> free_;     ///< places in surfels_
-  std::vector<Index> buckets_;  ///< first element of each
-  Watch now_;                   ///< of the latest scan
+  Surfels surfels_;
+  Watch now_;  ///< of the latest scan
   std::vector<Watch> watches_;
   std::size_t next_watch_ = 0;
-  std::vector<Index> of_hit_;                      ///< element of each hit of the scan
-  std::vector<std::pair<double, Index>> between_;  ///< part of the way, element
-  std::vector<Index> walk_;
-  std::vector<std::pair<std::size_t, std::size_t>> chains_;  ///< first and end in walk_
-  std::vector<bool> closed_;
+  std::vector<Index> of_hit_;  ///< element of each hit of the scan
+  std::vector<Index> shown_elements_;
+  ChainLinks links_;
+  std::vector<ChainLinks::Run> shown_;
+  std::vector<std::uint64_t> ids_;  ///< of those shown
   std::vector<BoundaryElement> elements_;
   ChainFit chain_fit_;
+  std::vector<Chain> spare_;  ///< for their memory
 };
 
 }  // namespace situation_awareness
