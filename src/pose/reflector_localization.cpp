@@ -35,6 +35,11 @@ constexpr double kMaxSearchTravel_m = 1.5;
 /// Error of a place by odometry in between, relative to the way.
 constexpr double kTravelError = 0.03;
 constexpr std::size_t kMaxStood = 64;
+/// m. A sighting of none of the reflectors is of the same thing as an earlier one within this distance.
+constexpr double kSameStranger_m = 0.25;
+/// Scans with a match that saw it, after which it is known.
+constexpr int kStrangerScans = 5;
+constexpr std::size_t kMaxStrangers = 64;
 
 double larger_eigenvalue(const Eigen::Matrix2d& P) {
   const double mean = 0.5 * (P(0, 0) + P(1, 1));
@@ -129,6 +134,7 @@ ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const Refl
   leaves_.reserve(kMaxLeaves);
   taken_.resize(n);
   stood_.reserve(kMaxStood);
+  strangers_.reserve(kMaxStrangers);
   order_.reserve(1024);
   in_time_.reserve(kMaxSightings);
   places_.reserve(kMaxStood);
@@ -145,6 +151,7 @@ void ReflectorLocalization::forget(const char* reason) {
   is_known_ = false;
   reason_ = reason;
   contradicted_ = 0;
+  strangers_.clear();
   for (Watched& watched : watched_) watched = {};
 }
 
@@ -597,6 +604,33 @@ bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings,
                      [&](float range_m) { return range_m > behind_m; });
 }
 
+// Unmatched sightings of what was not seen before while others were matched. Those of a scan with matches are
+// remembered.
+std::size_t ReflectorLocalization::count_strange(const ReflectorSightings& sightings) {
+  std::size_t strange = 0;
+  for (const Seen& seen : seen_) {
+    const bool is_unmatched =
+        std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) != update_.unmatched.end();
+    if (!is_unmatched) continue;
+    const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
+    const Eigen::Vector2d p_lidar =
+        sighting.surface_range_m * Eigen::Vector2d(std::cos(sighting.azimuth_rad), std::sin(sighting.azimuth_rad));
+    const Eigen::Vector2d p_world = at_stamp_.x * (seen.T_base_lidar * p_lidar);
+    const auto known = std::find_if(strangers_.begin(), strangers_.end(), [&](const Stranger& stranger) {
+      return (stranger.p_world_m - p_world).norm() < kSameStranger_m;
+    });
+    if (known == strangers_.end() || known->scans < kStrangerScans) ++strange;
+    if (update_.matches.empty() || contradicted_ > 0) continue;
+    if (known != strangers_.end()) {
+      ++known->scans;
+    } else {
+      if (strangers_.size() == kMaxStrangers) strangers_.erase(strangers_.begin());  // the oldest
+      strangers_.push_back({p_world, 1});
+    }
+  }
+  return strange;
+}
+
 void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
   const bool is_certain = update_.matches.size() >= 2 &&
                           larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
@@ -666,10 +700,13 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
   }
 
   const std::size_t matches = update_.matches.size();
+  // What was there before, while the pose was known, is no sign of another pose: a reflector that was moved, a thing
+  // that shines.
+  const std::size_t strange = count_strange(sightings);
   update_.is_contradicted =
-      (seen_through >= 2 && seen_through > matches) || (matches == 0 && update_.unmatched.size() >= 3);
+      (seen_through >= 2 && seen_through > matches && strange >= 1) || (matches == 0 && strange >= 3);
   if (!update_.is_contradicted) {
-    if (matches >= 2) contradicted_ = 0;
+    if (matches >= 1) contradicted_ = 0;
     return;
   }
   ++contradicted_;

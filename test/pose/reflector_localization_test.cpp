@@ -465,6 +465,27 @@ TEST(ReflectorLocalization, ABrightThingBesideAHiddenReflectorIsNoMovedOne) {
   EXPECT_TRUE(update.missing.empty());
 }
 
+// Three bright things and a moved reflector, and none in its place: the things were there before.
+TEST(ReflectorLocalization, WhatShoneBeforeIsNoSignOfAnotherPose) {
+  const ReflectorMap map = map_of(5);
+  ReflectorWorld world = room_with(map);
+  world.path = winding_path(0.5);
+  for (const Eigen::Vector2d& at_m :
+       {Eigen::Vector2d(2.4, 0.3), Eigen::Vector2d(-2.5, 0.2), Eigen::Vector2d(0.2, 2.4)}) {
+    world.cylinders.push_back({at_m, 0.05, 800.0});
+  }
+  Drive drive(map, world, 6);
+  drive.guess();
+  for (int scan = 0; scan < 60; ++scan) drive.scan();
+  ASSERT_GE(drive.scan().matches.size(), 3U);
+  for (const std::size_t gone : {0U, 1U, 2U, 4U}) drive.world.cylinders[gone].center_m += Eigen::Vector2d(500.0, 0.0);
+  drive.world.cylinders[3].center_m += Eigen::Vector2d(0.25, 0.2);
+  for (int scan = 0; scan < 40; ++scan) {
+    EXPECT_FALSE(drive.scan().is_contradicted);
+    EXPECT_LT(drive.error().head<2>().norm(), 0.05);
+  }
+}
+
 TEST(ReflectorLocalization, ReportsAMovedReflectorAndUsesItAgainWhenItIsBack) {
   const ReflectorMap map = map_of(5);
   ReflectorWorld world = room_with(map);

@@ -279,6 +279,12 @@ class ReflectorLocalization {
     int back = 0;
   };
 
+  /// What shines and is none of the reflectors in their places.
+  struct Stranger {
+    Eigen::Vector2d p_world_m;
+    int scans;  ///< that saw it while others were matched
+  };
+
   /// Something that has been seen standing, for the search.
   struct Stood {
     Eigen::Vector2d center_track_m;
@@ -304,6 +310,7 @@ class ReflectorLocalization {
   void try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost);
   void weigh(double resolution_rad);
   void correct(const Pose2& T_base_lidar);
+  std::size_t count_strange(const ReflectorSightings& sightings);
   void judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar);
   bool is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar, std::size_t reflector) const;
   void collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now);
@@ -338,6 +345,7 @@ class ReflectorLocalization {
   std::vector<char> taken_;
   double best_cost_ = 0.0;
   int nodes_ = 0;
+  std::vector<Stranger> strangers_;
   std::vector<Stood> stood_;
   std::vector<std::size_t> order_;
   std::vector<std::size_t> in_time_;  ///< matched ones of seen_
