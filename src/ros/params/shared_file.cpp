@@ -23,7 +23,9 @@ void forget_known_to(const ParamReader& reader, std::vector<UnknownKey>& unknown
     return;  // the other stage refuses to start, and says why
   }
   const auto knows = [&unknown_to_other](const UnknownKey& key) {
-    return std::find(unknown_to_other.begin(), unknown_to_other.end(), key.path) == unknown_to_other.end();
+    return std::none_of(unknown_to_other.begin(), unknown_to_other.end(), [&key](const std::string& path) {
+      return key.path == path || key.path.rfind(path + ".", 0) == 0;  // or in a section that is unknown as a whole
+    });
   };
   unknown.erase(std::remove_if(unknown.begin(), unknown.end(), knows), unknown.end());
 }
