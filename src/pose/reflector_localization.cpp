@@ -704,7 +704,7 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
   // that shines.
   const std::size_t strange = count_strange(sightings);
   update_.is_contradicted =
-      (seen_through >= 2 && seen_through > matches && strange >= 1) || (matches == 0 && strange >= 3);
+      (seen_through >= 2 && seen_through > matches && strange >= 2) || (matches == 0 && strange >= 3);
   if (!update_.is_contradicted) {
     if (matches >= 1) contradicted_ = 0;
     return;

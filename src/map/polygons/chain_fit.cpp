@@ -131,7 +131,8 @@ void ChainFit::drop_rounded_corners(const std::vector<BoundaryElement>& elements
 
 /// Elements at a corner that are of both its sides may have bent an edge: two that are one without those are one.
 void ChainFit::straighten(const std::vector<BoundaryElement>& elements, bool closed, double tolerance_m) {
-  for (std::size_t k = 0; k + 1 < lines_.size();) {
+  const std::size_t fewest = closed ? 3 : 1;
+  for (std::size_t k = 0; k + 1 < lines_.size() && lines_.size() > fewest;) {
     const std::size_t corner = corners_[k + 1];
     corners_.erase(corners_.begin() + static_cast<std::ptrdiff_t>(k + 1));
     const FittedLine line = line_of(elements, closed, k);
@@ -151,10 +152,11 @@ void ChainFit::straighten(const std::vector<BoundaryElement>& elements, bool clo
   }
 }
 
-void ChainFit::fit(std::vector<BoundaryElement>& elements, bool closed, double tolerance_m,
+void ChainFit::fit(std::vector<BoundaryElement>& elements, bool& closed, double tolerance_m,
                    std::vector<ChainVertex>& vertices) {
   vertices.clear();
   if (elements.size() == 1) {
+    closed = false;
     const BoundaryElement& only = elements[0];
     const double middle_m = 0.5 * (only.high_m + only.low_m);
     const double half_m = std::max(0.5 * (only.high_m - only.low_m), kLeastHalf_m);
@@ -165,6 +167,10 @@ void ChainFit::fit(std::vector<BoundaryElement>& elements, bool closed, double t
     return;
   }
   find_corners(elements, closed, tolerance_m);
+  if (closed && corners_.size() < 4) {  // no area is between two edges
+    closed = false;
+    find_corners(elements, closed, tolerance_m);
+  }
   lines_.clear();
   for (std::size_t k = 0; k + 1 < corners_.size(); ++k) lines_.push_back(line_of(elements, closed, k));
   drop_rounded_corners(elements, closed);

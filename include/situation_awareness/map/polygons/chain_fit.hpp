@@ -25,8 +25,10 @@ class ChainFit {
   /// The elements, at least one and from right to left, are simplified (`tolerance_m` and twice their standard
   /// deviations); each edge is the weighted least squares line of its elements without those at its corners, and
   /// vertices are intersections of edges. The order of the elements of a closed chain is rotated so that it begins at a
-  /// corner. `vertices` is overwritten.
-  void fit(std::vector<BoundaryElement>& elements, bool closed, double tolerance_m, std::vector<ChainVertex>& vertices);
+  /// corner. A closed chain without three corners is open. `vertices` is
+  /// overwritten: two at least, of a closed chain three.
+  void fit(std::vector<BoundaryElement>& elements, bool& closed, double tolerance_m,
+           std::vector<ChainVertex>& vertices);
 
  private:
   /// A weighted least squares line, relative to the first element.
