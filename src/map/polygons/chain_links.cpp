@@ -157,6 +157,11 @@ void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements
   for (std::vector<double>* list : {&cost_right_, &cost_left_}) assign_with_room(*list, size, kNoLink);
   links_.assign(size, false);
   for (const Index i : elements) links_[static_cast<std::size_t>(i)] = true;
+  // Ends of chains that are taken apart come back: room for all.
+  for (std::vector<Index>* list : {&open_, &crossed_, &ordered_}) {
+    if (list->capacity() < 2 * size) list->reserve(3 * size + kUsualRoom);
+  }
+  chains_.reserve(kUsualRoom);
   open_.assign(elements.begin(), elements.end());
   link_best(surfels, kNextOne * spacing_m,
             [&](Index right, Index left) { return next_cost(surfels[right], surfels[left], spacing_m); });

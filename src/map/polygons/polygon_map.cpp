@@ -88,10 +88,13 @@ constexpr double kForgotten_s = 10.0;
 constexpr std::size_t kFewElements = 3;
 constexpr double kOnChain_m = 0.045;
 
+/// Room for the vertices of a chain.
+constexpr std::size_t kUsualVertices = 32;
+
 /// One that keeps the memory of a spare one, if there is any.
 void add_chain(std::vector<Chain>& chains, std::vector<Chain>& spare) {
   if (spare.empty()) {
-    chains.emplace_back();
+    chains.emplace_back().vertices.reserve(kUsualVertices);
   } else {
     chains.push_back(std::move(spare.back()));
     spare.pop_back();
@@ -108,6 +111,9 @@ PolygonMap::PolygonMap(const PolygonMapParams& params)
     : params_(params),
       surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m)) {
   watches_.resize(kWatches);
+  shown_.reserve(kUsualRoom);
+  ids_.reserve(kUsualRoom);
+  spare_.reserve(kUsualRoom);
 }
 
 /// The element at the place of a hit, corrected by it; a new one where there is none.
