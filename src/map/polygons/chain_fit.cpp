@@ -25,7 +25,7 @@ constexpr double kStraight_rad = 0.3;
 constexpr double kLeastHalf_m = 0.005;
 /// m. Standard deviation of an element's place that its hits do not show: beams over an edge, normals that are off. The
 /// more elements an edge has, the less it matters.
-constexpr double kElementSigma_m = 0.01;
+constexpr double kElementSigma_m = 0.017;
 /// m. Poses have errors that repeat: no boundary is known better.
 constexpr double kLeastSigma_m = 0.002;
 
