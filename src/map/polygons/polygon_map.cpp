@@ -311,8 +311,7 @@ void PolygonMap::remember() {
 
 /// How much the latest scan's beams say that the element is not there: 1 where they went past it with nothing near it,
 /// or one went through it, and none ended on it.
-double PolygonMap::passing_weight(const Surfel& surfel) const {
-  const Eigen::Matrix2d R_level_world = now_.T_level_world.rotation();
+double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const {
   const Eigen::Vector2d p_level_m = R_level_world * surfel.p_world_m + now_.T_level_world.translation_m;
   const double distance_m = p_level_m.norm();
   if (distance_m >= now_.most_m || distance_m <= 2.0 * params_.spacing_m) return 0.0;
@@ -356,11 +355,12 @@ double PolygonMap::passing_weight(const Surfel& surfel) const {
 /// Elements whose place beams have passed lose existence, hidden ones never.
 void PolygonMap::see_through(PolygonMapUpdate& update) {
   const double rate = std::min(step_s_, kMaxStep_s) * kMostLogOdds / params_.removal_s;
+  const Eigen::Matrix2d R_level_world = now_.T_level_world.rotation();
   for (Index i = 0; i < surfels_.end(); ++i) {
     Surfel& surfel = surfels_[i];
     if (!surfel.alive || surfel.last_seen_ns == stamp_ns_) continue;
     const char* reason = "";
-    surfel.log_odds -= rate * passing_weight(surfel);
+    surfel.log_odds -= rate * passing_weight(surfel, R_level_world);
     if (surfel.log_odds < 0.0) reason = "passed by beams";
     if (!surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s) reason = "not seen again";
     if (*reason == '\0') continue;

@@ -132,7 +132,7 @@ class PolygonMap {
   View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, bool is_wide, double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
   void set_now(const Polylines& polylines);
-  double passing_weight(const Surfel& surfel) const;
+  double passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const;
   void see_through(PolygonMapUpdate& update);
   void remember();
   void name_chains();
