@@ -65,7 +65,7 @@ TEST(SafetyTransits, UpdatedAreasSaveTime) {
 
 TEST(SafetyTransits, NobodyIsTouched) {
   for (const SafetyPolicy policy : kPolicies) {
-    for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    for (std::uint64_t seed = 1; seed <= 30; ++seed) {
       const TransitOutcome outcome = run(scene_with_walker(seed), policy, seed);
       EXPECT_FALSE(outcome.touched) << name_of(policy) << ' ' << seed;
       EXPECT_FALSE(outcome.hit_box) << name_of(policy) << ' ' << seed;
@@ -73,7 +73,7 @@ TEST(SafetyTransits, NobodyIsTouched) {
   }
 }
 
-TEST(SafetyStatistics, NobodyIsTouchedInAThousandRuns) {
+TEST(SafetyTransitsLong, NobodyIsTouchedInAThousandRuns) {
   for (const SafetyPolicy policy : kPolicies) {
     int stopped = 0;
     for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
@@ -85,7 +85,7 @@ TEST(SafetyStatistics, NobodyIsTouchedInAThousandRuns) {
   }
 }
 
-TEST(SafetyStatistics, UpdatedAreasSaveTime) {
+TEST(SafetyTransitsLong, UpdatedAreasSaveTime) {
   double conservative_s = 0.0, updated_s = 0.0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const TransitScene scene = scene_with_boxes(seed);

@@ -62,7 +62,7 @@ TEST(PoseOffsetEstimator, CountsWithTheOffsetInUse) {
 /// Mean of the squared errors over their variances, of 50 drives with poses of independent errors and of odometry that
 /// drifts: 1 for honest standard deviations, from 0.65 to 1.43 in 95 % of all cases (chi-square), and less where the
 /// least standard deviation is a part of it.
-TEST(PoseOffsetEstimator, SaysHowFarItIsOff) {
+TEST(PoseOffsetStatistics, SaysHowFarItIsOff) {
   constexpr int kDrives = 50;
   for (const double drift : {0.0, 1.0}) {
     double nees = 0.0;

@@ -76,10 +76,11 @@ TEST_P(LateScans, AreFoundToBeLate) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Flights, LateScans,
-                         testing::Values(Case{"demo", "lms100", 1, kLag_s}, Case{"demo", "lms100", 2, kLag_s},
-                                         Case{"demo", "lms100", 3, 0.0}, Case{"lab", "s300", 1, -kLag_s},
-                                         Case{"lab", "rplidar_a2", 1, kLag_s}, Case{"lab", "rplidar_a2", 2, 0.0},
-                                         Case{"warehouse", "lms100", 1, kLag_s}));
+                         testing::Values(Case{"demo", "lms100", 1, kLag_s}, Case{"demo", "lms100", 3, 0.0},
+                                         Case{"lab", "rplidar_a2", 1, kLag_s}));
+INSTANTIATE_TEST_SUITE_P(FlightsLong, LateScans,
+                         testing::Values(Case{"demo", "lms100", 2, kLag_s}, Case{"lab", "s300", 1, -kLag_s},
+                                         Case{"lab", "rplidar_a2", 2, 0.0}, Case{"warehouse", "lms100", 1, kLag_s}));
 
 /// The map of a flight with the poses of this offset after the stamps.
 struct Mapped {

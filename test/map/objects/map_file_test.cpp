@@ -294,7 +294,7 @@ std::string damaged(std::string yaml, Random& random) {
   return yaml;
 }
 
-TEST(MapFile, DamagedItIsRefused) {
+TEST(MapFileStatistics, DamagedItIsRefused) {
   const std::string yaml = map_to_yaml(snapshot_of(lively_map(40)));
   Random random(1);
   for (int i = 0; i < 5000; ++i) {
@@ -304,7 +304,7 @@ TEST(MapFile, DamagedItIsRefused) {
   }
 }
 
-TEST(MapFile, DamagedAndEditedItIsRefusedOrAValidMap) {
+TEST(MapFileStatistics, DamagedAndEditedItIsRefusedOrAValidMap) {
   MapSnapshot few = snapshot_of(lively_map(8));
   few.elements.resize(2);
   const std::string yaml = edited(map_to_yaml(few));
