@@ -49,6 +49,13 @@ double stopping_speed_m_s(double way_m, double reaction_s, double deceleration_m
   return std::sqrt(lost_m_s * lost_m_s + 2.0 * deceleration_m_s2 * way_m) - lost_m_s;
 }
 
+/// A scanner that is covered or out of order says nothing of most directions, where one in order loses single beams.
+bool is_blind(const Points& points) {
+  const auto invalid = std::count_if(points.points.begin(), points.points.end(),
+                                     [](const Point& point) { return point.state == BeamState::kInvalid; });
+  return 2 * invalid >= static_cast<std::ptrdiff_t>(points.points.size());
+}
+
 double stopping_way_m(double speed_m_s, double reaction_s, double deceleration_m_s2) {
   return speed_m_s * (reaction_s + 0.5 * speed_m_s / deceleration_m_s2);
 }
@@ -551,7 +558,7 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   gather_things(points);
   count_neighbours();
   recall(points);
-  decision_.may_turn = may_turn();
+  decision_.may_turn = !is_blind(points) && may_turn();
   if (!heads_along) return decision_;
 
   const double present_m_s = std::abs(vehicle.speed_m_s);

@@ -74,6 +74,28 @@ TEST(SafetyAreas, AScanWithoutBeamsHidesTheWay) {
   EXPECT_EQ(decision.verdict, Verdict::kStop);
   EXPECT_EQ(decision.kind, Kind::kHidden);
   EXPECT_EQ(decision.allowed_speed_m_s, 0.0);
+  EXPECT_FALSE(decision.may_turn);
+}
+
+TEST(SafetyAreas, AScannerThatSaysNothingLetsTheVehicleStand) {
+  for (const BeamState state : {BeamState::kInvalid, BeamState::kTooClose}) {
+    SafetyScene scene = SafetyScene::straight();
+    SafetyAreas areas(scene.path, {}, {});
+    Points points = scene.points();
+    for (Point& point : points.points) point.state = state;
+    const SafetyDecision& decision = areas.update(points, {}, {}, {});
+    EXPECT_EQ(decision.verdict, Verdict::kStop);
+    EXPECT_EQ(decision.allowed_speed_m_s, 0.0);
+    EXPECT_FALSE(decision.may_turn);
+  }
+}
+
+TEST(SafetyAreas, LostBeamsDoNotKeepTheVehicleFromTurning) {
+  SafetyScene scene = SafetyScene::straight();
+  SafetyAreas areas(scene.path, {}, {});
+  Points points = scene.points();
+  for (std::size_t i = 0; i < points.points.size(); i += 3) points.points[i].state = BeamState::kInvalid;
+  EXPECT_TRUE(areas.update(points, {}, {}, {}).may_turn);
 }
 
 TEST(SafetyAreas, StopsBeforeAnUnknownThing) {

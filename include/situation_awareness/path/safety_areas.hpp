@@ -124,7 +124,7 @@ struct SafetyDecision {
   Eigen::Vector2d place_world_m = Eigen::Vector2d::Zero();
   double distance_m = std::numeric_limits<double>::infinity();  ///< along the way
   double allowed_speed_m_s = 0.0;
-  bool may_turn = false;  ///< on the spot
+  bool may_turn = false;  ///< on the spot; never by a scan of which half the beams or more say nothing
   SafetyPolicy policy = SafetyPolicy::kUpdated;
   std::size_t segment = 0;  ///< of the path as its file has it
   std::size_t counted = 0;  ///< hits in the areas that count, and
