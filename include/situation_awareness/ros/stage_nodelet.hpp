@@ -2,6 +2,7 @@
 #pragma once
 
 #include <exception>
+#include <memory>
 #include <optional>
 
 #include <nodelet/nodelet.h>
@@ -21,7 +22,7 @@ namespace situation_awareness {
 ///     Stage(Context& context, const Params& params);
 ///     bool process(const SegmentArray& msg); // true: output was published; false: the reason was counted
 ///
-/// Exceptions of process() are counted as errors. The context outlives the stage.
+/// Exceptions of process() are counted as errors. The context outlives the stage, which is never copied nor moved.
 template <class Stage>
 class StageNodelet : public nodelet::Nodelet {
  public:
@@ -32,7 +33,7 @@ class StageNodelet : public nodelet::Nodelet {
     try {
       const auto params = Stage::kReadParams(ParamReader(getPrivateNodeHandle()));
       context_.emplace(getNodeHandle(), getPrivateNodeHandle(), getName());  // one callback at a time
-      stage_.emplace(*context_, params);
+      stage_ = std::make_unique<Stage>(*context_, params);
       context_->diagnostics().unknown_parameters(params.unknown);
       context_->start(Stage::kInput, [this](const auto& msg) { return stage_->process(msg); });
     } catch (const std::exception& error) {
@@ -49,7 +50,7 @@ class StageNodelet : public nodelet::Nodelet {
   }
 
   std::optional<typename Stage::Context> context_;
-  std::optional<Stage> stage_;
+  std::unique_ptr<Stage> stage_;  // not optional: a stage, whose callbacks hold `this`, is never copied nor moved
 };
 
 }  // namespace situation_awareness

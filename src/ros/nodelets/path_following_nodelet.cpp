@@ -48,8 +48,6 @@ class PathFollowingStage {
     });
     context.every(kPeriod_s, [this] { command(); });
   }
-  PathFollowingStage(const PathFollowingStage&) = delete;
-  PathFollowingStage& operator=(const PathFollowingStage&) = delete;
 
   /// A vehicle keeps the last command that it got.
   ~PathFollowingStage() {

@@ -44,10 +44,6 @@ class SafetyAreasStage {
   static constexpr const char* kInput = "scan";
   static constexpr auto kReadParams = read_path_nodelet_params;
 
-  // Its listener of TF cannot be copied, and callbacks hold `this`.
-  SafetyAreasStage(const SafetyAreasStage&) = delete;
-  SafetyAreasStage& operator=(const SafetyAreasStage&) = delete;
-
   SafetyAreasStage(Context& context, const PathNodeletParams& params)
       : context_(context),
         params_(params),
