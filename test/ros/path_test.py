@@ -3,7 +3,9 @@
 """The nodelets safety_areas and path_following lead a vehicle along its path, stop it before what is in the way, and
 where scans, poses or sense are missing."""
 import math
+import os
 import pathlib
+import signal
 import subprocess
 import sys
 import tempfile
@@ -15,7 +17,7 @@ import numpy as np
 import rosnode
 import rospy
 import rostest
-from geometry_msgs.msg import Point, Twist
+from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
@@ -24,7 +26,8 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Diagnostics, Latest, scan_msg, transform_msg, wait_until  # noqa: E402
+from fault_record import fault  # noqa: E402
+from ros_support import Diagnostics, Latest, pid_of, scan_msg, transform_msg, wait_until  # noqa: E402
 from situation_awareness.msg import MappedPolygon, PathError, PolygonArray, SafetyVerdict  # noqa: E402
 
 LASER_X_M = 0.1
@@ -57,6 +60,7 @@ class Vehicle:
         self.speed, self.turn_rate = 0.0, 0.0
         self.edges = list(WALLS)
         self.with_scan = self.with_tf = True
+        self.is_blind = False
         self.commands = []
         self.scans = rospy.Publisher("scan", LaserScan, queue_size=10)
         self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
@@ -98,7 +102,8 @@ class Vehicle:
             azimuths = self.yaw + scan.angle_min + scan.angle_increment * np.arange(541)
             lidar_x = self.x + LASER_X_M * math.cos(self.yaw)
             lidar_y = self.y + LASER_X_M * math.sin(self.yaw)
-            scan.ranges = cast(self.edges, lidar_x, lidar_y, azimuths).tolist()
+            ranges = cast(self.edges, lidar_x, lidar_y, azimuths)
+            scan.ranges = np.full(541, np.nan).tolist() if self.is_blind else ranges.tolist()
             scan.angle_max = scan.angle_min + 540 * scan.angle_increment
             self.scans.publish(scan)
 
@@ -214,6 +219,7 @@ class PathTest(unittest.TestCase):
         wait_until(lambda: "stopped" in self.diagnostics.stages["path_following"]["summary"]
                    or "no input" in self.diagnostics.stages["path_following"]["summary"], 5.0, "a warning")
 
+    @fault("scanner silent", "while the vehicle drives", "it stops, and goes on by itself with the next scans")
     def test_4_without_scans_it_stops_and_goes_on(self):
         self.settle()
         self.drive()
@@ -222,6 +228,19 @@ class PathTest(unittest.TestCase):
         self.vehicle.with_scan = True
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
 
+    @fault("scanner covered", "all ranges NaN while the vehicle drives", "it stops: the way is hidden; then it goes on")
+    def test_4b_by_scans_that_say_nothing_it_stops_and_goes_on(self):
+        self.settle()
+        self.drive()
+        self.vehicle.is_blind = True
+        try:
+            wait_until(self.vehicle.stands, 5.0, "the vehicle to stop")
+            wait_until(lambda: self.latest().kind == SafetyVerdict.HIDDEN and not self.latest().may_turn, 5.0, "the reason")
+        finally:
+            self.vehicle.is_blind = False
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
+
+    @fault("pose missing", "no transforms while the vehicle drives", "it stops, and goes on by itself with the next ones")
     def test_5_without_a_pose_it_stops_and_goes_on(self):
         self.settle()
         self.drive()
@@ -230,6 +249,8 @@ class PathTest(unittest.TestCase):
         self.vehicle.with_tf = True
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
 
+    @fault("verdicts that cannot be used", "a speed of NaN, inf or -1, an unknown verdict, one that contradicts its speed, "
+           "another frame, 5 s old", "each counts as none: the vehicle stands", times=7)
     def test_6_stale_verdicts_and_those_that_are_no_sense_stop_it(self):
         self.settle()
         self.drive()
@@ -243,13 +264,19 @@ class PathTest(unittest.TestCase):
             msg.header.stamp, msg.header.frame_id = rospy.Time.now(), "map"
             self.safety.publish(msg)
             time.sleep(0.1)  # of several at once the newest alone is taken
+        elsewhere = SafetyVerdict(allowed_speed_m_s=0.5, **good)
+        elsewhere.header.stamp, elsewhere.header.frame_id = rospy.Time.now(), "moon"
+        self.safety.publish(elsewhere)
+        time.sleep(0.1)
         old = SafetyVerdict(allowed_speed_m_s=0.5, **good)
         old.header.stamp, old.header.frame_id = rospy.Time.now() - rospy.Duration(5.0), "map"
         self.safety.publish(old)
-        wait_until(lambda: self.diagnostics.count("path_following", key) == before + 5, 5.0, "5 bad messages")
+        wait_until(lambda: self.diagnostics.count("path_following", key) == before + 6, 5.0, "6 bad messages")
         time.sleep(1.0)
         self.assertTrue(self.vehicle.stands())
 
+    @fault("map, odometry or pose that cannot be used", "polygons with NaN or in another frame, a speed of NaN, a pose "
+           "with a variance of NaN or in another frame", "counted by reason; the ones before, or the defaults, serve", times=5)
     def test_7_bad_maps_and_odometry_are_counted(self):
         self.settle()
         before = self.diagnostics.count("safety_areas", "dropped: bad map")
@@ -264,8 +291,19 @@ class PathTest(unittest.TestCase):
         odometry.twist.twist.linear.x = math.nan
         self.vehicle.odometry.publish(odometry)
         wait_until(lambda: self.diagnostics.count("safety_areas", "odometry not used") > 0, 5.0, "bad odometry")
+        poses = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=10)
+        self.addCleanup(poses.unregister)
+        wait_until(lambda: poses.get_num_connections() > 0, 10.0, "safety_areas")
+        for frame, variance in (("map", math.nan), ("moon", 0.0)):
+            pose = PoseWithCovarianceStamped()
+            pose.header.stamp, pose.header.frame_id = rospy.Time.now(), frame
+            pose.pose.covariance = [variance] * 36
+            poses.publish(pose)
+        wait_until(lambda: self.diagnostics.count("safety_areas", "pose not used") == 2, 5.0, "bad poses")
         self.assertGreater(self.latest().allowed_speed_m_s, 0.3)
 
+    @fault("file of the path is none", "a way point of NaN", "a FATAL sentence names file and way point, the manager lives",
+           times=2)
     def test_8_a_path_that_is_none_is_refused(self):
         with tempfile.TemporaryDirectory() as folder:
             file = pathlib.Path(folder) / "wrong.yaml"
@@ -279,6 +317,13 @@ class PathTest(unittest.TestCase):
                 wait_until(lambda: [log.msg for log in self.logs if log.level == Log.FATAL and f"/{name} " in log.msg
                                     and "path[1].x" in log.msg and str(file) in log.msg], 5.0, "the sentence")
         self.assertTrue(rosnode.rosnode_ping("/path_manager", max_count=1), "the manager lives")
+
+    @fault("manager terminated", "SIGTERM while the vehicle drives", "the last command is to stand")
+    def test_9_a_manager_that_is_terminated_stops_the_vehicle(self):
+        self.settle()
+        self.drive()
+        os.kill(pid_of("/path_manager"), signal.SIGTERM)
+        wait_until(self.vehicle.stands, 5.0, "the last command")
 
 
 if __name__ == "__main__":

@@ -51,7 +51,9 @@ class PathFollowingStage {
 
   /// A vehicle keeps the last command that it got.
   ~PathFollowingStage() {
-    if (drives_) command_.publish(geometry_msgs::Twist());
+    if (!drives_) return;
+    command_.publish(geometry_msgs::Twist());
+    ros::WallDuration(kSending_s).sleep();  // roscpp drops what another thread has not sent when the publisher ends
   }
 
   bool process(const SafetyVerdict& msg) {
@@ -70,6 +72,7 @@ class PathFollowingStage {
 
  private:
   static constexpr double kPeriod_s = 0.02;
+  static constexpr double kSending_s = 0.1;
 
   bool is_fresh(std::int64_t stamp_ns, std::int64_t now_ns) const {
     return std::abs(seconds_between(stamp_ns, now_ns)) <= following_.params().timeout_s;

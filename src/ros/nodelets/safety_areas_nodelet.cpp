@@ -137,7 +137,8 @@ class SafetyAreasStage {
             msg.pose.covariance[6 * kAt[i] + kAt[k]];
       }
     }
-    if (!covariance.allFinite() || (covariance.diagonal().array() < 0.0).any()) {
+    const bool is_of_world = tf2_frame(msg.header.frame_id) == params_.nodelet.world_frame;
+    if (!is_of_world || !covariance.allFinite() || (covariance.diagonal().array() < 0.0).any()) {
       return context_.diagnostics().counted({{"pose not used", 1}});
     }
     covariance_ = covariance;

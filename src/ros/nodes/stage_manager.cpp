@@ -3,6 +3,7 @@
 // of them. Separate loaders would need 4 s to notice the end of their manager.
 //     stage_manager STAGE ... nodelets of this package, each named as its type
 #include <algorithm>
+#include <csignal>
 #include <cstddef>
 #include <exception>
 #include <iostream>
@@ -16,6 +17,7 @@
 
 #include <diagnostic_msgs/DiagnosticArray.h>
 #include <nodelet/loader.h>
+#include <ros/callback_queue.h>
 #include <ros/ros.h>
 
 #include "situation_awareness/ros/master_watch.hpp"
@@ -24,6 +26,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kLookEvery_s = 1.0;
+constexpr double kLookForSignal_s = 0.05;
 
 /// Time without input at a new master, after which the process ends. Longer than two periods of MasterWatch, so that
 /// every stage has written its parameters.
@@ -48,6 +51,12 @@ class StageManager {
       load_missing();
       end_if_idle_at_new_master();
     });
+  }
+
+  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got.
+  void end_stages() {
+    timer_.stop();
+    loader_.clear();
   }
 
  private:
@@ -108,12 +117,25 @@ void set_worker_threads(std::size_t stages) {
 /// and each would keep the memory of the largest message that it ever met.
 void share_one_arena() { mallopt(M_ARENA_MAX, 1); }
 
+volatile std::sig_atomic_t is_told_to_end = 0;
+
+/// The handler of roscpp shuts the topics down before the stages end, and SIGTERM it does not handle at all. A second
+/// signal ends the process at once.
+void handle_signals() {
+  struct sigaction action = {};
+  action.sa_handler = [](int /*signal*/) { is_told_to_end = 1; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
 }  // namespace
 }  // namespace situation_awareness
 
 int main(int argc, char** argv) {
   situation_awareness::share_one_arena();
-  ros::init(argc, argv, "stage_manager");
+  ros::init(argc, argv, "stage_manager", ros::init_options::NoSigintHandler);
+  situation_awareness::handle_signals();
   const std::vector<std::string> stages(argv + 1, argv + argc);  // ros::init has removed ROS's arguments
   if (stages.empty()) {
     std::cerr << "usage: stage_manager STAGE ..., such as: stage_manager segmentation detection mapping\n";
@@ -121,7 +143,9 @@ int main(int argc, char** argv) {
   }
   situation_awareness::set_worker_threads(stages.size());
   situation_awareness::StageManager manager(stages);
-  ros::spin();
+  const ros::WallDuration period(situation_awareness::kLookForSignal_s);
+  while (ros::ok() && !situation_awareness::is_told_to_end) ros::getGlobalCallbackQueue()->callAvailable(period);
+  if (ros::ok()) manager.end_stages();
   ros::shutdown();  // before the loader ends, as in the program nodelet
   return 0;
 }
