@@ -3,6 +3,7 @@
 import functools
 import json
 import os
+import pathlib
 
 
 def fault(name, how, must, times=1):
@@ -20,6 +21,7 @@ def fault(name, how, must, times=1):
                 if path:
                     with open(path, "a", encoding="utf-8") as file:
                         file.write(json.dumps({"fault": name, "how": how, "must": must, "times": times,
+                                               "test": pathlib.Path(test.__code__.co_filename).stem,
                                                "passed": passed}) + "\n")
         return recorded
     return decorate

@@ -235,12 +235,13 @@ class PathTest(unittest.TestCase):
         self.vehicle.is_blind = True
         try:
             wait_until(self.vehicle.stands, 5.0, "the vehicle to stop")
-            wait_until(lambda: self.latest().kind == SafetyVerdict.HIDDEN and not self.latest().may_turn, 5.0, "the reason")
+            wait_until(lambda: self.latest().kind == SafetyVerdict.HIDDEN and not self.latest().may_turn, 5.0,
+                       "the reason")
         finally:
             self.vehicle.is_blind = False
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
 
-    @fault("pose missing", "no transforms while the vehicle drives", "it stops, and goes on by itself with the next ones")
+    @fault("pose missing", "no transforms while the vehicle drives", "it stops, and goes on with the next ones")
     def test_5_without_a_pose_it_stops_and_goes_on(self):
         self.settle()
         self.drive()
@@ -249,8 +250,8 @@ class PathTest(unittest.TestCase):
         self.vehicle.with_tf = True
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
 
-    @fault("verdicts that cannot be used", "a speed of NaN, inf or -1, an unknown verdict, one that contradicts its speed, "
-           "another frame, 5 s old", "each counts as none: the vehicle stands", times=7)
+    @fault("verdicts that cannot be used", "a speed of NaN, inf or -1, an unknown verdict, one that contradicts its "
+           "speed, another frame, 5 s old", "each counts as none: the vehicle stands", times=7)
     def test_6_stale_verdicts_and_those_that_are_no_sense_stop_it(self):
         self.settle()
         self.drive()
@@ -275,8 +276,9 @@ class PathTest(unittest.TestCase):
         time.sleep(1.0)
         self.assertTrue(self.vehicle.stands())
 
-    @fault("map, odometry or pose that cannot be used", "polygons with NaN or in another frame, a speed of NaN, a pose "
-           "with a variance of NaN or in another frame", "counted by reason; the ones before, or the defaults, serve", times=5)
+    @fault("map, speed or pose that cannot be used", "polygons with NaN or in another frame, a speed of NaN, a pose "
+           "with a variance of NaN or in another frame", "counted by reason; those before, or the defaults, serve",
+           times=5)
     def test_7_bad_maps_and_odometry_are_counted(self):
         self.settle()
         before = self.diagnostics.count("safety_areas", "dropped: bad map")
@@ -302,8 +304,8 @@ class PathTest(unittest.TestCase):
         wait_until(lambda: self.diagnostics.count("safety_areas", "pose not used") == 2, 5.0, "bad poses")
         self.assertGreater(self.latest().allowed_speed_m_s, 0.3)
 
-    @fault("file of the path is none", "a way point of NaN", "a FATAL sentence names file and way point, the manager lives",
-           times=2)
+    @fault("file of the path is none", "a way point of NaN",
+           "a FATAL sentence names file and way point, the manager lives", times=2)
     def test_8_a_path_that_is_none_is_refused(self):
         with tempfile.TemporaryDirectory() as folder:
             file = pathlib.Path(folder) / "wrong.yaml"

@@ -4,7 +4,9 @@
 import copy
 import json
 import math
+import os
 import pathlib
+import signal
 import sys
 import tempfile
 import time
@@ -17,7 +19,8 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, Robot, scan_msg,  # noqa: E402
+from fault_record import fault  # noqa: E402
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, Robot, pid_of, scan_msg,  # noqa: E402
                          transform_msg, wait_until)
 from situation_awareness.msg import MappedPolygon, PolygonArray, SegmentArray  # noqa: E402
 from situation_awareness.srv import GetPolygons, LoadPolygons, SavePolygons  # noqa: E402
@@ -151,6 +154,9 @@ class PolygonMappingTest(unittest.TestCase):
         time.sleep(1.1)
         self.assertGreater(min(polygon.id for polygon in self.scan(25).polygons), last, "ids are not used again")
 
+    @fault("segments that cannot be used", "another frame, NaN, huge numbers, indices out of range, stamps that repeat "
+           "or go back; then 100 s back", "each is counted by its reason, the map stays; far back is a new map",
+           times=11)
     def test_messages_that_cannot_be_used(self):
         self.scan(25)
         good = self.segments.messages[-1]
@@ -194,6 +200,8 @@ class PolygonMappingTest(unittest.TestCase):
         wait_until(lambda: not self.maps.messages[-1].polygons, 5.0, "the new map")
         wait_until(lambda: self.count("time jumped back: new map") >= 1, 5.0, "the reason")
 
+    @fault("pose that cannot be used", "NaN, a negative variance, another frame, another stamp, a sigma of 1 m",
+           "counted by reason; mapped with ~pose_sigma_m, or not at all where the pose is too uncertain", times=13)
     def test_the_covariance_of_the_pose(self):
         """It is that of the same stamp, waited for while `pose` has a publisher."""
         publisher = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=100)
@@ -233,6 +241,99 @@ class PolygonMappingTest(unittest.TestCase):
         frame[0], offset[0] = "map", rospy.Duration(0.001)
         self.scan(2, publish)
         wait_until(lambda: self.count("no pose of that stamp") == missing + 8, 5.0, "poses that are missed")
+
+    def ids(self):
+        return {polygon.id for polygon in self.maps.messages[-1].polygons}
+
+    @fault("file of the map missing or none",
+           "no file, a folder, an empty file, text, a map of objects, GeoJSON of points",
+           "load_polygons answers with the file's name and the reason, the map stays", times=6)
+    def test_files_that_are_none(self):
+        self.scan(25)
+        ids = self.ids()
+        points = {"type": "FeatureCollection", "features": [
+            {"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": [1, 2]}}]}
+        for name, text in (("none.yaml", None), ("empty.yaml", ""), ("text.yaml", "a: [1"),
+                           ("objects.yaml", "objects: []\n"), ("points.geojson", json.dumps(points))):
+            path = self.folder / name
+            if text is not None:
+                path.write_text(text)
+            answer = self.load(str(path))
+            self.assertFalse(answer.success, name)
+            self.assertTrue(answer.message.startswith(str(path)), answer.message)
+            self.assertNotIn("\n", answer.message)
+        answer = self.load(str(self.folder))
+        self.assertFalse(answer.success)
+        self.assertIn(str(self.folder), answer.message)
+        self.scan(2)
+        self.assertEqual(self.ids(), ids)
+
+    @fault("no valid range", "10 scans all NaN", "every scan is mapped, ids stay", times=10)
+    def test_scans_of_nothing(self):
+        self.scan(25)
+        ids = self.ids()
+        before = len(self.maps.messages)
+        for _ in range(10):
+            stamp = rospy.Time.now()
+            self.robot.tf.publish(transform_msg(stamp, parent="map"))
+            self.robot.publish(scan_msg(stamp, ranges=[math.nan] * BEAMS), transforms=False)
+        wait_until(lambda: len(self.maps.messages) >= before + 10, 5.0, "their maps")
+        self.scan(2)
+        self.assertEqual(self.ids(), ids)
+
+    @fault("transforms missing", "for 10 scans, longer than ~tf_timeout_s", "all dropped: no transform; ids stay",
+           times=10)
+    def test_scans_without_transforms(self):
+        self.scan(25)
+        ids = self.ids()
+        key = "dropped: no transform"
+        before = self.diagnostics.count("segmentation", key)
+        for _ in range(10):
+            self.robot.publish(scan_msg(rospy.Time.now(), ranges=ranges_in_a_room()), transforms=False)
+        wait_until(lambda: self.diagnostics.count("segmentation", key) == before + 10, 5.0, "the drops")
+        self.scan(2)
+        self.assertEqual(self.ids(), ids)
+
+    @fault("scanner silent", "for 3 s", "ids stay")
+    def test_silence(self):
+        self.scan(25)
+        ids = self.ids()
+        time.sleep(3.0)
+        self.scan(2)
+        self.assertEqual(self.ids(), ids)
+
+    @fault("flood", "200 scans at once", "mapped, or dropped as overtaken, ids stay")
+    def test_a_flood(self):
+        self.scan(25)
+        ids = self.ids()
+        begin = rospy.Time.now()
+        for i in range(200):
+            stamp = begin + rospy.Duration(0.0005 * i)
+            self.robot.tf.publish(transform_msg(stamp, parent="map"))
+            self.robot.scans.publish(scan_msg(stamp, ranges=ranges_in_a_room()))
+        time.sleep(1.0)
+        self.scan(2)
+        self.assertEqual(self.ids(), ids)
+
+    @fault("manager killed", "SIGKILL", "respawn restarts all, with a new map; a saved one can be loaded")
+    def test_z_a_killed_manager_comes_back(self):
+        self.scan(25)
+        ids = self.ids()
+        path = str(self.folder / "map.yaml")
+        self.assertTrue(self.save(path).success)
+        os.kill(pid_of("/polygons_manager"), signal.SIGKILL)
+
+        def maps_again():
+            stamp = rospy.Time.now()
+            self.robot.tf.publish(transform_msg(stamp, parent="map"))
+            self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room()), transforms=False)
+            time.sleep(0.2)
+            return stamp in self.maps.stamps()
+        wait_until(maps_again, 60.0, "the manager and its nodelets to come back")
+        self.load.wait_for_service(10.0)
+        self.assertTrue(self.load(path).success)
+        self.scan(3)
+        self.assertEqual(self.ids(), ids)
 
 
 if __name__ == "__main__":

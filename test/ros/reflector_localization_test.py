@@ -19,6 +19,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from fault_record import fault  # noqa: E402
 from ros_support import ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, wait_until  # noqa: E402
 from situation_awareness.srv import Relocate  # noqa: E402
 
@@ -150,6 +151,8 @@ class ReflectorLocalizationTest(unittest.TestCase):
 
     # --- start
 
+    @fault("file of reflectors missing or wrong", "no file, one with reflectors that overlap, then a good one",
+           "each is named in a FATAL sentence with the reason; with the good one it starts by itself", times=2)
     def test_01_a_file_that_cannot_be_used_is_said_and_tried_again(self):
         wait_until(lambda: self.logged(Log.FATAL, str(self.file)), 30.0, "the missing file to be named")
         self.file.write_text("reflectors: [{x: 1, y: 2, radius_m: 0.05}, {x: 1.01, y: 2, radius_m: 0.05}]\n")
@@ -160,6 +163,8 @@ class ReflectorLocalizationTest(unittest.TestCase):
         wait_until(lambda: min(self.scans.get_num_connections(), self.odometry.get_num_connections(),
                                self.tf.get_num_connections(), self.given.get_num_connections()) > 0, 10.0, "inputs")
 
+    @fault("no odometry, no mounting in TF", "20 scans without odometry, 20 without the transform base to lidar",
+           "all dropped by reason, the log names the frames; localised once both are there", times=2)
     def test_02_scans_without_odometry_or_mounting_are_dropped_by_reason(self):
         self.run_scans(20, odometry=False)
         time.sleep(1.0)
@@ -202,6 +207,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
 
     # --- reflectors
 
+    @fault("reflector moved", "by 0.3 m", "named with the distance; the pose stays; used again when it is back")
     def test_04_a_moved_reflector_is_named_with_its_distance(self):
         self.standing[1] = (REFLECTORS[1][0] + 0.3, REFLECTORS[1][1])
         self.wait_for("moved", "1")
@@ -214,6 +220,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.standing[1] = REFLECTORS[1]
         self.wait_for("moved", "0")
 
+    @fault("reflector missing", "taken away, and brought back", "named; the pose stays; used again when it is back")
     def test_05_a_missing_reflector_is_named(self):
         self.standing.pop(2)
         self.wait_for("missing", "1")
@@ -264,8 +271,35 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.assert_true_pose(self.wait_for_pose())
         self.standing[:] = REFLECTORS
 
+    @fault("pose that cannot be used", "relocate with NaN or a negative sigma; initialpose with NaN, or a variance "
+           "that is NaN or negative", "refused or counted with the reason, the pose stays", times=5)
+    def test_06b_a_pose_that_cannot_be_used_changes_nothing(self):
+        relocate = rospy.ServiceProxy("relocate", Relocate)
+        self.wait_for_pose()
+        for wrong in ({"pose": Pose2D(0.0, 0.0, math.nan)}, {"sigma_m": -1.0}):
+            answer = relocate(has_pose=True, **wrong)
+            self.assertFalse(answer.success)
+            self.assertIn("finite", answer.message)
+        before = self.count("initialpose not used")
+        for spoil in (lambda pose: setattr(pose.pose.position, "y", math.nan),
+                      lambda pose: setattr(pose, "covariance", [math.nan] * 36),
+                      lambda pose: setattr(pose, "covariance", [-1.0] * 36)):
+            given = PoseWithCovarianceStamped()
+            given.header.stamp, given.header.frame_id = rospy.Time.now(), "hall"
+            given.pose.pose.orientation.w = 1.0
+            given.pose.covariance = [0.01 if i in (0, 7, 35) else 0.0 for i in range(36)]
+            spoil(given.pose)
+            self.given.publish(given)
+        self.assertEqual(self.count("initialpose not used"), before + 3)
+        poses = len(self.poses.messages)
+        self.run_scans(3)
+        wait_until(lambda: len(self.poses.messages) > poses, 2.0, "the next pose")
+        self.assert_true_pose(self.poses.messages[-1])
+
     # --- faults
 
+    @fault("odometry that cannot be used", "NaN, no rotation, stamps that repeat or go back, another child frame",
+           "each is counted by its reason and not used; the pose stays", times=5)
     def test_07_bad_odometry_is_not_used(self):
         self.wait_for_pose()
         bad = odometry_of(self.now())
@@ -286,6 +320,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.assertEqual(self.count("not used: odometry in another frame"), 1)
         self.assert_true_pose(self.wait_for_pose())
 
+    @fault("odometry late", "0.2 s after its scan", "the scan waits for it and has its pose")
     def test_08_late_odometry_is_waited_for(self):
         self.wait_for_pose()
         stamp = self.now()
@@ -295,6 +330,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.odometry.publish(odometry_of(stamp + rospy.Duration(0.01)))
         wait_until(lambda: stamp in self.poses.stamps(), 1.0, "its pose")
 
+    @fault("odometry missing", "for 10 scans", "all dropped: no odometry; the pose goes on by the next scans", times=10)
     def test_09_missing_odometry_drops_scans_and_the_pose_stays(self):
         self.wait_for_pose()
         before = self.count("dropped: no odometry")
@@ -303,6 +339,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.assertEqual(self.count("dropped: no odometry"), before + 10)
         self.assert_true_pose(self.wait_for_pose())
 
+    @fault("odometry jumps", "by 90 m and 2 rad", "no motion: each scan has its pose, the jump is counted")
     def test_10_a_jump_of_odometry_is_no_motion(self):
         global WHEELS
         self.wait_for_pose()
@@ -324,6 +361,8 @@ class ReflectorLocalizationTest(unittest.TestCase):
         finally:
             WHEELS = wheels
 
+    @fault("scans without intensities or ranges", "fewer intensities than ranges; no intensities; all ranges NaN",
+           "the first is dropped by reason; the others are counted, and have the pose by odometry", times=7)
     def test_11_bad_scans_are_dropped_by_reason(self):
         self.wait_for_pose()
         scan = scan_of(self.now(), self.standing, self.chance)
@@ -339,6 +378,34 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.assertEqual(self.count("scans without intensities"), 5)
         self.assert_true_pose(self.wait_for_pose())
 
+    @fault("flood of scans and odometry", "300 of each at once",
+           "localised, or dropped as overtaken; the pose stays")
+    def test_11b_a_flood_does_no_harm(self):
+        self.wait_for_pose()
+        time.sleep(0.5)
+        poses, begin = len(self.poses.messages), self.now()
+        for i in range(300):
+            stamp = begin + rospy.Duration(0.0005 * i)
+            self.odometry.publish(odometry_of(stamp))
+            self.scans.publish(scan_of(stamp, self.standing, self.chance))
+        self.assert_true_pose(self.wait_for_pose(10.0))
+        self.assertGreater(len(self.poses.messages), poses)
+        self.assertFalse(self.logged(Log.ERROR, STAGE))
+
+    @fault("scanner silent", "for 3 s, while the robot drives 0.5 m by its odometry",
+           "the pose is taken along by odometry")
+    def test_11c_without_scans_odometry_takes_the_pose_along(self):
+        global ROBOT, WHEELS
+        self.wait_for_pose()
+        robot, wheels = ROBOT, WHEELS
+        for i in range(60):
+            step = (0.5 * (i + 1) / 60, 0.0, 0.0)
+            self.odometry.publish(odometry_of(self.now(), composed(wheels, step)))
+            time.sleep(0.05)
+        ROBOT, WHEELS = composed(robot, step), composed(wheels, step)
+        self.assert_true_pose(self.wait_for_pose())
+
+    @fault("time is reset", "stamps 200 s back", "the pose is forgotten, and found by the reflectors")
     def test_12_time_that_starts_again_forgets_the_pose_and_finds_it(self):
         self.wait_for_pose()
         type(self).shift_s = -200.0
