@@ -225,6 +225,9 @@ class CheckFields {
       covariance(name, value, limits...);
     } else if constexpr (detail::HasNumbers<Value>::value) {
       NumbersOf<Value>::visit(value, [&](const char* /*part*/, double number) { range(name, number, limits...); });
+    } else if constexpr (sizeof...(Limits) > 0 && std::is_integral_v<Value>) {
+      using Widest = std::conditional_t<std::is_signed_v<Value>, std::int64_t, std::uint64_t>;
+      range(name, Widest{value}, static_cast<Widest>(limits)...);
     } else if constexpr (sizeof...(Limits) > 0) {
       range(name, value, limits...);
     } else if constexpr (detail::kIsNumber<Value>) {
