@@ -83,6 +83,13 @@ TEST(Path, RefusalsNameSourceIndexFieldAndBound) {
   EXPECT_TRUE(names(refused("path: [4, 5]"), {"path[0]"}));
   EXPECT_TRUE(names(refused("way: []"), {"hall.yaml", "path"}));
   EXPECT_TRUE(names(refused("{path: [{x: 0, y: 0}, {x: 1, y: 1}], more: 1}"), {"path", "closed"}));
+  const std::string good = "[{x: 0, y: 0}, {x: 1, y: 1}]";
+  EXPECT_EQ(refused("path: " + good), "");
+  EXPECT_TRUE(names(refused("{path: " + good + ", path: " + good + "}"), {"hall.yaml", "path"}));
+  EXPECT_TRUE(names(refused("{closed: true, closed: false, path: " + good + "}"), {"hall.yaml", "closed"}));
+  EXPECT_TRUE(names(refused("path: []"), {"hall.yaml", "path", "2"}));
+  EXPECT_TRUE(names(refused("path:"), {"hall.yaml", "path"}));
+  EXPECT_TRUE(names(refused("path: [{x: -, y: 0}, {x: 1, y: 1}]"), {"path[0].x", "number"}));
   EXPECT_FALSE(refused("path: [").empty());
   EXPECT_FALSE(refused("").empty());
   EXPECT_TRUE(names(refusal_of([] { load_path("/no/such.yaml"); }), {"/no/such.yaml"}));

@@ -58,6 +58,12 @@ TEST(ReflectorMap, RefusalsNameSourceIndexFieldAndBound) {
   EXPECT_TRUE(names(refused("reflectors: [4]"), {"reflectors[0]"}));
   EXPECT_TRUE(names(refused("landmarks: []"), {"hall.yaml", "reflectors"}));
   EXPECT_TRUE(names(refused("{reflectors: [" + good + "], more: 1}"), {"reflectors"}));
+  EXPECT_TRUE(names(refused("{reflectors: [" + good + "], reflectors: [" + good + "]}"), {"hall.yaml", "reflectors"}));
+  EXPECT_TRUE(
+      names(refused("reflectors: [" + good + ", " + good + "]"), {"reflectors[0]", "reflectors[1]", "overlap"}));
+  EXPECT_TRUE(names(refused("reflectors: [" + entry("-", "0", "0.05") + "]"), {"reflectors[0].x", "number"}));
+  EXPECT_TRUE(names(refused("reflectors: [" + entry("0", "[1]", "0.05") + "]"), {"reflectors[0].y", "number"}));
+  EXPECT_TRUE(names(refused("reflectors:"), {"hall.yaml", "reflectors"}));
   EXPECT_FALSE(refused("reflectors: [").empty());
   EXPECT_FALSE(refused("").empty());
   EXPECT_TRUE(names(refusal_of([] { load_reflector_map("/no/such.yaml"); }), {"/no/such.yaml"}));
