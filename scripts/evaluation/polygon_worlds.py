@@ -190,6 +190,30 @@ class Caster:
         self.arcs = np.concatenate(arcs) if arcs else np.zeros(0)
         self.circles = np.array(circles, float).reshape(-1, 4)
 
+    def _pairs(self, origins, directions):
+        """(ray, edge) of the rays that may hit it: those between its ends, as seen from any of the origins."""
+        middle = origins.mean(0)
+        spread_m = np.hypot(*(origins - middle).T).max()
+        start = self.starts - middle
+        part = np.clip(-(start * self.edges).sum(1) / np.maximum(self.lengths**2, 1e-18), 0.0, 1.0)
+        away_m = np.hypot(*(start + part[:, None] * self.edges).T)
+        end = start + self.edges
+        first = np.arctan2(start[:, 1], start[:, 0])
+        turn = (np.arctan2(end[:, 1], end[:, 0]) - first + math.pi) % (2.0 * math.pi) - math.pi
+        with np.errstate(divide="ignore", invalid="ignore"):
+            margin = np.arcsin(np.minimum(spread_m / away_m, 1.0)) + 1e-6
+        low = first + np.minimum(turn, 0.0) - margin
+        width = np.abs(turn) + 2.0 * margin
+        width[~(away_m > spread_m + 1e-6) | (width > 2.0 * math.pi)] = 2.0 * math.pi
+        low = (low + math.pi) % (2.0 * math.pi) - math.pi
+        angle = np.arctan2(directions[:, 1], directions[:, 0])
+        order = np.argsort(angle)
+        round_twice = np.concatenate((angle[order], angle[order] + 2.0 * math.pi))
+        begin = np.searchsorted(round_twice, low)
+        counts = np.minimum(np.searchsorted(round_twice, low + width, side="right") - begin, len(order))
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        return order[(np.repeat(begin, counts) + within) % len(order)], np.repeat(np.arange(len(counts)), counts)
+
     def cast(self, origins, directions, extra_circles=()):
         """`origins`: one or one per ray; `directions` are of unit length."""
         count = len(directions)
@@ -198,20 +222,26 @@ class Caster:
         rows = np.arange(count)
         best = Hits(np.full(count, np.inf), np.full(count, -1), np.zeros(count), np.zeros(count))
         if len(self.starts):
-            ex, ey = self.edges.T
+            ray, edge = self._pairs(origins, directions)
+            ex, ey = self.edges[edge].T
+            own_dx, own_dy = directions[ray].T
+            to_x, to_y = (self.starts[edge] - origins[ray]).T
             with np.errstate(divide="ignore", invalid="ignore"):
-                inverse = 1.0 / (dx * ey - dy * ex)
-                to_x, to_y = self.starts[:, 0] - ox, self.starts[:, 1] - oy
+                inverse = 1.0 / (own_dx * ey - own_dy * ex)
                 t = (to_x * ey - to_y * ex) * inverse
-                u = (to_x * dy - to_y * dx) * inverse
-                t[~((u >= 0.0) & (u <= 1.0) & (t > 0.0))] = np.inf
-            nearest = t.argmin(1)
-            best.range_m = t[rows, nearest]
-            hit = np.isfinite(best.range_m)
-            best.thing[hit] = self.owners[nearest[hit]]
-            best.arc_m = np.where(hit, self.arcs[nearest] + u[rows, nearest] * self.lengths[nearest], 0.0)
-            across = np.abs(directions[:, 0] * ey[nearest] - directions[:, 1] * ex[nearest])
-            best.cos_incidence = across / self.lengths[nearest]
+                u = (to_x * own_dy - to_y * own_dx) * inverse
+                hit = np.flatnonzero((u >= 0.0) & (u <= 1.0) & (t > 0.0))
+            farthest_first = hit[np.argsort(t[hit], kind="stable")[::-1]]
+            nearest = np.full(count, -1)
+            nearest[ray[farthest_first]] = farthest_first  # the last one stays
+            rows_hit = np.flatnonzero(nearest >= 0)
+            pair = nearest[rows_hit]
+            own = edge[pair]
+            best.range_m[rows_hit] = t[pair]
+            best.thing[rows_hit] = self.owners[own]
+            best.arc_m[rows_hit] = self.arcs[own] + u[pair] * self.lengths[own]
+            across = np.abs(own_dx[pair] * ey[pair] - own_dy[pair] * ex[pair])
+            best.cos_incidence[rows_hit] = across / self.lengths[own]
         own = [(x, y, radius, self.count + i) for i, (x, y, radius) in enumerate(extra_circles)]
         circles = np.vstack((self.circles, np.array(own, float).reshape(-1, 4)))
         if len(circles):

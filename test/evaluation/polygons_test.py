@@ -132,6 +132,29 @@ class Casting(unittest.TestCase):
             points = (0.1, -0.2) + hits.range_m[own, None] * directions[own]
             np.testing.assert_allclose(thing.at(hits.arc_m[own]), points, atol=1e-9)
 
+    def test_the_nearest_of_all_edges_is_hit_from_many_places_in_any_direction(self):
+        """Against all rays with all edges."""
+        chance = np.random.default_rng(5)
+        things = [worlds.Thing(f"box_{i}", "box", "card", worlds.placed(worlds.rectangle(*chance.uniform(0.2, 2.0, 2)),
+                                                                        *chance.uniform(-3.0, 3.0, 2), i))
+                  for i in range(12)]
+        caster = worlds.Caster(things)
+        for spread_m in (0.0, 0.02, 1.0):
+            angles = chance.uniform(-4.0, 4.0, 300)
+            directions = np.column_stack((np.cos(angles), np.sin(angles)))
+            origins = chance.uniform(-spread_m, spread_m, (300, 2))
+            expected = np.full(300, np.inf)
+            for outline in (thing.outline for thing in things):
+                for start, end in zip(outline, np.roll(outline, -1, axis=0)):
+                    for k in range(300):
+                        matrix = np.column_stack((directions[k], start - end))
+                        t, u = np.linalg.solve(matrix, start - origins[k])
+                        if 0.0 <= u <= 1.0 and t > 0.0:
+                            expected[k] = min(expected[k], t)
+            hits = caster.cast(origins, directions)
+            np.testing.assert_allclose(hits.range_m, expected, rtol=1e-9)
+            np.testing.assert_array_equal(hits.thing >= 0, np.isfinite(expected))
+
     def test_rays_from_different_places(self):
         wall = worlds.Thing("wall", "walls", "plaster", ((2.0, -1.0), (2.0, 1.0), (2.1, 1.0), (2.1, -1.0)))
         hits = worlds.Caster([wall]).cast(np.array(((0.0, 0.0), (1.0, 0.5))), np.array(((1.0, 0.0), (1.0, 0.0))))
