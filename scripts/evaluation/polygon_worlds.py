@@ -5,10 +5,12 @@ again, while what stands there changes between the transits. Everything follows 
     python3 scripts/evaluation/polygon_worlds.py DIR [--worlds corridor hall] [--seeds 1 2]
         [--sweep off on both] [--initial-pose off on both]
 
-NAME is WORLD_SEED, then _sweep with a sweep, then _lost without an initial pose. Written are
+NAME is WORLD_SEED, then _sweep with a sweep, then _lost without an initial pose, then _ and the numbers of the transits
+if some of them are picked. Written are
 
     NAME.bag              /scan, /odom, /tf odom -> base_link, and /tf_static base_link -> laser (shifted and turned)
     NAME_tf.bag           the same, and map -> odom such that map -> base_link is the truth
+    NAME_odometry.bag     (if asked for) the same, but true at the beginning of each transit only
     NAME.reflectors.yaml  where the reflectors are known to be: {reflectors: [{x, y, radius_m}]}
     NAME.truth.json       the truth, in the world's frame (map)
 
@@ -37,6 +39,7 @@ from scipy.interpolate import CubicSpline
 
 WORLDS = ("corridor", "hall")
 TRANSITS = 8
+SHORT = (1, 3, 5, 6)  # in which everything that changes does, the screen comes and goes, and a person walks in each
 BEGIN_S = 1000.0  # the first odometry
 SPEED_M_S, ACCELERATION_M_S2 = 0.5, 0.5
 ON_S = 0.6  # the scanner is on so long before the robot sets off, and after it has stopped
@@ -644,6 +647,15 @@ def make_world(name, seed, transits=TRANSITS):
     return MAKERS[name](seed, transits)
 
 
+def only_transits(world, picked):
+    """The world in some of its transits, as if it were never driven through in the others."""
+    numbers = {transit: k for k, transit in enumerate(picked)}
+    things = [dataclasses.replace(thing, present=tuple(numbers[k] for k in picked if k in thing.present))
+              for thing in world.things]
+    return dataclasses.replace(world, things=[thing for thing in things if thing.present], transits=len(picked),
+                               walks={numbers[k]: walk for k, walk in world.walks.items() if k in numbers})
+
+
 # --- the truth of what was seen
 
 
@@ -942,16 +954,41 @@ class BagWriter:
             bag.close()
 
 
-def name_of(world, seed, sweep, with_initial_pose):
-    return f"{world}_{seed}{'_sweep' if sweep else ''}{'' if with_initial_pose else '_lost'}"
+def write_odometry_bag(directory, name):
+    """NAME_odometry.bag of NAME_tf.bag: in each transit map -> odom stays as it is at the beginning."""
+    import rosbag
+
+    spans = json.loads((directory / f"{name}.truth.json").read_text())["transits"]
+    begins_s, at, held = [begin_s for begin_s, _ in spans[1:]], 0, None
+    written = directory / f"{name}_odometry.bag.part"
+    with rosbag.Bag(str(directory / f"{name}_tf.bag")) as source, rosbag.Bag(str(written), "w") as bag:
+        for topic, raw, stamp in source.read_messages(raw=True):
+            if topic != "/tf":
+                bag.write(topic, raw, stamp, raw=True)
+                continue
+            message = raw[4]()
+            message.deserialize(raw[1])
+            (map_to_odom,) = (own for own in message.transforms if own.header.frame_id == "map")
+            while at < len(begins_s) and map_to_odom.header.stamp.to_sec() >= begins_s[at]:
+                at, held = at + 1, None
+            held = held or map_to_odom.transform
+            map_to_odom.transform = held
+            bag.write(topic, message, stamp)
+    written.rename(directory / f"{name}_odometry.bag")
 
 
-def write_world(directory, world, seed, sweep=False, with_initial_pose=True, transits=TRANSITS):
-    """Its files; the name of them."""
+def name_of(world, seed, sweep=False, with_initial_pose=True, picked=None):
+    return (f"{world}_{seed}{'_sweep' if sweep else ''}{'' if with_initial_pose else '_lost'}"
+            f"{'_' + ''.join(map(str, picked)) if picked else ''}")
+
+
+def write_world(directory, world, seed, sweep=False, with_initial_pose=True, transits=TRANSITS, picked=None):
+    """Its files; the name of them. `picked`: the numbers of some of the transits."""
     directory = pathlib.Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
-    name = name_of(world, seed, sweep, with_initial_pose)
-    simulation = Simulation(make_world(world, seed, transits), sweep, with_initial_pose)
+    name = name_of(world, seed, sweep, with_initial_pose, picked)
+    made = make_world(world, seed, transits)
+    simulation = Simulation(only_transits(made, picked) if picked else made, sweep, with_initial_pose)
     writer = BagWriter(simulation, directory / f"{name}.bag", directory / f"{name}_tf.bag")
     try:
         writer.write_all()

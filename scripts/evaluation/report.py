@@ -39,9 +39,10 @@ def output_folder(arguments, whole=True):
 def facts(arguments, values=None):
     """How, when and where this is measured. `values`: {option: what the report has as its value}."""
     words = sys.argv[1:]
-    if "--tool" in words:  # which scripts/evaluate gives
-        at = words.index("--tool")
-        del words[at:at + 2]
+    for option in ("--tool", "--programs"):  # which scripts/evaluate gives
+        if option in words:
+            at = words.index(option)
+            del words[at:at + 2]
     for option, value in (values or {}).items():
         if option in words:
             words[words.index(option) + 1] = value
@@ -64,10 +65,11 @@ def duration(time_s):
     return f"{time_s:.0f} s" if time_s < 120.0 else f"{time_s / 60.0:.0f} min"
 
 
-def run_pieces(run, pieces, what):
-    """{key: run(*piece)} for {key: piece}, over the cores, with a bar; `what` names the pieces."""
+def run_pieces(run, pieces, what, pool_type=concurrent.futures.ThreadPoolExecutor):
+    """{key: run(*piece)} for {key: piece}, over the cores, with a bar; `what` names the pieces. Where `run` works itself
+    and does not wait for programs, the pool is one of processes."""
     results, begin_s = {}, time.monotonic()
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    with pool_type(os.cpu_count()) as pool:
         waiting = {pool.submit(run, *piece): key for key, piece in pieces.items()}
         try:
             for done, future in enumerate(concurrent.futures.as_completed(waiting), 1):

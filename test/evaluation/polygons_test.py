@@ -1,16 +1,21 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """scripts/evaluate polygons: its measures of maps whose errors are known, and the simulator of its worlds."""
+import dataclasses
 import functools
+import itertools
+import json
 import math
 import pathlib
 import sys
 import tempfile
 import unittest
+from unittest import mock
 
 import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/evaluation"))
+import polygon_associations as associations  # noqa: E402
 import polygon_worlds as worlds  # noqa: E402
 import polygons  # noqa: E402
 
@@ -325,6 +330,133 @@ class Worlds(unittest.TestCase):
                                     for scan in scans[:20] for value in scan.ranges))
 
 
+    @unittest.skipUnless(rosbag, "no python3-rosbag")
+    def test_odometry_alone_is_true_at_the_beginning_of_each_transit(self):
+        with tempfile.TemporaryDirectory() as folder:
+            directory = pathlib.Path(folder)
+            with mock.patch.dict(worlds.MAKERS, corridor=small_world):
+                name = worlds.write_world(directory, "corridor", 1, transits=2)
+            worlds.write_odometry_bag(directory, name)
+            spans = json.loads((directory / f"{name}.truth.json").read_text())["transits"]
+
+            def corrections(end):
+                with rosbag.Bag(str(directory / f"{name}{end}.bag")) as bag:
+                    found = [message.transforms[0] for _, message, _ in bag.read_messages("/tf")]
+                    scans = bag.get_message_count("/scan")
+                return {own.header.stamp.to_sec(): (own.transform.translation.x, own.transform.translation.y,
+                                                    own.transform.rotation.z) for own in found}, scans
+
+            (true, scans), (held, held_scans) = corrections("_tf"), corrections("_odometry")
+            self.assertEqual(set(true), set(held))
+            self.assertEqual(scans, held_scans)
+            stamps = np.array(sorted(true))
+            self.assertGreater(len({true[stamp_s] for stamp_s in stamps}), 100)
+            for begin_s, end_s in spans:
+                own = stamps[(stamps >= begin_s) & (stamps < end_s)]
+                self.assertEqual({held[stamp_s] for stamp_s in own}, {true[own[0]]})
+
+    def test_a_world_in_some_of_its_transits(self):
+        whole = worlds.make_world("corridor", 2)
+        short = worlds.only_transits(whole, worlds.SHORT)
+        self.assertEqual(short.transits, len(worlds.SHORT))
+        self.assertEqual(set(short.walks), set(range(len(worlds.SHORT))))
+        present = {thing.id: thing.present for thing in short.things}
+        for thing in whole.things:
+            expected = tuple(k for k, transit in enumerate(worlds.SHORT) if transit in thing.present)
+            self.assertEqual(present.get(thing.id, ()), expected)
+        self.assertEqual(present["box_appears"][0], 1)
+        self.assertEqual((present["hidden_goes"], present["screen"]), ((0, 1), (1, 2)))  # it goes behind the screen
+
+
+def moved(line, angle, dx, dy):
+    return worlds.placed(line, dx, dy, angle)
+
+
+class Associations(unittest.TestCase):
+    STEPS = np.array(((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (2.0, 0.5)))
+
+    def test_the_clipped_distance_is_that_of_what_both_have(self):
+        along = np.array(((0.0, 0.0), (2.0, 0.0)))
+        beside = np.array(((1.0, 0.03), (3.0, 0.03)))  # overhangs on one side
+        self.assertAlmostEqual(associations.clipped_distance(along, beside), 0.03)
+        self.assertAlmostEqual(associations.clipped_distance(beside, along), 0.03)
+        self.assertGreater(associations.printed_distance(along, beside), 0.9)  # as printed it is the overhang
+        self.assertEqual(associations.clipped_distance(along, along + (2.05, 0.0)), math.inf)  # end to end
+        corner = np.array(((2.0, 0.0), (2.0, 1.0)))
+        self.assertEqual(associations.clipped_distance(along, corner), math.inf)
+
+    def test_distances_are_symmetric_and_invariant(self):
+        part = associations.cut(self.STEPS, 0.3, 2.2) + (0.0, 0.02)
+        for metric in (associations.clipped_distance, associations.printed_distance):
+            expected = metric(self.STEPS, part)
+            self.assertAlmostEqual(metric(part, self.STEPS), expected, delta=1e-9)
+            self.assertAlmostEqual(metric(moved(self.STEPS, 0.7, 3.0, -2.0), moved(part, 0.7, 3.0, -2.0)), expected,
+                                   delta=1e-9)
+            self.assertAlmostEqual(metric(self.STEPS, self.STEPS), 0.0, delta=1e-9)
+        self.assertLess(associations.clipped_distance(self.STEPS, part), 0.03)
+
+    def test_similarity_is_of_shape_alone(self):
+        self.assertAlmostEqual(associations.similarity(self.STEPS, moved(2.0 * self.STEPS, 1.1, 4.0, 5.0)), 0.0)
+        self.assertAlmostEqual(associations.similarity(self.STEPS[:2], moved(self.STEPS[:2], 0.5, 0.0, 9.0)), 0.0)
+        bent = np.array(((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))  # 0 and a right angle, of equal length: variance
+        self.assertAlmostEqual(associations.similarity(np.array(((0.0, 0.0), (2.0, 0.0))), bent), (math.pi / 4)**2)
+        twice = np.array(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0)))
+        self.assertAlmostEqual(associations.similarity(np.array(((0.0, 0.0), (2.0, 0.0))), twice),
+                               2.0 * (math.pi / 4)**2)
+
+    def test_forced_pairs_are_the_cheapest_path(self):
+        def paths(i, j, rows, columns):
+            if (i, j) == (rows - 1, columns - 1):
+                yield [(i, j)]
+            for di, dj in ((1, 0), (0, 1), (1, 1)):
+                if i + di < rows and j + dj < columns:
+                    for rest in paths(i + di, j + dj, rows, columns):
+                        yield [(i, j), *rest]
+
+        chance = np.random.default_rng(1)
+        for rows, columns in itertools.product((1, 2, 4), (1, 3, 4)):
+            costs = chance.random((rows, columns))
+            best = min(sum(costs[pair] for pair in path) for path in paths(0, 0, rows, columns))
+            found = associations.forced_pairs(costs)
+            self.assertAlmostEqual(sum(costs[pair] for pair in found), best)
+            self.assertEqual((found[0], found[-1]), ((0, 0), (rows - 1, columns - 1)))
+
+    def test_pairs_with_gaps_are_the_cheapest_in_order(self):
+        """Against all sets of pairs in order."""
+        def cost_of(pairs, costs, gap):
+            alone = sum(set(range(n)).difference(pair[axis] for pair in pairs).__len__()
+                        for axis, n in enumerate(costs.shape))
+            return sum(costs[pair] for pair in pairs) + gap * alone
+
+        chance = np.random.default_rng(2)
+        for _ in range(20):
+            costs = chance.random((3, 3)) * 3.0
+            costs[chance.random((3, 3)) < 0.3] = np.inf
+            everything = [pair for pair in itertools.product(range(3), range(3)) if np.isfinite(costs[pair])]
+            best = math.inf
+            for count in range(len(everything) + 1):
+                for pairs in itertools.combinations(everything, count):
+                    if all((a[0] <= b[0] and a[1] <= b[1]) for a, b in zip(pairs, pairs[1:])):
+                        best = min(best, cost_of(pairs, costs, 1.0))
+            found = associations.pairs_with_gaps(costs, 1.0)
+            self.assertTrue(all(np.isfinite(costs[pair]) for pair in found))
+            self.assertAlmostEqual(cost_of(found, costs, 1.0), best)
+
+    def test_polylines_of_a_scan_are_of_their_things(self):
+        simulation = worlds.Simulation(small_world(transits=1))
+        stamp_s, _, scan = list(simulation.scans())[50]
+        pose = worlds.composed(simulation.drive.at(stamp_s), np.array(simulation.world.mount))
+        here = [i for i, thing in enumerate(simulation.world.things) if 0 in thing.present]
+        found = associations.polylines_of(scan, np.array(here + [-1])[scan.thing], pose, polygons.simplified)
+        self.assertGreater(len(found), 3)
+        self.assertIn(1, [own.thing for own in found])  # the box that stays
+        for own in found:
+            if own.thing >= 0:
+                outline = simulation.world.things[own.thing].outline
+                away_m = associations.project(own.points, np.vstack((outline, outline[:1])))[0]
+                self.assertLess(away_m.max(), 0.06)
+
+
 class Geometry(unittest.TestCase):
     def test_fewest_vertices(self):
         line = np.column_stack((np.linspace(0.0, 2.0, 50), np.zeros(50)))
@@ -346,8 +478,8 @@ class Geometry(unittest.TestCase):
 
     def test_parts_that_were_seen(self):
         document = {"things": [{"id": "a", "kind": "box", "optional": False, "circle": None, "present": [0],
-                                "outline": [[0, 0], [1, 0], [1, 1], [0, 1]], "seen_s": [None] * 400,
-                                "first_free_s": [None] * 400, "free_s": [None] * 400}],
+                                "outline": [[0, 0], [1, 0], [1, 1], [0, 1]], "first_s": [None] * 400,
+                                "seen_s": [None] * 400, "first_free_s": [None] * 400, "free_s": [None] * 400}],
                     "transits": [[0.0, 1.0]], "scans": {"stamp": [0.0, 0.04], "transit": [0, 0], "x": [0, 0],
                                                         "y": [0, 0], "yaw": [0, 0], "reflectors_in_sight": [0, 0],
                                                         "walker": [None, None]}}
@@ -452,6 +584,47 @@ class Scores(unittest.TestCase):
         run = score(self.truth, change=change)
         self.assertEqual(run.lost, [(1, "stays")])
 
+    def test_changes_are_counted_once(self):
+        self.assertEqual(self.perfect.changes.appeared, {"comes": True})
+        self.assertEqual(self.perfect.changes.gone, {"goes": True})
+        self.assertEqual((self.group.change_precision, self.group.change_recall), (1.0, 1.0))
+        self.assertEqual(self.group.persons_greatest_m, 0.0)
+        self.assertLess(self.group.known_95_s, 0.6)
+        without = self.of(lambda polylines: [found for found in polylines if not 300 <= found["id"] < 400])  # "comes"
+        self.assertEqual(without.runs[0].changes.missed, ["comes"])
+        self.assertEqual((without.change_precision, without.change_recall), (1.0, 0.5))
+        self.assertEqual(without.runs[0].known_s["comes"], math.inf)
+        extra = polyline(((1.0, -0.6), (1.5, -0.6)), 999)
+        false = self.of(lambda polylines: polylines + [extra])
+        self.assertEqual(false.runs[0].changes.wrong, [(0, 999)])
+        self.assertAlmostEqual(false.change_precision, 2 / 3)
+        kept = {}
+
+        def keep(polylines, scan):
+            goes = {found["id"]: found for found in polylines if 200 <= found["id"] < 300}
+            if self.truth.transit_of_scan[scan] == 0:
+                kept.update(goes)
+            return [found for found in polylines if found["id"] not in goes] + list(kept.values())
+
+        still_there = polygons.Group([score(self.truth, change=keep)])
+        self.assertEqual(still_there.runs[0].changes.gone, {"goes": False})
+        self.assertLess(still_there.change_precision, 0.6)
+
+    def test_transits_with_a_person_are_told_from_the_others(self):
+        self.assertEqual([self.truth.has_person(transit) for transit in range(TRANSITS)], [False, True, False])
+        self.assertEqual([len(self.group.over_transits(which)[0]) for which in (None, True, False)], [3, 1, 2])
+
+    def test_poses_with_three_reflectors_in_sight(self):
+        truth = polygons.Truth(self.document)
+        truth.in_sight_of_scan = np.where(np.arange(len(truth.stamps)) % 2, 3, 2)
+        group = polygons.Group([score(truth, pose_error=(0.003, -0.004, 0.001))])
+        self.assertAlmostEqual(group.three_position_m, 0.004)
+        self.assertAlmostEqual(group.three_yaw_rad, 0.001)
+        self.assertAlmostEqual(group.three_sigma_m, 0.001)
+        self.assertEqual(group.nees_inside, 0.0)
+        truth.in_sight_of_scan[:] = 2
+        self.assertTrue(math.isnan(polygons.Group([score(truth)]).three_position_m))
+
     def test_what_a_person_leaves(self):
         walker = np.array([place for place in self.truth.walker if place])
         place = walker[len(walker) // 2]
@@ -523,13 +696,80 @@ class Scores(unittest.TestCase):
     def test_tables_and_pictures(self):
         groups = polygons.groups_of([self.perfect])
         verdicts = list(polygons.targets(groups))
-        self.assertEqual(len(verdicts), len(polygons.TARGETS))
+        self.assertEqual(len(verdicts), len(polygons.TARGETS + polygons.TABLE_TARGETS))
         for text in (polygons.map_table(groups), polygons.paper_table(groups), polygons.change_table(groups),
                      polygons.pose_table(groups), polygons.run_table([self.perfect])):
             self.assertIn("corridor" if "oracle" not in text else "oracle", text)
         with tempfile.TemporaryDirectory() as folder:
             polygons.draw([self.perfect], pathlib.Path(folder))
             self.assertTrue((pathlib.Path(folder) / "polygons_corridor.png").exists())
+
+
+def world_of_eight(name):
+    """The maker of a small world that has the transits of the others."""
+    def make(seed, transits):
+        world = small_world(seed, transits)
+        spread = {0: (0, 1, 2), 1: (3, 4), 2: (5, 6, 7)}
+        return dataclasses.replace(world, name=name, walks={3: world.walks[1]}, things=[
+            dataclasses.replace(thing, present=tuple(k for own in thing.present for k in spread.get(own, ())))
+            for thing in world.things])
+
+    return make
+
+
+def answer(command):
+    """Of the programs that the evaluation runs: the tool's map is the truth."""
+    program = pathlib.Path(command[0]).name
+    words = [str(word) for word in command]
+    if program == "polygons_bag":
+        name = words[1].removesuffix(".bag").removesuffix("_tf")
+        truth = polygons.Truth(json.loads(pathlib.Path(f"{name}.truth.json").read_text()))
+        lines = [json.dumps(line) for line in oracle(truth)]
+        pathlib.Path(words[words.index("--out") + 1]).write_text("\n".join(lines))
+        return "260 scans, 260 mapped\neach: p50 0.512 ms, p99 0.733 ms, max 1.2 ms\n"
+    if program == "safety_transits":
+        walkers = {"runs": 5, "arrived": 5, "touched": 0, "least_clearance_m": 0.3, "mean_s": 23.0}
+        return json.dumps({policy: {
+            "boxes": {"runs": 1, "mean_s": mean_s, "least_s": mean_s, "most_s": mean_s, "saved": 1.0 - mean_s / 60.0},
+            "walkers": walkers, "walkers_behind_a_box": walkers}
+            for policy, mean_s in (("conservative", 60.0), ("updated", 55.0), ("ignore_known", 27.0))})
+    names = {"polygon_map_benchmark": {"from_scan_to_map/40/iterations:500": 0.5},
+             "reflector_localization_benchmark": {"filter/3": 0.02, "from_scan/3": 0.05}}[program]
+    return json.dumps({"benchmarks": [{"name": name, "run_type": "iteration", "cpu_time": 1000.0 * time_ms,
+                                       "time_unit": "us"} for name, time_ms in names.items()]})
+
+
+class NoBags:
+    def __init__(self, simulation, *paths):
+        self.simulation = simulation
+
+    def write_all(self):
+        for _ in self.simulation.scans():
+            pass
+
+    def close(self):
+        pass
+
+
+class WholeEvaluation(unittest.TestCase):
+    def test_a_quick_look_writes_a_report_with_all_its_parts(self):
+        """Of a small world whose map is the truth; the programs' answers are told."""
+        with tempfile.TemporaryDirectory() as folder, \
+                mock.patch.dict(worlds.MAKERS, corridor=world_of_eight("corridor")), \
+                mock.patch.object(worlds, "BagWriter", NoBags), mock.patch.object(polygons, "run_tool", answer), \
+                mock.patch("sys.stdout"):
+            polygons.main(["--tool", "polygons_bag", "--programs", "build", "--output", folder, "--quick", "--worlds",
+                           "corridor", "--variants", "plain", "--changes", "1"])
+            text = (pathlib.Path(folder) / "polygons.md").read_text()
+            for part in ("**A part only**", "## Targets", "## The map", "## Table 1 of the paper", "a person",
+                         "## What changes, in 1 runs", "Fig. 5", "## The paper's metric", "as printed",
+                         "## Transit time under the policies", "ignore known", "## Cost", "0.51 / 0.73"):
+                self.assertIn(part, text)
+            self.assertNotIn(str(folder), text.replace("--output " + folder, ""))
+            self.assertRegex(text, r'"updated" saves at least 15 % .* \| 8.3 % \| \*\*no\*\*')
+            self.assertRegex(text, r"changes: recall at least 0.97 \| 1.000 .* \| yes")
+            for name in [line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]:
+                self.assertTrue((pathlib.Path(folder) / name).exists(), name)
 
 
 if __name__ == "__main__":
