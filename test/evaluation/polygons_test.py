@@ -733,10 +733,12 @@ def answer(command):
             "boxes": {"runs": 1, "mean_s": mean_s, "least_s": mean_s, "most_s": mean_s, "saved": 1.0 - mean_s / 60.0},
             "walkers": walkers, "walkers_behind_a_box": walkers}
             for policy, mean_s in (("conservative", 60.0), ("updated", 55.0), ("ignore_known", 27.0))})
-    names = {"polygon_map_benchmark": {"from_scan_to_map/40/iterations:500": 0.5},
+    names = {"polygon_map_benchmark": {f"{name}/{chains}/iterations:500": 0.5 + 0.004 * chains for chains in
+                                       (40, 250, 500) for name in ("from_scan_to_map", "from_scan_to_both_maps")},
              "reflector_localization_benchmark": {"filter/3": 0.02, "from_scan/3": 0.05}}[program]
     return json.dumps({"benchmarks": [{"name": name, "run_type": "iteration", "cpu_time": 1000.0 * time_ms,
-                                       "time_unit": "us"} for name, time_ms in names.items()]})
+                                       "time_unit": "us", **({"p50_us": 900.0 * time_ms, "p99_us": 5000.0 * time_ms}
+                                                             if "both" in name else {})} for name, time_ms in names.items()]})
 
 
 class NoBags:
@@ -767,6 +769,9 @@ class WholeEvaluation(unittest.TestCase):
                 self.assertIn(part, text)
             self.assertNotIn(str(folder), text.replace("--output " + folder, ""))
             self.assertRegex(text, r'"updated" saves at least 15 % .* \| 8.3 % \| \*\*no\*\*')
+            self.assertRegex(text, r"objects, 40 chains, .* \| 0.59 ms, 3.30 ms \| \*\*no\*\*")
+            self.assertRegex(text, r"linear up to 500 chains: .* \| 3.60 µs beyond, 3.60 µs before \| yes")
+            self.assertRegex(text, r"reflector EKF at most .* \| 0.020 ms \| yes")
             self.assertRegex(text, r"changes: recall at least 0.97 \| 1.000 .* \| yes")
             for name in [line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]:
                 self.assertTrue((pathlib.Path(folder) / name).exists(), name)
