@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The association of polylines that the polygon paper prints (Lodi Rizzini, Boccalini and Caselli, 2012, sections 3.2 and
-3.3), as printed and repaired, on scans of the simulated worlds. The map of polygons has none: it associates hits with
-the elements at their places. Which polyline is of which thing is known from the simulation.
+"""The association of polylines that the polygon paper prints (Lodi Rizzini, Boccalini and Caselli, 2012, sections 3.2
+and 3.3), as printed and repaired, on scans of the simulated worlds. The map of polygons has none: it associates hits
+with the elements at their places. Which polyline is of which thing is known from the simulation.
 
 The map is the truth: of each thing, the parts of its outline that were seen in the first transit. The scans are of the
 second, so that some of the chains of either are of nothing of the other; a person walks in it."""
@@ -74,8 +74,8 @@ def hausdorff(a, b):
 
 
 def printed_distance(a, b):
-    """Eq. 3: each line restricted to its vertices from the least to the greatest index of a segment that is nearest to a
-    vertex of the other. A segment's index is that of its last vertex, so the first one's first vertex is missing."""
+    """Eq. 3: each line restricted to its vertices from the least to the greatest index of a segment that is nearest to
+    a vertex of the other. A segment's index is that of its last vertex, so the first one's first vertex is missing."""
 
     def restricted(line, other):
         of_segments = project(other, line)[2] + 1

@@ -48,6 +48,7 @@ STAMP_TOLERANCE_S = 1e-3
 NEVER = 10**9  # scan
 ADDED_S, REMOVED_S = 4.0, 6.0  # targets; what was neither for less time in sight is not counted
 VIEW_M = 6.0
+NAMED = 5  # lost things of a run
 
 TF = "tf"  # a run with true poses
 ODOMETRY = "odometry"
@@ -69,7 +70,8 @@ ODOMETRY_TARGETS = (
 CHANGE_TARGETS = (
     ("change_precision", "changes: precision at least {}", "", 0.97, None, 1.0, 3, True, False),
     ("change_recall", "changes: recall at least {}", "", 0.97, None, 1.0, 3, True, False),
-    ("known_95_s", "changes: 95 % of the things known after {} in view from 6 m", " s", 1.0, None, 1.0, 2, False, False),
+    ("known_95_s", "changes: 95 % of the things known after {} in view from 6 m", " s", 1.0, None, 1.0, 2, False,
+     False),
     ("lost_things", "changes: at most {} things removed while they stand or are hidden", "", 0, None, 1.0, 0, False,
      False),
     ("persons_greatest_m", "changes: a person leaves no chain longer than {}, 2 s after", " m", PERSON_CHAIN_M, None,
@@ -97,7 +99,8 @@ TARGETS = (
      True),
     ("two_position_m", "the same with two reflectors in sight at most {}", " mm", 3.5, None, 1000.0, 2, False, True),
     ("yaw_rad", "yaw RMS at most {}", " mrad", 1.0, 0.7, 1000.0, 2, False, True),
-    ("three_position_m", "pose RMS with three reflectors in sight at most {}", " mm", 3.0, None, 1000.0, 2, False, True),
+    ("three_position_m", "pose RMS with three reflectors in sight at most {}", " mm", 3.0, None, 1000.0, 2, False,
+     True),
     ("three_yaw_rad", "yaw RMS with three reflectors in sight at most {}", " mrad", 2.0, None, 1000.0, 2, False, True),
     ("three_sigma_m", "its sigma, of 95 % of these scans, at most {}", " mm", 3.0, None, 1000.0, 2, False, True),
     ("three_sigma_rad", "its sigma of the yaw, of 95 % of these scans, at most {}", " mrad", 2.0, None, 1000.0, 2,
@@ -755,8 +758,8 @@ def score(truth, lines, name="", kind="corridor", variant="plain"):
             main = max(lengths, key=lengths.get)
             same += later.lengths_on.get(thing, {}).get(main, 0.0) >= 0.5 * lengths[main]
     added_s, removed_s = delays.end(scan)
-    return Run(name, kind, variant, snapshots, lost, (same, cases), added_s, removed_s, delays.known_s, changes, persons,
-               poses, scans, len(all_ids), reused, chains, truth)
+    return Run(name, kind, variant, snapshots, lost, (same, cases), added_s, removed_s, delays.known_s, changes,
+               persons, poses, scans, len(all_ids), reused, chains, truth)
 
 
 # --- runs of a kind together
@@ -1006,7 +1009,8 @@ def paper_table(groups):
             rows.append((f"{label(key)}, {which}", str(len(means)), three(means), three(deviations)))
     rows += [(f"{name}, printed", "", *(" / ".join(f"{v:.2f}" for v in values) for values in (mean, deviation)))
              for name, mean, deviation in PAPER]
-    return table(("world", "transits", "mean, cm: average / least / greatest", "standard deviation, cm: the same"), rows)
+    return table(("world", "transits", "mean, cm: average / least / greatest", "standard deviation, cm: the same"),
+                 rows)
 
 
 def map_table(groups):
@@ -1040,19 +1044,24 @@ def pose_table(groups):
     for key, g in groups.items():
         found = [run.poses.found_s for run in g.runs]
         late = math.inf if any(value is None for value in found) else max(found)
-        rows.append((label(key), f"{number(1000 * g.x_m, 2)} / {number(1000 * g.y_m, 2)}",
-                     number(1000 * g.yaw_rad, 2),
+        of_all = (label(key), f"{number(1000 * g.x_m, 2)} / {number(1000 * g.y_m, 2)}", number(1000 * g.yaw_rad, 2))
+        if key[1] == ODOMETRY:  # whose covariance is a guess
+            rows.append((*of_all, "", "", "", "", "", "", str(sum(run.poses.none for run in g.runs))))
+            continue
+        rows.append((*of_all,
                      f"{number(1000 * g.three_position_m, 2)}, {number(1000 * g.three_yaw_rad, 2)} mrad",
                      f"{number(1000 * g.three_sigma_m, 2)}, {number(1000 * g.three_sigma_rad, 2)} mrad",
                      number(1000 * g.two_position_m, 2), number(g.nees, 2), number(100 * g.nees_inside, 1),
                      number(late, 2), str(sum(run.poses.none for run in g.runs))))
     return table(("world", "RMS along x / y, mm", "yaw, mrad", "three or more in sight: RMS, mm",
-                  "its sigma, mm (95 % of the scans)", "two in sight: RMS, mm", "NEES", "in the 95 % region, %", "found to 3 cm after, s", "scans without a pose"), rows)
+                  "its sigma, mm (95 % of the scans)", "two in sight: RMS, mm", "NEES", "in the 95 % region, %",
+                  "found to 3 cm after, s", "scans without a pose"), rows)
 
 
 def run_table(runs):
     rows = [(run.name, f"{run.scans:,}", str(len(run.chains)), str(run.ids), " ".join(run.last.missed) or "none",
-             ", ".join(f"{thing} ({transit + 1})" for transit, thing in run.lost) or "none",
+             ", ".join([f"{thing} ({transit + 1})" for transit, thing in run.lost[:NAMED]]
+                       + [f"{len(run.lost) - NAMED} more"] * (len(run.lost) > NAMED)) or "none",
              " / ".join(number(time_ms, 2) for time_ms in run.times_ms)) for run in runs]
     return table(("run", "scans", "chains at the end", "ids in all", "missed at the end", "lost (transit)",
                   "time per scan, ms: p50 / p99"), rows)
@@ -1112,7 +1121,8 @@ def associations_of(found):
 def benchmark_times(cost, program, name, counter=None):
     """{size: time in ms}: the mean, or one of the benchmark's own, which is in microseconds."""
     scale = {"ns": 1e-6, "us": 1e-3, "ms": 1.0}
-    return {int(own["name"].split("/")[1]): own[counter] * 1e-3 if counter else own["cpu_time"] * scale[own["time_unit"]]
+    return {int(own["name"].split("/")[1]):
+            own[counter] * 1e-3 if counter else own["cpu_time"] * scale[own["time_unit"]]
             for own in cost[program] if own["name"].split("/")[0] == name
             and own.get("run_type", "iteration") == "iteration" and (not counter or counter in own)}
 
@@ -1138,8 +1148,8 @@ def other_targets(found):
                    times[40] <= P50_MS)
         if {40, 250, 500} <= times.keys():
             few, many = (times[250] - times[40]) / 210, (times[500] - times[250]) / 250
-            yield (f"its cost is linear up to 500 chains: each further one costs at most {LINEAR:g} times as much beyond "
-                   "250", f"{1000.0 * many:.2f} µs beyond, {1000.0 * few:.2f} µs before", many <= LINEAR * few)
+            yield (f"its cost is linear up to 500 chains: each further one costs at most {LINEAR:g} times as much "
+                   "beyond 250", f"{1000.0 * many:.2f} µs beyond, {1000.0 * few:.2f} µs before", many <= LINEAR * few)
         filters = benchmark_times(cost, FILTER_BENCHMARK, "filter")
         yield (f"reflector EKF at most {FILTER_MS:g} ms per scan", f"{max(filters.values()):.3f} ms",
                max(filters.values()) <= FILTER_MS)
@@ -1161,7 +1171,8 @@ def metric_table(comparison):
 def association_table(comparison):
     rows = [(name, number(share(right, pairs)), number(share(with_partner, having)))
             for name, (right, pairs, with_partner, having) in comparison.associations.items()]
-    return table(("association", "precision of its pairs", "polylines with a right partner, of those that have one"), rows)
+    return table(("association", "precision of its pairs", "polylines with a right partner, of those that have one"),
+                 rows)
 
 
 def policy_table(policies):
@@ -1230,15 +1241,19 @@ def draw_map(ax, run):
     ax.set_title(run.name, fontsize=10)
 
 
+DRAWN = ("plain", ODOMETRY)
+
+
 def draw(runs, images):
-    """The last map of the first run of each kind and variant."""
+    """The last map of the first run of each kind, by reflectors and by odometry alone, where there are both."""
     for kind in dict.fromkeys(run.kind for run in runs):
         own = [run for run in runs if run.kind == kind and run.variant != CHANGES]
         if not own:
             continue
-        firsts = list({run.variant: run for run in reversed(own)}.values())[::-1]
-        height = 3.6 if kind == "corridor" else 9.0
-        figure, axes = pyplot.subplots(len(firsts), 1, figsize=(12.0, height * len(firsts)), squeeze=False,
+        firsts = {run.variant: run for run in reversed(own)}
+        firsts = [firsts[variant] for variant in DRAWN if variant in firsts] or list(firsts.values())[-1:]
+        rows, columns, size = (len(firsts), 1, (12.0, 3.6)) if kind == "corridor" else (1, len(firsts), (8.0, 6.4))
+        figure, axes = pyplot.subplots(rows, columns, figsize=(columns * size[0], rows * size[1]), squeeze=False,
                                        layout="constrained")
         for ax, run in zip(axes.flat, firsts):
             draw_map(ax, run)
@@ -1276,10 +1291,11 @@ def draw_poses(run, path, transit=1):
     axes[0].set_title(f"{run.name}, transit {transit + 1}", fontsize=10)
     save(figure, path, [pyplot.Line2D([], [], color=STANDING, label="error, NEES"),
                         patches.Patch(color=MAPPED, alpha=0.4, label="1 and 2 sigma, 95 % of the NEES"),
-                        *(patches.Patch(color=color, label=f"{count} reflectors in sight" if count != 1 else
-                                        "1 reflector") for count, color in SIGHT_COLORS.items() if (in_sight == count).any())])
+                        *(patches.Patch(color=color, label=f"{count} in sight")
+                          for count, color in SIGHT_COLORS.items() if (in_sight == count).any())])
 
 
+PRINTED_MEANS = ((2.46, "best printed", "--"), (4.71, "printed, by odometry alone", ":"))
 TRANSIT_COLORS = {"plain": "#0b6e4f", "sweep": "#3d5a80", TF: "#8a5a83", ODOMETRY: "#c8553d"}
 
 
@@ -1302,21 +1318,24 @@ def draw_transits(groups, path):
         for transit in range(len(truth.transits)):
             if truth.has_person(transit):
                 ax.axvspan(transit + 0.6, transit + 1.4, color="0.93", zorder=0, lw=0)
-        for mean_cm, text in ((2.46, "best printed"), (4.7, "printed, odometry")):
-            ax.axhline(mean_cm, color="0.5", lw=0.9, ls="--")
-            ax.annotate(text, (1.0, mean_cm), xytext=(0, 3), textcoords="offset points", fontsize=7, color="0.4")
-        ax.set(title=NAMES[kind], xlabel="after transit", yscale="log", xticks=at)
+        for mean_cm, text, style in PRINTED_MEANS:
+            ax.axhline(mean_cm, color="0.5", lw=0.9, ls=style)
+        ax.set(title=NAMES[kind], xlabel="after transit", yscale="log", xticks=at, ylim=(0.02, 20.0),
+               yticks=(0.1, 1.0, 10.0), yticklabels=("0.1", "1", "10"))
         clean(ax)
     axes[0, 0].set_ylabel("mean distance from the truth, cm")
     save(figure, path, [*(pyplot.Line2D([], [], color=color, marker=".", label=VARIANT_NAMES[variant].strip(", ")
                                         or "reflectors") for variant, color in TRANSIT_COLORS.items()
                           if any(key[1] == variant for key in groups)),
-                        patches.Patch(color="0.93", label="a person walks")])
+                        *(pyplot.Line2D([], [], color="0.5", lw=0.9, ls=style, label=text)
+                          for _, text, style in PRINTED_MEANS), patches.Patch(color="0.93", label="a person walks")],
+         ncol=4)
 
 
 def draw_policies(policies, path):
     figure, axes = pyplot.subplots(1, 2, figsize=(8.4, 2.6), layout="constrained", sharey=True)
-    for ax, what, title in zip(axes, ("boxes", "walkers"), ("three boxes beside the way", "a person steps into the way")):
+    titles = {"boxes": "three boxes beside the way", "walkers": "a person steps into the way"}
+    for ax, (what, title) in zip(axes, titles.items()):
         times = [policies[name][what]["mean_s"] for name in POLICIES]
         bars = ax.barh(list(POLICIES.values()), times, color=[STANDING, MAPPED, MOVING], height=0.6)
         ax.bar_label(bars, [f" {time_s:.1f} s" for time_s in times], fontsize=8)
@@ -1331,13 +1350,15 @@ def draw_policies(policies, path):
 
 INTRODUCTION = """
 {scans:,} scans of {runs} runs in {minutes:.1f} minutes, with {config}. Simulated worlds
-([polygon_worlds.py](../../scripts/evaluation/polygon_worlds.py)): a corridor of 15.6 m x 3.2 m and a hall of 16 m x
-12 m, {seeds} of each for the map. A robot with a scanner of 270°, 0.5° and 25 Hz and a noise of 12 mm drives the same 12 m in
-{transits} transits at 0.5 m/s. Between them, while it is docked and its scanner is off, boxes appear, move and go, and
-a screen is put before two crates and taken away again; of these one has gone meanwhile. In four transits a person walks
-ahead of the robot or towards it, and stands for 3 s. In worlds of even seeds one reflector vanishes and another is
-moved, and nobody tells. *Sweep*: each beam is cast at its own time. *True pose*: from TF, for comparison.
+([polygon_worlds.py](../../scripts/evaluation/polygon_worlds.py)): a corridor of 15.6 m x 3.2 m and a hall of 16 m x 12
+m, {seeds} of each for the map. A robot with a scanner of 270°, 0.5° and 25 Hz and a noise of 12 mm drives the same 12 m
+in {transits} transits at 0.5 m/s. Between them, while it is docked and its scanner is off, boxes appear, move and go,
+and a screen is put before two crates and taken away again; of these one has gone meanwhile. In four transits a person
+walks ahead of the robot or towards it, and stands for 3 s. In worlds of even seeds one reflector vanishes and another
+is moved, and nobody tells. {variants}
 """
+VARIANT_TEXTS = {"sweep": "*Sweep*: each beam is cast at its own time.", TF: "*True pose*: from TF, for comparison.",
+                 ODOMETRY: "*Odometry alone*: no reflectors, but each transit begins at a place that is known."}
 MAP = """
 After the last transit. Chains are sampled each {sample:.0f} cm, outlines in bins as long. *Precision*: the part of the
 chains' length within 10 cm of what stands there. *Recall*: of the things of which 10 cm (or a quarter of the outline,
@@ -1369,39 +1390,39 @@ beams hit each of two, at an intensity of at least {bright:.0f}.
 
 TABLE_1 = """
 Distance of the matched chains from the truth, after each transit. The map is of all transits so far. *By odometry
-alone*: without reflectors, and nothing but odometry from the dock on, whose place is known; the map is told a sigma of 2
-cm and 10 mrad (`--localization tf`). Chains that its drift has put farther than 10 cm from all that stands are not
+alone*: without reflectors, and nothing but odometry from the dock on, whose place is known; the map is told a sigma of
+2 cm and 10 mrad (`--localization tf`). Chains that its drift has put farther than 10 cm from all that stands are not
 matched and not counted here, as in print; the table of the map has their length. The printed figures are distances
 between two maps of the method, without a ground truth, of chains that a gate of about 10 cm let pass; of these Sim1 and
 Sim2 are by odometry alone.
 """
 CHANGED = """
-Runs of other seeds, corridors and halls in turn, of {transits} transits each, with a person in each: boxes appear, move,
-go and come back, a screen hides two crates and is taken away, and one of them has gone meanwhile. *Appeared*, *gone*:
-things, each after the first transit in which 10 cm of it (or a quarter), or of its place, were seen by {seen} scans.
-*Precision*: of what the map shows as changed, these over these and false chains (longer than 10 cm, farther than 10 cm
-from what stands) and lost things. *Known after*: from when the thing was within {view:g} m and 10 cm of it (or a
+Runs of other seeds, corridors and halls in turn, of {transits} transits each, with a person in each: boxes appear,
+move, go and come back, a screen hides two crates and is taken away, and one of them has gone meanwhile. *Appeared*,
+*gone*: things, each after the first transit in which 10 cm of it (or a quarter), or of its place, were seen by {seen}
+scans. *Precision*: of what the map shows as changed, these over these and false chains (longer than 10 cm, farther than
+10 cm from what stands) and lost things. *Known after*: from when the thing was within {view:g} m and 10 cm of it (or a
 quarter) had been hit, in time in which it was in sight.
 """
 ASSOCIATED = """
-What the paper prints in sections 3.2 and 3.3, and repairs of it, on {scans} scans of the second transit against the true
-outlines seen in the first: polylines broken by the criterion of Borges and Aldon and simplified at
-{tolerance:.0f} cm; those with hits of several things are left out. The map of this package has no such association, for
-what the tables show: it finds the element at the place of each hit, and chains anew. Restricted by indices of segments,
-the printed distance takes ends that overhang for errors; both chains cut at the projections of each other's ends, it is
-what the noise leaves. A least overlap of {overlap:.0f} cm keeps apart what touches end to end. *As printed*: all pairs
-of the path of least dissimilarity of shapes, then the gate of {gate:.0f} cm: a path that must take every chain takes wrong
+What the paper prints in sections 3.2 and 3.3, and repairs of it, on {scans} scans of the second transit against the
+true outlines seen in the first: polylines broken by the criterion of Borges and Aldon and simplified at {tolerance:.0f}
+cm; those with hits of several things are left out. The map of this package has no such association, for what the tables
+show: it finds the element at the place of each hit, and chains anew. Restricted by indices of segments, the printed
+distance takes ends that overhang for errors; both chains cut at the projections of each other's ends, it is what the
+noise leaves. A least overlap of {overlap:.0f} cm keeps apart what touches end to end. *As printed*: all pairs of the
+path of least dissimilarity of shapes, then the gate of {gate:.0f} cm: a path that must take every chain takes wrong
 ones, and the gate cannot find the right ones again. An order around the viewpoint, even with gaps, loses the pairs of a
 wall that goes on behind a box.
 """
 POLICY = """
-`safety_transits`: a vehicle of the Pioneer's size follows 12 m through a corridor with a scanner of 270°, its latency and
-its braking simulated ([path](../math/path.md)). Three boxes stand beside the way, within the warning area; or someone
-steps into the way, from a side or from behind a box. *Nearest*: of the moving vehicle to the person.
+`safety_transits`: a vehicle of the Pioneer's size follows 12 m through a corridor with a scanner of 270°, its latency
+and its braking simulated ([path](../math/path.md)). Three boxes stand beside the way, within the warning area; or
+someone steps into the way, from a side or from behind a box. *Nearest*: of the moving vehicle to the person.
 """
 COST = """
-`benchmark/polygon_map_benchmark`, `benchmark/reflector_localization_benchmark`: a corridor with 40 chains in view of 541
-beams, and as many more on the map as said; a robot among reflectors, with odometry at 50 Hz.
+`benchmark/polygon_map_benchmark`, `benchmark/reflector_localization_benchmark`: a corridor with 40 chains in view of
+541 beams, and as many more on the map as said; a robot among reflectors, with odometry at 50 Hz.
 """
 FIGURE_5 = """
 The errors of one transit, in one and two of the sigmas that the pose has; the paper's Fig. 5 has the filter's
@@ -1420,12 +1441,13 @@ def report_of(arguments, measured, runs, found, images, spent_s):
     parts = ["# The map of standing things as chains\n", introduction(measured, INTRODUCTION.format(
         scans=sum(run.scans for run in runs), runs=len(runs), minutes=spent_s / 60.0, seeds=arguments.seeds,
         transits=polygon_worlds.TRANSITS,
+        variants=" ".join(text for variant, text in VARIANT_TEXTS.items() if variant in arguments.variants),
         config="the shipped `cfg/polygons.yaml`" if shipped else "other parameters"))]
     if not arguments.whole:
         parts.append(prose(f"**A part only**: {', '.join(arguments.only)}; of the map {arguments.seeds} of each of "
                            f"{', '.join(arguments.worlds)} ({', '.join(arguments.variants)}; {SEEDS} are published), "
-                           f"{arguments.changes} short runs of changes ({CHANGE_RUNS}), {arguments.walkers:,} persons per "
-                           f"policy ({WALKER_RUNS:,})."))
+                           f"{arguments.changes} short runs of changes ({CHANGE_RUNS}), {arguments.walkers:,} persons "
+                           f"per policy ({WALKER_RUNS:,})."))
     parts.append(targets_section(list(targets(groups, found))))
     if long:
         parts.append(section("The map", prose(MAP.format(sample=100.0 * SAMPLE_M, seen=polygon_worlds.SEEN_SCANS,
@@ -1433,7 +1455,7 @@ def report_of(arguments, measured, runs, found, images, spent_s):
                              *(picture(images, f"polygons_{kind}.png", f"The {kind} after the last transit")
                                for kind in dict.fromkeys(key[0] for key in long))))
         parts.append(section("Table 1 of the paper", prose(TABLE_1), paper_table(long),
-                             picture(images, "polygons_transits.png", "Mean distance from the truth after each transit")))
+                             picture(images, "polygons_transits.png", "Mean distance from the truth, by transit")))
         parts.append(section("What changes in eight transits", prose(CHANGE.format(seen=polygon_worlds.SEEN_SCANS)),
                              change_table({key: group for key, group in long.items() if key[1] != ODOMETRY})))
     if short:
@@ -1488,7 +1510,7 @@ def main(words=None):
     parser.add_argument("--variants", nargs="+", choices=list(VARIANTS), default=list(VARIANTS))
     parser.add_argument("--changes", type=int, metavar="N", help=f"short runs, {CHANGE_RUNS}")
     parser.add_argument("--walkers", type=int, metavar="N",
-                        help=f"persons that step into the way, per policy, {WALKER_RUNS}; from behind a box a fifth of it")
+                        help=f"persons in the way, per policy, {WALKER_RUNS}; from behind a box a fifth")
     parser.add_argument("--quick", action="store_true",
                         help="one seed, two transits, two short runs, and few of everything else")
     parser.add_argument("--bags", type=pathlib.Path, help="a folder of polygon_worlds.py; what is missing is added")
@@ -1506,7 +1528,8 @@ def main(words=None):
         parser.error("--programs is missing")
     arguments.whole = (not arguments.quick and set(arguments.only) == set(PARTS)
                        and set(arguments.worlds) == set(polygon_worlds.WORLDS) and arguments.seeds >= SEEDS
-                       and arguments.changes >= CHANGE_RUNS and arguments.walkers >= WALKER_RUNS and set(arguments.variants) == set(VARIANTS)
+                       and arguments.changes >= CHANGE_RUNS and arguments.walkers >= WALKER_RUNS
+                       and set(arguments.variants) == set(VARIANTS)
                        and arguments.config == ROOT / "cfg/polygons.yaml")
     output = output_folder(arguments, arguments.whole)
     measured = facts(arguments, {"--config": "FILE", "--bags": "DIR", "--keep": "DIR"})

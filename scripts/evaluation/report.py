@@ -66,8 +66,8 @@ def duration(time_s):
 
 
 def run_pieces(run, pieces, what, pool_type=concurrent.futures.ThreadPoolExecutor):
-    """{key: run(*piece)} for {key: piece}, over the cores, with a bar; `what` names the pieces. Where `run` works itself
-    and does not wait for programs, the pool is one of processes."""
+    """{key: run(*piece)} for {key: piece}, over the cores, with a bar; `what` names the pieces. Where `run` works
+    itself and does not wait for programs, the pool is one of processes."""
     results, begin_s = {}, time.monotonic()
     with pool_type(os.cpu_count()) as pool:
         waiting = {pool.submit(run, *piece): key for key, piece in pieces.items()}

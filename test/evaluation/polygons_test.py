@@ -738,7 +738,8 @@ def answer(command):
              "reflector_localization_benchmark": {"filter/3": 0.02, "from_scan/3": 0.05}}[program]
     return json.dumps({"benchmarks": [{"name": name, "run_type": "iteration", "cpu_time": 1000.0 * time_ms,
                                        "time_unit": "us", **({"p50_us": 900.0 * time_ms, "p99_us": 5000.0 * time_ms}
-                                                             if "both" in name else {})} for name, time_ms in names.items()]})
+                                                             if "both" in name else {})}
+                                      for name, time_ms in names.items()]})
 
 
 class NoBags:
