@@ -1444,10 +1444,12 @@ def report_of(arguments, measured, runs, found, images, spent_s):
         variants=" ".join(text for variant, text in VARIANT_TEXTS.items() if variant in arguments.variants),
         config="the shipped `cfg/polygons.yaml`" if shipped else "other parameters"))]
     if not arguments.whole:
-        parts.append(prose(f"**A part only**: {', '.join(arguments.only)}; of the map {arguments.seeds} of each of "
-                           f"{', '.join(arguments.worlds)} ({', '.join(arguments.variants)}; {SEEDS} are published), "
-                           f"{arguments.changes} short runs of changes ({CHANGE_RUNS}), {arguments.walkers:,} persons "
-                           f"per policy ({WALKER_RUNS:,})."))
+        texts = {"map": f"the map, {arguments.seeds} of each of {', '.join(arguments.worlds)} "
+                        f"({', '.join(arguments.variants)}; {SEEDS} are published)",
+                 "changes": f"{arguments.changes} short runs of changes ({CHANGE_RUNS})",
+                 "associations": "associations",
+                 "policies": f"policies with {arguments.walkers:,} persons each ({WALKER_RUNS:,})", "cost": "cost"}
+        parts.append(prose(f"**A part only**: {'; '.join(texts[part] for part in PARTS if part in arguments.only)}."))
     parts.append(targets_section(list(targets(groups, found))))
     if long:
         parts.append(section("The map", prose(MAP.format(sample=100.0 * SAMPLE_M, seen=polygon_worlds.SEEN_SCANS,
