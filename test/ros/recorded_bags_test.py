@@ -1,11 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""objects_bag on recordings of real scanners: ten seconds that stand in test/data, and whole ones where ../shared/data
-has them."""
+"""objects_bag and polygons_bag on recordings of real scanners: ten seconds that stand in test/data, and whole ones where
+../shared/data has them."""
 import collections
 import json
 import math
 import pathlib
+import statistics
 import subprocess
 import tempfile
 import unittest
@@ -19,13 +20,15 @@ WITHOUT_MODEL = pathlib.Path(__file__).resolve().parent / "objects_without_model
 
 STANDING_M_S = 0.1
 WALKING_M_S = 0.5
+WALL_M = 0.5  # a longer edge is straight
+NEAR_WALL_M = 0.1  # hits so near to it are of it
 
 
-def objects_bag(bag, topic, *options):
+def map_of(tool, bag, topic, *options):
     """The map, line by line."""
     with tempfile.TemporaryDirectory() as folder:
         out = pathlib.Path(folder) / "out.jsonl"
-        result = subprocess.run(["rosrun", "situation_awareness", "objects_bag", str(bag), "--scan-topic", topic,
+        result = subprocess.run(["rosrun", "situation_awareness", tool, str(bag), "--scan-topic", topic,
                                  "--static-sensor", *options, "--out", str(out)],
                                 capture_output=True, text=True, timeout=120, check=False)
         if result.returncode != 0:
@@ -33,16 +36,40 @@ def objects_bag(bag, topic, *options):
         return [json.loads(line) for line in out.read_text().splitlines()]
 
 
+def objects_bag(bag, topic, *options):
+    return map_of("objects_bag", bag, topic, *options)
+
+
+def hits_of(bag, topic):
+    """All hits, in the scanner's frame."""
+    with rosbag.Bag(str(bag)) as recording:
+        for _, scan, _ in recording.read_messages(topics=[topic]):
+            for i, range_m in enumerate(scan.ranges):
+                if math.isfinite(range_m) and range_m > 0.1:
+                    angle = scan.angle_min + i * scan.angle_increment
+                    yield range_m * math.cos(angle), range_m * math.sin(angle)
+
+
+def offsets_of_walls(line, hits):
+    """Median distance of the hits from each straight edge, to its left, of those on it."""
+    medians = []
+    for chain in line["polylines"]:
+        points = chain["points"] + chain["points"][:chain["closed"]]
+        for (x, y), end in zip(points, points[1:]):
+            length_m = math.dist((x, y), end)
+            if length_m < WALL_M:
+                continue
+            along = ((end[0] - x) / length_m, (end[1] - y) / length_m)
+            places = ((along[0] * (hit_y - y) - along[1] * (hit_x - x), along[0] * (hit_x - x) + along[1] * (hit_y - y))
+                      for hit_x, hit_y in hits)
+            of_wall = [off_m for off_m, along_m in places if abs(off_m) < NEAR_WALL_M and 0.0 < along_m < length_m]
+            medians.append(statistics.median(of_wall))
+    return medians
+
+
 def mean_hit(bag, near, within_m):
     """Mean of all hits of the recording around a place, in the scanner's frame: what is there shows this side of it."""
-    hits = []
-    with rosbag.Bag(str(bag)) as recording:
-        for _, scan, _ in recording.read_messages(topics=["/scan"]):
-            for i, range_m in enumerate(scan.ranges):
-                angle = scan.angle_min + i * scan.angle_increment
-                point = (range_m * math.cos(angle), range_m * math.sin(angle))
-                if math.isfinite(range_m) and math.dist(point, near) < within_m:
-                    hits.append(point)
+    hits = [hit for hit in hits_of(bag, "/scan") if math.dist(hit, near) < within_m]
     return tuple(sum(coordinate) / len(hits) for coordinate in zip(*hits))
 
 
@@ -101,6 +128,15 @@ class TenSecondsTest(unittest.TestCase):
         self.assertGreater(walking, 80, "scans in which somebody walks")
 
 
+class WallsTest(unittest.TestCase):
+    def test_walls_lie_where_they_are_hit(self):
+        lines = map_of("polygons_bag", TEN_SECONDS, "/scan", "--localization", "tf")
+        self.assertEqual(len(lines), 100)
+        walls = offsets_of_walls(lines[-1], list(hits_of(TEN_SECONDS, "/scan")))
+        self.assertGreaterEqual(len(walls), 2)
+        self.assertLess(max(map(abs, walls)), 0.02)
+
+
 @unittest.skipUnless(DATA.is_dir(), f"{DATA} is not there")
 class WholeRecordingsTest(unittest.TestCase):
     def test_walking_person(self):
@@ -113,6 +149,14 @@ class WholeRecordingsTest(unittest.TestCase):
         for topic, scans in (("/front_scan", 331), ("/rear_scan", 330)):
             lines = objects_bag(DATA / "obstacle_detector_two_scanners.bag", topic, "--config", str(WITHOUT_MODEL))
             self.assertEqual(len(lines), scans)
+
+    def test_walls_of_two_scanners(self):
+        bag = DATA / "obstacle_detector_two_scanners.bag"
+        for topic in ("/front_scan", "/rear_scan"):
+            lines = map_of("polygons_bag", bag, topic, "--localization", "tf")
+            walls = offsets_of_walls(lines[-1], list(hits_of(bag, topic)))
+            self.assertGreaterEqual(len(walls), 3)
+            self.assertLess(max(map(abs, walls)), 0.02)
 
 
 if __name__ == "__main__":
