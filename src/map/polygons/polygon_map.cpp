@@ -73,6 +73,8 @@ constexpr double kWatchStep_s = 0.37;
 /// was there before.
 constexpr int kWatchedBy = 3;
 constexpr double kThereBefore_s = 1.0;
+/// m. What a scan has a hit so near of has not left.
+constexpr double kLeft_m = 0.05;
 /// m. A remembered scan hit what it has a hit so near of.
 constexpr double kNearWatched_m = 0.12;
 /// Elements nearer to each other along the boundary, as a part of their spacing, are one.
@@ -111,6 +113,7 @@ PolygonMap::PolygonMap(const PolygonMapParams& params)
     : params_(params),
       surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m)) {
   watches_.resize(kWatches);
+  given_up_.reserve(kUsualRoom);
   shown_.reserve(kUsualRoom);
   ids_.reserve(kUsualRoom);
   spare_.reserve(kUsualRoom);
@@ -370,10 +373,30 @@ void PolygonMap::see_through(PolygonMapUpdate& update) {
   }
 }
 
+/// Elements of the outer boundary of what has left. Those that the scan hits are of something else, or it still covers
+/// them; those that face its middle are of what is beside it.
+void PolygonMap::give_up(const MoverTrace& trace, PolygonMapUpdate& update) {
+  given_up_.clear();
+  const Eigen::Vector2d& center_m = trace.outline.center_world_m();
+  surfels_.for_each_near(center_m, trace.outline.reach_m(), [&](Index index, const Surfel& surfel) {
+    if (surfel.first_seen_ns < trace.since_ns || surfel.last_seen_ns == stamp_ns_) return;
+    if (!trace.outline.covers(surfel.p_world_m)) return;
+    if (surfel.normal_world.dot(surfel.p_world_m - center_m) <= 0.0) return;
+    double weight = 0.0;
+    if (view_of(now_, now_.T_level_world * surfel.p_world_m, kLeft_m, true, &weight) ==
+        View::kHit)
+      return;
+    given_up_.push_back(index);
+  });
+  for (const Index index : given_up_) surfels_.remove(index);
+  update.removed += static_cast<int>(given_up_.size());
+  if (!given_up_.empty()) update.reasons["of a thing that set off"] += given_up_.size();
+}
+
 PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
-                                    PolygonMapUpdate memory) {
+                                    const Movers& movers, PolygonMapUpdate memory) {
   PolygonMapUpdate report = std::move(memory);
-  report.fused = report.created = report.removed = 0;
+  report.fused = report.created = report.removed = report.on_movers = 0;
   report.reasons.reset();
   if (stamp_ns_ != std::numeric_limits<std::int64_t>::min() && polylines.stamp_ns <= stamp_ns_) {
     ++report.reasons["stamp not after the one before"];
@@ -402,6 +425,10 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     const PolylineHit& hit = polylines.hits[i];
     const Eigen::Vector2d normal_world = R_world_level * hit.normal_level;
     const Eigen::Vector2d offset_m = R_world_level * hit.p_level_m;
+    if (movers.cover(offset_m + T_world_level.translation_m)) {
+      ++report.on_movers;
+      continue;
+    }
     Eigen::Vector3d by_pose;
     by_pose << normal_world, normal_world.dot(Eigen::Vector2d(-offset_m.y(), offset_m.x()));
     const double variance_m2 = hit.sigma_m * hit.sigma_m + by_pose.dot(pose_covariance * by_pose);
@@ -410,10 +437,11 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     if (of_hit_[i] == kNone) ++report.reasons["perhaps between two surfaces"];
   }
   report.created = static_cast<int>(elements() - before);
-  report.fused = static_cast<int>(polylines.hits.size()) - report.created;
+  report.fused = static_cast<int>(polylines.hits.size()) - report.on_movers - report.created;
 
   set_now(polylines);
   see_through(report);
+  for (const MoverTrace& trace : movers.traces) give_up(trace, report);
   for (const Index index : of_hit_) {
     if (index == kNone) continue;
     Surfel& surfel = surfels_[index];

@@ -35,9 +35,9 @@ TimedPolygonMap::TimedPolygonMap(const PolygonMapParams& params, const ChainStat
 }
 
 PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
-                                         PolygonMapUpdate memory) {
+                                         const Movers& movers, PolygonMapUpdate memory) {
   PolygonMapUpdate report = std::move(memory);
-  report.fused = report.created = report.removed = 0;
+  report.fused = report.created = report.removed = report.on_movers = 0;
   report.reasons.reset();
   if (!can_be_used(polylines, pose_covariance)) {
     ++report.reasons[kCannotBeUsed];
@@ -67,7 +67,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
       (previous_ns != kNoStamp && seconds_between(previous_ns, polylines.stamp_ns) > params_.absence_s)) {
     transit_ns_ = polylines.stamp_ns;
   }
-  report = map_.update(polylines, pose_covariance, std::move(report));
+  report = map_.update(polylines, pose_covariance, movers, std::move(report));
   if (restarted) ++report.reasons["time jumped back: new map"];
   map_stamp_ns_ = polylines.stamp_ns;
   polygons_.height_world_m = polylines.height_world_m;

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -14,6 +15,7 @@
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/chain_links.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
+#include "situation_awareness/map/polygons/movers.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -65,7 +67,8 @@ struct PolygonMapUpdate {
   int fused = 0;    ///< hits on known elements
   int created = 0;  ///< elements
   int removed = 0;
-  Counters reasons;  ///< why a scan was not used, and elements were removed
+  int on_movers = 0;  ///< hits that were not used
+  Counters reasons;   ///< why a scan was not used, and elements were removed
 };
 
 /// The semi-static map of polygons (docs/math/polygons.md): the boundaries of all that stands.
@@ -84,6 +87,12 @@ class PolygonMap {
   /// Adds a scan, in the order of the stamps. `pose_covariance`: of the error of T_world_level in x, y (m) and yaw
   /// (rad), in the axes of the world.
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                          PolygonMapUpdate memory = {}) {
+    return update(polylines, pose_covariance, Movers{}, std::move(memory));
+  }
+
+  /// The same without what moves: hits on `movers` are not used, and where they have been is given up.
+  PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
                           PolygonMapUpdate memory = {});
 
   /// The chains at the time of the latest scan. `memory`: as for limit_range.
@@ -134,6 +143,7 @@ class PolygonMap {
   void set_now(const Polylines& polylines);
   double passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const;
   void see_through(PolygonMapUpdate& update);
+  void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
   void name_chains();
   bool is_rare(const Surfel& surfel) const;
@@ -151,6 +161,7 @@ class PolygonMap {
   std::vector<Watch> watches_;
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
+  std::vector<Index> given_up_;
   std::vector<Index> shown_elements_;
   ChainLinks links_;
   std::vector<ChainLinks::Run> shown_;

@@ -3,12 +3,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include <Eigen/Core>
 
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
+#include "situation_awareness/map/polygons/movers.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -33,6 +35,12 @@ class TimedPolygonMap {
   /// As PolygonMap::update. A scan with another number than finite ones, or farther than 1000 km from the world's
   /// origin, and one whose stamp is not after the latest are not used: the reason is counted, and stamp_ns() stays.
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
+                          PolygonMapUpdate memory = {}) {
+    return update(polylines, pose_covariance, Movers{}, std::move(memory));
+  }
+
+  /// The same without what moves.
+  PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
                           PolygonMapUpdate memory = {});
 
   /// The chains as of the latest update, by ascending id.
