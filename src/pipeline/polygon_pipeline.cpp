@@ -19,7 +19,12 @@ Eigen::Isometry3d in_plane(const Pose2& T_a_b) {
 
 }  // namespace
 
-PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params) : params_(params), map_(params.polygons) {
+PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params,
+                                 const std::optional<ObjectPipelineParams>& objects)
+    : params_(params),
+      map_(params.polygons),
+      objects_(objects ? std::make_unique<ObjectPipeline>(*objects) : nullptr),
+      movers_(params.movers) {
   params_.scan.validate();
   params_.segments.validate();
   params_.polylines.validate();
@@ -28,19 +33,31 @@ PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params) : params_(
 const PolygonPipelineResult& PolygonPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                                       const Eigen::Isometry3d& T_world_lidar_end,
                                                       const Eigen::Matrix3d& pose_covariance) {
+  if (objects_) {
+    latest_ = &objects_->process(scan, T_world_lidar, T_world_lidar_end);
+    movers_.add(latest_->objects);
+    map_segments(latest_->segments, pose_covariance);
+    return result_;
+  }
   const std::string defect = scan_defect(scan);
   if (!defect.empty()) throw std::invalid_argument(defect);
 
   limited_ = limit_range(scan, T_world_lidar, params_.scan, std::move(limited_));
-  result_.points = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(result_.points));
-  result_.segments = segment(result_.points, params_.segments, std::move(result_.segments));
-  result_.polylines = extract_polylines(result_.segments, params_.polylines, std::move(result_.polylines));
-  result_.update = map_.update(result_.polylines, pose_covariance, std::move(result_.update));
+  points_ = project_horizontally(limited_, T_world_lidar, T_world_lidar_end, std::move(points_));
+  segments_ = segment(points_, params_.segments, std::move(segments_));
+  map_segments(segments_, pose_covariance);
   return result_;
 }
 
-ReflectorPolygonPipeline::ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params)
-    : localization_(reflectors, params.reflectors, params.localization), pipeline_(params) {}
+void PolygonPipeline::map_segments(const Segments& segments, const Eigen::Matrix3d& pose_covariance) {
+  result_.polylines = extract_polylines(segments, params_.polylines, std::move(result_.polylines));
+  result_.update =
+      map_.update(result_.polylines, pose_covariance, movers_.at(segments.stamp_ns), std::move(result_.update));
+}
+
+ReflectorPolygonPipeline::ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params,
+                                                   const std::optional<ObjectPipelineParams>& objects)
+    : localization_(reflectors, params.reflectors, params.localization), pipeline_(params, objects) {}
 
 bool ReflectorPolygonPipeline::process(const Scan& scan, const OdometryScan& placed) {
   if (!localization_.process(scan, placed.T_base_lidar).is_known) return false;

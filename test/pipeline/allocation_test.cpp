@@ -10,9 +10,11 @@
 
 #include "allocations.hpp"
 #include "pose/reflector_world.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/scan/cloud_slice.hpp"
 #include "support/level_scene.hpp"
 
@@ -107,6 +109,31 @@ TEST(Allocation, NoneFromScanToMapAfterWarmUp) {
     EXPECT_GE(round.objects, 4U) << detector;
     EXPECT_EQ(round.asked, 0) << detector;
   }
+}
+
+// Both maps, of the same scans, among which somebody walks.
+TEST(Allocation, NoneFromScanToBothMapsAfterWarmUp) {
+  const std::string file = kSource + "/cfg/polygons.yaml";
+  PolygonPipeline pipeline(params_from_yaml<PolygonPipelineParams>(read_text_file(file), file),
+                           load_object_pipeline_params(file, kSource + "/models", [](const UnknownKey&) {}));
+  std::vector<Scan> all = scans();
+  Polygons polygons;
+  std::int64_t stamp_ns = 1'000'000'000, asked = 0;
+  int on_movers = 0;
+  for (int round = 0; round < 6; ++round) {
+    on_movers = 0;
+    const std::int64_t before = allocations().count;
+    for (Scan& scan : all) {
+      scan.stamp_ns = stamp_ns += 50'000'000;
+      const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+      on_movers += pipeline.process(scan, T, T, 1e-8 * Eigen::Matrix3d::Identity()).update.on_movers;
+      polygons = pipeline.map().polygons(std::move(polygons));
+    }
+    asked = allocations().count - before;
+  }
+  EXPECT_GT(on_movers, 100);
+  EXPECT_GE(polygons.chains.size(), 4U);
+  EXPECT_EQ(asked, 0);
 }
 
 TEST(Allocation, NoneForPersonsAfterWarmUp) {

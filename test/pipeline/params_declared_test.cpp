@@ -36,6 +36,7 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<ObjectPipelineParams>(), aggregate_size<ObjectPipelineParams>());
   EXPECT_EQ(declared_size<OdometryTrackParams>(), aggregate_size<OdometryTrackParams>());
   EXPECT_EQ(declared_size<ChainStateParams>(), aggregate_size<ChainStateParams>());
+  EXPECT_EQ(declared_size<MoverParams>(), aggregate_size<MoverParams>());
   EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
   EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());
   EXPECT_EQ(declared_size<PolygonPipelineParams>(), aggregate_size<PolygonPipelineParams>());

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <memory>
+#include <optional>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -13,6 +16,8 @@
 #include "situation_awareness/path/safety_areas.hpp"
 #include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
+#include "situation_awareness/pipeline/moving_objects.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -34,6 +39,7 @@ struct PolygonPipelineParams {
   ReflectorLocalizationParams localization;
   PolylineParams polylines;
   PolygonMapParams polygons;
+  MoverParams movers;
   ChainStateParams chain_states;  ///< of the live map alone
   VehicleParams vehicle;          ///< these of a vehicle that drives by it
   SafetyParams safety;
@@ -47,6 +53,7 @@ struct PolygonPipelineParams {
     visit("localization", self.localization);
     visit("polylines", self.polylines);
     visit("polygons", self.polygons);
+    visit("movers", self.movers);
     visit("chain_states", self.chain_states);
     visit("vehicle", self.vehicle);
     visit("safety", self.safety);
@@ -56,17 +63,18 @@ struct PolygonPipelineParams {
 
 /// The results of all stages for one scan.
 struct PolygonPipelineResult {
-  Points points;
-  Segments segments;
   Polylines polylines;
   PolygonMapUpdate update;
 };
 
-/// From scan to the map of polygons in one thread, without ROS.
+/// From scan to the map of polygons in one thread, without ROS; with `objects` to the map of objects, too, from the
+/// same segments, and what that follows is kept off the map of polygons.
 class PolygonPipeline {
  public:
-  /// Throws std::invalid_argument naming field and bound.
-  explicit PolygonPipeline(const PolygonPipelineParams& params);
+  /// With `objects`, their parameters hold for the scan and its segments. Throws std::invalid_argument naming field and
+  /// bound, and as ObjectPipeline.
+  explicit PolygonPipeline(const PolygonPipelineParams& params,
+                           const std::optional<ObjectPipelineParams>& objects = std::nullopt);
 
   /// Throws std::invalid_argument if the scan or the pose cannot be used; the map is then unchanged. `pose_covariance`:
   /// of the error of the pose in x, y (m) and yaw (rad), in the axes of the world. The result is valid until the next
@@ -76,11 +84,21 @@ class PolygonPipeline {
                                        const Eigen::Matrix3d& pose_covariance);
 
   PolygonMap& map() { return map_; }
+  /// The map of objects and what its latest scan was to it; null without one.
+  const ObjectPipelineResult* objects() const { return latest_; }
+  const MovingObjects& movers() const { return movers_; }
 
  private:
+  void map_segments(const Segments& segments, const Eigen::Matrix3d& pose_covariance);
+
   PolygonPipelineParams params_;
   PolygonMap map_;
+  std::unique_ptr<ObjectPipeline> objects_;
+  const ObjectPipelineResult* latest_ = nullptr;
+  MovingObjects movers_;
   Scan limited_;
+  Points points_;
+  Segments segments_;
   PolygonPipelineResult result_;
 };
 
@@ -95,7 +113,8 @@ struct OdometryScan {
 class ReflectorPolygonPipeline {
  public:
   /// Throws std::invalid_argument naming field and bound.
-  ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params);
+  ReflectorPolygonPipeline(const ReflectorMap& reflectors, const PolygonPipelineParams& params,
+                           const std::optional<ObjectPipelineParams>& objects = std::nullopt);
 
   ReflectorLocalization& localization() { return localization_.localization(); }
   PolygonPipeline& pipeline() { return pipeline_; }

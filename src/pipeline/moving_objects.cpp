@@ -1,0 +1,180 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/moving_objects.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Probability of moving from which on an element surely moves, and that down to which it goes on.
+constexpr double kSurelyMoves = 0.95;
+constexpr double kStillMoves = 0.5;
+/// Of a velocity that is none of noise: the 95 % quantile of chi-square with two degrees of freedom. That it moves is
+/// in p_moving, and in its way.
+constexpr double kFast = 6.0;
+/// Standard deviations of the position that a mover has travelled, and of the outline in the margin.
+constexpr double kTravelSigmas = 3.0;
+constexpr double kMarginSigmas = 2.0;
+/// m. What is less certain than this is not masked as a whole.
+constexpr double kMostMargin_m = 0.3;
+/// m. The legs of who walks are so far beside the circle that stands for a person (docs/math/people.md: the standard
+/// deviation of a leg's way from the middle is 0.18 m, its radius 0.06 m, that of the circle 0.2 m).
+constexpr double kLegsBeside_m = 0.2;
+/// s. Its places are remembered at this distance, 2.5 s in all.
+constexpr double kPlaceStep_s = 0.25;
+/// s. What was seen to stand for so long has a place where it stood.
+constexpr double kStood_s = 1.0;
+/// s. For so long after it has set off that place is given up.
+constexpr double kGiveUp_s = 3.0;
+/// s. A mover that is not on the map of objects for so long is where it would be: one scan may miss it.
+constexpr double kMissing_s = 0.4;
+/// s. An element that appears where a mover was so long ago is that one.
+constexpr double kSuccession_s = 2.0;
+/// s. One that was off the map for longer is another.
+constexpr double kForgotten_s = 20.0;
+
+}  // namespace
+
+MovingObjects::MovingObjects(const MoverParams& params) : params_(params) {
+  params_.validate();
+  followed_.reserve(kUsualRoom);
+  movers_.outlines.reserve(kUsualRoom);
+  movers_.traces.reserve(kUsualRoom * 2);
+}
+
+void MovingObjects::reset() {
+  followed_.clear();
+  stamp_ns_ = kNever;
+}
+
+bool MovingObjects::is_mover(const Followed& followed) const {
+  return followed.moved_ns != kNever && seconds_between(followed.moved_ns, stamp_ns_) < params_.parked_after_s;
+}
+
+bool MovingObjects::is_fast(const Object& object) const {
+  const Eigen::Vector2d& v = object.velocity_world_m_s;
+  if (v.norm() < params_.min_speed_m_s) return false;
+  const Eigen::Matrix2d P = object.covariance.block<2, 2>(object_error::kVelocity, object_error::kVelocity);
+  // v' P^-1 v > q, without a division by a determinant that may be zero.
+  const double across = P(1, 1) * v.x() * v.x() - 2.0 * P(0, 1) * v.x() * v.y() + P(0, 0) * v.y() * v.y();
+  return across > kFast * (P(0, 0) * P(1, 1) - P(0, 1) * P(0, 1));
+}
+
+MoverOutline MovingObjects::outline_of(const Object& object) const {
+  const double variance_m2 =
+      object.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition).diagonal().maxCoeff() +
+      object.covariance.block<2, 2>(object_error::kRadii, object_error::kRadii).diagonal().maxCoeff();
+  const double margin_m =
+      std::min(params_.margin_m + kMarginSigmas * std::sqrt(std::max(variance_m2, 0.0)), kMostMargin_m);
+  if (object.object_class == ObjectClass::kPerson) return {object.ellipse_world, margin_m + kLegsBeside_m};
+  if (object.shape == Shape::kBox) return {object.box_world, margin_m};
+  return {object.ellipse_world, margin_m};
+}
+
+MovingObjects::Followed& MovingObjects::find_or_add(const Object& object) {
+  const auto place = std::lower_bound(followed_.begin(), followed_.end(), object.id,
+                                      [](const Followed& followed, std::uint64_t id) { return followed.id < id; });
+  if (place != followed_.end() && place->id == object.id) return *place;
+  Followed added;
+  added.id = object.id;
+  added.first_seen_ns = object.first_seen_ns;
+  added.began_world_m = object.ellipse_world.center_m;
+  // A mover that has got another id.
+  for (const Followed& other : followed_) {
+    if (!is_mover(other) || seconds_between(other.listed_ns, stamp_ns_) > kSuccession_s) continue;
+    if (!other.outline.covers(object.ellipse_world.center_m)) continue;
+    added.moved_ns = std::max(added.moved_ns, other.moved_ns);
+    added.first_seen_ns = std::min(added.first_seen_ns, other.first_seen_ns);
+  }
+  return *followed_.insert(place, added);
+}
+
+void MovingObjects::remember_place(Followed& followed) const {
+  if (followed.place_ns != kNever && seconds_between(followed.place_ns, stamp_ns_) < kPlaceStep_s) return;
+  followed.places[followed.next_place] = {followed.outline, followed.first_seen_ns};
+  followed.next_place = (followed.next_place + 1) % kPlaces;
+  followed.places_known = std::min(followed.places_known + 1, kPlaces);
+  followed.place_ns = stamp_ns_;
+}
+
+void MovingObjects::follow(Followed& followed, const Object& object) {
+  const Eigen::Vector2d& center_m = object.ellipse_world.center_m;
+  const bool fast = is_fast(object);
+  if (object.p_moving < kStillMoves || !fast) {
+    followed.moves = false;
+    // The map of objects tells that a box moves when it has travelled.
+    followed.began_world_m = center_m;
+    if (followed.stands_since_ns == kNever) followed.stands_since_ns = stamp_ns_;
+  } else {
+    followed.stands_since_ns = kNever;
+    if (!followed.moves && object.p_moving > kSurelyMoves) {
+      followed.moves = true;
+      if (object.shape != Shape::kBox) followed.began_world_m = center_m;
+    }
+  }
+  followed.listed_ns = stamp_ns_;
+  followed.outline = outline_of(object);
+  followed.velocity_world_m_s = object.velocity_world_m_s;
+  if (followed.stands_since_ns != kNever && seconds_between(followed.stands_since_ns, stamp_ns_) >= kStood_s) {
+    followed.stood.outline = followed.outline;
+    followed.stood.since_ns = stamp_ns_;
+  }
+  if (followed.moves) {
+    const bool is_one = is_mover(followed);
+    const double sigma_m =
+        std::sqrt(object.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition).trace());
+    const bool has_travelled = (center_m - followed.began_world_m).norm() >=
+                               std::max(params_.min_travel_m, kTravelSigmas * std::max(sigma_m, 0.0));
+    if (has_travelled && !is_one) {
+      followed.set_off_ns = stamp_ns_;
+      ++set_off_;
+      if (followed.stood.since_ns != kNever) {
+        for (MoverTrace& trace : followed.places) trace.since_ns = kNever;  // what it was while it stood is older
+      }
+    }
+    if (has_travelled || is_one) followed.moved_ns = stamp_ns_;
+  }
+  remember_place(followed);
+}
+
+void MovingObjects::add(const Objects& objects) {
+  if (objects.stamp_ns < stamp_ns_) reset();
+  stamp_ns_ = objects.stamp_ns;
+  for (const Object& object : objects.objects) follow(find_or_add(object), object);
+  followed_.erase(std::remove_if(followed_.begin(), followed_.end(),
+                                 [&](const Followed& followed) {
+                                   return seconds_between(followed.listed_ns, stamp_ns_) > kForgotten_s;
+                                 }),
+                  followed_.end());
+}
+
+const Movers& MovingObjects::at(std::int64_t stamp_ns) {
+  movers_.outlines.clear();
+  movers_.traces.clear();
+  for (const Followed& followed : followed_) {
+    if (!is_mover(followed)) continue;
+    const double age_s = seconds_between(followed.listed_ns, stamp_ns);
+    if (age_s < 0.0 || age_s > kMissing_s) continue;
+    MoverOutline outline = followed.outline;
+    outline.move(age_s * followed.velocity_world_m_s);
+    movers_.outlines.push_back(outline);
+    for (std::size_t i = 0; i < followed.places_known; ++i) movers_.traces.push_back(followed.places[i]);
+    if (followed.stood.since_ns != kNever && followed.set_off_ns != kNever &&
+        seconds_between(followed.set_off_ns, stamp_ns) < kGiveUp_s) {
+      movers_.traces.push_back({followed.stood.outline, kNever});
+    }
+  }
+  return movers_;
+}
+
+std::size_t MovingObjects::count() const {
+  return static_cast<std::size_t>(std::count_if(followed_.begin(), followed_.end(), [this](const Followed& followed) {
+    return followed.listed_ns == stamp_ns_ && is_mover(followed);
+  }));
+}
+
+}  // namespace situation_awareness
