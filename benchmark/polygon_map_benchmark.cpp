@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Cost of a scan on the way to the map of polygons in a corridor with 40 chains, stage by stage and in all, with what
-// the nodelet adds for its message; and its growth with the chains on the map, of which the same part is in view.
+// the nodelet adds for its message; and its growth with the chains on the map, of which the same part is in view. The
+// same on the way to both maps, of polygons and of objects, with somebody who walks along the corridor: p50 and p99 of
+// the processor's time.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <ctime>
 #include <utility>
 #include <vector>
 
@@ -67,7 +70,7 @@ double range_to(const Eigen::Vector2d& from_m, const Eigen::Vector2d& u, const E
 /// A scanner of 270 degrees that drives along the first corridor: 541 beams, 12 mm.
 class Drive {
  public:
-  explicit Drive(int chains) : polygons_(corridors(chains)) {}
+  explicit Drive(int chains, bool with_walker = false) : polygons_(corridors(chains)), with_walker_(with_walker) {}
 
   Scan next() {
     const Eigen::Vector2d from_m = position_m();
@@ -85,6 +88,10 @@ class Drive {
         for (std::size_t e = 0; e + 1 < v.size() + (polygons_.chains[k].closed ? 1 : 0); ++e) {
           range_m = std::min(range_m, range_to(from_m, u, v[e].p_world_m, v[(e + 1) % v.size()].p_world_m));
         }
+      }
+      if (with_walker_) {
+        const Ellipse walker{{-6.0 * std::cos(0.007 * static_cast<double>(scans_)), 0.5}, 0.3, 0.25, 0.15};
+        if (const auto hit_m = intersect_ray(walker, from_m, u)) range_m = std::min(range_m, *hit_m);
       }
       const auto measured_m = static_cast<float>(range_m > 1e6 ? INFINITY : range_m + 0.012 * random_.normal());
       scan.beams.push_back(beam_from_range(measured_m, 0.05F, 20.0F));
@@ -106,6 +113,7 @@ class Drive {
   Eigen::Vector2d position_m() const { return {6.0 * std::sin(0.01 * static_cast<double>(scans_)), 0.0}; }
 
   Polygons polygons_;
+  bool with_walker_ = false;
   std::int64_t scans_ = 0;
   Random random_{1};
 };
@@ -145,6 +153,61 @@ void from_scan_to_map(benchmark::State& state) {
   state.counters["elements"] = static_cast<double>(map.elements());
 }
 BENCHMARK(from_scan_to_map)->Arg(40)->Arg(125)->Arg(250)->Arg(500)->Iterations(500)->Unit(benchmark::kMicrosecond);
+
+double cpu_now_us() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
+}
+
+/// From scan to chains and objects together.
+void from_scan_to_both_maps(benchmark::State& state) {
+  Drive drive(static_cast<int>(state.range(0)), true);
+  ObjectPipelineParams objects;
+  objects.detections.model_folder = SITUATION_AWARENESS_SOURCE_DIR "/models";
+  PolygonPipeline pipeline(PolygonPipelineParams{}, objects);
+  pipeline.map().restore(snapshot_of_chains(drive.polygons(), PolygonMapParams{}.spacing_m));
+  Polygons polygons;
+  const auto one = [&](const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
+    pipeline.process(scan, T_world_lidar, T_world_lidar, kCovariance);
+    polygons = pipeline.map().polygons(std::move(polygons));
+  };
+  for (int i = 0; i < 300; ++i) {
+    const Scan scan = drive.next();
+    one(scan, drive.pose());
+  }
+  std::vector<double> times_us;
+  int on_movers = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Scan scan = drive.next();
+    const Eigen::Isometry3d T_world_lidar = drive.pose();
+    const double begin_us = cpu_now_us();
+    state.ResumeTiming();
+    one(scan, T_world_lidar);
+    state.PauseTiming();
+    times_us.push_back(cpu_now_us() - begin_us);
+    on_movers += pipeline.movers().count() > 0 ? 1 : 0;
+    state.ResumeTiming();
+  }
+  std::sort(times_us.begin(), times_us.end());
+  const auto quantile_us = [&](double part) {
+    return times_us[static_cast<std::size_t>(part * static_cast<double>(times_us.size() - 1) + 0.5)];
+  };
+  state.counters["p50_us"] = quantile_us(0.5);
+  state.counters["p99_us"] = quantile_us(0.99);
+  state.counters["chains"] = static_cast<double>(polygons.chains.size());
+  state.counters["elements"] = static_cast<double>(pipeline.map().elements());
+  state.counters["objects"] = static_cast<double>(pipeline.objects()->objects.objects.size());
+  state.counters["scans_with_movers"] = static_cast<double>(on_movers);
+}
+BENCHMARK(from_scan_to_both_maps)
+    ->Arg(40)
+    ->Arg(125)
+    ->Arg(250)
+    ->Arg(500)
+    ->Iterations(1500)
+    ->Unit(benchmark::kMicrosecond);
 
 void save_and_load(benchmark::State& state) {
   PolygonMap map(PolygonMapParams{});
