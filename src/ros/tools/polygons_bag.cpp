@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a recorded bag to a map of polygons, without a roscore: the same stages as the nodelets', as fast as possible.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
@@ -20,6 +23,7 @@
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -49,7 +53,8 @@ struct Options {
   std::string scan_topic = "/scan";
   std::string odom_topic = "/odom";
   std::string localization = "reflectors";
-  std::string reflectors, initial_pose, out;
+  std::string reflectors, initial_pose, out, model_folder;
+  bool objects = false;
 };
 
 void add_options(CLI::App& app, Options& options) {
@@ -64,6 +69,8 @@ void add_options(CLI::App& app, Options& options) {
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
       ->check(CLI::IsMember({"reflectors", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines")->required();
+  app.add_flag("--objects", options.objects, "map what moves, too, and keep it off the polygons");
+  text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     if (options.localization == "reflectors" && options.reflectors.empty()) throw CLI::RequiredError("--reflectors");
     if (options.localization == "tf" && !options.initial_pose.empty()) {
@@ -109,10 +116,44 @@ struct Output {
   Polygons polygons;
 };
 
-void map_by_tf(const Options& options, const PolygonPipelineParams& params, const OdometryFrames& frames) {
+struct Params {
+  PolygonPipelineParams polygons;
+  std::optional<ObjectPipelineParams> objects;
+};
+
+/// Both kinds of map read the same file: a key is unknown where neither knows it.
+Params read_params(const Options& options) {
+  const std::string path = config_path(options.bag, kConfig);
+  const std::string yaml = read_text_file(path);
+  std::vector<UnknownKey> unknown;
+  std::vector<std::string> unknown_to_objects;
+  Params params;
+  params.polygons = params_from_yaml<PolygonPipelineParams>(
+      yaml, path, [&unknown](const UnknownKey& key) { unknown.push_back(key); });
+  std::string folder = options.model_folder;
+  if (folder.empty() && options.objects) folder = package_folder() + "/models";
+  const ObjectPipelineParams objects = parse_object_pipeline_params(
+      yaml, path, folder, [&](const UnknownKey& key) { unknown_to_objects.push_back(key.path); });
+  for (const UnknownKey& key : unknown) {
+    const bool known = std::none_of(
+        unknown_to_objects.begin(), unknown_to_objects.end(),
+        [&key](const std::string& other) { return key.path == other || key.path.rfind(other + ".", 0) == 0; });
+    if (!known) print_warning(key);
+  }
+  if (options.objects) params.objects = objects;
+  return params;
+}
+
+/// What the map of objects made of the drive.
+void print_movers(const PolygonPipeline& pipeline) {
+  if (pipeline.objects() == nullptr) return;
+  std::printf("objects: %zu set off\n", pipeline.movers().set_off());
+}
+
+void map_by_tf(const Options& options, const Params& params, const OdometryFrames& frames) {
   BagPlayer player(options.bag, kResetTimeJump_s);
   Output out(options.out);
-  PolygonPipeline pipeline(params);
+  PolygonPipeline pipeline(params.polygons, params.objects);
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const Eigen::Matrix3d covariance =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
@@ -126,13 +167,14 @@ void map_by_tf(const Options& options, const PolygonPipelineParams& params, cons
   player.play();
   out.file.finish();
   player.print_summary();
+  print_movers(pipeline);
 }
 
-void map_by_reflectors(const Options& options, const PolygonPipelineParams& params, const OdometryFrames& frames) {
+void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
   if (frames.odom.empty()) {
     throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odom_topic);
   }
-  ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors), params);
+  ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors), params.polygons, params.objects);
   ReflectorLocalization& localization = pipeline.localization();
   // Scans wait for the odometry of their first and last beams.
   BagOptions bag = options.bag;
@@ -160,6 +202,7 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
   player.play();
   out.file.finish();
   player.print_summary();
+  print_movers(pipeline.pipeline());
   std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
   for (const auto& [reason, count] : localization.counters()) refused[reason] += count;
   for (const auto& [reason, count] : refused) {
@@ -168,8 +211,7 @@ void map_by_reflectors(const Options& options, const PolygonPipelineParams& para
 }
 
 int polygons_bag(const Options& options) {
-  const std::string path = config_path(options.bag, kConfig);
-  const auto params = params_from_yaml<PolygonPipelineParams>(read_text_file(path), path);
+  const Params params = read_params(options);
   const OdometryFrames frames = odometry_frames(options.bag, options.odom_topic);
   if (options.localization == "tf") {
     map_by_tf(options, params, frames);
