@@ -26,6 +26,10 @@ constexpr double kMostMargin_m = 0.3;
 constexpr double kLegsBeside_m = 0.2;
 /// s. Its places are remembered at this distance, 2.5 s in all.
 constexpr double kPlaceStep_s = 0.25;
+/// m. The boundary on a map is so near to the outline of a thing.
+constexpr double kTraceMargin_m = 0.06;
+/// s. Its boundary may have come to a map so long before it was detected.
+constexpr double kSeenBefore_s = 0.5;
 /// s. What was seen to stand for so long has a place where it stood.
 constexpr double kStood_s = 1.0;
 /// s. For so long after it has set off that place is given up.
@@ -75,6 +79,12 @@ MoverOutline MovingObjects::outline_of(const Object& object) const {
   return {object.ellipse_world, margin_m};
 }
 
+MoverOutline MovingObjects::trace_of(const Object& object) const {
+  if (object.object_class == ObjectClass::kPerson) return outline_of(object);
+  if (object.shape == Shape::kBox) return {object.box_world, kTraceMargin_m};
+  return {object.ellipse_world, kTraceMargin_m};
+}
+
 MovingObjects::Followed& MovingObjects::find_or_add(const Object& object) {
   const auto place = std::lower_bound(followed_.begin(), followed_.end(), object.id,
                                       [](const Followed& followed, std::uint64_t id) { return followed.id < id; });
@@ -95,7 +105,7 @@ MovingObjects::Followed& MovingObjects::find_or_add(const Object& object) {
 
 void MovingObjects::remember_place(Followed& followed) const {
   if (followed.place_ns != kNever && seconds_between(followed.place_ns, stamp_ns_) < kPlaceStep_s) return;
-  followed.places[followed.next_place] = {followed.outline, followed.first_seen_ns};
+  followed.places[followed.next_place] = {followed.trace, followed.first_seen_ns - nanoseconds(kSeenBefore_s)};
   followed.next_place = (followed.next_place + 1) % kPlaces;
   followed.places_known = std::min(followed.places_known + 1, kPlaces);
   followed.place_ns = stamp_ns_;
@@ -118,9 +128,11 @@ void MovingObjects::follow(Followed& followed, const Object& object) {
   }
   followed.listed_ns = stamp_ns_;
   followed.outline = outline_of(object);
+  followed.trace = trace_of(object);
+  followed.is_person = object.object_class == ObjectClass::kPerson;
   followed.velocity_world_m_s = object.velocity_world_m_s;
   if (followed.stands_since_ns != kNever && seconds_between(followed.stands_since_ns, stamp_ns_) >= kStood_s) {
-    followed.stood.outline = followed.outline;
+    followed.stood.outline = followed.trace;
     followed.stood.since_ns = stamp_ns_;
   }
   if (followed.moves) {
@@ -132,8 +144,9 @@ void MovingObjects::follow(Followed& followed, const Object& object) {
     if (has_travelled && !is_one) {
       followed.set_off_ns = stamp_ns_;
       ++set_off_;
-      if (followed.stood.since_ns != kNever) {
-        for (MoverTrace& trace : followed.places) trace.since_ns = kNever;  // what it was while it stood is older
+      // What stood may be on the map since long before it was first seen by this one of objects. A person is not.
+      if (followed.stood.since_ns != kNever && !followed.is_person) {
+        for (MoverTrace& trace : followed.places) trace.since_ns = kNever;
       }
     }
     if (has_travelled || is_one) followed.moved_ns = stamp_ns_;
@@ -165,7 +178,8 @@ const Movers& MovingObjects::at(std::int64_t stamp_ns) {
     for (std::size_t i = 0; i < followed.places_known; ++i) movers_.traces.push_back(followed.places[i]);
     if (followed.stood.since_ns != kNever && followed.set_off_ns != kNever &&
         seconds_between(followed.set_off_ns, stamp_ns) < kGiveUp_s) {
-      movers_.traces.push_back({followed.stood.outline, kNever});
+      movers_.traces.push_back(
+          {followed.stood.outline, followed.is_person ? followed.first_seen_ns - nanoseconds(kSeenBefore_s) : kNever});
     }
   }
   return movers_;

@@ -69,6 +69,8 @@ class MovingObjects {
     std::int64_t first_seen_ns = 0;
     std::int64_t listed_ns = kNever;  ///< in the latest map that it was in
     MoverOutline outline;             ///< then
+    MoverOutline trace;               ///< the same without what is not known of it
+    bool is_person = false;
     Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
     bool moves = false;                                       ///< maybe not far enough to be a mover
     Eigen::Vector2d began_world_m = Eigen::Vector2d::Zero();  ///< where that began
@@ -84,6 +86,7 @@ class MovingObjects {
   bool is_mover(const Followed& followed) const;
   bool is_fast(const Object& object) const;
   MoverOutline outline_of(const Object& object) const;
+  MoverOutline trace_of(const Object& object) const;
   Followed& find_or_add(const Object& object);
   void follow(Followed& followed, const Object& object);
   void remember_place(Followed& followed) const;
