@@ -5,17 +5,33 @@
 #include <cmath>
 #include <exception>
 #include <stdexcept>
+#include <utility>
 
 #include <boost/make_shared.hpp>
 
+#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
 namespace {
 
-/// Poses that are remembered for segments that come later.
+/// Poses and maps that are remembered for segments that come later.
 constexpr std::size_t kPoses = 200;
+constexpr std::size_t kMaps = 20;
+
+template <class Value>
+void remember(std::map<std::uint64_t, Value>& values, std::uint64_t stamp_ns, Value value, std::size_t most) {
+  // After a restart of time the first ones are those of the time before.
+  if (!values.empty() && stamp_ns < values.begin()->first) values.clear();
+  values[stamp_ns] = std::move(value);
+  if (values.size() > most) values.erase(values.begin());
+}
+
+template <class Message>
+bool is_published(const std::optional<TimedSubscriber<Message>>& subscriber) {
+  return subscriber && subscriber->subscriber().getNumPublishers() > 0;
+}
 
 }  // namespace
 
@@ -62,8 +78,10 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
       },
       [this] { return waiting_.size(); });
   context.when_made([this] {
-    subscriber_.emplace(context_.node(), "pose",
-                        [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { take(*msg); });
+    pose_subscriber_.emplace(context_.node(), "pose",
+                             [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { take(*msg); });
+    objects_subscriber_.emplace(context_.node(), "objects",
+                                [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { take(*msg); });
   });
   context.every(0.005, [this] { release(); });
 }
@@ -73,13 +91,21 @@ void PoseCovarianceInput::take(const geometry_msgs::PoseWithCovarianceStamped& m
     if (tf2_frame(msg.header.frame_id) != world_frame_) {
       return context_.diagnostics().counted({{"pose in another frame", 1}});
     }
-    const BasePose pose = base_pose_from_msg(msg);
-    // After a restart of time the first ones are those of the time before.
-    if (!poses_.empty() && msg.header.stamp.toNSec() < poses_.begin()->first) poses_.clear();
-    poses_[msg.header.stamp.toNSec()] = pose;
-    if (poses_.size() > kPoses) poses_.erase(poses_.begin());
+    remember(poses_, msg.header.stamp.toNSec(), base_pose_from_msg(msg), kPoses);
   } catch (const std::exception&) {
     return context_.diagnostics().counted({{"pose that cannot be used", 1}});
+  }
+  release();
+}
+
+void PoseCovarianceInput::take(const MappedObjectArray& msg) {
+  try {
+    if (tf2_frame(msg.header.frame_id) != world_frame_) {
+      return context_.diagnostics().counted({{"objects in another frame", 1}});
+    }
+    remember(objects_, msg.header.stamp.toNSec(), objects_from_msg(msg), kMaps);
+  } catch (const std::exception&) {
+    return context_.diagnostics().counted({{"objects that cannot be used", 1}});
   }
   release();
 }
@@ -89,28 +115,29 @@ void PoseCovarianceInput::release() {
   try {
     while (!waiting_.empty()) {
       const Waiting& first = waiting_.front();
-      const auto pose = poses_.find(first.msg->header.stamp.toNSec());
-      if (pose != poses_.end()) {
-        enqueue_first(pose->second);
-      } else if (!subscriber_ || subscriber_->subscriber().getNumPublishers() == 0) {
-        enqueue_first(std::nullopt);
-      } else if ((ros::SteadyTime::now() - first.arrival).toSec() >= timeout_s_) {
-        context_.diagnostics().counted({{"no pose of that stamp", 1}});
-        enqueue_first(std::nullopt);
-      } else {
-        return;
+      const std::uint64_t stamp_ns = first.msg->header.stamp.toNSec();
+      const auto pose = poses_.find(stamp_ns);
+      const auto objects = objects_.find(stamp_ns);
+      const bool waits_for_pose = pose == poses_.end() && is_published(pose_subscriber_);
+      const bool waits_for_objects = objects == objects_.end() && is_published(objects_subscriber_);
+      if (waits_for_pose || waits_for_objects) {
+        if ((ros::SteadyTime::now() - first.arrival).toSec() < timeout_s_) return;
+        if (waits_for_pose) context_.diagnostics().counted({{"no pose of that stamp", 1}});
+        if (waits_for_objects) context_.diagnostics().counted({{"no objects of that stamp", 1}});
       }
+      enqueue_first(pose != poses_.end() ? std::optional(pose->second) : std::nullopt,
+                    objects != objects_.end() ? std::optional(objects->second) : std::nullopt);
     }
   } catch (const std::exception& error) {
     context_.drop(drop_reason::kError, error.what());
   }
 }
 
-void PoseCovarianceInput::enqueue_first(const std::optional<BasePose>& base) {
+void PoseCovarianceInput::enqueue_first(const std::optional<BasePose>& base, std::optional<Objects> objects) {
   const Waiting first = waiting_.front();
   waiting_.pop_front();
   context_.enqueue(boost::make_shared<const CovariedSegments>(
-                       CovariedSegments{first.msg->header, first.msg->latency, first.msg, base}),
+                       CovariedSegments{first.msg->header, first.msg->latency, first.msg, base, std::move(objects)}),
                    first.arrival);
 }
 

@@ -13,7 +13,9 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Core>
 
+#include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/SegmentArray.h"
+#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
@@ -32,17 +34,18 @@ BasePose base_pose_from_msg(const geometry_msgs::PoseWithCovarianceStamped& msg)
 /// Of the error of the pose of a sensor at `p_world_m` that is fixed to the base: an error of the base's yaw moves it.
 Eigen::Matrix3d covariance_at(const Eigen::Vector2d& p_world_m, const BasePose& base);
 
-/// Segments with the pose that localisation has for their scan.
+/// Segments with the pose that localisation has for their scan, and the map of objects after it.
 struct CovariedSegments {
   std_msgs::Header header;
   double latency = 0.0;
   SegmentArrayConstPtr msg;
-  std::optional<BasePose> base;  ///< none: the source of the pose has no covariance
+  std::optional<BasePose> base;    ///< none: the source of the pose has no covariance
+  std::optional<Objects> objects;  ///< none: there is no map of objects, or not of this scan
 };
 
-/// The input of a stage that needs segments and, where something publishes `pose`, the pose's covariance at the same
-/// stamp, for which they wait up to `pose_timeout_s`. All calls are on the callback queue of its stage, without a lock;
-/// `context` must outlive it.
+/// The input of a stage that needs segments and, where something publishes `pose` or `objects`, the pose's covariance
+/// and the map of objects at the same stamp, for which they wait up to `pose_timeout_s`. All calls are on the callback
+/// queue of its stage, without a lock; `context` must outlive it.
 class PoseCovarianceInput {
  public:
   using Context = StageContext<SegmentArray, CovariedSegments>;
@@ -58,16 +61,19 @@ class PoseCovarianceInput {
   };
 
   void take(const geometry_msgs::PoseWithCovarianceStamped& msg);
+  void take(const MappedObjectArray& msg);
   void release();
-  void enqueue_first(const std::optional<BasePose>& base);
+  void enqueue_first(const std::optional<BasePose>& base, std::optional<Objects> objects);
 
   Context& context_;
   std::string world_frame_;
   double timeout_s_;
   std::size_t queue_size_;
   std::deque<Waiting> waiting_;
-  std::map<std::uint64_t, BasePose> poses_;  ///< by their stamp in ns
-  std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> subscriber_;
+  std::map<std::uint64_t, BasePose> poses_;   ///< by their stamp in ns
+  std::map<std::uint64_t, Objects> objects_;  ///< likewise
+  std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> pose_subscriber_;
+  std::optional<TimedSubscriber<MappedObjectArray>> objects_subscriber_;
 };
 
 }  // namespace situation_awareness

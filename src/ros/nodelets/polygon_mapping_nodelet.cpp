@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// segments, pose  ->  polygons, polygon_markers (for display), downlink/polygons (for other hosts)
+// segments, pose, objects  ->  polygons, polygon_markers (for display), downlink/polygons (for other hosts)
 #include <algorithm>
 #include <cstddef>
 #include <exception>
@@ -8,6 +8,7 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
@@ -30,6 +31,7 @@ class PolygonMappingStage {
       : context_(context),
         world_frame_(params.nodelet.world_frame),
         polyline_params_(params.pipeline.polylines),
+        movers_(params.pipeline.movers),
         map_(params.pipeline.polygons, params.pipeline.chain_states, params.reset_time_jump_s),
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Polygons& polygons) { publisher_.publish(polygons); }),
@@ -56,10 +58,13 @@ class PolygonMappingStage {
     polylines_ = extract_polylines(segments, polyline_params_, std::move(polylines_));
     context_.diagnostics().counted(polylines_.refused);
     ++(covaried.base ? with_covariance_ : without_covariance_);
+    if (covaried.objects) movers_.add(*covaried.objects);
+    ++(covaried.objects ? with_objects_ : without_objects_);
     update_ = map_.update(
         polylines_,
         covaried.base ? covariance_at(segments.T_world_level.translation_m, *covaried.base) : pose_covariance_,
-        std::move(update_));
+        movers_.at(segments.stamp_ns), std::move(update_));
+    hits_on_movers_ += static_cast<std::size_t>(update_.on_movers);
     if (update_.reasons.of(TimedPolygonMap::kCannotBeUsed) > 0) {
       return context_.drop(drop_reason::kBadMessage, "numbers that are no place near the world's origin");
     }
@@ -84,16 +89,23 @@ class PolygonMappingStage {
     status.add("elements", map_.elements());
     status.add("scans with the covariance of pose", with_covariance_);
     status.add("scans with that of pose_sigma_m", without_covariance_);
+    status.add("scans with the map of objects", with_objects_);
+    status.add("scans without it", without_objects_);
+    status.add("movers", movers_.count());
+    status.add("things that set off", movers_.set_off());
+    status.add("hits on movers", hits_on_movers_);
   }
 
   Context& context_;
   std::string world_frame_;
   PolylineParams polyline_params_;
   Eigen::Matrix3d pose_covariance_;
+  MovingObjects movers_;
   TimedPolygonMap map_;
   Polylines polylines_;
   PolygonMapUpdate update_;
   std::size_t with_covariance_ = 0, without_covariance_ = 0;
+  std::size_t with_objects_ = 0, without_objects_ = 0, hits_on_movers_ = 0;
   MapPublisher<PolygonKind> publisher_;
   MapServices<PolygonKind> services_;
   PoseCovarianceInput input_;

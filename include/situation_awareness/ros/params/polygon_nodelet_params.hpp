@@ -26,8 +26,8 @@ struct PolygonNodeletParams {
           "standard deviation of x and of y of a scan's pose that comes without a covariance on `pose`");
     visit("pose_sigma_rad", self.pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");
     visit("pose_timeout_s", self.pose_timeout_s, Bounds{0.0, 60.0}, "s",
-          "maximum time for which segments wait for the covariance of their pose, in wall time, where `pose` has a "
-          "publisher");
+          "maximum time for which segments wait for the covariance of their pose and for the map of objects, in wall "
+          "time, where `pose` or `objects` has a publisher");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "a stamp that goes back by more than this begins a new map");
     PolygonPipelineParams::fields(self.pipeline, visit);
