@@ -109,9 +109,13 @@ double corner_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Su
 
 }  // namespace
 
-/// Links those that are each other's best, and then those of the rest that are.
-template <class Cost>
-void ChainLinks::link_best(const Surfels& surfels, double radius_m, const Cost& cost) {
+/// To an element that is on its line by the spacing along it and less across it.
+double ChainLinks::reach_m(double spacing_m) { return std::sqrt(2.0) * kNextOne * spacing_m; }
+
+/// Links those that are each other's best, and then those of the rest that are. search(i, act): act(j) for all that may
+/// be.
+template <class Search, class Cost>
+void ChainLinks::link_best(const Search& search, const Cost& cost) {
   for (int round = 0; round < kRounds; ++round) {
     for (const Index i : open_) {
       const auto k = static_cast<std::size_t>(i);
@@ -120,7 +124,7 @@ void ChainLinks::link_best(const Surfels& surfels, double radius_m, const Cost& 
     }
     for (const Index i : open_) {
       if (left_[static_cast<std::size_t>(i)] != kNone) continue;
-      surfels.for_each_near(surfels[i].p_world_m, radius_m, [&](Index j, const Surfel& /*left*/) {
+      search(i, [&](Index j) {
         if (j == i || !links_[static_cast<std::size_t>(j)] || right_[static_cast<std::size_t>(j)] != kNone) return;
         const double value = cost(i, j);
         const auto better = [&](double than, Index current, Index by) {
@@ -149,7 +153,8 @@ void ChainLinks::link_best(const Surfels& surfels, double radius_m, const Cost& 
   }
 }
 
-void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements, double spacing_m, double max_gap_m) {
+void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements, const NearElements& near,
+                      double spacing_m, double max_gap_m) {
   const auto size = static_cast<std::size_t>(surfels.end());
   for (std::vector<Index>* list : {&right_, &left_, &best_right_, &best_left_}) assign_with_room(*list, size, kNone);
   assign_with_room(run_, size, 0);
@@ -163,15 +168,25 @@ void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements
   }
   chains_.reserve(kUsualRoom);
   open_.assign(elements.begin(), elements.end());
-  link_best(surfels, kNextOne * spacing_m,
+  link_best([&](Index i, const auto& act) { near.for_each(i, act); },
             [&](Index right, Index left) { return next_cost(surfels[right], surfels[left], spacing_m); });
-  leave_out_crossed(surfels, spacing_m);
+  leave_out_crossed(surfels, near, spacing_m);
   find_directions(surfels);
   const auto along = [&](Index i) -> const Eigen::Vector2d& { return along_[static_cast<std::size_t>(i)]; };
-  link_best(surfels, max_gap_m, [&](Index right, Index left) {
+  // Only ends are left to be linked.
+  const double corner_m = kKnownReach * kAheadOuter_m + spacing_m;
+  near_ends_.find(surfels, open_, std::sqrt(2.0) * std::max(max_gap_m, corner_m));
+  const auto within = [&](double radius_m) {
+    return [&, most_m2 = 2.0 * radius_m * radius_m](Index i, const auto& act) {
+      near_ends_.for_each(i, [&](Index j) {
+        if ((surfels[j].p_world_m - surfels[i].p_world_m).squaredNorm() <= most_m2) act(j);
+      });
+    };
+  };
+  link_best(within(max_gap_m), [&](Index right, Index left) {
     return gap_cost(surfels[right], along(right), surfels[left], along(left), max_gap_m);
   });
-  link_best(surfels, kKnownReach * kAheadOuter_m + spacing_m, [&](Index right, Index left) {
+  link_best(within(corner_m), [&](Index right, Index left) {
     return corner_cost(surfels[right], along(right), surfels[left], along(left), spacing_m,
                        std::min(run_[static_cast<std::size_t>(right)], run_[static_cast<std::size_t>(left)]) >= kWall);
   });
@@ -197,7 +212,7 @@ void ChainLinks::find_directions(const Surfels& surfels) {
 }
 
 /// What lies on a boundary and faces another way is no surface: hits beside an edge that were taken for its side.
-void ChainLinks::leave_out_crossed(const Surfels& surfels, double spacing_m) {
+void ChainLinks::leave_out_crossed(const Surfels& surfels, const NearElements& near, double spacing_m) {
   crossed_.clear();
   for (std::size_t k = 0; k < links_.size(); ++k) {
     const Index i = static_cast<Index>(k);
@@ -207,9 +222,9 @@ void ChainLinks::leave_out_crossed(const Surfels& surfels, double spacing_m) {
     const Eigen::Vector2d way_m = left.p_world_m - right.p_world_m;
     const double length_m = way_m.norm();
     if (length_m > kNextOne * spacing_m) continue;
-    const Eigen::Vector2d middle_m = right.p_world_m + 0.5 * way_m;
-    surfels.for_each_near(middle_m, 0.5 * length_m + kOnLine_m, [&](Index j, const Surfel& other) {
-      if (j == i || j == left_[k] || !links_[static_cast<std::size_t>(j)]) return;
+    near.for_each(i, [&](Index j) {
+      if (j == left_[k] || !links_[static_cast<std::size_t>(j)]) return;
+      const Surfel& other = surfels[j];
       if (std::abs(other.normal_world.dot(right.normal_world)) > kSameSurface) return;
       const double part = way_m.dot(other.p_world_m - right.p_world_m) / (length_m * length_m);
       if (part < 0.0 || part > 1.0) return;

@@ -523,29 +523,36 @@ bool PolygonMap::is_beside_larger(const ChainLinks::Run& run) const {
 }
 
 /// Whether an element was hit seldom, compared with those beside it, since it was first seen.
-bool PolygonMap::is_rare(const Surfel& surfel) const {
+bool PolygonMap::is_rare(Index index) const {
+  const Surfel& surfel = surfels_[index];
   const double age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
   if (age_s < kRareAfter_s) return false;
-  double expected_s = 0.0;
-  int others = 0;
-  surfels_.for_each_near(surfel.p_world_m, kRareReach_m, [&](Index /*index*/, const Surfel& other) {
-    if (!other.confirmed || (other.p_world_m - surfel.p_world_m).squaredNorm() > kRareReach_m * kRareReach_m) return;
+  if (surfel.seen_s >= kRare * age_s) return false;  // none was hit for longer than it is there
+  double expected_s = surfel.seen_s;
+  int elements = 1;
+  near_.for_each(index, [&](Index j) {
+    const Surfel& other = surfels_[j];
+    if ((other.p_world_m - surfel.p_world_m).squaredNorm() > kRareReach_m * kRareReach_m) return;
     const double other_age_s = std::max(seconds_between(other.first_seen_ns, stamp_ns_), kRareAfter_s);
     expected_s += other.seen_s * std::min(1.0, age_s / other_age_s);
-    ++others;
+    ++elements;
   });
-  return others > 0 && surfel.seen_s < kRare * expected_s / others;
+  return surfel.seen_s < kRare * expected_s / elements;
 }
 
 Polygons PolygonMap::polygons(Polygons memory) {
   Polygons result = std::move(memory);
   result.stamp_ns = stamp_ns_;
-  shown_elements_.clear();
+  confirmed_.clear();
   for (Index i = 0; i < surfels_.end(); ++i) {
-    const Surfel& surfel = surfels_[i];
-    if (surfel.alive && surfel.confirmed && !is_rare(surfel)) shown_elements_.push_back(i);
+    if (surfels_[i].alive && surfels_[i].confirmed) confirmed_.push_back(i);
   }
-  links_.link(surfels_, shown_elements_, params_.spacing_m, params_.max_gap_m);
+  near_.find(surfels_, confirmed_, std::max(kRareReach_m, ChainLinks::reach_m(params_.spacing_m)));
+  shown_elements_.clear();
+  for (const Index i : confirmed_) {
+    if (!is_rare(i)) shown_elements_.push_back(i);
+  }
+  links_.link(surfels_, shown_elements_, near_, params_.spacing_m, params_.max_gap_m);
   for (Index i = 0; i < surfels_.end(); ++i) surfels_[i].elements_of_chain = 0;
   for (const ChainLinks::Run& run : links_.chains()) {
     for (std::size_t k = run.first; k < run.end; ++k) {

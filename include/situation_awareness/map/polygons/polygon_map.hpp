@@ -16,6 +16,7 @@
 #include "situation_awareness/map/polygons/chain_links.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
+#include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -146,7 +147,7 @@ class PolygonMap {
   void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
   void name_chains();
-  bool is_rare(const Surfel& surfel) const;
+  bool is_rare(Index index) const;
   bool is_beside_larger(const ChainLinks::Run& run) const;
   void make_chain(const ChainLinks::Run& run, Chain& result);
 
@@ -162,7 +163,8 @@ class PolygonMap {
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
   std::vector<Index> given_up_;
-  std::vector<Index> shown_elements_;
+  std::vector<Index> confirmed_, shown_elements_;
+  NearElements near_;  ///< of those confirmed
   ChainLinks links_;
   std::vector<ChainLinks::Run> shown_;
   std::vector<std::uint64_t> ids_;  ///< of those shown
