@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <exception>
 #include <sstream>
+#include <stdexcept>
 #include <string>
 
 #include <CLI/CLI.hpp>
@@ -30,6 +31,16 @@ inline CLI::Validator from_to(double low, double high) {
         return sentence.str();
       },
       "");
+}
+
+/// Where `parse` cannot read the value of an option, and throws std::invalid_argument, the command line cannot be used.
+template <class Parse>
+void check_option(const Parse& parse) {
+  try {
+    parse();
+  } catch (const std::invalid_argument& error) {
+    throw CLI::ValidationError(error.what());
+  }
 }
 
 /// The exit status of a program: what `run` returns, 1 where it throws, 2 where the command line cannot be used, 0

@@ -81,7 +81,7 @@ class RecordReflectorsTest(unittest.TestCase):
         for args, status, fact in ((["--odom-topic", "/none"], 1, "/none"), (["--radius", "7"], 2, "0.001 to 1"),
                                    (["--min-sightings", "5000"], 1, "5000 scans"),
                                    (["--max-distance-sigma", "0.001"], 1, "standard deviation of 0.00"),
-                                   (["--initial-pose", "1,2"], 1, "1,2 is not X,Y,YAW")):
+                                   (["--initial-pose", "1,2"], 2, "1,2 is not X,Y,YAW")):
             done = run("record_reflectors", bag, "--radius", radius, *args, "--out", out)
             self.assertEqual(done.returncode, status, done.stdout)
             self.assertIn(fact, done.stdout)

@@ -76,7 +76,8 @@ void add_options(CLI::App& app, Options& options) {
     if (options.localization == "tf" && !options.initial_pose.empty()) {
       throw CLI::ValidationError("--initial-pose is for --reflectors");
     }
-    if (!options.initial_pose.empty()) parse_pose2(options.initial_pose, "--initial-pose");
+    if (options.initial_pose.empty()) return;
+    check_option([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });
   });
 }
 

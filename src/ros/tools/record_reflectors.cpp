@@ -65,7 +65,7 @@ void add_options(CLI::App& app, Options& options) {
       ->type_name("M")
       ->check(from_to(0.001, 100.0));
   text("--out", options.out, "FILE", "the file of reflectors to write")->required();
-  app.callback([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });
+  app.callback([&options] { check_option([&] { parse_pose2(options.initial_pose, "--initial-pose"); }); });
 }
 
 void print_found(const ReflectorSurveyResult& result) {
