@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "situation_awareness/common/usual_room.hpp"
+#include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -33,21 +34,35 @@ constexpr double kAcrossCost = 6.0;
 constexpr double kRough_m = 0.006;
 /// Sine between two lines that meet in a corner, at least.
 constexpr double kCorner = 0.3;
-/// m. From the hits on a corner's sides to the corner: of an outer one, beside which beams may be lost; and of an inner
-/// one, where a thing that stands near a wall does not touch it.
-constexpr double kAheadOuter_m = 0.06;
-constexpr double kAheadInner_m = 0.015;
-/// The same of two walls, in whose corner few hits tell which one they are of; and the elements of a wall.
-constexpr double kAheadWalls_m = 0.06;
+/// m. From the hits on a corner's sides to the corner, at most: beams beside it may be lost, and hits in an inner one
+/// are of either side.
+constexpr double kAhead_m = 0.06;
+/// m. The same beyond the corner, where noise put an element there. Of an inner corner: what is seen farther beyond it
+/// is seen behind a thing that stands near a wall and does not touch it.
+constexpr double kBeyond_m = 0.05, kBeyondInner_m = 0.035;
+/// The same, as multiples, where both sides are of one chain already; and of the tolerance beyond a gap.
+constexpr double kKnownAhead = 2.0, kKnownBeyond = 3.0, kKnownStep = 2.0;
+/// Elements of a wall, at least: what is noise at a corner of two of them is known.
 constexpr int kWall = 25;
-/// The same, as a multiple, where both sides were of one chain before.
-constexpr double kKnownReach = 2.5;
-/// m. The same beyond the corner, where noise put an element there.
-constexpr double kBack_m = 0.04;
 /// m. An element so near to a link is on it.
 constexpr double kOnLine_m = 0.012;
 /// Distance of two ends that are joined however their lines meet, in the same parts.
 constexpr double kTouch = 1.8;
+/// Elements and size (m) of a chain of a small thing, at most, and the distance of two that are of one thing.
+constexpr std::size_t kSmall = 8;
+constexpr double kSmallSize_m = 0.16;
+constexpr double kSameSmall_m = 0.06;
+/// rad. Without elements on so much of its outline, seen from its middle, it is open.
+constexpr double kOpenSmall_rad = 2.8;
+/// m. Least distance of the elements of a small thing from its middle.
+constexpr double kLeastRadius_m = 0.015;
+/// m. Distance of beams that tell whether two chains meet, at most.
+constexpr double kCloseBeams_joint_m = 0.1;
+/// m. Ends of chains so near to each other meet, or do not.
+constexpr double kNearEnds_m = 0.12;
+/// Elements on a line, at most, that may be noise at a corner, and what it costs (m) to go on with them.
+constexpr int kStray = 2;
+constexpr double kStrayCost_m = 0.3;
 /// Searches for the best one that has not found a better one.
 constexpr int kRounds = 3;
 
@@ -55,6 +70,11 @@ double sigma_of(const Surfel& surfel) { return std::sqrt(surfel.variance_m2); }
 
 /// Towards the free side, of a boundary that runs so.
 Eigen::Vector2d normal_of(const Eigen::Vector2d& along) { return {-along.y(), along.x()}; }
+
+/// Whether a boundary that runs along `t_right` and then along `t_left` turns to the free side.
+bool is_inner(const Eigen::Vector2d& t_right, const Eigen::Vector2d& t_left) {
+  return t_right.x() * t_left.y() - t_right.y() * t_left.x() > kCorner;
+}
 
 /// Of going on from `right` to the next one on its line.
 double next_cost(const Surfel& right, const Surfel& left, double spacing_m) {
@@ -73,38 +93,48 @@ double next_cost(const Surfel& right, const Surfel& left, double spacing_m) {
 /// Of going on beyond a gap, from the end of a chain that runs along `t_right` to the beginning of one that runs along
 /// `t_left`.
 double gap_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Surfel& left, const Eigen::Vector2d& t_left,
-                double max_gap_m) {
+                double max_gap_m, bool is_known) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double along_m = t_right.dot(d_m);
   if (along_m <= 0.0 || along_m > max_gap_m || t_left.dot(d_m) <= 0.0 || t_right.dot(t_left) < kSameLine) {
     return kNoLink;
   }
   const double off_m = std::abs(normal_of(t_right).dot(d_m)), back_off_m = std::abs(normal_of(t_left).dot(d_m));
-  const double most_m = 2.0 * (sigma_of(right) + sigma_of(left)) + kStepBeyondGap_m + kTurnBeyondGap * along_m;
+  const double most_m = (is_known ? kKnownStep : 1.0) *
+                        (2.0 * (sigma_of(right) + sigma_of(left)) + kStepBeyondGap_m + kTurnBeyondGap * along_m);
   if (std::max(off_m, back_off_m) > most_m) return kNoLink;
   return along_m + kAcrossCost * (std::max(off_m - kRough_m, 0.0) + std::max(back_off_m - kRough_m, 0.0));
 }
 
 /// The same around a corner.
 double corner_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Surfel& left,
-                   const Eigen::Vector2d& t_left, double spacing_m, bool are_walls) {
+                   const Eigen::Vector2d& t_left, double spacing_m, bool are_walls, bool is_known) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double sine = t_right.x() * t_left.y() - t_right.y() * t_left.x();
   if (std::abs(sine) > kCorner) {
     const double ahead_m = (d_m.x() * t_left.y() - d_m.y() * t_left.x()) / sine - right.high_m;
     const double back_m = left.low_m - (d_m.x() * t_right.y() - d_m.y() * t_right.x()) / sine;
-    const double same = right.chain == left.chain && right.chain != 0 ? kKnownReach : 1.0;
-    const double most_m = are_walls ? kAheadWalls_m : same * (sine < 0.0 ? kAheadOuter_m : kAheadInner_m);
-    const double least_m = -kBack_m - right.high_m;
+    const double most_m = (is_known ? kKnownAhead : 1.0) * kAhead_m;
+    const double least_m = -(is_known ? kKnownBeyond : 1.0) * (sine < 0.0 || are_walls ? kBeyond_m : kBeyondInner_m);
     if (ahead_m > least_m && ahead_m < most_m && back_m > least_m && back_m < most_m) {
       return std::abs(ahead_m) + std::abs(back_m);
     }
     // Noise at the corner of two walls turns their last elements.
-    return are_walls && d_m.norm() < kAheadWalls_m ? 4.0 * kAheadWalls_m + d_m.norm() : kNoLink;
+    return are_walls && d_m.norm() < kAhead_m ? 4.0 * kAhead_m + d_m.norm() : kNoLink;
   }
   const double gap = d_m.norm() / spacing_m;
   const bool goes_on = are_walls || (t_right.dot(d_m) >= 0.0 && t_left.dot(d_m) >= 0.0);
-  return gap < kTouch && goes_on ? gap * spacing_m + 2.0 * kAheadOuter_m : kNoLink;
+  return gap < kTouch && goes_on ? gap * spacing_m + 2.0 * kAhead_m : kNoLink;
+}
+
+/// Diagonal of the box around elements.
+double size_of(const Surfels& surfels, const std::vector<Index>& ordered, std::size_t first, std::size_t end) {
+  Eigen::Vector2d low_m = surfels[ordered[first]].p_world_m, high_m = low_m;
+  for (std::size_t k = first; k < end; ++k) {
+    low_m = low_m.cwiseMin(surfels[ordered[k]].p_world_m);
+    high_m = high_m.cwiseMax(surfels[ordered[k]].p_world_m);
+  }
+  return (high_m - low_m).norm();
 }
 
 }  // namespace
@@ -115,7 +145,7 @@ double ChainLinks::reach_m(double spacing_m) { return std::sqrt(2.0) * kNextOne 
 /// Links those that are each other's best, and then those of the rest that are. search(i, act): act(j) for all that may
 /// be.
 template <class Search, class Cost>
-void ChainLinks::link_best(const Search& search, const Cost& cost) {
+void ChainLinks::link_best(const Search& search, bool at_joints, const Cost& cost) {
   for (int round = 0; round < kRounds; ++round) {
     for (const Index i : open_) {
       const auto k = static_cast<std::size_t>(i);
@@ -141,6 +171,7 @@ void ChainLinks::link_best(const Search& search, const Cost& cost) {
       if (j == kNone || best_right_[static_cast<std::size_t>(j)] != i) continue;
       left_[static_cast<std::size_t>(i)] = j;
       right_[static_cast<std::size_t>(j)] = i;
+      joint_[static_cast<std::size_t>(i)] = at_joints;
       any = true;
     }
     open_.erase(std::remove_if(open_.begin(), open_.end(),
@@ -153,14 +184,36 @@ void ChainLinks::link_best(const Search& search, const Cost& cost) {
   }
 }
 
+/// cost(right, left, is_known) of all ends of different chains, seen by this scan.
+template <class Search, class Cost>
+void ChainLinks::see_joints(const Surfels& surfels, const Search& search, const View& view, Joints& joints,
+                            const Cost& cost) {
+  for (const Index i : open_) {
+    const auto r = static_cast<std::size_t>(i);
+    if (left_[r] != kNone || name_[r] == 0 || run_[r] <= kStray) continue;
+    search(i, [&](Index j) {
+      const Surfel& left = surfels[j];
+      const auto l = static_cast<std::size_t>(j);
+      if (j == i || !links_[l] || right_[l] != kNone || name_[l] == 0 || name_[l] == name_[r]) return;
+      if (run_[l] <= kStray) return;
+      if (left.last_seen_ns != view.stamp_ns && surfels[i].last_seen_ns != view.stamp_ns) return;
+      if ((left.p_world_m - view.p_world_m).norm() * view.resolution_rad > kCloseBeams_joint_m) return;
+      const bool meets = cost(i, j, false) < kNoLink;
+      const bool is_near = (left.p_world_m - surfels[i].p_world_m).norm() < kNearEnds_m;
+      if (meets || is_near || cost(i, j, true) < kNoLink) joints.see(name_[r], name_[l], meets);
+    });
+  }
+}
+
 void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements, const NearElements& near,
-                      double spacing_m, double max_gap_m) {
+                      double spacing_m, double max_gap_m, const View& view, Joints& joints) {
   const auto size = static_cast<std::size_t>(surfels.end());
   for (std::vector<Index>* list : {&right_, &left_, &best_right_, &best_left_}) assign_with_room(*list, size, kNone);
   assign_with_room(run_, size, 0);
   assign_with_room(along_, size, Eigen::Vector2d::UnitX());
   for (std::vector<double>* list : {&cost_right_, &cost_left_}) assign_with_room(*list, size, kNoLink);
-  links_.assign(size, false);
+  assign_with_room(name_, size, 0);
+  for (std::vector<bool>* list : {&links_, &joint_}) list->assign(size, false);
   for (const Index i : elements) links_[static_cast<std::size_t>(i)] = true;
   // Ends of chains that are taken apart come back: room for all.
   for (std::vector<Index>* list : {&open_, &crossed_, &ordered_}) {
@@ -168,13 +221,22 @@ void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements
   }
   chains_.reserve(kUsualRoom);
   open_.assign(elements.begin(), elements.end());
-  link_best([&](Index i, const auto& act) { near.for_each(i, act); },
+  link_best([&](Index i, const auto& act) { near.for_each(i, act); }, false,
             [&](Index right, Index left) { return next_cost(surfels[right], surfels[left], spacing_m); });
   leave_out_crossed(surfels, near, spacing_m);
   find_directions(surfels);
+
   const auto along = [&](Index i) -> const Eigen::Vector2d& { return along_[static_cast<std::size_t>(i)]; };
+  const auto run = [&](Index i) { return run_[static_cast<std::size_t>(i)]; };
+  const auto gap = [&](Index right, Index left, bool is_known) {
+    return gap_cost(surfels[right], along(right), surfels[left], along(left), max_gap_m, is_known);
+  };
+  const auto corner = [&](Index right, Index left, bool is_known) {
+    return corner_cost(surfels[right], along(right), surfels[left], along(left), spacing_m,
+                       std::min(run(right), run(left)) >= kWall, is_known);
+  };
   // Only ends are left to be linked.
-  const double corner_m = kKnownReach * kAheadOuter_m + spacing_m;
+  const double corner_m = kKnownAhead * kAhead_m + 2.0 * spacing_m;
   near_ends_.find(surfels, open_, std::sqrt(2.0) * std::max(max_gap_m, corner_m));
   const auto within = [&](double radius_m) {
     return [&, most_m2 = 2.0 * radius_m * radius_m](Index i, const auto& act) {
@@ -183,13 +245,26 @@ void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements
       });
     };
   };
-  link_best(within(max_gap_m), [&](Index right, Index left) {
-    return gap_cost(surfels[right], along(right), surfels[left], along(left), max_gap_m);
-  });
-  link_best(within(corner_m), [&](Index right, Index left) {
-    return corner_cost(surfels[right], along(right), surfels[left], along(left), spacing_m,
-                       std::min(run_[static_cast<std::size_t>(right)], run_[static_cast<std::size_t>(left)]) >= kWall);
-  });
+  if (view.step_s > 0.0) {
+    see_joints(surfels, within(max_gap_m), view, joints, gap);
+    see_joints(surfels, within(corner_m), view, joints, corner);
+    joints.decide(view.step_s);
+  }
+  const auto decided = [&](const auto& cost_of) {
+    return [&](Index right, Index left) {
+      const double stray_m = std::min(run(right), run(left)) <= kStray ? kStrayCost_m : 0.0;
+      const auto cost = [&](Index r, Index l, bool is_known) { return cost_of(r, l, is_known) + stray_m; };
+      const std::uint64_t a = name_[static_cast<std::size_t>(right)], b = name_[static_cast<std::size_t>(left)];
+      const double known = cost(right, left, true);
+      if (known == kNoLink || (a == b && a != 0)) return known;
+      const double unknown = cost(right, left, false);
+      const bool needs_proof = std::min(run(right), run(left)) < kWall && is_inner(along(right), along(left));
+      if (a == 0 || b == 0) return needs_proof ? kNoLink : unknown;
+      return joints.are_joined(a, b, !needs_proof && unknown < kNoLink) ? known : kNoLink;
+    };
+  };
+  link_best(within(max_gap_m), true, decided(gap));
+  link_best(within(corner_m), true, decided(corner));
   walk(surfels, elements);
 }
 
@@ -201,10 +276,17 @@ void ChainLinks::find_directions(const Surfels& surfels) {
     const bool is_left_end = right_[k] != kNone;
     const std::vector<Index>& inwards = is_left_end ? right_ : left_;
     Index inner = i, direction = i;
+    std::uint64_t name = surfels[i].chain;  // of the majority (Boyer and Moore)
+    int votes = 1;
     for (run_[k] = 1; run_[k] < kWall && inwards[static_cast<std::size_t>(inner)] != kNone; ++run_[k]) {
       inner = inwards[static_cast<std::size_t>(inner)];
       if (run_[k] <= kEndElements) direction = inner;
+      const std::uint64_t other = surfels[inner].chain;
+      if (other == 0) continue;
+      if (votes == 0 || name == 0) name = other, votes = 0;
+      votes += other == name ? 1 : -1;
     }
+    name_[k] = name;
     const Index right = is_left_end ? direction : i, left = is_left_end ? i : direction;
     const Eigen::Vector2d way_m = surfels[left].p_world_m - surfels[right].p_world_m;
     along_[k] = way_m.norm() > kLeastEnd_m ? Eigen::Vector2d(way_m.normalized()) : surfels[i].along_world();
@@ -253,7 +335,7 @@ void ChainLinks::walk_from(const Surfels& surfels, Index first, bool closed) {
   }
   const std::size_t count = ordered_.size() - begin;
   if (!closed && count >= 4U * kWall) {  // the corner of two walls
-    closed = (surfels[ordered_.back()].p_world_m - surfels[ordered_[begin]].p_world_m).norm() < kAheadWalls_m;
+    closed = (surfels[ordered_.back()].p_world_m - surfels[ordered_[begin]].p_world_m).norm() < kAhead_m;
   }
   constexpr std::size_t kFewestOfClosed = 3;
   chains_.push_back({begin, ordered_.size(), closed && count >= kFewestOfClosed});
@@ -270,6 +352,87 @@ void ChainLinks::walk(const Surfels& surfels, const std::vector<Index>& elements
   for (const Index i : elements) {
     if (links_[static_cast<std::size_t>(i)] && !walked_[static_cast<std::size_t>(i)]) walk_from(surfels, i, true);
   }
+  join_small(surfels);
+}
+
+std::size_t ChainLinks::group_of(std::size_t chain) const {
+  while (group_[chain] != chain) chain = group_[chain];
+  return chain;
+}
+
+/// A post or a cup is hit by few beams at a time, from different sides: there is no line to go on with. Elements of
+/// small chains near each other are of one thing.
+void ChainLinks::join_small(const Surfels& surfels) {
+  constexpr auto kNotSmall = static_cast<std::size_t>(-1);
+  assign_with_room(chain_of_, links_.size(), kNotSmall);
+  assign_with_room(group_, chains_.size(), 0);
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    group_[c] = c;
+    const Run& run = chains_[c];
+    if (run.end - run.first > kSmall || size_of(surfels, ordered_, run.first, run.end) > kSmallSize_m) continue;
+    for (std::size_t k = run.first; k < run.end; ++k) chain_of_[static_cast<std::size_t>(ordered_[k])] = c;
+  }
+  bool any = false;
+  for (const Index i : ordered_) {
+    const std::size_t own = chain_of_[static_cast<std::size_t>(i)];
+    if (own == kNotSmall) continue;
+    surfels.for_each_near(surfels[i].p_world_m, kSameSmall_m, [&](Index j, const Surfel& other) {
+      const std::size_t chain = chain_of_[static_cast<std::size_t>(j)];
+      if (chain == kNotSmall || chain == own) return;
+      if ((other.p_world_m - surfels[i].p_world_m).norm() > kSameSmall_m) return;
+      const std::size_t a = group_of(own), b = group_of(chain);
+      group_[std::max(a, b)] = std::min(a, b);
+      any |= a != b;
+    });
+  }
+  if (!any) return;
+
+  reordered_.clear();
+  rejoined_.clear();
+  reordered_.reserve(ordered_.capacity());
+  rejoined_.reserve(chains_.capacity());
+  members_.clear();
+  members_.reserve(chains_.capacity());
+  for (std::size_t c = 0; c < chains_.size(); ++c) members_.emplace_back(group_of(c), c);
+  std::sort(members_.begin(), members_.end());
+  for (std::size_t m = 0; m < members_.size();) {
+    const std::size_t group = members_[m].first, first = reordered_.size(), begin = m;
+    for (; m < members_.size() && members_[m].first == group; ++m) {
+      const Run& run = chains_[members_[m].second];
+      for (std::size_t k = run.first; k < run.end; ++k) reordered_.push_back(ordered_[k]);
+    }
+    const bool closed = m - begin == 1 ? chains_[group].closed : order_around(surfels, first);
+    rejoined_.push_back({first, reordered_.size(), closed});
+  }
+  std::swap(ordered_, reordered_);
+  std::swap(chains_, rejoined_);
+}
+
+/// Orders the elements from `first` on as they are seen from outside, from right to left. Whether they close.
+bool ChainLinks::order_around(const Surfels& surfels, std::size_t first) {
+  const double radius_m = std::max(0.5 * size_of(surfels, reordered_, first, reordered_.size()), kLeastRadius_m);
+  Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
+  for (std::size_t k = first; k < reordered_.size(); ++k) {
+    const Surfel& surfel = surfels[reordered_[k]];
+    middle_m += surfel.p_world_m - radius_m * surfel.normal_world;
+  }
+  middle_m /= static_cast<double>(reordered_.size() - first);
+  around_.clear();
+  for (std::size_t k = first; k < reordered_.size(); ++k) {
+    const Eigen::Vector2d d_m = surfels[reordered_[k]].p_world_m - middle_m;
+    around_.emplace_back(-std::atan2(d_m.y(), d_m.x()), reordered_[k]);
+    joint_[static_cast<std::size_t>(reordered_[k])] = false;
+  }
+  std::sort(around_.begin(), around_.end());
+  std::size_t begin = 0;
+  double widest_rad = around_.front().first + 2.0 * kPi - around_.back().first;
+  for (std::size_t k = 1; k < around_.size(); ++k) {
+    const double gap_rad = around_[k].first - around_[k - 1].first;
+    if (gap_rad > widest_rad) widest_rad = gap_rad, begin = k;
+  }
+  std::rotate(around_.begin(), around_.begin() + static_cast<std::ptrdiff_t>(begin), around_.end());
+  for (std::size_t k = 0; k < around_.size(); ++k) reordered_[first + k] = around_[k].second;
+  return around_.size() >= 3 && widest_rad < kOpenSmall_rad;
 }
 
 }  // namespace situation_awareness

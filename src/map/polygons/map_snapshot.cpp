@@ -139,6 +139,15 @@ void PolygonMapSnapshot::validate() const {
   if (next_watch != 0 && next_watch >= static_cast<std::int64_t>(watches.size())) {
     check.refuse("next_watch", "= " + std::to_string(next_watch) + " is none of the watches");
   }
+  if (joined_at_ns > stamp_ns) check.refuse("joined_at_ns", "is after stamp_ns");
+  for (std::size_t i = 0; i < joints.size(); ++i) {
+    const Joints::Joint& joint = joints[i];
+    const auto pair = [&](std::size_t k) { return std::pair(joints[k].low, joints[k].high); };
+    if (joint.low >= joint.high || joint.high >= next_id || (i > 0 && pair(i - 1) >= pair(i))) {
+      CheckFields(detail::item_place("", "joints", i))
+          .refuse("low", "and high are not in ascending order below next_id");
+    }
+  }
   const auto places = static_cast<std::int64_t>(elements.size() + free_places.values.size());
   std::vector<bool> taken(static_cast<std::size_t>(places));
   for (const std::int32_t place : free_places.values) {
@@ -168,6 +177,7 @@ void PolygonMapSnapshot::validate() const {
 
 void PolygonMapSnapshot::shift_time(std::int64_t later_ns) {
   stamp_ns += later_ns;
+  if (joined_at_ns != kNoStamp) joined_at_ns += later_ns;
   polygons.stamp_ns += later_ns;
   for (PolygonMapWatch& watch : watches) watch.stamp_ns += later_ns;
   for (PolygonMapElement& element : elements) {
@@ -196,6 +206,8 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
                   {watch.free_space.range_m},
                   watch.free_space.full_circle};
   }
+  if (joined_at_ns_ != std::numeric_limits<std::int64_t>::min()) result.joined_at_ns = joined_at_ns_;
+  result.joints = joints_.joints();
   result.elements.reserve(elements());
   for (const Index i : surfels_.in_order()) {
     PolygonMapElement& element = result.elements.emplace_back();
@@ -227,6 +239,9 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
       watch.most_m = std::max(watch.most_m, static_cast<double>(range_m));
     }
   }
+  joined_at_ns_ = snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
+                                                                        : snapshot.joined_at_ns;
+  joints_.restore(snapshot.joints);
   surfels_.begin(snapshot.elements.size(), snapshot.free_places.values);
   for (const PolygonMapElement& element : snapshot.elements) {
     Surfel surfel;

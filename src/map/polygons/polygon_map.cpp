@@ -42,8 +42,8 @@ constexpr double kMostLogOdds = 6.0;
 constexpr double kMaxStep_s = 0.25;
 /// Beams without a return may be lost: they count by so much.
 constexpr double kNoReturnWeight = 0.1;
-/// Beams beside the nearest ones that are searched for a hit near a place.
-constexpr std::ptrdiff_t kBeamsBeside = 4;
+/// Beams beside the nearest ones that are searched for a hit near a place, at least and at most.
+constexpr double kFewestBeside = 4.0, kMostBeside = 16.0;
 /// Standard deviations of a hit's and an element's place along the beam; beams that end so far behind have passed it.
 constexpr double kPassedSigmas = 3.0;
 /// The same distance in m at least: boundaries are not as smooth as a line.
@@ -61,11 +61,15 @@ constexpr double kBesideKnown_m = 0.055;
 constexpr int kManyHits = 60;
 /// m. What has a hit so near was not passed by the beams beside it: the boundary may be a little elsewhere.
 constexpr double kNearHit_m = 0.06;
+/// m. The same at grazing incidence, where beams that pass before a surface seem to go through it.
+constexpr double kNearHitGrazing_m = 0.15;
 /// m. Beams are about as wide as they are apart: where that is more, one that meets the edge of a thing may end behind
 /// it, and counts less.
 constexpr double kCloseBeams_m = 0.045;
-/// Elements of a thing that beams so far apart do not miss; less of narrower ones.
-constexpr int kWideElements = 8;
+/// Beams that are farther apart than this part of a thing may all miss it, or meet its edges only.
+constexpr double kSurePart = 0.5;
+/// m. Size of what is of no known one.
+constexpr double kWide_m = 0.3;
 /// Scans that are remembered to tell what was free, and the time between them.
 constexpr std::size_t kWatches = 8;
 constexpr double kWatchStep_s = 0.37;
@@ -84,6 +88,8 @@ constexpr double kSamePlace = 0.4;
 constexpr double kRare = 0.2;
 constexpr double kRareReach_m = 0.12;
 constexpr double kRareAfter_s = 5.0;
+/// s. The same of one that has none beside it, by the time for which it was hit.
+constexpr double kLonely_s = 1.5;
 /// s. An element that was never confirmed is forgotten after so long without a hit.
 constexpr double kForgotten_s = 10.0;
 /// A chain of so few elements, all of them so near to a larger one, is none of its own.
@@ -103,8 +109,11 @@ void add_chain(std::vector<Chain>& chains, std::vector<Chain>& spare) {
   }
 }
 
-double close_beams(double apart_m, bool is_wide) {
-  return std::min(1.0, std::pow(kCloseBeams_m / apart_m, is_wide ? 2.0 : 4.0));
+/// How much beams so far apart say of a thing of this size.
+double close_beams(double apart_m, double thing_m) {
+  if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
+  return std::min(1.0, std::pow(kCloseBeams_m / apart_m, 2.0)) *
+         std::min(1.0, std::pow(kSurePart * thing_m / apart_m, 4.0));
 }
 
 }  // namespace
@@ -257,8 +266,8 @@ Eigen::Vector2d PolygonMap::hit_of(const Watch& watch, std::ptrdiff_t beam) {
   return {range_m * std::cos(azimuth_rad), range_m * std::sin(azimuth_rad)};
 }
 
-PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, bool is_wide,
-                                     double* weight) const {
+PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m,
+                                     double thing_m, double* weight) const {
   const std::vector<float>& azimuth_rad = watch.free_space.azimuth_rad;
   const std::vector<float>& ranges_m = watch.free_space.range_m;
   if (azimuth_rad.size() < 2) return View::kUnknown;
@@ -267,9 +276,12 @@ PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& 
   if (above == azimuth_rad.begin() || above == azimuth_rad.end()) return View::kUnknown;
   const std::ptrdiff_t left = above - azimuth_rad.begin(), right = left - 1;
   const double range_m = p_level_m.norm();
+  const double apart_m = range_m * static_cast<double>(azimuth_rad[static_cast<std::size_t>(left)] -
+                                                       azimuth_rad[static_cast<std::size_t>(right)]);
+  const auto beside =
+      static_cast<std::ptrdiff_t>(std::clamp(near_m / std::max(apart_m, 1e-6), kFewestBeside, kMostBeside));
   const auto count = static_cast<std::ptrdiff_t>(ranges_m.size());
-  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(right - kBeamsBeside, 0);
-       i <= std::min(left + kBeamsBeside, count - 1); ++i) {
+  for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(right - beside, 0); i <= std::min(left + beside, count - 1); ++i) {
     const double own_m = ranges_m[static_cast<std::size_t>(i)];
     if (own_m <= 0.0 || std::abs(own_m - range_m) > near_m) continue;
     if ((hit_of(watch, i) - p_level_m).squaredNorm() < near_m * near_m) return View::kHit;
@@ -277,9 +289,7 @@ PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& 
   const auto [least_m, most_m] =
       std::minmax(ranges_m[static_cast<std::size_t>(right)], ranges_m[static_cast<std::size_t>(left)]);
   if (least_m < range_m + params_.pass_margin_m) return View::kUnknown;
-  const double apart_m = range_m * static_cast<double>(azimuth_rad[static_cast<std::size_t>(left)] -
-                                                       azimuth_rad[static_cast<std::size_t>(right)]);
-  *weight = close_beams(apart_m, is_wide);
+  *weight = close_beams(apart_m, thing_m);
   if (most_m >= watch.most_m) *weight *= kNoReturnWeight;
   return View::kPassed;
 }
@@ -290,7 +300,7 @@ bool PolygonMap::was_watched(const Eigen::Vector2d& p_world_m) const {
   for (const Watch& watch : watches_) {
     if (watch.free_space.range_m.empty()) continue;
     double weight = 0.0;
-    const View view = view_of(watch, watch.T_level_world * p_world_m, kNearWatched_m, true, &weight);
+    const View view = view_of(watch, watch.T_level_world * p_world_m, kNearWatched_m, kWide_m, &weight);
     if (view == View::kHit && seconds_between(watch.stamp_ns, stamp_ns_) > kThereBefore_s) return false;
     if (view == View::kPassed && weight > kNoReturnWeight) ++passed;
   }
@@ -321,11 +331,13 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   const Eigen::Vector2d n_level =
       surfel.oriented ? Eigen::Vector2d(R_level_world * surfel.normal_world) : Eigen::Vector2d(-p_level_m / distance_m);
   const Eigen::Vector2d t_level(n_level.y(), -n_level.x());
+  const bool grazes = std::abs(n_level.dot(p_level_m)) < kFacesBeam * distance_m;
   double weight = 0.0;
-  const bool is_wide = surfel.elements_of_chain >= kWideElements;
-  if (view_of(now_, p_level_m, kNearHit_m, is_wide, &weight) == View::kPassed) return weight;
+  if (view_of(now_, p_level_m, grazes ? kNearHitGrazing_m : kNearHit_m, surfel.thing_m, &weight) == View::kPassed) {
+    return weight;
+  }
+  if (grazes) return 0.0;
   weight = 0.0;
-  if (std::abs(n_level.dot(p_level_m)) < kFacesBeam * distance_m) return 0.0;
   const double low_m = std::min(kInner * surfel.low_m, -kLeastHalf_m);
   const double high_m = std::max(kInner * surfel.high_m, kLeastHalf_m);
 
@@ -352,7 +364,7 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
     if (std::abs(range_m - until_m) < margin_m) return 0.0;
     if (range_m > until_m) weight = std::max(weight, range_m >= now_.most_m ? kNoReturnWeight : 1.0);
   }
-  return weight * close_beams(distance_m * resolution_rad_, is_wide);
+  return weight * close_beams(distance_m * resolution_rad_, surfel.thing_m);
 }
 
 /// Elements whose place beams have passed lose existence, hidden ones never.
@@ -383,9 +395,7 @@ void PolygonMap::give_up(const MoverTrace& trace, PolygonMapUpdate& update) {
     if (!trace.outline.covers(surfel.p_world_m)) return;
     if (surfel.normal_world.dot(surfel.p_world_m - center_m) <= 0.0) return;
     double weight = 0.0;
-    if (view_of(now_, now_.T_level_world * surfel.p_world_m, kLeft_m, true, &weight) ==
-        View::kHit)
-      return;
+    if (view_of(now_, now_.T_level_world * surfel.p_world_m, kLeft_m, kWide_m, &weight) == View::kHit) return;
     given_up_.push_back(index);
   });
   for (const Index index : given_up_) surfels_.remove(index);
@@ -500,11 +510,69 @@ void PolygonMap::name_chains() {
     const bool is_new = of_chain[c] == 0;
     if (is_new) of_chain[c] = next_id_++;
     ids_.push_back(of_chain[c]);
-    for (std::size_t k = shown_[c].first; k < shown_[c].end; ++k) {
-      Surfel& surfel = surfels_[ordered[k]];
-      if (is_new || surfel.chain == 0) surfel.chain = of_chain[c];
-    }
+    name_elements(shown_[c], of_chain[c], is_new);
+    unite_names(shown_[c], of_chain[c]);
   }
+  // Joints of those that are not there any more are of no use.
+  taken.clear();
+  for (const Index i : ordered) taken.push_back(surfels_[i].chain);
+  std::sort(taken.begin(), taken.end());
+  taken.erase(std::unique(taken.begin(), taken.end()), taken.end());
+  joints_.keep(taken);
+}
+
+/// A new element gets the name of those on its side of the joints, so that what is joined can come apart again.
+void PolygonMap::name_elements(const ChainLinks::Run& run, std::uint64_t id, bool is_new) {
+  const std::vector<Index>& ordered = links_.ordered();
+  std::uint64_t name = is_new ? id : 0;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Surfel& surfel = surfels_[ordered[k]];
+    if (is_new || surfel.chain == 0) surfel.chain = name;
+    if (!is_new) name = links_.is_before_joint(ordered[k]) ? 0 : surfel.chain;
+  }
+  if (is_new) return;
+  for (std::size_t k = run.end; k-- > run.first;) {
+    Surfel& surfel = surfels_[ordered[k]];
+    if (links_.is_before_joint(ordered[k])) name = 0;
+    if (surfel.chain == 0) surfel.chain = name;
+    name = surfel.chain;
+  }
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Surfel& surfel = surfels_[ordered[k]];
+    if (surfel.chain == 0) surfel.chain = id;
+  }
+}
+
+/// Chains that met for long are one: what comes apart later is new. Where pieces of a line have grown together, they
+/// meet.
+void PolygonMap::unite_names(const ChainLinks::Run& run, std::uint64_t id) {
+  const std::vector<Index>& ordered = links_.ordered();
+  std::size_t begin = run.first;  // of the elements with one name on one side of the joints
+  std::size_t before = 0;         // elements of the name before, on the same side
+  std::uint64_t name_before = 0;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    const std::uint64_t name = surfels_[ordered[k]].chain;
+    const bool ends = k + 1 == run.end || surfels_[ordered[k + 1]].chain != name || links_.is_before_joint(ordered[k]);
+    if (!ends) continue;
+    const std::size_t count = k + 1 - begin;
+    if (std::min(before, count) >= kFewElements) joints_.see(name_before, name, true);
+    const bool at_joint = links_.is_before_joint(ordered[k]);
+    before = at_joint ? 0 : count;
+    name_before = name;
+    begin = k + 1;
+  }
+  // From those named so, on both sides.
+  const auto unite = [&](std::size_t from, std::size_t k, std::uint64_t& name_next) {
+    const std::uint64_t name = surfels_[ordered[k]].chain;
+    const bool is_one = surfels_[ordered[from]].chain == id && name != id &&
+                        (joints_.is_firm(name, id) || joints_.is_firm(name, name_next));
+    if (is_one) surfels_[ordered[k]].chain = id;
+    name_next = name;
+  };
+  std::uint64_t original = surfels_[ordered[run.first]].chain;
+  for (std::size_t k = run.first + 1; k < run.end; ++k) unite(k - 1, k, original);
+  original = surfels_[ordered[run.end - 1]].chain;
+  for (std::size_t k = run.end - 1; k-- > run.first;) unite(k + 1, k, original);
 }
 
 /// Whether a chain of few elements lies on a larger one: what is left of a thing that touched a wall.
@@ -520,6 +588,13 @@ bool PolygonMap::is_beside_larger(const ChainLinks::Run& run) const {
     if (!beside) return false;
   }
   return true;
+}
+
+/// Whether a chain is a single element that was there for long and hardly ever hit: beams over an edge far behind it.
+bool PolygonMap::is_lonely(const ChainLinks::Run& run) const {
+  const Surfel& surfel = surfels_[links_.ordered()[run.first]];
+  return run.end - run.first == 1 && seconds_between(surfel.first_seen_ns, stamp_ns_) > kRareAfter_s &&
+         surfel.seen_s < kLonely_s;
 }
 
 /// Whether an element was hit seldom, compared with those beside it, since it was first seen.
@@ -552,16 +627,15 @@ Polygons PolygonMap::polygons(Polygons memory) {
   for (const Index i : confirmed_) {
     if (!is_rare(i)) shown_elements_.push_back(i);
   }
-  links_.link(surfels_, shown_elements_, near_, params_.spacing_m, params_.max_gap_m);
+  const ChainLinks::View view{inverse(now_.T_level_world).translation_m, resolution_rad_, stamp_ns_,
+                              joined_at_ns_ == stamp_ns_ ? 0.0 : step_s_};
+  joined_at_ns_ = stamp_ns_;
+  links_.link(surfels_, shown_elements_, near_, params_.spacing_m, params_.max_gap_m, view, joints_);
   for (Index i = 0; i < surfels_.end(); ++i) surfels_[i].elements_of_chain = 0;
-  for (const ChainLinks::Run& run : links_.chains()) {
-    for (std::size_t k = run.first; k < run.end; ++k) {
-      surfels_[links_.ordered()[k]].elements_of_chain = static_cast<int>(run.end - run.first);
-    }
-  }
+  for (const ChainLinks::Run& run : links_.chains()) measure(run);
   shown_.clear();
   for (const ChainLinks::Run& run : links_.chains()) {
-    if (!is_beside_larger(run)) shown_.push_back(run);
+    if (!is_beside_larger(run) && !is_lonely(run)) shown_.push_back(run);
   }
   name_chains();
   while (result.chains.size() < shown_.size()) add_chain(result.chains, spare_);
@@ -573,6 +647,20 @@ Polygons PolygonMap::polygons(Polygons memory) {
     result.chains[c].id = ids_[c];
   }
   return result;
+}
+
+/// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
+void PolygonMap::measure(const ChainLinks::Run& run) {
+  Eigen::Vector2d low_m = surfels_[links_.ordered()[run.first]].p_world_m, high_m = low_m;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    low_m = low_m.cwiseMin(surfels_[links_.ordered()[k]].p_world_m);
+    high_m = high_m.cwiseMax(surfels_[links_.ordered()[k]].p_world_m);
+  }
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Surfel& surfel = surfels_[links_.ordered()[k]];
+    surfel.elements_of_chain = static_cast<int>(run.end - run.first);
+    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, (high_m - low_m).norm());
+  }
 }
 
 void PolygonMap::make_chain(const ChainLinks::Run& run, Chain& result) {

@@ -247,6 +247,30 @@ TEST(PolygonMap, IdsStayAndAreUsedOnce) {
   for (const Chain& chain : world.polygons().chains) EXPECT_TRUE(ids.insert(chain.id).second);
 }
 
+TEST(PolygonMap, APostIsOneChainFromAllSidesAndStaysThoughItIsMissedFromAfar) {
+  constexpr double kHalf_m = 0.03;
+  Walls with_post = room();
+  const Eigen::Vector2d post_m(2.0, 1.2);
+  add_box(with_post, {post_m, 0.3, kHalf_m, kHalf_m});
+  World world(11);
+  const auto ids_at_post = [&] {
+    std::set<std::uint64_t> ids;
+    for (const Chain& chain : world.polygons().chains) {
+      if (distance_m(post_m, Polygons{0, {chain}}) < 0.06) ids.insert(chain.id);
+    }
+    return ids;
+  };
+  for (const auto& from_m : {Eigen::Vector2d(1.2, 1.0), Eigen::Vector2d(2.2, 0.3), Eigen::Vector2d(2.7, 1.5)}) {
+    world.see(with_post, 2.0, from_m);
+  }
+  const std::set<std::uint64_t> ids = ids_at_post();
+  EXPECT_EQ(ids.size(), 1U);
+  world.see(with_post, 20.0, {-2.8, -1.8});  // beams are nearly 5 cm apart
+  EXPECT_EQ(ids_at_post(), ids);
+  world.see(room(), 4.0, {1.2, 1.0});
+  EXPECT_TRUE(ids_at_post().empty());
+}
+
 TEST(PolygonMap, ASecondVisitWithAPoseThatIsOffDoublesNothing) {
   World world(7);
   world.see(room(), 3.0);

@@ -2,8 +2,11 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
+#include <utility>
 #include <vector>
 
+#include "situation_awareness/map/polygons/joints.hpp"
 #include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 
@@ -13,6 +16,14 @@ namespace situation_awareness {
 /// allocation after warm-up. Linear in the elements.
 class ChainLinks {
  public:
+  /// The scan after which chains are made.
+  struct View {
+    Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();  ///< of the sensor
+    double resolution_rad = 0.0;                          ///< azimuth between its beams
+    std::int64_t stamp_ns = 0;
+    double step_s = 0.0;  ///< since the one before; 0: it was seen already
+  };
+
   /// A run of ordered().
   struct Run {
     std::size_t first = 0, end = 0;
@@ -21,9 +32,10 @@ class ChainLinks {
 
   /// Each element goes on with the nearest one ahead of it on its line, of those that agree; then, where neither goes
   /// on, with one up to `max_gap_m` ahead; then around a corner whose sides both come near it (docs/math/polygons.md,
-  /// "Chains").
+  /// "Chains"). What is small has one chain, however its elements are turned. Whether known chains meet so is decided
+  /// by `joints`, which see what the scan hit. `near`: the neighbours of the elements, within reach_m().
   void link(const Surfels& surfels, const std::vector<Surfels::Index>& elements, const NearElements& near,
-            double spacing_m, double max_gap_m);
+            double spacing_m, double max_gap_m, const View& view, Joints& joints);
 
   /// Within which link() has to know the neighbours of the elements.
   static double reach_m(double spacing_m);
@@ -31,25 +43,40 @@ class ChainLinks {
   /// Each of the elements once, chain by chain, from right to left.
   const std::vector<Surfels::Index>& ordered() const { return ordered_; }
   const std::vector<Run>& chains() const { return chains_; }
+  /// Whether a chain goes on beyond this element around a corner or a gap.
+  bool is_before_joint(Surfels::Index index) const { return joint_[static_cast<std::size_t>(index)]; }
 
  private:
   template <class Search, class Cost>
-  void link_best(const Search& search, const Cost& cost);
+  void link_best(const Search& search, bool at_joints, const Cost& cost);
+  template <class Search, class Cost>
+  void see_joints(const Surfels& surfels, const Search& search, const View& view, Joints& joints, const Cost& cost);
   void find_directions(const Surfels& surfels);
   void leave_out_crossed(const Surfels& surfels, const NearElements& near, double spacing_m);
   void walk(const Surfels& surfels, const std::vector<Surfels::Index>& elements);
   void walk_from(const Surfels& surfels, Surfels::Index first, bool closed);
+  void join_small(const Surfels& surfels);
+  std::size_t group_of(std::size_t chain) const;
+  bool order_around(const Surfels& surfels, std::size_t first);
 
   std::vector<Surfels::Index> right_, left_;  ///< the next element of each
   std::vector<Surfels::Index> best_right_, best_left_;
   std::vector<Eigen::Vector2d> along_;  ///< of the boundary, at each end of a chain
   std::vector<int> run_;                ///< elements on a line with it, up to those of a wall
+  std::vector<std::uint64_t> name_;     ///< of most of these: Surfel::chain
   std::vector<double> cost_right_, cost_left_;
   NearElements near_ends_;  ///< of open_ once the lines are linked
   std::vector<Surfels::Index> open_, crossed_;
-  std::vector<bool> links_, walked_;
+  std::vector<bool> links_, walked_, joint_;
   std::vector<Surfels::Index> ordered_;
   std::vector<Run> chains_;
+  // Of join_small().
+  std::vector<std::size_t> chain_of_;  ///< small ones that elements are of
+  std::vector<std::size_t> group_;     ///< of chains: the first chain of the thing that they are of
+  std::vector<std::pair<std::size_t, std::size_t>> members_;  ///< groups and their chains
+  std::vector<Surfels::Index> reordered_;
+  std::vector<Run> rejoined_;
+  std::vector<std::pair<double, Surfels::Index>> around_;
 };
 
 }  // namespace situation_awareness

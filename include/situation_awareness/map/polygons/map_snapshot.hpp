@@ -12,6 +12,7 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/map_fields.hpp"
+#include "situation_awareness/map/polygons/joints.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 
 namespace situation_awareness {
@@ -22,6 +23,7 @@ constexpr Bounds kPosition_m{-1e6, 1e6};
 constexpr Bounds kUnit{-1.000001, 1.000001};
 constexpr Bounds kVariance_m2{1e-12, 1e9};
 constexpr Bounds kExtent_m{-100.0, 100.0};
+constexpr Bounds kSize_m{0.0, 1e7};
 constexpr Bounds kLogOdds{-100.0, 100.0};
 constexpr Bounds kDuration_s{0.0, 1e9};
 constexpr std::int64_t kEnd_ns = (std::int64_t{1} << 32) * 1'000'000'000;  ///< stamps are from 1970 to 2106, as in ROS
@@ -56,6 +58,7 @@ struct PolygonMapElement {
   int hits = 0;
   std::uint64_t chain = 0;
   int elements_of_chain = 0;
+  double thing_m = 0.0;
   bool oriented = false, confirmed = false, watched = false;
 
   /// The state that an element of the map and this have in common: the only list of it (map/map_fields.hpp).
@@ -74,6 +77,7 @@ struct PolygonMapElement {
     visit("hits", self.hits);
     visit("chain", self.chain, 0, kMaxId);
     visit("elements_of_chain", self.elements_of_chain, 0, kMaxPlace);
+    visit("thing_m", self.thing_m, kSize_m);
     visit("oriented", self.oriented);
     visit("confirmed", self.confirmed);
     visit("watched", self.watched);
@@ -107,6 +111,7 @@ struct PolygonMapWatch {
 struct PolygonMapSnapshot {
   static constexpr std::int64_t kNoStamp = -1;
   static constexpr std::size_t kMaxWatches = 64;
+  static constexpr std::size_t kMaxJoints = 100'000;
 
   std::string world_frame;           ///< for users of the snapshot: the map itself has no names of frames
   std::int64_t stamp_ns = kNoStamp;  ///< of the latest update
@@ -116,6 +121,8 @@ struct PolygonMapSnapshot {
   PlaceRow free_places;              ///< of removed elements, in the order of their removal
   std::int64_t next_watch = 0;       ///< which of the watches is overwritten next
   std::vector<PolygonMapWatch> watches;
+  std::int64_t joined_at_ns = kNoStamp;     ///< of the latest scan that the joints saw
+  std::vector<Joints::Joint> joints;        ///< in ascending order
   std::vector<PolygonMapElement> elements;  ///< in an order in which they can be inserted into the map's grid
   Polygons polygons;                        ///< that they make, for users of the snapshot; in no map file
 
@@ -131,12 +138,14 @@ struct PolygonMapSnapshot {
     visit("free_places", self.free_places);
     visit("next_watch", self.next_watch, 0, static_cast<std::int64_t>(kMaxWatches));
     visit("watches", self.watches, kMaxWatches);
+    visit("joined_at_ns", self.joined_at_ns, kNoStamp, kEnd_ns);
+    visit("joints", self.joints, kMaxJoints);
   }
 
   /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or
   /// out of bounds, a normal that is no unit vector, places that are not each of one element or free, a chain that is
-  /// not below `next_id`, a stamp after the latest update, free space that is not one range for each of ascending
-  /// azimuths. `world_frame` may be empty.
+  /// not below `next_id`, joints that are not in ascending order, a stamp after the latest update, free space that is
+  /// not one range for each of ascending azimuths. `world_frame` may be empty.
   void validate() const;
 
   /// Moves all times by the same.

@@ -14,6 +14,7 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/chain_links.hpp"
+#include "situation_awareness/map/polygons/joints.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
 #include "situation_awareness/map/polygons/near_elements.hpp"
@@ -139,7 +140,8 @@ class PolygonMap {
   void correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
                bool has_normal);
   void merge_double(Index kept, Index other);
-  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, bool is_wide, double* weight) const;
+  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, double thing_m,
+               double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
   void set_now(const Polylines& polylines);
   double passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const;
@@ -147,8 +149,12 @@ class PolygonMap {
   void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
   void name_chains();
+  void name_elements(const ChainLinks::Run& run, std::uint64_t id, bool is_new);
+  void unite_names(const ChainLinks::Run& run, std::uint64_t id);
   bool is_rare(Index index) const;
+  bool is_lonely(const ChainLinks::Run& run) const;
   bool is_beside_larger(const ChainLinks::Run& run) const;
+  void measure(const ChainLinks::Run& run);
   void make_chain(const ChainLinks::Run& run, Chain& result);
 
   PolygonMapParams params_;
@@ -166,6 +172,8 @@ class PolygonMap {
   std::vector<Index> confirmed_, shown_elements_;
   NearElements near_;  ///< of those confirmed
   ChainLinks links_;
+  Joints joints_;
+  std::int64_t joined_at_ns_ = std::numeric_limits<std::int64_t>::min();  ///< latest scan that they saw
   std::vector<ChainLinks::Run> shown_;
   std::vector<std::uint64_t> ids_;  ///< of those shown
   std::vector<BoundaryElement> elements_;

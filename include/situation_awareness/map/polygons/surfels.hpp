@@ -26,6 +26,7 @@ struct Surfel {
   double seen_s = 0.0;                               ///< time for which it was hit
   std::int64_t first_seen_ns = 0, last_seen_ns = 0;  ///< stamps of scans that hit it
   int elements_of_chain = 0;                         ///< of the one that it is of now; 0: it is not shown
+  double thing_m = 0.0;                              ///< size of the largest one that it was of when it was hit
 
   /// Unit, from right to left as seen from the free side.
   Eigen::Vector2d along_world() const { return {normal_world.y(), -normal_world.x()}; }

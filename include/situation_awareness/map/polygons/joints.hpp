@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "situation_awareness/common/params.hpp"
+
+namespace situation_awareness {
+
+/// Whether two chains meet (at a corner, or beyond a gap), by all scans that saw it: at a distance of a few cm, single
+/// scans say now this, now that, and ids would go with it. No allocation after warm-up.
+class Joints {
+ public:
+  /// Of two chains, by their ids.
+  struct Joint {
+    std::uint64_t low = 0, high = 0;    ///< ids, low < high
+    double share = 0.0;                 ///< part of the time seen in which they met; the latest counts most
+    double seen_s = 0.0;                ///< that time, as far as it counts
+    bool joined = false;                ///< the decision
+    bool met = false, is_seen = false;  ///< in the latest scan, until the decision
+
+    /// All but what is of one scan (map/map_fields.hpp).
+    template <class Self, class Visit>
+    static void fields(Self& self, Visit&& visit) {
+      constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
+      visit("low", self.low, 1, kMaxId);
+      visit("high", self.high, 1, kMaxId);
+      visit("share", self.share, Bounds{0.0, 1.000001});
+      visit("seen_s", self.seen_s, Bounds{0.0, 1e9});
+      visit("joined", self.joined);
+    }
+  };
+
+  /// Whether chain `a` and chain `b` are joined; `meet`: what the elements say, of those that are not known.
+  bool are_joined(std::uint64_t a, std::uint64_t b, bool meet) const;
+
+  /// Whether they are, and were seen for long.
+  bool is_firm(std::uint64_t a, std::uint64_t b) const;
+
+  /// What this scan's elements say. Of several places at which two chains may meet, one is enough.
+  void see(std::uint64_t a, std::uint64_t b, bool meet);
+
+  /// Decides, `step_s` after the scan before.
+  void decide(double step_s);
+
+  /// Forgets those of other chains than these; sorted.
+  void keep(const std::vector<std::uint64_t>& ids);
+
+  const std::vector<Joint>& joints() const { return joints_; }
+  /// In the order of joints(), each pair once.
+  void restore(std::vector<Joint> joints) { joints_ = std::move(joints); }
+
+ private:
+  std::vector<Joint> joints_;  ///< sorted by ids
+};
+
+}  // namespace situation_awareness
