@@ -17,6 +17,8 @@ namespace {
 constexpr int kMaxNodes = 3000;
 /// Assignments that are kept to tell whether a match is ambiguous.
 constexpr std::size_t kMaxLeaves = 32;
+/// Factor of the variance of the wheels' errors of scale when a pose replaces the one by which they were learned.
+constexpr double kLearnedScale = 4.0;
 /// A correction is linearised anew where it exceeds this, in m and rad.
 constexpr double kRelinearise = 0.02;
 constexpr int kMaxIterations = 6;
@@ -176,11 +178,23 @@ void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estim
   reason_ = "";
   contradicted_ = 0;
   at_ = at;
-  estimate_.x = {T_world_base.x, Eigen::Vector2d::Zero()};
+  // The wheels are the same. What was learned of them counts less: a pose that was wrong may have taught it.
+  const Eigen::Vector2d prior_variance =
+      Eigen::Vector2d(params_.wheels.distance_scale_sigma, params_.wheels.yaw_scale_sigma).cwiseAbs2();
+  Eigen::Vector2d variance = prior_variance;
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    const double learned = kLearnedScale * estimate_.P(3 + i, 3 + i);
+    if (has_scales_ && learned < prior_variance(i)) {
+      variance(i) = learned;
+    } else {
+      estimate_.x.scale_error(i) = 0.0;
+    }
+  }
+  has_scales_ = true;
+  estimate_.x.T_world_base = T_world_base.x;
   estimate_.P.setZero();
   estimate_.P.topLeftCorner<3, 3>() = T_world_base.P;
-  estimate_.P(3, 3) = params_.wheels.distance_scale_sigma * params_.wheels.distance_scale_sigma;
-  estimate_.P(4, 4) = params_.wheels.yaw_scale_sigma * params_.wheels.yaw_scale_sigma;
+  estimate_.P.bottomRightCorner<2, 2>() = variance.asDiagonal();
   at_stamp_ = T_world_base;
   stamp_ns_ = at.stamp_ns;
 }

@@ -326,6 +326,28 @@ TEST(ReflectorLocalization, LearnsTheScaleOfDistances) {
   EXPECT_LT(drive.error().head<2>().norm(), 0.01);
 }
 
+// The wheels are the same wherever the robot is.
+TEST(ReflectorLocalization, KnowsTheWheelsAfterItWasRelocated) {
+  const ReflectorMap map = map_of(4);
+  ReflectorWorld world = room_with(map);
+  world.path = winding_path(0.7);
+  Drive drive(map, world, 4);
+  drive.guess();
+  for (int scan = 0; scan < 750; ++scan) drive.scan();
+  const Estimate<ReflectorState> before = drive.localization.state();
+  const ReflectorLocalizationParams params;
+  ASSERT_LT(std::sqrt(before.P(4, 4)), 0.3 * params.wheels.yaw_scale_sigma);  // required for a meaningful test
+  drive.localization.relocate();
+  for (int scan = 0; scan < 25; ++scan) drive.scan();
+  ASSERT_TRUE(drive.localization.is_known());
+  const Estimate<ReflectorState> after = drive.localization.state();
+  for (const Eigen::Index i : {0, 1}) {
+    EXPECT_NEAR(after.x.scale_error(i), before.x.scale_error(i), 3.0 * std::sqrt(after.P(3 + i, 3 + i)));
+    EXPECT_GT(after.P(3 + i, 3 + i), before.P(3 + i, 3 + i));
+    EXPECT_LT(after.P(3 + i, 3 + i), 5.0 * before.P(3 + i, 3 + i));
+  }
+}
+
 // --- first pose, loss ------------------------------------------------------------------------------------------------
 
 TEST(ReflectorLocalization, FindsItsFirstPoseWithoutAGuess) {

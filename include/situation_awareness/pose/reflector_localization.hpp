@@ -327,6 +327,7 @@ class ReflectorLocalization {
   Counters counters_;
 
   bool is_known_ = false;
+  bool has_scales_ = false;  ///< the wheels' errors of scale, since a first pose was known
   const char* reason_ = "no pose yet";
   Estimate<ReflectorState> estimate_;
   OdometryTrack::Entry at_;   ///< the odometry of the estimate
