@@ -7,6 +7,7 @@
 #include <iterator>
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -70,8 +71,7 @@ class Drive {
         was_docked = transits_.docked();
         if (!was_docked) evaluation_.begin(transits_.transit(), things_of(world_));
         if (was_docked) {
-          scores.push_back(
-              evaluation_.end(transits_.end_s() - transits_.begin_s(), pipeline_.pipeline().map().polygons()));
+          scores.push_back(evaluation_.end(transits_.end_s() - transits_.begin_s(), polygons_));
         }
       }
       if (!was_docked) evaluation_.add_motion(sample.stamp_ns, true_base(seconds_between(0, sample.stamp_ns)));
@@ -126,6 +126,7 @@ class Drive {
     };
     evaluation_.add_scan(sample.scan, in_plane(sample.T_world_lidar), in_plane(sample.T_world_lidar_end));
     if (!is_known) return;
+    polygons_ = pipeline_.pipeline().map().polygons(std::move(polygons_));
     const LocalizedPose pose = pipeline_.localization().pose();
     evaluation_.add_pose(pose.T_world_base.x, pose.covariance_world, true_base(seconds_between(0, stamp_ns)));
     steer(pose.T_world_base.x);
@@ -148,6 +149,7 @@ class Drive {
   SimulatedOdometry odometry_;
   ReflectorPolygonPipeline pipeline_;
   TransitEvaluation evaluation_;
+  Polygons polygons_;
   std::map<std::int64_t, Pose2> T_odom_base_;
 };
 

@@ -88,7 +88,8 @@ constexpr double kSamePlace = 0.4;
 constexpr double kRare = 0.2;
 constexpr double kRareReach_m = 0.12;
 constexpr double kRareAfter_s = 5.0;
-/// s. The same of one that has none beside it, by the time for which it was hit.
+/// The same of one that has none beside it, if it was hit for less than this part of its age, and of so many s.
+constexpr double kLonely = 0.03;
 constexpr double kLonely_s = 1.5;
 /// s. An element that was never confirmed is forgotten after so long without a hit.
 constexpr double kForgotten_s = 10.0;
@@ -593,8 +594,8 @@ bool PolygonMap::is_beside_larger(const ChainLinks::Run& run) const {
 /// Whether a chain is a single element that was there for long and hardly ever hit: beams over an edge far behind it.
 bool PolygonMap::is_lonely(const ChainLinks::Run& run) const {
   const Surfel& surfel = surfels_[links_.ordered()[run.first]];
-  return run.end - run.first == 1 && seconds_between(surfel.first_seen_ns, stamp_ns_) > kRareAfter_s &&
-         surfel.seen_s < kLonely_s;
+  const double age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
+  return run.end - run.first == 1 && age_s > kRareAfter_s && surfel.seen_s < std::min(kLonely * age_s, kLonely_s);
 }
 
 /// Whether an element was hit seldom, compared with those beside it, since it was first seen.

@@ -97,7 +97,8 @@ class PolygonMap {
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
                           PolygonMapUpdate memory = {});
 
-  /// The chains at the time of the latest scan. `memory`: as for limit_range.
+  /// The chains at the time of the latest scan. To be called after each update(): how large things are and which chains
+  /// meet is seen then. `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
 
   std::size_t elements() const { return surfels_.count(); }
