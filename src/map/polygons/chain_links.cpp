@@ -127,17 +127,17 @@ double corner_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Su
   return gap < kTouch && goes_on ? gap * spacing_m + 2.0 * kAhead_m : kNoLink;
 }
 
-/// Diagonal of the box around elements.
-double size_of(const Surfels& surfels, const std::vector<Index>& ordered, std::size_t first, std::size_t end) {
-  Eigen::Vector2d low_m = surfels[ordered[first]].p_world_m, high_m = low_m;
+}  // namespace
+
+double size_of(const Surfels& surfels, const std::vector<Surfels::Index>& elements, std::size_t first,
+               std::size_t end) {
+  Eigen::Vector2d low_m = surfels[elements[first]].p_world_m, high_m = low_m;
   for (std::size_t k = first; k < end; ++k) {
-    low_m = low_m.cwiseMin(surfels[ordered[k]].p_world_m);
-    high_m = high_m.cwiseMax(surfels[ordered[k]].p_world_m);
+    low_m = low_m.cwiseMin(surfels[elements[k]].p_world_m);
+    high_m = high_m.cwiseMax(surfels[elements[k]].p_world_m);
   }
   return (high_m - low_m).norm();
 }
-
-}  // namespace
 
 /// To an element that is on its line by the spacing along it and less across it.
 double ChainLinks::reach_m(double spacing_m) { return std::sqrt(2.0) * kNextOne * spacing_m; }

@@ -68,7 +68,7 @@ constexpr double kNearHitGrazing_m = 0.15;
 constexpr double kCloseBeams_m = 0.045;
 /// Beams that are farther apart than this part of a thing may all miss it, or meet its edges only.
 constexpr double kSurePart = 0.5;
-/// m. Size of what is of no known one.
+/// m. Size of a thing that is not known.
 constexpr double kWide_m = 0.3;
 /// Scans that are remembered to tell what was free, and the time between them.
 constexpr std::size_t kWatches = 8;
@@ -652,15 +652,11 @@ Polygons PolygonMap::polygons(Polygons memory) {
 
 /// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
 void PolygonMap::measure(const ChainLinks::Run& run) {
-  Eigen::Vector2d low_m = surfels_[links_.ordered()[run.first]].p_world_m, high_m = low_m;
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    low_m = low_m.cwiseMin(surfels_[links_.ordered()[k]].p_world_m);
-    high_m = high_m.cwiseMax(surfels_[links_.ordered()[k]].p_world_m);
-  }
+  const double size_m = size_of(surfels_, links_.ordered(), run.first, run.end);
   for (std::size_t k = run.first; k < run.end; ++k) {
     Surfel& surfel = surfels_[links_.ordered()[k]];
     surfel.elements_of_chain = static_cast<int>(run.end - run.first);
-    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, (high_m - low_m).norm());
+    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, size_m);
   }
 }
 

@@ -12,6 +12,9 @@
 
 namespace situation_awareness {
 
+/// m. Diagonal of the box, along the axes of the world, around some of a list of elements, at least one.
+double size_of(const Surfels& surfels, const std::vector<Surfels::Index>& elements, std::size_t first, std::size_t end);
+
 /// Makes chains of elements of a map: which one follows which along a boundary. It keeps its memory: no
 /// allocation after warm-up. Linear in the elements.
 class ChainLinks {

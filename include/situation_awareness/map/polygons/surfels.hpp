@@ -15,7 +15,7 @@ struct Surfel {
   Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
   Eigen::Vector2d normal_world = Eigen::Vector2d::UnitX();  ///< unit, towards the free side
   double variance_m2 = 0.0;                                 ///< across, of range noise and pose; above zero
-  std::uint64_t chain = 0;                                  ///< id of the chain that it was first of; 0: none yet
+  std::uint64_t chain = 0;                                  ///< id of the chain that it is named after; 0: none yet
   int hits = 0;
   bool oriented = false;                             ///< by a hit with a normal; else the normal is along the beam
   bool alive = false;                                ///< else its place in the list is free
