@@ -34,12 +34,18 @@ constexpr double kSeenBefore_s = 0.5;
 constexpr double kStood_s = 1.0;
 /// s. For so long after it has set off that place is given up.
 constexpr double kGiveUp_s = 3.0;
-/// s. A mover that is not on the map of objects for so long is where it would be: one scan may miss it.
+/// s. A mover that is not on the map of objects for so long is where it would be: one scan may miss it. What was off
+/// the map for longer may be another thing.
 constexpr double kMissing_s = 0.4;
 /// s. An element that appears where a mover was so long ago is that one.
 constexpr double kSuccession_s = 2.0;
 /// s. One that was off the map for longer is another.
 constexpr double kForgotten_s = 20.0;
+
+/// Of both directions together; not below zero.
+double position_variance_m2(const Object& object) {
+  return std::max(object.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition).trace(), 0.0);
+}
 
 }  // namespace
 
@@ -93,6 +99,7 @@ MovingObjects::Followed& MovingObjects::find_or_add(const Object& object) {
   added.id = object.id;
   added.first_seen_ns = object.first_seen_ns;
   added.began_world_m = object.ellipse_world.center_m;
+  added.began_variance_m2 = position_variance_m2(object);
   // A mover that has got another id.
   for (const Followed& other : followed_) {
     if (!is_mover(other) || seconds_between(other.listed_ns, stamp_ns_) > kSuccession_s) continue;
@@ -111,36 +118,56 @@ void MovingObjects::remember_place(Followed& followed) const {
   followed.place_ns = stamp_ns_;
 }
 
+/// Under this id there is perhaps another thing, elsewhere: what is between is no way, and where the one stood was not
+/// left by the other. A mover that was hidden is one still.
+void MovingObjects::forget_way(Followed& followed, const Object& object) const {
+  followed.moves = false;
+  followed.began_world_m = object.ellipse_world.center_m;
+  followed.began_variance_m2 = position_variance_m2(object);
+  followed.stands_since_ns = kNever;
+  followed.stood.since_ns = kNever;
+  if (!is_mover(followed)) followed.places_known = followed.next_place = 0;
+}
+
 void MovingObjects::follow(Followed& followed, const Object& object) {
   const Eigen::Vector2d& center_m = object.ellipse_world.center_m;
-  const bool fast = is_fast(object);
-  if (object.p_moving < kStillMoves || !fast) {
+  if (followed.listed_ns != kNever && seconds_between(followed.listed_ns, stamp_ns_) > kMissing_s) {
+    forget_way(followed, object);
+  }
+  followed.listed_ns = stamp_ns_;
+  followed.outline = outline_of(object);
+  followed.velocity_world_m_s = object.velocity_world_m_s;
+  // Where it is not seen it is predicted, which tells nothing new.
+  if (object.last_seen_ns < stamp_ns_) return;
+
+  const double variance_m2 = position_variance_m2(object);
+  const auto begin = [&] {
+    followed.began_world_m = center_m;
+    followed.began_variance_m2 = variance_m2;
+  };
+  if (object.p_moving < kStillMoves || !is_fast(object)) {
     followed.moves = false;
     // The map of objects tells that a box moves when it has travelled.
-    followed.began_world_m = center_m;
+    begin();
     if (followed.stands_since_ns == kNever) followed.stands_since_ns = stamp_ns_;
   } else {
     followed.stands_since_ns = kNever;
     if (!followed.moves && object.p_moving > kSurelyMoves) {
       followed.moves = true;
-      if (object.shape != Shape::kBox) followed.began_world_m = center_m;
+      if (object.shape != Shape::kBox) begin();
     }
   }
-  followed.listed_ns = stamp_ns_;
-  followed.outline = outline_of(object);
   followed.trace = trace_of(object);
   followed.is_person = object.object_class == ObjectClass::kPerson;
-  followed.velocity_world_m_s = object.velocity_world_m_s;
   if (followed.stands_since_ns != kNever && seconds_between(followed.stands_since_ns, stamp_ns_) >= kStood_s) {
     followed.stood.outline = followed.trace;
     followed.stood.since_ns = stamp_ns_;
   }
   if (followed.moves) {
     const bool is_one = is_mover(followed);
-    const double sigma_m =
-        std::sqrt(object.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition).trace());
-    const bool has_travelled = (center_m - followed.began_world_m).norm() >=
-                               std::max(params_.min_travel_m, kTravelSigmas * std::max(sigma_m, 0.0));
+    const double sigma_m = std::sqrt(followed.began_variance_m2 + variance_m2);
+    const bool has_travelled =
+        (center_m - followed.began_world_m).norm() >= std::max(params_.min_travel_m, kTravelSigmas * sigma_m);
     if (has_travelled && !is_one) {
       followed.set_off_ns = stamp_ns_;
       ++set_off_;

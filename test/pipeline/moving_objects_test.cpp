@@ -40,12 +40,26 @@ class Scene {
       add(velocity_m_s, 0.99);
     }
   }
-  void add(const Eigen::Vector2d& velocity_m_s, double p_moving, std::uint64_t id = 1) {
+  /// It is where its velocity takes it, as far as the map of objects knows.
+  void move_unseen(double duration_s, const Eigen::Vector2d& velocity_m_s) {
+    for (double t_s = 0.0; t_s < duration_s; t_s += kPeriod_s) {
+      center_m_ += kPeriod_s * velocity_m_s;
+      add(velocity_m_s, 0.99, 1, false);
+    }
+  }
+  /// It is not on the map meanwhile.
+  void jump(double duration_s, const Eigen::Vector2d& to_m) {
+    stamp_ns_ += nanoseconds(duration_s);
+    center_m_ = to_m;
+  }
+  void add(const Eigen::Vector2d& velocity_m_s, double p_moving, std::uint64_t id = 1, bool seen = true) {
     Objects objects;
     objects.stamp_ns = stamp_ns_ += nanoseconds(kPeriod_s);
+    if (seen) last_seen_ns_ = stamp_ns_;
     Object object = object_at(T_ * center_m_, T_.rotation() * velocity_m_s, p_moving, id);
     object.ellipse_world.psi_rad += T_.yaw_rad;
     object.first_seen_ns = first_seen_ns_;
+    object.last_seen_ns = last_seen_ns_;
     objects.objects = {object};
     movers_.add(objects);
   }
@@ -61,7 +75,7 @@ class Scene {
   Pose2 T_;
   MovingObjects movers_;
   Eigen::Vector2d center_m_ = Eigen::Vector2d::Zero();
-  std::int64_t first_seen_ns_ = 1'000'000'000, stamp_ns_ = 1'000'000'000;
+  std::int64_t first_seen_ns_ = 1'000'000'000, last_seen_ns_ = 0, stamp_ns_ = 1'000'000'000;
 };
 
 TEST(MoverOutline, CoversWhatIsInsideOrBesideItByTheMargin) {
@@ -105,6 +119,47 @@ TEST(MovingObjects, WhatSeemsToMoveForAMomentIsNoMover) {
   }
   EXPECT_EQ(scene.movers().set_off(), 0U);
   EXPECT_FALSE(scene.covers());
+}
+
+TEST(MovingObjects, AWayThatNobodySawIsNone) {
+  Scene scene;
+  scene.stand(2.0);
+  scene.move(0.12, {2.0, 0.0});
+  scene.move_unseen(0.4, {2.0, 0.0});
+  EXPECT_EQ(scene.movers().set_off(), 0U) << "it was seen to travel 0.24 m";
+  scene.move(0.08, {2.0, 0.0});
+  EXPECT_EQ(scene.movers().set_off(), 1U) << "it is seen where it would be";
+  scene.move_unseen(0.4, {2.0, 0.0});
+  EXPECT_TRUE(scene.covers());
+}
+
+// The map of objects takes a thing that appears for one that it has lost elsewhere, and knows a velocity from that.
+TEST(MovingObjects, TheWayBetweenTwoThingsThatAreTakenForOneIsNone) {
+  Scene scene;
+  scene.stand(1.8);
+  scene.jump(3.0, {8.2, 1.0});
+  scene.move(0.04, {3.0, 0.3});
+  scene.move_unseen(0.5, {3.0, 0.3});
+  scene.jump(0.3, {8.2, 1.0});
+  scene.stand(2.0);
+  EXPECT_EQ(scene.movers().set_off(), 0U);
+  EXPECT_FALSE(scene.covers());
+  EXPECT_TRUE(scene.movers().at(scene.stamp_ns()).traces.empty());
+  scene.move(0.4, {1.0, 0.0});
+  EXPECT_EQ(scene.movers().set_off(), 1U);
+  const Movers& movers = scene.movers().at(scene.stamp_ns());
+  EXPECT_FALSE(movers.traces.empty());
+  for (const MoverTrace& trace : movers.traces) EXPECT_FALSE(trace.outline.covers({0.0, 0.0})) << "another thing";
+}
+
+TEST(MovingObjects, WhoIsHiddenForAMomentGoesOn) {
+  Scene scene;
+  scene.move(1.0, {1.0, 0.0});
+  ASSERT_TRUE(scene.covers());
+  scene.jump(2.0, {3.0, 0.1});
+  scene.move(0.04, {1.0, 0.0});
+  EXPECT_TRUE(scene.covers());
+  EXPECT_EQ(scene.movers().set_off(), 1U);
 }
 
 TEST(MovingObjects, WhatTravelsIsOneUntilItHasParked) {

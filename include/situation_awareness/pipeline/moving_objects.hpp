@@ -38,8 +38,8 @@ struct MoverParams {
 };
 
 /// Tells from the maps of objects, one per scan, what moves and what has parked (docs/math/polygons.md, "Movers"). An
-/// element begins to move when it is surely faster than `min_speed_m_s` and has travelled; it is a mover until it has
-/// stood for `parked_after_s`. Who takes the place of a mover under another id is one, too.
+/// element begins to move when it is surely faster than `min_speed_m_s` and was seen to travel; it is a mover until it
+/// has stood for `parked_after_s`. Who takes the place of a mover under another id is one, too.
 class MovingObjects {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -69,11 +69,12 @@ class MovingObjects {
     std::int64_t first_seen_ns = 0;
     std::int64_t listed_ns = kNever;  ///< in the latest map that it was in
     MoverOutline outline;             ///< then
-    MoverOutline trace;               ///< the same without what is not known of it
+    MoverOutline trace;               ///< when it was seen, without what is not known of it
     bool is_person = false;
     Eigen::Vector2d velocity_world_m_s = Eigen::Vector2d::Zero();
     bool moves = false;                                       ///< maybe not far enough to be a mover
     Eigen::Vector2d began_world_m = Eigen::Vector2d::Zero();  ///< where that began
+    double began_variance_m2 = 0.0;                           ///< of that place
     std::int64_t moved_ns = kNever;                           ///< when it was last seen to, as a mover
     std::int64_t set_off_ns = kNever;                         ///< when it became one
     std::int64_t stands_since_ns = kNever;
@@ -88,6 +89,7 @@ class MovingObjects {
   MoverOutline outline_of(const Object& object) const;
   MoverOutline trace_of(const Object& object) const;
   Followed& find_or_add(const Object& object);
+  void forget_way(Followed& followed, const Object& object) const;
   void follow(Followed& followed, const Object& object);
   void remember_place(Followed& followed) const;
 
