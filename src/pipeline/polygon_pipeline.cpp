@@ -35,7 +35,7 @@ const PolygonPipelineResult& PolygonPipeline::process(const Scan& scan, const Ei
                                                       const Eigen::Matrix3d& pose_covariance) {
   if (objects_) {
     latest_ = &objects_->process(scan, T_world_lidar, T_world_lidar_end);
-    movers_.add(latest_->objects);
+    movers_.add(latest_->objects, latest_->segments.free_space, latest_->segments.T_world_level);
     map_segments(latest_->segments, pose_covariance);
     return result_;
   }

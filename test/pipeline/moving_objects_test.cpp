@@ -61,7 +61,29 @@ class Scene {
     object.first_seen_ns = first_seen_ns_;
     object.last_seen_ns = last_seen_ns_;
     objects.objects = {object};
-    movers_.add(objects);
+    if (!sees_) {
+      movers_.add(objects);
+      return;
+    }
+    // A scanner 3 m away sees the object where it is, something else where it was, and a wall.
+    FreeSpace free_space;
+    for (double azimuth_rad = -0.6; azimuth_rad < 0.6; azimuth_rad += 0.0087) {
+      const Eigen::Vector2d u(std::cos(azimuth_rad), std::sin(azimuth_rad));
+      double range_m = 4.0 / u.x();
+      for (const Ellipse& ellipse : seen_) {
+        if (const auto hit_m = intersect_ray(ellipse, kScanner_m, u)) range_m = std::min(range_m, *hit_m);
+      }
+      const Ellipse now{center_m_, 0.3, 0.25, 0.15};
+      if (const auto hit_m = intersect_ray(now, kScanner_m, u)) range_m = std::min(range_m, *hit_m);
+      free_space.azimuth_rad.push_back(static_cast<float>(azimuth_rad));
+      free_space.range_m.push_back(static_cast<float>(range_m));
+    }
+    movers_.add(objects, free_space, T_ * Pose2{kScanner_m, 0.0});
+  }
+  /// From now on scans see these, too.
+  void see(const std::vector<Ellipse>& ellipses) {
+    sees_ = true;
+    seen_ = ellipses;
   }
   /// Whether a place beside the object is covered.
   bool covers(const Eigen::Vector2d& beside_m = {0.0, 0.0}, double later_s = 0.0) {
@@ -72,8 +94,12 @@ class Scene {
   std::int64_t stamp_ns() const { return stamp_ns_; }
 
  private:
+  inline static const Eigen::Vector2d kScanner_m{-3.0, 0.0};
+
   Pose2 T_;
   MovingObjects movers_;
+  bool sees_ = false;
+  std::vector<Ellipse> seen_;
   Eigen::Vector2d center_m_ = Eigen::Vector2d::Zero();
   std::int64_t first_seen_ns_ = 1'000'000'000, last_seen_ns_ = 0, stamp_ns_ = 1'000'000'000;
 };
@@ -100,6 +126,37 @@ TEST(MoverOutline, CoversWhatIsInsideOrBesideItByTheMargin) {
     covered += off_ellipse_m < margin_m ? 1 : 0;
   }
   EXPECT_GT(covered, 500);
+}
+
+TEST(MoverOutline, IsCrossedWhereItIsEnteredAndLeft) {
+  Random random(3);
+  int crossed = 0;
+  for (int i = 0; i < 20000; ++i) {
+    const Ellipse ellipse{{random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0)}, random.uniform(-3.0, 3.0), 0.4, 0.3};
+    const Box box{ellipse.center_m, ellipse.psi_rad, 0.4, 0.2};
+    const Eigen::Vector2d from_m(random.uniform(-3.0, 3.0), random.uniform(-3.0, 3.0));
+    const double azimuth_rad = random.uniform(-kPi, kPi);
+    const Eigen::Vector2d u(std::cos(azimuth_rad), std::sin(azimuth_rad));
+    for (const bool is_box : {false, true}) {
+      const MoverOutline outline = is_box ? MoverOutline(box, 0.1) : MoverOutline(ellipse, 0.1);
+      const auto off_m = [&](double along_m) {
+        const Eigen::Vector2d p_m = from_m + along_m * u;
+        return is_box ? offset_m(box, p_m) : offset_m(ellipse, p_m);
+      };
+      const auto crossing = outline.crossing(from_m, u);
+      if (!crossing) {
+        if (off_m(0.0) < 0.0) continue;  // begins inside
+        for (double along_m = 0.0; along_m < 6.0; along_m += 0.05) EXPECT_GT(off_m(along_m), -1e-3);
+        continue;
+      }
+      ++crossed;
+      EXPECT_GE(off_m(0.0), 0.0);
+      EXPECT_NEAR(off_m(crossing->entry_m), 0.0, 1e-9);
+      EXPECT_NEAR(off_m(crossing->exit_m), 0.0, 1e-9);
+      EXPECT_LE(off_m(0.5 * (crossing->entry_m + crossing->exit_m)), 0.0);
+    }
+  }
+  EXPECT_GT(crossed, 2000);
 }
 
 TEST(MovingObjects, WhatStandsIsNoMover) {
@@ -150,6 +207,28 @@ TEST(MovingObjects, TheWayBetweenTwoThingsThatAreTakenForOneIsNone) {
   const Movers& movers = scene.movers().at(scene.stamp_ns());
   EXPECT_FALSE(movers.traces.empty());
   for (const MoverTrace& trace : movers.traces) EXPECT_FALSE(trace.outline.covers({0.0, 0.0})) << "another thing";
+}
+
+// The outline that is seen of a thing that stands moves with the view of it.
+TEST(MovingObjects, WhatIsStillHitWhereItStoodHasNotSetOff) {
+  const Ellipse stood{{0.0, 0.0}, 0.3, 0.25, 0.15};
+  for (const Pose2& T : {Pose2{}, Pose2{{2.0, -7.0}, 2.0}}) {
+    Scene scene(T);
+    scene.see({stood});
+    scene.stand(2.0);
+    scene.move(0.5, {0.0, 1.0});
+    EXPECT_EQ(scene.movers().set_off(), 0U);
+    EXPECT_FALSE(scene.covers());
+    EXPECT_TRUE(scene.movers().at(scene.stamp_ns()).traces.empty());
+
+    Scene free(T), hidden(T);
+    for (Scene* const other : {&free, &hidden}) {
+      other->see(other == &free ? std::vector<Ellipse>{} : std::vector<Ellipse>{{{-1.5, 0.0}, 0.0, 0.2, 0.2}});
+      other->stand(2.0);
+      other->move(0.5, {0.0, 1.0});
+      EXPECT_EQ(other->movers().set_off(), 1U);
+    }
+  }
 }
 
 TEST(MovingObjects, WhoIsHiddenForAMomentGoesOn) {

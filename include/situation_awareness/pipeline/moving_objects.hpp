@@ -10,8 +10,10 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
+#include "situation_awareness/points/points.hpp"
 
 namespace situation_awareness {
 
@@ -38,15 +40,19 @@ struct MoverParams {
 };
 
 /// Tells from the maps of objects, one per scan, what moves and what has parked (docs/math/polygons.md, "Movers"). An
-/// element begins to move when it is surely faster than `min_speed_m_s` and was seen to travel; it is a mover until it
-/// has stood for `parked_after_s`. Who takes the place of a mover under another id is one, too.
+/// element begins to move when it is surely faster than `min_speed_m_s`, was seen to travel and is not hit any more
+/// where it was; it is a mover until it has stood for `parked_after_s`. Who takes the place of a mover under another id
+/// is one, too.
 class MovingObjects {
  public:
   /// Throws std::invalid_argument naming field and bound.
   explicit MovingObjects(const MoverParams& params);
 
-  /// The map of objects after the next scan. A stamp that goes back begins anew.
-  void add(const Objects& objects);
+  /// The map of objects after the next scan, and what that scan saw to be free: what seems to travel has not set off
+  /// while beams still end where it was. A stamp that goes back begins anew.
+  void add(const Objects& objects, const FreeSpace& free_space, const Pose2& T_world_level);
+  /// The same without a scan.
+  void add(const Objects& objects) { add(objects, {}, {}); }
 
   /// The movers at a time from the latest map on, predicted by their velocities; none long after it. The result is
   /// valid until the next call, which reuses its memory.
@@ -75,6 +81,7 @@ class MovingObjects {
     bool moves = false;                                       ///< maybe not far enough to be a mover
     Eigen::Vector2d began_world_m = Eigen::Vector2d::Zero();  ///< where that began
     double began_variance_m2 = 0.0;                           ///< of that place
+    MoverOutline began;                                       ///< its outline there
     std::int64_t moved_ns = kNever;                           ///< when it was last seen to, as a mover
     std::int64_t set_off_ns = kNever;                         ///< when it became one
     std::int64_t stands_since_ns = kNever;
@@ -89,8 +96,10 @@ class MovingObjects {
   MoverOutline outline_of(const Object& object) const;
   MoverOutline trace_of(const Object& object) const;
   Followed& find_or_add(const Object& object);
+  void begin_way(Followed& followed, const Object& object) const;
   void forget_way(Followed& followed, const Object& object) const;
-  void follow(Followed& followed, const Object& object);
+  static bool is_still_there(const Followed& followed, const FreeSpace& free_space, const Pose2& T_world_level);
+  void follow(Followed& followed, const Object& object, const FreeSpace& free_space, const Pose2& T_world_level);
   void remember_place(Followed& followed) const;
 
   MoverParams params_;

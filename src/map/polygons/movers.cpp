@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace situation_awareness {
 
@@ -31,6 +32,35 @@ bool MoverOutline::covers(const Eigen::Vector2d& p_world_m) const {
   // Along the way from the centre the outline is at 1 / scale.
   const double scale = own_m.cwiseQuotient(half_m_).norm();
   return scale <= 1.0 || std::sqrt(distance2_m2) * (1.0 - 1.0 / scale) <= margin_m_;
+}
+
+std::optional<MoverOutline::Crossing> MoverOutline::crossing(const Eigen::Vector2d& origin_world_m,
+                                                             const Eigen::Vector2d& direction_world) const {
+  const auto in_own_axes = [this](const Eigen::Vector2d& d) {
+    return Eigen::Vector2d(along_world_.dot(d), along_world_.x() * d.y() - along_world_.y() * d.x());
+  };
+  const Eigen::Vector2d from_m = in_own_axes(origin_world_m - center_world_m_), u = in_own_axes(direction_world);
+  Crossing result;
+  if (is_box_) {  // inside both strips between opposite sides
+    result = {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+    for (int axis = 0; axis < 2; ++axis) {
+      if (u(axis) == 0.0) {
+        if (std::abs(from_m(axis)) > half_m_(axis)) return std::nullopt;
+        continue;
+      }
+      const double to_middle_m = -from_m(axis) / u(axis), half_m = std::abs(half_m_(axis) / u(axis));
+      result.entry_m = std::max(result.entry_m, to_middle_m - half_m);
+      result.exit_m = std::min(result.exit_m, to_middle_m + half_m);
+    }
+  } else {  // |f + t v| = 1 in units of the semi-axes
+    const Eigen::Vector2d f = from_m.cwiseQuotient(half_m_), v = u.cwiseQuotient(half_m_);
+    const double b = f.dot(v), a = v.squaredNorm(), discriminant = b * b - a * (f.squaredNorm() - 1.0);
+    if (discriminant < 0.0) return std::nullopt;
+    const double root = std::sqrt(discriminant);
+    result = {(-b - root) / a, (-b + root) / a};
+  }
+  if (!(result.entry_m < result.exit_m) || result.entry_m < 0.0) return std::nullopt;
+  return result;
 }
 
 }  // namespace situation_awareness

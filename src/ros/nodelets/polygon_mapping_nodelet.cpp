@@ -58,7 +58,7 @@ class PolygonMappingStage {
     polylines_ = extract_polylines(segments, polyline_params_, std::move(polylines_));
     context_.diagnostics().counted(polylines_.refused);
     ++(covaried.base ? with_covariance_ : without_covariance_);
-    if (covaried.objects) movers_.add(*covaried.objects);
+    if (covaried.objects) movers_.add(*covaried.objects, segments.free_space, segments.T_world_level);
     ++(covaried.objects ? with_objects_ : without_objects_);
     update_ = map_.update(
         polylines_,

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -25,6 +26,13 @@ class MoverOutline {
 
   /// Whether a point is inside, or beside it by the margin at most.
   bool covers(const Eigen::Vector2d& p_world_m) const;
+
+  /// Where a ray is inside, without the margin.
+  struct Crossing {
+    double entry_m = 0.0, exit_m = 0.0;  ///< along the ray from its origin
+  };
+  /// None if the ray does not cross it, or begins inside. `direction_world`: unit.
+  std::optional<Crossing> crossing(const Eigen::Vector2d& origin_world_m, const Eigen::Vector2d& direction_world) const;
 
   void move(const Eigen::Vector2d& by_world_m) { center_world_m_ += by_world_m; }
 
