@@ -50,14 +50,16 @@ ADDED_S, REMOVED_S = 4.0, 6.0  # targets; what was neither for less time in sigh
 VIEW_M = 6.0
 NAMED = 5  # lost things of a run
 
+OBJECTS = "objects"  # with the map of objects
 TF = "tf"  # a run with true poses
 ODOMETRY = "odometry"
 CHANGES = "changes"  # short runs
 NAMES = {"corridor": "corridor", "hall": "hall", "both": "corridors and halls"}
-VARIANTS = {"plain": (False, True), "sweep": (True, False), TF: (False, True), ODOMETRY: (False, True)}  # sweep, pose
+VARIANTS = {"plain": (False, True), "sweep": (True, False), OBJECTS: (False, True), TF: (False, True),
+            ODOMETRY: (False, True)}  # sweep, pose
 ENDS = {TF: "_tf", ODOMETRY: "_odometry"}  # of the names of bags
-VARIANT_NAMES = {"plain": "", "sweep": ", sweep, no initial pose", TF: ", true pose", ODOMETRY: ", odometry alone",
-                 CHANGES: ", short"}
+VARIANT_NAMES = {"plain": "", "sweep": ", sweep, no initial pose", OBJECTS: ", with the map of objects",
+                 TF: ", true pose", ODOMETRY: ", odometry alone", CHANGES: ", short"}
 
 # Targets: attribute of a group's score, what, unit, target, goal, scale, decimals, more is better, whether of poses.
 TABLE_TARGETS = (
@@ -884,6 +886,8 @@ def drive(arguments, directory, bags, kind, seed, variant, picked):
     out = directory / f"{name}_{variant}.jsonl"
     command = [arguments.tool, bag, "--scan-topic", "/scan", "--odom-topic", "/odom", "--world-frame", "map",
                "--config", arguments.config, "--out", out]
+    if variant == OBJECTS:
+        command += ["--objects", "--model-folder", ROOT / "models"]
     if variant in ENDS:
         command += ["--localization", "tf"]
     else:
@@ -1296,7 +1300,7 @@ def draw_poses(run, path, transit=1):
 
 
 PRINTED_MEANS = ((2.46, "best printed", "--"), (4.71, "printed, by odometry alone", ":"))
-TRANSIT_COLORS = {"plain": "#0b6e4f", "sweep": "#3d5a80", TF: "#8a5a83", ODOMETRY: "#c8553d"}
+TRANSIT_COLORS = {"plain": "#0b6e4f", "sweep": "#3d5a80", OBJECTS: "#e0a100", TF: "#8a5a83", ODOMETRY: "#c8553d"}
 
 
 def draw_transits(groups, path):
@@ -1357,7 +1361,9 @@ and a screen is put before two crates and taken away again; of these one has gon
 walks ahead of the robot or towards it, and stands for 3 s. In worlds of even seeds one reflector vanishes and another
 is moved, and nobody tells. {variants}
 """
-VARIANT_TEXTS = {"sweep": "*Sweep*: each beam is cast at its own time.", TF: "*True pose*: from TF, for comparison.",
+VARIANT_TEXTS = {"sweep": "*Sweep*: each beam is cast at its own time.",
+                 OBJECTS: "*With the map of objects*: what that follows is kept off the chains (`--objects`).",
+                 TF: "*True pose*: from TF, for comparison.",
                  ODOMETRY: "*Odometry alone*: no reflectors, but each transit begins at a place that is known."}
 MAP = """
 After the last transit. Chains are sampled each {sample:.0f} cm, outlines in bins as long. *Precision*: the part of the
