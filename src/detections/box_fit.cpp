@@ -2,6 +2,7 @@
 #include "situation_awareness/detections/box_fit.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <limits>
@@ -51,7 +52,7 @@ class BoxProblem {
         segment_(segment),
         params_(params) {}
 
-  /// Cost at `x`, and A and b. Robust: outlying hits have less weight.
+  /// Cost at `x`, and A, of which the upper triangle is not complete, and b. Robust: outlying hits have less weight.
   double evaluate(const Vector5d& x, const Prior* prior, Matrix5d* A, Vector5d* b) const {
     if (A != nullptr) {
       A->setZero();
@@ -66,16 +67,33 @@ class BoxProblem {
       b->noalias() += weight * residual * jacobian;
     };
 
+    // The derivative by one half length is zero. Of A the lower triangle is used.
+    const auto add_hit = [&](double residual, const std::array<double, 4>& j, int half) {
+      cost += huber(residual);
+      if (A == nullptr) return;
+      const double weight = huber_weight(residual);
+      const std::array<int, 4> at{0, 1, 2, half};
+      for (std::size_t r = 0; r < j.size(); ++r) {
+        const double weighted = weight * j[r];
+        for (std::size_t c = 0; c <= r; ++c) (*A)(at[r], at[c]) += weighted * j[c];
+        (*b)(at[r]) += weight * residual * j[r];
+      }
+    };
+
     const Faces faces = faces_of(x);
     for (std::size_t i = 0; i < count_; ++i) {
-      Vector5d jacobian;
+      Slope slope;
       Eigen::Vector2d normal;
-      const double d = faces.offset_m(points_[i].p_level_m, &jacobian, &normal);
+      const OnFaces on = faces.place_of(points_[i].p_level_m);
+      const double d = faces.offset_m(on, &slope, &normal);
       const double sigma = hit_sigma(points_[i], normal);
-      add(d / sigma, jacobian / sigma);
-      const double beyond_m = faces.beyond_m(points_[i].p_level_m, &jacobian, &normal);
+      add_hit(d / sigma, {slope.d[0] / sigma, slope.d[1] / sigma, slope.d[2] / sigma, -1.0 / sigma}, slope.half);
+      const double beyond_m = faces.beyond_m(on, &slope, &normal);
+      if (beyond_m <= 0.0) continue;
       const double beyond = beyond_m / hit_sigma(points_[i], normal);
-      if (beyond > kBeyond) add(beyond - kBeyond, jacobian * (beyond / beyond_m));
+      if (beyond <= kBeyond) continue;
+      const double scale = beyond / beyond_m;
+      add_hit(beyond - kBeyond, {slope.d[0] * scale, slope.d[1] * scale, slope.d[2] * scale, -scale}, slope.half);
     }
 
     const auto add_end = [&](const Point& end, double side, SegmentEnd kind, double hidden_rad) {
@@ -167,45 +185,59 @@ class BoxProblem {
   }
 
  private:
+  /// Derivative of a distance by (t_x, t_y, psi) and by the half length at `half` in x, which is -1.
+  struct Slope {
+    std::array<double, 3> d{};
+    int half = 3;
+  };
+
+  /// A hit along the axes of the box, from its centre, and its distances from the planes of the faces.
+  struct OnFaces {
+    double p1, p2, d1, d2;
+  };
+
   /// The faces towards the sensor, at the origin: one or two.
   struct Faces {
     Eigen::Vector2d t, e1, e2;
     double a, b;
     double side1, side2;  ///< 0: not towards the sensor
 
+    OnFaces place_of(const Eigen::Vector2d& y) const {
+      OnFaces on{e1.dot(y - t), e2.dot(y - t), 0.0, 0.0};
+      on.d1 = depth1(on.p1);
+      on.d2 = depth2(on.p2);
+      return on;
+    }
+
     /// Distance from the nearest of the planes of the faces, positive outside, and its derivative by x.
-    double offset_m(const Eigen::Vector2d& y, Vector5d* jacobian = nullptr, Eigen::Vector2d* normal = nullptr) const {
-      const double p1 = e1.dot(y - t);
-      const double p2 = e2.dot(y - t);
-      const double d1 = depth1(p1);
-      const double d2 = depth2(p2);
-      if (jacobian != nullptr) {
-        if (d1 >= d2) {
-          *normal = side1 * e1;
-          *jacobian << -side1 * e1, side1 * p2, -1.0, 0.0;
-        } else {
-          *normal = side2 * e2;
-          *jacobian << -side2 * e2, -side2 * p1, 0.0, -1.0;
-        }
+    double offset_m(const Eigen::Vector2d& y) const {
+      const OnFaces on = place_of(y);
+      return std::max(on.d1, on.d2);
+    }
+    double offset_m(const OnFaces& on, Slope* slope, Eigen::Vector2d* normal) const {
+      if (on.d1 >= on.d2) {
+        *normal = side1 * e1;
+        *slope = {{-normal->x(), -normal->y(), side1 * on.p2}, 3};
+      } else {
+        *normal = side2 * e2;
+        *slope = {{-normal->x(), -normal->y(), -side2 * on.p1}, 4};
       }
-      return std::max(d1, d2);
+      return std::max(on.d1, on.d2);
     }
 
     /// Distance beyond the far end of the face in whose plane it is nearest, negative before it, the derivative by x,
     /// and the direction in which it counts. Beyond the near end it is outside of the other face.
-    double beyond_m(const Eigen::Vector2d& y, Vector5d* jacobian, Eigen::Vector2d* along) const {
-      const double p1 = e1.dot(y - t);
-      const double p2 = e2.dot(y - t);
-      if (depth1(p1) >= depth2(p2)) {
-        const double s = side2 == 0.0 ? std::copysign(1.0, p2) : -side2;
+    double beyond_m(const OnFaces& on, Slope* slope, Eigen::Vector2d* along) const {
+      if (on.d1 >= on.d2) {
+        const double s = side2 == 0.0 ? std::copysign(1.0, on.p2) : -side2;
         *along = s * e2;
-        *jacobian << -s * e2, -s * p1, 0.0, -1.0;
-        return s * p2 - b;
+        *slope = {{-along->x(), -along->y(), -s * on.p1}, 4};
+        return s * on.p2 - b;
       }
-      const double s = side1 == 0.0 ? std::copysign(1.0, p1) : -side1;
+      const double s = side1 == 0.0 ? std::copysign(1.0, on.p1) : -side1;
       *along = s * e1;
-      *jacobian << -s * e1, s * p2, -1.0, 0.0;
-      return s * p1 - a;
+      *slope = {{-along->x(), -along->y(), s * on.p2}, 3};
+      return s * on.p1 - a;
     }
 
     /// Distance from the plane of a face, positive outside.
@@ -251,21 +283,33 @@ void bound_halves(Vector5d& x) {
 Vector5d minimise(const BoxProblem& problem, const Prior& prior, Vector5d x, int max_iterations) {
   bound_halves(x);
   double damping = 1e-3;
+  Matrix5d A, A_candidate;
+  Vector5d b, b_candidate;
+  double cost = max_iterations > 0 ? problem.evaluate(x, &prior, &A, &b) : 0.0;
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Matrix5d A;
-    Vector5d b;
-    const double cost = problem.evaluate(x, &prior, &A, &b);
     bool improved = false;
     double change = 0.0;
+    const bool is_last = iteration + 1 == max_iterations;
     for (int attempt = 0; attempt < 6 && !improved; ++attempt) {
       Matrix5d damped = A;
       damped.diagonal() *= 1.0 + damping;
       Vector5d candidate = x - damped.llt().solve(b);
       bound_halves(candidate);
-      improved = problem.evaluate(candidate, &prior, nullptr, nullptr) < cost;
+      // Most first attempts improve: then these are the next iteration's.
+      const bool for_next = attempt == 0 && !is_last;
+      const double candidate_cost =
+          problem.evaluate(candidate, &prior, for_next ? &A_candidate : nullptr, for_next ? &b_candidate : nullptr);
+      improved = candidate_cost < cost;
       if (improved) {
         change = (candidate - x).norm();
         x = candidate;
+        if (for_next) {
+          cost = candidate_cost;
+          A = A_candidate;
+          b = b_candidate;
+        } else if (!is_last && change >= 1e-5) {
+          cost = problem.evaluate(x, &prior, &A, &b);
+        }
         damping = std::max(damping * 0.2, 1e-9);
       } else {
         damping *= 10.0;

@@ -74,13 +74,28 @@ template <typename Lanes, int kRows>
   }
 }
 
-template <typename Lanes, int kRows>
+/// A tile of `rows` rows, kMost at most.
+template <typename Lanes, int kMost>
+[[gnu::always_inline]] inline void multiply_up_to(const Product& product, int row, int rows, int panel) {
+  if constexpr (kMost > 1) {
+    if (rows < kMost) return multiply_up_to<Lanes, kMost - 1>(product, row, rows, panel);
+  }
+  multiply_tile<Lanes, kMost>(product, row, panel);
+}
+
+/// In tiles of about the same size: one of a single row takes as long as one of four, for each of its sums waits for
+/// the one before.
+template <typename Lanes, int kMostRows>
 [[gnu::always_inline]] inline void multiply_rows(const Product& product, int rows) {
   const int panels = (product.outputs + kPanel - 1) / kPanel;
+  const int tiles = (rows + kMostRows - 1) / kMostRows;
   for (int panel = 0; panel < panels; ++panel) {
     int row = 0;
-    for (; row + kRows <= rows; row += kRows) multiply_tile<Lanes, kRows>(product, row, panel);
-    for (; row < rows; ++row) multiply_tile<Lanes, 1>(product, row, panel);
+    for (int tile = 0; tile < tiles; ++tile) {
+      const int count = (rows - row) / (tiles - tile);
+      multiply_up_to<Lanes, kMostRows>(product, row, count, panel);
+      row += count;
+    }
   }
 }
 
@@ -88,7 +103,7 @@ void multiply_portable(const Product& product, int rows) { multiply_rows<Four, 2
 
 #if defined(__x86_64__)
 [[gnu::target("avx2,fma")]] void multiply_avx2(const Product& product, int rows) {
-  multiply_rows<Eight, 4>(product, rows);
+  multiply_rows<Eight, 5>(product, rows);
 }
 #endif
 
