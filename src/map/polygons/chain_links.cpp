@@ -11,7 +11,7 @@
 namespace situation_awareness {
 namespace {
 
-using Index = Surfels::Index;
+using Index = NearElements::Index;
 constexpr Index kNone = Surfels::kNone;
 constexpr double kNoLink = std::numeric_limits<double>::infinity();
 
@@ -21,7 +21,7 @@ constexpr double kNextOne = 2.2;
 constexpr double kBeside = 0.1;
 /// Offset across the line per length, and cosine between the normals: what bends more is a corner.
 constexpr double kMaxBend = 0.45;
-constexpr double kSameSurface = 0.7;
+constexpr double kSameSurface = LinkElement::kSameSurface;
 /// The same beyond a gap, in m.
 constexpr double kStepBeyondGap_m = 0.012;
 constexpr double kSameLine = 0.95;
@@ -66,8 +66,6 @@ constexpr double kStrayCost_m = 0.3;
 /// Searches for the best one that has not found a better one.
 constexpr int kRounds = 3;
 
-double sigma_of(const Surfel& surfel) { return std::sqrt(surfel.variance_m2); }
-
 /// Towards the free side, of a boundary that runs so.
 Eigen::Vector2d normal_of(const Eigen::Vector2d& along) { return {-along.y(), along.x()}; }
 
@@ -76,24 +74,38 @@ bool is_inner(const Eigen::Vector2d& t_right, const Eigen::Vector2d& t_left) {
   return t_right.x() * t_left.y() - t_right.y() * t_left.x() > kCorner;
 }
 
+/// m. Diagonal of the box, along the axes of the world, around some of a list of elements.
+double size_of(const std::vector<LinkElement>& elements, const std::vector<Index>& some, std::size_t first,
+               std::size_t end) {
+  const auto place_m = [&](std::size_t k) { return elements[static_cast<std::size_t>(some[k])].p_world_m; };
+  Eigen::Vector2d low_m = place_m(first), high_m = low_m;
+  for (std::size_t k = first; k < end; ++k) {
+    low_m = low_m.cwiseMin(place_m(k));
+    high_m = high_m.cwiseMax(place_m(k));
+  }
+  return (high_m - low_m).norm();
+}
+
 /// Of going on from `right` to the next one on its line.
-double next_cost(const Surfel& right, const Surfel& left, double spacing_m) {
+double next_cost(const LinkElement& right, const LinkElement& left, double spacing_m) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double along_m = right.along_world().dot(d_m);
-  if (along_m < kBeside * spacing_m || along_m > kNextOne * spacing_m || left.along_world().dot(d_m) <= 0.0) {
-    return kNoLink;
-  }
-  if (right.normal_world.dot(left.normal_world) < kSameSurface) return kNoLink;
   const double off_m = std::abs(right.normal_world.dot(d_m)), back_off_m = std::abs(left.normal_world.dot(d_m));
-  const double most_m = 2.0 * (sigma_of(right) + sigma_of(left)) + kMaxBend * along_m + kRough_m;
-  if (std::max(off_m, back_off_m) > most_m) return kNoLink;
+  const double most_m = 2.0 * (right.sigma_m + left.sigma_m) + kMaxBend * along_m + kRough_m;
+  // Few of the conditions can be predicted: no branch for each.
+  const unsigned goes_on = static_cast<unsigned>(along_m >= kBeside * spacing_m) &
+                           static_cast<unsigned>(along_m <= kNextOne * spacing_m) &
+                           static_cast<unsigned>(left.along_world().dot(d_m) > 0.0) &
+                           static_cast<unsigned>(right.normal_world.dot(left.normal_world) >= kSameSurface) &
+                           static_cast<unsigned>(std::max(off_m, back_off_m) <= most_m);
+  if (goes_on == 0U) return kNoLink;
   return along_m + kAcrossCost * (std::max(off_m - kRough_m, 0.0) + std::max(back_off_m - kRough_m, 0.0));
 }
 
 /// Of going on beyond a gap, from the end of a chain that runs along `t_right` to the beginning of one that runs along
 /// `t_left`.
-double gap_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Surfel& left, const Eigen::Vector2d& t_left,
-                double max_gap_m, bool is_known) {
+double gap_cost(const LinkElement& right, const Eigen::Vector2d& t_right, const LinkElement& left,
+                const Eigen::Vector2d& t_left, double max_gap_m, bool is_known) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double along_m = t_right.dot(d_m);
   if (along_m <= 0.0 || along_m > max_gap_m || t_left.dot(d_m) <= 0.0 || t_right.dot(t_left) < kSameLine) {
@@ -101,13 +113,13 @@ double gap_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Surfe
   }
   const double off_m = std::abs(normal_of(t_right).dot(d_m)), back_off_m = std::abs(normal_of(t_left).dot(d_m));
   const double most_m = (is_known ? kKnownStep : 1.0) *
-                        (2.0 * (sigma_of(right) + sigma_of(left)) + kStepBeyondGap_m + kTurnBeyondGap * along_m);
+                        (2.0 * (right.sigma_m + left.sigma_m) + kStepBeyondGap_m + kTurnBeyondGap * along_m);
   if (std::max(off_m, back_off_m) > most_m) return kNoLink;
   return along_m + kAcrossCost * (std::max(off_m - kRough_m, 0.0) + std::max(back_off_m - kRough_m, 0.0));
 }
 
 /// The same around a corner.
-double corner_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Surfel& left,
+double corner_cost(const LinkElement& right, const Eigen::Vector2d& t_right, const LinkElement& left,
                    const Eigen::Vector2d& t_left, double spacing_m, bool are_walls, bool is_known) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double sine = t_right.x() * t_left.y() - t_right.y() * t_left.x();
@@ -129,16 +141,6 @@ double corner_cost(const Surfel& right, const Eigen::Vector2d& t_right, const Su
 
 }  // namespace
 
-double size_of(const Surfels& surfels, const std::vector<Surfels::Index>& elements, std::size_t first,
-               std::size_t end) {
-  Eigen::Vector2d low_m = surfels[elements[first]].p_world_m, high_m = low_m;
-  for (std::size_t k = first; k < end; ++k) {
-    low_m = low_m.cwiseMin(surfels[elements[k]].p_world_m);
-    high_m = high_m.cwiseMax(surfels[elements[k]].p_world_m);
-  }
-  return (high_m - low_m).norm();
-}
-
 /// To an element that is on its line by the spacing along it and less across it.
 double ChainLinks::reach_m(double spacing_m) { return std::sqrt(2.0) * kNextOne * spacing_m; }
 
@@ -157,8 +159,9 @@ void ChainLinks::link_best(const Search& search, bool at_joints, const Cost& cos
       search(i, [&](Index j) {
         if (j == i || !links_[static_cast<std::size_t>(j)] || right_[static_cast<std::size_t>(j)] != kNone) return;
         const double value = cost(i, j);
+        if (value == kNoLink) return;
         const auto better = [&](double than, Index current, Index by) {
-          return value < than || (value == than && value < kNoLink && by < current);
+          return value < than || (value == than && by < current);
         };
         const auto r = static_cast<std::size_t>(i), l = static_cast<std::size_t>(j);
         if (better(cost_left_[r], best_left_[r], j)) cost_left_[r] = value, best_left_[r] = j;
@@ -186,68 +189,72 @@ void ChainLinks::link_best(const Search& search, bool at_joints, const Cost& cos
 
 /// cost(right, left, is_known) of all ends of different chains, seen by this scan.
 template <class Search, class Cost>
-void ChainLinks::see_joints(const Surfels& surfels, const Search& search, const View& view, Joints& joints,
+void ChainLinks::see_joints(const Elements& elements, const Search& search, const View& view, Joints& joints,
                             const Cost& cost) {
   for (const Index i : open_) {
     const auto r = static_cast<std::size_t>(i);
     if (left_[r] != kNone || name_[r] == 0 || run_[r] <= kStray) continue;
     search(i, [&](Index j) {
-      const Surfel& left = surfels[j];
+      const LinkElement &right = elements[r], &left = elements[static_cast<std::size_t>(j)];
       const auto l = static_cast<std::size_t>(j);
       if (j == i || !links_[l] || right_[l] != kNone || name_[l] == 0 || name_[l] == name_[r]) return;
       if (run_[l] <= kStray) return;
-      if (left.last_seen_ns != view.stamp_ns && surfels[i].last_seen_ns != view.stamp_ns) return;
+      if (!left.is_hit && !right.is_hit) return;
       if ((left.p_world_m - view.p_world_m).norm() * view.resolution_rad > kCloseBeams_joint_m) return;
       const bool meets = cost(i, j, false) < kNoLink;
-      const bool is_near = (left.p_world_m - surfels[i].p_world_m).norm() < kNearEnds_m;
+      const bool is_near = (left.p_world_m - right.p_world_m).norm() < kNearEnds_m;
       if (meets || is_near || cost(i, j, true) < kNoLink) joints.see(name_[r], name_[l], meets);
     });
   }
 }
 
-void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements, const NearElements& near,
-                      double spacing_m, double max_gap_m, const View& view, Joints& joints) {
-  const auto size = static_cast<std::size_t>(surfels.end());
+void ChainLinks::link(const Elements& elements, const NearElements& near, double spacing_m, double max_gap_m,
+                      const View& view, Joints& joints) {
+  const std::size_t size = elements.size();
+  const auto at = [&](Index i) -> const LinkElement& { return elements[static_cast<std::size_t>(i)]; };
   for (std::vector<Index>* list : {&right_, &left_, &best_right_, &best_left_}) assign_with_room(*list, size, kNone);
   assign_with_room(run_, size, 0);
   assign_with_room(along_, size, Eigen::Vector2d::UnitX());
   for (std::vector<double>* list : {&cost_right_, &cost_left_}) assign_with_room(*list, size, kNoLink);
   assign_with_room(name_, size, 0);
-  for (std::vector<bool>* list : {&links_, &joint_}) list->assign(size, false);
-  for (const Index i : elements) links_[static_cast<std::size_t>(i)] = true;
+  for (std::vector<unsigned char>* list : {&links_, &joint_}) list->assign(size, 0);
   // Ends of chains that are taken apart come back: room for all.
-  for (std::vector<Index>* list : {&open_, &crossed_, &ordered_}) {
+  for (std::vector<Index>* list : {&open_, &crossed_, &walked_in_order_}) {
     if (list->capacity() < 2 * size) list->reserve(3 * size + kUsualRoom);
   }
   chains_.reserve(kUsualRoom);
-  open_.assign(elements.begin(), elements.end());
+  open_.clear();
+  for (std::size_t k = 0; k < size; ++k) {
+    links_[k] = elements[k].is_shown;
+    if (elements[k].is_shown) open_.push_back(static_cast<Index>(k));
+  }
   link_best([&](Index i, const auto& act) { near.for_each(i, act); }, false,
-            [&](Index right, Index left) { return next_cost(surfels[right], surfels[left], spacing_m); });
-  leave_out_crossed(surfels, near, spacing_m);
-  find_directions(surfels);
+            [&](Index right, Index left) { return next_cost(at(right), at(left), spacing_m); });
+  leave_out_crossed(elements, near, spacing_m);
+  find_directions(elements);
 
   const auto along = [&](Index i) -> const Eigen::Vector2d& { return along_[static_cast<std::size_t>(i)]; };
   const auto run = [&](Index i) { return run_[static_cast<std::size_t>(i)]; };
   const auto gap = [&](Index right, Index left, bool is_known) {
-    return gap_cost(surfels[right], along(right), surfels[left], along(left), max_gap_m, is_known);
+    return gap_cost(at(right), along(right), at(left), along(left), max_gap_m, is_known);
   };
   const auto corner = [&](Index right, Index left, bool is_known) {
-    return corner_cost(surfels[right], along(right), surfels[left], along(left), spacing_m,
+    return corner_cost(at(right), along(right), at(left), along(left), spacing_m,
                        std::min(run(right), run(left)) >= kWall, is_known);
   };
   // Only ends are left to be linked.
   const double corner_m = kKnownAhead * kAhead_m + 2.0 * spacing_m;
-  near_ends_.find(surfels, open_, std::sqrt(2.0) * std::max(max_gap_m, corner_m));
+  near_ends_.find(elements, open_, std::sqrt(2.0) * std::max(max_gap_m, corner_m));
   const auto within = [&](double radius_m) {
     return [&, most_m2 = 2.0 * radius_m * radius_m](Index i, const auto& act) {
       near_ends_.for_each(i, [&](Index j) {
-        if ((surfels[j].p_world_m - surfels[i].p_world_m).squaredNorm() <= most_m2) act(j);
+        if ((at(j).p_world_m - at(i).p_world_m).squaredNorm() <= most_m2) act(j);
       });
     };
   };
   if (view.step_s > 0.0) {
-    see_joints(surfels, within(max_gap_m), view, joints, gap);
-    see_joints(surfels, within(corner_m), view, joints, corner);
+    see_joints(elements, within(max_gap_m), view, joints, gap);
+    see_joints(elements, within(corner_m), view, joints, corner);
     joints.decide(view.step_s);
   }
   const auto decided = [&](const auto& cost_of) {
@@ -265,49 +272,49 @@ void ChainLinks::link(const Surfels& surfels, const std::vector<Index>& elements
   };
   link_best(within(max_gap_m), true, decided(gap));
   link_best(within(corner_m), true, decided(corner));
-  walk(surfels, elements);
+  walk(elements, near);
 }
 
 /// Of the ends of chains: where their last elements lie says more than how each is turned.
-void ChainLinks::find_directions(const Surfels& surfels) {
+void ChainLinks::find_directions(const Elements& elements) {
   for (const Index i : open_) {
     const auto k = static_cast<std::size_t>(i);
     // Inwards: an end goes on at one of its sides only.
     const bool is_left_end = right_[k] != kNone;
     const std::vector<Index>& inwards = is_left_end ? right_ : left_;
     Index inner = i, direction = i;
-    std::uint64_t name = surfels[i].chain;  // of the majority (Boyer and Moore)
+    std::uint64_t name = elements[k].chain;  // of the majority (Boyer and Moore)
     int votes = 1;
     for (run_[k] = 1; run_[k] < kWall && inwards[static_cast<std::size_t>(inner)] != kNone; ++run_[k]) {
       inner = inwards[static_cast<std::size_t>(inner)];
       if (run_[k] <= kEndElements) direction = inner;
-      const std::uint64_t other = surfels[inner].chain;
+      const std::uint64_t other = elements[static_cast<std::size_t>(inner)].chain;
       if (other == 0) continue;
       if (votes == 0 || name == 0) name = other, votes = 0;
       votes += other == name ? 1 : -1;
     }
     name_[k] = name;
-    const Index right = is_left_end ? direction : i, left = is_left_end ? i : direction;
-    const Eigen::Vector2d way_m = surfels[left].p_world_m - surfels[right].p_world_m;
-    along_[k] = way_m.norm() > kLeastEnd_m ? Eigen::Vector2d(way_m.normalized()) : surfels[i].along_world();
+    const Eigen::Vector2d inwards_m = elements[static_cast<std::size_t>(direction)].p_world_m - elements[k].p_world_m;
+    const Eigen::Vector2d way_m = is_left_end ? Eigen::Vector2d(-inwards_m) : inwards_m;
+    along_[k] = way_m.norm() > kLeastEnd_m ? Eigen::Vector2d(way_m.normalized()) : elements[k].along_world();
   }
 }
 
 /// What lies on a boundary and faces another way is no surface: hits beside an edge that were taken for its side.
-void ChainLinks::leave_out_crossed(const Surfels& surfels, const NearElements& near, double spacing_m) {
+void ChainLinks::leave_out_crossed(const Elements& elements, const NearElements& near, double spacing_m) {
   crossed_.clear();
   for (std::size_t k = 0; k < links_.size(); ++k) {
     const Index i = static_cast<Index>(k);
-    if (!links_[k] || left_[k] == kNone) continue;
-    const Surfel& right = surfels[i];
-    const Surfel& left = surfels[left_[k]];
+    if (!links_[k] || left_[k] == kNone || !elements[k].is_crossed) continue;
+    const LinkElement& right = elements[k];
+    const LinkElement& left = elements[static_cast<std::size_t>(left_[k])];
     const Eigen::Vector2d way_m = left.p_world_m - right.p_world_m;
     const double length_m = way_m.norm();
     if (length_m > kNextOne * spacing_m) continue;
     near.for_each(i, [&](Index j) {
       if (j == left_[k] || !links_[static_cast<std::size_t>(j)]) return;
-      const Surfel& other = surfels[j];
-      if (std::abs(other.normal_world.dot(right.normal_world)) > kSameSurface) return;
+      const LinkElement& other = elements[static_cast<std::size_t>(j)];
+      if (!other.faces_another_way(right)) return;
       const double part = way_m.dot(other.p_world_m - right.p_world_m) / (length_m * length_m);
       if (part < 0.0 || part > 1.0) return;
       if ((other.p_world_m - right.p_world_m - part * way_m).norm() < kOnLine_m) crossed_.push_back(j);
@@ -327,32 +334,41 @@ void ChainLinks::leave_out_crossed(const Surfels& surfels, const NearElements& n
               open_.end());
 }
 
-void ChainLinks::walk_from(const Surfels& surfels, Index first, bool closed) {
-  const std::size_t begin = ordered_.size();
+void ChainLinks::walk_from(const Elements& elements, Index first, bool closed) {
+  const std::size_t begin = walked_in_order_.size();
   for (Index i = first; i != kNone && !walked_[static_cast<std::size_t>(i)]; i = left_[static_cast<std::size_t>(i)]) {
     walked_[static_cast<std::size_t>(i)] = true;
-    ordered_.push_back(i);
+    walked_in_order_.push_back(i);
   }
-  const std::size_t count = ordered_.size() - begin;
+  const std::size_t count = walked_in_order_.size() - begin;
   if (!closed && count >= 4U * kWall) {  // the corner of two walls
-    closed = (surfels[ordered_.back()].p_world_m - surfels[ordered_[begin]].p_world_m).norm() < kAhead_m;
+    const auto last = static_cast<std::size_t>(walked_in_order_.back());
+    closed = (elements[last].p_world_m - elements[static_cast<std::size_t>(first)].p_world_m).norm() < kAhead_m;
   }
   constexpr std::size_t kFewestOfClosed = 3;
-  chains_.push_back({begin, ordered_.size(), closed && count >= kFewestOfClosed});
+  const double size_m = size_of(elements, walked_in_order_, begin, walked_in_order_.size());
+  chains_.push_back({begin, walked_in_order_.size(), closed && count >= kFewestOfClosed, size_m});
 }
 
-void ChainLinks::walk(const Surfels& surfels, const std::vector<Index>& elements) {
-  ordered_.clear();
+void ChainLinks::walk(const Elements& elements, const NearElements& near) {
+  walked_in_order_.clear();
   chains_.clear();
-  walked_.assign(links_.size(), false);
-  for (const Index i : elements) {
-    if (links_[static_cast<std::size_t>(i)] && right_[static_cast<std::size_t>(i)] == kNone)
-      walk_from(surfels, i, false);
+  walked_.assign(links_.size(), 0);
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (links_[k] && right_[k] == kNone) walk_from(elements, static_cast<Index>(k), false);
   }
-  for (const Index i : elements) {
-    if (links_[static_cast<std::size_t>(i)] && !walked_[static_cast<std::size_t>(i)]) walk_from(surfels, i, true);
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (links_[k] && !walked_[k]) walk_from(elements, static_cast<Index>(k), true);
   }
-  join_small(surfels);
+  join_small(elements, near);
+  ordered_.clear();
+  before_joint_.clear();
+  ordered_.reserve(walked_in_order_.capacity());
+  before_joint_.reserve(walked_in_order_.capacity());
+  for (const Index i : walked_in_order_) {
+    ordered_.push_back(elements[static_cast<std::size_t>(i)].index);
+    before_joint_.push_back(joint_[static_cast<std::size_t>(i)] != 0);
+  }
 }
 
 std::size_t ChainLinks::group_of(std::size_t chain) const {
@@ -362,24 +378,25 @@ std::size_t ChainLinks::group_of(std::size_t chain) const {
 
 /// A post or a cup is hit by few beams at a time, from different sides: there is no line to go on with. Elements of
 /// small chains near each other are of one thing.
-void ChainLinks::join_small(const Surfels& surfels) {
+void ChainLinks::join_small(const Elements& elements, const NearElements& near) {
   constexpr auto kNotSmall = static_cast<std::size_t>(-1);
   assign_with_room(chain_of_, links_.size(), kNotSmall);
   assign_with_room(group_, chains_.size(), 0);
   for (std::size_t c = 0; c < chains_.size(); ++c) {
     group_[c] = c;
     const Run& run = chains_[c];
-    if (run.end - run.first > kSmall || size_of(surfels, ordered_, run.first, run.end) > kSmallSize_m) continue;
-    for (std::size_t k = run.first; k < run.end; ++k) chain_of_[static_cast<std::size_t>(ordered_[k])] = c;
+    if (run.end - run.first > kSmall || run.size_m > kSmallSize_m) continue;
+    for (std::size_t k = run.first; k < run.end; ++k) chain_of_[static_cast<std::size_t>(walked_in_order_[k])] = c;
   }
   bool any = false;
-  for (const Index i : ordered_) {
+  for (const Index i : walked_in_order_) {
     const std::size_t own = chain_of_[static_cast<std::size_t>(i)];
     if (own == kNotSmall) continue;
-    surfels.for_each_near(surfels[i].p_world_m, kSameSmall_m, [&](Index j, const Surfel& other) {
+    const Eigen::Vector2d& p_world_m = elements[static_cast<std::size_t>(i)].p_world_m;
+    near.for_each(i, [&](Index j) {
       const std::size_t chain = chain_of_[static_cast<std::size_t>(j)];
       if (chain == kNotSmall || chain == own) return;
-      if ((other.p_world_m - surfels[i].p_world_m).norm() > kSameSmall_m) return;
+      if ((elements[static_cast<std::size_t>(j)].p_world_m - p_world_m).norm() > kSameSmall_m) return;
       const std::size_t a = group_of(own), b = group_of(chain);
       group_[std::max(a, b)] = std::min(a, b);
       any |= a != b;
@@ -389,7 +406,7 @@ void ChainLinks::join_small(const Surfels& surfels) {
 
   reordered_.clear();
   rejoined_.clear();
-  reordered_.reserve(ordered_.capacity());
+  reordered_.reserve(walked_in_order_.capacity());
   rejoined_.reserve(chains_.capacity());
   members_.clear();
   members_.reserve(chains_.capacity());
@@ -399,27 +416,29 @@ void ChainLinks::join_small(const Surfels& surfels) {
     const std::size_t group = members_[m].first, first = reordered_.size(), begin = m;
     for (; m < members_.size() && members_[m].first == group; ++m) {
       const Run& run = chains_[members_[m].second];
-      for (std::size_t k = run.first; k < run.end; ++k) reordered_.push_back(ordered_[k]);
+      for (std::size_t k = run.first; k < run.end; ++k) reordered_.push_back(walked_in_order_[k]);
     }
-    const bool closed = m - begin == 1 ? chains_[group].closed : order_around(surfels, first);
-    rejoined_.push_back({first, reordered_.size(), closed});
+    const bool is_one = m - begin == 1;
+    const double size_m = is_one ? chains_[group].size_m : size_of(elements, reordered_, first, reordered_.size());
+    const bool closed = is_one ? chains_[group].closed : order_around(elements, first, size_m);
+    rejoined_.push_back({first, reordered_.size(), closed, size_m});
   }
-  std::swap(ordered_, reordered_);
+  std::swap(walked_in_order_, reordered_);
   std::swap(chains_, rejoined_);
 }
 
 /// Orders the elements from `first` on as they are seen from outside, from right to left. Whether they close.
-bool ChainLinks::order_around(const Surfels& surfels, std::size_t first) {
-  const double radius_m = std::max(0.5 * size_of(surfels, reordered_, first, reordered_.size()), kLeastRadius_m);
+bool ChainLinks::order_around(const Elements& elements, std::size_t first, double size_m) {
+  const double radius_m = std::max(0.5 * size_m, kLeastRadius_m);
   Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
   for (std::size_t k = first; k < reordered_.size(); ++k) {
-    const Surfel& surfel = surfels[reordered_[k]];
-    middle_m += surfel.p_world_m - radius_m * surfel.normal_world;
+    const LinkElement& element = elements[static_cast<std::size_t>(reordered_[k])];
+    middle_m += element.p_world_m - radius_m * element.normal_world;
   }
   middle_m /= static_cast<double>(reordered_.size() - first);
   around_.clear();
   for (std::size_t k = first; k < reordered_.size(); ++k) {
-    const Eigen::Vector2d d_m = surfels[reordered_[k]].p_world_m - middle_m;
+    const Eigen::Vector2d d_m = elements[static_cast<std::size_t>(reordered_[k])].p_world_m - middle_m;
     around_.emplace_back(-std::atan2(d_m.y(), d_m.x()), reordered_[k]);
     joint_[static_cast<std::size_t>(reordered_[k])] = false;
   }

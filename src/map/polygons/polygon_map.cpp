@@ -113,8 +113,9 @@ void add_chain(std::vector<Chain>& chains, std::vector<Chain>& spare) {
 /// How much beams so far apart say of a thing of this size.
 double close_beams(double apart_m, double thing_m) {
   if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
-  return std::min(1.0, std::pow(kCloseBeams_m / apart_m, 2.0)) *
-         std::min(1.0, std::pow(kSurePart * thing_m / apart_m, 4.0));
+  const auto squared = [](double x) { return x * x; };
+  return std::min(1.0, squared(kCloseBeams_m / apart_m)) *
+         std::min(1.0, squared(squared(kSurePart * thing_m / apart_m)));
 }
 
 }  // namespace
@@ -469,30 +470,36 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
 /// thing that touches another one now and then has its own id back when they part.
 void PolygonMap::name_chains() {
   const std::vector<Index>& ordered = links_.ordered();
-  thread_local std::vector<std::pair<std::uint64_t, std::size_t>> claims;  // of an id by a chain; kept for its memory
-  claims.clear();
-  for (std::size_t c = 0; c < shown_.size(); ++c) {
-    for (std::size_t k = shown_[c].first; k < shown_[c].end; ++k) {
-      const std::uint64_t id = surfels_[ordered[k]].chain;
-      if (id != 0) claims.emplace_back(id, c);
-    }
-  }
-  std::sort(claims.begin(), claims.end());
-  // Runs of equal claims are counted; the largest first.
-  struct Claim {
+  struct Claim {  // of an id by a chain
     std::size_t elements;
     std::uint64_t id;
     std::size_t chain;
   };
-  thread_local std::vector<Claim> sorted;  // kept for its memory
-  sorted.clear();
-  for (std::size_t i = 0; i < claims.size();) {
-    std::size_t j = i;
-    while (j < claims.size() && claims[j] == claims[i]) ++j;
-    sorted.push_back({j - i, claims[i].first, claims[i].second});
-    i = j;
+  thread_local std::vector<Claim> claims;  // kept for its memory
+  claims.clear();
+  for (std::size_t c = 0; c < shown_.size(); ++c) {
+    const std::size_t first = claims.size();
+    for (std::size_t k = shown_[c].first; k < shown_[c].end; ++k) {
+      const std::uint64_t id = surfels_[ordered[k]].chain;
+      if (id == 0) continue;
+      if (claims.size() == first || claims.back().id != id) claims.push_back({0, id, c});
+      ++claims.back().elements;
+    }
   }
-  std::sort(sorted.begin(), sorted.end(), [](const Claim& a, const Claim& b) {
+  std::sort(claims.begin(), claims.end(),
+            [](const Claim& a, const Claim& b) { return a.id != b.id ? a.id < b.id : a.chain < b.chain; });
+  std::size_t different = 0;
+  for (const Claim& claim : claims) {
+    const bool is_same =
+        different > 0 && claims[different - 1].id == claim.id && claims[different - 1].chain == claim.chain;
+    if (is_same) {
+      claims[different - 1].elements += claim.elements;
+    } else {
+      claims[different++] = claim;
+    }
+  }
+  claims.erase(claims.begin() + static_cast<std::ptrdiff_t>(different), claims.end());
+  std::sort(claims.begin(), claims.end(), [](const Claim& a, const Claim& b) {
     if (a.elements != b.elements) return a.elements > b.elements;
     return a.id != b.id ? a.id < b.id : a.chain < b.chain;
   });
@@ -500,7 +507,7 @@ void PolygonMap::name_chains() {
   thread_local std::vector<std::uint64_t> taken;  // sorted
   assign_with_room(of_chain, shown_.size(), 0);
   taken.clear();
-  for (const Claim& claim : sorted) {
+  for (const Claim& claim : claims) {
     const auto place = std::lower_bound(taken.begin(), taken.end(), claim.id);
     if (of_chain[claim.chain] != 0 || (place != taken.end() && *place == claim.id)) continue;
     taken.insert(place, claim.id);
@@ -516,7 +523,9 @@ void PolygonMap::name_chains() {
   }
   // Joints of those that are not there any more are of no use.
   taken.clear();
-  for (const Index i : ordered) taken.push_back(surfels_[i].chain);
+  for (const Index i : ordered) {
+    if (taken.empty() || taken.back() != surfels_[i].chain) taken.push_back(surfels_[i].chain);
+  }
   std::sort(taken.begin(), taken.end());
   taken.erase(std::unique(taken.begin(), taken.end()), taken.end());
   joints_.keep(taken);
@@ -529,12 +538,12 @@ void PolygonMap::name_elements(const ChainLinks::Run& run, std::uint64_t id, boo
   for (std::size_t k = run.first; k < run.end; ++k) {
     Surfel& surfel = surfels_[ordered[k]];
     if (is_new || surfel.chain == 0) surfel.chain = name;
-    if (!is_new) name = links_.is_before_joint(ordered[k]) ? 0 : surfel.chain;
+    if (!is_new) name = links_.is_before_joint(k) ? 0 : surfel.chain;
   }
   if (is_new) return;
   for (std::size_t k = run.end; k-- > run.first;) {
     Surfel& surfel = surfels_[ordered[k]];
-    if (links_.is_before_joint(ordered[k])) name = 0;
+    if (links_.is_before_joint(k)) name = 0;
     if (surfel.chain == 0) surfel.chain = name;
     name = surfel.chain;
   }
@@ -553,11 +562,11 @@ void PolygonMap::unite_names(const ChainLinks::Run& run, std::uint64_t id) {
   std::uint64_t name_before = 0;
   for (std::size_t k = run.first; k < run.end; ++k) {
     const std::uint64_t name = surfels_[ordered[k]].chain;
-    const bool ends = k + 1 == run.end || surfels_[ordered[k + 1]].chain != name || links_.is_before_joint(ordered[k]);
+    const bool ends = k + 1 == run.end || surfels_[ordered[k + 1]].chain != name || links_.is_before_joint(k);
     if (!ends) continue;
     const std::size_t count = k + 1 - begin;
     if (std::min(before, count) >= kFewElements) joints_.see(name_before, name, true);
-    const bool at_joint = links_.is_before_joint(ordered[k]);
+    const bool at_joint = links_.is_before_joint(k);
     before = at_joint ? 0 : count;
     name_before = name;
     begin = k + 1;
@@ -598,40 +607,53 @@ bool PolygonMap::is_lonely(const ChainLinks::Run& run) const {
   return run.end - run.first == 1 && age_s > kRareAfter_s && surfel.seen_s < std::min(kLonely * age_s, kLonely_s);
 }
 
-/// Whether an element was hit seldom, compared with those beside it, since it was first seen.
-bool PolygonMap::is_rare(Index index) const {
-  const Surfel& surfel = surfels_[index];
-  const double age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
-  if (age_s < kRareAfter_s) return false;
-  if (surfel.seen_s >= kRare * age_s) return false;  // none was hit for longer than it is there
-  double expected_s = surfel.seen_s;
-  int elements = 1;
-  near_.for_each(index, [&](Index j) {
-    const Surfel& other = surfels_[j];
-    if ((other.p_world_m - surfel.p_world_m).squaredNorm() > kRareReach_m * kRareReach_m) return;
-    const double other_age_s = std::max(seconds_between(other.first_seen_ns, stamp_ns_), kRareAfter_s);
-    expected_s += other.seen_s * std::min(1.0, age_s / other_age_s);
-    ++elements;
+/// Compares an element with those beside it. One that was hit seldom since it was first seen is not shown.
+void PolygonMap::look_around(std::size_t element) {
+  LinkElement& own = link_elements_[element];
+  double expected_s = own.seen_s;
+  double elements = 1.0;
+  near_.for_each(static_cast<Index>(element), [&](Index j) {
+    const LinkElement& other = link_elements_[static_cast<std::size_t>(j)];
+    const double part = (other.p_world_m - own.p_world_m).squaredNorm() <= kRareReach_m * kRareReach_m ? 1.0 : 0.0;
+    expected_s += part * std::min(other.seen_s, other.seen_share * own.age_s);
+    elements += part;
+    own.is_crossed |= other.faces_another_way(own);
   });
-  return surfel.seen_s < kRare * expected_s / elements;
+  own.is_shown = own.age_s < kRareAfter_s || own.seen_s >= kRare * expected_s / elements;
+}
+
+void PolygonMap::find_links() {
+  link_elements_.clear();
+  all_links_.clear();
+  for (Index i = 0; i < surfels_.end(); ++i) {
+    const Surfel& surfel = surfels_[i];
+    if (!surfel.alive || !surfel.confirmed) continue;
+    LinkElement& element = link_elements_.emplace_back();
+    element.p_world_m = surfel.p_world_m;
+    element.normal_world = surfel.normal_world;
+    element.sigma_m = std::sqrt(surfel.variance_m2);
+    element.low_m = surfel.low_m;
+    element.high_m = surfel.high_m;
+    element.seen_s = surfel.seen_s;
+    element.age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
+    element.seen_share = element.seen_s / std::max(element.age_s, kRareAfter_s);
+    element.chain = surfel.chain;
+    element.index = i;
+    element.is_hit = surfel.last_seen_ns == stamp_ns_;
+    all_links_.push_back(static_cast<Index>(all_links_.size()));
+  }
+  near_.find(link_elements_, all_links_, std::max(kRareReach_m, ChainLinks::reach_m(params_.spacing_m)));
+  for (std::size_t k = 0; k < link_elements_.size(); ++k) look_around(k);
+  const ChainLinks::View view{inverse(now_.T_level_world).translation_m, resolution_rad_,
+                              joined_at_ns_ == stamp_ns_ ? 0.0 : step_s_};
+  joined_at_ns_ = stamp_ns_;
+  links_.link(link_elements_, near_, params_.spacing_m, params_.max_gap_m, view, joints_);
 }
 
 Polygons PolygonMap::polygons(Polygons memory) {
   Polygons result = std::move(memory);
   result.stamp_ns = stamp_ns_;
-  confirmed_.clear();
-  for (Index i = 0; i < surfels_.end(); ++i) {
-    if (surfels_[i].alive && surfels_[i].confirmed) confirmed_.push_back(i);
-  }
-  near_.find(surfels_, confirmed_, std::max(kRareReach_m, ChainLinks::reach_m(params_.spacing_m)));
-  shown_elements_.clear();
-  for (const Index i : confirmed_) {
-    if (!is_rare(i)) shown_elements_.push_back(i);
-  }
-  const ChainLinks::View view{inverse(now_.T_level_world).translation_m, resolution_rad_, stamp_ns_,
-                              joined_at_ns_ == stamp_ns_ ? 0.0 : step_s_};
-  joined_at_ns_ = stamp_ns_;
-  links_.link(surfels_, shown_elements_, near_, params_.spacing_m, params_.max_gap_m, view, joints_);
+  find_links();
   for (Index i = 0; i < surfels_.end(); ++i) surfels_[i].elements_of_chain = 0;
   for (const ChainLinks::Run& run : links_.chains()) measure(run);
   shown_.clear();
@@ -652,11 +674,10 @@ Polygons PolygonMap::polygons(Polygons memory) {
 
 /// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
 void PolygonMap::measure(const ChainLinks::Run& run) {
-  const double size_m = size_of(surfels_, links_.ordered(), run.first, run.end);
   for (std::size_t k = run.first; k < run.end; ++k) {
     Surfel& surfel = surfels_[links_.ordered()[k]];
     surfel.elements_of_chain = static_cast<int>(run.end - run.first);
-    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, size_m);
+    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, run.size_m);
   }
 }
 

@@ -152,7 +152,8 @@ class PolygonMap {
   void name_chains();
   void name_elements(const ChainLinks::Run& run, std::uint64_t id, bool is_new);
   void unite_names(const ChainLinks::Run& run, std::uint64_t id);
-  bool is_rare(Index index) const;
+  void find_links();
+  void look_around(std::size_t element);
   bool is_lonely(const ChainLinks::Run& run) const;
   bool is_beside_larger(const ChainLinks::Run& run) const;
   void measure(const ChainLinks::Run& run);
@@ -170,8 +171,9 @@ class PolygonMap {
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
   std::vector<Index> given_up_;
-  std::vector<Index> confirmed_, shown_elements_;
-  NearElements near_;  ///< of those confirmed
+  std::vector<LinkElement> link_elements_;  ///< those confirmed
+  std::vector<Index> all_links_;            ///< indices of link_elements_
+  NearElements near_;                       ///< of link_elements_
   ChainLinks links_;
   Joints joints_;
   std::int64_t joined_at_ns_ = std::numeric_limits<std::int64_t>::min();  ///< latest scan that they saw
