@@ -25,6 +25,8 @@ constexpr int kMaxIterations = 6;
 /// Reflectors are judged only by a pose that is known better than this.
 constexpr double kCertain_m = 0.05;
 constexpr double kCertain_rad = 0.03;
+/// And by one that two of them have confirmed in this time, when one alone is in sight.
+constexpr double kConfirmed_s = 5.0;
 /// Beams that pass through the place of a reflector end farther behind it than this.
 constexpr double kBehindReflector_m = 0.1;
 /// What is seen nearer than this to a reflector's place and not in it hides that place, or is the reflector itself.
@@ -42,6 +44,9 @@ constexpr double kSameStranger_m = 0.25;
 /// Scans with a match that saw it, after which it is known.
 constexpr int kStrangerScans = 5;
 constexpr std::size_t kMaxStrangers = 64;
+/// m. The place of a moved reflector is known to this standard deviation, in each direction, when it begins to be used:
+/// so much more than the errors by which it was found that these, which come again, count for nothing.
+constexpr double kMovedSigma_m = 0.05;
 
 double larger_eigenvalue(const Eigen::Matrix2d& P) {
   const double mean = 0.5 * (P(0, 0) + P(1, 1));
@@ -81,6 +86,10 @@ Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_bas
   Eigen::Matrix2d J_z_p;
   J_z_p << p_lidar.transpose() / std::sqrt(range2_m2), -p_lidar.y() / range2_m2, p_lidar.x() / range2_m2;
   return J_z_p * T_base_lidar.rotation().transpose() * place_jacobian(p_base);
+}
+
+Eigen::Matrix2d observed_reflector_place_jacobian(const Eigen::Matrix<double, 2, 3>& J_z_e, const Pose2& T_world_base) {
+  return -J_z_e.leftCols<2>() * T_world_base.rotation().transpose();
 }
 
 ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u) {
@@ -152,13 +161,20 @@ ReflectorLocalization::ReflectorLocalization(const ReflectorMap& map, const Refl
 void ReflectorLocalization::forget(const char* reason) {
   is_known_ = false;
   reason_ = reason;
+  // What was seen of reflectors by a pose that was contradicted may be wrong.
+  if (contradicted_ > 0) forget_reflectors();
   contradicted_ = 0;
   strangers_.clear();
+}
+
+void ReflectorLocalization::forget_reflectors() {
   for (Watched& watched : watched_) watched = {};
+  moved_ = {};
 }
 
 void ReflectorLocalization::relocate() {
   forget("no pose yet");
+  forget_reflectors();
   stood_.clear();
   has_initial_ = false;
 }
@@ -173,7 +189,9 @@ void ReflectorLocalization::initial_pose(std::int64_t stamp_ns, const Pose2& T_w
 }
 
 void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estimate<Pose2>& T_world_base) {
-  for (Watched& watched : watched_) watched = {};
+  if (contradicted_ > 0) forget_reflectors();
+  for (Watched& watched : watched_) watched.beams = {};
+  moved_.P_state.setZero();  // the new pose was found without them
   is_known_ = true;
   reason_ = "";
   contradicted_ = 0;
@@ -197,6 +215,7 @@ void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estim
   estimate_.P.bottomRightCorner<2, 2>() = variance.asDiagonal();
   at_stamp_ = T_world_base;
   stamp_ns_ = at.stamp_ns;
+  confirmed_ns_ = stamp_ns_ - nanoseconds(kConfirmed_s);
 }
 
 LocalizedPose ReflectorLocalization::pose() const {
@@ -233,7 +252,9 @@ void ReflectorLocalization::predict_to(const OdometryTrack::Entry& target) {
                                   params_.wheels.jump_sigma_rad);
       Q.diagonal().head<3>() += (to.jumps - at_.jumps) * sigma.cwiseAbs2();
     }
-    predict(estimate_, moved_by_odometry(estimate_.x, u), moved_by_odometry_jacobian(estimate_.x, u), Q);
+    const Matrix5 F = moved_by_odometry_jacobian(estimate_.x, u);
+    predict(estimate_, moved_by_odometry(estimate_.x, u), F, Q);
+    if (moved_.any()) moved_.P_state = F * moved_.P_state;
     at_ = to;
   };
   for (std::size_t i = track_.after(at_.stamp_ns); i < track_.size() && track_[i].stamp_ns < target.stamp_ns; ++i) {
@@ -339,46 +360,65 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
   return update_;
 }
 
+// Whether a sighting may be of a reflector with this centre, P_l being the covariance of the place. `fit`: for its
+// radius, and that of the call before.
+bool ReflectorLocalization::is_possible(const ReflectorSightings& sightings, const Seen& seen,
+                                        const Eigen::Vector2d& center_m, double radius_m, const Eigen::Matrix2d& P_l,
+                                        SightingFit& fit, Possible& possible) const {
+  const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
+  const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
+  if (predicted(0) < radius_m + 0.01) return false;  // inside it
+  Matrix25 H = Matrix25::Zero();
+  H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
+  // An error of a moved reflector's place acts as an independent one of the sighting. In truth it has much in common
+  // with that of the pose by which it was found, and the gate is wider than need be.
+  const Eigen::Matrix2d HPH_l =
+      transformed(observed_reflector_place_jacobian(H.leftCols<3>(), estimate_.x.T_world_base), P_l);
+  const Eigen::Matrix2d HPH = transformed(H, estimate_.P) + HPH_l;
+  // Most are far away: only near ones are fitted.
+  const double off_m = predicted(0) - sighting.surface_range_m - radius_m;
+  if (off_m * off_m > 4.0 * gate_ * (HPH(0, 0) + 0.01)) return false;
+  const double off_rad = wrap_to_pi(predicted(1) - sighting.azimuth_rad);
+  if (off_rad * off_rad > 4.0 * gate_ * (HPH(1, 1) + 1e-3)) return false;
+  if (radius_m != fit.radius_m) fit = {radius_m, fit_reflector(sightings, sighting, radius_m)};
+  possible.z << fit.fit.range_m, fit.fit.azimuth_rad;
+  possible.R = fit.fit.covariance;
+  possible.white = fit.fit.white;
+  const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
+  possible.R(0, 0) += model_m2;
+  possible.R(1, 1) += model_m2 / (fit.fit.range_m * fit.fit.range_m);
+  // To first order errors of odometry since the stamp act as one of the pose at the stamp, turned by the motion.
+  possible.R_gate = possible.R + transformed(H, seen.Q) + HPH_l;
+  Eigen::Vector2d nu = possible.z - predicted;
+  nu(1) = wrap_to_pi(nu(1));
+  return inside_gate(innovation(estimate_, nu, H, possible.R_gate), gate_);
+}
+
 // Which reflectors each sighting may be of, each by itself.
 void ReflectorLocalization::list_possible(const ReflectorSightings& sightings) {
   possible_.clear();
   for (Seen& seen : seen_) {
     seen.first = possible_.size();
-    const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
-    double radius_m = -1.0;
-    ReflectorFit fit;
+    SightingFit fit;
     for (std::size_t k = 0; k < map_.reflectors.size(); ++k) {
       const Reflector& reflector = map_.reflectors[k];
-      const Eigen::Vector2d predicted =
-          observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar, reflector.center_world_m);
-      if (predicted(0) < reflector.radius_m + 0.01) continue;  // inside it
-      Matrix25 H = Matrix25::Zero();
-      H.leftCols<3>() =
-          observed_reflector_jacobian(estimate_.x.T_world_base, seen.T_base_lidar, reflector.center_world_m);
-      const Eigen::Matrix2d HPH = transformed(H, estimate_.P);
-      // Most are far away: only near ones are fitted.
-      const double off_m = predicted(0) - sighting.surface_range_m - reflector.radius_m;
-      if (off_m * off_m > 4.0 * gate_ * (HPH(0, 0) + 0.01)) continue;
-      const double off_rad = wrap_to_pi(predicted(1) - sighting.azimuth_rad);
-      if (off_rad * off_rad > 4.0 * gate_ * (HPH(1, 1) + 1e-3)) continue;
-      if (reflector.radius_m != radius_m) {
-        radius_m = reflector.radius_m;
-        fit = fit_reflector(sightings, sighting, radius_m);
-      }
-      Possible possible{static_cast<int>(k), {fit.range_m, fit.azimuth_rad}, fit.covariance, fit.white, {}};
-      const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
-      possible.R(0, 0) += model_m2;
-      possible.R(1, 1) += model_m2 / (fit.range_m * fit.range_m);
-      // To first order errors of odometry since the stamp act as one of the pose at the stamp, turned by the motion.
-      possible.R_gate = possible.R + transformed(H, seen.Q);
-      Eigen::Vector2d nu = possible.z - predicted;
-      nu(1) = wrap_to_pi(nu(1));
-      if (!inside_gate(innovation(estimate_, nu, H, possible.R_gate), gate_)) continue;
-      if (watched_[k].is_moved) {
-        ++watched_[k].back;
+      Watched& watched = watched_[k];
+      Possible possible{};
+      possible.reflector = static_cast<int>(k);
+      if (watched.used >= 0 && is_possible(sightings, seen, moved_.at(watched.used), reflector.radius_m,
+                                           moved_.covariance_at(watched.used), fit, possible)) {
+        possible_.push_back(possible);
         continue;
       }
-      possible_.push_back(possible);
+      if (!is_possible(sightings, seen, reflector.center_world_m, reflector.radius_m, Eigen::Matrix2d::Zero(), fit,
+                       possible)) {
+        continue;
+      }
+      if (watched.is_moved) {
+        ++watched.back;
+      } else {
+        possible_.push_back(possible);
+      }
     }
     seen.count = possible_.size() - seen.first;
   }
@@ -449,7 +489,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
     const Possible& possible = possible_[i];
     const auto reflector = static_cast<std::size_t>(possible.reflector);
     if (taken_[reflector] != 0) continue;
-    const Eigen::Vector2d& center_m = map_.reflectors[reflector].center_world_m;
+    const Eigen::Vector2d center_m = center_of(reflector);
     // Linearised at the estimate that the matches so far lead to, and again where the correction by this one is large.
     Matrix25 H = Matrix25::Zero();
     Innovation<2> compared;
@@ -489,8 +529,10 @@ ReflectorLocalization::Possible& ReflectorLocalization::possible_of(std::size_t 
                        [&](const Possible& possible) { return possible.reflector == reflector_of_[k]; });
 }
 
-const Eigen::Vector2d& ReflectorLocalization::center_of(std::size_t k) const {
-  return map_.reflectors[static_cast<std::size_t>(reflector_of_[k])].center_world_m;
+// Where a reflector is taken to stand.
+Eigen::Vector2d ReflectorLocalization::center_of(std::size_t reflector) const {
+  const int moved = watched_[reflector].used;
+  return moved >= 0 ? moved_.at(moved) : map_.reflectors[reflector].center_world_m;
 }
 
 // What each match says that is new.
@@ -504,7 +546,7 @@ void ReflectorLocalization::weigh(double resolution_rad) {
       continue;
     }
     Possible& possible = possible_of(k);
-    const Eigen::Vector2d& center_m = center_of(k);
+    const Eigen::Vector2d center_m = center_of(static_cast<std::size_t>(reflector_of_[k]));
     const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
     Matrix25 H = Matrix25::Zero();
     H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
@@ -521,8 +563,6 @@ void ReflectorLocalization::weigh(double resolution_rad) {
   nis_monitor_.add(update_.matches.size(), update_.nis);
 }
 
-// All matches at once, each at its own time: a linear filter for the error about the predicted trajectory, of the pose
-// at the stamp as well, and linearised again about its result while that is large.
 void ReflectorLocalization::correct(const Pose2& T_base_lidar) {
   if (update_.matches.empty()) return;
   in_time_.clear();
@@ -532,62 +572,129 @@ void ReflectorLocalization::correct(const Pose2& T_base_lidar) {
   std::sort(in_time_.begin(), in_time_.end(), [&](std::size_t a, std::size_t b) {
     return seen_[a].at.stamp_ns != seen_[b].at.stamp_ns ? seen_[a].at.stamp_ns < seen_[b].at.stamp_ns : a < b;
   });
+  if (moved_.any()) {
+    correct_with<kMovedSize>(T_base_lidar);
+  } else {
+    correct_with<0>(T_base_lidar);
+  }
+}
 
-  using Vector8 = Eigen::Matrix<double, 8, 1>;  // of the state at the time of a sighting, and of the pose at the stamp
-  using Matrix8 = Eigen::Matrix<double, 8, 8>;
+// All matches at once, each at its own time: a linear filter for the error about the predicted trajectory, of the pose
+// at the stamp as well and of the places of moved reflectors, and linearised again about its result while that is
+// large.
+template <int Moved>
+void ReflectorLocalization::correct_with(const Pose2& T_base_lidar) {
+  // Of the state at the time of a sighting, of the pose at the stamp, and of the places of moved reflectors.
+  constexpr int kSize = 8 + Moved;
+  using Vector = Eigen::Matrix<double, kSize, 1>;
+  using Matrix = Eigen::Matrix<double, kSize, kSize>;
   const Estimate<ReflectorState> before = estimate_;
+  const MovedPlaces moved = moved_;
   const OdometryTrack::Entry stamp = at_;
   ReflectorState about = before.x;  // at the stamp
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
     const Vector5 off = Manifold<ReflectorState>::local_coordinates(before.x, about);
-    const Matrix5 P = transformed(Manifold<ReflectorState>::reset_jacobian(off), before.P);
-    Estimate<Vector8> error;
-    error.x.head<5>() = Manifold<ReflectorState>::local_coordinates(about, before.x);
-    error.x.tail<3>() = error.x.head<3>();
-    error.P.topLeftCorner<5, 5>() = P;
-    error.P.topRightCorner<5, 3>() = P.leftCols<3>();
-    error.P.bottomLeftCorner<3, 5>() = P.topRows<3>();
-    error.P.bottomRightCorner<3, 3>() = P.topLeftCorner<3, 3>();
+    const Matrix5 reset = Manifold<ReflectorState>::reset_jacobian(off);
+    const Matrix5 P = transformed(reset, before.P);
+    Estimate<Vector> error;
+    error.x.template head<5>() = Manifold<ReflectorState>::local_coordinates(about, before.x);
+    error.x.template segment<3>(5) = error.x.template head<3>();
+    error.P.template topLeftCorner<5, 5>() = P;
+    error.P.template block<5, 3>(0, 5) = P.leftCols<3>();
+    error.P.template block<3, 5>(5, 0) = P.topRows<3>();
+    error.P.template block<3, 3>(5, 5) = P.topLeftCorner<3, 3>();
+    if constexpr (Moved > 0) {
+      const Eigen::Matrix<double, 5, Moved> P_state = reset * moved.P_state;
+      error.P.template topRightCorner<5, Moved>() = P_state;
+      error.P.template bottomLeftCorner<Moved, 5>() = P_state.transpose();
+      error.P.template block<3, Moved>(5, 8) = P_state.template topRows<3>();
+      error.P.template block<Moved, 3>(8, 5) = P_state.template topRows<3>().transpose();
+      error.P.template bottomRightCorner<Moved, Moved>() = moved.P;
+    }
     ReflectorState x = about;
     at_ = stamp;
     for (const std::size_t k : in_time_) {
       const Pose2 u = inverse(at_.T_track_base) * seen_[k].at.T_track_base;
       at_ = seen_[k].at;
-      Matrix8 F = Matrix8::Identity();
-      Matrix8 Q = Matrix8::Zero();
-      F.topLeftCorner<5, 5>() = moved_by_odometry_jacobian(x, u);
-      Q.topLeftCorner<5, 5>() = odometry_noise(u, params_.wheels);
+      Matrix F = Matrix::Identity();
+      Matrix Q = Matrix::Zero();
+      F.template topLeftCorner<5, 5>() = moved_by_odometry_jacobian(x, u);
+      Q.template topLeftCorner<5, 5>() = odometry_noise(u, params_.wheels);
       x = moved_by_odometry(x, u);
-      predict(error, Vector8(F * error.x), F, Q);
+      predict(error, Vector(F * error.x), F, Q);
 
       const Possible& possible = possible_of(k);
-      Eigen::Matrix<double, 2, 8> H = Eigen::Matrix<double, 2, 8>::Zero();
-      H.leftCols<3>() = observed_reflector_jacobian(x.T_world_base, T_base_lidar, center_of(k));
-      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, T_base_lidar, center_of(k));
+      const auto reflector = static_cast<std::size_t>(reflector_of_[k]);
+      const Eigen::Vector2d center_m = center_of(reflector);
+      Eigen::Matrix<double, 2, kSize> H = Eigen::Matrix<double, 2, kSize>::Zero();
+      const Eigen::Matrix<double, 2, 3> J = observed_reflector_jacobian(x.T_world_base, T_base_lidar, center_m);
+      H.template leftCols<3>() = J;
+      if constexpr (Moved > 0) {
+        const int i = watched_[reflector].used;
+        if (i >= 0) H.template middleCols<2>(8 + 2 * i) = observed_reflector_place_jacobian(J, x.T_world_base);
+      }
+      Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, T_base_lidar, center_m);
       nu(1) = wrap_to_pi(nu(1));
       nu -= H * error.x;
       situation_awareness::update(error, innovation(error, nu, H, possible.R), H, possible.R);
     }
-    const Vector5 e = error.x.head<5>();
-    const Eigen::Vector3d e_stamp = error.x.tail<3>();
+    const Vector5 e = error.x.template head<5>();
+    const Eigen::Vector3d e_stamp = error.x.template segment<3>(5);
+    const Matrix5 G = Manifold<ReflectorState>::reset_jacobian(e);
     estimate_.x = Manifold<ReflectorState>::retract(x, e);
-    estimate_.P = transformed(Manifold<ReflectorState>::reset_jacobian(e), Matrix5(error.P.topLeftCorner<5, 5>()));
+    estimate_.P = transformed(G, Matrix5(error.P.template topLeftCorner<5, 5>()));
     at_stamp_.x = Manifold<Pose2>::retract(about.T_world_base, e_stamp);
     at_stamp_.P =
-        transformed(Manifold<Pose2>::reset_jacobian(e_stamp), Eigen::Matrix3d(error.P.bottomRightCorner<3, 3>()));
-    if (e_stamp.norm() < kRelinearise) break;
+        transformed(Manifold<Pose2>::reset_jacobian(e_stamp), Eigen::Matrix3d(error.P.template block<3, 3>(5, 5)));
+    const bool is_done = e_stamp.norm() < kRelinearise || iteration + 1 == kMaxIterations;
+    if constexpr (Moved > 0) {
+      if (is_done) {  // until then they are linearised about where they were
+        moved_.l = moved.l + error.x.template tail<Moved>();
+        moved_.P = error.P.template bottomRightCorner<Moved, Moved>();
+        moved_.P_state = G * error.P.template topRightCorner<5, Moved>();
+      }
+    }
+    if (is_done) break;
     about = {at_stamp_.x, estimate_.x.scale_error};
   }
 }
 
 // --- the reflectors themselves ---------------------------------------------------------------------------------------
 
+bool ReflectorLocalization::MovedPlaces::any() const {
+  return std::any_of(is_used.begin(), is_used.end(), [](bool used) { return used; });
+}
+
+// A moved reflector is used from now on where it has been seen standing, if there is room.
+void ReflectorLocalization::use_moved(Watched& watched) {
+  const auto room = std::find(moved_.is_used.begin(), moved_.is_used.end(), false);
+  if (room == moved_.is_used.end()) return;
+  *room = true;
+  const int i = static_cast<int>(room - moved_.is_used.begin());
+  watched.used = i;
+  watched.beams = {};
+  moved_.l.segment<2>(2 * i) = watched.stands.center_world_m();
+  moved_.P.block<2, 2>(2 * i, 2 * i) = kMovedSigma_m * kMovedSigma_m * Eigen::Matrix2d::Identity();
+  ++counters_["moved reflector used"];
+}
+
+void ReflectorLocalization::leave_moved(Watched& watched) {
+  const int i = watched.used;
+  if (i < 0) return;
+  watched.used = -1;
+  watched.beams = {};
+  moved_.is_used[static_cast<std::size_t>(i)] = false;
+  moved_.l.segment<2>(2 * i).setZero();
+  moved_.P.middleRows<2>(2 * i).setZero();
+  moved_.P.middleCols<2>(2 * i).setZero();
+  moved_.P_state.middleCols<2>(2 * i).setZero();
+}
+
 // All beams that would meet the reflector, wherever it is by the errors of the pose, end far behind it.
 bool ReflectorLocalization::is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
-                                            std::size_t reflector) const {
+                                            const Reflector& known) const {
   const std::vector<float>& azimuths = sightings.free.azimuth_rad;
   if (azimuths.size() < 2) return false;
-  const Reflector& known = map_.reflectors[reflector];
   double time_s = 0.5 * (sightings.free_begin_s + sightings.free_end_s);
   Eigen::Vector2d z;
   Eigen::Matrix<double, 2, 3> H;
@@ -645,8 +752,66 @@ std::size_t ReflectorLocalization::count_strange(const ReflectorSightings& sight
   return strange;
 }
 
+// Whether something stands near the place of a reflector, `is_gone` from it, that is nobody else's.
+void ReflectorLocalization::judge_elsewhere(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
+                                            std::size_t reflector, bool is_gone) {
+  Watched& watched = watched_[reflector];
+  const Reflector& known = map_.reflectors[reflector];
+  double nearest_m = params_.max_move_m;
+  Eigen::Vector2d nearest_world_m = Eigen::Vector2d::Zero();
+  Eigen::Vector2d lidar_world_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix2d covariance = Eigen::Matrix2d::Zero();
+  bool is_plausible = false;
+  for (const Seen& seen : seen_) {
+    if (std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) == update_.unmatched.end()) {
+      continue;
+    }
+    const ReflectorFit fit = fit_reflector(sightings, sightings.sightings[seen.sighting], known.radius_m);
+    const Pose2 T_world_lidar = at_stamp_.x * seen.T_base_lidar;
+    const Eigen::Vector2d along(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
+    const Eigen::Vector2d p_world = T_world_lidar * (fit.range_m * along);
+    const double distance_m = (p_world - known.center_world_m).norm();
+    // Where the place itself is hidden, something bright at some distance is another thing.
+    if (distance_m >= nearest_m || (distance_m > kBesidePlace_m && !is_gone && !watched.is_missing)) continue;
+    nearest_m = distance_m;
+    nearest_world_m = p_world;
+    lidar_world_m = T_world_lidar.translation_m;
+    is_plausible = fit.is_width_plausible;
+    const Eigen::Vector2d along_world = T_world_lidar.rotation() * along;
+    Eigen::Matrix2d J;  // d(x, y) / d(range, azimuth)
+    J << along_world.x(), -fit.range_m * along_world.y(), along_world.y(), fit.range_m * along_world.x();
+    const double yaw_m2 = fit.range_m * fit.range_m * at_stamp_.P(2, 2);
+    covariance = transformed(J, fit.covariance) +
+                 (larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) + yaw_m2) * Eigen::Matrix2d::Identity();
+  }
+  const bool is_seen = nearest_m < params_.max_move_m;
+  if (!is_seen && watched.elsewhere > 0 &&
+      is_seen_through(sightings, T_base_lidar, {watched.elsewhere_world_m, known.radius_m})) {
+    // Not there any more: someone who stood there, or a reflector that was moved again.
+    if (++watched.left >= params_.missing_scans) {
+      watched.elsewhere = watched.left = 0;
+      watched.is_moved = false;
+    }
+    watched.stands = {};
+  }
+  if (!is_seen) return;
+  if (watched.elsewhere > 0 && (nearest_world_m - watched.elsewhere_world_m).norm() > kStands_m) {
+    watched.elsewhere = 0;
+    watched.stands = {};
+  }
+  watched.left = 0;
+  ++watched.elsewhere;
+  watched.elsewhere_world_m += (nearest_world_m - watched.elsewhere_world_m) / watched.elsewhere;
+  if (is_plausible) watched.stands.add(sightings.stamp_ns, nearest_world_m, covariance, lidar_world_m);
+  if (watched.elsewhere < params_.moved_scans) return;
+  if (!watched.is_moved) ++counters_["reflector moved"];
+  watched.is_moved = true;
+  if (watched.stands.seen_s() >= params_.moved_use_s && watched.stands.is_reflector()) use_moved(watched);
+}
+
 void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
-  const bool is_certain = update_.matches.size() >= 2 &&
+  if (update_.matches.size() >= 2) confirmed_ns_ = stamp_ns_;
+  const bool is_certain = !update_.matches.empty() && seconds_between(confirmed_ns_, stamp_ns_) < kConfirmed_s &&
                           larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>()) < kCertain_m * kCertain_m &&
                           at_stamp_.P(2, 2) < kCertain_rad * kCertain_rad;
   std::size_t seen_through = 0;
@@ -654,13 +819,20 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
     Watched& watched = watched_[k];
     const bool is_matched = std::any_of(update_.matches.begin(), update_.matches.end(),
                                         [&](const ReflectorMatch& m) { return m.reflector == static_cast<int>(k); });
+    if (is_matched && watched.used >= 0) {
+      watched.left = std::max(0, watched.left - 2);
+      watched.back = 0;
+      watched.elsewhere_world_m = moved_.at(watched.used);
+      continue;
+    }
     if (is_matched) {
       watched.missing = std::max(0, watched.missing - 2);
       watched.elsewhere = 0;
+      watched.stands = {};
       if (watched.missing == 0) watched.is_missing = false;
       continue;
     }
-    const bool is_gone = is_seen_through(sightings, T_base_lidar, k);
+    const bool is_gone = is_seen_through(sightings, T_base_lidar, map_.reflectors[k]);
     if (is_gone && !watched.is_missing && !watched.is_moved) ++seen_through;
     if (!is_certain) continue;
     if (is_gone) {
@@ -673,41 +845,30 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
     }
     // Back in its place.
     if (watched.is_moved && watched.back >= params_.moved_scans) {
+      leave_moved(watched);
       watched = {};
       ++counters_["reflector back"];
       continue;
     }
-    // Something that stands near by and is nobody else's.
-    double nearest_m = params_.max_move_m;
-    Eigen::Vector2d nearest_world_m = Eigen::Vector2d::Zero();
-    for (const Seen& seen : seen_) {
-      if (std::find(update_.unmatched.begin(), update_.unmatched.end(), seen.sighting) == update_.unmatched.end()) {
-        continue;
-      }
-      const ReflectorFit fit =
-          fit_reflector(sightings, sightings.sightings[seen.sighting], map_.reflectors[k].radius_m);
-      const Eigen::Vector2d p_lidar =
-          fit.range_m * Eigen::Vector2d(std::cos(fit.azimuth_rad), std::sin(fit.azimuth_rad));
-      const Eigen::Vector2d p_world = at_stamp_.x * (seen.T_base_lidar * p_lidar);
-      const double distance_m = (p_world - map_.reflectors[k].center_world_m).norm();
-      // Where the place itself is hidden, something bright at some distance is another thing.
-      if (distance_m >= nearest_m || (distance_m > kBesidePlace_m && !is_gone && !watched.is_missing)) continue;
-      nearest_m = distance_m;
-      nearest_world_m = p_world;
-    }
-    if (nearest_m >= params_.max_move_m) continue;
-    if (watched.elsewhere > 0 && (nearest_world_m - watched.elsewhere_world_m).norm() > kStands_m)
-      watched.elsewhere = 0;
-    ++watched.elsewhere;
-    watched.elsewhere_world_m += (nearest_world_m - watched.elsewhere_world_m) / watched.elsewhere;
-    if (watched.elsewhere >= params_.moved_scans) {
-      if (!watched.is_moved) ++counters_["reflector moved"];
-      watched.is_moved = true;
+    if (watched.used < 0) {
+      judge_elsewhere(sightings, T_base_lidar, k, is_gone);
+    } else if (is_seen_through(sightings, T_base_lidar, {center_of(k), map_.reflectors[k].radius_m}) &&
+               ++watched.left >= params_.moved_scans) {
+      leave_moved(watched);  // moved again, or it was none
+      watched.elsewhere = watched.left = 0;
+      watched.is_moved = false;
+      watched.stands = {};
+      ++counters_["moved reflector gone"];
     }
   }
   for (std::size_t k = 0; k < watched_.size(); ++k) {
     if (watched_[k].is_moved) {
-      update_.moved.push_back({static_cast<int>(k), watched_[k].elsewhere_world_m});
+      MovedReflector moved;
+      moved.reflector = static_cast<int>(k);
+      moved.center_world_m = watched_[k].elsewhere_world_m;
+      moved.is_used = watched_[k].used >= 0;
+      if (moved.is_used) moved.covariance_m2 = moved_.covariance_at(watched_[k].used);
+      update_.moved.push_back(moved);
     } else if (watched_[k].is_missing) {
       update_.missing.push_back(static_cast<int>(k));
     }

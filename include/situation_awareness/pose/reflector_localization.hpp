@@ -19,6 +19,7 @@
 #include "situation_awareness/pose/reflector_search.hpp"
 #include "situation_awareness/pose/reflectors.hpp"
 #include "situation_awareness/pose/repeated_beams.hpp"
+#include "situation_awareness/pose/standing_place.hpp"
 
 namespace situation_awareness {
 
@@ -32,6 +33,7 @@ namespace situation_awareness {
 //   w, Q    error of odometry, of the pose after the motion, and its covariance  R^5         5, 5x5
 //   z, R    range and azimuth of a reflector's centre in the level frame       R^2          2, 2x2
 //   H       Jacobian of z by e                                                 J_z_e        2x5
+//   l, H_l  place in the world of a reflector that was moved; Jacobian of z by it  R^2, J_z_l  2, 2x2
 
 /// State of the localisation: a pose, and how much farther the robot drives and turns than its odometry says, relative.
 struct ReflectorState {
@@ -107,6 +109,7 @@ struct ReflectorLocalizationParams {
   int missing_scans = 25;
   int moved_scans = 25;
   double max_move_m = 1.0;
+  double moved_use_s = 10.0;
   int lost_scans = 12;
   double lost_sigma_m = 0.03;
   double lost_sigma_rad = 0.02;
@@ -134,6 +137,8 @@ struct ReflectorLocalizationParams {
     visit("moved_scans", self.moved_scans, Bounds{1, 10000}, "",
           "a reflector is moved after so many scans in a row that saw one standing near its place instead");
     visit("max_move_m", self.max_move_m, Bounds{0.0, 100.0}, "m", "a reflector that moved farther is a missing one");
+    visit("moved_use_s", self.moved_use_s, Bounds{0.0, 1e6}, "s",
+          "a moved reflector is used where it stands now, after it has been seen standing there for so long");
     visit("lost_scans", self.lost_scans, Bounds{1, 10000}, "",
           "the pose is searched for anew after so many scans in a row that contradict it");
     visit("lost_sigma_m", self.lost_sigma_m, Bounds{0.0, 10.0}, "m",
@@ -166,6 +171,8 @@ struct ReflectorMatch {
 struct MovedReflector {
   int reflector = 0;
   Eigen::Vector2d center_world_m = Eigen::Vector2d::Zero();  ///< where it was seen instead
+  bool is_used = false;  ///< in that place, which is estimated together with the pose
+  Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Zero();  ///< of the place while it is used
 };
 
 /// What an update did.
@@ -181,7 +188,7 @@ struct ReflectorUpdate {
   std::vector<std::size_t> ambiguous;  ///< sightings that may be of several reflectors and were not used
   std::vector<std::size_t> unmatched;  ///< sightings of no reflector
   std::vector<int> missing;            ///< reflectors that should have been in view for long, and were not
-  std::vector<MovedReflector> moved;   ///< they are not used until they are seen in their places again
+  std::vector<MovedReflector> moved;   ///< not used in their places until they are seen there again
   double nis = 0.0;                    ///< sum over the matches
 };
 
@@ -202,6 +209,9 @@ Eigen::Vector2d observed_reflector(const Pose2& T_world_base, const Pose2& T_bas
 Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_base, const Pose2& T_base_lidar,
                                                         const Eigen::Vector2d& center_world_m);
 
+/// The Jacobian of the same by the place of the reflector in the world, from that by the error of T_world_base.
+Eigen::Matrix2d observed_reflector_place_jacobian(const Eigen::Matrix<double, 2, 3>& J_z_e, const Pose2& T_world_base);
+
 /// The state after the motion u by odometry, and its Jacobian by the error of the state before.
 ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u);
 Eigen::Matrix<double, 5, 5> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u);
@@ -214,6 +224,8 @@ class ReflectorLocalization {
  public:
   /// Most sightings of a scan that are used: those with the most hits.
   static constexpr std::size_t kMaxSightings = 16;
+  /// Most reflectors that are used where they have been moved to.
+  static constexpr std::size_t kMaxMovedUsed = 4;
 
   /// Throws std::invalid_argument as check_reflectors and the params' validate() do.
   ReflectorLocalization(const ReflectorMap& map, const ReflectorLocalizationParams& params);
@@ -248,6 +260,7 @@ class ReflectorLocalization {
   using Vector5 = Eigen::Matrix<double, 5, 1>;
   using Matrix5 = Eigen::Matrix<double, 5, 5>;
   using Matrix25 = Eigen::Matrix<double, 2, 5>;
+  static constexpr int kMovedSize = 2 * static_cast<int>(kMaxMovedUsed);
   using Assignment = std::array<int, kMaxSightings>;  ///< reflector of each sighting, or -1
 
   /// A sighting as a reflector.
@@ -256,7 +269,12 @@ class ReflectorLocalization {
     Eigen::Vector2d z;
     Eigen::Matrix2d R;       ///< of one scan
     Eigen::Matrix2d white;   ///< the part of R that is new with every scan
-    Eigen::Matrix2d R_gate;  ///< R, and the errors of odometry since the stamp
+    Eigen::Matrix2d R_gate;  ///< R, and the errors of odometry since the stamp, and of the place of a moved reflector
+  };
+
+  struct SightingFit {
+    double radius_m = -1.0;  ///< none yet
+    ReflectorFit fit;
   };
 
   /// A sighting of the scan that is treated.
@@ -277,6 +295,22 @@ class ReflectorLocalization {
     Eigen::Vector2d elsewhere_world_m = Eigen::Vector2d::Zero();
     bool is_moved = false;
     int back = 0;
+    int left = 0;          ///< scans with beams through the place elsewhere, less those that saw it there
+    StandingPlace stands;  ///< elsewhere
+    int used = -1;         ///< in which of moved_, or -1
+  };
+
+  /// The places in the world that moved reflectors are used at, and their errors: part of the state of the filter,
+  /// whose size is fixed (EKF SLAM: Smith, Self and Cheeseman, 1990). What is not in use is zero.
+  struct MovedPlaces {
+    std::array<bool, kMaxMovedUsed> is_used{};
+    Eigen::Matrix<double, kMovedSize, 1> l = Eigen::Matrix<double, kMovedSize, 1>::Zero();
+    Eigen::Matrix<double, kMovedSize, kMovedSize> P = Eigen::Matrix<double, kMovedSize, kMovedSize>::Zero();
+    Eigen::Matrix<double, 5, kMovedSize> P_state = Eigen::Matrix<double, 5, kMovedSize>::Zero();  ///< with the state
+
+    bool any() const;
+    Eigen::Vector2d at(int i) const { return l.segment<2>(2 * i); }
+    Eigen::Matrix2d covariance_at(int i) const { return P.block<2, 2>(2 * i, 2 * i); }
   };
 
   /// What shines and is none of the reflectors in their places.
@@ -300,19 +334,29 @@ class ReflectorLocalization {
   };
 
   void forget(const char* reason);
+  void forget_reflectors();
   void set_pose(const OdometryTrack::Entry& at, const Estimate<Pose2>& T_world_base);
   void predict_to(const OdometryTrack::Entry& target);
   void look(const ReflectorSightings& sightings, const Pose2& T_base_lidar, const OdometryTrack::Entry& now);
+  bool is_possible(const ReflectorSightings& sightings, const Seen& seen, const Eigen::Vector2d& center_m,
+                   double radius_m, const Eigen::Matrix2d& P_l, SightingFit& fit, Possible& possible) const;
   void list_possible(const ReflectorSightings& sightings);
   Possible& possible_of(std::size_t k);
-  const Eigen::Vector2d& center_of(std::size_t k) const;
+  Eigen::Vector2d center_of(std::size_t reflector) const;
   void associate();
   void try_sighting(std::size_t k, const Estimate<ReflectorState>& estimate, double cost);
   void weigh(double resolution_rad);
   void correct(const Pose2& T_base_lidar);
+  template <int Moved>
+  void correct_with(const Pose2& T_base_lidar);
   std::size_t count_strange(const ReflectorSightings& sightings);
   void judge_reflectors(const ReflectorSightings& sightings, const Pose2& T_base_lidar);
-  bool is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar, std::size_t reflector) const;
+  bool is_seen_through(const ReflectorSightings& sightings, const Pose2& T_base_lidar,
+                       const Reflector& reflector) const;
+  void judge_elsewhere(const ReflectorSightings& sightings, const Pose2& T_base_lidar, std::size_t reflector,
+                       bool is_gone);
+  void use_moved(Watched& watched);
+  void leave_moved(Watched& watched);
   void collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now);
   void search(const OdometryTrack::Entry& now);
 
@@ -333,11 +377,13 @@ class ReflectorLocalization {
   OdometryTrack::Entry at_;   ///< the odometry of the estimate
   Estimate<Pose2> at_stamp_;  ///< of the latest scan; the estimate is at that of its last sighting
   std::int64_t stamp_ns_ = 0;
+  std::int64_t confirmed_ns_ = 0;  ///< the latest scan with two matches or more
   bool has_initial_ = false;
   LocalizedPose initial_;
   int contradicted_ = 0;  ///< scans in a row
 
   std::vector<Watched> watched_;
+  MovedPlaces moved_;
   std::vector<Seen> seen_;
   std::vector<Possible> possible_;
   Assignment reflector_of_{};  ///< of seen_
