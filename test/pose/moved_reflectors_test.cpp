@@ -102,7 +102,7 @@ Figures with_one_moved_and_one_gone(double moved_use_s) {
   return result;
 }
 
-TEST(MovedReflectors, AreUsedWhereTheyStandNowWithAnHonestCovariance) {
+TEST(MovedReflectorsStatistics, AreUsedWhereTheyStandNowWithAnHonestCovariance) {
   const Figures used = with_one_moved_and_one_gone(10.0);
   EXPECT_EQ(used.used, 30);
   EXPECT_LT(used.place_error_m, 0.02);
@@ -117,7 +117,7 @@ TEST(MovedReflectors, AreUsedWhereTheyStandNowWithAnHonestCovariance) {
 }
 
 // What the place says of itself may not become better than the poses by which it was seen.
-TEST(MovedReflectors, TheirPlaceIsNotKnownBetterThanThePoseSays) {
+TEST(MovedReflectorsStatistics, TheirPlaceIsNotKnownBetterThanThePoseSays) {
   ChiSquareSum sum;
   for (std::uint64_t seed = 0; seed < 20; ++seed) {
     Random random(500 + seed);
@@ -161,7 +161,7 @@ TEST(MovedReflectors, AreGivenUpWhenTheyGoAndUsedAnewElsewhere) {
 
 // A reflector is gone. Someone in bright trousers stands near its place for some seconds, again and again, and walks
 // about; a glossy pillar, which is too thick, stands near the place of another that is gone.
-TEST(MovedReflectors, APersonAndAPillarAreNone) {
+TEST(MovedReflectorsStatistics, APersonAndAPillarAreNone) {
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
     const ReflectorMap map = map_of(5);
     ReflectorWorld world = driven_room(map);
