@@ -6,6 +6,14 @@
 #include <limits>
 
 namespace situation_awareness {
+namespace {
+
+/// A vector by its parts along an axis and to the left of it.
+Eigen::Vector2d in_axes(const Eigen::Vector2d& along, const Eigen::Vector2d& d) {
+  return {along.dot(d), along.x() * d.y() - along.y() * d.x()};
+}
+
+}  // namespace
 
 MoverOutline::MoverOutline(const Ellipse& world, double margin_m)
     : center_world_m_(world.center_m),
@@ -27,7 +35,7 @@ bool MoverOutline::covers(const Eigen::Vector2d& p_world_m) const {
   const Eigen::Vector2d d_m = p_world_m - center_world_m_;
   const double distance2_m2 = d_m.squaredNorm();
   if (distance2_m2 > reach_m_ * reach_m_) return false;
-  const Eigen::Vector2d own_m(along_world_.dot(d_m), along_world_.x() * d_m.y() - along_world_.y() * d_m.x());
+  const Eigen::Vector2d own_m = in_axes(along_world_, d_m);
   if (is_box_) return (own_m.cwiseAbs() - half_m_).cwiseMax(0.0).squaredNorm() <= margin_m_ * margin_m_;
   // Along the way from the centre the outline is at 1 / scale.
   const double scale = own_m.cwiseQuotient(half_m_).norm();
@@ -36,10 +44,8 @@ bool MoverOutline::covers(const Eigen::Vector2d& p_world_m) const {
 
 std::optional<MoverOutline::Crossing> MoverOutline::crossing(const Eigen::Vector2d& origin_world_m,
                                                              const Eigen::Vector2d& direction_world) const {
-  const auto in_own_axes = [this](const Eigen::Vector2d& d) {
-    return Eigen::Vector2d(along_world_.dot(d), along_world_.x() * d.y() - along_world_.y() * d.x());
-  };
-  const Eigen::Vector2d from_m = in_own_axes(origin_world_m - center_world_m_), u = in_own_axes(direction_world);
+  const Eigen::Vector2d from_m = in_axes(along_world_, origin_world_m - center_world_m_);
+  const Eigen::Vector2d u = in_axes(along_world_, direction_world);
   Crossing result;
   if (is_box_) {  // inside both strips between opposite sides
     result = {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
