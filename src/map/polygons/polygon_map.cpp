@@ -110,6 +110,13 @@ void add_chain(std::vector<Chain>& chains, std::vector<Chain>& spare) {
   }
 }
 
+/// rad. Of an element, seen from the sensor: to 1e-8 where a series is enough.
+double small_atan(double x) {
+  if (std::abs(x) > 0.1) return std::atan(x);
+  const double x2 = x * x;
+  return x * (1.0 - x2 * (1.0 / 3.0 - x2 / 5.0));
+}
+
 /// How much beams so far apart say of a thing of this size.
 double close_beams(double apart_m, double thing_m) {
   if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
@@ -270,11 +277,15 @@ Eigen::Vector2d PolygonMap::hit_of(const Watch& watch, std::ptrdiff_t beam) {
 
 PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m,
                                      double thing_m, double* weight) const {
+  if (watch.free_space.azimuth_rad.size() < 2) return View::kUnknown;
+  return view_of(watch, p_level_m, azimuth_in(watch, p_level_m), near_m, thing_m, weight);
+}
+
+PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double place_rad,
+                                     double near_m, double thing_m, double* weight) const {
   const std::vector<float>& azimuth_rad = watch.free_space.azimuth_rad;
   const std::vector<float>& ranges_m = watch.free_space.range_m;
-  if (azimuth_rad.size() < 2) return View::kUnknown;
-  const auto above =
-      std::upper_bound(azimuth_rad.begin(), azimuth_rad.end(), static_cast<float>(azimuth_in(watch, p_level_m)));
+  const auto above = std::upper_bound(azimuth_rad.begin(), azimuth_rad.end(), static_cast<float>(place_rad));
   if (above == azimuth_rad.begin() || above == azimuth_rad.end()) return View::kUnknown;
   const std::ptrdiff_t left = above - azimuth_rad.begin(), right = left - 1;
   const double range_m = p_level_m.norm();
@@ -314,6 +325,10 @@ void PolygonMap::set_now(const Polylines& polylines) {
   now_.T_level_world = inverse(polylines.T_world_level);
   now_.free_space = polylines.free_space;
   now_.most_m = 0.0;
+  now_rays_.clear();
+  for (const float azimuth_rad : now_.free_space.azimuth_rad) {
+    now_rays_.emplace_back(std::cos(azimuth_rad), std::sin(azimuth_rad));
+  }
   for (const float range_m : now_.free_space.range_m) now_.most_m = std::max(now_.most_m, static_cast<double>(range_m));
 }
 
@@ -334,32 +349,38 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
       surfel.oriented ? Eigen::Vector2d(R_level_world * surfel.normal_world) : Eigen::Vector2d(-p_level_m / distance_m);
   const Eigen::Vector2d t_level(n_level.y(), -n_level.x());
   const bool grazes = std::abs(n_level.dot(p_level_m)) < kFacesBeam * distance_m;
+  const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
+  const std::vector<float>& ranges_m = now_.free_space.range_m;
+  if (azimuth_rad.size() < 2) return 0.0;
+  const double middle_rad = azimuth_in(now_, p_level_m);
   double weight = 0.0;
-  if (view_of(now_, p_level_m, grazes ? kNearHitGrazing_m : kNearHit_m, surfel.thing_m, &weight) == View::kPassed) {
+  if (view_of(now_, p_level_m, middle_rad, grazes ? kNearHitGrazing_m : kNearHit_m, surfel.thing_m, &weight) ==
+      View::kPassed) {
     return weight;
   }
   if (grazes) return 0.0;
   weight = 0.0;
   const double low_m = std::min(kInner * surfel.low_m, -kLeastHalf_m);
   const double high_m = std::max(kInner * surfel.high_m, kLeastHalf_m);
-
-  const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
-  const std::vector<float>& ranges_m = now_.free_space.range_m;
-  const double from_rad = azimuth_in(now_, p_level_m + low_m * t_level);
-  const double to_rad = azimuth_in(now_, p_level_m + high_m * t_level);
+  const double across_m2 = p_level_m.x() * t_level.y() - p_level_m.y() * t_level.x(), along_m = p_level_m.dot(t_level);
+  const auto azimuth_at = [&](double s_m) {
+    return middle_rad + small_atan(s_m * across_m2 / (distance_m * distance_m + s_m * along_m));
+  };
+  const double from_rad = azimuth_at(low_m), to_rad = azimuth_at(high_m);
   const auto [least_rad, most_rad] = std::minmax(from_rad, to_rad);
-  if (most_rad - least_rad > kPi) return 0.0;  // across the seam
+  if (least_rad < azimuth_rad.front() || most_rad > azimuth_rad.front() + 2.0 * kPi) return 0.0;  // across the seam
   const double beside_m = surfel.hits < kManyHits ? kBeside_m : kBesideKnown_m;
   const double beside_rad = beside_m / distance_m;
   for (auto beam = std::lower_bound(azimuth_rad.begin(), azimuth_rad.end(), static_cast<float>(least_rad - beside_rad));
        beam != azimuth_rad.end() && *beam <= static_cast<float>(most_rad + beside_rad); ++beam) {
-    const double range_m = ranges_m[static_cast<std::size_t>(beam - azimuth_rad.begin())];
+    const auto i = static_cast<std::size_t>(beam - azimuth_rad.begin());
+    const double range_m = ranges_m[i];
     const bool beside = *beam < static_cast<float>(least_rad) || *beam > static_cast<float>(most_rad);
     if (beside) {
       if (std::abs(range_m - distance_m) < beside_m) return 0.0;
       continue;
     }
-    const double cosine = n_level.dot(Eigen::Vector2d(std::cos(*beam), std::sin(*beam)));
+    const double cosine = n_level.dot(now_rays_[i]);
     const double until_m = n_level.dot(p_level_m) / cosine;  // along the beam, to the element
     const double variance_m2 = surfel.variance_m2 / (cosine * cosine) + hit_sigma_m_ * hit_sigma_m_;
     const double margin_m = std::max(kLeastPassed_m, kPassedSigmas * std::sqrt(variance_m2));

@@ -141,6 +141,9 @@ class PolygonMap {
   void correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
                bool has_normal);
   void merge_double(Index kept, Index other);
+  /// Of a place in the scan's level frame, seen at this azimuth.
+  View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double place_rad, double near_m, double thing_m,
+               double* weight) const;
   View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m, double thing_m,
                double* weight) const;
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
@@ -166,7 +169,8 @@ class PolygonMap {
   double resolution_rad_ = 0.0;
   std::uint64_t next_id_ = 1;
   Surfels surfels_;
-  Watch now_;  ///< of the latest scan
+  Watch now_;                              ///< of the latest scan
+  std::vector<Eigen::Vector2d> now_rays_;  ///< unit, of its beams in the level frame
   std::vector<Watch> watches_;
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
