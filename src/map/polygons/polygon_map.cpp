@@ -28,6 +28,10 @@ constexpr double kBulgeVariance_m2 = 2.5e-5;
 constexpr double kBetween = 2.5;
 /// Cosine between their normals, at least.
 constexpr double kOneSurface = 0.9;
+/// The same of two that are on a line, and their distance, in parts of the spacing, up to which they stand for all of
+/// it.
+constexpr double kStraight = 0.97;
+constexpr double kFilled = 1.3;
 /// Part by which a hit turns the element's normal, at least.
 constexpr double kTurnGain = 0.02;
 /// The extent of an element leaves out a tenth of its hits on either side: those that noise put there. In m, by how
@@ -169,11 +173,27 @@ PolygonMap::Index PolygonMap::fuse(const Eigen::Vector2d& p_world_m, const Eigen
       double_of_it = i;
     }
   });
+  if (best == kNone) {
+    const Index on_line = of_line(beside);
+    if (on_line != kNone) {
+      see(surfels_[on_line], true);
+      return on_line;
+    }
+  }
   if (best == kNone && !may_create) return kNone;
   if (best == kNone) return create(p_world_m, normal_world, variance_m2, has_normal, beside);
   correct(best, p_world_m, normal_world, variance_m2, has_normal);
   if (double_of_it != kNone) merge_double(best, double_of_it);
   return best;
+}
+
+/// On the straight way between two elements that stand for all of it none is missing: the nearer one of them.
+PolygonMap::Index PolygonMap::of_line(const Neighbours& beside) const {
+  if (beside.right == kNone || beside.left == kNone) return kNone;
+  if (beside.right_m + beside.left_m > kFilled * params_.spacing_m) return kNone;
+  const Surfel &right = surfels_[beside.right], &left = surfels_[beside.left];
+  if (!right.confirmed || !left.confirmed || right.normal_world.dot(left.normal_world) < kStraight) return kNone;
+  return beside.right_m < beside.left_m ? beside.right : beside.left;
 }
 
 /// Between two known elements a new one begins with what these know.
@@ -233,12 +253,16 @@ void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Ei
   }
   const bool of_surface = has_normal || !surfel.oriented;  // else it may be of another one
   if (of_surface) ++surfel.hits;
-  if (surfel.last_seen_ns != stamp_ns_) {
-    surfel.log_odds = std::min(surfel.log_odds + kHit, kMostLogOdds);
-    if (of_surface) surfel.seen_s += step_s_;
-    surfel.last_seen_ns = stamp_ns_;
-  }
+  see(surfel, of_surface);
   surfels_.move(index, moved_m);
+}
+
+/// That the latest scan hit it.
+void PolygonMap::see(Surfel& surfel, bool of_surface) const {
+  if (surfel.last_seen_ns == stamp_ns_) return;
+  surfel.log_odds = std::min(surfel.log_odds + kHit, kMostLogOdds);
+  if (of_surface) surfel.seen_s += step_s_;
+  surfel.last_seen_ns = stamp_ns_;
 }
 
 /// Two elements at one place of the same boundary: errors of poses made two of one.

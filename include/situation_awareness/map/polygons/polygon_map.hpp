@@ -136,10 +136,12 @@ class PolygonMap {
 
   Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2, bool has_normal,
              bool may_create);
+  Index of_line(const Neighbours& beside) const;
   Index create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
                bool has_normal, const Neighbours& beside);
   void correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
                bool has_normal);
+  void see(Surfel& surfel, bool of_surface) const;
   void merge_double(Index kept, Index other);
   /// Of a place in the scan's level frame, seen at this azimuth.
   View view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double place_rad, double near_m, double thing_m,
