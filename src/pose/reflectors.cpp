@@ -25,6 +25,9 @@ constexpr double kMaxOffset_sigma = 4.0;
 constexpr std::size_t kMaxFitHits = 64;
 /// Least share of the ranges in the information about an azimuth: keeps what is new with each scan positive definite.
 constexpr double kMinShare = 1e-4;
+/// Steps of the azimuth: the width from which on of two bright beams one at least is entirely on a reflector. Depends
+/// on the width of a beam, which is half a step or less.
+constexpr double kTwoBeams = 1.5;
 /// Beams beside a run that are looked at to tell whether it is flush.
 constexpr int kBeside = 3;
 
@@ -74,6 +77,7 @@ double median_range(const std::vector<ReflectorHit>& hits, std::size_t first, st
 /// Beams beside a run, in the direction `step` from its end `k`.
 struct Side {
   double free_rad = 0.0;  ///< see ReflectorSighting::free_after_rad
+  double step_m = 0.0;    ///< to the return beside it, 0 if there is none
   bool is_cut = false;
   bool is_flush = false;
 };
@@ -95,6 +99,7 @@ Side side_of(const Ring& ring, int k, int step, double range_m, double resolutio
   const bool some_lost = missing > 0 && missing <= params.max_missing_beams;
   side.free_rad = (1 + (some_lost ? missing : 0)) * resolution_rad;
   if (!ring.has(beside) || !is_hit(ring.at(beside).state)) return side;
+  side.step_m = std::abs(ring.at(beside).range_m - range_m);
   if (ring.at(beside).range_m < range_m - params.occlusion_margin_m) side.free_rad = kInfinity;
   side.is_flush = params.flush_step_m > 0.0;
   for (int i = 0, m = beside; i < kBeside && side.is_flush; ++i, m += step) {
@@ -144,6 +149,7 @@ void add_run(const Points& points, const Ring& ring, int begin, int end, const R
   sighting.surface_range_m = range_m;
   sighting.free_before_rad = before.free_rad;
   sighting.free_after_rad = after.free_rad;
+  sighting.step_m = std::max(before.step_m, after.step_m);
   sighting.time_offset_s = points.time_increment_s * 0.5 * (ring.at(begin).beam + ring.at(end).beam);
   if (std::abs(ring.at(begin).beam - ring.at(end).beam) > ring.size() / 2) {
     // The run lies across the end of a full circle, and its ends are a sweep apart.
@@ -360,6 +366,12 @@ ReflectorFit fit_reflector(const ReflectorSightings& sightings, const ReflectorS
   fit.white(0, 0) = 1.0 / weights;
   fit.white(1, 1) = share * fit.covariance(1, 1);
   fit.covariance(0, 1) = fit.covariance(1, 0) = std::sqrt(1.0 - share) * fit.covariance(0, 1);  // keeps the rest >= 0
+  // All beams may be partly beside it. Of three the middle one is on it, and of two both where it is wide enough.
+  const bool may_be_mixed = sighting.count == 1 || (sighting.count == 2 && 2.0 * half_rad < kTwoBeams * resolution_rad);
+  if (may_be_mixed) {
+    const double mixed_m = params.mixed_part * sighting.step_m;
+    fit.covariance(0, 0) += mixed_m * mixed_m;
+  }
   return fit;
 }
 

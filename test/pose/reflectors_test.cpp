@@ -47,7 +47,7 @@ struct FitErrors {
   double nees = 0.0;
 };
 
-FitErrors fit_errors(double range_m, ReflectorWorld world, int runs) {
+FitErrors fit_errors(double range_m, ReflectorWorld world, int runs, const ReflectorDetectionParams& params = {}) {
   Random random(7);
   FitErrors errors;
   world.angle_min_rad = radians(-12.0);
@@ -55,7 +55,7 @@ FitErrors fit_errors(double range_m, ReflectorWorld world, int runs) {
   for (int i = 0; i < runs; ++i) {
     const double azimuth_rad = random.uniform(-0.1, 0.1), r_m = range_m + random.uniform(-0.1, 0.1);
     world.cylinders[0].center_m = r_m * Eigen::Vector2d(std::cos(azimuth_rad), std::sin(azimuth_rad));
-    const ReflectorSightings sightings = seen(world, random);
+    const ReflectorSightings sightings = seen(world, random, params);
     if (sightings.sightings.size() != 1U) continue;
     const ReflectorFit fit = fit_reflector(sightings, sightings.sightings[0], world.cylinders[0].radius_m);
     const Eigen::Vector2d error(fit.range_m - r_m, fit.azimuth_rad - azimuth_rad);
@@ -99,6 +99,20 @@ TEST(ReflectorFitStatistics, StaysSoForDimFlanksWideBeamsAndLostOnes) {
     EXPECT_LT(std::abs(errors.mean(1)), 0.15e-3);
     EXPECT_GT(errors.nees, 1.2);
     EXPECT_LT(errors.nees, 2.8);
+  }
+}
+
+// Thin ones at the distances where a single beam sees them, its edges on the wall behind: seldom farther off than the
+// covariance says.
+TEST(ReflectorFitStatistics, SaysThatTheRangeOfASingleBeamMayBeMixed) {
+  for (const double range_m : {5.0, 6.0, 8.0}) {
+    ReflectorWorld world = hall({range_m, 0.0}, 0.025);
+    world.add_room({-12.0, -12.0}, {range_m + 1.0, 12.0});
+    world.beam_width_rad = 0.004;
+    ReflectorDetectionParams as_certain;
+    as_certain.fit.mixed_part = 0.0;
+    EXPECT_LT(fit_errors(range_m, world, 2000).nees, 3.0) << range_m;
+    EXPECT_GT(fit_errors(range_m, world, 2000, as_certain).nees, 20.0) << range_m;
   }
 }
 

@@ -19,6 +19,7 @@ struct ReflectorFitParams {
   double beam_width_rad = 0.001;
   double pointing_sigma_rad = 0.0005;
   double min_bright_part = 0.8;
+  double mixed_part = 1.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -29,6 +30,9 @@ struct ReflectorFitParams {
           "standard deviation of the azimuth at which a beam meets a reflector; makes ranges on its flanks uncertain");
     visit("min_bright_part", self.min_bright_part, Bounds{0.1, 1.0}, "",
           "least part of the width of a reflector, about its middle, that is bright; its flanks return less light");
+    visit("mixed_part", self.mixed_part, Bounds{0.0, 1.0}, "",
+          "standard deviation of a range of which no beam is entirely on the reflector, as a part of its difference to "
+          "that of what is beside it: it may be a mean of both");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -96,6 +100,7 @@ struct ReflectorSighting {
   double free_before_rad = 0.0;  ///< from the first hit to the first beam before it that is beside the reflector; +inf
                                  ///< where something nearer hides that side
   double free_after_rad = 0.0;   ///< the same behind the last hit
+  double step_m = 0.0;           ///< in range to what is beside the reflector, the greater of both sides
   double time_offset_s = 0.0;    ///< of the middle beam, after the stamp
   float peak_intensity = 0.0F;
   Eigen::Vector2d center_level_m = Eigen::Vector2d::Zero();  ///< for ReflectorDetectionParams::radius_m
