@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include <Eigen/Cholesky>
+
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -19,6 +21,13 @@ constexpr int kMaxNodes = 3000;
 constexpr std::size_t kMaxLeaves = 32;
 /// Factor of the variance of the wheels' errors of scale when a pose replaces the one by which they were learned.
 constexpr double kLearnedScale = 4.0;
+/// s. The turn by odometry in a window that ends so long before a motion stands for that of the motion where the error
+/// of scale is applied: what was wrong in it has been corrected by reflectors since. The correction lags as much.
+constexpr double kTurnDelay_s = 0.1;
+/// s. Its length: with 0.06 s the noise of turns weighs more, with 0.3 s the correction lags more.
+constexpr double kTurnWindow_s = 0.15;
+/// m. After this distance errors of the wheels count less, by a factor e, for how much they may change.
+constexpr double kErrorsLast_m = 100.0;
 /// A correction is linearised anew where it exceeds this, in m and rad.
 constexpr double kRelinearise = 0.02;
 constexpr int kMaxIterations = 6;
@@ -36,9 +45,11 @@ constexpr double kStands_m = 0.1;
 /// What was seen longer ago, or farther away, is not searched with.
 constexpr double kMaxAge_s = 3.0;
 constexpr double kMaxSearchTravel_m = 1.5;
-/// Error of a place by odometry in between, relative to the way.
-constexpr double kTravelError = 0.03;
+/// m. A robot that moves less between scans stands, and places are averaged.
+constexpr double kStandsStill_m = 0.005;
 constexpr std::size_t kMaxStood = 64;
+/// Probability that the pose that a search finds differs by less from the same one.
+constexpr double kSamePose = 0.9999;
 /// m. A sighting of none of the reflectors is of the same thing as an earlier one within this distance.
 constexpr double kSameStranger_m = 0.25;
 /// Scans with a match that saw it, after which it is known.
@@ -92,34 +103,45 @@ Eigen::Matrix2d observed_reflector_place_jacobian(const Eigen::Matrix<double, 2,
   return -J_z_e.leftCols<2>() * T_world_base.rotation().transpose();
 }
 
-ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u) {
-  Eigen::Vector3d tau = log_se2(u);
-  tau.head<2>() *= 1.0 + x.scale_error(0);
-  tau(2) *= 1.0 + x.scale_error(1);
-  return {x.T_world_base * exp_se2(tau), x.scale_error};
+namespace {
+
+// The motion of the robot by that of its odometry.
+Eigen::Vector3d corrected(const ReflectorState& x, const Eigen::Vector3d& tau, double turn_rad) {
+  Eigen::Vector3d result = tau;
+  result.head<2>() *= 1.0 + x.scale_error(0);
+  result(2) += x.scale_error(1) * turn_rad + x.yaw_drift_rad_m * tau(0);
+  return result;
 }
 
-Eigen::Matrix<double, 5, 5> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u) {
+}  // namespace
+
+ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u, double turn_rad) {
+  return {x.T_world_base * exp_se2(corrected(x, log_se2(u), turn_rad)), x.scale_error, x.yaw_drift_rad_m};
+}
+
+Eigen::Matrix<double, 6, 6> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u, double turn_rad) {
   const Eigen::Vector3d tau = log_se2(u);
-  Eigen::Vector3d scaled = tau;
-  scaled.head<2>() *= 1.0 + x.scale_error(0);
-  scaled(2) *= 1.0 + x.scale_error(1);
-  Eigen::Matrix<double, 3, 2> J_tau_s;
-  J_tau_s << tau(0), 0.0, tau(1), 0.0, 0.0, tau(2);
-  Eigen::Matrix<double, 5, 5> F = Eigen::Matrix<double, 5, 5>::Identity();
+  const Eigen::Vector3d scaled = corrected(x, tau, turn_rad);
+  Eigen::Matrix3d J_tau_s;
+  J_tau_s << tau(0), 0.0, 0.0, tau(1), 0.0, 0.0, 0.0, turn_rad, tau(0);
+  Eigen::Matrix<double, 6, 6> F = Eigen::Matrix<double, 6, 6>::Identity();
   F.topLeftCorner<3, 3>() = adjoint_se2(inverse(exp_se2(scaled)));
-  F.topRightCorner<3, 2>() = right_jacobian_se2(scaled) * J_tau_s;
+  F.topRightCorner<3, 3>() = right_jacobian_se2(scaled) * J_tau_s;
   return F;
 }
 
-Eigen::Matrix<double, 5, 5> odometry_noise(const Pose2& u, const WheelErrorParams& params) {
+Eigen::Matrix<double, 6, 6> odometry_noise(const Pose2& u, const WheelErrorParams& params,
+                                           const Eigen::Vector3d& wheel_error) {
   const double distance_m = u.translation_m.norm();
   const double turn_rad = std::abs(wrap_to_pi(u.yaw_rad));
   const auto variance = [](double noise, double way) { return noise * noise * way; };
-  Eigen::Matrix<double, 5, 1> diagonal;
+  const auto drift = [&](double error, double way) {
+    return variance(params.scale_drift, way) + variance(params.relative_drift * error, way);
+  };
+  Eigen::Matrix<double, 6, 1> diagonal;
   diagonal << variance(params.distance_noise, distance_m), variance(params.lateral_noise, distance_m),
       variance(params.yaw_noise_of_distance, distance_m) + variance(params.yaw_noise_of_yaw, turn_rad),
-      variance(params.scale_drift, distance_m), variance(params.scale_drift, turn_rad);
+      drift(wheel_error(0), distance_m), drift(wheel_error(1), turn_rad), drift(wheel_error(2), distance_m);
   return diagonal.asDiagonal();
 }
 
@@ -163,7 +185,7 @@ void ReflectorLocalization::forget(const char* reason) {
   reason_ = reason;
   // What was seen of reflectors by a pose that was contradicted may be wrong.
   if (contradicted_ > 0) forget_reflectors();
-  contradicted_ = 0;
+  contradicted_ = doubtful_ = 0;
   strangers_.clear();
 }
 
@@ -194,25 +216,28 @@ void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estim
   moved_.P_state.setZero();  // the new pose was found without them
   is_known_ = true;
   reason_ = "";
-  contradicted_ = 0;
+  contradicted_ = doubtful_ = 0;
   at_ = at;
   // The wheels are the same. What was learned of them counts less: a pose that was wrong may have taught it.
-  const Eigen::Vector2d prior_variance =
-      Eigen::Vector2d(params_.wheels.distance_scale_sigma, params_.wheels.yaw_scale_sigma).cwiseAbs2();
-  Eigen::Vector2d variance = prior_variance;
-  for (Eigen::Index i = 0; i < 2; ++i) {
+  const Eigen::Vector3d prior_variance = Eigen::Vector3d(params_.wheels.distance_scale_sigma,
+                                                         params_.wheels.yaw_scale_sigma, params_.wheels.yaw_drift_sigma)
+                                             .cwiseAbs2();
+  Eigen::Vector3d variance = prior_variance;
+  for (Eigen::Index i = 0; i < 3; ++i) {
     const double learned = kLearnedScale * estimate_.P(3 + i, 3 + i);
     if (has_scales_ && learned < prior_variance(i)) {
       variance(i) = learned;
-    } else {
+    } else if (i < 2) {
       estimate_.x.scale_error(i) = 0.0;
+    } else {
+      estimate_.x.yaw_drift_rad_m = 0.0;
     }
   }
   has_scales_ = true;
   estimate_.x.T_world_base = T_world_base.x;
   estimate_.P.setZero();
   estimate_.P.topLeftCorner<3, 3>() = T_world_base.P;
-  estimate_.P.bottomRightCorner<2, 2>() = variance.asDiagonal();
+  estimate_.P.bottomRightCorner<3, 3>() = variance.asDiagonal();
   at_stamp_ = T_world_base;
   stamp_ns_ = at.stamp_ns;
   confirmed_ns_ = stamp_ns_ - nanoseconds(kConfirmed_s);
@@ -246,21 +271,44 @@ OdometryTrack::Verdict ReflectorLocalization::add_odometry(std::int64_t stamp_ns
 void ReflectorLocalization::predict_to(const OdometryTrack::Entry& target) {
   const auto step = [&](const OdometryTrack::Entry& to) {
     const Pose2 u = inverse(at_.T_track_base) * to.T_track_base;
-    Matrix5 Q = odometry_noise(u, params_.wheels);
+    Matrix6 Q = noise_of(u);
     if (to.jumps > at_.jumps) {
       const Eigen::Vector3d sigma(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m,
                                   params_.wheels.jump_sigma_rad);
       Q.diagonal().head<3>() += (to.jumps - at_.jumps) * sigma.cwiseAbs2();
     }
-    const Matrix5 F = moved_by_odometry_jacobian(estimate_.x, u);
-    predict(estimate_, moved_by_odometry(estimate_.x, u), F, Q);
+    const double turn_rad = turn_before(at_, to);
+    const Matrix6 F = moved_by_odometry_jacobian(estimate_.x, u, turn_rad);
+    predict(estimate_, moved_by_odometry(estimate_.x, u, turn_rad), F, Q);
     if (moved_.any()) moved_.P_state = F * moved_.P_state;
     at_ = to;
+    wheel_error_ *= std::exp(-u.translation_m.norm() / kErrorsLast_m);
   };
   for (std::size_t i = track_.after(at_.stamp_ns); i < track_.size() && track_[i].stamp_ns < target.stamp_ns; ++i) {
     step(track_[i]);
   }
   step(target);
+}
+
+// By wheels whose errors were as large as they were at some time lately, also while they are small in between.
+ReflectorLocalization::Matrix6 ReflectorLocalization::noise_of(const Pose2& u) const {
+  const Eigen::Vector3d error(estimate_.x.scale_error(0), estimate_.x.scale_error(1), estimate_.x.yaw_drift_rad_m);
+  return odometry_noise(u, params_.wheels, error.cwiseAbs().cwiseMax(wheel_error_));
+}
+
+void ReflectorLocalization::remember_errors() {
+  const Eigen::Vector3d error(estimate_.x.scale_error(0), estimate_.x.scale_error(1), estimate_.x.yaw_drift_rad_m);
+  const Eigen::Vector3d sigma = estimate_.P.diagonal().tail<3>().cwiseSqrt();
+  wheel_error_ = wheel_error_.cwiseMax(error.cwiseAbs() - 2.0 * sigma);
+}
+
+// How far the robot would turn from one time to the other at the rate of some time before, whose errors are others.
+double ReflectorLocalization::turn_before(const OdometryTrack::Entry& from, const OdometryTrack::Entry& to) const {
+  const std::int64_t end_ns = from.stamp_ns - nanoseconds(kTurnDelay_s);
+  OdometryTrack::Entry begin, end;
+  if (!track_.at(end_ns - nanoseconds(kTurnWindow_s), begin) || !track_.at(end_ns, end)) return 0.0;
+  const double turn_rad = wrap_to_pi(end.T_track_base.yaw_rad - begin.T_track_base.yaw_rad);
+  return turn_rad * seconds_between(from.stamp_ns, to.stamp_ns) / kTurnWindow_s;
 }
 
 // --- a scan ----------------------------------------------------------------------------------------------------------
@@ -284,11 +332,11 @@ void ReflectorLocalization::look(const ReflectorSightings& sightings, const Pose
     OdometryTrack::Entry then = now;
     const std::int64_t stamp_ns = sightings.stamp_ns + nanoseconds(sightings.sightings[i].time_offset_s);
     if (!track_.at(stamp_ns, then)) continue;
-    ReflectorState x;  // only its scale errors count
-    x.scale_error = estimate_.x.scale_error;
+    ReflectorState x = estimate_.x;  // only the errors of the wheels count
+    x.T_world_base = {};
     const Pose2 u = inverse(now.T_track_base) * then.T_track_base;
     seen_.push_back(
-        {i, then, moved_by_odometry(x, u).T_world_base * T_base_lidar, odometry_noise(u, params_.wheels), 0, 0});
+        {i, then, moved_by_odometry(x, u, turn_before(now, then)).T_world_base * T_base_lidar, noise_of(u), 0, 0});
   }
 }
 
@@ -337,15 +385,17 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
     associate();
     weigh(sightings.resolution_rad);
     correct(T_base_lidar);
+    remember_errors();
     judge_reflectors(sightings, T_base_lidar);
   } else {
     look(sightings, T_base_lidar, now);
   }
-  if (is_known_ && contradicted_ == 0) {
+  if (is_known_ && contradicted_ == 0 && doubtful_ == 0) {
     stood_.clear();
   } else {
     collect(sightings, now);
-    if (!is_known_ || contradicted_ >= params_.lost_scans) search(now);
+    const bool is_due = contradicted_ >= params_.lost_scans || doubtful_ >= params_.lost_scans;
+    if (!is_known_ || is_due) search(now);
   }
   if (is_known_) {
     const bool is_lost = std::sqrt(larger_eigenvalue(estimate_.P.topLeftCorner<2, 2>())) > params_.max_sigma_m ||
@@ -368,7 +418,7 @@ bool ReflectorLocalization::is_possible(const ReflectorSightings& sightings, con
   const ReflectorSighting& sighting = sightings.sightings[seen.sighting];
   const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
   if (predicted(0) < radius_m + 0.01) return false;  // inside it
-  Matrix25 H = Matrix25::Zero();
+  Matrix26 H = Matrix26::Zero();
   H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen.T_base_lidar, center_m);
   // An error of a moved reflector's place acts as an independent one of the sighting. In truth it has much in common
   // with that of the pose by which it was found, and the gate is wider than need be.
@@ -491,9 +541,9 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
     if (taken_[reflector] != 0) continue;
     const Eigen::Vector2d center_m = center_of(reflector);
     // Linearised at the estimate that the matches so far lead to, and again where the correction by this one is large.
-    Matrix25 H = Matrix25::Zero();
+    Matrix26 H = Matrix26::Zero();
     Innovation<2> compared;
-    Vector5 e = Vector5::Zero();
+    Vector6 e = Vector6::Zero();
     double nis = 0.0;
     for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
       const ReflectorState x = Manifold<ReflectorState>::retract(estimate.x, e);
@@ -504,7 +554,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
       compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R_gate);
       nis = compared.mahalanobis2;
       if (!(nis < 4.0 * gate_)) break;  // also NaN
-      const Vector5 next = estimate.P * H.transpose() * compared.S.llt().solve(compared.nu);
+      const Vector6 next = estimate.P * H.transpose() * compared.S.llt().solve(compared.nu);
       const double change = (next - e).norm();
       e = next;
       if (change < kRelinearise) break;
@@ -548,7 +598,7 @@ void ReflectorLocalization::weigh(double resolution_rad) {
     Possible& possible = possible_of(k);
     const Eigen::Vector2d center_m = center_of(static_cast<std::size_t>(reflector_of_[k]));
     const Eigen::Vector2d predicted = observed_reflector(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
-    Matrix25 H = Matrix25::Zero();
+    Matrix26 H = Matrix26::Zero();
     H.leftCols<3>() = observed_reflector_jacobian(estimate_.x.T_world_base, seen_[k].T_base_lidar, center_m);
     Eigen::Vector2d nu = possible.z - predicted;
     nu(1) = wrap_to_pi(nu(1));
@@ -585,7 +635,7 @@ void ReflectorLocalization::correct(const Pose2& T_base_lidar) {
 template <int Moved>
 void ReflectorLocalization::correct_with(const Pose2& T_base_lidar) {
   // Of the state at the time of a sighting, of the pose at the stamp, and of the places of moved reflectors.
-  constexpr int kSize = 8 + Moved;
+  constexpr int kSize = 9 + Moved;
   using Vector = Eigen::Matrix<double, kSize, 1>;
   using Matrix = Eigen::Matrix<double, kSize, kSize>;
   const Estimate<ReflectorState> before = estimate_;
@@ -593,34 +643,35 @@ void ReflectorLocalization::correct_with(const Pose2& T_base_lidar) {
   const OdometryTrack::Entry stamp = at_;
   ReflectorState about = before.x;  // at the stamp
   for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
-    const Vector5 off = Manifold<ReflectorState>::local_coordinates(before.x, about);
-    const Matrix5 reset = Manifold<ReflectorState>::reset_jacobian(off);
-    const Matrix5 P = transformed(reset, before.P);
+    const Vector6 off = Manifold<ReflectorState>::local_coordinates(before.x, about);
+    const Matrix6 reset = Manifold<ReflectorState>::reset_jacobian(off);
+    const Matrix6 P = transformed(reset, before.P);
     Estimate<Vector> error;
-    error.x.template head<5>() = Manifold<ReflectorState>::local_coordinates(about, before.x);
-    error.x.template segment<3>(5) = error.x.template head<3>();
-    error.P.template topLeftCorner<5, 5>() = P;
-    error.P.template block<5, 3>(0, 5) = P.leftCols<3>();
-    error.P.template block<3, 5>(5, 0) = P.topRows<3>();
-    error.P.template block<3, 3>(5, 5) = P.topLeftCorner<3, 3>();
+    error.x.template head<6>() = Manifold<ReflectorState>::local_coordinates(about, before.x);
+    error.x.template segment<3>(6) = error.x.template head<3>();
+    error.P.template topLeftCorner<6, 6>() = P;
+    error.P.template block<6, 3>(0, 6) = P.leftCols<3>();
+    error.P.template block<3, 6>(6, 0) = P.topRows<3>();
+    error.P.template block<3, 3>(6, 6) = P.topLeftCorner<3, 3>();
     if constexpr (Moved > 0) {
-      const Eigen::Matrix<double, 5, Moved> P_state = reset * moved.P_state;
-      error.P.template topRightCorner<5, Moved>() = P_state;
-      error.P.template bottomLeftCorner<Moved, 5>() = P_state.transpose();
-      error.P.template block<3, Moved>(5, 8) = P_state.template topRows<3>();
-      error.P.template block<Moved, 3>(8, 5) = P_state.template topRows<3>().transpose();
+      const Eigen::Matrix<double, 6, Moved> P_state = reset * moved.P_state;
+      error.P.template topRightCorner<6, Moved>() = P_state;
+      error.P.template bottomLeftCorner<Moved, 6>() = P_state.transpose();
+      error.P.template block<3, Moved>(6, 9) = P_state.template topRows<3>();
+      error.P.template block<Moved, 3>(9, 6) = P_state.template topRows<3>().transpose();
       error.P.template bottomRightCorner<Moved, Moved>() = moved.P;
     }
     ReflectorState x = about;
     at_ = stamp;
     for (const std::size_t k : in_time_) {
       const Pose2 u = inverse(at_.T_track_base) * seen_[k].at.T_track_base;
+      const double turn_rad = turn_before(at_, seen_[k].at);
       at_ = seen_[k].at;
       Matrix F = Matrix::Identity();
       Matrix Q = Matrix::Zero();
-      F.template topLeftCorner<5, 5>() = moved_by_odometry_jacobian(x, u);
-      Q.template topLeftCorner<5, 5>() = odometry_noise(u, params_.wheels);
-      x = moved_by_odometry(x, u);
+      F.template topLeftCorner<6, 6>() = moved_by_odometry_jacobian(x, u, turn_rad);
+      Q.template topLeftCorner<6, 6>() = noise_of(u);
+      x = moved_by_odometry(x, u, turn_rad);
       predict(error, Vector(F * error.x), F, Q);
 
       const Possible& possible = possible_of(k);
@@ -631,31 +682,31 @@ void ReflectorLocalization::correct_with(const Pose2& T_base_lidar) {
       H.template leftCols<3>() = J;
       if constexpr (Moved > 0) {
         const int i = watched_[reflector].used;
-        if (i >= 0) H.template middleCols<2>(8 + 2 * i) = observed_reflector_place_jacobian(J, x.T_world_base);
+        if (i >= 0) H.template middleCols<2>(9 + 2 * i) = observed_reflector_place_jacobian(J, x.T_world_base);
       }
       Eigen::Vector2d nu = possible.z - observed_reflector(x.T_world_base, T_base_lidar, center_m);
       nu(1) = wrap_to_pi(nu(1));
       nu -= H * error.x;
       situation_awareness::update(error, innovation(error, nu, H, possible.R), H, possible.R);
     }
-    const Vector5 e = error.x.template head<5>();
-    const Eigen::Vector3d e_stamp = error.x.template segment<3>(5);
-    const Matrix5 G = Manifold<ReflectorState>::reset_jacobian(e);
+    const Vector6 e = error.x.template head<6>();
+    const Eigen::Vector3d e_stamp = error.x.template segment<3>(6);
+    const Matrix6 G = Manifold<ReflectorState>::reset_jacobian(e);
     estimate_.x = Manifold<ReflectorState>::retract(x, e);
-    estimate_.P = transformed(G, Matrix5(error.P.template topLeftCorner<5, 5>()));
+    estimate_.P = transformed(G, Matrix6(error.P.template topLeftCorner<6, 6>()));
     at_stamp_.x = Manifold<Pose2>::retract(about.T_world_base, e_stamp);
     at_stamp_.P =
-        transformed(Manifold<Pose2>::reset_jacobian(e_stamp), Eigen::Matrix3d(error.P.template block<3, 3>(5, 5)));
+        transformed(Manifold<Pose2>::reset_jacobian(e_stamp), Eigen::Matrix3d(error.P.template block<3, 3>(6, 6)));
     const bool is_done = e_stamp.norm() < kRelinearise || iteration + 1 == kMaxIterations;
     if constexpr (Moved > 0) {
       if (is_done) {  // until then they are linearised about where they were
         moved_.l = moved.l + error.x.template tail<Moved>();
         moved_.P = error.P.template bottomRightCorner<Moved, Moved>();
-        moved_.P_state = G * error.P.template topRightCorner<5, Moved>();
+        moved_.P_state = G * error.P.template topRightCorner<6, Moved>();
       }
     }
     if (is_done) break;
-    about = {at_stamp_.x, estimate_.x.scale_error};
+    about = {at_stamp_.x, estimate_.x.scale_error, estimate_.x.yaw_drift_rad_m};
   }
 }
 
@@ -875,6 +926,14 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
   }
 
   const std::size_t matches = update_.matches.size();
+  // With few reflectors in sight one may be matched by chance, and those that it hides are soon known as things that
+  // shine: a search tells. Sightings that are of none of the reflectors, a search finds no pose by.
+  const std::size_t unmatched = update_.unmatched.size();
+  if (unmatched >= 2 && unmatched > matches) {
+    ++doubtful_;
+  } else if (matches > 0) {
+    doubtful_ = std::max(0, doubtful_ - 1);
+  }
   // What was there before, while the pose was known, is no sign of another pose: a reflector that was moved, a thing
   // that shines.
   const std::size_t strange = count_strange(sightings);
@@ -918,9 +977,11 @@ void ReflectorLocalization::collect(const ReflectorSightings& sightings, const O
       }
       continue;
     }
-    // A mean of the last few; its errors are those of one, since most of them are the same in each.
+    // While the robot stands a mean of the last few; its errors are those of one, since most of them are the same in
+    // each. The errors of odometry in between would make it lag.
     ++same->scans;
-    same->center_track_m += std::max(0.2, 1.0 / same->scans) * (center_m - same->center_track_m);
+    const bool stands = (same->base_track_m - now.T_track_base.translation_m).norm() < kStandsStill_m;
+    same->center_track_m += (stands ? std::max(0.2, 1.0 / same->scans) : 1.0) * (center_m - same->center_track_m);
     same->covariance = covariance;
     same->stamp_ns = now.stamp_ns;
     same->base_track_m = now.T_track_base.translation_m;
@@ -940,8 +1001,9 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
   places_.clear();
   for (const std::size_t i : order_) {
     const double way_m = (stood_[i].base_track_m - now.T_track_base.translation_m).norm();
-    places_.push_back({stood_[i].center_track_m, stood_[i].covariance + kTravelError * kTravelError * way_m * way_m *
-                                                                            Eigen::Matrix2d::Identity()});
+    const double travel_m = params_.wheels.distance_scale_sigma * way_m;
+    places_.push_back(
+        {stood_[i].center_track_m, stood_[i].covariance + travel_m * travel_m * Eigen::Matrix2d::Identity()});
   }
   const ReflectorPose& found = search_.find(places_);
   const auto matches = std::count_if(found.reflectors.begin(), found.reflectors.end(), [](int r) { return r >= 0; });
@@ -951,10 +1013,17 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
     return;
   }
   if (is_known_ && static_cast<std::size_t>(matches) <= update_.matches.size()) return;
-  ++counters_[is_known_ ? "pose replaced" : "pose found"];
   Estimate<Pose2> T_world_base;
   T_world_base.x = found.T_world_frame * now.T_track_base;
   T_world_base.P = transformed(adjoint_se2(inverse(now.T_track_base)), found.P);
+  if (is_known_ && contradicted_ < params_.lost_scans) {
+    // Only doubted: another pose replaces it, the same one is none.
+    const Eigen::Vector3d off = Manifold<Pose2>::local_coordinates(T_world_base.x, at_stamp_.x);
+    const Eigen::Matrix3d P = T_world_base.P + at_stamp_.P;
+    if (off.dot(P.llt().solve(off)) < chi_square_quantile(kSamePose, 3)) return;
+    contradicted_ = 1;
+  }
+  ++counters_[is_known_ ? "pose replaced" : "pose found"];
   set_pose(now, T_world_base);
   // This scan has been used.
   for (const int reflector : found.reflectors) {

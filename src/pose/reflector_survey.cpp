@@ -125,17 +125,17 @@ Eigen::MatrixXd ReflectorSurvey::error_of_own(const Pose2& T_world_base) const {
 }
 
 void ReflectorSurvey::predict(const Pose2& u, int jumps) {
-  const Eigen::Matrix<double, 5, 5> Q = odometry_noise(u, params_.wheels);
+  const Eigen::Matrix<double, 6, 6> Q = odometry_noise(u, params_.wheels);
   Eigen::Matrix3d of_pose = Q.topLeftCorner<3, 3>();
   const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_rad);
   of_pose.diagonal() += jumps * jump.cwiseAbs2();
-  const Eigen::Matrix<double, 3, 2> J_own_s = moved_by_odometry_jacobian(x_, u).topRightCorner<3, 2>();
-  x_ = moved_by_odometry(x_, u);
+  const Eigen::Matrix<double, 3, 2> J_own_s = moved_by_odometry_jacobian(x_, u, u.yaw_rad).block<3, 2>(0, 3);
+  x_ = moved_by_odometry(x_, u, u.yaw_rad);
   const Eigen::MatrixXd G = error_of_own(x_.T_world_base);
   Eigen::MatrixXd F = Eigen::MatrixXd::Identity(P_.rows(), P_.cols());
   F.middleCols<2>(3) += G * J_own_s;
   P_ = F * P_.eval() * F.transpose() + G * of_pose * G.transpose();
-  P_.diagonal().segment<2>(3) += Q.diagonal().tail<2>();
+  P_.diagonal().segment<2>(3) += Q.diagonal().segment<2>(3);
 }
 
 Eigen::Vector2d ReflectorSurvey::center_of(const Found& found) const {
@@ -238,7 +238,7 @@ void ReflectorSurvey::add(const ReflectorSightings& sightings, const Pose2& T_ba
     const Pose2 u = inverse(now.T_track_base) * then.T_track_base;
     ReflectorState scaled;
     scaled.scale_error = x_.scale_error;
-    const Pose2 T_base_then_lidar = moved_by_odometry(scaled, u).T_world_base * T_base_lidar;
+    const Pose2 T_base_then_lidar = moved_by_odometry(scaled, u, u.yaw_rad).T_world_base * T_base_lidar;
     Eigen::Matrix2d R = fit.covariance;
     const double model_m2 = params_.model_sigma_m * params_.model_sigma_m;
     R(0, 0) += model_m2;
@@ -377,9 +377,9 @@ ReflectorSurvey::Solution ReflectorSurvey::adjust(const Solution& from) const {
       const Eigen::Index pose = i == 0 ? -1 : 3 * static_cast<Eigen::Index>(i - 1);
       if (i > 0) {
         const ReflectorState before{solution.T_world_base[i - 1], solution.scale_error};
-        const ReflectorState predicted = moved_by_odometry(before, key.u);
+        const ReflectorState predicted = moved_by_odometry(before, key.u, key.u.yaw_rad);
         const Eigen::Vector3d r = Manifold<Pose2>::local_coordinates(predicted.T_world_base, solution.T_world_base[i]);
-        const Eigen::Matrix<double, 3, 5> F = moved_by_odometry_jacobian(before, key.u).topRows<3>();
+        const Eigen::Matrix<double, 3, 6> F = moved_by_odometry_jacobian(before, key.u, key.u.yaw_rad).topRows<3>();
         Eigen::Vector3d variance = odometry_noise(key.u, params_.wheels).diagonal().head<3>();
         const Eigen::Vector3d jump(params_.wheels.jump_sigma_m, params_.wheels.jump_sigma_m,
                                    params_.wheels.jump_sigma_rad);
@@ -389,7 +389,7 @@ ReflectorSurvey::Solution ReflectorSurvey::adjust(const Solution& from) const {
         solution.odometry_nis += r.dot(information * r) / (3.0 * static_cast<double>(keys - 1));
         const Eigen::Index pose_before = i == 1 ? -1 : pose - 3;
         add(r, information,
-            {{pose, -Eigen::Matrix3d::Identity()}, {pose_before, F.leftCols<3>()}, {scales, F.rightCols<2>()}});
+            {{pose, -Eigen::Matrix3d::Identity()}, {pose_before, F.leftCols<3>()}, {scales, F.middleCols<2>(3)}});
       }
       for (const Sighting& sighting : key.sightings) {
         const std::size_t j = solution.same_as[sighting.reflector];

@@ -41,8 +41,9 @@ struct Drive {
   Drive(const ReflectorMap& map, ReflectorWorld around, std::uint64_t seed, ReflectorLocalizationParams params = {})
       : world(std::move(around)), random(seed), wheels(world.path, seed + 1), localization(map, params) {}
 
-  double time_s() const { return 0.1 + 0.04 * scans; }
+  double time_s() const { return 0.1 + period_s * scans; }
   Pose2 truth() const { return world.path(time_s()); }
+  Pose2 truth_at_scan() const { return world.path(stamp_s); }
 
   void guess(double sigma_m = 0.12, double sigma_rad = 0.07) {
     Pose2 T = truth();
@@ -78,6 +79,7 @@ struct Drive {
   ReflectorSightings sightings;
   std::function<Pose2(const Pose2&)> adjust_odometry;
   bool use_sweep = true;
+  double period_s = 0.04;
   int scans = 0;
   double stamp_s = 0.0;
 };

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,7 +27,7 @@ Pose2 random_pose(Random& random) {
 }
 
 ReflectorState random_state(Random& random) {
-  return {random_pose(random), {random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1)}};
+  return {random_pose(random), {random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1)}, random.uniform(-0.1, 0.1)};
 }
 
 // --- models ----------------------------------------------------------------------------------------------------------
@@ -37,9 +38,10 @@ TEST(ReflectorModels, JacobiansEqualNumericalOnes) {
     const ReflectorState x = random_state(random);
     const Pose2 u =
         exp_se2(Eigen::Vector3d(random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0), random.uniform(-2.0, 2.0)));
-    const auto F =
-        manifold_jacobian<ReflectorState>([&](const ReflectorState& at) { return moved_by_odometry(at, u); }, x);
-    EXPECT_LT((F - moved_by_odometry_jacobian(x, u)).cwiseAbs().maxCoeff(), 1e-7);
+    const double turn_rad = random.uniform(-2.0, 2.0);
+    const auto F = manifold_jacobian<ReflectorState>(
+        [&](const ReflectorState& at) { return moved_by_odometry(at, u, turn_rad); }, x);
+    EXPECT_LT((F - moved_by_odometry_jacobian(x, u, turn_rad)).cwiseAbs().maxCoeff(), 1e-7);
 
     const Pose2 T_base_lidar = random_pose(random);
     const Eigen::Vector2d l =
@@ -55,17 +57,17 @@ TEST(ReflectorModels, TheStateIsAManifold) {
   using M = Manifold<ReflectorState>;
   for (int i = 0; i < 50; ++i) {
     const ReflectorState x = random_state(random);
-    const M::Error e = 0.5 * normal_vector<5>(random);
+    const M::Error e = 0.5 * normal_vector<6>(random);
     EXPECT_LT((M::local_coordinates(x, M::retract(x, e)) - e).norm(), 1e-9);
     const ReflectorState at_e = M::retract(x, e);
     const auto G =
-        numerical_jacobian<5, 5>([&](const M::Error& d) { return M::local_coordinates(at_e, M::retract(x, d)); }, e);
+        numerical_jacobian<6, 6>([&](const M::Error& d) { return M::local_coordinates(at_e, M::retract(x, d)); }, e);
     EXPECT_LT((G - M::reset_jacobian(e)).cwiseAbs().maxCoeff(), 1e-7);
   }
 }
 
 TEST(ReflectorModels, StandingStillAddsNoNoise) {
-  EXPECT_EQ(odometry_noise({}, {}), (Eigen::Matrix<double, 5, 5>::Zero()));
+  EXPECT_EQ(odometry_noise({}, {}, {0.1, 0.1, 0.1}), (Eigen::Matrix<double, 6, 6>::Zero()));
 }
 
 // --- accuracy --------------------------------------------------------------------------------------------------------
@@ -255,6 +257,52 @@ TEST(ReflectorLocalization, LearnsTheScaleOfDistances) {
   ASSERT_TRUE(drive.localization.is_known());
   EXPECT_NEAR(drive.localization.state().x.scale_error(0), 0.04, 0.025);
   EXPECT_LT(drive.error().head<2>().norm(), 0.01);
+}
+
+/// What wheels say on a drive if they miss some of each turn and of each way forward.
+std::function<Pose2(const Pose2&)> turning_less(double turn_part, double yaw_rad_m) {
+  return [=, before = Pose2{}, result = Pose2{}, has_before = false](const Pose2& T) mutable {
+    if (has_before) {
+      Eigen::Vector3d tau = log_se2(inverse(before) * T);
+      tau(2) -= turn_part * tau(2) + yaw_rad_m * tau(0);
+      result = result * exp_se2(tau);
+    }
+    before = T;
+    has_before = true;
+    return result;
+  };
+}
+
+TEST(ReflectorLocalization, LearnsTheTurnsThatWheelsMiss) {
+  const ReflectorMap map = map_of(4);
+  ReflectorWorld world = room_with(map);
+  world.path = winding_path(0.7);
+  Drive drive(map, world, 3);
+  drive.adjust_odometry = turning_less(0.08, 0.02);
+  drive.guess();
+  for (int scan = 0; scan < 750; ++scan) drive.scan();
+  ASSERT_TRUE(drive.localization.is_known());
+  const Estimate<ReflectorState>& state = drive.localization.state();
+  EXPECT_NEAR(state.x.scale_error(1), 0.08 / 0.92, 0.04);
+  EXPECT_NEAR(state.x.yaw_drift_rad_m, 0.02, 0.01);
+  EXPECT_LT(state.P(5, 5), std::pow(0.6 * ReflectorLocalizationParams{}.wheels.yaw_drift_sigma, 2));
+}
+
+// On a straight way all turns that odometry says are its noise.
+TEST(ReflectorLocalizationStatistics, AStraightWayTeachesNothingOfTheScaleOfTurns) {
+  double sum = 0.0;
+  constexpr int kSeeds = 20;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const ReflectorMap map = map_of(4);
+    ReflectorWorld world = room_with(map);
+    world.path = [](double t_s) { return Pose2{{-4.4 + 0.4 * t_s, 0.0}, 0.0}; };
+    Drive drive(map, world, static_cast<std::uint64_t>(seed));
+    drive.guess();
+    for (int scan = 0; scan < 540; ++scan) drive.scan();
+    const Estimate<ReflectorState>& state = drive.localization.state();
+    sum += state.x.scale_error(1);
+  }
+  EXPECT_LT(std::abs(sum / kSeeds), 0.06);
 }
 
 // The wheels are the same wherever the robot is.

@@ -49,6 +49,7 @@ class ReflectorWorld {
   int beams = 541;
   double sweep_s = 0.0;  ///< from the first beam to the last
   double range_sigma_m = 0.012;
+  double intensity_sigma = 0.0;
   double beam_width_rad = 0.0;
   double lost_share = 0.0;  ///< of the beams, at random
   double max_range_m = 20.0;
@@ -99,6 +100,7 @@ class ReflectorWorld {
       if (is_lost || !(range_m < max_range_m)) {
         result.beams.push_back({static_cast<float>(max_range_m), BeamState::kFree});
       } else {
+        if (intensity_sigma > 0.0) intensity += intensity_sigma * random.normal();
         result.beams.push_back({static_cast<float>(range_m + noise_m), BeamState::kHit, static_cast<float>(intensity)});
       }
     }

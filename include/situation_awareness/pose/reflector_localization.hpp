@@ -27,37 +27,43 @@ namespace situation_awareness {
 //
 //   symbol  meaning                                                            space        size
 //   T       T_world_base at the stamp                                          SE(2)
-//   s       scale errors of odometry, of distances and of turns                R^2          2
-//   e       error: of T in its own frame (forward, left, yaw), and of s        R^5          5
+//   s       errors of the wheels: of scale, of distances and of turns, and     R^3          3
+//           the turn (rad) that odometry misses on each m forward
+//   e       error: of T in its own frame (forward, left, yaw), and of s        R^6          6
 //   u       motion of the base by odometry between two stamps                  SE(2)
-//   w, Q    error of odometry, of the pose after the motion, and its covariance  R^5         5, 5x5
+//   w, Q    error of odometry, of the pose after the motion, and its covariance  R^6         6, 6x6
 //   z, R    range and azimuth of a reflector's centre in the level frame       R^2          2, 2x2
-//   H       Jacobian of z by e                                                 J_z_e        2x5
+//   H       Jacobian of z by e                                                 J_z_e        2x6
 //   l, H_l  place in the world of a reflector that was moved; Jacobian of z by it  R^2, J_z_l  2, 2x2
 
-/// State of the localisation: a pose, and how much farther the robot drives and turns than its odometry says, relative.
+/// State of the localisation: a pose, and the constant errors of the wheels.
 struct ReflectorState {
   Pose2 T_world_base;
+  /// How much farther the robot drives and turns than its odometry says, relative.
   Eigen::Vector2d scale_error = Eigen::Vector2d::Zero();
+  /// Turn that odometry misses, in rad by m forward: wheels of different radius.
+  double yaw_drift_rad_m = 0.0;
 };
 
 template <>
 struct Manifold<ReflectorState> {
-  static constexpr int kDimension = 5;
+  static constexpr int kDimension = 6;
   static constexpr bool kFlat = false;
-  using Error = Eigen::Matrix<double, 5, 1>;
+  using Error = Eigen::Matrix<double, 6, 1>;
 
   static ReflectorState identity() { return {}; }
   static ReflectorState retract(const ReflectorState& x, const Error& e) {
-    return {Manifold<Pose2>::retract(x.T_world_base, e.head<3>()), x.scale_error + e.tail<2>()};
+    return {Manifold<Pose2>::retract(x.T_world_base, e.head<3>()), x.scale_error + e.segment<2>(3),
+            x.yaw_drift_rad_m + e(5)};
   }
   static Error local_coordinates(const ReflectorState& x, const ReflectorState& y) {
     Error e;
-    e << Manifold<Pose2>::local_coordinates(x.T_world_base, y.T_world_base), y.scale_error - x.scale_error;
+    e << Manifold<Pose2>::local_coordinates(x.T_world_base, y.T_world_base), y.scale_error - x.scale_error,
+        y.yaw_drift_rad_m - x.yaw_drift_rad_m;
     return e;
   }
-  static Eigen::Matrix<double, 5, 5> reset_jacobian(const Error& e) {
-    Eigen::Matrix<double, 5, 5> G = Eigen::Matrix<double, 5, 5>::Identity();
+  static Eigen::Matrix<double, 6, 6> reset_jacobian(const Error& e) {
+    Eigen::Matrix<double, 6, 6> G = Eigen::Matrix<double, 6, 6>::Identity();
     G.topLeftCorner<3, 3>() = Manifold<Pose2>::reset_jacobian(e.head<3>());
     return G;
   }
@@ -69,9 +75,11 @@ struct WheelErrorParams {
   double lateral_noise = 0.001;
   double yaw_noise_of_distance = 0.01;
   double yaw_noise_of_yaw = 0.02;
-  double distance_scale_sigma = 0.02;
-  double yaw_scale_sigma = 0.02;
+  double distance_scale_sigma = 0.1;
+  double yaw_scale_sigma = 0.1;
+  double yaw_drift_sigma = 0.015;
   double scale_drift = 0.001;
+  double relative_drift = 0.2;
   double jump_sigma_m = 0.1;
   double jump_sigma_rad = 0.1;
 
@@ -88,8 +96,12 @@ struct WheelErrorParams {
           "standard deviation of the constant relative error of distances; it is estimated");
     visit("yaw_scale_sigma", self.yaw_scale_sigma, Bounds{0.0, 0.5}, "",
           "standard deviation of the constant relative error of turns; it is estimated");
+    visit("yaw_drift_sigma", self.yaw_drift_sigma, Bounds{0.0, 0.5}, "rad/m",
+          "standard deviation of the constant turn by distance that odometry misses; it is estimated");
     visit("scale_drift", self.scale_drift, Bounds{0.0, 1.0}, "1/sqrt(m)",
-          "random change of both relative errors, by distance and by turning in rad");
+          "random change of the constant errors, by distance, of that of turns by turning in rad");
+    visit("relative_drift", self.relative_drift, Bounds{0.0, 1.0}, "1/sqrt(m)",
+          "the same in proportion to the errors: wheels that are wrong by more change by more");
     visit("jump_sigma_m", self.jump_sigma_m, Bounds{0.0, 10.0}, "m",
           "error of the motion that replaces a jump of odometry, in each direction");
     visit("jump_sigma_rad", self.jump_sigma_rad, Bounds{0.0, 3.0}, "rad",
@@ -212,11 +224,15 @@ Eigen::Matrix<double, 2, 3> observed_reflector_jacobian(const Pose2& T_world_bas
 /// The Jacobian of the same by the place of the reflector in the world, from that by the error of T_world_base.
 Eigen::Matrix2d observed_reflector_place_jacobian(const Eigen::Matrix<double, 2, 3>& J_z_e, const Pose2& T_world_base);
 
-/// The state after the motion u by odometry, and its Jacobian by the error of the state before.
-ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u);
-Eigen::Matrix<double, 5, 5> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u);
-/// Noise of that motion, an error of the state after it.
-Eigen::Matrix<double, 5, 5> odometry_noise(const Pose2& u, const WheelErrorParams& params);
+/// The state after the motion u by odometry, and its Jacobian by the error of the state before. `turn_rad`: the turn
+/// that the error of scale is of. With that of u itself the error of u's turn would count as one of scale, and on a
+/// straight way, where it is the whole turn, the scale would go to -1.
+ReflectorState moved_by_odometry(const ReflectorState& x, const Pose2& u, double turn_rad);
+Eigen::Matrix<double, 6, 6> moved_by_odometry_jacobian(const ReflectorState& x, const Pose2& u, double turn_rad);
+/// Noise of that motion, an error of the state after it. `wheel_error`: how large the constant errors of the wheels, of
+/// ReflectorState, are taken to be; they change in proportion to it.
+Eigen::Matrix<double, 6, 6> odometry_noise(const Pose2& u, const WheelErrorParams& params,
+                                           const Eigen::Vector3d& wheel_error = Eigen::Vector3d::Zero());
 
 /// Localises a robot by reflectors and wheel odometry. Time and memory per call are bounded; no allocation after
 /// warm-up.
@@ -257,9 +273,9 @@ class ReflectorLocalization {
   Counters counters() const;
 
  private:
-  using Vector5 = Eigen::Matrix<double, 5, 1>;
-  using Matrix5 = Eigen::Matrix<double, 5, 5>;
-  using Matrix25 = Eigen::Matrix<double, 2, 5>;
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
+  using Matrix6 = Eigen::Matrix<double, 6, 6>;
+  using Matrix26 = Eigen::Matrix<double, 2, 6>;
   static constexpr int kMovedSize = 2 * static_cast<int>(kMaxMovedUsed);
   using Assignment = std::array<int, kMaxSightings>;  ///< reflector of each sighting, or -1
 
@@ -282,7 +298,7 @@ class ReflectorLocalization {
     std::size_t sighting;
     OdometryTrack::Entry at;   ///< odometry at its time
     Pose2 T_base_lidar;        ///< at its time, from the base at the stamp
-    Matrix5 Q;                 ///< error of odometry from the stamp on
+    Matrix6 Q;                 ///< error of odometry from the stamp on
     std::size_t first, count;  ///< in possible_
   };
 
@@ -306,7 +322,7 @@ class ReflectorLocalization {
     std::array<bool, kMaxMovedUsed> is_used{};
     Eigen::Matrix<double, kMovedSize, 1> l = Eigen::Matrix<double, kMovedSize, 1>::Zero();
     Eigen::Matrix<double, kMovedSize, kMovedSize> P = Eigen::Matrix<double, kMovedSize, kMovedSize>::Zero();
-    Eigen::Matrix<double, 5, kMovedSize> P_state = Eigen::Matrix<double, 5, kMovedSize>::Zero();  ///< with the state
+    Eigen::Matrix<double, 6, kMovedSize> P_state = Eigen::Matrix<double, 6, kMovedSize>::Zero();  ///< with the state
 
     bool any() const;
     Eigen::Vector2d at(int i) const { return l.segment<2>(2 * i); }
@@ -337,6 +353,9 @@ class ReflectorLocalization {
   void forget_reflectors();
   void set_pose(const OdometryTrack::Entry& at, const Estimate<Pose2>& T_world_base);
   void predict_to(const OdometryTrack::Entry& target);
+  double turn_before(const OdometryTrack::Entry& from, const OdometryTrack::Entry& to) const;
+  Matrix6 noise_of(const Pose2& u) const;
+  void remember_errors();
   void look(const ReflectorSightings& sightings, const Pose2& T_base_lidar, const OdometryTrack::Entry& now);
   bool is_possible(const ReflectorSightings& sightings, const Seen& seen, const Eigen::Vector2d& center_m,
                    double radius_m, const Eigen::Matrix2d& P_l, SightingFit& fit, Possible& possible) const;
@@ -374,13 +393,15 @@ class ReflectorLocalization {
   bool has_scales_ = false;  ///< the wheels' errors of scale, since a first pose was known
   const char* reason_ = "no pose yet";
   Estimate<ReflectorState> estimate_;
-  OdometryTrack::Entry at_;   ///< the odometry of the estimate
+  Eigen::Vector3d wheel_error_ = Eigen::Vector3d::Zero();  ///< the largest that the wheels have had lately, at least
+  OdometryTrack::Entry at_;                                ///< the odometry of the estimate
   Estimate<Pose2> at_stamp_;  ///< of the latest scan; the estimate is at that of its last sighting
   std::int64_t stamp_ns_ = 0;
   std::int64_t confirmed_ns_ = 0;  ///< the latest scan with two matches or more
   bool has_initial_ = false;
   LocalizedPose initial_;
   int contradicted_ = 0;  ///< scans in a row
+  int doubtful_ = 0;      ///< scans with more sightings unmatched than matched, less the others
 
   std::vector<Watched> watched_;
   MovedPlaces moved_;
