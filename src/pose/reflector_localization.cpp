@@ -407,7 +407,25 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
   }
   update_.is_known = is_known_;
   if (!is_known_) update_.reason = reason_;
+  cover(sightings.stamp_ns);
   return update_;
+}
+
+void ReflectorLocalization::cover(std::int64_t stamp_ns) {
+  const double since_s = covered_ns_ ? std::max(0.0, seconds_between(*covered_ns_, stamp_ns)) : 0.0;
+  covered_ns_ = stamp_ns;
+  coverage_.all_s += since_s;
+  if (is_known_ && (update_.is_found || update_.matches.size() >= ReflectorCoverage::kNeeded)) {
+    coverage_.too_few_now_s = 0.0;
+  } else {
+    coverage_.too_few_s += since_s;
+    coverage_.too_few_now_s += since_s;
+    coverage_.longest_s = std::max(coverage_.longest_s, coverage_.too_few_now_s);
+  }
+  if (!is_known_) return;
+  coverage_.largest_sigma_m =
+      std::max(coverage_.largest_sigma_m, std::sqrt(larger_eigenvalue(at_stamp_.P.topLeftCorner<2, 2>())));
+  coverage_.largest_sigma_rad = std::max(coverage_.largest_sigma_rad, std::sqrt(at_stamp_.P(2, 2)));
 }
 
 // Whether a sighting may be of a reflector with this centre, P_l being the covariance of the place. `fit`: for its

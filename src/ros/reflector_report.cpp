@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/reflector_report.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 
@@ -10,6 +11,9 @@ namespace situation_awareness {
 namespace {
 
 using diagnostic_msgs::DiagnosticStatus;
+
+/// m. Beyond this standard deviation of the position a lack of reflectors is a warning.
+constexpr double kUncertain_m = 0.1;
 
 std::string place_text(const Eigen::Vector2d& p_m) {
   char text[64];
@@ -34,6 +38,13 @@ std::string moved_sentence(const ReflectorMap& map, const MovedReflector& moved)
   std::snprintf(distance, sizeof distance, "%.2f m", (moved.center_world_m - known_m).norm());
   return reflector_text(map, moved.reflector) + " stands " + distance + " from there, at " +
          place_text(moved.center_world_m);
+}
+
+std::string too_few_sentence(const ReflectorCoverage& coverage, double sigma_m) {
+  char text[128];
+  std::snprintf(text, sizeof text, "fewer than %zu reflectors for %.1f s: the position is known to %.2f m",
+                ReflectorCoverage::kNeeded, coverage.too_few_now_s, sigma_m);
+  return text;
 }
 
 void ReflectorReport::add(const ReflectorUpdate& update) {
@@ -80,6 +91,11 @@ void ReflectorReport::report(StageDiagnostics::Status& status) {
     status.addf("sigma y [m]", "%.4f", std::sqrt(P(1, 1)));
     status.addf("sigma yaw [rad]", "%.4f", std::sqrt(P(2, 2)));
   }
+  const ReflectorCoverage& coverage = localization_.coverage();
+  status.addf("too few reflectors [s]", "%.1f", coverage.too_few_s);
+  status.addf("too few reflectors now [s]", "%.1f", coverage.too_few_now_s);
+  status.addf("too few reflectors at a stretch [s]", "%.1f", coverage.longest_s);
+  status.addf("largest sigma [m]", "%.4f", coverage.largest_sigma_m);
   status.add("reflectors", localization_.map().reflectors.size());
   status.add("matched", latest_.matches.size());
   status.add("ambiguous", latest_.ambiguous.size());
@@ -92,6 +108,11 @@ void ReflectorReport::report(StageDiagnostics::Status& status) {
   }
   for (const int reflector : latest_.missing) {
     status.mergeSummary(DiagnosticStatus::WARN, missing_sentence(localization_.map(), reflector));
+  }
+  if (is_known && coverage.too_few_now_s > 0.0) {
+    const Eigen::Matrix3d P = localization_.pose().covariance_world;
+    const double sigma_m = std::sqrt(std::max(P(0, 0), P(1, 1)));
+    if (sigma_m > kUncertain_m) status.mergeSummary(DiagnosticStatus::WARN, too_few_sentence(coverage, sigma_m));
   }
   if (is_known && latest_.is_contradicted) {
     status.mergeSummary(DiagnosticStatus::WARN, "the reflectors contradict the pose");

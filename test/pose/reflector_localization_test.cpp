@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include <Eigen/Eigenvalues>
+
 #include "pose/reflector_drive.hpp"
 #include "support/consistency.hpp"
 #include "support/covariance.hpp"
@@ -627,6 +629,47 @@ TEST(ReflectorLocalization, KeepsThePoseWhileNoScansCome) {
   ASSERT_TRUE(drive.localization.is_known());
   EXPECT_GT(std::sqrt(drive.localization.pose().covariance_world(0, 0)), 5.0 * sigma_m);
   EXPECT_LT(drive.squared_error(), chi_square_quantile(0.999, 3));
+}
+
+TEST(ReflectorLocalization, SaysForHowLongReflectorsDidNotSuffice) {
+  const ReflectorMap map = map_of(4);
+  ReflectorWorld world = room_with(map);
+  world.path = winding_path(0.5);
+  Drive drive(map, world, 15);
+  drive.localization.initial_pose(nanoseconds(drive.time_s()), drive.truth(), 0.01, 0.01);
+  const auto light = [&](std::size_t reflectors) {
+    for (std::size_t i = 0; i < map.reflectors.size(); ++i) {
+      drive.world.cylinders[i].intensity = i < reflectors ? 800.0 : 100.0;
+    }
+  };
+  double sigma_m = 0.0, sigma_rad = 0.0;
+  const auto scan = [&](int scans) {
+    for (int i = 0; i < scans; ++i) drive.scan();
+    const Eigen::Matrix3d P = drive.localization.pose().covariance_world;
+    sigma_m = std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(P.topLeftCorner<2, 2>()).eigenvalues()(1));
+    sigma_rad = std::sqrt(P(2, 2));
+  };
+  scan(51);
+  EXPECT_NEAR(drive.localization.coverage().all_s, 2.0, 1e-6);
+  EXPECT_EQ(drive.localization.coverage().too_few_s, 0.0);
+  light(1);
+  scan(25);
+  EXPECT_NEAR(drive.localization.coverage().too_few_now_s, 1.0, 1e-6);
+  light(2);
+  scan(25);
+  light(0);
+  scan(100);
+  const ReflectorCoverage& coverage = drive.localization.coverage();
+  EXPECT_NEAR(coverage.longest_s, 4.0, 1e-6);
+  EXPECT_NEAR(coverage.largest_sigma_m, sigma_m, 1e-9);
+  EXPECT_NEAR(coverage.largest_sigma_rad, sigma_rad, 1e-9);
+  const double worst_m = sigma_m;
+  light(4);
+  scan(50);
+  EXPECT_EQ(coverage.too_few_now_s, 0.0);
+  EXPECT_NEAR(coverage.too_few_s, 5.0, 1e-6);
+  EXPECT_NEAR(coverage.all_s, 10.0, 1e-6);
+  EXPECT_EQ(coverage.largest_sigma_m, worst_m);
 }
 
 TEST(ReflectorLocalization, ATimeResetForgetsThePose) {

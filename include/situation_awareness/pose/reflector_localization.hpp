@@ -4,6 +4,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -204,6 +205,19 @@ struct ReflectorUpdate {
   double nis = 0.0;                    ///< sum over the matches
 };
 
+/// For how long reflectors did not suffice. The times are those between the stamps of scans.
+struct ReflectorCoverage {
+  /// Fewer matches do not say where the robot is: by one it may be anywhere on a circle.
+  static constexpr std::size_t kNeeded = 2;
+
+  double all_s = 0.0;            ///< with scans
+  double too_few_s = 0.0;        ///< with fewer matches than needed, or no pose
+  double too_few_now_s = 0.0;    ///< up to the latest scan
+  double longest_s = 0.0;        ///< at a stretch
+  double largest_sigma_m = 0.0;  ///< standard deviation of the position in its worst direction, while it was known
+  double largest_sigma_rad = 0.0;
+};
+
 /// Pose with the two forms of its covariance.
 struct LocalizedPose {
   std::int64_t stamp_ns = 0;
@@ -269,6 +283,8 @@ class ReflectorLocalization {
   const ReflectorMap& map() const { return map_; }
   /// Of the innovations; its summary takes what was added since the one before.
   NisMonitor& nis_monitor() { return nis_monitor_; }
+  /// Since the construction.
+  const ReflectorCoverage& coverage() const { return coverage_; }
   /// Since the construction: what was wrong with odometry and scans, searches by their result, poses lost and found.
   Counters counters() const;
 
@@ -378,6 +394,7 @@ class ReflectorLocalization {
   void leave_moved(Watched& watched);
   void collect(const ReflectorSightings& sightings, const OdometryTrack::Entry& now);
   void search(const OdometryTrack::Entry& now);
+  void cover(std::int64_t stamp_ns);
 
   ReflectorMap map_;
   ReflectorLocalizationParams params_;
@@ -419,6 +436,8 @@ class ReflectorLocalization {
   std::vector<std::size_t> in_time_;  ///< matched ones of seen_
   std::vector<ReflectorPlace> places_;
   std::vector<char> excluded_;
+  ReflectorCoverage coverage_;
+  std::optional<std::int64_t> covered_ns_;  ///< up to here
   ReflectorUpdate update_;
 };
 

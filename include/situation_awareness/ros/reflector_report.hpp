@@ -14,6 +14,9 @@ namespace situation_awareness {
 std::string missing_sentence(const ReflectorMap& map, int reflector);
 std::string moved_sentence(const ReflectorMap& map, const MovedReflector& moved);
 
+/// A sentence on a lack of reflectors, and what it does to the standard deviation of the position.
+std::string too_few_sentence(const ReflectorCoverage& coverage, double sigma_m);
+
 /// What localisation by reflectors says on /diagnostics and in the log.
 class ReflectorReport {
  public:

@@ -145,6 +145,15 @@ Params read_params(const Options& options) {
   return params;
 }
 
+/// Where reflectors did not suffice the pose is that of odometry.
+void print_coverage(const ReflectorCoverage& coverage) {
+  std::printf(
+      "reflectors: fewer than %zu matched for %.1f s of %.1f s, %.1f s at a stretch; standard deviation of the pose up "
+      "to %.3f m, %.4f rad\n",
+      ReflectorCoverage::kNeeded, coverage.too_few_s, coverage.all_s, coverage.longest_s, coverage.largest_sigma_m,
+      coverage.largest_sigma_rad);
+}
+
 /// What the map of objects made of the drive.
 void print_movers(const PolygonPipeline& pipeline) {
   if (pipeline.objects() == nullptr) return;
@@ -205,6 +214,7 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   player.print_summary();
   print_movers(pipeline.pipeline());
   std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
+  print_coverage(localization.coverage());
   for (const auto& [reason, count] : localization.counters()) refused[reason] += count;
   for (const auto& [reason, count] : refused) {
     std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
