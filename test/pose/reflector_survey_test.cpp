@@ -100,6 +100,32 @@ TEST(ReflectorSurvey, FindsWhereTheReflectorsAre) {
   }
 }
 
+// Along a corridor and back: of turns there is little but noise.
+TEST(ReflectorSurveyStatistics, ACorridorIsNotBent) {
+  ReflectorMap truth;
+  for (const Eigen::Vector2d& center_m :
+       {Eigen::Vector2d(1.0, 1.3), Eigen::Vector2d(3.0, -1.4), Eigen::Vector2d(5.5, 1.4), Eigen::Vector2d(8.0, -1.3),
+        Eigen::Vector2d(10.0, 1.4), Eigen::Vector2d(12.5, -1.4), Eigen::Vector2d(14.8, 1.2)}) {
+    truth.reflectors.push_back({center_m, 0.05});
+  }
+  ReflectorWorld world;
+  world.add_room({0.0, -1.6}, {15.6, 1.6});
+  world.add(truth);
+  world.sweep_s = 0.03;
+  constexpr double kSpeed_m_s = 0.5, kThere_s = 24.0, kTurn_s = 6.0;
+  world.path = [=](double t_s) {
+    const double yaw_rad = kPi * std::clamp((t_s - kThere_s) / kTurn_s, 0.0, 1.0);
+    const double way_s = std::min(t_s, kThere_s) - std::max(0.0, t_s - kThere_s - kTurn_s);
+    return Pose2{{1.5 + kSpeed_m_s * way_s, 0.0}, yaw_rad};
+  };
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const ReflectorSurveyResult result = survey_of(world, seed, 1300);
+    EXPECT_EQ(result.reason, "");
+    EXPECT_LT(worst_distance_error_m(result.map, truth), 0.006) << seed;
+    EXPECT_LT(std::abs(result.scale_error.y()), 0.06) << seed;
+  }
+}
+
 // Against the truth in the world of the first pose, with the covariance of all reflectors one by one.
 TEST(ReflectorSurveyStatistics, CovariancesAreHonest) {
   double sum = 0.0;
