@@ -48,6 +48,11 @@ constexpr double kMaxSearchTravel_m = 1.5;
 /// m. A robot that moves less between scans stands, and places are averaged.
 constexpr double kStandsStill_m = 0.005;
 constexpr std::size_t kMaxStood = 64;
+/// Error of a place by odometry in between, relative to the way, at least.
+constexpr double kTravelError = 0.03;
+/// m. A pose that was less certain may have been given to the wrong reflector, until so many are matched.
+constexpr double kUnsure_m = 0.1;
+constexpr std::size_t kSureMatches = 3;
 /// Probability that the pose that a search finds differs by less from the same one.
 constexpr double kSamePose = 0.9999;
 /// m. A sighting of none of the reflectors is of the same thing as an earlier one within this distance.
@@ -186,6 +191,7 @@ void ReflectorLocalization::forget(const char* reason) {
   // What was seen of reflectors by a pose that was contradicted may be wrong.
   if (contradicted_ > 0) forget_reflectors();
   contradicted_ = doubtful_ = 0;
+  was_unsure_ = false;
   strangers_.clear();
 }
 
@@ -217,6 +223,7 @@ void ReflectorLocalization::set_pose(const OdometryTrack::Entry& at, const Estim
   is_known_ = true;
   reason_ = "";
   contradicted_ = doubtful_ = 0;
+  was_unsure_ = false;
   at_ = at;
   // The wheels are the same. What was learned of them counts less: a pose that was wrong may have taught it.
   const Eigen::Vector3d prior_variance = Eigen::Vector3d(params_.wheels.distance_scale_sigma,
@@ -380,6 +387,7 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
     predict_to(now);
     at_stamp_ = {estimate_.x.T_world_base, estimate_.P.topLeftCorner<3, 3>()};
     stamp_ns_ = now.stamp_ns;
+    was_unsure_ |= std::max(estimate_.P(0, 0), estimate_.P(1, 1)) > kUnsure_m * kUnsure_m;
     look(sightings, T_base_lidar, now);
     list_possible(sightings);
     associate();
@@ -944,10 +952,12 @@ void ReflectorLocalization::judge_reflectors(const ReflectorSightings& sightings
   }
 
   const std::size_t matches = update_.matches.size();
-  // With few reflectors in sight one may be matched by chance, and those that it hides are soon known as things that
-  // shine: a search tells. Sightings that are of none of the reflectors, a search finds no pose by.
+  // After a long way with few reflectors one may be matched by chance, and those that it hides are soon known as things
+  // that shine: a search tells. A pose that was known all the time needs none: things that shine, and reflectors that
+  // were moved, may be more than those that are matched.
+  if (matches >= kSureMatches && doubtful_ == 0) was_unsure_ = false;
   const std::size_t unmatched = update_.unmatched.size();
-  if (unmatched >= 2 && unmatched > matches) {
+  if (unmatched >= 2 && unmatched > matches && was_unsure_) {
     ++doubtful_;
   } else if (matches > 0) {
     doubtful_ = std::max(0, doubtful_ - 1);
@@ -1017,9 +1027,10 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
   });
   if (order_.size() > ReflectorSearch::kMaxPlaces) order_.resize(ReflectorSearch::kMaxPlaces);
   places_.clear();
+  const double scale_sigma = has_scales_ ? std::sqrt(estimate_.P(3, 3)) : params_.wheels.distance_scale_sigma;
   for (const std::size_t i : order_) {
     const double way_m = (stood_[i].base_track_m - now.T_track_base.translation_m).norm();
-    const double travel_m = params_.wheels.distance_scale_sigma * way_m;
+    const double travel_m = std::max(kTravelError, scale_sigma) * way_m;
     places_.push_back(
         {stood_[i].center_track_m, stood_[i].covariance + travel_m * travel_m * Eigen::Matrix2d::Identity()});
   }

@@ -417,8 +417,9 @@ class ReflectorLocalization {
   std::int64_t confirmed_ns_ = 0;  ///< the latest scan with two matches or more
   bool has_initial_ = false;
   LocalizedPose initial_;
-  int contradicted_ = 0;  ///< scans in a row
-  int doubtful_ = 0;      ///< scans with more sightings unmatched than matched, less the others
+  int contradicted_ = 0;     ///< scans in a row
+  bool was_unsure_ = false;  ///< of the pose, since enough reflectors were matched
+  int doubtful_ = 0;         ///< scans with more sightings unmatched than matched, less the others
 
   std::vector<Watched> watched_;
   MovedPlaces moved_;
