@@ -6,7 +6,7 @@ import re
 import sys
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
-TESTS_ONLY = {"libbenchmark-dev", "libclang-rt-14-dev", "libgtest-dev"}
+TESTS_ONLY = {"libbenchmark-dev", "libclang-rt-14-dev", "libgtest-dev", "libompl-dev"}
 
 wanted = set()
 for line in (SOURCE / "scripts/packages.txt").read_text(encoding="utf-8").splitlines():

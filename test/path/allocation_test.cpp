@@ -7,6 +7,7 @@
 #include "allocations.hpp"
 #include "path/safety_scene.hpp"
 #include "situation_awareness/common/random.hpp"
+#include "situation_awareness/path/dubins.hpp"
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
 
@@ -52,6 +53,23 @@ TEST(Allocation, NoneForSafetyAreasAndPathFollowingAfterWarmUp) {
   }
   EXPECT_EQ(after, 0);
   EXPECT_GT(counted, 1000U);
+}
+
+TEST(Allocation, NoneForDubinsPaths) {
+  Random random(2);
+  double sum_m = 0.0;
+  const std::int64_t before = allocations().count;
+  for (int i = 0; i < 1000; ++i) {
+    DubinsEnd from, to;
+    for (DubinsEnd* end : {&from, &to}) {
+      end->p_m.x() = random.uniform(-5.0, 5.0);
+      if (i % 3 != 0 || end == &from) end->yaw_rad = random.uniform(-3.0, 3.0);
+    }
+    const DubinsPath path = shortest_dubins_path(from, to);
+    sum_m += path.length_m + place_at(path, 0.5 * path.length_m).curvature_1_m;
+  }
+  EXPECT_EQ(allocations().count, before);
+  EXPECT_GT(sum_m, 1000.0);
 }
 
 }  // namespace
