@@ -116,6 +116,9 @@ if(SITUATION_AWARENESS_SIM)
       ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
   endif()
 endif()
+# A tool of the core: rosrun finds it here.
+set_target_properties(dubins_path PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
+install(TARGETS dubins_path RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 include(cmake/ros_bridges.cmake)
 
 # What docs/parameters.md is made by.

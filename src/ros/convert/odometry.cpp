@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstddef>
 #include <exception>
-#include <sstream>
 #include <stdexcept>
 
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -88,19 +87,6 @@ GivenPose given_pose_from_msg(const geometry_msgs::PoseWithCovariance& msg) {
   given.sigma_m = std::sqrt(std::max(variance(0), variance(1)));
   given.sigma_rad = std::sqrt(variance(2));
   return given;
-}
-
-Pose2 parse_pose2(const std::string& text, const std::string& source) {
-  std::istringstream stream(text);
-  Pose2 pose;
-  char comma[2] = {};
-  stream >> pose.translation_m.x() >> comma[0] >> pose.translation_m.y() >> comma[1] >> pose.yaw_rad;
-  const bool is_pose =
-      stream && comma[0] == ',' && comma[1] == ',' && stream.peek() == std::istringstream::traits_type::eof();
-  if (!is_pose || !std::isfinite(pose.translation_m.sum() + pose.yaw_rad)) {
-    throw std::invalid_argument(source + ": " + text + " is not X,Y,YAW in m and rad");
-  }
-  return pose;
 }
 
 }  // namespace situation_awareness

@@ -15,6 +15,7 @@
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/geometry/parse_pose2.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"

@@ -42,7 +42,4 @@ struct GivenPose {
 /// Throws std::invalid_argument if a number is not finite, the quaternion is not a rotation or a variance is negative.
 GivenPose given_pose_from_msg(const geometry_msgs::PoseWithCovariance& msg);
 
-/// A pose from text, "X,Y,YAW" in m and rad. Throws std::invalid_argument naming `source`.
-Pose2 parse_pose2(const std::string& text, const std::string& source);
-
 }  // namespace situation_awareness
