@@ -5,6 +5,7 @@
 #include "situation_awareness/evaluation/dogleg.hpp"
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/ransac.hpp"
+#include "situation_awareness/path/dubins_following.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
@@ -40,6 +41,7 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
   EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());
   EXPECT_EQ(declared_size<PolygonPipelineParams>(), aggregate_size<PolygonPipelineParams>());
+  EXPECT_EQ(declared_size<DubinsFollowingParams>(), aggregate_size<DubinsFollowingParams>());
   EXPECT_EQ(declared_size<PathFollowingParams>(), aggregate_size<PathFollowingParams>());
   EXPECT_EQ(declared_size<SafetyParams>(), aggregate_size<SafetyParams>());
   EXPECT_EQ(declared_size<VehicleParams>(), aggregate_size<VehicleParams>());
