@@ -181,15 +181,22 @@ Solution shortest_to_point(const Problem& problem) {
       const bool is_centre = c <= problem.tolerance_m;  // the end: any direction of v will do
       if (w == 0.0 || (is_centre && std::abs(std::abs(w) - problem.rho_f) > problem.tolerance_m)) continue;
       const Vector2d ahead = is_centre ? problem.u_s : Vector2d(v / c);
-      const double along_m =
-          is_centre ? 0.0 : 0.5 * (c + (std::abs(w) - problem.rho_f) * (std::abs(w) + problem.rho_f) / c);
-      const double squared_m2 = (std::abs(w) - along_m) * (std::abs(w) + along_m);
-      if (squared_m2 < -problem.tolerance_m * std::abs(w)) continue;
+      // The triangle O_s, O_f, end: its height on c from the shorter of the other sides, so that rounding of the longer
+      // one does not count.
+      const double R = std::abs(w);
+      const bool from_start = R <= problem.rho_f;
+      const double foot_m = is_centre    ? 0.0
+                            : from_start ? 0.5 * (c + (R - problem.rho_f) * (R + problem.rho_f) / c)
+                                         : 0.5 * ((c - R) * (c + R) + problem.rho_f * problem.rho_f) / c;
+      const double side_m = from_start ? R : problem.rho_f;
+      const double squared_m2 = (side_m - foot_m) * (side_m + foot_m);
+      if (squared_m2 < -problem.tolerance_m * side_m) continue;
       for (const double side : {1.0, -1.0}) {
         const double across_m = side * std::sqrt(std::max(0.0, squared_m2));
-        const Vector2d O_s_to_f = along_m * ahead + across_m * left_of(ahead);
-        const Vector2d u = right_of(O_s_to_f / w);  // v = w n, of the circles that touch
-        const Vector2d u_f = right_of((O_s_to_f - v) / (e_f * problem.rho_f));
+        const Vector2d from_O_s = (from_start ? foot_m : c - foot_m) * ahead + across_m * left_of(ahead);
+        const Vector2d from_end = (from_start ? foot_m - c : -foot_m) * ahead + across_m * left_of(ahead);
+        const Vector2d u = right_of(from_O_s / w);  // v = w n, of the circles that touch
+        const Vector2d u_f = right_of(from_end / (e_f * problem.rho_f));
         keep(problem.solution(straight_word(e, e_f), turn(problem.u_s, u, e), 0.0, turn(u, u_f, e_f)), problem, best);
       }
     }

@@ -108,7 +108,7 @@ double searched_length_m(const DubinsEnd& from, const DubinsEnd& to) {
 
 TEST(Dubins, UnequalRadiiAgreeWithASearch) {
   Random random(2);
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < 400; ++i) {
     const DubinsEnd from = random_end(random, 8.0, random.uniform(0.5, 6.0));
     const DubinsEnd to = random_end(random, 8.0, random.uniform(0.5, 6.0));
     const double searched_m = searched_length_m(from, to);
@@ -293,6 +293,18 @@ TEST(Dubins, AFreeHeadingIsTheBest) {
     EXPECT_NEAR(length_of(given_from, given_to), path.length_m, 1e-9) << i;
   }
   EXPECT_LT(less, kCases / 20);  // the search misses minima at the edge of where a word has a path
+}
+
+TEST(Dubins, AFreeHeadingReachesTheEndAlsoWithUnlikeRadii) {
+  Random random(10);
+  for (int i = 0; i < 100'000; ++i) {
+    const auto size = [&random] { return std::exp(random.uniform(-7.0, 7.0)); };
+    const double size_m = size();
+    DubinsEnd from = random_end(random, size_m, size());
+    DubinsEnd to = random_end(random, size_m, size());
+    (i % 2 == 0 ? from : to).yaw_rad.reset();
+    EXPECT_LT(greatest_gap(shortest_dubins_path(from, to), from, to), 1e-9) << i;
+  }
 }
 
 TEST(Dubins, BothHeadingsFreeAreALine) {
