@@ -63,8 +63,14 @@ constexpr double kNearEnds_m = 0.12;
 /// Elements on a line, at most, that may be noise at a corner, and what it costs (m) to go on with them.
 constexpr int kStray = 2;
 constexpr double kStrayCost_m = 0.3;
+/// m. Elements at this spacing or less have the lengths above around their corners and ends; others longer ones, in
+/// proportion.
+constexpr double kFineSpacing_m = 0.04;
 /// Searches for the best one that has not found a better one.
 constexpr int kRounds = 3;
+
+/// Of lengths around corners and ends.
+double coarseness(double spacing_m) { return std::max(1.0, spacing_m / kFineSpacing_m); }
 
 /// Towards the free side, of a boundary that runs so.
 Eigen::Vector2d normal_of(const Eigen::Vector2d& along) { return {-along.y(), along.x()}; }
@@ -123,20 +129,21 @@ double corner_cost(const LinkElement& right, const Eigen::Vector2d& t_right, con
                    const Eigen::Vector2d& t_left, double spacing_m, bool are_walls, bool is_known) {
   const Eigen::Vector2d d_m = left.p_world_m - right.p_world_m;
   const double sine = t_right.x() * t_left.y() - t_right.y() * t_left.x();
+  const double scale = coarseness(spacing_m);
   if (std::abs(sine) > kCorner) {
     const double ahead_m = (d_m.x() * t_left.y() - d_m.y() * t_left.x()) / sine - right.high_m;
     const double back_m = left.low_m - (d_m.x() * t_right.y() - d_m.y() * t_right.x()) / sine;
-    const double most_m = (is_known ? kKnownAhead : 1.0) * kAhead_m;
-    const double least_m = -(is_known ? kKnownBeyond : 1.0) * (sine < 0.0 || are_walls ? kBeyond_m : kBeyondInner_m);
+    const double most_m = (is_known ? kKnownAhead : 1.0) * scale * kAhead_m;
+    const double least_m = -(is_known ? kKnownBeyond : 1.0) * scale * (sine < 0.0 || are_walls ? kBeyond_m : kBeyondInner_m);
     if (ahead_m > least_m && ahead_m < most_m && back_m > least_m && back_m < most_m) {
       return std::abs(ahead_m) + std::abs(back_m);
     }
     // Noise at the corner of two walls turns their last elements.
-    return are_walls && d_m.norm() < kAhead_m ? 4.0 * kAhead_m + d_m.norm() : kNoLink;
+    return are_walls && d_m.norm() < scale * kAhead_m ? 4.0 * scale * kAhead_m + d_m.norm() : kNoLink;
   }
   const double gap = d_m.norm() / spacing_m;
   const bool goes_on = are_walls || (t_right.dot(d_m) >= 0.0 && t_left.dot(d_m) >= 0.0);
-  return gap < kTouch && goes_on ? gap * spacing_m + 2.0 * kAhead_m : kNoLink;
+  return gap < kTouch && goes_on ? gap * spacing_m + 2.0 * scale * kAhead_m : kNoLink;
 }
 
 }  // namespace
@@ -243,7 +250,7 @@ void ChainLinks::link(const Elements& elements, const NearElements& near, double
                        std::min(run(right), run(left)) >= kWall, is_known);
   };
   // Only ends are left to be linked.
-  const double corner_m = kKnownAhead * kAhead_m + 2.0 * spacing_m;
+  const double corner_m = kKnownAhead * coarseness(spacing_m) * kAhead_m + 2.0 * spacing_m;
   near_ends_.find(elements, open_, std::sqrt(2.0) * std::max(max_gap_m, corner_m));
   const auto within = [&](double radius_m) {
     return [&, most_m2 = 2.0 * radius_m * radius_m](Index i, const auto& act) {

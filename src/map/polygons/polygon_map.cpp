@@ -711,7 +711,7 @@ Polygons PolygonMap::polygons(Polygons memory) {
     spare_.push_back(std::move(result.chains.back()));
   }
   for (std::size_t c = 0; c < shown_.size(); ++c) {
-    make_chain(shown_[c], result.chains[c]);
+    make_chain(c, result.chains[c]);
     result.chains[c].id = ids_[c];
   }
   return result;
@@ -726,14 +726,23 @@ void PolygonMap::measure(const ChainLinks::Run& run) {
   }
 }
 
-void PolygonMap::make_chain(const ChainLinks::Run& run, Chain& result) {
-  elements_.clear();
+void PolygonMap::elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const {
+  elements.clear();
+  const ChainLinks::Run& run = shown_[chain];
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    const Surfel& surfel = surfels_[links_.ordered()[k]];
+    elements.push_back({surfel.p_world_m, surfel.along_world(), surfel.variance_m2, surfel.low_m, surfel.high_m});
+  }
+}
+
+void PolygonMap::make_chain(std::size_t chain, Chain& result) {
+  const ChainLinks::Run& run = shown_[chain];
+  elements_of(chain, elements_);
   double least_log_odds = kMostLogOdds;
   result.first_seen_ns = std::numeric_limits<std::int64_t>::max();
   result.last_seen_ns = std::numeric_limits<std::int64_t>::min();
   for (std::size_t k = run.first; k < run.end; ++k) {
     const Surfel& surfel = surfels_[links_.ordered()[k]];
-    elements_.push_back({surfel.p_world_m, surfel.along_world(), surfel.variance_m2, surfel.low_m, surfel.high_m});
     result.first_seen_ns = std::min(result.first_seen_ns, surfel.first_seen_ns);
     result.last_seen_ns = std::max(result.last_seen_ns, surfel.last_seen_ns);
     least_log_odds = std::min(least_log_odds, surfel.log_odds);

@@ -101,6 +101,10 @@ class PolygonMap {
   /// meet is seen then. `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
 
+  /// The elements that a chain of the latest polygons() was made of, by its place there, from right to left.
+  /// `elements` is overwritten.
+  void elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const;
+
   std::size_t elements() const { return surfels_.count(); }
 
   /// The whole state, after an update or a call of polygons(), which names new chains.
@@ -162,7 +166,7 @@ class PolygonMap {
   bool is_lonely(const ChainLinks::Run& run) const;
   bool is_beside_larger(const ChainLinks::Run& run) const;
   void measure(const ChainLinks::Run& run);
-  void make_chain(const ChainLinks::Run& run, Chain& result);
+  void make_chain(std::size_t chain, Chain& result);
 
   PolygonMapParams params_;
   std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
