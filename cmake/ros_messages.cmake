@@ -3,8 +3,6 @@ if(NOT catkin_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_ROS is ON, but catkin and the ROS packages listed above were not found")
 endif()
 find_package(roslib REQUIRED)
-list(APPEND CMAKE_MODULE_PATH /usr/share/cmake/geographiclib)  # Debian's libgeographiclib-dev
-find_package(GeographicLib REQUIRED)
 
 add_message_files(DIRECTORY msg FILES
   DetectionArray.msg

@@ -25,7 +25,7 @@ FOREIGN = {  # header prefix -> folders that may include it
     r"|diagnostic_updater|message_filters|image_transport|cv_bridge|xmlrpcpp)/": {"ros"},
     r"pcl(_conversions)?/": {"ros"},
     r"mujoco/": {"sim"},
-    r"GeographicLib/": {"ros"},
+    r"GeographicLib/": {"pose", "ros"},
     r"opencv2/": {"image", "detections", "map"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')

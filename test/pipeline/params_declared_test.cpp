@@ -8,6 +8,7 @@
 #include "situation_awareness/path/dubins_following.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/pose/reflector_survey.hpp"
 #include "support/aggregate_size.hpp"
@@ -35,6 +36,8 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<DetectionParams>() + 1, aggregate_size<DetectionParams>()) << "model_folder is the caller's";
   EXPECT_EQ(declared_size<ObjectMapParams>(), aggregate_size<ObjectMapParams>());
   EXPECT_EQ(declared_size<ObjectPipelineParams>(), aggregate_size<ObjectPipelineParams>());
+  EXPECT_EQ(declared_size<GpsInsParams>(), aggregate_size<GpsInsParams>());
+  EXPECT_EQ(declared_size<InertialNoiseParams>(), aggregate_size<InertialNoiseParams>());
   EXPECT_EQ(declared_size<OdometryTrackParams>(), aggregate_size<OdometryTrackParams>());
   EXPECT_EQ(declared_size<ChainStateParams>(), aggregate_size<ChainStateParams>());
   EXPECT_EQ(declared_size<MoverParams>(), aggregate_size<MoverParams>());

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <utility>
 #include <vector>
 
 #include "allocations.hpp"
+#include "gps_ins_flight.hpp"
 #include "pose/reflector_world.hpp"
 #include "room_drive.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/pose/pose_offset.hpp"
 
 namespace situation_awareness {
@@ -66,6 +69,32 @@ TEST(Allocation, NoneForLocalisationByReflectorsAfterWarmUp) {
   }
   EXPECT_EQ(allocations().count - before, 0);
   EXPECT_GT(known, 300);
+}
+
+// Fixes that come late, a recovery and a full history in the warm-up and later.
+TEST(Allocation, NoneForGpsInsAfterWarmUp) {
+  FlightRun run({}, {}, 1);
+  GpsIns ins({}, {});
+  std::int64_t before = 0;
+  std::vector<std::pair<std::int64_t, Eigen::Vector3d>> late;
+  late.reserve(1000);
+  for (; run.time_s() < 100.0; run.next()) {
+    if (before == 0 && run.time_s() > 50.0) before = allocations().count;
+    ins.add_imu(run.sample());
+    if (!run.has_fix()) continue;
+    late.emplace_back(run.stamp_ns(), run.fix());
+    if (late.size() > 2) {
+      const auto& [stamp_ns, fix] = late[late.size() - 2];
+      const bool is_outlier = std::fmod(run.time_s(), 40.0) > 28.0;
+      ins.add_position(stamp_ns, fix + (is_outlier ? 50.0 : 0.0) * Eigen::Vector3d::UnitX(), run.fix_covariance());
+      ins.add_altitude(stamp_ns, 0.0, 1.0);
+      ins.add_heading(stamp_ns, 0.0, 3.0);
+    }
+    ins.pose();
+  }
+  EXPECT_TRUE(ins.is_ready());
+  EXPECT_GT(ins.counters().of("fix outside its gate"), 0u);
+  EXPECT_EQ(allocations().count - before, 0);
 }
 
 }  // namespace

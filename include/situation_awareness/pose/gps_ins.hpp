@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/estimation/nis_monitor.hpp"
+#include "situation_awareness/pose/gps_ins_filter.hpp"
+#include "situation_awareness/pose/local_world.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the pose by GPS and INS.
+struct GpsInsParams {
+  InertialNoiseParams imu;
+  bool learn_fix_noise = true;
+  double fix_correlated_share = 0.5;
+  double fix_correlation_s = 20.0;
+  double min_fix_sigma_m = 0.02;
+  double fix_stamp_sigma_s = 0.01;
+  double gate_probability = 0.9999;
+  double recover_after_s = 10.0;
+  double sideslip_sigma_m_s = 0.0;
+  double max_yaw_sigma_rad = 0.1;
+  double max_tilt_rad = 0.5;
+  double level_wait_s = 5.0;
+  double max_imu_gap_s = 1.0;
+  double max_delay_s = 1.0;
+  double reset_time_jump_s = 1.0;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("imu", self.imu);
+    visit("learn_fix_noise", self.learn_fix_noise,
+          "learn how the error of fixes is correlated in time; otherwise fix_correlated_share and fix_correlation_s");
+    visit("fix_correlated_share", self.fix_correlated_share, Bounds{0.0, 1.0}, "",
+          "of the variance of a fix, that of errors that are correlated in time; the rest is white");
+    visit("fix_correlation_s", self.fix_correlation_s, Bounds{0.1, 1e4}, "s", "time after which 1/e of them is left");
+    visit("min_fix_sigma_m", self.min_fix_sigma_m, Bounds{0.001, 100.0}, "m",
+          "standard deviation added to that of each fix, each axis");
+    visit("fix_stamp_sigma_s", self.fix_stamp_sigma_s, Bounds{0.0, 1.0}, "s",
+          "standard deviation of a fix's stamp against those of the IMU");
+    visit("gate_probability", self.gate_probability, Bounds{0.5, 0.9999999}, "",
+          "probability that a true measurement is used");
+    visit("recover_after_s", self.recover_after_s, Bounds{0.0, 1000.0}, "s",
+          "the pose is doubted instead of the fixes if none was used for this time");
+    visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
+          "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
+    visit("max_yaw_sigma_rad", self.max_yaw_sigma_rad, Bounds{0.01, 1.0}, "rad",
+          "the pose is ready once the standard deviation of the yaw is below this");
+    visit("max_tilt_rad", self.max_tilt_rad, Bounds{0.05, 1.5}, "rad",
+          "angle at the start between gravity and the base's z, beyond which the IMU must be mounted otherwise than "
+          "said");
+    visit("level_wait_s", self.level_wait_s, Bounds{0.0, 1000.0}, "s",
+          "roll and pitch are taken from gravity without standing or flying level after this time");
+    visit("max_imu_gap_s", self.max_imu_gap_s, Bounds{0.01, 100.0}, "s",
+          "the pose starts anew after a longer gap between samples of the IMU");
+    visit("max_delay_s", self.max_delay_s, Bounds{0.1, 10.0}, "s", "measurements that are later than this are dropped");
+    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
+          "stamps of the IMU that go back by more than this are a restart; those that go back less are refused");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// Where the sensors are on the base.
+struct GpsInsMounting {
+  Eigen::Isometry3d T_base_imu = Eigen::Isometry3d::Identity();
+  Eigen::Vector3d antenna_base_m = Eigen::Vector3d::Zero();
+};
+
+/// A fix of a receiver.
+struct GeodeticFix {
+  std::int64_t stamp_ns = 0;
+  bool is_fix = true;  ///< false: the receiver has none
+  GeodeticPosition position;
+  Eigen::Matrix3d covariance_m2 = Eigen::Matrix3d::Zero();  ///< east, north, up
+};
+
+/// Pose, velocity and what is known of them.
+struct GpsInsPose {
+  std::int64_t stamp_ns = 0;
+  bool is_ready = false;                                           ///< the rest is invalid if not
+  const char* reason = "";                                         ///< why not: one sentence; empty if it is
+  Eigen::Isometry3d T_world_base = Eigen::Isometry3d::Identity();  ///< world: east, north, up at the origin
+  /// Of the position in the world (m), and of the attitude's error delta in the base: R_true = R exp(delta).
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  Eigen::Vector3d velocity_world_m_s = Eigen::Vector3d::Zero();  ///< of the base
+  Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d angular_velocity_base_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d accelerometer_bias_m_s2 = Eigen::Vector3d::Zero();  ///< axes of the base
+  Eigen::Vector3d gyroscope_bias_rad_s = Eigen::Vector3d::Zero();     ///< axes of the base
+};
+
+/// Pose by GPS and INS: a bank of error-state filters (Magill, "Optimal adaptive estimation of sampled stochastic
+/// processes", 1965). Until the yaw is known they differ in it, later in how the error of fixes is correlated in time;
+/// each has the weight of its likelihood. Measurements are applied at their stamps, in any order of arrival, and
+/// nothing else but what has been added is used. Time and memory per call are bounded; no allocation after warm-up.
+class GpsIns {
+ public:
+  /// The world's origin is `origin`, or else the first good fix. Throws std::invalid_argument as params.validate().
+  GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::optional<GeodeticPosition> origin = {});
+
+  /// A sample, in the axes of the IMU. Counts what it refuses: "imu not finite", "imu stamped twice", "imu out of
+  /// order"; and what it repairs: "imu gap", "restarted after an imu gap", "imu restarted" (time went back).
+  void add_imu(const InertialSample& sample);
+
+  /// A fix. Counts what is dropped: "no fix", "fix not finite", "fix without covariance", "fix too late", "fix ahead of
+  /// the imu"; and "fix outside its gate".
+  void add_fix(const GeodeticFix& fix);
+  /// The same in the world, for receivers that measure in a frame of their own.
+  void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
+                    const Eigen::Matrix3d& covariance_m2);
+
+  /// The height of the IMU in the world (m), such as a barometer's.
+  void add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m);
+  /// Yaw of the base in the world (rad, from east to north), such as a magnetometer's.
+  void add_heading(std::int64_t stamp_ns, double yaw_rad, double sigma_rad);
+
+  /// A correction of another kind, linear about a state, such as that of state_at.
+  void correct(const GpsInsCorrection& correction);
+
+  /// The pose at the latest sample.
+  GpsInsPose pose() const;
+  /// The pose at a stamp; not ready if the stamp is beyond the latest sample, or too long ago.
+  GpsInsPose pose_at(std::int64_t stamp_ns) const;
+  /// The state of the filter at a stamp, for corrections; false if there is none.
+  bool state_at(std::int64_t stamp_ns, Estimate<GpsInsState>& estimate) const;
+  /// The pose of the base in terms of the state: position and attitude, and the Jacobian of their error by that of x.
+  Eigen::Isometry3d pose_of(const GpsInsState& x) const;
+  Eigen::Matrix<double, 6, 18> pose_jacobian(const GpsInsState& x) const;
+
+  bool is_ready() const { return phase_ == Phase::kReady; }
+  const char* reason() const { return reason_; }
+  const std::optional<GeodeticPosition>& origin() const { return origin_; }
+  std::int64_t stamp_ns() const { return imu_.empty() ? StampOrder::kNone : imu_.latest().stamp_ns; }
+  /// How fixes are correlated in time, by the likeliest filter.
+  FixNoise fix_noise() const;
+  /// Densities of the IMU's noise as measured, m/s^2/sqrt(Hz) and rad/s/sqrt(Hz).
+  Eigen::Vector2d imu_noise() const;
+  const Counters& counters() const { return counters_; }
+  NisMonitor& nis(GpsInsSensor sensor) { return monitors_[static_cast<std::size_t>(sensor)]; }
+
+  /// Starts anew; the origin stays.
+  void reset();
+
+ private:
+  enum class Phase { kLevelling, kAligning, kReady };
+
+  void add(GpsInsMeasurement measurement, const char* too_late, const char* ahead);
+  void process();
+  bool try_start();
+  void align();
+  void count_verdicts();
+  std::size_t best() const;
+  Estimate<GpsInsState> mixed(std::int64_t stamp_ns) const;
+
+  GpsInsParams params_;
+  GpsInsMounting mounting_;
+  std::optional<GeodeticPosition> origin_;
+  GpsInsModel model_;
+  StampOrder order_;
+  InertialHistory imu_;
+  std::vector<GpsInsMeasurement> measurements_;  ///< by stamp
+  std::vector<GpsInsFilter> filters_;
+  std::vector<std::vector<GpsInsVerdict>> verdicts_;  ///< of each filter on each measurement
+  std::vector<FixNoise> fix_noises_;                  ///< of each filter
+  std::size_t used_ = 0;                              ///< filters
+  Phase phase_ = Phase::kLevelling;
+  std::int64_t waiting_since_ns_ = StampOrder::kNone;
+  const char* reason_ = "";
+  Counters counters_;
+  std::array<NisMonitor, kGpsInsSensors> monitors_;
+};
+
+}  // namespace situation_awareness

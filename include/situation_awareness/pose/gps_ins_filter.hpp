@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/estimation/error_state_filter.hpp"
+#include "situation_awareness/pose/inertial_motion.hpp"
+
+namespace situation_awareness {
+
+// One filter of the GPS/INS, which applies measurements at their stamps (docs/math/gps_ins.md). Its history is the
+// inertial samples and measurements of the last seconds, which all filters of a bank share, and its own state at some
+// moments: a late measurement takes it back to the moment before, from where it goes on.
+
+/// What the error of a fix is made of: slow errors have `correlated_share` of its variance, and are forgotten with the
+/// time constant `correlation_s`; the rest is white.
+struct FixNoise {
+  double correlated_share = 0.5;
+  double correlation_s = 20.0;
+};
+
+/// Inertial samples of the last seconds, in the axes of the base; a ring that is numbered from the first one on. The
+/// density of their noise is measured as Allan's variance is: by how far the mean of a block of samples is from that of
+/// its neighbours, over some seconds, for blocks of several lengths. It is the same for all of them if the noise is
+/// white, more for short ones by shaking and for long ones by motion: the least is taken.
+class InertialHistory {
+ public:
+  struct Entry : InertialSample {
+    double accelerometer_noise = 0.0;  ///< m/s^2/sqrt(Hz)
+    double gyroscope_noise = 0.0;      ///< rad/s/sqrt(Hz)
+  };
+
+  explicit InertialHistory(std::size_t capacity);
+
+  void add(const InertialSample& sample);
+  void clear();
+
+  std::uint64_t begin() const {
+    return end_ - begin_ > samples_.size() ? end_ - static_cast<std::uint64_t>(samples_.size()) : begin_;
+  }
+  std::uint64_t end() const { return end_; }
+  bool empty() const { return begin_ == end_; }
+  const Entry& operator[](std::uint64_t number) const {
+    return samples_[static_cast<std::size_t>(number % samples_.size())];
+  }
+  const Entry& latest() const { return (*this)[end_ - 1]; }
+  /// Number of the last sample that is not later than the stamp; begin() if all are.
+  std::uint64_t last_until(std::int64_t stamp_ns) const;
+
+ private:
+  std::vector<Entry> samples_;
+  std::uint64_t begin_ = 0, end_ = 0;
+  struct Blocks {
+    int length = 1;  ///< samples
+    int count = 0;   ///< samples of the present one
+    int whole = 0;   ///< blocks until now, 2 at most
+    Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero(), last = sum, last_but_one = sum;
+    double duration_s = 0.0;                              ///< that the densities are of
+    Eigen::Vector2d densities = Eigen::Vector2d::Zero();  ///< squared, of force and rate
+    void add(const InertialSample& sample, double period_s);
+  };
+  std::array<Blocks, 3> blocks_;
+};
+
+/// The sensors whose innovations are watched.
+enum class GpsInsSensor { kFix, kAltitude, kHeading, kSideslip, kOther };
+constexpr std::size_t kGpsInsSensors = 5;
+
+/// A correction by others, linear in the error of the state about `reference`: `residual` = z - h(reference) has the
+/// covariance R and the Jacobian H = d(h(reference [+] e)) / d(e). Rows from `rows` on are not used.
+struct GpsInsCorrection {
+  static constexpr int kMaxRows = 6;
+
+  std::int64_t stamp_ns = 0;
+  int rows = 0;  ///< 1 to kMaxRows
+  GpsInsState reference;
+  Eigen::Matrix<double, kMaxRows, 1> residual = Eigen::Matrix<double, kMaxRows, 1>::Zero();
+  Eigen::Matrix<double, kMaxRows, Manifold<GpsInsState>::kDimension> H =
+      Eigen::Matrix<double, kMaxRows, Manifold<GpsInsState>::kDimension>::Zero();
+  Eigen::Matrix<double, kMaxRows, kMaxRows> R = Eigen::Matrix<double, kMaxRows, kMaxRows>::Identity();
+};
+
+/// A measurement in the history.
+struct GpsInsMeasurement {
+  GpsInsSensor sensor = GpsInsSensor::kFix;
+  std::int64_t stamp_ns = 0;
+  Eigen::Vector3d value = Eigen::Vector3d::Zero();       ///< a position (m); an altitude (m) or a yaw (rad) first
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the value; a variance first
+  GpsInsCorrection correction;                           ///< of GpsInsSensor::kOther
+  bool is_counted = false;                               ///< by the monitors, which count once
+};
+
+/// What became of a measurement.
+struct GpsInsVerdict {
+  bool is_accepted = false;
+  int degrees_of_freedom = 0;
+  double nis = 0.0;  ///< normalised innovation squared; NaN where the covariance was none
+};
+
+/// Settings that all filters of a bank share.
+struct GpsInsModel {
+  InertialNoiseParams noise;
+  Eigen::Vector3d antenna_imu_m = Eigen::Vector3d::Zero();  ///< from the IMU to the antenna, axes of the base
+  double gate_probability = 0.9999;
+  double min_fix_sigma_m = 0.02;
+  double fix_stamp_sigma_s = 0.01;
+  double recover_after_s = 10.0;
+};
+
+/// z - h(x) of a fix, with its Jacobian, and the noise that is white. `value` is the antenna's place in the world.
+void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const GpsInsModel& model, const FixNoise& noise,
+                    Eigen::Vector3d& nu, Eigen::Matrix<double, 3, 18>& H, Eigen::Matrix3d& R);
+
+/// Velocity of the base to its left (m/s), and its Jacobian.
+double sideslip(const NavigationState& x);
+Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x);
+
+/// One filter.
+class GpsInsFilter {
+ public:
+  /// Time between moments that are kept, over which the covariance is predicted at once.
+  static constexpr double kMomentPeriod_s = 0.05;
+
+  GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, std::size_t moments);
+
+  /// Starts anew at a stamp, from when on there are samples; measurements up to then have been used.
+  void start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu);
+  /// Before a start.
+  void set_fix_noise(const FixNoise& fix_noise) { fix_noise_ = fix_noise; }
+
+  /// Goes on to the stamp, which is not beyond the latest sample, applying the measurements until then. `verdicts`, as
+  /// long as `measurements`, gets what became of those that were applied.
+  void advance(std::int64_t stamp_ns, const InertialHistory& imu, const std::vector<GpsInsMeasurement>& measurements,
+               std::vector<GpsInsVerdict>& verdicts);
+
+  /// Goes back to a moment before the stamp; false, and nothing done, if none is left.
+  bool go_back_before(std::int64_t stamp_ns);
+
+  /// Adds to the covariance what is unknown of the motion in a gap of the samples.
+  void widen(double velocity_sigma_m_s, double attitude_sigma_rad);
+
+  std::int64_t stamp_ns() const { return now_.stamp_ns; }
+  /// The estimate at stamp_ns(), and at a stamp at most a moment's period earlier than the last, from the history.
+  Estimate<GpsInsState> estimate() const;
+  Estimate<GpsInsState> estimate_at(std::int64_t stamp_ns, const InertialHistory& imu,
+                                    const std::vector<GpsInsMeasurement>& measurements) const;
+  /// The oldest stamp that estimate_at knows.
+  std::int64_t oldest_ns() const;
+  const GpsInsState& state() const { return now_.estimate.x; }
+
+  double log_likelihood() const { return now_.log_likelihood; }
+  void set_log_likelihood(double log_likelihood);
+  /// How often all fixes contradicted it for so long that it was doubted instead.
+  int recoveries() const { return now_.recoveries; }
+
+ private:
+  /// Everything that goes back with the time.
+  struct Moment {
+    std::int64_t stamp_ns = 0;
+    std::uint64_t sample = 0;        ///< number of the last one that is not later
+    Estimate<GpsInsState> estimate;  ///< the covariance is that before `motion`
+    MotionJacobian motion;
+    double accelerometer_noise = 0.0, gyroscope_noise = 0.0;  ///< as measured
+    double log_likelihood = 0.0;
+    std::int64_t rejected_since_ns = 0;
+    int rejected = 0;  ///< fixes in a row
+    int recoveries = 0;
+  };
+
+  void move_to(Moment& moment, std::int64_t stamp_ns, const InertialHistory& imu) const;
+  void predict_covariance(Moment& moment) const;
+  ErrorMatrix<GpsInsState> predicted_covariance(const Moment& moment) const;
+  GpsInsVerdict apply(Moment& moment, const GpsInsMeasurement& measurement) const;
+  template <int Size>
+  GpsInsVerdict correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
+                        const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R, int rows,
+                        bool is_fix) const;
+  template <class OnMoment, class OnVerdict>
+  void advance(Moment& moment, std::int64_t stamp_ns, const InertialHistory& imu,
+               const std::vector<GpsInsMeasurement>& measurements, const OnMoment& on_moment,
+               const OnVerdict& on_verdict) const;
+  void keep(const Moment& moment);
+
+  GpsInsModel model_;
+  FixNoise fix_noise_;
+  std::vector<double> gates_;  ///< by degrees of freedom
+  Moment now_;
+  std::vector<Moment> moments_;  ///< a ring
+  std::size_t first_ = 0, kept_ = 0;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,502 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pose/gps_ins.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/lie_groups.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using namespace navigation_error;
+
+constexpr std::size_t kMeasurements = 256;  ///< kept at most
+constexpr double kMaxImuRate_hz = 1000.0;   ///< up to which the history is as long as max_delay_s
+
+/// Yaws that are tried at the start, and the standard deviation of each: a third more than that of its part of the
+/// turn.
+constexpr int kYaws = 8;
+constexpr double kYawSigma_rad = 0.3;
+
+/// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
+constexpr double kLevelWindow_s = 1.0;
+constexpr double kMaxLevelRate_rad_s = 0.05;
+constexpr double kMaxLevelChange_m_s2 = 0.5;
+/// Roll and pitch by the mean force are off by a steady acceleration of 0.3 m/s^2, or by what a turn can hide.
+constexpr double kLevelSigma_rad = 0.03;
+constexpr double kTurningSigma_rad = 0.3;
+constexpr double kInitialSpeed_m_s = 10.0;
+constexpr double kInitialClimb_m_s = 2.0;
+
+/// A gap of the IMU is one beyond this; the acceleration and the rate of turn that may have been in it.
+constexpr double kUsualGap_s = 0.1;
+constexpr double kGapAcceleration_m_s2 = 3.0;
+constexpr double kGapRate_rad_s = 0.3;
+
+/// Filters of less weight than this are not mixed in, and none is thought less likely than exp(-kLeastLog) times the
+/// best, so that each can come back within some seconds.
+constexpr double kLeastWeight = 1e-3;
+constexpr double kLeastLog = 12.0;
+
+/// How the error of fixes may be correlated in time.
+constexpr std::array<FixNoise, 10> kFixNoises = {{{0.0, 1.0},
+                                                  {0.5, 3.0},
+                                                  {0.5, 30.0},
+                                                  {0.9, 1.0},
+                                                  {0.9, 4.0},
+                                                  {0.95, 12.0},
+                                                  {0.95, 40.0},
+                                                  {0.95, 120.0},
+                                                  {0.998, 30.0},
+                                                  {0.998, 150.0}}};
+
+const char* const kNoImu = "no sample of the IMU yet";
+const char* const kNoFix = "no usable fix yet";
+const char* const kNotGravity =
+    "the force that the IMU measures is not that of gravity: m/s^2, and +9.8 upwards at rest";
+const char* const kAskew = "gravity is not along the base's z: is the IMU mounted as T_base_imu says";
+const char* const kTurning = "turning or accelerating: roll and pitch are not known from gravity";
+const char* const kNoYaw = "yaw is not known yet: turn or change speed";
+
+GpsInsModel model_of(const GpsInsParams& params, const GpsInsMounting& mounting) {
+  GpsInsModel model;
+  model.noise = params.imu;
+  model.antenna_imu_m = mounting.antenna_base_m - mounting.T_base_imu.translation();
+  model.gate_probability = params.gate_probability;
+  model.min_fix_sigma_m = params.min_fix_sigma_m;
+  model.fix_stamp_sigma_s = params.fix_stamp_sigma_s;
+  model.recover_after_s = params.recover_after_s;
+  return model;
+}
+
+}  // namespace
+
+void GpsInsParams::validate() const {
+  imu.validate();
+  check_bounds(*this, "gps_ins");
+}
+
+GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::optional<GeodeticPosition> origin)
+    : params_(params),
+      mounting_(mounting),
+      origin_(origin),
+      model_(model_of(params, mounting)),
+      order_(params.reset_time_jump_s),
+      imu_(
+          (params.validate(), static_cast<std::size_t>(std::max(params.max_delay_s, kLevelWindow_s) * kMaxImuRate_hz))),
+      monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(1), NisMonitor(1)} {
+  measurements_.reserve(kMeasurements);
+  const auto moments = static_cast<std::size_t>(params.max_delay_s / GpsInsFilter::kMomentPeriod_s) + 3;
+  const std::size_t filters = std::max<std::size_t>(kYaws, kFixNoises.size());
+  fix_noises_.resize(filters);
+  verdicts_.assign(filters, std::vector<GpsInsVerdict>(kMeasurements));
+  for (std::size_t i = 0; i < filters; ++i) filters_.emplace_back(model_, fix_noises_[i], moments);
+  counters_.reset();
+  reset();
+}
+
+void GpsIns::reset() {
+  imu_.clear();
+  measurements_.clear();
+  used_ = 0;
+  phase_ = Phase::kLevelling;
+  waiting_since_ns_ = StampOrder::kNone;
+  reason_ = kNoImu;
+}
+
+void GpsIns::add_imu(const InertialSample& sample) {
+  if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
+    ++counters_["imu not finite"];
+    return;
+  }
+  const std::int64_t before_ns = order_.latest_ns();
+  switch (order_.judge(sample.stamp_ns)) {
+    case StampOrder::Verdict::kRefused:
+      ++counters_[sample.stamp_ns == before_ns ? "imu stamped twice" : "imu out of order"];
+      return;
+    case StampOrder::Verdict::kRestart:
+      ++counters_["imu restarted"];
+      reset();
+      break;
+    case StampOrder::Verdict::kNext:
+      break;
+  }
+  double gap_s = 0.0;
+  if (!imu_.empty()) {
+    gap_s = seconds_between(imu_.latest().stamp_ns, sample.stamp_ns);
+    if (gap_s > params_.max_imu_gap_s) {
+      ++counters_["restarted after an imu gap"];
+      reset();
+      gap_s = 0.0;
+    }
+  }
+  const Eigen::Matrix3d R_base_imu = mounting_.T_base_imu.linear();
+  imu_.add({sample.stamp_ns, R_base_imu * sample.specific_force_m_s2, R_base_imu * sample.angular_velocity_rad_s});
+  process();
+  if (gap_s > kUsualGap_s) {
+    ++counters_["imu gap"];
+    for (std::size_t i = 0; i < used_; ++i) filters_[i].widen(kGapAcceleration_m_s2 * gap_s, kGapRate_rad_s * gap_s);
+  }
+}
+
+void GpsIns::add_fix(const GeodeticFix& fix) {
+  if (!fix.is_fix) {
+    ++counters_["no fix"];
+    return;
+  }
+  if (!is_valid(fix.position)) {
+    ++counters_["fix not finite"];
+    return;
+  }
+  if (!fix.covariance_m2.allFinite() || fix.covariance_m2.diagonal().minCoeff() <= 0.0) {
+    ++counters_["fix without covariance"];
+    return;
+  }
+  if (!origin_) origin_ = fix.position;
+  add_position(fix.stamp_ns, local_position(*origin_, fix.position), fix.covariance_m2);
+}
+
+void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
+                          const Eigen::Matrix3d& covariance_m2) {
+  if (!antenna_world_m.allFinite()) {
+    ++counters_["fix not finite"];
+    return;
+  }
+  if (!covariance_m2.allFinite() || covariance_m2.diagonal().minCoeff() <= 0.0) {
+    ++counters_["fix without covariance"];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.stamp_ns = stamp_ns;
+  measurement.value = antenna_world_m;
+  measurement.covariance = 0.5 * (covariance_m2 + covariance_m2.transpose());
+  if (params_.sideslip_sigma_m_s > 0.0) {
+    GpsInsMeasurement sideslip;
+    sideslip.sensor = GpsInsSensor::kSideslip;
+    sideslip.stamp_ns = stamp_ns;
+    sideslip.covariance(0, 0) = params_.sideslip_sigma_m_s * params_.sideslip_sigma_m_s;
+    add(sideslip, "sideslip too late", "sideslip ahead of the imu");
+  }
+  add(measurement, "fix too late", "fix ahead of the imu");
+}
+
+void GpsIns::add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m) {
+  if (!std::isfinite(altitude_world_m) || !(sigma_m > 0.0) || !std::isfinite(sigma_m)) {
+    ++counters_["altitude not finite"];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.sensor = GpsInsSensor::kAltitude;
+  measurement.stamp_ns = stamp_ns;
+  measurement.value.x() = altitude_world_m;
+  measurement.covariance(0, 0) = sigma_m * sigma_m;
+  add(measurement, "altitude too late", "altitude ahead of the imu");
+}
+
+void GpsIns::add_heading(std::int64_t stamp_ns, double yaw_rad, double sigma_rad) {
+  if (!std::isfinite(yaw_rad) || !(sigma_rad > 0.0) || !std::isfinite(sigma_rad)) {
+    ++counters_["heading not finite"];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.sensor = GpsInsSensor::kHeading;
+  measurement.stamp_ns = stamp_ns;
+  measurement.value.x() = yaw_rad;
+  measurement.covariance(0, 0) = sigma_rad * sigma_rad;
+  add(measurement, "heading too late", "heading ahead of the imu");
+}
+
+void GpsIns::correct(const GpsInsCorrection& correction) {
+  if (correction.rows < 1 || correction.rows > GpsInsCorrection::kMaxRows || !correction.residual.allFinite() ||
+      !correction.H.allFinite() || !correction.R.allFinite()) {
+    ++counters_["correction not finite"];
+    return;
+  }
+  GpsInsMeasurement measurement;
+  measurement.sensor = GpsInsSensor::kOther;
+  measurement.stamp_ns = correction.stamp_ns;
+  measurement.correction = correction;
+  // Rows that are not used agree with any state.
+  const int unused = GpsInsCorrection::kMaxRows - correction.rows;
+  measurement.correction.residual.tail(unused).setZero();
+  measurement.correction.H.bottomRows(unused).setZero();
+  measurement.correction.R.rightCols(unused).setZero();
+  measurement.correction.R.bottomRows(unused).setZero();
+  measurement.correction.R.diagonal().tail(unused).setOnes();
+  add(measurement, "correction too late", "correction ahead of the imu");
+}
+
+void GpsIns::add(GpsInsMeasurement measurement, const char* too_late, const char* ahead) {
+  if (imu_.empty()) {
+    ++counters_[ahead];
+    return;
+  }
+  const std::int64_t stamp_ns = measurement.stamp_ns;
+  if (seconds_between(imu_.latest().stamp_ns, stamp_ns) > params_.max_delay_s) {
+    ++counters_[ahead];
+    return;
+  }
+  if (seconds_between(stamp_ns, imu_.latest().stamp_ns) > params_.max_delay_s ||
+      (used_ > 0 && filters_[0].oldest_ns() >= stamp_ns)) {
+    ++counters_[too_late];
+    return;
+  }
+  if (measurements_.size() == kMeasurements) {
+    // Half at once, so that moving the others is rare.
+    measurements_.erase(measurements_.begin(), measurements_.begin() + kMeasurements / 2);
+  }
+  const auto place =
+      std::upper_bound(measurements_.begin(), measurements_.end(), stamp_ns,
+                       [](std::int64_t stamp, const GpsInsMeasurement& m) { return stamp < m.stamp_ns; });
+  measurements_.insert(place, measurement);
+  for (std::size_t i = 0; i < used_; ++i) filters_[i].go_back_before(stamp_ns);
+  process();
+}
+
+void GpsIns::process() {
+  if (phase_ == Phase::kLevelling && !try_start()) return;
+  const std::int64_t stamp_ns = imu_.latest().stamp_ns;
+  for (std::size_t i = 0; i < used_; ++i) filters_[i].advance(stamp_ns, imu_, measurements_, verdicts_[i]);
+  count_verdicts();
+  if (phase_ == Phase::kAligning) align();
+}
+
+std::size_t GpsIns::best() const {
+  std::size_t best = 0;
+  for (std::size_t i = 1; i < used_; ++i) {
+    if (filters_[i].log_likelihood() > filters_[best].log_likelihood()) best = i;
+  }
+  return best;
+}
+
+FixNoise GpsIns::fix_noise() const { return fix_noises_[best()]; }
+
+Eigen::Vector2d GpsIns::imu_noise() const {
+  if (imu_.empty()) return Eigen::Vector2d::Zero();
+  return {imu_.latest().accelerometer_noise, imu_.latest().gyroscope_noise};
+}
+
+void GpsIns::count_verdicts() {
+  const std::int64_t now_ns = filters_[0].stamp_ns();
+  const std::vector<GpsInsVerdict>& verdicts = verdicts_[best()];
+  bool any = false;
+  for (std::size_t i = measurements_.size(); i-- > 0;) {
+    GpsInsMeasurement& measurement = measurements_[i];
+    if (measurement.stamp_ns > now_ns || measurement.is_counted) continue;
+    measurement.is_counted = any = true;
+    const GpsInsVerdict& verdict = verdicts[i];
+    if (!verdict.is_accepted) {
+      constexpr std::array<const char*, kGpsInsSensors> kReasons = {
+          "fix outside its gate", "altitude outside its gate", "heading outside its gate", "sideslip outside its gate",
+          "correction outside its gate"};
+      ++counters_[kReasons[static_cast<std::size_t>(measurement.sensor)]];
+      continue;
+    }
+    // The monitor of other sensors is per degree of freedom.
+    const bool is_other = measurement.sensor == GpsInsSensor::kOther;
+    nis(measurement.sensor).add(is_other ? static_cast<std::uint64_t>(verdict.degrees_of_freedom) : 1, verdict.nis);
+  }
+  if (!any) return;
+  const double highest = filters_[best()].log_likelihood();
+  for (std::size_t i = 0; i < used_; ++i) {
+    filters_[i].set_log_likelihood(std::max(filters_[i].log_likelihood() - highest, -kLeastLog));
+  }
+}
+
+bool GpsIns::try_start() {
+  const std::int64_t latest_ns = imu_.latest().stamp_ns;
+  std::size_t last = measurements_.size();
+  while (last > 0 &&
+         (measurements_[last - 1].stamp_ns > latest_ns || measurements_[last - 1].sensor != GpsInsSensor::kFix)) {
+    --last;
+  }
+  if (last == 0) {
+    reason_ = kNoFix;
+    return false;
+  }
+  const GpsInsMeasurement& fix = measurements_[last - 1];
+  if (fix.is_counted) return false;  // looked at before
+  const std::uint64_t to = imu_.last_until(fix.stamp_ns);
+  if (imu_[to].stamp_ns > fix.stamp_ns) return false;  // older than the samples
+  const std::uint64_t from = imu_.last_until(fix.stamp_ns - nanoseconds(kLevelWindow_s));
+  if (seconds_between(imu_[from].stamp_ns, fix.stamp_ns) < 0.9 * kLevelWindow_s) return false;
+
+  Eigen::Vector3d halves[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  Eigen::Vector3d rate = Eigen::Vector3d::Zero(), recent = Eigen::Vector3d::Zero();
+  const std::uint64_t count = to - from + 1, half = (count + 1) / 2, tail = (count + 4) / 5;
+  for (std::uint64_t i = from; i <= to; ++i) {
+    halves[i - from < half ? 0 : 1] += imu_[i].specific_force_m_s2;
+    if (to - i < tail) recent += imu_[i].specific_force_m_s2;
+    rate += imu_[i].angular_velocity_rad_s;
+  }
+  if (count < 4) return false;
+  const Eigen::Vector3d sum = halves[0] + halves[1];
+  halves[0] /= static_cast<double>(half);
+  halves[1] /= static_cast<double>(count - half);
+  rate /= static_cast<double>(count);
+  const bool is_steady = rate.norm() < kMaxLevelRate_rad_s && (halves[1] - halves[0]).norm() < kMaxLevelChange_m_s2;
+  measurements_[last - 1].is_counted = true;
+  if (!is_steady) {
+    if (waiting_since_ns_ == StampOrder::kNone) waiting_since_ns_ = fix.stamp_ns;
+    if (seconds_between(waiting_since_ns_, fix.stamp_ns) < params_.level_wait_s) {
+      reason_ = kTurning;
+      return false;
+    }
+  }
+  const Eigen::Vector3d up = is_steady ? Eigen::Vector3d(sum / static_cast<double>(count))
+                                       : Eigen::Vector3d(recent / static_cast<double>(tail));
+  if (up.norm() < 0.8 * kStandardGravity_m_s2 || up.norm() > 1.5 * kStandardGravity_m_s2) {
+    reason_ = kNotGravity;
+    return false;
+  }
+  if (std::acos(std::clamp(up.z() / up.norm(), -1.0, 1.0)) > params_.max_tilt_rad) {
+    reason_ = kAskew;
+    return false;
+  }
+
+  // The fix itself is the first measurement; all before it are left out.
+  Estimate<GpsInsState> start;
+  const double variance_m2 = 100.0 * (fix.covariance.diagonal().maxCoeff() + 1.0);
+  const double tilt = is_steady ? kLevelSigma_rad : kTurningSigma_rad;
+  const double b_a = params_.imu.accelerometer_bias_sigma_m_s2, b_g = params_.imu.gyroscope_bias_sigma_rad_s;
+  start.P.diagonal() << Eigen::Vector3d::Constant(variance_m2), kInitialSpeed_m_s * kInitialSpeed_m_s,
+      kInitialSpeed_m_s * kInitialSpeed_m_s, kInitialClimb_m_s * kInitialClimb_m_s, tilt * tilt, tilt * tilt,
+      kYawSigma_rad * kYawSigma_rad, Eigen::Vector3d::Constant(b_a * b_a), Eigen::Vector3d::Constant(b_g * b_g),
+      Eigen::Vector3d::Ones();
+  const Eigen::Vector3d axis = up.cross(Eigen::Vector3d::UnitZ());
+  const double sine = axis.norm();
+  const Eigen::Quaterniond level =
+      exp_so3(sine > 0.0 ? Eigen::Vector3d(std::atan2(sine, up.z()) / sine * axis) : Eigen::Vector3d::Zero());
+  const double yaw_now = yaw_of(level);
+  used_ = kYaws;
+  for (int i = 0; i < kYaws; ++i) {
+    const double yaw = 2.0 * kPi * i / kYaws - yaw_now;
+    start.x.motion.q_world_imu = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * level;
+    start.x.motion.position_world_m = fix.value - start.x.motion.q_world_imu * model_.antenna_imu_m;
+    const auto place = static_cast<std::size_t>(i);
+    fix_noises_[place] = {params_.fix_correlated_share, params_.fix_correlation_s};
+    filters_[place].set_fix_noise(fix_noises_[place]);
+    filters_[place].start(fix.stamp_ns - 1, start, imu_);
+  }
+  for (std::size_t i = 0; i < last; ++i) measurements_[i].is_counted = true;
+  phase_ = Phase::kAligning;
+  reason_ = kNoYaw;
+  return true;
+}
+
+void GpsIns::align() {
+  const std::size_t first = best();
+  if (filters_[first].recoveries() > 0) {  // even the best was wrong
+    used_ = 0;
+    phase_ = Phase::kLevelling;
+    return;
+  }
+  const double yaw = yaw_of(filters_[first].state().motion.q_world_imu);
+  double weights = 0.0, variance = 0.0;
+  for (std::size_t i = 0; i < used_; ++i) {
+    const double weight = std::exp(filters_[i].log_likelihood() - filters_[first].log_likelihood());
+    weights += weight;
+    if (weight < 1e-9) continue;
+    const double apart = wrap_to_pi(yaw_of(filters_[i].state().motion.q_world_imu) - yaw);
+    variance += weight * apart * apart;
+  }
+  variance /= weights;
+  const double limit = params_.max_yaw_sigma_rad * params_.max_yaw_sigma_rad;
+  if (variance > limit) return;
+  const Eigen::RowVector3d J = yaw_jacobian(filters_[first].state().motion.q_world_imu);
+  const ErrorMatrix<GpsInsState> P = filters_[first].estimate().P;
+  if (variance + J * P.block<3, 3>(kAttitude, kAttitude) * J.transpose() > limit) return;
+
+  const std::int64_t stamp_ns = filters_[first].stamp_ns();
+  const Estimate<GpsInsState> estimate = mixed(stamp_ns);
+  used_ = params_.learn_fix_noise ? kFixNoises.size() : 1;
+  for (std::size_t i = 0; i < used_; ++i) {
+    if (params_.learn_fix_noise) fix_noises_[i] = kFixNoises[i];
+    filters_[i].set_fix_noise(fix_noises_[i]);
+    filters_[i].start(stamp_ns, estimate, imu_);
+  }
+  phase_ = Phase::kReady;
+  reason_ = "";
+}
+
+Estimate<GpsInsState> GpsIns::mixed(std::int64_t stamp_ns) const {
+  const std::size_t first = best();
+  Estimate<GpsInsState> result = filters_[first].estimate_at(stamp_ns, imu_, measurements_);
+  const GpsInsState reference = result.x;
+  ErrorVector<GpsInsState> mean = ErrorVector<GpsInsState>::Zero();
+  ErrorMatrix<GpsInsState> P = result.P;
+  double weights = 1.0;
+  for (std::size_t i = 0; i < used_; ++i) {
+    if (i == first) continue;
+    const double weight = std::exp(filters_[i].log_likelihood() - filters_[first].log_likelihood());
+    if (weight < kLeastWeight) continue;
+    const Estimate<GpsInsState> other = filters_[i].estimate_at(stamp_ns, imu_, measurements_);
+    const ErrorVector<GpsInsState> apart = Manifold<GpsInsState>::local_coordinates(reference, other.x);
+    weights += weight;
+    mean += weight * apart;
+    P += weight * (other.P + apart * apart.transpose());
+  }
+  if (weights == 1.0) return result;
+  mean /= weights;
+  result.P = P / weights - mean * mean.transpose();
+  result.x = Manifold<GpsInsState>::retract(reference, mean);
+  return result;
+}
+
+Eigen::Isometry3d GpsIns::pose_of(const GpsInsState& x) const {
+  Eigen::Isometry3d T_world_base = Eigen::Isometry3d::Identity();
+  T_world_base.linear() = x.motion.q_world_imu.toRotationMatrix();
+  T_world_base.translation() = x.motion.position_world_m - T_world_base.linear() * mounting_.T_base_imu.translation();
+  return T_world_base;
+}
+
+Eigen::Matrix<double, 6, 18> GpsIns::pose_jacobian(const GpsInsState& x) const {
+  Eigen::Matrix<double, 6, 18> J = Eigen::Matrix<double, 6, 18>::Zero();
+  J.block<3, 3>(0, kPosition).setIdentity();
+  J.block<3, 3>(0, kAttitude) = x.motion.q_world_imu.toRotationMatrix() * hat(mounting_.T_base_imu.translation());
+  J.block<3, 3>(3, kAttitude).setIdentity();
+  return J;
+}
+
+bool GpsIns::state_at(std::int64_t stamp_ns, Estimate<GpsInsState>& estimate) const {
+  if (phase_ != Phase::kReady || stamp_ns > filters_[0].stamp_ns() || stamp_ns < filters_[0].oldest_ns()) return false;
+  estimate = mixed(stamp_ns);
+  return true;
+}
+
+GpsInsPose GpsIns::pose() const { return pose_at(stamp_ns()); }
+
+GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
+  GpsInsPose pose;
+  pose.stamp_ns = stamp_ns;
+  pose.reason = reason_;
+  if (phase_ != Phase::kReady) return pose;
+  Estimate<GpsInsState> estimate;
+  if (!state_at(stamp_ns, estimate)) {
+    pose.reason =
+        stamp_ns > filters_[0].stamp_ns() ? "no sample of the IMU at this stamp yet" : "the stamp is too long ago";
+    return pose;
+  }
+  pose.is_ready = true;
+  pose.T_world_base = pose_of(estimate.x);
+  pose.covariance = transformed(pose_jacobian(estimate.x), estimate.P);
+  const InertialSample& sample = imu_[imu_.last_until(stamp_ns)];
+  const Eigen::Matrix3d& R = pose.T_world_base.linear();
+  const Eigen::Vector3d lever = mounting_.T_base_imu.translation();
+  pose.angular_velocity_base_rad_s = sample.angular_velocity_rad_s - estimate.x.motion.gyroscope_bias_rad_s;
+  pose.velocity_world_m_s = estimate.x.motion.velocity_world_m_s - R * pose.angular_velocity_base_rad_s.cross(lever);
+  Eigen::Matrix<double, 3, 18> J = Eigen::Matrix<double, 3, 18>::Zero();
+  J.block<3, 3>(0, kVelocity).setIdentity();
+  J.block<3, 3>(0, kAttitude) = R * hat(pose.angular_velocity_base_rad_s.cross(lever));
+  J.block<3, 3>(0, kGyroscopeBias) = -R * hat(lever);
+  pose.velocity_covariance = transformed(J, estimate.P);
+  pose.accelerometer_bias_m_s2 = estimate.x.motion.accelerometer_bias_m_s2;
+  pose.gyroscope_bias_rad_s = estimate.x.motion.gyroscope_bias_rad_s;
+  return pose;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,502 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pose/gps_ins.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gps_ins_flight.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "support/covariance.hpp"
+#include "support/manifold_jacobian.hpp"
+#include "support/refusal.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using namespace navigation_error;
+
+GpsInsState random_state(Random& random) {
+  ErrorVector<GpsInsState> e = normal_vector<18>(random);
+  e.segment<6>(kAccelerometerBias) *= 0.1;
+  return Manifold<GpsInsState>::retract({}, e);
+}
+
+double base_yaw(const Eigen::Isometry3d& T) { return yaw_of(Eigen::Quaterniond(T.linear())); }
+
+/// A measurement with the time at which it arrives.
+struct Arrival {
+  std::int64_t at_ns;
+  std::int64_t stamp_ns;
+  Eigen::Vector3d position;
+};
+
+/// Flies, and calls `each(run, ins)` after each fix has been added. `change` may change a fix, or leave it out.
+template <class Change, class Each>
+void fly(FlightRun& run, GpsIns& ins, double until_s, const Change& change, const Each& each) {
+  for (; run.time_s() < until_s; run.next()) {
+    ins.add_imu(run.sample());
+    if (!run.has_fix()) continue;
+    Eigen::Vector3d fix = run.fix();
+    if (change(run.time_s(), fix)) ins.add_position(run.stamp_ns(), fix, run.fix_covariance());
+    each(run, ins);
+  }
+}
+constexpr auto kAll = [](double, Eigen::Vector3d&) { return true; };
+constexpr auto kNothing = [](const FlightRun&, const GpsIns&) {};
+
+/// Error of the position and of the attitude, as the covariance has it.
+Eigen::Matrix<double, 6, 1> error_of(const Eigen::Isometry3d& truth, const GpsInsPose& pose) {
+  Eigen::Matrix<double, 6, 1> e;
+  e << truth.translation() - pose.T_world_base.translation(),
+      log_so3(Eigen::Quaterniond(pose.T_world_base.linear().transpose() * truth.linear()));
+  return e;
+}
+
+TEST(InertialMotion, JacobianEqualsTheNumericalOneOverSeveralSteps) {
+  Random random(1);
+  for (int i = 0; i < 20; ++i) {
+    const GpsInsState start = random_state(random);
+    std::vector<std::pair<Eigen::Vector3d, Eigen::Vector3d>> samples;
+    for (int k = 0; k < 8; ++k) samples.emplace_back(5.0 * normal_vector<3>(random), normal_vector<3>(random));
+    const double dt_s = random.uniform(0.002, 0.05);
+    const auto moved = [&](NavigationState x) {
+      for (const auto& [force, rate] : samples) x = moved_by_imu(x, force, rate, dt_s);
+      return x;
+    };
+    MotionJacobian F;
+    NavigationState x = start.motion;
+    for (const auto& [force, rate] : samples) {
+      F.append(x, force, rate, dt_s);
+      x = moved_by_imu(x, force, rate, dt_s);
+    }
+    const auto numerical = manifold_jacobian<NavigationState>(moved, start.motion);
+    EXPECT_LT((F.matrix() - numerical).cwiseAbs().maxCoeff(), 1e-7);
+  }
+}
+
+TEST(InertialMotion, CovarianceIsFPFTPlusNoise) {
+  Random random(2);
+  const auto P = random_covariance<ErrorMatrix<GpsInsState>>(random, 1.0);
+  MotionJacobian F;
+  const GpsInsState x = random_state(random);
+  F.append(x.motion, {1.0, -2.0, 9.0}, {0.3, 0.2, -0.5}, 0.1);
+  InertialNoiseParams none;
+  none.accelerometer_noise = none.gyroscope_noise = none.accelerometer_bias_walk = none.gyroscope_bias_walk = 0.0;
+  ErrorMatrix<GpsInsState> whole = ErrorMatrix<GpsInsState>::Identity();
+  whole.topLeftCorner<15, 15>() = F.matrix();
+  const double kept = std::exp(-0.1 / 3.0);
+  whole.bottomRightCorner<3, 3>() *= kept;
+  ErrorMatrix<GpsInsState> expected = whole * P * whole.transpose();
+  expected.diagonal().tail<3>().array() += 1.0 - kept * kept;
+  EXPECT_LT((moved_covariance(P, F, none, 3.0) - expected).cwiseAbs().maxCoeff(), 1e-12 * P.norm());
+  const ErrorMatrix<GpsInsState> noise = moved_covariance(P, F, {}, 3.0) - expected;
+  EXPECT_GT(smallest_eigenvalue(ErrorMatrix<GpsInsState>(noise)), -1e-12);
+}
+
+TEST(GpsInsModels, JacobiansEqualNumericalOnes) {
+  Random random(3);
+  GpsInsModel model;
+  model.antenna_imu_m = {0.3, -0.2, 0.5};
+  const GpsInsMounting mounting{Eigen::Isometry3d(Eigen::Translation3d(0.1, -0.4, 0.2)), {0.0, 0.0, 0.3}};
+  const GpsIns ins({}, mounting);
+  for (int i = 0; i < 20; ++i) {
+    const GpsInsState x = random_state(random);
+    GpsInsMeasurement fix;
+    fix.value = normal_vector<3>(random);
+    fix.covariance = Eigen::Vector3d(2.0, 3.0, 5.0).asDiagonal();
+    Eigen::Vector3d nu;
+    Eigen::Matrix<double, 3, 18> H;
+    Eigen::Matrix3d R;
+    const auto predicted = [&](const GpsInsState& at) {
+      Eigen::Matrix<double, 3, 18> unused_H;
+      Eigen::Matrix3d unused_R;
+      Eigen::Vector3d residual;
+      fix_innovation(at, fix, model, {0.7, 10.0}, residual, unused_H, unused_R);
+      return Eigen::Vector3d(-residual);
+    };
+    fix_innovation(x, fix, model, {0.7, 10.0}, nu, H, R);
+    EXPECT_LT((manifold_jacobian<Eigen::Vector3d>(predicted, x) - H).cwiseAbs().maxCoeff(), 1e-7);
+
+    using Scalar = Eigen::Matrix<double, 1, 1>;
+    const auto slip = [](const GpsInsState& at) { return Scalar(sideslip(at.motion)); };
+    EXPECT_LT((manifold_jacobian<Scalar>(slip, x) - sideslip_jacobian(x.motion)).cwiseAbs().maxCoeff(), 1e-7);
+
+    const double yaw = yaw_of(x.motion.q_world_imu);
+    const auto turned = [&](const GpsInsState& at) { return Scalar(wrap_to_pi(yaw_of(at.motion.q_world_imu) - yaw)); };
+    const auto by_yaw = manifold_jacobian<Scalar>(turned, x);
+    EXPECT_LT((by_yaw.middleCols<3>(kAttitude) - yaw_jacobian(x.motion.q_world_imu)).cwiseAbs().maxCoeff(),
+              1e-5 * (1.0 + by_yaw.norm() * by_yaw.norm()));
+
+    // The pose of the base: its error is the position's in the world and the attitude's in the body.
+    const Eigen::Isometry3d T = ins.pose_of(x);
+    Eigen::Matrix<double, 6, 18> numerical;
+    for (int k = 0; k < 18; ++k) {
+      const auto at = [&](double step) {
+        GpsInsPose pose;
+        pose.T_world_base = T;
+        return error_of(ins.pose_of(Manifold<GpsInsState>::retract(x, step * ErrorVector<GpsInsState>::Unit(k))), pose);
+      };
+      numerical.col(k) = (at(1e-5) - at(-1e-5)) / 2e-5;
+    }
+    EXPECT_LT((numerical - ins.pose_jacobian(x)).cwiseAbs().maxCoeff(), 1e-7);
+  }
+}
+
+TEST(LocalWorld, ThereAndBackAgain) {
+  const GeodeticPosition origin{48.1, 11.6, 520.0};
+  EXPECT_LT(local_position(origin, origin).norm(), 1e-6);
+  Random random(4);
+  for (int i = 0; i < 100; ++i) {
+    const Eigen::Vector3d p = 1000.0 * normal_vector<3>(random);
+    EXPECT_LT((local_position(origin, geodetic_position(origin, p)) - p).norm(), 1e-6);
+  }
+  EXPECT_GT(local_position(origin, {48.101, 11.6, 520.0}).y(), 100.0) << "north";
+  EXPECT_GT(local_position(origin, {48.1, 11.602, 520.0}).x(), 100.0) << "east";
+  EXPECT_FALSE(is_valid({std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0}));
+  EXPECT_FALSE(is_valid({91.0, 0.0, 0.0}));
+}
+
+TEST(GpsInsParams, AreChecked) {
+  GpsInsParams params;
+  params.gate_probability = 1.5;
+  EXPECT_TRUE(names(refusal_of([&] { GpsIns(params, {}); }), {"gps_ins.gate_probability", "1.5"}));
+  params = {};
+  params.imu.gyroscope_noise = -1.0;
+  EXPECT_TRUE(names(refusal_of([&] { GpsIns(params, {}); }), {"imu.gyroscope_noise", "-1"}));
+}
+
+// With lever arms and an IMU that is mounted askew, since poses are those of the base.
+TEST(GpsIns, FollowsAFlightWithLeverArms) {
+  GpsInsMounting mounting;
+  mounting.T_base_imu.translate(Eigen::Vector3d(0.1, -0.3, 0.2)).rotate(exp_so3({0.3, 2.0, -1.0}));
+  mounting.antenna_base_m = {-0.5, 0.1, 0.3};
+  FlightSensors good;
+  good.fix_sigma_m = 0.03;
+  FlightRun run({}, good, 5, mounting);
+  GpsIns ins({}, mounting);
+  EXPECT_FALSE(ins.pose().is_ready);
+  EXPECT_STRNE(ins.pose().reason, "");
+  int checked = 0;
+  fly(run, ins, 90.0, kAll, [&](const FlightRun& now, const GpsIns& filter) {
+    const GpsInsPose pose = filter.pose();
+    if (!pose.is_ready || now.time_s() < 40.0) return;
+    const auto e = error_of(now.T_world_base(), pose);
+    EXPECT_LT(e.head<3>().norm(), 0.3);
+    EXPECT_LT(e.tail<3>().norm(), 0.05);
+    EXPECT_NEAR(pose.T_world_base.translation().z(), now.T_world_base().translation().z(), 0.3);
+    ++checked;
+  });
+  EXPECT_GT(checked, 200);
+}
+
+// Heading is not course: a straight flight in the wind says nothing of the yaw.
+TEST(GpsIns, IsNotReadyBeforeTheYawShowsItself) {
+  SimulatedFlight straight;
+  straight.legs = {{1000.0, 0.0}};
+  FlightRun run(straight, {}, 6);
+  GpsIns ins({}, {});
+  fly(run, ins, 30.0, kAll, kNothing);
+  EXPECT_FALSE(ins.is_ready());
+  EXPECT_NE(std::string(ins.reason()).find("yaw"), std::string::npos);
+
+  // One heading may be an outlier.
+  fly(run, ins, 31.0, kAll, [&](const FlightRun& now, const GpsIns&) {
+    ins.add_heading(now.stamp_ns() - 100'000'000, straight.initial_yaw_rad, 0.03);
+  });
+  EXPECT_TRUE(ins.is_ready());
+  EXPECT_NEAR(wrap_to_pi(base_yaw(ins.pose().T_world_base) - straight.initial_yaw_rad), 0.0, 0.1);
+}
+
+TEST(GpsIns, NamesAnImuThatIsMountedOtherwiseThanSaid) {
+  GpsInsMounting true_mounting;
+  true_mounting.T_base_imu.rotate(Eigen::AngleAxisd(kPi / 2.0, Eigen::Vector3d::UnitX()));
+  FlightRun run({}, {}, 7, true_mounting);
+  GpsIns ins({}, {});
+  fly(run, ins, 10.0, kAll, kNothing);
+  EXPECT_FALSE(ins.is_ready());
+  EXPECT_NE(std::string(ins.reason()).find("T_base_imu"), std::string::npos);
+}
+
+TEST(GpsIns, TurningTheWorldTurnsThePose) {
+  FlightRun run({}, {}, 8);
+  // By a step of the yaws that are tried, or several.
+  const Eigen::Isometry3d turn(Eigen::AngleAxisd(3.0 * kPi / 4.0, Eigen::Vector3d::UnitZ()));
+  GpsIns here({}, {}), there({}, {});
+  for (; run.time_s() < 60.0; run.next()) {
+    const InertialSample sample = run.sample();
+    here.add_imu(sample);
+    there.add_imu(sample);
+    if (!run.has_fix()) continue;
+    const Eigen::Vector3d fix = run.fix();
+    const Eigen::Matrix3d R = run.fix_covariance();
+    here.add_position(run.stamp_ns(), fix, R);
+    there.add_position(run.stamp_ns(), turn * fix, turn.linear() * R * turn.linear().transpose());
+  }
+  const GpsInsPose a = here.pose(), b = there.pose();
+  ASSERT_TRUE(a.is_ready && b.is_ready);
+  EXPECT_TRUE(b.T_world_base.isApprox(turn * a.T_world_base, 1e-2));
+  Eigen::Matrix<double, 6, 6> J = Eigen::Matrix<double, 6, 6>::Identity();
+  J.topLeftCorner<3, 3>() = turn.linear();
+  EXPECT_LT((b.covariance - J * a.covariance * J.transpose()).norm(), 0.02 * a.covariance.norm());
+}
+
+// Late fixes and those that come in another order are applied at their stamps: the pose is the same once all are there.
+TEST(GpsIns, LateFixesAreAsGoodAsThoseInTime) {
+  FlightRun run({}, {}, 9);
+  GpsIns in_time({}, {}), late({}, {});
+  std::vector<Arrival> arrivals;
+  Random random(10);
+  for (; run.time_s() < 60.0; run.next()) {
+    const InertialSample sample = run.sample();
+    in_time.add_imu(sample);
+    late.add_imu(sample);
+    if (run.has_fix()) {
+      const Eigen::Vector3d fix = run.fix();
+      in_time.add_position(run.stamp_ns(), fix, run.fix_covariance());
+      // Until the pose is ready in time, as the history begins then; later up to 0.5 s late, so that some overtake.
+      const double delay_s = run.time_s() < 30.0 || run.time_s() > 59.0 ? 0.0 : random.uniform(0.0, 0.5);
+      arrivals.push_back({run.stamp_ns() + nanoseconds(delay_s), run.stamp_ns(), fix});
+    }
+    for (auto arrival = arrivals.begin(); arrival != arrivals.end();) {
+      if (arrival->at_ns > run.stamp_ns()) {
+        ++arrival;
+        continue;
+      }
+      late.add_position(arrival->stamp_ns, arrival->position, run.fix_covariance());
+      arrival = arrivals.erase(arrival);
+    }
+  }
+  const GpsInsPose a = in_time.pose(), b = late.pose();
+  ASSERT_TRUE(a.is_ready && b.is_ready);
+  EXPECT_EQ(late.counters().of("fix too late"), 0u);
+  EXPECT_LT(error_of(a.T_world_base, b).head<3>().norm(), 1e-3);
+  EXPECT_LT(error_of(a.T_world_base, b).tail<3>().norm(), 1e-4);
+  EXPECT_LT((a.covariance - b.covariance).norm(), 1e-2 * a.covariance.norm());
+}
+
+TEST(GpsIns, UsesNothingFromTheFuture) {
+  FlightRun run({}, {}, 11);
+  GpsIns ins({}, {});
+  fly(run, ins, 40.0, kAll, kNothing);
+  const GpsInsPose before = ins.pose();
+  ins.add_position(ins.stamp_ns() + 50'000'000, before.T_world_base.translation() + Eigen::Vector3d(1.0, 0.0, 0.0),
+                   run.fix_covariance());
+  EXPECT_TRUE(ins.pose().T_world_base.isApprox(before.T_world_base, 0.0));
+  ins.add_position(ins.stamp_ns() + 5'000'000'000, Eigen::Vector3d::Zero(), run.fix_covariance());
+  EXPECT_EQ(ins.counters().of("fix ahead of the imu"), 1u);
+  ins.add_position(ins.stamp_ns() - 5'000'000'000, Eigen::Vector3d::Zero(), run.fix_covariance());
+  EXPECT_EQ(ins.counters().of("fix too late"), 1u);
+}
+
+TEST(GpsIns, AFarFixDoesNotMoveThePose) {
+  FlightRun run({}, {}, 12);
+  GpsIns ins({}, {});
+  fly(run, ins, 60.0, kAll, kNothing);
+  ASSERT_TRUE(ins.is_ready());
+  Eigen::Isometry3d last = ins.pose().T_world_base;
+  double usual = 0.0, with_outlier = 0.0;
+  for (int i = 0; run.time_s() < 90.0; run.next()) {
+    ins.add_imu(run.sample());
+    if (!run.has_fix()) continue;
+    const bool is_outlier = ++i % 20 == 0;
+    Eigen::Vector3d fix = run.fix();
+    if (is_outlier) fix += 30.0 * Eigen::Vector3d(std::cos(i), std::sin(i), 0.0);
+    ins.add_position(run.stamp_ns(), fix, run.fix_covariance());
+    const Eigen::Isometry3d now = ins.pose().T_world_base;
+    double& most = is_outlier ? with_outlier : usual;
+    most = std::max(most, (now.translation() - last.translation()).norm());
+    last = now;
+  }
+  EXPECT_LE(with_outlier, 1.2 * usual);
+  EXPECT_GE(ins.counters().of("fix outside its gate"), 7u);
+  EXPECT_LE(ins.counters().of("fix outside its gate"), 9u);
+}
+
+TEST(GpsIns, RecoversIfItIsWrongItself) {
+  FlightRun run({}, {}, 13);
+  GpsIns ins({}, {});
+  // From 60 s on the receiver is 40 m away: no pose could know that it is not right.
+  const auto moved = [](double time_s, Eigen::Vector3d& fix) {
+    if (time_s > 60.0) fix.x() += 40.0;
+    return true;
+  };
+  fly(run, ins, 60.0, moved, kNothing);
+  ASSERT_TRUE(ins.is_ready());
+  fly(run, ins, 69.0, moved, kNothing);
+  EXPECT_LT(std::abs(ins.pose().T_world_base.translation().x() - run.T_world_base().translation().x()), 10.0);
+  fly(run, ins, 100.0, moved, kNothing);
+  EXPECT_NEAR(ins.pose().T_world_base.translation().x(), run.T_world_base().translation().x() + 40.0, 6.0);
+}
+
+TEST(GpsIns, BadDataAreDroppedAndCounted) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  FlightRun run({}, {}, 14);
+  GpsIns ins({}, {}, GeodeticPosition{48.0, 11.0, 500.0});
+  fly(run, ins, 40.0, kAll, kNothing);
+  const Eigen::Matrix3d R = run.fix_covariance();
+  const GpsInsPose before = ins.pose();
+  const std::int64_t now = ins.stamp_ns();
+  ins.add_fix({now, false, {48.0, 11.0, 500.0}, R});
+  ins.add_fix({now, true, {nan, 11.0, 500.0}, R});
+  ins.add_fix({now, true, {48.0, 11.0, nan}, R});
+  ins.add_fix({now, true, {48.0, 11.0, 500.0}, nan * R});
+  ins.add_fix({now, true, {48.0, 11.0, 500.0}, Eigen::Matrix3d::Zero()});
+  ins.add_altitude(now, nan, 1.0);
+  ins.add_heading(now, 0.0, 0.0);
+  ins.add_imu({now + 1, {nan, 0.0, 9.8}, {0.0, 0.0, 0.0}});
+  ins.add_imu({now, {0.0, 0.0, 9.8}, {0.0, 0.0, 0.0}});
+  ins.add_imu({now - 10'000'000, {0.0, 0.0, 9.8}, {0.0, 0.0, 0.0}});
+  EXPECT_EQ(ins.counters().of("no fix"), 1u);
+  EXPECT_EQ(ins.counters().of("fix not finite"), 2u);
+  EXPECT_EQ(ins.counters().of("fix without covariance"), 2u);
+  EXPECT_EQ(ins.counters().of("altitude not finite"), 1u);
+  EXPECT_EQ(ins.counters().of("heading not finite"), 1u);
+  EXPECT_EQ(ins.counters().of("imu not finite"), 1u);
+  EXPECT_EQ(ins.counters().of("imu stamped twice"), 1u);
+  EXPECT_EQ(ins.counters().of("imu out of order"), 1u);
+  EXPECT_TRUE(ins.pose().T_world_base.isApprox(before.T_world_base, 0.0));
+
+  // Time goes back: everything starts anew.
+  ins.add_imu({now - 30'000'000'000, {0.0, 0.0, 9.8}, {0.0, 0.0, 0.0}});
+  EXPECT_EQ(ins.counters().of("imu restarted"), 1u);
+  EXPECT_FALSE(ins.is_ready());
+}
+
+TEST(GpsIns, AShortGapOfTheImuIsBridgedAndALongOneRestarts) {
+  FlightRun run({}, {}, 15);
+  GpsIns ins({}, {});
+  fly(run, ins, 60.0, kAll, kNothing);
+  while (run.time_s() < 60.6) run.next();
+  ins.add_imu(run.sample());
+  EXPECT_EQ(ins.counters().of("imu gap"), 1u);
+  ASSERT_TRUE(ins.is_ready());
+  const GpsInsPose pose = ins.pose();
+  const auto e = error_of(run.T_world_base(), pose);
+  EXPECT_LT(mahalanobis2(e, pose.covariance), chi_square_quantile(0.999, 6));
+  run.next();
+  fly(run, ins, 90.0, kAll, kNothing);
+  while (run.time_s() < 95.0) run.next();
+  ins.add_imu(run.sample());
+  EXPECT_FALSE(ins.is_ready());
+  EXPECT_EQ(ins.counters().of("restarted after an imu gap"), 1u);
+}
+
+// Corrections of another kind: a place that is known to 0.1 m, said late and linear about the state at that time.
+TEST(GpsIns, TakesCorrectionsOfOthersAtTheirStamps) {
+  FlightRun run({}, {}, 16);
+  GpsIns ins({}, {});
+  fly(run, ins, 50.0, kAll, kNothing);
+  ASSERT_TRUE(ins.is_ready());
+  const Eigen::Vector3d then = run.T_world_base().translation();
+  const std::int64_t stamp_ns = run.stamp_ns();
+  fly(run, ins, 50.3, kAll, kNothing);
+  Estimate<GpsInsState> estimate;
+  ASSERT_TRUE(ins.state_at(stamp_ns, estimate));
+  GpsInsCorrection place;
+  place.stamp_ns = stamp_ns;
+  place.rows = 3;
+  place.reference = estimate.x;
+  place.residual.head<3>() = then - estimate.x.motion.position_world_m;
+  place.H.block<3, 3>(0, kPosition).setIdentity();
+  place.R.topLeftCorner<3, 3>() = 0.01 * Eigen::Matrix3d::Identity();
+  ins.correct(place);
+  const GpsInsPose pose = ins.pose();
+  run.next();
+  const Eigen::Matrix2d covariance = pose.covariance.topLeftCorner<2, 2>();
+  EXPECT_LT(covariance.trace(), 0.2);
+  EXPECT_EQ(ins.nis(GpsInsSensor::kOther).summarise().matches, 3u);
+  EXPECT_FALSE(ins.state_at(stamp_ns - 10'000'000'000, estimate));
+  place.residual(0) = std::numeric_limits<double>::quiet_NaN();
+  ins.correct(place);
+  EXPECT_EQ(ins.counters().of("correction not finite"), 1u);
+}
+
+// --- over seeds ---
+
+struct Totals {
+  double square = 0.0, yaw_square = 0.0, nees = 0.0, fix_square = 0.0, outage_square = 0.0, after_square = 0.0;
+  long count = 0, fixes = 0, inside = 0;
+  int runs = 0, ready = 0;
+};
+
+Totals totals(int seeds, const FlightSensors& sensors, bool with_outage) {
+  Totals total;
+  for (int seed = 0; seed < seeds; ++seed) {
+    SimulatedFlight flight;
+    flight.initial_yaw_rad = 0.77 * seed;
+    FlightRun run(flight, sensors, static_cast<std::uint64_t>(1000 + seed));
+    GpsIns ins({}, {});
+    const auto change = [&](double time_s, Eigen::Vector3d& fix) {
+      total.fix_square += (fix - run.antenna()).head<2>().squaredNorm();
+      ++total.fixes;
+      return !with_outage || time_s < 110.0 || time_s > 140.0;
+    };
+    fly(run, ins, 160.0, change, [&](const FlightRun& now, const GpsIns& filter) {
+      const GpsInsPose pose = filter.pose();
+      if (!pose.is_ready || now.time_s() < 50.0) return;
+      const auto e = error_of(now.T_world_base(), pose);
+      const double nees =
+          mahalanobis2(Eigen::Vector2d(e.head<2>()), Eigen::Matrix2d(pose.covariance.topLeftCorner<2, 2>()));
+      total.nees += nees;
+      total.inside += nees < 11.83 ? 1 : 0;  // 3 sigma of two
+      total.square += e.head<2>().squaredNorm();
+      total.yaw_square += std::pow(wrap_to_pi(base_yaw(now.T_world_base()) - base_yaw(pose.T_world_base)), 2);
+      ++total.count;
+      if (std::abs(now.time_s() - 140.0) < 0.05) total.outage_square += e.head<2>().squaredNorm();
+      if (std::abs(now.time_s() - 145.0) < 0.05) total.after_square += e.head<2>().squaredNorm();
+    });
+    ++total.runs;
+    total.ready += ins.is_ready() ? 1 : 0;
+  }
+  return total;
+}
+
+double rms(double square, double count) { return std::sqrt(square / count); }
+
+// Also where the share and the time constant of the slow errors are not among those that the bank has.
+TEST(GpsInsStatistics, IsHonestHoweverTheFixesAreCorrelated) {
+  for (const auto& [share, correlation_s] :
+       std::vector<std::pair<double, double>>{{0.0, 1.0}, {0.3, 7.0}, {0.7, 20.0}, {0.96, 60.0}}) {
+    FlightSensors sensors;
+    sensors.imu_rate_hz = 100.0;
+    sensors.correlated_share = share;
+    sensors.correlation_s = correlation_s;
+    const Totals total = totals(25, sensors, false);
+    const auto count = static_cast<double>(total.count);
+    RecordProperty("nees_" + std::to_string(share), std::to_string(total.nees / count));
+    EXPECT_EQ(total.ready, total.runs);
+    EXPECT_GT(total.nees / count, 1.2) << share;
+    // 75 independent errors: the mean of an honest filter has a standard deviation of 0.23, and half a minute is short
+    // to learn the noise.
+    EXPECT_LT(total.nees / count, 3.0) << share;
+    EXPECT_GT(static_cast<double>(total.inside) / count, 0.97) << share;
+    // Errors slower than the flight is long stay: nothing tells them from the place.
+    EXPECT_LT(rms(total.square, count), 1.05 * rms(total.fix_square, static_cast<double>(total.fixes))) << share;
+    EXPECT_LT(rms(total.yaw_square, count), 3.0 * kPi / 180.0) << share;
+    if (share == 0.0) {
+      EXPECT_LT(rms(total.square, count), 0.8);
+    }
+  }
+}
+
+TEST(GpsInsStatistics, ComesThroughAnOutage) {
+  FlightSensors sensors;
+  sensors.imu_rate_hz = 100.0;
+  sensors.correlated_share = 0.0;
+  const Totals total = totals(25, sensors, true);
+  const auto count = static_cast<double>(total.count);
+  EXPECT_GT(total.nees / count, 1.2);
+  EXPECT_LT(total.nees / count, 2.6);
+  EXPECT_GT(static_cast<double>(total.inside) / count, 0.97);
+  EXPECT_LT(rms(total.outage_square, total.runs), 35.0);
+  EXPECT_LT(rms(total.after_square, total.runs), 1.2);
+}
+
+}  // namespace
+}  // namespace situation_awareness
