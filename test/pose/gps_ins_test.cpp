@@ -485,6 +485,30 @@ TEST(GpsInsStatistics, IsHonestHoweverTheFixesAreCorrelated) {
   }
 }
 
+// In a banked turn the force is along the body's z, as if it flew level: the bank is found by the fixes.
+TEST(GpsInsStatistics, StartsInATurn) {
+  FlightSensors sensors;
+  sensors.imu_rate_hz = 100.0;
+  double nees = 0.0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    SimulatedFlight orbit;
+    orbit.initial_yaw_rad = 0.3 * static_cast<double>(seed);
+    orbit.change_s = 0.01;
+    orbit.legs = {{1000.0, 5.0 / 8.0}};
+    FlightRun run(orbit, sensors, seed);
+    GpsIns ins({}, {});
+    fly(run, ins, 60.0, kAll, kNothing);
+    ASSERT_TRUE(ins.is_ready()) << seed;
+    const GpsInsPose pose = ins.pose_at(ins.stamp_ns() - 5'000'000);
+    const double time_s = 1e-9 * static_cast<double>(pose.stamp_ns);
+    const Eigen::Quaterniond q(pose.T_world_base.linear());
+    const Eigen::Vector3d e = log_so3(q.conjugate() * orbit.attitude(time_s));
+    EXPECT_LT(e.norm(), 0.25) << seed;
+    nees += mahalanobis2(e, Eigen::Matrix3d(pose.covariance.bottomRightCorner<3, 3>()));
+  }
+  EXPECT_LT(nees, chi_square_quantile(0.999, 60));
+}
+
 TEST(GpsInsStatistics, ComesThroughAnOutage) {
   FlightSensors sensors;
   sensors.imu_rate_hz = 100.0;
