@@ -5,6 +5,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/hit_labels.cpp
   src/ros/convert/images.cpp
   src/ros/convert/motion_sensors.cpp
+  src/ros/convert/navigation_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/odometry.cpp
   src/ros/convert/polygons.cpp
