@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/map/splinegons/splinegons.hpp"
+
+namespace situation_awareness {
+
+/// A place of a boundary, known across it.
+struct SplinegonElement {
+  Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
+  Eigen::Vector2d normal_world = Eigen::Vector2d::UnitX();  ///< unit, toward the free side
+  double variance_m2 = 0.0;                                 ///< across, above zero, independent of other elements'
+};
+
+struct SplinegonFitParams {
+  int vertices = 16;
+  double least_spacing_m = 0.8;
+  double spacing_ratio = 2.5;
+  double corner_angle_rad = 0.6;
+  double corner_window_m = 1.2;
+  double huber_sigmas = 2.0;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("vertices", self.vertices, Bounds{4, 64}, "",
+          "main vertices of a closed boundary, and the most of an open one; a joint is between any two");
+    visit("least_spacing_m", self.least_spacing_m, Bounds{0.05, 100.0}, "m",
+          "least mean distance of main vertices of an open boundary: a short one has fewer");
+    visit("spacing_ratio", self.spacing_ratio, Bounds{1.2, 10.0}, "",
+          "largest distance of main vertices along the boundary, over their mean distance");
+    visit("corner_angle_rad", self.corner_angle_rad, Bounds{0.2, 1.5}, "rad",
+          "least break of the tangent that is a corner");
+    visit("corner_window_m", self.corner_window_m, Bounds{0.2, 10.0}, "m",
+          "length of the boundary to either side in which a corner's sides are compared with an arc");
+    visit("huber_sigmas", self.huber_sigmas, Bounds{1.0, 10.0}, "",
+          "standard deviations beyond which an element's distance counts linearly (Huber)");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// How well a boundary's elements were met.
+struct SplinegonFitQuality {
+  double chi2_per_freedom = 0.0;  ///< 1 if the elements' variances and the model are right
+  int iterations = 0;
+  bool warm = false;  ///< began with the fit before
+};
+
+/// Fits splinegons to ordered elements of boundaries: the weighted least squares chain of biarcs, with Huber's loss,
+/// over places and tangents of the main vertices; those are placed where the curvature changes
+/// (docs/math/splinegons.md). The same input gives the same output. It keeps its memory: no allocation after warm-up.
+class SplinegonFit {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit SplinegonFit(const SplinegonFitParams& params);
+
+  /// Fits the elements, in order and counter-clockwise around the obstacle, some 0.05 to 0.5 m apart; there may be
+  /// gaps. `common_variance_m2` is that of an error that all elements share, across the boundary. `vertices` holds an
+  /// earlier fit of this boundary, from which a fit begins if it still holds, or nothing; it is overwritten with the
+  /// new one as Splinegon has it. With fewer than 6 elements, or if they extend over less than 0.2 m, it is empty
+  /// afterwards.
+  SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+                          std::vector<SplinegonVertex>& vertices);
+
+ private:
+  /// A main vertex. At a corner two tangents.
+  struct Node {
+    Eigen::Vector2d p_m;
+    double yaw_in_rad, yaw_out_rad;
+    bool corner;
+  };
+  /// Half of a biarc, by the node that it is at.
+  struct ArcOfNode {
+    Eigen::Vector2d p_m, along;  ///< of the node, and its tangent there
+    double curvature_1pm;
+    Eigen::Matrix<double, 6, 1> curvature_slope;  ///< by x, y, yaw of the node before, and of the one after
+    Eigen::Vector2d begin_m;
+    Eigen::Vector2d begin_along;  ///< of the boundary there, at a corner in the middle of both tangents
+    double begin_yaw_rad, length_m;
+  };
+  struct Corner {
+    double s_m;  ///< along the polygon of the elements
+    Eigen::Vector2d p_m;
+    double yaw_in_rad, yaw_out_rad, score;
+  };
+  struct Residual {
+    double distance_m;
+    Eigen::Matrix<double, 6, 1> slope;  ///< by x, y, yaw of the node before, and of the one after
+  };
+  static constexpr std::size_t kNoCorner = static_cast<std::size_t>(-1);
+  /// A place along the boundary for a node.
+  struct Station {
+    double s_m;
+    std::size_t corner;  ///< index of what is there, or kNoCorner
+  };
+  /// The boundary between corners.
+  struct Piece {
+    Station begin;
+    double end_s_m, amount;
+    std::size_t intervals;
+  };
+  /// Unknowns of a node: along, across, yaw, at a corner the second yaw.
+  struct Unknowns {
+    Eigen::Index first;
+    Eigen::Vector2d along;
+  };
+
+  std::size_t biarcs() const { return closed_ ? nodes_.size() : nodes_.size() - 1; }
+  std::size_t next_node(std::size_t k) const { return k + 1 < nodes_.size() ? k + 1 : 0; }
+  bool is_smooth(std::size_t arc) const;
+
+  bool take(const std::vector<SplinegonElement>& elements);
+  std::size_t wanted_nodes() const;
+  void find_corners();
+  bool corner_between(std::size_t last, Corner& corner) const;
+  void share_out(std::size_t count, double from_s, double to_s);
+  void place_on_elements();
+  bool place_on_earlier(const std::vector<SplinegonVertex>& vertices);
+  void place_again();
+  void compute_arcs();
+  void assign_by_stations(const std::vector<double>& at_m, double whole_m);
+  void assign_nearest();
+  void assign_stepwise();
+  void expect_jumps(bool first);
+  Residual residual_of(const Eigen::Vector2d& p_m, std::size_t index) const;
+  void add_row(const Eigen::Matrix<double, 6, 1>& slope, std::size_t biarc);
+  double build();
+  void hold_along(Eigen::MatrixXd& H) const;
+  int iterate(int most);
+  double chi2_per_freedom() const;
+  void write(double common_variance_m2, double chi2_per_freedom, std::vector<SplinegonVertex>& vertices);
+
+  SplinegonFitParams params_;
+  bool closed_ = false;
+  Eigen::Vector2d origin_m_ = Eigen::Vector2d::Zero();
+  // Of the elements; places are relative to the origin.
+  std::vector<Eigen::Vector2d> points_m_, normals_;
+  std::vector<double> weights_;  ///< one over their standard deviations
+  std::vector<double> s_m_;      ///< along the polygon of the elements
+  double perimeter_m_ = 0.0;     ///< of that polygon
+  std::vector<std::size_t> arc_of_, arc_of_before_;
+  std::vector<double> element_s_m_;  ///< along the curve
+  std::vector<Corner> corners_;
+
+  std::vector<Node> nodes_, nodes_before_;
+  std::vector<ArcOfNode> arcs_;     ///< two of each biarc
+  std::vector<double> jump_sigma_;  ///< expected jump of the curvature at the begin of each arc, 1/m
+  std::vector<Station> stations_;
+  std::vector<Piece> pieces_;
+  std::vector<double> cell_s_m_, share_, slope_;  ///< what main vertices are placed by
+
+  std::vector<Unknowns> unknowns_of_;
+  Eigen::Index unknowns_ = 0;
+  std::vector<std::pair<Eigen::Index, double>> row_;
+  Eigen::MatrixXd H_, H_factor_;
+  Eigen::VectorXd g_, delta_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,823 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/splinegons/splinegon_fit.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "situation_awareness/geometry/biarc.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr std::size_t kFewestElements = 6;
+constexpr double kShortest_m = 0.2;
+/// Part of a biarc's length by which a main vertex may move along the boundary in a step. What the elements say of it
+/// is of the same order, so half or twice as much changes nothing but the number of steps.
+constexpr double kAlongStep = 0.1;
+/// m. Effect on the boundary of a jump of the curvature that is expected anywhere.
+constexpr double kLeastJumpEffect_m = 0.001;
+/// Largest distance of a biarc from a curve with linear curvature and the same ends, over jump * length^2:
+/// docs/math/splinegons.md.
+constexpr double kJumpEffect = 1.0 / 216.0;
+/// Root mean square of the same.
+constexpr double kJumpRms = 1.0 / 400.0;
+/// A corner is one if its two sides meet the elements better than an arc by this in chi^2, and have themselves no more
+/// than the second per degree of freedom.
+constexpr double kCornerGain = 15.0;
+constexpr double kCornerMisfit = 3.0;
+constexpr double kNoChange_m = 2e-4;
+
+Eigen::Vector2d left_of(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+
+Eigen::Vector2d unit(double yaw_rad) { return {std::cos(yaw_rad), std::sin(yaw_rad)}; }
+
+double yaw_of(const Eigen::Vector2d& v) { return std::atan2(v.y(), v.x()); }
+
+double sinc(double x) { return std::abs(x) < 1e-4 ? 1.0 - x * x / 6.0 : std::sin(x) / x; }
+
+Eigen::Vector2d point_on(const Eigen::Vector2d& begin_m, double yaw_rad, double curvature_1pm, double s_m) {
+  const double half_rad = 0.5 * curvature_1pm * s_m;
+  return begin_m + s_m * sinc(half_rad) * unit(yaw_rad + half_rad);
+}
+
+/// A weighted total least squares line.
+struct LineSums {
+  double w = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
+  std::size_t n = 0;
+
+  void add(const Eigen::Vector2d& p, double weight) {
+    w += weight;
+    x += weight * p.x();
+    y += weight * p.y();
+    xx += weight * p.x() * p.x();
+    xy += weight * p.x() * p.y();
+    yy += weight * p.y() * p.y();
+    ++n;
+  }
+
+  struct Line {
+    Eigen::Vector2d mean, along;
+    double chi2;
+  };
+
+  Line line() const {
+    const Eigen::Vector2d mean(x / w, y / w);
+    const double sxx = xx - w * mean.x() * mean.x(), syy = yy - w * mean.y() * mean.y();
+    const double sxy = xy - w * mean.x() * mean.y();
+    const Eigen::Vector2d along = unit(0.5 * std::atan2(2.0 * sxy, sxx - syy));
+    const Eigen::Vector2d normal = left_of(along);
+    const double chi2 =
+        normal.x() * normal.x() * sxx + 2.0 * normal.x() * normal.y() * sxy + normal.y() * normal.y() * syy;
+    return {mean, along, std::max(chi2, 0.0)};
+  }
+};
+
+}  // namespace
+
+void SplinegonFitParams::validate() const { check_bounds(*this, "splinegon_fit"); }
+
+SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) {
+  params_.validate();
+  const auto most_unknowns = 4 * static_cast<Eigen::Index>(params_.vertices);
+  H_.resize(most_unknowns, most_unknowns);
+  H_factor_.resize(most_unknowns, most_unknowns);
+  g_.resize(most_unknowns);
+  delta_.resize(most_unknowns);
+}
+
+SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
+                                      double common_variance_m2, std::vector<SplinegonVertex>& vertices) {
+  SplinegonFitQuality quality;
+  closed_ = closed;
+  if (!take(elements)) {
+    vertices.clear();
+    return quality;
+  }
+  find_corners();
+  quality.warm = place_on_earlier(vertices);
+  if (quality.warm) {
+    expect_jumps(false);
+    quality.iterations += iterate(4);
+    if (chi2_per_freedom() > 2.0) quality.warm = false;
+  }
+  if (!quality.warm) {
+    place_on_elements();
+    expect_jumps(true);
+    quality.iterations += iterate(4);
+    place_again();
+    expect_jumps(false);
+    quality.iterations += iterate(4);
+    place_again();
+    expect_jumps(false);
+    quality.iterations += iterate(4);
+  }
+  place_again();
+  expect_jumps(false);
+  quality.iterations += iterate(6);
+  quality.chi2_per_freedom = chi2_per_freedom();
+  write(common_variance_m2, quality.chi2_per_freedom, vertices);
+  return quality;
+}
+
+bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
+  if (elements.size() < kFewestElements) return false;
+  origin_m_ = elements[0].p_world_m;
+  points_m_.clear();
+  normals_.clear();
+  weights_.clear();
+  s_m_.clear();
+  double s_m = 0.0;
+  for (std::size_t i = 0; i < elements.size(); ++i) {
+    points_m_.push_back(elements[i].p_world_m - origin_m_);
+    normals_.push_back(elements[i].normal_world);
+    weights_.push_back(1.0 / std::sqrt(elements[i].variance_m2));
+    if (i > 0) s_m += (points_m_[i] - points_m_[i - 1]).norm();
+    s_m_.push_back(s_m);
+  }
+  perimeter_m_ = s_m + (closed_ ? points_m_.back().norm() : 0.0);
+  return perimeter_m_ > kShortest_m;
+}
+
+std::size_t SplinegonFit::wanted_nodes() const {
+  const auto most = static_cast<std::size_t>(params_.vertices);
+  if (closed_) return most;
+  const auto fitting = static_cast<std::size_t>(std::lround(perimeter_m_ / params_.least_spacing_m)) + 1;
+  return std::clamp<std::size_t>(fitting, 2, most);
+}
+
+/// Two lines against an arc, for the elements within the window before and after the middle of elements `last` and the
+/// next.
+bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
+  const std::size_t n = points_m_.size();
+  const auto next = [&](std::size_t i) { return i + 1 < n ? i + 1 : 0; };
+  const auto before = [&](std::size_t i) { return i > 0 ? i - 1 : n - 1; };
+  const auto way_m = [&](std::size_t from, std::size_t to) {
+    return to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from];
+  };
+  std::size_t first = last, end = next(last);
+  LineSums left, right;
+  const Eigen::Vector2d middle_m = points_m_[last];
+  for (;; first = before(first)) {
+    left.add(points_m_[first] - middle_m, weights_[first] * weights_[first]);
+    if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > params_.corner_window_m)
+      break;
+  }
+  const std::size_t start = end;
+  for (;; end = next(end)) {
+    right.add(points_m_[end] - middle_m, weights_[end] * weights_[end]);
+    if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > params_.corner_window_m) break;
+  }
+  if (left.n < 4 || right.n < 4 || way_m(first, last) < 0.5 * params_.corner_window_m ||
+      way_m(start, end) < 0.5 * params_.corner_window_m) {
+    return false;
+  }
+  LineSums::Line a = left.line(), b = right.line();
+  if (a.along.dot(points_m_[last] - points_m_[first]) < 0.0) a.along = -a.along;
+  if (b.along.dot(points_m_[end] - points_m_[start]) < 0.0) b.along = -b.along;
+  const double turn_rad = std::atan2(left_of(a.along).dot(b.along), a.along.dot(b.along));
+  if (std::abs(turn_rad) < params_.corner_angle_rad) return false;
+  const double lines_chi2 = a.chi2 + b.chi2;
+  const auto freedom = static_cast<double>(left.n + right.n) - 4.0;
+  if (lines_chi2 > kCornerMisfit * freedom) return false;
+  // The arc y = c0 + c1 x + c2 (x^2 + y^2), x along the chord, which is exact for circles.
+  const Eigen::Vector2d x_axis = (points_m_[end] - points_m_[first]).normalized();
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  const auto local = [&](std::size_t i) -> Eigen::Vector2d {
+    const Eigen::Vector2d v = points_m_[i] - middle_m;
+    return {x_axis.dot(v), left_of(x_axis).dot(v)};
+  };
+  for (std::size_t i = first;; i = next(i)) {
+    const Eigen::Vector2d p = local(i);
+    const Eigen::Vector3d row(1.0, p.x(), p.squaredNorm());
+    const double w = weights_[i] * weights_[i];
+    A += w * row * row.transpose();
+    rhs += w * p.y() * row;
+    if (i == end) break;
+  }
+  const Eigen::Vector3d c = A.ldlt().solve(rhs);
+  double arc_chi2 = 0.0;
+  for (std::size_t i = first;; i = next(i)) {
+    const Eigen::Vector2d p = local(i);
+    const double e = p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm();
+    const Eigen::Vector2d gradient(c(1) + 2.0 * c(2) * p.x(), 1.0 - 2.0 * c(2) * p.y());
+    arc_chi2 += weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.04);
+    if (i == end) break;
+  }
+  if (arc_chi2 < lines_chi2 + kCornerGain || arc_chi2 < 1.5 * lines_chi2) return false;
+  // Where the lines meet.
+  const double along_m = left_of(b.along).dot(b.mean - a.mean) / left_of(b.along).dot(a.along);
+  const Eigen::Vector2d crossing_m = a.mean + along_m * a.along;
+  const double reach_m = way_m(last, start) + 0.25 * params_.corner_window_m;
+  if (crossing_m.norm() > reach_m) return false;
+  corner = {s_m_[last] + 0.5 * way_m(last, start), middle_m + crossing_m, yaw_of(a.along), yaw_of(b.along),
+            arc_chi2 - lines_chi2};
+  return true;
+}
+
+void SplinegonFit::find_corners() {
+  corners_.clear();
+  const std::size_t n = points_m_.size();
+  for (std::size_t i = 0; i + (closed_ ? 0 : 1) < n; ++i) {
+    Corner corner;
+    if (!corner_between(i, corner)) continue;
+    // Of those within a window the best.
+    if (!corners_.empty() && corner.s_m - corners_.back().s_m < params_.corner_window_m) {
+      if (corner.score > corners_.back().score) corners_.back() = corner;
+    } else {
+      corners_.push_back(corner);
+    }
+  }
+  if (closed_ && corners_.size() > 1 &&
+      corners_.front().s_m + perimeter_m_ - corners_.back().s_m < params_.corner_window_m) {
+    if (corners_.front().score > corners_.back().score) {
+      corners_.pop_back();
+    } else {
+      corners_.erase(corners_.begin());
+    }
+  }
+  const std::size_t most = wanted_nodes() - (closed_ ? 0 : 2);
+  while (corners_.size() > most) {
+    corners_.erase(std::min_element(corners_.begin(), corners_.end(),
+                                    [](const Corner& a, const Corner& b) { return a.score < b.score; }));
+  }
+}
+
+/// Stations of `count` nodes from `from_s` to `to_s`, of a closed boundary the same place, between those that are set
+/// in stations_m_: the corners. Equal parts of share_, which is one density for each cell_s_m_.
+void SplinegonFit::share_out(std::size_t count, double from_s, double to_s) {
+  // Share of the boundary up to a place.
+  const auto amount = [&](double s) {
+    double sum = 0.0;
+    for (std::size_t c = 0; c < share_.size(); ++c) {
+      const double begin = c == 0 && !closed_ ? -1e9 : cell_s_m_[c];
+      const double end = c + 1 == share_.size() && !closed_ ? 1e9 : cell_s_m_[c + 1];
+      if (s > begin || c == 0) sum += share_[c] * (std::min(s, end) - std::max(begin, cell_s_m_[0]));
+    }
+    return sum;
+  };
+  const double whole = closed_ ? amount(to_s) : 0.0;
+  const auto amount_wrapped = [&](double s) { return closed_ && s > to_s ? whole + amount(s - to_s) : amount(s); };
+  const auto place_of = [&](double wanted, double low, double high) {
+    for (int i = 0; i < 40; ++i) {
+      const double middle = 0.5 * (low + high);
+      (amount_wrapped(middle) < wanted ? low : high) = middle;
+    }
+    return 0.5 * (low + high);
+  };
+  pieces_.clear();
+  if (closed_) {
+    if (stations_.empty()) stations_.push_back({from_s, kNoCorner});
+    for (std::size_t i = 0; i < stations_.size(); ++i) {
+      const double end = i + 1 < stations_.size() ? stations_[i + 1].s_m : stations_[0].s_m + (to_s - from_s);
+      pieces_.push_back({stations_[i], end, 0.0, 1});
+    }
+  } else {
+    Station at{from_s, kNoCorner};
+    for (const Station& station : stations_) {
+      pieces_.push_back({at, station.s_m, 0.0, 1});
+      at = station;
+    }
+    pieces_.push_back({at, to_s, 0.0, 1});
+  }
+  const std::size_t intervals = closed_ ? count : count - 1;
+  for (Piece& piece : pieces_) piece.amount = amount_wrapped(piece.end_s_m) - amount_wrapped(piece.begin.s_m);
+  for (std::size_t used = pieces_.size(); used < intervals; ++used) {
+    const auto coarser = [](const Piece& a, const Piece& b) {
+      return a.amount * static_cast<double>(b.intervals) < b.amount * static_cast<double>(a.intervals);
+    };
+    ++std::max_element(pieces_.begin(), pieces_.end(), coarser)->intervals;
+  }
+  stations_.clear();
+  for (const Piece& piece : pieces_) {
+    stations_.push_back(piece.begin);
+    const double begin = amount_wrapped(piece.begin.s_m);
+    for (std::size_t i = 1; i < piece.intervals; ++i) {
+      const double wanted = begin + piece.amount * static_cast<double>(i) / static_cast<double>(piece.intervals);
+      stations_.push_back({place_of(wanted, piece.begin.s_m, piece.end_s_m), kNoCorner});
+    }
+  }
+  if (!closed_) stations_.push_back({to_s, kNoCorner});
+}
+
+/// The first placing: nodes evenly along the polygon of the elements.
+void SplinegonFit::place_on_elements() {
+  const std::size_t n = points_m_.size();
+  const std::size_t count = wanted_nodes();
+  share_.assign(1, 1.0);
+  cell_s_m_.assign({0.0, perimeter_m_});
+  stations_.clear();
+  for (std::size_t c = 0; c < corners_.size(); ++c) stations_.push_back({corners_[c].s_m, c});
+  share_out(count, 0.0, perimeter_m_);
+  nodes_.clear();
+  const double window_m = std::clamp(0.3 * perimeter_m_ / static_cast<double>(count), 0.05, 1.0);
+  for (const Station& station : stations_) {
+    if (station.corner != kNoCorner) {
+      const Corner& corner = corners_[station.corner];
+      nodes_.push_back({corner.p_m, corner.yaw_in_rad, corner.yaw_out_rad, true});
+      continue;
+    }
+    const double s_m = closed_ ? std::fmod(station.s_m, perimeter_m_) : station.s_m;
+    const auto upper = static_cast<std::size_t>(std::upper_bound(s_m_.begin(), s_m_.end(), s_m) - s_m_.begin());
+    const std::size_t below = upper > 0 ? upper - 1 : 0;
+    const std::size_t above = upper < n ? upper : (closed_ ? 0 : n - 1);
+    const auto away_m = [&](std::size_t i) {  // along the boundary, signed
+      const double d_m = s_m_[i] - s_m;
+      return closed_ ? std::remainder(d_m, perimeter_m_) : d_m;
+    };
+    double low_m = -window_m, high_m = window_m;  // not beyond a corner
+    for (const Corner& corner : corners_) {
+      const double d_m = closed_ ? std::remainder(corner.s_m - s_m, perimeter_m_) : corner.s_m - s_m;
+      if (d_m < 0.0) low_m = std::max(low_m, d_m);
+      if (d_m > 0.0) high_m = std::min(high_m, d_m);
+    }
+    LineSums sums;
+    std::size_t first = below, last = below;
+    for (std::size_t k = 0, i = below; k<n / 2; ++k, i = i> 0 ? i - 1 : n - 1) {
+      if (away_m(i) < low_m || away_m(i) > high_m) break;
+      sums.add(points_m_[i], weights_[i] * weights_[i]);
+      first = i;
+      if (!closed_ && i == 0) break;
+    }
+    for (std::size_t k = 0, i = above; k < n / 2 && i != below; ++k, i = i + 1 < n ? i + 1 : 0) {
+      if (away_m(i) < low_m || away_m(i) > high_m) break;
+      sums.add(points_m_[i], weights_[i] * weights_[i]);
+      last = i;
+      if (!closed_ && i + 1 == n) break;
+    }
+    Node node{};
+    if (sums.n >= 3 && (points_m_[last] - points_m_[first]).norm() > 0.5 * window_m) {
+      LineSums::Line line = sums.line();
+      if (line.along.dot(points_m_[last] - points_m_[first]) < 0.0) line.along = -line.along;
+      const Eigen::Vector2d at_m =
+          points_m_[below] +
+          (above == below ? 0.0
+                          : std::clamp(-away_m(below) / std::max(away_m(above) - away_m(below), 1e-9), 0.0, 1.0)) *
+              (points_m_[above] - points_m_[below]);
+      node.p_m = line.mean + line.along * line.along.dot(at_m - line.mean);
+      node.yaw_in_rad = yaw_of(line.along);
+    } else {  // in a gap
+      const std::size_t from = below == above ? (below > 0 ? below - 1 : below) : below;
+      const std::size_t to = below == above && below == 0 ? 1 : above;
+      const double edge_m = std::max((points_m_[to] - points_m_[from]).norm(), 1e-9);
+      node.p_m = points_m_[from] + (points_m_[to] - points_m_[from]) * std::clamp(-away_m(from) / edge_m, 0.0, 1.0);
+      node.yaw_in_rad = yaw_of(points_m_[to] - points_m_[from]);
+    }
+    node.yaw_out_rad = node.yaw_in_rad;
+    nodes_.push_back(node);
+  }
+  compute_arcs();
+  // Elements are of the half biarc that they are in.
+  arc_of_.resize(n);
+  assign_by_stations(s_m_, perimeter_m_);
+}
+
+/// `at_m`: place of each element along the boundary, where the nodes have their stations.
+void SplinegonFit::assign_by_stations(const std::vector<double>& at_m, double whole_m) {
+  for (std::size_t i = 0; i < at_m.size(); ++i) {
+    double s_m = at_m[i];
+    if (closed_ && s_m < stations_[0].s_m) s_m += whole_m;
+    std::size_t k = biarcs() - 1;
+    while (k > 0 && s_m < stations_[k].s_m) --k;
+    const double end_m = k + 1 < stations_.size() ? stations_[k + 1].s_m : stations_[0].s_m + whole_m;
+    arc_of_[i] = 2 * k + (s_m > 0.5 * (stations_[k].s_m + end_m) ? 1 : 0);
+  }
+}
+
+/// Begins with an earlier fit; false if it is not of this boundary as it is now.
+bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices) {
+  if (vertices.size() < 3 || (vertices.size() % 2 == 0) != closed_) return false;
+  const std::size_t count = (vertices.size() + 1) / 2;
+  if (count != wanted_nodes()) return false;
+  nodes_.clear();
+  std::size_t corners = 0;
+  for (std::size_t k = 0; k < count; ++k) {
+    const SplinegonVertex& vertex = vertices[2 * k];
+    const auto yaw_rad = [&](std::size_t arc, double sign) {  // at the begin or the end of an arc
+      const Eigen::Vector2d chord =
+          vertices[arc + 1 < vertices.size() ? arc + 1 : 0].p_world_m - vertices[arc].p_world_m;
+      return yaw_of(chord) + sign * 2.0 * std::atan(vertices[arc].bulge);
+    };
+    Node node{vertex.p_world_m - origin_m_, 0.0, 0.0, vertex.corner};
+    const bool has_out = closed_ || k + 1 < count, has_in = closed_ || k > 0;
+    if (has_out) node.yaw_out_rad = yaw_rad(2 * k, -1.0);
+    node.yaw_in_rad = has_in ? yaw_rad(k > 0 ? 2 * k - 1 : vertices.size() - 1, 1.0) : node.yaw_out_rad;
+    if (!has_out || !node.corner) node.yaw_out_rad = node.yaw_in_rad;
+    if (node.corner) {
+      ++corners;
+      const auto is_here = [&](const Corner& corner) {
+        return (corner.p_m - node.p_m).norm() < 0.5 * params_.corner_window_m;
+      };
+      if (std::none_of(corners_.begin(), corners_.end(), is_here)) return false;
+    }
+    nodes_.push_back(node);
+  }
+  if (corners != corners_.size()) return false;
+  compute_arcs();
+  assign_nearest();
+  if (!closed_) {
+    // It must reach about as far as the elements.
+    const double mean_m = perimeter_m_ / static_cast<double>(count);
+    if ((points_m_.front() - nodes_.front().p_m).norm() > mean_m ||
+        (points_m_.back() - nodes_.back().p_m).norm() > mean_m) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Places the nodes anew on the fitted curve, each biarc with the same share of the third root of the curvature's
+/// slope: its distance from a curve is proportional to slope and length^3.
+void SplinegonFit::place_again() {
+  const std::size_t count = arcs_.size();
+  const std::size_t n = points_m_.size();
+  // Stations of the arcs, and of the elements.
+  cell_s_m_.assign(1, 0.0);
+  for (const ArcOfNode& arc : arcs_) cell_s_m_.push_back(cell_s_m_.back() + arc.length_m);
+  const double whole_m = cell_s_m_.back();
+  element_s_m_.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const ArcOfNode& arc = arcs_[arc_of_[i]];
+    const Eigen::Vector2d v = points_m_[i] - arc.begin_m, along = unit(arc.begin_yaw_rad);
+    const double a = along.dot(v), b = left_of(along).dot(v), kappa = arc.curvature_1pm;
+    const double foot_m = std::abs(kappa) < 1e-9 ? a : std::atan2(kappa * a, 1.0 - kappa * b) / kappa;
+    const double low_m = !closed_ && arc_of_[i] == 0 ? -1e9 : 0.0;
+    const double high_m = !closed_ && arc_of_[i] + 1 == count ? 1e9 : arc.length_m;
+    element_s_m_[i] = cell_s_m_[arc_of_[i]] + std::clamp(foot_m, low_m, high_m);
+  }
+  // Slope of the curvature at the begin of each arc.
+  slope_.assign(count + 1, -1.0);
+  for (std::size_t j = 0; j < count; ++j) {
+    if (!is_smooth(j)) continue;
+    const ArcOfNode& before = arcs_[j > 0 ? j - 1 : count - 1];
+    slope_[j] = std::cbrt(2.0 * std::abs(arcs_[j].curvature_1pm - before.curvature_1pm) /
+                          (arcs_[j].length_m + before.length_m));
+  }
+  slope_[count] = closed_ ? slope_[0] : -1.0;
+  share_.assign(count, 0.0);
+  double mean = 0.0;
+  for (std::size_t j = 0; j < count; ++j) {
+    const double at_begin = slope_[j], at_end = slope_[j + 1];
+    share_[j] = at_begin < 0.0 ? std::max(at_end, 0.0) : at_end < 0.0 ? at_begin : 0.5 * (at_begin + at_end);
+    mean += share_[j] * arcs_[j].length_m / whole_m;
+  }
+  const double least = std::max(mean, 1e-6) / (params_.spacing_ratio - 1.0);
+  for (double& share : share_) share += least;
+  double from_m = 0.0, to_m = whole_m;
+  if (!closed_) {
+    from_m = *std::min_element(element_s_m_.begin(), element_s_m_.end());
+    to_m = *std::max_element(element_s_m_.begin(), element_s_m_.end());
+  }
+  stations_.clear();
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    if (nodes_[k].corner) stations_.push_back({cell_s_m_[2 * k], k});
+  }
+  share_out(nodes_.size(), from_m, to_m);
+  std::swap(nodes_, nodes_before_);
+  nodes_.clear();
+  for (const Station& station : stations_) {
+    if (station.corner != kNoCorner) {
+      nodes_.push_back(nodes_before_[station.corner]);
+      continue;
+    }
+    const double s_m = closed_ && station.s_m >= whole_m ? station.s_m - whole_m : station.s_m;
+    std::size_t j = count - 1;
+    while (j > 0 && s_m < cell_s_m_[j]) --j;
+    const ArcOfNode& arc = arcs_[j];
+    const double on_m = s_m - cell_s_m_[j];
+    const double yaw_rad = arc.begin_yaw_rad + arc.curvature_1pm * on_m;
+    nodes_.push_back({point_on(arc.begin_m, arc.begin_yaw_rad, arc.curvature_1pm, on_m), yaw_rad, yaw_rad, false});
+  }
+  assign_by_stations(element_s_m_, whole_m);
+  compute_arcs();
+}
+
+/// Whether the arc's begin has one tangent and an arc before it.
+bool SplinegonFit::is_smooth(std::size_t arc) const {
+  return arc % 2 == 1 || ((closed_ || arc > 0) && !nodes_[arc / 2].corner);
+}
+
+void SplinegonFit::compute_arcs() {
+  arcs_.resize(2 * biarcs());
+  for (std::size_t k = 0; k < biarcs(); ++k) {
+    const Node& from = nodes_[k];
+    const Node& to = nodes_[next_node(k)];
+    const Biarc biarc = equal_chord_biarc({from.p_m, from.yaw_out_rad}, {to.p_m, to.yaw_in_rad});
+    const Eigen::Vector2d chord_m = to.p_m - from.p_m;
+    const double c_m = chord_m.norm();
+    const Eigen::Vector2d u = chord_m / c_m, n = left_of(u);
+    // kappa0 = 4 sin(A) cos(D) / c, kappa1 = 4 sin(B) cos(D) / c with half sweeps A = -(3 theta0 + theta1) / 4,
+    // B = (theta0 + 3 theta1) / 4, and D = (theta1 - theta0) / 4.
+    const double A = 0.5 * biarc.sweep0_rad, B = 0.5 * biarc.sweep1_rad;
+    const double D = 0.5 * (A + B);
+    const double cos_D = std::cos(D), sin_D = std::sin(D);
+    const auto fill = [&](ArcOfNode& arc, double half_rad, double by_theta0, double by_theta1) {
+      const double cos_h = std::cos(half_rad), sin_h = std::sin(half_rad);
+      const double kappa = 4.0 * sin_h * cos_D / c_m;
+      const double k0 = 4.0 / c_m * (by_theta0 * cos_h * cos_D + 0.25 * sin_h * sin_D);
+      const double k1 = 4.0 / c_m * (by_theta1 * cos_h * cos_D - 0.25 * sin_h * sin_D);
+      const Eigen::Vector2d by_to = -(k0 + k1) / c_m * n - kappa / c_m * u;
+      arc.curvature_1pm = kappa;
+      arc.curvature_slope << -by_to, k0, by_to, k1;
+      arc.length_m = biarc.chord_m / sinc(half_rad);
+    };
+    ArcOfNode& first = arcs_[2 * k];
+    ArcOfNode& second = arcs_[2 * k + 1];
+    fill(first, A, -0.75, -0.25);
+    fill(second, B, 0.25, 0.75);
+    first.p_m = first.begin_m = from.p_m;
+    first.begin_yaw_rad = from.yaw_out_rad;
+    first.along = unit(from.yaw_out_rad);
+    second.p_m = to.p_m;
+    second.along = unit(to.yaw_in_rad);
+    second.begin_m = biarc.joint.translation_m;
+    second.begin_yaw_rad = biarc.joint.yaw_rad;
+    first.begin_along = unit(0.5 * wrap_to_pi(from.yaw_in_rad - from.yaw_out_rad) + from.yaw_out_rad);
+    second.begin_along = unit(biarc.joint.yaw_rad);
+  }
+}
+
+/// For the first time: the arc with the nearest chord that has the element's free side.
+void SplinegonFit::assign_nearest() {
+  arc_of_.resize(points_m_.size());
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    double least_m2 = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < arcs_.size(); ++j) {
+      const Eigen::Vector2d begin_m = arcs_[j].begin_m;
+      const Eigen::Vector2d chord_m = (j % 2 == 0 ? arcs_[j + 1].begin_m : nodes_[next_node(j / 2)].p_m) - begin_m;
+      const Eigen::Vector2d v = points_m_[i] - begin_m;
+      const double part = std::clamp(v.dot(chord_m) / std::max(chord_m.squaredNorm(), 1e-12), 0.0, 1.0);
+      const bool other_side = left_of(chord_m).dot(normals_[i]) > 0.0;
+      const double distance_m2 = (v - part * chord_m).squaredNorm() + (other_side ? 1.0 : 0.0);
+      if (distance_m2 < least_m2) {
+        least_m2 = distance_m2;
+        arc_of_[i] = j;
+      }
+    }
+  }
+}
+
+/// From the arc where an element was to a neighbour, if it lies beyond the normal at its end.
+void SplinegonFit::assign_stepwise() {
+  const std::size_t count = arcs_.size();
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    for (int k = 0; k < 2; ++k) {
+      const std::size_t j = arc_of_[i];
+      const bool has_before = closed_ || j > 0, has_after = closed_ || j + 1 < count;
+      const std::size_t after = j + 1 < count ? j + 1 : 0;
+      if (has_before && arcs_[j].begin_along.dot(points_m_[i] - arcs_[j].begin_m) < 0.0) {
+        arc_of_[i] = j > 0 ? j - 1 : count - 1;
+      } else if (has_after && arcs_[after].begin_along.dot(points_m_[i] - arcs_[after].begin_m) >= 0.0) {
+        arc_of_[i] = after;
+      } else {
+        break;
+      }
+    }
+  }
+}
+
+/// The expected jumps of the curvature: those of the fit, smoothed along the boundary, and a small one that does not
+/// matter; before there is a fit, such as may be anywhere.
+void SplinegonFit::expect_jumps(bool first) {
+  const std::size_t count = arcs_.size();
+  jump_sigma_.resize(count);
+  const auto jump2 = [&](std::size_t j) {
+    if (!is_smooth(j)) return -1.0;
+    const double jump = arcs_[j].curvature_1pm - arcs_[j > 0 ? j - 1 : count - 1].curvature_1pm;
+    return jump * jump;
+  };
+  for (std::size_t j = 0; j < count; ++j) {
+    const double length_m = arcs_[j].length_m + arcs_[j > 0 ? j - 1 : count - 1].length_m;
+    if (first) {
+      jump_sigma_[j] = 2.0 / length_m;
+      continue;
+    }
+    double sum = 0.0, number = 0.0;
+    for (const std::size_t other :
+         {j > 0 ? j - 1 : (closed_ ? count - 1 : 0), j, j + 1 < count ? j + 1 : (closed_ ? 0 : j)}) {
+      const double square = jump2(other);
+      if (square < 0.0) continue;
+      sum += square;
+      number += 1.0;
+    }
+    const double least = kLeastJumpEffect_m / (kJumpEffect * length_m * length_m);
+    jump_sigma_[j] = std::sqrt(sum / std::max(number, 1.0) + least * least);
+  }
+}
+
+/// Signed distance to the arc's circle, positive to the left: d = (1 - S) / kappa with S^2 = 1 - 2 kappa b + kappa^2
+/// (a^2 + b^2), where (a, b) is the point in the node's frame.
+SplinegonFit::Residual SplinegonFit::residual_of(const Eigen::Vector2d& p_m, std::size_t index) const {
+  const ArcOfNode& arc = arcs_[index];
+  const Eigen::Vector2d v = p_m - arc.p_m, normal = left_of(arc.along);
+  const double a = arc.along.dot(v), b = normal.dot(v), kappa = arc.curvature_1pm, squares = a * a + b * b;
+  const double S = std::sqrt(std::max(1.0 - 2.0 * kappa * b + kappa * kappa * squares, 1e-6));
+  const double d = (2.0 * b - kappa * squares) / (1.0 + S);
+  Residual residual{d, arc.curvature_slope * (-0.5 * (squares - d * d) / S)};
+  const Eigen::Vector2d normal_at_foot = (normal - kappa * v) / S;
+  const Eigen::Index of_node = index % 2 == 0 ? 0 : 3;
+  residual.slope.segment<2>(of_node) -= normal_at_foot;
+  residual.slope(of_node + 2) -= a / S;
+  return residual;
+}
+
+/// Adds what a slope by the places and yaws of a biarc's nodes is by the unknowns.
+void SplinegonFit::add_row(const Eigen::Matrix<double, 6, 1>& slope, std::size_t biarc) {
+  for (Eigen::Index end = 0; end < 2; ++end) {
+    const std::size_t k = end == 0 ? biarc : next_node(biarc);
+    const Unknowns& of = unknowns_of_[k];
+    const Eigen::Vector2d by_place = slope.segment<2>(3 * end);
+    const std::array<std::pair<Eigen::Index, double>, 3> entries{
+        {{of.first, of.along.dot(by_place)},
+         {of.first + 1, left_of(of.along).dot(by_place)},
+         {end == 0 && nodes_[k].corner ? of.first + 3 : of.first + 2, slope(3 * end + 2)}}};
+    for (const auto& entry : entries) {
+      const auto same = std::find_if(row_.begin(), row_.end(), [&](const auto& e) { return e.first == entry.first; });
+      if (same == row_.end()) {
+        row_.push_back(entry);
+      } else {
+        same->second += entry.second;
+      }
+    }
+  }
+}
+
+/// Normal equations at the nodes; returns the cost.
+double SplinegonFit::build() {
+  unknowns_of_.resize(nodes_.size());
+  unknowns_ = 0;
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const Node& node = nodes_[k];
+    unknowns_of_[k] = {unknowns_, unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
+    unknowns_ += node.corner ? 4 : 3;
+  }
+  auto H = H_.topLeftCorner(unknowns_, unknowns_);
+  auto g = g_.head(unknowns_);
+  H.setZero();
+  g.setZero();
+  double cost = 0.0;
+  const auto add = [&](double residual, double weight) {
+    for (const auto& [i, at_i] : row_) {
+      g(i) += weight * at_i * residual;
+      for (const auto& [k, at_k] : row_) {
+        if (k <= i) H(i, k) += weight * at_i * at_k;
+      }
+    }
+  };
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    const Residual residual = residual_of(points_m_[i], arc_of_[i]);
+    const double sigmas = std::abs(residual.distance_m) * weights_[i];
+    const double huber = std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+    cost += huber < 1.0 ? params_.huber_sigmas * (2.0 * sigmas - params_.huber_sigmas) : sigmas * sigmas;
+    row_.clear();
+    add_row(residual.slope, arc_of_[i] / 2);
+    add(residual.distance_m, huber * weights_[i] * weights_[i]);
+  }
+  for (std::size_t j = 0; j < arcs_.size(); ++j) {
+    if (!is_smooth(j)) continue;
+    const std::size_t before = j > 0 ? j - 1 : arcs_.size() - 1;
+    const double jump = arcs_[j].curvature_1pm - arcs_[before].curvature_1pm;
+    const double weight = 1.0 / (jump_sigma_[j] * jump_sigma_[j]);
+    row_.clear();
+    add_row(arcs_[j].curvature_slope, j / 2);
+    add_row(-arcs_[before].curvature_slope, before / 2);
+    add(jump, weight);
+    cost += weight * jump * jump;
+  }
+  return cost;
+}
+
+/// Adds what keeps main vertices from sliding along the boundary.
+void SplinegonFit::hold_along(Eigen::MatrixXd& H) const {
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    if (nodes_[k].corner) continue;
+    double length_m = 0.0;
+    if (closed_ || k + 1 < nodes_.size()) length_m += arcs_[2 * k].length_m;
+    if (closed_ || k > 0) length_m += arcs_[k > 0 ? 2 * k - 1 : arcs_.size() - 1].length_m;
+    const bool end = !closed_ && (k == 0 || k + 1 == nodes_.size());
+    const double step_m = (end ? 1e-6 : kAlongStep) * length_m;
+    H(unknowns_of_[k].first, unknowns_of_[k].first) += 1.0 / (step_m * step_m);
+  }
+}
+
+/// Levenberg-Marquardt; returns the number of steps.
+int SplinegonFit::iterate(int most) {
+  double damping = 1e-4;
+  double cost = build();
+  int steps = 0;
+  while (steps < most) {
+    H_factor_ = H_;
+    hold_along(H_factor_);
+    H_factor_.diagonal().head(unknowns_) *= 1.0 + damping;
+    Eigen::Ref<Eigen::MatrixXd> factor = H_factor_.topLeftCorner(unknowns_, unknowns_);
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
+    delta_.head(unknowns_) = -g_.head(unknowns_);
+    auto delta = delta_.head(unknowns_);
+    llt.solveInPlace(delta);
+    nodes_before_ = nodes_;
+    arc_of_before_ = arc_of_;
+    double largest_m = 0.0;
+    for (std::size_t k = 0; k < nodes_.size(); ++k) {
+      Node& node = nodes_[k];
+      const Unknowns& of = unknowns_of_[k];
+      const double limit_m =
+          0.5 * (closed_ || k > 0 ? arcs_[k > 0 ? 2 * k - 1 : arcs_.size() - 1].length_m : arcs_[2 * k].length_m);
+      const double along_m = std::clamp(delta_(of.first), -limit_m, limit_m);
+      const double across_m = std::clamp(delta_(of.first + 1), -limit_m, limit_m);
+      node.p_m += along_m * of.along + across_m * left_of(of.along);
+      node.yaw_in_rad += std::clamp(delta_(of.first + 2), -0.5, 0.5);
+      node.yaw_out_rad = node.corner ? node.yaw_out_rad + std::clamp(delta_(of.first + 3), -0.5, 0.5) : node.yaw_in_rad;
+      largest_m = std::max({largest_m, std::abs(across_m), 0.02 * std::abs(along_m)});
+    }
+    ++steps;
+    compute_arcs();
+    assign_stepwise();
+    const double new_cost = build();
+    if (!(new_cost <= cost * (1.0 + 1e-3) + 1.0)) {
+      nodes_ = nodes_before_;
+      arc_of_ = arc_of_before_;
+      compute_arcs();
+      build();
+      damping = std::max(10.0 * damping, 0.1);
+      continue;
+    }
+    cost = new_cost;
+    damping *= 0.2;
+    if (largest_m < kNoChange_m) break;
+  }
+  return steps;
+}
+
+double SplinegonFit::chi2_per_freedom() const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    const double sigmas = residual_of(points_m_[i], arc_of_[i]).distance_m * weights_[i];
+    sum += std::min(sigmas * sigmas, 9.0);
+  }
+  const double freedom = static_cast<double>(points_m_.size()) - 2.0 * static_cast<double>(nodes_.size());
+  return sum / std::max(freedom, 1.0);
+}
+
+void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std::vector<SplinegonVertex>& vertices) {
+  H_factor_ = H_;
+  hold_along(H_factor_);
+  H_factor_.diagonal().head(unknowns_) *= 1.0 + 1e-9;
+  Eigen::Ref<Eigen::MatrixXd> factor = H_factor_.topLeftCorner(unknowns_, unknowns_);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
+  const double scale = std::max(1.0, chi2_per_freedom);
+  const auto variance_m2 = [&](const auto& set_row) {
+    auto row = delta_.head(unknowns_);
+    row.setZero();
+    set_row(row);
+    llt.matrixL().solveInPlace(row);
+    return scale * row.squaredNorm();
+  };
+  const auto model_m = [&](std::size_t biarc) {
+    const ArcOfNode& first = arcs_[2 * biarc];
+    const ArcOfNode& second = arcs_[2 * biarc + 1];
+    const double length_m = first.length_m + second.length_m;
+    return kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * length_m * length_m;
+  };
+  vertices.clear();
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const Node& node = nodes_[k];
+    const bool has_out = closed_ || k + 1 < nodes_.size(), has_in = closed_ || k > 0;
+    const double before_m = model_m(has_in ? (k > 0 ? k - 1 : biarcs() - 1) : k);
+    const double after_m = model_m(has_out ? k : k - 1);
+    const auto across = [&](double yaw_rad) {
+      return variance_m2([&](auto& row) {
+        const Eigen::Vector2d normal = left_of(unit(yaw_rad));
+        row(unknowns_of_[k].first) = unknowns_of_[k].along.dot(normal);
+        row(unknowns_of_[k].first + 1) = left_of(unknowns_of_[k].along).dot(normal);
+      });
+    };
+    double of_fit_m2 = across(node.yaw_in_rad);
+    if (node.corner) of_fit_m2 = std::max(of_fit_m2, across(node.yaw_out_rad));
+    const double model_m2 = 0.5 * (before_m * before_m + after_m * after_m);
+    SplinegonVertex vertex;
+    vertex.p_world_m = node.p_m + origin_m_;
+    vertex.sigma_m = std::sqrt(of_fit_m2 + model_m2 + common_variance_m2);
+    vertex.corner = node.corner;
+    if (has_out) vertex.bulge = std::tan(0.25 * arcs_[2 * k].curvature_1pm * arcs_[2 * k].length_m);
+    vertices.push_back(vertex);
+    if (!has_out) break;
+    const ArcOfNode& second = arcs_[2 * k + 1];
+    row_.clear();
+    add_row(residual_of(second.begin_m, 2 * k).slope, k);
+    SplinegonVertex joint;
+    joint.p_world_m = second.begin_m + origin_m_;
+    joint.bulge = std::tan(0.25 * second.curvature_1pm * second.length_m);
+    const double joint_m2 = variance_m2([&](auto& row) {
+      for (const auto& [i, value] : row_) row(i) = value;
+    });
+    joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + common_variance_m2);
+    vertices.push_back(joint);
+  }
+}
+
+}  // namespace situation_awareness
