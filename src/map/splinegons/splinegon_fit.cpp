@@ -30,6 +30,12 @@ constexpr double kJumpRms = 1.0 / 400.0;
 /// than the second per degree of freedom.
 constexpr double kCornerGain = 15.0;
 constexpr double kCornerMisfit = 3.0;
+/// Square of an expected jump over that of the fit, which is in part noise: from 0.2 to 1 errors change by a tenth.
+constexpr double kJumpShare = 0.3;
+/// Largest share of an element in chi^2 when fits are compared.
+constexpr double kMostChi2 = 9.0;
+/// Standard deviations of chi^2 by which one arc may be worse than many.
+constexpr double kOneArcSigmas = 2.0;
 constexpr double kNoChange_m = 2e-4;
 
 Eigen::Vector2d left_of(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
@@ -88,6 +94,7 @@ SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) {
   H_factor_.resize(most_unknowns, most_unknowns);
   g_.resize(most_unknowns);
   delta_.resize(most_unknowns);
+  row_.resize(most_unknowns + 4);
 }
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
@@ -582,32 +589,96 @@ void SplinegonFit::assign_stepwise() {
 }
 
 /// The expected jumps of the curvature: those of the fit, smoothed along the boundary, and a small one that does not
-/// matter; before there is a fit, such as may be anywhere.
+/// matter; before there is a fit, such as may be anywhere. A piece between corners whose elements one arc meets as well
+/// has none.
 void SplinegonFit::expect_jumps(bool first) {
   const std::size_t count = arcs_.size();
   jump_sigma_.resize(count);
-  const auto jump2 = [&](std::size_t j) {
-    if (!is_smooth(j)) return -1.0;
-    const double jump = arcs_[j].curvature_1pm - arcs_[j > 0 ? j - 1 : count - 1].curvature_1pm;
-    return jump * jump;
+  const auto before = [&](std::size_t j) { return j > 0 ? j - 1 : count - 1; };
+  const auto least = [&](std::size_t j) {
+    const double length_m = arcs_[j].length_m + arcs_[before(j)].length_m;
+    return kLeastJumpEffect_m / (kJumpEffect * length_m * length_m);
   };
   for (std::size_t j = 0; j < count; ++j) {
-    const double length_m = arcs_[j].length_m + arcs_[j > 0 ? j - 1 : count - 1].length_m;
     if (first) {
-      jump_sigma_[j] = 2.0 / length_m;
+      jump_sigma_[j] = 2.0 / (arcs_[j].length_m + arcs_[before(j)].length_m);
       continue;
     }
     double sum = 0.0, number = 0.0;
-    for (const std::size_t other :
-         {j > 0 ? j - 1 : (closed_ ? count - 1 : 0), j, j + 1 < count ? j + 1 : (closed_ ? 0 : j)}) {
-      const double square = jump2(other);
-      if (square < 0.0) continue;
-      sum += square;
+    for (const std::size_t other : {before(j), j, j + 1 < count ? j + 1 : 0}) {
+      if (!is_smooth(other)) continue;
+      const double jump = arcs_[other].curvature_1pm - arcs_[before(other)].curvature_1pm;
+      sum += jump * jump;
       number += 1.0;
     }
-    const double least = kLeastJumpEffect_m / (kJumpEffect * length_m * length_m);
-    jump_sigma_[j] = std::sqrt(sum / std::max(number, 1.0) + least * least);
+    jump_sigma_[j] = std::sqrt(kJumpShare * sum / std::max(number, 1.0) + least(j) * least(j));
   }
+  if (first) return;
+  parameters_ = closed_ ? 0.0 : 2.0;
+  for (const Node& node : nodes_) parameters_ += node.corner ? 2.0 : 0.0;
+  // Pieces begin at corners, else at the first arc.
+  std::size_t start = 0;
+  while (start < count && is_smooth(start)) ++start;
+  if (start == count) start = 0;
+  for (std::size_t done = 0; done < count;) {
+    const std::size_t begin = (start + done) % count;
+    std::size_t arcs = 1;
+    while (done + arcs < count && is_smooth((begin + arcs) % count)) ++arcs;
+    if (is_one_arc(begin, arcs)) {
+      parameters_ += start == begin && arcs == count && is_smooth(begin) ? 3.0 : 1.0;
+      for (std::size_t a = 0; a < arcs; ++a) jump_sigma_[(begin + a) % count] = 0.01 * least((begin + a) % count);
+    } else {
+      parameters_ += static_cast<double>(arcs);
+    }
+    done += arcs;
+  }
+}
+
+/// Whether one arc meets the elements of a number of arcs, which is a piece between corners or ends or all of a closed
+/// boundary, as well as the fit does, but for what its more parameters take from noise.
+bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
+  const std::size_t count = arcs_.size();
+  const bool ring = closed_ && arcs == count && is_smooth(begin);
+  const auto is_in = [&](std::size_t i) { return (arc_of_[i] + count - begin) % count < arcs; };
+  // y = c0 + c1 x + c2 (x^2 + y^2), x along the piece; of a ring x^2 + y^2 = c0 + c1 x + c2 y. Both are circles.
+  const Node& from = nodes_[begin / 2];
+  const Eigen::Vector2d way_m = nodes_[(begin + arcs) / 2 % nodes_.size()].p_m - from.p_m;
+  const Eigen::Vector2d axis = ring || way_m.norm() < 1e-6 ? Eigen::Vector2d(1.0, 0.0) : way_m.normalized();
+  const auto local = [&](std::size_t i) -> Eigen::Vector2d {
+    const Eigen::Vector2d v = points_m_[i] - from.p_m;
+    return {axis.dot(v), left_of(axis).dot(v)};
+  };
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  std::size_t elements = 0;
+  double fit_chi2 = 0.0;
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    if (!is_in(i)) continue;
+    const Eigen::Vector2d p = local(i);
+    const double sigmas = std::abs(residual_of(points_m_[i], arc_of_[i]).distance_m) * weights_[i];
+    const double weight = weights_[i] * weights_[i] * std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+    const Eigen::Vector3d row =
+        ring ? Eigen::Vector3d(1.0, p.x(), p.y()) : Eigen::Vector3d(1.0, p.x(), p.squaredNorm());
+    A += weight * row * row.transpose();
+    rhs += weight * (ring ? p.squaredNorm() : p.y()) * row;
+    fit_chi2 += std::min(sigmas * sigmas, kMostChi2);
+    ++elements;
+  }
+  if (elements < 4) return false;
+  const Eigen::Vector3d c = A.ldlt().solve(rhs);
+  double arc_chi2 = 0.0;
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    if (!is_in(i)) continue;
+    const Eigen::Vector2d p = local(i);
+    const double e = ring ? p.squaredNorm() - c(0) - c(1) * p.x() - c(2) * p.y()
+                          : p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm();
+    const Eigen::Vector2d gradient = ring ? Eigen::Vector2d(2.0 * p.x() - c(1), 2.0 * p.y() - c(2))
+                                          : Eigen::Vector2d(c(1) + 2.0 * c(2) * p.x(), 1.0 - 2.0 * c(2) * p.y());
+    arc_chi2 += std::min(weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.01), kMostChi2);
+  }
+  const double parameters = std::min(static_cast<double>(arcs) + (ring ? 0.0 : 2.0), static_cast<double>(elements));
+  const double more = std::max(parameters - 3.0, 1.0);
+  return arc_chi2 < fit_chi2 + more + kOneArcSigmas * std::sqrt(2.0 * more);
 }
 
 /// Signed distance to the arc's circle, positive to the left: d = (1 - S) / kappa with S^2 = 1 - 2 kappa b + kappa^2
@@ -618,7 +689,7 @@ SplinegonFit::Residual SplinegonFit::residual_of(const Eigen::Vector2d& p_m, std
   const double a = arc.along.dot(v), b = normal.dot(v), kappa = arc.curvature_1pm, squares = a * a + b * b;
   const double S = std::sqrt(std::max(1.0 - 2.0 * kappa * b + kappa * kappa * squares, 1e-6));
   const double d = (2.0 * b - kappa * squares) / (1.0 + S);
-  Residual residual{d, arc.curvature_slope * (-0.5 * (squares - d * d) / S)};
+  Residual residual{d, (-0.5 * (squares - d * d) / S) * arc.curvature_slope};
   const Eigen::Vector2d normal_at_foot = (normal - kappa * v) / S;
   const Eigen::Index of_node = index % 2 == 0 ? 0 : 3;
   residual.slope.segment<2>(of_node) -= normal_at_foot;
@@ -627,24 +698,16 @@ SplinegonFit::Residual SplinegonFit::residual_of(const Eigen::Vector2d& p_m, std
 }
 
 /// Adds what a slope by the places and yaws of a biarc's nodes is by the unknowns.
-void SplinegonFit::add_row(const Eigen::Matrix<double, 6, 1>& slope, std::size_t biarc) {
-  for (Eigen::Index end = 0; end < 2; ++end) {
-    const std::size_t k = end == 0 ? biarc : next_node(biarc);
-    const Unknowns& of = unknowns_of_[k];
-    const Eigen::Vector2d by_place = slope.segment<2>(3 * end);
-    const std::array<std::pair<Eigen::Index, double>, 3> entries{
-        {{of.first, of.along.dot(by_place)},
-         {of.first + 1, left_of(of.along).dot(by_place)},
-         {end == 0 && nodes_[k].corner ? of.first + 3 : of.first + 2, slope(3 * end + 2)}}};
-    for (const auto& entry : entries) {
-      const auto same = std::find_if(row_.begin(), row_.end(), [&](const auto& e) { return e.first == entry.first; });
-      if (same == row_.end()) {
-        row_.push_back(entry);
-      } else {
-        same->second += entry.second;
-      }
-    }
-  }
+void SplinegonFit::add_to_row(const Vector6d& slope, std::size_t biarc) {
+  const std::size_t next = next_node(biarc);
+  const Unknowns& from = unknowns_of_[biarc];
+  const Unknowns& to = unknowns_of_[next];
+  row_(from.first) += from.along.dot(slope.segment<2>(0));
+  row_(from.first + 1) += left_of(from.along).dot(slope.segment<2>(0));
+  row_(from.first + (nodes_[biarc].corner ? 3 : 2)) += slope(2);
+  row_(to.first) += to.along.dot(slope.segment<2>(3));
+  row_(to.first + 1) += left_of(to.along).dot(slope.segment<2>(3));
+  row_(to.first + 2) += slope(5);
 }
 
 /// Normal equations at the nodes; returns the cost.
@@ -656,40 +719,80 @@ double SplinegonFit::build() {
     unknowns_of_[k] = {unknowns_, unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
     unknowns_ += node.corner ? 4 : 3;
   }
-  auto H = H_.topLeftCorner(unknowns_, unknowns_);
-  auto g = g_.head(unknowns_);
-  H.setZero();
-  g.setZero();
+  H_.topLeftCorner(unknowns_, unknowns_).setZero();
+  g_.head(unknowns_).setZero();
   double cost = 0.0;
-  const auto add = [&](double residual, double weight) {
-    for (const auto& [i, at_i] : row_) {
-      g(i) += weight * at_i * residual;
-      for (const auto& [k, at_k] : row_) {
-        if (k <= i) H(i, k) += weight * at_i * at_k;
-      }
-    }
-  };
+  // The elements' sums by places and yaws of the nodes, for each biarc.
+  sums_.assign(biarcs(), {Matrix6d::Zero(), Vector6d::Zero()});
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const Residual residual = residual_of(points_m_[i], arc_of_[i]);
     const double sigmas = std::abs(residual.distance_m) * weights_[i];
     const double huber = std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
     cost += huber < 1.0 ? params_.huber_sigmas * (2.0 * sigmas - params_.huber_sigmas) : sigmas * sigmas;
-    row_.clear();
-    add_row(residual.slope, arc_of_[i] / 2);
-    add(residual.distance_m, huber * weights_[i] * weights_[i]);
+    const Vector6d weighted = huber * weights_[i] * weights_[i] * residual.slope;
+    Sums& sums = sums_[arc_of_[i] / 2];
+    sums.H.noalias() += weighted * residual.slope.transpose();
+    sums.g += residual.distance_m * weighted;
   }
+  for (std::size_t k = 0; k < biarcs(); ++k) add_sums(k);
   for (std::size_t j = 0; j < arcs_.size(); ++j) {
     if (!is_smooth(j)) continue;
     const std::size_t before = j > 0 ? j - 1 : arcs_.size() - 1;
     const double jump = arcs_[j].curvature_1pm - arcs_[before].curvature_1pm;
     const double weight = 1.0 / (jump_sigma_[j] * jump_sigma_[j]);
-    row_.clear();
-    add_row(arcs_[j].curvature_slope, j / 2);
-    add_row(-arcs_[before].curvature_slope, before / 2);
-    add(jump, weight);
+    add_jump(before, j, jump, weight);
     cost += weight * jump * jump;
   }
   return cost;
+}
+
+/// Adds the sums of a biarc's elements to the normal equations.
+void SplinegonFit::add_sums(std::size_t biarc) {
+  std::array<Eigen::Index, 6> index{};
+  Matrix6d J = Matrix6d::Zero();  // places and yaws by unknowns
+  for (Eigen::Index end = 0; end < 2; ++end) {
+    const std::size_t k = end == 0 ? biarc : next_node(biarc);
+    const Unknowns& of = unknowns_of_[k];
+    J.block<2, 1>(3 * end, 3 * end) = of.along;
+    J.block<2, 1>(3 * end, 3 * end + 1) = left_of(of.along);
+    J(3 * end + 2, 3 * end + 2) = 1.0;
+    const auto at = static_cast<std::size_t>(3 * end);
+    index[at] = of.first;
+    index[at + 1] = of.first + 1;
+    index[at + 2] = of.first + (end == 0 && nodes_[k].corner ? 3 : 2);
+  }
+  const Matrix6d H = J.transpose() * sums_[biarc].H * J;
+  const Vector6d g = J.transpose() * sums_[biarc].g;
+  for (std::size_t a = 0; a < 6; ++a) {
+    g_(index[a]) += g(static_cast<Eigen::Index>(a));
+    for (std::size_t b = 0; b < 6; ++b) {
+      if (index[b] <= index[a]) {
+        H_(index[a], index[b]) += H(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
+      }
+    }
+  }
+}
+
+/// Adds the expectation of a jump of the curvature between two arcs.
+void SplinegonFit::add_jump(std::size_t before, std::size_t after, double jump, double weight) {
+  const std::size_t first = before / 2, second = after / 2;
+  const std::array<std::size_t, 3> nodes{first, second, next_node(second)};
+  const auto begin = static_cast<std::size_t>(first == second ? 1 : 0);
+  for (std::size_t n = begin; n < 3; ++n) row_.segment(unknowns_of_[nodes[n]].first, 4).setZero();
+  add_to_row(arcs_[after].curvature_slope, second);
+  add_to_row(-arcs_[before].curvature_slope, first);
+  for (std::size_t n = begin; n < 3; ++n) {
+    for (Eigen::Index i = 0; i < unknowns_at(nodes[n]); ++i) {
+      const Eigen::Index row = unknowns_of_[nodes[n]].first + i;
+      g_(row) += weight * jump * row_(row);
+      for (std::size_t m = begin; m < 3; ++m) {
+        for (Eigen::Index k = 0; k < unknowns_at(nodes[m]); ++k) {
+          const Eigen::Index column = unknowns_of_[nodes[m]].first + k;
+          if (column <= row) H_(row, column) += weight * row_(row) * row_(column);
+        }
+      }
+    }
+  }
 }
 
 /// Adds what keeps main vertices from sliding along the boundary.
@@ -757,10 +860,10 @@ double SplinegonFit::chi2_per_freedom() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const double sigmas = residual_of(points_m_[i], arc_of_[i]).distance_m * weights_[i];
-    sum += std::min(sigmas * sigmas, 9.0);
+    sum += std::min(sigmas * sigmas, kMostChi2);
   }
-  const double freedom = static_cast<double>(points_m_.size()) - 2.0 * static_cast<double>(nodes_.size());
-  return sum / std::max(freedom, 1.0);
+  const auto elements = static_cast<double>(points_m_.size());
+  return sum / std::max(elements - parameters_, elements / 3.0);
 }
 
 void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std::vector<SplinegonVertex>& vertices) {
@@ -771,9 +874,9 @@ void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
   const double scale = std::max(1.0, chi2_per_freedom);
   const auto variance_m2 = [&](const auto& set_row) {
-    auto row = delta_.head(unknowns_);
+    auto row = row_.head(unknowns_);
     row.setZero();
-    set_row(row);
+    set_row();
     llt.matrixL().solveInPlace(row);
     return scale * row.squaredNorm();
   };
@@ -790,10 +893,10 @@ void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std
     const double before_m = model_m(has_in ? (k > 0 ? k - 1 : biarcs() - 1) : k);
     const double after_m = model_m(has_out ? k : k - 1);
     const auto across = [&](double yaw_rad) {
-      return variance_m2([&](auto& row) {
+      return variance_m2([&] {
         const Eigen::Vector2d normal = left_of(unit(yaw_rad));
-        row(unknowns_of_[k].first) = unknowns_of_[k].along.dot(normal);
-        row(unknowns_of_[k].first + 1) = left_of(unknowns_of_[k].along).dot(normal);
+        row_(unknowns_of_[k].first) = unknowns_of_[k].along.dot(normal);
+        row_(unknowns_of_[k].first + 1) = left_of(unknowns_of_[k].along).dot(normal);
       });
     };
     double of_fit_m2 = across(node.yaw_in_rad);
@@ -807,14 +910,10 @@ void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std
     vertices.push_back(vertex);
     if (!has_out) break;
     const ArcOfNode& second = arcs_[2 * k + 1];
-    row_.clear();
-    add_row(residual_of(second.begin_m, 2 * k).slope, k);
     SplinegonVertex joint;
     joint.p_world_m = second.begin_m + origin_m_;
     joint.bulge = std::tan(0.25 * second.curvature_1pm * second.length_m);
-    const double joint_m2 = variance_m2([&](auto& row) {
-      for (const auto& [i, value] : row_) row(i) = value;
-    });
+    const double joint_m2 = variance_m2([&] { add_to_row(residual_of(second.begin_m, 2 * k).slope, k); });
     joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + common_variance_m2);
     vertices.push_back(joint);
   }

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <cstddef>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -71,6 +70,9 @@ class SplinegonFit {
                           std::vector<SplinegonVertex>& vertices);
 
  private:
+  using Vector6d = Eigen::Matrix<double, 6, 1>;
+  using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
   /// A main vertex. At a corner two tangents.
   struct Node {
     Eigen::Vector2d p_m;
@@ -81,7 +83,7 @@ class SplinegonFit {
   struct ArcOfNode {
     Eigen::Vector2d p_m, along;  ///< of the node, and its tangent there
     double curvature_1pm;
-    Eigen::Matrix<double, 6, 1> curvature_slope;  ///< by x, y, yaw of the node before, and of the one after
+    Vector6d curvature_slope;  ///< by x, y, yaw of the node before, and of the one after
     Eigen::Vector2d begin_m;
     Eigen::Vector2d begin_along;  ///< of the boundary there, at a corner in the middle of both tangents
     double begin_yaw_rad, length_m;
@@ -93,7 +95,12 @@ class SplinegonFit {
   };
   struct Residual {
     double distance_m;
-    Eigen::Matrix<double, 6, 1> slope;  ///< by x, y, yaw of the node before, and of the one after
+    Vector6d slope;  ///< by x, y, yaw of the node before, and of the one after
+  };
+  /// Normal equations of a biarc's elements.
+  struct Sums {
+    Matrix6d H;
+    Vector6d g;
   };
   static constexpr std::size_t kNoCorner = static_cast<std::size_t>(-1);
   /// A place along the boundary for a node.
@@ -131,7 +138,11 @@ class SplinegonFit {
   void assign_stepwise();
   void expect_jumps(bool first);
   Residual residual_of(const Eigen::Vector2d& p_m, std::size_t index) const;
-  void add_row(const Eigen::Matrix<double, 6, 1>& slope, std::size_t biarc);
+  bool is_one_arc(std::size_t begin, std::size_t arcs) const;
+  Eigen::Index unknowns_at(std::size_t k) const { return nodes_[k].corner ? 4 : 3; }
+  void add_to_row(const Vector6d& slope, std::size_t biarc);
+  void add_sums(std::size_t biarc);
+  void add_jump(std::size_t before, std::size_t after, double jump, double weight);
   double build();
   void hold_along(Eigen::MatrixXd& H) const;
   int iterate(int most);
@@ -153,15 +164,16 @@ class SplinegonFit {
   std::vector<Node> nodes_, nodes_before_;
   std::vector<ArcOfNode> arcs_;     ///< two of each biarc
   std::vector<double> jump_sigma_;  ///< expected jump of the curvature at the begin of each arc, 1/m
+  double parameters_ = 0.0;         ///< that the elements determine
   std::vector<Station> stations_;
   std::vector<Piece> pieces_;
   std::vector<double> cell_s_m_, share_, slope_;  ///< what main vertices are placed by
 
   std::vector<Unknowns> unknowns_of_;
   Eigen::Index unknowns_ = 0;
-  std::vector<std::pair<Eigen::Index, double>> row_;
+  std::vector<Sums> sums_;
   Eigen::MatrixXd H_, H_factor_;
-  Eigen::VectorXd g_, delta_;
+  Eigen::VectorXd g_, delta_, row_;
 };
 
 }  // namespace situation_awareness
