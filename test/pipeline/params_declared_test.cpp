@@ -5,6 +5,7 @@
 #include "situation_awareness/evaluation/dogleg.hpp"
 #include "situation_awareness/evaluation/ellipse_posterior.hpp"
 #include "situation_awareness/evaluation/ransac.hpp"
+#include "situation_awareness/map/splinegons/splinegon_fit.hpp"
 #include "situation_awareness/path/dubins_following.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
@@ -44,6 +45,7 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
   EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());
   EXPECT_EQ(declared_size<PolygonPipelineParams>(), aggregate_size<PolygonPipelineParams>());
+  EXPECT_EQ(declared_size<SplinegonFitParams>(), aggregate_size<SplinegonFitParams>());
   EXPECT_EQ(declared_size<DubinsFollowingParams>(), aggregate_size<DubinsFollowingParams>());
   EXPECT_EQ(declared_size<PathFollowingParams>(), aggregate_size<PathFollowingParams>());
   EXPECT_EQ(declared_size<SafetyParams>(), aggregate_size<SafetyParams>());

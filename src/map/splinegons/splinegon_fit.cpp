@@ -26,9 +26,9 @@ constexpr double kLeastJumpEffect_m = 0.001;
 constexpr double kJumpEffect = 1.0 / 216.0;
 /// Root mean square of the same.
 constexpr double kJumpRms = 1.0 / 400.0;
-/// A corner is one if its two sides meet the elements better than an arc by this in chi^2, and have themselves no more
-/// than the second per degree of freedom.
-constexpr double kCornerGain = 15.0;
+/// A corner is one if its two sides meet the elements better than an arc by this in chi^2, and are themselves no worse
+/// than the second in standard deviations of chi^2.
+constexpr double kCornerGain = 25.0;
 constexpr double kCornerMisfit = 3.0;
 /// Square of an expected jump over that of the fit, which is in part noise: from 0.2 to 1 errors change by a tenth.
 constexpr double kJumpShare = 0.3;
@@ -36,6 +36,25 @@ constexpr double kJumpShare = 0.3;
 constexpr double kMostChi2 = 9.0;
 /// Standard deviations of chi^2 by which one arc may be worse than many.
 constexpr double kOneArcSigmas = 2.0;
+/// Standard deviations, beyond the elements' spacing, by which an element is off its neighbours' lines that is left
+/// out.
+constexpr double kOutlierSigmas = 6.0;
+/// Median of the absolute value of a standard normal variable.
+constexpr double kMedianSigmas = 0.6745;
+/// m, and spacings of the elements. Boundary without elements that is a gap, where no main vertices are.
+constexpr double kGap_m = 0.8;
+constexpr double kGapSpacings = 4.0;
+/// Density of main vertices in gaps.
+constexpr double kGapShare = 1e-3;
+/// Standard deviation in the middle of a gap, over mean curvature * length^2: a curve with twice the mean curvature is
+/// as far from the chord.
+constexpr double kGapSigma = 1.0 / 16.0;
+/// The same of a corner that may be in the gap, over length * tan(turn / 2): a quarter of its distance from the chord.
+constexpr double kGapCorner = 1.0 / 8.0;
+/// Part of a corner's turn that is within half the window.
+constexpr double kCornerNearTurn = 0.75;
+/// Largest correlation of the residuals of neighbouring elements that is believed.
+constexpr double kMostCorrelation = 0.7;
 constexpr double kNoChange_m = 2e-4;
 
 Eigen::Vector2d left_of(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
@@ -68,7 +87,7 @@ struct LineSums {
 
   struct Line {
     Eigen::Vector2d mean, along;
-    double chi2;
+    double chi2, turn_variance;
   };
 
   Line line() const {
@@ -79,7 +98,7 @@ struct LineSums {
     const Eigen::Vector2d normal = left_of(along);
     const double chi2 =
         normal.x() * normal.x() * sxx + 2.0 * normal.x() * normal.y() * sxy + normal.y() * normal.y() * syy;
-    return {mean, along, std::max(chi2, 0.0)};
+    return {mean, along, std::max(chi2, 0.0), 1.0 / std::max(sxx + syy - chi2, 1e-9)};
   }
 };
 
@@ -126,27 +145,72 @@ SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& eleme
   place_again();
   expect_jumps(false);
   quality.iterations += iterate(6);
-  quality.chi2_per_freedom = chi2_per_freedom();
-  write(common_variance_m2, quality.chi2_per_freedom, vertices);
+  const double chi2 = chi2_per_freedom();
+  quality.chi2_per_freedom = chi2 * raised_ * raised_;
+  write(common_variance_m2, std::max(1.0, chi2) * correlation_factor(), vertices);
   return quality;
 }
 
+/// Takes the elements over, without those far from their neighbours. The variances are raised to what the elements
+/// show.
 bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
-  if (elements.size() < kFewestElements) return false;
+  const std::size_t n = elements.size();
+  if (n < kFewestElements) return false;
   origin_m_ = elements[0].p_world_m;
+  const auto median = [&] {
+    const auto middle = scratch_.begin() + static_cast<std::ptrdiff_t>(scratch_.size() / 2);
+    std::nth_element(scratch_.begin(), middle, scratch_.end());
+    return *middle;
+  };
+  scratch_.clear();
+  for (std::size_t i = 1; i < n; ++i) {
+    scratch_.push_back((elements[i].p_world_m - elements[i - 1].p_world_m).norm());
+  }
+  const double spacing_m = median();
   points_m_.clear();
   normals_.clear();
   weights_.clear();
-  s_m_.clear();
-  double s_m = 0.0;
-  for (std::size_t i = 0; i < elements.size(); ++i) {
+  scratch_.clear();
+  for (std::size_t i = 0; i < n; ++i) {
+    // Distances from the lines through one of three neighbours before and one of three after.
+    std::array<double, 9> distances_m{};
+    std::size_t lines = 0;
+    for (std::size_t before = 1; before <= 3; ++before) {
+      for (std::size_t after = 1; after <= 3; ++after) {
+        if (!closed_ && (i < before || i + after >= n)) continue;
+        const Eigen::Vector2d& from = elements[(i + n - before) % n].p_world_m;
+        const Eigen::Vector2d line = elements[(i + after) % n].p_world_m - from;
+        const double across_m = std::abs(left_of(line).dot(elements[i].p_world_m - from)) / std::max(line.norm(), 1e-9);
+        distances_m[lines++] = across_m;
+      }
+    }
+    const double sigma_m = std::sqrt(elements[i].variance_m2);
+    if (lines > 0) {
+      // Of the lines of neighbouring elements, a third may be wrong. At a corner, all are about a spacing away.
+      scratch_.push_back(distances_m[0] / sigma_m);
+      const auto third = distances_m.begin() + static_cast<std::ptrdiff_t>(lines / 3);
+      std::nth_element(distances_m.begin(), third, distances_m.begin() + static_cast<std::ptrdiff_t>(lines));
+      if (*third > kOutlierSigmas * sigma_m + spacing_m) continue;
+    }
     points_m_.push_back(elements[i].p_world_m - origin_m_);
     normals_.push_back(elements[i].normal_world);
-    weights_.push_back(1.0 / std::sqrt(elements[i].variance_m2));
+    weights_.push_back(1.0 / sigma_m);
+  }
+  if (points_m_.size() < kFewestElements) return false;
+  // The distance from the line through both neighbours has 1.5 times the variance of an element.
+  raised_ = std::max(1.0, scratch_.empty() ? 1.0 : median() / (kMedianSigmas * std::sqrt(1.5)));
+  for (double& weight : weights_) weight /= raised_;
+  s_m_.clear();
+  gaps_.clear();
+  double s_m = 0.0;
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
     if (i > 0) s_m += (points_m_[i] - points_m_[i - 1]).norm();
     s_m_.push_back(s_m);
+    const std::size_t next = i + 1 < points_m_.size() ? i + 1 : 0;
+    const double edge_m = (points_m_[next] - points_m_[i]).norm();
+    if ((closed_ || next > 0) && edge_m > std::max(kGap_m, kGapSpacings * spacing_m)) gaps_.push_back({i, next});
   }
-  perimeter_m_ = s_m + (closed_ ? points_m_.back().norm() : 0.0);
+  perimeter_m_ = s_m + (closed_ ? (points_m_.front() - points_m_.back()).norm() : 0.0);
   return perimeter_m_ > kShortest_m;
 }
 
@@ -166,15 +230,17 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
   const auto way_m = [&](std::size_t from, std::size_t to) {
     return to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from];
   };
-  std::size_t first = last, end = next(last);
+  const std::size_t start = next(last);
+  if (way_m(last, start) > params_.corner_window_m) return false;
+  std::size_t first = last, end = start;
   LineSums left, right;
   const Eigen::Vector2d middle_m = points_m_[last];
+  const double near_m = 0.5 * params_.corner_window_m;
   for (;; first = before(first)) {
     left.add(points_m_[first] - middle_m, weights_[first] * weights_[first]);
     if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > params_.corner_window_m)
       break;
   }
-  const std::size_t start = end;
   for (;; end = next(end)) {
     right.add(points_m_[end] - middle_m, weights_[end] * weights_[end]);
     if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > params_.corner_window_m) break;
@@ -186,11 +252,50 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
   LineSums::Line a = left.line(), b = right.line();
   if (a.along.dot(points_m_[last] - points_m_[first]) < 0.0) a.along = -a.along;
   if (b.along.dot(points_m_[end] - points_m_[start]) < 0.0) b.along = -b.along;
-  const double turn_rad = std::atan2(left_of(a.along).dot(b.along), a.along.dot(b.along));
+  const auto turn_of = [](const LineSums::Line& from, const LineSums::Line& to) {
+    return std::atan2(left_of(from.along).dot(to.along), from.along.dot(to.along));
+  };
+  if (std::abs(turn_of(a, b)) < 0.8 * params_.corner_angle_rad) return false;
+  // Both lines again, without what is far from them.
+  const auto again = [&](LineSums::Line& line, LineSums& near, std::size_t from, std::size_t to) {
+    for (int round = 0; round < 2; ++round) {
+      LineSums sums;
+      near = LineSums();
+      for (std::size_t i = from;; i = next(i)) {
+        const Eigen::Vector2d v = points_m_[i] - middle_m;
+        const double sigmas = std::abs(left_of(line.along).dot(v - line.mean)) * weights_[i];
+        const double weight = weights_[i] * weights_[i] * std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+        sums.add(v, weight);
+        if (to == last ? way_m(i, last) < near_m : way_m(start, i) < near_m) near.add(v, weight);
+        if (i == to) break;
+      }
+      const Eigen::Vector2d along = line.along;
+      line = sums.line();
+      if (line.along.dot(along) < 0.0) line.along = -line.along;
+    }
+    line.chi2 = 0.0;
+    for (std::size_t i = from;; i = next(i)) {
+      const double sigmas = left_of(line.along).dot(points_m_[i] - middle_m - line.mean) * weights_[i];
+      line.chi2 += std::min(sigmas * sigmas, kMostChi2);
+      if (i == to) break;
+    }
+  };
+  LineSums near_left, near_right;
+  again(a, near_left, first, last);
+  again(b, near_right, start, end);
+  const double turn_rad = turn_of(a, b);
   if (std::abs(turn_rad) < params_.corner_angle_rad) return false;
+  // A bend turns half as much in half the window.
+  if (near_left.n >= 3 && near_right.n >= 3) {
+    LineSums::Line near_a = near_left.line(), near_b = near_right.line();
+    if (near_a.along.dot(a.along) < 0.0) near_a.along = -near_a.along;
+    if (near_b.along.dot(b.along) < 0.0) near_b.along = -near_b.along;
+    const double sigma_rad = std::sqrt(near_a.turn_variance + near_b.turn_variance);
+    if (std::abs(turn_of(near_a, near_b)) + 2.0 * sigma_rad < kCornerNearTurn * std::abs(turn_rad)) return false;
+  }
   const double lines_chi2 = a.chi2 + b.chi2;
   const auto freedom = static_cast<double>(left.n + right.n) - 4.0;
-  if (lines_chi2 > kCornerMisfit * freedom) return false;
+  if (lines_chi2 > freedom + kCornerMisfit * std::sqrt(2.0 * freedom)) return false;
   // The arc y = c0 + c1 x + c2 (x^2 + y^2), x along the chord, which is exact for circles.
   const Eigen::Vector2d x_axis = (points_m_[end] - points_m_[first]).normalized();
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -213,7 +318,7 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
     const Eigen::Vector2d p = local(i);
     const double e = p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm();
     const Eigen::Vector2d gradient(c(1) + 2.0 * c(2) * p.x(), 1.0 - 2.0 * c(2) * p.y());
-    arc_chi2 += weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.04);
+    arc_chi2 += std::min(weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.04), kMostChi2);
     if (i == end) break;
   }
   if (arc_chi2 < lines_chi2 + kCornerGain || arc_chi2 < 1.5 * lines_chi2) return false;
@@ -316,8 +421,18 @@ void SplinegonFit::share_out(std::size_t count, double from_s, double to_s) {
 void SplinegonFit::place_on_elements() {
   const std::size_t n = points_m_.size();
   const std::size_t count = wanted_nodes();
-  share_.assign(1, 1.0);
-  cell_s_m_.assign({0.0, perimeter_m_});
+  cell_s_m_.assign(1, 0.0);
+  share_.clear();
+  const auto add_cell = [&](double end_m, double share) {
+    if (end_m <= cell_s_m_.back()) return;
+    cell_s_m_.push_back(end_m);
+    share_.push_back(share);
+  };
+  for (const Gap& gap : gaps_) {
+    add_cell(s_m_[gap.last], 1.0);
+    add_cell(gap.next > 0 ? s_m_[gap.next] : perimeter_m_, kGapShare);
+  }
+  add_cell(perimeter_m_, 1.0);
   stations_.clear();
   for (std::size_t c = 0; c < corners_.size(); ++c) stations_.push_back({corners_[c].s_m, c});
   share_out(count, 0.0, perimeter_m_);
@@ -475,6 +590,7 @@ void SplinegonFit::place_again() {
   }
   const double least = std::max(mean, 1e-6) / (params_.spacing_ratio - 1.0);
   for (double& share : share_) share += least;
+  thin_out_gaps();
   double from_m = 0.0, to_m = whole_m;
   if (!closed_) {
     from_m = *std::min_element(element_s_m_.begin(), element_s_m_.end());
@@ -492,16 +608,41 @@ void SplinegonFit::place_again() {
       nodes_.push_back(nodes_before_[station.corner]);
       continue;
     }
-    const double s_m = closed_ && station.s_m >= whole_m ? station.s_m - whole_m : station.s_m;
-    std::size_t j = count - 1;
-    while (j > 0 && s_m < cell_s_m_[j]) --j;
+    double on_m = closed_ && station.s_m >= whole_m ? station.s_m - whole_m : station.s_m;
+    std::size_t j = 0;
+    for (; j + 1 < count && on_m > arcs_[j].length_m; ++j) on_m -= arcs_[j].length_m;
     const ArcOfNode& arc = arcs_[j];
-    const double on_m = s_m - cell_s_m_[j];
     const double yaw_rad = arc.begin_yaw_rad + arc.curvature_1pm * on_m;
     nodes_.push_back({point_on(arc.begin_m, arc.begin_yaw_rad, arc.curvature_1pm, on_m), yaw_rad, yaw_rad, false});
   }
   assign_by_stations(element_s_m_, whole_m);
   compute_arcs();
+}
+
+/// Lowers the density of main vertices where there are no elements.
+void SplinegonFit::thin_out_gaps() {
+  const double whole_m = cell_s_m_.back();
+  const auto thin_out = [&](double from_m, double to_m) {
+    for (const double at_m : {from_m, to_m}) {  // cells end there
+      const auto upper = std::upper_bound(cell_s_m_.begin(), cell_s_m_.end(), at_m);
+      if (upper == cell_s_m_.begin() || upper == cell_s_m_.end() || *(upper - 1) == at_m) continue;
+      const auto cell = upper - cell_s_m_.begin() - 1;
+      share_.insert(share_.begin() + cell, share_[static_cast<std::size_t>(cell)]);
+      cell_s_m_.insert(upper, at_m);
+    }
+    for (std::size_t c = 0; c < share_.size(); ++c) {
+      if (cell_s_m_[c] >= from_m && cell_s_m_[c + 1] <= to_m) share_[c] = kGapShare;
+    }
+  };
+  for (const Gap& gap : gaps_) {
+    const double from_m = element_s_m_[gap.last], to_m = element_s_m_[gap.next];
+    if (from_m < to_m) {
+      thin_out(from_m, to_m);
+    } else if (closed_ && from_m > to_m + 0.5 * whole_m) {
+      thin_out(from_m, whole_m);
+      thin_out(0.0, to_m);
+    }
+  }
 }
 
 /// Whether the arc's begin has one tangent and an arc before it.
@@ -795,6 +936,21 @@ void SplinegonFit::add_jump(std::size_t before, std::size_t after, double jump, 
   }
 }
 
+/// By how much more the fit varies than with independent elements, if their errors are correlated as the residuals of
+/// neighbours: (1 + r) / (1 - r) for a first-order process.
+double SplinegonFit::correlation_factor() const {
+  double products = 0.0, squares = 0.0, before = 0.0;
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    const double sigmas = residual_of(points_m_[i], arc_of_[i]).distance_m * weights_[i];
+    const double clipped = std::clamp(sigmas, -3.0, 3.0);
+    products += clipped * before;
+    squares += clipped * clipped;
+    before = clipped;
+  }
+  const double r = std::clamp(products / std::max(squares, 1e-12), 0.0, kMostCorrelation);
+  return (1.0 + r) / (1.0 - r);
+}
+
 /// Adds what keeps main vertices from sliding along the boundary.
 void SplinegonFit::hold_along(Eigen::MatrixXd& H) const {
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
@@ -856,6 +1012,18 @@ int SplinegonFit::iterate(int most) {
   return steps;
 }
 
+/// Length of the largest gap that a biarc is in.
+double SplinegonFit::largest_gap_m(std::size_t biarc) const {
+  double largest_m = 0.0;
+  for (const Gap& gap : gaps_) {
+    const std::size_t first = arc_of_[gap.last] / 2, last = arc_of_[gap.next] / 2;
+    if ((biarc + nodes_.size() - first) % nodes_.size() <= (last + nodes_.size() - first) % nodes_.size()) {
+      largest_m = std::max(largest_m, (points_m_[gap.next] - points_m_[gap.last]).norm());
+    }
+  }
+  return largest_m;
+}
+
 double SplinegonFit::chi2_per_freedom() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
@@ -866,13 +1034,12 @@ double SplinegonFit::chi2_per_freedom() const {
   return sum / std::max(elements - parameters_, elements / 3.0);
 }
 
-void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std::vector<SplinegonVertex>& vertices) {
+void SplinegonFit::write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices) {
   H_factor_ = H_;
   hold_along(H_factor_);
   H_factor_.diagonal().head(unknowns_) *= 1.0 + 1e-9;
   Eigen::Ref<Eigen::MatrixXd> factor = H_factor_.topLeftCorner(unknowns_, unknowns_);
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
-  const double scale = std::max(1.0, chi2_per_freedom);
   const auto variance_m2 = [&](const auto& set_row) {
     auto row = row_.head(unknowns_);
     row.setZero();
@@ -880,11 +1047,17 @@ void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std
     llt.matrixL().solveInPlace(row);
     return scale * row.squaredNorm();
   };
+  double turn_rad = 0.0, length_m = 0.0;
+  for (const ArcOfNode& arc : arcs_) {
+    turn_rad += std::abs(arc.curvature_1pm) * arc.length_m;
+    length_m += arc.length_m;
+  }
+  const double mean_curvature_1pm = turn_rad / length_m;
   const auto model_m = [&](std::size_t biarc) {
     const ArcOfNode& first = arcs_[2 * biarc];
     const ArcOfNode& second = arcs_[2 * biarc + 1];
-    const double length_m = first.length_m + second.length_m;
-    return kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * length_m * length_m;
+    const double both_m = first.length_m + second.length_m;
+    return kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * both_m * both_m;
   };
   vertices.clear();
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
@@ -914,7 +1087,12 @@ void SplinegonFit::write(double common_variance_m2, double chi2_per_freedom, std
     joint.p_world_m = second.begin_m + origin_m_;
     joint.bulge = std::tan(0.25 * second.curvature_1pm * second.length_m);
     const double joint_m2 = variance_m2([&] { add_to_row(residual_of(second.begin_m, 2 * k).slope, k); });
-    joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + common_variance_m2);
+    const double gap_m = largest_gap_m(k);
+    const double turn_over_rad =
+        std::abs(arcs_[2 * k].curvature_1pm * arcs_[2 * k].length_m + second.curvature_1pm * second.length_m);
+    const double over_gap_m = gap_m * (kGapSigma * mean_curvature_1pm * gap_m +
+                                       kGapCorner * std::tan(0.5 * std::min(turn_over_rad, 0.5 * kPi)));
+    joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + over_gap_m * over_gap_m + common_variance_m2);
     vertices.push_back(joint);
   }
 }

@@ -92,15 +92,89 @@ TEST(SplinegonFit, MovesWithItsElements) {
 }
 
 TEST(SplinegonFit, OutliersHardlyMoveIt) {
-  for (const Outline& outline : smooth_outlines()) {
-    Random random(3);
-    std::vector<SplinegonElement> elements = elements_of(outline, 0.15, 0.01, random);
-    for (std::size_t i = 7; i < elements.size(); i += 40) {
-      elements[i].p_world_m += random.uniform(-0.5, 0.5) * elements[i].normal_world;
+  for (const std::vector<Outline>& outlines : {smooth_outlines(), cornered_outlines()}) {
+    for (const Outline& outline : outlines) {
+      for (int seed = 0; seed < 5; ++seed) {
+        Random random(static_cast<std::uint64_t>(seed));
+        std::vector<SplinegonElement> elements = elements_of(outline, 0.15, 0.01, random);
+        for (SplinegonElement& element : elements) {
+          if (random.uniform() < 0.05) element.p_world_m += random.uniform(-1.0, 1.0) * element.normal_world;
+        }
+        const Splinegon splinegon = fitted(elements, true);
+        EXPECT_LT(hausdorff_m(outline, splinegon), 0.04) << outline.name;
+        EXPECT_EQ(corners_of(splinegon), outline.corners) << outline.name;
+      }
     }
+  }
+}
+
+TEST(SplinegonFit, VariancesThatAreTooSmallAreRaised) {
+  for (const Outline& outline : cornered_outlines()) {
+    Random random(8);
+    std::vector<SplinegonElement> elements = elements_of(outline, 0.15, 0.02, random);
+    const Splinegon expected = fitted(elements, true);
+    for (SplinegonElement& element : elements) element.variance_m2 /= 9.0;
     const Splinegon splinegon = fitted(elements, true);
-    EXPECT_LT(hausdorff_m(outline, splinegon), 0.04) << outline.name;
-    EXPECT_EQ(corners_of(splinegon), 0U) << outline.name;
+    EXPECT_EQ(corners_of(splinegon), outline.corners);
+    double ratio = 0.0;
+    for (std::size_t k = 0; k < expected.vertices.size(); ++k) {
+      ratio +=
+          splinegon.vertices[k].sigma_m / expected.vertices[k].sigma_m / static_cast<double>(expected.vertices.size());
+    }
+    EXPECT_NEAR(ratio, 1.0, 0.2);
+  }
+}
+
+/// What was not seen is known less, and the envelope says so.
+TEST(SplinegonFit, AGapIsBridgedAndUncertain) {
+  for (const double gap_m : {1.0, 3.0, 6.0}) {
+    double inside = 0.0, places = 0.0;
+    for (const std::vector<Outline>& outlines : {smooth_outlines(), cornered_outlines()}) {
+      for (const Outline& outline : outlines) {
+        for (int seed = 0; seed < 4; ++seed) {
+          Random random(static_cast<std::uint64_t>(seed));
+          std::vector<SplinegonElement> elements = elements_of(outline, 0.15, 0.015, random);
+          std::rotate(elements.begin(), elements.begin() + 1 + 70 * seed, elements.end());
+          elements.resize(elements.size() - static_cast<std::size_t>(gap_m / 0.15));
+          const Splinegon splinegon = fitted(elements, true);
+          EXPECT_TRUE(is_simple(splinegon)) << outline.name;
+          if (outline.corners == 0) {
+            EXPECT_LT(hausdorff_m(outline, splinegon), gap_m < 5.0 ? 0.25 : 0.75) << outline.name;
+          }
+          for (std::size_t i = 0; i < outline.points_m.size(); i += 20) {
+            inside += is_in_envelope(splinegon, outline.points_m[i]) ? 1.0 : 0.0;
+            places += 1.0;
+          }
+        }
+      }
+    }
+    EXPECT_GT(inside / places, 0.98) << gap_m;
+  }
+}
+
+/// As a boundary is seen bit by bit.
+TEST(SplinegonFit, GrowsWithItsElements) {
+  for (const std::vector<Outline>& outlines : {smooth_outlines(), cornered_outlines()}) {
+    for (const Outline& outline : outlines) {
+      Random random(9);
+      const std::vector<SplinegonElement> all = elements_of(outline, 0.15, 0.01, random);
+      SplinegonFit fit{SplinegonFitParams()};
+      Splinegon splinegon;
+      for (std::size_t n = 12; n <= all.size(); n += 6) {
+        const std::vector<SplinegonElement> seen(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(n));
+        fit.fit(seen, false, 0.0, splinegon.vertices);
+        EXPECT_TRUE(is_simple(splinegon));
+        double farthest_m = 0.0;
+        for (const SplinegonPoint& point : sampled(splinegon, 0.1)) {
+          double least_m2 = 1e9;
+          for (std::size_t i = 0; i < outline.points_m.size(); i += 5) {
+            least_m2 = std::min(least_m2, (outline.points_m[i] - point.p_world_m).squaredNorm());
+          }
+          farthest_m = std::max(farthest_m, std::sqrt(least_m2));
+        }
+        EXPECT_LT(farthest_m, 0.06) << outline.name << ' ' << n;
+      }
+    }
   }
 }
 

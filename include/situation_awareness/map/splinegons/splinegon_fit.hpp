@@ -22,7 +22,7 @@ struct SplinegonFitParams {
   int vertices = 16;
   double least_spacing_m = 0.8;
   double spacing_ratio = 2.5;
-  double corner_angle_rad = 0.6;
+  double corner_angle_rad = 0.75;
   double corner_window_m = 1.2;
   double huber_sigmas = 2.0;
 
@@ -88,6 +88,10 @@ class SplinegonFit {
     Eigen::Vector2d begin_along;  ///< of the boundary there, at a corner in the middle of both tangents
     double begin_yaw_rad, length_m;
   };
+  /// Elements on both sides of boundary without any.
+  struct Gap {
+    std::size_t last, next;
+  };
   struct Corner {
     double s_m;  ///< along the polygon of the elements
     Eigen::Vector2d p_m;
@@ -132,6 +136,7 @@ class SplinegonFit {
   void place_on_elements();
   bool place_on_earlier(const std::vector<SplinegonVertex>& vertices);
   void place_again();
+  void thin_out_gaps();
   void compute_arcs();
   void assign_by_stations(const std::vector<double>& at_m, double whole_m);
   void assign_nearest();
@@ -147,7 +152,9 @@ class SplinegonFit {
   void hold_along(Eigen::MatrixXd& H) const;
   int iterate(int most);
   double chi2_per_freedom() const;
-  void write(double common_variance_m2, double chi2_per_freedom, std::vector<SplinegonVertex>& vertices);
+  double correlation_factor() const;
+  double largest_gap_m(std::size_t biarc) const;
+  void write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices);
 
   SplinegonFitParams params_;
   bool closed_ = false;
@@ -157,6 +164,9 @@ class SplinegonFit {
   std::vector<double> weights_;  ///< one over their standard deviations
   std::vector<double> s_m_;      ///< along the polygon of the elements
   double perimeter_m_ = 0.0;     ///< of that polygon
+  double raised_ = 1.0;          ///< factor of the standard deviations
+  std::vector<Gap> gaps_;
+  std::vector<double> scratch_;
   std::vector<std::size_t> arc_of_, arc_of_before_;
   std::vector<double> element_s_m_;  ///< along the curve
   std::vector<Corner> corners_;
