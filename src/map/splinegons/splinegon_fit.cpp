@@ -24,8 +24,8 @@ constexpr double kLeastJumpEffect_m = 0.001;
 /// Largest distance of a biarc from a curve with linear curvature and the same ends, over jump * length^2:
 /// docs/math/splinegons.md.
 constexpr double kJumpEffect = 1.0 / 216.0;
-/// Root mean square of the same.
-constexpr double kJumpRms = 1.0 / 400.0;
+/// Root mean square of the same where the ends are fitted too; with ends on the curve it would be 1 / 328.
+constexpr double kJumpRms = 1.0 / 500.0;
 /// A corner is one if its two sides meet the elements better than an arc by this in chi^2, and are themselves no worse
 /// than the second in standard deviations of chi^2.
 constexpr double kCornerGain = 25.0;

@@ -99,12 +99,12 @@ inline std::vector<SplinegonElement> elements_of(const Outline& outline, double 
 /// The greatest distance of either from the other.
 inline double hausdorff_m(const Outline& outline, const Splinegon& splinegon) {
   double greatest_m = 0.0;
-  for (std::size_t i = 0; i < outline.points_m.size(); i += 5) {
+  for (std::size_t i = 0; i < outline.points_m.size(); i += 10) {
     greatest_m = std::max(greatest_m, distance_m(splinegon, outline.points_m[i]));
   }
-  for (const SplinegonPoint& point : sampled(splinegon, 0.05)) {
+  for (const SplinegonPoint& point : sampled(splinegon, 0.1)) {
     double least_m2 = 1e9;
-    for (std::size_t i = 0; i < outline.points_m.size(); i += 2) {
+    for (std::size_t i = 0; i < outline.points_m.size(); i += 3) {
       least_m2 = std::min(least_m2, (outline.points_m[i] - point.p_world_m).squaredNorm());
     }
     greatest_m = std::max(greatest_m, std::sqrt(least_m2));

@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -263,6 +265,12 @@ TEST(SplinegonFitStatistics, ErrorsAreSmallAndAsTheyAreSaidToBe) {
           places += 1.0;
         }
       }
+      std::array<char, 128> text{};
+      std::snprintf(text.data(), text.size(),
+                    "Hausdorff %.2f cm, area %.4f %%, error / sigma %.2f, in envelope %.2f %%",
+                    100.0 * hausdorff_sum_m / kSeeds, 100.0 * area_sum / kSeeds, std::sqrt(squares / places),
+                    100.0 * inside / places);
+      RecordProperty(outline.name + '_' + std::to_string(vertices), text.data());
       EXPECT_LT(hausdorff_sum_m / kSeeds, outline.corners > 0 ? 0.03 : 0.015);
       EXPECT_LT(area_sum / kSeeds, 5e-4);
       EXPECT_GT(std::sqrt(squares / places), 0.6);
