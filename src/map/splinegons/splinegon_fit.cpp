@@ -14,6 +14,7 @@
 namespace situation_awareness {
 namespace {
 
+/// Elements and length in m of a boundary, at least.
 constexpr std::size_t kFewestElements = 6;
 constexpr double kShortest_m = 0.2;
 /// Part of a biarc's length by which a main vertex may move along the boundary in a step. What the elements say of it
@@ -55,6 +56,10 @@ constexpr double kGapCorner = 1.0 / 8.0;
 constexpr double kCornerNearTurn = 0.75;
 /// Largest correlation of the residuals of neighbouring elements that is believed.
 constexpr double kMostCorrelation = 0.7;
+/// An arc has at most a turn of 5 rad, and this length.
+constexpr double kMostBulge = 3.0;
+constexpr double kShortestArc_m = 1e-6;
+/// m. A step that moves no main vertex further is the last.
 constexpr double kNoChange_m = 2e-4;
 
 Eigen::Vector2d left_of(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
@@ -1094,6 +1099,17 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
                                        kGapCorner * std::tan(0.5 * std::min(turn_over_rad, 0.5 * kPi)));
     joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + over_gap_m * over_gap_m + common_variance_m2);
     vertices.push_back(joint);
+  }
+  // Elements that go to and fro may have no chain of arcs.
+  for (std::size_t k = 0; k < vertices.size(); ++k) {
+    const SplinegonVertex& vertex = vertices[k];
+    const SplinegonVertex& next = vertices[k + 1 < vertices.size() ? k + 1 : 0];
+    if (std::isfinite(vertex.sigma_m) && std::abs(vertex.bulge) < kMostBulge &&
+        (next.p_world_m - vertex.p_world_m).norm() > kShortestArc_m) {
+      continue;
+    }
+    vertices.clear();
+    return;
   }
 }
 

@@ -235,6 +235,27 @@ TEST(SplinegonFit, OfTooLittleThereIsNothing) {
   EXPECT_TRUE(fitted(one_place, true).vertices.empty());
 }
 
+/// Elements without order: what comes out is a splinegon, or nothing.
+TEST(SplinegonFit, OfDisorderThereIsNothingInvalid) {
+  Random random(10);
+  SplinegonFit fit{SplinegonFitParams()};
+  std::vector<SplinegonVertex> vertices;
+  for (int trial = 0; trial < 500; ++trial) {
+    const bool closed = random.uniform() < 0.5;
+    const double height_m = trial % 3 == 0 ? 0.0 : random.uniform();
+    std::vector<SplinegonElement> elements(static_cast<std::size_t>(60.0 * random.uniform()));
+    for (SplinegonElement& element : elements) {
+      element = {{std::round(3.0 * random.normal()), height_m * random.normal()}, {0.0, 1.0}, 1e-4};
+    }
+    fit.fit(elements, closed, 1e-4, vertices);
+    for (std::size_t k = 0; k < vertices.size(); ++k) {
+      EXPECT_TRUE(vertices[k].p_world_m.allFinite() && std::isfinite(vertices[k].bulge));
+      EXPECT_GT(vertices[k].sigma_m, 0.0);
+      EXPECT_GT((vertices[k].p_world_m - vertices[(k + 1) % vertices.size()].p_world_m).norm(), 0.0);
+    }
+  }
+}
+
 TEST(SplinegonFit, RefusesBadParameters) {
   SplinegonFitParams params;
   params.vertices = 3;
