@@ -10,24 +10,18 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
+#include "../geojson_members.hpp"
 #include "situation_awareness/map/map_file.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 
 namespace situation_awareness {
 namespace {
 
-using GeoJson = nlohmann::ordered_json;
+using namespace geojson;
 
 /// Of chains that come without: a plan drawn by hand.
 constexpr double kDrawnSigma_m = 0.02;
 constexpr double kDrawnP = 0.9975;
-constexpr std::size_t kMaxFeatures = 20'000;
-constexpr std::size_t kMaxVertices = 100'000;  ///< of one chain
-constexpr double kMaxVertexSigma_m = 1e3;
-constexpr double kLatest_s = 4'294'967'295.0;  ///< the end of ROS time
-constexpr double kEarliest_s = -2'000'000'000.0;
 
 const char* name_of_state(ChainState state) {
   switch (state) {
@@ -42,8 +36,6 @@ const char* name_of_state(ChainState state) {
   }
   return "";
 }
-
-double seconds_of(std::int64_t stamp_ns) { return 1e-9 * static_cast<double>(stamp_ns); }
 
 /// Twice the area, positive if the vertices are counter-clockwise. Relative to the first: far from the origin it would
 /// be lost in rounding.
@@ -86,42 +78,8 @@ GeoJson feature_of(const Chain& chain) {
   return {{"type", "Feature"}, {"geometry", std::move(geometry)}, {"properties", std::move(properties)}};
 }
 
-[[noreturn]] void refuse_geojson(const std::string& place, const std::string& defect) {
-  throw std::invalid_argument(place + defect);
-}
-
-const GeoJson& member_of(const GeoJson& object, const char* name, const std::string& place) {
-  const auto found = object.find(name);
-  if (found == object.end()) refuse_geojson(place, std::string(name) + " is missing");
-  return *found;
-}
-
-double number_within(const GeoJson& value, double low, double high, const std::string& place, const char* name) {
-  if (!value.is_number()) refuse_geojson(place, std::string(name) + " is no number");
-  const auto number = value.get<double>();
-  if (!(number >= low && number <= high)) refuse_geojson(place, std::string(name) + " is out of bounds");
-  return number;
-}
-
-std::int64_t stamp_of(const GeoJson& object, const char* name, std::int64_t otherwise_ns, const std::string& place) {
-  const auto found = object.find(name);
-  if (found == object.end()) return otherwise_ns;
-  return std::llround(1e9 * number_within(*found, kEarliest_s, kLatest_s, place, name));
-}
-
-void read_positions(const GeoJson& positions, std::vector<ChainVertex>& vertices, const std::string& place) {
-  if (!positions.is_array() || positions.size() > kMaxVertices) {
-    refuse_geojson(place, "coordinates are no list, or too long");
-  }
-  for (const GeoJson& position : positions) {
-    if (!position.is_array() || position.size() < 2) refuse_geojson(place, "a position has not two coordinates");
-    ChainVertex& vertex = vertices.emplace_back();
-    for (const int axis : {0, 1}) {
-      vertex.p_world_m(axis) = number_within(position[static_cast<std::size_t>(axis)], polygon_bounds::kPosition_m.low,
-                                             polygon_bounds::kPosition_m.high, place, "a coordinate");
-    }
-    vertex.sigma_m = kDrawnSigma_m;
-  }
+void read_vertices(const GeoJson& positions, std::vector<ChainVertex>& vertices, const std::string& place) {
+  read_positions(positions, place, [&](double x_m, double y_m) { vertices.push_back({{x_m, y_m}, kDrawnSigma_m}); });
 }
 
 Chain chain_of(const GeoJson& feature, std::int64_t stamp_ns, const std::string& place) {
@@ -134,28 +92,20 @@ Chain chain_of(const GeoJson& feature, std::int64_t stamp_ns, const std::string&
   const bool is_ring = type == "Polygon";
   if (is_ring) {
     if (!coordinates.is_array() || coordinates.size() != 1) refuse_geojson(place, "a Polygon has not one ring");
-    read_positions(coordinates[0], chain.vertices, place);
+    read_vertices(coordinates[0], chain.vertices, place);
     if (chain.vertices.size() < 4 || chain.vertices.front().p_world_m != chain.vertices.back().p_world_m) {
       refuse_geojson(place, "a ring has fewer than four positions, or does not end where it begins");
     }
     chain.vertices.pop_back();
   } else if (type == "LineString") {
-    read_positions(coordinates, chain.vertices, place);
+    read_vertices(coordinates, chain.vertices, place);
     if (chain.vertices.size() < 2) refuse_geojson(place, "a LineString has fewer than two positions");
   } else {
     refuse_geojson(place, "geometry is neither a LineString nor a Polygon");
   }
 
-  const auto found = feature.find("properties");
-  const GeoJson properties = found == feature.end() || found->is_null() ? GeoJson::object() : *found;
-  if (!properties.is_object()) refuse_geojson(place, "properties are none");
-  if (properties.contains("id")) {
-    const GeoJson& id = properties["id"];
-    if (!id.is_number_unsigned() || id.get<std::uint64_t>() == 0 || id.get<std::uint64_t>() >= polygon_bounds::kMaxId) {
-      refuse_geojson(place, "id is no whole number from 1 on");
-    }
-    chain.id = id.get<std::uint64_t>();
-  }
+  const GeoJson properties = properties_of(feature, place);
+  chain.id = id_of(properties, place);
   chain.closed = is_ring;
   if (properties.contains("closed")) {
     if (!properties["closed"].is_boolean()) refuse_geojson(place, "closed is neither true nor false");
@@ -178,50 +128,20 @@ Chain chain_of(const GeoJson& feature, std::int64_t stamp_ns, const std::string&
     // Seen from its free side, a chain goes from right to left.
     if ((free_side == "inside") != (doubled_area_m2(chain.vertices) > 0.0)) turn_back(chain.vertices);
   }
-  chain.first_seen_ns = stamp_of(properties, "first_seen", stamp_ns, place);
-  chain.last_seen_ns = stamp_of(properties, "last_seen", stamp_ns, place);
-  if (chain.first_seen_ns > chain.last_seen_ns) refuse_geojson(place, "first_seen is after last_seen");
-  if (chain.last_seen_ns > stamp_ns) refuse_geojson(place, "last_seen is after the collection's stamp");
+  read_sights(properties, stamp_ns, place, chain);
   chain.p_exists = properties.contains("p") ? number_within(properties["p"], 0.0, 1.0, place, "p") : kDrawnP;
   return chain;
 }
 
-/// Gives ids to those that have none.
-void give_ids(std::vector<Chain>& chains) {
-  std::set<std::uint64_t> ids;
-  for (const Chain& chain : chains) {
-    if (chain.id != 0 && !ids.insert(chain.id).second) {
-      throw std::invalid_argument("id " + std::to_string(chain.id) + " is there twice");
-    }
-  }
-  std::uint64_t next_id = ids.empty() ? 1 : *ids.rbegin() + 1;
-  for (Chain& chain : chains) {
-    if (chain.id == 0) chain.id = next_id++;
-  }
-}
-
-Polygons read_geojson(const std::string& text, const std::string& world_frame) {
-  const GeoJson collection = GeoJson::parse(text);
-  if (!collection.is_object() || collection.value("type", GeoJson()) != "FeatureCollection") {
-    throw std::invalid_argument("is no FeatureCollection");
-  }
-  const GeoJson frame = collection.value("world_frame", GeoJson(world_frame));
-  if (!frame.is_string()) throw std::invalid_argument("world_frame is no text");
-  if (frame != world_frame) {
-    throw std::invalid_argument("world_frame = " + frame.get<std::string>() + " is not the wanted one, " + world_frame);
-  }
+Polygons read_geojson(const GeoJson& collection, const std::string& world_frame) {
+  check_collection(collection, world_frame);
   Polygons polygons;
-  polygons.stamp_ns = stamp_of(collection, "stamp", 0, "");
-  if (polygons.stamp_ns < 0) throw std::invalid_argument("stamp is out of bounds");
+  polygons.stamp_ns = collection_stamp(collection);
   if (collection.contains("height_m")) {
     polygons.height_world_m = number_within(collection["height_m"], polygon_bounds::kPosition_m.low,
                                             polygon_bounds::kPosition_m.high, "", "height_m");
   }
-  const GeoJson& features = member_of(collection, "features", "");
-  if (!features.is_array() || features.size() > kMaxFeatures) {
-    throw std::invalid_argument("features are no list, or too many");
-  }
-  for (const GeoJson& feature : features) {
+  for (const GeoJson& feature : features_of(collection)) {
     const std::string place = "features[" + std::to_string(polygons.chains.size()) + "]: ";
     polygons.chains.push_back(chain_of(feature, polygons.stamp_ns, place));
   }
@@ -242,13 +162,7 @@ std::string polygons_to_geojson(const Polygons& polygons, const std::string& wor
 }
 
 Polygons polygons_from_geojson(const std::string& text, const std::string& source, const std::string& world_frame) {
-  try {
-    return read_geojson(text, world_frame);
-  } catch (const nlohmann::json::exception& error) {
-    throw std::invalid_argument(source + ": not valid GeoJSON: " + error.what());
-  } catch (const std::invalid_argument& error) {
-    throw std::invalid_argument(source + ": " + error.what());
-  }
+  return parsed(text, source, [&](const GeoJson& collection) { return read_geojson(collection, world_frame); });
 }
 
 void save_geojson(const std::string& path, const Polygons& polygons, const std::string& world_frame) {
