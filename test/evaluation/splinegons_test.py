@@ -2,6 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """scripts/evaluate splinegons: its measures of boundaries whose errors are known, and the simulator of its worlds."""
 import functools
+import itertools
+import json
 import math
 import pathlib
 import sys
@@ -15,6 +17,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "scripts/evaluation"))
 import splinegon_worlds as worlds  # noqa: E402
+import splinegons  # noqa: E402
 
 try:
     import rosbag
@@ -246,6 +249,299 @@ class Scans(unittest.TestCase):
 def place_of(transform):
     t, q = transform.transform.translation, transform.transform.rotation
     return np.array((t.x, t.y, t.z)), Rotation.from_quat((q.x, q.y, q.z, q.w))
+
+
+# --- the measures
+
+
+SIGMA_M = 0.02
+SCANS = 20
+
+
+def splinegon(vertices, id_=1, closed=True, sigma_m=SIGMA_M):
+    return {"id": id_, "closed": closed, "vertices": [[float(v) for v in vertex] for vertex in vertices],
+            "sigma_m": [sigma_m] * len(vertices)}
+
+
+def rounded(length, width, radius, x=0.0, y=0.0):
+    """A rectangle whose corners are arcs: eight vertices, and all joints are smooth."""
+    a, b, bulge = 0.5 * length, 0.5 * width, math.tan(math.pi / 8.0)
+    return [(x + px, y + py, own) for px, py, own in (
+        (a, radius - b, 0.0), (a, b - radius, bulge), (a - radius, b, 0.0), (radius - a, b, bulge),
+        (-a, b - radius, 0.0), (-a, radius - b, bulge), (radius - a, -b, 0.0), (a - radius, -b, bulge))]
+
+
+def circle(radius, arcs=16, x=0.0, y=0.0):
+    bulge = math.tan(0.5 * math.pi / arcs)
+    return [(x + radius * math.cos(angle), y + radius * math.sin(angle), bulge)
+            for angle in 2.0 * math.pi / arcs * np.arange(arcs)]
+
+
+def moved(own, dx=0.0, dy=0.0, turn=0.0, scale=1.0):
+    c, s = scale * math.cos(turn), scale * math.sin(turn)
+    return {**own, "vertices": [[c * x - s * y + dx, s * x + c * y + dy, bulge] for x, y, bulge in own["vertices"]]}
+
+
+def true_document(*shapes, corners=()):
+    """Of obstacles that are splinegons; the vehicle flies on a line, and has seen all from the middle of the flight
+    on."""
+    outlines = [splinegons.sampled(splinegons.Boundary(0, True, np.array(shape, float), np.ones(len(shape))), 0.01)[0]
+                for shape in shapes]
+    at = np.arange(SCANS) / (SCANS - 1)
+    obstacles = []
+    for k, (shape, outline) in enumerate(zip(shapes, outlines)):
+        boundary = splinegons.Boundary(0, True, np.array(shape, float), np.ones(len(shape)))
+        near = [int(np.hypot(*(outline - corner).T).argmin()) for corner in corners]
+        obstacles.append({"id": f"obstacle_{k + 1}", "outline": outline.tolist(), "corners": near,
+                          "area_m2": splinegons.area_m2(boundary)})
+    return {"shape": "ellipse", "seed": 1, "variant": "plain", "origin": list(worlds.ORIGIN),
+            "flight": {"begin_s": 0.0, "end_s": 10.0, "wind": [0.0, 0.0]}, "obstacles": obstacles,
+            "fixes": {"stamp": [0.0, 5.0, 10.0], "x": [3.0, 28.0, 53.0], "y": [4.0] * 3, "z": [15.0] * 3},
+            "scans": {"stamp": (10.0 * at).tolist(), "x": (50.0 * at).tolist(), "y": [0.0] * SCANS, "z": [15.0] * SCANS,
+                      "roll": [0.0] * SCANS, "pitch": [0.0] * SCANS, "yaw": [3.1] * SCANS,
+                      "seen": [[min(1.0, 2.0 * part)] * len(shapes) for part in at]}}
+
+
+def oracle(truth, boundaries, error=(0.0, 0.0, 0.0), from_seen=1.0, sigma_m=1.0):
+    """A line for each scan; the boundaries from when so much was seen."""
+    for scan, stamp_s in enumerate(truth.stamps):
+        x, y, z, roll, pitch, yaw = (float(v) for v in truth.poses[scan])
+        yield {"stamp": float(stamp_s), "pose": {
+            "x": x + error[0], "y": y + error[1], "z": z, "roll": roll, "pitch": pitch,
+            "yaw": (yaw + error[2] + math.pi) % (2.0 * math.pi) - math.pi,
+            "covariance": (sigma_m**2 * np.eye(6)).ravel().tolist()},
+            "boundaries": boundaries(scan) if callable(boundaries) else
+            boundaries if truth.seen[scan].min() >= from_seen else []}
+
+
+def score(truth, boundaries, **options):
+    return splinegons.score(truth, oracle(truth, boundaries, **options), "oracle")
+
+
+class Arcs(unittest.TestCase):
+    def boundary(self, vertices, closed=True):
+        return splinegons.Boundary(1, closed, np.array(vertices, float), np.linspace(0.01, 0.02, len(vertices)))
+
+    def test_area_and_length_of_a_circle_and_of_a_rounded_rectangle(self):
+        for arcs in (2, 3, 16):
+            boundary = self.boundary(circle(6.0, arcs, 100.0, -50.0))
+            self.assertAlmostEqual(splinegons.area_m2(boundary), 36.0 * math.pi, places=8)
+            self.assertAlmostEqual(splinegons.arc_lengths(*boundary.ends).sum(), 12.0 * math.pi, places=9)
+        boundary = self.boundary(rounded(12.0, 7.0, 2.0))
+        self.assertAlmostEqual(splinegons.area_m2(boundary), 84.0 - (4.0 - math.pi) * 4.0, places=9)
+
+    def test_samples_are_on_the_circle_whatever_its_direction(self):
+        for sign in (1.0, -1.0):
+            boundary = self.boundary([(x, sign * y, sign * bulge) for x, y, bulge in circle(6.0, 3)])
+            points, _ = splinegons.sampled(boundary)
+            np.testing.assert_allclose(np.hypot(*points.T), 6.0, atol=1e-12)
+            self.assertLess(np.hypot(*np.diff(points, axis=0).T).max(), splinegons.SAMPLE_M + 1e-9)
+            self.assertAlmostEqual(splinegons.area_m2(boundary), sign * 36.0 * math.pi, places=8)
+
+    def test_an_arc_of_more_than_half_a_circle(self):
+        boundary = self.boundary(((6.0, 0.0, math.tan(0.375 * math.pi)), (0.0, -6.0, math.tan(0.125 * math.pi))))
+        np.testing.assert_allclose(np.hypot(*splinegons.sampled(boundary)[0].T), 6.0, atol=1e-9)
+        self.assertAlmostEqual(splinegons.area_m2(boundary), 36.0 * math.pi, places=8)
+
+    def test_area_of_nearly_straight_arcs_is_continuous(self):
+        areas = [splinegons.area_m2(self.boundary([(x, y, bulge) for x, y, _ in rounded(12.0, 7.0, 2.0)]))
+                 for bulge in (0.0, 2.49e-4, 2.51e-4)]
+        self.assertAlmostEqual(areas[1] / areas[2], 1.0, places=5)
+        self.assertAlmostEqual((areas[1] - areas[0]) / 2.49e-4, (areas[2] - areas[0]) / 2.51e-4, places=4)
+
+    def test_sigma_is_linear_along_an_arc(self):
+        boundary = self.boundary(((0.0, 0.0, 0.4), (1.0, 0.0, 0.4)), closed=False)
+        points, sigmas = splinegons.sampled(boundary)
+        self.assertAlmostEqual(float(np.interp(0.5, np.linspace(0.0, 1.0, len(points)), sigmas)), 0.015)
+        self.assertEqual((sigmas[0], sigmas[-1]), (0.01, 0.02))
+
+    def test_breaks_are_at_corners_only(self):
+        _, breaks = splinegons.joint_breaks(self.boundary(rounded(12.0, 7.0, 2.0)))
+        np.testing.assert_allclose(breaks, 0.0, atol=1e-12)
+        _, breaks = splinegons.joint_breaks(self.boundary([(x, y, 0.0) for x, y in worlds.polygon_worlds.rectangle(
+            12.0, 7.0)]))
+        np.testing.assert_allclose(breaks, 0.5 * math.pi)
+        at, _ = splinegons.joint_breaks(self.boundary(circle(6.0), closed=False))
+        self.assertEqual(list(at), list(range(1, 15)))
+
+    def test_what_crosses_itself_is_not_simple(self):
+        points, _ = splinegons.sampled(self.boundary(rounded(12.0, 7.0, 2.0)), 0.2)
+        self.assertTrue(splinegons.is_simple(points, True))
+        eight = np.array(((0.0, 0.0), (2.0, 2.0), (2.0, 0.0), (0.0, 2.0)))
+        self.assertFalse(splinegons.is_simple(eight, True))
+        self.assertTrue(splinegons.is_simple(eight[:3], False))
+
+    def test_distances_are_to_the_pieces(self):
+        line = np.array(((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)))
+        points = np.array(((0.5, 0.3), (1.4, -0.2), (4.0, 0.0)))
+        np.testing.assert_allclose(splinegons.distances(points, line, False)[0], (0.3, 0.2, 1.0), atol=1e-12)
+
+    def test_a_rigid_offset_is_found_back(self):
+        outline = splinegons.sampled(self.boundary(rounded(12.0, 7.0, 2.0)))[0]
+        away = moved(splinegon(rounded(12.0, 7.0, 2.0)), 0.6, -0.3, 0.05)
+        points = splinegons.sampled(self.boundary(away["vertices"]))[0]
+        turn, place = splinegons.rigid_offset(points, outline)
+        self.assertAlmostEqual(math.atan2(turn[1, 0], turn[0, 0]), -0.05, places=4)
+        np.testing.assert_allclose(points @ turn.T + place, outline, atol=1e-3)
+
+
+class Measures(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.shape = rounded(12.0, 7.0, 2.0, 20.0, 10.0)
+        cls.truth = splinegons.Truth(true_document(cls.shape))
+        cls.perfect = score(cls.truth, [splinegon(cls.shape)])
+
+    def of(self, boundaries, **options):
+        return splinegons.Group([score(self.truth, boundaries, **options)])
+
+    def test_a_perfect_splinegon_has_no_errors(self):
+        (fit,) = self.perfect.fits
+        self.assertLess(max(fit.hausdorff_m, fit.mean_m, fit.shape_m), 1e-5)
+        self.assertLess(fit.area_part, 1e-9)
+        self.assertLess(fit.joint_deg, 1e-9)
+        self.assertEqual((fit.inside, fit.entries, fit.closed, fit.simple), (1.0, 8, True, True))
+        self.assertEqual(self.perfect.wrong.count, 0, self.perfect.wrong)
+
+    def test_a_shifted_one_has_the_shift_and_its_shape_is_right(self):
+        (fit,) = score(self.truth, [moved(splinegon(self.shape), 0.3, -0.4)]).fits
+        self.assertAlmostEqual(fit.hausdorff_m, 0.5, delta=1e-3)
+        self.assertLess(fit.mean_m, 0.5)
+        self.assertLess(fit.shape_m, 1e-3)
+        self.assertLess(fit.area_part, 1e-9)
+
+    def test_a_turned_one_has_a_right_shape(self):
+        (fit,) = score(self.truth, [moved(splinegon(self.shape), 0.2, -0.3, 0.05)]).fits
+        self.assertGreater(fit.hausdorff_m, 0.3)
+        self.assertLess(fit.shape_m, 1e-3)
+        self.assertAlmostEqual(fit.shape_turn_rad, -0.05, places=4)
+
+    def test_a_larger_circle_is_off_by_its_radius_everywhere(self):
+        truth = splinegons.Truth(true_document(circle(6.0)))
+        (fit,) = score(truth, [splinegon(circle(6.1))]).fits
+        for value in (fit.hausdorff_m, fit.mean_m, fit.shape_m):
+            self.assertAlmostEqual(value, 0.1, delta=1e-4)
+        self.assertAlmostEqual(fit.area_part, (6.1 / 6.0)**2 - 1.0, places=6)
+
+    def test_the_envelope_is_of_sigma(self):
+        truth = splinegons.Truth(true_document(circle(6.0)))
+        for sigma_m, inside in ((0.1 / 2.5, 1.0), (0.1 / 2.7, 0.0)):
+            (fit,) = score(truth, [splinegon(circle(6.1), sigma_m=sigma_m)]).fits
+            self.assertEqual(fit.inside, inside)
+
+    def test_a_dent_counts_in_both_directions(self):
+        """A splinegon that cuts a corner off: the outline's corner is far from it."""
+        (fit,) = score(self.truth, [splinegon([(x, y, 0.0) for x, y, _ in self.shape])]).fits
+        self.assertAlmostEqual(fit.hausdorff_m, 2.0 * (1.0 - math.sqrt(0.5)), delta=1e-3)
+
+    def test_breaks_at_true_corners_do_not_count(self):
+        corners = worlds.polygon_worlds.rectangle(12.0, 7.0)
+        box = [(x, y, 0.0) for x, y in corners]
+        truth = splinegons.Truth(true_document(box, corners=corners))
+        self.assertLess(score(truth, [splinegon(box)]).fits[0].joint_deg, 1e-9)
+        self.assertLess(score(truth, [moved(splinegon(box), 1.5, 0.7)]).fits[0].joint_deg, 1e-9)
+        halved = [(*point, 0.01) for point in np.vstack((corners, np.roll(corners, -1, axis=0))).reshape(2, 4, 2).mean(0)]
+        both = [vertex for pair in zip(box, halved) for vertex in pair]
+        self.assertAlmostEqual(score(truth, [splinegon(both)]).fits[0].joint_deg, math.degrees(2.0 * math.atan(0.01)),
+                               places=6)
+
+    def test_what_is_missing_open_false_or_doubled_is_wrong(self):
+        own = splinegon(self.shape)
+        self.assertEqual(score(self.truth, []).wrong.missed, ["obstacle_1"])
+        self.assertEqual(score(self.truth, [{**own, "closed": False}]).wrong.open, ["obstacle_1"])
+        false = score(self.truth, [own, moved(splinegon(self.shape, 2), 60.0)]).wrong
+        self.assertEqual((false.false, false.count), (1, 1))
+        doubled = score(self.truth, [own, {**own, "id": 2}]).wrong
+        self.assertEqual((doubled.doubled, doubled.ids), (["obstacle_1"], ["obstacle_1"]))
+
+    def test_a_change_of_the_id_is_wrong(self):
+        wrong = score(self.truth, lambda scan: [splinegon(self.shape, 1 + (scan > 12))] if scan > 9 else []).wrong
+        self.assertEqual((wrong.ids, wrong.count), (["obstacle_1"], 1))
+
+    def test_closed_before_enough_was_seen_is_early(self):
+        early = score(self.truth, [splinegon(self.shape)], from_seen=0.7)
+        self.assertEqual(early.wrong.early, ["obstacle_1"])
+        self.assertEqual(score(self.truth, [splinegon(self.shape)], from_seen=0.9).wrong.early, [])
+        open_at_first = lambda scan: [splinegon(self.shape, closed=bool(self.truth.seen[scan, 0] >= 0.85))]
+        self.assertEqual(score(self.truth, open_at_first).wrong.count, 0)
+
+    def test_two_obstacles_are_told_apart_and_one_boundary_of_both_is_merged(self):
+        first, second = rounded(6.0, 6.0, 2.0), rounded(6.0, 6.0, 2.0, 9.0)
+        truth = splinegons.Truth(true_document(first, second))
+        right = score(truth, [splinegon(second, 7), splinegon(first, 4)])
+        self.assertEqual(right.wrong.count, 0, right.wrong)
+        self.assertLess(right.worst("hausdorff_m"), 1e-5)
+        both = score(truth, [splinegon(rounded(15.0, 6.0, 2.0, 4.5))]).wrong
+        self.assertEqual((both.merged, both.missed), (1, ["obstacle_1", "obstacle_2"]))
+
+    def test_clockwise_and_crossing_are_wrong(self):
+        backwards = self.shape[::-1]
+        clockwise = [(x, y, -backwards[(k + 1) % 8][2]) for k, (x, y, _) in enumerate(backwards)]
+        run = score(self.truth, [splinegon(clockwise)])
+        self.assertGreater(run.wrong.clockwise, 0)
+        self.assertLess(run.fits[0].hausdorff_m, 1e-5)
+        crossed = [self.shape[k] for k in (0, 2, 1, 3, 4, 5, 6, 7)]
+        self.assertGreater(score(self.truth, [splinegon(crossed)]).wrong.crossing, 0)
+
+    def test_stamps_that_go_back_are_wrong(self):
+        lines = list(oracle(self.truth, [splinegon(self.shape)]))
+        twice = list(itertools.chain(lines[:12], lines[10:]))
+        self.assertEqual(splinegons.score(self.truth, twice).wrong.stamps, 2)
+        with self.assertRaises(ValueError):
+            splinegons.score(self.truth, iter(()))
+
+    def test_errors_of_the_pose(self):
+        group = self.of([splinegon(self.shape)], error=(0.3, -0.4, 0.1), sigma_m=0.25)
+        self.assertAlmostEqual(group.position_m, 0.5)
+        self.assertAlmostEqual(group.yaw_rad, 0.1)  # over the turn from pi to -pi
+        self.assertAlmostEqual(group.nees, 4.0)
+        self.assertEqual(group.inside_3_sigma, 1.0)
+        self.assertAlmostEqual(group.fix_m, 5.0)
+        self.assertEqual(self.of([], error=(0.3, -0.4, 0.1), sigma_m=0.1).inside_3_sigma, 0.0)
+
+    def test_a_group_has_the_mean_of_the_worse_boundaries(self):
+        group = splinegons.Group([self.perfect, score(self.truth, [moved(splinegon(self.shape), 0.2)])])
+        self.assertAlmostEqual(group.hausdorff_m, 0.1, delta=1e-3)
+        self.assertAlmostEqual(group.hausdorff_most_m, 0.2, delta=1e-3)
+
+
+def answer(command):
+    """Of the tool: the boundary is the truth, at its corners and each half metre between them."""
+    words = [str(word) for word in command]
+    name = words[1].removesuffix(".bag").removesuffix("_tf")
+    truth = splinegons.Truth(json.loads(pathlib.Path(f"{name}.truth.json").read_text()))
+    boundaries = [splinegon([(*point, 0.0) for point in outline[::25]], id_)
+                  for id_, outline in enumerate(truth.outlines)]
+    lines = oracle(truth, boundaries, from_seen=0.9)
+    pathlib.Path(words[words.index("--out") + 1]).write_text("\n".join(json.dumps(line) for line in lines))
+    return 0.5
+
+
+def without_bags(simulation, *_paths):
+    for _ in simulation.scans():
+        pass
+
+
+class WholeEvaluation(unittest.TestCase):
+    def test_a_quick_look_writes_a_report_with_all_its_parts(self):
+        """The map is nearly the truth; the tool's answers are told."""
+        with tempfile.TemporaryDirectory() as folder, mock.patch.object(worlds, "write_bags", without_bags), \
+                mock.patch.object(splinegons, "run_tool", answer), mock.patch("sys.stdout"):
+            config = pathlib.Path(folder) / "config.yaml"
+            config.write_text("scan: {max_range_m: 40.0}\nsplinegons: {vertices: 18}\n")
+            splinegons.main(["--tool", "splinegons_bag", "--config", str(config), "--output", folder, "--quick",
+                             "--shapes", "ellipse", "two", "--keep", folder])
+            text = (pathlib.Path(folder) / "splinegons.md").read_text()
+            for part in ("**A part only**", "## Targets", "## By the true pose", "## By GPS and INS", "## The pose",
+                         "## Cost", "## What is wrong\n", "None."):
+                self.assertIn(part, text)
+            self.assertRegex(text, r"0 boundaries missed.* \| 0 true pose, 0 GPS and INS \| yes")
+            self.assertRegex(text, r"at least 20 times .* \| yes")
+            self.assertIn("max_range_m: 40.0", (pathlib.Path(folder) / "16.yaml").read_text())
+            self.assertIn("vertices: 16", (pathlib.Path(folder) / "16.yaml").read_text())
+            self.assertEqual(text.count("!["), 5)
+            for name in [line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]:
+                self.assertTrue((pathlib.Path(folder) / name).exists(), name)
 
 
 if __name__ == "__main__":
