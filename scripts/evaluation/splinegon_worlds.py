@@ -216,10 +216,14 @@ def cornered(name, corners):
     return Obstacle(name, np.vstack(points), tuple(at))
 
 
-def kidney_radius(dent_m):
-    """An ellipse with semi-axes of 9.5 m and 7 m and a dent towards +y."""
-    return lambda phi: (1.0 / np.hypot(np.cos(phi) / 9.5, np.sin(phi) / 7.0)
-                        - dent_m * np.exp(-0.5 * ((phi + 0.5 * math.pi) % (2.0 * math.pi) - math.pi)**2 / 0.4**2))
+def kidney_curve(dent_m):
+    """An ellipse with semi-axes of 9.5 m and 7 m and a dent towards +y, 1.8 m wide (standard deviation)."""
+    def curve(t):
+        x = 9.5 * np.cos(t)
+        dent = dent_m * (0.5 * (1.0 + np.sin(t)))**2 * np.exp(-0.5 * (x / 1.8)**2)
+        return np.column_stack((x, 7.0 * np.sin(t) - dent))
+
+    return curve
 
 
 def pocket_depth(outline):
@@ -232,11 +236,11 @@ def pocket_depth(outline):
 def kidney():
     """Its pocket is 3 m deep."""
     low, high = 2.0, 6.0
-    phi = np.linspace(0.0, 2.0 * math.pi, 3000, endpoint=False)
+    angle = np.linspace(0.0, 2.0 * math.pi, 3000, endpoint=False)
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if pocket_depth(polar(kidney_radius(middle))(phi)) < POCKET_M else (low, middle)
-    return smooth_outline(polar(kidney_radius(high)))
+        low, high = (middle, high) if pocket_depth(kidney_curve(middle)(angle)) < POCKET_M else (low, middle)
+    return smooth_outline(kidney_curve(high))
 
 
 def obstacles_of(shape):
