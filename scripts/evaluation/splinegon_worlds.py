@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The worlds of `scripts/evaluation/splinegons.py`: a fixed-wing-like vehicle flies around large obstacles, with an IMU,
-fixes and a scanner that tilts with each turn. Everything follows from the shape, the variant and the seed.
+"""The worlds of `scripts/evaluation/splinegons.py`: a fixed-wing-like vehicle flies around large obstacles, with an
+IMU, fixes and a scanner that tilts with each turn. Everything follows from the shape, the variant and the seed.
 
     python3 scripts/evaluation/splinegon_worlds.py DIR [--shapes ellipse peanut kidney lobes box two] [--seeds 1 2]
-        [--variants plain wind yawed flipped]
+        [--variants plain wind yawed flipped outage outliers]
 
 NAME is SHAPE_SEED, then _ and the variant if it is not the plain one. Written are
 
@@ -15,13 +15,16 @@ The truth: `origin`: [latitude, longitude, altitude]. `obstacles`: `id`, `outlin
 each 2 cm at most), `corners` (indices of its points), `length_m`, `area_m2`. `scans`: of each scan `stamp`, the pose of
 base_link at the stamp (`x`, `y`, `z`, `roll`, `pitch`, `yaw`; R = Rz(yaw) Ry(pitch) Rx(roll)) and `seen`, for each
 obstacle the share of its outline, in bins of 10 cm, that a beam has hit so far. `fixes`: of each good one `stamp` and
-where it says that the vehicle is (`x`, `y`, `z`). `flight`: `begin_s`, `end_s`, `wind` [east, north] in m/s.
+where it says that the vehicle is (`x`, `y`, `z`), `arrived`, when it is in the bag, and `outlier`. `flight`: `begin_s`,
+`end_s`, `wind` [east, north] in m/s. `outage`: [begin, end] and `ins_alone_m`, how far the IMU alone, from the true
+motion at the begin, is off at the end; or null.
 
-The vehicle flies straight and level for 15 s and then one and a half times around everything that stands there, to the
-left if the seed is odd, else to the right, at constant altitude and airspeed. Its way is the outline of the convex hull
-at a distance, with rounded corners. It banks as a coordinated turn asks, up to 20 deg. Axes are forward, left and up: a
-turn to the left has a negative roll, a nose that is up a negative pitch. Walls are vertical and higher than any beam. A
-beam is cast at its own time; a scan is in the bag when its sweep has ended, a fix 0.1 s after its stamp."""
+The vehicle flies straight and level for 15 s and then one and a half times (outage: 5.5, outliers: 2.5) around
+everything that stands there, to the left if the seed is odd, else to the right, at constant altitude and airspeed. Its
+way is the outline of the convex hull at a distance, with rounded corners. It banks as a coordinated turn asks, up to 20
+deg. Axes are forward, left and up: a turn to the left has a negative roll, a nose that is up a negative pitch. Walls
+are vertical and higher than any beam. A beam is cast at its own time; a scan is in the bag when its sweep has ended, a
+fix 0.1 s after its stamp."""
 
 import argparse
 import dataclasses
@@ -36,11 +39,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline, make_interp_spline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 import polygon_worlds
 
 SHAPES = ("ellipse", "peanut", "kidney", "lobes", "box", "two")
-VARIANTS = ("plain", "wind", "yawed", "flipped")
+VARIANTS = ("plain", "wind", "yawed", "flipped", "outage", "outliers")
 ORIGIN = (47.3769, 8.5417, 408.0)  # latitude, longitude, altitude
 GRAVITY_M_S2 = 9.80665
 BEGIN_S = 1000.0  # the first sample of the IMU
@@ -55,7 +59,6 @@ PLACE_M = 40.0  # an obstacle is so far from the origin, at most, east and north
 # The way.
 AIRSPEED_M_S = 5.0
 STRAIGHT_S = 15.0
-LAPS = 1.5
 DISTANCE_M = (6.3, 7.0)  # from the hull, its corners rounded
 DISTANCE_CHANGE_M = 0.3  # over the laps
 WAVES, MOST_WAVE_M = 4, 0.5  # per lap, as high as the turning radius allows
@@ -85,6 +88,8 @@ ACCELEROMETER = {"noise": 2.0e-3, "bias_sigma": 0.05, "bias_walk": 3.0e-4}
 FIX_PERIOD_S, FIX_DELAY_S = 0.2, 0.1
 FIX_SLOW_M, FIX_SLOW_S, FIX_WHITE_M = 1.4, 30.0, 0.54
 NO_FIX_CHANCE, NAN_CHANCE = 0.02, 0.02
+OUTAGE_S = (60.0, 90.0)  # after the begin
+OUTLIER_M, OUTLIER_CHANCE = 30.0, 0.03
 
 TF_PERIOD_S = 0.005
 
@@ -95,11 +100,17 @@ class Variant:
     fov_rad: float
     scan_period_s: float
     mount: tuple  # of laser on base_link: x, y, z, roll, pitch, yaw
+    laps: float = 1.5
+    outage_s: tuple = None
+    outlier_chance: float = 0.0
 
 
+LEVEL = (0.1, 0.0, -0.05, 0.0, 0.0, 0.0)
 SETTINGS = {
-    "plain": Variant(0.0, math.radians(270.0), 0.04, (0.1, 0.0, -0.05, 0.0, 0.0, 0.0)),
-    "wind": Variant(WIND_M_S, math.radians(270.0), 0.04, (0.1, 0.0, -0.05, 0.0, 0.0, 0.0)),
+    "plain": Variant(0.0, math.radians(270.0), 0.04, LEVEL),
+    "wind": Variant(WIND_M_S, math.radians(270.0), 0.04, LEVEL),
+    "outage": Variant(0.0, math.radians(270.0), 0.04, LEVEL, laps=5.5, outage_s=OUTAGE_S),
+    "outliers": Variant(0.0, math.radians(270.0), 0.04, LEVEL, laps=2.5, outlier_chance=OUTLIER_CHANCE),
     "yawed": Variant(0.0, math.radians(360.0), 0.1, (-0.2, 0.05, 0.1, 0.0, 0.0, math.radians(35.0))),
     "flipped": Variant(0.0, math.radians(270.0), 0.05, (0.15, -0.03, -0.1, math.pi, 0.0, math.radians(-10.0)))}
 
@@ -288,7 +299,7 @@ class Flight:
                                 -d_pitch * np.sin(roll) + d_yaw * np.cos(pitch) * np.cos(roll)))
 
 
-def way_around(points, chance, leftwards):
+def way_around(points, chance, leftwards, laps):
     """Places each 5 cm, smooth: straight, then around the hull of the points. The support function of the hull is
     smoothed over directions, which rounds its corners and keeps it convex: the radius of curvature, h + h" of the
     support function h, is the distance at least. Waves make it less in places, for turns as tight as allowed."""
@@ -301,11 +312,11 @@ def way_around(points, chance, leftwards):
     first, phase, wave_phase = chance.uniform(0.0, 2.0 * math.pi, 3)
     distance_m = chance.uniform(*DISTANCE_M)
 
-    turned = np.linspace(0.0, 2.0 * math.pi * LAPS, 20001)
+    turned = np.linspace(0.0, 2.0 * math.pi * laps, round(13000 * laps) + 1)
     angle = first + turned
-    h = smooth(angle % (2.0 * math.pi)) + distance_m + DISTANCE_CHANGE_M * np.sin(turned / LAPS + phase)
-    slope = smooth(angle % (2.0 * math.pi), 1) + DISTANCE_CHANGE_M / LAPS * np.cos(turned / LAPS + phase)
-    radius_m = h + smooth(angle % (2.0 * math.pi), 2) - DISTANCE_CHANGE_M / LAPS**2 * np.sin(turned / LAPS + phase)
+    h = smooth(angle % (2.0 * math.pi)) + distance_m + DISTANCE_CHANGE_M * np.sin(turned / laps + phase)
+    slope = smooth(angle % (2.0 * math.pi), 1) + DISTANCE_CHANGE_M / laps * np.cos(turned / laps + phase)
+    radius_m = h + smooth(angle % (2.0 * math.pi), 2) - DISTANCE_CHANGE_M / laps**2 * np.sin(turned / laps + phase)
     wave = np.sin(WAVES * angle + wave_phase)
     with np.errstate(divide="ignore"):
         highest_m = (radius_m - TURNING_RADIUS_M) / np.maximum((WAVES**2 - 1) * wave, 1e-9)
@@ -388,9 +399,10 @@ class Fixes:
     stamps: np.ndarray
     positions: np.ndarray  # east, north, up
     state: np.ndarray  # 0 good, 1 without a fix, 2 not a number
+    outlier: np.ndarray
 
 
-def fixes_of(chance, flight):
+def fixes_of(chance, flight, outage_s=None, outlier_chance=0.0):
     stamps = np.round(np.arange(flight.begin_s + 0.05, flight.end_s - FIX_DELAY_S, FIX_PERIOD_S), 6)
     kept = math.exp(-FIX_PERIOD_S / FIX_SLOW_S)
     slow = np.empty((len(stamps), 3))
@@ -401,7 +413,30 @@ def fixes_of(chance, flight):
     error = FIX_SLOW_M * slow + FIX_WHITE_M * chance.standard_normal(slow.shape)
     draw = chance.random(len(stamps))
     state = np.where(draw < NO_FIX_CHANCE, 1, np.where(draw < NO_FIX_CHANCE + NAN_CHANCE, 2, 0))
-    return Fixes(stamps, flight.at(stamps)[:, :3] + error, state)
+    outlier = (state == 0) & (chance.random(len(stamps)) < outlier_chance)
+    angle = chance.uniform(0.0, 2.0 * math.pi, len(stamps))
+    error[outlier, :2] += OUTLIER_M * np.column_stack((np.cos(angle), np.sin(angle)))[outlier]
+    kept = np.ones(len(stamps), bool)
+    if outage_s is not None:
+        kept = (stamps < flight.begin_s + outage_s[0]) | (stamps >= flight.begin_s + outage_s[1])
+    return Fixes(stamps[kept], (flight.at(stamps)[:, :3] + error)[kept], state[kept], outlier[kept])
+
+
+def inertial_navigation(flight, stamps, forces, rates):
+    """(places, attitudes) by the IMU alone, from the true motion at the first stamp on."""
+    turns = Rotation.from_rotvec(0.5 * (rates[:-1] + rates[1:]) * np.diff(stamps)[:, None])
+    attitude = Rotation.from_euler("ZYX", flight.at(stamps[:1])[0, :2:-1])
+    attitudes = [attitude]
+    for turn in turns:
+        attitude = attitude * turn
+        attitudes.append(attitude)
+    attitudes = Rotation.concatenate(attitudes)
+    acceleration = attitudes.apply(forces) - (0.0, 0.0, GRAVITY_M_S2)
+    dt = np.diff(stamps)[:, None]
+    mean = 0.5 * (acceleration[1:] + acceleration[:-1])
+    velocity = flight.at(stamps[:1], 1)[0, :3] + np.vstack((np.zeros(3), np.cumsum(mean * dt, axis=0)))
+    steps = velocity[:-1] * dt + 0.5 * mean * dt**2
+    return flight.at(stamps[:1])[0, :3] + np.vstack((np.zeros(3), np.cumsum(steps, axis=0))), attitudes
 
 
 # --- simulation
@@ -421,10 +456,11 @@ class Simulation:
         self.obstacles = [obstacle.placed(place, 0.0) for obstacle in self.obstacles]
         leftwards = seed % 2 == 1
         mirror = (1.0, 1.0 if leftwards else -1.0)
-        way = way_around(np.vstack([obstacle.outline for obstacle in self.obstacles]) * mirror, stream(0), leftwards)
+        way = way_around(np.vstack([obstacle.outline for obstacle in self.obstacles]) * mirror, stream(0), leftwards,
+                         settings.laps)
         self.flight = flight_along(way, stream(1), settings.wind_m_s)
         self.imu = imu_of(stream(2), self.flight)
-        self.fixes = fixes_of(stream(3), self.flight)
+        self.fixes = fixes_of(stream(3), self.flight, settings.outage_s, settings.outlier_chance)
         self._noise = stream(4)
         self.beams = round(settings.fov_rad / INCREMENT_RAD) + (settings.fov_rad < 2.0 * math.pi - 1e-9)
         self.angle_min_rad = -0.5 * settings.fov_rad
@@ -482,8 +518,20 @@ class Simulation:
                                "area_m2": round(obstacle.area_m2, 6)} for obstacle in self.obstacles],
                 "fixes": {"stamp": self.fixes.stamps[good].tolist(),
                           **{key: [round(float(v), 6) for v in self.fixes.positions[good, axis]]
-                             for axis, key in enumerate("xyz")}},
+                             for axis, key in enumerate("xyz")},
+                          "arrived": np.round(self.fixes.stamps[good] + FIX_DELAY_S, 6).tolist(),
+                          "outlier": self.fixes.outlier[good].tolist()},
+                "outage": self._outage(),
                 "scans": self._rows}
+
+    def _outage(self):
+        if self.settings.outage_s is None:
+            return None
+        begin_s, end_s = (self.flight.begin_s + after_s for after_s in self.settings.outage_s)
+        own = (self.imu[0] >= begin_s) & (self.imu[0] <= end_s)
+        places, _ = inertial_navigation(self.flight, *(values[own] for values in self.imu))
+        off = places[-1] - self.flight.at(self.imu[0][own][-1:])[0, :3]
+        return {"begin_s": begin_s, "end_s": end_s, "ins_alone_m": round(float(np.hypot(*off[:2])), 3)}
 
 
 # --- bags

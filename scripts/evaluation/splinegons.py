@@ -35,11 +35,12 @@ FALSE_M = 2.0  # mean distance of a boundary that is of no obstacle
 CORNER_M = 0.5  # a joint so near to a corner, after a rigid offset, may have a break
 EVERY_SCANS = 5  # what is checked over time
 STAMP_TOLERANCE_S = 1e-4
+AFTER_S = 5.0  # of an outage, for the pose to be back
 
 TF, EKF = "tf", "ekf"
 POSES = {TF: "true pose", EKF: "GPS and INS"}
-NAMES = {"ellipse": "ellipse, 10 m x 6 m", "peanut": "peanut", "kidney": "kidney, pocket of 3 m", "lobes": "three lobes",
-         "box": "box, 12 m x 7 m", "two": "ellipse and box, 3 m apart"}
+NAMES = {"ellipse": "ellipse, 10 m x 6 m", "peanut": "peanut", "kidney": "kidney, pocket of 3 m",
+         "lobes": "three lobes", "box": "box, 12 m x 7 m", "two": "ellipse and box, 3 m apart"}
 VERTICES = (16, 20)
 
 # Of the mean over runs: attribute, what, unit, {shape: target} or target, goal, scale, decimals, more is better.
@@ -67,6 +68,18 @@ POSE_TARGETS = (
     ("nees_low", "pose: NEES of x, y (2 degrees of freedom) at least {}", "", 1.5, None, 1.0, 2, True),
     ("nees_high", "pose: NEES of x, y at most {}", "", 2.5, None, 1.0, 2, False),
     ("inside_3_sigma", "pose: truth inside 3 sigma in at least {} of the scans", " %", 97.0, None, 100.0, 1, True),
+)
+
+
+OUTAGE_TARGETS = (
+    ("outage_after_m", "pose: RMS of x, y over the runs 5 s after an outage of 30 s at most {}", " m", 1.2, None, 1.0,
+     2, False),
+    ("inside_3_sigma", "pose: truth inside 3 sigma in at least {} of the scans of flights with an outage of 30 s", " %",
+     97.0, None, 100.0, 1, True),
+)
+OUTLIER_TARGETS = (
+    ("outlier_ratio", "pose: a fix that is 30 m off moves it by at most {} times as much as others", "", 1.2, None, 1.0,
+     2, False),
 )
 
 
@@ -247,7 +260,7 @@ class Truth:
         fixes = self.document["fixes"]
         stamps = np.array(fixes["stamp"])
         error = np.column_stack((fixes["x"], fixes["y"])) - self.places_at(stamps)[:, :2]
-        return error[(stamps >= self.stamps[0]) & (stamps <= self.stamps[-1])]
+        return error[~np.array(fixes["outlier"]) & (stamps >= self.stamps[0]) & (stamps <= self.stamps[-1])]
 
     def obstacles_of(self, points):
         """(share of the points to which each obstacle is the nearest, mean distance to it)"""
@@ -312,6 +325,29 @@ class Poses:
             self.nees.append(float(error[:2] @ np.linalg.solve(covariance, error[:2])))
         except np.linalg.LinAlgError:
             self.nees.append(math.inf)
+
+
+def outage_of(run):
+    """(error of x, y at the end of the outage, AFTER_S later, that of the IMU alone at the end), or none."""
+    outage = run.truth.document["outage"]
+    if not outage or not run.poses.scans:
+        return None
+    stamps, away_m = run.truth.stamps[run.poses.scans], np.hypot(*np.array(run.poses.errors)[:, :2].T)
+    last = max(0, int(np.searchsorted(stamps, outage["end_s"], side="right")) - 1)
+    later = min(int(np.searchsorted(stamps, outage["end_s"] + AFTER_S)), len(stamps) - 1)
+    return float(away_m[last]), float(away_m[later]), outage["ins_alone_m"]
+
+
+def steps_of(run):
+    """How far the estimate of x, y goes against the truth from the last scan before a fix comes in to the first one
+    after it: ([of good fixes], [of outliers])."""
+    fixes = run.truth.document["fixes"]
+    stamps, errors = run.truth.stamps[run.poses.scans], np.array(run.poses.errors)[:, :2]
+    after = np.searchsorted(stamps, fixes["arrived"])
+    inside = (after > 0) & (after < len(stamps))
+    step_m = np.hypot(*(errors[after[inside]] - errors[after[inside] - 1]).T)
+    outlier = np.array(fixes["outlier"])[inside]
+    return step_m[~outlier].tolist(), step_m[outlier].tolist()
 
 
 @dataclasses.dataclass
@@ -473,6 +509,12 @@ class Group:
         self.height_m, self.yaw_rad = root_mean(errors[:, 2]**2), root_mean(errors[:, 3]**2)
         self.nees = self.nees_low = self.nees_high = float(nees.mean()) if len(nees) else math.nan
         self.inside_3_sigma = float(np.mean(nees <= 9.0)) if len(nees) else math.nan
+        outages = [found for run in runs if (found := outage_of(run))]
+        self.outage_end_m, self.outage_after_m, self.ins_alone_m = (
+            root_mean([found[k]**2 for found in outages]) for k in range(3))
+        steps = [steps_of(run) for run in runs]
+        self.usual_step_m, self.outlier_step_m = (mean(value for own in steps for value in own[k]) for k in range(2))
+        self.outlier_ratio = self.outlier_step_m / self.usual_step_m if self.usual_step_m else math.nan
         self.fix_m = root_mean(np.concatenate([(run.truth.fix_errors()**2).sum(1) for run in runs]))
         self.posed = sum(run.lines for run in runs) / sum(len(run.truth.stamps) for run in runs)
 
@@ -523,6 +565,9 @@ def targets(runs):
         yield (f"GPS and INS: at least 98 % of the outlines inside the 99 % envelope, over {len(flown.runs)} runs",
                f"{100.0 * flown.inside:.1f} %", flown.inside >= 0.98)
         yield from targets_of({("", None): flown}, POSE_TARGETS)
+    for variant, wanted in (("outage", OUTAGE_TARGETS), ("outliers", OUTLIER_TARGETS)):
+        if group := pooled(runs, pose=EKF, variant=variant):
+            yield from targets_of({("", None): group}, wanted)
 
 
 # --- tables
@@ -571,6 +616,25 @@ def pose_table(runs):
                          number(100.0 * g.inside_3_sigma, 1), number(100.0 * g.posed, 1)))
     return table(("obstacle", "fixes alone: RMS of x, y, m", "RMS of x, y, m", "z, m", "yaw, deg", "NEES of x, y",
                   "inside 3 sigma, %", "scans with a pose, %"), rows)
+
+
+def outage_table(runs):
+    rows = []
+    for shape in (*NAMES, None):
+        wanted = {"pose": EKF, "variant": "outage", **({"shape": shape} if shape else {})}
+        if g := pooled(runs, **wanted):
+            rows.append((NAMES.get(shape, "**all**"), number(g.ins_alone_m, 1), number(g.outage_end_m, 2),
+                         number(g.outage_after_m, 2), number(g.position_m, 2), number(g.nees, 2),
+                         number(100.0 * g.inside_3_sigma, 1)))
+    return table(("obstacle", "IMU alone at the end, m", "at the end, m", f"{AFTER_S:g} s later, m",
+                  "RMS of x, y of the flight, m", "NEES", "inside 3 sigma, %"), rows)
+
+
+def outlier_text(runs):
+    group = pooled(runs, pose=EKF, variant="outliers")
+    return "" if group is None else prose(OUTLIERS.format(
+        off=splinegon_worlds.OUTLIER_M, part=100.0 * splinegon_worlds.OUTLIER_CHANCE,
+        outlier=100.0 * group.outlier_step_m, usual=100.0 * group.usual_step_m))
 
 
 def wrong_table(runs):
@@ -763,8 +827,8 @@ def drive(arguments, directory, bags, shape, seed, variant, vertices, pose):
     name = splinegon_worlds.name_of(shape, seed, variant)
     document = json.loads((bags / f"{name}.truth.json").read_text())
     out = directory / f"{name}_{pose}_{vertices}.jsonl"
-    command = [arguments.tool, bags / f"{name}{'_tf' if pose == TF else ''}.bag", "--scan-topic", "/scan", "--imu-topic",
-               "/imu", "--fix-topic", "/fix", "--origin=" + ",".join(map(str, document["origin"])), "--lidar-frame",
+    bag = bags / f"{name}{'_tf' if pose == TF else ''}.bag"
+    command = [arguments.tool, bag, "--scan-topic", "/scan", "--imu-topic", "/imu", "--fix-topic", "/fix", "--origin=" + ",".join(map(str, document["origin"])), "--lidar-frame",
                "laser", "--base-frame", "base_link", "--config", directory / f"{vertices}.yaml", "--out", out]
     if pose == TF:
         command += ["--localization", "tf", "--world-frame", "world"]
@@ -782,6 +846,8 @@ def wanted_runs(arguments):
     for variant in arguments.variants:
         for shape in arguments.shapes:
             for pose in arguments.poses:
+                if pose == TF and variant in FLOWN_ONLY:
+                    continue
                 seeds = {TF: arguments.seeds, EKF: arguments.flown_seeds}[pose]
                 of_variant = VERTICES[:1] if variant != "plain" else arguments.vertices
                 for seed in range(1, (seeds if variant == "plain" else min(seeds, arguments.variant_seeds)) + 1):
@@ -829,7 +895,8 @@ of the splinegon. *Entries*: of `vertices`, one per arc.
 TRUE_POSE = """With the pose of base_link from TF; what is left is the noise of the scanner and the splinegon's own."""
 FLOWN = """With the pose by GPS and INS; its error is that of the boundary."""
 POSE = """
-Of base_link at the stamps of the scans, from the first with a pose on. *Inside 3 sigma*: scans with a NEES of at most 9.
+Of base_link at the stamps of the scans, from the first with a pose on. *Inside 3 sigma*: scans with a NEES of at most
+9.
 """
 VARIANT = """
 {vertices} vertices. {texts}
@@ -838,7 +905,18 @@ VARIANT_TEXTS = {
     "wind": "*Wind*: of 1.2 m/s, with gusts that turn the vehicle: its heading is not its course.",
     "yawed": "*Yawed*: a scanner of 360° at 10 Hz, turned by 35°.",
     "flipped": "*Flipped*: a scanner that is upside down.",
+    "outage": "*Outage*: five and a half rounds, without fixes for 30 s.",
+    "outliers": "*Outliers*: two and a half rounds, some fixes are 30 m off.",
 }
+FLOWN_ONLY = ("outage", "outliers")
+OUTAGE = """
+No fixes for 30 s, after a minute of the flight. Root mean squares over the runs of the error of x, y, at the end of the
+outage and later. *IMU alone*: integrated from the true motion at the begin.
+"""
+OUTLIERS = """
+Of the good fixes {part:g} % are {off:g} m off: each moves the estimate by {outlier:.1f} cm from scan to scan, other
+fixes by {usual:.1f} cm (means).
+"""
 PICTURES = {
     "cycles": "As Figs. 9 and 10 of the paper: the map while the vehicle flies, with what was seen of the outline.",
     "vertices": "As Fig. 6 of the paper.",
@@ -876,8 +954,13 @@ def report_of(arguments, measured, runs, images, spent_s):
         parts.append(section("The pose", prose(POSE), pose_table(runs), figure(images, "pose")))
     others = [variant for variant in VARIANT_TEXTS if variant in arguments.variants]
     if others:
-        parts.append(section("Wind and mountings", prose(VARIANT.format(vertices=VERTICES[0], texts=" ".join(
-            VARIANT_TEXTS[variant] for variant in others))), variant_table(runs)))
+        texts = " ".join(VARIANT_TEXTS[variant] for variant in others)
+        parts.append(section("Wind, mountings, outages and outliers",
+                             prose(VARIANT.format(vertices=VERTICES[0], texts=texts)), variant_table(runs)))
+    if pooled(runs, pose=EKF, variant="outage"):
+        parts.append(section("An outage of 30 s", prose(OUTAGE), outage_table(runs)))
+    if outliers := outlier_text(runs):
+        parts.append(section("Outliers", outliers))
     parts.append(section("Cost", prose("Time of `splinegons_bag` on a processor, reading of the bag included."),
                          cost_table(runs)))
     parts.append(section("What is wrong", prose(WRONG), wrong_table(runs)))

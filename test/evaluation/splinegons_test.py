@@ -142,21 +142,10 @@ class Flights(unittest.TestCase):
         with mock.patch.multiple(worlds, GYROSCOPE=SILENT, ACCELEROMETER=SILENT):
             flight = world("lobes", 2, "wind").flight
             stamps, forces, rates = worlds.imu_of(np.random.default_rng(1), flight)
-            period = np.diff(stamps)
-            turns = Rotation.from_rotvec(0.5 * (rates[:-1] + rates[1:]) * period[:, None])
-            begin = flight.at(stamps[:1])[0]
-            attitude = Rotation.from_euler("ZYX", begin[:2:-1])
-            place, velocity = begin[:3].copy(), flight.at(stamps[:1], 1)[0, :3].copy()
-            gravity = np.array((0.0, 0.0, 9.80665))
-            for k, dt in enumerate(period):
-                after = attitude * turns[k]
-                acceleration = 0.5 * (attitude.apply(forces[k]) + after.apply(forces[k + 1])) - gravity
-                place += velocity * dt + 0.5 * acceleration * dt**2
-                velocity += acceleration * dt
-                attitude = after
+            places, attitudes = worlds.inertial_navigation(flight, stamps, forces, rates)
             end = flight.at(stamps[-1:])[0]
-            np.testing.assert_allclose(place, end[:3], atol=0.01)
-            turned = (Rotation.from_euler("ZYX", end[:2:-1]).inv() * attitude).magnitude()
+            np.testing.assert_allclose(places[-1], end[:3], atol=0.01)
+            turned = (Rotation.from_euler("ZYX", end[:2:-1]).inv() * attitudes[-1]).magnitude()
             self.assertLess(turned, 1e-5)
 
     def test_errors_of_the_imu_and_of_fixes_are_as_large_as_said(self):
@@ -176,6 +165,21 @@ class Flights(unittest.TestCase):
             lag.append((error[steps:] * error[:-steps]).mean())
         self.assertAlmostEqual(float(np.std(errors)), 1.5, delta=0.05)
         self.assertAlmostEqual(float(np.mean(lag)), 1.4**2 * math.exp(-10.0 / 30.0), delta=0.15)
+
+    def test_outages_and_outliers(self):
+        simulation = world("ellipse", 1, "outage")
+        begin_s, end_s = (simulation.flight.begin_s + after_s for after_s in worlds.OUTAGE_S)
+        stamps = simulation.fixes.stamps
+        self.assertAlmostEqual(np.diff(stamps).max(), end_s - begin_s, delta=2.0 * worlds.FIX_PERIOD_S)
+        self.assertFalse(((stamps >= begin_s) & (stamps < end_s)).any())
+        self.assertGreater(simulation.flight.end_s, end_s + 10.0)
+        self.assertGreater(simulation.truth()["outage"]["ins_alone_m"], 5.0)
+        simulation = world("ellipse", 1, "outliers")
+        fixes = simulation.fixes
+        off = np.hypot(*(fixes.positions - simulation.flight.at(fixes.stamps)[:, :3])[:, :2].T)
+        self.assertTrue(fixes.outlier.any())
+        self.assertGreater(off[fixes.outlier].min(), 20.0)
+        self.assertLess(off[~fixes.outlier].max(), 10.0)
 
 
 class Scans(unittest.TestCase):
@@ -227,8 +231,8 @@ class Scans(unittest.TestCase):
             ranges = np.array(scan.ranges)
             beam = np.flatnonzero(np.isfinite(ranges))
             angle = scan.angle_min + beam * scan.angle_increment
-            in_base = mount_turn.apply(ranges[beam, None] * np.column_stack((np.cos(angle), np.sin(angle), 0.0 * angle)))
-            in_base += mount_place
+            in_plane = np.column_stack((np.cos(angle), np.sin(angle), np.zeros(len(beam))))
+            in_base = mount_place + mount_turn.apply(ranges[beam, None] * in_plane)
             for what, kept in found.items():
                 at_s = scan.header.stamp.to_sec() + (0.0 if what == "sweep" else scan.time_increment) * beam
                 place = np.column_stack([np.interp(at_s, stamps, places[:, axis]) for axis in range(3)])
@@ -296,7 +300,9 @@ def true_document(*shapes, corners=()):
                           "area_m2": splinegons.area_m2(boundary)})
     return {"shape": "ellipse", "seed": 1, "variant": "plain", "origin": list(worlds.ORIGIN),
             "flight": {"begin_s": 0.0, "end_s": 10.0, "wind": [0.0, 0.0]}, "obstacles": obstacles,
-            "fixes": {"stamp": [0.0, 5.0, 10.0], "x": [3.0, 28.0, 53.0], "y": [4.0] * 3, "z": [15.0] * 3},
+            "fixes": {"stamp": [0.0, 5.0, 10.0], "x": [3.0, 28.0, 53.0], "y": [4.0] * 3, "z": [15.0] * 3,
+                      "arrived": [0.1, 5.1, 10.1], "outlier": [False, True, False]},
+            "outage": {"begin_s": 2.0, "end_s": 4.0, "ins_alone_m": 20.0},
             "scans": {"stamp": (10.0 * at).tolist(), "x": (50.0 * at).tolist(), "y": [0.0] * SCANS, "z": [15.0] * SCANS,
                       "roll": [0.0] * SCANS, "pitch": [0.0] * SCANS, "yaw": [3.1] * SCANS,
                       "seen": [[min(1.0, 2.0 * part)] * len(shapes) for part in at]}}
@@ -440,7 +446,7 @@ class Measures(unittest.TestCase):
         truth = splinegons.Truth(true_document(box, corners=corners))
         self.assertLess(score(truth, [splinegon(box)]).fits[0].joint_deg, 1e-9)
         self.assertLess(score(truth, [moved(splinegon(box), 1.5, 0.7)]).fits[0].joint_deg, 1e-9)
-        halved = [(*point, 0.01) for point in np.vstack((corners, np.roll(corners, -1, axis=0))).reshape(2, 4, 2).mean(0)]
+        halved = [(*point, 0.01) for point in 0.5 * (np.array(corners) + np.roll(corners, -1, axis=0))]
         both = [vertex for pair in zip(box, halved) for vertex in pair]
         self.assertAlmostEqual(score(truth, [splinegon(both)]).fits[0].joint_deg, math.degrees(2.0 * math.atan(0.01)),
                                places=6)
@@ -498,6 +504,23 @@ class Measures(unittest.TestCase):
         self.assertEqual(group.inside_3_sigma, 1.0)
         self.assertAlmostEqual(group.fix_m, 5.0)
         self.assertEqual(self.of([], error=(0.3, -0.4, 0.1), sigma_m=0.1).inside_3_sigma, 0.0)
+
+    def test_errors_at_the_end_of_an_outage_and_the_step_of_an_outlier(self):
+        """The pose is off by 10 cm for each second of the flight, and after an outlier by 30 cm more."""
+        lines = list(oracle(self.truth, []))
+        for line in lines:
+            line["pose"]["x"] += 0.1 * line["stamp"] + 0.3 * (line["stamp"] >= 5.1)
+        run = splinegons.score(self.truth, lines)
+        at_end, later, alone = splinegons.outage_of(run)
+        before_end = self.truth.stamps[self.truth.stamps <= 4.0][-1]
+        self.assertAlmostEqual(at_end, 0.1 * before_end)
+        self.assertAlmostEqual(later, 0.3 + 0.1 * self.truth.stamps[self.truth.stamps >= 9.0][0])
+        self.assertEqual(alone, 20.0)
+        usual, outliers = splinegons.steps_of(run)
+        period_s = self.truth.stamps[1]
+        np.testing.assert_allclose(usual, (0.1 * period_s,))
+        np.testing.assert_allclose(outliers, (0.3 + 0.1 * period_s,))
+        self.assertAlmostEqual(splinegons.Group([run]).outlier_ratio, 1.0 + 3.0 / period_s)
 
     def test_a_group_has_the_mean_of_the_worse_boundaries(self):
         group = splinegons.Group([self.perfect, score(self.truth, [moved(splinegon(self.shape), 0.2)])])
