@@ -828,8 +828,9 @@ def drive(arguments, directory, bags, shape, seed, variant, vertices, pose):
     document = json.loads((bags / f"{name}.truth.json").read_text())
     out = directory / f"{name}_{pose}_{vertices}.jsonl"
     bag = bags / f"{name}{'_tf' if pose == TF else ''}.bag"
-    command = [arguments.tool, bag, "--scan-topic", "/scan", "--imu-topic", "/imu", "--fix-topic", "/fix", "--origin=" + ",".join(map(str, document["origin"])), "--lidar-frame",
-               "laser", "--base-frame", "base_link", "--config", directory / f"{vertices}.yaml", "--out", out]
+    command = [arguments.tool, bag, "--scan-topic", "/scan", "--imu-topic", "/imu", "--fix-topic", "/fix",
+               "--origin=" + ",".join(map(str, document["origin"])), "--lidar-frame", "laser", "--base-frame",
+               "base_link", "--config", directory / f"{vertices}.yaml", "--out", out]
     if pose == TF:
         command += ["--localization", "tf", "--world-frame", "world"]
     spent_s = run_tool(command)
