@@ -3,7 +3,7 @@
 IMU, fixes and a scanner that tilts with each turn. Everything follows from the shape, the variant and the seed.
 
     python3 scripts/evaluation/splinegon_worlds.py DIR [--shapes ellipse peanut kidney lobes box two] [--seeds 1 2]
-        [--variants plain wind yawed flipped outage outliers]
+        [--variants plain wind yawed flipped outage outliers short]
 
 NAME is SHAPE_SEED, then _ and the variant if it is not the plain one. Written are
 
@@ -44,7 +44,7 @@ from scipy.spatial.transform import Rotation
 import polygon_worlds
 
 SHAPES = ("ellipse", "peanut", "kidney", "lobes", "box", "two")
-VARIANTS = ("plain", "wind", "yawed", "flipped", "outage", "outliers")
+VARIANTS = ("plain", "wind", "yawed", "flipped", "outage", "outliers", "short")
 ORIGIN = (47.3769, 8.5417, 408.0)  # latitude, longitude, altitude
 GRAVITY_M_S2 = 9.80665
 BEGIN_S = 1000.0  # the first sample of the IMU
@@ -87,6 +87,7 @@ ACCELEROMETER = {"noise": 2.0e-3, "bias_sigma": 0.05, "bias_walk": 3.0e-4}
 # Fixes. An error of 1.5 m per axis, most of it slow.
 FIX_PERIOD_S, FIX_DELAY_S = 0.2, 0.1
 FIX_SLOW_M, FIX_SLOW_S, FIX_WHITE_M = 1.4, 30.0, 0.54
+FIX_SHORT_S = 5.0  # of the variant short, instead of FIX_SLOW_S
 NO_FIX_CHANCE, NAN_CHANCE = 0.02, 0.02
 OUTAGE_S = (60.0, 90.0)  # after the begin
 OUTLIER_M, OUTLIER_CHANCE = 30.0, 0.03
@@ -103,6 +104,7 @@ class Variant:
     laps: float = 1.5
     outage_s: tuple = None
     outlier_chance: float = 0.0
+    fix_slow_s: float = FIX_SLOW_S
 
 
 LEVEL = (0.1, 0.0, -0.05, 0.0, 0.0, 0.0)
@@ -111,6 +113,7 @@ SETTINGS = {
     "wind": Variant(WIND_M_S, math.radians(270.0), 0.04, LEVEL),
     "outage": Variant(0.0, math.radians(270.0), 0.04, LEVEL, laps=5.5, outage_s=OUTAGE_S),
     "outliers": Variant(0.0, math.radians(270.0), 0.04, LEVEL, laps=2.5, outlier_chance=OUTLIER_CHANCE),
+    "short": Variant(0.0, math.radians(270.0), 0.04, LEVEL, fix_slow_s=FIX_SHORT_S),
     "yawed": Variant(0.0, math.radians(360.0), 0.1, (-0.2, 0.05, 0.1, 0.0, 0.0, math.radians(35.0))),
     "flipped": Variant(0.0, math.radians(270.0), 0.05, (0.15, -0.03, -0.1, math.pi, 0.0, math.radians(-10.0)))}
 
@@ -402,9 +405,9 @@ class Fixes:
     outlier: np.ndarray
 
 
-def fixes_of(chance, flight, outage_s=None, outlier_chance=0.0):
+def fixes_of(chance, flight, outage_s=None, outlier_chance=0.0, slow_s=FIX_SLOW_S):
     stamps = np.round(np.arange(flight.begin_s + 0.05, flight.end_s - FIX_DELAY_S, FIX_PERIOD_S), 6)
-    kept = math.exp(-FIX_PERIOD_S / FIX_SLOW_S)
+    kept = math.exp(-FIX_PERIOD_S / slow_s)
     slow = np.empty((len(stamps), 3))
     value = chance.standard_normal(3)
     for k in range(len(stamps)):
@@ -460,7 +463,8 @@ class Simulation:
                          settings.laps)
         self.flight = flight_along(way, stream(1), settings.wind_m_s)
         self.imu = imu_of(stream(2), self.flight)
-        self.fixes = fixes_of(stream(3), self.flight, settings.outage_s, settings.outlier_chance)
+        self.fixes = fixes_of(stream(3), self.flight, settings.outage_s, settings.outlier_chance,
+                              settings.fix_slow_s)
         self._noise = stream(4)
         self.beams = round(settings.fov_rad / INCREMENT_RAD) + (settings.fov_rad < 2.0 * math.pi - 1e-9)
         self.angle_min_rad = -0.5 * settings.fov_rad

@@ -458,11 +458,16 @@ class Measures(unittest.TestCase):
         false = score(self.truth, [own, moved(splinegon(self.shape, 2), 60.0)]).wrong
         self.assertEqual((false.false, false.count), (1, 1))
         doubled = score(self.truth, [own, {**own, "id": 2}]).wrong
-        self.assertEqual((doubled.doubled, doubled.ids), (["obstacle_1"], ["obstacle_1"]))
+        self.assertEqual((doubled.doubled, doubled.count), (["obstacle_1"], 1))
 
     def test_a_change_of_the_id_is_wrong(self):
         wrong = score(self.truth, lambda scan: [splinegon(self.shape, 1 + (scan > 12))] if scan > 9 else []).wrong
         self.assertEqual((wrong.ids, wrong.count), (["obstacle_1"], 1))
+
+    def test_pieces_that_are_joined_may_have_other_ids(self):
+        pieces = [splinegon(self.shape[:3], 5, False), splinegon(self.shape[4:7], 6, False)]
+        run = score(self.truth, lambda scan: [splinegon(self.shape)] if scan > 9 else pieces)
+        self.assertEqual(run.wrong.count, 0, run.wrong)
 
     def test_closed_before_enough_was_seen_is_early(self):
         early = score(self.truth, [splinegon(self.shape)], from_seen=0.7)
@@ -521,6 +526,14 @@ class Measures(unittest.TestCase):
         np.testing.assert_allclose(usual, (0.1 * period_s,))
         np.testing.assert_allclose(outliers, (0.3 + 0.1 * period_s,))
         self.assertAlmostEqual(splinegons.Group([run]).outlier_ratio, 1.0 + 3.0 / period_s)
+
+    def test_the_least_error_is_that_of_the_best_mean_of_a_slow_error(self):
+        """Of 1,000 samples the weights that make the mean best, by their covariance."""
+        for slow_s, time_s in ((5.0, 40.0), (30.0, 40.0)):
+            at = np.linspace(0.0, time_s, 1000)
+            covariance = 1.4**2 * np.exp(-np.abs(at[:, None] - at) / slow_s)
+            variance = 1.0 / np.linalg.solve(covariance, np.ones(len(at))).sum()
+            self.assertAlmostEqual(splinegons.least_error_m(1.4, slow_s, time_s), math.sqrt(2.0 * variance), places=3)
 
     def test_a_group_has_the_mean_of_the_worse_boundaries(self):
         group = splinegons.Group([self.perfect, score(self.truth, [moved(splinegon(self.shape), 0.2)])])
