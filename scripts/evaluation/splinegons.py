@@ -28,6 +28,7 @@ from report import (ROOT, arguments_parser, facts, introduction, output_folder, 
 
 SAMPLE_M = 0.01  # of splinegons, for distances
 COARSE_M, CHECK_M = 0.05, 0.2  # the same, for pictures, and for what is checked over time
+FEW = 1500  # points at most, where the time goes with their square
 ENVELOPE = 2.58  # sigmas of 99 %
 ENOUGH_SEEN = 0.85  # of an outline, for a boundary to be closed
 MAIN_PART = 0.5  # of an outline: from then on a boundary keeps its id
@@ -130,10 +131,12 @@ def arc_lengths(starts, ends, bulges):
     return np.hypot(*(ends - starts).T) / np.sinc(half / math.pi)
 
 
-def sampled(boundary, step_m=SAMPLE_M):
-    """(points, sigmas): from each vertex on at equal distances along the arc, and the last vertex of an open one."""
+def sampled(boundary, step_m=SAMPLE_M, most=20000):
+    """(points, sigmas): from each vertex on at equal distances along the arc, and the last vertex of an open one. A
+    boundary that is too long for so many points has them farther apart."""
     starts, ends, bulges = boundary.ends
-    counts = np.maximum(1, np.ceil(arc_lengths(starts, ends, bulges) / step_m).astype(int))
+    lengths_m = arc_lengths(starts, ends, bulges)
+    counts = np.maximum(1, np.ceil(lengths_m / max(step_m, lengths_m.sum() / most)).astype(int))
     arc = np.repeat(np.arange(len(counts)), counts)
     parts = (np.arange(len(arc)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[arc]
     after = np.roll(boundary.sigma_m, -1)
@@ -308,7 +311,7 @@ def fit_of(truth, which, boundary):
         breaks = breaks[cKDTree(truth.corners[which]).query(joints)[0] > CORNER_M]
     area = area_m2(boundary) if boundary.closed else math.nan
     return Fit(truth.ids[which], len(boundary.vertices), boundary.closed,
-               is_simple(sampled(boundary, COARSE_M)[0], boundary.closed), float(max(away.max(), back.max())),
+               is_simple(sampled(boundary, COARSE_M, FEW)[0], boundary.closed), float(max(away.max(), back.max())),
                float(away.mean()), abs(area / truth.areas_m2[which] - 1.0), float(shape_m),
                math.atan2(turn[1, 0], turn[0, 0]), math.degrees(breaks.max(initial=0.0)),
                float(np.mean(back <= ENVELOPE * sigmas[nearest])), float(sigmas.mean()))
@@ -456,7 +459,7 @@ def check(truth, scan, boundaries, ids, closed_s, wrong):
         if len(boundary.vertices) < 2:
             owners.append(None)
             continue
-        points, _ = sampled(boundary, CHECK_M)
+        points, _ = sampled(boundary, CHECK_M, FEW)
         shares, mean_m = truth.obstacles_of(points)
         second = np.sort(shares)[-2] if len(shares) > 1 else 0.0
         owner = None if mean_m > FALSE_M else "both" if second > OWN_PART else int(shares.argmax())

@@ -355,6 +355,11 @@ class Arcs(unittest.TestCase):
         self.assertAlmostEqual(areas[1] / areas[2], 1.0, places=5)
         self.assertAlmostEqual((areas[1] - areas[0]) / 2.49e-4, (areas[2] - areas[0]) / 2.51e-4, places=4)
 
+    def test_a_boundary_of_kilometres_is_sampled_with_as_many_points(self):
+        points, _ = splinegons.sampled(self.boundary(circle(5000.0)))
+        self.assertLess(len(points), 21000)
+        np.testing.assert_allclose(np.hypot(*points.T), 5000.0, atol=1e-6)
+
     def test_sigma_is_linear_along_an_arc(self):
         boundary = self.boundary(((0.0, 0.0, 0.4), (1.0, 0.0, 0.4)), closed=False)
         points, sigmas = splinegons.sampled(boundary)
