@@ -484,7 +484,8 @@ GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
   pose.is_ready = true;
   pose.T_world_base = pose_of(estimate.x);
   pose.covariance = transformed(pose_jacobian(estimate.x), estimate.P);
-  const InertialSample& sample = imu_[imu_.last_until(stamp_ns)];
+  const std::uint64_t number = imu_.last_until(stamp_ns);
+  const InertialHistory::Entry& sample = imu_[number];
   const Eigen::Matrix3d& R = pose.T_world_base.linear();
   const Eigen::Vector3d lever = mounting_.T_base_imu.translation();
   pose.angular_velocity_base_rad_s = sample.angular_velocity_rad_s - estimate.x.motion.gyroscope_bias_rad_s;
@@ -494,6 +495,17 @@ GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
   J.block<3, 3>(0, kAttitude) = R * hat(pose.angular_velocity_base_rad_s.cross(lever));
   J.block<3, 3>(0, kGyroscopeBias) = -R * hat(lever);
   pose.velocity_covariance = transformed(J, estimate.P);
+  pose.velocity_base_m_s = R.transpose() * pose.velocity_world_m_s;
+  Eigen::Matrix<double, 6, 18> J_twist = Eigen::Matrix<double, 6, 18>::Zero();
+  J_twist.block<3, 3>(0, kVelocity) = R.transpose();
+  J_twist.block<3, 3>(0, kAttitude) = hat(R.transpose() * estimate.x.motion.velocity_world_m_s);
+  J_twist.block<3, 3>(0, kGyroscopeBias) = -hat(lever);
+  J_twist.block<3, 3>(3, kGyroscopeBias) = -Eigen::Matrix3d::Identity();
+  pose.twist_covariance = transformed(J_twist, estimate.P);
+  if (number > imu_.begin()) {  // the white noise of one sample
+    const double period_s = seconds_between(imu_[number - 1].stamp_ns, sample.stamp_ns);
+    pose.twist_covariance.diagonal().tail<3>().array() += sample.gyroscope_noise * sample.gyroscope_noise / period_s;
+  }
   pose.accelerometer_bias_m_s2 = estimate.x.motion.accelerometer_bias_m_s2;
   pose.gyroscope_bias_rad_s = estimate.x.motion.gyroscope_bias_rad_s;
   return pose;

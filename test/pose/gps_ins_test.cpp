@@ -162,6 +162,18 @@ TEST(LocalWorld, ThereAndBackAgain) {
   EXPECT_FALSE(is_valid({91.0, 0.0, 0.0}));
 }
 
+TEST(LocalWorld, OriginsAreReadFromThreeNumbersAndNothingElse) {
+  const GeodeticPosition origin = parse_geodetic_position("-48.1,+11.6,-5e1", "--origin");
+  EXPECT_EQ(origin.latitude_deg, -48.1);
+  EXPECT_EQ(origin.longitude_deg, 11.6);
+  EXPECT_EQ(origin.altitude_m, -50.0);
+  for (const std::string text : {"", "48.1,11.6", "48.1;11.6;520", "48.1,11.6,520,1", "48.1,11.6,520 m", "91,0,0",
+                                 "0,361,0", "nan,0,0", "0,0,inf"}) {
+    EXPECT_TRUE(
+        names(refusal_of([&] { parse_geodetic_position(text, "--origin"); }), {"--origin: " + text, "LAT,LON,ALT"}));
+  }
+}
+
 TEST(GpsInsParams, AreChecked) {
   GpsInsParams params;
   params.gate_probability = 1.5;
@@ -193,6 +205,43 @@ TEST(GpsIns, FollowsAFlightWithLeverArms) {
     ++checked;
   });
   EXPECT_GT(checked, 200);
+}
+
+// The covariance of the velocity in the axes of the base is not only that of the velocity in the world, turned: the
+// attitude is uncertain, too, and correlated with it.
+TEST(GpsIns, TwistOfTheBaseHasItsCovariance) {
+  GpsInsMounting mounting;
+  mounting.T_base_imu.translate(Eigen::Vector3d(0.5, -0.3, 0.2)).rotate(exp_so3({0.3, 2.0, -1.0}));
+  FlightRun run({}, {}, 6, mounting);
+  GpsIns ins({}, mounting);
+  int checked = 0;
+  fly(run, ins, 60.0, kAll, [&](const FlightRun& now, const GpsIns& filter) {
+    const GpsInsPose pose = filter.pose();
+    Estimate<GpsInsState> estimate;
+    if (!pose.is_ready || !filter.state_at(pose.stamp_ns, estimate)) return;
+    EXPECT_LT((pose.T_world_base.linear() * pose.velocity_base_m_s - pose.velocity_world_m_s).norm(), 1e-12);
+    using Vector6 = Eigen::Matrix<double, 6, 1>;
+    const Eigen::Vector3d measured = pose.angular_velocity_base_rad_s + estimate.x.motion.gyroscope_bias_rad_s;
+    const auto twist = [&](const GpsInsState& x) {
+      const Eigen::Vector3d rate = measured - x.motion.gyroscope_bias_rad_s;
+      Vector6 t;
+      t << x.motion.q_world_imu.conjugate() * x.motion.velocity_world_m_s -
+               rate.cross(mounting.T_base_imu.translation()),
+          rate;
+      return t;
+    };
+    EXPECT_LT((twist(estimate.x).head<3>() - pose.velocity_base_m_s).norm(), 1e-9);
+    const auto J = manifold_jacobian<Vector6>(twist, estimate.x);
+    Eigen::Matrix<double, 6, 6> rest = pose.twist_covariance - J * estimate.P * J.transpose();
+    const Eigen::Vector3d white = rest.diagonal().tail<3>();  // of one sample of the gyroscope
+    EXPECT_GT(white.minCoeff(), 0.0);
+    EXPECT_NEAR(white.x() * 0.005, filter.imu_noise()(1) * filter.imu_noise()(1), 1e-3 * white.x() * 0.005 + 1e-12);
+    rest.diagonal().tail<3>().setZero();
+    EXPECT_LT(rest.cwiseAbs().maxCoeff(), 1e-6);
+    EXPECT_LT((now.T_world_base().linear().transpose() * pose.velocity_world_m_s - pose.velocity_base_m_s).norm(), 1.0);
+    ++checked;
+  });
+  EXPECT_GT(checked, 100);
 }
 
 // Heading is not course: a straight flight in the wind says nothing of the yaw.

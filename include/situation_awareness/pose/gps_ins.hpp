@@ -97,7 +97,10 @@ struct GpsInsPose {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d velocity_world_m_s = Eigen::Vector3d::Zero();  ///< of the base
   Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d velocity_base_m_s = Eigen::Vector3d::Zero();  ///< the same in the axes of the base
   Eigen::Vector3d angular_velocity_base_rad_s = Eigen::Vector3d::Zero();
+  /// Of the two in the axes of the base.
+  Eigen::Matrix<double, 6, 6> twist_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d accelerometer_bias_m_s2 = Eigen::Vector3d::Zero();  ///< axes of the base
   Eigen::Vector3d gyroscope_bias_rad_s = Eigen::Vector3d::Zero();     ///< axes of the base
 };

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <string>
+
 #include <Eigen/Core>
 
 namespace situation_awareness {
@@ -14,6 +16,9 @@ struct GeodeticPosition {
 
 /// Whether the numbers are finite and the latitude is in [-90, 90], the longitude in [-360, 360] degrees.
 bool is_valid(const GeodeticPosition& position);
+
+/// From text, "LAT,LON,ALT" in degrees and m. Throws std::invalid_argument naming `source`.
+GeodeticPosition parse_geodetic_position(const std::string& text, const std::string& source);
 
 /// East, north and up (m) of a place in the Cartesian frame that is tangent to the ellipsoid at `origin`
 /// (GeographicLib::LocalCartesian). Covariances of east, north and up are taken as they are: at a distance d their axes
