@@ -13,6 +13,8 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/safety.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
+  src/ros/gps_ins_input.cpp
+  src/ros/gps_ins_report.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
@@ -29,6 +31,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/object_report.cpp
   src/ros/odometry_input.cpp
   src/ros/pace.cpp
+  src/ros/params/gps_ins_nodelet_params.cpp
   src/ros/params/live_params.cpp
   src/ros/params/localization_nodelet_params.cpp
   src/ros/params/nodelet_params.cpp
@@ -62,6 +65,7 @@ target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_
 
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
+  src/ros/nodelets/gps_ins_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
   src/ros/nodelets/path_following_nodelet.cpp
   src/ros/nodelets/polygon_mapping_nodelet.cpp

@@ -8,6 +8,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
@@ -100,6 +101,7 @@ void print_all() {
   PolygonNodeletParams polygon_params;
   LocalizationNodeletParams localization_params;
   PathNodeletParams path_params;
+  GpsInsNodeletParams gps_ins_params;
   const std::vector<Parameter> of_objects = parameters_of(object_params);
   const std::vector<Parameter> of_polygons = parameters_of(polygon_params);
   print_sections(of_objects, {});
@@ -107,6 +109,9 @@ void print_all() {
   print_sections(of_polygons, of_objects);
   print_section(parameters_of(localization_params), "", "reflector_localization", of_objects);
   print_section(parameters_of(path_params), "", "safety_areas and path_following", of_objects);
+  const std::vector<Parameter> of_gps_ins = parameters_of(gps_ins_params);
+  print_section(of_gps_ins, "", "The nodelet gps_ins", of_objects);
+  print_sections(of_gps_ins, of_objects);
 }
 
 }  // namespace

@@ -3,17 +3,21 @@
 
 namespace situation_awareness {
 
-void report_nis(NisMonitor& nis, StageDiagnostics::Status& status) {
+NisMonitor::Summary report_nis(NisMonitor& nis, StageDiagnostics::Status& status, const std::string& sensor) {
   const NisMonitor::Summary summary = nis.summarise();
-  status.add("NIS matches", summary.matches);
+  const std::string key = sensor.empty() ? "NIS" : sensor + " NIS";
+  status.add(key + " matches", summary.matches);
   if (summary.matches > 0) {
-    status.addf("NIS mean", "%.2f", summary.mean);
-    status.addf("NIS 95 % bounds", "%.2f to %.2f", summary.low, summary.high);
+    status.addf(key + " mean", "%.2f", summary.mean);
+    status.addf(key + " 95 % bounds", "%.2f to %.2f", summary.low, summary.high);
   }
   if (summary.too_certain) {
     status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN,
-                        "detections stray by more than the map says: its covariances are too small");
+                        sensor.empty()
+                            ? "detections stray by more than the map says: its covariances are too small"
+                            : sensor + " measurements stray by more than the filter says: covariances are too small");
   }
+  return summary;
 }
 
 }  // namespace situation_awareness

@@ -9,9 +9,11 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include "situation_awareness/geometry/lie_groups.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/hit_labels.hpp"
+#include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
@@ -801,6 +803,64 @@ TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {
   msg = isometry_to_msg(T);
   msg.translation.x = std::numeric_limits<double>::quiet_NaN();
   EXPECT_THROW(isometry_from_msg(msg), std::invalid_argument);
+}
+
+TEST(ConvertNavigationSensors, FixesOfUnknownCovarianceHaveNone) {
+  sensor_msgs::NavSatFix msg;
+  msg.header.stamp = to_ros_time(kStamp_ns);
+  msg.status.status = sensor_msgs::NavSatStatus::STATUS_NO_FIX;
+  msg.latitude = 48.1;
+  msg.longitude = 11.5;
+  msg.altitude = 520.0;
+  for (std::size_t i = 0; i < 9; ++i) msg.position_covariance[i] = static_cast<double>(i);
+  GeodeticFix fix = fix_from_msg(msg);
+  EXPECT_EQ(fix.stamp_ns, kStamp_ns);
+  EXPECT_FALSE(fix.is_fix);
+  EXPECT_EQ(fix.covariance_m2, Eigen::Matrix3d::Zero());
+  msg.status.status = sensor_msgs::NavSatStatus::STATUS_GBAS_FIX;
+  msg.position_covariance_type = sensor_msgs::NavSatFix::COVARIANCE_TYPE_KNOWN;
+  fix = fix_from_msg(msg);
+  EXPECT_TRUE(fix.is_fix);
+  EXPECT_EQ(fix.covariance_m2(1, 2), 5.0);  // row by row
+  EXPECT_EQ(fix.covariance_m2(2, 1), 7.0);
+}
+
+// The attitude's error is a rotation in the axes of the base in the core, and in those of the world in messages.
+TEST(ConvertNavigationSensors, OdometryHasItsCovarianceInTheAxesOfRos) {
+  GpsInsPose pose;
+  pose.stamp_ns = kStamp_ns;
+  pose.T_world_base.translate(Eigen::Vector3d(1.0, 2.0, 3.0)).rotate(exp_so3({0.4, -1.2, 0.7}));
+  Eigen::Matrix<double, 6, 6> A;
+  for (int i = 0; i < 36; ++i) A(i / 6, i % 6) = std::sin(1.0 + 7.0 * i);
+  pose.covariance = A * A.transpose();
+  pose.twist_covariance = A.transpose() * A;
+  pose.velocity_base_m_s = {4.0, 5.0, 6.0};
+  pose.angular_velocity_base_rad_s = {0.1, 0.2, 0.3};
+  const nav_msgs::Odometry msg = odometry_to_msg(pose, "field", "rover");
+  EXPECT_EQ(msg.header.stamp, to_ros_time(kStamp_ns));
+  EXPECT_EQ(msg.header.frame_id, "field");
+  EXPECT_EQ(msg.child_frame_id, "rover");
+  const Eigen::Quaterniond q(msg.pose.pose.orientation.w, msg.pose.pose.orientation.x, msg.pose.pose.orientation.y,
+                             msg.pose.pose.orientation.z);
+  EXPECT_LT((q.toRotationMatrix() - pose.T_world_base.linear()).norm(), 1e-12);
+  EXPECT_EQ(msg.pose.pose.position.z, 3.0);
+  EXPECT_EQ(msg.twist.twist.linear.y, 5.0);
+  EXPECT_EQ(msg.twist.twist.angular.z, 0.3);
+  EXPECT_EQ(msg.twist.covariance[6 * 1 + 3], pose.twist_covariance(1, 3));
+
+  // Of errors that have this covariance, columns of A: what rotates the estimate to the truth in the world.
+  Eigen::Matrix<double, 6, 6> expected = Eigen::Matrix<double, 6, 6>::Zero();
+  constexpr double kSmall = 1e-5;
+  for (int k = 0; k < 6; ++k) {
+    const Eigen::Matrix3d& R = pose.T_world_base.linear();
+    const Eigen::Matrix3d truth = R * exp_so3(kSmall * A.block<3, 1>(3, k)).toRotationMatrix();
+    Eigen::Matrix<double, 6, 1> e;
+    e << A.block<3, 1>(0, k), log_so3(Eigen::Quaterniond(truth * R.transpose())) / kSmall;
+    expected += e * e.transpose();
+  }
+  for (int i = 0; i < 36; ++i) {
+    EXPECT_NEAR(msg.pose.covariance[static_cast<std::size_t>(i)], expected(i / 6, i % 6), 1e-6) << i;
+  }
 }
 
 TEST(ConvertSafety, VerdictsAllowWhatWasDecided) {

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
@@ -137,7 +138,9 @@ TEST(NodeletParams, OfEachKindDoNotWarnOfThoseOfTheOthers) {
   tree["localization"]["gate_probability"] = 0.99;
   tree["reflector_file"] = "/reflectors.yaml";  // of localisation
   tree["path"]["pause_s"] = 1.0;
-  tree["path_file"] = "/path.yaml";   // of the nodelets that drive
+  tree["path_file"] = "/path.yaml";  // of the nodelets that drive
+  tree["gps_ins"]["max_delay_s"] = 2.0;
+  tree["fix_sigma_m"] = 3.0;          // of the nodelet with GPS and INS
   tree["polygons"]["removal"] = 1.2;  // of nobody
   const ParamReader reader(tree, "one file");
   const auto expect_one = [](const std::vector<UnknownKey>& unknown) {
@@ -149,7 +152,45 @@ TEST(NodeletParams, OfEachKindDoNotWarnOfThoseOfTheOthers) {
   expect_one(read_path_nodelet_params(reader).unknown);
 }
 
+TEST(GpsInsNodeletParams, ShareAFileWithOtherStages) {
+  XmlRpcValue tree;
+  tree["gps_ins"]["max_delay_s"] = 2.0;
+  tree["polygons"]["removal_s"] = 1.2;
+  tree["scan"]["max_range_m"] = 7.0;
+  EXPECT_TRUE(read_gps_ins_nodelet_params(ParamReader(tree, "here")).unknown.empty());
+  EXPECT_TRUE(read_polygon_nodelet_params(ParamReader(tree, "here")).unknown.empty());
+  tree["gps_ins"]["max_delay"] = 2.0;
+  const auto unknown = read_gps_ins_nodelet_params(ParamReader(tree, "here")).unknown;
+  ASSERT_EQ(unknown.size(), 1U);
+  EXPECT_EQ(unknown[0].path, "gps_ins.max_delay");
+}
+
+TEST(GpsInsNodeletParams, AreReadAndChecked) {
+  const auto read = [](const char* name, const XmlRpcValue& value) {
+    XmlRpcValue tree;
+    tree[name] = value;
+    return read_gps_ins_nodelet_params(ParamReader(tree, "here"));
+  };
+  const auto refused = [&](const char* name, const XmlRpcValue& value) {
+    return refusal_of([&] { read(name, value); });
+  };
+  EXPECT_EQ(read("imu_frame", "/imu_link").imu_frame, "imu_link");
+  EXPECT_EQ(read("fix_frame", "/gps").fix_frame, "gps");
+  EXPECT_EQ(read("origin", "48.1,11.5,520").origin, "48.1,11.5,520");
+  XmlRpcValue section;
+  section["gate_probability"] = 0.99;
+  EXPECT_EQ(read("gps_ins", section).gps_ins.gate_probability, 0.99);
+  section["gate_probability"] = 1.5;
+  EXPECT_TRUE(names(refused("gps_ins", section), {"here", "gps_ins.gate_probability", "1.5"}));
+  EXPECT_TRUE(names(refused("origin", "north"), {"here", "origin", "north", "LAT,LON,ALT"}));
+  EXPECT_TRUE(names(refused("base_frame", ""), {"here", "base_frame", "empty"}));
+  EXPECT_TRUE(names(refused("base_frame", "world"), {"here", "world_frame", "base_frame", "both world"}));
+  EXPECT_TRUE(names(refused("fix_sigma_m", 0.0), {"here", "fix_sigma_m", "0"}));
+}
+
 TEST(NodeletParams, OfEachKindDeclareAllTheirMembers) {
+  EXPECT_EQ(declared_size<GpsInsNodeletParams>(),
+            aggregate_size<GpsInsNodeletParams>() - 2 + declared_size<NodeletParams>());
   const std::size_t others = 3;  // as above
   const std::size_t shared = declared_size<NodeletParams>() + declared_size<PolygonPipelineParams>();
   EXPECT_EQ(declared_size<PolygonNodeletParams>(), aggregate_size<PolygonNodeletParams>() - others + shared);

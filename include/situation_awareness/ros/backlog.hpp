@@ -48,6 +48,9 @@ class Backlog {
 
   std::size_t waiting() const { return waiting_.size(); }
 
+  /// From now on no message is dropped under overload.
+  void keep_all() { keeps_all_ = true; }
+
   /// Removes all waiting messages.
   void clear() {
     queue_.removeByID(id());
@@ -83,9 +86,11 @@ class Backlog {
   void process_next() {
     scheduled_ = false;
     if (waiting_.empty()) return;
-    drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front().msg->header.stamp),
-                                  to_nanoseconds(waiting_.back().msg->header.stamp)),
-                drop_reason::kOvertaken);
+    if (!keeps_all_) {
+      drop_oldest(pace_.passed_over(waiting_.size(), to_nanoseconds(waiting_.front().msg->header.stamp),
+                                    to_nanoseconds(waiting_.back().msg->header.stamp)),
+                  drop_reason::kOvertaken);
+    }
     const Waiting next = waiting_.front();
     waiting_.pop_front();
     const ros::SteadyTime start = ros::SteadyTime::now();
@@ -106,6 +111,7 @@ class Backlog {
   Pace pace_;
   ros::SteadyTime free_since_;
   bool scheduled_ = false;  ///< a callback is queued
+  bool keeps_all_ = false;
 };
 
 }  // namespace situation_awareness

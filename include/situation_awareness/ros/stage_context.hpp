@@ -113,6 +113,10 @@ class StageContext : public StageContextBase {
   /// Adds the message to the backlog.
   void enqueue(const QueuedConstPtr& queued, const ros::SteadyTime& arrival) { backlog_.add(queued, arrival); }
 
+  /// For a stage to which each message matters and costs little, as samples to be integrated do: under overload none is
+  /// dropped.
+  void keep_all() { backlog_.keep_all(); }
+
   void drop_enqueued(const char* reason) { backlog_.drop_all(reason); }
 
   /// Publishes by pointer, without serialisation between stages of one process. A message with a field

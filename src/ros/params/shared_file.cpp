@@ -5,6 +5,7 @@
 #include <exception>
 #include <string>
 
+#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
@@ -37,6 +38,7 @@ void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownK
   forget_known_to<PolygonNodeletParams>(reader, unknown);
   forget_known_to<LocalizationNodeletParams>(reader, unknown);
   forget_known_to<PathNodeletParams>(reader, unknown);
+  forget_known_to<GpsInsNodeletParams>(reader, unknown);
 }
 
 }  // namespace situation_awareness

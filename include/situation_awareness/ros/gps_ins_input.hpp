@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/NavSatFix.h>
+#include <tf2/buffer_core.h>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// The pose by GPS and INS from messages, live or of a bag. Where IMU and antenna are on the base is asked of TF until
+/// it is known, and then taken for fixed; a frame that is the base needs no transform. Until both are known there is no
+/// filter, and messages are not used.
+class GpsInsInput {
+ public:
+  /// `transforms` must outlive this. Throws std::invalid_argument as the parameters' check.
+  GpsInsInput(const GpsInsNodeletParams& params, const tf2::BufferCore& transforms);
+
+  /// Reason why the sample was not used, one of a few texts; empty if it was. detail() tells more.
+  std::string add_imu(const sensor_msgs::Imu& msg);
+  const std::string& detail() const { return detail_; }
+
+  /// What is not used of these is counted by counters(), or by those of the filter. A covariance that is unknown or
+  /// zero is replaced by `fix_sigma_m`.
+  void add_fix(const sensor_msgs::NavSatFix& msg);
+
+  /// The height (z) of the IMU in the world with its variance; the rest of the pose is not used. A pose and not a
+  /// pressure: what a pressure of the air is in m above the origin changes with the weather by metres in an hour, which
+  /// the driver that has a model of it must say in the variance.
+  void add_altitude(const geometry_msgs::PoseWithCovarianceStamped& msg);
+
+  /// The yaw of the orientation (of the message's frame in east, north, up: REP 145), its variance about z.
+  void add_heading(const sensor_msgs::Imu& msg);
+
+  /// None before both mountings are known.
+  GpsIns* filter() { return filter_ ? &*filter_ : nullptr; }
+  const GpsIns* filter() const { return filter_ ? &*filter_ : nullptr; }
+
+  const Counters& counters() const { return counters_; }
+  /// Of the latest fix that a receiver had; StampOrder::kNone before.
+  std::int64_t fix_stamp_ns() const { return fix_stamp_ns_; }
+
+ private:
+  struct Sensor {
+    bool is_given = false;  ///< frame is a parameter's, whatever the messages say
+    std::string frame;      ///< empty: not known yet
+    std::optional<Eigen::Isometry3d> T_base_sensor;
+  };
+
+  /// Whether its place on the base is known, now if not before; else why_not is tf2's reason.
+  bool mount(Sensor& sensor, std::string& why_not) const;
+  /// Whether the message is of the sensor's frame, which is that of the first message if it is not given.
+  static bool is_of(Sensor& sensor, const std::string& frame);
+
+  GpsInsNodeletParams params_;
+  const tf2::BufferCore& transforms_;
+  Sensor imu_, antenna_, compass_;
+  std::optional<GpsIns> filter_;
+  Counters counters_;
+  std::string detail_;
+  std::int64_t fix_stamp_ns_ = StampOrder::kNone;
+  std::int64_t heading_stamp_ns_ = StampOrder::kNone;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the nodelet gps_ins: the section `gps_ins`, and its own.
+struct GpsInsNodeletParams {
+  NodeletParams nodelet;
+  std::string base_frame = "base_link";
+  std::string imu_frame;
+  std::string fix_frame;
+  std::string origin;
+  double rate_hz = 50.0;
+  bool publish_tf = true;
+  double fix_sigma_m = 2.0;
+  bool use_heading = false;
+  double heading_offset_rad = 0.0;
+  double heading_sigma_rad = 0.05;
+  double heading_period_s = 1.0;
+  GpsInsParams gps_ins;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is published; x ahead, y left, z up");
+    visit("imu_frame", self.imu_frame, "frame of the IMU, whatever its messages say; empty: theirs");
+    visit("fix_frame", self.fix_frame, "frame of the receiver's antenna, whatever its messages say; empty: theirs");
+    visit("origin", self.origin,
+          "of the world, \"LAT,LON,ALT\" in degrees and m above the ellipsoid; empty: the first good fix");
+    visit("rate_hz", self.rate_hz, Bounds{0.1, 1000.0}, "Hz",
+          "largest rate of odometry, pose and TF; at most that of the IMU");
+    visit("publish_tf", self.publish_tf, "publish the transform from world to base");
+    visit("fix_sigma_m", self.fix_sigma_m, Bounds{0.001, 1000.0}, "m",
+          "standard deviation of east and of north, half of that of up, of fixes that come without a covariance");
+    visit("use_heading", self.use_heading, "use the yaw of the orientations on the topic `heading`");
+    visit(
+        "heading_offset_rad", self.heading_offset_rad, Bounds{-7.0, 7.0}, "rad",
+        "added to that yaw: minus the declination of a compass, which is positive where its north is east of the true "
+        "one");
+    visit("heading_sigma_rad", self.heading_sigma_rad, Bounds{0.001, 3.0}, "rad",
+          "standard deviation added to that of each message");
+    visit("heading_period_s", self.heading_period_s, Bounds{0.0, 1000.0}, "s",
+          "orientations that follow the one used before by less than this are passed over: those of a compass all have "
+          "the error of its place");
+    visit("gps_ins", self.gps_ins);
+  }
+};
+
+/// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
+GpsInsNodeletParams read_gps_ins_nodelet_params(const ParamReader& reader);
+
+}  // namespace situation_awareness

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/gps_ins_input.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/pose/local_world.hpp"
+#include "situation_awareness/ros/convert/navigation_sensors.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Of the standard deviation of up to that of east and of north: satellites are never below the antenna.
+constexpr double kVerticalRatio = 2.0;
+/// Beyond what sensors of vehicles measure (200 g, 4000 deg/s) by far.
+constexpr double kMaxForce_m_s2 = 1e4;
+constexpr double kMaxRate_rad_s = 1e3;
+/// The yaw of an axis that is nearer to the vertical than 6 degrees says nothing.
+constexpr double kMinHorizontal = 0.1;
+/// Index of the variance of z, and of the rotation about z, in the covariances of the messages.
+constexpr std::size_t kHeight = 14, kYaw = 8;
+
+}  // namespace
+
+GpsInsInput::GpsInsInput(const GpsInsNodeletParams& params, const tf2::BufferCore& transforms)
+    : params_(params), transforms_(transforms) {
+  params.gps_ins.validate();
+  imu_ = {!params.imu_frame.empty(), params.imu_frame, {}};
+  antenna_ = {!params.fix_frame.empty(), params.fix_frame, {}};
+  counters_.reset();
+}
+
+bool GpsInsInput::mount(Sensor& sensor, std::string& why_not) const {
+  if (sensor.T_base_sensor) return true;
+  if (sensor.frame == params_.base_frame) {
+    sensor.T_base_sensor = Eigen::Isometry3d::Identity();
+    return true;
+  }
+  try {
+    if (transforms_.canTransform(params_.base_frame, sensor.frame, ros::Time(), &why_not)) {
+      sensor.T_base_sensor = transform_at(transforms_, params_.base_frame, sensor.frame, ros::Time());
+      return true;
+    }
+  } catch (const std::exception& error) {  // of tf2, or not a rotation
+    why_not = error.what();
+  }
+  why_not = "from " + params_.base_frame + " to " + sensor.frame + ": " + why_not;
+  return false;
+}
+
+bool GpsInsInput::is_of(Sensor& sensor, const std::string& frame) {
+  if (sensor.is_given) return true;
+  const std::string of = tf2_frame(frame);
+  if (sensor.frame.empty()) sensor.frame = of;
+  return !of.empty() && of == sensor.frame;
+}
+
+std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg) {
+  detail_.clear();
+  const InertialSample sample = inertial_sample_from_msg(msg);
+  if (sample.stamp_ns == 0) return "bad imu: stamp of zero";
+  if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
+    return "bad imu: not finite";
+  }
+  if (sample.specific_force_m_s2.norm() > kMaxForce_m_s2 || sample.angular_velocity_rad_s.norm() > kMaxRate_rad_s) {
+    return "bad imu: out of range";
+  }
+  if (!is_of(imu_, msg.header.frame_id)) {
+    return msg.header.frame_id.empty() ? "bad imu: no frame" : "bad imu: another frame";
+  }
+  if (!filter_) {
+    if (!mount(imu_, detail_)) return drop_reason::kNoTransform;
+    if (antenna_.frame.empty()) return "no fix yet";
+    if (!mount(antenna_, detail_)) return drop_reason::kNoTransform;
+    std::optional<GeodeticPosition> origin;
+    if (!params_.origin.empty()) origin = parse_geodetic_position(params_.origin, "origin");
+    filter_.emplace(params_.gps_ins, GpsInsMounting{*imu_.T_base_sensor, antenna_.T_base_sensor->translation()},
+                    origin);
+  }
+  const std::int64_t before_ns = filter_->stamp_ns();
+  filter_->add_imu(sample);
+  const std::int64_t after_ns = filter_->stamp_ns();
+  return after_ns == before_ns || after_ns != sample.stamp_ns ? drop_reason::kStamp : "";
+}
+
+void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
+  if (!is_of(antenna_, msg.header.frame_id)) {
+    ++counters_[msg.header.frame_id.empty() ? "fix without a frame" : "fix in another frame"];
+    return;
+  }
+  GeodeticFix fix = fix_from_msg(msg);
+  if (!filter_) {
+    ++counters_["fix before the imu"];
+    return;
+  }
+  const Eigen::Matrix3d& covariance = fix.covariance_m2;
+  if (fix.is_fix && covariance.allFinite() && !(covariance.diagonal().minCoeff() > 0.0)) {
+    const double variance_m2 = params_.fix_sigma_m * params_.fix_sigma_m;
+    fix.covariance_m2 =
+        Eigen::Vector3d(variance_m2, variance_m2, kVerticalRatio * kVerticalRatio * variance_m2).asDiagonal();
+    ++counters_["fix without covariance: fix_sigma_m used"];
+  }
+  if (fix.is_fix && is_valid(fix.position)) fix_stamp_ns_ = fix.stamp_ns;
+  filter_->add_fix(fix);
+}
+
+void GpsInsInput::add_altitude(const geometry_msgs::PoseWithCovarianceStamped& msg) {
+  const double variance_m2 = msg.pose.covariance[kHeight];
+  if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame) {
+    ++counters_["altitude in another frame"];
+  } else if (!(variance_m2 > 0.0)) {
+    ++counters_["altitude without a variance"];
+  } else if (!filter_) {
+    ++counters_["altitude before the imu"];
+  } else {
+    filter_->add_altitude(to_nanoseconds(msg.header.stamp), msg.pose.pose.position.z, std::sqrt(variance_m2));
+  }
+}
+
+void GpsInsInput::add_heading(const sensor_msgs::Imu& msg) {
+  const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
+  if (!filter_) {
+    ++counters_["heading before the imu"];
+    return;
+  }
+  // A stamp that went back is of a time that started again.
+  if (heading_stamp_ns_ != StampOrder::kNone && stamp_ns >= heading_stamp_ns_ &&
+      seconds_between(heading_stamp_ns_, stamp_ns) < params_.heading_period_s) {
+    return;
+  }
+  if (msg.orientation_covariance[0] == -1.0) {  // as sensor_msgs/Imu says
+    ++counters_["heading without an orientation"];
+    return;
+  }
+  if (!is_of(compass_, msg.header.frame_id)) {
+    ++counters_[msg.header.frame_id.empty() ? "heading without a frame" : "heading in another frame"];
+    return;
+  }
+  std::string why_not;
+  if (!mount(compass_, why_not)) {
+    ++counters_["heading without a transform"];
+    return;
+  }
+  geometry_msgs::Transform orientation;
+  orientation.rotation = msg.orientation;
+  Eigen::Matrix3d R;
+  try {
+    R = isometry_from_msg(orientation).linear() * compass_.T_base_sensor->linear().transpose();
+  } catch (const std::exception&) {
+    ++counters_["heading not a rotation"];
+    return;
+  }
+  if (R.block<2, 1>(0, 0).norm() < kMinHorizontal) {
+    ++counters_["heading of an upright base"];
+    return;
+  }
+  heading_stamp_ns_ = stamp_ns;
+  const double variance = std::max(msg.orientation_covariance[kYaw], 0.0);
+  filter_->add_heading(stamp_ns, std::atan2(R(1, 0), R(0, 0)) + params_.heading_offset_rad,
+                       std::sqrt(variance + params_.heading_sigma_rad * params_.heading_sigma_rad));
+}
+
+}  // namespace situation_awareness
