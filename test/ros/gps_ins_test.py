@@ -334,7 +334,8 @@ class GpsInsTest(unittest.TestCase):
                                          lambda change=spoil: self.run_for(4.0, change_fix=change)), 20)
             self.assert_true(self.odometry.messages[before:])
 
-    @fault("fixes that cannot be used", "NaN, a covariance of NaN, no frame, another frame, 20 s old, 20 s ahead, 50 m off",
+    @fault("fixes that cannot be used",
+           "NaN, a covariance of NaN, no frame, another frame, 20 s old, 20 s ahead, 50 m off",
            "each is counted by its reason; the pose stays", times=7)
     def test_05_fixes_that_cannot_be_used_change_nothing(self):
         def of(msg, name, value):
@@ -389,7 +390,8 @@ class GpsInsTest(unittest.TestCase):
             self.assert_true(self.odometry.messages[before:])
         self.run_and_assert_true()
 
-    @fault("fixes missing", "for 10 s", "the pose goes on by the IMU, its sigma grows, a warning says for how long; then it is back")
+    @fault("fixes missing", "for 10 s",
+           "the pose goes on by the IMU, its sigma grows, a warning says for how long; then it is back")
     def test_07_goes_on_without_fixes(self):
         self.run_and_assert_true()
         self.settle()
@@ -406,7 +408,8 @@ class GpsInsTest(unittest.TestCase):
 
     # --- other sensors
 
-    @fault("height or heading that cannot be used", "another frame, no variance, NaN; no orientation, no rotation, no transform",
+    @fault("height or heading that cannot be used",
+           "another frame, no variance, NaN; no orientation, no rotation, another frame",
            "each is counted by its reason; the pose stays", times=6)
     def test_08_takes_heights_and_headings(self):
         def height():
@@ -444,7 +447,8 @@ class GpsInsTest(unittest.TestCase):
 
         for key, publisher, message, spoil in (
                 ("altitude in another frame", self.altitude, height, lambda m: setattr(m.header, "frame_id", "map")),
-                ("altitude without a variance", self.altitude, height, lambda m: setattr(m.pose, "covariance", [0.0] * 36)),
+                ("altitude without a variance", self.altitude, height,
+                 lambda m: setattr(m.pose, "covariance", [0.0] * 36)),
                 ("altitude not finite", self.altitude, height, lambda m: setattr(m.pose.pose.position, "z", math.nan)),
                 ("heading without an orientation", self.heading, compass,
                  lambda m: setattr(m, "orientation_covariance", [-1.0] + [0.0] * 8)),
