@@ -726,6 +726,24 @@ void PolygonMap::measure(const ChainLinks::Run& run) {
   }
 }
 
+bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
+                             BoundaryElement& element) const {
+  double least_m = reach_m;
+  Index nearest = kNone;
+  surfels_.for_each_near(p_world_m, reach_m, [&](Index i, const Surfel& surfel) {
+    if (!surfel.confirmed || surfel.normal_world.dot(normal_world) < kOneSurface) return;
+    const Eigen::Vector2d d_m = p_world_m - surfel.p_world_m;
+    const double across_m = std::abs(surfel.normal_world.dot(d_m));
+    if (across_m >= least_m || std::abs(surfel.along_world().dot(d_m)) > params_.spacing_m) return;
+    least_m = across_m;
+    nearest = i;
+  });
+  if (nearest == kNone) return false;
+  const Surfel& surfel = surfels_[nearest];
+  element = {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, 0.0, 0.0};
+  return true;
+}
+
 void PolygonMap::elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const {
   elements.clear();
   const ChainLinks::Run& run = shown_[chain];

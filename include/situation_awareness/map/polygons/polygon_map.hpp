@@ -105,6 +105,11 @@ class PolygonMap {
   /// `elements` is overwritten.
   void elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const;
 
+  /// An element on the map that is nearest to a place across it, within `reach_m` and less than a spacing beside it,
+  /// and faces the same way as `normal_world`; false if there is none. Its extent is not given.
+  bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
+                   BoundaryElement& element) const;
+
   std::size_t elements() const { return surfels_.count(); }
 
   /// The whole state, after an update or a call of polygons(), which names new chains.

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/map/splinegons/splinegon_fit.hpp"
+#include "situation_awareness/map/splinegons/splinegons.hpp"
+
+namespace situation_awareness {
+
+struct SplinegonMapParams {
+  double min_extent_m = 2.5;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("min_extent_m", self.min_extent_m, Bounds{0.1, 1000.0}, "m",
+          "largest distance of two places of an obstacle's boundary, at least; what is smaller is no large obstacle");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "boundaries"); }
+};
+
+/// What is known of the boundary of an obstacle: its elements, in order and counter-clockwise around the obstacle.
+struct ObstacleBoundary {
+  std::uint64_t id = 0;  ///< never used twice
+  bool closed = false;
+  std::vector<SplinegonElement> elements;
+  std::int64_t first_seen_ns = 0, last_seen_ns = 0;
+};
+
+/// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, from the
+/// fit before. It keeps its memory: no allocation after warm-up.
+class SplinegonMap {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  SplinegonMap(const SplinegonMapParams& params, const SplinegonFitParams& fit);
+
+  /// `boundaries`: all that are known after the scan with this stamp, those that are not given are gone.
+  /// `common_variance_m2`: of the error that all places of a boundary share, across it.
+  const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries,
+                           double common_variance_m2);
+
+  const Splinegons& splinegons() const { return splinegons_; }
+
+ private:
+  bool is_large(const ObstacleBoundary& boundary) const;
+
+  SplinegonMapParams params_;
+  SplinegonFit fit_;
+  Splinegons splinegons_, before_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/map/splinegons/splinegon_map.hpp"
+#include "situation_awareness/pipeline/map_alignment.hpp"
+#include "situation_awareness/points/points.hpp"
+#include "situation_awareness/polylines/polyline_extraction.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
+#include "situation_awareness/segments/segmentation.hpp"
+
+namespace situation_awareness {
+
+/// All parameters of the pipeline from scan to the boundaries of large obstacles; cfg/splinegons.yaml mirrors it.
+struct SplinegonPipelineParams {
+  RangeLimiterParams scan;
+  SegmentationParams segments;
+  PolylineParams polylines;
+  PolygonMapParams polygons;
+  MapAlignmentParams alignment;
+  SplinegonMapParams boundaries;
+  SplinegonFitParams splinegons;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("scan", self.scan);
+    visit("segments", self.segments);
+    visit("polylines", self.polylines);
+    visit("polygons", self.polygons);
+    visit("alignment", self.alignment);
+    visit("boundaries", self.boundaries);
+    visit("splinegons", self.splinegons);
+  }
+};
+
+/// From scan to the boundaries of large obstacles in one thread, without ROS: chains of the map of polygons, with
+/// elements as coarse as the scans are, whose extent is large, are fitted by splinegons.
+class SplinegonPipeline {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit SplinegonPipeline(const SplinegonPipelineParams& params);
+
+  /// With a pose that is known well. Throws std::invalid_argument if the scan or the pose cannot be used; the maps are
+  /// then unchanged. `pose_covariance`: of the error of the pose in x, y (m) and yaw (rad), in the axes of the world.
+  /// The result is valid until the next call, which reuses its memory.
+  const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                            const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
+
+  /// With a pose by inertial navigation, of which GPS says where it is in the world. All calls are of one kind.
+  const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
+                            const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
+
+  const Polygons& polygons() const { return polygons_; }
+  const Splinegons& splinegons() const { return map_.splinegons(); }
+
+ private:
+  void take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                      const Eigen::Isometry3d& T_world_lidar_end);
+  const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
+  void take_boundaries();
+
+  SplinegonPipelineParams params_;
+  PolygonMap chains_;
+  MapAlignment alignment_;
+  SplinegonMap map_;
+  Scan limited_;
+  Points points_;
+  Segments segments_;
+  Polylines polylines_;
+  PolygonMapUpdate update_;
+  Polygons polygons_;
+  std::vector<BoundaryElement> elements_;
+  std::vector<ObstacleBoundary> boundaries_;
+};
+
+}  // namespace situation_awareness

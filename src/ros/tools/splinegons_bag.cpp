@@ -1,0 +1,366 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From a recorded bag to the boundaries of large obstacles, without a roscore, as fast as possible.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <rosbag/bag.h>
+#include <rosbag/query.h>
+#include <rosbag/view.h>
+#include <sensor_msgs/Imu.h>
+#include <sensor_msgs/LaserScan.h>
+#include <sensor_msgs/NavSatFix.h>
+
+#include "command_line.hpp"
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/pipeline/splinegon_pipeline.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/ros/bag/atomic_file.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/convert/navigation_sensors.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kName = "splinegons_bag";
+constexpr const char* kConfig = "splinegons.yaml";
+constexpr const char* kDescription =
+    R"(Reads laser scans, an IMU, fixes of a GPS receiver and transforms from a bag and writes pose and boundaries of large
+obstacles after each scan as one line of JSON:
+  {"stamp": s, "pose": {"x", "y", "z", "roll", "pitch", "yaw": number, "covariance": [36 numbers, row by row]},
+   "boundaries": [{"id": int, "closed": bool, "vertices": [[x, y, bulge], ...], "sigma_m": [one per vertex]}]}
+in m, rad and s, in the local east, north and up of the origin. The pose is that of the base at the stamp, its covariance
+that of x, y, z and of the attitude's error in the base. Boundaries run counter-clockwise around the obstacle; a vertex's
+bulge is tan(arc angle / 4) of the arc to the next one. Invalid scans have no line and are counted by reason. Files are
+written atomically.
+)";
+
+using Matrix6 = Eigen::Matrix<double, 6, 6>;
+
+constexpr double kResetTimeJump_s = 1.0;
+/// Of poses from /tf, which have no covariance.
+constexpr double kTfSigma_m = 0.01;
+constexpr double kTfSigma_rad = 0.002;
+
+struct Options {
+  BagOptions bag;
+  std::string scan_topic = "/scan", imu_topic = "/imu", fix_topic = "/fix";
+  std::string localization = "gps", origin, lidar_frame, base_frame = "base_link", out;
+};
+
+/// LAT,LON,ALT in degrees and m. Throws std::invalid_argument.
+GeodeticPosition parse_origin(const std::string& text) {
+  GeodeticPosition position;
+  char rest = '\0';
+  const int count = std::sscanf(text.c_str(), "%lf,%lf,%lf%c", &position.latitude_deg, &position.longitude_deg,
+                                &position.altitude_m, &rest);
+  if (count != 3 || !is_valid(position)) throw std::invalid_argument("--origin: " + text + " is not LAT,LON,ALT");
+  return position;
+}
+
+void add_options(CLI::App& app, Options& options) {
+  add_bag_options(app, options.bag, kConfig);
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what)->type_name(type);
+  };
+  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  text("--imu-topic", options.imu_topic, "TOPIC", "sensor_msgs/Imu");
+  text("--fix-topic", options.fix_topic, "TOPIC", "sensor_msgs/NavSatFix");
+  text("--origin", options.origin, "LAT,LON,ALT", "of the world, in degrees and m (default: the first good fix)");
+  text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
+  text("--base-frame", options.base_frame, "FRAME", "whose pose is estimated");
+  text("--localization", options.localization, "KIND", "gps, with the IMU, or tf: the pose in the world is that of /tf")
+      ->check(CLI::IsMember({"gps", "tf"}));
+  text("--out", options.out, "FILE", "output file of the lines")->required();
+  app.callback([&options] {
+    if (!options.origin.empty()) check_option([&options] { parse_origin(options.origin); });
+  });
+}
+
+/// R = Rz(yaw) Ry(pitch) Rx(roll).
+Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, const Splinegons& splinegons) {
+  Json line;
+  Json& pose = line["pose"] = Json::object();
+  const Eigen::Matrix3d& R = T_world_base.linear();
+  pose["x"] = finite(T_world_base.translation().x());
+  pose["y"] = finite(T_world_base.translation().y());
+  pose["z"] = finite(T_world_base.translation().z());
+  pose["roll"] = finite(std::atan2(R(2, 1), R(2, 2)));
+  pose["pitch"] = finite(std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2))));
+  pose["yaw"] = finite(std::atan2(R(1, 0), R(0, 0)));
+  pose["covariance"] = list_of(36, [&](int i) { return covariance(i / 6, i % 6); });
+  Json& list = line["boundaries"] = Json::array();
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    Json& element = add_object(list, 4);
+    element["id"] = splinegon.id;
+    element["closed"] = splinegon.closed;
+    Json& vertices = element["vertices"] = Json::array();
+    Json& sigma = element["sigma_m"] = Json::array();
+    for (const SplinegonVertex& vertex : splinegon.vertices) {
+      vertices.push_back(list_of(3, [&](int i) { return i < 2 ? vertex.p_world_m(i) : vertex.bulge; }));
+      sigma.push_back(finite(vertex.sigma_m));
+    }
+  }
+  return line;
+}
+
+/// Of the pose's x, y and yaw in the axes of the world.
+Eigen::Matrix3d planar_covariance(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance) {
+  Eigen::Matrix<double, 3, 6> J = Eigen::Matrix<double, 3, 6>::Zero();
+  J(0, 0) = J(1, 1) = 1.0;
+  J.row(2).tail<3>() = T_world_base.linear().row(2);
+  return J * covariance * J.transpose();
+}
+
+using UsePosedScan = std::function<void(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                        const Eigen::Isometry3d& T_world_lidar_end)>;
+
+/// As subscribe_scans(), with the scanner's frame as it was given.
+void subscribe_scans_of(BagPlayer& player, const Options& options, UsePosedScan use) {
+  player.subscribe_measurements<sensor_msgs::LaserScan>(
+      options.scan_topic, "scans",
+      [&player, frame = options.lidar_frame, use = std::move(use)](const sensor_msgs::LaserScanConstPtr& msg,
+                                                                   const ros::Time& recorded) {
+        const std::string defect = scan_msg_defect(*msg);
+        if (!defect.empty()) return player.drop(defect);
+        Taken scan_taken = taken(*msg);
+        if (!frame.empty()) scan_taken.frame = tf2_frame(frame);
+        player.use_when_posed(scan_taken, recorded,
+                              [msg, &use](const Eigen::Isometry3d& T_world_lidar,
+                                          const Eigen::Isometry3d& T_world_lidar_end) -> std::string {
+                                const Scan scan = scan_from_msg(*msg);
+                                const char* const reason = projection_defect(scan, T_world_lidar, T_world_lidar_end);
+                                if (*reason == '\0') use(scan, T_world_lidar, T_world_lidar_end);
+                                return reason;
+                              });
+      });
+}
+
+struct BagParams {
+  SplinegonPipelineParams pipeline;
+  GpsInsParams gps_ins;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    SplinegonPipelineParams::fields(self.pipeline, visit);
+    visit("gps_ins", self.gps_ins);
+  }
+};
+
+void map_by_tf(const Options& options, const BagParams& params) {
+  BagPlayer player(options.bag, kResetTimeJump_s);
+  LineFile out(options.out);
+  SplinegonPipeline pipeline(params.pipeline);
+  const std::string world_frame = tf2_frame(options.bag.world_frame), base_frame = tf2_frame(options.base_frame);
+  Matrix6 covariance = Matrix6::Zero();
+  covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
+  covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
+  subscribe_scans_of(player, options, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
+    const Eigen::Isometry3d T_world_base =
+        transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
+    player.timed(
+        [&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance)); });
+    out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
+  });
+  player.play();
+  out.finish();
+  player.print_summary();
+}
+
+/// Frame of the first message of a topic in the bag; empty where there is none.
+template <class Message>
+std::string frame_of(const std::string& path, const std::string& topic) {
+  rosbag::Bag bag(path, rosbag::bagmode::Read);
+  const std::string bare = tf2_frame(topic);
+  for (const rosbag::MessageInstance& instance :
+       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
+    if (const auto msg = instance.instantiate<Message>()) return tf2_frame(msg->header.frame_id);
+  }
+  return {};
+}
+
+/// Yaw of R = Rz(yaw) Ry(pitch) Rx(roll), which is not straight up.
+double yaw_of(const Eigen::Matrix3d& R) { return std::atan2(R(1, 0), R(0, 0)); }
+
+/// The pose by GPS and INS while a bag is played. The transform of the player is that by inertial navigation alone, in
+/// a frame of its own: it does not jump.
+class BagNavigation {
+ public:
+  static constexpr const char* kOdomFrame = "splinegons_bag_odom";
+
+  /// As it was known at that time.
+  struct Known {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_world_odom;
+    Matrix6 covariance;
+    double velocity_sigma_m_s = 0.0;
+  };
+
+  BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
+      : player_(player),
+        options_(options),
+        params_(params),
+        fix_frame_(frame_of<sensor_msgs::NavSatFix>(options.bag.bag, options.fix_topic)) {
+    params_.validate();
+    player.subscribe<sensor_msgs::Imu>(options.imu_topic,
+                                       [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
+    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic,
+                                             [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
+  }
+
+  const Known& known_at(std::int64_t stamp_ns) {
+    while (known_.size() > 1 && known_[1].stamp_ns <= stamp_ns) known_.pop_front();
+    return known_.front();
+  }
+
+  void print_summary() const {
+    if (!ins_ || !ins_->is_ready()) std::printf("gps_ins: not ready: %s\n", ins_ ? ins_->reason() : "no IMU");
+    if (!ins_) return;
+    for (const auto& [reason, count] : ins_->counters()) {
+      std::printf("gps_ins: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
+    }
+  }
+
+ private:
+  Eigen::Isometry3d mounting_of(const std::string& frame) const {
+    const std::string base_frame = tf2_frame(options_.base_frame);
+    if (frame.empty() || frame == base_frame) return Eigen::Isometry3d::Identity();
+    try {
+      return transform_at(player_.transforms(), base_frame, frame, ros::Time(0));
+    } catch (const std::exception&) {
+      std::fprintf(stderr, "%s: no transform from %s to %s: taken for the same frame\n", kName, base_frame.c_str(),
+                   frame.c_str());
+      return Eigen::Isometry3d::Identity();
+    }
+  }
+
+  void add(const sensor_msgs::Imu& msg) {
+    if (!ins_) {
+      GpsInsMounting mounting;
+      mounting.T_base_imu = mounting_of(tf2_frame(msg.header.frame_id));
+      mounting.antenna_base_m = mounting_of(fix_frame_).translation();
+      std::optional<GeodeticPosition> origin;
+      if (!options_.origin.empty()) origin = parse_origin(options_.origin);
+      ins_ = std::make_unique<GpsIns>(params_, mounting, origin);
+    }
+    ins_->add_imu(inertial_sample_from_msg(msg));
+    const GpsInsPose pose = ins_->pose();
+    if (!pose.is_ready || (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns)) return;
+    const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
+    const double yaw_rad = yaw_of(R_world_base);
+    if (!known_.empty()) {
+      // The turn by the gyroscopes, and the way by the velocity as seen from the base.
+      const double step_s = 1e-9 * static_cast<double>(pose.stamp_ns - known_.back().stamp_ns);
+      const double yaw_before_rad = odom_yaw_rad_;
+      odom_yaw_rad_ += step_s * yaw_rate(pose);
+      const Eigen::Vector3d velocity_level_m_s =
+          Eigen::AngleAxisd(-yaw_rad, Eigen::Vector3d::UnitZ()) * pose.velocity_world_m_s;
+      p_odom_m_ += step_s * (Eigen::AngleAxisd(0.5 * (yaw_before_rad + odom_yaw_rad_), Eigen::Vector3d::UnitZ()) *
+                             velocity_level_m_s);
+    } else {
+      odom_yaw_rad_ = yaw_rad;
+      p_odom_m_ = pose.T_world_base.translation();
+    }
+    p_odom_m_.z() = pose.T_world_base.translation().z();
+    Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();
+    T_odom_base.translation() = p_odom_m_;
+    T_odom_base.linear() =
+        Eigen::AngleAxisd(odom_yaw_rad_ - yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R_world_base;
+    player_.add_transform(transform_to_msg(T_odom_base, pose.stamp_ns, kOdomFrame, options_.base_frame));
+    const double yaw_variance =
+        R_world_base.row(2) * pose.covariance.bottomRightCorner<3, 3>() * R_world_base.row(2).transpose();
+    const double velocity_variance = pose.velocity_covariance.topLeftCorner<2, 2>().diagonal().maxCoeff() +
+                                     pose.velocity_world_m_s.head<2>().squaredNorm() * yaw_variance;
+    known_.push_back(
+        {pose.stamp_ns, pose.T_world_base * T_odom_base.inverse(), pose.covariance, std::sqrt(velocity_variance)});
+  }
+
+  /// About the vertical, of Rz(yaw) Ry(pitch) Rx(roll).
+  static double yaw_rate(const GpsInsPose& pose) {
+    const Eigen::Matrix3d R = pose.T_world_base.linear();
+    const double roll_rad = std::atan2(R(2, 1), R(2, 2));
+    const double cos_pitch = std::hypot(R(2, 1), R(2, 2));
+    return (std::sin(roll_rad) * pose.angular_velocity_base_rad_s.y() +
+            std::cos(roll_rad) * pose.angular_velocity_base_rad_s.z()) /
+           std::max(cos_pitch, 0.1);
+  }
+
+  void add(const sensor_msgs::NavSatFix& msg) {
+    if (ins_) ins_->add_fix(fix_from_msg(msg));
+  }
+
+  BagPlayer& player_;
+  const Options& options_;
+  GpsInsParams params_;
+  std::string fix_frame_;
+  std::unique_ptr<GpsIns> ins_;
+  std::deque<Known> known_;
+  double odom_yaw_rad_ = 0.0;
+  Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero();
+};
+
+void map_by_gps(const Options& options, const BagParams& params) {
+  BagOptions bag = options.bag;
+  bag.world_frame = BagNavigation::kOdomFrame;
+  BagPlayer player(bag, kResetTimeJump_s);
+  LineFile out(options.out);
+  SplinegonPipeline pipeline(params.pipeline);
+  BagNavigation navigation(player, options, params.gps_ins);
+  const std::string base_frame = tf2_frame(options.base_frame);
+  subscribe_scans_of(player, options, [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
+    const Eigen::Isometry3d T_odom_base =
+        transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
+    const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
+    const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
+    InertialPlacement placement;
+    placement.T_world_odom = {known.T_world_odom.translation().template head<2>(), yaw_of(known.T_world_odom.linear())};
+    placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
+    placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
+    player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+    out.write(json_line(scan.stamp_ns, json_of(T_world_base, known.covariance, pipeline.splinegons())));
+  });
+  player.play();
+  out.finish();
+  player.print_summary();
+  navigation.print_summary();
+}
+
+int splinegons_bag(const Options& options) {
+  const std::string path = config_path(options.bag, kConfig);
+  const auto params = params_from_yaml<BagParams>(read_text_file(path), path, print_warning);
+  if (options.localization == "tf") {
+    map_by_tf(options, params);
+  } else {
+    map_by_gps(options, params);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  Options options;
+  CommandLine app(kName, kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] { return splinegons_bag(options); });
+}
