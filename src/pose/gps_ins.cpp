@@ -230,7 +230,7 @@ void GpsIns::correct(const GpsInsCorrection& correction) {
   add(measurement, "correction too late", "correction ahead of the imu");
 }
 
-void GpsIns::add(GpsInsMeasurement measurement, const char* too_late, const char* ahead) {
+void GpsIns::add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead) {
   if (imu_.empty()) {
     ++counters_[ahead];
     return;

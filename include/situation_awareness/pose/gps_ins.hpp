@@ -160,7 +160,7 @@ class GpsIns {
  private:
   enum class Phase { kLevelling, kAligning, kReady };
 
-  void add(GpsInsMeasurement measurement, const char* too_late, const char* ahead);
+  void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void process();
   bool try_start();
   void align();
