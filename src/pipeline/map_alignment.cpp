@@ -12,6 +12,9 @@
 namespace situation_awareness {
 namespace {
 
+using Matrix5 = Eigen::Matrix<double, 5, 5>;
+using Vector5 = Eigen::Matrix<double, 5, 1>;
+
 constexpr int kIterations = 4;
 /// Standard deviations of the scan's place within which boundaries are looked for, and the reach (m) beyond that.
 constexpr double kReachSigmas = 3.0;
@@ -47,53 +50,58 @@ Eigen::Matrix3d MapAlignment::align(const PolygonMap& map, const InertialPlaceme
   const Pose2 T_odom_level = polylines.T_world_level;
   Pose2 T_map_level = T_map_odom_ * T_odom_level;
   if (has_begun_) {
-    const Eigen::Vector2d moved_m = T_map_level.translation_m - at_map_m_;
-    Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
-    F.topRightCorner<2, 1>() << -moved_m.y(), moved_m.x();
     const double dt_s = std::max(seconds_between(stamp_ns_, polylines.stamp_ns), 0.0);
-    const double moved_sigma_m = placement.velocity_sigma_m_s * dt_s;
+    const Eigen::Matrix2d R = T_map_level.rotation();
+    T_map_level.translation_m += dt_s * (R * v_level_m_s_);
+    const Eigen::Vector2d moved_m = T_map_level.translation_m - at_map_m_;
+    Matrix5 F = Matrix5::Identity();
+    F.block<2, 1>(0, 2) << -moved_m.y(), moved_m.x();
+    F.block<2, 2>(0, 3) = dt_s * R;
     P_ = F * P_ * F.transpose();
-    P_.diagonal().head<2>().array() += moved_sigma_m * moved_sigma_m;
     P_(2, 2) += params_.yaw_drift_rad_sqrt_s * params_.yaw_drift_rad_sqrt_s * dt_s;
+    P_.diagonal().tail<2>().array() += params_.velocity_drift_m_s_sqrt_s * params_.velocity_drift_m_s_sqrt_s * dt_s;
     P_.diagonal().array() += kLeastVariance;
 
     const double sigma_m = std::sqrt(std::max(P_(0, 0), P_(1, 1)));
     const double reach_m = std::clamp(kLeastReach_m + kReachSigmas * sigma_m, kLeastReach_m, kMostReach_m);
-    const Eigen::Matrix3d information = P_.llt().solve(Eigen::Matrix3d::Identity());
-    Eigen::Vector3d total = Eigen::Vector3d::Zero();  // of the scanner's x, y and yaw in the map
-    Eigen::Matrix3d A = information;
+    const Matrix5 information = P_.llt().solve(Matrix5::Identity());
+    Vector5 total = Vector5::Zero();
+    Matrix5 A = information;
     const Pose2 begin = T_map_level;
     for (int k = 0; k < kIterations; ++k) {
       pair_up(map, polylines, T_map_level, reach_m);
       A = information;
-      Eigen::Vector3d b = -information * total;
       if (pairs_.size() < kFewestPairs) break;
-      const Eigen::Matrix2d R = T_map_level.rotation();
+      Vector5 b = -information * total;
+      const Eigen::Matrix2d R_map_level = T_map_level.rotation();
       for (const Pair& pair : pairs_) {
-        const Eigen::Vector2d offset_m = R * pair.p_level_m;
+        const Eigen::Vector2d offset_m = R_map_level * pair.p_level_m;
         const double residual_m = pair.normal_map.dot(pair.q_map_m - offset_m - T_map_level.translation_m);
         const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
         const double weight = params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
         Eigen::Vector3d J;
         J << pair.normal_map, pair.normal_map.dot(Eigen::Vector2d(-offset_m.y(), offset_m.x()));
-        A += weight * J * J.transpose();
-        b += weight * residual_m * J;
+        A.topLeftCorner<3, 3>() += weight * J * J.transpose();
+        b.head<3>() += weight * residual_m * J;
       }
-      const Eigen::Vector3d step = A.llt().solve(b);
+      const Vector5 step = A.llt().solve(b);
       total += step;
       T_map_level = {begin.translation_m + total.head<2>(), begin.yaw_rad + total(2)};
       if (step.cwiseAbs().maxCoeff() < kSmallStep) break;
     }
-    P_ = A.llt().solve(Eigen::Matrix3d::Identity());
+    v_level_m_s_ += total.tail<2>();
+    P_ = A.llt().solve(Matrix5::Identity());
+  } else {
+    P_.diagonal().tail<2>().setConstant(placement.velocity_sigma_m_s * placement.velocity_sigma_m_s);
   }
-  if (!has_begun_ && polylines.hits.empty()) return P_;
+  if (!has_begun_ && polylines.hits.empty()) return P_.topLeftCorner<3, 3>();
   has_begun_ = true;
   stamp_ns_ = polylines.stamp_ns;
   at_map_m_ = T_map_level.translation_m;
   T_map_odom_ = T_map_level * inverse(T_odom_level);
   average(polylines, T_map_level, placement);
   polylines.T_world_level = T_map_level;
-  return P_;
+  return P_.topLeftCorner<3, 3>();
 }
 
 /// Each pose says where the map is, with the weight of what it knows. Errors of poses last: the mean is taken for no

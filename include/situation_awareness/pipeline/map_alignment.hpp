@@ -15,6 +15,7 @@ namespace situation_awareness {
 
 struct MapAlignmentParams {
   double yaw_drift_rad_sqrt_s = 0.003;
+  double velocity_drift_m_s_sqrt_s = 0.1;
   double hit_sigma_m = 0.03;
   double independent_part = 0.25;
 
@@ -22,6 +23,8 @@ struct MapAlignmentParams {
   static void fields(Self& self, Visit&& visit) {
     visit("yaw_drift_rad_sqrt_s", self.yaw_drift_rad_sqrt_s, Bounds{0.0, 10.0}, "rad/sqrt(s)",
           "random walk of the yaw by inertial navigation between two scans");
+    visit("velocity_drift_m_s_sqrt_s", self.velocity_drift_m_s_sqrt_s, Bounds{0.0, 100.0}, "m/s/sqrt(s)",
+          "random walk of the error of the velocity in the base's axes");
     visit("hit_sigma_m", self.hit_sigma_m, Bounds{0.001, 10.0}, "m",
           "standard deviation of a hit's distance from the boundary, in addition to those of both");
     visit("independent_part", self.independent_part, Bounds{0.001, 1.0}, "",
@@ -46,7 +49,9 @@ struct InertialPlacement {
 ///   symbol          meaning                                                              size
 ///   odom            the frame of inertial navigation: it drifts, and does not jump
 ///   T_map_odom      what corrects it now                                                 SE(2)
-///   P               covariance of its error, of the scanner's x, y (m) and yaw (rad)     3x3
+///   v               what the velocity is wrong by, in the level axes of the base (m/s)   2
+///   P               covariance of the errors of the scanner's x, y (m) and yaw (rad)     5x5
+///                   in the map, and of v
 ///
 /// The map's boundaries say nothing of the world, so nothing goes back to the pose, whose covariance stays honest.
 class MapAlignment {
@@ -77,7 +82,8 @@ class MapAlignment {
   std::int64_t stamp_ns_ = 0;
   Pose2 T_map_odom_;
   Eigen::Vector2d at_map_m_ = Eigen::Vector2d::Zero();  ///< the scanner, for P
-  Eigen::Matrix3d P_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector2d v_level_m_s_ = Eigen::Vector2d::Zero();
+  Eigen::Matrix<double, 5, 5> P_ = Eigen::Matrix<double, 5, 5>::Zero();
   std::vector<Pair> pairs_;
 
   Pose2 T_world_map_;

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/splinegon_pipeline.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using Outline = std::vector<Eigen::Vector2d>;  // counter-clockwise
+
+/// Also keys of what the tool reads beside these.
+SplinegonPipelineParams shipped() {
+  const std::string path = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/cfg/splinegons.yaml";
+  return params_from_yaml<SplinegonPipelineParams>(read_text_file(path), path, [](const UnknownKey& key) {
+    EXPECT_EQ(key.path.rfind("gps_ins", 0), 0U) << key.path;
+  });
+}
+
+Outline ellipse(const Eigen::Vector2d& semi_axes_m) {
+  Outline outline;
+  for (int i = 0; i < 720; ++i) {
+    const double t = radians(0.5 * i);
+    outline.push_back(semi_axes_m.cwiseProduct(Eigen::Vector2d(std::cos(t), std::sin(t))));
+  }
+  return outline;
+}
+
+Outline box(double length_m, double width_m) {
+  const double x = 0.5 * length_m, y = 0.5 * width_m;
+  return {{x, -y}, {x, y}, {-x, y}, {-x, -y}};
+}
+
+double range_to(const Outline& outline, const Eigen::Vector2d& from_m, const Eigen::Vector2d& u) {
+  double range_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Eigen::Vector2d way_m = outline[(i + 1) % outline.size()] - outline[i], d_m = outline[i] - from_m;
+    const double determinant = u.x() * way_m.y() - u.y() * way_m.x();
+    const double part = (d_m.x() * u.y() - d_m.y() * u.x()) / determinant;
+    const double along_m = (d_m.x() * way_m.y() - d_m.y() * way_m.x()) / determinant;
+    if (part >= 0.0 && part <= 1.0 && along_m > 0.0) range_m = std::min(range_m, along_m);
+  }
+  return range_m;
+}
+
+double distance_to(const Outline& outline, const Eigen::Vector2d& p_m) {
+  double least_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Eigen::Vector2d way_m = outline[(i + 1) % outline.size()] - outline[i];
+    const double part = std::clamp(way_m.dot(p_m - outline[i]) / way_m.squaredNorm(), 0.0, 1.0);
+    least_m = std::min(least_m, (outline[i] + part * way_m - p_m).norm());
+  }
+  return least_m;
+}
+
+/// A vehicle at 5 m/s on a circle around the origin, banked by its turn, with a scanner of 30 mm of noise and a sweep.
+class Flight {
+ public:
+  static constexpr double kRadius_m = 18.0, kSpeed_m_s = 5.0, kPeriod_s = 0.1, kSweep_s = 0.02;
+  static constexpr int kBeams = 541;
+
+  explicit Flight(Outline outline) : outline_(std::move(outline)) {}
+
+  static double lap_s() { return 2.0 * kPi * kRadius_m / kSpeed_m_s; }
+  static double bank_rad() { return std::atan(kSpeed_m_s * kSpeed_m_s / (9.81 * kRadius_m)); }
+
+  static Pose2 pose2_at(double t_s) {
+    const double angle_rad = kSpeed_m_s * t_s / kRadius_m;
+    return {kRadius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)), angle_rad + 0.5 * kPi};
+  }
+  static Eigen::Isometry3d banked(const Pose2& pose) {
+    Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+    T.translation() << pose.translation_m, 10.0;
+    T.linear() = (Eigen::AngleAxisd(pose.yaw_rad, Eigen::Vector3d::UnitZ()) *
+                  Eigen::AngleAxisd(-bank_rad(), Eigen::Vector3d::UnitX()))
+                     .toRotationMatrix();
+    return T;
+  }
+
+  Scan scan_at(double t_s) {
+    Scan scan;
+    scan.stamp_ns = 1'000'000'000'000 + static_cast<std::int64_t>(std::llround(1e9 * t_s));
+    scan.angle_min_rad = radians(-135.0);
+    scan.angle_increment_rad = radians(0.5);
+    scan.time_increment_s = kSweep_s / (kBeams - 1);
+    for (int i = 0; i < kBeams; ++i) {
+      const Eigen::Isometry3d T = banked(pose2_at(t_s + i * scan.time_increment_s));
+      const double angle_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
+      const Eigen::Vector3d u = T.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
+      const double level = u.head<2>().norm();
+      const double range_m = range_to(outline_, T.translation().head<2>(), u.head<2>() / level) / level;
+      const double measured_m = range_m + 0.03 * random_.normal();
+      scan.beams.push_back(beam_from_range(static_cast<float>(measured_m), 0.1F, 30.0F));
+    }
+    return scan;
+  }
+
+  const Outline& outline() const { return outline_; }
+
+ private:
+  Outline outline_;
+  Random random_{1};
+};
+
+/// Greatest distance of either from the other.
+double hausdorff_m(const Splinegon& splinegon, const Outline& outline) {
+  double greatest_m = 0.0;
+  for (const SplinegonPoint& point : sampled(splinegon, 0.05)) {
+    greatest_m = std::max(greatest_m, distance_to(outline, point.p_world_m));
+  }
+  for (std::size_t i = 0; i < outline.size(); ++i) {
+    const Eigen::Vector2d way_m = outline[(i + 1) % outline.size()] - outline[i];
+    for (double part = 0.0; part < 1.0; part += 0.05 / way_m.norm()) {
+      greatest_m = std::max(greatest_m, distance_m(splinegon, outline[i] + part * way_m));
+    }
+  }
+  return greatest_m;
+}
+
+void expect_one_closed_boundary(const Splinegons& splinegons) {
+  ASSERT_EQ(splinegons.boundaries.size(), 1U);
+  const Splinegon& boundary = splinegons.boundaries[0];
+  EXPECT_TRUE(boundary.closed);
+  EXPECT_GT(area_m2(boundary), 0.0);  // counter-clockwise
+  EXPECT_TRUE(is_simple(boundary));
+}
+
+const Splinegons& fly_with_true_pose(SplinegonPipeline& pipeline, Flight& flight) {
+  const Eigen::Matrix3d covariance = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();
+  for (double t_s = 0.0; t_s < 1.5 * Flight::lap_s(); t_s += Flight::kPeriod_s) {
+    const Scan scan = flight.scan_at(t_s);
+    pipeline.process(scan, Flight::banked(Flight::pose2_at(t_s)),
+                     Flight::banked(Flight::pose2_at(t_s + Flight::kSweep_s)), covariance);
+    // Closed by what was seen alone.
+    for (const Splinegon& boundary : pipeline.splinegons().boundaries) {
+      if (t_s < 0.5 * Flight::lap_s()) EXPECT_FALSE(boundary.closed) << t_s;
+    }
+  }
+  return pipeline.splinegons();
+}
+
+TEST(SplinegonPipeline, MapsSmoothObstaclesToCentimetres) {
+  Flight flight(ellipse({10.0, 6.0}));
+  SplinegonPipeline pipeline(shipped());
+  const Splinegons& splinegons = fly_with_true_pose(pipeline, flight);
+  expect_one_closed_boundary(splinegons);
+  EXPECT_LT(hausdorff_m(splinegons.boundaries[0], flight.outline()), 0.04);
+  EXPECT_NEAR(area_m2(splinegons.boundaries[0]) / (kPi * 60.0), 1.0, 0.003);
+}
+
+TEST(SplinegonPipeline, KeepsTheCornersOfABox) {
+  Flight flight(box(12.0, 7.0));
+  SplinegonPipeline pipeline(shipped());
+  const Splinegons& splinegons = fly_with_true_pose(pipeline, flight);
+  expect_one_closed_boundary(splinegons);
+  EXPECT_LT(hausdorff_m(splinegons.boundaries[0], flight.outline()), 0.12);
+  const auto& vertices = splinegons.boundaries[0].vertices;
+  EXPECT_EQ(std::count_if(vertices.begin(), vertices.end(), [](const SplinegonVertex& v) { return v.corner; }), 4);
+}
+
+// What the boundary hides of the way from scan to scan it tells by where it is seen again.
+TEST(SplinegonPipeline, KeepsScansTogetherWhileInertialNavigationDrifts) {
+  Flight flight(ellipse({10.0, 6.0}));
+  SplinegonPipeline pipeline(shipped());
+  const auto odom_at = [](double t_s) {
+    // As seen from there the world turns and moves away.
+    const Pose2 T_odom_world = {0.1 * t_s * Eigen::Vector2d(0.6, -0.8), radians(0.02) * t_s};
+    return T_odom_world * Flight::pose2_at(t_s);
+  };
+  for (double t_s = 0.0; t_s < 1.5 * Flight::lap_s(); t_s += Flight::kPeriod_s) {
+    const Scan scan = flight.scan_at(t_s);
+    InertialPlacement placement;
+    placement.T_world_odom = Flight::pose2_at(t_s) * inverse(odom_at(t_s));
+    placement.pose_covariance = Eigen::Vector3d(1.0, 1.0, 0.0025).asDiagonal();
+    placement.velocity_sigma_m_s = 0.3;
+    const Pose2 begin = odom_at(t_s);
+    const Pose2 end = begin * inverse(Flight::pose2_at(t_s)) * Flight::pose2_at(t_s + Flight::kSweep_s);
+    pipeline.process(scan, Flight::banked(begin), Flight::banked(end), placement);
+  }
+  expect_one_closed_boundary(pipeline.splinegons());
+  const Splinegon& boundary = pipeline.splinegons().boundaries[0];
+  EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.3);
+  EXPECT_NEAR(area_m2(boundary) / (kPi * 60.0), 1.0, 0.02);
+  for (const Eigen::Vector2d& p_m : flight.outline()) EXPECT_TRUE(is_in_envelope(boundary, p_m));
+}
+
+TEST(SplinegonPipeline, SmallThingsAreNoLargeObstacles) {
+  Flight flight(box(1.0, 1.0));
+  SplinegonPipeline pipeline(shipped());
+  EXPECT_TRUE(fly_with_true_pose(pipeline, flight).boundaries.empty());
+}
+
+TEST(SplinegonPipeline, RefusesAScanThatCannotBeUsed) {
+  Flight flight(ellipse({10.0, 6.0}));
+  SplinegonPipeline pipeline(shipped());
+  Scan scan = flight.scan_at(0.0);
+  scan.angle_increment_rad = std::nan("");
+  const Eigen::Isometry3d T = Flight::banked(Flight::pose2_at(0.0));
+  EXPECT_THROW(pipeline.process(scan, T, T, Eigen::Matrix3d::Identity()), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace situation_awareness
