@@ -17,6 +17,9 @@ namespace {
 /// Elements and length in m of a boundary, at least.
 constexpr std::size_t kFewestElements = 6;
 constexpr double kShortest_m = 0.2;
+/// Elements that a main vertex needs, which has a place across the boundary and a heading.
+constexpr std::size_t kElementsOfVertex = 3;
+constexpr std::size_t kFewestOfClosed = 4;
 /// Part of a biarc's length by which a main vertex may move along the boundary in a step. What the elements say of it
 /// is of the same order, so half or twice as much changes nothing but the number of steps.
 constexpr double kAlongStep = 0.1;
@@ -221,9 +224,10 @@ bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
 
 std::size_t SplinegonFit::wanted_nodes() const {
   const auto most = static_cast<std::size_t>(params_.vertices);
-  if (closed_) return most;
+  const std::size_t determined = points_m_.size() / kElementsOfVertex;
+  if (closed_) return std::clamp<std::size_t>(determined, kFewestOfClosed, most);
   const auto fitting = static_cast<std::size_t>(std::lround(perimeter_m_ / params_.least_spacing_m)) + 1;
-  return std::clamp<std::size_t>(fitting, 2, most);
+  return std::clamp<std::size_t>(std::min(fitting, determined), 2, most);
 }
 
 /// Two lines against an arc, for the elements within the window before and after the middle of elements `last` and the

@@ -29,7 +29,7 @@ struct SplinegonFitParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("vertices", self.vertices, Bounds{4, 64}, "",
-          "main vertices of a closed boundary, and the most of an open one; a joint is between any two");
+          "main vertices of a boundary, a joint between any two; fewer where there are not three elements for each");
     visit("least_spacing_m", self.least_spacing_m, Bounds{0.05, 100.0}, "m",
           "least mean distance of main vertices of an open boundary: a short one has fewer");
     visit("spacing_ratio", self.spacing_ratio, Bounds{1.2, 10.0}, "",
