@@ -55,6 +55,10 @@ constexpr double kGapShare = 1e-3;
 constexpr double kGapSigma = 1.0 / 16.0;
 /// The same of a corner that may be in the gap, over length * tan(turn / 2): a quarter of its distance from the chord.
 constexpr double kGapCorner = 1.0 / 8.0;
+/// Least distance of corners along the boundary, over the window.
+constexpr double kCornersApart = 1.0;
+/// Least break of the tangent of a corner that stays one, over that of a new one.
+constexpr double kLeastBreak = 0.7;
 /// Part of a corner's turn that is within half the window.
 constexpr double kCornerNearTurn = 0.75;
 /// Largest correlation of the residuals of neighbouring elements that is believed.
@@ -343,30 +347,24 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
 
 void SplinegonFit::find_corners() {
   corners_.clear();
-  const std::size_t n = points_m_.size();
-  for (std::size_t i = 0; i + (closed_ ? 0 : 1) < n; ++i) {
+  candidates_.clear();
+  for (std::size_t i = 0; i + (closed_ ? 0 : 1) < points_m_.size(); ++i) {
     Corner corner;
-    if (!corner_between(i, corner)) continue;
-    // Of those within a window the best.
-    if (!corners_.empty() && corner.s_m - corners_.back().s_m < params_.corner_window_m) {
-      if (corner.score > corners_.back().score) corners_.back() = corner;
-    } else {
-      corners_.push_back(corner);
-    }
+    if (corner_between(i, corner)) candidates_.push_back(corner);
   }
-  if (closed_ && corners_.size() > 1 &&
-      corners_.front().s_m + perimeter_m_ - corners_.back().s_m < params_.corner_window_m) {
-    if (corners_.front().score > corners_.back().score) {
-      corners_.pop_back();
-    } else {
-      corners_.erase(corners_.begin());
-    }
-  }
+  // The best one, and so on without those near it.
   const std::size_t most = wanted_nodes() - (closed_ ? 0 : 2);
-  while (corners_.size() > most) {
-    corners_.erase(std::min_element(corners_.begin(), corners_.end(),
-                                    [](const Corner& a, const Corner& b) { return a.score < b.score; }));
+  while (!candidates_.empty() && corners_.size() < most) {
+    const Corner best = *std::max_element(candidates_.begin(), candidates_.end(),
+                                          [](const Corner& a, const Corner& b) { return a.score < b.score; });
+    corners_.push_back(best);
+    const auto is_near = [&](const Corner& corner) {
+      const double d_m = corner.s_m - best.s_m;
+      return std::abs(closed_ ? std::remainder(d_m, perimeter_m_) : d_m) < kCornersApart * params_.corner_window_m;
+    };
+    candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(), is_near), candidates_.end());
   }
+  std::sort(corners_.begin(), corners_.end(), [](const Corner& a, const Corner& b) { return a.s_m < b.s_m; });
 }
 
 /// Stations of `count` nodes from `from_s` to `to_s`, of a closed boundary the same place, between those that are set
@@ -607,7 +605,12 @@ void SplinegonFit::place_again() {
   }
   stations_.clear();
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
-    if (nodes_[k].corner) stations_.push_back({cell_s_m_[2 * k], k});
+    // Where the fit hardly breaks there is no corner.
+    const Node& node = nodes_[k];
+    const double break_rad = wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad);
+    if (node.corner && std::abs(break_rad) > kLeastBreak * params_.corner_angle_rad) {
+      stations_.push_back({cell_s_m_[2 * k], k});
+    }
   }
   share_out(nodes_.size(), from_m, to_m);
   std::swap(nodes_, nodes_before_);
@@ -963,7 +966,6 @@ double SplinegonFit::correlation_factor() const {
 /// Adds what keeps main vertices from sliding along the boundary.
 void SplinegonFit::hold_along(Eigen::MatrixXd& H) const {
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
-    if (nodes_[k].corner) continue;
     double length_m = 0.0;
     if (closed_ || k + 1 < nodes_.size()) length_m += arcs_[2 * k].length_m;
     if (closed_ || k > 0) length_m += arcs_[k > 0 ? 2 * k - 1 : arcs_.size() - 1].length_m;

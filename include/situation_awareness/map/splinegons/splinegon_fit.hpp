@@ -169,7 +169,7 @@ class SplinegonFit {
   std::vector<double> scratch_;
   std::vector<std::size_t> arc_of_, arc_of_before_;
   std::vector<double> element_s_m_;  ///< along the curve
-  std::vector<Corner> corners_;
+  std::vector<Corner> candidates_, corners_;
 
   std::vector<Node> nodes_, nodes_before_;
   std::vector<ArcOfNode> arcs_;     ///< two of each biarc
