@@ -8,6 +8,8 @@
 #include <stdexcept>
 #include <string>
 
+#include "situation_awareness/geometry/vectors.hpp"
+
 namespace situation_awareness {
 
 // The symbols are those of docs/math/dubins.md:
@@ -60,9 +62,7 @@ constexpr DubinsWord straight_word(double first, double last) {
   return last > 0.0 ? DubinsWord::kRsl : DubinsWord::kRsr;
 }
 
-Vector2d left_of(const Vector2d& u) { return {-u.y(), u.x()}; }
 Vector2d right_of(const Vector2d& u) { return {u.y(), -u.x()}; }
-double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 Vector2d direction(double heading_rad) { return {std::cos(heading_rad), std::sin(heading_rad)}; }
 
 /// The turn from one direction to another, in [0, 2 pi), to the left for sign 1. One short of a full turn by rounding

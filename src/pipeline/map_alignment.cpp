@@ -18,7 +18,7 @@ using Vector5 = Eigen::Matrix<double, 5, 1>;
 constexpr int kIterations = 4;
 /// Standard deviations of the scan's place within which boundaries are looked for, and the reach (m) beyond that.
 constexpr double kReachSigmas = 3.0;
-constexpr double kLeastReach_m = 0.2, kMostReach_m = 1.5;
+constexpr double kLeastSearch_m = 0.2, kMostSearch_m = 1.5;
 /// Pairs, at least.
 constexpr std::size_t kFewestPairs = 12;
 /// Standard deviations beyond which a pair counts linearly (Huber).
@@ -63,7 +63,7 @@ Eigen::Matrix3d MapAlignment::align(const PolygonMap& map, const InertialPlaceme
     P_.diagonal().array() += kLeastVariance;
 
     const double sigma_m = std::sqrt(std::max(P_(0, 0), P_(1, 1)));
-    const double reach_m = std::clamp(kLeastReach_m + kReachSigmas * sigma_m, kLeastReach_m, kMostReach_m);
+    const double reach_m = std::clamp(kLeastSearch_m + kReachSigmas * sigma_m, kLeastSearch_m, kMostSearch_m);
     const Matrix5 information = P_.llt().solve(Matrix5::Identity());
     Vector5 total = Vector5::Zero();
     Matrix5 A = information;

@@ -10,6 +10,7 @@
 #include <Eigen/Cholesky>
 
 #include "situation_awareness/geometry/biarc.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -68,8 +69,6 @@ constexpr double kMostBulge = 3.0;
 constexpr double kShortestArc_m = 1e-6;
 /// m. A step that moves no main vertex further is the last.
 constexpr double kNoChange_m = 2e-4;
-
-Eigen::Vector2d left_of(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
 
 Eigen::Vector2d unit(double yaw_rad) { return {std::cos(yaw_rad), std::sin(yaw_rad)}; }
 

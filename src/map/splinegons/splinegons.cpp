@@ -6,16 +6,13 @@
 #include <limits>
 
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
 
 /// m. Largest distance of an arc from the polygon that is_simple takes for it.
 constexpr double kFlat_m = 1e-3;
-
-Eigen::Vector2d turned_left(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
-
-double cross(const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
 
 /// An arc that may be straight, by its begin.
 struct Way {
@@ -26,7 +23,7 @@ struct Way {
     const Eigen::Vector2d chord = to.p_world_m - from.p_world_m;
     const double b = from.bulge, b2 = b * b, chord_m = chord.norm();
     // Half the sweep is 2 atan(b).
-    along = ((1.0 - b2) * chord - 2.0 * b * turned_left(chord)) / ((1.0 + b2) * chord_m);
+    along = ((1.0 - b2) * chord - 2.0 * b * left_of(chord)) / ((1.0 + b2) * chord_m);
     curvature_1pm = 4.0 * b / ((1.0 + b2) * chord_m);
     sweep_rad = 4.0 * std::atan(b);
     length_m = std::abs(b) < 1e-8 ? chord_m : sweep_rad / curvature_1pm;
@@ -35,18 +32,18 @@ struct Way {
   Eigen::Vector2d at(double part) const {
     const double half_rad = 0.5 * part * sweep_rad;
     const double chord_m = part * length_m * (std::abs(half_rad) < 1e-8 ? 1.0 : std::sin(half_rad) / half_rad);
-    return from_m + chord_m * (std::cos(half_rad) * along + std::sin(half_rad) * turned_left(along));
+    return from_m + chord_m * (std::cos(half_rad) * along + std::sin(half_rad) * left_of(along));
   }
 
   Eigen::Vector2d along_at(double part) const {
     const double turn_rad = part * sweep_rad;
-    return std::cos(turn_rad) * along + std::sin(turn_rad) * turned_left(along);
+    return std::cos(turn_rad) * along + std::sin(turn_rad) * left_of(along);
   }
 
   /// Part of the arc at which it is nearest.
   double nearest(const Eigen::Vector2d& p_m) const {
     const Eigen::Vector2d v = p_m - from_m;
-    const double a = along.dot(v), b = turned_left(along).dot(v);
+    const double a = along.dot(v), b = left_of(along).dot(v);
     if (std::abs(sweep_rad) < 1e-8) return std::clamp(a / length_m, 0.0, 1.0);
     double turn_rad = std::atan2(curvature_1pm * a, 1.0 - curvature_1pm * b) * std::copysign(1.0, sweep_rad);
     const double all_rad = std::abs(sweep_rad);
@@ -146,7 +143,7 @@ bool contains(const Splinegon& splinegon, const Eigen::Vector2d& p_world_m) {
     const Way way(from, to);
     const Eigen::Vector2d v = p_world_m - way.from_m;
     const bool within_circle = std::abs(way.curvature_1pm) * v.squaredNorm() <
-                               2.0 * std::copysign(1.0, way.curvature_1pm) * turned_left(way.along).dot(v);
+                               2.0 * std::copysign(1.0, way.curvature_1pm) * left_of(way.along).dot(v);
     const bool beyond_chord = cross(to.p_world_m - from.p_world_m, v) * from.bulge < 0.0;
     inside ^= within_circle && beyond_chord;
   }
@@ -187,7 +184,7 @@ bool is_simple(const Splinegon& splinegon) {
 SplinegonEnvelope envelope_of(const Splinegon& splinegon, double spacing_m) {
   SplinegonEnvelope envelope;
   for (const SplinegonPoint& point : sampled(splinegon, spacing_m)) {
-    const Eigen::Vector2d offset_m = kSigmasOf99Percent * point.sigma_m * turned_left(point.along_world);
+    const Eigen::Vector2d offset_m = kSigmasOf99Percent * point.sigma_m * left_of(point.along_world);
     envelope.free_side_world_m.push_back(point.p_world_m - offset_m);
     envelope.obstacle_side_world_m.push_back(point.p_world_m + offset_m);
   }
