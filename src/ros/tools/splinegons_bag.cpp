@@ -6,9 +6,8 @@
 #include <cstdint>
 #include <cstdio>
 #include <deque>
+#include <functional>
 #include <memory>
-#include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,10 +29,11 @@
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
-#include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/gps_ins_input.hpp"
+#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
@@ -66,16 +66,6 @@ struct Options {
   std::string localization = "gps", origin, lidar_frame, base_frame = "base_link", out;
 };
 
-/// LAT,LON,ALT in degrees and m. Throws std::invalid_argument.
-GeodeticPosition parse_origin(const std::string& text) {
-  GeodeticPosition position;
-  char rest = '\0';
-  const int count = std::sscanf(text.c_str(), "%lf,%lf,%lf%c", &position.latitude_deg, &position.longitude_deg,
-                                &position.altitude_m, &rest);
-  if (count != 3 || !is_valid(position)) throw std::invalid_argument("--origin: " + text + " is not LAT,LON,ALT");
-  return position;
-}
-
 void add_options(CLI::App& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
@@ -91,7 +81,7 @@ void add_options(CLI::App& app, Options& options) {
       ->check(CLI::IsMember({"gps", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines")->required();
   app.callback([&options] {
-    if (!options.origin.empty()) check_option([&options] { parse_origin(options.origin); });
+    if (!options.origin.empty()) check_option([&options] { parse_geodetic_position(options.origin, "--origin"); });
   });
 }
 
@@ -200,6 +190,10 @@ std::string frame_of(const std::string& path, const std::string& topic) {
 /// Yaw of R = Rz(yaw) Ry(pitch) Rx(roll), which is not straight up.
 double yaw_of(const Eigen::Matrix3d& R) { return std::atan2(R(1, 0), R(0, 0)); }
 
+void add_to(Counters& sum, const Counters& counters) {
+  for (const auto& [reason, count] : counters) sum[reason] += count;
+}
+
 /// The pose by GPS and INS while a bag is played. The transform of the player is that by inertial navigation alone, in
 /// a frame of its own: it does not jump.
 class BagNavigation {
@@ -217,9 +211,11 @@ class BagNavigation {
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
       : player_(player),
         options_(options),
-        params_(params),
         fix_frame_(frame_of<sensor_msgs::NavSatFix>(options.bag.bag, options.fix_topic)) {
-    params_.validate();
+    params.validate();
+    params_.base_frame = options.base_frame;
+    params_.origin = options.origin;
+    params_.gps_ins = params;
     player.subscribe<sensor_msgs::Imu>(options.imu_topic,
                                        [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
     player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic,
@@ -232,37 +228,39 @@ class BagNavigation {
   }
 
   void print_summary() const {
-    if (!ins_ || !ins_->is_ready()) std::printf("gps_ins: not ready: %s\n", ins_ ? ins_->reason() : "no IMU");
-    if (!ins_) return;
-    for (const auto& [reason, count] : ins_->counters()) {
+    const GpsIns* const filter = input_ ? input_->filter() : nullptr;
+    if (filter == nullptr || !filter->is_ready()) {
+      std::printf("gps_ins: not ready: %s\n", filter != nullptr ? filter->reason() : "no IMU");
+    }
+    Counters all = refused_;
+    if (input_) add_to(all, input_->counters());
+    if (filter != nullptr) add_to(all, filter->counters());
+    for (const auto& [reason, count] : all) {
       std::printf("gps_ins: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
     }
   }
 
  private:
-  Eigen::Isometry3d mounting_of(const std::string& frame) const {
+  /// The frame itself, if its place on the base is known, else the base.
+  std::string known(const std::string& frame) const {
     const std::string base_frame = tf2_frame(options_.base_frame);
-    if (frame.empty() || frame == base_frame) return Eigen::Isometry3d::Identity();
-    try {
-      return transform_at(player_.transforms(), base_frame, frame, ros::Time(0));
-    } catch (const std::exception&) {
-      std::fprintf(stderr, "%s: no transform from %s to %s: taken for the same frame\n", kName, base_frame.c_str(),
-                   frame.c_str());
-      return Eigen::Isometry3d::Identity();
-    }
+    if (frame.empty() || frame == base_frame) return base_frame;
+    if (player_.transforms().canTransform(base_frame, frame, ros::Time(0))) return frame;
+    std::fprintf(stderr, "%s: no transform from %s to %s: taken for the same frame\n", kName, base_frame.c_str(),
+                 frame.c_str());
+    return base_frame;
   }
 
   void add(const sensor_msgs::Imu& msg) {
-    if (!ins_) {
-      GpsInsMounting mounting;
-      mounting.T_base_imu = mounting_of(tf2_frame(msg.header.frame_id));
-      mounting.antenna_base_m = mounting_of(fix_frame_).translation();
-      std::optional<GeodeticPosition> origin;
-      if (!options_.origin.empty()) origin = parse_origin(options_.origin);
-      ins_ = std::make_unique<GpsIns>(params_, mounting, origin);
+    if (!input_) {
+      params_.imu_frame = known(tf2_frame(msg.header.frame_id));
+      params_.fix_frame = known(fix_frame_);
+      input_ = std::make_unique<GpsInsInput>(params_, player_.transforms());
     }
-    ins_->add_imu(inertial_sample_from_msg(msg));
-    const GpsInsPose pose = ins_->pose();
+    const std::string reason = input_->add_imu(msg);
+    if (!reason.empty()) ++refused_[reason];
+    if (input_->filter() == nullptr) return;
+    const GpsInsPose pose = input_->filter()->pose();
     if (!pose.is_ready || (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns)) return;
     const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
     const double yaw_rad = yaw_of(R_world_base);
@@ -304,14 +302,15 @@ class BagNavigation {
   }
 
   void add(const sensor_msgs::NavSatFix& msg) {
-    if (ins_) ins_->add_fix(fix_from_msg(msg));
+    if (input_) input_->add_fix(msg);
   }
 
   BagPlayer& player_;
   const Options& options_;
-  GpsInsParams params_;
+  GpsInsNodeletParams params_;
   std::string fix_frame_;
-  std::unique_ptr<GpsIns> ins_;
+  std::unique_ptr<GpsInsInput> input_;
+  Counters refused_;
   std::deque<Known> known_;
   double odom_yaw_rad_ = 0.0;
   Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero();
