@@ -2,12 +2,10 @@
 #include "situation_awareness/ros/bag/odometry.hpp"
 
 #include <utility>
-#include <vector>
 
 #include <nav_msgs/Odometry.h>
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 
+#include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -16,14 +14,9 @@
 namespace situation_awareness {
 
 OdometryFrames odometry_frames(const BagOptions& options, const std::string& topic) {
-  rosbag::Bag bag(options.bag, rosbag::bagmode::Read);
-  const std::string bare = tf2_frame(topic);
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
-    const auto msg = instance.instantiate<nav_msgs::Odometry>();
-    if (msg) return {tf2_frame(msg->header.frame_id), tf2_frame(msg->child_frame_id)};
-  }
-  return {};
+  const auto msg = first_message<nav_msgs::Odometry>(options.bag, topic);
+  if (!msg) return {};
+  return {tf2_frame(msg->header.frame_id), tf2_frame(msg->child_frame_id)};
 }
 
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,

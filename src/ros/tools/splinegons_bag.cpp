@@ -6,35 +6,29 @@
 #include <cstdint>
 #include <cstdio>
 #include <deque>
-#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
-#include <vector>
 
-#include <rosbag/bag.h>
-#include <rosbag/query.h>
-#include <rosbag/view.h>
 #include <sensor_msgs/Imu.h>
-#include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/NavSatFix.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
-#include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/bag/scans.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/gps_ins_input.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
-#include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -120,30 +114,6 @@ Eigen::Matrix3d planar_covariance(const Eigen::Isometry3d& T_world_base, const M
   return J * covariance * J.transpose();
 }
 
-using UsePosedScan = std::function<void(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                                        const Eigen::Isometry3d& T_world_lidar_end)>;
-
-/// As subscribe_scans(), with the scanner's frame as it was given.
-void subscribe_scans_of(BagPlayer& player, const Options& options, UsePosedScan use) {
-  player.subscribe_measurements<sensor_msgs::LaserScan>(
-      options.scan_topic, "scans",
-      [&player, frame = options.lidar_frame, use = std::move(use)](const sensor_msgs::LaserScanConstPtr& msg,
-                                                                   const ros::Time& recorded) {
-        const std::string defect = scan_msg_defect(*msg);
-        if (!defect.empty()) return player.drop(defect);
-        Taken scan_taken = taken(*msg);
-        if (!frame.empty()) scan_taken.frame = tf2_frame(frame);
-        player.use_when_posed(scan_taken, recorded,
-                              [msg, &use](const Eigen::Isometry3d& T_world_lidar,
-                                          const Eigen::Isometry3d& T_world_lidar_end) -> std::string {
-                                const Scan scan = scan_from_msg(*msg);
-                                const char* const reason = projection_defect(scan, T_world_lidar, T_world_lidar_end);
-                                if (*reason == '\0') use(scan, T_world_lidar, T_world_lidar_end);
-                                return reason;
-                              });
-      });
-}
-
 struct BagParams {
   SplinegonPipelineParams pipeline;
   GpsInsParams gps_ins;
@@ -163,32 +133,27 @@ void map_by_tf(const Options& options, const BagParams& params) {
   Matrix6 covariance = Matrix6::Zero();
   covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
   covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
-  subscribe_scans_of(player, options, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
-    const Eigen::Isometry3d T_world_base =
-        transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
-    player.timed(
-        [&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance)); });
-    out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
-  });
+  subscribe_scans(
+      player, options.scan_topic,
+      [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
+        const Eigen::Isometry3d T_world_base =
+            transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
+        player.timed([&] {
+          pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance));
+        });
+        out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
+      },
+      options.lidar_frame);
   player.play();
   out.finish();
   player.print_summary();
 }
 
-/// Frame of the first message of a topic in the bag; empty where there is none.
-template <class Message>
-std::string frame_of(const std::string& path, const std::string& topic) {
-  rosbag::Bag bag(path, rosbag::bagmode::Read);
-  const std::string bare = tf2_frame(topic);
-  for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
-    if (const auto msg = instance.instantiate<Message>()) return tf2_frame(msg->header.frame_id);
-  }
-  return {};
+/// Empty where there is no fix.
+std::string fix_frame(const Options& options) {
+  const auto fix = first_message<sensor_msgs::NavSatFix>(options.bag.bag, options.fix_topic);
+  return fix ? tf2_frame(fix->header.frame_id) : "";
 }
-
-/// Yaw of R = Rz(yaw) Ry(pitch) Rx(roll), which is not straight up.
-double yaw_of(const Eigen::Matrix3d& R) { return std::atan2(R(1, 0), R(0, 0)); }
 
 void add_to(Counters& sum, const Counters& counters) {
   for (const auto& [reason, count] : counters) sum[reason] += count;
@@ -209,9 +174,7 @@ class BagNavigation {
   };
 
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
-      : player_(player),
-        options_(options),
-        fix_frame_(frame_of<sensor_msgs::NavSatFix>(options.bag.bag, options.fix_topic)) {
+      : player_(player), options_(options), fix_frame_(fix_frame(options)) {
     params.validate();
     params_.base_frame = options.base_frame;
     params_.origin = options.origin;
@@ -263,7 +226,7 @@ class BagNavigation {
     const GpsInsPose pose = input_->filter()->pose();
     if (!pose.is_ready || (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns)) return;
     const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
-    const double yaw_rad = yaw_of(R_world_base);
+    const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
     if (!known_.empty()) {
       // The turn by the gyroscopes, and the way by the velocity as seen from the base.
       const double step_s = 1e-9 * static_cast<double>(pose.stamp_ns - known_.back().stamp_ns);
@@ -324,18 +287,21 @@ void map_by_gps(const Options& options, const BagParams& params) {
   SplinegonPipeline pipeline(params.pipeline);
   BagNavigation navigation(player, options, params.gps_ins);
   const std::string base_frame = tf2_frame(options.base_frame);
-  subscribe_scans_of(player, options, [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
-    const Eigen::Isometry3d T_odom_base =
-        transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
-    const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
-    const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
-    InertialPlacement placement;
-    placement.T_world_odom = {known.T_world_odom.translation().template head<2>(), yaw_of(known.T_world_odom.linear())};
-    placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
-    placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
-    player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
-    out.write(json_line(scan.stamp_ns, json_of(T_world_base, known.covariance, pipeline.splinegons())));
-  });
+  subscribe_scans(
+      player, options.scan_topic,
+      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
+        const Eigen::Isometry3d T_odom_base =
+            transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
+        const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
+        const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
+        InertialPlacement placement;
+        placement.T_world_odom = pose2_of(known.T_world_odom);
+        placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
+        placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
+        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+        out.write(json_line(scan.stamp_ns, json_of(T_world_base, known.covariance, pipeline.splinegons())));
+      },
+      options.lidar_frame);
   player.play();
   out.finish();
   player.print_summary();

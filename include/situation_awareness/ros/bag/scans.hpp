@@ -15,8 +15,8 @@ namespace situation_awareness {
 using UseScan = std::function<void(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                    const Eigen::Isometry3d& T_world_lidar_end)>;
 
-/// Subscribes to the scans of a topic; invalid ones are counted, as in segmentation. Throws as BagPlayer::subscribe
-/// does.
-void subscribe_scans(BagPlayer& player, const std::string& topic, UseScan use);
+/// Subscribes to the scans of a topic; invalid ones are counted, as in segmentation. They are of the frame
+/// `lidar_frame`, or of that of their messages if it is empty. Throws as BagPlayer::subscribe does.
+void subscribe_scans(BagPlayer& player, const std::string& topic, UseScan use, const std::string& lidar_frame = {});
 
 }  // namespace situation_awareness
