@@ -185,29 +185,27 @@ void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_
 }
 
 void GpsIns::add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m) {
-  if (!std::isfinite(altitude_world_m) || !(sigma_m > 0.0) || !std::isfinite(sigma_m)) {
-    ++counters_["altitude not finite"];
-    return;
-  }
-  GpsInsMeasurement measurement;
-  measurement.sensor = GpsInsSensor::kAltitude;
-  measurement.stamp_ns = stamp_ns;
-  measurement.value.x() = altitude_world_m;
-  measurement.covariance(0, 0) = sigma_m * sigma_m;
-  add(measurement, "altitude too late", "altitude ahead of the imu");
+  add_number(GpsInsSensor::kAltitude, stamp_ns, altitude_world_m, sigma_m,
+             {"altitude not finite", "altitude too late", "altitude ahead of the imu"});
 }
 
 void GpsIns::add_heading(std::int64_t stamp_ns, double yaw_rad, double sigma_rad) {
-  if (!std::isfinite(yaw_rad) || !(sigma_rad > 0.0) || !std::isfinite(sigma_rad)) {
-    ++counters_["heading not finite"];
+  add_number(GpsInsSensor::kHeading, stamp_ns, yaw_rad, sigma_rad,
+             {"heading not finite", "heading too late", "heading ahead of the imu"});
+}
+
+void GpsIns::add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma,
+                        const DropReasons& reasons) {
+  if (!std::isfinite(value) || !(sigma > 0.0) || !std::isfinite(sigma)) {
+    ++counters_[reasons.not_finite];
     return;
   }
   GpsInsMeasurement measurement;
-  measurement.sensor = GpsInsSensor::kHeading;
+  measurement.sensor = sensor;
   measurement.stamp_ns = stamp_ns;
-  measurement.value.x() = yaw_rad;
-  measurement.covariance(0, 0) = sigma_rad * sigma_rad;
-  add(measurement, "heading too late", "heading ahead of the imu");
+  measurement.value.x() = value;
+  measurement.covariance(0, 0) = sigma * sigma;
+  add(measurement, reasons.too_late, reasons.ahead);
 }
 
 void GpsIns::correct(const GpsInsCorrection& correction) {

@@ -158,9 +158,14 @@ class GpsIns {
   void reset();
 
  private:
+  /// Why a measurement is dropped.
+  struct DropReasons {
+    const char *not_finite, *too_late, *ahead;
+  };
   enum class Phase { kLevelling, kAligning, kReady };
 
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
+  void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const DropReasons& reasons);
   void process();
   bool try_start();
   void align();

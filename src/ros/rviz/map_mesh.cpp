@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -24,8 +25,6 @@ void add_quad(Mesh& mesh, std::uint32_t first) {
   add_triangle(mesh, first, first + 1, first + 2);
   add_triangle(mesh, first + 2, first + 1, first + 3);
 }
-
-Eigen::Vector2d left_of(const Eigen::Vector2d& direction) { return {-direction.y(), direction.x()}; }
 
 }  // namespace
 

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include <boost/shared_ptr.hpp>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
+#include <boost/shared_ptr.hpp>
 
 #include "situation_awareness/ros/convert/poses.hpp"
 
