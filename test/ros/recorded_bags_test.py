@@ -20,7 +20,7 @@ WITHOUT_MODEL = pathlib.Path(__file__).resolve().parent / "objects_without_model
 
 STANDING_M_S = 0.1
 WALKING_M_S = 0.5
-WALL_M = 0.5  # a longer edge is straight
+WALL_M = 0.4  # a longer edge is straight
 NEAR_WALL_M = 0.1  # hits so near to it are of it
 
 
