@@ -6,6 +6,7 @@
 #include <sensor_msgs/LaserScan.h>
 
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
