@@ -68,7 +68,7 @@ TEST(DubinsFollowing, StaysOnAPathOfItsOwnRadius) {
     const Drive result = drive(path, params, place_at(path, 0.0).pose);
     EXPECT_TRUE(result.arrived) << i;
     // A turn begins up to a step late, and no tighter one makes good for it: two turns over, 2 kStep_m K in heading.
-    EXPECT_LT(result.greatest_m, 0.1) << i << name_of(path.word);
+    EXPECT_LT(result.greatest_m, 0.12) << i << name_of(path.word);
     EXPECT_LE(result.greatest_1_m, params.max_curvature_1_m);
   }
 }
