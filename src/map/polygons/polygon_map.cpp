@@ -66,7 +66,9 @@ constexpr int kManyHits = 60;
 /// m. What has a hit so near was not passed by the beams beside it: the boundary may be a little elsewhere.
 constexpr double kNearHit_m = 0.06;
 /// m. The same at grazing incidence, where beams that pass before a surface seem to go through it.
-constexpr double kNearHitGrazing_m = 0.15;
+constexpr double kNearHitGrazing_m = 0.12;
+/// m. How far behind such a surface beams have to pass: half of the way between them, at least and at most.
+constexpr double kLeastWithin_m = 0.02, kMostWithin_m = 0.035;
 /// m. Beams are about as wide as they are apart: where that is more, one that meets the edge of a thing may end behind
 /// it, and counts less.
 constexpr double kCloseBeams_m = 0.045;
@@ -376,13 +378,15 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
   const std::vector<float>& ranges_m = now_.free_space.range_m;
   if (azimuth_rad.size() < 2) return 0.0;
-  const double middle_rad = azimuth_in(now_, p_level_m);
   double weight = 0.0;
-  if (view_of(now_, p_level_m, middle_rad, grazes ? kNearHitGrazing_m : kNearHit_m, surfel.thing_m, &weight) ==
-      View::kPassed) {
-    return weight;
+  if (grazes) {
+    // Beams before a surface seem to pass it though it stands: those behind it do not.
+    const double within_m = std::clamp(0.5 * distance_m * resolution_rad_, kLeastWithin_m, kMostWithin_m);
+    const Eigen::Vector2d within_level_m = p_level_m - within_m * n_level;
+    return view_of(now_, within_level_m, kNearHitGrazing_m, surfel.thing_m, &weight) == View::kPassed ? weight : 0.0;
   }
-  if (grazes) return 0.0;
+  const double middle_rad = azimuth_in(now_, p_level_m);
+  if (view_of(now_, p_level_m, middle_rad, kNearHit_m, surfel.thing_m, &weight) == View::kPassed) return weight;
   weight = 0.0;
   const double low_m = std::min(kInner * surfel.low_m, -kLeastHalf_m);
   const double high_m = std::max(kInner * surfel.high_m, kLeastHalf_m);

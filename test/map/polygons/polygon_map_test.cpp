@@ -196,6 +196,25 @@ TEST(PolygonMap, NothingThatIsHiddenGoes) {
   EXPECT_EQ(id_at(box.center_m, world.polygons()), id);
 }
 
+TEST(PolygonMap, ASideThatFacesAwayStaysThoughBeamsPassBesideItAndGoesWithItsThing) {
+  Walls empty;
+  add_box(empty, {{0.0, 3.5}, 0.0, 6.0, 4.0});
+  Walls with_box = empty;
+  add_box(with_box, {{0.0, -0.15}, 0.0, 0.35, 0.2});
+  World world(5);
+  // Its side at x = -0.35, 15 cm from the wall at its back, seen from the left; then along it, from 7 m away.
+  world.see(with_box, 3.0, [](double) { return Pose2{{-2.5, 2.0}, 0.0}; });
+  // The pose is now off by 2.5 cm, so that beams seem to go through it.
+  const auto along = [](double t) { return Pose2{{-0.15 - 0.01 * t, 7.0}, -0.5 * kPi}; };
+  Walls shifted = with_box;
+  for (LevelScene::Wall& wall : shifted) wall.from.x() += 0.025, wall.to.x() += 0.025;
+  world.see(shifted, 20.0, along);
+  for (const double y : {-0.3, -0.2, -0.1, 0.0}) EXPECT_LT(distance_m({-0.35, y}, world.polygons()), 0.05) << y;
+  world.wait(10.0);
+  world.see(empty, 20.0, along);
+  EXPECT_GT(distance_m({-0.35, -0.1}, world.polygons()), 0.2);
+}
+
 TEST(PolygonMap, WhoStandsForAMomentIsNotOnTheMapWhatIsParkedIs) {
   const auto person_at = [](const Eigen::Vector2d& at_m) {
     Walls walls = room();
