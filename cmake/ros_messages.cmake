@@ -15,11 +15,13 @@ add_message_files(DIRECTORY msg FILES
   MappedObject.msg
   MappedObjectArray.msg
   MappedPolygon.msg
+  MappedSplinegon.msg
   PathError.msg
   PolygonArray.msg
   SafetyVerdict.msg
   SegmentArray.msg
   SegmentPoint.msg
+  SplinegonArray.msg
   ThingOutline.msg
   Transit.msg)
 add_service_files(DIRECTORY srv FILES
