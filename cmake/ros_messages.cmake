@@ -27,11 +27,14 @@ add_message_files(DIRECTORY msg FILES
 add_service_files(DIRECTORY srv FILES
   GetObjects.srv
   GetPolygons.srv
+  GetSplinegons.srv
   LoadObjects.srv
   LoadPolygons.srv
+  LoadSplinegons.srv
   Relocate.srv
   SaveObjects.srv
-  SavePolygons.srv)
+  SavePolygons.srv
+  SaveSplinegons.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 if(SITUATION_AWARENESS_SIM)

@@ -13,8 +13,10 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/safety.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/segments.cpp
+  src/ros/convert/splinegons.cpp
   src/ros/gps_ins_input.cpp
   src/ros/gps_ins_report.cpp
+  src/ros/inertial_track.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
@@ -23,6 +25,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/markers/reflector_markers.cpp
   src/ros/markers/safety_markers.cpp
   src/ros/markers/shown_markers.cpp
+  src/ros/markers/splinegon_markers.cpp
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
@@ -41,6 +44,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/path_nodelet_params.cpp
   src/ros/params/polygon_nodelet_params.cpp
   src/ros/params/shared_file.cpp
+  src/ros/params/splinegon_nodelet_params.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/simulation.cpp
@@ -72,7 +76,8 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/reflector_localization_nodelet.cpp
   src/ros/nodelets/safety_areas_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
-  src/ros/nodelets/slicing_nodelet.cpp)
+  src/ros/nodelets/slicing_nodelet.cpp
+  src/ros/nodelets/splinegon_mapping_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
 target_precompile_headers(${PROJECT_NAME}_nodelets PRIVATE ${situation_awareness_ros_headers})

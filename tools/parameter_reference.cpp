@@ -13,6 +13,7 @@
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -31,14 +32,17 @@ constexpr const char* kIntroduction =
 Each nodelet reads the same private parameters, so that one file and one line of a launch file serve all. The sections
 `scan`, `segments`, `detections` and `objects` make a YAML file of the form of [cfg/objects.yaml](../cfg/objects.yaml);
 `scan`, `segments` and those after [the map of polygons](#the-map-of-polygons) one of the form of
-[cfg/polygons.yaml](../cfg/polygons.yaml), which may have all. Omitted parameters keep their defaults:
+[cfg/polygons.yaml](../cfg/polygons.yaml), which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has
+`scan`, `segments`, `polylines`, `polygons`, `gps_ins` and those after
+[the boundaries of large obstacles](#the-boundaries-of-large-obstacles). Omitted parameters keep their defaults:
 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
     roslaunch situation_awareness polygons.launch config:=/path/to/my.yaml
+    roslaunch situation_awareness splinegons.launch config:=/path/to/my.yaml
 
 The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
-`objects_bag` and `polygons_bag` take the same files by `--config`. A value out of its bounds, or of another type, is
-refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
+`objects_bag`, `polygons_bag` and `splinegons_bag` take the same files by `--config`. A value out of its bounds, or of
+another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
 ([ros.md](ros.md#live-parameters)).
 )";
 
@@ -112,6 +116,10 @@ void print_all() {
   const std::vector<Parameter> of_gps_ins = parameters_of(gps_ins_params);
   print_section(of_gps_ins, "", "The nodelet gps_ins", of_objects);
   print_sections(of_gps_ins, of_objects);
+  SplinegonNodeletParams splinegon_params;
+  const std::vector<Parameter> of_splinegons = parameters_of(splinegon_params);
+  print_section(of_splinegons, "", "The boundaries of large obstacles", of_objects);
+  print_sections(of_splinegons, of_polygons);
 }
 
 }  // namespace

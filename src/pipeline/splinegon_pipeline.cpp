@@ -7,6 +7,7 @@
 #include <string>
 #include <utility>
 
+#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
@@ -17,6 +18,11 @@ constexpr std::size_t kFewestElements = 6;
 
 /// Of the map's variance at its boundaries.
 constexpr double kFromMiddle_m = 10.0;
+
+/// Of elements on boundaries that were loaded, at least: a file may say 0.
+constexpr double kLeastSigma_m = 1e-3;
+/// That such a boundary exists.
+constexpr double kLoadedProbability = 0.99;
 
 }  // namespace
 
@@ -85,6 +91,42 @@ void SplinegonPipeline::take_boundaries() {
     });
   }
   boundaries_.resize(count);
+}
+
+void SplinegonPipeline::reset() {
+  const PolygonMapSnapshot before = chains_.snapshot();
+  PolygonMapSnapshot nothing;
+  nothing.next_id = before.next_id;
+  nothing.watches.resize(before.watches.size());
+  chains_.restore(nothing);
+  alignment_ = MapAlignment(params_.alignment);
+  polygons_.chains.clear();
+  boundaries_.clear();
+  map_.update(0, boundaries_, 0.0);
+}
+
+void SplinegonPipeline::resume(const Splinegons& splinegons) {
+  const Pose2 T_map_world = inverse(alignment_.T_world_map());
+  Polygons polygons;
+  polygons.stamp_ns = splinegons.stamp_ns;
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    Chain& chain = polygons.chains.emplace_back();
+    chain.id = splinegon.id;
+    chain.closed = splinegon.closed;
+    chain.first_seen_ns = splinegon.first_seen_ns;
+    chain.last_seen_ns = splinegon.last_seen_ns;
+    chain.p_exists = kLoadedProbability;
+    const std::vector<SplinegonPoint> points = sampled(splinegon, params_.polygons.spacing_m);
+    std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
+      chain.vertices.push_back({T_map_world * point.p_world_m, std::max(point.sigma_m, kLeastSigma_m)});
+    });
+  }
+  PolygonMapSnapshot snapshot = snapshot_of_chains(polygons, params_.polygons.spacing_m);
+  snapshot.next_id = std::max(snapshot.next_id, chains_.snapshot().next_id);
+  chains_.restore(snapshot);
+  polygons_ = chains_.polygons(std::move(polygons_));
+  take_boundaries();
+  map_.update(splinegons.stamp_ns, boundaries_, 0.0);
 }
 
 }  // namespace situation_awareness

@@ -53,7 +53,7 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
   context.on_arrival([this](const auto& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                      [this] { return queue_.waiting(); });
   context.when_made([this] {
-    subscriber_.emplace(context_.node(), "odom",
+    subscriber_.emplace(context_.node(), use_.topic,
                         [this](const nav_msgs::OdometryConstPtr& msg, const ros::SteadyTime&) { add(*msg); });
   });
   // Where the scanner is may be known after its scans, and waits end without odometry, too.
@@ -121,7 +121,7 @@ void OdometryInput::add(const nav_msgs::Odometry& msg) {
     if (!defect.empty()) return refuse(defect);
     geometry_msgs::TransformStamped transform = transform_from_odometry(msg);
     const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
-    const auto verdict = use_.add(stamp_ns, pose2_of(isometry_from_msg(transform.transform)));
+    const auto verdict = use_.add(msg, transform);
     if (verdict == OdometryTrack::Verdict::kRefused) return refuse("odometry stamp repeats or goes back");
     if (frames_.odom.empty()) frames_.odom = tf2_frame(msg.header.frame_id);
     if (frames_.base.empty()) frames_.base = tf2_frame(msg.child_frame_id);
@@ -131,7 +131,7 @@ void OdometryInput::add(const nav_msgs::Odometry& msg) {
     }
     transform.header.frame_id = kOdometry;
     transform.child_frame_id = kOdometryBase;
-    odometry_.setTransform(transform, "odom");
+    odometry_.setTransform(transform, use_.topic);
     latest_ns_ = stamp_ns;
     release();
   } catch (const std::exception& error) {
@@ -140,7 +140,7 @@ void OdometryInput::add(const nav_msgs::Odometry& msg) {
 }
 
 std::string OdometryInput::why_unplaced() const {
-  if (frames_.base.empty()) return "there is none on the topic odom";
+  if (frames_.base.empty()) return std::string("there is none on the topic ") + use_.topic;
   return "the latest is of " + std::to_string(1e-9 * static_cast<double>(latest_ns_)) + " s";
 }
 

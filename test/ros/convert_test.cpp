@@ -21,6 +21,7 @@
 #include "situation_awareness/ros/convert/safety.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
+#include "situation_awareness/ros/convert/splinegons.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -790,6 +791,75 @@ TEST(ConvertPolygons, TimesBeforeTheClocksZeroAreZero) {
   Polygons polygons = some_polygons();
   polygons.chains[0].first_seen_ns = -3'600'000'000'000;
   EXPECT_TRUE(polygons_to_msg(polygons, "map").polygons[0].first_seen.isZero());
+}
+
+Splinegons some_splinegons() {
+  Splinegons splinegons;
+  splinegons.stamp_ns = kStamp_ns;
+  splinegons.height_world_m = 15.25;
+  const std::vector<SplinegonVertex> vertices{{{-3.0, 4.0}, 0.125, 0.011, true},
+                                              {{-4.0, -1.1}, -0.3, 0.02, false},
+                                              {{1.1, -4.125}, 0.0, 0.0, false},
+                                              {{1.2, -0.5}, 0.4, 0.02, true}};
+  splinegons.boundaries.push_back({18'000'000'000'000'000'000ULL, true, vertices, kStamp_ns - 7, kStamp_ns});
+  splinegons.boundaries.push_back({3, false, {vertices.begin(), vertices.begin() + 3}, kStamp_ns - 5, kStamp_ns - 1});
+  return splinegons;
+}
+
+TEST(ConvertSplinegons, SurviveTheRoundTripExactly) {
+  const Splinegons splinegons = some_splinegons();
+  const SplinegonArray msg = splinegons_to_msg(splinegons, "map");
+  EXPECT_EQ(msg.header.frame_id, "map");
+  ASSERT_EQ(msg.splinegons.size(), 2U);
+  EXPECT_EQ(msg.splinegons[0].vertices[0].z, 15.25);
+  const Splinegons back = splinegons_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, kStamp_ns);
+  EXPECT_EQ(back.height_world_m, 15.25);
+  ASSERT_EQ(back.boundaries.size(), 2U);
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Splinegon& boundary = back.boundaries[i];
+    const Splinegon& before = splinegons.boundaries[i];
+    EXPECT_EQ(boundary.id, before.id);
+    EXPECT_EQ(boundary.closed, before.closed);
+    ASSERT_EQ(boundary.vertices.size(), before.vertices.size());
+    for (std::size_t k = 0; k < before.vertices.size(); ++k) {
+      EXPECT_EQ(boundary.vertices[k].p_world_m, before.vertices[k].p_world_m);
+      EXPECT_EQ(boundary.vertices[k].bulge, before.vertices[k].bulge);
+      EXPECT_EQ(boundary.vertices[k].sigma_m, before.vertices[k].sigma_m);
+      EXPECT_EQ(boundary.vertices[k].corner, before.vertices[k].corner);
+    }
+    EXPECT_EQ(boundary.first_seen_ns, before.first_seen_ns);
+    EXPECT_EQ(boundary.last_seen_ns, before.last_seen_ns);
+  }
+}
+
+TEST(ConvertSplinegons, RefuseWhatIsNoBoundary) {
+  const SplinegonArray good = splinegons_to_msg(some_splinegons(), "map");
+  EXPECT_NO_THROW(splinegons_from_msg(good));
+  const double nan = std::nan("");
+  const std::vector<std::function<void(MappedSplinegon&)>> faults{
+      [](MappedSplinegon& s) { s.id = 0; },
+      [&](MappedSplinegon& s) { s.id = good.splinegons[0].id; },
+      [](MappedSplinegon& s) { s.closed = 1; },
+      [](MappedSplinegon& s) { s.vertices.pop_back(), s.bulge.pop_back(), s.sigma_m.pop_back(), s.corner.pop_back(); },
+      [](MappedSplinegon& s) { s.bulge.pop_back(); },
+      [](MappedSplinegon& s) { s.sigma_m.push_back(0.1); },
+      [](MappedSplinegon& s) { s.corner.clear(); },
+      [&](MappedSplinegon& s) { s.vertices[1].y = nan; },
+      [&](MappedSplinegon& s) { s.bulge[1] = nan; },
+      [](MappedSplinegon& s) { s.sigma_m[1] = -0.1; },
+      [&](MappedSplinegon& s) { s.sigma_m[1] = nan; }};
+  for (const auto& spoil : faults) {
+    SplinegonArray msg = good;
+    spoil(msg.splinegons[1]);
+    EXPECT_THROW(splinegons_from_msg(msg), std::invalid_argument);
+  }
+}
+
+TEST(ConvertSplinegons, TimesBeforeTheClocksZeroAreZero) {
+  Splinegons splinegons = some_splinegons();
+  splinegons.boundaries[0].first_seen_ns = -3'600'000'000'000;
+  EXPECT_TRUE(splinegons_to_msg(splinegons, "map").splinegons[0].first_seen.isZero());
 }
 
 TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {

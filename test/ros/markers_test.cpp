@@ -6,6 +6,7 @@
 
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
+#include "situation_awareness/ros/markers/splinegon_markers.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -174,6 +175,71 @@ TEST(PolygonMarkers, OneMarkerHasAllEdgesOfAState) {
   // And without chains all go.
   polygons.chains.clear();
   for (const Marker& marker : markers.update(polygons, "map").markers) EXPECT_EQ(marker.action, Marker::DELETE);
+}
+
+/// A round tower as four quarters of a circle, counter-clockwise.
+Splinegons round_tower(double radius_m, double sigma_m) {
+  Splinegons splinegons;
+  splinegons.stamp_ns = 1'000'000'000;
+  splinegons.height_world_m = 15.0;
+  Splinegon tower;
+  tower.id = 7;
+  tower.closed = true;
+  const double bulge = std::tan(std::atan(1.0) / 2.0);  // of 90 degrees
+  for (const auto& [x, y] : {std::pair(1.0, 0.0), {0.0, 1.0}, {-1.0, 0.0}, {0.0, -1.0}}) {
+    tower.vertices.push_back({radius_m * Eigen::Vector2d(x, y), bulge, sigma_m, false});
+  }
+  splinegons.boundaries.push_back(tower);
+  return splinegons;
+}
+
+TEST(SplinegonMarkers, DrawTheArcsAndTheEnvelopeBesideThem) {
+  constexpr double kRadius_m = 8.0, kSigma_m = 0.3;
+  SplinegonMarkers markers;
+  Splinegons splinegons = round_tower(kRadius_m, kSigma_m);
+  const auto array = markers.update(splinegons, "world");
+  const Marker closed = find(array, "closed");
+  ASSERT_GT(closed.points.size(), 40U);
+  for (std::size_t i = 0; i < closed.points.size(); ++i) {
+    EXPECT_NEAR(std::hypot(closed.points[i].x, closed.points[i].y), kRadius_m, 1e-9);
+    EXPECT_EQ(closed.points[i].z, 15.0);
+    if (i % 2 == 1 && i + 1 < closed.points.size()) {
+      EXPECT_EQ(closed.points[i].x, closed.points[i + 1].x);
+    }
+  }
+  EXPECT_EQ(closed.points.front().x, closed.points.back().x) << "it closes";
+  const Marker envelope = find(array, "envelope");
+  ASSERT_EQ(envelope.points.size() % 3, 0U);
+  for (const geometry_msgs::Point& p : envelope.points) {
+    EXPECT_NEAR(std::abs(std::hypot(p.x, p.y) - kRadius_m), 2.5758293 * kSigma_m, 1e-6);
+  }
+  EXPECT_EQ(find(array, "id").text, "7");
+  // Once it is known to be open, nothing is left of the closed one.
+  splinegons.boundaries[0].closed = false;
+  splinegons.boundaries[0].vertices.pop_back();
+  splinegons.boundaries[0].vertices.back().bulge = 0.0;
+  const auto next = markers.update(splinegons, "world");
+  EXPECT_EQ(find(next, "closed").action, Marker::DELETE);
+  EXPECT_EQ(find(next, "open").action, Marker::ADD);
+  splinegons.boundaries.clear();
+  for (const Marker& marker : markers.update(splinegons, "world").markers) EXPECT_EQ(marker.action, Marker::DELETE);
+}
+
+TEST(LocalPolygonMarkers, DrawTheScansPolylinesInTheWorld) {
+  Polylines polylines;
+  polylines.stamp_ns = 1'000'000'000;
+  polylines.height_world_m = 15.0;
+  polylines.T_world_level = {{1.0, 2.0}, 0.5 * 3.14159265358979323846};
+  polylines.vertices = {{{1.0, 0.0}, {}}, {{2.0, 0.0}, {}}, {{2.0, 1.0}, {}}, {{9.0, 9.0}, {}}};
+  polylines.polylines.push_back({0, 3, 0, 3, SegmentEnd::kFree, SegmentEnd::kFree});
+  polylines.polylines.push_back({3, 1, 3, 1, SegmentEnd::kFree, SegmentEnd::kFree});
+  LocalPolygonMarkers markers;
+  const Marker local = find(markers.update(polylines, {{10.0, 0.0}, 0.0}, "world"), "local_polygon");
+  ASSERT_EQ(local.points.size(), 4U) << "two edges; a lone vertex has none";
+  EXPECT_NEAR(local.points[0].x, 11.0, 1e-9);
+  EXPECT_NEAR(local.points[0].y, 3.0, 1e-9);
+  EXPECT_NEAR(local.points[3].x, 10.0, 1e-9);
+  EXPECT_NEAR(local.points[3].y, 4.0, 1e-9);
 }
 
 }  // namespace

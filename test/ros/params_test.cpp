@@ -10,6 +10,7 @@
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 #include "support/aggregate_size.hpp"
 #include "support/refusal.hpp"
 
@@ -222,6 +223,32 @@ TEST(NodeletParams, AreReadWithThoseOfAnyKindOfMap) {
   EXPECT_EQ(params.max_gap_m, 0.5);
   ASSERT_EQ(params.unknown.size(), 1U);
   EXPECT_EQ(params.unknown[0].path, "detections");
+}
+
+TEST(SplinegonNodeletParams, DeclareAllTheirMembers) {
+  const std::size_t others = 3;  // what was unknown; and the two whose fields are declared in their places
+  EXPECT_EQ(declared_size<SplinegonNodeletParams>(), aggregate_size<SplinegonNodeletParams>() - others +
+                                                         declared_size<NodeletParams>() +
+                                                         declared_size<SplinegonPipelineParams>());
+}
+
+TEST(SplinegonNodeletParams, AreReadAndRefused) {
+  const auto read = [](const char* name, const XmlRpcValue& value) {
+    XmlRpcValue tree;
+    tree[name] = value;
+    tree["gps_ins"]["max_yaw_sigma_rad"] = 0.2;  // of another stage
+    const SplinegonNodeletParams params = read_splinegon_nodelet_params(ParamReader(tree, "here"));
+    EXPECT_TRUE(params.unknown.empty());
+    return params;
+  };
+  EXPECT_EQ(read("base_frame", "/base").base_frame, "base");
+  EXPECT_EQ(read("localization", "tf").localization, "tf");
+  const auto refused = [&](const char* name, const XmlRpcValue& value) {
+    return refusal_of([&] { read(name, value); });
+  };
+  EXPECT_TRUE(names(refused("localization", "slam"), {"here", "localization", "slam", "gps", "tf"}));
+  EXPECT_TRUE(names(refused("base_frame", ""), {"here", "base_frame", "empty"}));
+  EXPECT_TRUE(names(refused("pose_sigma_m", -1.0), {"here", "pose_sigma_m", "-1"}));
 }
 
 }  // namespace

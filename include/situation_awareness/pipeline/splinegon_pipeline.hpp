@@ -58,6 +58,18 @@ class SplinegonPipeline {
   const Polygons& polygons() const { return polygons_; }
   const Splinegons& splinegons() const { return map_.splinegons(); }
 
+  /// The polylines of the latest scan, placed in the map; and where the map is in the world.
+  const Polylines& polylines() const { return polylines_; }
+  const Pose2& T_world_map() const { return alignment_.T_world_map(); }
+
+  /// Forgets all boundaries. Their ids are not used again.
+  void reset();
+
+  /// Continues from these boundaries in the place of its own: elements are put on them. They are where they say in the
+  /// world as it is known now: by GPS they may be off by its error then and now. Throws std::invalid_argument if they
+  /// are too many for a map.
+  void resume(const Splinegons& splinegons);
+
  private:
   void take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                       const Eigen::Isometry3d& T_world_lidar_end);

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/time.h>
 #include <sensor_msgs/LaserScan.h>
@@ -20,6 +21,7 @@
 #include "situation_awareness/pose/odometry_track.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -31,7 +33,15 @@ struct OdometryPosedScan {
   std_msgs::Header header;
   sensor_msgs::LaserScanConstPtr msg;
   Eigen::Isometry3d T_odom_lidar, T_odom_lidar_end;
-  Eigen::Isometry3d T_odom_base;  ///< at the first beam
+  Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();  ///< at the first beam
+
+  OdometryPosedScan() = default;
+  /// By TF: its world is `odom`, and there is no base.
+  explicit OdometryPosedScan(const PosedMessage<sensor_msgs::LaserScan>& posed)
+      : header(posed.header),
+        msg(posed.msg),
+        T_odom_lidar(posed.T_world_sensor),
+        T_odom_lidar_end(posed.T_world_sensor_end) {}
 };
 
 /// The input of a stage that places scans by the messages of odometry, and by TF only the scanner on the base: a scan
@@ -43,8 +53,10 @@ class OdometryInput {
   using Context = StageContext<sensor_msgs::LaserScan, OdometryPosedScan>;
 
   struct Use {
-    /// Takes a pose by odometry; what it refuses is not used.
-    std::function<OdometryTrack::Verdict(std::int64_t stamp_ns, const Pose2& T_odom_base)> add;
+    /// Takes a message of odometry and `transform`, its pose, which it may change; what it refuses is not used.
+    std::function<OdometryTrack::Verdict(const nav_msgs::Odometry& msg, geometry_msgs::TransformStamped& transform)>
+        add;
+    const char* topic = "odom";
   };
 
   /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than `reset_time_jump_s` is a

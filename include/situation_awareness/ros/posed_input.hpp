@@ -36,11 +36,12 @@ struct PosedMessage {
 
 /// The input of a stage with measurements of a sensor (scans, clouds, images) that need the sensor's poses: each waits
 /// for its transforms, then in the backlog. Drops are counted by reason, delays of transforms are on /diagnostics. All
-/// calls are on the callback queue of its stage, without a lock; `context` must outlive it.
-template <class Message>
+/// calls are on the callback queue of its stage, without a lock; `context` must outlive it. `Queued`: what the stage
+/// takes, made of a PosedMessage.
+template <class Message, class Queued = PosedMessage<Message>>
 class PosedInput {
  public:
-  using Context = StageContext<Message, PosedMessage<Message>>;
+  using Context = StageContext<Message, Queued>;
   using ConstPtr = boost::shared_ptr<const Message>;
 
   struct Use {
@@ -97,7 +98,7 @@ class PosedInput {
         transform_age_.scan_waited(ready->waited_s);
         const ConstPtr& msg = ready->item.msg;
         const PosedMessage<Message> posed{msg->header, msg, ready->T_world_sensor, ready->T_world_sensor_end};
-        context_.enqueue(boost::make_shared<const PosedMessage<Message>>(posed), ready->item.at);
+        context_.enqueue(boost::make_shared<const Queued>(posed), ready->item.at);
       }
     } catch (const std::exception& error) {
       context_.drop(drop_reason::kError, error.what());

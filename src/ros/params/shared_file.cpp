@@ -10,6 +10,7 @@
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -39,6 +40,7 @@ void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownK
   forget_known_to<LocalizationNodeletParams>(reader, unknown);
   forget_known_to<PathNodeletParams>(reader, unknown);
   forget_known_to<GpsInsNodeletParams>(reader, unknown);
+  forget_known_to<SplinegonNodeletParams>(reader, unknown);
 }
 
 }  // namespace situation_awareness

@@ -1,11 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a recorded bag to the boundaries of large obstacles, without a roscore, as fast as possible.
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
-#include <deque>
 #include <memory>
 #include <string>
 #include <utility>
@@ -24,10 +22,12 @@
 #include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
+#include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/gps_ins_input.hpp"
+#include "situation_awareness/ros/inertial_track.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
@@ -106,12 +106,11 @@ Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, c
   return line;
 }
 
-/// Of the pose's x, y and yaw in the axes of the world.
-Eigen::Matrix3d planar_covariance(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance) {
-  Eigen::Matrix<double, 3, 6> J = Eigen::Matrix<double, 3, 6>::Zero();
-  J(0, 0) = J(1, 1) = 1.0;
-  J.row(2).tail<3>() = T_world_base.linear().row(2);
-  return J * covariance * J.transpose();
+/// With the attitude's error in the axes of the base.
+Matrix6 body_covariance(const InertialTrack::Known& known) {
+  Matrix6 J = Matrix6::Identity();
+  J.bottomRightCorner<3, 3>() = known.T_world_base.linear().transpose();
+  return J * known.covariance * J.transpose();
 }
 
 struct BagParams {
@@ -133,14 +132,14 @@ void map_by_tf(const Options& options, const BagParams& params) {
   Matrix6 covariance = Matrix6::Zero();
   covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
   covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
+  const Eigen::Matrix3d planar_covariance =
+      Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
         const Eigen::Isometry3d T_world_base =
             transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
-        player.timed([&] {
-          pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance));
-        });
+        player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance); });
         out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
       },
       options.lidar_frame);
@@ -159,19 +158,11 @@ void add_to(Counters& sum, const Counters& counters) {
   for (const auto& [reason, count] : counters) sum[reason] += count;
 }
 
-/// The pose by GPS and INS while a bag is played. The transform of the player is that by inertial navigation alone, in
-/// a frame of its own: it does not jump.
+/// The pose by GPS and INS while a bag is played, as the nodelet gps_ins publishes it at the rate of the IMU. The
+/// transform of the player is that of an InertialTrack.
 class BagNavigation {
  public:
   static constexpr const char* kOdomFrame = "splinegons_bag_odom";
-
-  /// As it was known at that time.
-  struct Known {
-    std::int64_t stamp_ns = 0;
-    Eigen::Isometry3d T_world_odom;
-    Matrix6 covariance;
-    double velocity_sigma_m_s = 0.0;
-  };
 
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
       : player_(player), options_(options), fix_frame_(fix_frame(options)) {
@@ -185,10 +176,7 @@ class BagNavigation {
                                              [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
   }
 
-  const Known& known_at(std::int64_t stamp_ns) {
-    while (known_.size() > 1 && known_[1].stamp_ns <= stamp_ns) known_.pop_front();
-    return known_.front();
-  }
+  const InertialTrack::Known& known_at(std::int64_t stamp_ns) { return track_.known_at(stamp_ns); }
 
   void print_summary() const {
     const GpsIns* const filter = input_ ? input_->filter() : nullptr;
@@ -224,44 +212,12 @@ class BagNavigation {
     if (!reason.empty()) ++refused_[reason];
     if (input_->filter() == nullptr) return;
     const GpsInsPose pose = input_->filter()->pose();
-    if (!pose.is_ready || (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns)) return;
-    const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
-    const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
-    if (!known_.empty()) {
-      // The turn by the gyroscopes, and the way by the velocity as seen from the base.
-      const double step_s = 1e-9 * static_cast<double>(pose.stamp_ns - known_.back().stamp_ns);
-      const double yaw_before_rad = odom_yaw_rad_;
-      odom_yaw_rad_ += step_s * yaw_rate(pose);
-      const Eigen::Vector3d velocity_level_m_s =
-          Eigen::AngleAxisd(-yaw_rad, Eigen::Vector3d::UnitZ()) * pose.velocity_world_m_s;
-      p_odom_m_ += step_s * (Eigen::AngleAxisd(0.5 * (yaw_before_rad + odom_yaw_rad_), Eigen::Vector3d::UnitZ()) *
-                             velocity_level_m_s);
-    } else {
-      odom_yaw_rad_ = yaw_rad;
-      p_odom_m_ = pose.T_world_base.translation();
-    }
-    p_odom_m_.z() = pose.T_world_base.translation().z();
-    Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();
-    T_odom_base.translation() = p_odom_m_;
-    T_odom_base.linear() =
-        Eigen::AngleAxisd(odom_yaw_rad_ - yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix() * R_world_base;
-    player_.add_transform(transform_to_msg(T_odom_base, pose.stamp_ns, kOdomFrame, options_.base_frame));
-    const double yaw_variance =
-        R_world_base.row(2) * pose.covariance.bottomRightCorner<3, 3>() * R_world_base.row(2).transpose();
-    const double velocity_variance = pose.velocity_covariance.topLeftCorner<2, 2>().diagonal().maxCoeff() +
-                                     pose.velocity_world_m_s.head<2>().squaredNorm() * yaw_variance;
-    known_.push_back(
-        {pose.stamp_ns, pose.T_world_base * T_odom_base.inverse(), pose.covariance, std::sqrt(velocity_variance)});
-  }
-
-  /// About the vertical, of Rz(yaw) Ry(pitch) Rx(roll).
-  static double yaw_rate(const GpsInsPose& pose) {
-    const Eigen::Matrix3d R = pose.T_world_base.linear();
-    const double roll_rad = std::atan2(R(2, 1), R(2, 2));
-    const double cos_pitch = std::hypot(R(2, 1), R(2, 2));
-    return (std::sin(roll_rad) * pose.angular_velocity_base_rad_s.y() +
-            std::cos(roll_rad) * pose.angular_velocity_base_rad_s.z()) /
-           std::max(cos_pitch, 0.1);
+    if (!pose.is_ready) return;
+    const nav_msgs::Odometry odometry = odometry_to_msg(pose, tf2_frame(options_.bag.world_frame), params_.base_frame);
+    geometry_msgs::TransformStamped transform = transform_from_odometry(odometry);
+    if (track_.add(odometry, transform) == OdometryTrack::Verdict::kRefused) return;
+    transform.header.frame_id = kOdomFrame;
+    player_.add_transform(transform);
   }
 
   void add(const sensor_msgs::NavSatFix& msg) {
@@ -274,9 +230,7 @@ class BagNavigation {
   std::string fix_frame_;
   std::unique_ptr<GpsInsInput> input_;
   Counters refused_;
-  std::deque<Known> known_;
-  double odom_yaw_rad_ = 0.0;
-  Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero();
+  InertialTrack track_{kResetTimeJump_s};
 };
 
 void map_by_gps(const Options& options, const BagParams& params) {
@@ -292,14 +246,10 @@ void map_by_gps(const Options& options, const BagParams& params) {
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
         const Eigen::Isometry3d T_odom_base =
             transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
-        const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
+        const InertialTrack::Known& known = navigation.known_at(scan.stamp_ns);
         const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
-        InertialPlacement placement;
-        placement.T_world_odom = pose2_of(known.T_world_odom);
-        placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
-        placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
-        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
-        out.write(json_line(scan.stamp_ns, json_of(T_world_base, known.covariance, pipeline.splinegons())));
+        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement_of(known)); });
+        out.write(json_line(scan.stamp_ns, json_of(T_world_base, body_covariance(known), pipeline.splinegons())));
       },
       options.lidar_frame);
   player.play();

@@ -33,6 +33,7 @@ struct Splinegon {
 struct Splinegons {
   std::int64_t stamp_ns = 0;
   std::vector<Splinegon> boundaries;
+  double height_world_m = 0.0;  ///< of the scans, for display
 };
 
 /// Standard deviations to either side of a boundary that contain 99 % of a normal distribution.

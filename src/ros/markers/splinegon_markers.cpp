@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/markers/splinegon_markers.hpp"
+
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "make_marker.hpp"
+
+namespace situation_awareness {
+namespace {
+
+using visualization_msgs::Marker;
+
+constexpr Color kClosedColor{0.12F, 0.42F, 0.82F};
+constexpr Color kOpenColor{0.15F, 0.65F, 0.3F};
+constexpr Color kEnvelopeColor{0.95F, 0.55F, 0.1F};
+constexpr Color kLocalColor{0.85F, 0.1F, 0.1F};
+
+constexpr double kBoundaryWidth_m = 0.2;
+constexpr double kLocalWidth_m = 0.12;
+constexpr double kVertex_m = 0.5;
+constexpr double kJoint_m = 0.25;
+/// Between points along a boundary: half a metre of an arc of 5 m is 6 mm off its chord.
+constexpr double kSpacing_m = 0.5;
+constexpr double kLabelHeight_m = 2.0;
+/// Below the boundary, so that it is seen on it from above.
+constexpr double kEnvelopeBelow_m = 0.1;
+
+Marker boundaries_of(const std_msgs::Header& header, const Splinegons& splinegons, bool closed) {
+  Marker m =
+      make_marker(header, closed ? "closed" : "open", 0, Marker::LINE_LIST, closed ? kClosedColor : kOpenColor, 1.0F);
+  m.scale.x = kBoundaryWidth_m;
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    if (splinegon.closed != closed) continue;
+    const std::vector<SplinegonPoint> points = sampled(splinegon, kSpacing_m);
+    for (std::size_t i = 0; i + 1 < points.size() + (closed ? 1 : 0); ++i) {
+      m.points.push_back(make_point(points[i].p_world_m, splinegons.height_world_m));
+      m.points.push_back(make_point(points[(i + 1) % points.size()].p_world_m, splinegons.height_world_m));
+    }
+  }
+  return m;
+}
+
+/// A strip of triangles.
+Marker envelopes_of(const std_msgs::Header& header, const Splinegons& splinegons) {
+  Marker m = make_marker(header, "envelope", 0, Marker::TRIANGLE_LIST, kEnvelopeColor, 0.35F);
+  m.scale.x = m.scale.y = m.scale.z = 1.0;
+  const double z_m = splinegons.height_world_m - kEnvelopeBelow_m;
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    const SplinegonEnvelope envelope = envelope_of(splinegon, kSpacing_m);
+    const std::size_t samples = envelope.free_side_world_m.size();
+    for (std::size_t i = 0; i + 1 < samples + (splinegon.closed ? 1 : 0); ++i) {
+      const std::size_t next = (i + 1) % samples;
+      const Eigen::Vector2d corners[] = {envelope.free_side_world_m[i], envelope.free_side_world_m[next],
+                                         envelope.obstacle_side_world_m[next], envelope.obstacle_side_world_m[i]};
+      for (const std::size_t corner : {0, 1, 2, 0, 2, 3}) m.points.push_back(make_point(corners[corner], z_m));
+    }
+  }
+  return m;
+}
+
+Marker vertices_of(const std_msgs::Header& header, const Splinegons& splinegons, bool joints) {
+  Marker m = make_marker(header, "vertices", joints ? 1 : 0, Marker::SPHERE_LIST, kInkColor, joints ? 0.5F : 1.0F);
+  m.scale.x = m.scale.y = m.scale.z = joints ? kJoint_m : kVertex_m;
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    for (std::size_t i = joints ? 1 : 0; i < splinegon.vertices.size(); i += 2) {
+      m.points.push_back(make_point(splinegon.vertices[i].p_world_m, splinegons.height_world_m));
+    }
+  }
+  return m;
+}
+
+}  // namespace
+
+visualization_msgs::MarkerArray SplinegonMarkers::update(const Splinegons& splinegons, const std::string& world_frame) {
+  const std_msgs::Header header = make_header(world_frame, splinegons.stamp_ns);
+  std::vector<Marker> markers;
+  const auto add = [&markers](Marker marker) {
+    if (!marker.points.empty()) markers.push_back(std::move(marker));
+  };
+  add(envelopes_of(header, splinegons));
+  for (const bool closed : {true, false}) add(boundaries_of(header, splinegons, closed));
+  for (const bool joints : {true, false}) add(vertices_of(header, splinegons, joints));
+  for (const Splinegon& splinegon : splinegons.boundaries) {
+    markers.push_back(make_label(header, splinegon.id, std::to_string(splinegon.id),
+                                 splinegon.vertices.front().p_world_m, splinegons.height_world_m + 1.0));
+    markers.back().scale.z = kLabelHeight_m;
+  }
+  return shown_.update(header, std::move(markers));
+}
+
+visualization_msgs::MarkerArray LocalPolygonMarkers::update(const Polylines& polylines, const Pose2& T_world_map,
+                                                            const std::string& world_frame) {
+  const std_msgs::Header header = make_header(world_frame, polylines.stamp_ns);
+  Marker m = make_marker(header, "local_polygon", 0, Marker::LINE_LIST, kLocalColor, 1.0F);
+  m.scale.x = kLocalWidth_m;
+  const Pose2 T_world_level = T_world_map * polylines.T_world_level;
+  for (const Polyline& polyline : polylines.polylines) {
+    for (std::size_t i = polyline.first_vertex; i + 1 < polyline.first_vertex + polyline.vertices; ++i) {
+      for (const std::size_t end : {i, i + 1}) {
+        m.points.push_back(make_point(T_world_level * polylines.vertices[end].p_level_m, polylines.height_world_m));
+      }
+    }
+  }
+  std::vector<Marker> markers;
+  if (!m.points.empty()) markers.push_back(std::move(m));
+  return shown_.update(header, std::move(markers));
+}
+
+}  // namespace situation_awareness

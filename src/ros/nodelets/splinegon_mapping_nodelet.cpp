@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// scan, odometry, TF base -> lidar (or world -> lidar)  ->  splinegons, splinegon_markers, local_polygon_markers
+#include <algorithm>
+#include <cstddef>
+#include <exception>
+#include <optional>
+#include <string>
+
+#include <ros/publisher.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <boost/make_shared.hpp>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/pipeline/timed_splinegon_map.hpp"
+#include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/scan.hpp"
+#include "situation_awareness/ros/inertial_track.hpp"
+#include "situation_awareness/ros/map_publisher.hpp"
+#include "situation_awareness/ros/map_services.hpp"
+#include "situation_awareness/ros/markers/splinegon_markers.hpp"
+#include "situation_awareness/ros/odometry_input.hpp"
+#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
+#include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/splinegon_kind.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
+
+namespace situation_awareness {
+
+class SplinegonMappingStage {
+ public:
+  using Context = OdometryInput::Context;
+  static constexpr const char* kInput = "scan";
+  static constexpr auto kReadParams = read_splinegon_nodelet_params;
+
+  SplinegonMappingStage(Context& context, const SplinegonNodeletParams& params)
+      : context_(context),
+        params_(params),
+        track_(params.reset_time_jump_s),
+        map_(params.pipeline, params.reset_time_jump_s),
+        publisher_(context, params.nodelet),
+        local_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("local_polygon_markers", 5)),
+        services_(context, params.nodelet.world_frame, map_,
+                  [this](const Splinegons& splinegons) { publisher_.publish(splinegons); }) {
+    const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;
+    pose_covariance_ =
+        Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();
+    if (params.localization == "gps") {
+      by_odometry_.emplace(
+          context, params.nodelet, OdometryFrames{params.nodelet.world_frame, params.base_frame},
+          params.reset_time_jump_s,
+          OdometryInput::Use{[this](const nav_msgs::Odometry& msg, geometry_msgs::TransformStamped& transform) {
+                               return track_.add(msg, transform);
+                             },
+                             "odometry"});
+    } else {
+      by_tf_.emplace(
+          context, params.nodelet, params.reset_time_jump_s, 0.0,
+          PosedInput<sensor_msgs::LaserScan, OdometryPosedScan>::Use{
+              scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
+              [] {}});
+    }
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+  }
+
+  bool process(const OdometryPosedScan& posed) {
+    if (services_.passes_over()) return false;
+    Scan scan = scan_from_msg(*posed.msg);
+    if (!params_.nodelet.deskew) scan.time_increment_s = 0.0;
+    const std::string defect = projection_defect(scan, posed.T_odom_lidar, posed.T_odom_lidar_end);
+    if (!defect.empty()) return context_.drop(defect);
+    StampOrder::Verdict verdict = StampOrder::Verdict::kRefused;
+    if (by_tf_) {
+      verdict = map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, pose_covariance_);
+    } else {
+      if (track_.empty()) return context_.drop("no odometry");
+      verdict =
+          map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, placement_of(track_.known_at(scan.stamp_ns)));
+    }
+    if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
+    if (verdict == StampOrder::Verdict::kRestart) {
+      context_.diagnostics().counted({{"time jumped back: new map", 1}});
+    }
+    context_.diagnostics().counted(map_.pipeline().polylines().refused);
+    publisher_.publish(map_.splinegons());
+    if (local_publisher_.getNumSubscribers() > 0) {
+      local_publisher_.publish(boost::make_shared<const visualization_msgs::MarkerArray>(local_markers_.update(
+          map_.pipeline().polylines(), map_.pipeline().T_world_map(), params_.nodelet.world_frame)));
+    }
+    return true;
+  }
+
+ private:
+  void report(StageDiagnostics::Status& status) {
+    const std::vector<Splinegon>& boundaries = map_.splinegons().boundaries;
+    status.add("boundaries", boundaries.size());
+    status.add("closed", std::count_if(boundaries.begin(), boundaries.end(),
+                                       [](const Splinegon& splinegon) { return splinegon.closed; }));
+    std::size_t vertices = 0;
+    double worst_m = 0.0;
+    for (const Splinegon& splinegon : boundaries) {
+      vertices += splinegon.vertices.size();
+      for (const SplinegonVertex& vertex : splinegon.vertices) worst_m = std::max(worst_m, vertex.sigma_m);
+    }
+    status.add("vertices", vertices);
+    status.add("largest sigma [m]", worst_m);
+    status.add("chains", map_.pipeline().polygons().chains.size());
+  }
+
+  Context& context_;
+  SplinegonNodeletParams params_;
+  Eigen::Matrix3d pose_covariance_;  ///< of poses by TF
+  InertialTrack track_;
+  TimedSplinegonMap map_;
+  MapPublisher<SplinegonKind> publisher_;
+  ros::Publisher local_publisher_;
+  LocalPolygonMarkers local_markers_;
+  MapServices<SplinegonKind> services_;
+  std::optional<OdometryInput> by_odometry_;
+  std::optional<PosedInput<sensor_msgs::LaserScan, OdometryPosedScan>> by_tf_;
+};
+
+using SplinegonMappingNodelet = StageNodelet<SplinegonMappingStage>;
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::SplinegonMappingNodelet, nodelet::Nodelet)
