@@ -317,14 +317,14 @@ DubinsPath shortest_dubins_path(const DubinsEnd& from, const DubinsEnd& to) {
   return path_of(solution, from.p_m, yaw_rad, from.radius_m, to.radius_m);
 }
 
-DubinsPlace place_at(const DubinsPath& path, double way_m) {
-  way_m = std::clamp(way_m, 0.0, path.length_m);
-  const DubinsSegment* segment = &path.segments[0];  // at the end of the path the last that is not empty
+DubinsPlace place_at(const DubinsSegment* first, const DubinsSegment* last, double way_m) {
+  const DubinsSegment* segment = first;  // at the end of the path the last that is not empty
   double in_segment_m = 0.0;
-  for (const DubinsSegment& next : path.segments) {
-    const double next_m = length_m(next);
+  way_m = std::max(way_m, 0.0);
+  for (const DubinsSegment* next = first; next != last; ++next) {
+    const double next_m = length_m(*next);
     if (next_m > 0.0) {
-      segment = &next;
+      segment = next;
       in_segment_m = std::min(way_m, next_m);
     }
     if (way_m < next_m) break;
@@ -335,6 +335,10 @@ DubinsPlace place_at(const DubinsPath& path, double way_m) {
   }
   const Straight& straight = *std::get_if<Straight>(segment);
   return {{straight.from_m + in_segment_m * direction(straight.heading_rad), straight.heading_rad}, 0.0};
+}
+
+DubinsPlace place_at(const DubinsPath& path, double way_m) {
+  return place_at(path.segments.data(), path.segments.data() + path.segments.size(), std::min(way_m, path.length_m));
 }
 
 void sample(const DubinsPath& path, double step_m, std::vector<Pose2>& poses) {

@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/path/segment_path.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -30,18 +31,8 @@ double nearest_on(const Straight& straight, const Eigen::Vector2d& p_m, double l
   return std::clamp(ahead.dot(p_m - straight.from_m), low_m, high_m);
 }
 
-}  // namespace
-
-void DubinsFollowingParams::validate() const { check_bounds(*this, "dubins_following"); }
-
-bool may_follow(const DubinsPath& path, double max_curvature_1_m) {
-  return std::all_of(path.segments.begin(), path.segments.end(), [max_curvature_1_m](const DubinsSegment& segment) {
-    const Arc* arc = std::get_if<Arc>(&segment);
-    return arc == nullptr || arc->sweep_rad == 0.0 || may_turn(arc->radius_m, max_curvature_1_m);
-  });
-}
-
-double nearest_m(const DubinsPath& path, const Eigen::Vector2d& p_m, double from_m, double to_m) {
+template <class AnyPath>
+double nearest_on_path(const AnyPath& path, const Eigen::Vector2d& p_m, double from_m, double to_m) {
   double best_m = std::clamp(from_m, 0.0, path.length_m);
   double least_m = (place_at(path, best_m).pose.translation_m - p_m).norm();
   double begin_m = 0.0;
@@ -62,11 +53,12 @@ double nearest_m(const DubinsPath& path, const Eigen::Vector2d& p_m, double from
   return best_m;
 }
 
-DubinsFollowingResult follow(const DubinsPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
-                             double speed_m_s, double way_m) {
+template <class AnyPath>
+DubinsFollowingResult follow_path(const AnyPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
+                                  double speed_m_s, double way_m) {
   const double K = params.max_curvature_1_m;
   DubinsFollowingResult result;
-  result.way_m = nearest_m(path, T_world_base.translation_m, way_m, way_m + 0.5 / K);
+  result.way_m = nearest_on_path(path, T_world_base.translation_m, way_m, way_m + 0.5 / K);
   const DubinsPlace reference = place_at(path, result.way_m);
   result.error = following_error(reference.pose, T_world_base);
   result.arrived = result.way_m >= path.length_m - kAtEnd_m && result.error.along_m >= -kAtEnd_m;
@@ -80,6 +72,35 @@ DubinsFollowingResult follow(const DubinsPath& path, const DubinsFollowingParams
   const double turn_rad = wrap_to_pi(result.error.heading_rad - heading_rad);
   result.curvature_1_m = std::clamp(reference_1_m - params.gain_heading_radii * K * turn_rad, -K, K);
   return result;
+}
+
+}  // namespace
+
+void DubinsFollowingParams::validate() const { check_bounds(*this, "dubins_following"); }
+
+bool may_follow(const DubinsPath& path, double max_curvature_1_m) {
+  return std::all_of(path.segments.begin(), path.segments.end(), [max_curvature_1_m](const DubinsSegment& segment) {
+    const Arc* arc = std::get_if<Arc>(&segment);
+    return arc == nullptr || arc->sweep_rad == 0.0 || may_turn(arc->radius_m, max_curvature_1_m);
+  });
+}
+
+double nearest_m(const DubinsPath& path, const Eigen::Vector2d& p_m, double from_m, double to_m) {
+  return nearest_on_path(path, p_m, from_m, to_m);
+}
+
+double nearest_m(const SegmentPath& path, const Eigen::Vector2d& p_m, double from_m, double to_m) {
+  return nearest_on_path(path, p_m, from_m, to_m);
+}
+
+DubinsFollowingResult follow(const DubinsPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
+                             double speed_m_s, double way_m) {
+  return follow_path(path, params, T_world_base, speed_m_s, way_m);
+}
+
+DubinsFollowingResult follow(const SegmentPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
+                             double speed_m_s, double way_m) {
+  return follow_path(path, params, T_world_base, speed_m_s, way_m);
 }
 
 }  // namespace situation_awareness

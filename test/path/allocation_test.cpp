@@ -7,6 +7,7 @@
 #include "allocations.hpp"
 #include "path/safety_scene.hpp"
 #include "situation_awareness/common/random.hpp"
+#include "situation_awareness/path/avoidance.hpp"
 #include "situation_awareness/path/dubins.hpp"
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
@@ -70,6 +71,24 @@ TEST(Allocation, NoneForDubinsPaths) {
   }
   EXPECT_EQ(allocations().count, before);
   EXPECT_GT(sum_m, 1000.0);
+}
+
+TEST(Allocation, NoneForAvoidanceAfterWarmUp) {
+  const AvoidanceParams params;
+  Random random(3);
+  Obstacles scene;
+  SegmentPath path;
+  std::int64_t before = 0;
+  for (int i = 0; i < 300; ++i) {
+    if (i == 100) before = allocations().count;
+    scene.clear();
+    for (std::uint64_t k = 1; k <= 6; ++k) {
+      scene.add(Ellipse{{random.uniform(-40.0, 40.0), random.uniform(-40.0, 40.0)}, 0.3, 4.0, 2.0}, 0.1, k);
+    }
+    const Pose2 from{{-60.0, random.uniform(-20.0, 20.0)}, 0.0};
+    plan_around(from, {{60.0, 0.0}, 0.0, params.turn_radius_m}, scene, 0.1, params, path);
+  }
+  EXPECT_EQ(allocations().count, before);
 }
 
 }  // namespace

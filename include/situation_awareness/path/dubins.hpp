@@ -82,6 +82,8 @@ struct DubinsPlace {
 /// The place `way_m` after the begin of the path; of its begin or end, where that is outside. The yaw is continuous
 /// along a segment, and not wrapped.
 DubinsPlace place_at(const DubinsPath& path, double way_m);
+/// The same of segments in a row, one at least.
+DubinsPlace place_at(const DubinsSegment* first, const DubinsSegment* last, double way_m);
 
 /// Poses along the path at equal distances of at most `step_m` > 0, both ends included.
 void sample(const DubinsPath& path, double step_m, std::vector<Pose2>& poses);

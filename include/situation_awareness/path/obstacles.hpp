@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/curve.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/splinegons/splinegons.hpp"
+
+namespace situation_awareness {
+
+/// What an obstacle was on its map.
+enum class ObstacleKind : std::uint8_t { kBoundary, kChain, kObject };
+
+const char* name_of(ObstacleKind kind);  ///< "boundary", "chain", "object"
+
+/// A line or an arc of an obstacle's outline.
+struct ObstaclePiece {
+  static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+
+  Curve curve;                 ///< in the world
+  double sigma_m = 0.0;        ///< of the outline, across it: the greatest along the piece
+  std::size_t obstacle = 0;    ///< index
+  std::size_t before = kNone;  ///< the piece at its begin, and
+  std::size_t after = kNone;   ///< that at its end
+  Eigen::Vector2d middle_m;    ///< of the curve; it is within
+  double half_m = 0.0;         ///< of that
+};
+
+struct Obstacle {
+  ObstacleKind kind = ObstacleKind::kBoundary;
+  std::uint64_t id = 0;  ///< of its kind
+  bool closed = false;
+  std::size_t first = 0;   ///< piece
+  std::size_t pieces = 0;  ///< number of them
+  double sigma_m = 0.0;    ///< the greatest of the pieces
+};
+
+/// The outlines of all that a vehicle keeps away from, in the world, as lines and arcs. A closed one is known by its
+/// outline alone, which no path from outside passes. Keeps its memory.
+class Obstacles {
+ public:
+  void clear();
+
+  /// Without pieces shorter than 1 um; with fewer than two vertices nothing is added.
+  void add(const Splinegon& boundary);
+  void add(const Chain& chain);
+  /// Its ellipse or box, as of the map's time. Its standard deviation is that of its place, in its worst direction, and
+  /// of its larger radius.
+  void add(const Object& object);
+  /// By a polygon of 32 edges about it: larger by half a percent at most; a circle exactly. Radii > 0.
+  void add(const Ellipse& ellipse_world, double sigma_m, std::uint64_t id);
+  void add(const std::vector<Eigen::Vector2d>& polyline_world_m, bool closed, double sigma_m, ObstacleKind kind,
+           std::uint64_t id);
+
+  const std::vector<Obstacle>& obstacles() const { return obstacles_; }
+  const std::vector<ObstaclePiece>& pieces() const { return pieces_; }
+
+ private:
+  void begin(ObstacleKind kind, std::uint64_t id, bool closed);
+  void add_piece(const Curve& curve, double sigma_m);
+  void end();
+
+  std::vector<Obstacle> obstacles_;
+  std::vector<ObstaclePiece> pieces_;
+};
+
+/// Distance of a point from the nearest outline; infinite without obstacles. `piece`, if given: the nearest one.
+double distance_m(const Obstacles& obstacles, const Eigen::Vector2d& p_world_m, std::size_t* piece = nullptr);
+
+}  // namespace situation_awareness

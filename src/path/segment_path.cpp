@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/path/segment_path.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <variant>
+
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// m. Shorter segments are none.
+constexpr double kNothing_m = 1e-9;
+
+DubinsSegment part_of_segment(const DubinsSegment& segment, double from_m, double to_m) {
+  if (const Arc* arc = std::get_if<Arc>(&segment)) {
+    const double sign = std::copysign(1.0, arc->sweep_rad);
+    return Arc{arc->center_m, arc->radius_m, arc->from_rad + sign * from_m / arc->radius_m,
+               sign * (to_m - from_m) / arc->radius_m};
+  }
+  const Straight& straight = *std::get_if<Straight>(&segment);
+  const Eigen::Vector2d ahead(std::cos(straight.heading_rad), std::sin(straight.heading_rad));
+  return Straight{straight.from_m + from_m * ahead, straight.from_m + to_m * ahead, straight.heading_rad};
+}
+
+}  // namespace
+
+void clear(SegmentPath& path) {
+  path.segments.clear();
+  path.length_m = 0.0;
+}
+
+void append(SegmentPath& path, const DubinsSegment& segment) {
+  const double segment_m = length_m(segment);
+  if (segment_m < kNothing_m) return;
+  path.segments.push_back(segment);
+  path.length_m += segment_m;
+}
+
+void append(SegmentPath& path, const DubinsPath& dubins) {
+  for (const DubinsSegment& segment : dubins.segments) append(path, segment);
+}
+
+void append_part(SegmentPath& path, const SegmentPath& from, double from_m, double to_m) {
+  double begin_m = 0.0;
+  for (int round = 0; round < 2 && begin_m < to_m; ++round) {
+    for (const DubinsSegment& segment : from.segments) {
+      const double segment_m = length_m(segment);
+      const double low_m = std::max(from_m - begin_m, 0.0), high_m = std::min(to_m - begin_m, segment_m);
+      if (low_m < high_m) append(path, part_of_segment(segment, low_m, high_m));
+      begin_m += segment_m;
+    }
+  }
+}
+
+DubinsPlace place_at(const SegmentPath& path, double way_m) {
+  return place_at(path.segments.data(), path.segments.data() + path.segments.size(), std::min(way_m, path.length_m));
+}
+
+double greatest_curvature_1_m(const SegmentPath& path) {
+  double greatest_1_m = 0.0;
+  for (const DubinsSegment& segment : path.segments) {
+    if (const Arc* arc = std::get_if<Arc>(&segment)) greatest_1_m = std::max(greatest_1_m, 1.0 / arc->radius_m);
+  }
+  return greatest_1_m;
+}
+
+}  // namespace situation_awareness
