@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/splinegons/splinegons.hpp"
+#include "situation_awareness/path/avoidance.hpp"
+#include "situation_awareness/path/dubins_following.hpp"
+#include "situation_awareness/path/obstacles.hpp"
+#include "situation_awareness/path/seen_area.hpp"
+#include "situation_awareness/path/segment_path.hpp"
+#include "situation_awareness/path/standoff_orbit.hpp"
+
+namespace situation_awareness {
+
+// A mission around unknown large obstacles (docs/math/circumnavigation.md; splinegon paper, Sects. I and II).
+
+struct CircumnavigationParams {
+  AvoidanceParams avoidance;
+  DubinsFollowingParams following;
+  double standoff_m = 8.0;
+  double max_sigma_m = 0.3;
+  double max_laps = 2.0;
+  double arrive_m = 6.0;
+  double replan_s = 1.0;
+  double patience_s = 60.0;
+  double start_free_m = 20.0;
+  double sight_spacing_m = 2.0;
+  int sights = 100;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("avoidance", self.avoidance);
+    visit("following", self.following);
+    visit("standoff_m", self.standoff_m, Bounds{0.1, 1000.0}, "m",
+          "distance from an obstacle at which it is gone around: more than the clearance, avoidance.turn_radius_m at "
+          "least");
+    visit("max_sigma_m", self.max_sigma_m, Bounds{0.001, 100.0}, "m",
+          "a closed boundary whose standard deviation is at most this everywhere is done");
+    visit("max_laps", self.max_laps, Bounds{1.0, 100.0}, "",
+          "an obstacle whose boundary is not done after so many laps is given up");
+    visit("arrive_m", self.arrive_m, Bounds{0.1, 1000.0}, "m", "a place of the search is reached from there on");
+    visit("replan_s", self.replan_s, Bounds{0.05, 100.0}, "s", "longest time between plans");
+    visit("patience_s", self.patience_s, Bounds{1.0, 10000.0}, "s",
+          "what cannot be approached is given up after holding for so long; after a third it is tried the other way "
+          "around");
+    visit("start_free_m", self.start_free_m, Bounds{0.0, 10000.0}, "m",
+          "radius around the first pose that is known to be free: the vehicle turns there");
+    visit("sight_spacing_m", self.sight_spacing_m, Bounds{0.1, 100.0}, "m",
+          "distance of the places of which it is remembered what was seen from there");
+    visit("sights", self.sights, Bounds{2, 100000}, "", "number of them");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const;
+};
+
+/// What a step of the mission knows. All of about the same time, in the world. What is null is not there.
+struct MissionInput {
+  std::int64_t stamp_ns = 0;
+  Pose2 T_world_base;                                          ///< its yaw: the course over ground
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of x, y (m) and yaw (rad)
+  double speed_m_s = 0.0;                                      ///< over ground, >= 0
+  const Splinegons* boundaries = nullptr;
+  const Polygons* polygons = nullptr;  ///< of which those without the id of a boundary count
+  const Objects* objects = nullptr;
+  const Sight* sight = nullptr;  ///< of a scan since the last step
+};
+
+enum class MissionState : std::uint8_t {
+  kSearch,  ///< on the way to a place from which to look for obstacles
+  kAround,  ///< on the way around an obstacle, or to it
+  kHold,    ///< on a circle, for want of a safe path
+  kDone,    ///< on a circle, nothing is left
+};
+
+const char* name_of(MissionState state);  ///< "search", "around", "hold", "done"
+
+/// What a step of the mission says. Valid until the next step.
+struct MissionStep {
+  MissionState state = MissionState::kHold;
+  std::string reason;             ///< in one sentence
+  double curvature_1_m = 0.0;     ///< to turn with, left positive; of the path's follower
+  double way_m = 0.0;             ///< along the path
+  std::uint64_t path_number = 0;  ///< another one for another path
+  std::uint64_t target = 0;       ///< id of the boundary that is gone around; 0: none
+  double laps = 0.0;              ///< around it
+  std::size_t done = 0;           ///< boundaries that are closed and certain
+  std::size_t given_up = 0;       ///< boundaries and places of the search
+};
+
+/// Goes to each place of a search, in order; around each large obstacle that it finds, at the stand-off, until its
+/// boundary is closed and certain; and holds when nothing is left. Of what is known only, step by step; the same input
+/// gives the same output.
+///
+/// A path is followed only as long as this holds: as far as the vehicle goes until it could turn off, and around on a
+/// circle from there, nothing is nearer than the clearance and the standard deviations, and all of it was seen.
+/// Otherwise the vehicle turns on the circle for which this held in the step before. So nothing that is unknown is
+/// nearer than that way, and a path's end is never without a way out. Every path has the curvature of
+/// avoidance.turn_radius_m at most.
+class Circumnavigation {
+ public:
+  /// `search`: the radii are those of the parameters. Throws std::invalid_argument naming field and bound.
+  Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search);
+
+  /// Steps are no more than 0.3 s apart. Throws std::invalid_argument if pose, speed or covariance are not finite; the
+  /// mission is then unchanged.
+  const MissionStep& step(const MissionInput& input);
+
+  const SegmentPath& path() const { return path_; }
+  const SegmentPath& way_out() const { return way_out_; }  ///< that is followed if the path's next part is not safe
+  const SegmentPath& orbit() const { return orbit_; }      ///< around the target; empty without one
+  const Obstacles& obstacles() const { return obstacles_; }
+
+ private:
+  void gather(const MissionInput& input);
+  void choose_task(const MissionInput& input);
+  void begin_task(std::uint64_t target);
+  void follow_target(const MissionInput& input);
+  void look_for_places(const MissionInput& input);
+  void lose_patience();
+  bool is_done(const Splinegon& boundary) const;
+  bool is_given_up(std::uint64_t id) const;
+  bool is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const;
+  bool is_free(const SegmentPath& path) const;
+
+  bool plan(const MissionInput& input);
+  bool plan_to_orbit(const Pose2& from);
+  bool plan_to(const Pose2& from, const DubinsEnd& end);
+  bool plan_along_orbit(const Pose2& from, const DubinsEnd& end, std::size_t obstacle);
+  double join(const Pose2& from, const SegmentPath& orbit, SegmentPath& path, double& way_m) const;
+  bool trace(std::size_t obstacle, double side, const Pose2& from, SegmentPath& orbit);
+  bool is_safe(const SegmentPath& path, double way_m, double speed_m_s);
+  void hold(const MissionInput& input);
+  void turn_on(const MissionInput& input);
+  void report(const MissionInput& input);
+
+  CircumnavigationParams params_;
+  std::vector<DubinsEnd> search_;
+  std::size_t place_ = 0;  ///< index in the search
+  std::vector<std::uint64_t> given_up_;
+  std::size_t places_given_up_ = 0;
+
+  Obstacles obstacles_;
+  SeenArea seen_;
+  double pose_sigma_m_ = 0.0;
+  StandoffOrbit orbits_;
+
+  bool has_target_ = false, is_finished_ = false;
+  std::uint64_t target_ = 0;         ///< id of a boundary
+  std::size_t target_obstacle_ = 0;  ///< its index
+  double target_sigma_m_ = 0.0;      ///< its greatest
+  bool target_is_closed_ = false;
+  Eigen::Vector2d target_place_m_ = Eigen::Vector2d::Zero();  ///< on it, nearest to the vehicle
+  double side_ = 1.0;                                         ///< +1: counter-clockwise around it
+  bool chose_side_ = false, tried_other_side_ = false;
+  double around_rad_ = 0.0;  ///< gone around the target
+  double held_s_ = 0.0;      ///< for the present task
+
+  bool started_ = false, holds_ = false, needs_plan_ = true, task_is_new_ = true;
+  std::int64_t stamp_ns_ = 0, planned_ns_ = 0;
+  Eigen::Vector2d before_m_ = Eigen::Vector2d::Zero();  ///< where the vehicle was in the step before
+  SegmentPath path_, orbit_, way_out_, candidate_, tried_, approach_, other_orbit_;
+  mutable SegmentPath joined_;
+  double way_m_ = 0.0;
+  MissionStep step_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,520 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/path/circumnavigation.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <stdexcept>
+#include <variant>
+
+#include <Eigen/Eigenvalues>
+
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+/// s. Longest time between steps: for so long a decision counts.
+constexpr double kStep_s = 0.3;
+/// m. Between places of an orbit at which a path may join or leave it.
+constexpr double kJoin_m = 3.0;
+/// m, rad. A vehicle that is so near to an orbit follows it.
+constexpr double kOnOrbit_m = 0.7, kOnOrbit_rad = 0.25;
+/// Of an orbit's length: how far along it a path goes.
+constexpr double kOfLap = 0.95;
+
+Pose2 pose_on(const SegmentPath& closed, double way_m) {
+  return place_at(closed, std::fmod(way_m, closed.length_m)).pose;
+}
+
+DubinsEnd end_of(const Pose2& pose, double radius_m) { return {pose.translation_m, pose.yaw_rad, radius_m}; }
+
+template <class Item>
+const Item* with_id(const std::vector<Item>& items, std::uint64_t id) {
+  const auto found = std::find_if(items.begin(), items.end(), [id](const Item& item) { return item.id == id; });
+  return found == items.end() ? nullptr : &*found;
+}
+
+double greatest_sigma_m(const Splinegon& boundary) {
+  double sigma_m = 0.0;
+  for (const SplinegonVertex& vertex : boundary.vertices) sigma_m = std::max(sigma_m, vertex.sigma_m);
+  return sigma_m;
+}
+
+Eigen::Vector2d middle_of(const Splinegon& boundary) {
+  Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
+  for (const SplinegonVertex& vertex : boundary.vertices) sum_m += vertex.p_world_m;
+  return sum_m / static_cast<double>(boundary.vertices.size());
+}
+
+void check_at_least(const char* name, double value, const char* bound_name, double bound) {
+  if (value >= bound) return;
+  throw std::invalid_argument("circumnavigation." + std::string(name) + " = " + std::to_string(value) + " is below " +
+                              bound_name + " = " + std::to_string(bound));
+}
+
+}  // namespace
+
+const char* name_of(MissionState state) {
+  switch (state) {
+    case MissionState::kSearch:
+      return "search";
+    case MissionState::kAround:
+      return "around";
+    case MissionState::kHold:
+      return "hold";
+    case MissionState::kDone:
+      return "done";
+  }
+  return "";
+}
+
+void CircumnavigationParams::validate() const {
+  avoidance.validate();
+  following.validate();
+  check_bounds(*this, "circumnavigation");
+  check_at_least("avoidance.turn_radius_m", avoidance.turn_radius_m, "1 / following.max_curvature_1_m",
+                 (1.0 - 1e-12) / following.max_curvature_1_m);
+  check_at_least("standoff_m", standoff_m, "avoidance.turn_radius_m", avoidance.turn_radius_m);
+  check_at_least("standoff_m", standoff_m, "avoidance.clearance_m", avoidance.clearance_m);
+}
+
+Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search)
+    : params_(params), search_(search), seen_(params.sight_spacing_m, static_cast<std::size_t>(params.sights)) {
+  params_.validate();
+  for (std::size_t i = 0; i < search_.size(); ++i) {
+    search_[i].radius_m = params_.avoidance.turn_radius_m;
+    if (!search_[i].p_m.allFinite() || !std::isfinite(search_[i].yaw_rad.value_or(0.0))) {
+      throw std::invalid_argument("circumnavigation: place " + std::to_string(i) + " of the search is not finite");
+    }
+  }
+}
+
+bool Circumnavigation::is_given_up(std::uint64_t id) const {
+  return std::find(given_up_.begin(), given_up_.end(), id) != given_up_.end();
+}
+
+bool Circumnavigation::is_done(const Splinegon& boundary) const {
+  return boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m;
+}
+
+bool Circumnavigation::is_free(const SegmentPath& path) const {
+  return check(path, 0.0, path.length_m, obstacles_, pose_sigma_m_, params_.avoidance).free;
+}
+
+void Circumnavigation::gather(const MissionInput& input) {
+  obstacles_.clear();
+  if (input.boundaries != nullptr) {
+    for (const Splinegon& boundary : input.boundaries->boundaries) obstacles_.add(boundary);
+  }
+  if (input.polygons != nullptr) {
+    for (const Chain& chain : input.polygons->chains) {
+      if (input.boundaries == nullptr || with_id(input.boundaries->boundaries, chain.id) == nullptr) {
+        obstacles_.add(chain);
+      }
+    }
+  }
+  if (input.objects != nullptr) {
+    for (const Object& object : input.objects->objects) obstacles_.add(object);
+  }
+  const Eigen::Matrix2d place = input.covariance_world.topLeftCorner<2, 2>();
+  pose_sigma_m_ =
+      std::sqrt(std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
+  if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
+  if (input.sight != nullptr) seen_.add(*input.sight);
+}
+
+/// Nothing leads there: it is within an obstacle, or nearer than the clearance.
+bool Circumnavigation::is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const {
+  if (distance_m(obstacles_, p_world_m) < params_.standoff_m) return true;
+  return input.boundaries != nullptr &&
+         std::any_of(input.boundaries->boundaries.begin(), input.boundaries->boundaries.end(),
+                     [&](const Splinegon& boundary) { return contains(boundary, p_world_m); });
+}
+
+void Circumnavigation::begin_task(std::uint64_t target) {
+  has_target_ = target != 0;
+  target_ = target;
+  chose_side_ = tried_other_side_ = false;
+  around_rad_ = held_s_ = 0.0;
+  needs_plan_ = task_is_new_ = true;
+  clear(orbit_);
+}
+
+void Circumnavigation::follow_target(const MissionInput& input) {
+  const Splinegon& target = *with_id(input.boundaries->boundaries, target_);
+  target_place_m_ = nearest_on(target, input.T_world_base.translation_m).p_world_m;
+  target_sigma_m_ = greatest_sigma_m(target);
+  target_is_closed_ = target.closed;
+  for (std::size_t i = 0; i < obstacles_.obstacles().size(); ++i) {
+    const Obstacle& obstacle = obstacles_.obstacles()[i];
+    if (obstacle.kind == ObstacleKind::kBoundary && obstacle.id == target_) target_obstacle_ = i;
+  }
+  const Eigen::Vector2d middle_m = middle_of(target);
+  const Eigen::Vector2d from_m = before_m_ - middle_m, to_m = input.T_world_base.translation_m - middle_m;
+  around_rad_ += side_ * std::atan2(cross(from_m, to_m), from_m.dot(to_m));
+}
+
+void Circumnavigation::look_for_places(const MissionInput& input) {
+  while (place_ < search_.size()) {
+    const Eigen::Vector2d& p_m = search_[place_].p_m;
+    const bool is_there = (input.T_world_base.translation_m - p_m).norm() < params_.arrive_m;
+    if (!is_there && !is_occupied(input, p_m)) break;
+    ++place_;
+    begin_task(0);
+  }
+  is_finished_ = place_ >= search_.size();
+}
+
+void Circumnavigation::lose_patience() {
+  const bool too_many_laps = has_target_ && around_rad_ > 2.0 * kPi * params_.max_laps;
+  if (has_target_ && held_s_ > params_.patience_s / 3.0 && !tried_other_side_) {
+    side_ = -side_;
+    around_rad_ = 0.0;
+    tried_other_side_ = chose_side_ = true;
+    needs_plan_ = true;
+  }
+  if (held_s_ <= params_.patience_s && !too_many_laps) return;
+  if (has_target_) {
+    given_up_.push_back(target_);
+  } else if (!is_finished_) {
+    ++place_;
+    ++places_given_up_;
+  }
+  begin_task(0);
+}
+
+/// The nearest boundary that is not done, else the next place of the search.
+void Circumnavigation::choose_task(const MissionInput& input) {
+  static const std::vector<Splinegon> kNoBoundaries;
+  const auto& boundaries = input.boundaries != nullptr ? input.boundaries->boundaries : kNoBoundaries;
+  if (has_target_) {
+    const Splinegon* target = with_id(boundaries, target_);
+    if (target != nullptr && is_done(*target)) begin_task(0);
+    lose_patience();
+    if (has_target_ && target == nullptr) {
+      // It became a part of another one, or of none.
+      const double around_rad = around_rad_;
+      const double side = side_;
+      begin_task(0);
+      for (const Splinegon& boundary : boundaries) {
+        if (is_done(boundary) || is_given_up(boundary.id)) continue;
+        if (distance_m(boundary, target_place_m_) > params_.standoff_m) continue;
+        begin_task(boundary.id);
+        around_rad_ = around_rad;
+        side_ = side;
+        chose_side_ = true;
+        break;
+      }
+    }
+  } else {
+    lose_patience();
+  }
+  if (!has_target_) {
+    double least_m = kInfinite;
+    std::uint64_t nearest = 0;
+    for (const Splinegon& boundary : boundaries) {
+      if (is_done(boundary) || is_given_up(boundary.id)) continue;
+      const double each_m = distance_m(boundary, input.T_world_base.translation_m);
+      if (each_m >= least_m) continue;
+      least_m = each_m;
+      nearest = boundary.id;
+    }
+    if (nearest != 0) begin_task(nearest);
+  }
+  if (has_target_) {
+    is_finished_ = false;
+    follow_target(input);
+  } else {
+    look_for_places(input);
+  }
+}
+
+bool Circumnavigation::trace(std::size_t obstacle, double side, const Pose2& from, SegmentPath& orbit) {
+  const double radius_m = params_.avoidance.turn_radius_m;
+  const Eigen::Vector2d hint_m = from * Eigen::Vector2d(0.0, -side * radius_m);
+  return orbits_.trace(obstacles_, obstacle, side, params_.standoff_m, radius_m, hint_m, orbit);
+}
+
+/// The shortest free way to an orbit, as `path`; the length, infinite if there is none. `way_m`: where it joins.
+double Circumnavigation::join(const Pose2& from, const SegmentPath& orbit, SegmentPath& path, double& way_m) const {
+  const double radius_m = params_.avoidance.turn_radius_m;
+  clear(path);
+  const double nearest = nearest_m(orbit, from.translation_m, 0.0, orbit.length_m);
+  const FollowingError error = following_error(place_at(orbit, nearest).pose, from);
+  way_m = nearest;
+  if (std::abs(error.across_m) < kOnOrbit_m && std::abs(error.heading_rad) < kOnOrbit_rad) return 0.0;
+  double best_m = kInfinite;
+  DubinsPath best;
+  for (double beyond_m = 0.0; beyond_m < orbit.length_m; beyond_m += kJoin_m) {
+    const DubinsPath dubins =
+        shortest_dubins_path(end_of(from, radius_m), end_of(pose_on(orbit, nearest + beyond_m), radius_m));
+    if (dubins.length_m >= best_m) continue;
+    clear(joined_);
+    append(joined_, dubins);
+    if (!is_free(joined_)) continue;
+    best_m = dubins.length_m;
+    best = dubins;
+    way_m = std::fmod(nearest + beyond_m, orbit.length_m);
+  }
+  if (best_m < kInfinite) append(path, best);
+  return best_m;
+}
+
+bool Circumnavigation::plan_along_orbit(const Pose2& from, const DubinsEnd& end, std::size_t obstacle) {
+  const double radius_m = params_.avoidance.turn_radius_m;
+  double best_m = kInfinite, best_blocked_m = kInfinite;
+  SegmentPath& blocked = tried_;
+  clear(candidate_);
+  clear(blocked);
+  for (const double side : {1.0, -1.0}) {
+    double way_m = 0.0;
+    if (!trace(obstacle, side, from, other_orbit_)) continue;
+    const double join_m = join(from, other_orbit_, approach_, way_m);
+    if (join_m == kInfinite) continue;
+    for (double along_m = 0.0; along_m < kOfLap * other_orbit_.length_m; along_m += kJoin_m) {
+      const DubinsPath exit = shortest_dubins_path(end_of(pose_on(other_orbit_, way_m + along_m), radius_m), end);
+      const double whole_m = join_m + along_m + exit.length_m;
+      if (whole_m >= best_m) continue;
+      clear(joined_);
+      append(joined_, exit);
+      const PathCheck result = check(joined_, 0.0, joined_.length_m, obstacles_, pose_sigma_m_, params_.avoidance);
+      if (!result.free) {
+        // Else as far as it leads.
+        const Eigen::Vector2d rest_m = end.p_m - place_at(joined_, result.free_m).pose.translation_m;
+        const double blocked_m = join_m + along_m + result.free_m + 2.0 * rest_m.norm();
+        if (best_m < kInfinite || blocked_m >= best_blocked_m || result.free_m < radius_m) continue;
+        best_blocked_m = blocked_m;
+      } else {
+        best_m = whole_m;
+      }
+      SegmentPath& best = result.free ? candidate_ : blocked;
+      clear(best);
+      best.segments.insert(best.segments.end(), approach_.segments.begin(), approach_.segments.end());
+      best.length_m = approach_.length_m;
+      append_part(best, other_orbit_, way_m, way_m + along_m);
+      append(best, exit);
+    }
+  }
+  if (best_m == kInfinite) std::swap(candidate_, blocked);
+  return !candidate_.segments.empty();
+}
+
+bool Circumnavigation::plan_to(const Pose2& from, const DubinsEnd& end) {
+  if (plan_around(from, end, obstacles_, pose_sigma_m_, params_.avoidance, candidate_)) return true;
+  clear(candidate_);
+  append(candidate_, shortest_dubins_path(end_of(from, params_.avoidance.turn_radius_m), end));
+  const PathCheck result = check(candidate_, 0.0, candidate_.length_m, obstacles_, pose_sigma_m_, params_.avoidance);
+  return result.free || plan_along_orbit(from, end, obstacles_.pieces()[result.piece].obstacle);
+}
+
+bool Circumnavigation::plan_to_orbit(const Pose2& from) {
+  double way_m = 0.0;
+  if (!chose_side_) {
+    // The nearer way around.
+    double nearest = kInfinite;
+    for (const double side : {1.0, -1.0}) {
+      if (!trace(target_obstacle_, side, from, other_orbit_)) continue;
+      const double each_m = join(from, other_orbit_, tried_, way_m);
+      if (each_m >= nearest) continue;
+      nearest = each_m;
+      side_ = side;
+      chose_side_ = true;
+    }
+  }
+  if (!trace(target_obstacle_, side_, from, orbit_)) return false;
+  if (join(from, orbit_, candidate_, way_m) < kInfinite) {
+    append_part(candidate_, orbit_, way_m, way_m + kOfLap * orbit_.length_m);
+    return true;
+  }
+  // By an intermediate pose, or around what is between.
+  const double radius_m = params_.avoidance.turn_radius_m;
+  const double nearest = nearest_m(orbit_, from.translation_m, 0.0, orbit_.length_m);
+  double best_m = kInfinite;
+  clear(tried_);
+  for (const double part : {0.0, 0.15, 0.85, 0.3, 0.7, 0.5}) {
+    const double at_m = nearest + part * orbit_.length_m;
+    if (!plan_around(from, end_of(pose_on(orbit_, at_m), radius_m), obstacles_, pose_sigma_m_, params_.avoidance,
+                     joined_) ||
+        joined_.length_m >= best_m) {
+      continue;
+    }
+    best_m = joined_.length_m;
+    std::swap(tried_, joined_);
+    way_m = std::fmod(at_m, orbit_.length_m);
+  }
+  if (best_m < kInfinite) {
+    std::swap(candidate_, tried_);
+    append_part(candidate_, orbit_, way_m, way_m + kOfLap * orbit_.length_m);
+    return true;
+  }
+  return plan_to(from, end_of(pose_on(orbit_, nearest), radius_m));
+}
+
+bool Circumnavigation::plan(const MissionInput& input) {
+  if (has_target_) return plan_to_orbit(input.T_world_base);
+  return !is_finished_ && plan_to(input.T_world_base, search_[place_]);
+}
+
+/// From here on the path is free as far as the vehicle goes until it can turn off, and so is a circle from there, all
+/// of it seen. Then that is the way out.
+bool Circumnavigation::is_safe(const SegmentPath& path, double way_m, double speed_m_s) {
+  const AvoidanceParams& avoidance = params_.avoidance;
+  const double to_m = std::min(way_m + speed_m_s * (avoidance.reaction_s + kStep_s), path.length_m);
+  if (!check(path, way_m, to_m, obstacles_, pose_sigma_m_, avoidance).free) return false;
+  if (!seen_.contains(path, way_m, to_m, avoidance.clearance_m)) return false;
+  const Pose2 from = place_at(path, to_m).pose;
+  const double first_side = has_target_ ? -side_ : 1.0;
+  for (const double side : {first_side, -first_side}) {
+    clear(joined_);
+    append(joined_, holding_circle(from, side, avoidance));
+    if (!is_free(joined_) || !seen_.contains(joined_, 0.0, joined_.length_m, avoidance.clearance_m)) continue;
+    clear(way_out_);
+    append_part(way_out_, path, way_m, to_m);
+    append(way_out_, joined_.segments[0]);
+    return true;
+  }
+  return false;
+}
+
+void Circumnavigation::hold(const MissionInput& input) {
+  holds_ = true;
+  planned_ns_ = input.stamp_ns;
+  if (way_out_.segments.empty()) {
+    clear(path_);
+  } else {
+    std::swap(path_, way_out_);
+    clear(way_out_);
+  }
+  way_m_ = 0.0;
+  ++step_.path_number;
+}
+
+/// Keeps on the circle; if something is near, on that of two circles on which it is farthest.
+void Circumnavigation::turn_on(const MissionInput& input) {
+  const AvoidanceParams& avoidance = params_.avoidance;
+  const auto free_m = [&](const SegmentPath& path, double from_m) {
+    const double to_m = std::min(from_m + stopping_way_m(input.speed_m_s, avoidance), path.length_m);
+    const PathCheck result = check(path, from_m, to_m, obstacles_, pose_sigma_m_, avoidance);
+    return result.free ? kInfinite : result.free_m - from_m;
+  };
+  const bool ended = path_.segments.empty() || path_.length_m - way_m_ < 0.1;
+  double best_m = ended ? -1.0 : free_m(path_, way_m_);
+  if (ended && !path_.segments.empty()) {
+    // The same circle again.
+    const DubinsPlace place = place_at(path_, path_.length_m);
+    clear(joined_);
+    append(joined_, holding_circle(place.pose, place.curvature_1_m < 0.0 ? -1.0 : 1.0, avoidance));
+    best_m = free_m(joined_, 0.0);
+    std::swap(path_, joined_);
+    way_m_ = 0.0;
+    ++step_.path_number;
+  }
+  if (best_m == kInfinite) return;
+  for (const double side : {1.0, -1.0}) {
+    clear(joined_);
+    append(joined_, holding_circle(input.T_world_base, side, avoidance));
+    const double each_m = free_m(joined_, 0.0);
+    if (each_m <= best_m + 1.0) continue;
+    best_m = each_m;
+    std::swap(path_, joined_);
+    way_m_ = 0.0;
+    ++step_.path_number;
+  }
+}
+
+void Circumnavigation::report(const MissionInput& input) {
+  std::array<char, 160> text{};
+  const auto place = static_cast<unsigned long>(place_ + 1), places = static_cast<unsigned long>(search_.size());
+  const auto id = static_cast<unsigned long>(target_);
+  if (!has_target_ && is_finished_) {
+    step_.state = MissionState::kDone;
+    std::snprintf(text.data(), text.size(),
+                  "all boundaries are closed and certain, but for %lu; all places were visited",
+                  static_cast<unsigned long>(given_up_.size()));
+  } else if (holds_ && has_target_) {
+    step_.state = MissionState::kHold;
+    std::snprintf(text.data(), text.size(), "no safe path around boundary %lu for %.0f s", id, held_s_);
+  } else if (holds_) {
+    step_.state = MissionState::kHold;
+    std::snprintf(text.data(), text.size(), "no safe path to place %lu of %lu for %.0f s", place, places, held_s_);
+  } else if (has_target_) {
+    step_.state = MissionState::kAround;
+    if (target_is_closed_) {
+      std::snprintf(text.data(), text.size(), "boundary %lu is closed and known to %.2f m, not yet to %.2f m", id,
+                    target_sigma_m_, params_.max_sigma_m);
+    } else {
+      std::snprintf(text.data(), text.size(), "boundary %lu is open", id);
+    }
+  } else {
+    step_.state = MissionState::kSearch;
+    std::snprintf(text.data(), text.size(), "on the way to place %lu of %lu", place, places);
+  }
+  step_.reason.assign(text.data());
+  step_.way_m = way_m_;
+  step_.target = has_target_ ? target_ : 0;
+  step_.laps = has_target_ ? around_rad_ / (2.0 * kPi) : 0.0;
+  step_.given_up = given_up_.size() + places_given_up_;
+  step_.done = 0;
+  if (input.boundaries == nullptr) return;
+  for (const Splinegon& boundary : input.boundaries->boundaries) step_.done += is_done(boundary) ? 1 : 0;
+}
+
+const MissionStep& Circumnavigation::step(const MissionInput& input) {
+  if (!input.T_world_base.translation_m.allFinite() || !std::isfinite(input.T_world_base.yaw_rad) ||
+      !std::isfinite(input.speed_m_s) || input.speed_m_s < 0.0 || !input.covariance_world.allFinite()) {
+    throw std::invalid_argument("circumnavigation: pose, covariance and speed must be finite, the speed not negative");
+  }
+  const double since_s = started_ ? 1e-9 * static_cast<double>(input.stamp_ns - stamp_ns_) : 0.0;
+  if (!started_) before_m_ = input.T_world_base.translation_m;
+  gather(input);
+  started_ = true;
+  if (holds_) held_s_ += since_s;
+  choose_task(input);
+  stamp_ns_ = input.stamp_ns;
+  before_m_ = input.T_world_base.translation_m;
+
+  DubinsFollowingResult told;
+  const auto follow_path = [&] {
+    if (path_.segments.empty()) return;
+    told = follow(path_, params_.following, input.T_world_base, input.speed_m_s, way_m_);
+    way_m_ = told.way_m;
+  };
+  follow_path();
+  const double since_plan_s = 1e-9 * static_cast<double>(input.stamp_ns - planned_ns_);
+  const bool is_done = !has_target_ && is_finished_;
+  const bool due = since_plan_s >= (holds_ ? 0.5 : 1.0) * params_.replan_s;
+  bool wants = task_is_new_ || path_.segments.empty() || (!holds_ && told.arrived) ||
+               (due && (needs_plan_ || holds_ || has_target_));
+  task_is_new_ = false;
+  if (!wants && !holds_ && due) {
+    planned_ns_ = input.stamp_ns;
+    wants = !check(path_, way_m_, path_.length_m, obstacles_, pose_sigma_m_, params_.avoidance).free;
+  }
+  if (wants && !is_done) {
+    planned_ns_ = input.stamp_ns;
+    if (plan(input) && is_safe(candidate_, 0.0, input.speed_m_s)) {
+      std::swap(path_, candidate_);
+      way_m_ = 0.0;
+      ++step_.path_number;
+      if (holds_) held_s_ = std::max(held_s_ - 1.0, 0.0);
+      holds_ = false;
+      needs_plan_ = false;
+      follow_path();
+    }
+  }
+  if (!holds_ && (is_done || path_.segments.empty() || told.arrived || !is_safe(path_, way_m_, input.speed_m_s))) {
+    hold(input);
+  }
+  if (holds_) turn_on(input);
+  if (holds_) follow_path();
+  step_.curvature_1_m = path_.segments.empty() ? 0.0 : told.curvature_1_m;
+  report(input);
+  return step_;
+}
+
+}  // namespace situation_awareness
