@@ -24,6 +24,8 @@ constexpr double kStep_s = 0.3;
 constexpr double kJoin_m = 3.0;
 /// m, rad. A vehicle that is so near to an orbit follows it.
 constexpr double kOnOrbit_m = 0.7, kOnOrbit_rad = 0.25;
+/// m. Of an orbit, for which a longer way is allowed to begin with: approaching it.
+constexpr double kShortOrbit_m = 100.0;
 /// Of an orbit's length: how far along it a path goes.
 constexpr double kOfLap = 0.95;
 
@@ -43,6 +45,13 @@ double greatest_sigma_m(const Splinegon& boundary) {
   double sigma_m = 0.0;
   for (const SplinegonVertex& vertex : boundary.vertices) sigma_m = std::max(sigma_m, vertex.sigma_m);
   return sigma_m;
+}
+
+/// A part of it is so much less certain than the rest that it may be anywhere: there are hardly any hits.
+bool is_partly_guessed(const Splinegon& boundary) {
+  double least_m = kInfinite;
+  for (const SplinegonVertex& vertex : boundary.vertices) least_m = std::min(least_m, vertex.sigma_m);
+  return greatest_sigma_m(boundary) > 3.0 * least_m + 0.3;
 }
 
 Eigen::Vector2d middle_of(const Splinegon& boundary) {
@@ -108,14 +117,20 @@ bool Circumnavigation::is_free(const SegmentPath& path) const {
 
 void Circumnavigation::gather(const MissionInput& input) {
   obstacles_.clear();
+  const auto stands_for = [&](const Splinegon& boundary) {
+    return input.polygons == nullptr || with_id(input.polygons->chains, boundary.id) == nullptr ||
+           !is_partly_guessed(boundary);
+  };
   if (input.boundaries != nullptr) {
-    for (const Splinegon& boundary : input.boundaries->boundaries) obstacles_.add(boundary);
+    for (const Splinegon& boundary : input.boundaries->boundaries) {
+      if (stands_for(boundary)) obstacles_.add(boundary);
+    }
   }
   if (input.polygons != nullptr) {
     for (const Chain& chain : input.polygons->chains) {
-      if (input.boundaries == nullptr || with_id(input.boundaries->boundaries, chain.id) == nullptr) {
-        obstacles_.add(chain);
-      }
+      const Splinegon* boundary =
+          input.boundaries != nullptr ? with_id(input.boundaries->boundaries, chain.id) : nullptr;
+      if (boundary == nullptr || !stands_for(*boundary)) obstacles_.add(chain);
     }
   }
   if (input.objects != nullptr) {
@@ -140,7 +155,7 @@ void Circumnavigation::begin_task(std::uint64_t target) {
   has_target_ = target != 0;
   target_ = target;
   chose_side_ = tried_other_side_ = false;
-  around_rad_ = held_s_ = 0.0;
+  around_rad_ = around_m_ = held_s_ = 0.0;
   needs_plan_ = task_is_new_ = true;
   clear(orbit_);
 }
@@ -152,10 +167,11 @@ void Circumnavigation::follow_target(const MissionInput& input) {
   target_is_closed_ = target.closed;
   for (std::size_t i = 0; i < obstacles_.obstacles().size(); ++i) {
     const Obstacle& obstacle = obstacles_.obstacles()[i];
-    if (obstacle.kind == ObstacleKind::kBoundary && obstacle.id == target_) target_obstacle_ = i;
+    if (obstacle.kind != ObstacleKind::kObject && obstacle.id == target_) target_obstacle_ = i;
   }
   const Eigen::Vector2d middle_m = middle_of(target);
   const Eigen::Vector2d from_m = before_m_ - middle_m, to_m = input.T_world_base.translation_m - middle_m;
+  around_m_ += (to_m - from_m).norm();
   around_rad_ += side_ * std::atan2(cross(from_m, to_m), from_m.dot(to_m));
 }
 
@@ -171,7 +187,10 @@ void Circumnavigation::look_for_places(const MissionInput& input) {
 }
 
 void Circumnavigation::lose_patience() {
-  const bool too_many_laps = has_target_ && around_rad_ > 2.0 * kPi * params_.max_laps;
+  // By the way too: turns are about a middle that moves while the boundary grows.
+  const bool too_many_laps =
+      has_target_ && (around_rad_ > 2.0 * kPi * params_.max_laps ||
+                      around_m_ > (params_.max_laps + 1.0) * std::max(orbit_.length_m, kShortOrbit_m));
   if (has_target_ && held_s_ > params_.patience_s / 3.0 && !tried_other_side_) {
     side_ = -side_;
     around_rad_ = 0.0;
@@ -198,7 +217,7 @@ void Circumnavigation::choose_task(const MissionInput& input) {
     lose_patience();
     if (has_target_ && target == nullptr) {
       // It became a part of another one, or of none.
-      const double around_rad = around_rad_;
+      const double around_rad = around_rad_, around_m = around_m_;
       const double side = side_;
       begin_task(0);
       for (const Splinegon& boundary : boundaries) {
@@ -206,6 +225,7 @@ void Circumnavigation::choose_task(const MissionInput& input) {
         if (distance_m(boundary, target_place_m_) > params_.standoff_m) continue;
         begin_task(boundary.id);
         around_rad_ = around_rad;
+        around_m_ = around_m;
         side_ = side;
         chose_side_ = true;
         break;

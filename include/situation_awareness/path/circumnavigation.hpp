@@ -70,7 +70,8 @@ struct MissionInput {
   Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of x, y (m) and yaw (rad)
   double speed_m_s = 0.0;                                      ///< over ground, >= 0
   const Splinegons* boundaries = nullptr;
-  const Polygons* polygons = nullptr;  ///< of which those without the id of a boundary count
+  /// A chain counts where no boundary has its id, or a part of that is much less certain than the rest.
+  const Polygons* polygons = nullptr;
   const Objects* objects = nullptr;
   const Sight* sight = nullptr;  ///< of a scan since the last step
 };
@@ -162,7 +163,8 @@ class Circumnavigation {
   Eigen::Vector2d target_place_m_ = Eigen::Vector2d::Zero();  ///< on it, nearest to the vehicle
   double side_ = 1.0;                                         ///< +1: counter-clockwise around it
   bool chose_side_ = false, tried_other_side_ = false;
-  double around_rad_ = 0.0;  ///< gone around the target
+  double around_rad_ = 0.0;  ///< gone around the target, and
+  double around_m_ = 0.0;    ///< the way since it is the target
   double held_s_ = 0.0;      ///< for the present task
 
   bool started_ = false, holds_ = false, needs_plan_ = true, task_is_new_ = true;

@@ -56,6 +56,7 @@ class SplinegonPipeline {
                             const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
 
   const Polygons& polygons() const { return polygons_; }
+  const Pose2& T_world_map() const { return alignment_.T_world_map(); }
   const Splinegons& splinegons() const { return map_.splinegons(); }
 
   /// The polylines of the latest scan, placed in the map; and where the map is in the world.

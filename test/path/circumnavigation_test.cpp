@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/path/circumnavigation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <stdexcept>
+#include <vector>
+
+#include "path/mission_flight.hpp"
+#include "support/refusal.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kStep_m = 0.5;  // at 5 m/s, 10 Hz
+
+/// A vehicle that does what it is told, and sees all around what is not hidden by the boundaries.
+class Stepped {
+ public:
+  Stepped(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search) : mission(params, search) {}
+
+  const MissionStep& step() {
+    MissionInput input;
+    input.stamp_ns = stamp_ns += 100'000'000;
+    input.T_world_base = T;
+    input.covariance_world = 1e-4 * Eigen::Matrix3d::Identity();
+    input.speed_m_s = 5.0;
+    input.boundaries = &boundaries;
+    look();
+    input.sight = sees_m > 0.0 ? &sight : nullptr;
+    const MissionStep& told = mission.step(input);
+    const double turn_rad = told.curvature_1_m * kStep_m;
+    T = T * Pose2{{kStep_m * std::cos(0.5 * turn_rad), kStep_m * std::sin(0.5 * turn_rad)}, turn_rad};
+    for (const Splinegon& boundary : boundaries.boundaries) {
+      least_m = std::min(least_m, distance_m(boundary, T.translation_m));
+    }
+    greatest_1_m = std::max(greatest_1_m, std::abs(told.curvature_1_m));
+    return told;
+  }
+
+  Circumnavigation mission;
+  Splinegons boundaries;
+  Pose2 T;
+  double sees_m = 30.0;
+  double least_m = 1e9, greatest_1_m = 0.0;
+  std::int64_t stamp_ns = 0;
+
+ private:
+  void look() {
+    sight.T_world_sensor = T;
+    sight.from_rad = -kPi;
+    sight.step_rad = radians(1.0);
+    sight.free_m.assign(362, sees_m);
+    for (std::size_t i = 0; i < sight.free_m.size(); ++i) {
+      const double angle_rad = T.yaw_rad + sight.from_rad + sight.step_rad * static_cast<double>(i);
+      const Curve ray{T.translation_m, {std::cos(angle_rad), std::sin(angle_rad)}, 0.0, sees_m};
+      for (const Splinegon& boundary : boundaries.boundaries) {
+        for (std::size_t k = 0; k < arcs_of(boundary); ++k) {
+          const SplinegonVertex& from = boundary.vertices[k];
+          const SplinegonVertex& to = boundary.vertices[(k + 1) % boundary.vertices.size()];
+          const Curve arc = curve_with_bulge(from.p_world_m, to.p_world_m, from.bulge);
+          sight.free_m[i] = std::min(sight.free_m[i], first_nearer_m(ray, arc, 0.05).value_or(sees_m));
+        }
+      }
+    }
+  }
+
+  Sight sight;
+};
+
+DubinsEnd place(double x_m, double y_m) { return {{x_m, y_m}, std::nullopt, 1.0}; }
+
+TEST(Circumnavigation, GoesToThePlacesOfASearchInOrder) {
+  Stepped stepped({}, {place(60.0, 0.0), place(60.0, 60.0), place(0.0, 60.0)});
+  std::size_t at = 0;
+  const std::vector<Eigen::Vector2d> places = {{60.0, 0.0}, {60.0, 60.0}, {0.0, 60.0}};
+  for (int i = 0; i < 800; ++i) {
+    const MissionStep told = stepped.step();
+    if (at < places.size() && (stepped.T.translation_m - places[at]).norm() < 6.5) ++at;
+    EXPECT_NE(told.state, MissionState::kHold) << told.reason;
+    if (told.state == MissionState::kDone) break;
+  }
+  EXPECT_EQ(at, 3U);
+  EXPECT_EQ(stepped.step().state, MissionState::kDone);
+  // And keeps on a circle there.
+  const Eigen::Vector2d there_m = stepped.T.translation_m;
+  for (int i = 0; i < 500; ++i) {
+    stepped.step();
+    EXPECT_LT((stepped.T.translation_m - there_m).norm(), 2.5 * 7.5);
+  }
+}
+
+// What was not seen is not free: without a scan the vehicle keeps to the place where it started.
+TEST(Circumnavigation, DoesNotEnterTheUnknown) {
+  CircumnavigationParams params;
+  params.start_free_m = 25.0;
+  params.patience_s = 1000.0;
+  Stepped stepped(params, {place(200.0, 0.0)});
+  stepped.sees_m = 0.0;
+  for (int i = 0; i < 1000; ++i) {
+    EXPECT_NE(stepped.step().state, MissionState::kDone);
+    EXPECT_LT(stepped.T.translation_m.norm(), params.start_free_m - params.avoidance.clearance_m + 0.1);
+  }
+}
+
+// The state says what is missing: first the rest of the boundary, then its certainty.
+TEST(Circumnavigation, IsAroundABoundaryUntilItIsClosedAndCertain) {
+  Stepped stepped({}, {});
+  stepped.boundaries.boundaries = {splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.1, false)};
+  MissionStep told;
+  for (int i = 0; i < 300; ++i) told = stepped.step();
+  EXPECT_EQ(told.state, MissionState::kAround) << told.reason;
+  EXPECT_EQ(told.target, 7U);
+  EXPECT_EQ(told.reason, "boundary 7 is open");
+  EXPECT_GT(told.laps, 0.3);
+  stepped.boundaries.boundaries[0] = splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.5, true);
+  for (int i = 0; i < 30; ++i) told = stepped.step();
+  EXPECT_EQ(told.state, MissionState::kAround);
+  EXPECT_EQ(told.reason, "boundary 7 is closed and known to 0.50 m, not yet to 0.30 m");
+  for (SplinegonVertex& vertex : stepped.boundaries.boundaries[0].vertices) vertex.sigma_m = 0.2;
+  told = stepped.step();
+  EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
+  EXPECT_EQ(told.done, 1U);
+  // At the stand-off all the while, but for the approach.
+  EXPECT_GT(stepped.least_m, 7.0);
+  EXPECT_LE(stepped.greatest_1_m, 1.0 / 6.0);
+}
+
+TEST(Circumnavigation, GivesUpWhatDoesNotClose) {
+  Stepped stepped({}, {});
+  stepped.boundaries.boundaries = {
+      splinegon_of(placed({{40.0, 0.0}, 0.4}, tower(TowerShape::kEllipse)), 7, 0.1, false)};
+  for (int i = 0; i < 1500 && stepped.step().state != MissionState::kDone; ++i) {
+  }
+  const MissionStep& told = stepped.step();
+  EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
+  EXPECT_EQ(told.given_up, 1U);
+  EXPECT_EQ(told.done, 0U);
+}
+
+// On the way to a place it goes around what it knows already, and leaves out a place that is within.
+TEST(Circumnavigation, PassesBoundariesThatAreDone) {
+  Stepped stepped({}, {place(60.0, 0.0), place(130.0, 0.0)});
+  stepped.boundaries.boundaries = {splinegon_of(placed({{60.0, 0.0}, 1.5}, tower(TowerShape::kPeanut)), 3, 0.05)};
+  MissionStep told;
+  for (int i = 0; i < 1000; ++i) {
+    told = stepped.step();
+    if (told.state == MissionState::kDone) break;
+  }
+  EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
+  EXPECT_EQ(told.given_up, 0U);
+  EXPECT_LT((stepped.T.translation_m - Eigen::Vector2d(130.0, 0.0)).norm(), 8.0);
+  EXPECT_GT(stepped.least_m, 3.0);
+}
+
+TEST(Circumnavigation, RefusesWhatCannotBe) {
+  CircumnavigationParams params;
+  params.standoff_m = 5.0;
+  EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }),
+                    {"circumnavigation.standoff_m", "avoidance.turn_radius_m"}));
+  params = {};
+  params.avoidance.turn_radius_m = 5.0;
+  EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }),
+                    {"circumnavigation.avoidance.turn_radius_m", "following.max_curvature_1_m"}));
+  EXPECT_TRUE(names(refusal_of([&] { Circumnavigation({}, {place(NAN, 0.0)}); }), {"place 0"}));
+  Circumnavigation mission({}, {});
+  MissionInput input;
+  input.T_world_base.yaw_rad = NAN;
+  EXPECT_THROW(mission.step(input), std::invalid_argument);
+}
+
+TEST(Circumnavigation, TheSameInputGivesTheSameOutput) {
+  std::vector<double> commands[2];
+  for (std::vector<double>& each : commands) {
+    Stepped stepped({}, {place(100.0, 0.0)});
+    stepped.boundaries.boundaries = {
+        splinegon_of(placed({{50.0, 3.0}, 0.4}, tower(TowerShape::kLobes)), 1, 0.1, false)};
+    for (int i = 0; i < 150; ++i) each.push_back(stepped.step().curvature_1_m);
+  }
+  EXPECT_EQ(commands[0], commands[1]);
+}
+
+TEST(SeenArea, IsWhatWasWithinRange) {
+  SeenArea seen(1.0, 3);
+  EXPECT_FALSE(seen.contains({1.0, 0.0}));
+  Sight sight;
+  sight.T_world_sensor = {{10.0, 0.0}, 0.5 * kPi};
+  sight.from_rad = -0.5 * kPi;
+  sight.step_rad = 0.25 * kPi;
+  sight.free_m = {10.0, 10.0, 5.0, 10.0, 0.0};
+  seen.add(sight);
+  EXPECT_TRUE(seen.contains({17.0, 3.0}));
+  EXPECT_FALSE(seen.contains({10.0, 7.0}));  // beyond what the beam ahead passed
+  EXPECT_TRUE(seen.contains({10.1, 4.0}));
+  EXPECT_FALSE(seen.contains({3.0, 1.0}));    // beside a beam that says nothing
+  EXPECT_FALSE(seen.contains({10.0, -3.0}));  // behind
+  // Later ones replace the first.
+  for (int i = 0; i < 4; ++i) {
+    sight.T_world_sensor.translation_m.x() += 20.0;
+    seen.add(sight);
+  }
+  EXPECT_FALSE(seen.contains({17.0, 3.0}));
+  EXPECT_TRUE(seen.contains({97.0, 3.0}));
+  EXPECT_TRUE(seen.contains({57.0, 3.0}));
+  seen.set_start({0.0, 0.0}, 2.0);
+  EXPECT_TRUE(seen.contains({1.0, 1.0}));
+  seen.clear();
+  EXPECT_FALSE(seen.contains({97.0, 3.0}));
+}
+
+/// Sums over worlds.
+struct Worlds {
+  int flights = 0, ended = 0, collisions = 0, towers = 0, closed = 0, around = 0;
+  double least_clearance_m = 1e9, greatest_1_m = 0.0, greatest_path_1_m = 0.0, laps = 0.0, time_s = 0.0, held_s = 0.0,
+         step_us = 0.0, longest_step_us = 0.0;
+};
+
+Worlds fly_in_worlds(std::uint64_t from, std::uint64_t count, int most_towers, const MissionFlightParams& params) {
+  Worlds sum;
+  for (std::uint64_t seed = from; seed < from + count; ++seed) {
+    const MissionFlight flight = fly_in_world(seed, most_towers, params);
+    std::printf("%4d: %d towers, %d around, %d closed, clearance %.2f m, %.0f s, held %.0f s%s\n",
+                static_cast<int>(seed), flight.towers, flight.around, flight.closed, flight.least_clearance_m,
+                flight.time_s, flight.held_s, flight.ended ? "" : " NOT ENDED");
+    std::fflush(stdout);
+    EXPECT_TRUE(flight.ended) << seed << ": " << flight.reason;
+    EXPECT_EQ(flight.around, flight.towers) << seed;
+    ++sum.flights;
+    sum.ended += flight.ended ? 1 : 0;
+    sum.collisions += flight.least_clearance_m <= 0.0 ? 1 : 0;
+    sum.towers += flight.towers;
+    sum.closed += flight.closed;
+    sum.around += flight.around;
+    sum.least_clearance_m = std::min(sum.least_clearance_m, flight.least_clearance_m);
+    sum.greatest_1_m = std::max(sum.greatest_1_m, flight.greatest_1_m);
+    sum.greatest_path_1_m = std::max(sum.greatest_path_1_m, flight.greatest_path_1_m);
+    sum.laps = std::max(sum.laps, flight.laps);
+    sum.time_s += flight.time_s;
+    sum.held_s += flight.held_s;
+    sum.step_us = std::max(sum.step_us, flight.step_us);
+    sum.longest_step_us = std::max(sum.longest_step_us, flight.longest_step_us);
+  }
+  std::printf(
+      "%d of %d flights ended, %d collisions, %d of %d towers gone around, %d closed, least clearance %.2f m, "
+      "curvature %.4f of paths %.4f 1/m, laps at most %.2f, %.0f s on average, %.1f %% of it held, step at most "
+      "%.0f us on average, %.0f us longest\n",
+      sum.ended, sum.flights, sum.collisions, sum.around, sum.towers, sum.closed, sum.least_clearance_m,
+      sum.greatest_1_m, sum.greatest_path_1_m, sum.laps, sum.time_s / sum.flights, 100.0 * sum.held_s / sum.time_s,
+      sum.step_us, sum.longest_step_us);
+  const CircumnavigationParams& mission = params.mission;
+  EXPECT_EQ(sum.collisions, 0);
+  EXPECT_GE(sum.least_clearance_m, mission.avoidance.clearance_m - 3.0 * params.pose_sigma_m);
+  EXPECT_LE(sum.greatest_1_m, (1.0 + 1e-9) * MissionSimulation::kCurvature_1_m);
+  EXPECT_LE(sum.greatest_path_1_m, (1.0 + 1e-6) / mission.avoidance.turn_radius_m);
+  return sum;
+}
+
+TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {
+  MissionFlightParams params;
+  params.pipeline = shipped_splinegons();
+  params.beams = 361;
+  params.scan_every = 4;
+  const Worlds sum = fly_in_worlds(201, 10, 1, params);
+  EXPECT_GE(sum.closed, 8);
+}
+
+TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {
+  MissionFlightParams params;
+  params.pipeline = shipped_splinegons();
+  const Worlds sum = fly_in_worlds(1, 100, 4, params);
+  EXPECT_GT(sum.closed, 0.7 * sum.towers);
+}
+
+}  // namespace
+}  // namespace situation_awareness
