@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <stdexcept>
-#include <string>
 
 namespace situation_awareness {
 namespace {
@@ -31,56 +29,40 @@ Pose2 moved(const Pose2& T_world_robot, double speed_m_s, double yaw_rate_rad_s,
 
 }  // namespace
 
-Unicycle::Unicycle(const UnicycleParams& params, const Pose2& T_world_robot) : params_(params) {
-  params.validate();
-  states_.push_back({T_world_robot, 0.0, 0.0});
-}
+Unicycle::Unicycle(const UnicycleParams& params, const Pose2& T_world_robot)
+    : params_((params.validate(), params)), history_(UnicycleState{T_world_robot, 0.0, 0.0}) {}
 
 void Unicycle::command(double speed_m_s, double yaw_rate_rad_s) {
   const bool is_finite = std::isfinite(speed_m_s) && std::isfinite(yaw_rate_rad_s);
   command_m_s_ = is_finite ? std::clamp(speed_m_s, -params_.max_speed_m_s, params_.max_speed_m_s) : 0.0;
   command_rad_s_ =
       is_finite ? std::clamp(yaw_rate_rad_s, -params_.max_yaw_rate_rad_s, params_.max_yaw_rate_rad_s) : 0.0;
-  command_step_ = steps_;
+  command_step_ = history_.steps();
 }
 
 void Unicycle::advance(double time_s) {
-  // A step that is a rounding error later is the same time.
-  const auto last = static_cast<std::int64_t>(std::ceil(time_s / kStep_s - 1e-6));
-  while (steps_ < last) step();
+  for (std::int64_t missing = history_.missing(time_s); missing > 0; --missing) step();
 }
 
 void Unicycle::step() {
-  if (static_cast<double>(steps_ - command_step_) * kStep_s >= params_.command_timeout_s) {
+  if (static_cast<double>(history_.steps() - command_step_) * kStep_s >= params_.command_timeout_s) {
     command_m_s_ = command_rad_s_ = 0.0;
   }
-  UnicycleState next = states_.back();
+  UnicycleState next = history_.latest();
   next.speed_m_s =
       followed(next.speed_m_s, command_m_s_, params_.acceleration_m_s2, params_.braking_m_s2, params_.lag_s);
   next.yaw_rate_rad_s = followed(next.yaw_rate_rad_s, command_rad_s_, params_.yaw_acceleration_rad_s2,
                                  params_.yaw_acceleration_rad_s2, params_.lag_s);
   next.T_world_robot = moved(next.T_world_robot, next.speed_m_s, next.yaw_rate_rad_s, kStep_s);
-  states_.push_back(next);
-  ++steps_;
-  if (static_cast<double>(states_.size()) * kStep_s > kKept_s) states_.pop_front();
+  history_.push(next);
 }
 
 UnicycleState Unicycle::at(double time_s) const {
-  const auto first = steps_ - static_cast<std::int64_t>(states_.size()) + 1;
-  const double steps = time_s / kStep_s;
-  if (steps <= 0.0 && first == 0) return {states_.front().T_world_robot, 0.0, 0.0};
-  const auto before = static_cast<std::int64_t>(std::floor(steps + 1e-6));
-  if (!(before >= first && steps <= static_cast<double>(steps_) + 1e-6)) {
-    throw std::out_of_range("the vehicle's pose at " + std::to_string(time_s) + " s is not known, only from " +
-                            std::to_string(static_cast<double>(first) * kStep_s) + " s to " +
-                            std::to_string(this->time_s()) + " s");
-  }
-  const UnicycleState& state = states_[static_cast<std::size_t>(before - first)];
-  if (before == steps_) return state;
-  const UnicycleState& next = states_[static_cast<std::size_t>(before - first) + 1];
-  const double since_s = std::max(0.0, steps - static_cast<double>(before)) * kStep_s;
-  return {moved(state.T_world_robot, next.speed_m_s, next.yaw_rate_rad_s, since_s), next.speed_m_s,
-          next.yaw_rate_rad_s};
+  if (time_s <= 0.0 && history_.begin() != nullptr) return {history_.begin()->T_world_robot, 0.0, 0.0};
+  const auto [before, after, since_s] = history_.at(time_s);
+  if (&after == &before) return before;
+  return {moved(before.T_world_robot, after.speed_m_s, after.yaw_rate_rad_s, since_s), after.speed_m_s,
+          after.yaw_rate_rad_s};
 }
 
 }  // namespace situation_awareness

@@ -21,6 +21,10 @@ RobotState World::robot_at(double time_s) const { return model_->robot_at(time_s
 Unicycle* World::vehicle() { return model_->vehicle(); }
 const Unicycle* World::vehicle() const { return model_->vehicle(); }
 
+FixedWing* World::aircraft() { return model_->aircraft(); }
+
+const std::vector<Eigen::Vector3d>& World::rounds() const { return model_->rounds(); }
+
 const std::vector<Eigen::Vector2d>& World::docks() const { return model_->docks(); }
 
 void World::begin_transit(int transit, double time_s) { model_->begin_transit(transit, time_s); }

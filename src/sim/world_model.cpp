@@ -350,18 +350,19 @@ std::vector<Box> fixtures_of(const mjModel& model, const mjData& data) {
   return fixtures;
 }
 
-/// The parameters in the text of a robot that is a vehicle; nothing for others.
-std::optional<UnicycleParams> vehicle_of(const mjModel& model, int robot) {
+/// The parameters in the text of a robot that is a vehicle of this kind; nothing for others.
+template <class Params>
+std::optional<Params> vehicle_of(const mjModel& model, int robot, const std::string& vehicle_kind) {
   const int text = mj_name2id(&model, mjOBJ_TEXT, "robot");
   if (text < 0) return std::nullopt;
   std::istringstream words(model.text_data + model.text_adr[text]);
   std::string kind;
-  if (!(words >> kind) || kind != "unicycle") return std::nullopt;
+  if (!(words >> kind) || kind != vehicle_kind) return std::nullopt;
   try {
     if (model.body_mocapid[robot] < 0) throw std::invalid_argument("needs mocap=\"true\"");
     NamedValues values(words);
-    UnicycleParams params;
-    UnicycleParams::fields(params, values);
+    Params params;
+    Params::fields(params, values);
     values.check_all_used();
     params.validate();
     return params;
@@ -379,6 +380,19 @@ std::vector<Eigen::Vector2d> docks_of(const mjModel& model) {
   for (int i = 0; i < size; i += 2)
     docks.emplace_back(Eigen::Map<const Eigen::Vector2d>(model.numeric_data + model.numeric_adr[numeric] + i));
   return docks;
+}
+
+std::vector<Eigen::Vector3d> rounds_of(const mjModel& model) {
+  const int numeric = mj_name2id(&model, mjOBJ_NUMERIC, "rounds");
+  if (numeric < 0) return {};
+  const int size = model.numeric_size[numeric];
+  if (size % 3 != 0) throw std::runtime_error("numeric 'rounds' needs x y and radius of each circle, in m");
+  std::vector<Eigen::Vector3d> rounds;
+  for (int i = 0; i < size; i += 3) {
+    rounds.emplace_back(Eigen::Map<const Eigen::Vector3d>(model.numeric_data + model.numeric_adr[numeric] + i));
+    if (!(rounds.back().z() > 0.0)) throw std::runtime_error("numeric 'rounds' has a radius that is not above 0");
+  }
+  return rounds;
 }
 
 /// The outlines of what a scanner may hit. `objects` are those of the file.
@@ -455,14 +469,19 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   things_ = things_of(*model_, *data_, objects_);
   robot_ = robot_body(*model_);
   robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
-  if (const std::optional<UnicycleParams> vehicle = vehicle_of(*model_, robot_)) {
+  const auto vehicle = vehicle_of<UnicycleParams>(*model_, robot_, "unicycle");
+  const auto aircraft = vehicle_of<FixedWingParams>(*model_, robot_, "fixed_wing");
+  if (vehicle || aircraft) {
     const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
     if (T(2, 2) < 1.0 - 1e-9) throw std::runtime_error("the vehicle 'robot' is not upright");
-    vehicle_ = std::make_unique<Unicycle>(*vehicle, Pose2{T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))});
+    const Pose2 T_world_robot{T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))};
+    if (vehicle) vehicle_ = std::make_unique<Unicycle>(*vehicle, T_world_robot);
+    if (aircraft) aircraft_ = std::make_unique<FixedWing>(*aircraft, T_world_robot, T.translation().z());
   } else {
     robot_path_ = path_of(*model_, *data_, robot_);
   }
   docks_ = docks_of(*model_);
+  rounds_ = rounds_of(*model_);
   robot_drag_1_s_ = robot_drag(*model_);
   mounts_ = mounts_of(*model_, *data_, robot_);
   origin_ = origin_of(*model_);
@@ -484,6 +503,7 @@ WorldModel::~WorldModel() = default;
 
 RobotState WorldModel::robot_at(double time_s) const {
   if (flight_) return flight_->at(time_s);
+  if (aircraft_) return aircraft_->at(time_s);
   if (vehicle_) {
     const UnicycleState state = vehicle_->at(time_s);
     const double yaw_rad = state.T_world_robot.yaw_rad;

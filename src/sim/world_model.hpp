@@ -11,6 +11,7 @@
 #include <mujoco/mujoco.h>
 #include <Eigen/Geometry>
 
+#include "situation_awareness/sim/fixed_wing.hpp"
 #include "situation_awareness/sim/multirotor.hpp"
 #include "situation_awareness/sim/path.hpp"
 #include "situation_awareness/sim/unicycle.hpp"
@@ -114,7 +115,9 @@ class WorldModel {
 
   const std::vector<WorldOutline>& outlines() const { return outlines_; }
   const std::vector<Eigen::Vector2d>& docks() const { return docks_; }
+  const std::vector<Eigen::Vector3d>& rounds() const { return rounds_; }
   Unicycle* vehicle() { return vehicle_.get(); }
+  FixedWing* aircraft() { return aircraft_.get(); }
 
   RobotState robot_at(double time_s) const;
 
@@ -155,14 +158,16 @@ class WorldModel {
   std::vector<WorldVisitor> visitors_;
   std::vector<WorldOutline> outlines_;
   std::vector<Eigen::Vector2d> docks_;
+  std::vector<Eigen::Vector3d> rounds_;
   int transit_ = 1;
   double transit_begin_s_ = 0.0;
   int robot_ = -1;
   RobotState robot_at_rest_;  // the robot's state without a path
   ScriptedPath robot_path_;
   double robot_drag_1_s_ = 0.0;
-  std::unique_ptr<Unicycle> vehicle_;  // of a robot that is driven
-  std::unique_ptr<Flight> flight_;     // of a robot that is flown; one that follows its path exactly has none
+  std::unique_ptr<Unicycle> vehicle_;    // of a robot that is driven on wheels
+  std::unique_ptr<FixedWing> aircraft_;  // of one that flies on
+  std::unique_ptr<Flight> flight_;       // of a robot that is flown; one that follows its path exactly has none
 };
 
 }  // namespace situation_awareness

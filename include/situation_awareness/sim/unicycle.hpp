@@ -2,10 +2,10 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/sim/step_history.hpp"
 
 namespace situation_awareness {
 
@@ -59,10 +59,10 @@ class Unicycle {
   const UnicycleParams& params() const { return params_; }
 
   /// Until when the motion is known.
-  double time_s() const { return static_cast<double>(steps_) * kStep_s; }
+  double time_s() const { return history_.time_s(); }
 
   /// The state at `time_s()`.
-  const UnicycleState& state() const { return states_.back(); }
+  const UnicycleState& state() const { return history_.latest(); }
 
   /// Holds from `time_s()` on, until the next command or the timeout. What is not finite is a stop.
   void command(double speed_m_s, double yaw_rate_rad_s);
@@ -74,8 +74,8 @@ class Unicycle {
   /// std::out_of_range for other times.
   UnicycleState at(double time_s) const;
 
-  static constexpr double kStep_s = 0.001;
-  static constexpr double kKept_s = 5.0;  ///< more than any sensor looks back
+  static constexpr double kStep_s = StepHistory<UnicycleState>::kStep_s;
+  static constexpr double kKept_s = StepHistory<UnicycleState>::kKept_s;
 
  private:
   void step();
@@ -83,8 +83,7 @@ class Unicycle {
   UnicycleParams params_;
   double command_m_s_ = 0.0, command_rad_s_ = 0.0;
   std::int64_t command_step_ = 0;
-  std::int64_t steps_ = 0;
-  std::deque<UnicycleState> states_;  ///< of the last steps; the last one is that of `steps_`
+  StepHistory<UnicycleState> history_;
 };
 
 }  // namespace situation_awareness

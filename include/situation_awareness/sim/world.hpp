@@ -16,6 +16,7 @@
 
 namespace situation_awareness {
 
+class FixedWing;
 class Unicycle;
 class WorldModel;
 
@@ -73,9 +74,9 @@ struct WorldOrigin {
 };
 
 /// A world in MuJoCo: named objects that stand or follow scripted paths, and a robot: a multirotor that follows its own
-/// path, tilted as its acceleration demands, or a vehicle on wheels that is driven by commands. Everything but that
-/// vehicle is a function of time. Measurements are in the sensors, counts of hits in the truth. models/worlds/README.md
-/// describes the file.
+/// path, tilted as its acceleration demands, or a vehicle on wheels or wings that is driven by commands. Everything but
+/// that vehicle is a function of time. Measurements are in the sensors, counts of hits in the truth.
+/// models/worlds/README.md describes the file.
 class World {
  public:
   /// Throws std::runtime_error naming the file, the element and its error.
@@ -92,6 +93,12 @@ class World {
   /// The vehicle, where the robot is one; else nothing.
   Unicycle* vehicle();
   const Unicycle* vehicle() const;
+
+  /// The vehicle, where the robot is one that flies on; else nothing.
+  FixedWing* aircraft();
+
+  /// The circles around the world's obstacles: centre and radius; empty without `rounds` in the file.
+  const std::vector<Eigen::Vector3d>& rounds() const;
 
   /// Where the vehicle's transits begin and end; empty without `docks` in the file.
   const std::vector<Eigen::Vector2d>& docks() const;
