@@ -116,6 +116,9 @@ situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${situation_awareness_sensors})
+  situation_awareness_node(aircraft_simulator src/ros/nodes/aircraft_simulator.cpp ${situation_awareness_sensors})
+  situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_evaluation
+    ${PROJECT_NAME}_sim)
   situation_awareness_node(vehicle_simulator src/ros/nodes/vehicle_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag
     ${situation_awareness_sensors})

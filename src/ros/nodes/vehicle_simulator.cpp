@@ -14,7 +14,6 @@
 #include <geometry_msgs/Twist.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/ros.h>
-#include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/LaserScan.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
@@ -27,6 +26,7 @@
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/truth_markers.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulated_clock.hpp"
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/schedule.hpp"
@@ -71,11 +71,11 @@ class VehicleSimulator {
   VehicleSimulator(const ros::NodeHandle& node, const VehicleSimulatorParams& params)
       : params_(params),
         node_(node),
+        clock_(node_, params.rate),
         world_(world_file(params.world)),
         transits_(world_, params.transits),
         scanner_(make_scanner()),
         odometry_(make_odometry()) {
-    clock_ = node_.advertise<rosgraph_msgs::Clock>("/clock", 100);
     odom_ = node_.advertise<nav_msgs::Odometry>("odom", 100);
     scan_ = node_.advertise<sensor_msgs::LaserScan>("scan", 50);
     true_pose_ = node_.advertise<geometry_msgs::PoseStamped>("true_pose", 100);
@@ -100,18 +100,16 @@ class VehicleSimulator {
 
   void run() {
     // All starts from a stand, when those that steer it are there.
-    wait_for([this] { return scan_.getNumSubscribers() > 0; }, 30.0);
-    wait_for([this] { return commands_.getNumPublishers() > 0; }, 30.0);
-    ros::WallTime start = ros::WallTime::now();
-    publish_clock(0.0);
+    clock_.wait_for([this] { return scan_.getNumSubscribers() > 0; }, 30.0);
+    clock_.wait_for([this] { return commands_.getNumPublishers() > 0; }, 30.0);
+    clock_.start();
     publish_transit();
     double now_s = 0.0;
     while (ros::ok()) {
       const double due_s = schedule_.next_time_s();
       if (due_s > now_s) {
         now_s = due_s;
-        start = pace(start, now_s / params_.rate);
-        publish_clock(now_s);
+        clock_.advance(now_s);
         drive(now_s);
       }
       schedule_.step();
@@ -224,39 +222,15 @@ class VehicleSimulator {
         truth_markers_.update(outlines(), 0.0, params_.world_frame, kSimulationStart_ns + nanoseconds(time_s)));
   }
 
-  void publish_clock(double time_s) {
-    rosgraph_msgs::Clock msg;
-    msg.clock = to_ros_time(kSimulationStart_ns + nanoseconds(time_s));
-    clock_.publish(msg);
-  }
-
-  /// Sleep until `elapsed_s` after `start`. If far behind, continue from now as if started later: catching up would be
-  /// too fast for those that steer.
-  static ros::WallTime pace(const ros::WallTime& start, double elapsed_s) {
-    const ros::WallDuration elapsed(elapsed_s), far_behind(0.1);
-    const ros::WallDuration left = start + elapsed - ros::WallTime::now();
-    if (left > ros::WallDuration(0.0)) left.sleep();
-    return left < -far_behind ? ros::WallTime::now() - elapsed : start;
-  }
-
-  /// Publish the clock until `there` or until the timeout.
-  template <class Condition>
-  void wait_for(const Condition& there, double timeout_s) {
-    const ros::WallTime end = ros::WallTime::now() + ros::WallDuration(timeout_s);
-    while (ros::ok() && !there() && ros::WallTime::now() < end) {
-      publish_clock(0.0);
-      ros::WallDuration(0.05).sleep();
-    }
-  }
-
   VehicleSimulatorParams params_;
   ros::NodeHandle node_;
+  SimulatedClock clock_;
   World world_;
   Transits transits_;
   SimulatedScanner scanner_;
   SimulatedOdometry odometry_;
   Schedule schedule_;
-  ros::Publisher clock_, odom_, scan_, true_pose_, transit_, markers_;
+  ros::Publisher odom_, scan_, true_pose_, transit_, markers_;
   ros::Subscriber commands_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;

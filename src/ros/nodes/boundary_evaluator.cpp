@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Compares `splinegons`, `odometry` and `fix` with the truth of aircraft_simulator and its world, and prints a table;
+// the exit code tells whether the bounds were met.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <deque>
+#include <iterator>
+#include <map>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <geometry_msgs/PoseStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/ros.h>
+#include <sensor_msgs/NavSatFix.h>
+#include <std_msgs/Empty.h>
+
+#include "situation_awareness/SplinegonArray.h"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/evaluation/boundary_evaluation.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/pose/local_world.hpp"
+#include "situation_awareness/ros/convert/navigation_sensors.hpp"
+#include "situation_awareness/ros/convert/splinegons.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kLastMap_s = 0.5;        ///< after the end of the flight: the map of its last scan has come
+constexpr std::size_t kEveryPose = 10;    ///< so many poses per one that is compared
+constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
+constexpr std::size_t kMaxTruths = 2000;
+
+struct BoundaryEvaluatorParams {
+  std::string world = "towers";
+  double duration_s = 0.0;
+  double max_duration_s = 300.0;
+  double min_extent_m = 2.5;
+  double max_hausdorff_m = 3.0;
+  double max_mean_m = 2.0;
+  double max_area_part = 0.04;
+  double min_in_envelope_part = 0.98;
+  double max_position_part = 1.0;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world, "name of a world in models/worlds, or a path: its outlines are the truth");
+    visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s",
+          "simulated time after which the boundaries are judged; 0: when flight_done comes");
+    visit("max_duration_s", self.max_duration_s, Bounds{1.0, 1e6}, "s", "a flight that takes longer has got lost");
+    visit("min_extent_m", self.min_extent_m, Bounds{0.0, 1e3}, "m", "what is smaller is no large obstacle");
+    visit("max_hausdorff_m", self.max_hausdorff_m, Bounds{0.0, 1e3}, "m", "largest Hausdorff distance");
+    visit("max_mean_m", self.max_mean_m, Bounds{0.0, 1e3}, "m", "largest mean distance");
+    visit("max_area_part", self.max_area_part, Bounds{0.0, 1e3}, "", "largest error of an area, over that");
+    visit("min_in_envelope_part", self.min_in_envelope_part, Bounds{0.0, 1.0}, "",
+          "least part of all outlines in the 99 % envelopes");
+    visit("max_position_part", self.max_position_part, Bounds{0.0, 1e3}, "",
+          "largest RMS error of the positions, over that of the fixes");
+  }
+};
+
+/// Errors in the plane.
+struct Errors {
+  std::size_t count = 0;
+  double square_sum = 0.0;
+
+  void add(double error) {
+    ++count;
+    square_sum += error * error;
+  }
+  double rms() const { return std::sqrt(square_sum / static_cast<double>(count)); }  ///< NaN without any
+};
+
+Pose2 planar(const geometry_msgs::Pose& pose) {
+  const geometry_msgs::Quaternion& q = pose.orientation;
+  return {{pose.position.x, pose.position.y},
+          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
+}
+
+class BoundaryEvaluator {
+ public:
+  BoundaryEvaluator(const ros::NodeHandle& node, const BoundaryEvaluatorParams& params)
+      : params_(params), node_(node), world_(world_file(params.world)) {
+    if (!world_.origin()) throw std::runtime_error(world_.path() + ": it has no world_origin");
+    true_pose_ = node_.subscribe("true_pose", 500, &BoundaryEvaluator::on_true_pose, this);
+    odometry_ = node_.subscribe("odometry", 500, &BoundaryEvaluator::on_odometry, this);
+    fix_ = node_.subscribe("fix", 100, &BoundaryEvaluator::on_fix, this);
+    splinegons_ = node_.subscribe("splinegons", 20, &BoundaryEvaluator::on_splinegons, this);
+    done_ = node_.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
+      if (params_.duration_s == 0.0) end_after(kLastMap_s);
+    });
+  }
+
+  /// Prints table and verdict; true if the bounds were met.
+  bool report() const {
+    const std::vector<BoundaryScore> scores = score_boundaries(obstacles(), map_);
+    std::printf("%s", format_table(scores).c_str());
+    BoundaryScore worst;
+    double inside = 0.0;
+    std::size_t closed = 0, boundaries = 0;
+    for (const BoundaryScore& score : scores) {
+      // max keeps its first argument where the other one is NaN
+      const auto raise = [](double& most, double value) { most = std::isnan(value) ? value : std::max(value, most); };
+      raise(worst.hausdorff_m, score.hausdorff_m);
+      raise(worst.mean_m, score.mean_m);
+      raise(worst.area_part, std::abs(score.area_part));
+      inside += score.in_envelope_part / static_cast<double>(scores.size());
+      closed += score.closed ? 1 : 0;
+      boundaries += score.boundaries;
+    }
+    std::printf("position, RMS: %.2f m (%zu poses), by GPS alone %.2f m (%zu fixes); yaw, RMS: %.2f deg\n",
+                position_.rms(), position_.count, fixes_.rms(), fixes_.count, degrees(yaw_.rms()));
+    bool met = true;
+    if (!finished_) {
+      std::printf("the flight did not come to its end\n");
+      met = false;
+    }
+    const auto judge = [&met](const char* what, double value, double bound, bool is_met, const char* unit) {
+      met = met && is_met;
+      std::printf("%-36s %8.3f %-4s (bound %.3f) %s\n", what, value, unit, bound, is_met ? "met" : "NOT MET");
+    };
+    const auto at_most = [&judge](const char* what, double value, double bound, const char* unit) {
+      judge(what, value, bound, value <= bound, unit);  // false for NaN
+    };
+    const auto all = static_cast<double>(scores.size());
+    judge("obstacles with a closed boundary", static_cast<double>(closed), all, closed == scores.size(), "");
+    at_most("boundaries", static_cast<double>(boundaries), all, "");
+    at_most("largest Hausdorff distance", worst.hausdorff_m, params_.max_hausdorff_m, "m");
+    at_most("largest mean distance", worst.mean_m, params_.max_mean_m, "m");
+    at_most("largest error of an area", 100.0 * worst.area_part, 100.0 * params_.max_area_part, "%");
+    judge("outlines in the 99 % envelopes", inside, params_.min_in_envelope_part,
+          inside >= params_.min_in_envelope_part, "");
+    at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(), params_.max_position_part, "");
+    std::fflush(stdout);
+    return met;
+  }
+
+ private:
+  /// What is large of what the scans have come near to: with fewer rounds than the world has, others do not count.
+  std::vector<TrueObstacle> obstacles() const {
+    std::vector<TrueObstacle> result;
+    for (const TrueOutline& outline : world_.outlines_at(0.0, height_m_)) {
+      Eigen::Vector2d low_m = outline.points_world_m.front(), high_m = low_m;
+      for (const Eigen::Vector2d& p_m : outline.points_world_m) {
+        low_m = low_m.cwiseMin(p_m);
+        high_m = high_m.cwiseMax(p_m);
+      }
+      if ((high_m - low_m).norm() >= params_.min_extent_m) result.push_back({outline.thing, outline.points_world_m});
+    }
+    return result;
+  }
+
+  void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
+    truths_[to_nanoseconds(msg->header.stamp)] = planar(msg->pose);
+    height_m_ = msg->pose.position.z;
+    if (truths_.size() > kMaxTruths) truths_.erase(truths_.begin());
+    if (begin_.isZero()) begin_ = msg->header.stamp;
+    const double since_s = (msg->header.stamp - begin_).toSec();
+    if (params_.duration_s > 0.0 && since_s >= params_.duration_s) end_after(kLastMap_s);
+    if (since_s > params_.max_duration_s) ros::shutdown();
+    compare();
+  }
+
+  void on_odometry(const nav_msgs::OdometryConstPtr& msg) {
+    if (received_poses_++ % kEveryPose == 0) poses_.push_back(msg);
+    if (poses_.size() > kMaxWaiting) poses_.pop_front();
+  }
+
+  void on_fix(const sensor_msgs::NavSatFixConstPtr& msg) {
+    waiting_fixes_.push_back(msg);
+    if (waiting_fixes_.size() > kMaxWaiting) waiting_fixes_.pop_front();
+  }
+
+  void on_splinegons(const SplinegonArrayConstPtr& msg) {
+    if (finished_) return;
+    try {
+      map_ = splinegons_from_msg(*msg);
+    } catch (const std::exception& error) {
+      ROS_ERROR_STREAM_THROTTLE(5.0, "boundary_evaluator: the boundaries are not used: " << error.what());
+    }
+  }
+
+  /// The true pose at a time, nothing while it is not known yet.
+  std::optional<Pose2> truth_at(std::int64_t stamp_ns) const {
+    const auto after = truths_.lower_bound(stamp_ns);
+    if (after == truths_.end()) return std::nullopt;
+    if (after->first == stamp_ns || after == truths_.begin()) return after->second;
+    const auto& [before_ns, before] = *std::prev(after);
+    const double part = static_cast<double>(stamp_ns - before_ns) / static_cast<double>(after->first - before_ns);
+    return Pose2{before.translation_m + part * (after->second.translation_m - before.translation_m),
+                 before.yaw_rad + part * wrap_to_pi(after->second.yaw_rad - before.yaw_rad)};
+  }
+
+  void compare() {
+    while (!poses_.empty()) {
+      const auto truth = truth_at(to_nanoseconds(poses_.front()->header.stamp));
+      if (!truth) break;
+      const Pose2 pose = planar(poses_.front()->pose.pose);
+      position_.add((pose.translation_m - truth->translation_m).norm());
+      yaw_.add(wrap_to_pi(pose.yaw_rad - truth->yaw_rad));
+      poses_.pop_front();
+    }
+    while (!waiting_fixes_.empty()) {
+      const auto truth = truth_at(to_nanoseconds(waiting_fixes_.front()->header.stamp));
+      if (!truth) break;
+      const GeodeticFix fix = fix_from_msg(*waiting_fixes_.front());
+      waiting_fixes_.pop_front();
+      if (!fix.is_fix || !is_valid(fix.position)) continue;
+      const WorldOrigin& origin = *world_.origin();
+      const Eigen::Vector3d p_m =
+          local_position({origin.latitude_deg, origin.longitude_deg, origin.altitude_m}, fix.position);
+      fixes_.add((p_m.head<2>() - truth->translation_m).norm());
+    }
+  }
+
+  void end_after(double seconds) {
+    if (end_) return;
+    end_ = node_.createTimer(
+        ros::Duration(seconds),
+        [this](const ros::TimerEvent&) {
+          finished_ = true;
+          ros::shutdown();
+        },
+        /*oneshot=*/true);
+  }
+
+  BoundaryEvaluatorParams params_;
+  ros::NodeHandle node_;
+  World world_;
+  double height_m_ = 0.0;  ///< of the vehicle
+  ros::Time begin_;
+  bool finished_ = false;
+  Splinegons map_;
+  std::map<std::int64_t, Pose2> truths_;
+  std::deque<nav_msgs::OdometryConstPtr> poses_;
+  std::deque<sensor_msgs::NavSatFixConstPtr> waiting_fixes_;
+  std::size_t received_poses_ = 0;
+  Errors position_, yaw_, fixes_;
+  ros::Subscriber true_pose_, odometry_, fix_, splinegons_, done_;
+  ros::Timer end_;
+};
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "boundary_evaluator");
+  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
+  const ros::NodeHandle private_node("~");
+  try {
+    situation_awareness::BoundaryEvaluator evaluator(
+        node, situation_awareness::ParamReader(private_node)
+                  .read<situation_awareness::BoundaryEvaluatorParams>(situation_awareness::refuse));
+    ros::spin();
+    return evaluator.report() ? 0 : 1;
+  } catch (const std::exception& error) {
+    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
+    return 1;
+  }
+}
