@@ -15,7 +15,7 @@ using visualization_msgs::Marker;
 
 constexpr Color kClosedColor{0.12F, 0.42F, 0.82F};
 constexpr Color kOpenColor{0.15F, 0.65F, 0.3F};
-constexpr Color kEnvelopeColor{0.95F, 0.55F, 0.1F};
+constexpr Color kEnvelopeColor{1.0F, 0.85F, 0.62F};  // opaque, since its pieces overlap where the boundary bends
 constexpr Color kLocalColor{0.85F, 0.1F, 0.1F};
 
 constexpr double kBoundaryWidth_m = 0.2;
@@ -43,9 +43,18 @@ Marker boundaries_of(const std_msgs::Header& header, const Splinegons& splinegon
   return m;
 }
 
-/// A strip of triangles.
+/// Counter-clockwise: from behind it would be black.
+void add_triangle(const Eigen::Vector2d& a_m, const Eigen::Vector2d& b_m, const Eigen::Vector2d& c_m, double z_m,
+                  Marker& m) {
+  const Eigen::Vector2d ab_m = b_m - a_m, ac_m = c_m - a_m;
+  const bool is_left = ab_m.x() * ac_m.y() - ab_m.y() * ac_m.x() >= 0.0;
+  m.points.push_back(make_point(a_m, z_m));
+  m.points.push_back(make_point(is_left ? b_m : c_m, z_m));
+  m.points.push_back(make_point(is_left ? c_m : b_m, z_m));
+}
+
 Marker envelopes_of(const std_msgs::Header& header, const Splinegons& splinegons) {
-  Marker m = make_marker(header, "envelope", 0, Marker::TRIANGLE_LIST, kEnvelopeColor, 0.35F);
+  Marker m = make_marker(header, "envelope", 0, Marker::TRIANGLE_LIST, kEnvelopeColor, 1.0F);
   m.scale.x = m.scale.y = m.scale.z = 1.0;
   const double z_m = splinegons.height_world_m - kEnvelopeBelow_m;
   for (const Splinegon& splinegon : splinegons.boundaries) {
@@ -53,9 +62,10 @@ Marker envelopes_of(const std_msgs::Header& header, const Splinegons& splinegons
     const std::size_t samples = envelope.free_side_world_m.size();
     for (std::size_t i = 0; i + 1 < samples + (splinegon.closed ? 1 : 0); ++i) {
       const std::size_t next = (i + 1) % samples;
-      const Eigen::Vector2d corners[] = {envelope.free_side_world_m[i], envelope.free_side_world_m[next],
-                                         envelope.obstacle_side_world_m[next], envelope.obstacle_side_world_m[i]};
-      for (const std::size_t corner : {0, 1, 2, 0, 2, 3}) m.points.push_back(make_point(corners[corner], z_m));
+      add_triangle(envelope.free_side_world_m[i], envelope.free_side_world_m[next],
+                   envelope.obstacle_side_world_m[next], z_m, m);
+      add_triangle(envelope.free_side_world_m[i], envelope.obstacle_side_world_m[next],
+                   envelope.obstacle_side_world_m[i], z_m, m);
     }
   }
   return m;

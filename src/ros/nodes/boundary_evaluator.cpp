@@ -42,9 +42,9 @@ constexpr std::size_t kMaxTruths = 2000;
 
 struct BoundaryEvaluatorParams {
   std::string world = "towers";
+  int rounds = 0;
   double duration_s = 0.0;
   double max_duration_s = 300.0;
-  double min_extent_m = 2.5;
   double max_hausdorff_m = 3.0;
   double max_mean_m = 2.0;
   double max_area_part = 0.04;
@@ -54,10 +54,10 @@ struct BoundaryEvaluatorParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("world", self.world, "name of a world in models/worlds, or a path: its outlines are the truth");
+    visit("rounds", self.rounds, Bounds{0, 1000}, "", "of the world's rounds those that are flown; 0: all");
     visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s",
           "simulated time after which the boundaries are judged; 0: when flight_done comes");
     visit("max_duration_s", self.max_duration_s, Bounds{1.0, 1e6}, "s", "a flight that takes longer has got lost");
-    visit("min_extent_m", self.min_extent_m, Bounds{0.0, 1e3}, "m", "what is smaller is no large obstacle");
     visit("max_hausdorff_m", self.max_hausdorff_m, Bounds{0.0, 1e3}, "m", "largest Hausdorff distance");
     visit("max_mean_m", self.max_mean_m, Bounds{0.0, 1e3}, "m", "largest mean distance");
     visit("max_area_part", self.max_area_part, Bounds{0.0, 1e3}, "", "largest error of an area, over that");
@@ -102,7 +102,8 @@ class BoundaryEvaluator {
 
   /// Prints table and verdict; true if the bounds were met.
   bool report() const {
-    const std::vector<BoundaryScore> scores = score_boundaries(obstacles(), map_);
+    const std::vector<TrueObstacle> all_obstacles = obstacles();
+    const std::vector<BoundaryScore> scores = score_boundaries(all_obstacles, near(all_obstacles));
     std::printf("%s", format_table(scores).c_str());
     BoundaryScore worst;
     double inside = 0.0;
@@ -117,8 +118,10 @@ class BoundaryEvaluator {
       closed += score.closed ? 1 : 0;
       boundaries += score.boundaries;
     }
-    std::printf("position, RMS: %.2f m (%zu poses), by GPS alone %.2f m (%zu fixes); yaw, RMS: %.2f deg\n",
-                position_.rms(), position_.count, fixes_.rms(), fixes_.count, degrees(yaw_.rms()));
+    if (position_.count > 0) {
+      std::printf("position, RMS: %.2f m (%zu poses), by GPS alone %.2f m (%zu fixes); yaw, RMS: %.2f deg\n",
+                  position_.rms(), position_.count, fixes_.rms(), fixes_.count, degrees(yaw_.rms()));
+    }
     bool met = true;
     if (!finished_) {
       std::printf("the flight did not come to its end\n");
@@ -139,29 +142,49 @@ class BoundaryEvaluator {
     at_most("largest error of an area", 100.0 * worst.area_part, 100.0 * params_.max_area_part, "%");
     judge("outlines in the 99 % envelopes", inside, params_.min_in_envelope_part,
           inside >= params_.min_in_envelope_part, "");
-    at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(), params_.max_position_part, "");
+    if (position_.count > 0) {  // else the pose is the true one
+      at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(), params_.max_position_part, "");
+    }
     std::fflush(stdout);
     return met;
   }
 
  private:
-  /// What is large of what the scans have come near to: with fewer rounds than the world has, others do not count.
+  /// The boundaries that are of these: where all are flown around, every one counts.
+  Splinegons near(const std::vector<TrueObstacle>& obstacles) const {
+    if (params_.rounds == 0) return map_;
+    Splinegons result = map_;
+    const auto is_elsewhere = [&](const Splinegon& boundary) {
+      constexpr double kNear_m = 5.0;
+      return std::none_of(obstacles.begin(), obstacles.end(), [&](const TrueObstacle& obstacle) {
+        return std::any_of(obstacle.outline_world_m.begin(), obstacle.outline_world_m.end(),
+                           [&](const Eigen::Vector2d& p_m) { return distance_m(boundary, p_m) < kNear_m; });
+      });
+    };
+    result.boundaries.erase(std::remove_if(result.boundaries.begin(), result.boundaries.end(), is_elsewhere),
+                            result.boundaries.end());
+    return result;
+  }
+
+  /// The objects around which it flies.
   std::vector<TrueObstacle> obstacles() const {
+    constexpr int kSides = 720;  // of an ellipse: of 10 m they are 0.1 mm off it
+    std::vector<Eigen::Vector3d> rounds = world_.rounds();
+    if (params_.rounds > 0) rounds.resize(std::min(rounds.size(), static_cast<std::size_t>(params_.rounds)));
     std::vector<TrueObstacle> result;
-    for (const TrueOutline& outline : world_.outlines_at(0.0, height_m_)) {
-      Eigen::Vector2d low_m = outline.points_world_m.front(), high_m = low_m;
-      for (const Eigen::Vector2d& p_m : outline.points_world_m) {
-        low_m = low_m.cwiseMin(p_m);
-        high_m = high_m.cwiseMax(p_m);
+    for (const TrueObject& object : world_.objects_at(0.0)) {
+      const Eigen::Vector2d& at_m = object.T_world_object.translation_m;
+      if (std::any_of(rounds.begin(), rounds.end(),
+                      [&](const Eigen::Vector3d& round) { return (round.head<2>() - at_m).norm() < round.z(); })) {
+        result.push_back({world_.names()[object.id - 1],
+                          object.ellipse_world ? points_on(*object.ellipse_world, kSides) : object.footprint_world_m});
       }
-      if ((high_m - low_m).norm() >= params_.min_extent_m) result.push_back({outline.thing, outline.points_world_m});
     }
     return result;
   }
 
   void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
     truths_[to_nanoseconds(msg->header.stamp)] = planar(msg->pose);
-    height_m_ = msg->pose.position.z;
     if (truths_.size() > kMaxTruths) truths_.erase(truths_.begin());
     if (begin_.isZero()) begin_ = msg->header.stamp;
     const double since_s = (msg->header.stamp - begin_).toSec();
@@ -236,7 +259,6 @@ class BoundaryEvaluator {
   BoundaryEvaluatorParams params_;
   ros::NodeHandle node_;
   World world_;
-  double height_m_ = 0.0;  ///< of the vehicle
   ros::Time begin_;
   bool finished_ = false;
   Splinegons map_;
