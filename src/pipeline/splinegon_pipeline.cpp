@@ -20,7 +20,7 @@ constexpr std::size_t kFewestElements = 6;
 constexpr double kFromMiddle_m = 10.0;
 
 /// Of elements on boundaries that were loaded, at least: a file may say 0.
-constexpr double kLeastSigma_m = 1e-3;
+constexpr double kLeastLoadedSigma_m = 1e-3;
 /// That such a boundary exists.
 constexpr double kLoadedProbability = 0.99;
 
@@ -118,7 +118,7 @@ void SplinegonPipeline::resume(const Splinegons& splinegons) {
     chain.p_exists = kLoadedProbability;
     const std::vector<SplinegonPoint> points = sampled(splinegon, params_.polygons.spacing_m);
     std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
-      chain.vertices.push_back({T_map_world * point.p_world_m, std::max(point.sigma_m, kLeastSigma_m)});
+      chain.vertices.push_back({T_map_world * point.p_world_m, std::max(point.sigma_m, kLeastLoadedSigma_m)});
     });
   }
   PolygonMapSnapshot snapshot = snapshot_of_chains(polygons, params_.polygons.spacing_m);

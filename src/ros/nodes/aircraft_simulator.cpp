@@ -20,6 +20,7 @@
 #include <tf2_ros/transform_broadcaster.h>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/path/rounds.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -30,7 +31,6 @@
 #include "situation_awareness/ros/simulated_clock.hpp"
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/fixed_wing.hpp"
-#include "situation_awareness/sim/rounds.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/schedule.hpp"
 #include "situation_awareness/sim/sensors.hpp"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Scripted rounds, and those of the world `towers`.
-#include "situation_awareness/sim/rounds.hpp"
+// Scripted rounds in the wind, and those of the world `towers`.
+#include "situation_awareness/path/rounds.hpp"
 
 #include <algorithm>
 #include <cmath>

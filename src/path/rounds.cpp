@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/sim/rounds.hpp"
+#include "situation_awareness/path/rounds.hpp"
 
 #include <cmath>
 #include <limits>
