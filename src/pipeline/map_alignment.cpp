@@ -2,7 +2,9 @@
 #include "situation_awareness/pipeline/map_alignment.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 
@@ -12,8 +14,10 @@
 namespace situation_awareness {
 namespace {
 
-using Matrix5 = Eigen::Matrix<double, 5, 5>;
-using Vector5 = Eigen::Matrix<double, 5, 1>;
+using Matrix8 = Eigen::Matrix<double, 8, 8>;
+using Vector8 = Eigen::Matrix<double, 8, 1>;
+/// Indices in P.
+constexpr int kYaw = 2, kVelocity = 3, kAcceleration = 5, kYawRate = 7;
 
 constexpr int kIterations = 4;
 /// Standard deviations of the scan's place within which boundaries are looked for, and the reach (m) beyond that.
@@ -28,7 +32,93 @@ constexpr double kSmallStep = 1e-4;
 /// m^2 and rad^2. Keeps P invertible.
 constexpr double kLeastVariance = 1e-10;
 
+/// Where a face ends: hits of it at least, and the least sine of the angle at which the beam meets it there. A surface
+/// that bends away ends where beams graze it, which is another place for each pose.
+constexpr std::size_t kFewestOfFace = 6;
+constexpr double kLeastSine = 0.35;
+/// Its standard deviation (m), at least, and beside half the distance of two beams; scans until it is used.
+constexpr double kLeastEndSigma_m = 0.02;
+constexpr int kSeenOften = 3;
+/// It is the same one within this distance (m) across the face, and with this cosine of both directions.
+constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
+
+/// What was hit within this time counts as of the same lap.
+constexpr double kRecent_s = 4.0;
+constexpr double kReachOfOld_m = 0.15;
+/// A loop is closed where so many hits meet what was mapped earlier, over this distance (m), in steps of this reach
+/// (m); by what the poses may have drifted meanwhile (m/s, rad/s), and within so many standard deviations of that; if
+/// they are no more apart afterwards (m, root mean square), and were before (m).
+constexpr std::size_t kFewestOfLoop = 6;
+constexpr double kLeastOfLoop_m = 0.5;
+constexpr std::array<double, 6> kLoopReaches_m = {1.5, 1.5, 1.0, 0.6, 0.4, 0.3};
+constexpr double kDrift_m_s = 0.05, kDrift_rad_s = 0.004;
+constexpr double kMostDriftSigmas = 3.0;
+/// For so long what is behind the hits by these (m) is given up.
+constexpr double kClearedAfter_s = 5.0, kLeastBehind_m = 0.1, kMostBehind_m = 0.8;
+constexpr double kApartAfter_m = 0.1, kApartBefore_m = 0.05;
+
+double square(double value) { return value * value; }
+
+Eigen::Vector2d turned_left(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+
 }  // namespace
+
+/// Ends that are the object's own: half way to the next beam, which passed it.
+void MapAlignment::find_face_ends(const Polylines& polylines) {
+  seen_ends_.clear();
+  for (const Polyline& polyline : polylines.polylines) {
+    if (polyline.hits < kFewestOfFace) continue;
+    for (const bool left : {false, true}) {
+      if (!is_sure_silhouette(left ? polyline.left_end : polyline.right_end)) continue;
+      const PolylineHit& hit = polylines.hits[polyline.first_hit + (left ? polyline.hits - 1 : 0)];
+      if (!hit.has_normal) continue;
+      const double sine = std::abs(hit.normal_level.dot(hit.p_level_m.normalized()));
+      if (sine < kLeastSine) continue;
+      const Eigen::Vector2d to_left(hit.normal_level.y(), -hit.normal_level.x());
+      const Eigen::Vector2d outward = left ? to_left : Eigen::Vector2d(-to_left);
+      const double half_m = 0.5 * hit.range_m * polylines.resolution_rad / sine;
+      seen_ends_.push_back({hit.p_level_m + half_m * outward, outward,
+                            half_m * half_m / 3.0 + params_.hit_sigma_m * params_.hit_sigma_m, 1, polylines.stamp_ns,
+                            polylines.stamp_ns});
+    }
+  }
+}
+
+MapAlignment::FaceEnd* MapAlignment::known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m) {
+  const Eigen::Vector2d p_map_m = T_map_level * end.p_m, outward = T_map_level.rotation() * end.outward;
+  FaceEnd* best = nullptr;
+  double least_m = reach_m;
+  for (FaceEnd& known : ends_) {
+    if (known.outward.dot(outward) < kSameEndCosine) continue;
+    const Eigen::Vector2d d_m = p_map_m - known.p_m;
+    const double along_m = std::abs(known.outward.dot(d_m));
+    if (along_m >= least_m || std::abs(known.outward.x() * d_m.y() - known.outward.y() * d_m.x()) > kSameEnd_m)
+      continue;
+    least_m = along_m;
+    best = &known;
+  }
+  return best;
+}
+
+/// Mean of what was seen of each end, in the order of the scans.
+void MapAlignment::map_face_ends(const Pose2& T_map_level) {
+  for (const FaceEnd& end : seen_ends_) {
+    const Eigen::Vector2d outward = T_map_level.rotation() * end.outward;
+    const double pose_variance_m2 = outward.dot(P_.topLeftCorner<2, 2>() * outward);
+    if (FaceEnd* const known = known_end(end, T_map_level, kMostSearch_m)) {
+      const double variance_m2 = end.variance_m2 / params_.independent_part + pose_variance_m2;
+      const double part = known->variance_m2 / (known->variance_m2 + variance_m2);
+      known->p_m += part * (T_map_level * end.p_m - known->p_m);
+      known->outward = (known->outward + part * (outward - known->outward)).normalized();
+      known->variance_m2 = std::max((1.0 - part) * known->variance_m2, kLeastEndSigma_m * kLeastEndSigma_m);
+      ++known->seen;
+      known->last_seen_ns = end.last_seen_ns;
+    } else {
+      ends_.push_back(
+          {T_map_level * end.p_m, outward, end.variance_m2 + pose_variance_m2, 1, end.first_seen_ns, end.last_seen_ns});
+    }
+  }
+}
 
 void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
                            double reach_m) {
@@ -36,76 +126,241 @@ void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, co
   pairs_.reserve(polylines.hits.size());
   const Eigen::Matrix2d R = T_map_level.rotation();
   BoundaryElement element;
+  const std::int64_t recent_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
     const Eigen::Vector2d p_map_m = R * hit.p_level_m + T_map_level.translation_m;
-    if (!map.find_facing(p_map_m, R * hit.normal_level, reach_m, element)) continue;
+    std::int64_t seen_ns = 0;
+    const Eigen::Vector2d normal = R * hit.normal_level;
+    if (!map.find_facing(p_map_m, normal, reach_m, recent_ns, polylines.stamp_ns, element, seen_ns) &&
+        !map.find_facing(p_map_m, normal, std::min(reach_m, kReachOfOld_m), element)) {
+      continue;
+    }
     const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
     pairs_.push_back({hit.p_level_m, element.p_world_m, normal_map,
                       hit.sigma_m * hit.sigma_m + element.variance_m2 + params_.hit_sigma_m * params_.hit_sigma_m});
   }
+  for (const FaceEnd& end : seen_ends_) {
+    const FaceEnd* const known = known_end(end, T_map_level, reach_m);
+    if (known == nullptr || known->seen < kSeenOften || known->last_seen_ns < recent_ns) continue;
+    pairs_.push_back({end.p_m, known->p_m, known->outward, end.variance_m2 + known->variance_m2});
+  }
 }
 
-Eigen::Matrix3d MapAlignment::align(const PolygonMap& map, const InertialPlacement& placement, Polylines& polylines) {
-  const Pose2 T_odom_level = polylines.T_world_level;
-  Pose2 T_map_level = T_map_odom_ * T_odom_level;
-  if (has_begun_) {
-    const double dt_s = std::max(seconds_between(stamp_ns_, polylines.stamp_ns), 0.0);
-    const Eigen::Matrix2d R = T_map_level.rotation();
-    T_map_level.translation_m += dt_s * (R * v_level_m_s_);
-    const Eigen::Vector2d moved_m = T_map_level.translation_m - at_map_m_;
-    Matrix5 F = Matrix5::Identity();
-    F.block<2, 1>(0, 2) << -moved_m.y(), moved_m.x();
-    F.block<2, 2>(0, 3) = dt_s * R;
-    P_ = F * P_ * F.transpose();
-    P_(2, 2) += params_.yaw_drift_rad_sqrt_s * params_.yaw_drift_rad_sqrt_s * dt_s;
-    P_.diagonal().tail<2>().array() += params_.velocity_drift_m_s_sqrt_s * params_.velocity_drift_m_s_sqrt_s * dt_s;
-    P_.diagonal().array() += kLeastVariance;
+/// Inertial navigation in the map: only changes of the velocity are taken from odom.
+void MapAlignment::go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s) {
+  const Eigen::Matrix2d R_map_odom = (T_map_level_ * inverse(T_odom_level_)).rotation();
+  const Eigen::Matrix2d R = T_map_level_.rotation();
+  const Eigen::Vector2d change_m_s = R_map_odom * (v_odom_m_s - v_odom_m_s_) + dt_s * (R * a_level_m_s2_);
+  const Eigen::Vector2d bend_m =
+      R_map_odom * (T_odom_level.translation_m - T_odom_level_.translation_m - dt_s * v_odom_m_s_) +
+      0.5 * dt_s * dt_s * (R * a_level_m_s2_);
+  T_map_level_.translation_m += dt_s * v_map_m_s_ + bend_m;
+  T_map_level_.yaw_rad += wrap_to_pi(T_odom_level.yaw_rad - T_odom_level_.yaw_rad) + dt_s * w_rad_s_;
+  v_map_m_s_ += change_m_s;
+  v_changes_m_s_ += change_m_s;
 
-    const double sigma_m = std::sqrt(std::max(P_(0, 0), P_(1, 1)));
-    const double reach_m = std::clamp(kLeastSearch_m + kReachSigmas * sigma_m, kLeastSearch_m, kMostSearch_m);
-    const Matrix5 information = P_.llt().solve(Matrix5::Identity());
-    Vector5 total = Vector5::Zero();
-    Matrix5 A = information;
-    const Pose2 begin = T_map_level;
-    for (int k = 0; k < kIterations; ++k) {
-      pair_up(map, polylines, T_map_level, reach_m);
-      A = information;
-      if (pairs_.size() < kFewestPairs) break;
-      Vector5 b = -information * total;
-      const Eigen::Matrix2d R_map_level = T_map_level.rotation();
+  Matrix8 F = Matrix8::Identity();
+  F.block<2, 1>(0, kYaw) = turned_left(bend_m);
+  F.block<2, 2>(0, kVelocity) = dt_s * Eigen::Matrix2d::Identity();
+  F.block<2, 2>(0, kAcceleration) = 0.5 * dt_s * dt_s * R;
+  F(kYaw, kYawRate) = dt_s;
+  F.block<2, 1>(kVelocity, kYaw) = turned_left(change_m_s);
+  F.block<2, 2>(kVelocity, kAcceleration) = dt_s * R;
+  P_ = F * P_ * F.transpose();
+  const auto walk = [&](int first, int size, double drift) {
+    P_.diagonal().segment(first, size).array() += drift * drift * dt_s;
+  };
+  walk(kYaw, 1, params_.yaw_drift_rad_sqrt_s);
+  walk(kVelocity, 2, params_.velocity_drift_m_s_sqrt_s);
+  walk(kAcceleration, 2, params_.acceleration_drift_m_s2_sqrt_s);
+  walk(kYawRate, 1, params_.yaw_rate_drift_rad_s_sqrt_s);
+  P_.diagonal().array() += kLeastVariance;
+}
+
+void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement,
+                           double dt_s) {
+  const double sigma_m = std::sqrt(std::max(P_(0, 0), P_(1, 1)));
+  const double reach_m = std::clamp(kLeastSearch_m + kReachSigmas * sigma_m, kLeastSearch_m, kMostSearch_m);
+  Matrix8 information = P_.llt().solve(Matrix8::Identity());
+  // The velocity by GPS and INS: one measurement of it in velocity_memory_s.
+  const Eigen::Matrix2d R_map_world =
+      (T_map_level_ * inverse(T_odom_level_) * inverse(placement.T_world_odom)).rotation();
+  const double v_weight =
+      std::min(dt_s / params_.velocity_memory_s, 1.0) / std::max(square(placement.velocity_sigma_m_s), kLeastVariance);
+  const Eigen::Vector2d v_residual_m_s = R_map_world * placement.v_world_m_s - v_map_m_s_;
+  Vector8 from_velocity = Vector8::Zero();
+  from_velocity.segment<2>(kVelocity) = v_weight * v_residual_m_s;
+  information.diagonal().segment<2>(kVelocity).array() += v_weight;
+
+  const Pose2 begin = T_map_level_;
+  Vector8 total = Vector8::Zero();
+  Matrix8 A = information;
+  for (int k = 0; k < kIterations; ++k) {
+    pair_up(map, polylines, T_map_level_, reach_m);
+    A = information;
+    Vector8 b = from_velocity - information * total;
+    if (pairs_.size() >= kFewestPairs) {
+      const Eigen::Matrix2d R = T_map_level_.rotation();
       for (const Pair& pair : pairs_) {
-        const Eigen::Vector2d offset_m = R_map_level * pair.p_level_m;
-        const double residual_m = pair.normal_map.dot(pair.q_map_m - offset_m - T_map_level.translation_m);
+        const Eigen::Vector2d offset_m = R * pair.p_level_m;
+        const double residual_m = pair.normal_map.dot(pair.q_map_m - offset_m - T_map_level_.translation_m);
         const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
         const double weight = params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
         Eigen::Vector3d J;
-        J << pair.normal_map, pair.normal_map.dot(Eigen::Vector2d(-offset_m.y(), offset_m.x()));
+        J << pair.normal_map, pair.normal_map.dot(turned_left(offset_m));
         A.topLeftCorner<3, 3>() += weight * J * J.transpose();
         b.head<3>() += weight * residual_m * J;
       }
-      const Vector5 step = A.llt().solve(b);
-      total += step;
-      T_map_level = {begin.translation_m + total.head<2>(), begin.yaw_rad + total(2)};
-      if (step.cwiseAbs().maxCoeff() < kSmallStep) break;
     }
-    v_level_m_s_ += total.tail<2>();
-    P_ = A.llt().solve(Matrix5::Identity());
-  } else {
-    P_.diagonal().tail<2>().setConstant(placement.velocity_sigma_m_s * placement.velocity_sigma_m_s);
+    const Vector8 step = A.llt().solve(b);
+    total += step;
+    T_map_level_ = {begin.translation_m + total.head<2>(), begin.yaw_rad + total(kYaw)};
+    if (step.cwiseAbs().maxCoeff() < kSmallStep) break;
   }
-  if (!has_begun_ && polylines.hits.empty()) return P_.topLeftCorner<3, 3>();
-  has_begun_ = true;
+  v_map_m_s_ += total.segment<2>(kVelocity);
+  a_level_m_s2_ += total.segment<2>(kAcceleration);
+  w_rad_s_ += total(kYawRate);
+  P_ = A.llt().solve(Matrix8::Identity());
+}
+
+/// The motion in the map that brings the scan, and what was mapped lately, to what was mapped before.
+bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, Pose2& correction,
+                             std::int64_t& since_ns) {
+  const std::int64_t old_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
+  constexpr std::int64_t kBegin_ns = std::numeric_limits<std::int64_t>::min();
+  const Eigen::Vector2d at_m = T_map_level_.translation_m;
+  Eigen::Vector3d total = Eigen::Vector3d::Zero();  // about the scanner
+  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+  double apart_before_m2 = 0.0, apart_m2 = 0.0;
+  for (std::size_t k = 0; k < kLoopReaches_m.size(); ++k) {
+    const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
+    const Eigen::Matrix2d R = T_map_level.rotation();
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    std::size_t count = 0;
+    double age_s = 0.0;
+    Eigen::Vector2d low_m = Eigen::Vector2d::Constant(1e9), high_m = -low_m;
+    apart_m2 = 0.0;
+    for (const PolylineHit& hit : polylines.hits) {
+      if (!hit.has_normal) continue;
+      const Eigen::Vector2d offset_m = R * hit.p_level_m, p_map_m = T_map_level.translation_m + offset_m;
+      BoundaryElement element;
+      std::int64_t seen_ns = 0;
+      if (!map.find_facing(p_map_m, R * hit.normal_level, kLoopReaches_m[k], kBegin_ns, old_ns, element, seen_ns)) {
+        continue;
+      }
+      const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
+      const double residual_m = normal_map.dot(element.p_world_m - p_map_m);
+      const double variance_m2 = square(hit.sigma_m) + element.variance_m2 + square(params_.hit_sigma_m);
+      Eigen::Vector3d J;
+      J << normal_map, normal_map.dot(turned_left(offset_m));
+      A += params_.independent_part / variance_m2 * J * J.transpose();
+      b += params_.independent_part / variance_m2 * residual_m * J;
+      apart_m2 += square(residual_m);
+      age_s += seconds_between(seen_ns, polylines.stamp_ns);
+      low_m = low_m.cwiseMin(p_map_m);
+      high_m = high_m.cwiseMax(p_map_m);
+      ++count;
+    }
+    if (count < kFewestOfLoop || (high_m - low_m).norm() < kLeastOfLoop_m) return false;
+    age_s /= static_cast<double>(count);
+    apart_m2 /= static_cast<double>(count);
+    if (k == 0) {
+      apart_before_m2 = apart_m2;
+      since_ns = polylines.stamp_ns - nanoseconds(age_s);
+      Eigen::Matrix3d drift = P_.topLeftCorner<3, 3>();
+      drift.diagonal() +=
+          Eigen::Vector3d(square(kDrift_m_s * age_s), square(kDrift_m_s * age_s), square(kDrift_rad_s * age_s));
+      information = drift.inverse();
+    }
+    total += (A + information).ldlt().solve(b - information * total);
+  }
+  if (apart_before_m2 < square(kApartBefore_m) || apart_m2 > square(kApartAfter_m) ||
+      total.dot(information * total) > square(kMostDriftSigmas)) {
+    return false;
+  }
+  const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
+  correction = T_map_level * inverse(T_map_level_);
+  return true;
+}
+
+void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
+  Pose2 correction;
+  std::int64_t since_ns = 0;
+  if (!find_loop(map, polylines, correction, since_ns)) return;
+  // About the scanner, which moves most.
+  const Eigen::Vector2d at_m = T_map_level_.translation_m, shift_m = correction * at_m - at_m;
+  const double whole_s = seconds_between(since_ns, polylines.stamp_ns);
+  const auto motion = [&](std::int64_t first_seen_ns, std::int64_t last_seen_ns) -> Pose2 {
+    if (first_seen_ns <= since_ns) return {};
+    const std::int64_t middle_ns = first_seen_ns + (last_seen_ns - first_seen_ns) / 2;
+    const double part = std::clamp(seconds_between(since_ns, middle_ns) / whole_s, 0.0, 1.0);
+    Pose2 moved = {Eigen::Vector2d::Zero(), part * correction.yaw_rad};
+    moved.translation_m = at_m + part * shift_m - moved.rotation() * at_m;
+    return moved;
+  };
+  map.deform(motion);
+  for (FaceEnd& end : ends_) {
+    const Pose2 moved = motion(end.first_seen_ns, end.last_seen_ns);
+    end.p_m = moved * end.p_m;
+    end.outward = moved.rotation() * end.outward;
+  }
+  T_map_level_ = correction * T_map_level_;
+  v_map_m_s_ = correction.rotation() * v_map_m_s_;
+  v_changes_m_s_ = correction.rotation() * v_changes_m_s_;
+  loop_closed_ns_ = polylines.stamp_ns;
+}
+
+/// What was drawn twice where a loop is closed, and is hidden now: no beam would ever pass it.
+void MapAlignment::give_up_remains(PolygonMap& map, const Polylines& polylines) const {
+  if (loop_closed_ns_ == StampOrder::kNone || seconds_between(loop_closed_ns_, polylines.stamp_ns) > kClearedAfter_s) {
+    return;
+  }
+  const Eigen::Matrix2d R = T_map_level_.rotation();
+  for (const PolylineHit& hit : polylines.hits) {
+    if (!hit.has_normal) continue;
+    map.give_up_behind(T_map_level_ * hit.p_level_m, R * hit.normal_level, kLeastBehind_m, kMostBehind_m,
+                       polylines.stamp_ns - nanoseconds(kRecent_s));
+  }
+}
+
+void MapAlignment::begin_with(const Eigen::Vector2d& v_map_m_s, double sigma_m_s) {
+  v_map_m_s_ = v_map_m_s;
+  first_velocity_sigma_m_s_ = sigma_m_s;
+}
+
+Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& placement, Polylines& polylines) {
+  const Pose2 T_odom_level = polylines.T_world_level;
+  find_face_ends(polylines);
+  if (has_begun_) {
+    const double dt_s = std::max(seconds_between(stamp_ns_, polylines.stamp_ns), 0.0);
+    go_on(T_odom_level, placement.v_odom_m_s, dt_s);
+    T_odom_level_ = T_odom_level;
+    correct(map, polylines, placement, dt_s);
+    close_loop(map, polylines);
+    give_up_remains(map, polylines);
+  } else {
+    if (polylines.hits.empty()) return P_.topLeftCorner<3, 3>();
+    has_begun_ = true;
+    T_odom_level_ = T_map_level_ = T_odom_level;
+    const bool is_given = first_velocity_sigma_m_s_ > 0.0;
+    if (!is_given) v_map_m_s_ = placement.T_world_odom.rotation().transpose() * placement.v_world_m_s;
+    P_.diagonal().segment<2>(kVelocity).setConstant(
+        square(is_given ? first_velocity_sigma_m_s_ : placement.velocity_sigma_m_s));
+    P_.diagonal().segment<2>(kAcceleration).setConstant(square(params_.acceleration_sigma_m_s2));
+    P_(kYawRate, kYawRate) = square(params_.yaw_rate_sigma_rad_s);
+  }
   stamp_ns_ = polylines.stamp_ns;
-  at_map_m_ = T_map_level.translation_m;
-  T_map_odom_ = T_map_level * inverse(T_odom_level);
-  average(polylines, T_map_level, placement);
-  polylines.T_world_level = T_map_level;
+  v_odom_m_s_ = placement.v_odom_m_s;
+  map_face_ends(T_map_level_);
+  average(polylines, T_map_level_, placement);
+  polylines.T_world_level = T_map_level_;
   return P_.topLeftCorner<3, 3>();
 }
 
 /// Each pose says where the map is, with the weight of what it knows. Errors of poses last: the mean is taken for no
-/// better than the best of them.
+/// better than poses are in the mean (harmonic, as they are weighted).
 void MapAlignment::average(const Polylines& polylines, const Pose2& T_map_level, const InertialPlacement& placement) {
   const Eigen::Matrix3d& pose_covariance = placement.pose_covariance;
   if (polylines.hits.empty()) return;
@@ -114,19 +369,30 @@ void MapAlignment::average(const Polylines& polylines, const Pose2& T_map_level,
   seen_map_m /= static_cast<double>(polylines.hits.size());
   const double variance_m2 = std::max(pose_covariance(0, 0), pose_covariance(1, 1));
   const double position_weight = 1.0 / variance_m2, yaw_weight = 1.0 / pose_covariance(2, 2);
-  const bool first = position_weight_ == 0.0;
-  position_variance_m2_ = first ? variance_m2 : std::min(position_variance_m2_, variance_m2);
-  yaw_variance_rad2_ = first ? pose_covariance(2, 2) : std::min(yaw_variance_rad2_, pose_covariance(2, 2));
-
-  const Pose2 T_world_map_now = placement.T_world_odom * inverse(T_map_odom_);
+  const Pose2 T_world_map_now = placement.T_world_odom * T_odom_level_ * inverse(T_map_level);
   position_weight_ += position_weight;
   yaw_weight_ += yaw_weight;
+  ++poses_;
+  position_variance_m2_ = poses_ / position_weight_;
+  yaw_variance_rad2_ = poses_ / yaw_weight_;
   const double part = position_weight / position_weight_;
   middle_map_m_ += part * (seen_map_m - middle_map_m_);
   middle_world_m_ += part * (T_world_map_now * seen_map_m - middle_world_m_);
   yaw_rad_ += yaw_weight / yaw_weight_ * wrap_to_pi(T_world_map_now.yaw_rad - yaw_rad_);
   T_world_map_ = {Eigen::Vector2d::Zero(), yaw_rad_};
   T_world_map_.translation_m = middle_world_m_ - T_world_map_.rotation() * middle_map_m_;
+}
+
+Eigen::Matrix3d MapAlignment::covariance_world() const {
+  const Eigen::Vector2d arm_m = T_world_map_.rotation() * (T_map_level_.translation_m - middle_map_m_);
+  Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
+  R.topLeftCorner<2, 2>() = T_world_map_.rotation();
+  Eigen::Matrix3d covariance = R * P_.topLeftCorner<3, 3>() * R.transpose();
+  Eigen::Vector3d by_yaw;
+  by_yaw << turned_left(arm_m), 1.0;
+  covariance += yaw_variance_rad2_ * by_yaw * by_yaw.transpose();
+  covariance.diagonal().head<2>().array() += position_variance_m2_;
+  return covariance;
 }
 
 double MapAlignment::variance_m2(double from_middle_m) const {

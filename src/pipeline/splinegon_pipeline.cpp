@@ -2,11 +2,15 @@
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
 
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
@@ -15,6 +19,46 @@ namespace {
 
 /// Elements of a boundary, at least: fewer are no large obstacle.
 constexpr std::size_t kFewestElements = 6;
+
+/// How long the scans are kept of which the velocity at the first one is learned, from such a number of hits on; how
+/// often; and how well it is known then.
+constexpr double kBegin_s = 2.0, kPause_s = 1.0;
+constexpr std::size_t kFewestHits = 20;
+constexpr int kPasses = 3;
+constexpr double kSecondVelocitySigma_m_s = 0.3, kFirstVelocitySigma_m_s = 0.1;
+
+/// Both ends of a boundary are one place if it has turned once around, up to this angle (rad), and they are no farther
+/// apart than this (m), or than this if it was closed before: a lap that ends half a metre beside its begin has been
+/// around nevertheless.
+constexpr double kOnceAround_rad = 0.8;
+constexpr double kSeam_m = 1.0, kSeamOfClosed_m = 2.0;
+/// So many elements at least.
+constexpr std::size_t kFewestOfClosed = 20;
+
+double turn_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+  return std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
+}
+
+/// Whether the elements, counter-clockwise, go once around an obstacle; what they have twice is then cut off their end.
+bool go_around(std::vector<SplinegonElement>& elements, double most_apart_m) {
+  std::size_t count = elements.size();
+  if (count < kFewestOfClosed) return false;
+  double turn_rad = 0.0;
+  for (std::size_t i = 1; i < count; ++i) {
+    turn_rad += turn_between(elements[i - 1].normal_world, elements[i].normal_world);
+  }
+  const SplinegonElement& first = elements.front();
+  const Eigen::Vector2d along(-first.normal_world.y(), first.normal_world.x());
+  const auto ahead_m = [&] { return along.dot(elements[count - 1].p_world_m - first.p_world_m); };
+  const auto apart_m = [&] { return (elements[count - 1].p_world_m - first.p_world_m).norm(); };
+  while (count > kFewestOfClosed && ahead_m() > 0.0 && apart_m() < kSeamOfClosed_m) {
+    turn_rad -= turn_between(elements[count - 2].normal_world, elements[count - 1].normal_world);
+    --count;
+  }
+  if (std::abs(turn_rad - 2.0 * kPi) > kOnceAround_rad || apart_m() > most_apart_m) return false;
+  elements.resize(count);
+  return true;
+}
 
 /// Of the map's variance at its boundaries.
 constexpr double kFromMiddle_m = 10.0;
@@ -47,8 +91,43 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
                                              const Eigen::Isometry3d& T_odom_lidar_end,
                                              const InertialPlacement& placement) {
   take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
+  if (!alignment_.has_begun() && !begin(placement)) {
+    boundaries_.clear();
+    return map_.update(polylines_.stamp_ns, boundaries_, 0.0);
+  }
   const Eigen::Matrix3d covariance = alignment_.align(chains_, placement, polylines_);
   return map_polylines(covariance, alignment_.variance_m2(kFromMiddle_m));
+}
+
+/// Whether the latest scan is to be mapped: those before it are.
+bool SplinegonPipeline::begin(const InertialPlacement& placement) {
+  if (first_scans_.empty() && polylines_.hits.size() < kFewestHits) return false;
+  const auto since_s = [&] { return seconds_between(first_scans_.front().polylines.stamp_ns, polylines_.stamp_ns); };
+  if (!first_scans_.empty() && since_s() > kPause_s + kBegin_s) first_scans_.clear();
+  if (first_scans_.empty() || since_s() < kBegin_s) {
+    first_scans_.push_back({polylines_, placement});
+    return false;
+  }
+  std::optional<Eigen::Vector2d> v_map_m_s;
+  for (int pass = 0; pass < kPasses; ++pass) {
+    PolygonMap chains(params_.polygons);
+    MapAlignment alignment(params_.alignment);
+    if (v_map_m_s) alignment.begin_with(*v_map_m_s, kSecondVelocitySigma_m_s);
+    for (const FirstScan& first : first_scans_) {
+      Polylines polylines = first.polylines;
+      const Eigen::Matrix3d covariance = alignment.align(chains, first.placement, polylines);
+      update_ = chains.update(polylines, covariance, std::move(update_));
+    }
+    v_map_m_s = alignment.first_velocity_m_s();
+  }
+  alignment_.begin_with(*v_map_m_s, kFirstVelocitySigma_m_s);
+  for (FirstScan& first : first_scans_) {
+    const Eigen::Matrix3d covariance = alignment_.align(chains_, first.placement, first.polylines);
+    update_ = chains_.update(first.polylines, covariance, std::move(update_));
+    polygons_ = chains_.polygons(std::move(polygons_));
+  }
+  first_scans_.clear();
+  return true;
 }
 
 void SplinegonPipeline::take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
@@ -89,6 +168,12 @@ void SplinegonPipeline::take_boundaries() {
                                    R_world_map * Eigen::Vector2d(-element.along_world.y(), element.along_world.x()),
                                    element.variance_m2});
     });
+    if (boundary.closed) continue;
+    const auto& before = map_.splinegons().boundaries;
+    const bool was_closed = std::any_of(before.begin(), before.end(), [&](const Splinegon& splinegon) {
+      return splinegon.id == boundary.id && splinegon.closed;
+    });
+    boundary.closed = go_around(boundary.elements, was_closed ? kSeamOfClosed_m : kSeam_m);
   }
   boundaries_.resize(count);
 }
@@ -100,6 +185,7 @@ void SplinegonPipeline::reset() {
   nothing.watches.resize(before.watches.size());
   chains_.restore(nothing);
   alignment_ = MapAlignment(params_.alignment);
+  first_scans_.clear();
   polygons_.chains.clear();
   boundaries_.clear();
   map_.update(0, boundaries_, 0.0);

@@ -487,6 +487,7 @@ GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
   const Eigen::Matrix3d& R = pose.T_world_base.linear();
   const Eigen::Vector3d lever = mounting_.T_base_imu.translation();
   pose.angular_velocity_base_rad_s = sample.angular_velocity_rad_s - estimate.x.motion.gyroscope_bias_rad_s;
+  pose.specific_force_base_m_s2 = sample.specific_force_m_s2 - estimate.x.motion.accelerometer_bias_m_s2;
   pose.velocity_world_m_s = estimate.x.motion.velocity_world_m_s - R * pose.angular_velocity_base_rad_s.cross(lever);
   Eigen::Matrix<double, 3, 18> J = Eigen::Matrix<double, 3, 18>::Zero();
   J.block<3, 3>(0, kVelocity).setIdentity();

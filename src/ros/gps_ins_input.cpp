@@ -80,11 +80,13 @@ std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg) {
     if (!mount(antenna_, detail_)) return drop_reason::kNoTransform;
     std::optional<GeodeticPosition> origin;
     if (!params_.origin.empty()) origin = parse_geodetic_position(params_.origin, "origin");
-    filter_.emplace(params_.gps_ins, GpsInsMounting{*imu_.T_base_sensor, antenna_.T_base_sensor->translation()},
-                    origin);
+    const GpsInsMounting mounting{*imu_.T_base_sensor, antenna_.T_base_sensor->translation()};
+    filter_.emplace(params_.gps_ins, mounting, origin);
+    if (backlog_s_ > 0.0) backlog_.emplace(params_.gps_ins, mounting, backlog_s_);
   }
   const std::int64_t before_ns = filter_->stamp_ns();
   filter_->add_imu(sample);
+  if (backlog_ && !filter_->is_ready()) backlog_->add_imu(sample);
   const std::int64_t after_ns = filter_->stamp_ns();
   return after_ns == before_ns || after_ns != sample.stamp_ns ? drop_reason::kStamp : "";
 }
@@ -108,6 +110,12 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
   }
   if (fix.is_fix && is_valid(fix.position)) fix_stamp_ns_ = fix.stamp_ns;
   filter_->add_fix(fix);
+  if (backlog_ && !filter_->is_ready()) backlog_->add_fix(fix);
+}
+
+std::vector<GpsInsPose> GpsInsInput::backlog_poses(const GpsInsPose& ready) {
+  if (!backlog_ || !filter_->origin()) return {};
+  return backlog_->take_poses(ready, *filter_->origin());
 }
 
 void GpsInsInput::add_altitude(const geometry_msgs::PoseWithCovarianceStamped& msg) {

@@ -79,6 +79,8 @@ OdometryTrack::Verdict InertialTrack::add(const nav_msgs::Odometry& msg, geometr
   T_odom_base.translation() = p_odom_m_;
   T_odom_base.linear() = about_vertical(odom_yaw_rad_ - yaw_rad).toRotationMatrix() * R_world_base;
   known.T_world_odom = known.T_world_base * T_odom_base.inverse();
+  known.v_world_m_s = R_world_base * velocity_base_m_s;
+  known.v_odom_m_s = T_odom_base.linear() * velocity_base_m_s;
   known_.push_back(known);
   if (known_.size() > kMostKnown) known_.pop_front();
   transform.transform = isometry_to_msg(T_odom_base);
@@ -100,6 +102,8 @@ InertialPlacement placement_of(const InertialTrack::Known& known) {
           known.covariance(kPlanar[static_cast<std::size_t>(i)], kPlanar[static_cast<std::size_t>(k)]);
     }
   }
+  placement.v_odom_m_s = known.v_odom_m_s.head<2>();
+  placement.v_world_m_s = known.v_world_m_s.head<2>();
   placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
   return placement;
 }

@@ -7,6 +7,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -14,8 +15,13 @@
 namespace situation_awareness {
 
 struct MapAlignmentParams {
-  double yaw_drift_rad_sqrt_s = 0.003;
-  double velocity_drift_m_s_sqrt_s = 0.1;
+  double yaw_drift_rad_sqrt_s = 0.001;
+  double yaw_rate_sigma_rad_s = 0.005;
+  double yaw_rate_drift_rad_s_sqrt_s = 0.0005;
+  double velocity_drift_m_s_sqrt_s = 0.03;
+  double acceleration_sigma_m_s2 = 0.15;
+  double acceleration_drift_m_s2_sqrt_s = 0.03;
+  double velocity_memory_s = 10.0;
   double hit_sigma_m = 0.03;
   double independent_part = 0.25;
 
@@ -23,8 +29,18 @@ struct MapAlignmentParams {
   static void fields(Self& self, Visit&& visit) {
     visit("yaw_drift_rad_sqrt_s", self.yaw_drift_rad_sqrt_s, Bounds{0.0, 10.0}, "rad/sqrt(s)",
           "random walk of the yaw by inertial navigation between two scans");
+    visit("yaw_rate_sigma_rad_s", self.yaw_rate_sigma_rad_s, Bounds{0.0, 10.0}, "rad/s",
+          "standard deviation of the error of the rate of turn at the start");
+    visit("yaw_rate_drift_rad_s_sqrt_s", self.yaw_rate_drift_rad_s_sqrt_s, Bounds{0.0, 10.0}, "rad/s/sqrt(s)",
+          "its random walk");
     visit("velocity_drift_m_s_sqrt_s", self.velocity_drift_m_s_sqrt_s, Bounds{0.0, 100.0}, "m/s/sqrt(s)",
-          "random walk of the error of the velocity in the base's axes");
+          "random walk of the velocity by inertial navigation between two scans");
+    visit("acceleration_sigma_m_s2", self.acceleration_sigma_m_s2, Bounds{0.0, 100.0}, "m/s^2",
+          "standard deviation of the error of the horizontal acceleration, by tilt and bias, at the start");
+    visit("acceleration_drift_m_s2_sqrt_s", self.acceleration_drift_m_s2_sqrt_s, Bounds{0.0, 100.0}, "m/s^2/sqrt(s)",
+          "its random walk");
+    visit("velocity_memory_s", self.velocity_memory_s, Bounds{0.01, 1e4}, "s",
+          "time for which the error of the velocity by GPS and INS lasts");
     visit("hit_sigma_m", self.hit_sigma_m, Bounds{0.001, 10.0}, "m",
           "standard deviation of a hit's distance from the boundary, in addition to those of both");
     visit("independent_part", self.independent_part, Bounds{0.001, 1.0}, "",
@@ -39,7 +55,9 @@ struct MapAlignmentParams {
 struct InertialPlacement {
   Pose2 T_world_odom;                                         ///< as it is known now
   Eigen::Matrix3d pose_covariance = Eigen::Matrix3d::Zero();  ///< of x, y (m) and yaw (rad) of the base in the world
-  double velocity_sigma_m_s = 0.0;                            ///< of the velocity in the base's axes, in any direction
+  Eigen::Vector2d v_odom_m_s = Eigen::Vector2d::Zero();       ///< of the scanner, whose changes are accelerations
+  Eigen::Vector2d v_world_m_s = Eigen::Vector2d::Zero();      ///< the same by GPS and INS
+  double velocity_sigma_m_s = 0.0;                            ///< of that seen from the base, in any direction
 };
 
 /// Keeps the scans of a map together while what is known of the world wanders: the map has a frame of its own, in which
@@ -47,11 +65,13 @@ struct InertialPlacement {
 /// navigation since the scan before otherwise. The map's place in the world is the mean of what GPS and INS say of it.
 ///
 ///   symbol          meaning                                                              size
-///   odom            the frame of inertial navigation: it drifts, and does not jump
-///   T_map_odom      what corrects it now                                                 SE(2)
-///   v               what the velocity is wrong by, in the level axes of the base (m/s)   2
-///   P               covariance of the errors of the scanner's x, y (m) and yaw (rad)     5x5
-///                   in the map, and of v
+///   odom            the frame of inertial navigation by gyroscopes and accelerations:    SE(2)
+///                   it drifts, and does not jump
+///   T_map_level     the scanner in the map                                               SE(2)
+///   v               its velocity in the map (m/s)                                        2
+///   a, w            what corrects acceleration, in its level axes (m/s^2), and rate of   2, 1
+///                   turn (rad/s): errors of tilt and biases, which last
+///   P               covariance of the errors of x, y (m), yaw (rad), v, a, w             8x8
 ///
 /// The map's boundaries say nothing of the world, so nothing goes back to the pose, whose covariance stays honest.
 class MapAlignment {
@@ -61,37 +81,71 @@ class MapAlignment {
 
   /// Places a scan in the map, whose T_world_level is T_odom_level, and sets that to T_map_level. Returns the
   /// covariance of the scan's place in the map.
-  Eigen::Matrix3d align(const PolygonMap& map, const InertialPlacement& placement, Polylines& polylines);
+  /// Where the scan meets what was mapped long before, and it is elsewhere, the map was drawn by drifting poses: what
+  /// was mapped since then is moved by a part of the difference that grows with time.
+  Eigen::Matrix3d align(PolygonMap& map, const InertialPlacement& placement, Polylines& polylines);
+
+  /// The velocity at the first scan as it is known now (m/s, axes of the map), and where to begin with another one than
+  /// that by GPS and INS.
+  Eigen::Vector2d first_velocity_m_s() const { return v_map_m_s_ - v_changes_m_s_; }
+  void begin_with(const Eigen::Vector2d& v_map_m_s, double sigma_m_s);
+  bool has_begun() const { return has_begun_; }
 
   /// Where the map is in the world, and the variance of a place of it, so far from where most hits were, in any
   /// direction.
   const Pose2& T_world_map() const { return T_world_map_; }
   double variance_m2(double from_middle_m) const;
+  /// From odom to the world by way of the map, and the covariance of the scanner's x, y (m) and yaw (rad) in the world:
+  /// better than what GPS and INS say where these have had no fix for long. Once has_begun().
+  Pose2 T_world_odom() const { return T_world_map_ * T_map_level_ * inverse(T_odom_level_); }
+  Eigen::Matrix3d covariance_world() const;
 
  private:
   struct Pair {
     Eigen::Vector2d p_level_m, q_map_m, normal_map;
     double variance_m2;
   };
+  /// Where a flat face ends.
+  struct FaceEnd {
+    Eigen::Vector2d p_m, outward;  ///< unit, along the face; in the level frame or in the map
+    double variance_m2;            ///< along the face
+    int seen;                      ///< scans
+    std::int64_t first_seen_ns, last_seen_ns;
+  };
 
   void pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level, double reach_m);
+  void find_face_ends(const Polylines& polylines);
+  FaceEnd* known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m);
+  void map_face_ends(const Pose2& T_map_level);
+  bool find_loop(const PolygonMap& map, const Polylines& polylines, Pose2& correction, std::int64_t& since_ns);
+  void close_loop(PolygonMap& map, const Polylines& polylines);
+  void give_up_remains(PolygonMap& map, const Polylines& polylines) const;
+  void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
+  void correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement, double dt_s);
   void average(const Polylines& polylines, const Pose2& T_map_level, const InertialPlacement& placement);
 
   MapAlignmentParams params_;
   bool has_begun_ = false;
   std::int64_t stamp_ns_ = 0;
-  Pose2 T_map_odom_;
-  Eigen::Vector2d at_map_m_ = Eigen::Vector2d::Zero();  ///< the scanner, for P
-  Eigen::Vector2d v_level_m_s_ = Eigen::Vector2d::Zero();
-  Eigen::Matrix<double, 5, 5> P_ = Eigen::Matrix<double, 5, 5>::Zero();
+  std::int64_t loop_closed_ns_ = StampOrder::kNone;
+  Pose2 T_odom_level_, T_map_level_;  ///< of the latest scan
+  Eigen::Vector2d v_odom_m_s_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d v_map_m_s_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d v_changes_m_s_ = Eigen::Vector2d::Zero();  ///< by accelerations since the first scan
+  double first_velocity_sigma_m_s_ = 0.0;                    ///< of begin_with; 0 without
+  Eigen::Vector2d a_level_m_s2_ = Eigen::Vector2d::Zero();
+  double w_rad_s_ = 0.0;
+  Eigen::Matrix<double, 8, 8> P_ = Eigen::Matrix<double, 8, 8>::Zero();
   std::vector<Pair> pairs_;
+  std::vector<FaceEnd> seen_ends_;  ///< in the level frame of the latest scan
+  std::vector<FaceEnd> ends_;       ///< in the map
 
   Pose2 T_world_map_;
   Eigen::Vector2d middle_map_m_ = Eigen::Vector2d::Zero();  ///< of hits
   Eigen::Vector2d middle_world_m_ = Eigen::Vector2d::Zero();
   double yaw_rad_ = 0.0;
-  double position_weight_ = 0.0, yaw_weight_ = 0.0;
-  double position_variance_m2_ = 0.0, yaw_variance_rad2_ = 0.0;  ///< of the best pose
+  double position_weight_ = 0.0, yaw_weight_ = 0.0, poses_ = 0.0;
+  double position_variance_m2_ = 0.0, yaw_variance_rad2_ = 0.0;  ///< of the poses, harmonic means
 };
 
 }  // namespace situation_awareness

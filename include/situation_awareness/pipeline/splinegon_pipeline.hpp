@@ -51,15 +51,20 @@ class SplinegonPipeline {
   const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                             const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
 
-  /// With a pose by inertial navigation, of which GPS says where it is in the world. All calls are of one kind.
+  /// With a pose by inertial navigation, of which GPS says where it is in the world. All calls are of one kind. The
+  /// scans of the first two seconds that see something are mapped at their end: they tell how fast the vehicle is,
+  /// which GPS and INS know badly then.
   const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                             const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
 
-  const Polygons& polygons() const { return polygons_; }
-  const Pose2& T_world_map() const { return alignment_.T_world_map(); }
+  /// How the scans are placed in the map and that in the world, of the second kind.
+  const MapAlignment& alignment() const { return alignment_; }
+
   const Splinegons& splinegons() const { return map_.splinegons(); }
 
-  /// The polylines of the latest scan, placed in the map; and where the map is in the world.
+  /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
+  /// where the map is in the world.
+  const Polygons& polygons() const { return polygons_; }
   const Polylines& polylines() const { return polylines_; }
   const Pose2& T_world_map() const { return alignment_.T_world_map(); }
 
@@ -76,8 +81,16 @@ class SplinegonPipeline {
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
+  bool begin(const InertialPlacement& placement);
+
+  /// A scan of the begin.
+  struct FirstScan {
+    Polylines polylines;
+    InertialPlacement placement;
+  };
 
   SplinegonPipelineParams params_;
+  std::vector<FirstScan> first_scans_;
   PolygonMap chains_;
   MapAlignment alignment_;
   SplinegonMap map_;

@@ -99,6 +99,7 @@ struct GpsInsPose {
   Eigen::Matrix3d velocity_covariance = Eigen::Matrix3d::Zero();
   Eigen::Vector3d velocity_base_m_s = Eigen::Vector3d::Zero();  ///< the same in the axes of the base
   Eigen::Vector3d angular_velocity_base_rad_s = Eigen::Vector3d::Zero();
+  Eigen::Vector3d specific_force_base_m_s2 = Eigen::Vector3d::Zero();  ///< at the IMU, less its bias
   /// Of the two in the axes of the base.
   Eigen::Matrix<double, 6, 6> twist_covariance = Eigen::Matrix<double, 6, 6>::Zero();
   Eigen::Vector3d accelerometer_bias_m_s2 = Eigen::Vector3d::Zero();  ///< axes of the base

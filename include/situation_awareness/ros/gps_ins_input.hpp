@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <sensor_msgs/Imu.h>
@@ -14,6 +15,7 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/pose/gps_ins_backlog.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -42,6 +44,11 @@ class GpsInsInput {
   /// The yaw of the orientation (of the message's frame in east, north, up: REP 145), its variance about z.
   void add_heading(const sensor_msgs::Imu& msg);
 
+  /// Keeps what comes in before the pose is ready, the latest `duration_s`, for backlog_poses.
+  void keep_backlog(double duration_s) { backlog_s_ = duration_s; }
+  /// As GpsInsBacklog::take_poses; none without keep_backlog.
+  std::vector<GpsInsPose> backlog_poses(const GpsInsPose& ready);
+
   /// None before both mountings are known.
   GpsIns* filter() { return filter_ ? &*filter_ : nullptr; }
   const GpsIns* filter() const { return filter_ ? &*filter_ : nullptr; }
@@ -66,6 +73,8 @@ class GpsInsInput {
   const tf2::BufferCore& transforms_;
   Sensor imu_, antenna_, compass_;
   std::optional<GpsIns> filter_;
+  double backlog_s_ = 0.0;
+  std::optional<GpsInsBacklog> backlog_;
   Counters counters_;
   std::string detail_;
   std::int64_t fix_stamp_ns_ = StampOrder::kNone;

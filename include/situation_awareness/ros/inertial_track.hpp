@@ -28,6 +28,8 @@ class InertialTrack {
     Eigen::Isometry3d T_world_odom = Eigen::Isometry3d::Identity();
     /// Of the position and of the small rotation about the world's axes, as the message has it.
     Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+    /// Of the base, in the axes of odom and of the world.
+    Eigen::Vector3d v_odom_m_s = Eigen::Vector3d::Zero(), v_world_m_s = Eigen::Vector3d::Zero();
     double velocity_sigma_m_s = 0.0;  ///< in the base's axes, in any horizontal direction
   };
 

@@ -732,10 +732,19 @@ void PolygonMap::measure(const ChainLinks::Run& run) {
 
 bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
                              BoundaryElement& element) const {
+  std::int64_t seen_ns = 0;
+  return find_facing(p_world_m, normal_world, reach_m, std::numeric_limits<std::int64_t>::min(),
+                     std::numeric_limits<std::int64_t>::max(), element, seen_ns);
+}
+
+bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
+                             std::int64_t from_ns, std::int64_t to_ns, BoundaryElement& element,
+                             std::int64_t& seen_ns) const {
   double least_m = reach_m;
   Index nearest = kNone;
   surfels_.for_each_near(p_world_m, reach_m, [&](Index i, const Surfel& surfel) {
     if (!surfel.confirmed || surfel.normal_world.dot(normal_world) < kOneSurface) return;
+    if (surfel.last_seen_ns < from_ns || surfel.last_seen_ns > to_ns) return;
     const Eigen::Vector2d d_m = p_world_m - surfel.p_world_m;
     const double across_m = std::abs(surfel.normal_world.dot(d_m));
     if (across_m >= least_m || std::abs(surfel.along_world().dot(d_m)) > params_.spacing_m) return;
@@ -745,7 +754,31 @@ bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vect
   if (nearest == kNone) return false;
   const Surfel& surfel = surfels_[nearest];
   element = {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, 0.0, 0.0};
+  seen_ns = surfel.last_seen_ns;
   return true;
+}
+
+void PolygonMap::deform(const std::function<Pose2(std::int64_t first_seen_ns, std::int64_t last_seen_ns)>& motion) {
+  for (Index i = 0; i < surfels_.end(); ++i) {
+    Surfel& surfel = surfels_[i];
+    if (!surfel.alive) continue;
+    const Pose2 moved = motion(surfel.first_seen_ns, surfel.last_seen_ns);
+    surfel.normal_world = moved.rotation() * surfel.normal_world;
+    surfels_.move(i, moved * surfel.p_world_m);
+  }
+}
+
+void PolygonMap::give_up_behind(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double least_m,
+                                double most_m, std::int64_t before_ns) {
+  given_up_.clear();
+  surfels_.for_each_near(p_world_m, most_m, [&](Index i, const Surfel& surfel) {
+    if (surfel.last_seen_ns >= before_ns || surfel.normal_world.dot(normal_world) < kOneSurface) return;
+    const Eigen::Vector2d d_m = p_world_m - surfel.p_world_m;
+    const double behind_m = normal_world.dot(d_m), along_m = normal_world.x() * d_m.y() - normal_world.y() * d_m.x();
+    if (behind_m < least_m || behind_m > most_m || std::abs(along_m) > params_.spacing_m) return;
+    given_up_.push_back(i);
+  });
+  for (const Index i : given_up_) surfels_.remove(i);
 }
 
 void PolygonMap::elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const {

@@ -5,6 +5,12 @@
 #include <utility>
 
 namespace situation_awareness {
+namespace {
+
+/// Of a boundary over that of the polygon of its elements: around a corner that nobody saw 1.42.
+constexpr double kMostLength = 1.5;
+
+}  // namespace
 
 SplinegonMap::SplinegonMap(const SplinegonMapParams& params, const SplinegonFitParams& fit)
     : params_((params.validate(), params)), fit_(fit) {}
@@ -20,6 +26,19 @@ bool SplinegonMap::is_large(const ObstacleBoundary& boundary) const {
   return (high_m - low_m).norm() >= params_.min_extent_m;
 }
 
+/// Elements that were put together wrongly may ask for a boundary that crosses itself, or that swings out between them,
+/// or there is none at all.
+bool SplinegonMap::is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements) {
+  if (splinegon.vertices.empty()) return false;
+  double elements_length_m = 0.0;
+  for (std::size_t i = splinegon.closed ? 0 : 1; i < elements.size(); ++i) {
+    elements_length_m += (elements[i].p_world_m - elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m).norm();
+  }
+  // Not true of numbers that are not finite, either.
+  if (!(length_m(splinegon) <= kMostLength * elements_length_m)) return false;
+  return is_simple(splinegon, points_m_) && (!splinegon.closed || area_m2(splinegon) > 0.0);
+}
+
 const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries,
                                        double common_variance_m2) {
   std::swap(splinegons_, before_);
@@ -32,14 +51,25 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
     const auto earlier = std::find_if(before_.boundaries.begin(), before_.boundaries.end(),
                                       [&](const Splinegon& other) { return other.id == boundary.id; });
     result.vertices.clear();
-    const bool is_same = earlier != before_.boundaries.end() && earlier->closed == boundary.closed;
+    result.closed = boundary.closed;
+    const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
     if (is_same) result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
     if (!is_same || boundary.last_seen_ns == stamp_ns) {
       fit_.fit(boundary.elements, boundary.closed, common_variance_m2, result.vertices);
+      if (!is_sound(result, boundary.elements)) {
+        result.vertices.clear();
+        fit_.fit(boundary.elements, boundary.closed, common_variance_m2, result.vertices);
+      }
+      if (!is_sound(result, boundary.elements)) {
+        result.vertices.clear();
+        if (is_known) {
+          result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
+          result.closed = earlier->closed;
+        }
+      }
     }
     if (result.vertices.empty()) continue;
     result.id = boundary.id;
-    result.closed = boundary.closed;
     result.first_seen_ns = boundary.first_seen_ns;
     result.last_seen_ns = boundary.last_seen_ns;
     ++count;

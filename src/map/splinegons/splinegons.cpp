@@ -163,6 +163,11 @@ std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m
 
 bool is_simple(const Splinegon& splinegon) {
   std::vector<Eigen::Vector2d> points_m;
+  return is_simple(splinegon, points_m);
+}
+
+bool is_simple(const Splinegon& splinegon, std::vector<Eigen::Vector2d>& points_m) {
+  points_m.clear();
   for (std::size_t arc = 0; arc < arcs_of(splinegon); ++arc) {
     const Way way = way_of(splinegon, arc);
     // An arc of length s is s^2 kappa / 8 from its chord.

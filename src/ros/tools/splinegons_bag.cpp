@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a recorded bag to the boundaries of large obstacles, without a roscore, as fast as possible.
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
+#include <deque>
 #include <memory>
 #include <string>
 #include <utility>
@@ -14,6 +16,7 @@
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
@@ -22,12 +25,10 @@
 #include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
-#include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/gps_ins_input.hpp"
-#include "situation_awareness/ros/inertial_track.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
@@ -53,6 +54,8 @@ constexpr double kResetTimeJump_s = 1.0;
 /// Of poses from /tf, which have no covariance.
 constexpr double kTfSigma_m = 0.01;
 constexpr double kTfSigma_rad = 0.002;
+/// The pose is that by the map where its variance is so much less than that by GPS and INS.
+constexpr double kWorseThanMap = 1.5;
 
 struct Options {
   BagOptions bag;
@@ -106,11 +109,12 @@ Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, c
   return line;
 }
 
-/// With the attitude's error in the axes of the base.
-Matrix6 body_covariance(const InertialTrack::Known& known) {
-  Matrix6 J = Matrix6::Identity();
-  J.bottomRightCorner<3, 3>() = known.T_world_base.linear().transpose();
-  return J * known.covariance * J.transpose();
+/// Of the pose's x, y and yaw in the axes of the world.
+Eigen::Matrix3d planar_covariance(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance) {
+  Eigen::Matrix<double, 3, 6> J = Eigen::Matrix<double, 3, 6>::Zero();
+  J(0, 0) = J(1, 1) = 1.0;
+  J.row(2).tail<3>() = T_world_base.linear().row(2);
+  return J * covariance * J.transpose();
 }
 
 struct BagParams {
@@ -132,14 +136,14 @@ void map_by_tf(const Options& options, const BagParams& params) {
   Matrix6 covariance = Matrix6::Zero();
   covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
   covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
-  const Eigen::Matrix3d planar_covariance =
-      Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
         const Eigen::Isometry3d T_world_base =
             transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
-        player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance); });
+        player.timed([&] {
+          pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance));
+        });
         out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
       },
       options.lidar_frame);
@@ -158,11 +162,23 @@ void add_to(Counters& sum, const Counters& counters) {
   for (const auto& [reason, count] : counters) sum[reason] += count;
 }
 
-/// The pose by GPS and INS while a bag is played, as the nodelet gps_ins publishes it at the rate of the IMU. The
-/// transform of the player is that of an InertialTrack.
+/// The pose by GPS and INS while a bag is played. The transform of the player is that by inertial navigation alone, in
+/// a frame of its own: gyroscopes and accelerations, and no jumps where fixes correct the pose.
 class BagNavigation {
  public:
   static constexpr const char* kOdomFrame = "splinegons_bag_odom";
+  /// For which scans wait until the pose is ready. They are mapped then, but have no line of their own.
+  static constexpr double kBacklog_s = 30.0;
+
+  /// As it was known at that time.
+  struct Known {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_world_odom;
+    Matrix6 covariance;
+    Eigen::Vector3d v_odom_m_s, angular_velocity_odom_rad_s;  ///< of the base
+    Eigen::Vector3d v_world_m_s;
+    double velocity_sigma_m_s = 0.0;
+  };
 
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
       : player_(player), options_(options), fix_frame_(fix_frame(options)) {
@@ -176,7 +192,13 @@ class BagNavigation {
                                              [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
   }
 
-  const InertialTrack::Known& known_at(std::int64_t stamp_ns) { return track_.known_at(stamp_ns); }
+  /// Before it poses are from what came later: scans of that time waited for them.
+  bool was_ready_at(std::int64_t stamp_ns) const { return stamp_ns >= ready_since_ns_; }
+
+  const Known& known_at(std::int64_t stamp_ns) {
+    while (known_.size() > 1 && known_[1].stamp_ns <= stamp_ns) known_.pop_front();
+    return known_.front();
+  }
 
   void print_summary() const {
     const GpsIns* const filter = input_ ? input_->filter() : nullptr;
@@ -207,17 +229,63 @@ class BagNavigation {
       params_.imu_frame = known(tf2_frame(msg.header.frame_id));
       params_.fix_frame = known(fix_frame_);
       input_ = std::make_unique<GpsInsInput>(params_, player_.transforms());
+      input_->keep_backlog(kBacklog_s);
     }
     const std::string reason = input_->add_imu(msg);
     if (!reason.empty()) ++refused_[reason];
     if (input_->filter() == nullptr) return;
     const GpsInsPose pose = input_->filter()->pose();
     if (!pose.is_ready) return;
-    const nav_msgs::Odometry odometry = odometry_to_msg(pose, tf2_frame(options_.bag.world_frame), params_.base_frame);
-    geometry_msgs::TransformStamped transform = transform_from_odometry(odometry);
-    if (track_.add(odometry, transform) == OdometryTrack::Verdict::kRefused) return;
-    transform.header.frame_id = kOdomFrame;
-    player_.add_transform(transform);
+    if (ready_since_ns_ == StampOrder::kNone) {
+      ready_since_ns_ = pose.stamp_ns;
+      for (const GpsInsPose& earlier : input_->backlog_poses(pose)) go_on(earlier);
+    }
+    go_on(pose);
+  }
+
+  /// The next pose in order.
+  void go_on(const GpsInsPose& pose) {
+    if (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns) return;
+    const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
+    const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
+    if (known_.empty()) {
+      odom_yaw_rad_ = yaw_rad;
+      p_odom_m_ = pose.T_world_base.translation();
+      v_odom_m_s_ = pose.velocity_world_m_s;
+    }
+    const double step_s = known_.empty() ? 0.0 : seconds_between(known_.back().stamp_ns, pose.stamp_ns);
+    odom_yaw_rad_ += step_s * yaw_rate(pose);
+    const Eigen::Matrix3d R_odom_world =
+        Eigen::AngleAxisd(odom_yaw_rad_ - yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    const Eigen::Matrix3d R_odom_base = R_odom_world * R_world_base;
+    const Eigen::Vector3d a_odom_m_s2 =
+        R_odom_base * pose.specific_force_base_m_s2 - kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ();
+    const Eigen::Vector3d change_m_s = 0.5 * step_s * (a_odom_m_s2_ + a_odom_m_s2);
+    p_odom_m_ += step_s * (v_odom_m_s_ + 0.5 * change_m_s);
+    v_odom_m_s_ += change_m_s;
+    a_odom_m_s2_ = a_odom_m_s2;
+    p_odom_m_.z() = pose.T_world_base.translation().z();
+    Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();
+    T_odom_base.translation() = p_odom_m_;
+    T_odom_base.linear() = R_odom_base;
+    player_.add_transform(transform_to_msg(T_odom_base, pose.stamp_ns, kOdomFrame, options_.base_frame));
+    const double yaw_variance =
+        R_world_base.row(2) * pose.covariance.bottomRightCorner<3, 3>() * R_world_base.row(2).transpose();
+    const double velocity_variance = pose.velocity_covariance.topLeftCorner<2, 2>().diagonal().maxCoeff() +
+                                     pose.velocity_world_m_s.head<2>().squaredNorm() * yaw_variance;
+    known_.push_back({pose.stamp_ns, pose.T_world_base * T_odom_base.inverse(), pose.covariance, v_odom_m_s_,
+                      R_odom_base * pose.angular_velocity_base_rad_s, pose.velocity_world_m_s,
+                      std::sqrt(velocity_variance)});
+  }
+
+  /// About the vertical, of Rz(yaw) Ry(pitch) Rx(roll).
+  static double yaw_rate(const GpsInsPose& pose) {
+    const Eigen::Matrix3d R = pose.T_world_base.linear();
+    const double roll_rad = std::atan2(R(2, 1), R(2, 2));
+    const double cos_pitch = std::hypot(R(2, 1), R(2, 2));
+    return (std::sin(roll_rad) * pose.angular_velocity_base_rad_s.y() +
+            std::cos(roll_rad) * pose.angular_velocity_base_rad_s.z()) /
+           std::max(cos_pitch, 0.1);
   }
 
   void add(const sensor_msgs::NavSatFix& msg) {
@@ -230,12 +298,40 @@ class BagNavigation {
   std::string fix_frame_;
   std::unique_ptr<GpsInsInput> input_;
   Counters refused_;
-  InertialTrack track_{kResetTimeJump_s};
+  std::int64_t ready_since_ns_ = StampOrder::kNone;
+  std::deque<Known> known_;
+  double odom_yaw_rad_ = 0.0;
+  Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero(), v_odom_m_s_ = p_odom_m_, a_odom_m_s2_ = p_odom_m_;
 };
+
+/// Where GPS and INS know the pose worse than the map does, in an outage of the fixes, it is that by the map: x, y and
+/// yaw. Height, roll and pitch stay.
+void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_world_odom,
+                  const Eigen::Isometry3d& T_odom_base, Eigen::Isometry3d& T_world_base, Matrix6& covariance) {
+  if (!alignment.has_begun()) return;
+  const Eigen::Matrix3d by_map = alignment.covariance_world(), before = planar_covariance(T_world_base, covariance);
+  if (before.topLeftCorner<2, 2>().trace() < kWorseThanMap * by_map.topLeftCorner<2, 2>().trace()) return;
+  const Pose2 T_map = alignment.T_world_odom();
+  Eigen::Isometry3d T_new_odom = Eigen::Isometry3d::Identity();
+  T_new_odom.translation() << T_map.translation_m, T_world_odom.translation().z();
+  T_new_odom.linear() = Eigen::AngleAxisd(T_map.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  T_world_base = T_new_odom * T_odom_base;
+  // The error of the yaw is one about the vertical, along the third row of R in the base.
+  const Eigen::Vector3d up_base = T_world_base.linear().row(2).transpose();
+  Eigen::Matrix<double, 6, 3> J = Eigen::Matrix<double, 6, 3>::Zero();
+  J(0, 0) = J(1, 1) = 1.0;
+  J.block<3, 1>(3, 2) = up_base;
+  const Eigen::Matrix3d level = Eigen::Matrix3d::Identity() - up_base * up_base.transpose();
+  Matrix6 kept = Matrix6::Zero();
+  kept(2, 2) = covariance(2, 2);
+  kept.bottomRightCorner<3, 3>() = level * covariance.bottomRightCorner<3, 3>() * level;
+  covariance = kept + J * by_map * J.transpose();
+}
 
 void map_by_gps(const Options& options, const BagParams& params) {
   BagOptions bag = options.bag;
   bag.world_frame = BagNavigation::kOdomFrame;
+  bag.tf_timeout_s = std::max(bag.tf_timeout_s, BagNavigation::kBacklog_s);
   BagPlayer player(bag, kResetTimeJump_s);
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
@@ -246,10 +342,22 @@ void map_by_gps(const Options& options, const BagParams& params) {
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
         const Eigen::Isometry3d T_odom_base =
             transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
-        const InertialTrack::Known& known = navigation.known_at(scan.stamp_ns);
+        const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
         const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
-        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement_of(known)); });
-        out.write(json_line(scan.stamp_ns, json_of(T_world_base, body_covariance(known), pipeline.splinegons())));
+        InertialPlacement placement;
+        placement.T_world_odom = pose2_of(known.T_world_odom);
+        placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
+        const Eigen::Vector3d of_arm_m_s =
+            known.angular_velocity_odom_rad_s.cross(T_odom_lidar.translation() - T_odom_base.translation());
+        placement.v_odom_m_s = (known.v_odom_m_s + of_arm_m_s).head<2>();
+        placement.v_world_m_s = (known.v_world_m_s + known.T_world_odom.linear() * of_arm_m_s).head<2>();
+        placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
+        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+        if (!navigation.was_ready_at(scan.stamp_ns)) return;
+        Eigen::Isometry3d T_world_base_out = T_world_base;
+        Matrix6 covariance = known.covariance;
+        place_by_map(pipeline.alignment(), known.T_world_odom, T_odom_base, T_world_base_out, covariance);
+        out.write(json_line(scan.stamp_ns, json_of(T_world_base_out, covariance, pipeline.splinegons())));
       },
       options.lidar_frame);
   player.play();

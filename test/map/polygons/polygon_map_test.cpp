@@ -74,6 +74,7 @@ class World {
 
   const Polygons& polygons() const { return polygons_; }
   const PolygonMapUpdate& last_update() const { return update_; }
+  PolygonMap& map() { return map_; }
 
  private:
   Random random_;
@@ -303,6 +304,59 @@ TEST(PolygonMap, ASecondVisitWithAPoseThatIsOffDoublesNothing) {
     }
   }
   EXPECT_NEAR(length_m, 20.0, 0.3);
+}
+
+// A motion that is the same for all moves the map as a whole, and its inverse moves it back.
+TEST(PolygonMap, DeformsAsItIsTold) {
+  World world(11);
+  world.see(room(), 3.0);
+  const Pose2 motion = {{3.0, -2.0}, 0.7};
+  const auto elements_of = [&] { return world.map().snapshot().elements; };
+  const auto before = elements_of();
+  world.map().deform([&](std::int64_t first_ns, std::int64_t last_ns) {
+    EXPECT_LE(first_ns, last_ns);
+    return motion;
+  });
+  const auto moved = elements_of();
+  ASSERT_EQ(moved.size(), before.size());
+  std::size_t found = 0;
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    BoundaryElement element;
+    if (!before[i].confirmed) continue;
+    // Found at its new place, so the index of places moved, too.
+    found +=
+        world.map().find_facing(motion * before[i].p_world_m, motion.rotation() * before[i].normal_world, 0.01, element)
+            ? 1
+            : 0;
+  }
+  EXPECT_EQ(found, static_cast<std::size_t>(std::count_if(before.begin(), before.end(),
+                                                          [](const auto& element) { return element.confirmed; })));
+  world.map().deform([&](std::int64_t, std::int64_t) { return inverse(motion); });
+  world.see(room(), 1.0);
+  ASSERT_EQ(world.polygons().chains.size(), 1U);
+  EXPECT_TRUE(world.polygons().chains[0].closed);
+}
+
+TEST(PolygonMap, GivesUpWhatIsBehindAPlace) {
+  World world(12);
+  world.see(room(), 3.0);
+  const auto elements = world.map().snapshot().elements;
+  const auto place = std::find_if(elements.begin(), elements.end(), [](const auto& e) { return e.confirmed; });
+  ASSERT_NE(place, elements.end());
+  const Eigen::Vector2d n = place->normal_world, before_it_m = place->p_world_m + 0.3 * n;
+  const auto is_there = [&] {
+    BoundaryElement element;
+    return world.map().find_facing(place->p_world_m, n, 0.02, element);
+  };
+  const std::int64_t later_ns = place->last_seen_ns + 10'000'000'000;
+  world.map().give_up_behind(before_it_m, n, 0.1, 0.5, place->first_seen_ns);  // hit since then
+  EXPECT_TRUE(is_there());
+  world.map().give_up_behind(before_it_m, -n, 0.1, 0.5, later_ns);  // it faces the other way
+  EXPECT_TRUE(is_there());
+  world.map().give_up_behind(before_it_m, n, 0.1, 0.25, later_ns);  // farther behind
+  EXPECT_TRUE(is_there());
+  world.map().give_up_behind(before_it_m, n, 0.1, 0.5, later_ns);
+  EXPECT_FALSE(is_there());
 }
 
 TEST(PolygonMap, SameInputSameMap) {

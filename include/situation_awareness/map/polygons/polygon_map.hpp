@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -109,6 +110,18 @@ class PolygonMap {
   /// and faces the same way as `normal_world`; false if there is none. Its extent is not given.
   bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
                    BoundaryElement& element) const;
+  /// The same among those that scans of `from_ns` to `to_ns`, and none later, hit last. `seen_ns` is when.
+  bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
+                   std::int64_t from_ns, std::int64_t to_ns, BoundaryElement& element, std::int64_t& seen_ns) const;
+
+  /// Moves each element by a motion in the world that depends on when it was hit first and last, where it turns out
+  /// that poses have drifted meanwhile.
+  void deform(const std::function<Pose2(std::int64_t first_seen_ns, std::int64_t last_seen_ns)>& motion);
+
+  /// Gives up the elements that are behind a place on a boundary by `least_m` to `most_m`, less than a spacing beside
+  /// it, face the same way, and were hit last before `before_ns`: the same boundary, where poses had drifted.
+  void give_up_behind(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double least_m,
+                      double most_m, std::int64_t before_ns);
 
   std::size_t elements() const { return surfels_.count(); }
 

@@ -33,7 +33,8 @@ struct ObstacleBoundary {
 };
 
 /// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, from the
-/// fit before. It keeps its memory: no allocation after warm-up.
+/// fit before. None that is given crosses itself, and closed ones run counter-clockwise: where a fit does not, also
+/// from nothing, the boundary stays as it was. It keeps its memory: no allocation after warm-up.
 class SplinegonMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -48,10 +49,12 @@ class SplinegonMap {
 
  private:
   bool is_large(const ObstacleBoundary& boundary) const;
+  bool is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements);
 
   SplinegonMapParams params_;
   SplinegonFit fit_;
   Splinegons splinegons_, before_;
+  std::vector<Eigen::Vector2d> points_m_;  ///< of is_simple
 };
 
 }  // namespace situation_awareness

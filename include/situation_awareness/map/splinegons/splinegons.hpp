@@ -72,6 +72,8 @@ std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m
 
 /// The boundary does not meet itself, its arcs taken for polygons that are off by 1 mm at most.
 bool is_simple(const Splinegon& splinegon);
+/// The same without allocation after warm-up; `points_m` is overwritten.
+bool is_simple(const Splinegon& splinegon, std::vector<Eigen::Vector2d>& points_m);
 
 /// The band that contains the boundary with 99 % at any place: offset by 2.58 sigma to either side.
 struct SplinegonEnvelope {

@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/splinegons/splinegon_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "map/splinegons/outlines.hpp"
+
+namespace situation_awareness {
+namespace {
+
+SplinegonMap make_map() { return {SplinegonMapParams(), SplinegonFitParams()}; }
+
+ObstacleBoundary boundary_of(std::vector<SplinegonElement> elements, bool closed, std::int64_t stamp_ns) {
+  ObstacleBoundary boundary;
+  boundary.id = 7;
+  boundary.closed = closed;
+  boundary.elements = std::move(elements);
+  boundary.last_seen_ns = stamp_ns;
+  return boundary;
+}
+
+/// Around a circle of 5 m by so many turns, 0.15 m apart, each turn so much farther out than the one before.
+std::vector<SplinegonElement> spiral(double turns, double growth_m) {
+  std::vector<SplinegonElement> elements;
+  for (double phi = 0.0; phi < 2.0 * kPi * turns; phi += 0.03) {
+    const Eigen::Vector2d u(std::cos(phi), std::sin(phi));
+    elements.push_back({(5.0 + growth_m * phi / (2.0 * kPi)) * u, u, 1e-4});
+  }
+  return elements;
+}
+
+/// An eight: it crosses itself in the middle.
+std::vector<SplinegonElement> eight() {
+  std::vector<SplinegonElement> elements;
+  for (double phi = 0.8; phi < 2.0 * kPi + 0.8; phi += 0.02) {
+    const Eigen::Vector2d along = Eigen::Vector2d(6.0 * std::cos(phi), 6.0 * std::cos(2.0 * phi)).normalized();
+    elements.push_back({{6.0 * std::sin(phi), 3.0 * std::sin(2.0 * phi)}, {along.y(), -along.x()}, 1e-4});
+  }
+  return elements;
+}
+
+TEST(SplinegonMap, GivesNoBoundaryThatCrossesItself) {
+  for (const bool closed : {false, true}) {
+    SplinegonMap map = make_map();
+    EXPECT_TRUE(map.update(1, {boundary_of(eight(), closed, 1)}, 0.01).boundaries.empty());
+  }
+}
+
+TEST(SplinegonMap, KeepsTheLastBoundaryThatDoesNotCrossItself) {
+  SplinegonMap map = make_map();
+  const Splinegons before = map.update(1, {boundary_of(spiral(0.9, 0.0), false, 1)}, 0.01);
+  ASSERT_EQ(before.boundaries.size(), 1U);
+  ASSERT_TRUE(is_simple(before.boundaries[0]));
+  for (const bool closed : {false, true}) {
+    const Splinegons& after = map.update(2, {boundary_of(eight(), closed, 2)}, 0.01);
+    ASSERT_EQ(after.boundaries.size(), 1U);
+    EXPECT_EQ(after.boundaries[0].id, 7U);
+    EXPECT_FALSE(after.boundaries[0].closed);
+    EXPECT_EQ(after.boundaries[0].last_seen_ns, 2);
+    ASSERT_EQ(after.boundaries[0].vertices.size(), before.boundaries[0].vertices.size());
+    for (std::size_t i = 0; i < before.boundaries[0].vertices.size(); ++i) {
+      EXPECT_EQ(after.boundaries[0].vertices[i].p_world_m, before.boundaries[0].vertices[i].p_world_m);
+    }
+  }
+  // And goes on from there as soon as the elements allow it.
+  const Splinegons& again = map.update(3, {boundary_of(spiral(1.0, 0.0), true, 3)}, 0.01);
+  ASSERT_EQ(again.boundaries.size(), 1U);
+  EXPECT_TRUE(again.boundaries[0].closed);
+  EXPECT_NEAR(area_m2(again.boundaries[0]), 25.0 * kPi, 0.1);
+}
+
+TEST(SplinegonMap, OnesThatRunClockwiseAreNotClosed) {
+  std::vector<SplinegonElement> elements = spiral(1.0, 0.0);
+  std::reverse(elements.begin(), elements.end());
+  SplinegonMap map = make_map();
+  EXPECT_TRUE(map.update(1, {boundary_of(elements, true, 1)}, 0.01).boundaries.empty());
+}
+
+// Whatever the elements are, what is given is no longer than they ask for, does not cross itself, and is finite.
+TEST(SplinegonMap, GivesSoundBoundariesOfAnyElements) {
+  Random random(3);
+  std::size_t given = 0;
+  SplinegonMap map = make_map();
+  for (int trial = 1; trial <= 300; ++trial) {
+    std::vector<SplinegonElement> elements;
+    Eigen::Vector2d p_m(random.uniform(-5.0, 5.0), random.uniform(-5.0, 5.0));
+    double yaw = random.uniform(-kPi, kPi), turn = 0.0, way_m = 0.0;
+    const int count = static_cast<int>(random.uniform(6.0, 200.0));
+    for (int i = 0; i < count; ++i) {
+      turn += 0.1 * random.normal();
+      yaw += 0.15 * turn;
+      if (random.uniform() < 0.02) yaw += random.uniform(-3.0, 3.0);
+      const double step_m = random.uniform() < 0.02 ? random.uniform(0.2, 3.0) : 0.15;
+      p_m += step_m * Eigen::Vector2d(std::cos(yaw), std::sin(yaw));
+      elements.push_back(
+          {p_m + 0.05 * Eigen::Vector2d(random.normal(), random.normal()), {std::sin(yaw), -std::cos(yaw)}, 1e-3});
+      if (i > 0) way_m += (elements[elements.size() - 1].p_world_m - elements[elements.size() - 2].p_world_m).norm();
+    }
+    ObstacleBoundary boundary = boundary_of(elements, trial % 3 == 0, trial);
+    boundary.id = static_cast<std::uint64_t>(trial);
+    for (const Splinegon& splinegon : map.update(trial, {boundary}, 0.01).boundaries) {
+      ++given;
+      EXPECT_TRUE(is_simple(splinegon)) << trial;
+      EXPECT_LT(length_m(splinegon), 1.51 * (way_m + (elements.back().p_world_m - elements.front().p_world_m).norm()))
+          << trial;
+      EXPECT_TRUE(!splinegon.closed || area_m2(splinegon) > 0.0) << trial;
+    }
+  }
+  EXPECT_GT(given, 50U);
+}
+
+}  // namespace
+}  // namespace situation_awareness
