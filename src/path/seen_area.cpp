@@ -10,7 +10,7 @@ namespace situation_awareness {
 namespace {
 
 /// m. Between points of a path that are looked up; obstacles are checked without such points (avoidance.hpp).
-constexpr double kStep_m = 1.0;
+constexpr double kSeenStep_m = 1.0;
 /// rad. A scanner that turned by so much sees something else from the same place.
 constexpr double kTurned_rad = 0.2;
 
@@ -70,7 +70,7 @@ bool SeenArea::contains(const Eigen::Vector2d& p_world_m) const {
 }
 
 bool SeenArea::contains(const SegmentPath& path, double from_m, double to_m, double half_width_m) const {
-  const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil((to_m - from_m) / kStep_m)));
+  const auto steps = static_cast<std::size_t>(std::max(1.0, std::ceil((to_m - from_m) / kSeenStep_m)));
   for (std::size_t i = 0; i <= steps; ++i) {
     const double part = static_cast<double>(i) / static_cast<double>(steps);
     const Pose2 pose = place_at(path, from_m + part * (to_m - from_m)).pose;
