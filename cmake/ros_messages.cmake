@@ -16,6 +16,7 @@ add_message_files(DIRECTORY msg FILES
   MappedObjectArray.msg
   MappedPolygon.msg
   MappedSplinegon.msg
+  MissionStatus.msg
   PathError.msg
   PolygonArray.msg
   SafetyVerdict.msg
@@ -31,6 +32,7 @@ add_service_files(DIRECTORY srv FILES
   LoadObjects.srv
   LoadPolygons.srv
   LoadSplinegons.srv
+  PlanDubins.srv
   Relocate.srv
   SaveObjects.srv
   SavePolygons.srv

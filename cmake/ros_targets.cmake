@@ -4,6 +4,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/detections.cpp
   src/ros/convert/hit_labels.cpp
   src/ros/convert/images.cpp
+  src/ros/convert/mission.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/navigation_sensors.cpp
   src/ros/convert/objects.cpp
@@ -34,6 +35,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/object_report.cpp
   src/ros/odometry_input.cpp
   src/ros/pace.cpp
+  src/ros/params/circumnavigate_nodelet_params.cpp
   src/ros/params/gps_ins_nodelet_params.cpp
   src/ros/params/live_params.cpp
   src/ros/params/localization_nodelet_params.cpp
@@ -68,6 +70,7 @@ set(situation_awareness_ros_headers ${situation_awareness_headers} <ros/ros.h> <
 target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_headers})
 
 add_library(${PROJECT_NAME}_nodelets
+  src/ros/nodelets/circumnavigate_nodelet.cpp
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/gps_ins_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp

@@ -8,6 +8,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
@@ -120,6 +121,10 @@ void print_all() {
   const std::vector<Parameter> of_splinegons = parameters_of(splinegon_params);
   print_section(of_splinegons, "", "The boundaries of large obstacles", of_objects);
   print_sections(of_splinegons, of_polygons);
+  CircumnavigateNodeletParams mission_params;
+  const std::vector<Parameter> of_mission = parameters_of(mission_params);
+  print_section(of_mission, "", "The nodelet circumnavigate", of_objects);
+  print_sections(of_mission, of_objects);
 }
 
 }  // namespace

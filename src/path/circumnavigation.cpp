@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <variant>
 
+#include <yaml-cpp/yaml.h>
 #include <Eigen/Eigenvalues>
 
 #include "situation_awareness/geometry/angles.hpp"
@@ -67,6 +68,29 @@ void check_at_least(const char* name, double value, const char* bound_name, doub
 }
 
 }  // namespace
+
+std::string yaml_text(const SearchPlaces& search) {
+  std::string list;
+  for (const DubinsEnd& place : search.places) {
+    list += (list.empty() ? "[" : ", [") + yaml_text(place.p_m.x()) + ", " + yaml_text(place.p_m.y());
+    if (place.yaw_rad) list += ", " + yaml_text(*place.yaw_rad);
+    list += "]";
+  }
+  return "[" + list + "]";
+}
+
+void read_yaml_text(const std::string& yaml, SearchPlaces& search) try {
+  SearchPlaces read;
+  for (const auto& row : YAML::Load(yaml).as<std::vector<std::vector<double>>>()) {
+    if (row.size() != 2 && row.size() != 3) throw YAML::Exception(YAML::Mark::null_mark(), "no place");
+    DubinsEnd& place = read.places.emplace_back();
+    place.p_m = {row[0], row[1]};
+    if (row.size() == 3) place.yaw_rad = row[2];
+  }
+  search = read;
+} catch (const YAML::Exception&) {
+  throw std::invalid_argument("must be a list of [x, y] or [x, y, yaw]");
+}
 
 const char* name_of(MissionState state) {
   switch (state) {

@@ -14,7 +14,7 @@ constexpr double kSeenStep_m = 1.0;
 /// rad. A scanner that turned by so much sees something else from the same place.
 constexpr double kTurned_rad = 0.2;
 
-bool sees(const Sight& sight, const Eigen::Vector2d& p_world_m) {
+bool sees(const FreeBeams& sight, const Eigen::Vector2d& p_world_m) {
   const Eigen::Vector2d way = p_world_m - sight.T_world_sensor.translation_m;
   const double distance_m = way.norm();
   if (sight.free_m.size() < 2) return false;
@@ -39,7 +39,7 @@ void SeenArea::set_start(const Eigen::Vector2d& center_m, double radius_m) {
   start_radius_m_ = radius_m;
 }
 
-void SeenArea::add(const Sight& sight) {
+void SeenArea::add(const FreeBeams& sight) {
   // The latest one is replaced until the one before is far enough.
   if (used_ >= 2) {
     const Pose2& before = sights_[(latest_ + sights_.size() - 1) % sights_.size()].T_world_sensor;
@@ -54,7 +54,7 @@ void SeenArea::add(const Sight& sight) {
     latest_ = std::min(latest_, sights_.size() - 1);
     used_ = std::min(used_, sights_.size());
   }
-  Sight& kept = sights_[latest_];
+  FreeBeams& kept = sights_[latest_];
   kept.T_world_sensor = sight.T_world_sensor;
   kept.from_rad = sight.from_rad;
   kept.step_rad = sight.step_rad;

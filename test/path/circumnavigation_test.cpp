@@ -69,7 +69,7 @@ class Stepped {
     }
   }
 
-  Sight sight;
+  FreeBeams sight;
 };
 
 DubinsEnd place(double x_m, double y_m) { return {{x_m, y_m}, std::nullopt, 1.0}; }
@@ -187,7 +187,7 @@ TEST(Circumnavigation, TheSameInputGivesTheSameOutput) {
 TEST(SeenArea, IsWhatWasWithinRange) {
   SeenArea seen(1.0, 3);
   EXPECT_FALSE(seen.contains({1.0, 0.0}));
-  Sight sight;
+  FreeBeams sight;
   sight.T_world_sensor = {{10.0, 0.0}, 0.5 * kPi};
   sight.from_rad = -0.5 * kPi;
   sight.step_rad = 0.25 * kPi;

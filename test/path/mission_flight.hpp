@@ -276,7 +276,7 @@ class MissionSimulation {
   Random random_;
   Eigen::Vector2d wind_;
   Scan scan_;
-  Sight sight_;
+  FreeBeams sight_;
   Polygons polygons_;
   std::vector<double> ranges_m_;
   std::vector<double> turned_rad_;  ///< around each tower

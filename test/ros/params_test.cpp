@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
@@ -230,6 +231,25 @@ TEST(SplinegonNodeletParams, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<SplinegonNodeletParams>(), aggregate_size<SplinegonNodeletParams>() - others +
                                                          declared_size<NodeletParams>() +
                                                          declared_size<SplinegonPipelineParams>());
+}
+
+TEST(CircumnavigateNodeletParams, DeclareAllTheirMembers) {
+  // What was unknown, and the nodelet's, which are declared in its place.
+  EXPECT_EQ(declared_size<CircumnavigateNodeletParams>(),
+            aggregate_size<CircumnavigateNodeletParams>() - 2 + declared_size<NodeletParams>());
+  EXPECT_EQ(declared_size<CircumnavigationParams>(), aggregate_size<CircumnavigationParams>());
+}
+
+TEST(CircumnavigateNodeletParams, PlacesAreReadBackExactly) {
+  SearchPlaces search, read;
+  search.places = {{{0.1, -2.0}, {}, 1.0}, {{3.0, 4.0}, 0.3, 1.0}};
+  read_yaml_text(yaml_text(search), read);
+  ASSERT_EQ(read.places.size(), 2U);
+  EXPECT_EQ(read.places[0].p_m, search.places[0].p_m);
+  EXPECT_FALSE(read.places[0].yaw_rad);
+  EXPECT_EQ(read.places[1].yaw_rad, 0.3);
+  EXPECT_THROW(read_yaml_text("[[1]]", read), std::invalid_argument);
+  EXPECT_THROW(read_yaml_text("places", read), std::invalid_argument);
 }
 
 TEST(SplinegonNodeletParams, AreReadAndRefused) {

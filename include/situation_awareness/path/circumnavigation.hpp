@@ -73,8 +73,18 @@ struct MissionInput {
   /// A chain counts where no boundary has its id, or a part of that is much less certain than the rest.
   const Polygons* polygons = nullptr;
   const Objects* objects = nullptr;
-  const Sight* sight = nullptr;  ///< of a scan since the last step
+  const FreeBeams* sight = nullptr;  ///< of a scan since the last step
 };
+
+/// The places of a search, in order.
+struct SearchPlaces {
+  std::vector<DubinsEnd> places;
+};
+
+/// As YAML text, [[x, y], [x, y, yaw], ...] in m and rad, that is read back exactly; without a yaw any heading will do.
+std::string yaml_text(const SearchPlaces& search);
+/// Throws std::invalid_argument if the text is not such a list.
+void read_yaml_text(const std::string& yaml, SearchPlaces& search);
 
 enum class MissionState : std::uint8_t {
   kSearch,  ///< on the way to a place from which to look for obstacles

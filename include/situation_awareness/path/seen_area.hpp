@@ -12,7 +12,7 @@
 namespace situation_awareness {
 
 /// How far a scanner saw that nothing is there.
-struct Sight {
+struct FreeBeams {
   Pose2 T_world_sensor;
   double from_rad = 0.0;       ///< direction of the first beam in the sensor's plane
   double step_rad = 0.0;       ///< to the next beam, counter-clockwise, > 0
@@ -28,7 +28,7 @@ class SeenArea {
   void clear();
   /// A disc that is known to be free, beside what was seen: where the vehicle started.
   void set_start(const Eigen::Vector2d& center_m, double radius_m);
-  void add(const Sight& sight);
+  void add(const FreeBeams& sight);
 
   /// A point is seen if it is nearer than what both beams beside it passed, from one of the places. In time linear in
   /// their number.
@@ -39,7 +39,7 @@ class SeenArea {
 
  private:
   double spacing_m_;
-  std::vector<Sight> sights_;  ///< a ring
+  std::vector<FreeBeams> sights_;  ///< a ring
   std::size_t used_ = 0, latest_ = 0;
   Eigen::Vector2d start_m_ = Eigen::Vector2d::Zero();
   double start_radius_m_ = 0.0;

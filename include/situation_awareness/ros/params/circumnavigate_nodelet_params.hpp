@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "situation_awareness/path/circumnavigation.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the nodelet circumnavigate.
+struct CircumnavigateNodeletParams {
+  NodeletParams nodelet;
+  std::string base_frame = "base_link";
+  SearchPlaces search;
+  double period_s = 0.1;
+  double timeout_s = 1.0;
+  double reset_time_jump_s = 1.0;
+  CircumnavigationParams mission;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that of `odometry`");
+    visit(
+        "search", self.search,
+        "places [x, y] or [x, y, yaw] in the world, in m and rad, that the vehicle goes to in order to find obstacles");
+    visit("period_s", self.period_s, Bounds{0.01, 0.3}, "s", "least time between steps of the mission");
+    visit("timeout_s", self.timeout_s, Bounds{0.05, 100.0}, "s",
+          "boundaries and scans that are older make a warning; what they said still counts");
+    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
+          "a stamp that goes back by more than this begins a new mission");
+    visit("mission", self.mission);
+  }
+};
+
+/// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
+CircumnavigateNodeletParams read_circumnavigate_nodelet_params(const ParamReader& reader);
+
+}  // namespace situation_awareness

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// odometry, splinegons, polygons, objects, scan, TF base -> lidar  ->  cmd_vel, mission, path, mission_markers
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <geometry_msgs/Twist.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <ros/publisher.h>
+#include <ros/service_server.h>
+#include <ros/subscriber.h>
+#include <sensor_msgs/LaserScan.h>
+#include <tf2_ros/buffer.h>
+#include <tf2_ros/transform_listener.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/MappedObjectArray.h"
+#include "situation_awareness/PolygonArray.h"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/path/circumnavigation.hpp"
+#include "situation_awareness/ros/convert/mission.hpp"
+#include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/ros/convert/polygons.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/splinegons.hpp"
+#include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
+
+namespace situation_awareness {
+
+class CircumnavigateStage {
+ public:
+  using Context = StageContext<nav_msgs::Odometry>;
+  static constexpr const char* kInput = "odometry";
+  static constexpr auto kReadParams = read_circumnavigate_nodelet_params;
+
+  CircumnavigateStage(Context& context, const CircumnavigateNodeletParams& params)
+      : context_(context),
+        params_(params),
+        mission_(std::in_place, params.mission, params.search.places),
+        order_(params.reset_time_jump_s),
+        command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
+        status_(context.node().advertise<MissionStatus>("mission", 20)),
+        path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
+        markers_(context.node().advertise<visualization_msgs::MarkerArray>("mission_markers", 5)),
+        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+    context.when_made([this] {
+      ros::NodeHandle& node = context_.node();
+      const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
+      splinegons_sub_ = node.subscribe("splinegons", 2, &CircumnavigateStage::on_splinegons, this, hints);
+      polygons_sub_ = node.subscribe("polygons", 2, &CircumnavigateStage::on_polygons, this, hints);
+      objects_sub_ = node.subscribe("objects", 2, &CircumnavigateStage::on_objects, this, hints);
+      scan_sub_ = node.subscribe("scan", 2, &CircumnavigateStage::on_scan, this, hints);
+      plan_ = node.advertiseService("plan_dubins", &CircumnavigateStage::on_plan, this);
+    });
+  }
+
+  bool process(const nav_msgs::Odometry& msg) {
+    const std::string defect = odometry_msg_defect(msg);
+    if (!defect.empty()) return context_.drop(defect);
+    if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame ||
+        tf2_frame(msg.child_frame_id) != params_.base_frame) {
+      return context_.drop("odometry of other frames", msg.header.frame_id + " -> " + msg.child_frame_id);
+    }
+    MissionInput input;
+    try {
+      take_odometry(msg, input);
+    } catch (const std::invalid_argument& error) {
+      return context_.drop(drop_reason::kBadMessage, error.what());
+    }
+    const StampOrder::Verdict verdict = order_.judge(input.stamp_ns);
+    if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
+    if (verdict == StampOrder::Verdict::kRestart) restart();
+    poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {
+        input.stamp_ns, isometry_from_msg(transform_from_odometry(msg).transform)};
+    if (last_ns_ != 0) {
+      const double since_s = seconds_between(last_ns_, input.stamp_ns);
+      if (since_s < params_.period_s - kEarly_s) return true;
+      if (since_s > kLongestStep_s) context_.diagnostics().counted({{"steps more than 0.3 s apart", 1}});
+    }
+    last_ns_ = input.stamp_ns;
+    if (has_splinegons_) input.boundaries = &splinegons_;
+    if (has_polygons_) input.polygons = &polygons_;
+    if (has_objects_) input.objects = &objects_;
+    if (has_beams_) input.sight = &beams_;
+    has_beams_ = false;
+    const MissionStep& step = mission_->step(input);
+    state_ = step.state;
+    reason_ = step.reason;
+    clearance_m_ = distance_m(mission_->obstacles(), input.T_world_base.translation_m);
+    geometry_msgs::Twist command;
+    command.linear.x = input.speed_m_s;
+    command.angular.z = step.curvature_1_m * input.speed_m_s;
+    command_.publish(command);
+    context_.publish(status_, mission_to_msg(step, clearance_m_, input.stamp_ns, params_.nodelet.world_frame));
+    if (step.path_number != path_number_) {
+      path_number_ = step.path_number;
+      path_.publish(path_to_msg(mission_->path(), input.stamp_ns, params_.nodelet.world_frame));
+    }
+    if (markers_.getNumSubscribers() > 0) publish_markers(input.stamp_ns);
+    return true;
+  }
+
+ private:
+  static constexpr double kEarly_s = 1e-3;        // round-off of stamps
+  static constexpr double kLongestStep_s = 0.3;   // of Circumnavigation
+  static constexpr double kMostPoseAge_s = 0.15;  // against a scan
+
+  struct StampedPose {
+    std::int64_t stamp_ns = 0;
+    Eigen::Isometry3d T_world_base = Eigen::Isometry3d::Identity();
+  };
+
+  /// Another time: nothing that was known is.
+  void restart() {
+    mission_.emplace(params_.mission, params_.search.places);
+    has_splinegons_ = has_polygons_ = has_objects_ = has_beams_ = false;
+    last_ns_ = scan_ns_ = 0;
+    path_number_ = 0;
+    poses_.fill({});
+    context_.diagnostics().counted({{"time jumped back: new mission", 1}});
+  }
+
+  /// Takes a map in the world frame, or counts why not: the one before counts on.
+  template <class Message, class Take>
+  void take_map(const Message& msg, const char* kind, const Take& take) {
+    try {
+      if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame) {
+        throw std::invalid_argument(std::string(kind) + " in the frame " + msg.header.frame_id);
+      }
+      take();
+    } catch (const std::exception& error) {
+      context_.drop(drop_reason::kBadMap, error.what());
+    }
+  }
+
+  void on_splinegons(const SplinegonArrayConstPtr& msg) {
+    take_map(*msg, "splinegons", [&] {
+      splinegons_ = splinegons_from_msg(*msg);
+      has_splinegons_ = true;
+    });
+  }
+
+  void on_polygons(const PolygonArrayConstPtr& msg) {
+    take_map(*msg, "polygons", [&] {
+      polygons_ = polygons_from_msg(*msg);
+      has_polygons_ = true;
+    });
+  }
+
+  void on_objects(const MappedObjectArrayConstPtr& msg) {
+    take_map(*msg, "objects", [&] {
+      objects_ = objects_from_msg(*msg);
+      has_objects_ = true;
+    });
+  }
+
+  void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
+    if (order_.latest_ns() == StampOrder::kNone) return;
+    const std::string defect = scan_msg_defect(*msg);
+    if (!defect.empty()) {
+      context_.drop(defect);
+      return;
+    }
+    // The odometry whose time is nearest to the middle of the scan.
+    const double half_s = 0.5 * static_cast<double>(msg->time_increment) * static_cast<double>(msg->ranges.size());
+    const std::int64_t middle_ns =
+        to_nanoseconds(msg->header.stamp) + (std::abs(half_s) < 1.0 ? nanoseconds(half_s) : 0);  // not finite: 0
+    const StampedPose& pose = *std::min_element(poses_.begin(), poses_.end(), [&](const auto& a, const auto& b) {
+      return std::abs(seconds_between(a.stamp_ns, middle_ns)) < std::abs(seconds_between(b.stamp_ns, middle_ns));
+    });
+    if (std::abs(seconds_between(pose.stamp_ns, middle_ns)) > kMostPoseAge_s) {
+      context_.diagnostics().counted({{"scans without odometry of their time", 1}});
+      return;
+    }
+    try {
+      const auto mounted = tf_.lookupTransform(params_.base_frame, tf2_frame(msg->header.frame_id), ros::Time(0));
+      if (!free_beams_from_msg(*msg, pose.T_world_base * isometry_from_msg(mounted.transform), beams_)) {
+        has_beams_ = false;
+        context_.diagnostics().counted({{"scans that show nothing around", 1}});
+        return;
+      }
+      has_beams_ = true;
+      scan_ns_ = to_nanoseconds(msg->header.stamp);
+    } catch (const tf2::TransformException& error) {
+      context_.drop(drop_reason::kNoTransform, error.what());
+    } catch (const std::exception& error) {  // not a rotation
+      context_.drop(drop_reason::kBadTransform, error.what());
+    }
+  }
+
+  bool on_plan(PlanDubins::Request& request, PlanDubins::Response& response) {
+    plan_dubins(request, response);
+    return true;
+  }
+
+  void publish_markers(std::int64_t stamp_ns) {
+    visualization_msgs::MarkerArray array;
+    const auto add = [&](const char* ns, const SegmentPath& path, float r, float g, float b, double width_m) {
+      visualization_msgs::Marker marker;
+      marker.header.stamp = to_ros_time(stamp_ns);
+      marker.header.frame_id = params_.nodelet.world_frame;
+      marker.ns = ns;
+      marker.type = visualization_msgs::Marker::LINE_STRIP;
+      marker.action = visualization_msgs::Marker::ADD;
+      marker.pose.orientation.w = 1.0;
+      marker.scale.x = width_m;
+      marker.color.r = r;
+      marker.color.g = g;
+      marker.color.b = b;
+      marker.color.a = 1.0F;
+      for (const geometry_msgs::PoseStamped& pose : path_to_msg(path, stamp_ns, params_.nodelet.world_frame).poses) {
+        marker.points.push_back(pose.pose.position);
+      }
+      if (marker.points.size() < 2) marker.action = visualization_msgs::Marker::DELETE;
+      array.markers.push_back(marker);
+    };
+    add("path", mission_->path(), 0.1F, 0.6F, 1.0F, 0.3);
+    add("way_out", mission_->way_out(), 1.0F, 0.6F, 0.1F, 0.15);
+    add("orbit", mission_->orbit(), 0.4F, 0.8F, 0.4F, 0.15);
+    markers_.publish(array);
+  }
+
+  void report(StageDiagnostics::Status& status) {
+    status.add("state", name_of(state_));
+    status.add("reason", reason_);
+    status.add("clearance [m]", clearance_m_);
+    const std::vector<Splinegon>& boundaries = splinegons_.boundaries;
+    status.add("boundaries", has_splinegons_ ? boundaries.size() : 0);
+    status.add("closed", has_splinegons_ ? std::count_if(boundaries.begin(), boundaries.end(),
+                                                         [](const Splinegon& boundary) { return boundary.closed; })
+                                         : 0);
+    if (last_ns_ == 0) return;
+    const auto warn = [&status](const std::string& text) {
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
+    };
+    if (!has_splinegons_) {
+      warn("no boundaries yet");
+    } else if (seconds_between(splinegons_.stamp_ns, last_ns_) > params_.timeout_s) {
+      warn("boundaries are old");
+    }
+    if (seconds_between(scan_ns_, last_ns_) > params_.timeout_s) warn("no scan: nothing more is seen to be free");
+    if (state_ == MissionState::kHold) warn("holding: " + reason_);
+  }
+
+  Context& context_;
+  CircumnavigateNodeletParams params_;
+  std::optional<Circumnavigation> mission_;
+  StampOrder order_;
+  std::array<StampedPose, 64> poses_;
+  std::size_t latest_pose_ = 0;
+  Splinegons splinegons_;
+  Polygons polygons_;
+  Objects objects_;
+  FreeBeams beams_;
+  bool has_splinegons_ = false, has_polygons_ = false, has_objects_ = false, has_beams_ = false;
+  std::int64_t last_ns_ = 0, scan_ns_ = 0;
+  MissionState state_ = MissionState::kHold;
+  std::string reason_ = "no odometry yet";
+  double clearance_m_ = 0.0;
+  std::uint64_t path_number_ = 0;
+  ros::Publisher command_, status_, path_, markers_;
+  ros::Subscriber splinegons_sub_, polygons_sub_, objects_sub_, scan_sub_;
+  ros::ServiceServer plan_;
+  tf2_ros::Buffer tf_;
+  tf2_ros::TransformListener listener_;
+};
+
+using CircumnavigateNodelet = StageNodelet<CircumnavigateStage>;
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::CircumnavigateNodelet, nodelet::Nodelet)
