@@ -144,7 +144,19 @@ const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covari
   update_ = chains_.update(polylines_, covariance, std::move(update_));
   polygons_ = chains_.polygons(std::move(polygons_));
   take_boundaries();
+  common_variance_m2_ = common_variance_m2;
   return map_.update(polylines_.stamp_ns, boundaries_, common_variance_m2);
+}
+
+const Polygons& SplinegonPipeline::polygons_in_world() {
+  polygons_in_world_ = polygons_;
+  for (Chain& chain : polygons_in_world_.chains) {
+    for (ChainVertex& vertex : chain.vertices) {
+      vertex.p_world_m = alignment_.T_world_map() * vertex.p_world_m;
+      vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + common_variance_m2_);
+    }
+  }
+  return polygons_in_world_;
 }
 
 /// Chains run clockwise around what they are the boundary of.

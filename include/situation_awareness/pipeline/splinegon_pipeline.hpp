@@ -65,6 +65,9 @@ class SplinegonPipeline {
   /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
   /// where the map is in the world.
   const Polygons& polygons() const { return polygons_; }
+  /// The same where they are in the world, small things included, with standard deviations that are absolute, as those
+  /// of the boundaries, which have the ids of their chains.
+  const Polygons& polygons_in_world();
   const Polylines& polylines() const { return polylines_; }
   const Pose2& T_world_map() const { return alignment_.T_world_map(); }
 
@@ -99,7 +102,8 @@ class SplinegonPipeline {
   Segments segments_;
   Polylines polylines_;
   PolygonMapUpdate update_;
-  Polygons polygons_;
+  double common_variance_m2_ = 0.0;
+  Polygons polygons_, polygons_in_world_;
   std::vector<BoundaryElement> elements_;
   std::vector<ObstacleBoundary> boundaries_;
 };

@@ -42,6 +42,7 @@ class TimedSplinegonMap {
   const Splinegons& splinegons() const { return splinegons_; }
 
   const SplinegonPipeline& pipeline() const { return pipeline_; }
+  const Polygons& polygons_in_world() { return pipeline_.polygons_in_world(); }
 
   /// Stamp of the latest scan, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }

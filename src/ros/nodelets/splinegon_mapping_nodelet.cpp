@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, odometry, TF base -> lidar (or world -> lidar)  ->  splinegons, splinegon_markers, local_polygon_markers
+// scan, odometry, TF base -> lidar (or world -> lidar)  ->  splinegons, polygons, splinegon_markers,
+// local_polygon_markers
 #include <algorithm>
 #include <cstddef>
 #include <exception>
@@ -13,6 +14,7 @@
 
 #include "situation_awareness/pipeline/timed_splinegon_map.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/inertial_track.hpp"
 #include "situation_awareness/ros/map_publisher.hpp"
@@ -39,6 +41,7 @@ class SplinegonMappingStage {
         track_(params.reset_time_jump_s),
         map_(params.pipeline, params.reset_time_jump_s),
         publisher_(context, params.nodelet),
+        polygons_publisher_(context.node().advertise<PolygonArray>("polygons", 5)),
         local_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("local_polygon_markers", 5)),
         services_(context, params.nodelet.world_frame, map_,
                   [this](const Splinegons& splinegons) { publisher_.publish(splinegons); }) {
@@ -83,6 +86,9 @@ class SplinegonMappingStage {
     }
     context_.diagnostics().counted(map_.pipeline().polylines().refused);
     publisher_.publish(map_.splinegons());
+    if (polygons_publisher_.getNumSubscribers() > 0) {
+      context_.publish(polygons_publisher_, polygons_to_msg(map_.polygons_in_world(), params_.nodelet.world_frame));
+    }
     if (local_publisher_.getNumSubscribers() > 0) {
       local_publisher_.publish(boost::make_shared<const visualization_msgs::MarkerArray>(local_markers_.update(
           map_.pipeline().polylines(), map_.pipeline().T_world_map(), params_.nodelet.world_frame)));
@@ -113,7 +119,7 @@ class SplinegonMappingStage {
   InertialTrack track_;
   TimedSplinegonMap map_;
   MapPublisher<SplinegonKind> publisher_;
-  ros::Publisher local_publisher_;
+  ros::Publisher polygons_publisher_, local_publisher_;
   LocalPolygonMarkers local_markers_;
   MapServices<SplinegonKind> services_;
   std::optional<OdometryInput> by_odometry_;
