@@ -27,6 +27,8 @@ constexpr double kJoin_m = 3.0;
 constexpr double kOnOrbit_m = 0.7, kOnOrbit_rad = 0.25;
 /// m. Of an orbit, for which a longer way is allowed to begin with: approaching it.
 constexpr double kShortOrbit_m = 100.0;
+/// Of the outline of a boundary that was done: from here on more of it has appeared.
+constexpr double kMoreOutline = 1.2;
 /// Of an orbit's length: how far along it a path goes.
 constexpr double kOfLap = 0.95;
 
@@ -53,6 +55,15 @@ bool is_partly_guessed(const Splinegon& boundary) {
   double least_m = kInfinite;
   for (const SplinegonVertex& vertex : boundary.vertices) least_m = std::min(least_m, vertex.sigma_m);
   return greatest_sigma_m(boundary) > 3.0 * least_m + 0.3;
+}
+
+double chord_length_m(const Splinegon& boundary) {
+  double sum_m = 0.0;
+  for (std::size_t i = boundary.closed ? 0 : 1; i < boundary.vertices.size(); ++i) {
+    const std::size_t before = i == 0 ? boundary.vertices.size() - 1 : i - 1;
+    sum_m += (boundary.vertices[i].p_world_m - boundary.vertices[before].p_world_m).norm();
+  }
+  return sum_m;
 }
 
 Eigen::Vector2d middle_of(const Splinegon& boundary) {
@@ -131,8 +142,24 @@ bool Circumnavigation::is_given_up(std::uint64_t id) const {
   return std::find(given_up_.begin(), given_up_.end(), id) != given_up_.end();
 }
 
+/// What was done stays done, although a scan opens it again, unless more of it appears.
 bool Circumnavigation::is_done(const Splinegon& boundary) const {
-  return boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m;
+  if (boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m) return true;
+  const Done* done = with_id(done_, boundary.id);
+  return done != nullptr && chord_length_m(boundary) <= kMoreOutline * done->length_m;
+}
+
+void Circumnavigation::remember_done(const Splinegons& boundaries) {
+  for (const Splinegon& boundary : boundaries.boundaries) {
+    if (!boundary.closed || greatest_sigma_m(boundary) > params_.max_sigma_m) continue;
+    const Done done{boundary.id, chord_length_m(boundary)};
+    const auto found = std::find_if(done_.begin(), done_.end(), [&](const Done& each) { return each.id == done.id; });
+    if (found == done_.end()) {
+      done_.push_back(done);
+    } else {
+      *found = done;
+    }
+  }
 }
 
 bool Circumnavigation::is_free(const SegmentPath& path) const {
@@ -165,6 +192,7 @@ void Circumnavigation::gather(const MissionInput& input) {
       std::sqrt(std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
   if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
   if (input.sight != nullptr) seen_.add(*input.sight);
+  if (input.boundaries != nullptr) remember_done(*input.boundaries);
 }
 
 /// Nothing leads there: it is within an obstacle, or nearer than the clearance.

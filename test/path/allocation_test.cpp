@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -8,6 +9,7 @@
 #include "path/safety_scene.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/path/avoidance.hpp"
+#include "situation_awareness/path/circumnavigation.hpp"
 #include "situation_awareness/path/dubins.hpp"
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
@@ -89,6 +91,50 @@ TEST(Allocation, NoneForAvoidanceAfterWarmUp) {
     plan_around(from, {{60.0, 0.0}, 0.0, params.turn_radius_m}, scene, 0.1, params, path);
   }
   EXPECT_EQ(allocations().count, before);
+}
+
+// Two laps around an open boundary, the first to warm up.
+TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
+  CircumnavigationParams params;
+  params.max_laps = 100.0;
+  Splinegons boundaries;
+  Splinegon& box = boundaries.boundaries.emplace_back();
+  box.id = 1;
+  const std::vector<Eigen::Vector2d> corners{{6.0, -4.0}, {6.0, 4.0}, {-6.0, 4.0}, {-6.0, -4.0}};
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    box.vertices.push_back({corners[i], 0.0, 0.05, true});
+    if (i < 3) box.vertices.push_back({0.5 * (corners[i] + corners[i + 1]), 0.0, 0.05, false});
+  }
+  FreeBeams beams;
+  beams.from_rad = -3.0;
+  beams.step_rad = 0.01;
+  beams.free_m.assign(600, 100.0);
+  Circumnavigation mission(params, {});
+  constexpr double kSpeed_m_s = 5.0, kPeriod_s = 0.1;
+  MissionInput input;
+  input.T_world_base = {{-60.0, 2.0}, 0.0};
+  input.speed_m_s = kSpeed_m_s;
+  input.boundaries = &boundaries;
+  input.sight = &beams;
+  std::int64_t after = 0;
+  double laps = 0.0, warm_laps = 0.0;
+  for (int i = 0; i < 1300; ++i) {
+    input.stamp_ns += 100'000'000;
+    beams.T_world_sensor = input.T_world_base;
+    const std::int64_t before = allocations().count;
+    const MissionStep& step = mission.step(input);
+    if (step.laps < 2.2) {
+      warm_laps = step.laps;
+    } else {
+      after += allocations().count - before;
+    }
+    laps = step.laps;
+    Pose2& pose = input.T_world_base;
+    pose.yaw_rad += step.curvature_1_m * kSpeed_m_s * kPeriod_s;
+    pose.translation_m += kSpeed_m_s * kPeriod_s * Eigen::Vector2d(std::cos(pose.yaw_rad), std::sin(pose.yaw_rad));
+  }
+  EXPECT_EQ(after, 0);
+  EXPECT_GT(laps, warm_laps + 1.0);
 }
 
 }  // namespace
