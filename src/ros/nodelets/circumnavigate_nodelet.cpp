@@ -18,6 +18,7 @@
 #include <ros/publisher.h>
 #include <ros/service_server.h>
 #include <ros/subscriber.h>
+#include <ros/time.h>
 #include <sensor_msgs/LaserScan.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
@@ -58,6 +59,7 @@ class CircumnavigateStage {
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("mission_markers", 5)),
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+    if (params.lost_turn_rate_rad_s != 0.0) context.every(kLostPeriod_s, [this] { turn_if_lost(); });
     context.when_made([this] {
       ros::NodeHandle& node = context_.node();
       const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
@@ -85,6 +87,7 @@ class CircumnavigateStage {
     const StampOrder::Verdict verdict = order_.judge(input.stamp_ns);
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
     if (verdict == StampOrder::Verdict::kRestart) restart();
+    odometry_at_ = ros::SteadyTime::now();
     poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {
         input.stamp_ns, isometry_from_msg(transform_from_odometry(msg).transform)};
     if (last_ns_ != 0) {
@@ -116,6 +119,7 @@ class CircumnavigateStage {
   }
 
  private:
+  static constexpr double kLostPeriod_s = 0.2;
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps
   static constexpr double kLongestStep_s = 0.3;   // of Circumnavigation
   static constexpr double kMostPoseAge_s = 0.15;  // against a scan
@@ -124,6 +128,15 @@ class CircumnavigateStage {
     std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_world_base = Eigen::Isometry3d::Identity();
   };
+
+  void turn_if_lost() {
+    if (!odometry_at_.isZero() && (ros::SteadyTime::now() - odometry_at_).toSec() < params_.timeout_s) return;
+    state_ = MissionState::kHold;
+    reason_ = "no odometry";
+    geometry_msgs::Twist command;
+    command.angular.z = params_.lost_turn_rate_rad_s;
+    command_.publish(command);
+  }
 
   /// Another time: nothing that was known is.
   void restart() {
@@ -269,6 +282,7 @@ class CircumnavigateStage {
   FreeBeams beams_;
   bool has_splinegons_ = false, has_polygons_ = false, has_objects_ = false, has_beams_ = false;
   std::int64_t last_ns_ = 0, scan_ns_ = 0;
+  ros::SteadyTime odometry_at_;  ///< the latest that was used
   MissionState state_ = MissionState::kHold;
   std::string reason_ = "no odometry yet";
   double clearance_m_ = 0.0;
