@@ -12,6 +12,7 @@
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Eigenvalues>
 
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
 
@@ -27,6 +28,8 @@ constexpr double kJoin_m = 3.0;
 constexpr double kOnOrbit_m = 0.7, kOnOrbit_rad = 0.25;
 /// m. Of an orbit, for which a longer way is allowed to begin with: approaching it.
 constexpr double kShortOrbit_m = 100.0;
+/// s. A boundary that has just been closed may open again: its ends hardly overlap.
+constexpr double kSettled_s = 3.0;
 /// Of the outline of a boundary that was done: from here on more of it has appeared.
 constexpr double kMoreOutline = 1.2;
 /// Of an orbit's length: how far along it a path goes.
@@ -144,21 +147,26 @@ bool Circumnavigation::is_given_up(std::uint64_t id) const {
 
 /// What was done stays done, although a scan opens it again, unless more of it appears.
 bool Circumnavigation::is_done(const Splinegon& boundary) const {
-  if (boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m) return true;
-  const Done* done = with_id(done_, boundary.id);
-  return done != nullptr && chord_length_m(boundary) <= kMoreOutline * done->length_m;
+  const Watched* watched = with_id(watched_, boundary.id);
+  return watched != nullptr && watched->done && chord_length_m(boundary) <= kMoreOutline * watched->length_m;
 }
 
-void Circumnavigation::remember_done(const Splinegons& boundaries) {
-  for (const Splinegon& boundary : boundaries.boundaries) {
-    if (!boundary.closed || greatest_sigma_m(boundary) > params_.max_sigma_m) continue;
-    const Done done{boundary.id, chord_length_m(boundary)};
-    const auto found = std::find_if(done_.begin(), done_.end(), [&](const Done& each) { return each.id == done.id; });
-    if (found == done_.end()) {
-      done_.push_back(done);
-    } else {
-      *found = done;
+/// Done is what stays closed and certain for a while.
+void Circumnavigation::watch_boundaries(const MissionInput& input) {
+  if (input.boundaries == nullptr) return;
+  for (const Splinegon& boundary : input.boundaries->boundaries) {
+    const bool is_certain = boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m;
+    auto watched =
+        std::find_if(watched_.begin(), watched_.end(), [&](const Watched& each) { return each.id == boundary.id; });
+    if (!is_certain) {
+      if (watched != watched_.end() && !watched->done) watched_.erase(watched);
+      continue;
     }
+    if (watched == watched_.end()) {
+      watched = watched_.insert(watched_.end(), {boundary.id, 0.0, input.stamp_ns, false});
+    }
+    watched->length_m = chord_length_m(boundary);
+    watched->done = watched->done || seconds_between(watched->since_ns, input.stamp_ns) >= kSettled_s;
   }
 }
 
@@ -192,7 +200,7 @@ void Circumnavigation::gather(const MissionInput& input) {
       std::sqrt(std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
   if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
   if (input.sight != nullptr) seen_.add(*input.sight);
-  if (input.boundaries != nullptr) remember_done(*input.boundaries);
+  watch_boundaries(input);
 }
 
 /// Nothing leads there: it is within an obstacle, or nearer than the clearance.
@@ -516,7 +524,9 @@ void Circumnavigation::report(const MissionInput& input) {
     std::snprintf(text.data(), text.size(), "no safe path to place %lu of %lu for %.0f s", place, places, held_s_);
   } else if (has_target_) {
     step_.state = MissionState::kAround;
-    if (target_is_closed_) {
+    if (target_is_closed_ && target_sigma_m_ <= params_.max_sigma_m) {
+      std::snprintf(text.data(), text.size(), "boundary %lu was closed just now", id);
+    } else if (target_is_closed_) {
       std::snprintf(text.data(), text.size(), "boundary %lu is closed and known to %.2f m, not yet to %.2f m", id,
                     target_sigma_m_, params_.max_sigma_m);
     } else {

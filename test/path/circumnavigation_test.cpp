@@ -122,9 +122,20 @@ TEST(Circumnavigation, IsAroundABoundaryUntilItIsClosedAndCertain) {
   EXPECT_EQ(told.state, MissionState::kAround);
   EXPECT_EQ(told.reason, "boundary 7 is closed and known to 0.50 m, not yet to 0.30 m");
   for (SplinegonVertex& vertex : stepped.boundaries.boundaries[0].vertices) vertex.sigma_m = 0.2;
+  // That for a while, without a scan that opens it.
+  Splinegon& boundary = stepped.boundaries.boundaries[0];
+  for (int i = 0; i < 55; ++i) {
+    boundary.closed = i != 20;
+    told = stepped.step();
+    EXPECT_EQ(told.state == MissionState::kDone, i > 50) << i << told.reason;
+    EXPECT_EQ(told.done, i > 50 ? 1U : 0U) << i;
+    if (i == 10) {
+      EXPECT_EQ(told.reason, "boundary 7 was closed just now");
+    }
+  }
+  boundary.closed = false;
   told = stepped.step();
-  EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
-  EXPECT_EQ(told.done, 1U);
+  EXPECT_EQ(told.state, MissionState::kDone) << "it opened again";
   // At the stand-off all the while, but for the approach.
   EXPECT_GT(stepped.least_m, 7.0);
   EXPECT_LE(stepped.greatest_1_m, 1.0 / 6.0);

@@ -142,9 +142,12 @@ class CircumnavigateTest(unittest.TestCase):
         self.assertGreater(status.clearance, 3.0)
         self.publish(square(5, True, 0.1))
         wait_until(lambda: self.count("closed") == 1, 20.0, "the boundary, closed")
-        for _ in range(3):
+        # Done when it stays so for 3 s; its place of the search is within the boundary.
+        for _ in range(20):
             status = self.step()
-        # Its place of the search is within the boundary.
+        self.assertEqual(status.state, MissionStatus.AROUND, status.reason)
+        for _ in range(15):
+            status = self.step()
         self.assertEqual(status.state, MissionStatus.DONE, status.reason)
         self.assertEqual(status.done, 1)
         self.assertGreater(max(len(path.poses) for path in self.path.messages), 10)
@@ -209,9 +212,9 @@ class CircumnavigateTest(unittest.TestCase):
             return lambda: self.scans.publish(msg)
 
         self.step()
-        self.counts("dropped: no transform", scan(frame="nowhere"))
-        self.counts("scans without odometry of their time", scan(late_s=5.0))
-        self.counts("dropped: bad scan: empty scan", scan(beams=0))
+        self.counts("scans not used: no transform", scan(frame="nowhere"))
+        self.counts("scans not used: no odometry", scan(late_s=5.0))
+        self.counts("scans not used: bad scan: empty scan", scan(beams=0))
         self.assertEqual(self.step().done, 1)
 
     @fault("time is reset", "stamps 500 s back", "a new mission: boundaries come anew")

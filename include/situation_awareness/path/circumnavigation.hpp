@@ -139,7 +139,7 @@ class Circumnavigation {
   void look_for_places(const MissionInput& input);
   void lose_patience();
   bool is_done(const Splinegon& boundary) const;
-  void remember_done(const Splinegons& boundaries);
+  void watch_boundaries(const MissionInput& input);
   bool is_given_up(std::uint64_t id) const;
   bool is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const;
   bool is_free(const SegmentPath& path) const;
@@ -158,11 +158,14 @@ class Circumnavigation {
   CircumnavigationParams params_;
   std::vector<DubinsEnd> search_;
   std::size_t place_ = 0;  ///< index in the search
-  struct Done {
+  /// A boundary that is closed and certain, or was so for long enough to be done.
+  struct Watched {
     std::uint64_t id;
-    double length_m;  ///< of its outline
+    double length_m;  ///< of its outline, when it last was so
+    std::int64_t since_ns;
+    bool done;
   };
-  std::vector<Done> done_;
+  std::vector<Watched> watched_;
   std::vector<std::uint64_t> given_up_;
   std::size_t places_given_up_ = 0;
 
