@@ -185,10 +185,7 @@ class CircumnavigateStage {
   void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
     if (order_.latest_ns() == StampOrder::kNone) return;
     const std::string defect = scan_msg_defect(*msg);
-    if (!defect.empty()) {
-      context_.drop(defect);
-      return;
-    }
+    if (!defect.empty()) return scan_not_used(defect);
     // The odometry whose time is nearest to the middle of the scan.
     const double half_s = 0.5 * static_cast<double>(msg->time_increment) * static_cast<double>(msg->ranges.size());
     const std::int64_t middle_ns =
@@ -196,25 +193,23 @@ class CircumnavigateStage {
     const StampedPose& pose = *std::min_element(poses_.begin(), poses_.end(), [&](const auto& a, const auto& b) {
       return std::abs(seconds_between(a.stamp_ns, middle_ns)) < std::abs(seconds_between(b.stamp_ns, middle_ns));
     });
-    if (std::abs(seconds_between(pose.stamp_ns, middle_ns)) > kMostPoseAge_s) {
-      context_.diagnostics().counted({{"scans without odometry of their time", 1}});
-      return;
-    }
+    if (std::abs(seconds_between(pose.stamp_ns, middle_ns)) > kMostPoseAge_s) return scan_not_used("no odometry");
     try {
       const auto mounted = tf_.lookupTransform(params_.base_frame, tf2_frame(msg->header.frame_id), ros::Time(0));
       if (!free_beams_from_msg(*msg, pose.T_world_base * isometry_from_msg(mounted.transform), beams_)) {
         has_beams_ = false;
-        context_.diagnostics().counted({{"scans that show nothing around", 1}});
-        return;
+        return scan_not_used("tilt or limits");
       }
       has_beams_ = true;
       scan_ns_ = to_nanoseconds(msg->header.stamp);
-    } catch (const tf2::TransformException& error) {
-      context_.drop(drop_reason::kNoTransform, error.what());
-    } catch (const std::exception& error) {  // not a rotation
-      context_.drop(drop_reason::kBadTransform, error.what());
+    } catch (const tf2::TransformException&) {
+      scan_not_used(drop_reason::kNoTransform);
+    } catch (const std::exception&) {  // not a rotation
+      scan_not_used(drop_reason::kBadTransform);
     }
   }
+
+  void scan_not_used(const std::string& reason) { context_.diagnostics().counted({{"scans not used: " + reason, 1}}); }
 
   bool on_plan(PlanDubins::Request& request, PlanDubins::Response& response) {
     plan_dubins(request, response);
