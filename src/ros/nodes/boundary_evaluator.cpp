@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Compares `splinegons`, `odometry` and `fix` with the truth of aircraft_simulator and its world, and prints a table;
-// the exit code tells whether the bounds were met.
+// the exit code tells whether the bounds were met. A flight ends by `flight_done`, or when its `mission` is done.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <deque>
 #include <iterator>
+#include <limits>
 #include <map>
 #include <optional>
 #include <stdexcept>
@@ -19,6 +20,7 @@
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/Empty.h>
 
+#include "situation_awareness/MissionStatus.h"
 #include "situation_awareness/SplinegonArray.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/boundary_evaluation.hpp"
@@ -44,19 +46,20 @@ struct BoundaryEvaluatorParams {
   std::string world = "towers";
   int rounds = 0;
   double duration_s = 0.0;
-  double max_duration_s = 300.0;
+  double max_duration_s = 600.0;
   double max_hausdorff_m = 3.0;
   double max_mean_m = 2.0;
   double max_area_part = 0.04;
   double min_in_envelope_part = 0.98;
   double max_position_part = 1.0;
+  double min_clearance_m = 1.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("world", self.world, "name of a world in models/worlds, or a path: its outlines are the truth");
     visit("rounds", self.rounds, Bounds{0, 1000}, "", "of the world's rounds those that are flown; 0: all");
     visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s",
-          "simulated time after which the boundaries are judged; 0: when flight_done comes");
+          "simulated time after which the boundaries are judged; 0: when flight_done comes, or mission is done");
     visit("max_duration_s", self.max_duration_s, Bounds{1.0, 1e6}, "s", "a flight that takes longer has got lost");
     visit("max_hausdorff_m", self.max_hausdorff_m, Bounds{0.0, 1e3}, "m", "largest Hausdorff distance");
     visit("max_mean_m", self.max_mean_m, Bounds{0.0, 1e3}, "m", "largest mean distance");
@@ -65,6 +68,7 @@ struct BoundaryEvaluatorParams {
           "least part of all outlines in the 99 % envelopes");
     visit("max_position_part", self.max_position_part, Bounds{0.0, 1e3}, "",
           "largest RMS error of the positions, over that of the fixes");
+    visit("min_clearance_m", self.min_clearance_m, Bounds{0.0, 1e3}, "m", "least true distance from what stands");
   }
 };
 
@@ -98,6 +102,10 @@ class BoundaryEvaluator {
     done_ = node_.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
       if (params_.duration_s == 0.0) end_after(kLastMap_s);
     });
+    mission_ = node_.subscribe<MissionStatus>("mission", 20, [this](const MissionStatusConstPtr& msg) {
+      latest_mission_ = msg;
+      if (params_.duration_s == 0.0 && msg->state == MissionStatus::DONE) end_after(kLastMap_s);
+    });
   }
 
   /// Prints table and verdict; true if the bounds were met.
@@ -122,6 +130,10 @@ class BoundaryEvaluator {
       std::printf("position, RMS: %.2f m (%zu poses), by GPS alone %.2f m (%zu fixes); yaw, RMS: %.2f deg\n",
                   position_.rms(), position_.count, fixes_.rms(), fixes_.count, degrees(yaw_.rms()));
     }
+    if (latest_mission_) {
+      std::printf("mission: %u boundaries done, %u boundaries and places given up; %s\n", latest_mission_->done,
+                  latest_mission_->given_up, latest_mission_->reason.c_str());
+    }
     bool met = true;
     if (!finished_) {
       std::printf("the flight did not come to its end\n");
@@ -145,6 +157,8 @@ class BoundaryEvaluator {
     if (position_.count > 0) {  // else the pose is the true one
       at_most("RMS of the position over that of GPS", position_.rms() / fixes_.rms(), params_.max_position_part, "");
     }
+    judge("least distance from what stands", least_clearance_m_, params_.min_clearance_m,
+          least_clearance_m_ >= params_.min_clearance_m, "m");
     std::fflush(stdout);
     return met;
   }
@@ -186,11 +200,27 @@ class BoundaryEvaluator {
   void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
     truths_[to_nanoseconds(msg->header.stamp)] = planar(msg->pose);
     if (truths_.size() > kMaxTruths) truths_.erase(truths_.begin());
-    if (begin_.isZero()) begin_ = msg->header.stamp;
+    if (begin_.isZero()) {
+      begin_ = msg->header.stamp;
+      things_ = world_.outlines_at(0.0, msg->pose.position.z);
+    }
+    measure_clearance({msg->pose.position.x, msg->pose.position.y});
     const double since_s = (msg->header.stamp - begin_).toSec();
     if (params_.duration_s > 0.0 && since_s >= params_.duration_s) end_after(kLastMap_s);
     if (since_s > params_.max_duration_s) ros::shutdown();
     compare();
+  }
+
+  void measure_clearance(const Eigen::Vector2d& p_m) {
+    for (const TrueOutline& thing : things_) {
+      if (thing.can_move || !thing.is_there) continue;
+      const std::vector<Eigen::Vector2d>& points = thing.points_world_m;
+      for (std::size_t i = 0; i < points.size(); ++i) {
+        const Eigen::Vector2d way_m = points[(i + 1) % points.size()] - points[i];
+        const double part = std::clamp((p_m - points[i]).dot(way_m) / std::max(way_m.squaredNorm(), 1e-12), 0.0, 1.0);
+        least_clearance_m_ = std::min(least_clearance_m_, (points[i] + part * way_m - p_m).norm());
+      }
+    }
   }
 
   void on_odometry(const nav_msgs::OdometryConstPtr& msg) {
@@ -267,7 +297,10 @@ class BoundaryEvaluator {
   std::deque<sensor_msgs::NavSatFixConstPtr> waiting_fixes_;
   std::size_t received_poses_ = 0;
   Errors position_, yaw_, fixes_;
-  ros::Subscriber true_pose_, odometry_, fix_, splinegons_, done_;
+  std::vector<TrueOutline> things_;
+  double least_clearance_m_ = std::numeric_limits<double>::infinity();
+  MissionStatusConstPtr latest_mission_;
+  ros::Subscriber true_pose_, odometry_, fix_, splinegons_, done_, mission_;
   ros::Timer end_;
 };
 
