@@ -209,8 +209,8 @@ one, too.
 """
 TESTED = """
 Faults that cannot be part of a day, and those of localisation (`reflector_localization_test`), of the pose by GPS and INS
-(`gps_ins_test`), of the map of polygons (`polygon_mapping_test`), of safety areas and path following (`path_test`); each
-has a test that runs in CI.
+(`gps_ins_test`), of the map of polygons (`polygon_mapping_test`), of safety areas and path following (`path_test`), of the
+mission around unknown obstacles (`circumnavigate_test`); each has a test that runs in CI.
 """
 
 
