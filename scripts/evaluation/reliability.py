@@ -20,7 +20,7 @@ MOST_UNTIL_BACK_S = 2.0
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
 LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
-TESTS = "^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path)_test$"
+TESTS = "^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path|circumnavigate)_test$"
 
 
 # --- running

@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -9,10 +10,12 @@
 #include <gtest/gtest.h>
 #include <sensor_msgs/point_cloud2_iterator.h>
 
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/lie_groups.hpp"
 #include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/hit_labels.hpp"
+#include "situation_awareness/ros/convert/mission.hpp"
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
@@ -981,6 +984,43 @@ TEST(ConvertPoses, FramesLoseTheirLeadingSlash) {
   EXPECT_EQ(tf2_frame("/laser"), "laser");
   EXPECT_EQ(tf2_frame("laser"), "laser");
   EXPECT_EQ(tf2_frame(""), "");
+}
+
+// The same beams by a scanner that is upside down, and by one that turns clockwise.
+TEST(FreeBeams, AreTheSameHoweverTheScannerIsMounted) {
+  const sensor_msgs::LaserScan upright = scan_msg({2.0F, kInf, kNan, 0.05F, 40.0F, 5.0F});
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation() << 3.0, -1.0, 15.0;
+  T.linear() = Eigen::AngleAxisd(0.7, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  FreeBeams expected, beams;
+  ASSERT_TRUE(free_beams_from_msg(upright, T, expected));
+  EXPECT_EQ(expected.free_m, (std::vector<double>{2.0, 30.0, 0.0, 0.0, 30.0, 5.0}));
+  EXPECT_NEAR(expected.T_world_sensor.yaw_rad, 0.7, 1e-12);
+  EXPECT_NEAR(expected.from_rad, -1.0, 1e-6);
+
+  sensor_msgs::LaserScan clockwise = upright;
+  std::reverse(clockwise.ranges.begin(), clockwise.ranges.end());
+  clockwise.angle_min = upright.angle_min + 5.0F * upright.angle_increment;
+  clockwise.angle_increment = -upright.angle_increment;
+  ASSERT_TRUE(free_beams_from_msg(clockwise, T, beams));
+  EXPECT_EQ(beams.free_m, expected.free_m);
+  EXPECT_NEAR(beams.from_rad, expected.from_rad, 1e-6);
+  EXPECT_EQ(beams.step_rad, expected.step_rad);
+
+  // Upside down, about the axis ahead, the angles of the same beams are the negative ones.
+  sensor_msgs::LaserScan below = clockwise;
+  below.angle_min = -clockwise.angle_min;
+  below.angle_increment = -clockwise.angle_increment;
+  const Eigen::Isometry3d T_below = T * Eigen::AngleAxisd(kPi, Eigen::Vector3d::UnitX());
+  ASSERT_TRUE(free_beams_from_msg(below, T_below, beams));
+  EXPECT_EQ(beams.free_m, expected.free_m);
+  EXPECT_NEAR(beams.from_rad, expected.from_rad, 1e-6);
+  EXPECT_NEAR(beams.T_world_sensor.yaw_rad, 0.7, 1e-12);
+
+  // Tilted they are as long as the steepest one is over the ground; on its side it shows nothing.
+  ASSERT_TRUE(free_beams_from_msg(upright, T * Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()), beams));
+  EXPECT_NEAR(beams.free_m[0], 2.0 * std::cos(0.3), 1e-9);
+  EXPECT_FALSE(free_beams_from_msg(upright, T * Eigen::AngleAxisd(1.4, Eigen::Vector3d::UnitX()), beams));
 }
 
 }  // namespace
