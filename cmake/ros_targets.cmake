@@ -17,7 +17,8 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/splinegons.cpp
   src/ros/gps_ins_input.cpp
   src/ros/gps_ins_report.cpp
-  src/ros/inertial_track.cpp
+  src/ros/inertial_input.cpp
+  src/ros/inertial_navigation.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/object_markers.cpp
@@ -49,6 +50,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/splinegon_nodelet_params.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
+  src/ros/scans_on_base.cpp
   src/ros/simulation.cpp
   src/ros/stage_context.cpp
   src/ros/stage_diagnostics.cpp

@@ -120,7 +120,9 @@ void print_all() {
   SplinegonNodeletParams splinegon_params;
   const std::vector<Parameter> of_splinegons = parameters_of(splinegon_params);
   print_section(of_splinegons, "", "The boundaries of large obstacles", of_objects);
-  print_sections(of_splinegons, of_polygons);
+  std::vector<Parameter> before = of_polygons;
+  before.insert(before.end(), of_gps_ins.begin(), of_gps_ins.end());
+  print_sections(of_splinegons, before);
   CircumnavigateNodeletParams mission_params;
   const std::vector<Parameter> of_mission = parameters_of(mission_params);
   print_section(of_mission, "", "The nodelet circumnavigate", of_objects);

@@ -92,8 +92,7 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
                                              const InertialPlacement& placement) {
   take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
   if (!alignment_.has_begun() && !begin(placement)) {
-    boundaries_.clear();
-    return map_.update(polylines_.stamp_ns, boundaries_, 0.0);
+    return map_.update(polylines_.stamp_ns, boundaries_, 0.0);  // loaded ones, if any
   }
   const Eigen::Matrix3d covariance = alignment_.align(chains_, placement, polylines_);
   return map_polylines(covariance, alignment_.variance_m2(kFromMiddle_m));

@@ -26,6 +26,10 @@ from ros_support import Latest, wait_until  # noqa: E402
 from situation_awareness.msg import SplinegonArray  # noqa: E402
 
 SCANS = 350
+# Wall time in which messages of one topic are surely taken before those of another that are sent after it. A fix that
+# comes after the next sample changes the last digits, and so does a scan: tf2 interpolates at the latest stamp once there
+# is a later one.
+ORDER_S = 0.1
 KINDS = {"/imu": Imu, "/fix": NavSatFix, "/scan": LaserScan, "/tf": TFMessage}
 
 
@@ -84,14 +88,16 @@ class SplinegonsLiveOfflineTest(unittest.TestCase):
                     if odometry.messages:
                         wait_until(lambda: odometry.messages[-1].header.stamp >= known, 20.0, "the pose")
                     else:
-                        time.sleep(0.05)
+                        time.sleep(ORDER_S)
                 publishers[topic].publish(msg)
                 if topic == "/fix":
-                    time.sleep(0.02)
+                    time.sleep(ORDER_S)
                 if topic == last_topic:
                     known = max(known, stamp_of(msg))
                 elif topic == "/scan" and msg.header.stamp in expected:
                     waiting.append(msg)
+                elif topic == "/scan":
+                    time.sleep(0.2 * ORDER_S)
                 while waiting and waiting[0].header.stamp + genpy.Duration(
                         nsecs=round(1e9 * waiting[0].time_increment * (len(waiting[0].ranges) - 1))) <= known:
                     stamp = waiting.pop(0).header.stamp

@@ -6,14 +6,10 @@
 #include <optional>
 #include <string>
 
-#include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <ros/time.h>
 #include <sensor_msgs/LaserScan.h>
 #include <std_msgs/Header.h>
-#include <tf2/buffer_core.h>
-#include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/counters.hpp"
@@ -21,10 +17,9 @@
 #include "situation_awareness/pose/odometry_track.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
-#include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/scans_on_base.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
-#include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 
@@ -33,15 +28,7 @@ struct OdometryPosedScan {
   std_msgs::Header header;
   sensor_msgs::LaserScanConstPtr msg;
   Eigen::Isometry3d T_odom_lidar, T_odom_lidar_end;
-  Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();  ///< at the first beam
-
-  OdometryPosedScan() = default;
-  /// By TF: its world is `odom`, and there is no base.
-  explicit OdometryPosedScan(const PosedMessage<sensor_msgs::LaserScan>& posed)
-      : header(posed.header),
-        msg(posed.msg),
-        T_odom_lidar(posed.T_world_sensor),
-        T_odom_lidar_end(posed.T_world_sensor_end) {}
+  Eigen::Isometry3d T_odom_base;  ///< at the first beam
 };
 
 /// The input of a stage that places scans by the messages of odometry, and by TF only the scanner on the base: a scan
@@ -53,10 +40,8 @@ class OdometryInput {
   using Context = StageContext<sensor_msgs::LaserScan, OdometryPosedScan>;
 
   struct Use {
-    /// Takes a message of odometry and `transform`, its pose, which it may change; what it refuses is not used.
-    std::function<OdometryTrack::Verdict(const nav_msgs::Odometry& msg, geometry_msgs::TransformStamped& transform)>
-        add;
-    const char* topic = "odom";
+    /// Takes a pose by odometry; what it refuses is not used.
+    std::function<OdometryTrack::Verdict(std::int64_t stamp_ns, const Pose2& T_odom_base)> add;
   };
 
   /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than `reset_time_jump_s` is a
@@ -69,16 +54,10 @@ class OdometryInput {
   const OdometryFrames& frames() const { return frames_; }
 
  private:
-  struct Arrived {
-    sensor_msgs::LaserScanConstPtr msg;
-    ros::SteadyTime at;
-  };
-
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival);
   void add(const nav_msgs::Odometry& msg);
   std::string defect_of(const nav_msgs::Odometry& msg) const;
   void refuse(const std::string& reason);
-  void mount();
   void release();
   std::string why_unplaced() const;
   void report(StageDiagnostics::Status& status);
@@ -86,19 +65,12 @@ class OdometryInput {
   Context& context_;
   OdometryFrames frames_;
   std::string world_frame_;
-  bool deskew_;
   Use use_;
-  tf2_ros::Buffer tf_;           ///< for the place of the scanner on the base
-  tf2::BufferCore odometry_;     ///< odometry -> base -> lidar, by names of its own
-  std::string lidar_frame_;      ///< of the latest scan
-  std::string mounted_;          ///< the frame whose place on the base is known; empty: none is
-  std::string why_not_mounted_;  ///< tf2's reason
-  std::int64_t latest_ns_ = 0;   ///< odometry
+  ScansOnBase scans_;
+  std::int64_t latest_ns_ = 0;  ///< odometry
   Counters refused_;
   std::uint64_t received_ = 0, refusals_ = 0, reported_received_ = 0, reported_refusals_ = 0;
   std::string latest_refusal_;
-  TransformQueue<Arrived> queue_;
-  tf2_ros::TransformListener listener_;
   std::optional<TimedSubscriber<nav_msgs::Odometry>> subscriber_;
 };
 

@@ -113,6 +113,10 @@ class StageContext : public StageContextBase {
   /// Adds the message to the backlog.
   void enqueue(const QueuedConstPtr& queued, const ros::SteadyTime& arrival) { backlog_.add(queued, arrival); }
 
+  /// Processes the message now, before those in the backlog: for messages that were waited for, of which none may be
+  /// dropped under overload.
+  void handle_now(const QueuedConstPtr& queued, const ros::SteadyTime& arrival) { handle(queued, arrival); }
+
   /// For a stage to which each message matters and costs little, as samples to be integrated do: under overload none is
   /// dropped.
   void keep_all() { backlog_.keep_all(); }

@@ -45,9 +45,7 @@ class ReflectorLocalizationStage {
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("reflectors", 5)),
         input_(context, params.nodelet, {params.odom_frame, params.base_frame},
                params.pipeline.localization.odometry.reset_time_jump_s,
-               {[this](const nav_msgs::Odometry& msg, geometry_msgs::TransformStamped& transform) {
-                 return add(to_nanoseconds(msg.header.stamp), pose2_of(isometry_from_msg(transform.transform)));
-               }}) {
+               {[this](std::int64_t stamp_ns, const Pose2& T_odom_base) { return add(stamp_ns, T_odom_base); }}) {
     has_initial_ = !params.initial_pose.empty();
     if (has_initial_) initial_ = parse_pose2(params.initial_pose, "initial_pose");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) {

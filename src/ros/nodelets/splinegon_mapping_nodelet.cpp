@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, odometry, TF base -> lidar (or world -> lidar)  ->  splinegons, polygons, splinegon_markers,
+// scan, imu, fix, TF base -> lidar (or scan, TF world -> lidar)  ->  splinegons, polygons, splinegon_markers,
 // local_polygon_markers
 #include <algorithm>
 #include <cstddef>
@@ -16,11 +16,10 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
-#include "situation_awareness/ros/inertial_track.hpp"
+#include "situation_awareness/ros/inertial_input.hpp"
 #include "situation_awareness/ros/map_publisher.hpp"
 #include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/splinegon_markers.hpp"
-#include "situation_awareness/ros/odometry_input.hpp"
 #include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -31,14 +30,13 @@ namespace situation_awareness {
 
 class SplinegonMappingStage {
  public:
-  using Context = OdometryInput::Context;
+  using Context = InertialInput::Context;
   static constexpr const char* kInput = "scan";
   static constexpr auto kReadParams = read_splinegon_nodelet_params;
 
   SplinegonMappingStage(Context& context, const SplinegonNodeletParams& params)
       : context_(context),
         params_(params),
-        track_(params.reset_time_jump_s),
         map_(params.pipeline, params.reset_time_jump_s),
         publisher_(context, params.nodelet),
         polygons_publisher_(context.node().advertise<PolygonArray>("polygons", 5)),
@@ -49,37 +47,26 @@ class SplinegonMappingStage {
     pose_covariance_ =
         Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();
     if (params.localization == "gps") {
-      by_odometry_.emplace(
-          context, params.nodelet, OdometryFrames{params.nodelet.world_frame, params.base_frame},
-          params.reset_time_jump_s,
-          OdometryInput::Use{[this](const nav_msgs::Odometry& msg, geometry_msgs::TransformStamped& transform) {
-                               return track_.add(msg, transform);
-                             },
-                             "odometry"});
+      by_gps_.emplace(context, gps_ins_params_of(params), params.reset_time_jump_s);
     } else {
       by_tf_.emplace(
           context, params.nodelet, params.reset_time_jump_s, 0.0,
-          PosedInput<sensor_msgs::LaserScan, OdometryPosedScan>::Use{
+          PosedInput<sensor_msgs::LaserScan, InertialScan>::Use{
               scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
               [] {}});
     }
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
   }
 
-  bool process(const OdometryPosedScan& posed) {
+  bool process(const InertialScan& posed) {
     if (services_.passes_over()) return false;
     Scan scan = scan_from_msg(*posed.msg);
     if (!params_.nodelet.deskew) scan.time_increment_s = 0.0;
     const std::string defect = projection_defect(scan, posed.T_odom_lidar, posed.T_odom_lidar_end);
     if (!defect.empty()) return context_.drop(defect);
-    StampOrder::Verdict verdict = StampOrder::Verdict::kRefused;
-    if (by_tf_) {
-      verdict = map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, pose_covariance_);
-    } else {
-      if (track_.empty()) return context_.drop("no odometry");
-      verdict =
-          map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, placement_of(track_.known_at(scan.stamp_ns)));
-    }
+    const StampOrder::Verdict verdict =
+        by_tf_ ? map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, pose_covariance_)
+               : map_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, posed.placement);
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
     if (verdict == StampOrder::Verdict::kRestart) {
       context_.diagnostics().counted({{"time jumped back: new map", 1}});
@@ -116,14 +103,13 @@ class SplinegonMappingStage {
   Context& context_;
   SplinegonNodeletParams params_;
   Eigen::Matrix3d pose_covariance_;  ///< of poses by TF
-  InertialTrack track_;
   TimedSplinegonMap map_;
   MapPublisher<SplinegonKind> publisher_;
   ros::Publisher polygons_publisher_, local_publisher_;
   LocalPolygonMarkers local_markers_;
   MapServices<SplinegonKind> services_;
-  std::optional<OdometryInput> by_odometry_;
-  std::optional<PosedInput<sensor_msgs::LaserScan, OdometryPosedScan>> by_tf_;
+  std::optional<InertialInput> by_gps_;
+  std::optional<PosedInput<sensor_msgs::LaserScan, InertialScan>> by_tf_;
 };
 
 using SplinegonMappingNodelet = StageNodelet<SplinegonMappingStage>;

@@ -5,18 +5,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstdio>
-#include <deque>
-#include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include <geometry_msgs/TransformStamped.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
-#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
@@ -25,10 +24,9 @@
 #include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
-#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/gps_ins_input.hpp"
+#include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
@@ -48,14 +46,10 @@ bulge is tan(arc angle / 4) of the arc to the next one. Invalid scans have no li
 written atomically.
 )";
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-
 constexpr double kResetTimeJump_s = 1.0;
 /// Of poses from /tf, which have no covariance.
 constexpr double kTfSigma_m = 0.01;
 constexpr double kTfSigma_rad = 0.002;
-/// The pose is that by the map where its variance is so much less than that by GPS and INS.
-constexpr double kWorseThanMap = 1.5;
 
 struct Options {
   BagOptions bag;
@@ -83,7 +77,8 @@ void add_options(CLI::App& app, Options& options) {
 }
 
 /// R = Rz(yaw) Ry(pitch) Rx(roll).
-Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, const Splinegons& splinegons) {
+Json json_of(const WorldPose& known, const Splinegons& splinegons) {
+  const Eigen::Isometry3d& T_world_base = known.T_world_base;
   Json line;
   Json& pose = line["pose"] = Json::object();
   const Eigen::Matrix3d& R = T_world_base.linear();
@@ -93,7 +88,7 @@ Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, c
   pose["roll"] = finite(std::atan2(R(2, 1), R(2, 2)));
   pose["pitch"] = finite(std::atan2(-R(2, 0), std::hypot(R(2, 1), R(2, 2))));
   pose["yaw"] = finite(std::atan2(R(1, 0), R(0, 0)));
-  pose["covariance"] = list_of(36, [&](int i) { return covariance(i / 6, i % 6); });
+  pose["covariance"] = list_of(36, [&](int i) { return known.covariance(i / 6, i % 6); });
   Json& list = line["boundaries"] = Json::array();
   for (const Splinegon& splinegon : splinegons.boundaries) {
     Json& element = add_object(list, 4);
@@ -107,14 +102,6 @@ Json json_of(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance, c
     }
   }
   return line;
-}
-
-/// Of the pose's x, y and yaw in the axes of the world.
-Eigen::Matrix3d planar_covariance(const Eigen::Isometry3d& T_world_base, const Matrix6& covariance) {
-  Eigen::Matrix<double, 3, 6> J = Eigen::Matrix<double, 3, 6>::Zero();
-  J(0, 0) = J(1, 1) = 1.0;
-  J.row(2).tail<3>() = T_world_base.linear().row(2);
-  return J * covariance * J.transpose();
 }
 
 struct BagParams {
@@ -133,18 +120,18 @@ void map_by_tf(const Options& options, const BagParams& params) {
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   const std::string world_frame = tf2_frame(options.bag.world_frame), base_frame = tf2_frame(options.base_frame);
-  Matrix6 covariance = Matrix6::Zero();
-  covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
-  covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
+  WorldPose pose;
+  pose.covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
+  pose.covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
+  // Of x, y and yaw: that of the attitude is the same about all axes. As live, to the last digit.
+  const Eigen::Matrix3d planar =
+      Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
-        const Eigen::Isometry3d T_world_base =
-            transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
-        player.timed([&] {
-          pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar_covariance(T_world_base, covariance));
-        });
-        out.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, pipeline.splinegons())));
+        pose.T_world_base = transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
+        player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar); });
+        out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
       },
       options.lidar_frame);
   player.play();
@@ -162,51 +149,34 @@ void add_to(Counters& sum, const Counters& counters) {
   for (const auto& [reason, count] : counters) sum[reason] += count;
 }
 
-/// The pose by GPS and INS while a bag is played. The transform of the player is that by inertial navigation alone, in
-/// a frame of its own: gyroscopes and accelerations, and no jumps where fixes correct the pose.
+/// Inertial navigation while a bag is played, in the player's transforms.
 class BagNavigation {
  public:
   static constexpr const char* kOdomFrame = "splinegons_bag_odom";
-  /// For which scans wait until the pose is ready. They are mapped then, but have no line of their own.
-  static constexpr double kBacklog_s = 30.0;
-
-  /// As it was known at that time.
-  struct Known {
-    std::int64_t stamp_ns = 0;
-    Eigen::Isometry3d T_world_odom;
-    Matrix6 covariance;
-    Eigen::Vector3d v_odom_m_s, angular_velocity_odom_rad_s;  ///< of the base
-    Eigen::Vector3d v_world_m_s;
-    double velocity_sigma_m_s = 0.0;
-  };
 
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
-      : player_(player), options_(options), fix_frame_(fix_frame(options)) {
+      : player_(player), fix_frame_(fix_frame(options)) {
     params.validate();
-    params_.base_frame = options.base_frame;
+    params_.base_frame = tf2_frame(options.base_frame);
     params_.origin = options.origin;
     params_.gps_ins = params;
     player.subscribe<sensor_msgs::Imu>(options.imu_topic,
                                        [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
-    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic,
-                                             [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
+    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& /*recorded*/) {
+      if (navigation_) navigation_->add_fix(*msg);
+    });
   }
 
-  /// Before it poses are from what came later: scans of that time waited for them.
-  bool was_ready_at(std::int64_t stamp_ns) const { return stamp_ns >= ready_since_ns_; }
-
-  const Known& known_at(std::int64_t stamp_ns) {
-    while (known_.size() > 1 && known_[1].stamp_ns <= stamp_ns) known_.pop_front();
-    return known_.front();
-  }
+  /// Once there is a pose.
+  InertialNavigation& operator*() { return *navigation_; }
 
   void print_summary() const {
-    const GpsIns* const filter = input_ ? input_->filter() : nullptr;
+    const GpsIns* const filter = navigation_ ? navigation_->input().filter() : nullptr;
     if (filter == nullptr || !filter->is_ready()) {
       std::printf("gps_ins: not ready: %s\n", filter != nullptr ? filter->reason() : "no IMU");
     }
     Counters all = refused_;
-    if (input_) add_to(all, input_->counters());
+    if (navigation_) add_to(all, navigation_->input().counters());
     if (filter != nullptr) add_to(all, filter->counters());
     for (const auto& [reason, count] : all) {
       std::printf("gps_ins: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
@@ -216,7 +186,7 @@ class BagNavigation {
  private:
   /// The frame itself, if its place on the base is known, else the base.
   std::string known(const std::string& frame) const {
-    const std::string base_frame = tf2_frame(options_.base_frame);
+    const std::string& base_frame = params_.base_frame;
     if (frame.empty() || frame == base_frame) return base_frame;
     if (player_.transforms().canTransform(base_frame, frame, ros::Time(0))) return frame;
     std::fprintf(stderr, "%s: no transform from %s to %s: taken for the same frame\n", kName, base_frame.c_str(),
@@ -225,145 +195,54 @@ class BagNavigation {
   }
 
   void add(const sensor_msgs::Imu& msg) {
-    if (!input_) {
+    if (!navigation_) {
       params_.imu_frame = known(tf2_frame(msg.header.frame_id));
       params_.fix_frame = known(fix_frame_);
-      input_ = std::make_unique<GpsInsInput>(params_, player_.transforms());
-      input_->keep_backlog(kBacklog_s);
+      navigation_.emplace(params_, player_.transforms(),
+                          InertialNavigation::Use{[this](geometry_msgs::TransformStamped T_odom_base) {
+                                                    T_odom_base.header.frame_id = kOdomFrame;
+                                                    T_odom_base.child_frame_id = params_.base_frame;
+                                                    player_.add_transform(std::move(T_odom_base));
+                                                  },
+                                                  [this] { player_.forget_transforms(); }});
     }
-    const std::string reason = input_->add_imu(msg);
+    const std::string reason = navigation_->add_imu(msg);
     if (!reason.empty()) ++refused_[reason];
-    if (input_->filter() == nullptr) return;
-    const GpsInsPose pose = input_->filter()->pose();
-    if (!pose.is_ready) return;
-    if (ready_since_ns_ == StampOrder::kNone) {
-      ready_since_ns_ = pose.stamp_ns;
-      for (const GpsInsPose& earlier : input_->backlog_poses(pose)) go_on(earlier);
-    }
-    go_on(pose);
-  }
-
-  /// The next pose in order.
-  void go_on(const GpsInsPose& pose) {
-    if (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns) return;
-    const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
-    const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
-    if (known_.empty()) {
-      odom_yaw_rad_ = yaw_rad;
-      p_odom_m_ = pose.T_world_base.translation();
-      v_odom_m_s_ = pose.velocity_world_m_s;
-    }
-    const double step_s = known_.empty() ? 0.0 : seconds_between(known_.back().stamp_ns, pose.stamp_ns);
-    odom_yaw_rad_ += step_s * yaw_rate(pose);
-    const Eigen::Matrix3d R_odom_world =
-        Eigen::AngleAxisd(odom_yaw_rad_ - yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Matrix3d R_odom_base = R_odom_world * R_world_base;
-    const Eigen::Vector3d a_odom_m_s2 =
-        R_odom_base * pose.specific_force_base_m_s2 - kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ();
-    const Eigen::Vector3d change_m_s = 0.5 * step_s * (a_odom_m_s2_ + a_odom_m_s2);
-    p_odom_m_ += step_s * (v_odom_m_s_ + 0.5 * change_m_s);
-    v_odom_m_s_ += change_m_s;
-    a_odom_m_s2_ = a_odom_m_s2;
-    p_odom_m_.z() = pose.T_world_base.translation().z();
-    Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();
-    T_odom_base.translation() = p_odom_m_;
-    T_odom_base.linear() = R_odom_base;
-    player_.add_transform(transform_to_msg(T_odom_base, pose.stamp_ns, kOdomFrame, options_.base_frame));
-    const double yaw_variance =
-        R_world_base.row(2) * pose.covariance.bottomRightCorner<3, 3>() * R_world_base.row(2).transpose();
-    const double velocity_variance = pose.velocity_covariance.topLeftCorner<2, 2>().diagonal().maxCoeff() +
-                                     pose.velocity_world_m_s.head<2>().squaredNorm() * yaw_variance;
-    known_.push_back({pose.stamp_ns, pose.T_world_base * T_odom_base.inverse(), pose.covariance, v_odom_m_s_,
-                      R_odom_base * pose.angular_velocity_base_rad_s, pose.velocity_world_m_s,
-                      std::sqrt(velocity_variance)});
-  }
-
-  /// About the vertical, of Rz(yaw) Ry(pitch) Rx(roll).
-  static double yaw_rate(const GpsInsPose& pose) {
-    const Eigen::Matrix3d R = pose.T_world_base.linear();
-    const double roll_rad = std::atan2(R(2, 1), R(2, 2));
-    const double cos_pitch = std::hypot(R(2, 1), R(2, 2));
-    return (std::sin(roll_rad) * pose.angular_velocity_base_rad_s.y() +
-            std::cos(roll_rad) * pose.angular_velocity_base_rad_s.z()) /
-           std::max(cos_pitch, 0.1);
-  }
-
-  void add(const sensor_msgs::NavSatFix& msg) {
-    if (input_) input_->add_fix(msg);
   }
 
   BagPlayer& player_;
-  const Options& options_;
   GpsInsNodeletParams params_;
   std::string fix_frame_;
-  std::unique_ptr<GpsInsInput> input_;
+  std::optional<InertialNavigation> navigation_;
   Counters refused_;
-  std::int64_t ready_since_ns_ = StampOrder::kNone;
-  std::deque<Known> known_;
-  double odom_yaw_rad_ = 0.0;
-  Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero(), v_odom_m_s_ = p_odom_m_, a_odom_m_s2_ = p_odom_m_;
 };
-
-/// Where GPS and INS know the pose worse than the map does, in an outage of the fixes, it is that by the map: x, y and
-/// yaw. Height, roll and pitch stay.
-void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_world_odom,
-                  const Eigen::Isometry3d& T_odom_base, Eigen::Isometry3d& T_world_base, Matrix6& covariance) {
-  if (!alignment.has_begun()) return;
-  const Eigen::Matrix3d by_map = alignment.covariance_world(), before = planar_covariance(T_world_base, covariance);
-  if (before.topLeftCorner<2, 2>().trace() < kWorseThanMap * by_map.topLeftCorner<2, 2>().trace()) return;
-  const Pose2 T_map = alignment.T_world_odom();
-  Eigen::Isometry3d T_new_odom = Eigen::Isometry3d::Identity();
-  T_new_odom.translation() << T_map.translation_m, T_world_odom.translation().z();
-  T_new_odom.linear() = Eigen::AngleAxisd(T_map.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  T_world_base = T_new_odom * T_odom_base;
-  // The error of the yaw is one about the vertical, along the third row of R in the base.
-  const Eigen::Vector3d up_base = T_world_base.linear().row(2).transpose();
-  Eigen::Matrix<double, 6, 3> J = Eigen::Matrix<double, 6, 3>::Zero();
-  J(0, 0) = J(1, 1) = 1.0;
-  J.block<3, 1>(3, 2) = up_base;
-  const Eigen::Matrix3d level = Eigen::Matrix3d::Identity() - up_base * up_base.transpose();
-  Matrix6 kept = Matrix6::Zero();
-  kept(2, 2) = covariance(2, 2);
-  kept.bottomRightCorner<3, 3>() = level * covariance.bottomRightCorner<3, 3>() * level;
-  covariance = kept + J * by_map * J.transpose();
-}
 
 void map_by_gps(const Options& options, const BagParams& params) {
   BagOptions bag = options.bag;
   bag.world_frame = BagNavigation::kOdomFrame;
-  bag.tf_timeout_s = std::max(bag.tf_timeout_s, BagNavigation::kBacklog_s);
+  bag.tf_timeout_s = std::max(bag.tf_timeout_s, InertialNavigation::kBacklog_s);
   BagPlayer player(bag, kResetTimeJump_s);
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
-  BagNavigation navigation(player, options, params.gps_ins);
+  BagNavigation bag_navigation(player, options, params.gps_ins);
   const std::string base_frame = tf2_frame(options.base_frame);
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
+        InertialNavigation& navigation = *bag_navigation;
         const Eigen::Isometry3d T_odom_base =
             transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
-        const BagNavigation::Known& known = navigation.known_at(scan.stamp_ns);
-        const Eigen::Isometry3d T_world_base = known.T_world_odom * T_odom_base;
-        InertialPlacement placement;
-        placement.T_world_odom = pose2_of(known.T_world_odom);
-        placement.pose_covariance = planar_covariance(T_world_base, known.covariance);
-        const Eigen::Vector3d of_arm_m_s =
-            known.angular_velocity_odom_rad_s.cross(T_odom_lidar.translation() - T_odom_base.translation());
-        placement.v_odom_m_s = (known.v_odom_m_s + of_arm_m_s).head<2>();
-        placement.v_world_m_s = (known.v_world_m_s + known.T_world_odom.linear() * of_arm_m_s).head<2>();
-        placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
+        const InertialPlacement placement = navigation.placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
         player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
-        if (!navigation.was_ready_at(scan.stamp_ns)) return;
-        Eigen::Isometry3d T_world_base_out = T_world_base;
-        Matrix6 covariance = known.covariance;
-        place_by_map(pipeline.alignment(), known.T_world_odom, T_odom_base, T_world_base_out, covariance);
-        out.write(json_line(scan.stamp_ns, json_of(T_world_base_out, covariance, pipeline.splinegons())));
+        if (!navigation.was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
+        const WorldPose pose = navigation.pose_at(scan.stamp_ns, T_odom_base, pipeline.alignment());
+        out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
       },
       options.lidar_frame);
   player.play();
   out.finish();
   player.print_summary();
-  navigation.print_summary();
+  bag_navigation.print_summary();
 }
 
 int splinegons_bag(const Options& options) {

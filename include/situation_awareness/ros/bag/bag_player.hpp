@@ -70,6 +70,9 @@ class BagPlayer {
   /// Adds a transform in the place of those of its child frame in /tf, such as that of an odometry message.
   void add_transform(geometry_msgs::TransformStamped transform);
 
+  /// Forgets all transforms but static ones: what is added next is not between those and it.
+  void forget_transforms() { transforms_.clear(); }
+
   /// The transforms until now.
   const tf2::BufferCore& transforms() const { return transforms_; }
 
