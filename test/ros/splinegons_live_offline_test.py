@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The nodelets and splinegons_bag make the same boundaries of the same flight, scan by scan and mostly bit for bit: by GPS and
-INS, and by a pose in TF."""
+"""The nodelets and splinegons_bag make the same boundaries of the same flight, scan by scan and, where messages arrive in
+the bag's order, bit for bit: by GPS and INS, and by a pose in TF."""
 import json
 import math
 import pathlib
