@@ -134,7 +134,8 @@ double corner_cost(const LinkElement& right, const Eigen::Vector2d& t_right, con
     const double ahead_m = (d_m.x() * t_left.y() - d_m.y() * t_left.x()) / sine - right.high_m;
     const double back_m = left.low_m - (d_m.x() * t_right.y() - d_m.y() * t_right.x()) / sine;
     const double most_m = (is_known ? kKnownAhead : 1.0) * scale * kAhead_m;
-    const double least_m = -(is_known ? kKnownBeyond : 1.0) * scale * (sine < 0.0 || are_walls ? kBeyond_m : kBeyondInner_m);
+    const double least_m =
+        -(is_known ? kKnownBeyond : 1.0) * scale * (sine < 0.0 || are_walls ? kBeyond_m : kBeyondInner_m);
     if (ahead_m > least_m && ahead_m < most_m && back_m > least_m && back_m < most_m) {
       return std::abs(ahead_m) + std::abs(back_m);
     }
