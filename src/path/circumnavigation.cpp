@@ -177,8 +177,8 @@ bool Circumnavigation::is_free(const SegmentPath& path) const {
 void Circumnavigation::gather(const MissionInput& input) {
   obstacles_.clear();
   const auto stands_for = [&](const Splinegon& boundary) {
-    return input.polygons == nullptr || with_id(input.polygons->chains, boundary.id) == nullptr ||
-           !is_partly_guessed(boundary);
+    const Chain* chain = input.polygons != nullptr ? with_id(input.polygons->chains, boundary.id) : nullptr;
+    return chain == nullptr || (boundary.last_seen_ns >= chain->last_seen_ns && !is_partly_guessed(boundary));
   };
   if (input.boundaries != nullptr) {
     for (const Splinegon& boundary : input.boundaries->boundaries) {

@@ -168,6 +168,25 @@ TEST(Circumnavigation, PassesBoundariesThatAreDone) {
   EXPECT_GT(stepped.least_m, 3.0);
 }
 
+// What was seen since a boundary was fitted is on its chain alone.
+TEST(Circumnavigation, KeepsAwayFromTheChainOfABoundaryThatIsOlder) {
+  Splinegons boundaries;
+  boundaries.boundaries = {splinegon_of(placed({{60.0, 0.0}, 1.5}, tower(TowerShape::kPeanut)), 3, 0.05)};
+  Polygons polygons;
+  polygons.chains.resize(1);
+  polygons.chains[0].id = 3;
+  polygons.chains[0].vertices = {{{30.0, -5.0}, 0.02}, {{30.0, 5.0}, 0.02}};
+  MissionInput input;
+  input.boundaries = &boundaries;
+  input.polygons = &polygons;
+  for (const bool older : {false, true}) {
+    polygons.chains[0].last_seen_ns = boundaries.boundaries[0].last_seen_ns + (older ? 1 : 0);
+    Circumnavigation mission({}, {});
+    mission.step(input);
+    EXPECT_EQ(distance_m(mission.obstacles(), {30.0, 0.0}) < 1e-9, older);
+  }
+}
+
 TEST(Circumnavigation, RefusesWhatCannotBe) {
   CircumnavigationParams params;
   params.standoff_m = 5.0;

@@ -150,11 +150,16 @@ class MissionSimulation {
           scan_from(p_m, heading_rad, input.stamp_ns);
           const Pose2 T{p_m + error_m, heading_rad + yaw_error_rad};
           // As by inertial navigation: smooth, but drifting, and placed in the world by GPS.
-          const Pose2 T_odom_world = {0.02 * t_s * Eigen::Vector2d(0.6, -0.8), radians(0.01) * t_s};
+          const Eigen::Vector2d drift_m_s = 0.02 * Eigen::Vector2d(0.6, -0.8);
+          const double turn_rad_s = radians(0.01);
+          const Pose2 T_odom_world = {t_s * drift_m_s, turn_rad_s * t_s};
           const Pose2 T_odom_base = T_odom_world * Pose2{p_m, heading_rad};
           InertialPlacement placement;
           placement.T_world_odom = T * inverse(T_odom_base);
           placement.pose_covariance = input.covariance_world;
+          placement.v_odom_m_s =
+              T_odom_world.rotation() * (velocity + turn_rad_s * Eigen::Vector2d(-p_m.y(), p_m.x())) + drift_m_s;
+          placement.v_world_m_s = velocity;
           placement.velocity_sigma_m_s = 0.05;
           const Eigen::Isometry3d T_odom_lidar = in_space(T_odom_base);
           pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);

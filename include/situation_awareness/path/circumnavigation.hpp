@@ -70,7 +70,8 @@ struct MissionInput {
   Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of x, y (m) and yaw (rad)
   double speed_m_s = 0.0;                                      ///< over ground, >= 0
   const Splinegons* boundaries = nullptr;
-  /// A chain counts where no boundary has its id, or a part of that is much less certain than the rest.
+  /// A chain counts where no boundary has its id, or that is of earlier scans only, or a part of it much less certain
+  /// than the rest.
   const Polygons* polygons = nullptr;
   const Objects* objects = nullptr;
   const FreeBeams* sight = nullptr;  ///< of a scan since the last step

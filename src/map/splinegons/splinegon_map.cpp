@@ -53,8 +53,12 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
     result.vertices.clear();
     result.closed = boundary.closed;
     const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
-    if (is_same) result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
+    if (is_same) {
+      result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
+      result.last_seen_ns = earlier->last_seen_ns;
+    }
     if (!is_same || boundary.last_seen_ns == stamp_ns) {
+      result.last_seen_ns = boundary.last_seen_ns;
       fit_.fit(boundary.elements, boundary.closed, common_variance_m2, result.vertices);
       if (!is_sound(result, boundary.elements)) {
         result.vertices.clear();
@@ -65,13 +69,13 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
         if (is_known) {
           result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
           result.closed = earlier->closed;
+          result.last_seen_ns = earlier->last_seen_ns;
         }
       }
     }
     if (result.vertices.empty()) continue;
     result.id = boundary.id;
     result.first_seen_ns = boundary.first_seen_ns;
-    result.last_seen_ns = boundary.last_seen_ns;
     ++count;
   }
   splinegons_.boundaries.resize(count);

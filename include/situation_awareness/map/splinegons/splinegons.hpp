@@ -26,7 +26,7 @@ struct Splinegon {
   bool closed = false;                    ///< the last arc leads back to the first vertex
   std::vector<SplinegonVertex> vertices;  ///< three at least, of a closed one four
   std::int64_t first_seen_ns = 0;         ///< stamps of scans that hit it
-  std::int64_t last_seen_ns = 0;
+  std::int64_t last_seen_ns = 0;          ///< of those that the vertices are of: others may have hit it since
 };
 
 /// All boundaries.
