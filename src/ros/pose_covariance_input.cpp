@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/pose_covariance_input.hpp"
 
-#include <array>
 #include <cmath>
 #include <exception>
 #include <stdexcept>
@@ -10,6 +9,7 @@
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
@@ -36,16 +36,9 @@ bool is_published(const std::optional<TimedSubscriber<Message>>& subscriber) {
 }  // namespace
 
 BasePose base_pose_from_msg(const geometry_msgs::PoseWithCovarianceStamped& msg) {
-  // Index in the message's (x, y, z, roll, pitch, yaw).
-  constexpr std::array<std::size_t, 3> kPlanar = {0, 1, 5};
   BasePose pose;
   pose.translation_world_m = {msg.pose.pose.position.x, msg.pose.pose.position.y};
-  for (std::size_t row = 0; row < 3; ++row) {
-    for (std::size_t column = 0; column < 3; ++column) {
-      pose.covariance_world(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) =
-          msg.pose.covariance[6 * kPlanar[row] + kPlanar[column]];
-    }
-  }
+  pose.covariance_world = planar_covariance(msg.pose);
   if (!pose.translation_world_m.allFinite() || !pose.covariance_world.allFinite()) {
     throw std::invalid_argument("a pose is not finite");
   }

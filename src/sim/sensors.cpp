@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/sim/sensors.hpp"
 
+#include <algorithm>
 #include <filesystem>
 #include <optional>
 #include <sstream>
@@ -72,6 +73,14 @@ WorldSensors sensors_of(const World& world) {
     }
   }
   return sensors;
+}
+
+SimulatedScanner lidar_of(World& world, std::uint64_t seed) {
+  const WorldSensors sensors = sensors_of(world);
+  const auto lidar = std::find_if(sensors.scanners.begin(), sensors.scanners.end(),
+                                  [](const auto& scanner) { return scanner.name == "lidar"; });
+  if (lidar == sensors.scanners.end()) throw std::runtime_error(world.path() + ": the site 'lidar' is no scanner");
+  return {world, lidar->T_robot_sensor, lidar->params, seed};
 }
 
 std::uint64_t seed_of_sensor(std::uint64_t seed, const std::string& name) {

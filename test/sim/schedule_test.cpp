@@ -2,7 +2,9 @@
 #include "situation_awareness/sim/schedule.hpp"
 
 #include <cmath>
+#include <cstddef>
 #include <string>
+#include <vector>
 
 #include <gtest/gtest.h>
 
@@ -25,6 +27,15 @@ TEST(Schedule, RunsSensorsInTheOrderOfTheirTimes) {
   }
   // 0 0.1 0.2 0.3 0.4 0.5 and 0 0.25 0.5; at one time in the order in which they were added.
   EXPECT_EQ(order, "fsffsfffs");
+}
+
+TEST(Schedule, RepeatsAtMultiplesOfAPeriod) {
+  Schedule schedule;
+  std::vector<double> times_s;
+  schedule.add_every(0.1, [&](double time_s) { times_s.push_back(time_s); });
+  while (schedule.next_time_s() < 100.05) schedule.step();
+  ASSERT_EQ(times_s.size(), 1001U);
+  for (int i = 0; i <= 1000; ++i) EXPECT_EQ(times_s[static_cast<std::size_t>(i)], i * 0.1);  // no sum of roundings
 }
 
 }  // namespace

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cstdint>
 #include <functional>
 #include <limits>
+#include <memory>
 #include <utility>
 #include <vector>
 
@@ -15,6 +17,16 @@ class Schedule {
   /// `next_time_s`: when the sensor is due; `measure` advances it.
   void add(std::function<double()> next_time_s, std::function<void()> measure) {
     entries_.push_back({std::move(next_time_s), std::move(measure)});
+  }
+
+  /// What is due at 0 and every `period_s` after: `act(time_s)`.
+  void add_every(double period_s, std::function<void(double)> act) {
+    const auto count = std::make_shared<std::int64_t>(0);
+    add([count, period_s] { return static_cast<double>(*count) * period_s; },
+        [count, period_s, act = std::move(act)] {
+          act(static_cast<double>(*count) * period_s);
+          ++*count;
+        });
   }
 
   /// When the next one is due; infinity without sensors.

@@ -43,6 +43,10 @@ struct WorldSensors {
 /// a text is a scanner with all defaults. Throws std::runtime_error naming the file, the sensor and its error.
 WorldSensors sensors_of(const World& world);
 
+/// The scanner at the site `lidar` of a world, which has the simulation's own seed. Throws as sensors_of, and
+/// std::runtime_error naming the file if that site is no scanner.
+SimulatedScanner lidar_of(World& world, std::uint64_t seed);
+
 /// The seed of a sensor's noise, derived from its name, so that sensors do not affect each other's noise.
 std::uint64_t seed_of_sensor(std::uint64_t seed, const std::string& name);
 

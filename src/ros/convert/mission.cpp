@@ -2,7 +2,6 @@
 #include "situation_awareness/ros/convert/mission.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <exception>
 #include <limits>
@@ -46,13 +45,7 @@ void take_odometry(const nav_msgs::Odometry& msg, MissionInput& input) {
   input.T_world_base = pose2_of(T);
   input.speed_m_s = v_world.head<2>().norm();
   if (input.speed_m_s > kCourseSpeed_m_s) input.T_world_base.yaw_rad = std::atan2(v_world.y(), v_world.x());
-  constexpr std::array<std::size_t, 3> kPlanar = {0, 1, 5};
-  for (std::size_t i = 0; i < 3; ++i) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      input.covariance_world(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) =
-          msg.pose.covariance[6 * kPlanar[i] + kPlanar[k]];
-    }
-  }
+  input.covariance_world = planar_covariance(msg.pose);
   if (!input.covariance_world.allFinite() || (input.covariance_world.diagonal().array() < 0.0).any()) {
     throw std::invalid_argument("the covariance is not finite, or a variance is negative");
   }

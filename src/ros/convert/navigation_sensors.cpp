@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
@@ -39,11 +40,7 @@ nav_msgs::Odometry odometry_to_msg(const GpsInsPose& pose, const std::string& wo
   msg.header.stamp = to_ros_time(pose.stamp_ns);
   msg.header.frame_id = world_frame;
   msg.child_frame_id = base_frame;
-  const geometry_msgs::Transform T = isometry_to_msg(pose.T_world_base);
-  msg.pose.pose.position.x = T.translation.x;
-  msg.pose.pose.position.y = T.translation.y;
-  msg.pose.pose.position.z = T.translation.z;
-  msg.pose.pose.orientation = T.rotation;
+  msg.pose.pose = pose_of(isometry_to_msg(pose.T_world_base));
   // R exp(delta) = exp(R delta) R.
   Matrix6 J = Matrix6::Identity();
   J.bottomRightCorner<3, 3>() = pose.T_world_base.linear();

@@ -47,7 +47,33 @@ geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry
   return transform;
 }
 
+geometry_msgs::Pose pose_of(const geometry_msgs::Transform& transform) {
+  geometry_msgs::Pose pose;
+  pose.position.x = transform.translation.x;
+  pose.position.y = transform.translation.y;
+  pose.position.z = transform.translation.z;
+  pose.orientation = transform.rotation;
+  return pose;
+}
+
 Pose2 pose2_of(const Eigen::Isometry3d& T) { return {T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))}; }
+
+Pose2 pose2_of(const geometry_msgs::Pose& pose) {
+  const geometry_msgs::Quaternion& q = pose.orientation;
+  return {{pose.position.x, pose.position.y},
+          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
+}
+
+Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose) {
+  Eigen::Matrix3d covariance;
+  for (std::size_t row = 0; row < kPlanar.size(); ++row) {
+    for (std::size_t column = 0; column < kPlanar.size(); ++column) {
+      covariance(static_cast<Eigen::Index>(row), static_cast<Eigen::Index>(column)) =
+          pose.covariance[covariance_index(kPlanar[row], kPlanar[column])];
+    }
+  }
+  return covariance;
+}
 
 Eigen::Isometry3d isometry_in_plane(const Pose2& T) {
   Eigen::Isometry3d result = Eigen::Isometry3d::Identity();

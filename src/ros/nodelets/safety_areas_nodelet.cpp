@@ -24,6 +24,7 @@
 #include "situation_awareness/path/safety_areas.hpp"
 #include "situation_awareness/path/spline_path.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/safety.hpp"
@@ -129,14 +130,7 @@ class SafetyAreasStage {
   }
 
   void take_pose(const geometry_msgs::PoseWithCovarianceStamped& msg) {
-    constexpr std::array<std::size_t, 3> kAt = {0, 1, 5};
-    Eigen::Matrix3d covariance;
-    for (std::size_t i = 0; i < 3; ++i) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        covariance(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) =
-            msg.pose.covariance[6 * kAt[i] + kAt[k]];
-      }
-    }
+    const Eigen::Matrix3d covariance = planar_covariance(msg.pose);
     const bool is_of_world = tf2_frame(msg.header.frame_id) == params_.nodelet.world_frame;
     if (!is_of_world || !covariance.allFinite() || (covariance.diagonal().array() < 0.0).any()) {
       return context_.diagnostics().counted({{"pose not used", 1}});

@@ -82,7 +82,7 @@ class AircraftSimulator {
         clock_(node_, params.rate),
         world_(world_file(params.world)),
         aircraft_(aircraft_of(world_)),
-        scanner_(make_scanner()) {
+        scanner_(lidar_of(world_, static_cast<std::uint64_t>(params.seed))) {
     scan_ = node_.advertise<sensor_msgs::LaserScan>("scan", 50);
     true_pose_ = node_.advertise<geometry_msgs::PoseStamped>("true_pose", 200);
     markers_ = node_.advertise<visualization_msgs::MarkerArray>("truth_markers", 10);
@@ -92,16 +92,16 @@ class AircraftSimulator {
       rounds_.emplace(circles, params.flight, 1.0 / aircraft_.params().radius_m);
       path_ = node_.advertise<nav_msgs::Path>("path", 5, /*latch=*/true);
       done_ = node_.advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true);
-      schedule_every(kControlPeriod_s, [this](double time_s) { steer(time_s); });
+      schedule_.add_every(kControlPeriod_s, [this](double time_s) { steer(time_s); });
     } else {
       commands_ = node_.subscribe<geometry_msgs::Twist>("cmd_vel", 10, [this](const geometry_msgs::TwistConstPtr& msg) {
         const std::lock_guard<std::mutex> lock(mutex_);
         command_ = *msg;
       });
     }
-    schedule_every(kTruthPeriod_s, [this](double time_s) { publish_true_pose(time_s); });
+    schedule_.add_every(kTruthPeriod_s, [this](double time_s) { publish_true_pose(time_s); });
     add_sensors();
-    schedule_every(kMarkersPeriod_s, [this](double time_s) { publish_markers(time_s); });
+    schedule_.add_every(kMarkersPeriod_s, [this](double time_s) { publish_markers(time_s); });
   }
 
   void run() {
@@ -125,23 +125,6 @@ class AircraftSimulator {
   static FixedWing& aircraft_of(World& world) {
     if (world.aircraft() == nullptr) throw std::runtime_error(world.path() + ": its robot is no fixed_wing");
     return *world.aircraft();
-  }
-
-  SimulatedScanner make_scanner() {
-    const WorldSensors sensors = sensors_of(world_);
-    const auto lidar = std::find_if(sensors.scanners.begin(), sensors.scanners.end(),
-                                    [](const auto& scanner) { return scanner.name == "lidar"; });
-    if (lidar == sensors.scanners.end()) throw std::runtime_error(world_.path() + ": the site 'lidar' is no scanner");
-    return {world_, lidar->T_robot_sensor, lidar->params, static_cast<std::uint64_t>(params_.seed)};
-  }
-
-  void schedule_every(double period_s, std::function<void(double)> act) {
-    const auto count = std::make_shared<std::int64_t>(0);
-    schedule_.add([count, period_s] { return static_cast<double>(*count) * period_s; },
-                  [count, period_s, act = std::move(act)] {
-                    act(static_cast<double>(*count) * period_s);
-                    ++*count;
-                  });
   }
 
   void add_sensors() {
@@ -213,10 +196,7 @@ class AircraftSimulator {
     const auto tf = transform_to_msg(T_world_base, stamp_ns, params_.world_frame, params_.base_frame);
     geometry_msgs::PoseStamped msg;
     msg.header = tf.header;
-    msg.pose.position.x = tf.transform.translation.x;
-    msg.pose.position.y = tf.transform.translation.y;
-    msg.pose.position.z = tf.transform.translation.z;
-    msg.pose.orientation = tf.transform.rotation;
+    msg.pose = pose_of(tf.transform);
     return msg;
   }
 

@@ -28,6 +28,7 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/pose/local_world.hpp"
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/splinegons.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
@@ -83,12 +84,6 @@ struct Errors {
   }
   double rms() const { return std::sqrt(square_sum / static_cast<double>(count)); }  ///< NaN without any
 };
-
-Pose2 planar(const geometry_msgs::Pose& pose) {
-  const geometry_msgs::Quaternion& q = pose.orientation;
-  return {{pose.position.x, pose.position.y},
-          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
-}
 
 class BoundaryEvaluator {
  public:
@@ -198,7 +193,7 @@ class BoundaryEvaluator {
   }
 
   void on_true_pose(const geometry_msgs::PoseStampedConstPtr& msg) {
-    truths_[to_nanoseconds(msg->header.stamp)] = planar(msg->pose);
+    truths_[to_nanoseconds(msg->header.stamp)] = pose2_of(msg->pose);
     if (truths_.size() > kMaxTruths) truths_.erase(truths_.begin());
     if (begin_.isZero()) {
       begin_ = msg->header.stamp;
@@ -257,7 +252,7 @@ class BoundaryEvaluator {
     while (!poses_.empty()) {
       const auto truth = truth_at(to_nanoseconds(poses_.front()->header.stamp));
       if (!truth) break;
-      const Pose2 pose = planar(poses_.front()->pose.pose);
+      const Pose2 pose = pose2_of(poses_.front()->pose.pose);
       position_.add((pose.translation_m - truth->translation_m).norm());
       yaw_.add(wrap_to_pi(pose.yaw_rad - truth->yaw_rad));
       poses_.pop_front();

@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -289,10 +290,7 @@ class Simulator {
     nav_msgs::Odometry msg;
     msg.header = tf.header;
     msg.child_frame_id = params_.robot_frame;
-    msg.pose.pose.position.x = tf.transform.translation.x;
-    msg.pose.pose.position.y = tf.transform.translation.y;
-    msg.pose.pose.position.z = tf.transform.translation.z;
-    msg.pose.pose.orientation = tf.transform.rotation;
+    msg.pose.pose = pose_of(tf.transform);
     const Eigen::Vector3d velocity_robot_m_s =  // nav_msgs: the twist is in the child's frame
         robot.T_world_robot.linear().transpose() * robot.velocity_world_m_s;
     msg.twist.twist.linear.x = velocity_robot_m_s.x();

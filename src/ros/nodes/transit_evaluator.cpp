@@ -23,6 +23,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/transit_evaluation.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
@@ -65,23 +66,6 @@ struct TransitEvaluatorParams {
     visit("max_yaw_rms_rad", self.max_yaw_rms_rad, Bounds{0.0, 10.0}, "rad", "largest RMS error of the yaws");
   }
 };
-
-Pose2 pose2_of(const geometry_msgs::Pose& pose) {
-  const geometry_msgs::Quaternion& q = pose.orientation;
-  return {{pose.position.x, pose.position.y},
-          std::atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))};
-}
-
-/// Of x, y and yaw, out of that of all six.
-Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose) {
-  constexpr Eigen::Index kAxes[] = {0, 1, 5};
-  const Eigen::Map<const Eigen::Matrix<double, 6, 6, Eigen::RowMajor>> whole(pose.covariance.data());
-  Eigen::Matrix3d covariance;
-  for (Eigen::Index i = 0; i < 3; ++i) {
-    for (Eigen::Index k = 0; k < 3; ++k) covariance(i, k) = whole(kAxes[i], kAxes[k]);
-  }
-  return covariance;
-}
 
 std::vector<TransitThing> things_of(const Transit& transit) {
   std::vector<TransitThing> things;

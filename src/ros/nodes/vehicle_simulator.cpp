@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A simulated vehicle in place of one's own: it is driven by `cmd_vel` from dock to dock through a world that changes
 // meanwhile, and publishes /clock, wheel odometry, scans, and the truth for evaluation and rviz.
-#include <algorithm>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -21,6 +19,7 @@
 #include "situation_awareness/Transit.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/motion_sensors.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -74,7 +73,7 @@ class VehicleSimulator {
         clock_(node_, params.rate),
         world_(world_file(params.world)),
         transits_(world_, params.transits),
-        scanner_(make_scanner()),
+        scanner_(lidar_of(world_, static_cast<std::uint64_t>(params.seed))),
         odometry_(make_odometry()) {
     odom_ = node_.advertise<nav_msgs::Odometry>("odom", 100);
     scan_ = node_.advertise<sensor_msgs::LaserScan>("scan", 50);
@@ -90,12 +89,7 @@ class VehicleSimulator {
     schedule_.add([this] { return odometry_.next_time_s(); }, [this] { publish_odometry(); });
     // A scan is there when its last beam has been measured.
     schedule_.add([this] { return scanner_.next_time_s() + scanner_.params().sweep_s; }, [this] { publish_scan(); });
-    const auto count = std::make_shared<int>(0);
-    schedule_.add([count] { return *count * kMarkersPeriod_s; },
-                  [this, count] {
-                    publish_markers(*count * kMarkersPeriod_s);
-                    ++*count;
-                  });
+    schedule_.add_every(kMarkersPeriod_s, [this](double time_s) { publish_markers(time_s); });
   }
 
   void run() {
@@ -117,14 +111,6 @@ class VehicleSimulator {
   }
 
  private:
-  SimulatedScanner make_scanner() {
-    const WorldSensors sensors = sensors_of(world_);
-    const auto lidar = std::find_if(sensors.scanners.begin(), sensors.scanners.end(),
-                                    [](const auto& scanner) { return scanner.name == "lidar"; });
-    if (lidar == sensors.scanners.end()) throw std::runtime_error(world_.path() + ": the site 'lidar' is no scanner");
-    return {world_, lidar->T_robot_sensor, lidar->params, static_cast<std::uint64_t>(params_.seed)};
-  }
-
   SimulatedOdometry make_odometry() {
     const WorldSensors sensors = sensors_of(world_);
     if (sensors.odometries.size() != 1) {
@@ -155,9 +141,7 @@ class VehicleSimulator {
     const Eigen::Isometry3d T_world_base = world_.robot_at(seconds_between(0, sample.stamp_ns)).T_world_robot;
     sample.stamp_ns += kSimulationStart_ns;
     const nav_msgs::Odometry msg = odometry_to_msg(sample, params_.odom_frame, params_.base_frame);
-    Eigen::Isometry3d T_odom_base = Eigen::Isometry3d::Identity();
-    T_odom_base.translation().head<2>() = sample.T_odom_base.translation_m;
-    T_odom_base.linear() = Eigen::AngleAxisd(sample.T_odom_base.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+    const Eigen::Isometry3d T_odom_base = isometry_in_plane(sample.T_odom_base);
     if (params_.true_localization) {
       tf_.sendTransform(transform_to_msg(T_world_base * T_odom_base.inverse(), sample.stamp_ns, params_.world_frame,
                                          params_.odom_frame));
@@ -177,10 +161,7 @@ class VehicleSimulator {
     const auto tf = transform_to_msg(T_world_base, sample.scan.stamp_ns, params_.world_frame, params_.base_frame);
     geometry_msgs::PoseStamped msg;
     msg.header = tf.header;
-    msg.pose.position.x = tf.transform.translation.x;
-    msg.pose.position.y = tf.transform.translation.y;
-    msg.pose.position.z = tf.transform.translation.z;
-    msg.pose.orientation = tf.transform.rotation;
+    msg.pose = pose_of(tf.transform);
     true_pose_.publish(msg);
   }
 

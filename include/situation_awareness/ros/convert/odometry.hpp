@@ -3,7 +3,9 @@
 
 #include <string>
 
+#include <geometry_msgs/Pose.h>
 #include <geometry_msgs/PoseWithCovarianceStamped.h>
+#include <geometry_msgs/Transform.h>
 #include <geometry_msgs/TransformStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <Eigen/Geometry>
@@ -25,8 +27,13 @@ std::string odometry_msg_defect(const nav_msgs::Odometry& msg);
 /// The pose of a message of odometry as a transform from its frame to its child frame.
 geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry& msg);
 
+geometry_msgs::Pose pose_of(const geometry_msgs::Transform& transform);
+
 /// Of a motion in the plane: position and yaw.
 Pose2 pose2_of(const Eigen::Isometry3d& T);
+Pose2 pose2_of(const geometry_msgs::Pose& pose);
+/// Of x, y and yaw, out of that of all six; neither checked.
+Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose);
 Eigen::Isometry3d isometry_in_plane(const Pose2& T);
 
 /// Height, roll and pitch are those of the plane, with no variance.
