@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <exception>
 
-#include <ros/console.h>
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/ros/convert/time.hpp"
@@ -35,9 +34,9 @@ InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params
                      release();
                      scans_.forget_poses();
                    }}),
-      report_(context.name(), navigation_.input()) {
+      report_(context.name(), navigation_.input()),
+      refusals_(context.name()) {
   scans_.set_base_frame(params.base_frame);
-  refused_.reset();
   context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
   context.on_arrival([this](const auto& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                      [this] { return scans_.waiting(); });
@@ -54,22 +53,15 @@ void InertialInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::S
   release();
 }
 
-void InertialInput::refuse(const std::string& reason, const std::string& detail) {
-  ++refused_[reason];
-  ++refusals_;
-  latest_refusal_ = detail.empty() ? reason : reason + ": " + detail;
-  ROS_WARN_STREAM_THROTTLE(5.0, context_.name() << ": not used, " << latest_refusal_);
-}
-
 void InertialInput::add(const sensor_msgs::Imu& msg) {
   ++received_;
   try {
     const std::string reason = navigation_.add_imu(msg);
     report_.add();
-    if (!reason.empty()) refuse(reason, navigation_.input().detail());
+    if (!reason.empty()) refusals_.add(reason, navigation_.input().detail());
     release();
   } catch (const std::exception& error) {
-    refuse("imu: error", error.what());
+    refusals_.add("imu: error", error.what());
   }
 }
 
@@ -77,7 +69,7 @@ void InertialInput::add(const sensor_msgs::NavSatFix& msg) {
   try {
     navigation_.add_fix(msg);
   } catch (const std::exception& error) {
-    refuse("fix: error", error.what());
+    refusals_.add("fix: error", error.what());
   }
 }
 
@@ -86,7 +78,7 @@ std::pair<std::string, std::string> InertialInput::why_no_pose() const {
     return {"no pose", "the latest is of " + std::to_string(to_ros_time(navigation_.stamp_ns()).toSec()) + " s"};
   }
   const GpsIns* const filter = navigation_.input().filter();
-  return {"pose not ready", filter != nullptr ? filter->reason() : latest_refusal_};
+  return {"pose not ready", filter != nullptr ? filter->reason() : refusals_.latest()};
 }
 
 // Passes on the scans that have their poses. Does not throw.
@@ -116,12 +108,10 @@ void InertialInput::report(StageDiagnostics::Status& status) {
   if (received_ == reported_received_ && imu_) {
     status.mergeSummary(DiagnosticStatus::WARN, "no samples on " + imu_->subscriber().getTopic());
   }
-  if (refusals_ > reported_refusals_) status.mergeSummary(DiagnosticStatus::WARN, "not used: " + latest_refusal_);
   status.add("samples received", received_);
-  for (const auto& [reason, count] : refused_) status.add("not used: " + reason, count);
+  refusals_.report(status);
   report_.report(status);
   reported_received_ = received_;
-  reported_refusals_ = refusals_;
 }
 
 }  // namespace situation_awareness

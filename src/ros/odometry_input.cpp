@@ -7,7 +7,6 @@
 #include <utility>
 
 #include <geometry_msgs/TransformStamped.h>
-#include <ros/console.h>
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -30,9 +29,9 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
       scans_(context.node(),
              {params.deskew, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s},
              {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
-              [this] { return std::make_pair(std::string(kNoOdometry), why_unplaced()); }}) {
+              [this] { return std::make_pair(std::string(kNoOdometry), why_unplaced()); }}),
+      refusals_(context.name()) {
   scans_.set_base_frame(frames.base);
-  refused_.reset();
   context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
   context.on_arrival([this](const auto& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                      [this] { return scans_.waiting(); });
@@ -63,22 +62,15 @@ std::string OdometryInput::defect_of(const nav_msgs::Odometry& msg) const {
   return is_other(odom, frames_.odom) || is_other(base, frames_.base) ? "odometry in another frame" : "";
 }
 
-void OdometryInput::refuse(const std::string& reason) {
-  ++refused_[reason];
-  ++refusals_;
-  latest_refusal_ = reason;
-  ROS_WARN_STREAM_THROTTLE(5.0, context_.name() << ": not used, " << reason);
-}
-
 void OdometryInput::add(const nav_msgs::Odometry& msg) {
   ++received_;
   try {
     const std::string defect = defect_of(msg);
-    if (!defect.empty()) return refuse(defect);
+    if (!defect.empty()) return refusals_.add(defect);
     geometry_msgs::TransformStamped transform = transform_from_odometry(msg);
     const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
     const auto verdict = use_.add(stamp_ns, pose2_of(isometry_from_msg(transform.transform)));
-    if (verdict == OdometryTrack::Verdict::kRefused) return refuse("odometry stamp repeats or goes back");
+    if (verdict == OdometryTrack::Verdict::kRefused) return refusals_.add("odometry stamp repeats or goes back");
     if (frames_.odom.empty()) frames_.odom = tf2_frame(msg.header.frame_id);
     if (frames_.base.empty()) frames_.base = tf2_frame(msg.child_frame_id);
     scans_.set_base_frame(frames_.base);
@@ -87,7 +79,7 @@ void OdometryInput::add(const nav_msgs::Odometry& msg) {
     latest_ns_ = stamp_ns;
     release();
   } catch (const std::exception& error) {
-    refuse(error.what());
+    refusals_.add(error.what());
   }
 }
 
@@ -118,11 +110,9 @@ void OdometryInput::report(StageDiagnostics::Status& status) {
   if (received_ == reported_received_ && subscriber_) {
     status.mergeSummary(DiagnosticStatus::WARN, "no odometry on " + subscriber_->subscriber().getTopic());
   }
-  if (refusals_ > reported_refusals_) status.mergeSummary(DiagnosticStatus::WARN, "not used: " + latest_refusal_);
   status.add("odometry received", received_);
-  for (const auto& [reason, count] : refused_) status.add("not used: " + reason, count);
+  refusals_.report(status);
   reported_received_ = received_;
-  reported_refusals_ = refusals_;
 }
 
 }  // namespace situation_awareness

@@ -13,12 +13,12 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Geometry>
 
-#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/pipeline/map_alignment.hpp"
 #include "situation_awareness/ros/gps_ins_report.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/refusals.hpp"
 #include "situation_awareness/ros/scans_on_base.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
@@ -60,7 +60,6 @@ class InertialInput {
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival);
   void add(const sensor_msgs::Imu& msg);
   void add(const sensor_msgs::NavSatFix& msg);
-  void refuse(const std::string& reason, const std::string& detail = "");
   void release();
   std::pair<std::string, std::string> why_no_pose() const;
   void report(StageDiagnostics::Status& status);
@@ -69,9 +68,8 @@ class InertialInput {
   ScansOnBase scans_;
   InertialNavigation navigation_;
   GpsInsReport report_;
-  Counters refused_;
-  std::uint64_t received_ = 0, refusals_ = 0, reported_received_ = 0, reported_refusals_ = 0;
-  std::string latest_refusal_;
+  Refusals refusals_;
+  std::uint64_t received_ = 0, reported_received_ = 0;
   std::optional<TimedSubscriber<sensor_msgs::Imu>> imu_;
   std::optional<TimedSubscriber<sensor_msgs::NavSatFix>> fix_;
 };

@@ -12,11 +12,11 @@
 #include <std_msgs/Header.h>
 #include <Eigen/Geometry>
 
-#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/pose/odometry_track.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/refusals.hpp"
 #include "situation_awareness/ros/scans_on_base.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
@@ -57,7 +57,6 @@ class OdometryInput {
   void take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival);
   void add(const nav_msgs::Odometry& msg);
   std::string defect_of(const nav_msgs::Odometry& msg) const;
-  void refuse(const std::string& reason);
   void release();
   std::string why_unplaced() const;
   void report(StageDiagnostics::Status& status);
@@ -68,9 +67,8 @@ class OdometryInput {
   Use use_;
   ScansOnBase scans_;
   std::int64_t latest_ns_ = 0;  ///< odometry
-  Counters refused_;
-  std::uint64_t received_ = 0, refusals_ = 0, reported_received_ = 0, reported_refusals_ = 0;
-  std::string latest_refusal_;
+  Refusals refusals_;
+  std::uint64_t received_ = 0, reported_received_ = 0;
   std::optional<TimedSubscriber<nav_msgs::Odometry>> subscriber_;
 };
 
