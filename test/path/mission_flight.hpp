@@ -163,10 +163,7 @@ class MissionSimulation {
           placement.velocity_sigma_m_s = 0.05;
           const Eigen::Isometry3d T_odom_lidar = in_space(T_odom_base);
           pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);
-          polygons_ = pipeline.polygons();
-          for (Chain& chain : polygons_.chains) {
-            for (ChainVertex& vertex : chain.vertices) vertex.p_world_m = pipeline.T_world_map() * vertex.p_world_m;
-          }
+          polygons_ = pipeline.polygons_in_world();
           sight_.T_world_sensor = T;
           input.sight = &sight_;
         }
