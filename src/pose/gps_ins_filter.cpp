@@ -189,8 +189,7 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   const double part = period_s > 0.0 ? std::clamp(middle_s / period_s, 0.0, 1.0) : 0.0;
   const Eigen::Vector3d force = mix(a.specific_force_m_s2, b.specific_force_m_s2, part);
   const Eigen::Vector3d rate = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s, part);
-  moment.motion.append(moment.estimate.x.motion, force, rate, dt_s);
-  moment.estimate.x.motion = moved_by_imu(moment.estimate.x.motion, force, rate, dt_s);
+  moment.estimate.x.motion = moment.motion.append(moment.estimate.x.motion, force, rate, dt_s);
   moment.estimate.x.fix_error *= kept_of_fix_error(dt_s, fix_noise_.correlation_s);
   moment.stamp_ns = stamp_ns;
   moment.accelerometer_noise = b.accelerometer_noise;

@@ -72,11 +72,28 @@ TEST(InertialMotion, JacobianEqualsTheNumericalOneOverSeveralSteps) {
     MotionJacobian F;
     NavigationState x = start.motion;
     for (const auto& [force, rate] : samples) {
-      F.append(x, force, rate, dt_s);
+      const NavigationState y = F.append(x, force, rate, dt_s);
       x = moved_by_imu(x, force, rate, dt_s);
+      EXPECT_EQ(Manifold<NavigationState>::local_coordinates(x, y).norm(), 0.0);
     }
     const auto numerical = manifold_jacobian<NavigationState>(moved, start.motion);
     EXPECT_LT((F.matrix() - numerical).cwiseAbs().maxCoeff(), 1e-7);
+  }
+}
+
+TEST(InertialMotion, AShortStepIsAsExactAsALongOne) {
+  Random random(4);
+  for (int i = 0; i < 100; ++i) {
+    NavigationState x = random_state(random).motion;
+    const Eigen::Vector3d force = 5.0 * normal_vector<3>(random), rate = normal_vector<3>(random);
+    const double dt_s = random.uniform(0.0, 0.1);
+    const NavigationState y = moved_by_imu(x, force, rate, dt_s);
+    const Eigen::Vector3d turn = dt_s * (rate - x.gyroscope_bias_rad_s);
+    EXPECT_LT(log_so3((x.q_world_imu * exp_so3(turn)).conjugate() * y.q_world_imu).norm(), 1e-14);
+    const Eigen::Vector3d gain_m_s =
+        dt_s * (x.q_world_imu * (exp_so3(0.5 * turn) * (force - x.accelerometer_bias_m_s2)));
+    EXPECT_LT((y.velocity_world_m_s - x.velocity_world_m_s - gain_m_s + dt_s * Eigen::Vector3d(0, 0, 9.80665)).norm(),
+              1e-13);
   }
 }
 

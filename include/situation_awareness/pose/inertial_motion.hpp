@@ -111,9 +111,9 @@ struct MotionJacobian {
   Eigen::Matrix3d attitude_by_attitude = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d attitude_by_gyroscope = Eigen::Matrix3d::Zero();
 
-  /// Appends the step from `x` with the same arguments as moved_by_imu.
-  void append(const NavigationState& x, const Eigen::Vector3d& specific_force_m_s2,
-              const Eigen::Vector3d& angular_velocity_rad_s, double dt_s);
+  /// Appends the step from `x` with the same arguments as moved_by_imu, and returns the same as that.
+  NavigationState append(const NavigationState& x, const Eigen::Vector3d& specific_force_m_s2,
+                         const Eigen::Vector3d& angular_velocity_rad_s, double dt_s);
 
   /// As a matrix.
   ErrorMatrix<NavigationState> matrix() const;
