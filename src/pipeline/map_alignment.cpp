@@ -10,14 +10,15 @@
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
 
-using Matrix8 = Eigen::Matrix<double, 8, 8>;
-using Vector8 = Eigen::Matrix<double, 8, 1>;
+using Matrix12 = Eigen::Matrix<double, 12, 12>;
+using Vector12 = Eigen::Matrix<double, 12, 1>;
 /// Indices in P.
-constexpr int kYaw = 2, kVelocity = 3, kAcceleration = 5, kYawRate = 7;
+constexpr int kYaw = 2, kVelocity = 3, kTilt = 5, kAcceleration = 7, kYawRate = 9, kTiltRate = 10;
 
 constexpr int kIterations = 4;
 /// Standard deviations of the scan's place within which boundaries are looked for, and the reach (m) beyond that.
@@ -31,14 +32,17 @@ constexpr double kHuber = 2.0;
 constexpr double kSmallStep = 1e-4;
 /// m^2 and rad^2. Keeps P invertible.
 constexpr double kLeastVariance = 1e-10;
+/// m/s^2. A tilt that is off is an acceleration that is off by so much per rad.
+constexpr double kGravity_m_s2 = 9.80665;
 
 /// Where a face ends: hits of it at least, and the least sine of the angle at which the beam meets it there. A surface
 /// that bends away ends where beams graze it, which is another place for each pose.
 constexpr std::size_t kFewestOfFace = 6;
 constexpr double kLeastSine = 0.35;
-/// Its standard deviation (m), at least, and beside half the distance of two beams; scans until it is used.
+/// Its standard deviation (m), at least. It is used once it stayed, within so many standard deviations, while the angle
+/// between beam and face changed by this (rad): on a radius of 2 m a beam that grazes it moves by 0.2 m.
 constexpr double kLeastEndSigma_m = 0.02;
-constexpr int kSeenOften = 3;
+constexpr double kSameEndSigmas = 3.0, kLeastBearings_rad = 0.1;
 /// It is the same one within this distance (m) across the face, and with this cosine of both directions.
 constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
 
@@ -57,9 +61,17 @@ constexpr double kMostDriftSigmas = 3.0;
 constexpr double kClearedAfter_s = 5.0, kLeastBehind_m = 0.1, kMostBehind_m = 0.8;
 constexpr double kApartAfter_m = 0.1, kApartBefore_m = 0.05;
 
+/// Standard deviations of the pose at the begin within which the map is taken to be, as the fixes that the pose is made
+/// of are not independent of the next ones; and the time for which it is kept where odom was in the map.
+constexpr double kBeginSigmas = 3.0, kBeginYawSigmas = 2.0;
+constexpr double kOdomFor_s = 2.0;
+
 double square(double value) { return value * value; }
 
-Eigen::Vector2d turned_left(const Eigen::Vector2d& v) { return {-v.y(), v.x()}; }
+/// By GPS and INS, in the axes of odom.
+Eigen::Vector2d begin_velocity_m_s(const InertialPlacement& placement) {
+  return placement.T_world_odom.rotation().transpose() * placement.v_world_m_s;
+}
 
 }  // namespace
 
@@ -72,14 +84,16 @@ void MapAlignment::find_face_ends(const Polylines& polylines) {
       if (!is_sure_silhouette(left ? polyline.left_end : polyline.right_end)) continue;
       const PolylineHit& hit = polylines.hits[polyline.first_hit + (left ? polyline.hits - 1 : 0)];
       if (!hit.has_normal) continue;
-      const double sine = std::abs(hit.normal_level.dot(hit.p_level_m.normalized()));
-      if (sine < kLeastSine) continue;
       const Eigen::Vector2d to_left(hit.normal_level.y(), -hit.normal_level.x());
       const Eigen::Vector2d outward = left ? to_left : Eigen::Vector2d(-to_left);
+      const Eigen::Vector2d beam = hit.p_level_m.normalized();
+      const double sine = std::abs(hit.normal_level.dot(beam));
+      if (sine < kLeastSine) continue;
+      const double bearing_rad = std::atan2(outward.dot(beam), sine);
       const double half_m = 0.5 * hit.range_m * polylines.resolution_rad / sine;
       seen_ends_.push_back({hit.p_level_m + half_m * outward, outward,
-                            half_m * half_m / 3.0 + params_.hit_sigma_m * params_.hit_sigma_m, 1, polylines.stamp_ns,
-                            polylines.stamp_ns});
+                            half_m * half_m / 3.0 + params_.hit_sigma_m * params_.hit_sigma_m, bearing_rad, bearing_rad,
+                            polylines.stamp_ns, polylines.stamp_ns});
     }
   }
 }
@@ -100,23 +114,34 @@ MapAlignment::FaceEnd* MapAlignment::known_end(const FaceEnd& end, const Pose2& 
   return best;
 }
 
-/// Mean of what was seen of each end, in the order of the scans.
+/// Mean of what was seen of each end, in the order of the scans. One that is seen elsewhere begins anew: where a
+/// surface bends away it ends elsewhere for each pose.
 void MapAlignment::map_face_ends(const Pose2& T_map_level) {
   for (const FaceEnd& end : seen_ends_) {
-    const Eigen::Vector2d outward = T_map_level.rotation() * end.outward;
-    const double pose_variance_m2 = outward.dot(P_.topLeftCorner<2, 2>() * outward);
-    if (FaceEnd* const known = known_end(end, T_map_level, kMostSearch_m)) {
-      const double variance_m2 = end.variance_m2 / params_.independent_part + pose_variance_m2;
-      const double part = known->variance_m2 / (known->variance_m2 + variance_m2);
-      known->p_m += part * (T_map_level * end.p_m - known->p_m);
-      known->outward = (known->outward + part * (outward - known->outward)).normalized();
-      known->variance_m2 = std::max((1.0 - part) * known->variance_m2, kLeastEndSigma_m * kLeastEndSigma_m);
-      ++known->seen;
-      known->last_seen_ns = end.last_seen_ns;
-    } else {
-      ends_.push_back(
-          {T_map_level * end.p_m, outward, end.variance_m2 + pose_variance_m2, 1, end.first_seen_ns, end.last_seen_ns});
+    FaceEnd in_map = end;
+    in_map.p_m = T_map_level * end.p_m;
+    in_map.outward = T_map_level.rotation() * end.outward;
+    const double pose_variance_m2 = in_map.outward.dot(P_.topLeftCorner<2, 2>() * in_map.outward);
+    FaceEnd* const known = known_end(end, T_map_level, kMostSearch_m);
+    if (known == nullptr) {
+      in_map.variance_m2 += pose_variance_m2;
+      ends_.push_back(in_map);
+      continue;
     }
+    const double moved_m = known->outward.dot(in_map.p_m - known->p_m);
+    if (square(moved_m) > square(kSameEndSigmas) * (end.variance_m2 + pose_variance_m2 + known->variance_m2)) {
+      in_map.variance_m2 += pose_variance_m2;
+      *known = in_map;
+      continue;
+    }
+    const double variance_m2 = end.variance_m2 / params_.independent_part + pose_variance_m2;
+    const double part = known->variance_m2 / (known->variance_m2 + variance_m2);
+    known->p_m += part * (in_map.p_m - known->p_m);
+    known->outward = (known->outward + part * (in_map.outward - known->outward)).normalized();
+    known->variance_m2 = std::max((1.0 - part) * known->variance_m2, kLeastEndSigma_m * kLeastEndSigma_m);
+    known->least_bearing_rad = std::min(known->least_bearing_rad, end.least_bearing_rad);
+    known->most_bearing_rad = std::max(known->most_bearing_rad, end.most_bearing_rad);
+    known->last_seen_ns = end.last_seen_ns;
   }
 }
 
@@ -142,7 +167,9 @@ void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, co
   }
   for (const FaceEnd& end : seen_ends_) {
     const FaceEnd* const known = known_end(end, T_map_level, reach_m);
-    if (known == nullptr || known->seen < kSeenOften || known->last_seen_ns < recent_ns) continue;
+    if (known == nullptr || known->most_bearing_rad - known->least_bearing_rad < kLeastBearings_rad ||
+        known->last_seen_ns < recent_ns)
+      continue;
     pairs_.push_back({end.p_m, known->p_m, known->outward, end.variance_m2 + known->variance_m2});
   }
 }
@@ -151,28 +178,34 @@ void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, co
 void MapAlignment::go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s) {
   const Eigen::Matrix2d R_map_odom = (T_map_level_ * inverse(T_odom_level_)).rotation();
   const Eigen::Matrix2d R = T_map_level_.rotation();
-  const Eigen::Vector2d change_m_s = R_map_odom * (v_odom_m_s - v_odom_m_s_) + dt_s * (R * a_level_m_s2_);
+  const Eigen::Vector2d a_m_s2 = a_map_m_s2_ + R * a_level_m_s2_;
+  const Eigen::Vector2d change_m_s = R_map_odom * (v_odom_m_s - v_odom_m_s_) + dt_s * a_m_s2;
   const Eigen::Vector2d bend_m =
       R_map_odom * (T_odom_level.translation_m - T_odom_level_.translation_m - dt_s * v_odom_m_s_) +
-      0.5 * dt_s * dt_s * (R * a_level_m_s2_);
+      0.5 * dt_s * dt_s * a_m_s2;
   T_map_level_.translation_m += dt_s * v_map_m_s_ + bend_m;
   T_map_level_.yaw_rad += wrap_to_pi(T_odom_level.yaw_rad - T_odom_level_.yaw_rad) + dt_s * w_rad_s_;
   v_map_m_s_ += change_m_s;
   v_changes_m_s_ += change_m_s;
+  a_map_m_s2_ += dt_s * (R * j_level_m_s3_);
 
-  Matrix8 F = Matrix8::Identity();
-  F.block<2, 1>(0, kYaw) = turned_left(bend_m);
+  Matrix12 F = Matrix12::Identity();
+  F.block<2, 1>(0, kYaw) = left_of(bend_m);
   F.block<2, 2>(0, kVelocity) = dt_s * Eigen::Matrix2d::Identity();
+  F.block<2, 2>(0, kTilt) = 0.5 * dt_s * dt_s * Eigen::Matrix2d::Identity();
   F.block<2, 2>(0, kAcceleration) = 0.5 * dt_s * dt_s * R;
   F(kYaw, kYawRate) = dt_s;
-  F.block<2, 1>(kVelocity, kYaw) = turned_left(change_m_s);
+  F.block<2, 1>(kVelocity, kYaw) = left_of(change_m_s);
+  F.block<2, 2>(kVelocity, kTilt) = dt_s * Eigen::Matrix2d::Identity();
   F.block<2, 2>(kVelocity, kAcceleration) = dt_s * R;
+  F.block<2, 2>(kTilt, kTiltRate) = dt_s * R;
   P_ = F * P_ * F.transpose();
   const auto walk = [&](int first, int size, double drift) {
     P_.diagonal().segment(first, size).array() += drift * drift * dt_s;
   };
   walk(kYaw, 1, params_.yaw_drift_rad_sqrt_s);
   walk(kVelocity, 2, params_.velocity_drift_m_s_sqrt_s);
+  walk(kTilt, 2, kGravity_m_s2 * params_.tilt_drift_rad_sqrt_s);
   walk(kAcceleration, 2, params_.acceleration_drift_m_s2_sqrt_s);
   walk(kYawRate, 1, params_.yaw_rate_drift_rad_s_sqrt_s);
   P_.diagonal().array() += kLeastVariance;
@@ -182,24 +215,24 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
                            double dt_s) {
   const double sigma_m = std::sqrt(std::max(P_(0, 0), P_(1, 1)));
   const double reach_m = std::clamp(kLeastSearch_m + kReachSigmas * sigma_m, kLeastSearch_m, kMostSearch_m);
-  Matrix8 information = P_.llt().solve(Matrix8::Identity());
+  Matrix12 information = P_.llt().solve(Matrix12::Identity());
   // The velocity by GPS and INS: one measurement of it in velocity_memory_s.
   const Eigen::Matrix2d R_map_world =
       (T_map_level_ * inverse(T_odom_level_) * inverse(placement.T_world_odom)).rotation();
   const double v_weight =
       std::min(dt_s / params_.velocity_memory_s, 1.0) / std::max(square(placement.velocity_sigma_m_s), kLeastVariance);
   const Eigen::Vector2d v_residual_m_s = R_map_world * placement.v_world_m_s - v_map_m_s_;
-  Vector8 from_velocity = Vector8::Zero();
+  Vector12 from_velocity = Vector12::Zero();
   from_velocity.segment<2>(kVelocity) = v_weight * v_residual_m_s;
   information.diagonal().segment<2>(kVelocity).array() += v_weight;
 
   const Pose2 begin = T_map_level_;
-  Vector8 total = Vector8::Zero();
-  Matrix8 A = information;
+  Vector12 total = Vector12::Zero();
+  Matrix12 A = information;
   for (int k = 0; k < kIterations; ++k) {
     pair_up(map, polylines, T_map_level_, reach_m);
     A = information;
-    Vector8 b = from_velocity - information * total;
+    Vector12 b = from_velocity - information * total;
     if (pairs_.size() >= kFewestPairs) {
       const Eigen::Matrix2d R = T_map_level_.rotation();
       for (const Pair& pair : pairs_) {
@@ -208,20 +241,22 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
         const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
         const double weight = params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
         Eigen::Vector3d J;
-        J << pair.normal_map, pair.normal_map.dot(turned_left(offset_m));
+        J << pair.normal_map, pair.normal_map.dot(left_of(offset_m));
         A.topLeftCorner<3, 3>() += weight * J * J.transpose();
         b.head<3>() += weight * residual_m * J;
       }
     }
-    const Vector8 step = A.llt().solve(b);
+    const Vector12 step = A.llt().solve(b);
     total += step;
     T_map_level_ = {begin.translation_m + total.head<2>(), begin.yaw_rad + total(kYaw)};
     if (step.cwiseAbs().maxCoeff() < kSmallStep) break;
   }
   v_map_m_s_ += total.segment<2>(kVelocity);
+  a_map_m_s2_ += total.segment<2>(kTilt);
   a_level_m_s2_ += total.segment<2>(kAcceleration);
+  j_level_m_s3_ += total.segment<2>(kTiltRate);
   w_rad_s_ += total(kYawRate);
-  P_ = A.llt().solve(Matrix8::Identity());
+  P_ = A.llt().solve(Matrix12::Identity());
 }
 
 /// The motion in the map that brings the scan, and what was mapped lately, to what was mapped before.
@@ -254,7 +289,7 @@ bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, 
       const double residual_m = normal_map.dot(element.p_world_m - p_map_m);
       const double variance_m2 = square(hit.sigma_m) + element.variance_m2 + square(params_.hit_sigma_m);
       Eigen::Vector3d J;
-      J << normal_map, normal_map.dot(turned_left(offset_m));
+      J << normal_map, normal_map.dot(left_of(offset_m));
       A += params_.independent_part / variance_m2 * J * J.transpose();
       b += params_.independent_part / variance_m2 * residual_m * J;
       apart_m2 += square(residual_m);
@@ -308,6 +343,7 @@ void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
   }
   T_map_level_ = correction * T_map_level_;
   v_map_m_s_ = correction.rotation() * v_map_m_s_;
+  a_map_m_s2_ = correction.rotation() * a_map_m_s2_;
   v_changes_m_s_ = correction.rotation() * v_changes_m_s_;
   loop_closed_ns_ = polylines.stamp_ns;
 }
@@ -330,6 +366,15 @@ void MapAlignment::begin_with(const Eigen::Vector2d& v_map_m_s, double sigma_m_s
   first_velocity_sigma_m_s_ = sigma_m_s;
 }
 
+double MapAlignment::velocity_sigma_m_s() const { return std::sqrt(P_.diagonal().segment<2>(kVelocity).maxCoeff()); }
+
+Eigen::Vector2d MapAlignment::velocity_correction_m_s(const InertialPlacement& placement) const {
+  if (has_begun_) return (T_odom_level_ * inverse(T_map_level_)).rotation() * v_map_m_s_ - v_odom_m_s_;
+  // The map's axes are odom's then.
+  const bool is_given = first_velocity_sigma_m_s_ > 0.0;
+  return (is_given ? v_map_m_s_ : begin_velocity_m_s(placement)) - placement.v_odom_m_s;
+}
+
 Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& placement, Polylines& polylines) {
   const Pose2 T_odom_level = polylines.T_world_level;
   find_face_ends(polylines);
@@ -345,16 +390,19 @@ Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& pl
     has_begun_ = true;
     T_odom_level_ = T_map_level_ = T_odom_level;
     const bool is_given = first_velocity_sigma_m_s_ > 0.0;
-    if (!is_given) v_map_m_s_ = placement.T_world_odom.rotation().transpose() * placement.v_world_m_s;
+    if (!is_given) v_map_m_s_ = begin_velocity_m_s(placement);
     P_.diagonal().segment<2>(kVelocity).setConstant(
         square(is_given ? first_velocity_sigma_m_s_ : placement.velocity_sigma_m_s));
+    P_.diagonal().segment<2>(kTilt).setConstant(square(kGravity_m_s2 * params_.tilt_sigma_rad));
     P_.diagonal().segment<2>(kAcceleration).setConstant(square(params_.acceleration_sigma_m_s2));
+    P_.diagonal().segment<2>(kTiltRate).setConstant(square(kGravity_m_s2 * params_.tilt_rate_sigma_rad_s));
     P_(kYawRate, kYawRate) = square(params_.yaw_rate_sigma_rad_s);
   }
   stamp_ns_ = polylines.stamp_ns;
   v_odom_m_s_ = placement.v_odom_m_s;
   map_face_ends(T_map_level_);
   average(polylines, T_map_level_, placement);
+  place(polylines, placement);
   polylines.T_world_level = T_map_level_;
   return P_.topLeftCorner<3, 3>();
 }
@@ -383,20 +431,44 @@ void MapAlignment::average(const Polylines& polylines, const Pose2& T_map_level,
   T_world_map_.translation_m = middle_world_m_ - T_world_map_.rotation() * middle_map_m_;
 }
 
+/// By fixes.
+void MapAlignment::place(const Polylines& polylines, const InertialPlacement& placement) {
+  odom_.push_back({polylines.stamp_ns, T_map_level_ * inverse(T_odom_level_)});
+  while (seconds_between(odom_.front().stamp_ns, polylines.stamp_ns) > kOdomFor_s) odom_.pop_front();
+  if (!place_.has_begun()) {
+    // The fixes that it is made of are counted again.
+    const Eigen::Matrix3d& P = placement.pose_covariance;
+    place_.begin(T_map_level_.translation_m, placement.T_world_odom * inverse(odom_.back().T_map_odom),
+                 square(kBeginSigmas) * std::max(P(0, 0), P(1, 1)), square(kBeginYawSigmas) * P(2, 2));
+  }
+  for (const PlacedFix& fix : placement.fixes) {
+    has_fixes_ = true;
+    auto then = odom_.rbegin();
+    while (then + 1 != odom_.rend() && then->stamp_ns > fix.stamp_ns) ++then;
+    PlacedFix in_map = fix;
+    in_map.antenna_m = then->T_map_odom * fix.antenna_m;
+    place_.add(in_map, std::max(P_(0, 0), P_(1, 1)));
+  }
+  if (has_fixes_) T_world_map_ = place_.T_world_map();
+}
+
 Eigen::Matrix3d MapAlignment::covariance_world() const {
-  const Eigen::Vector2d arm_m = T_world_map_.rotation() * (T_map_level_.translation_m - middle_map_m_);
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   R.topLeftCorner<2, 2>() = T_world_map_.rotation();
-  Eigen::Matrix3d covariance = R * P_.topLeftCorner<3, 3>() * R.transpose();
+  const Eigen::Matrix3d in_map = R * P_.topLeftCorner<3, 3>() * R.transpose();
+  if (has_fixes_) return in_map + place_.covariance_at(T_map_level_.translation_m);
+  const Eigen::Vector2d arm_m = T_world_map_.rotation() * (T_map_level_.translation_m - middle_map_m_);
   Eigen::Vector3d by_yaw;
-  by_yaw << turned_left(arm_m), 1.0;
-  covariance += yaw_variance_rad2_ * by_yaw * by_yaw.transpose();
+  by_yaw << left_of(arm_m), 1.0;
+  Eigen::Matrix3d covariance = in_map + yaw_variance_rad2_ * by_yaw * by_yaw.transpose();
   covariance.diagonal().head<2>().array() += position_variance_m2_;
   return covariance;
 }
 
 double MapAlignment::variance_m2(double from_middle_m) const {
-  return position_variance_m2_ + yaw_variance_rad2_ * from_middle_m * from_middle_m;
+  if (!has_fixes_) return position_variance_m2_ + yaw_variance_rad2_ * from_middle_m * from_middle_m;
+  const Eigen::Matrix3d P = place_.covariance_at(middle_map_m_);
+  return std::max(P(0, 0), P(1, 1)) + P(2, 2) * from_middle_m * from_middle_m;
 }
 
 }  // namespace situation_awareness

@@ -23,9 +23,13 @@ constexpr std::size_t kFewestElements = 6;
 /// How long the scans are kept of which the velocity at the first one is learned, from such a number of hits on; how
 /// often; and how well it is known then.
 constexpr double kBegin_s = 2.0, kPause_s = 1.0;
-constexpr std::size_t kFewestHits = 20;
+constexpr std::ptrdiff_t kFewestHits = 20;
 constexpr int kPasses = 3;
 constexpr double kSecondVelocitySigma_m_s = 0.3, kFirstVelocitySigma_m_s = 0.1;
+/// The velocity was told if its standard deviation is less than this; otherwise later scans are awaited, so many times:
+/// a single wall never tells that along it.
+constexpr double kToldVelocitySigma_m_s = 0.4;
+constexpr int kMostBegins = 4;
 
 /// Both ends of a boundary are one place if it has turned once around, up to this angle (rad), and they are no farther
 /// apart than this (m), or than this if it was closed before: a lap that ends half a metre beside its begin has been
@@ -60,6 +64,15 @@ bool go_around(std::vector<SplinegonElement>& elements, double most_apart_m) {
   return true;
 }
 
+/// Where the scanner is at the last beam, by the velocity as the map knows it: an error of odom's lasts.
+Eigen::Isometry3d swept(const MapAlignment& alignment, const Scan& scan, const Eigen::Isometry3d& T_odom_lidar_end,
+                        const InertialPlacement& placement) {
+  const double sweep_s = scan.time_increment_s * static_cast<double>(std::max<std::size_t>(scan.beams.size(), 1) - 1);
+  Eigen::Isometry3d T = T_odom_lidar_end;
+  T.translation().head<2>() += sweep_s * alignment.velocity_correction_m_s(placement);
+  return T;
+}
+
 /// Of the map's variance at its boundaries.
 constexpr double kFromMiddle_m = 10.0;
 
@@ -90,42 +103,56 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
 const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                                              const Eigen::Isometry3d& T_odom_lidar_end,
                                              const InertialPlacement& placement) {
-  take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
-  if (!alignment_.has_begun() && !begin(placement)) {
-    return map_.update(polylines_.stamp_ns, boundaries_, 0.0);  // loaded ones, if any
+  if (!alignment_.has_begun()) {
+    take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
+    if (!begin({scan, T_odom_lidar, T_odom_lidar_end, placement})) {
+      return map_.update(polylines_.stamp_ns, boundaries_, 0.0);  // loaded ones, if any
+    }
   }
+  take_polylines(scan, T_odom_lidar, swept(alignment_, scan, T_odom_lidar_end, placement));
   const Eigen::Matrix3d covariance = alignment_.align(chains_, placement, polylines_);
   return map_polylines(covariance, alignment_.variance_m2(kFromMiddle_m));
 }
 
 /// Whether the latest scan is to be mapped: those before it are.
-bool SplinegonPipeline::begin(const InertialPlacement& placement) {
-  if (first_scans_.empty() && polylines_.hits.size() < kFewestHits) return false;
-  const auto since_s = [&] { return seconds_between(first_scans_.front().polylines.stamp_ns, polylines_.stamp_ns); };
+bool SplinegonPipeline::begin(FirstScan scan) {
+  const auto hits = std::count_if(polylines_.hits.begin(), polylines_.hits.end(),
+                                  [](const PolylineHit& hit) { return hit.has_normal; });
+  if (first_scans_.empty() && hits < kFewestHits) return false;
+  const auto since_s = [&] { return seconds_between(first_scans_.front().scan.stamp_ns, scan.scan.stamp_ns); };
   if (!first_scans_.empty() && since_s() > kPause_s + kBegin_s) first_scans_.clear();
   if (first_scans_.empty() || since_s() < kBegin_s) {
-    first_scans_.push_back({polylines_, placement});
+    first_scans_.push_back(std::move(scan));
     return false;
   }
+  const auto map_first_scans = [&](PolygonMap& chains, MapAlignment& alignment, bool whole) {
+    for (const FirstScan& first : first_scans_) {
+      take_polylines(first.scan, first.T_odom_lidar,
+                     swept(alignment, first.scan, first.T_odom_lidar_end, first.placement));
+      const Eigen::Matrix3d covariance = alignment.align(chains, first.placement, polylines_);
+      update_ = chains.update(polylines_, covariance, std::move(update_));
+      if (whole) polygons_ = chains.polygons(std::move(polygons_));
+    }
+  };
   std::optional<Eigen::Vector2d> v_map_m_s;
   for (int pass = 0; pass < kPasses; ++pass) {
     PolygonMap chains(params_.polygons);
     MapAlignment alignment(params_.alignment);
     if (v_map_m_s) alignment.begin_with(*v_map_m_s, kSecondVelocitySigma_m_s);
-    for (const FirstScan& first : first_scans_) {
-      Polylines polylines = first.polylines;
-      const Eigen::Matrix3d covariance = alignment.align(chains, first.placement, polylines);
-      update_ = chains.update(polylines, covariance, std::move(update_));
+    map_first_scans(chains, alignment, false);
+    if (pass == 0 && alignment.velocity_sigma_m_s() > kToldVelocitySigma_m_s && begins_ < kMostBegins) {
+      ++begins_;
+      first_scans_.erase(first_scans_.begin(),
+                         first_scans_.begin() + static_cast<std::ptrdiff_t>(first_scans_.size() / 2));
+      first_scans_.push_back(std::move(scan));
+      return false;
     }
     v_map_m_s = alignment.first_velocity_m_s();
   }
   alignment_.begin_with(*v_map_m_s, kFirstVelocitySigma_m_s);
-  for (FirstScan& first : first_scans_) {
-    const Eigen::Matrix3d covariance = alignment_.align(chains_, first.placement, first.polylines);
-    update_ = chains_.update(first.polylines, covariance, std::move(update_));
-    polygons_ = chains_.polygons(std::move(polygons_));
-  }
+  map_first_scans(chains_, alignment_, true);
   first_scans_.clear();
+  begins_ = 0;
   return true;
 }
 
@@ -197,6 +224,7 @@ void SplinegonPipeline::reset() {
   chains_.restore(nothing);
   alignment_ = MapAlignment(params_.alignment);
   first_scans_.clear();
+  begins_ = 0;
   polygons_.chains.clear();
   boundaries_.clear();
   map_.update(0, boundaries_, 0.0);

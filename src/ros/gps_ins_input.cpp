@@ -92,6 +92,7 @@ std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg) {
 }
 
 void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
+  good_fix_.reset();
   if (!is_of(antenna_, msg.header.frame_id)) {
     ++counters_[msg.header.frame_id.empty() ? "fix without a frame" : "fix in another frame"];
     return;
@@ -108,9 +109,11 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
         Eigen::Vector3d(variance_m2, variance_m2, kVerticalRatio * kVerticalRatio * variance_m2).asDiagonal();
     ++counters_["fix without covariance: fix_sigma_m used"];
   }
-  if (fix.is_fix && is_valid(fix.position)) fix_stamp_ns_ = fix.stamp_ns;
+  const bool is_good = fix.is_fix && is_valid(fix.position);
+  if (is_good) fix_stamp_ns_ = fix.stamp_ns;
   filter_->add_fix(fix);
   if (backlog_ && !filter_->is_ready()) backlog_->add_fix(fix);
+  if (is_good && fix.covariance_m2.allFinite()) good_fix_ = fix;
 }
 
 std::vector<GpsInsPose> GpsInsInput::backlog_poses(const GpsInsPose& ready) {

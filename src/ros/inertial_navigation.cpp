@@ -3,41 +3,36 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/lie_groups.hpp"
+#include "situation_awareness/pose/inertial_motion.hpp"
+#include "situation_awareness/pose/local_world.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 
 namespace situation_awareness {
 namespace {
 
-/// The pose is that by the map where its variance is so much less than that by GPS and INS.
-constexpr double kWorseThanMap = 1.5;
 /// Time for which it is kept what was known, where nothing asks for it: no scan waits longer.
 constexpr double kKnownFor_s = 2.0 * InertialNavigation::kBacklog_s;
-/// Least cosine of the pitch, by which a yaw rate is divided.
-constexpr double kLeastCosine = 0.1;
+/// Time after which fixes are not placed any more.
+constexpr double kLatestFix_s = 2.0;
+/// In `odom` biases and tilt are those of the filter when it began, and follow it with this time constant: what a fix
+/// changes in them shows up slowly, and errors of them are nearly constant, so that the map tells them.
+constexpr double kFollow_s = 100.0;
 
 Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
   return Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-}
-
-/// About the vertical, of Rz(yaw) Ry(pitch) Rx(roll).
-double yaw_rate_of(const GpsInsPose& pose) {
-  const Eigen::Matrix3d R = pose.T_world_base.linear();
-  const double roll_rad = std::atan2(R(2, 1), R(2, 2));
-  const double cos_pitch = std::hypot(R(2, 1), R(2, 2));
-  return (std::sin(roll_rad) * pose.angular_velocity_base_rad_s.y() +
-          std::cos(roll_rad) * pose.angular_velocity_base_rad_s.z()) /
-         std::max(cos_pitch, kLeastCosine);
 }
 
 void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_world_odom,
                   const Eigen::Isometry3d& T_odom_base, WorldPose& pose) {
   if (!alignment.has_begun()) return;
   const Eigen::Matrix3d by_map = alignment.covariance_world(), before = planar_covariance(pose);
-  if (before.topLeftCorner<2, 2>().trace() < kWorseThanMap * by_map.topLeftCorner<2, 2>().trace()) return;
+  if (before.topLeftCorner<2, 2>().trace() < by_map.topLeftCorner<2, 2>().trace()) return;
   const Pose2 T_map = alignment.T_world_odom();
   Eigen::Isometry3d T_new_odom = Eigen::Isometry3d::Identity();
   T_new_odom.translation() << T_map.translation_m, T_world_odom.translation().z();
@@ -84,7 +79,42 @@ std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg) {
     for (const GpsInsPose& earlier : input_.backlog_poses(pose)) go_on(earlier);
   }
   go_on(pose);
+  place_fixes();
   return reason;
+}
+
+void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg) {
+  input_.add_fix(msg);
+  if (const std::optional<GeodeticFix>& fix = input_.good_fix()) {
+    fixes_.push_back({*fix, input_.filter()->stamp_ns()});
+    while (std::abs(seconds_between(fixes_.front().fix.stamp_ns, fix->stamp_ns)) > kBacklog_s) fixes_.pop_front();
+  }
+  place_fixes();
+}
+
+/// In odom, those up to its latest pose.
+void InertialNavigation::place_fixes() {
+  if (odom_.empty()) return;
+  while (!fixes_.empty() && fixes_.front().fix.stamp_ns <= odom_.back().stamp_ns) {
+    const auto [fix, known_ns] = fixes_.front();
+    fixes_.pop_front();
+    if (fix.stamp_ns < odom_.front().stamp_ns ||
+        (!placed_fixes_.empty() && fix.stamp_ns <= placed_fixes_.back().fix.stamp_ns)) {
+      continue;
+    }
+    const auto then =
+        std::lower_bound(odom_.begin(), odom_.end(), fix.stamp_ns,
+                         [](const OdomPose& pose, std::int64_t stamp_ns) { return pose.stamp_ns < stamp_ns; });
+    const Eigen::Vector3d antenna_m = then->T_odom_base * input_.antenna_base_m();
+    const Eigen::Vector3d fix_world_m = local_position(*input_.filter()->origin(), fix.position);
+    placed_fixes_.push_back(
+        {{fix.stamp_ns, antenna_m.head<2>(), fix_world_m.head<2>(), fix.covariance_m2.diagonal().head<2>()}, known_ns});
+  }
+  const std::int64_t latest_ns = odom_.back().stamp_ns;
+  while (seconds_between(odom_.front().stamp_ns, latest_ns) > kLatestFix_s) odom_.pop_front();
+  while (!placed_fixes_.empty() && seconds_between(placed_fixes_.front().fix.stamp_ns, latest_ns) > kKnownFor_s) {
+    placed_fixes_.pop_front();
+  }
 }
 
 void InertialNavigation::restart(std::int64_t stamp_ns) {
@@ -93,6 +123,9 @@ void InertialNavigation::restart(std::int64_t stamp_ns) {
       !known_.empty() && stamp_ns > known_.back().stamp_ns ? pose2_of(known_.back().T_world_odom) : Pose2{};
   ready_since_ns_ = StampOrder::kNone;
   known_.clear();
+  fixes_.clear();
+  odom_.clear();
+  placed_fixes_.clear();
 }
 
 /// The next pose in order.
@@ -100,19 +133,30 @@ void InertialNavigation::go_on(const GpsInsPose& pose) {
   if (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns) return;
   const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
   const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
+  const Eigen::Vector3d force_m_s2 = pose.specific_force_base_m_s2 + pose.accelerometer_bias_m_s2;
+  const Eigen::Vector3d measured_rate_rad_s = pose.angular_velocity_base_rad_s + pose.gyroscope_bias_rad_s;
   double step_s = 0.0;
   if (known_.empty()) {
     const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(pose.T_world_base);
-    odom_yaw_rad_ = T_odom_base.yaw_rad;
+    q_odom_base_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * R_world_base;
+    accelerometer_bias_m_s2_ = pose.accelerometer_bias_m_s2;
+    gyroscope_bias_rad_s_ = pose.gyroscope_bias_rad_s;
     p_odom_m_.head<2>() = T_odom_base.translation_m;
     v_odom_m_s_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * pose.velocity_world_m_s;
   } else {
     step_s = seconds_between(known_.back().stamp_ns, pose.stamp_ns);
+    const double part = std::min(step_s / kFollow_s, 1.0);
+    accelerometer_bias_m_s2_ += part * (pose.accelerometer_bias_m_s2 - accelerometer_bias_m_s2_);
+    gyroscope_bias_rad_s_ += part * (pose.gyroscope_bias_rad_s - gyroscope_bias_rad_s_);
+    const Eigen::Vector3d rate_rad_s = measured_rate_rad_s - gyroscope_bias_rad_s_;
+    q_odom_base_ = q_odom_base_ * exp_so3(0.5 * step_s * (rate_base_rad_s_ + rate_rad_s));
+    const Eigen::Vector3d up = q_odom_base_.toRotationMatrix().row(2).transpose();
+    q_odom_base_ = (q_odom_base_ * exp_so3(part * Eigen::Vector3d(R_world_base.row(2)).cross(up))).normalized();
   }
-  odom_yaw_rad_ += step_s * yaw_rate_of(pose);
-  const Eigen::Matrix3d R_odom_base = rotation_about_vertical(odom_yaw_rad_ - yaw_rad) * R_world_base;
+  rate_base_rad_s_ = measured_rate_rad_s - gyroscope_bias_rad_s_;
+  const Eigen::Matrix3d R_odom_base = rotation_about_vertical(yaw_of(q_odom_base_) - yaw_rad) * R_world_base;
   const Eigen::Vector3d a_odom_m_s2 =
-      R_odom_base * pose.specific_force_base_m_s2 - kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ();
+      q_odom_base_ * (force_m_s2 - accelerometer_bias_m_s2_) - kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d change_m_s = 0.5 * step_s * (a_odom_m_s2_ + a_odom_m_s2);
   p_odom_m_ += step_s * (v_odom_m_s_ + 0.5 * change_m_s);
   v_odom_m_s_ += change_m_s;
@@ -126,9 +170,9 @@ void InertialNavigation::go_on(const GpsInsPose& pose) {
   const double velocity_variance = pose.velocity_covariance.topLeftCorner<2, 2>().diagonal().maxCoeff() +
                                    pose.velocity_world_m_s.head<2>().squaredNorm() * yaw_variance;
   known_.push_back({pose.stamp_ns, pose.T_world_base * T_odom_base.inverse(), pose.covariance, v_odom_m_s_,
-                    R_odom_base * pose.angular_velocity_base_rad_s, pose.velocity_world_m_s,
-                    std::sqrt(velocity_variance)});
+                    R_odom_base * rate_base_rad_s_, pose.velocity_world_m_s, std::sqrt(velocity_variance)});
   while (seconds_between(known_.front().stamp_ns, pose.stamp_ns) > kKnownFor_s) known_.pop_front();
+  odom_.push_back({pose.stamp_ns, T_odom_base});
   use_.add(transform_to_msg(T_odom_base, pose.stamp_ns, "", ""));
 }
 
@@ -149,6 +193,9 @@ InertialPlacement InertialNavigation::placement_at(std::int64_t stamp_ns, const 
   placement.v_odom_m_s = (known.v_odom_m_s + of_arm_m_s).head<2>();
   placement.v_world_m_s = (known.v_world_m_s + known.T_world_odom.linear() * of_arm_m_s).head<2>();
   placement.velocity_sigma_m_s = known.velocity_sigma_m_s;
+  for (; !placed_fixes_.empty() && placed_fixes_.front().known_ns <= stamp_ns; placed_fixes_.pop_front()) {
+    placement.fixes.push_back(placed_fixes_.front().fix);
+  }
   return placement;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,17 +11,21 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/pipeline/map_place.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
 namespace situation_awareness {
 
 struct MapAlignmentParams {
   double yaw_drift_rad_sqrt_s = 0.001;
-  double yaw_rate_sigma_rad_s = 0.005;
-  double yaw_rate_drift_rad_s_sqrt_s = 0.0005;
+  double yaw_rate_sigma_rad_s = 0.003;
+  double yaw_rate_drift_rad_s_sqrt_s = 0.0001;
   double velocity_drift_m_s_sqrt_s = 0.03;
-  double acceleration_sigma_m_s2 = 0.15;
-  double acceleration_drift_m_s2_sqrt_s = 0.03;
+  double tilt_sigma_rad = 0.02;
+  double tilt_drift_rad_sqrt_s = 0.0003;
+  double tilt_rate_sigma_rad_s = 0.003;
+  double acceleration_sigma_m_s2 = 0.05;
+  double acceleration_drift_m_s2_sqrt_s = 0.003;
   double velocity_memory_s = 10.0;
   double hit_sigma_m = 0.03;
   double independent_part = 0.25;
@@ -35,8 +40,13 @@ struct MapAlignmentParams {
           "its random walk");
     visit("velocity_drift_m_s_sqrt_s", self.velocity_drift_m_s_sqrt_s, Bounds{0.0, 100.0}, "m/s/sqrt(s)",
           "random walk of the velocity by inertial navigation between two scans");
+    visit("tilt_sigma_rad", self.tilt_sigma_rad, Bounds{0.0, 1.0}, "rad",
+          "standard deviation of the error of the tilt by inertial navigation at the start, each axis");
+    visit("tilt_drift_rad_sqrt_s", self.tilt_drift_rad_sqrt_s, Bounds{0.0, 1.0}, "rad/sqrt(s)", "its random walk");
+    visit("tilt_rate_sigma_rad_s", self.tilt_rate_sigma_rad_s, Bounds{0.0, 1.0}, "rad/s",
+          "standard deviation of the error of the rate of roll and pitch");
     visit("acceleration_sigma_m_s2", self.acceleration_sigma_m_s2, Bounds{0.0, 100.0}, "m/s^2",
-          "standard deviation of the error of the horizontal acceleration, by tilt and bias, at the start");
+          "standard deviation of the bias of the acceleration, in the scanner's level axes, at the start");
     visit("acceleration_drift_m_s2_sqrt_s", self.acceleration_drift_m_s2_sqrt_s, Bounds{0.0, 100.0}, "m/s^2/sqrt(s)",
           "its random walk");
     visit("velocity_memory_s", self.velocity_memory_s, Bounds{0.01, 1e4}, "s",
@@ -58,6 +68,8 @@ struct InertialPlacement {
   Eigen::Vector2d v_odom_m_s = Eigen::Vector2d::Zero();       ///< of the scanner, whose changes are accelerations
   Eigen::Vector2d v_world_m_s = Eigen::Vector2d::Zero();      ///< the same by GPS and INS
   double velocity_sigma_m_s = 0.0;                            ///< of that seen from the base, in any direction
+  /// Since the scan before, in order, with the antenna in odom. Without any ever, the poses place the map.
+  std::vector<PlacedFix> fixes;
 };
 
 /// Keeps the scans of a map together while what is known of the world wanders: the map has a frame of its own, in which
@@ -90,6 +102,10 @@ class MapAlignment {
   Eigen::Vector2d first_velocity_m_s() const { return v_map_m_s_ - v_changes_m_s_; }
   void begin_with(const Eigen::Vector2d& v_map_m_s, double sigma_m_s);
   bool has_begun() const { return has_begun_; }
+  /// Standard deviation of the velocity in the map, in the worse direction of the two axes (m/s).
+  double velocity_sigma_m_s() const;
+  /// What is to be added to odom's velocity at the next scan (m/s, axes of odom).
+  Eigen::Vector2d velocity_correction_m_s(const InertialPlacement& placement) const;
 
   /// Where the map is in the world, and the variance of a place of it, so far from where most hits were, in any
   /// direction.
@@ -107,9 +123,9 @@ class MapAlignment {
   };
   /// Where a flat face ends.
   struct FaceEnd {
-    Eigen::Vector2d p_m, outward;  ///< unit, along the face; in the level frame or in the map
-    double variance_m2;            ///< along the face
-    int seen;                      ///< scans
+    Eigen::Vector2d p_m, outward;                ///< unit, along the face; in the level frame or in the map
+    double variance_m2;                          ///< along the face
+    double least_bearing_rad, most_bearing_rad;  ///< of the beams there, from the face's normal
     std::int64_t first_seen_ns, last_seen_ns;
   };
 
@@ -122,6 +138,7 @@ class MapAlignment {
   void give_up_remains(PolygonMap& map, const Polylines& polylines) const;
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
   void correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement, double dt_s);
+  void place(const Polylines& polylines, const InertialPlacement& placement);
   void average(const Polylines& polylines, const Pose2& T_map_level, const InertialPlacement& placement);
 
   MapAlignmentParams params_;
@@ -133,13 +150,22 @@ class MapAlignment {
   Eigen::Vector2d v_map_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_changes_m_s_ = Eigen::Vector2d::Zero();  ///< by accelerations since the first scan
   double first_velocity_sigma_m_s_ = 0.0;                    ///< of begin_with; 0 without
-  Eigen::Vector2d a_level_m_s2_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d a_map_m_s2_ = Eigen::Vector2d::Zero(), a_level_m_s2_ = Eigen::Vector2d::Zero();
+  Eigen::Vector2d j_level_m_s3_ = Eigen::Vector2d::Zero();
   double w_rad_s_ = 0.0;
-  Eigen::Matrix<double, 8, 8> P_ = Eigen::Matrix<double, 8, 8>::Zero();
+  Eigen::Matrix<double, 12, 12> P_ = Eigen::Matrix<double, 12, 12>::Zero();
   std::vector<Pair> pairs_;
   std::vector<FaceEnd> seen_ends_;  ///< in the level frame of the latest scan
   std::vector<FaceEnd> ends_;       ///< in the map
 
+  /// Where odom was in the map at the latest scans, which fixes are older than.
+  struct OdomThen {
+    std::int64_t stamp_ns;
+    Pose2 T_map_odom;
+  };
+  std::deque<OdomThen> odom_;
+  MapPlace place_;
+  bool has_fixes_ = false;
   Pose2 T_world_map_;
   Eigen::Vector2d middle_map_m_ = Eigen::Vector2d::Zero();  ///< of hits
   Eigen::Vector2d middle_world_m_ = Eigen::Vector2d::Zero();

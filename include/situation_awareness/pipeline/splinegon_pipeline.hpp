@@ -53,7 +53,7 @@ class SplinegonPipeline {
 
   /// With a pose by inertial navigation, of which GPS says where it is in the world. All calls are of one kind. The
   /// scans of the first two seconds that see something are mapped at their end: they tell how fast the vehicle is,
-  /// which GPS and INS know badly then.
+  /// which GPS and INS know badly then. If they do not, later ones are.
   const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                             const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
 
@@ -84,16 +84,18 @@ class SplinegonPipeline {
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
-  bool begin(const InertialPlacement& placement);
 
   /// A scan of the begin.
   struct FirstScan {
-    Polylines polylines;
+    Scan scan;
+    Eigen::Isometry3d T_odom_lidar, T_odom_lidar_end;
     InertialPlacement placement;
   };
+  bool begin(FirstScan scan);
 
   SplinegonPipelineParams params_;
   std::vector<FirstScan> first_scans_;
+  int begins_ = 0;  ///< that did not tell the velocity
   PolygonMap chains_;
   MapAlignment alignment_;
   SplinegonMap map_;

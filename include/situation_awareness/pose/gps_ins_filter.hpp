@@ -10,6 +10,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/estimation/error_state_filter.hpp"
+#include "situation_awareness/pose/fix_noise.hpp"
 #include "situation_awareness/pose/inertial_motion.hpp"
 
 namespace situation_awareness {
@@ -17,13 +18,6 @@ namespace situation_awareness {
 // One filter of the GPS/INS, which applies measurements at their stamps (docs/math/gps_ins.md). Its history is the
 // inertial samples and measurements of the last seconds, which all filters of a bank share, and its own state at some
 // moments: a late measurement takes it back to the moment before, from where it goes on.
-
-/// What the error of a fix is made of: slow errors have `correlated_share` of its variance, and are forgotten with the
-/// time constant `correlation_s`; the rest is white.
-struct FixNoise {
-  double correlated_share = 0.5;
-  double correlation_s = 20.0;
-};
 
 /// Inertial samples of the last seconds, in the axes of the base; a ring that is numbered from the first one on. The
 /// density of their noise is measured as Allan's variance is: by how far the mean of a block of samples is from that of

@@ -35,6 +35,10 @@ class GpsInsInput {
   /// What is not used of these is counted by counters(), or by those of the filter. A covariance that is unknown or
   /// zero is replaced by `fix_sigma_m`.
   void add_fix(const sensor_msgs::NavSatFix& msg);
+  /// That of the latest add_fix, if it has a position and a covariance.
+  const std::optional<GeodeticFix>& good_fix() const { return good_fix_; }
+  /// Where the antenna is on the base (m), once there is a filter.
+  Eigen::Vector3d antenna_base_m() const { return antenna_.T_base_sensor->translation(); }
 
   /// The height (z) of the IMU in the world with its variance; the rest of the pose is not used. A pose and not a
   /// pressure: what a pressure of the air is in m above the origin changes with the weather by metres in an hour, which
@@ -77,6 +81,7 @@ class GpsInsInput {
   std::optional<GpsInsBacklog> backlog_;
   Counters counters_;
   std::string detail_;
+  std::optional<GeodeticFix> good_fix_;
   std::int64_t fix_stamp_ns_ = StampOrder::kNone;
   std::int64_t heading_stamp_ns_ = StampOrder::kNone;
 };

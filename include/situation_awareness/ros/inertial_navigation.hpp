@@ -56,7 +56,7 @@ class InertialNavigation {
 
   /// As GpsInsInput::add_imu. Throws as Use::add.
   std::string add_imu(const sensor_msgs::Imu& msg);
-  void add_fix(const sensor_msgs::NavSatFix& msg) { input_.add_fix(msg); }
+  void add_fix(const sensor_msgs::NavSatFix& msg);
 
   bool is_ready() const { return ready_since_ns_ != StampOrder::kNone; }
   /// Before it, poses are of what came later; what was measured then waited for them.
@@ -68,8 +68,8 @@ class InertialNavigation {
   /// forgotten.
   InertialPlacement placement_at(std::int64_t stamp_ns, const Eigen::Isometry3d& T_odom_base,
                                  const Eigen::Isometry3d& T_odom_lidar);
-  /// The pose by GPS and INS, or by the map where they know it worse than the map does, in an outage of the fixes: then
-  /// x, y and yaw are the map's; height, roll and pitch stay.
+  /// The pose by GPS and INS, or by the map where they know it worse than the map does: then x, y and yaw are the
+  /// map's; height, roll and pitch stay.
   WorldPose pose_at(std::int64_t stamp_ns, const Eigen::Isometry3d& T_odom_base, const MapAlignment& alignment);
 
   GpsInsInput& input() { return input_; }
@@ -86,6 +86,19 @@ class InertialNavigation {
     double velocity_sigma_m_s = 0.0;
   };
 
+  /// A fix, and the stamp of the latest pose when it came in: what is known at a stamp does not depend on when it is
+  /// asked for.
+  template <class Fix>
+  struct KnownFix {
+    Fix fix;
+    std::int64_t known_ns;
+  };
+  struct OdomPose {
+    std::int64_t stamp_ns;
+    Eigen::Isometry3d T_odom_base;
+  };
+
+  void place_fixes();
   const Known& known_at(std::int64_t stamp_ns);
   void go_on(const GpsInsPose& pose);
   void restart(std::int64_t stamp_ns);
@@ -94,8 +107,13 @@ class InertialNavigation {
   Use use_;
   std::int64_t ready_since_ns_ = StampOrder::kNone;
   std::deque<Known> known_;
+  std::deque<KnownFix<GeodeticFix>> fixes_;  ///< of which it is not known yet where the base was
+  std::deque<OdomPose> odom_;                ///< where it was lately
+  std::deque<KnownFix<PlacedFix>> placed_fixes_;
   Pose2 T_world_odom_begin_;  ///< where `odom` begins
-  double odom_yaw_rad_ = 0.0;
+  Eigen::Quaterniond q_odom_base_ = Eigen::Quaterniond::Identity();
+  Eigen::Vector3d accelerometer_bias_m_s2_ = Eigen::Vector3d::Zero(), gyroscope_bias_rad_s_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d rate_base_rad_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero(), v_odom_m_s_ = p_odom_m_, a_odom_m_s2_ = p_odom_m_;
 };
 
