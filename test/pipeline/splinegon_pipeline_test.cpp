@@ -217,7 +217,7 @@ TEST(SplinegonPipeline, KeepsScansTogetherWhileInertialNavigationDrifts) {
                                {sign * 0.002, sign * Eigen::Vector2d(0.05, -0.05), Eigen::Vector2d(0.4, sign * 0.5)});
     expect_one_closed_boundary(pipeline.splinegons());
     const Splinegon& boundary = pipeline.splinegons().boundaries[0];
-    EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.6);
+    EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.25);
     EXPECT_NEAR(area_m2(boundary) / (kPi * 60.0), 1.0, 0.03);
     for (const Eigen::Vector2d& p_m : flight.outline()) EXPECT_TRUE(is_in_envelope(boundary, p_m));
   }
@@ -230,7 +230,7 @@ TEST(SplinegonPipeline, KeepsTheFacesOfABoxTogetherWhileInertialNavigationDrifts
   fly_by_inertial_navigation(pipeline, flight, {0.002, {0.05, -0.05}, {0.4, -0.5}});
   expect_one_closed_boundary(pipeline.splinegons());
   const Splinegon& boundary = pipeline.splinegons().boundaries[0];
-  EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.6);
+  EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.25);
   EXPECT_NEAR(area_m2(boundary) / 84.0, 1.0, 0.06);
 }
 
