@@ -17,9 +17,9 @@
 namespace situation_awareness {
 
 struct MapAlignmentParams {
-  double yaw_drift_rad_sqrt_s = 0.001;
+  double yaw_drift_rad_sqrt_s = 0.002;
   double yaw_rate_sigma_rad_s = 0.003;
-  double yaw_rate_drift_rad_s_sqrt_s = 0.0001;
+  double yaw_rate_drift_rad_s_sqrt_s = 0.0005;
   double velocity_drift_m_s_sqrt_s = 0.03;
   double tilt_sigma_rad = 0.02;
   double tilt_drift_rad_sqrt_s = 0.0003;
@@ -74,16 +74,18 @@ struct InertialPlacement {
 
 /// Keeps the scans of a map together while what is known of the world wanders: the map has a frame of its own, in which
 /// each scan is placed by the boundaries that are there already, as far as they say where it is, and by inertial
-/// navigation since the scan before otherwise. The map's place in the world is the mean of what GPS and INS say of it.
+/// navigation since the scan before otherwise. The map's place in the world is that of MapPlace, by the fixes.
 ///
 ///   symbol          meaning                                                              size
 ///   odom            the frame of inertial navigation by gyroscopes and accelerations:    SE(2)
 ///                   it drifts, and does not jump
 ///   T_map_level     the scanner in the map                                               SE(2)
 ///   v               its velocity in the map (m/s)                                        2
-///   a, w            what corrects acceleration, in its level axes (m/s^2), and rate of   2, 1
-///                   turn (rad/s): errors of tilt and biases, which last
-///   P               covariance of the errors of x, y (m), yaw (rad), v, a, w             8x8
+///   a               what corrects the acceleration for the tilt, in the map (m/s^2)       2
+///   b, w            the same for its bias, in the scanner's level axes (m/s^2), and for   2, 1
+///                   that of the rate of turn (rad/s)
+///   j               the same for those of the rates of roll and pitch: a' = R j (m/s^3)   2
+///   P               covariance of the errors of x, y (m), yaw (rad), v, a, b, w, j        12x12
 ///
 /// The map's boundaries say nothing of the world, so nothing goes back to the pose, whose covariance stays honest.
 class MapAlignment {
