@@ -25,6 +25,10 @@ Curve curve_of_segment(const DubinsSegment& segment) {
           (straight.to_m - straight.from_m).norm()};
 }
 
+double margin_of(double sigma_m, double pose_sigma_m, const AvoidanceParams& params) {
+  return std::max(params.clearance_m + params.sigmas * std::hypot(sigma_m, pose_sigma_m), kLeastMargin_m);
+}
+
 }  // namespace
 
 void AvoidanceParams::validate() const { check_bounds(*this, "avoidance"); }
@@ -36,7 +40,7 @@ double stopping_way_m(double speed_m_s, const AvoidanceParams& params) {
 }
 
 double margin_m(const ObstaclePiece& piece, double pose_sigma_m, const AvoidanceParams& params) {
-  return std::max(params.clearance_m + params.sigmas * std::hypot(piece.sigma_m, pose_sigma_m), kLeastMargin_m);
+  return margin_of(piece.sigma_m, pose_sigma_m, params);
 }
 
 PathCheck check(const SegmentPath& path, double from_m, double to_m, const Obstacles& obstacles, double pose_sigma_m,
@@ -52,21 +56,26 @@ PathCheck check(const SegmentPath& path, double from_m, double to_m, const Obsta
     if (low_m < high_m) {
       const Curve whole = curve_of_segment(segment);
       const Curve curve = part_of(whole, low_m, std::min(high_m, std::max(whole.length_m, low_m)));
-      const Eigen::Vector2d middle_m = point_at(curve, 0.5 * curve.length_m);
-      for (std::size_t i = 0; i < obstacles.pieces().size(); ++i) {
-        const ObstaclePiece& piece = obstacles.pieces()[i];
-        double margin = margin_m(piece, pose_sigma_m, params);
-        const double reach_m = 0.5 * curve.length_m + piece.half_m + margin;
-        if ((middle_m - piece.middle_m).squaredNorm() > reach_m * reach_m) continue;
-        const double own_reach_m = piece.half_m + margin;
-        if ((begin_m - piece.middle_m).squaredNorm() < own_reach_m * own_reach_m) {
-          margin = std::max(std::min(margin, distance_m(piece.curve, begin_m) - kNoNearer_m), kLeastMargin_m);
+      const double half_m = 0.5 * curve.length_m;
+      const Eigen::Vector2d middle_m = point_at(curve, half_m);
+      for (const PieceRun& run : obstacles.runs()) {
+        const double run_m = half_m + run.radius_m + margin_of(run.sigma_m, pose_sigma_m, params);
+        if ((middle_m - run.middle_m).squaredNorm() > run_m * run_m) continue;
+        for (std::size_t i = run.first; i < run.end; ++i) {
+          const ObstaclePiece& piece = obstacles.pieces()[i];
+          double margin = margin_m(piece, pose_sigma_m, params);
+          const double reach_m = half_m + piece.half_m + margin;
+          if ((middle_m - piece.middle_m).squaredNorm() > reach_m * reach_m) continue;
+          const double own_reach_m = piece.half_m + margin;
+          if ((begin_m - piece.middle_m).squaredNorm() < own_reach_m * own_reach_m) {
+            margin = std::max(std::min(margin, distance_m(piece.curve, begin_m) - kNoNearer_m), kLeastMargin_m);
+          }
+          const std::optional<double> nearer_m = first_nearer_m(curve, piece.curve, margin);
+          if (!nearer_m) continue;
+          const double way_m = segment_begin_m + low_m + *nearer_m;
+          if (way_m >= result.free_m && !result.free) continue;
+          result = {false, way_m, i};
         }
-        const std::optional<double> nearer_m = first_nearer_m(curve, piece.curve, margin);
-        if (!nearer_m) continue;
-        const double way_m = segment_begin_m + low_m + *nearer_m;
-        if (way_m >= result.free_m && !result.free) continue;
-        result = {false, way_m, i};
       }
       if (!result.free) return result;
     }
@@ -80,9 +89,13 @@ double clearance_m(const SegmentPath& path, const Obstacles& obstacles) {
   for (const DubinsSegment& segment : path.segments) {
     const Curve curve = curve_of_segment(segment);
     const Eigen::Vector2d middle_m = point_at(curve, 0.5 * curve.length_m);
-    for (const ObstaclePiece& piece : obstacles.pieces()) {
-      if ((middle_m - piece.middle_m).norm() - 0.5 * curve.length_m - piece.half_m >= least_m) continue;
-      least_m = std::min(least_m, distance_m(curve, piece.curve));
+    for (const PieceRun& run : obstacles.runs()) {
+      if ((middle_m - run.middle_m).norm() - 0.5 * curve.length_m - run.radius_m >= least_m) continue;
+      for (std::size_t i = run.first; i < run.end; ++i) {
+        const ObstaclePiece& piece = obstacles.pieces()[i];
+        if ((middle_m - piece.middle_m).norm() - 0.5 * curve.length_m - piece.half_m >= least_m) continue;
+        least_m = std::min(least_m, distance_m(curve, piece.curve));
+      }
     }
   }
   return least_m;

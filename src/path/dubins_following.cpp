@@ -40,12 +40,12 @@ double nearest_on_path(const AnyPath& path, const Eigen::Vector2d& p_m, double f
     const double segment_m = length_m(segment);
     const double low_m = std::max(0.0, from_m - begin_m), high_m = std::min(segment_m, to_m - begin_m);
     if (low_m <= high_m) {
-      const double way_m =
-          begin_m + std::visit([&](const auto& one) { return nearest_on(one, p_m, low_m, high_m); }, segment);
-      const double distance_m = (place_at(path, way_m).pose.translation_m - p_m).norm();
+      const double in_segment_m =
+          std::visit([&](const auto& one) { return nearest_on(one, p_m, low_m, high_m); }, segment);
+      const double distance_m = (place_at(&segment, &segment + 1, in_segment_m).pose.translation_m - p_m).norm();
       if (distance_m < least_m) {
         least_m = distance_m;
-        best_m = way_m;
+        best_m = begin_m + in_segment_m;
       }
     }
     begin_m += segment_m;

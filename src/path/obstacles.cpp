@@ -6,6 +6,7 @@
 #include <limits>
 
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -16,6 +17,8 @@ namespace {
 constexpr double kShortPiece_m = 1e-6;
 /// Edges of the polygon about an ellipse.
 constexpr int kEllipseEdges = 32;
+/// Pieces of a run: the fewer, the tighter its circle; the more, the fewer circles.
+constexpr std::size_t kRun = 8;
 /// Of the radii: an ellipse that differs less from a circle is one.
 constexpr double kRound = 1e-3;
 
@@ -36,6 +39,7 @@ const char* name_of(ObstacleKind kind) {
 void Obstacles::clear() {
   obstacles_.clear();
   pieces_.clear();
+  runs_.clear();
 }
 
 void Obstacles::begin(ObstacleKind kind, std::uint64_t id, bool closed) {
@@ -70,6 +74,18 @@ void Obstacles::end() {
   if (obstacle.closed && obstacle.pieces > 1) {
     pieces_[obstacle.first].before = last;
     pieces_[last].after = obstacle.first;
+  }
+  for (std::size_t i = obstacle.first; i <= last; i += kRun) {
+    PieceRun& run = runs_.emplace_back();
+    run.first = i;
+    run.end = std::min(i + kRun, last + 1);
+    Eigen::AlignedBox2d box;
+    for (std::size_t k = run.first; k < run.end; ++k) box.extend(pieces_[k].middle_m);
+    run.middle_m = box.center();
+    for (std::size_t k = run.first; k < run.end; ++k) {
+      run.radius_m = std::max(run.radius_m, (pieces_[k].middle_m - run.middle_m).norm() + pieces_[k].half_m);
+      run.sigma_m = std::max(run.sigma_m, pieces_[k].sigma_m);
+    }
   }
 }
 
@@ -145,13 +161,16 @@ void Obstacles::add(const std::vector<Eigen::Vector2d>& polyline_world_m, bool c
 
 double distance_m(const Obstacles& obstacles, const Eigen::Vector2d& p_world_m, std::size_t* piece) {
   double least_m = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < obstacles.pieces().size(); ++i) {
-    const ObstaclePiece& each = obstacles.pieces()[i];
-    if ((p_world_m - each.middle_m).norm() - each.half_m >= least_m) continue;
-    const double each_m = distance_m(each.curve, p_world_m);
-    if (each_m >= least_m) continue;
-    least_m = each_m;
-    if (piece != nullptr) *piece = i;
+  for (const PieceRun& run : obstacles.runs()) {
+    if ((p_world_m - run.middle_m).norm() - run.radius_m >= least_m) continue;
+    for (std::size_t i = run.first; i < run.end; ++i) {
+      const ObstaclePiece& each = obstacles.pieces()[i];
+      if ((p_world_m - each.middle_m).norm() - each.half_m >= least_m) continue;
+      const double each_m = distance_m(each.curve, p_world_m);
+      if (each_m >= least_m) continue;
+      least_m = each_m;
+      if (piece != nullptr) *piece = i;
+    }
   }
   return least_m;
 }

@@ -54,6 +54,21 @@ void append_part(SegmentPath& path, const SegmentPath& from, double from_m, doub
   }
 }
 
+void cut(SegmentPath& path, double to_m) {
+  double begin_m = 0.0;
+  for (std::size_t i = 0; i < path.segments.size(); ++i) {
+    const double segment_m = length_m(path.segments[i]);
+    if (begin_m + segment_m > to_m) {
+      const DubinsSegment segment = path.segments[i];
+      path.segments.resize(i);
+      path.length_m = begin_m;
+      if (to_m > begin_m) append(path, part_of_segment(segment, 0.0, to_m - begin_m));
+      return;
+    }
+    begin_m += segment_m;
+  }
+}
+
 DubinsPlace place_at(const SegmentPath& path, double way_m) {
   return place_at(path.segments.data(), path.segments.data() + path.segments.size(), std::min(way_m, path.length_m));
 }

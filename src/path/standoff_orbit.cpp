@@ -14,12 +14,17 @@ namespace situation_awareness {
 namespace {
 
 constexpr std::size_t kNone = ObstaclePiece::kNone;
-/// rad. Rounding of the direction of a contact.
-constexpr double kSameDirection_rad = 1e-7;
+/// rad. Rounding of the direction of a contact: corners of less are none.
+constexpr double kSameDirection_rad = 1e-6;
 /// m. Of a circle's place, by which it touches two pieces.
 constexpr double kRounding_m = 1e-7;
-/// m. Where a circle is at the same place again.
+/// m. Of places of a circle.
 constexpr double kSamePlace_m = 1e-4;
+/// m, rad. A path that comes so near to its begin is closed: where a circle passes from piece to piece is known to
+/// micrometres, from one of two that it touches at a grazing angle to less; and so long it is at least.
+constexpr double kClosed_m = 1e-3, kClosed_rad = 1e-3, kLeastOrbit_m = 0.1;
+/// m. Of a way along which it is looked what the circle meets: the first part.
+constexpr double kFirstPart_m = 1.0;
 /// Directions from which the circle comes from outside.
 constexpr int kDirections = 16;
 
@@ -50,32 +55,63 @@ Eigen::Vector2d StandoffOrbit::place_of(const Contact& contact) const {
   return contact.center_m - radius_m_ * contact.out;
 }
 
-/// The first piece that comes within reach of a circle whose centre moves along a curve; kNone if none does.
+/// The first piece that comes within reach of a circle whose centre moves along a curve; kNone if none does. Most ways
+/// end soon, so near parts come first: these have few pieces near them.
 std::size_t StandoffOrbit::first_met(const Curve& way, std::size_t but, std::size_t but_too, double& met_m) const {
-  std::size_t met = kNone;
+  double from_m = 0.0;
+  for (double part_m = kFirstPart_m; from_m < way.length_m; part_m *= 2.0) {
+    const double to_m = std::min(from_m + part_m, way.length_m);
+    const std::size_t met = first_met_on(part_of(way, from_m, to_m), but, but_too, met_m);
+    met_m += from_m;
+    if (met != kNone) return met;
+    from_m = to_m;
+  }
   met_m = way.length_m;
-  const Eigen::Vector2d middle_m = point_at(way, 0.5 * way.length_m);
-  for (std::size_t i = 0; i < pieces_.size(); ++i) {
-    if (i == but || i == but_too) continue;
-    const double near_m = 0.5 * way.length_m + pieces_[i].half_m + reach_m_ + kSamePlace_m;
-    if ((middle_m - pieces_[i].middle_m).squaredNorm() > near_m * near_m) continue;
-    std::optional<double> at_m = first_nearer_m(way, pieces_[i].curve, reach_m_);
-    if (at_m && *at_m == 0.0) {
-      // What it touches may be nearer by rounding.
-      at_m = first_nearer_m(way, pieces_[i].curve, distance_m(pieces_[i].curve, way.from_m) - kRounding_m);
+  return kNone;
+}
+
+std::size_t StandoffOrbit::first_met_on(const Curve& part, std::size_t but, std::size_t but_too, double& met_m) const {
+  std::size_t met = kNone;
+  met_m = part.length_m;
+  const Eigen::Vector2d middle_m = point_at(part, 0.5 * part.length_m);
+  const double near_m = 0.5 * part.length_m + reach_m_ + kSamePlace_m;
+  for (const PieceRun& run : runs_) {
+    const double run_m = near_m + run.radius_m;
+    if ((middle_m - run.middle_m).squaredNorm() > run_m * run_m) continue;
+    for (std::size_t i = run.first; i < run.end; ++i) {
+      if (i == but || i == but_too) continue;
+      const double piece_m = near_m + pieces_[i].half_m;
+      if ((middle_m - pieces_[i].middle_m).squaredNorm() > piece_m * piece_m) continue;
+      std::optional<double> at_m = first_nearer_m(part, pieces_[i].curve, reach_m_);
+      if (at_m && *at_m == 0.0) {
+        // What it touches may be nearer by rounding.
+        at_m = first_nearer_m(part, pieces_[i].curve, distance_m(pieces_[i].curve, part.from_m) - kRounding_m);
+      }
+      if (!at_m || *at_m >= met_m) continue;
+      met_m = *at_m;
+      met = i;
     }
-    if (!at_m || *at_m >= met_m) continue;
-    met_m = *at_m;
-    met = i;
   }
   return met;
 }
 
 /// How a circle at a place touches a piece. Counter-clockwise: what it touches is to the left of its way.
-bool StandoffOrbit::touch(std::size_t piece, const Eigen::Vector2d& center_m, Contact& contact) const {
-  const Curve& curve = pieces_[piece].curve;
+/// `from`: the piece along which it came, if any.
+bool StandoffOrbit::touch(std::size_t piece, std::size_t from, const Eigen::Vector2d& center_m,
+                          Contact& contact) const {
   contact.piece = piece;
-  contact.way_m = nearest_m(curve, center_m);
+  contact.way_m = nearest_m(pieces_[piece].curve, center_m);
+  // At a joint it may be the other piece, at a grazing angle by rounding.
+  const bool at_begin = contact.way_m <= 0.0, at_end = contact.way_m >= pieces_[piece].curve.length_m;
+  const std::size_t beside = at_begin ? pieces_[piece].before : at_end ? pieces_[piece].after : kNone;
+  if (beside != kNone && beside != from) {
+    const double way_m = nearest_m(pieces_[beside].curve, center_m);
+    if (way_m > 0.0 && way_m < pieces_[beside].curve.length_m) {
+      contact.piece = beside;
+      contact.way_m = way_m;
+    }
+  }
+  const Curve& curve = pieces_[contact.piece].curve;
   contact.center_m = center_m;
   const Eigen::Vector2d away = center_m - point_at(curve, contact.way_m);
   if (away.norm() < 0.5 * reach_m_) return false;
@@ -84,18 +120,30 @@ bool StandoffOrbit::touch(std::size_t piece, const Eigen::Vector2d& center_m, Co
   contact.forward = cross(along, contact.out) < 0.0;
   contact.at_end = std::abs(along.dot(contact.out)) > kSameDirection_rad;
   contact.last = contact.way_m > 0.5 * curve.length_m;
+  if (!contact.at_end) stand_on_piece(contact);
   return true;
+}
+
+/// Exactly, so that errors of rounding do not add up from piece to piece.
+void StandoffOrbit::stand_on_piece(Contact& contact) const {
+  const Curve& curve = pieces_[contact.piece].curve;
+  const Eigen::Vector2d left = left_of(along_at(curve, contact.way_m));
+  contact.out = contact.forward ? Eigen::Vector2d(-left) : left;
+  contact.center_m = point_at(curve, contact.way_m) + reach_m_ * contact.out;
 }
 
 bool StandoffOrbit::come_from(const Eigen::Vector2d& from_m, const Eigen::Vector2d& toward_m, Contact& contact) const {
   if ((toward_m - from_m).norm() < kSamePlace_m) return false;
-  for (const ObstaclePiece& piece : pieces_) {
-    if (distance_m(piece.curve, from_m) < reach_m_) return false;
+  for (const PieceRun& run : runs_) {
+    if ((from_m - run.middle_m).norm() - run.radius_m >= reach_m_) continue;
+    for (std::size_t i = run.first; i < run.end; ++i) {
+      if (distance_m(pieces_[i].curve, from_m) < reach_m_) return false;
+    }
   }
   double met_m = 0.0;
   const Curve way = straight_curve(from_m, toward_m);
   const std::size_t met = first_met(way, kNone, kNone, met_m);
-  return met != kNone && touch(met, point_at(way, met_m), contact);
+  return met != kNone && touch(met, kNone, point_at(way, met_m), contact);
 }
 
 /// From one piece to the other, both of which the circle touches: a turn to the right on the circle itself.
@@ -121,6 +169,7 @@ void StandoffOrbit::pass_to_next(Contact& contact) const {
   contact.forward = !next_from_end;
   contact.way_m = next_from_end ? pieces_[next].curve.length_m : 0.0;
   contact.at_end = false;
+  stand_on_piece(contact);
 }
 
 bool StandoffOrbit::roll_along(Contact& contact, SegmentPath& orbit) const {
@@ -159,7 +208,7 @@ bool StandoffOrbit::roll_along(Contact& contact, SegmentPath& orbit) const {
     return true;
   }
   const Contact here = contact;
-  if (!touch(met, here.center_m, contact)) return false;
+  if (!touch(met, here.piece, here.center_m, contact)) return false;
   fill_corner(here, contact, orbit);
   return true;
 }
@@ -197,10 +246,11 @@ bool StandoffOrbit::roll_about_end(Contact& contact, SegmentPath& orbit) const {
     contact.forward = !from_end;
     contact.way_m = from_end ? pieces_[next].curve.length_m : 0.0;
     contact.at_end = false;
+    stand_on_piece(contact);
     return true;
   }
   const Contact here = contact;
-  if (!touch(met, here.center_m, contact)) return false;
+  if (!touch(met, here.piece, here.center_m, contact)) return false;
   fill_corner(here, contact, orbit);
   return true;
 }
@@ -212,16 +262,27 @@ bool StandoffOrbit::roll(const Contact& start, std::size_t target, SegmentPath& 
     touched_target = touched_target || pieces_[contact.piece].obstacle == target;
     return contact.at_end ? roll_about_end(contact, orbit) : roll_along(contact, orbit);
   };
-  // To the next piece, where the path begins, and then until it is there again.
+  // To the next piece, where the path begins, and then until it is there again, on the same piece or, by rounding, on
+  // the one beside it.
   if (!step()) return false;
   clear(orbit);
-  const Contact first = contact;
+  const Eigen::Vector2d first_m = place_of(contact);
+  const double first_rad = angle_of(left_of(contact.out));
   for (std::size_t i = 0; i < 6 * pieces_.size() + 20; ++i) {
+    const double before_m = orbit.length_m;
     if (!step()) return false;
-    if (contact.piece == first.piece && contact.at_end == first.at_end && contact.forward == first.forward &&
-        (contact.center_m - first.center_m).norm() < kSamePlace_m) {
-      return touched_target && !orbit.segments.empty();
+    if (orbit.length_m < kLeastOrbit_m ||
+        (place_of(contact) - first_m).norm() > orbit.length_m - before_m + kClosed_m) {
+      continue;
     }
+    const double way_m = nearest_m(orbit, first_m, std::max(before_m, kLeastOrbit_m), orbit.length_m);
+    const Pose2 there = place_at(orbit, way_m).pose;
+    if ((there.translation_m - first_m).norm() > kClosed_m ||
+        std::abs(wrap_to_pi(there.yaw_rad - first_rad)) > kClosed_rad) {
+      continue;
+    }
+    cut(orbit, way_m);
+    return touched_target;
   }
   return false;
 }
@@ -232,7 +293,9 @@ bool StandoffOrbit::trace(const Obstacles& obstacles, std::size_t target, double
   radius_m_ = radius_m;
   reach_m_ = standoff_m + radius_m;
   pieces_.assign(obstacles.pieces().begin(), obstacles.pieces().end());
+  runs_.assign(obstacles.runs().begin(), obstacles.runs().end());
   if (side < 0.0) {
+    for (PieceRun& run : runs_) run.middle_m = mirrored(run.middle_m);
     for (ObstaclePiece& piece : pieces_) {
       piece.curve.from_m = mirrored(piece.curve.from_m);
       piece.curve.along = mirrored(piece.curve.along);
@@ -254,8 +317,8 @@ bool StandoffOrbit::trace(const Obstacles& obstacles, std::size_t target, double
   }
   const Eigen::Vector2d middle_m = 0.5 * (low_m + high_m);
   double far_m = 0.0;
-  for (const ObstaclePiece& piece : pieces_) {
-    far_m = std::max(far_m, (piece.middle_m - middle_m).norm() + piece.half_m + 2.0 * reach_m_);
+  for (const PieceRun& run : runs_) {
+    far_m = std::max(far_m, (run.middle_m - middle_m).norm() + run.radius_m + 2.0 * reach_m_);
   }
 
   bool found = false;

@@ -184,6 +184,29 @@ TEST(Avoidance, OfAnObjectItIsTheEllipseOrTheBox) {
   EXPECT_EQ(scene.pieces().size(), 4U);
 }
 
+// All pieces are in the runs, in order, and within their circles.
+TEST(Avoidance, RunsCoverAllPieces) {
+  Random random(4);
+  for (int i = 0; i < 50; ++i) {
+    const Obstacles scene = random_scene(random, 6, 40.0);
+    std::size_t next = 0;
+    for (const PieceRun& run : scene.runs()) {
+      ASSERT_EQ(run.first, next);
+      next = run.end;
+      for (std::size_t k = run.first; k < run.end; ++k) {
+        const ObstaclePiece& piece = scene.pieces()[k];
+        EXPECT_EQ(piece.obstacle, scene.pieces()[run.first].obstacle);
+        EXPECT_LE(piece.sigma_m, run.sigma_m);
+        for (const double part : {0.0, 0.3, 0.7, 1.0}) {
+          const Eigen::Vector2d p_m = point_at(piece.curve, part * piece.curve.length_m);
+          EXPECT_LE((p_m - run.middle_m).norm(), run.radius_m + 1e-9);
+        }
+      }
+    }
+    EXPECT_EQ(next, scene.pieces().size());
+  }
+}
+
 TEST(Avoidance, NamesWhatIsOutOfBounds) {
   AvoidanceParams params;
   params.turn_radius_m = 0.0;

@@ -40,16 +40,17 @@ double turns_around(const SegmentPath& orbit, const Eigen::Vector2d& p_m) {
   return sum_rad / (2.0 * kPi);
 }
 
-void expect_orbit(const Obstacles& scene, double side, const SegmentPath& orbit, const Eigen::Vector2d& middle_m) {
-  EXPECT_LT(greatest_break(orbit), 1e-5);
-  EXPECT_NEAR(clearance_m(orbit, scene), kStandoff_m, 1e-5);
+void expect_orbit(const Obstacles& scene, double side, const SegmentPath& orbit, const Eigen::Vector2d& middle_m,
+                  double rounding_m = 1e-5) {
+  EXPECT_LT(greatest_break(orbit), rounding_m);
+  EXPECT_NEAR(clearance_m(orbit, scene), kStandoff_m, rounding_m);
   EXPECT_LE(greatest_curvature_1_m(orbit), (1.0 + 1e-6) / kRadius_m);
   EXPECT_NEAR(turns_around(orbit, middle_m), side, 1e-6);
   // Beside each place, away from the obstacle, there is a free circle.
   for (double way_m = 0.0; way_m < orbit.length_m; way_m += 1.0) {
     const Pose2 pose = place_at(orbit, way_m).pose;
     const Eigen::Vector2d center_m = pose * Eigen::Vector2d(0.0, -side * kRadius_m);
-    EXPECT_GT(distance_m(scene, center_m), kStandoff_m + kRadius_m - 1e-5) << way_m;
+    EXPECT_GT(distance_m(scene, center_m), kStandoff_m + kRadius_m - rounding_m) << way_m;
   }
 }
 
@@ -123,6 +124,50 @@ TEST(StandoffOrbit, AroundOneOrMoreObstaclesOfAnyShape) {
     }
   }
   EXPECT_GT(merged, 20);
+}
+
+// Outlines that cross each other: an obstacle that was mapped twice, in pieces, as arcs and as lines. The circle comes
+// over their joints so closely that it touches now the end of one piece, now the piece beside it.
+TEST(StandoffOrbit, AroundOutlinesThatCrossEachOther) {
+  Random random(2);
+  StandoffOrbit orbits;
+  SegmentPath orbit;
+  for (int i = 0; i < 60; ++i) {
+    Obstacles scene;
+    const auto shape = static_cast<TowerShape>(i % 5);
+    const int copies = 2 + i % 3;
+    for (int k = 0; k < copies; ++k) {
+      const Pose2 T{{random.uniform(-1.5, 1.5), random.uniform(-1.5, 1.5)}, random.uniform(-0.1, 0.1)};
+      const auto outline = placed(T, tower(shape));
+      const auto id = static_cast<std::uint64_t>(k + 1);
+      if (k % 2 == 0) {
+        scene.add(splinegon_of(outline, id, 0.05, k == 0));
+      } else {
+        const auto from = static_cast<std::ptrdiff_t>(random.uniform(0.0, 0.5) * static_cast<double>(outline.size()));
+        scene.add({outline.begin() + from, outline.end()}, false, 0.05, ObstacleKind::kChain, id);
+      }
+    }
+    for (const double side : {1.0, -1.0}) {
+      for (std::size_t target = 0; target < scene.obstacles().size(); ++target) {
+        const Eigen::Vector2d hint(random.uniform(-40.0, 40.0), random.uniform(-40.0, 40.0));
+        if (orbits.trace(scene, target, side, kStandoff_m, kRadius_m, hint, orbit)) {
+          expect_orbit(scene, side, orbit, {0.0, 0.0}, 1e-4);
+          continue;
+        }
+        // Only if the others are before it all around.
+        const std::size_t other = target == 0 ? 1 : 0;
+        ASSERT_TRUE(orbits.trace(scene, other, side, kStandoff_m, kRadius_m, hint, orbit)) << i;
+        Obstacles alone;
+        const Obstacle& hidden = scene.obstacles()[target];
+        for (std::size_t k = hidden.first; k < hidden.first + hidden.pieces; ++k) {
+          const Curve& curve = scene.pieces()[k].curve;
+          alone.add({curve.from_m, point_at(curve, 0.5 * curve.length_m), point_at(curve, curve.length_m)}, false, 0.0,
+                    hidden.kind, 1);
+        }
+        EXPECT_GT(clearance_m(orbit, alone), kStandoff_m + 1e-4) << i << " " << target;
+      }
+    }
+  }
 }
 
 // Of what the vehicle fits between it goes around each alone, else around both.

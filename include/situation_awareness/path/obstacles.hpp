@@ -42,6 +42,15 @@ struct Obstacle {
   double sigma_m = 0.0;    ///< the greatest of the pieces
 };
 
+/// Consecutive pieces of one obstacle, and a circle around them: what is far from that is far from all of them.
+struct PieceRun {
+  std::size_t first = 0;  ///< piece
+  std::size_t end = 0;    ///< after the last one
+  Eigen::Vector2d middle_m = Eigen::Vector2d::Zero();
+  double radius_m = 0.0;
+  double sigma_m = 0.0;  ///< the greatest of the pieces
+};
+
 /// The outlines of all that a vehicle keeps away from, in the world, as lines and arcs. A closed one is known by its
 /// outline alone, which no path from outside passes. Keeps its memory.
 class Obstacles {
@@ -61,6 +70,7 @@ class Obstacles {
 
   const std::vector<Obstacle>& obstacles() const { return obstacles_; }
   const std::vector<ObstaclePiece>& pieces() const { return pieces_; }
+  const std::vector<PieceRun>& runs() const { return runs_; }  ///< all pieces, in order
 
  private:
   void begin(ObstacleKind kind, std::uint64_t id, bool closed);
@@ -69,6 +79,7 @@ class Obstacles {
 
   std::vector<Obstacle> obstacles_;
   std::vector<ObstaclePiece> pieces_;
+  std::vector<PieceRun> runs_;
 };
 
 /// Distance of a point from the nearest outline; infinite without obstacles. `piece`, if given: the nearest one.

@@ -28,6 +28,9 @@ void append(SegmentPath& path, const DubinsPath& dubins);
 /// Adds the part of a path between two ways; of a closed one, `to_m` may be beyond its length, at most once.
 void append_part(SegmentPath& path, const SegmentPath& from, double from_m, double to_m);
 
+/// Leaves off what is beyond a way.
+void cut(SegmentPath& path, double to_m);
+
 /// As for a DubinsPath. The path has a segment.
 DubinsPlace place_at(const SegmentPath& path, double way_m);
 double nearest_m(const SegmentPath& path, const Eigen::Vector2d& p_m, double from_m, double to_m);

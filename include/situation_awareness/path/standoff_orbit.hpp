@@ -42,18 +42,21 @@ class StandoffOrbit {
     Eigen::Vector2d out = Eigen::Vector2d::UnitX();  ///< unit, from what it touches to its centre
   };
 
+  void stand_on_piece(Contact& contact) const;
   bool come_from(const Eigen::Vector2d& from_m, const Eigen::Vector2d& toward_m, Contact& contact) const;
-  bool touch(std::size_t piece, const Eigen::Vector2d& center_m, Contact& contact) const;
+  bool touch(std::size_t piece, std::size_t from, const Eigen::Vector2d& center_m, Contact& contact) const;
   bool roll(const Contact& start, std::size_t target, SegmentPath& orbit);
   bool roll_along(Contact& contact, SegmentPath& orbit) const;
   bool roll_about_end(Contact& contact, SegmentPath& orbit) const;
   void pass_to_next(Contact& contact) const;
   std::size_t first_met(const Curve& way, std::size_t but, std::size_t but_too, double& met_m) const;
+  std::size_t first_met_on(const Curve& part, std::size_t but, std::size_t but_too, double& met_m) const;
   Eigen::Vector2d place_of(const Contact& contact) const;
   void fill_corner(const Contact& from, const Contact& to, SegmentPath& orbit) const;
 
   double standoff_m_ = 0.0, radius_m_ = 0.0, reach_m_ = 0.0;
   std::vector<ObstaclePiece> pieces_;  ///< mirrored to go around clockwise
+  std::vector<PieceRun> runs_;         ///< as well
 };
 
 }  // namespace situation_awareness
