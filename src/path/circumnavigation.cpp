@@ -12,6 +12,7 @@
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Eigenvalues>
 
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
@@ -32,6 +33,9 @@ constexpr double kShortOrbit_m = 100.0;
 constexpr double kSettled_s = 3.0;
 /// Of the outline of a boundary that was done: from here on more of it has appeared.
 constexpr double kMoreOutline = 1.2;
+/// m. What is no farther from another boundary, or than the standard deviations of both are, is along that; so much of
+/// the vertices, at least, of what is the same obstacle.
+constexpr double kSameOutline_m = 0.5, kMostOfOutline = 0.8;
 /// Of an orbit's length: how far along it a path goes.
 constexpr double kOfLap = 0.95;
 
@@ -141,8 +145,19 @@ Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const s
   }
 }
 
+Circumnavigation::Watched* Circumnavigation::watched(std::uint64_t id) {
+  const auto found =
+      std::find_if(watched_.begin(), watched_.end(), [id](const Watched& each) { return each.id == id; });
+  return found == watched_.end() ? nullptr : &*found;
+}
+
+bool Circumnavigation::is_together(std::uint64_t id) const {
+  return std::find(together_.begin(), together_.end(), id) != together_.end();
+}
+
 bool Circumnavigation::is_given_up(std::uint64_t id) const {
-  return std::find(given_up_.begin(), given_up_.end(), id) != given_up_.end();
+  const Watched* watched = with_id(watched_, id);
+  return watched != nullptr && (watched->given_up || watched->around_rad > 2.0 * kPi * params_.max_laps);
 }
 
 /// What was done stays done, although a scan opens it again, unless more of it appears.
@@ -151,22 +166,67 @@ bool Circumnavigation::is_done(const Splinegon& boundary) const {
   return watched != nullptr && watched->done && chord_length_m(boundary) <= kMoreOutline * watched->length_m;
 }
 
+/// It is along or within another one that is done or given up: the same obstacle, mapped again beside itself by a pose
+/// that wanders.
+bool Circumnavigation::is_known_already(const std::vector<Splinegon>& boundaries, const Splinegon& boundary) const {
+  const double sigma_m = greatest_sigma_m(boundary);
+  for (const Splinegon& other : boundaries) {
+    if (other.id == boundary.id || !(is_done(other) || is_given_up(other.id))) continue;
+    const double apart_m = std::max(std::hypot(sigma_m, greatest_sigma_m(other)), kSameOutline_m);
+    const auto on_it = std::count_if(boundary.vertices.begin(), boundary.vertices.end(), [&](const auto& vertex) {
+      return contains(other, vertex.p_world_m) || distance_m(other, vertex.p_world_m) < apart_m;
+    });
+    if (static_cast<double>(on_it) >= kMostOfOutline * static_cast<double>(boundary.vertices.size())) return true;
+  }
+  return false;
+}
+
+/// Something that is to be gone around yet. What is the same as another one is found out now and then: that takes long.
+bool Circumnavigation::is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary,
+                               std::int64_t stamp_ns) {
+  if (boundary.vertices.empty() || is_done(boundary) || is_given_up(boundary.id)) return false;
+  Watched& known = *watched(boundary.id);
+  if (known.compared_ns == StampOrder::kNone || seconds_between(known.compared_ns, stamp_ns) >= params_.replan_s) {
+    known.compared_ns = stamp_ns;
+    known.twice = is_known_already(boundaries, boundary);
+  }
+  return !known.twice;
+}
+
 /// Done is what stays closed and certain for a while.
 void Circumnavigation::watch_boundaries(const MissionInput& input) {
   if (input.boundaries == nullptr) return;
-  for (const Splinegon& boundary : input.boundaries->boundaries) {
+  const std::vector<Splinegon>& boundaries = input.boundaries->boundaries;
+  for (Watched& watched : watched_) watched.present = with_id(boundaries, watched.id) != nullptr;
+  for (const Splinegon& boundary : boundaries) {
     const bool is_certain = boundary.closed && greatest_sigma_m(boundary) <= params_.max_sigma_m;
-    auto watched =
-        std::find_if(watched_.begin(), watched_.end(), [&](const Watched& each) { return each.id == boundary.id; });
-    if (!is_certain) {
-      if (watched != watched_.end() && !watched->done) watched_.erase(watched);
-      continue;
+    if (boundary.vertices.empty()) continue;
+    Watched* known = watched(boundary.id);
+    if (known == nullptr) {
+      // Maybe what another one became a part of.
+      double around_rad = 0.0;
+      for (const Watched& other : watched_) {
+        if (other.present || other.done || other.around_rad <= around_rad) continue;
+        if (distance_m(boundary, other.place_m) < params_.standoff_m) around_rad = other.around_rad;
+      }
+      known = &watched_.emplace_back();
+      known->id = boundary.id;
+      known->around_rad = around_rad;
     }
-    if (watched == watched_.end()) {
-      watched = watched_.insert(watched_.end(), {boundary.id, 0.0, input.stamp_ns, false});
+    known->place_m = boundary.vertices[boundary.vertices.size() / 2].p_world_m;
+    if (is_certain) {
+      if (!known->certain) known->since_ns = input.stamp_ns;
+      known->length_m = chord_length_m(boundary);
+      known->done = known->done || seconds_between(known->since_ns, input.stamp_ns) >= kSettled_s;
     }
-    watched->length_m = chord_length_m(boundary);
-    watched->done = watched->done || seconds_between(watched->since_ns, input.stamp_ns) >= kSettled_s;
+    known->certain = is_certain;
+  }
+}
+
+/// A turn around the target is one around all that its orbit goes around.
+void Circumnavigation::count_turn(double turn_rad) {
+  for (Watched& each : watched_) {
+    if (each.id == target_ || (each.present && is_together(each.id))) each.around_rad += turn_rad;
   }
 }
 
@@ -215,7 +275,7 @@ void Circumnavigation::begin_task(std::uint64_t target) {
   has_target_ = target != 0;
   target_ = target;
   chose_side_ = tried_other_side_ = false;
-  around_rad_ = around_m_ = held_s_ = 0.0;
+  around_m_ = held_s_ = 0.0;
   needs_plan_ = task_is_new_ = true;
   clear(orbit_);
 }
@@ -232,7 +292,7 @@ void Circumnavigation::follow_target(const MissionInput& input) {
   const Eigen::Vector2d middle_m = middle_of(target);
   const Eigen::Vector2d from_m = before_m_ - middle_m, to_m = input.T_world_base.translation_m - middle_m;
   around_m_ += (to_m - from_m).norm();
-  around_rad_ += side_ * std::atan2(cross(from_m, to_m), from_m.dot(to_m));
+  count_turn(side_ * std::atan2(cross(from_m, to_m), from_m.dot(to_m)));
 }
 
 void Circumnavigation::look_for_places(const MissionInput& input) {
@@ -249,17 +309,17 @@ void Circumnavigation::look_for_places(const MissionInput& input) {
 void Circumnavigation::lose_patience() {
   // By the way too: turns are about a middle that moves while the boundary grows.
   const bool too_many_laps =
-      has_target_ && (around_rad_ > 2.0 * kPi * params_.max_laps ||
-                      around_m_ > (params_.max_laps + 1.0) * std::max(orbit_.length_m, kShortOrbit_m));
+      has_target_ &&
+      (is_given_up(target_) || around_m_ > (params_.max_laps + 1.0) * std::max(orbit_.length_m, kShortOrbit_m));
   if (has_target_ && held_s_ > params_.patience_s / 3.0 && !tried_other_side_) {
     side_ = -side_;
-    around_rad_ = 0.0;
+    watched(target_)->around_rad = 0.0;
     tried_other_side_ = chose_side_ = true;
     needs_plan_ = true;
   }
   if (held_s_ <= params_.patience_s && !too_many_laps) return;
   if (has_target_) {
-    given_up_.push_back(target_);
+    watched(target_)->given_up = true;
   } else if (!is_finished_) {
     ++place_;
     ++places_given_up_;
@@ -267,44 +327,37 @@ void Circumnavigation::lose_patience() {
   begin_task(0);
 }
 
-/// The nearest boundary that is not done, else the next place of the search.
+/// The nearest boundary that is left, else the next place of the search.
 void Circumnavigation::choose_task(const MissionInput& input) {
   static const std::vector<Splinegon> kNoBoundaries;
   const auto& boundaries = input.boundaries != nullptr ? input.boundaries->boundaries : kNoBoundaries;
+  const bool had_target = has_target_;
   if (has_target_) {
     const Splinegon* target = with_id(boundaries, target_);
     if (target != nullptr && is_done(*target)) begin_task(0);
     lose_patience();
-    if (has_target_ && target == nullptr) {
-      // It became a part of another one, or of none.
-      const double around_rad = around_rad_, around_m = around_m_;
-      const double side = side_;
-      begin_task(0);
-      for (const Splinegon& boundary : boundaries) {
-        if (is_done(boundary) || is_given_up(boundary.id)) continue;
-        if (distance_m(boundary, target_place_m_) > params_.standoff_m) continue;
-        begin_task(boundary.id);
-        around_rad_ = around_rad;
-        around_m_ = around_m;
-        side_ = side;
-        chose_side_ = true;
-        break;
-      }
-    }
+    // It became a part of another one, or of none.
+    if (has_target_ && target == nullptr) begin_task(0);
   } else {
     lose_patience();
   }
   if (!has_target_) {
     double least_m = kInfinite;
-    std::uint64_t nearest = 0;
+    const Splinegon* nearest = nullptr;
     for (const Splinegon& boundary : boundaries) {
-      if (is_done(boundary) || is_given_up(boundary.id)) continue;
+      if (!is_left(boundaries, boundary, input.stamp_ns)) continue;
       const double each_m = distance_m(boundary, input.T_world_base.translation_m);
       if (each_m >= least_m) continue;
       least_m = each_m;
-      nearest = boundary.id;
+      nearest = &boundary;
     }
-    if (nearest != 0) begin_task(nearest);
+    if (nearest != nullptr) {
+      // On in the same direction, if that is what it is gone around with already.
+      const bool goes_on =
+          had_target && (is_together(nearest->id) || distance_m(*nearest, target_place_m_) < params_.standoff_m);
+      begin_task(nearest->id);
+      chose_side_ = goes_on;
+    }
   }
   if (has_target_) {
     is_finished_ = false;
@@ -407,6 +460,13 @@ bool Circumnavigation::plan_to_orbit(const Pose2& from) {
     }
   }
   if (!trace(target_obstacle_, side_, from, orbit_)) return false;
+  together_.clear();
+  for (const Obstacle& obstacle : obstacles_.obstacles()) {
+    if (obstacle.kind != ObstacleKind::kObject &&
+        turns_around(orbit_, obstacles_.pieces()[obstacle.first].curve.from_m) != 0) {
+      together_.push_back(obstacle.id);
+    }
+  }
   if (join(from, orbit_, candidate_, way_m) < kInfinite) {
     append_part(candidate_, orbit_, way_m, way_m + kOfLap * orbit_.length_m);
     return true;
@@ -511,11 +571,23 @@ void Circumnavigation::report(const MissionInput& input) {
   std::array<char, 160> text{};
   const auto place = static_cast<unsigned long>(place_ + 1), places = static_cast<unsigned long>(search_.size());
   const auto id = static_cast<unsigned long>(target_);
+  unsigned long boundaries = 0, done = 0, given_up = 0;
+  if (input.boundaries != nullptr) {
+    for (const Splinegon& boundary : input.boundaries->boundaries) {
+      ++boundaries;
+      if (is_done(boundary)) {
+        ++done;
+      } else if (is_given_up(boundary.id)) {
+        ++given_up;
+      }
+    }
+  }
   if (!has_target_ && is_finished_) {
     step_.state = MissionState::kDone;
     std::snprintf(text.data(), text.size(),
-                  "all boundaries are closed and certain, but for %lu; all places were visited",
-                  static_cast<unsigned long>(given_up_.size()));
+                  "all boundaries are closed and certain, but for %lu given up and %lu along others; all places were "
+                  "visited",
+                  given_up, boundaries - done - given_up);
   } else if (holds_ && has_target_) {
     step_.state = MissionState::kHold;
     std::snprintf(text.data(), text.size(), "no safe path around boundary %lu for %.0f s", id, held_s_);
@@ -539,11 +611,9 @@ void Circumnavigation::report(const MissionInput& input) {
   step_.reason.assign(text.data());
   step_.way_m = way_m_;
   step_.target = has_target_ ? target_ : 0;
-  step_.laps = has_target_ ? around_rad_ / (2.0 * kPi) : 0.0;
-  step_.given_up = given_up_.size() + places_given_up_;
-  step_.done = 0;
-  if (input.boundaries == nullptr) return;
-  for (const Splinegon& boundary : input.boundaries->boundaries) step_.done += is_done(boundary) ? 1 : 0;
+  step_.laps = has_target_ ? watched(target_)->around_rad / (2.0 * kPi) : 0.0;
+  step_.given_up = given_up + places_given_up_;
+  step_.done = done;
 }
 
 const MissionStep& Circumnavigation::step(const MissionInput& input) {

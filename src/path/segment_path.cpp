@@ -6,12 +6,15 @@
 #include <variant>
 
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
 
 /// m. Shorter segments are none.
 constexpr double kNothing_m = 1e-9;
+/// rad. An arc counts as its chords over so much, from which it is 1 % of its radius away.
+constexpr double kPartOfTurn_rad = 0.3;
 
 DubinsSegment part_of_segment(const DubinsSegment& segment, double from_m, double to_m) {
   if (const Arc* arc = std::get_if<Arc>(&segment)) {
@@ -71,6 +74,22 @@ void cut(SegmentPath& path, double to_m) {
 
 DubinsPlace place_at(const SegmentPath& path, double way_m) {
   return place_at(path.segments.data(), path.segments.data() + path.segments.size(), std::min(way_m, path.length_m));
+}
+
+int turns_around(const SegmentPath& closed, const Eigen::Vector2d& p_m) {
+  double sum_rad = 0.0;
+  for (const DubinsSegment& segment : closed.segments) {
+    const double segment_m = length_m(segment);
+    const Arc* arc = std::get_if<Arc>(&segment);
+    const double parts = arc != nullptr ? std::ceil(std::abs(arc->sweep_rad) / kPartOfTurn_rad) : 1.0;
+    Eigen::Vector2d from_m = place_at(&segment, &segment + 1, 0.0).pose.translation_m - p_m;
+    for (double part = 1.0; part <= parts; part += 1.0) {
+      const Eigen::Vector2d to_m = place_at(&segment, &segment + 1, segment_m * part / parts).pose.translation_m - p_m;
+      sum_rad += std::atan2(cross(from_m, to_m), from_m.dot(to_m));
+      from_m = to_m;
+    }
+  }
+  return static_cast<int>(std::lround(sum_rad / (2.0 * kPi)));
 }
 
 double greatest_curvature_1_m(const SegmentPath& path) {

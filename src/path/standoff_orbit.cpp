@@ -255,7 +255,8 @@ bool StandoffOrbit::roll_about_end(Contact& contact, SegmentPath& orbit) const {
   return true;
 }
 
-bool StandoffOrbit::roll(const Contact& start, std::size_t target, SegmentPath& orbit) {
+bool StandoffOrbit::roll(const Contact& start, std::size_t target_piece, SegmentPath& orbit) {
+  const std::size_t target = pieces_[target_piece].obstacle;
   Contact contact = start;
   bool touched_target = false;
   const auto step = [&] {
@@ -282,7 +283,7 @@ bool StandoffOrbit::roll(const Contact& start, std::size_t target, SegmentPath& 
       continue;
     }
     cut(orbit, way_m);
-    return touched_target;
+    return touched_target || turns_around(orbit, pieces_[target_piece].middle_m) == 1;
   }
   return false;
 }
@@ -328,7 +329,7 @@ bool StandoffOrbit::trace(const Obstacles& obstacles, std::size_t target, double
     const double from_rad = 2.0 * kPi * i / kDirections;
     const Eigen::Vector2d from_m =
         i == 0 ? hint : Eigen::Vector2d(middle_m + far_m * Eigen::Vector2d(std::cos(from_rad), std::sin(from_rad)));
-    found = come_from(from_m, i == 0 ? nearest : middle_m, contact) && roll(contact, target, orbit);
+    found = come_from(from_m, i == 0 ? nearest : middle_m, contact) && roll(contact, wanted.first, orbit);
   }
   if (!found) {
     clear(orbit);

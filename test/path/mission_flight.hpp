@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <time.h>
+
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <functional>
@@ -54,6 +55,12 @@ inline Eigen::Vector2d middle_of(const Outline& outline) {
   return sum_m / static_cast<double>(outline.size());
 }
 
+inline double thread_cpu_us() {
+  timespec time{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
+}
+
 /// One to `most` obstacles of any shape within 45 m, 3 m apart at least; half of them hardly more.
 inline std::vector<Outline> random_towers(Random& random, int most) {
   std::vector<Outline> towers;
@@ -83,8 +90,8 @@ struct MissionFlight {
   double time_s = 0.0, held_s = 0.0;
   double laps = 0.0;  ///< around an obstacle until its boundary was done, the greatest
   int closed = 0, towers = 0, given_up = 0;
-  int around = 0;  ///< towers whose boundary is closed, or around which it flew nine tenths of a turn
-  double step_us = 0.0, longest_step_us = 0.0;
+  int around = 0;               ///< towers whose boundary is closed, or around which it flew nine tenths of a turn
+  std::vector<double> step_us;  ///< of the processor, each step
   std::string reason;
 };
 
@@ -127,7 +134,6 @@ class MissionSimulation {
     Eigen::Vector2d p_m = start.translation_m, error_m = Eigen::Vector2d::Zero();
     double heading_rad = start.yaw_rad, curvature_1_m = 0.0, told_1_m = 0.0;
     Eigen::Vector2d velocity(kSpeed_m_s * std::cos(heading_rad), kSpeed_m_s * std::sin(heading_rad));
-    int steps = 0;
     for (int i = 0; i * kControl_s < params_.longest_s; ++i) {
       const double t_s = i * kControl_s;
       flight.time_s = t_s;
@@ -169,12 +175,9 @@ class MissionSimulation {
         }
         input.boundaries = &pipeline.splinegons();
         input.polygons = &polygons_;
-        const auto begin = std::chrono::steady_clock::now();
+        const double begin_us = thread_cpu_us();
         const MissionStep& step = mission.step(input);
-        const double us = std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
-        flight.step_us += us;
-        flight.longest_step_us = std::max(flight.longest_step_us, us);
-        ++steps;
+        flight.step_us.push_back(thread_cpu_us() - begin_us);
         told_1_m = step.curvature_1_m;
         flight.greatest_path_1_m = std::max(flight.greatest_path_1_m, greatest_curvature_1_m(mission.path()));
         flight.laps = std::max(flight.laps, step.laps);
@@ -205,7 +208,6 @@ class MissionSimulation {
         flight.least_clearance_m = std::min(flight.least_clearance_m, distance_m);
       }
     }
-    flight.step_us /= std::max(steps, 1);
     return flight;
   }
 

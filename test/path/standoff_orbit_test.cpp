@@ -29,7 +29,7 @@ double greatest_break(const SegmentPath& orbit) {
 }
 
 /// Turns around a point, counter-clockwise.
-double turns_around(const SegmentPath& orbit, const Eigen::Vector2d& p_m) {
+double sampled_turns(const SegmentPath& orbit, const Eigen::Vector2d& p_m) {
   double sum_rad = 0.0;
   const int count = 2000;
   for (int i = 0; i < count; ++i) {
@@ -45,7 +45,7 @@ void expect_orbit(const Obstacles& scene, double side, const SegmentPath& orbit,
   EXPECT_LT(greatest_break(orbit), rounding_m);
   EXPECT_NEAR(clearance_m(orbit, scene), kStandoff_m, rounding_m);
   EXPECT_LE(greatest_curvature_1_m(orbit), (1.0 + 1e-6) / kRadius_m);
-  EXPECT_NEAR(turns_around(orbit, middle_m), side, 1e-6);
+  EXPECT_NEAR(sampled_turns(orbit, middle_m), side, 1e-6);
   // Beside each place, away from the obstacle, there is a free circle.
   for (double way_m = 0.0; way_m < orbit.length_m; way_m += 1.0) {
     const Pose2 pose = place_at(orbit, way_m).pose;
@@ -120,7 +120,7 @@ TEST(StandoffOrbit, AroundOneOrMoreObstaclesOfAnyShape) {
     EXPECT_NEAR(moved_orbit.length_m, orbit.length_m, 1e-5) << i;
     for (std::size_t k = 0; k < scene.obstacles().size(); ++k) {
       const Eigen::Vector2d other_m = scene.pieces()[scene.obstacles()[k].first].middle_m;
-      merged += k != target && std::abs(turns_around(orbit, other_m)) > 0.5 ? 1 : 0;
+      merged += k != target && std::abs(sampled_turns(orbit, other_m)) > 0.5 ? 1 : 0;
     }
   }
   EXPECT_GT(merged, 20);
@@ -170,6 +170,26 @@ TEST(StandoffOrbit, AroundOutlinesThatCrossEachOther) {
   }
 }
 
+// What lies within another obstacle, or among several, is gone around with these.
+TEST(StandoffOrbit, GoesAroundWhatIsHiddenToo) {
+  Obstacles scene;
+  scene.add(Ellipse{{0.0, 0.0}, 0.0, 20.0, 20.0}, 0.0, 1);
+  scene.add({{-2.0, 1.0}, {3.0, 1.0}}, false, 0.0, ObstacleKind::kChain, 2);
+  scene.add(Ellipse{{90.0, 0.0}, 0.0, 5.0, 5.0}, 0.0, 3);
+  StandoffOrbit orbits;
+  SegmentPath alone, orbit;
+  for (const double side : {1.0, -1.0}) {
+    ASSERT_TRUE(orbits.trace(scene, 0, side, kStandoff_m, kRadius_m, {0.0, 50.0}, alone));
+    for (const Eigen::Vector2d& hint : {Eigen::Vector2d(0.0, 50.0), Eigen::Vector2d(120.0, 0.0)}) {
+      ASSERT_TRUE(orbits.trace(scene, 1, side, kStandoff_m, kRadius_m, hint, orbit));
+      expect_orbit(scene, side, orbit, {0.0, 1.0});
+      EXPECT_NEAR(orbit.length_m, alone.length_m, 1e-6);
+    }
+    EXPECT_EQ(turns_around(orbit, {0.0, 1.0}), static_cast<int>(side));
+    EXPECT_EQ(turns_around(orbit, {90.0, 0.0}), 0);
+  }
+}
+
 // Of what the vehicle fits between it goes around each alone, else around both.
 TEST(StandoffOrbit, PassesOnlyWhereThereIsRoomToTurn) {
   StandoffOrbit orbits;
@@ -180,8 +200,8 @@ TEST(StandoffOrbit, PassesOnlyWhereThereIsRoomToTurn) {
     scene.add(Ellipse{{10.0 + gap_m, 0.0}, 0.0, 5.0, 5.0}, 0.0, 2);
     ASSERT_TRUE(orbits.trace(scene, 0, 1.0, kStandoff_m, kRadius_m, {0.0, 40.0}, orbit));
     const bool together = gap_m < 2.0 * (kStandoff_m + kRadius_m);
-    EXPECT_NEAR(turns_around(orbit, {0.0, 0.0}), 1.0, 1e-6);
-    EXPECT_NEAR(turns_around(orbit, {10.0 + gap_m, 0.0}), together ? 1.0 : 0.0, 1e-6) << gap_m;
+    EXPECT_NEAR(sampled_turns(orbit, {0.0, 0.0}), 1.0, 1e-6);
+    EXPECT_NEAR(sampled_turns(orbit, {10.0 + gap_m, 0.0}), together ? 1.0 : 0.0, 1e-6) << gap_m;
   }
 }
 

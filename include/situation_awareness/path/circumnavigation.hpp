@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/splinegons/splinegons.hpp"
@@ -142,6 +143,10 @@ class Circumnavigation {
   bool is_done(const Splinegon& boundary) const;
   void watch_boundaries(const MissionInput& input);
   bool is_given_up(std::uint64_t id) const;
+  bool is_known_already(const std::vector<Splinegon>& boundaries, const Splinegon& boundary) const;
+  bool is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary, std::int64_t stamp_ns);
+  bool is_together(std::uint64_t id) const;
+  void count_turn(double turn_rad);
   bool is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const;
   bool is_free(const SegmentPath& path) const;
 
@@ -159,15 +164,20 @@ class Circumnavigation {
   CircumnavigationParams params_;
   std::vector<DubinsEnd> search_;
   std::size_t place_ = 0;  ///< index in the search
-  /// A boundary that is closed and certain, or was so for long enough to be done.
+  /// What is known of a boundary beside its outline. It stays when the boundary has become a part of another one.
   struct Watched {
-    std::uint64_t id;
-    double length_m;  ///< of its outline, when it last was so
-    std::int64_t since_ns;
-    bool done;
+    std::uint64_t id = 0;
+    Eigen::Vector2d place_m = Eigen::Vector2d::Zero();  ///< on it, when it last was there
+    double length_m = 0.0;                              ///< of its outline, when it last was closed and certain
+    std::int64_t since_ns = 0;                          ///< it is so
+    bool present = true, certain = false, done = false, given_up = false;
+    double around_rad = 0.0;                       ///< gone around it, alone or with others
+    std::int64_t compared_ns = StampOrder::kNone;  ///< with other boundaries;
+    bool twice = false;                            ///< it then was along one that is done or given up
   };
+  Watched* watched(std::uint64_t id);
   std::vector<Watched> watched_;
-  std::vector<std::uint64_t> given_up_;
+  std::vector<std::uint64_t> together_;  ///< boundaries that are gone around on the present orbit
   std::size_t places_given_up_ = 0;
 
   Obstacles obstacles_;
@@ -183,9 +193,8 @@ class Circumnavigation {
   Eigen::Vector2d target_place_m_ = Eigen::Vector2d::Zero();  ///< on it, nearest to the vehicle
   double side_ = 1.0;                                         ///< +1: counter-clockwise around it
   bool chose_side_ = false, tried_other_side_ = false;
-  double around_rad_ = 0.0;  ///< gone around the target, and
-  double around_m_ = 0.0;    ///< the way since it is the target
-  double held_s_ = 0.0;      ///< for the present task
+  double around_m_ = 0.0;  ///< the way since it is the target
+  double held_s_ = 0.0;    ///< for the present task
 
   bool started_ = false, holds_ = false, needs_plan_ = true, task_is_new_ = true;
   std::int64_t stamp_ns_ = 0, planned_ns_ = 0;

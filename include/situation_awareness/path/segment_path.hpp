@@ -37,6 +37,10 @@ double nearest_m(const SegmentPath& path, const Eigen::Vector2d& p_m, double fro
 DubinsFollowingResult follow(const SegmentPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
                              double speed_m_s, double way_m);
 
+/// Whether a closed path goes around a point, which is not on it: once counter-clockwise (+1), clockwise (-1), or not
+/// (0).
+int turns_around(const SegmentPath& closed, const Eigen::Vector2d& p_m);
+
 /// The greatest curvature of a path, not negative.
 double greatest_curvature_1_m(const SegmentPath& path);
 

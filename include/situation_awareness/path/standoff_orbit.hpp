@@ -25,8 +25,9 @@ class StandoffOrbit {
  public:
   /// The closed path around obstacle `target`, and others that are near it, counter-clockwise (`side` +1: the obstacle
   /// is to the left) or clockwise (-1). `hint_m`: a point from which the circle rolls off if it is free there, else it
-  /// comes from outside. `standoff_m` >= `radius_m` > 0. False, and an empty path, if there is no such path around the
-  /// target, which then lies within others. The cost is the product of the numbers of pieces and of the path's.
+  /// comes from outside. `standoff_m` >= `radius_m` > 0. A target that others hide is gone around with these. False,
+  /// and an empty path, if there is no path around it from these places. The cost is the product of the numbers of
+  /// pieces and of the path's.
   bool trace(const Obstacles& obstacles, std::size_t target, double side, double standoff_m, double radius_m,
              const Eigen::Vector2d& hint_m, SegmentPath& orbit);
 
@@ -45,7 +46,7 @@ class StandoffOrbit {
   void stand_on_piece(Contact& contact) const;
   bool come_from(const Eigen::Vector2d& from_m, const Eigen::Vector2d& toward_m, Contact& contact) const;
   bool touch(std::size_t piece, std::size_t from, const Eigen::Vector2d& center_m, Contact& contact) const;
-  bool roll(const Contact& start, std::size_t target, SegmentPath& orbit);
+  bool roll(const Contact& start, std::size_t target_piece, SegmentPath& orbit);
   bool roll_along(Contact& contact, SegmentPath& orbit) const;
   bool roll_about_end(Contact& contact, SegmentPath& orbit) const;
   void pass_to_next(Contact& contact) const;
