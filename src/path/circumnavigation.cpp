@@ -36,6 +36,12 @@ constexpr double kMoreOutline = 1.2;
 /// m. What is no farther from another boundary, or than the standard deviations of both are, is along that; so much of
 /// the vertices, at least, of what is the same obstacle.
 constexpr double kSameOutline_m = 0.5, kMostOfOutline = 0.8;
+/// m. Hits nearer to what is mapped are on that. Fewer beside each other, at most so far apart, are none; of the others
+/// those count that are so far apart, with this standard deviation, for this time (s).
+constexpr double kOnMap_m = 0.7, kBeside_m = 1.5, kHitSpacing_m = 0.4, kHitSigma_m = 0.05, kHits_s = 0.5;
+constexpr std::size_t kFewestHits = 3;
+/// s. Of the patience with a task: what it takes to turn off from a path.
+constexpr double kTurnOff_s = 6.0;
 /// Of an orbit's length: how far along it a path goes.
 constexpr double kOfLap = 0.95;
 
@@ -255,12 +261,39 @@ void Circumnavigation::gather(const MissionInput& input) {
   if (input.objects != nullptr) {
     for (const Object& object : input.objects->objects) obstacles_.add(object);
   }
+  if (input.sight != nullptr) {
+    hits_world_m_.assign(input.sight->hits_world_m.begin(), input.sight->hits_world_m.end());
+    hits_ns_ = input.stamp_ns;
+  }
+  if (seconds_between(hits_ns_, input.stamp_ns) < kHits_s) add_hits(input.T_world_base.translation_m);
   const Eigen::Matrix2d place = input.covariance_world.topLeftCorner<2, 2>();
   pose_sigma_m_ =
       std::sqrt(std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
   if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
   if (input.sight != nullptr) seen_.add(*input.sight);
   watch_boundaries(input);
+}
+
+/// Runs of hits that are on no map.
+void Circumnavigation::add_hits(const Eigen::Vector2d& p_world_m) {
+  const double reach_m = 2.0 * (params_.standoff_m + params_.avoidance.turn_radius_m);
+  run_m_.clear();
+  std::size_t hits = 0;
+  const auto end_run = [&] {
+    if (hits >= kFewestHits && run_m_.size() > 1) obstacles_.add(run_m_, false, kHitSigma_m, ObstacleKind::kHits, 0);
+    run_m_.clear();
+    hits = 0;
+  };
+  Eigen::Vector2d before_m = p_world_m;
+  for (const Eigen::Vector2d& hit_m : hits_world_m_) {
+    const bool counts = (hit_m - p_world_m).norm() < reach_m && distance_m(obstacles_, hit_m) > kOnMap_m;
+    if (!counts || (hit_m - before_m).norm() > kBeside_m) end_run();
+    before_m = hit_m;
+    if (!counts) continue;
+    ++hits;
+    if (run_m_.empty() || (hit_m - run_m_.back()).norm() > kHitSpacing_m) run_m_.push_back(hit_m);
+  }
+  end_run();
 }
 
 /// Nothing leads there: it is within an obstacle, or nearer than the clearance.
@@ -522,6 +555,8 @@ bool Circumnavigation::is_safe(const SegmentPath& path, double way_m, double spe
 }
 
 void Circumnavigation::hold(const MissionInput& input) {
+  // To turn off from a path counts, too: it may be found again and again.
+  if (!holds_ && !path_.segments.empty()) held_s_ += kTurnOff_s;
   holds_ = true;
   planned_ns_ = input.stamp_ns;
   if (way_out_.segments.empty()) {

@@ -32,6 +32,8 @@ const char* name_of(ObstacleKind kind) {
       return "chain";
     case ObstacleKind::kObject:
       return "object";
+    case ObstacleKind::kHits:
+      return "hits";
   }
   return "";
 }

@@ -45,6 +45,8 @@ class Stepped {
   Circumnavigation mission;
   Splinegons boundaries;
   Pose2 T;
+  std::vector<Eigen::Vector2d> wall_m;  ///< two ends of one that is on no map
+  bool wall_is_hit = true;              ///< else nothing is known behind it
   double sees_m = 30.0;
   double least_m = 1e9, greatest_1_m = 0.0;
   std::int64_t stamp_ns = 0;
@@ -55,6 +57,7 @@ class Stepped {
     sight.from_rad = -kPi;
     sight.step_rad = radians(1.0);
     sight.free_m.assign(362, sees_m);
+    sight.hits_world_m.clear();
     for (std::size_t i = 0; i < sight.free_m.size(); ++i) {
       const double angle_rad = T.yaw_rad + sight.from_rad + sight.step_rad * static_cast<double>(i);
       const Curve ray{T.translation_m, {std::cos(angle_rad), std::sin(angle_rad)}, 0.0, sees_m};
@@ -66,6 +69,11 @@ class Stepped {
           sight.free_m[i] = std::min(sight.free_m[i], first_nearer_m(ray, arc, 0.05).value_or(sees_m));
         }
       }
+      if (wall_m.empty()) continue;
+      const std::optional<double> hit_m = first_nearer_m(ray, straight_curve(wall_m[0], wall_m[1]), 0.05);
+      if (!hit_m || *hit_m >= sight.free_m[i]) continue;
+      sight.free_m[i] = *hit_m;
+      if (wall_is_hit) sight.hits_world_m.push_back(point_at(ray, *hit_m));
     }
   }
 
@@ -242,6 +250,38 @@ TEST(Circumnavigation, KeepsAwayFromTheChainOfABoundaryThatIsOlder) {
   }
 }
 
+// A map may be elsewhere, or not know of it yet: what the latest scan hits is kept away from.
+TEST(Circumnavigation, KeepsAwayFromHitsThatAreOnNoMap) {
+  Stepped stepped({}, {place(120.0, 0.0)});
+  stepped.wall_m = {{60.0, -12.0}, {60.0, 12.0}};
+  MissionStep told;
+  double least_m = 1e9;
+  for (int i = 0; i < 900 && told.state != MissionState::kDone; ++i) {
+    told = stepped.step();
+    least_m =
+        std::min(least_m, distance_m(straight_curve(stepped.wall_m[0], stepped.wall_m[1]), stepped.T.translation_m));
+  }
+  EXPECT_GT(least_m, 2.9);
+  EXPECT_LT((stepped.T.translation_m - Eigen::Vector2d(120.0, 0.0)).norm(), 25.0) << told.reason;
+}
+
+// What is behind is never seen: the vehicle comes near, turns off, and tries again, not for ever.
+TEST(Circumnavigation, GivesUpAPlaceFromWhichItTurnsOffAgainAndAgain) {
+  Stepped stepped({}, {place(120.0, 0.0)});
+  stepped.wall_m = {{60.0, -800.0}, {60.0, 800.0}};
+  stepped.wall_is_hit = false;
+  MissionStep told;
+  int holds = 0, steps = 0;
+  for (MissionState before = told.state; steps < 1500 && told.state != MissionState::kDone; ++steps) {
+    before = told.state;
+    told = stepped.step();
+    holds += told.state == MissionState::kHold && before != MissionState::kHold ? 1 : 0;
+  }
+  EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
+  EXPECT_EQ(told.given_up, 1U) << told.reason;
+  EXPECT_GT(holds, 2);
+}
+
 TEST(Circumnavigation, RefusesWhatCannotBe) {
   CircumnavigationParams params;
   params.standoff_m = 5.0;
@@ -354,6 +394,17 @@ TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {
   EXPECT_EQ(sum.ended, 10);
   EXPECT_EQ(sum.around, sum.towers);
   EXPECT_GE(sum.closed, 8);
+}
+
+// Sides that face each other, 4 to 6 m apart, are seen from 20 m and more, at an angle: with indoor gaps between hits
+// they were not mapped.
+TEST(CircumnavigationStatistics, ClosesWhatFacesOthers) {
+  MissionFlightParams params;
+  params.pipeline = shipped_splinegons();
+  const Worlds sum = fly_in_worlds(6, 2, 4, params);
+  EXPECT_EQ(sum.ended, 2);
+  EXPECT_EQ(sum.around, sum.towers);
+  EXPECT_GE(sum.closed, 7);
 }
 
 TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {

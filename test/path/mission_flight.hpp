@@ -171,6 +171,13 @@ class MissionSimulation {
           pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);
           polygons_ = pipeline.polygons_in_world();
           sight_.T_world_sensor = T;
+          sight_.hits_world_m.clear();
+          for (std::size_t k = 0; k < ranges_m_.size(); ++k) {
+            if (!(ranges_m_[k] < kReach_m)) continue;
+            const double angle_rad = scan_.angle_min_rad + static_cast<double>(k) * scan_.angle_increment_rad;
+            sight_.hits_world_m.push_back(
+                T * Eigen::Vector2d(sight_.free_m[k] * std::cos(angle_rad), sight_.free_m[k] * std::sin(angle_rad)));
+          }
           input.sight = &sight_;
         }
         input.boundaries = &pipeline.splinegons();

@@ -75,7 +75,9 @@ struct MissionInput {
   /// than the rest.
   const Polygons* polygons = nullptr;
   const Objects* objects = nullptr;
-  const FreeBeams* sight = nullptr;  ///< of a scan since the last step
+  /// Of a scan since the last step. Hits that are on none of these maps are obstacles until the next scan: a map may be
+  /// old, or elsewhere.
+  const FreeBeams* sight = nullptr;
 };
 
 /// The places of a search, in order.
@@ -135,6 +137,7 @@ class Circumnavigation {
 
  private:
   void gather(const MissionInput& input);
+  void add_hits(const Eigen::Vector2d& p_world_m);
   void choose_task(const MissionInput& input);
   void begin_task(std::uint64_t target);
   void follow_target(const MissionInput& input);
@@ -182,6 +185,8 @@ class Circumnavigation {
 
   Obstacles obstacles_;
   SeenArea seen_;
+  std::vector<Eigen::Vector2d> hits_world_m_, run_m_;  ///< of the latest scan, and some beside each other
+  std::int64_t hits_ns_ = 0;
   double pose_sigma_m_ = 0.0;
   StandoffOrbit orbits_;
 

@@ -15,10 +15,10 @@
 
 namespace situation_awareness {
 
-/// What an obstacle was on its map.
-enum class ObstacleKind : std::uint8_t { kBoundary, kChain, kObject };
+/// What an obstacle was on its map, or hits of a scan that are on none.
+enum class ObstacleKind : std::uint8_t { kBoundary, kChain, kObject, kHits };
 
-const char* name_of(ObstacleKind kind);  ///< "boundary", "chain", "object"
+const char* name_of(ObstacleKind kind);  ///< "boundary", "chain", "object", "hits"
 
 /// A line or an arc of an obstacle's outline.
 struct ObstaclePiece {

@@ -17,6 +17,7 @@ struct FreeBeams {
   double from_rad = 0.0;       ///< direction of the first beam in the sensor's plane
   double step_rad = 0.0;       ///< to the next beam, counter-clockwise, > 0
   std::vector<double> free_m;  ///< along each beam: the range, or what the scanner reaches; 0 where it says nothing
+  std::vector<Eigen::Vector2d> hits_world_m;  ///< what the beams ended at, counter-clockwise
 };
 
 /// What was seen to be free, from many places. Keeps its memory: no allocation after warm-up.

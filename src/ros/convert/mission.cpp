@@ -65,14 +65,24 @@ bool free_beams_from_msg(const sensor_msgs::LaserScan& msg, const Eigen::Isometr
   // Of a tilted beam the part over the ground, that of the steepest one.
   const double reach_m = static_cast<double>(msg.range_max) * std::abs(upright);
   beams.free_m.clear();
-  for (const float range : msg.ranges) {
+  beams.hits_world_m.clear();
+  for (std::size_t i = 0; i < msg.ranges.size(); ++i) {
+    const float range = msg.ranges[i];
     const bool says_nothing = std::isnan(range) || range < msg.range_min;
     beams.free_m.push_back(says_nothing ? 0.0 : std::min(static_cast<double>(range) * std::abs(upright), reach_m));
+    if (says_nothing || !(range < msg.range_max)) continue;
+    const double angle_rad =
+        static_cast<double>(msg.angle_min) + static_cast<double>(i) * static_cast<double>(msg.angle_increment);
+    const Eigen::Vector3d beam =
+        T_world_lidar.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
+    beams.hits_world_m.emplace_back(T_world_lidar.translation().head<2>() +
+                                    static_cast<double>(range) * beam.head<2>());
   }
   beams.from_rad = std::copysign(1.0, upright) * static_cast<double>(msg.angle_min);
   if (step_rad < 0.0) {
     beams.from_rad += step_rad * static_cast<double>(msg.ranges.size() - 1);
     std::reverse(beams.free_m.begin(), beams.free_m.end());
+    std::reverse(beams.hits_world_m.begin(), beams.hits_world_m.end());
   }
   return true;
 }
