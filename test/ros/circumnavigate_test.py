@@ -152,7 +152,8 @@ class CircumnavigateTest(unittest.TestCase):
         self.assertEqual(status.done, 1)
         self.assertGreater(max(len(path.poses) for path in self.path.messages), 10)
         wait_until(lambda: self.markers.messages, 20.0, "markers")
-        self.assertEqual({marker.ns for marker in self.markers.messages[-1].markers}, {"path", "way_out", "orbit"})
+        self.assertEqual({marker.ns for marker in self.markers.messages[-1].markers},
+                         {"path", "way_out", "orbit", "clearance", "clearance_text"})
         wait_until(lambda: len(self.command.messages) == len(self.status.messages), 20.0, "a command for each step")
         for command, told in zip(self.command.messages, self.status.messages):
             self.assertAlmostEqual(command.linear.x, SPEED, 12)

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <exception>
 #include <optional>
 #include <stdexcept>
@@ -104,7 +105,8 @@ class CircumnavigateStage {
     const MissionStep& step = mission_->step(input);
     state_ = step.state;
     reason_ = step.reason;
-    clearance_m_ = distance_m(mission_->obstacles(), input.T_world_base.translation_m);
+    std::size_t nearest = 0;
+    clearance_m_ = distance_m(mission_->obstacles(), input.T_world_base.translation_m, &nearest);
     geometry_msgs::Twist command;
     command.linear.x = input.speed_m_s;
     command.angular.z = step.curvature_1_m * input.speed_m_s;
@@ -114,7 +116,7 @@ class CircumnavigateStage {
       path_number_ = step.path_number;
       path_.publish(path_to_msg(mission_->path(), input.stamp_ns, params_.nodelet.world_frame));
     }
-    if (markers_.getNumSubscribers() > 0) publish_markers(input.stamp_ns);
+    if (markers_.getNumSubscribers() > 0) publish_markers(input.stamp_ns, input.T_world_base.translation_m, nearest);
     return true;
   }
 
@@ -216,10 +218,11 @@ class CircumnavigateStage {
     return true;
   }
 
-  void publish_markers(std::int64_t stamp_ns) {
+  void publish_markers(std::int64_t stamp_ns, const Eigen::Vector2d& p_world_m, std::size_t nearest) {
     visualization_msgs::MarkerArray array;
-    const auto add = [&](const char* ns, const SegmentPath& path, float r, float g, float b, double width_m) {
-      visualization_msgs::Marker marker;
+    const auto begin = [&](const char* ns, float r, float g, float b, double width_m) -> visualization_msgs::Marker& {
+      array.markers.emplace_back();
+      visualization_msgs::Marker& marker = array.markers.back();
       marker.header.stamp = to_ros_time(stamp_ns);
       marker.header.frame_id = params_.nodelet.world_frame;
       marker.ns = ns;
@@ -231,15 +234,43 @@ class CircumnavigateStage {
       marker.color.g = g;
       marker.color.b = b;
       marker.color.a = 1.0F;
+      return marker;
+    };
+    const auto add = [&](const char* ns, const SegmentPath& path, float r, float g, float b, double width_m) {
+      visualization_msgs::Marker& marker = begin(ns, r, g, b, width_m);
       for (const geometry_msgs::PoseStamped& pose : path_to_msg(path, stamp_ns, params_.nodelet.world_frame).poses) {
         marker.points.push_back(pose.pose.position);
       }
       if (marker.points.size() < 2) marker.action = visualization_msgs::Marker::DELETE;
-      array.markers.push_back(marker);
     };
     add("path", mission_->path(), 0.1F, 0.6F, 1.0F, 0.3);
     add("way_out", mission_->way_out(), 1.0F, 0.6F, 0.1F, 0.15);
     add("orbit", mission_->orbit(), 0.4F, 0.8F, 0.4F, 0.15);
+    // To what is nearest, red where that is nearer than the clearance.
+    const bool is_near = clearance_m_ < params_.mission.avoidance.clearance_m;
+    visualization_msgs::Marker& line =
+        begin("clearance", is_near ? 0.9F : 0.4F, is_near ? 0.1F : 0.4F, is_near ? 0.1F : 0.4F, 0.1);
+    visualization_msgs::Marker text = line;
+    text.ns = "clearance_text";
+    text.type = visualization_msgs::Marker::TEXT_VIEW_FACING;
+    text.scale.z = 2.0;
+    if (std::isfinite(clearance_m_)) {
+      const Curve& curve = mission_->obstacles().pieces()[nearest].curve;
+      const Eigen::Vector2d to_m = point_at(curve, nearest_m(curve, p_world_m)), middle_m = 0.5 * (p_world_m + to_m);
+      line.points.resize(2);
+      line.points[0].x = p_world_m.x();
+      line.points[0].y = p_world_m.y();
+      line.points[1].x = to_m.x();
+      line.points[1].y = to_m.y();
+      text.pose.position.x = middle_m.x();
+      text.pose.position.y = middle_m.y();
+      std::array<char, 32> metres{};
+      std::snprintf(metres.data(), metres.size(), "%.1f m", clearance_m_);
+      text.text = metres.data();
+    } else {
+      line.action = text.action = visualization_msgs::Marker::DELETE;
+    }
+    array.markers.push_back(text);
     markers_.publish(array);
   }
 
