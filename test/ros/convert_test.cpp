@@ -997,6 +997,16 @@ TEST(FreeBeams, AreTheSameHoweverTheScannerIsMounted) {
   EXPECT_EQ(expected.free_m, (std::vector<double>{2.0, 30.0, 0.0, 0.0, 30.0, 5.0}));
   EXPECT_NEAR(expected.T_world_sensor.yaw_rad, 0.7, 1e-12);
   EXPECT_NEAR(expected.from_rad, -1.0, 1e-6);
+  // Only the first and the last beam end at something.
+  ASSERT_EQ(expected.hits_world_m.size(), 2U);
+  EXPECT_NEAR((expected.hits_world_m[0] - T.translation().head<2>()).norm(), 2.0, 1e-6);
+  EXPECT_NEAR((expected.hits_world_m[1] - T.translation().head<2>()).norm(), 5.0, 1e-6);
+  const auto expect_hits = [&] {
+    ASSERT_EQ(beams.hits_world_m.size(), 2U);
+    for (std::size_t i = 0; i < 2; ++i) {
+      EXPECT_LT((beams.hits_world_m[i] - expected.hits_world_m[i]).norm(), 1e-5);
+    }
+  };
 
   sensor_msgs::LaserScan clockwise = upright;
   std::reverse(clockwise.ranges.begin(), clockwise.ranges.end());
@@ -1006,6 +1016,7 @@ TEST(FreeBeams, AreTheSameHoweverTheScannerIsMounted) {
   EXPECT_EQ(beams.free_m, expected.free_m);
   EXPECT_NEAR(beams.from_rad, expected.from_rad, 1e-6);
   EXPECT_EQ(beams.step_rad, expected.step_rad);
+  expect_hits();
 
   // Upside down, about the axis ahead, the angles of the same beams are the negative ones.
   sensor_msgs::LaserScan below = clockwise;
@@ -1016,10 +1027,14 @@ TEST(FreeBeams, AreTheSameHoweverTheScannerIsMounted) {
   EXPECT_EQ(beams.free_m, expected.free_m);
   EXPECT_NEAR(beams.from_rad, expected.from_rad, 1e-6);
   EXPECT_NEAR(beams.T_world_sensor.yaw_rad, 0.7, 1e-12);
+  expect_hits();
 
   // Tilted they are as long as the steepest one is over the ground; on its side it shows nothing.
   ASSERT_TRUE(free_beams_from_msg(upright, T * Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX()), beams));
   EXPECT_NEAR(beams.free_m[0], 2.0 * std::cos(0.3), 1e-9);
+  // A hit is where its own beam ends: here 1 rad aside of the axis of the tilt.
+  EXPECT_NEAR((beams.hits_world_m[0] - T.translation().head<2>()).norm(),
+              2.0 * std::hypot(std::cos(1.0), std::sin(1.0) * std::cos(0.3)), 1e-6);
   EXPECT_FALSE(free_beams_from_msg(upright, T * Eigen::AngleAxisd(1.4, Eigen::Vector3d::UnitX()), beams));
 }
 
