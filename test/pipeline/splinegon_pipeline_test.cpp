@@ -149,7 +149,7 @@ const Splinegons& fly_with_true_pose(SplinegonPipeline& pipeline, Flight& flight
   return pipeline.splinegons();
 }
 
-TEST(SplinegonPipeline, MapsSmoothObstaclesToCentimetres) {
+TEST(SplinegonPipelineFlights, MapsSmoothObstaclesToCentimetres) {
   Flight flight(ellipse({10.0, 6.0}));
   SplinegonPipeline pipeline(shipped());
   const Splinegons& splinegons = fly_with_true_pose(pipeline, flight);
@@ -209,7 +209,7 @@ void fly_by_inertial_navigation(SplinegonPipeline& pipeline, Flight& flight, con
 }
 
 // Scans tell how fast the vehicle is, and a lap that ends beside its begin was drawn by poses that drifted.
-TEST(SplinegonPipeline, KeepsScansTogetherWhileInertialNavigationDrifts) {
+TEST(SplinegonPipelineFlights, KeepsScansTogetherWhileInertialNavigationDrifts) {
   for (const double sign : {-1.0, 1.0}) {
     Flight flight(ellipse({10.0, 6.0}));
     SplinegonPipeline pipeline(shipped());
@@ -224,7 +224,7 @@ TEST(SplinegonPipeline, KeepsScansTogetherWhileInertialNavigationDrifts) {
 }
 
 // A face does not tell the way along it, its ends do.
-TEST(SplinegonPipeline, KeepsTheFacesOfABoxTogetherWhileInertialNavigationDrifts) {
+TEST(SplinegonPipelineFlights, KeepsTheFacesOfABoxTogetherWhileInertialNavigationDrifts) {
   Flight flight(box(12.0, 7.0));
   SplinegonPipeline pipeline(shipped());
   fly_by_inertial_navigation(pipeline, flight, {0.002, {0.05, -0.05}, {0.4, -0.5}});
@@ -235,7 +235,7 @@ TEST(SplinegonPipeline, KeepsTheFacesOfABoxTogetherWhileInertialNavigationDrifts
 }
 
 // Odom may be metres per second off after a while: its poses at both ends of a sweep are not those of the scanner.
-TEST(SplinegonPipeline, SweepsWithTheVelocityThatTheMapTells) {
+TEST(SplinegonPipelineFlights, SweepsWithTheVelocityThatTheMapTells) {
   Flight flight(ellipse({10.0, 6.0}));
   SplinegonPipeline pipeline(shipped());
   fly_by_inertial_navigation(pipeline, flight, {0.0, {0.0, 0.0}, {0.0, 0.0}, {8.0, -6.0}});

@@ -61,7 +61,7 @@ struct Start {
 double yaw_of_pose(const Eigen::Isometry3d& T) { return std::atan2(T(1, 0), T(0, 0)); }
 
 // Straight flight in wind does not tell the yaw, the turn after it does, also of the time before.
-TEST(GpsInsBacklog, KnowsTheYawOfStraightFlight) {
+TEST(GpsInsBacklogFlights, KnowsTheYawOfStraightFlight) {
   double worst = 0.0, mean_square = 0.0;
   int count = 0;
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
