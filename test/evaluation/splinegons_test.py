@@ -465,6 +465,21 @@ class Measures(unittest.TestCase):
         doubled = score(self.truth, [own, {**own, "id": 2}]).wrong
         self.assertEqual((doubled.doubled, doubled.count), (["obstacle_1"], 1))
 
+    def test_a_map_that_is_off_as_the_pose_is_has_its_boundaries(self):
+        """Only what is off from the vehicle's sight is of another obstacle, or of none."""
+        turn, dx, dy = 0.05, 3.0, -4.0
+        right, alone = (score(self.truth, [moved(splinegon(self.shape), dx, dy)], error=error)
+                        for error in ((dx, dy, 0.0), (0.0, 0.0, 0.0)))
+        self.assertEqual(right.wrong.count, 0, right.wrong)
+        self.assertAlmostEqual(right.fits[0].hausdorff_m, 5.0, delta=0.01)
+        self.assertEqual((alone.wrong.missed, alone.wrong.false), (["obstacle_1"], 1))
+        # Turned about the place of the vehicle.
+        points = np.array([[1.0, 2.0], [-3.0, 0.5]])
+        pose = {"x": self.truth.poses[7, 0] + dx, "y": dy, "yaw": 3.1 + turn}
+        c, s = math.cos(turn), math.sin(turn)
+        seen = (points - self.truth.poses[7, :2]) @ np.array(((c, s), (-s, c))) + (pose["x"], pose["y"])
+        np.testing.assert_allclose(self.truth.seen_from(7, pose, seen), points, atol=1e-12)
+
     def test_a_change_of_the_id_is_wrong(self):
         wrong = score(self.truth, lambda scan: [splinegon(self.shape, 1 + (scan > 12))] if scan > 9 else []).wrong
         self.assertEqual((wrong.ids, wrong.count), (["obstacle_1"], 1))
