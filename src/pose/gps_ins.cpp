@@ -31,6 +31,8 @@ constexpr double kLevelSigma_rad = 0.03;
 constexpr double kTurningSigma_rad = 0.3;
 constexpr double kInitialSpeed_m_s = 10.0;
 constexpr double kInitialClimb_m_s = 2.0;
+/// The first fix and the one before agree within what so many standard deviations of both and of the speed explain.
+constexpr double kSameFixSigmas = 3.0;
 
 /// A gap of the IMU is one beyond this; the acceleration and the rate of turn that may have been in it.
 constexpr double kUsualGap_s = 0.1;
@@ -56,6 +58,7 @@ constexpr std::array<FixNoise, 10> kFixNoises = {{{0.0, 1.0},
 
 const char* const kNoImu = "no sample of the IMU yet";
 const char* const kNoFix = "no usable fix yet";
+const char* const kLoneFix = "one fix alone, or far from the one before: may be an outlier";
 const char* const kNotGravity =
     "the force that the IMU measures is not that of gravity: m/s^2, and +9.8 upwards at rest";
 const char* const kAskew = "gravity is not along the base's z: is the IMU mounted as T_base_imu says";
@@ -71,6 +74,13 @@ GpsInsModel model_of(const GpsInsParams& params, const GpsInsMounting& mounting)
   model.fix_stamp_sigma_s = params.fix_stamp_sigma_s;
   model.recover_after_s = params.recover_after_s;
   return model;
+}
+
+/// Two fixes of one vehicle, as far as can be told without knowing its velocity.
+bool agree(const GpsInsMeasurement& a, const GpsInsMeasurement& b) {
+  const double way_m = kInitialSpeed_m_s * seconds_between(a.stamp_ns, b.stamp_ns);
+  const double variance_m2 = a.covariance.diagonal().maxCoeff() + b.covariance.diagonal().maxCoeff() + way_m * way_m;
+  return (b.value - a.value).squaredNorm() <= kSameFixSigmas * kSameFixSigmas * variance_m2;
 }
 
 }  // namespace
@@ -318,6 +328,12 @@ bool GpsIns::try_start() {
   }
   const GpsInsMeasurement& fix = measurements_[last - 1];
   if (fix.is_counted) return false;  // looked at before
+  const auto before = std::find_if(measurements_.rend() - static_cast<std::ptrdiff_t>(last - 1), measurements_.rend(),
+                                   [](const GpsInsMeasurement& m) { return m.sensor == GpsInsSensor::kFix; });
+  if (before == measurements_.rend() || !agree(*before, fix)) {
+    reason_ = kLoneFix;
+    return false;
+  }
   const std::uint64_t to = imu_.last_until(fix.stamp_ns);
   if (imu_[to].stamp_ns > fix.stamp_ns) return false;  // older than the samples
   const std::uint64_t from = imu_.last_until(fix.stamp_ns - nanoseconds(kLevelWindow_s));

@@ -384,6 +384,23 @@ TEST(GpsIns, AFarFixDoesNotMoveThePose) {
   EXPECT_LE(ins.counters().of("fix outside its gate"), 9u);
 }
 
+TEST(GpsIns, DoesNotStartFromAFarFix) {
+  for (int far = 0; far < 9; ++far) {
+    FlightRun run({}, {}, 14);
+    GpsIns ins({}, {});
+    int number = 0;
+    const auto moved = [&](double /*time_s*/, Eigen::Vector3d& fix) {
+      if (number++ == far) fix += Eigen::Vector3d(-20.0, 25.0, 10.0);
+      return true;
+    };
+    while (run.time_s() < 25.0 && !ins.is_ready()) fly(run, ins, run.time_s() + 0.5, moved, kNothing);
+    EXPECT_TRUE(ins.is_ready()) << far;
+    EXPECT_LE(ins.counters().of("fix outside its gate"), 1u) << far;
+    const GpsInsPose pose = ins.pose();
+    EXPECT_LT((pose.T_world_base.translation() - run.T_world_base().translation()).norm(), 6.0) << far;
+  }
+}
+
 TEST(GpsIns, RecoversIfItIsWrongItself) {
   FlightRun run({}, {}, 13);
   GpsIns ins({}, {});
