@@ -23,6 +23,9 @@ constexpr double kLatestFix_s = 2.0;
 /// In `odom` biases and tilt are those of the filter when it began, and follow it with this time constant: what a fix
 /// changes in them shows up slowly, and errors of them are nearly constant, so that the map tells them.
 constexpr double kFollow_s = 100.0;
+/// Until the pose is ready, in what is followed back, they are the filter's anew once its tilt has become better by
+/// this, in the variance: after a start in a turn the tilt is off by degrees.
+constexpr double kMuchBetter = 4.0;
 
 Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
   return Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
@@ -48,6 +51,13 @@ void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_worl
   kept(2, 2) = pose.covariance(2, 2);
   kept.bottomRightCorner<3, 3>() = level * pose.covariance.bottomRightCorner<3, 3>() * level;
   pose.covariance = kept + J * by_map * J.transpose();
+}
+
+/// Of roll and pitch, together.
+double tilt_variance_of(const GpsInsPose& pose) {
+  const Eigen::Matrix3d P = pose.covariance.bottomRightCorner<3, 3>();
+  const Eigen::RowVector3d up = pose.T_world_base.linear().row(2);
+  return P.trace() - up * P * up.transpose();
 }
 
 }  // namespace
@@ -135,8 +145,10 @@ void InertialNavigation::go_on(const GpsInsPose& pose) {
   const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
   const Eigen::Vector3d force_m_s2 = pose.specific_force_base_m_s2 + pose.accelerometer_bias_m_s2;
   const Eigen::Vector3d measured_rate_rad_s = pose.angular_velocity_base_rad_s + pose.gyroscope_bias_rad_s;
+  const double tilt_variance = tilt_variance_of(pose);
   double step_s = 0.0;
   if (known_.empty()) {
+    tilt_variance_ = tilt_variance;
     const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(pose.T_world_base);
     q_odom_base_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * R_world_base;
     accelerometer_bias_m_s2_ = pose.accelerometer_bias_m_s2;
@@ -145,7 +157,9 @@ void InertialNavigation::go_on(const GpsInsPose& pose) {
     v_odom_m_s_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * pose.velocity_world_m_s;
   } else {
     step_s = seconds_between(known_.back().stamp_ns, pose.stamp_ns);
-    const double part = std::min(step_s / kFollow_s, 1.0);
+    const bool is_much_better = pose.stamp_ns <= ready_since_ns_ && kMuchBetter * tilt_variance < tilt_variance_;
+    if (is_much_better) tilt_variance_ = tilt_variance;
+    const double part = is_much_better ? 1.0 : std::min(step_s / kFollow_s, 1.0);
     accelerometer_bias_m_s2_ += part * (pose.accelerometer_bias_m_s2 - accelerometer_bias_m_s2_);
     gyroscope_bias_rad_s_ += part * (pose.gyroscope_bias_rad_s - gyroscope_bias_rad_s_);
     const Eigen::Vector3d rate_rad_s = measured_rate_rad_s - gyroscope_bias_rad_s_;
