@@ -51,9 +51,10 @@ Pose2 pose_on(const SegmentPath& closed, double way_m) {
 
 DubinsEnd end_of(const Pose2& pose, double radius_m) { return {pose.translation_m, pose.yaw_rad, radius_m}; }
 
-template <class Item>
-const Item* with_id(const std::vector<Item>& items, std::uint64_t id) {
-  const auto found = std::find_if(items.begin(), items.end(), [id](const Item& item) { return item.id == id; });
+/// Const as the items are.
+template <class Items>
+auto* with_id(Items& items, std::uint64_t id) {
+  const auto found = std::find_if(items.begin(), items.end(), [id](const auto& item) { return item.id == id; });
   return found == items.end() ? nullptr : &*found;
 }
 
@@ -151,11 +152,7 @@ Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const s
   }
 }
 
-Circumnavigation::Watched* Circumnavigation::watched(std::uint64_t id) {
-  const auto found =
-      std::find_if(watched_.begin(), watched_.end(), [id](const Watched& each) { return each.id == id; });
-  return found == watched_.end() ? nullptr : &*found;
-}
+Circumnavigation::Watched* Circumnavigation::watched(std::uint64_t id) { return with_id(watched_, id); }
 
 bool Circumnavigation::is_together(std::uint64_t id) const {
   return std::find(together_.begin(), together_.end(), id) != together_.end();

@@ -11,6 +11,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
+#include "situation_awareness/pose/inertial_motion.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -32,8 +33,6 @@ constexpr double kHuber = 2.0;
 constexpr double kSmallStep = 1e-4;
 /// m^2 and rad^2. Keeps P invertible.
 constexpr double kLeastVariance = 1e-10;
-/// m/s^2. A tilt that is off is an acceleration that is off by so much per rad.
-constexpr double kGravity_m_s2 = 9.80665;
 
 /// Where a face ends: hits of it at least, and the least sine of the angle at which the beam meets it there. A surface
 /// that bends away ends where beams graze it, which is another place for each pose.
@@ -205,7 +204,7 @@ void MapAlignment::go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odo
   };
   walk(kYaw, 1, params_.yaw_drift_rad_sqrt_s);
   walk(kVelocity, 2, params_.velocity_drift_m_s_sqrt_s);
-  walk(kTilt, 2, kGravity_m_s2 * params_.tilt_drift_rad_sqrt_s);
+  walk(kTilt, 2, kStandardGravity_m_s2 * params_.tilt_drift_rad_sqrt_s);
   walk(kAcceleration, 2, params_.acceleration_drift_m_s2_sqrt_s);
   walk(kYawRate, 1, params_.yaw_rate_drift_rad_s_sqrt_s);
   P_.diagonal().array() += kLeastVariance;
@@ -393,9 +392,9 @@ Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& pl
     if (!is_given) v_map_m_s_ = begin_velocity_m_s(placement);
     P_.diagonal().segment<2>(kVelocity).setConstant(
         square(is_given ? first_velocity_sigma_m_s_ : placement.velocity_sigma_m_s));
-    P_.diagonal().segment<2>(kTilt).setConstant(square(kGravity_m_s2 * params_.tilt_sigma_rad));
+    P_.diagonal().segment<2>(kTilt).setConstant(square(kStandardGravity_m_s2 * params_.tilt_sigma_rad));
     P_.diagonal().segment<2>(kAcceleration).setConstant(square(params_.acceleration_sigma_m_s2));
-    P_.diagonal().segment<2>(kTiltRate).setConstant(square(kGravity_m_s2 * params_.tilt_rate_sigma_rad_s));
+    P_.diagonal().segment<2>(kTiltRate).setConstant(square(kStandardGravity_m_s2 * params_.tilt_rate_sigma_rad_s));
     P_(kYawRate, kYawRate) = square(params_.yaw_rate_sigma_rad_s);
   }
   stamp_ns_ = polylines.stamp_ns;
