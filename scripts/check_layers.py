@@ -26,6 +26,7 @@ FOREIGN = {  # header prefix -> folders that may include it
     r"pcl(_conversions)?/": {"ros"},
     r"mujoco/": {"sim"},
     r"GeographicLib/": {"pose", "ros"},
+    r"(gdal|cpl_)": {"map"},
     r"opencv2/": {"image", "detections", "map"},
 }
 INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)[>"]')

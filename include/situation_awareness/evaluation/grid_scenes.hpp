@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/image/image.hpp"
+#include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
+
+namespace situation_awareness {
+
+/// A box that stands upright on the ground, with the ground's height at its middle.
+struct SceneCar {
+  Pose2 T_world_car;
+  Eigen::Vector3d size_m{4.4, 1.8, 1.5};  ///< length, width, height
+};
+
+/// A ball on a thin trunk, which hides what is behind it and is no ground.
+struct SceneTree {
+  Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
+  double radius_m = 2.5;
+  double middle_m = 4.0;  ///< above the ground
+};
+
+/// A scene whose label images are computed by casting rays, so that what each pixel shows is known.
+struct GridScene {
+  std::function<double(double x_world_m, double y_world_m)> ground;  ///< height
+  double steepest = 0.0;                                             ///< slope of the ground
+  std::vector<SceneCar> cars;
+  std::vector<SceneTree> trees;
+};
+
+/// The share of each pixel that is car, by `samples` x `samples` rays per pixel.
+SoftLabels label_image_of(const GridScene& scene, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
+                          int samples);
+
+/// The camera's pose where it looks along a yaw and pitch (positive up).
+Eigen::Isometry3d camera_pose(const Eigen::Vector3d& p_world_m, double yaw_rad, double pitch_rad);
+
+/// A scene, what the map is given of it, and the flight over it.
+struct GridCase {
+  std::string name;
+  GridScene scene;
+  double elevation_error_m = 0.0;                    ///< of the elevation that the map gets: common
+  double elevation_noise_m = 0.0;                    ///< of each pixel
+  double label_precision = 1.0, label_recall = 1.0;  ///< of pixels
+  int blobs = 0;                                     ///< false ones per image
+  double position_noise_m = 0.0, angle_noise_rad = 0.0;
+  std::vector<Eigen::Isometry3d> T_world_camera;
+};
+
+/// The kinds of cases of docs/benchmarks/grid.md. The same seed gives the same case.
+std::vector<std::string> grid_case_names();
+GridCase make_grid_case(const std::string& name, std::uint32_t seed);
+
+/// The elevation that the map gets, of pixels of `pixel_m`.
+Elevation elevation_of(const GridCase& given, double pixel_m, std::uint32_t seed);
+
+/// Labels of image `i` with the errors of the case.
+SoftLabels labels_of(const GridCase& given, const PinholeCamera& camera, std::size_t i, std::uint32_t seed);
+
+/// The pose of image `i` that the map gets.
+Eigen::Isometry3d given_pose(const GridCase& given, std::size_t i, std::uint32_t seed);
+
+/// Of cells by their middles.
+struct GridScore {
+  double intersection_over_union = 0.0;
+  double shadow_share = 0.0;  ///< of cells up to 8 m behind a car, as seen from the last camera, called car
+};
+GridScore score(const GridCase& given, const SemanticGrid& grid);
+
+}  // namespace situation_awareness

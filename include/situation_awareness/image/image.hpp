@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+namespace situation_awareness {
+
+/// A camera without distortion: u = fx x/z + cx, v = fy y/z + cy with z ahead, x to the right and y down. The centres
+/// of pixels are at whole numbers, so that the image spans [-0.5, width - 0.5] by [-0.5, height - 0.5].
+struct PinholeCamera {
+  int width = 0, height = 0;
+  double fx_px = 0.0, fy_px = 0.0;
+  double cx_px = 0.0, cy_px = 0.0;
+};
+
+/// Throws std::invalid_argument naming the number if a size is less than 1 or a focal length is not finite and above 0.
+void check(const PinholeCamera& camera);
+
+/// For one class, the probability of each pixel of an image to show it; rows from the top. NaN: not known.
+struct SoftLabels {
+  std::int64_t stamp_ns = 0;
+  PinholeCamera camera;            ///< of this image's size
+  std::vector<float> probability;  ///< width * height numbers, in [0, 1] or NaN
+};
+
+/// Throws std::invalid_argument if the camera cannot be used or the number of probabilities is not that of its pixels.
+void check(const SoftLabels& labels);
+
+/// Makes each number that is not in [0, 1] unknown. Returns how many were made so, without those that were NaN.
+std::size_t drop_out_of_range(SoftLabels& labels);
+
+}  // namespace situation_awareness

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace situation_awareness {
+
+/// Heights of the ground over the world's x and y: a raster with square or oblong pixels along the axes, north (y) up,
+/// each the height at its middle (pixel-is-area), bilinear in between. Within half a pixel of its edge it is that of
+/// the nearest middle; beyond, and beside pixels without data, it is not known (NaN).
+class Elevation {
+ public:
+  /// `heights_world_m`: rows from the north, NaN where not known. `corner_world_m`: the north-west corner of the
+  /// raster. `pixel_m`: its pixel's size to the east and to the south, above 0. Throws std::invalid_argument if a
+  /// number is not as said.
+  Elevation(int width, int height, const Eigen::Vector2d& corner_world_m, const Eigen::Vector2d& pixel_m,
+            std::vector<float> heights_world_m);
+
+  /// The first band of a GeoTIFF (or another raster that GDAL reads), whose geotransform is in the world's metres.
+  /// Throws std::runtime_error naming the file and what is wrong: it cannot be read, is rotated, or not north up.
+  static Elevation load(const std::string& path);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  const Eigen::Vector2d& corner_world_m() const { return corner_world_m_; }
+  const Eigen::Vector2d& pixel_m() const { return pixel_m_; }
+
+  /// NaN where it is not known.
+  double at(double x_world_m, double y_world_m) const;
+
+ private:
+  double value(int column, int row) const {
+    return static_cast<double>(
+        heights_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column)]);
+  }
+
+  int width_, height_;
+  Eigen::Vector2d corner_world_m_, pixel_m_;
+  std::vector<float> heights_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+
+namespace situation_awareness {
+
+/// A 2.5D map of one class: for each cell, a square of the world's x and y, the probability that something of the class
+/// stands there, on the ground of the elevation. Cells lie on multiples of their size. Rows from the south (y up).
+struct SemanticGrid {
+  std::int64_t stamp_ns = 0;
+  double cell_m = 0.5;
+  int first_column = 0, first_row = 0;  ///< the south-west corner is at (first_column, first_row) * cell_m
+  int width = 0, height = 0;
+  std::vector<float> probability;     ///< NaN where nothing was observed
+  std::vector<std::int32_t> images;   ///< with evidence on the cell
+  std::vector<float> ground_world_m;  ///< height of the cell's middle; NaN where it is not known
+
+  std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
+  }
+  Eigen::Vector2d middle_world_m(int column, int row) const {
+    return {(first_column + column + 0.5) * cell_m, (first_row + row + 0.5) * cell_m};
+  }
+};
+
+/// Cells that belong together: something of the class.
+struct GridTarget {
+  std::uint64_t id = 0;                                     ///< never used twice
+  Eigen::Vector3d p_world_m = Eigen::Vector3d::Zero();      ///< the centroid, on the ground
+  Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Zero();  ///< of x and y
+  double area_m2 = 0.0;
+  double probability = 0.0;  ///< mean of its cells
+  std::int64_t first_seen_ns = 0, last_seen_ns = 0;
+};
+
+struct GridTargets {
+  std::int64_t stamp_ns = 0;
+  std::vector<GridTarget> targets;  ///< by id
+};
+
+}  // namespace situation_awareness

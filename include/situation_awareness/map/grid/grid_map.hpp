@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/image/image.hpp"
+#include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
+
+namespace situation_awareness {
+
+struct GridMapParams {
+  double cell_m = 0.5;
+  double reach_m = 220.0;
+  double class_height_m = 1.5;
+  double negative_weight = 0.2;
+  double max_evidence = 2.0;
+  double max_log_odds = 12.0;
+  double offset_step_m = 0.5;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("cell_m", self.cell_m, Bounds{0.05, 10.0}, "m", "edge of a cell");
+    visit("reach_m", self.reach_m, Bounds{5.0, 2000.0}, "m", "cells farther from the camera take no evidence");
+    visit("class_height_m", self.class_height_m, Bounds{0.1, 20.0}, "m", "height of what belongs to the class");
+    visit("negative_weight", self.negative_weight, Bounds{0.01, 1.0}, "",
+          "of evidence against the class, as what is hidden by something unknown looks like nothing");
+    visit("max_evidence", self.max_evidence, Bounds{0.1, 20.0}, "", "of one image on one cell, in log odds");
+    visit("max_log_odds", self.max_log_odds, Bounds{1.0, 100.0}, "", "of a cell");
+    visit("offset_step_m", self.offset_step_m, Bounds{0.05, 2.0}, "m",
+          "between the nine errors of the elevation that are tried");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "grid"); }
+};
+
+/// What an image did.
+struct GridUpdate {
+  std::size_t observed_cells = 0;  ///< with evidence
+  std::size_t class_cells = 0;     ///< of them those with evidence for the class
+};
+
+/// The semantic grid of one class by label images with a pose (the ScoutNet paper, Sect. V; docs/math/grid.md). In the
+/// place of casting each pixel's ray, the column above each cell, as high as the class, is projected into the image,
+/// and the least probability along it is the evidence of this image: a column that is of the class from foot to top.
+/// Elevation models have a common error, so the evidence is kept for nine of them, and that in which the images agree
+/// best is believed.
+class GridMap {
+ public:
+  static constexpr int kOffsets = 9;
+
+  /// Throws std::invalid_argument naming field and bound.
+  GridMap(const GridMapParams& params, std::shared_ptr<const Elevation> elevation);
+  ~GridMap();
+  GridMap(GridMap&&) noexcept;
+  GridMap& operator=(GridMap&&) noexcept;
+
+  /// Adds an image. Unknown labels are NaN or exactly 0.5. `T_world_camera`: z ahead, x to the right and y down in the
+  /// image. Throws std::invalid_argument if the labels cannot be used or the pose is not finite; the map is then
+  /// unchanged.
+  GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera);
+
+  /// Forgets the cells farther than that from a place: a grid that scrolls with the vehicle.
+  void keep_around(const Eigen::Vector2d& p_world_m, double distance_m);
+
+  /// The error of the elevation that is believed: the ground is so much higher than the model says.
+  double elevation_offset_m() const;
+
+  /// The cells of all observed tiles.
+  SemanticGrid grid() const;
+
+  const GridMapParams& params() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace situation_awareness

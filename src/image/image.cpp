@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/image/image.hpp"
+
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace situation_awareness {
+
+void check(const PinholeCamera& camera) {
+  if (camera.width < 1 || camera.height < 1) {
+    throw std::invalid_argument("the image's size " + std::to_string(camera.width) + " x " +
+                                std::to_string(camera.height) + " is not 1 x 1 at least");
+  }
+  for (const double focal_length_px : {camera.fx_px, camera.fy_px}) {
+    if (!std::isfinite(focal_length_px) || focal_length_px <= 0.0) {
+      throw std::invalid_argument("a focal length of the camera, " + std::to_string(focal_length_px) +
+                                  ", is not above 0");
+    }
+  }
+  if (!std::isfinite(camera.cx_px) || !std::isfinite(camera.cy_px)) {
+    throw std::invalid_argument("the principal point of the camera is not finite");
+  }
+}
+
+void check(const SoftLabels& labels) {
+  check(labels.camera);
+  const std::size_t pixels =
+      static_cast<std::size_t>(labels.camera.width) * static_cast<std::size_t>(labels.camera.height);
+  if (labels.probability.size() != pixels) {
+    throw std::invalid_argument("there are " + std::to_string(labels.probability.size()) + " probabilities for " +
+                                std::to_string(pixels) + " pixels");
+  }
+}
+
+std::size_t drop_out_of_range(SoftLabels& labels) {
+  std::size_t dropped = 0;
+  for (float& probability : labels.probability) {
+    if (std::isnan(probability) || (probability >= 0.0F && probability <= 1.0F)) continue;
+    probability = std::numeric_limits<float>::quiet_NaN();
+    ++dropped;
+  }
+  return dropped;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/elevation.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <utility>
+
+#include <cpl_error.h>
+#include <gdal.h>
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMaxPixels = 1 << 28;
+
+struct CloseDataset {
+  void operator()(void* dataset) const { GDALClose(dataset); }
+};
+
+/// GDAL's messages go into the error instead of stderr.
+struct QuietGdal {
+  QuietGdal() { CPLPushErrorHandler(CPLQuietErrorHandler); }
+  ~QuietGdal() { CPLPopErrorHandler(); }
+};
+
+[[noreturn]] void refuse(const std::string& path, const std::string& reason) {
+  throw std::runtime_error(path + ": no elevation: " + reason);
+}
+
+}  // namespace
+
+Elevation::Elevation(int width, int height, const Eigen::Vector2d& corner_world_m, const Eigen::Vector2d& pixel_m,
+                     std::vector<float> heights_world_m)
+    : width_(width),
+      height_(height),
+      corner_world_m_(corner_world_m),
+      pixel_m_(pixel_m),
+      heights_(std::move(heights_world_m)) {
+  if (width < 1 || height < 1 ||
+      heights_.size() != static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {
+    throw std::invalid_argument("an elevation's number of heights is not that of its pixels");
+  }
+  if (!corner_world_m.allFinite() || !pixel_m.allFinite() || pixel_m.minCoeff() <= 0.0) {
+    throw std::invalid_argument("an elevation's corner is not finite or its pixel's size not above 0");
+  }
+  for (float& height_m : heights_) {
+    if (!std::isfinite(height_m)) height_m = std::numeric_limits<float>::quiet_NaN();
+  }
+}
+
+Elevation Elevation::load(const std::string& path) {
+  GDALAllRegister();
+  const QuietGdal quiet;
+  CPLErrorReset();
+  const std::unique_ptr<void, CloseDataset> dataset(GDALOpen(path.c_str(), GA_ReadOnly));
+  if (!dataset) refuse(path, std::string("it cannot be read (") + CPLGetLastErrorMsg() + ")");
+  const int width = GDALGetRasterXSize(dataset.get()), height = GDALGetRasterYSize(dataset.get());
+  if (GDALGetRasterCount(dataset.get()) < 1) refuse(path, "it has no band");
+  if (static_cast<double>(width) * height > kMaxPixels) refuse(path, "it has more than 2^28 pixels");
+  std::array<double, 6> transform{};
+  if (GDALGetGeoTransform(dataset.get(), transform.data()) != CE_None) refuse(path, "it has no geotransform");
+  const auto [x0, x_per_column, x_per_row, y0, y_per_column, y_per_row] = transform;
+  if (x_per_row != 0.0 || y_per_column != 0.0 || !(x_per_column > 0.0) || !(y_per_row < 0.0)) {
+    refuse(path, "its geotransform is not north up");
+  }
+  GDALRasterBandH const band = GDALGetRasterBand(dataset.get(), 1);
+  std::vector<float> heights(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  if (GDALRasterIO(band, GF_Read, 0, 0, width, height, heights.data(), width, height, GDT_Float32, 0, 0) != CE_None) {
+    refuse(path, std::string("its first band cannot be read (") + CPLGetLastErrorMsg() + ")");
+  }
+  int has_no_data = 0;
+  const auto no_data = static_cast<float>(GDALGetRasterNoDataValue(band, &has_no_data));
+  if (has_no_data != 0) {
+    std::replace(heights.begin(), heights.end(), no_data, std::numeric_limits<float>::quiet_NaN());
+  }
+  try {
+    return {width, height, {x0, y0}, {x_per_column, -y_per_row}, std::move(heights)};
+  } catch (const std::invalid_argument& error) {
+    refuse(path, error.what());
+  }
+}
+
+double Elevation::at(double x_world_m, double y_world_m) const {
+  const double column = (x_world_m - corner_world_m_.x()) / pixel_m_.x() - 0.5;
+  const double row = (corner_world_m_.y() - y_world_m) / pixel_m_.y() - 0.5;
+  if (!(column >= -0.5 && column <= width_ - 0.5 && row >= -0.5 && row <= height_ - 0.5)) return kUnknown;
+  const double u = std::clamp(column, 0.0, width_ - 1.0), v = std::clamp(row, 0.0, height_ - 1.0);
+  const int c = std::min(static_cast<int>(u), std::max(width_ - 2, 0));
+  const int r = std::min(static_cast<int>(v), std::max(height_ - 2, 0));
+  const double right = u - c, down = v - r;
+  const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
+  // A neighbour of weight 0 does not make it unknown.
+  const auto mix = [](double a, double b, double part) {
+    return part == 0.0 ? a : part == 1.0 ? b : (1.0 - part) * a + part * b;
+  };
+  return mix(mix(value(c, r), value(c1, r), right), mix(value(c, r1), value(c1, r1), right), down);
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,454 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/grid_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <map>
+#include <stdexcept>
+#include <utility>
+
+
+namespace situation_awareness {
+namespace {
+
+constexpr int kOffsets = GridMap::kOffsets;
+constexpr int kTileCells = 32;  ///< along an edge
+constexpr int kCellsOfTile = kTileCells * kTileCells;
+constexpr double kLeastDepth_m = 0.1;
+constexpr double kLeastLabel = 0.05;  ///< columns that see less in sum are not of the class
+constexpr double kHeightStep_m = 0.25;
+
+struct TileKey {
+  int column = 0, row = 0;
+  bool operator<(const TileKey& other) const { return row != other.row ? row < other.row : column < other.column; }
+};
+
+/// Evidence on the cells of a square of the world.
+struct Tile {
+  std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
+  std::array<std::int32_t, kCellsOfTile> images{};
+  /// Log odds per offset; before anything of the class was seen in the tile, all offsets share the first.
+  std::array<std::vector<float>, kOffsets> log_odds;
+  bool is_split = false;
+  double low_m = 0.0, high_m = 0.0;  ///< of its ground; low_m > high_m where none is known
+};
+
+/// Labels that are read in between the pixels.
+class LabelReader {
+ public:
+  explicit LabelReader(const SoftLabels& labels)
+      : labels_(labels), width_(labels.camera.width), height_(labels.camera.height) {
+    sums_.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
+    for (int v = 0; v < height_; ++v) {
+      double row = 0.0;
+      for (int u = 0; u < width_; ++u) {
+        const float p = at(u, v);
+        if (is_known(p)) row += static_cast<double>(p);
+        sum(u + 1, v + 1) = sum(u + 1, v) + row;
+      }
+    }
+  }
+
+  static bool is_known(float p) { return !std::isnan(p) && p != 0.5F; }
+
+  bool contains(double u, double v) const { return u >= -0.5 && v >= -0.5 && u <= width_ - 0.5 && v <= height_ - 0.5; }
+
+  /// Bilinear; NaN where a pixel that counts is not known.
+  float value(double u, double v) const {
+    const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
+    const int c = std::min(static_cast<int>(x), std::max(width_ - 2, 0));
+    const int r = std::min(static_cast<int>(y), std::max(height_ - 2, 0));
+    const auto a = static_cast<float>(x - c), b = static_cast<float>(y - r);
+    const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
+    const auto known = [&](int column, int row) {
+      const float p = at(column, row);
+      return p == 0.5F ? std::numeric_limits<float>::quiet_NaN() : p;
+    };
+    return (1.0F - b) * ((1.0F - a) * known(c, r) + a * known(c1, r)) +
+           b * ((1.0F - a) * known(c, r1) + a * known(c1, r1));
+  }
+
+  /// Of the known pixels that a rectangle touches, in between which it is read.
+  double sum_of(double u_min, double u_max, double v_min, double v_max) const {
+    const int c0 = std::clamp(static_cast<int>(std::floor(u_min)), 0, width_);
+    const int c1 = std::clamp(static_cast<int>(std::ceil(u_max)) + 1, 0, width_);
+    const int r0 = std::clamp(static_cast<int>(std::floor(v_min)), 0, height_);
+    const int r1 = std::clamp(static_cast<int>(std::ceil(v_max)) + 1, 0, height_);
+    if (c0 >= c1 || r0 >= r1) return 0.0;
+    return sum(c1, r1) - sum(c0, r1) - sum(c1, r0) + sum(c0, r0);
+  }
+
+ private:
+  float at(int u, int v) const {
+    return labels_
+        .probability[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
+  }
+  double& sum(int u, int v) {
+    return sums_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u)];
+  }
+  double sum(int u, int v) const {
+    return sums_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u)];
+  }
+
+  const SoftLabels& labels_;
+  int width_, height_;
+  std::vector<double> sums_;  ///< of all pixels above and to the left
+};
+
+/// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
+class Horizon {
+ public:
+  Horizon(const Elevation& elevation, const Eigen::Vector3d& p_world_camera_m, double reach_m, double step_m)
+      : p_(p_world_camera_m), step_m_(step_m), rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
+    slopes_.assign(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_),
+                   std::numeric_limits<float>::quiet_NaN());
+    elevation_ = &elevation;
+  }
+
+  /// Whether a point, outside whose own surroundings nothing is in the way, is seen.
+  double slope_before(const Eigen::Vector2d& p_world_m) {
+    const Eigen::Vector2d away_m = p_world_m - p_.head<2>();
+    const double range_m = away_m.norm();
+    const double turns = std::atan2(away_m.y(), away_m.x()) / (2.0 * M_PI);
+    const int direction = static_cast<int>(std::lround((turns + 1.0) * kDirections)) % kDirections;
+    const int ring = static_cast<int>((range_m - kOwn_m) / step_m_);
+    if (ring < 0) return -std::numeric_limits<double>::infinity();
+    float* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
+    if (std::isnan(slopes[0])) march(direction, slopes);
+    return static_cast<double>(slopes[std::min(ring, rings_ - 1)]);
+  }
+
+ private:
+  static constexpr int kDirections = 2048;
+  static constexpr double kOwn_m = 1.5;
+
+  void march(int direction, float* slopes) const {
+    const double angle_rad = 2.0 * M_PI * direction / kDirections;
+    const Eigen::Vector2d ahead(std::cos(angle_rad), std::sin(angle_rad));
+    double steepest = -1e6;
+    for (int ring = 0; ring < rings_; ++ring) {
+      const double range_m = (ring + 0.5) * step_m_;
+      const Eigen::Vector2d at_m = p_.head<2>() + range_m * ahead;
+      const double ground_m = elevation_->at(at_m.x(), at_m.y());
+      if (!std::isnan(ground_m)) steepest = std::max(steepest, (ground_m - p_.z()) / range_m);
+      slopes[ring] = static_cast<float>(steepest);
+    }
+  }
+
+  const Elevation* elevation_;
+  Eigen::Vector3d p_;
+  double step_m_;
+  int rings_;
+  std::vector<float> slopes_;
+};
+
+/// One image while it is added.
+struct View {
+  const PinholeCamera& camera;
+  Eigen::Matrix3d R_camera_world;
+  Eigen::Vector3d p_world_camera_m;
+  double reach_m;
+
+  /// Whether a sphere may be in the image.
+  bool may_see(const Eigen::Vector3d& middle_world_m, double radius_m) const {
+    const Eigen::Vector3d p = R_camera_world * (middle_world_m - p_world_camera_m);
+    if (p.norm() > reach_m + radius_m || p.z() < -radius_m) return false;
+    const auto beyond = [&](double along, double focal_px, double edge_px) {  // of the plane through an edge
+      return (focal_px * along - edge_px * p.z()) / std::hypot(focal_px, edge_px);
+    };
+    return beyond(p.x(), camera.fx_px, camera.width - 0.5 - camera.cx_px) < radius_m &&
+           beyond(-p.x(), camera.fx_px, camera.cx_px + 0.5) < radius_m &&
+           beyond(p.y(), camera.fy_px, camera.height - 0.5 - camera.cy_px) < radius_m &&
+           beyond(-p.y(), camera.fy_px, camera.cy_px + 0.5) < radius_m;
+  }
+};
+
+double probability_of(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)); }
+
+}  // namespace
+
+class GridMap::Impl {
+ public:
+  Impl(const GridMapParams& params, std::shared_ptr<const Elevation> elevation)
+      : params_((params.validate(), params)), elevation_(std::move(elevation)) {
+    if (!elevation_) throw std::invalid_argument("a grid needs an elevation");
+    heights_per_offset_ = std::max(1, static_cast<int>(std::lround(params.class_height_m / kHeightStep_m)));
+    height_step_m_ = params.class_height_m / heights_per_offset_;
+    steps_per_offset_ = std::max(1, static_cast<int>(std::lround(params.offset_step_m / height_step_m_)));
+    column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
+  }
+
+  GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
+    check(labels);
+    if (!T_world_camera.matrix().allFinite()) throw std::invalid_argument("the camera's pose is not finite");
+    const View view{labels.camera, T_world_camera.linear().transpose(), T_world_camera.translation(), params_.reach_m};
+    const LabelReader reader(labels);
+    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m);
+    GridUpdate done;
+    stamp_ns_ = labels.stamp_ns;
+    shared_.fill(0.0);
+    all_.fill(0.0);
+    const double edge_m = kTileCells * params_.cell_m;
+    const int reach = static_cast<int>(std::ceil(params_.reach_m / edge_m)) + 1;
+    const auto tile_of = [&](double coordinate_m) { return static_cast<int>(std::floor(coordinate_m / edge_m)); };
+    const int column = tile_of(view.p_world_camera_m.x()), row = tile_of(view.p_world_camera_m.y());
+    for (int r = row - reach; r <= row + reach; ++r) {
+      for (int c = column - reach; c <= column + reach; ++c) {
+        const Eigen::Vector2d middle_m = Eigen::Vector2d(c + 0.5, r + 0.5) * edge_m;
+        if ((middle_m - view.p_world_camera_m.head<2>()).norm() > params_.reach_m + edge_m) continue;
+        Tile& tile = known_tile({c, r});
+        if (tile.low_m > tile.high_m) continue;
+        const double radius_m =
+            std::hypot(0.71 * edge_m, 0.5 * (tile.high_m - tile.low_m) + params_.class_height_m + max_offset_m());
+        if (!view.may_see({middle_m.x(), middle_m.y(), 0.5 * (tile.low_m + tile.high_m)}, radius_m)) continue;
+        add_to(tile, {c, r}, view, reader, horizon, done);
+      }
+    }
+    for (int offset = 0; offset < kOffsets; ++offset) {
+      const auto i = static_cast<std::size_t>(offset);
+      shared_sum_[i] += shared_[i];
+      all_sum_[i] += all_[i];
+    }
+    return done;
+  }
+
+  void keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
+    const double edge_m = kTileCells * params_.cell_m;
+    for (auto it = tiles_.begin(); it != tiles_.end();) {
+      const Eigen::Vector2d middle_m = Eigen::Vector2d(it->first.column + 0.5, it->first.row + 0.5) * edge_m;
+      const bool is_far = (middle_m - p_world_m).cwiseAbs().maxCoeff() > distance_m + 0.5 * edge_m;
+      it = is_far ? tiles_.erase(it) : std::next(it);
+    }
+  }
+
+  int best_offset() const {
+    int best = kOffsets / 2;
+    for (int offset = 0; offset < kOffsets; ++offset) {
+      if (agreement(offset) > agreement(best) + kLeastGain) best = offset;
+    }
+    return best;
+  }
+
+  double offset_m(int offset) const { return (offset - kOffsets / 2) * steps_per_offset_ * height_step_m_; }
+
+  SemanticGrid grid() const {
+    SemanticGrid grid;
+    grid.stamp_ns = stamp_ns_;
+    grid.cell_m = params_.cell_m;
+    int left = std::numeric_limits<int>::max(), right = std::numeric_limits<int>::min(), low = left, high = right;
+    for (const auto& [key, tile] : tiles_) {
+      if (!is_observed(tile)) continue;
+      left = std::min(left, key.column);
+      right = std::max(right, key.column);
+      low = std::min(low, key.row);
+      high = std::max(high, key.row);
+    }
+    if (left > right) return grid;
+    grid.first_column = left * kTileCells;
+    grid.first_row = low * kTileCells;
+    grid.width = (right - left + 1) * kTileCells;
+    grid.height = (high - low + 1) * kTileCells;
+    const std::size_t cells = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
+    grid.probability.assign(cells, std::numeric_limits<float>::quiet_NaN());
+    grid.ground_world_m.assign(cells, std::numeric_limits<float>::quiet_NaN());
+    grid.images.assign(cells, 0);
+    const int best = best_offset();
+    for (const auto& [key, tile] : tiles_) {
+      if (!is_observed(tile)) continue;
+      const std::vector<float>& log_odds = tile.log_odds[static_cast<std::size_t>(tile.is_split ? best : 0)];
+      for (int r = 0; r < kTileCells; ++r) {
+        for (int c = 0; c < kTileCells; ++c) {
+          const auto from = static_cast<std::size_t>(r * kTileCells + c);
+          const std::size_t to = grid.index((key.column - left) * kTileCells + c, (key.row - low) * kTileCells + r);
+          grid.ground_world_m[to] = tile.ground_world_m[from];
+          grid.images[to] = tile.images[from];
+          if (tile.images[from] > 0) {
+            grid.probability[to] = static_cast<float>(probability_of(static_cast<double>(log_odds[from])));
+          }
+        }
+      }
+    }
+    return grid;
+  }
+
+  const GridMapParams& params() const { return params_; }
+
+ private:
+  static constexpr double kLeastGain = 0.01;  ///< in agreement, of an offset over the elevation as it is given
+
+  static bool is_observed(const Tile& tile) { return !tile.log_odds[0].empty(); }
+
+  double max_offset_m() const { return offset_m(kOffsets - 1); }
+
+  double agreement(int offset) const {
+    const auto i = static_cast<std::size_t>(offset);
+    return all_sum_[i] > 0.0 ? shared_sum_[i] / all_sum_[i] : 0.0;
+  }
+
+  Tile& known_tile(TileKey key) {
+    const auto [found, is_new] = tiles_.try_emplace(key);
+    Tile& tile = found->second;
+    if (!is_new) return tile;
+    tile.low_m = std::numeric_limits<double>::infinity();
+    tile.high_m = -tile.low_m;
+    for (int r = 0; r < kTileCells; ++r) {
+      for (int c = 0; c < kTileCells; ++c) {
+        const double ground_m = elevation_->at((key.column * kTileCells + c + 0.5) * params_.cell_m,
+                                               (key.row * kTileCells + r + 0.5) * params_.cell_m);
+        tile.ground_world_m[static_cast<std::size_t>(r * kTileCells + c)] = static_cast<float>(ground_m);
+        if (std::isnan(ground_m)) continue;
+        tile.low_m = std::min(tile.low_m, ground_m);
+        tile.high_m = std::max(tile.high_m, ground_m);
+      }
+    }
+    return tile;
+  }
+
+  void add_to(Tile& tile, TileKey key, const View& view, const LabelReader& reader, Horizon& horizon,
+              GridUpdate& done) {
+    const PinholeCamera& camera = view.camera;
+    // (u z, v z, z) of a point is linear in it.
+    Eigen::Matrix3d K;
+    K << camera.fx_px, 0.0, camera.cx_px, 0.0, camera.fy_px, camera.cy_px, 0.0, 0.0, 1.0;
+    const Eigen::Matrix3d A = K * view.R_camera_world;
+    const Eigen::Vector3d up = A.col(2);
+    const double below_m = max_offset_m();
+    for (int cell = 0; cell < kCellsOfTile; ++cell) {
+      const auto i = static_cast<std::size_t>(cell);
+      const auto ground_m = static_cast<double>(tile.ground_world_m[i]);
+      if (std::isnan(ground_m)) continue;
+      const Eigen::Vector3d p((key.column * kTileCells + cell % kTileCells + 0.5) * params_.cell_m,
+                              (key.row * kTileCells + cell / kTileCells + 0.5) * params_.cell_m, ground_m);
+      const Eigen::Vector3d from_camera = p - view.p_world_camera_m;
+      const Eigen::Vector3d foot = A * from_camera;
+      if (foot.z() < kLeastDepth_m) continue;
+      if (!reader.contains(foot.x() / foot.z(), foot.y() / foot.z())) continue;
+      const double range_m = from_camera.head<2>().norm();
+      if (range_m > params_.reach_m) continue;
+      // Heights above the ground from which nearer ground is in the way.
+      const double hidden_below_m = horizon.slope_before(p.head<2>()) * range_m - from_camera.z() - kHiddenMargin_m;
+      if (hidden_below_m > 0.5 * params_.class_height_m) continue;
+      const Eigen::Vector3d low = foot - below_m * up, top = foot + (below_m + params_.class_height_m) * up;
+      if (low.z() < kLeastDepth_m || top.z() < kLeastDepth_m) continue;
+      const Eigen::Vector2d low_px = low.head<2>() / low.z(), top_px = top.head<2>() / top.z();
+      const bool sees_class =
+          reader.sum_of(std::min(low_px.x(), top_px.x()), std::max(low_px.x(), top_px.x()),
+                        std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y())) > kLeastLabel;
+      if (!sees_class) {
+        if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
+        add_nothing(tile, i);
+      } else if (!add_column(tile, i, foot, up, hidden_below_m, reader, done)) {
+        continue;
+      }
+      ++tile.images[i];
+      ++done.observed_cells;
+    }
+  }
+
+  static void begin(Tile& tile) {
+    if (tile.log_odds[0].empty()) tile.log_odds[0].assign(kCellsOfTile, 0.0F);
+  }
+  static void split(Tile& tile) {
+    begin(tile);
+    if (tile.is_split) return;
+    for (std::size_t offset = 1; offset < kOffsets; ++offset) tile.log_odds[offset] = tile.log_odds[0];
+    tile.is_split = true;
+  }
+
+  void add(float& log_odds, double evidence) const {
+    log_odds = static_cast<float>(
+        std::clamp(static_cast<double>(log_odds) + evidence, -params_.max_log_odds, params_.max_log_odds));
+  }
+
+  /// Against the class it counts whole only where the image shows the class beside it.
+  double evidence_of(double probability, bool is_beside_class) const {
+    const double log_odds = std::log(probability / (1.0 - probability));  // of 0 and 1 infinite
+    const double bounded = std::clamp(log_odds, -params_.max_evidence, params_.max_evidence);
+    return bounded < 0.0 && !is_beside_class ? params_.negative_weight * bounded : bounded;
+  }
+
+  void add_nothing(Tile& tile, std::size_t cell) {
+    begin(tile);
+    const std::size_t offsets = tile.is_split ? kOffsets : 1;
+    for (std::size_t offset = 0; offset < offsets; ++offset) {
+      float& log_odds = tile.log_odds[offset][cell];
+      if (log_odds > 0.0F) all_[offset] += probability_of(static_cast<double>(log_odds));
+      add(log_odds, -params_.negative_weight * params_.max_evidence);
+    }
+  }
+
+  /// False where nothing is known.
+  bool add_column(Tile& tile, std::size_t cell, const Eigen::Vector3d& foot, const Eigen::Vector3d& up,
+                  double hidden_below_m, const LabelReader& reader, GridUpdate& done) {
+    const double below_m = max_offset_m();
+    bool any_known = false;
+    for (std::size_t step = 0; step < column_.size(); ++step) {
+      const double height_m = static_cast<double>(step) * height_step_m_ - below_m;
+      const Eigen::Vector3d p = foot + height_m * up;
+      const double u = p.x() / p.z(), v = p.y() / p.z();
+      column_[step] = reader.contains(u, v) ? reader.value(u, v) : std::numeric_limits<float>::quiet_NaN();
+      any_known |= !std::isnan(column_[step]);
+    }
+    if (!any_known) return false;
+    split(tile);
+    bool is_class = false;
+    for (int offset = 0; offset < kOffsets; ++offset) {
+      float least = 1.0F, greatest = 0.0F;
+      int known = 0;
+      for (int h = 0; h <= heights_per_offset_; ++h) {
+        if (h * height_step_m_ < hidden_below_m) continue;
+        const float p = column_[static_cast<std::size_t>(offset * steps_per_offset_ + h)];
+        if (std::isnan(p)) continue;
+        ++known;
+        least = std::min(least, p);
+        greatest = std::max(greatest, p);
+      }
+      if (known == 0) continue;
+      // What is cut off by the image's edge or not known may be anything.
+      if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
+      const auto i = static_cast<std::size_t>(offset);
+      float& log_odds = tile.log_odds[i][cell];
+      const auto now = static_cast<double>(least), before = probability_of(static_cast<double>(log_odds));
+      if (tile.images[cell] > 0 && (now > 0.1 || before > 0.5)) {
+        shared_[i] += std::min(now, before);
+        all_[i] += std::max(now, before);
+      }
+      is_class |= least > 0.5F;
+      add(log_odds, evidence_of(now, greatest > 0.5F));
+    }
+    done.class_cells += is_class ? 1 : 0;
+    return true;
+  }
+
+  static constexpr double kHiddenMargin_m = 0.1;
+
+  GridMapParams params_;
+  std::shared_ptr<const Elevation> elevation_;
+  int heights_per_offset_ = 0, steps_per_offset_ = 0;
+  double height_step_m_ = 0.0;
+  std::map<TileKey, Tile> tiles_;
+  std::vector<float> column_;
+  std::int64_t stamp_ns_ = 0;
+  /// What an image and the map before it share, and what either has: of this image and of all.
+  std::array<double, kOffsets> shared_{}, all_{}, shared_sum_{}, all_sum_{};
+};
+
+GridMap::GridMap(const GridMapParams& params, std::shared_ptr<const Elevation> elevation)
+    : impl_(std::make_unique<Impl>(params, std::move(elevation))) {}
+GridMap::~GridMap() = default;
+GridMap::GridMap(GridMap&&) noexcept = default;
+GridMap& GridMap::operator=(GridMap&&) noexcept = default;
+
+GridUpdate GridMap::update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
+  return impl_->update(labels, T_world_camera);
+}
+void GridMap::keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
+  impl_->keep_around(p_world_m, distance_m);
+}
+double GridMap::elevation_offset_m() const { return impl_->offset_m(impl_->best_offset()); }
+SemanticGrid GridMap::grid() const { return impl_->grid(); }
+const GridMapParams& GridMap::params() const { return impl_->params(); }
+
+}  // namespace situation_awareness

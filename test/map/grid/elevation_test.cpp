@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/elevation.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include <gdal.h>
+
+namespace situation_awareness {
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+double plane(double x, double y) { return 3.0 + 0.25 * x - 0.5 * y; }
+
+/// Of 4 x 3 pixels of 2 m x 4 m, its north-west corner at (10, 20).
+std::vector<float> plane_heights() {
+  std::vector<float> heights;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 4; ++column) {
+      heights.push_back(static_cast<float>(plane(10 + 2 * (column + 0.5), 20 - 4 * (row + 0.5))));
+    }
+  }
+  return heights;
+}
+
+Elevation plane_elevation() { return {4, 3, {10.0, 20.0}, {2.0, 4.0}, plane_heights()}; }
+
+std::string write_geotiff(const std::string& name, std::array<double, 6> transform, double no_data) {
+  GDALAllRegister();
+  const std::string path = (std::filesystem::path(testing::TempDir()) / name).string();
+  GDALDatasetH dataset = GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), 4, 3, 1, GDT_Float32, nullptr);
+  GDALSetGeoTransform(dataset, transform.data());
+  GDALRasterBandH band = GDALGetRasterBand(dataset, 1);
+  GDALSetRasterNoDataValue(band, no_data);
+  std::vector<float> heights = plane_heights();
+  EXPECT_EQ(GDALRasterIO(band, GF_Write, 0, 0, 4, 3, heights.data(), 4, 3, GDT_Float32, 0, 0), CE_None);
+  GDALClose(dataset);
+  return path;
+}
+
+std::string refusal_of(const std::string& path) {
+  try {
+    Elevation::load(path);
+  } catch (const std::runtime_error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Elevation, IsExactOnAPlaneBetweenTheMiddlesOfItsPixels) {
+  const Elevation elevation = plane_elevation();
+  for (const double x : {11.0, 12.3, 15.5, 17.0}) {
+    for (const double y : {18.0, 14.1, 10.0}) EXPECT_NEAR(elevation.at(x, y), plane(x, y), 1e-5) << x << ' ' << y;
+  }
+}
+
+TEST(Elevation, IsThatOfTheNearestMiddleAtTheEdgeAndUnknownBeyond) {
+  const Elevation elevation = plane_elevation();
+  EXPECT_NEAR(elevation.at(10.1, 14.0), plane(11.0, 14.0), 1e-5);
+  EXPECT_NEAR(elevation.at(18.0, 8.0), plane(17.0, 10.0), 1e-5);
+  for (const auto& [x, y] : {std::pair{9.9, 14.0}, {18.1, 14.0}, {14.0, 20.1}, {14.0, 7.9}}) {
+    EXPECT_TRUE(std::isnan(elevation.at(x, y))) << x << ' ' << y;
+  }
+  EXPECT_TRUE(std::isnan(elevation.at(std::nan(""), 14.0)));
+}
+
+TEST(Elevation, IsUnknownBesideAPixelWithoutDataOnly) {
+  std::vector<float> heights = plane_heights();
+  heights[0] = kNaN;
+  const Elevation elevation(4, 3, {10.0, 20.0}, {2.0, 4.0}, heights);
+  EXPECT_TRUE(std::isnan(elevation.at(11.5, 17.0)));
+  EXPECT_NEAR(elevation.at(13.0, 18.0), plane(13.0, 18.0), 1e-5);  // at the middle of the next pixel
+  EXPECT_NEAR(elevation.at(15.5, 17.0), plane(15.5, 17.0), 1e-5);
+}
+
+TEST(Elevation, OfOnePixelIsFlat) {
+  const Elevation elevation(1, 1, {0.0, 0.0}, {10.0, 10.0}, {7.0F});
+  EXPECT_EQ(elevation.at(5.0, -5.0), 7.0);
+  EXPECT_EQ(elevation.at(0.5, -9.5), 7.0);
+}
+
+TEST(Elevation, ReadsAGeoTiff) {
+  const Elevation elevation = Elevation::load(write_geotiff("plane.tif", {10.0, 2.0, 0.0, 20.0, 0.0, -4.0}, -9999.0));
+  EXPECT_EQ(elevation.width(), 4);
+  EXPECT_EQ(elevation.height(), 3);
+  for (const double x : {11.0, 13.7, 17.0}) EXPECT_EQ(elevation.at(x, 13.0), plane_elevation().at(x, 13.0));
+}
+
+TEST(Elevation, TakesTheValueForNoDataForUnknown) {
+  const auto no_data = static_cast<double>(plane_heights()[5]);
+  const Elevation elevation = Elevation::load(write_geotiff("hole.tif", {10.0, 2.0, 0.0, 20.0, 0.0, -4.0}, no_data));
+  EXPECT_TRUE(std::isnan(elevation.at(13.0, 14.0)));
+}
+
+TEST(Elevation, RefusesFilesThatAreNoElevation) {
+  EXPECT_NE(refusal_of("/nowhere/dem.tif").find("/nowhere/dem.tif"), std::string::npos);
+  EXPECT_NE(refusal_of(write_geotiff("rotated.tif", {10.0, 2.0, 0.1, 20.0, 0.1, -4.0}, -1.0)).find("north up"),
+            std::string::npos);
+  EXPECT_NE(refusal_of(write_geotiff("south_up.tif", {10.0, 2.0, 0.0, 20.0, 0.0, 4.0}, -1.0)).find("north up"),
+            std::string::npos);
+  const std::string text = (std::filesystem::path(testing::TempDir()) / "text.tif").string();
+  std::ofstream(text) << "no raster";
+  EXPECT_NE(refusal_of(text).find("cannot be read"), std::string::npos);
+}
+
+TEST(Elevation, RefusesNumbersThatDoNotFit) {
+  EXPECT_THROW(Elevation(2, 2, {0.0, 0.0}, {1.0, 1.0}, {1.0F}), std::invalid_argument);
+  EXPECT_THROW(Elevation(1, 1, {0.0, 0.0}, {1.0, 0.0}, {1.0F}), std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace situation_awareness

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/grid_map.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "situation_awareness/evaluation/grid_scenes.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+PinholeCamera camera_of(int size) {
+  const double f = 0.5 * size / std::tan(radians(30.0));
+  return {size, size, f, f, 0.5 * (size - 1), 0.5 * (size - 1)};
+}
+
+std::shared_ptr<const Elevation> flat(double height_m = 0.0) {
+  return std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0), Eigen::Vector2d(1000.0, 1000.0),
+                                     std::vector<float>{static_cast<float>(height_m)});
+}
+
+GridMap map_of(const GridCase& given, int size, std::shared_ptr<const Elevation> elevation) {
+  GridMap map(GridMapParams{}, std::move(elevation));
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
+    map.update(labels_of(given, camera_of(size), i, 1), given_pose(given, i, 1));
+  }
+  return map;
+}
+
+SoftLabels uniform_labels(float probability) {
+  SoftLabels labels;
+  labels.camera = camera_of(56);
+  labels.probability.assign(56 * 56, probability);
+  return labels;
+}
+
+const Eigen::Isometry3d kPose = camera_pose({0.0, 0.0, 20.0}, 0.0, radians(-20.0));
+
+float probability_at(const SemanticGrid& grid, double x, double y) {
+  return grid.probability[grid.index(static_cast<int>(std::floor(x / grid.cell_m)) - grid.first_column,
+                                     static_cast<int>(std::floor(y / grid.cell_m)) - grid.first_row)];
+}
+
+TEST(GridMap, FindsACarByOneImageWithoutItsShadow) {
+  constexpr std::uint32_t kSeeds = 4;
+  double overlap = 0.0, shadow = 0.0;
+  for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+    const GridCase given = make_grid_case("single", seed);
+    const GridScore found = score(given, map_of(given, 112, flat()).grid());
+    overlap += found.intersection_over_union / kSeeds;
+    shadow += found.shadow_share / kSeeds;
+  }
+  EXPECT_GT(overlap, 0.85);
+  EXPECT_LT(shadow, 0.03);
+}
+
+TEST(GridMap, FindsTheCommonErrorOfTheElevationByCarsSeenFromSeveralPlaces) {
+  GridCase given = make_grid_case("orbit", 1);
+  for (std::size_t i = 1; i < given.T_world_camera.size(); ++i) {  // every second image
+    given.T_world_camera.erase(given.T_world_camera.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+  std::vector<SoftLabels> labels;
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) labels.push_back(labels_of(given, camera_of(56), i, 1));
+  for (const double error_m : {-1.0, 0.0, 1.0}) {
+    GridMap map(GridMapParams{}, flat(error_m));
+    for (std::size_t i = 0; i < labels.size(); ++i) map.update(labels[i], given.T_world_camera[i]);
+    EXPECT_EQ(map.elevation_offset_m(), -error_m);
+    EXPECT_GT(score(given, map.grid()).intersection_over_union, 0.8) << error_m;
+  }
+}
+
+TEST(GridMap, MovesWithTheWorldByWholeTiles) {
+  GridCase given = make_grid_case("single", 3);
+  const SemanticGrid here = map_of(given, 56, flat()).grid();
+  const Eigen::Vector3d step_m(32.0, -48.0, 0.0);
+  const SoftLabels labels = labels_of(given, camera_of(56), 0, 1);
+  Eigen::Isometry3d T = given.T_world_camera[0];
+  T.translation() += step_m;
+  GridMap map(GridMapParams{}, flat());
+  map.update(labels, T);
+  const SemanticGrid there = map.grid();
+  ASSERT_EQ(there.width, here.width);
+  ASSERT_EQ(there.height, here.height);
+  EXPECT_EQ(there.first_column, here.first_column + 64);
+  EXPECT_EQ(there.first_row, here.first_row - 96);
+  EXPECT_EQ(there.images, here.images);
+  for (std::size_t i = 0; i < here.probability.size(); ++i) {
+    if (std::isnan(here.probability[i])) {
+      EXPECT_TRUE(std::isnan(there.probability[i]));
+    } else {
+      EXPECT_NEAR(there.probability[i], here.probability[i], 1e-3);
+    }
+  }
+}
+
+TEST(GridMap, UnknownLabelsAreNoEvidence) {
+  for (const float unknown : {0.5F, std::numeric_limits<float>::quiet_NaN()}) {
+    GridMap map(GridMapParams{}, flat());
+    EXPECT_EQ(map.update(uniform_labels(unknown), kPose).observed_cells, 0U);
+    EXPECT_EQ(map.grid().width, 0);
+  }
+}
+
+TEST(GridMap, GroundBehindACrestIsNotObserved) {
+  std::vector<float> heights(200 * 4, 0.0F);
+  for (std::size_t row = 0; row < 4; ++row) heights[row * 200 + 60] = 12.0F;  // a wall of ground at x = 60 to 61 m
+  const auto wall =
+      std::make_shared<Elevation>(200, 4, Eigen::Vector2d(0.0, 100.0), Eigen::Vector2d(1.0, 50.0), heights);
+  GridMap map(GridMapParams{}, wall);
+  map.update(uniform_labels(0.0F), kPose);
+  const SemanticGrid grid = map.grid();
+  EXPECT_LT(probability_at(grid, 50.25, 0.25), 0.5F);
+  EXPECT_TRUE(std::isnan(probability_at(grid, 70.25, 0.25)));
+  EXPECT_TRUE(std::isnan(probability_at(grid, 120.25, 0.25)));  // the sight line over the crest ends at 150 m
+  EXPECT_LT(probability_at(grid, 170.25, 0.25), 0.5F);
+}
+
+TEST(GridMap, ObservesNothingBeyondItsElevationOrItsReach) {
+  const auto near = std::make_shared<Elevation>(1, 1, Eigen::Vector2d(0.0, 50.0), Eigen::Vector2d(60.0, 100.0),
+                                                std::vector<float>{0.0F});
+  GridMap map(GridMapParams{}, near);
+  map.update(uniform_labels(0.0F), kPose);
+  EXPECT_TRUE(std::isnan(probability_at(map.grid(), 60.25, 0.25)));
+  EXPECT_FALSE(std::isnan(probability_at(map.grid(), 59.75, 0.25)));
+  GridMapParams params;
+  params.reach_m = 50.0;
+  GridMap short_one(params, flat());
+  short_one.update(uniform_labels(0.0F), kPose);
+  EXPECT_TRUE(std::isnan(probability_at(short_one.grid(), 50.25, 0.25)));
+  EXPECT_FALSE(std::isnan(probability_at(short_one.grid(), 49.25, 0.25)));
+}
+
+TEST(GridMap, ForgetsWhatIsFarAway) {
+  GridMap map(GridMapParams{}, flat());
+  map.update(uniform_labels(0.0F), kPose);
+  map.keep_around({0.0, 0.0}, 60.0);
+  const SemanticGrid grid = map.grid();
+  EXPECT_FALSE(std::isnan(probability_at(grid, 55.25, 0.25)));
+  EXPECT_LE((grid.first_column + grid.width) * grid.cell_m, 60.0 + 16.0);
+}
+
+TEST(GridMap, RefusesBadInputAndIsUnchanged) {
+  GridMap map(GridMapParams{}, flat());
+  SoftLabels short_one = uniform_labels(0.0F);
+  short_one.probability.pop_back();
+  EXPECT_THROW(map.update(short_one, kPose), std::invalid_argument);
+  SoftLabels no_camera = uniform_labels(0.0F);
+  no_camera.camera.fx_px = 0.0;
+  EXPECT_THROW(map.update(no_camera, kPose), std::invalid_argument);
+  Eigen::Isometry3d nowhere = kPose;
+  nowhere.translation().x() = std::nan("");
+  EXPECT_THROW(map.update(uniform_labels(0.0F), nowhere), std::invalid_argument);
+  EXPECT_EQ(map.grid().width, 0);
+  GridMapParams params;
+  params.cell_m = 0.0;
+  EXPECT_THROW(GridMap(params, flat()), std::invalid_argument);
+  EXPECT_THROW(GridMap(GridMapParams{}, nullptr), std::invalid_argument);
+}
+
+TEST(DropOutOfRange, MakesThemUnknownAndCountsThem) {
+  SoftLabels labels = uniform_labels(0.25F);
+  labels.probability[3] = 1.5F;
+  labels.probability[4] = -0.1F;
+  labels.probability[5] = std::numeric_limits<float>::infinity();
+  labels.probability[6] = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_EQ(drop_out_of_range(labels), 3U);
+  for (std::size_t i = 3; i < 7; ++i) EXPECT_TRUE(std::isnan(labels.probability[i]));
+  EXPECT_EQ(labels.probability[7], 0.25F);
+}
+
+}  // namespace
+}  // namespace situation_awareness
