@@ -4,6 +4,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/detections.cpp
   src/ros/convert/hit_labels.cpp
   src/ros/convert/images.cpp
+  src/ros/convert/labels.cpp
   src/ros/convert/mission.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/navigation_sensors.cpp
@@ -111,6 +112,7 @@ target_link_libraries(${PROJECT_NAME}_bag PUBLIC ${PROJECT_NAME}_ros CLI11::CLI1
 target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_nodelets)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
+situation_awareness_node(grid_bag src/ros/tools/grid_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)

@@ -6,12 +6,10 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
-#include <memory>
 #include <stdexcept>
 #include <utility>
 
-#include <cpl_error.h>
-#include <gdal.h>
+#include "gdal_dataset.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -19,17 +17,7 @@ namespace {
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMaxPixels = 1 << 28;
 
-struct CloseDataset {
-  void operator()(void* dataset) const { GDALClose(dataset); }
-};
-
-/// GDAL's messages go into the error instead of stderr.
-struct QuietGdal {
-  QuietGdal() { CPLPushErrorHandler(CPLQuietErrorHandler); }
-  ~QuietGdal() { CPLPopErrorHandler(); }
-};
-
-[[noreturn]] void refuse(const std::string& path, const std::string& reason) {
+[[noreturn]] void refuse_elevation(const std::string& path, const std::string& reason) {
   throw std::runtime_error(path + ": no elevation: " + reason);
 }
 
@@ -55,24 +43,22 @@ Elevation::Elevation(int width, int height, const Eigen::Vector2d& corner_world_
 }
 
 Elevation Elevation::load(const std::string& path) {
-  GDALAllRegister();
   const QuietGdal quiet;
-  CPLErrorReset();
-  const std::unique_ptr<void, CloseDataset> dataset(GDALOpen(path.c_str(), GA_ReadOnly));
-  if (!dataset) refuse(path, std::string("it cannot be read (") + CPLGetLastErrorMsg() + ")");
+  const Dataset dataset(GDALOpen(path.c_str(), GA_ReadOnly));
+  if (!dataset) refuse_elevation(path, std::string("it cannot be read (") + CPLGetLastErrorMsg() + ")");
   const int width = GDALGetRasterXSize(dataset.get()), height = GDALGetRasterYSize(dataset.get());
-  if (GDALGetRasterCount(dataset.get()) < 1) refuse(path, "it has no band");
-  if (static_cast<double>(width) * height > kMaxPixels) refuse(path, "it has more than 2^28 pixels");
+  if (GDALGetRasterCount(dataset.get()) < 1) refuse_elevation(path, "it has no band");
+  if (static_cast<double>(width) * height > kMaxPixels) refuse_elevation(path, "it has more than 2^28 pixels");
   std::array<double, 6> transform{};
-  if (GDALGetGeoTransform(dataset.get(), transform.data()) != CE_None) refuse(path, "it has no geotransform");
+  if (GDALGetGeoTransform(dataset.get(), transform.data()) != CE_None) refuse_elevation(path, "it has no geotransform");
   const auto [x0, x_per_column, x_per_row, y0, y_per_column, y_per_row] = transform;
   if (x_per_row != 0.0 || y_per_column != 0.0 || !(x_per_column > 0.0) || !(y_per_row < 0.0)) {
-    refuse(path, "its geotransform is not north up");
+    refuse_elevation(path, "its geotransform is not north up");
   }
   GDALRasterBandH const band = GDALGetRasterBand(dataset.get(), 1);
   std::vector<float> heights(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   if (GDALRasterIO(band, GF_Read, 0, 0, width, height, heights.data(), width, height, GDT_Float32, 0, 0) != CE_None) {
-    refuse(path, std::string("its first band cannot be read (") + CPLGetLastErrorMsg() + ")");
+    refuse_elevation(path, std::string("its first band cannot be read (") + CPLGetLastErrorMsg() + ")");
   }
   int has_no_data = 0;
   const auto no_data = static_cast<float>(GDALGetRasterNoDataValue(band, &has_no_data));
@@ -82,7 +68,7 @@ Elevation Elevation::load(const std::string& path) {
   try {
     return {width, height, {x0, y0}, {x_per_column, -y_per_row}, std::move(heights)};
   } catch (const std::invalid_argument& error) {
-    refuse(path, error.what());
+    refuse_elevation(path, error.what());
   }
 }
 

@@ -9,7 +9,6 @@
 #include <stdexcept>
 #include <utility>
 
-
 namespace situation_awareness {
 namespace {
 
@@ -20,15 +19,17 @@ constexpr double kLeastDepth_m = 0.1;
 constexpr double kLeastLabel = 0.05;  ///< columns that see less in sum are not of the class
 constexpr double kHeightStep_m = 0.25;
 
-struct TileKey {
+/// Of a tile, or of a cell.
+struct Place {
   int column = 0, row = 0;
-  bool operator<(const TileKey& other) const { return row != other.row ? row < other.row : column < other.column; }
+  bool operator<(const Place& other) const { return row != other.row ? row < other.row : column < other.column; }
 };
 
 /// Evidence on the cells of a square of the world.
 struct Tile {
   std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
   std::array<std::int32_t, kCellsOfTile> images{};
+  std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
   /// Log odds per offset; before anything of the class was seen in the tile, all offsets share the first.
   std::array<std::vector<float>, kOffsets> log_odds;
   bool is_split = false;
@@ -273,9 +274,62 @@ class GridMap::Impl {
     return grid;
   }
 
+  void clusters(std::vector<GridCluster>& clusters) const {
+    clusters.clear();
+    const int best = best_offset();
+    std::map<Place, Cell> open;  // of the class, not yet in a cluster; by the cells' columns and rows
+    for (const auto& [key, tile] : tiles_) {
+      if (!tile.is_split) continue;
+      const std::vector<float>& log_odds = tile.log_odds[static_cast<std::size_t>(best)];
+      for (std::size_t i = 0; i < log_odds.size(); ++i) {
+        if (log_odds[i] <= 0.0F) continue;
+        const int column = static_cast<int>(i) % kTileCells, row = static_cast<int>(i) / kTileCells;
+        open[{key.column * kTileCells + column, key.row * kTileCells + row}] = {
+            probability_of(static_cast<double>(log_odds[i])), static_cast<double>(tile.ground_world_m[i]),
+            tile.class_images[i]};
+      }
+    }
+    std::vector<std::pair<Place, Cell>> cells;
+    while (!open.empty()) {
+      cells.assign(1, *open.begin());
+      open.erase(open.begin());
+      for (std::size_t next = 0; next < cells.size(); ++next) {
+        const Place at = cells[next].first;
+        for (int neighbour = 0; neighbour < 9; ++neighbour) {
+          const auto found = open.find({at.column + neighbour % 3 - 1, at.row + neighbour / 3 - 1});
+          if (found == open.end()) continue;
+          cells.push_back(*found);
+          open.erase(found);
+        }
+      }
+      clusters.push_back(cluster_of(cells));
+    }
+  }
+
   const GridMapParams& params() const { return params_; }
 
  private:
+  struct Cell {
+    double probability = 0.0;
+    double ground_world_m = 0.0;
+    int images = 0;
+  };
+
+  GridCluster cluster_of(const std::vector<std::pair<Place, Cell>>& cells) const {
+    GridCluster cluster;
+    for (const auto& [at, cell] : cells) {
+      cluster.p_world_m += cell.probability * Eigen::Vector2d(at.column + 0.5, at.row + 0.5) * params_.cell_m;
+      cluster.probability += cell.probability;
+      cluster.ground_world_m += cell.probability * cell.ground_world_m;
+      cluster.images = std::max(cluster.images, cell.images);
+    }
+    cluster.p_world_m /= cluster.probability;
+    cluster.ground_world_m /= cluster.probability;
+    cluster.area_m2 = static_cast<double>(cells.size()) * params_.cell_m * params_.cell_m;
+    cluster.probability /= static_cast<double>(cells.size());
+    return cluster;
+  }
+
   static constexpr double kLeastGain = 0.01;  ///< in agreement, of an offset over the elevation as it is given
 
   static bool is_observed(const Tile& tile) { return !tile.log_odds[0].empty(); }
@@ -287,7 +341,7 @@ class GridMap::Impl {
     return all_sum_[i] > 0.0 ? shared_sum_[i] / all_sum_[i] : 0.0;
   }
 
-  Tile& known_tile(TileKey key) {
+  Tile& known_tile(Place key) {
     const auto [found, is_new] = tiles_.try_emplace(key);
     Tile& tile = found->second;
     if (!is_new) return tile;
@@ -306,8 +360,7 @@ class GridMap::Impl {
     return tile;
   }
 
-  void add_to(Tile& tile, TileKey key, const View& view, const LabelReader& reader, Horizon& horizon,
-              GridUpdate& done) {
+  void add_to(Tile& tile, Place key, const View& view, const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
     const PinholeCamera& camera = view.camera;
     // (u z, v z, z) of a point is linear in it.
     Eigen::Matrix3d K;
@@ -418,7 +471,10 @@ class GridMap::Impl {
       is_class |= least > 0.5F;
       add(log_odds, evidence_of(now, greatest > 0.5F));
     }
-    done.class_cells += is_class ? 1 : 0;
+    if (is_class) {
+      ++tile.class_images[cell];
+      ++done.class_cells;
+    }
     return true;
   }
 
@@ -428,7 +484,7 @@ class GridMap::Impl {
   std::shared_ptr<const Elevation> elevation_;
   int heights_per_offset_ = 0, steps_per_offset_ = 0;
   double height_step_m_ = 0.0;
-  std::map<TileKey, Tile> tiles_;
+  std::map<Place, Tile> tiles_;
   std::vector<float> column_;
   std::int64_t stamp_ns_ = 0;
   /// What an image and the map before it share, and what either has: of this image and of all.
@@ -448,6 +504,7 @@ void GridMap::keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
   impl_->keep_around(p_world_m, distance_m);
 }
 double GridMap::elevation_offset_m() const { return impl_->offset_m(impl_->best_offset()); }
+void GridMap::clusters(std::vector<GridCluster>& clusters) const { impl_->clusters(clusters); }
 SemanticGrid GridMap::grid() const { return impl_->grid(); }
 const GridMapParams& GridMap::params() const { return impl_->params(); }
 

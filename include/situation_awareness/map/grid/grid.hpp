@@ -28,14 +28,22 @@ struct SemanticGrid {
   }
 };
 
-/// Cells that belong together: something of the class.
+/// Cells beside one another that are of the class, by the map as it is.
+struct GridCluster {
+  Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();  ///< mean of the cells' middles, weighted by their probability
+  double ground_world_m = 0.0;                          ///< of that place
+  double area_m2 = 0.0;
+  double probability = 0.0;  ///< mean of the cells
+  int images = 0;            ///< with evidence for the class, of the cell that has most
+};
+
+/// Something of the class: a cluster that is followed from image to image.
 struct GridTarget {
   std::uint64_t id = 0;                                     ///< never used twice
   Eigen::Vector3d p_world_m = Eigen::Vector3d::Zero();      ///< the centroid, on the ground
   Eigen::Matrix2d covariance_m2 = Eigen::Matrix2d::Zero();  ///< of x and y
   double area_m2 = 0.0;
   double probability = 0.0;  ///< mean of its cells
-  std::int64_t first_seen_ns = 0, last_seen_ns = 0;
 };
 
 struct GridTargets {

@@ -74,6 +74,9 @@ class GridMap {
   /// The error of the elevation that is believed: the ground is so much higher than the model says.
   double elevation_offset_m() const;
 
+  /// What is of the class: cells that touch by an edge or a corner. Overwrites `clusters`.
+  void clusters(std::vector<GridCluster>& clusters) const;
+
   /// The cells of all observed tiles.
   SemanticGrid grid() const;
 

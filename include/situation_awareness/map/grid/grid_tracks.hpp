@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/image/image.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
+
+namespace situation_awareness {
+
+struct GridTracksParams {
+  double gate_m = 4.0;
+  int confirm_images = 3;
+  double min_area_m2 = 1.0;
+  double pose_correlation = 0.2;
+  double ground_sigma_m = 0.2;
+  double outline_sigma_m = 0.15;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("gate_m", self.gate_m, Bounds{0.1, 100.0}, "m", "farther apart, a cluster and a target are not the same");
+    visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
+    visit("min_area_m2", self.min_area_m2, Bounds{0.0, 1e4}, "m^2", "smaller clusters are no targets");
+    visit("pose_correlation", self.pose_correlation, Bounds{0.0, 1.0}, "",
+          "part of the variance of the camera's pose that is common to all images");
+    visit("ground_sigma_m", self.ground_sigma_m, Bounds{0.0, 100.0}, "m",
+          "standard deviation of the ground's height below a target");
+    visit("outline_sigma_m", self.outline_sigma_m, Bounds{0.001, 10.0}, "m",
+          "standard deviation of a target's centroid by what its cells and labels are");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "targets"); }
+};
+
+/// Of the error of a camera's place in x, y, z (m) and of its attitude about the world's axes (rad).
+using CameraPoseCovariance = Eigen::Matrix<double, 6, 6>;
+
+/// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
+/// while its cluster is on the map, and lost without; found again near by, it has its id again.
+class GridTracks {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  explicit GridTracks(const GridTracksParams& params);
+
+  /// The clusters after an image. Returns the confirmed targets, valid until the next call.
+  const GridTargets& update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
+                            const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
+                            const CameraPoseCovariance& covariance);
+
+  const GridTargets& targets() const { return targets_; }
+
+ private:
+  struct Track {
+    std::uint64_t id = 0;
+    GridCluster cluster;
+    bool is_on_map = false;
+    int images = 0;                                               ///< that had it in view
+    Eigen::Matrix2d covariance_sum_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image, by the camera's pose
+    Eigen::Matrix2d ground_sum_m2 = Eigen::Matrix2d::Zero();      ///< by the ground's height
+  };
+
+  void associate(const std::vector<GridCluster>& clusters);
+  void add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
+                const CameraPoseCovariance& covariance) const;
+  Eigen::Matrix2d covariance_of(const Track& track) const;
+
+  GridTracksParams params_;
+  std::vector<Track> tracks_;  ///< by id
+  std::uint64_t last_id_ = 0;
+  GridTargets targets_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/image/image.hpp"
+#include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
+#include "situation_awareness/map/grid/grid_map.hpp"
+#include "situation_awareness/map/grid/grid_tracks.hpp"
+
+namespace situation_awareness {
+
+/// Of the camera's pose where nothing says how good it is.
+struct CameraPoseParams {
+  double position_sigma_m = 0.3;
+  double attitude_sigma_rad = 0.01;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("position_sigma_m", self.position_sigma_m, Bounds{0.0, 100.0}, "m", "standard deviation along each axis");
+    visit("attitude_sigma_rad", self.attitude_sigma_rad, Bounds{0.0, 1.0}, "rad", "standard deviation about each axis");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "pose"); }
+};
+
+/// All parameters of the pipeline from label images to a semantic grid; cfg/grid.yaml mirrors it.
+struct GridPipelineParams {
+  CameraPoseParams pose;
+  GridMapParams grid;
+  GridTracksParams targets;
+  double keep_m = 0.0;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("keep_m", self.keep_m, Bounds{0.0, 1e5}, "m",
+          "cells farther from the camera along x or y are forgotten: a grid that scrolls; 0: none are");
+    visit("pose", self.pose);
+    visit("grid", self.grid);
+    visit("targets", self.targets);
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "grid pipeline"); }
+};
+
+/// From label images with poses to a semantic grid and its targets, in one thread, without ROS.
+class GridPipeline {
+ public:
+  /// Throws std::invalid_argument naming field and bound.
+  GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation);
+
+  /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known. The result is
+  /// valid until the next call.
+  const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
+                             const std::optional<CameraPoseCovariance>& covariance = {});
+
+  const GridTargets& targets() const { return tracks_.targets(); }
+  const GridMap& map() const { return map_; }
+
+ private:
+  GridPipelineParams params_;
+  GridMap map_;
+  GridTracks tracks_;
+  std::vector<GridCluster> clusters_;
+};
+
+}  // namespace situation_awareness

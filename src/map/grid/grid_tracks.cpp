@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/grid_tracks.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "situation_awareness/estimation/assignment.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kLeastSlope = 0.05;  ///< of a sight line that places something on the ground
+
+/// How the place on level ground, to which a sight line points, follows the camera's place and attitude (about the
+/// world's axes). `d_world_m`: from the camera to the place.
+Eigen::Matrix<double, 2, 6> ground_jacobian(const Eigen::Vector3d& d_world_m) {
+  const double down_m = std::min(d_world_m.z(), -kLeastSlope * d_world_m.head<2>().norm() - 1e-6);
+  Eigen::Matrix<double, 2, 3> to_ground = Eigen::Matrix<double, 2, 3>::Identity();  // of a shift of the sight line
+  to_ground.col(2) = -d_world_m.head<2>() / down_m;
+  Eigen::Matrix3d turn;  // of a rotation: -[d]x
+  turn << 0.0, d_world_m.z(), -d_world_m.y(), -d_world_m.z(), 0.0, d_world_m.x(), d_world_m.y(), -d_world_m.x(), 0.0;
+  Eigen::Matrix<double, 2, 6> J;
+  J << to_ground, to_ground * turn;
+  return J;
+}
+
+}  // namespace
+
+GridTracks::GridTracks(const GridTracksParams& params) : params_((params.validate(), params)) {}
+
+const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
+                                      const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
+                                      const CameraPoseCovariance& covariance) {
+  associate(clusters);
+  targets_.stamp_ns = stamp_ns;
+  targets_.targets.clear();
+  for (Track& track : tracks_) {
+    if (!track.is_on_map) continue;
+    add_view(track, camera, T_world_camera, covariance);
+    const GridCluster& cluster = track.cluster;
+    if (cluster.images < params_.confirm_images) continue;
+    targets_.targets.push_back({track.id,
+                                {cluster.p_world_m.x(), cluster.p_world_m.y(), cluster.ground_world_m},
+                                covariance_of(track),
+                                cluster.area_m2,
+                                cluster.probability});
+  }
+  return targets_;
+}
+
+void GridTracks::associate(const std::vector<GridCluster>& clusters) {
+  std::vector<Candidate> candidates;
+  for (std::size_t row = 0; row < clusters.size(); ++row) {
+    if (clusters[row].area_m2 < params_.min_area_m2) continue;
+    for (std::size_t column = 0; column < tracks_.size(); ++column) {
+      const double distance_m = (clusters[row].p_world_m - tracks_[column].cluster.p_world_m).norm();
+      if (distance_m >= params_.gate_m) continue;
+      candidates.push_back({static_cast<int>(row), static_cast<int>(column), distance_m - params_.gate_m});
+    }
+  }
+  const std::vector<int> track_of =
+      assign(static_cast<int>(clusters.size()), static_cast<int>(tracks_.size()), candidates);
+  for (Track& track : tracks_) track.is_on_map = false;
+  for (std::size_t row = 0; row < clusters.size(); ++row) {
+    if (clusters[row].area_m2 < params_.min_area_m2) continue;
+    if (track_of[row] < 0) tracks_.emplace_back().id = ++last_id_;
+    Track& track = track_of[row] < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(track_of[row])];
+    track.cluster = clusters[row];
+    track.is_on_map = true;
+  }
+}
+
+void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
+                          const CameraPoseCovariance& covariance) const {
+  const Eigen::Vector3d p_world_m(track.cluster.p_world_m.x(), track.cluster.p_world_m.y(),
+                                  track.cluster.ground_world_m);
+  const Eigen::Vector3d p_camera_m = T_world_camera.inverse() * p_world_m;
+  if (p_camera_m.z() <= 0.0) return;
+  const double u_px = camera.fx_px * p_camera_m.x() / p_camera_m.z() + camera.cx_px;
+  const double v_px = camera.fy_px * p_camera_m.y() / p_camera_m.z() + camera.cy_px;
+  if (u_px < -0.5 || v_px < -0.5 || u_px > camera.width - 0.5 || v_px > camera.height - 0.5) return;
+  const Eigen::Matrix<double, 2, 6> J = ground_jacobian(p_world_m - T_world_camera.translation());
+  ++track.images;
+  track.covariance_sum_m2 += J * covariance * J.transpose();
+  track.ground_sum_m2 += J.col(2) * J.col(2).transpose() * params_.ground_sigma_m * params_.ground_sigma_m;
+}
+
+Eigen::Matrix2d GridTracks::covariance_of(const Track& track) const {
+  const double n = std::max(track.images, 1);
+  const double common = params_.pose_correlation + (1.0 - params_.pose_correlation) / n;
+  return track.covariance_sum_m2 / n * common + track.ground_sum_m2 / n +
+         params_.outline_sigma_m * params_.outline_sigma_m * Eigen::Matrix2d::Identity();
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
+
+#include <utility>
+
+namespace situation_awareness {
+namespace {
+
+CameraPoseCovariance covariance_of(const CameraPoseParams& params) {
+  CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
+  covariance.diagonal().head<3>().setConstant(params.position_sigma_m * params.position_sigma_m);
+  covariance.diagonal().tail<3>().setConstant(params.attitude_sigma_rad * params.attitude_sigma_rad);
+  return covariance;
+}
+
+}  // namespace
+
+GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation)
+    : params_((params.validate(), params.pose.validate(), params)),
+      map_(params.grid, std::move(elevation)),
+      tracks_(params.targets) {}
+
+const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
+                                         const std::optional<CameraPoseCovariance>& covariance) {
+  map_.update(labels, T_world_camera);
+  if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
+  map_.clusters(clusters_);
+  return tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera,
+                        covariance ? *covariance : covariance_of(params_.pose));
+}
+
+}  // namespace situation_awareness

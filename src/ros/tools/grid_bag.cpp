@@ -1,0 +1,198 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From a recorded bag of label images to a semantic grid, without a roscore, as fast as possible.
+#include <cstdint>
+#include <cstdio>
+#include <iterator>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include "command_line.hpp"
+#include "situation_awareness/common/counters.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/map/grid/geotiff.hpp"
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/ros/bag/atomic_file.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/convert/labels.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kName = "grid_bag";
+constexpr const char* kConfig = "grid.yaml";
+constexpr const char* kDescription =
+    R"(Reads label images of a camera, its camera_info and transforms from a bag and maps a class over an elevation model.
+Writes the targets after each image as one line of JSON:
+  {"stamp": s, "targets": [{"id": int, "x", "y", "z": m, "covariance": [xx, xy, yx, yy], "area_m2", "p": number}]}
+and the grid at the end as a GeoTIFF: band 1 the probability, NaN where nothing was observed, band 2 the number of images
+with evidence. Labels are the probability of the class per pixel (32FC1), NaN or exactly 0.5 where it is not known.
+Images that cannot be used have no line and are counted by reason. Files are written atomically.
+)";
+
+constexpr double kResetTimeJump_s = 1.0;
+constexpr double kMaxInfoAge_s = 1.0;  ///< of a camera_info of the same size that is not of the image's stamp
+constexpr double kMaxOdometryAge_s = 0.2;
+
+struct Options {
+  BagOptions bag;
+  std::string labels_topic = "/camera/labels", camera_info_topic = "/camera/camera_info", odom_topic, dem, out,
+              grid_out;
+};
+
+void add_options(CLI::App& app, Options& options) {
+  add_bag_options(app, options.bag, kConfig);
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what)->type_name(type);
+  };
+  text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
+  text("--camera-info-topic", options.camera_info_topic, "TOPIC", "sensor_msgs/CameraInfo of these images");
+  text("--odom-topic", options.odom_topic, "TOPIC",
+       "nav_msgs/Odometry, whose covariance is that of the pose (default: that of the parameters)");
+  text("--dem", options.dem, "FILE", "elevation in the world's metres, such as a GeoTIFF")->required();
+  text("--out", options.out, "FILE", "output file of the lines")->required();
+  text("--grid-out", options.grid_out, "FILE", "output file of the grid, a GeoTIFF");
+}
+
+Json json_of(const GridTargets& targets) {
+  Json line;
+  Json& list = line["targets"] = Json::array();
+  for (const GridTarget& target : targets.targets) {
+    Json& element = add_object(list, 7);
+    element["id"] = target.id;
+    element["x"] = finite(target.p_world_m.x());
+    element["y"] = finite(target.p_world_m.y());
+    element["z"] = finite(target.p_world_m.z());
+    element["covariance"] = list_of(4, [&](int i) { return target.covariance_m2(i / 2, i % 2); });
+    element["area_m2"] = finite(target.area_m2);
+    element["p"] = finite(target.probability);
+  }
+  return line;
+}
+
+/// The camera_info that an image needs: that of its stamp, or else the latest, if it is of its size.
+class CameraInfos {
+ public:
+  void add(const sensor_msgs::CameraInfoConstPtr& info) {
+    infos_[to_nanoseconds(info->header.stamp)] = info;
+    while (infos_.size() > kKept) infos_.erase(infos_.begin());
+  }
+
+  sensor_msgs::CameraInfoConstPtr of(std::int64_t stamp_ns) const {
+    const auto after = infos_.upper_bound(stamp_ns);
+    if (after != infos_.begin()) return std::prev(after)->second;
+    const bool is_near = after != infos_.end() && seconds_between(stamp_ns, after->first) <= kMaxInfoAge_s;
+    return is_near ? after->second : nullptr;
+  }
+
+ private:
+  static constexpr std::size_t kKept = 1000;
+  std::map<std::int64_t, sensor_msgs::CameraInfoConstPtr> infos_;
+};
+
+/// The covariance of the base's pose by odometry, in the axes of CameraPoseCovariance.
+class PoseCovariances {
+ public:
+  void add(const nav_msgs::Odometry& msg) {
+    CameraPoseCovariance covariance;
+    for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = msg.pose.covariance[static_cast<std::size_t>(i)];
+    const bool is_known =
+        covariance.allFinite() && covariance.diagonal().minCoeff() >= 0.0 && covariance.diagonal().maxCoeff() > 0.0;
+    if (!is_known) {
+      ++unknown_;
+      return;
+    }
+    covariances_[to_nanoseconds(msg.header.stamp)] = 0.5 * (covariance + covariance.transpose());
+    while (covariances_.size() > kKept) covariances_.erase(covariances_.begin());
+  }
+
+  std::optional<CameraPoseCovariance> at(std::int64_t stamp_ns) const {
+    const auto after = covariances_.upper_bound(stamp_ns);
+    if (after != covariances_.begin() && seconds_between(std::prev(after)->first, stamp_ns) <= kMaxOdometryAge_s) {
+      return std::prev(after)->second;
+    }
+    if (after != covariances_.end() && seconds_between(stamp_ns, after->first) <= kMaxOdometryAge_s) {
+      return after->second;
+    }
+    return {};
+  }
+
+  std::size_t unknown() const { return unknown_; }
+
+ private:
+  static constexpr std::size_t kKept = 10000;
+  std::map<std::int64_t, CameraPoseCovariance> covariances_;
+  std::size_t unknown_ = 0;
+};
+
+int grid_bag(const Options& options) {
+  const std::string path = config_path(options.bag, kConfig);
+  const auto params = params_from_yaml<GridPipelineParams>(read_text_file(path), path, print_warning);
+  GridPipeline pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem)));
+  BagPlayer player(options.bag, kResetTimeJump_s);
+  LineFile out(options.out);
+  CameraInfos infos;
+  PoseCovariances covariances;
+  std::size_t out_of_range = 0;
+  player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
+                                            [&](const auto& msg, const ros::Time& /*recorded*/) { infos.add(msg); });
+  if (!options.odom_topic.empty()) {
+    player.subscribe<nav_msgs::Odometry>(
+        options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) { covariances.add(*msg); });
+  }
+  player.subscribe_measurements<sensor_msgs::Image>(
+      options.labels_topic, "images", [&](const sensor_msgs::ImageConstPtr& msg, const ros::Time& recorded) {
+        const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
+        player.use_when_posed(
+            taken, recorded,
+            [&, msg](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) -> std::string {
+              const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
+              const sensor_msgs::CameraInfoConstPtr info = infos.of(stamp_ns);
+              if (!info) return "no camera_info";
+              const std::string defect = labels_msg_defect(*msg, *info);
+              if (!defect.empty()) return defect;
+              SoftLabels labels = labels_from_msg(*msg, *info);
+              out_of_range += drop_out_of_range(labels);
+              const GridTargets& targets = player.timed([&]() -> const GridTargets& {
+                return pipeline.process(labels, T_world_camera, covariances.at(stamp_ns));
+              });
+              out.write(json_line(stamp_ns, json_of(targets)));
+              return "";
+            });
+      });
+  player.play();
+  if (!options.grid_out.empty()) {
+    AtomicFile grid_file(options.grid_out);
+    save_geotiff(grid_file.partial(), pipeline.map().grid());
+    grid_file.finish();
+  }
+  out.finish();
+  player.print_summary();
+  std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
+              pipeline.map().elevation_offset_m(), out_of_range);
+  if (covariances.unknown() > 0) std::printf("%zu odometry messages without covariance\n", covariances.unknown());
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  Options options;
+  CommandLine app(kName, kDescription);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&options] { return grid_bag(options); });
+}

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/grid_tracks.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <stdexcept>
+#include <vector>
+
+namespace situation_awareness {
+namespace {
+
+const PinholeCamera kCamera{101, 101, 90.0, 80.0, 50.0, 50.0};
+
+/// 20 m above the origin, ahead along x and down by 45 degrees.
+Eigen::Isometry3d pose() {
+  Eigen::Matrix3d R;
+  R << 0, -std::sqrt(0.5), std::sqrt(0.5), -1, 0, 0, 0, -std::sqrt(0.5), -std::sqrt(0.5);
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.linear() = R;
+  T.translation() = Eigen::Vector3d(0.0, 0.0, 20.0);
+  return T;
+}
+
+CameraPoseCovariance covariance_of(double sigma_m, double sigma_rad) {
+  CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
+  covariance.diagonal() << sigma_m * sigma_m, sigma_m * sigma_m, sigma_m * sigma_m, sigma_rad * sigma_rad,
+      sigma_rad * sigma_rad, sigma_rad * sigma_rad;
+  return covariance;
+}
+
+GridCluster cluster_at(double x, double y, int images) { return {{x, y}, 0.0, 8.0, 0.9, images}; }
+
+TEST(GridTracks, ReportATargetFromItsThirdImageAndKeepItsId) {
+  GridTracks tracks(GridTracksParams{});
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  EXPECT_TRUE(tracks.update(1, {cluster_at(20, 0, 1)}, kCamera, pose(), covariance).targets.empty());
+  EXPECT_TRUE(tracks.update(2, {cluster_at(20, 0, 2)}, kCamera, pose(), covariance).targets.empty());
+  const GridTargets third = tracks.update(3, {cluster_at(20, 0, 3)}, kCamera, pose(), covariance);
+  ASSERT_EQ(third.targets.size(), 1U);
+  const auto id = third.targets[0].id;
+  const GridTargets moved =
+      tracks.update(4, {cluster_at(24, 9, 3), cluster_at(20.5, 0.3, 4)}, kCamera, pose(), covariance);
+  ASSERT_EQ(moved.targets.size(), 2U);
+  EXPECT_EQ(moved.targets[0].id, id);
+  EXPECT_NE(moved.targets[1].id, id);
+  EXPECT_EQ(moved.targets[0].p_world_m.x(), 20.5);
+}
+
+TEST(GridTracks, GiveATargetThatIsFoundAgainItsId) {
+  GridTracks tracks(GridTracksParams{});
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  const auto id = tracks.update(1, {cluster_at(20, 0, 3)}, kCamera, pose(), covariance).targets.at(0).id;
+  EXPECT_TRUE(tracks.update(2, {}, kCamera, pose(), covariance).targets.empty());
+  const GridTargets again =
+      tracks.update(3, {cluster_at(20.4, 0.4, 3), cluster_at(40, 0, 3)}, kCamera, pose(), covariance);
+  ASSERT_EQ(again.targets.size(), 2U);
+  EXPECT_EQ(again.targets[0].id, id);
+  EXPECT_GT(again.targets[1].id, id);
+}
+
+TEST(GridTracks, TakeSmallClustersForNoTargets) {
+  GridTracks tracks(GridTracksParams{});
+  GridCluster small = cluster_at(20, 0, 5);
+  small.area_m2 = 0.75;
+  EXPECT_TRUE(tracks.update(1, {small}, kCamera, pose(), covariance_of(0.1, 0.01)).targets.empty());
+}
+
+TEST(GridTracks, CovarianceIsThatOfSightLinesWithNoiseOnTheGround) {
+  GridTracksParams params;
+  params.pose_correlation = 1.0;
+  params.ground_sigma_m = 0.0;
+  params.outline_sigma_m = 0.001;
+  GridTracks tracks(params);
+  const double sigma_m = 0.1, sigma_rad = 0.002;
+  const Eigen::Vector2d p_m(25.0, 6.0);
+  const GridTargets targets =
+      tracks.update(1, {cluster_at(p_m.x(), p_m.y(), 3)}, kCamera, pose(), covariance_of(sigma_m, sigma_rad));
+  ASSERT_EQ(targets.targets.size(), 1U);
+  std::mt19937 random(1);
+  std::normal_distribution<> normal;
+  Eigen::Matrix2d sum = Eigen::Matrix2d::Zero();
+  constexpr int kCases = 20000;
+  const auto vector = [&] { return Eigen::Vector3d(normal(random), normal(random), normal(random)); };
+  for (int i = 0; i < kCases; ++i) {
+    const Eigen::Vector3d from = pose().translation() + sigma_m * vector();
+    const Eigen::Vector3d turn = sigma_rad * vector();
+    const Eigen::Vector3d d = Eigen::AngleAxisd(turn.norm(), turn.normalized()) *
+                              (Eigen::Vector3d(p_m.x(), p_m.y(), 0.0) - pose().translation());
+    const Eigen::Vector2d off = (from - from.z() / d.z() * d).head<2>() - p_m;
+    sum += off * off.transpose() / kCases;
+  }
+  EXPECT_LT((targets.targets[0].covariance_m2 - sum).norm(), 0.05 * sum.norm());
+}
+
+TEST(GridTracks, MoreImagesMakeItSurerButForWhatIsCommonToAll) {
+  GridTracksParams params;
+  params.ground_sigma_m = 0.0;
+  params.outline_sigma_m = 0.001;
+  params.pose_correlation = 0.25;
+  GridTracks tracks(params);
+  double first = 0.0, last = 0.0;
+  for (int i = 1; i <= 400; ++i) {
+    const GridTargets& targets = tracks.update(i, {cluster_at(20, 0, 3)}, kCamera, pose(), covariance_of(0.2, 0.01));
+    (i == 1 ? first : last) = targets.targets.at(0).covariance_m2.trace();
+  }
+  EXPECT_NEAR(last / first, 0.25 + 0.75 / 400, 1e-3);
+}
+
+TEST(GridTracks, RefuseParametersOutOfBounds) {
+  GridTracksParams params;
+  params.gate_m = 0.0;
+  EXPECT_THROW(GridTracks{params}, std::invalid_argument);
+}
+
+}  // namespace
+}  // namespace situation_awareness
