@@ -187,6 +187,7 @@ GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
       for (int i = 0; i < 3; ++i) {  // behind dense trees, 2.5 m before them
         const double y = -16 + 14 * i;
         made.scene.cars.push_back({Pose2{{24.0, y}, 1.57}});
+        ++made.hidden_cars;
       }
       for (int k = 0; k < 60; ++k) made.scene.trees.push_back({{19.5 + 0.1 * (k % 3), -34 + 1.1 * k}, 2.2, 1.8});
     }
@@ -267,12 +268,13 @@ Eigen::Isometry3d given_pose(const GridCase& given, std::size_t i, std::uint32_t
 GridScore score(const GridCase& given, const SemanticGrid& grid) {
   GridScore result;
   int both = 0, either = 0, shadow = 0, called = 0;
+  const auto last_seen = given.scene.cars.end() - static_cast<std::ptrdiff_t>(given.hidden_cars);
   const Eigen::Vector2d eye_m = given.T_world_camera.back().translation().head<2>();
   for (int row = 0; row < grid.height; ++row) {
     for (int column = 0; column < grid.width; ++column) {
       const Eigen::Vector2d p_m = grid.middle_world_m(column, row);
-      const bool is_car = std::any_of(given.scene.cars.begin(), given.scene.cars.end(),
-                                      [&](const SceneCar& car) { return is_in(car, p_m); });
+      const bool is_car =
+          std::any_of(given.scene.cars.begin(), last_seen, [&](const SceneCar& car) { return is_in(car, p_m); });
       const bool says_car = grid.probability[grid.index(column, row)] > 0.5F;
       both += is_car && says_car ? 1 : 0;
       either += is_car || says_car ? 1 : 0;
@@ -291,6 +293,31 @@ GridScore score(const GridCase& given, const SemanticGrid& grid) {
   }
   result.intersection_over_union = either > 0 ? static_cast<double>(both) / either : 1.0;
   result.shadow_share = shadow > 0 ? static_cast<double>(called) / shadow : 0.0;
+  return result;
+}
+
+TargetScore score(const GridCase& given, const GridTargets& targets) {
+  constexpr double kNear_m = 3.0, kChiSquare99 = 9.2103;
+  TargetScore result;
+  const std::size_t cars = given.scene.cars.size() - given.hidden_cars;
+  std::size_t found = 0, inside = 0;
+  for (std::size_t i = 0; i < cars; ++i) {
+    const Eigen::Vector2d p_m = given.scene.cars[i].T_world_car.translation_m;
+    const auto distance_m = [&](const GridTarget& target) { return (target.p_world_m.head<2>() - p_m).norm(); };
+    const auto nearest = std::min_element(targets.targets.begin(), targets.targets.end(),
+                                          [&](const auto& a, const auto& b) { return distance_m(a) < distance_m(b); });
+    if (nearest == targets.targets.end() || distance_m(*nearest) > kNear_m) continue;
+    ++found;
+    result.mean_distance_m += distance_m(*nearest);
+    const Eigen::Vector2d off_m = nearest->p_world_m.head<2>() - p_m;
+    inside += off_m.dot(nearest->covariance_m2.inverse() * off_m) < kChiSquare99 ? 1 : 0;
+  }
+  result.missed = static_cast<int>(cars - found);
+  result.wrong = static_cast<int>(targets.targets.size() - std::min(found, targets.targets.size()));
+  if (found > 0) {
+    result.mean_distance_m /= static_cast<double>(found);
+    result.in_regions = static_cast<double>(inside) / static_cast<double>(found);
+  }
   return result;
 }
 

@@ -24,7 +24,8 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
                                          const std::optional<CameraPoseCovariance>& covariance) {
   map_.update(labels, T_world_camera);
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
-  map_.clusters(clusters_);
+  map_.read_class(class_grid_);
+  find_clusters(class_grid_, clusters_);
   return tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera,
                         covariance ? *covariance : covariance_of(params_.pose));
 }

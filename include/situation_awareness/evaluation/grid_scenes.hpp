@@ -54,6 +54,7 @@ struct GridCase {
   int blobs = 0;                                     ///< false ones per image
   double position_noise_m = 0.0, angle_noise_rad = 0.0;
   std::vector<Eigen::Isometry3d> T_world_camera;
+  std::size_t hidden_cars = 0;  ///< of the scene, the last ones: never seen
 };
 
 /// The kinds of cases of docs/benchmarks/grid.md. The same seed gives the same case.
@@ -75,5 +76,14 @@ struct GridScore {
   double shadow_share = 0.0;  ///< of cells up to 8 m behind a car, as seen from the last camera, called car
 };
 GridScore score(const GridCase& given, const SemanticGrid& grid);
+
+/// Of targets against the cars that were seen.
+struct TargetScore {
+  int missed = 0;                ///< cars without a target within 3 m
+  int wrong = 0;                 ///< targets without a car within 3 m, or with one that has a nearer target
+  double mean_distance_m = 0.0;  ///< of the centroids
+  double in_regions = 1.0;       ///< part of the cars within the 99 % regions of their targets
+};
+TargetScore score(const GridCase& given, const GridTargets& targets);
 
 }  // namespace situation_awareness

@@ -69,6 +69,7 @@ class GridPipeline {
   GridPipelineParams params_;
   GridMap map_;
   GridTracks tracks_;
+  SemanticGrid class_grid_;
   std::vector<GridCluster> clusters_;
 };
 

@@ -72,6 +72,52 @@ Elevation Elevation::load(const std::string& path) {
   }
 }
 
+Elevation Elevation::smoothed(double sigma_m) const {
+  // Gaussian along columns, then rows, each over three standard deviations; pixels without data have no weight.
+  const auto kernel_of = [sigma_m](double pixel_m) {
+    std::vector<double> kernel;
+    for (int i = 0; i <= static_cast<int>(std::ceil(3.0 * sigma_m / pixel_m)); ++i) {
+      kernel.push_back(std::exp(-0.5 * std::pow(i * pixel_m / sigma_m, 2)));
+    }
+    return kernel;
+  };
+  std::vector<double> sums(heights_.size()), weights(heights_.size());
+  for (std::size_t i = 0; i < heights_.size(); ++i) {
+    weights[i] = std::isnan(heights_[i]) ? 0.0 : 1.0;
+    sums[i] = std::isnan(heights_[i]) ? 0.0 : static_cast<double>(heights_[i]);
+  }
+  const auto smooth = [&](std::vector<double>& values, int count, int lines, std::size_t step, std::size_t line_step,
+                          const std::vector<double>& kernel) {
+    std::vector<double> line(static_cast<std::size_t>(count));
+    for (int k = 0; k < lines; ++k) {
+      const std::size_t begin = static_cast<std::size_t>(k) * line_step;
+      for (int i = 0; i < count; ++i)
+        line[static_cast<std::size_t>(i)] = values[begin + static_cast<std::size_t>(i) * step];
+      for (int i = 0; i < count; ++i) {
+        double sum = 0.0;
+        const int reach =
+            std::min({static_cast<int>(kernel.size()) - 1, i, count - 1 - i});  // keeps planes at the edge
+        for (int j = -reach; j <= reach; ++j) {
+          sum += kernel[static_cast<std::size_t>(std::abs(j))] * line[static_cast<std::size_t>(i + j)];
+        }
+        double all = 0.0;
+        for (int j = -reach; j <= reach; ++j) all += kernel[static_cast<std::size_t>(std::abs(j))];
+        values[begin + static_cast<std::size_t>(i) * step] = sum / all;
+      }
+    }
+  };
+  const auto width = static_cast<std::size_t>(width_);
+  for (std::vector<double>* const values : {&sums, &weights}) {
+    smooth(*values, width_, height_, 1, width, kernel_of(pixel_m_.x()));
+    smooth(*values, height_, width_, width, 1, kernel_of(pixel_m_.y()));
+  }
+  Elevation result = *this;
+  for (std::size_t i = 0; i < heights_.size(); ++i) {
+    if (!std::isnan(heights_[i])) result.heights_[i] = static_cast<float>(sums[i] / weights[i]);
+  }
+  return result;
+}
+
 double Elevation::at(double x_world_m, double y_world_m) const {
   const double column = (x_world_m - corner_world_m_.x()) / pixel_m_.x() - 0.5;
   const double row = (corner_world_m_.y() - y_world_m) / pixel_m_.y() - 0.5;

@@ -95,6 +95,7 @@ SemanticGrid load_geotiff(const std::string& path) {
       grid.images = turned_over<std::int32_t>(values, grid.width);
     }
   }
+  grid.class_images.assign(values.size(), 0);
   grid.ground_world_m.assign(values.size(), std::numeric_limits<float>::quiet_NaN());
   return grid;
 }

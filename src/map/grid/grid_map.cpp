@@ -25,13 +25,23 @@ struct Place {
   bool operator<(const Place& other) const { return row != other.row ? row < other.row : column < other.column; }
 };
 
+/// Of a cell.
+struct Evidence {
+  float weight = 0.0F;
+  float sharp_sum = 0.0F;  ///< by the labels as they are
+  float soft_sum = 0.0F;   ///< by their means over 3 x 3 pixels
+  float sharp() const { return weight > 0.0F ? sharp_sum / weight : 0.0F; }
+  float soft() const { return weight > 0.0F ? soft_sum / weight : 0.0F; }
+};
+
 /// Evidence on the cells of a square of the world.
 struct Tile {
   std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
-  /// Log odds per offset; before anything of the class was seen in the tile, all offsets share the first.
-  std::array<std::vector<float>, kOffsets> log_odds;
+  /// Per offset, sums of the weights of images and of their evidence, each times its weight; before anything of the
+  /// class was seen in the tile, all offsets share the first.
+  std::array<std::vector<Evidence>, kOffsets> evidence;
   bool is_split = false;
   double low_m = 0.0, high_m = 0.0;  ///< of its ground; low_m > high_m where none is known
 };
@@ -58,17 +68,19 @@ class LabelReader {
 
   /// Bilinear; NaN where a pixel that counts is not known.
   float value(double u, double v) const {
-    const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
-    const int c = std::min(static_cast<int>(x), std::max(width_ - 2, 0));
-    const int r = std::min(static_cast<int>(y), std::max(height_ - 2, 0));
-    const auto a = static_cast<float>(x - c), b = static_cast<float>(y - r);
-    const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
-    const auto known = [&](int column, int row) {
+    return between(u, v, [this](int column, int row) {
       const float p = at(column, row);
       return p == 0.5F ? std::numeric_limits<float>::quiet_NaN() : p;
-    };
-    return (1.0F - b) * ((1.0F - a) * known(c, r) + a * known(c1, r)) +
-           b * ((1.0F - a) * known(c, r1) + a * known(c1, r1));
+    });
+  }
+
+  /// The same of the means of 3 x 3 pixels, of those that are known.
+  float soft_value(double u, double v) const {
+    return between(u, v, [this](int column, int row) {
+      const int c0 = std::max(column - 1, 0), c1 = std::min(column + 2, width_);
+      const int r0 = std::max(row - 1, 0), r1 = std::min(row + 2, height_);
+      return static_cast<float>((sum(c1, r1) - sum(c0, r1) - sum(c1, r0) + sum(c0, r0)) / ((c1 - c0) * (r1 - r0)));
+    });
   }
 
   /// Of the known pixels that a rectangle touches, in between which it is read.
@@ -82,6 +94,16 @@ class LabelReader {
   }
 
  private:
+  template <class Value>
+  float between(double u, double v, const Value& value) const {
+    const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
+    const int c = std::min(static_cast<int>(x), std::max(width_ - 2, 0));
+    const int r = std::min(static_cast<int>(y), std::max(height_ - 2, 0));
+    const auto a = static_cast<float>(x - c), b = static_cast<float>(y - r);
+    const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
+    return (1.0F - b) * ((1.0F - a) * value(c, r) + a * value(c1, r)) +
+           b * ((1.0F - a) * value(c, r1) + a * value(c1, r1));
+  }
   float at(int u, int v) const {
     return labels_
         .probability[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
@@ -175,9 +197,11 @@ class GridMap::Impl {
   Impl(const GridMapParams& params, std::shared_ptr<const Elevation> elevation)
       : params_((params.validate(), params)), elevation_(std::move(elevation)) {
     if (!elevation_) throw std::invalid_argument("a grid needs an elevation");
+    ground_ = params.smooth_m > 0.0 ? std::make_shared<Elevation>(elevation_->smoothed(params.smooth_m)) : elevation_;
     heights_per_offset_ = std::max(1, static_cast<int>(std::lround(params.class_height_m / kHeightStep_m)));
     height_step_m_ = params.class_height_m / heights_per_offset_;
     steps_per_offset_ = std::max(1, static_cast<int>(std::lround(params.offset_step_m / height_step_m_)));
+    soft_column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
     column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
   }
 
@@ -234,105 +258,98 @@ class GridMap::Impl {
 
   double offset_m(int offset) const { return (offset - kOffsets / 2) * steps_per_offset_ * height_step_m_; }
 
-  SemanticGrid grid() const {
-    SemanticGrid grid;
+  void read(SemanticGrid& grid, bool only_class) const {
     grid.stamp_ns = stamp_ns_;
     grid.cell_m = params_.cell_m;
+    const auto counts = [&](const Tile& tile) { return only_class ? tile.is_split : is_observed(tile); };
     int left = std::numeric_limits<int>::max(), right = std::numeric_limits<int>::min(), low = left, high = right;
     for (const auto& [key, tile] : tiles_) {
-      if (!is_observed(tile)) continue;
+      if (!counts(tile)) continue;
       left = std::min(left, key.column);
       right = std::max(right, key.column);
       low = std::min(low, key.row);
       high = std::max(high, key.row);
     }
-    if (left > right) return grid;
-    grid.first_column = left * kTileCells;
-    grid.first_row = low * kTileCells;
-    grid.width = (right - left + 1) * kTileCells;
-    grid.height = (high - low + 1) * kTileCells;
+    const bool is_empty = left > right;
+    grid.first_column = is_empty ? 0 : left * kTileCells;
+    grid.first_row = is_empty ? 0 : low * kTileCells;
+    grid.width = is_empty ? 0 : (right - left + 1) * kTileCells;
+    grid.height = is_empty ? 0 : (high - low + 1) * kTileCells;
     const std::size_t cells = static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
     grid.probability.assign(cells, std::numeric_limits<float>::quiet_NaN());
     grid.ground_world_m.assign(cells, std::numeric_limits<float>::quiet_NaN());
     grid.images.assign(cells, 0);
+    grid.class_images.assign(cells, 0);
     const int best = best_offset();
+    std::vector<std::size_t> of_class;
+    std::vector<float> soft(cells, 0.0F);
     for (const auto& [key, tile] : tiles_) {
-      if (!is_observed(tile)) continue;
-      const std::vector<float>& log_odds = tile.log_odds[static_cast<std::size_t>(tile.is_split ? best : 0)];
+      if (!counts(tile)) continue;
+      const std::vector<Evidence>& evidence = tile.evidence[static_cast<std::size_t>(tile.is_split ? best : 0)];
       for (int r = 0; r < kTileCells; ++r) {
         for (int c = 0; c < kTileCells; ++c) {
           const auto from = static_cast<std::size_t>(r * kTileCells + c);
           const std::size_t to = grid.index((key.column - left) * kTileCells + c, (key.row - low) * kTileCells + r);
           grid.ground_world_m[to] = tile.ground_world_m[from];
           grid.images[to] = tile.images[from];
-          if (tile.images[from] > 0) {
-            grid.probability[to] = static_cast<float>(probability_of(static_cast<double>(log_odds[from])));
-          }
+          grid.class_images[to] = tile.class_images[from];
+          if (tile.images[from] == 0) continue;
+          const float enough = std::min(1.0F, static_cast<float>(tile.class_images[from]) /
+                                                  static_cast<float>(std::min(tile.images[from], kEnough)));
+          grid.probability[to] = evidence[from].sharp() * enough;
+          soft[to] = evidence[from].soft() * enough;
+          if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
         }
       }
     }
-    return grid;
+    judge(grid, soft, of_class);
   }
 
-  void clusters(std::vector<GridCluster>& clusters) const {
-    clusters.clear();
-    const int best = best_offset();
-    std::map<Place, Cell> open;  // of the class, not yet in a cluster; by the cells' columns and rows
-    for (const auto& [key, tile] : tiles_) {
-      if (!tile.is_split) continue;
-      const std::vector<float>& log_odds = tile.log_odds[static_cast<std::size_t>(best)];
-      for (std::size_t i = 0; i < log_odds.size(); ++i) {
-        if (log_odds[i] <= 0.0F) continue;
-        const int column = static_cast<int>(i) % kTileCells, row = static_cast<int>(i) / kTileCells;
-        open[{key.column * kTileCells + column, key.row * kTileCells + row}] = {
-            probability_of(static_cast<double>(log_odds[i])), static_cast<double>(tile.ground_world_m[i]),
-            tile.class_images[i]};
-      }
-    }
-    std::vector<std::pair<Place, Cell>> cells;
-    while (!open.empty()) {
-      cells.assign(1, *open.begin());
-      open.erase(open.begin());
-      for (std::size_t next = 0; next < cells.size(); ++next) {
-        const Place at = cells[next].first;
-        for (int neighbour = 0; neighbour < 9; ++neighbour) {
-          const auto found = open.find({at.column + neighbour % 3 - 1, at.row + neighbour / 3 - 1});
-          if (found == open.end()) continue;
-          cells.push_back(*found);
-          open.erase(found);
+  /// From means of evidence to probabilities: something of the class is where the mean is at least half of what it is
+  /// around. Labels that miss the class in a part of the images, or a pose with noise, lower both. Where labels are so
+  /// noisy that columns that are of the class from foot to top are rare, it is the soft means.
+  void judge(SemanticGrid& grid, const std::vector<float>& soft, const std::vector<std::size_t>& of_class) const {
+    const std::vector<float> sharp = grid.probability;
+    const int reach = std::max(1, static_cast<int>(std::lround(kAround_m / params_.cell_m)));
+    const auto greatest_around = [&](const std::vector<float>& values, std::size_t cell) {
+      const int column = static_cast<int>(cell) % grid.width, row = static_cast<int>(cell) / grid.width;
+      float greatest = 0.0F;
+      for (int r = std::max(row - reach, 0); r <= std::min(row + reach, grid.height - 1); ++r) {
+        for (int c = std::max(column - reach, 0); c <= std::min(column + reach, grid.width - 1); ++c) {
+          const float value = values[grid.index(c, r)];
+          if (value > greatest) greatest = value;  // not NaN
         }
       }
-      clusters.push_back(cluster_of(cells));
+      return greatest;
+    };
+    for (float& probability : grid.probability) {
+      if (!std::isnan(probability)) probability = static_cast<float>(probability_by(0.0));
+    }
+    double sharp_sum = 0.0, soft_sum = 0.0;
+    for (const std::size_t cell : of_class) {
+      if (soft[cell] < std::max(0.8F * greatest_around(soft, cell), 0.25F)) continue;
+      sharp_sum += static_cast<double>(sharp[cell]);
+      soft_sum += static_cast<double>(soft[cell]);
+    }
+    const bool is_noisy = sharp_sum < kNoisy * soft_sum;
+    const std::vector<float>& mean = is_noisy ? soft : sharp;
+    for (const std::size_t cell : of_class) {
+      const float around = std::max(greatest_around(mean, cell), static_cast<float>(params_.least_mean));
+      grid.probability[cell] = static_cast<float>(probability_by(static_cast<double>(mean[cell] / around)));
     }
   }
+
+  static double probability_by(double part) { return probability_of(kSteepness * (part - 0.5)); }
 
   const GridMapParams& params() const { return params_; }
 
  private:
-  struct Cell {
-    double probability = 0.0;
-    double ground_world_m = 0.0;
-    int images = 0;
-  };
-
-  GridCluster cluster_of(const std::vector<std::pair<Place, Cell>>& cells) const {
-    GridCluster cluster;
-    for (const auto& [at, cell] : cells) {
-      cluster.p_world_m += cell.probability * Eigen::Vector2d(at.column + 0.5, at.row + 0.5) * params_.cell_m;
-      cluster.probability += cell.probability;
-      cluster.ground_world_m += cell.probability * cell.ground_world_m;
-      cluster.images = std::max(cluster.images, cell.images);
-    }
-    cluster.p_world_m /= cluster.probability;
-    cluster.ground_world_m /= cluster.probability;
-    cluster.area_m2 = static_cast<double>(cells.size()) * params_.cell_m * params_.cell_m;
-    cluster.probability /= static_cast<double>(cells.size());
-    return cluster;
-  }
-
+  static constexpr double kSteepness = 8.0;
+  static constexpr int kEnough = 6;
+  static constexpr double kAround_m = 2.0;
   static constexpr double kLeastGain = 0.01;  ///< in agreement, of an offset over the elevation as it is given
 
-  static bool is_observed(const Tile& tile) { return !tile.log_odds[0].empty(); }
+  static bool is_observed(const Tile& tile) { return !tile.evidence[0].empty(); }
 
   double max_offset_m() const { return offset_m(kOffsets - 1); }
 
@@ -349,8 +366,8 @@ class GridMap::Impl {
     tile.high_m = -tile.low_m;
     for (int r = 0; r < kTileCells; ++r) {
       for (int c = 0; c < kTileCells; ++c) {
-        const double ground_m = elevation_->at((key.column * kTileCells + c + 0.5) * params_.cell_m,
-                                               (key.row * kTileCells + r + 0.5) * params_.cell_m);
+        const double ground_m = ground_->at((key.column * kTileCells + c + 0.5) * params_.cell_m,
+                                            (key.row * kTileCells + r + 0.5) * params_.cell_m);
         tile.ground_world_m[static_cast<std::size_t>(r * kTileCells + c)] = static_cast<float>(ground_m);
         if (std::isnan(ground_m)) continue;
         tile.low_m = std::min(tile.low_m, ground_m);
@@ -401,34 +418,33 @@ class GridMap::Impl {
   }
 
   static void begin(Tile& tile) {
-    if (tile.log_odds[0].empty()) tile.log_odds[0].assign(kCellsOfTile, 0.0F);
+    if (tile.evidence[0].empty()) tile.evidence[0].resize(kCellsOfTile);
   }
   static void split(Tile& tile) {
     begin(tile);
     if (tile.is_split) return;
-    for (std::size_t offset = 1; offset < kOffsets; ++offset) tile.log_odds[offset] = tile.log_odds[0];
+    for (std::size_t offset = 1; offset < kOffsets; ++offset) tile.evidence[offset] = tile.evidence[0];
     tile.is_split = true;
   }
 
-  void add(float& log_odds, double evidence) const {
-    log_odds = static_cast<float>(
-        std::clamp(static_cast<double>(log_odds) + evidence, -params_.max_log_odds, params_.max_log_odds));
-  }
-
-  /// Against the class it counts whole only where the image shows the class beside it.
-  double evidence_of(double probability, bool is_beside_class) const {
-    const double log_odds = std::log(probability / (1.0 - probability));  // of 0 and 1 infinite
-    const double bounded = std::clamp(log_odds, -params_.max_evidence, params_.max_evidence);
-    return bounded < 0.0 && !is_beside_class ? params_.negative_weight * bounded : bounded;
+  void add(Evidence& evidence, double weight, double sharp, double soft) const {
+    evidence.sharp_sum += static_cast<float>(weight * sharp);
+    evidence.soft_sum += static_cast<float>(weight * soft);
+    evidence.weight += static_cast<float>(weight);
+    const auto most = static_cast<float>(params_.max_weight);
+    if (evidence.weight <= most) return;
+    evidence.sharp_sum *= most / evidence.weight;
+    evidence.soft_sum *= most / evidence.weight;
+    evidence.weight = most;
   }
 
   void add_nothing(Tile& tile, std::size_t cell) {
     begin(tile);
     const std::size_t offsets = tile.is_split ? kOffsets : 1;
     for (std::size_t offset = 0; offset < offsets; ++offset) {
-      float& log_odds = tile.log_odds[offset][cell];
-      if (log_odds > 0.0F) all_[offset] += probability_of(static_cast<double>(log_odds));
-      add(log_odds, -params_.negative_weight * params_.max_evidence);
+      Evidence& evidence = tile.evidence[offset][cell];
+      all_[offset] += params_.negative_weight * static_cast<double>(evidence.soft());
+      add(evidence, params_.negative_weight, 0.0, 0.0);
     }
   }
 
@@ -441,35 +457,40 @@ class GridMap::Impl {
       const double height_m = static_cast<double>(step) * height_step_m_ - below_m;
       const Eigen::Vector3d p = foot + height_m * up;
       const double u = p.x() / p.z(), v = p.y() / p.z();
-      column_[step] = reader.contains(u, v) ? reader.value(u, v) : std::numeric_limits<float>::quiet_NaN();
+      const bool is_in = reader.contains(u, v);
+      column_[step] = is_in ? reader.value(u, v) : std::numeric_limits<float>::quiet_NaN();
+      soft_column_[step] = is_in ? reader.soft_value(u, v) : 0.0F;
       any_known |= !std::isnan(column_[step]);
     }
     if (!any_known) return false;
     split(tile);
     bool is_class = false;
     for (int offset = 0; offset < kOffsets; ++offset) {
-      float least = 1.0F, greatest = 0.0F;
+      float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
       int known = 0;
       for (int h = 0; h <= heights_per_offset_; ++h) {
         if (h * height_step_m_ < hidden_below_m) continue;
-        const float p = column_[static_cast<std::size_t>(offset * steps_per_offset_ + h)];
-        if (std::isnan(p)) continue;
+        const auto step = static_cast<std::size_t>(offset * steps_per_offset_ + h);
+        if (std::isnan(column_[step])) continue;
         ++known;
-        least = std::min(least, p);
-        greatest = std::max(greatest, p);
+        least = std::min(least, column_[step]);
+        greatest = std::max(greatest, column_[step]);
+        soft_least = std::min(soft_least, soft_column_[step]);
       }
       if (known == 0) continue;
       // What is cut off by the image's edge or not known may be anything.
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
-      float& log_odds = tile.log_odds[i][cell];
-      const auto now = static_cast<double>(least), before = probability_of(static_cast<double>(log_odds));
-      if (tile.images[cell] > 0 && (now > 0.1 || before > 0.5)) {
-        shared_[i] += std::min(now, before);
-        all_[i] += std::max(now, before);
+      Evidence& evidence = tile.evidence[i][cell];
+      const double weight = greatest > 0.5F ? 1.0 : params_.negative_weight;
+      const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least) - 0.5), 0.0, 1.0);
+      const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft());
+      if (tile.images[cell] > 0) {
+        shared_[i] += weight * std::min(soft, before);
+        all_[i] += weight * std::max(soft, before);
       }
-      is_class |= least > 0.5F;
-      add(log_odds, evidence_of(now, greatest > 0.5F));
+      is_class |= least > 0.5F || soft_least > kSoftClass;
+      add(evidence, weight, sharp, soft);
     }
     if (is_class) {
       ++tile.class_images[cell];
@@ -478,14 +499,17 @@ class GridMap::Impl {
     return true;
   }
 
+  static constexpr double kContrast = 3.0;
+  static constexpr float kSoftClass = 0.4F, kNoisy = 0.9F;
   static constexpr double kHiddenMargin_m = 0.1;
 
   GridMapParams params_;
-  std::shared_ptr<const Elevation> elevation_;
+  std::shared_ptr<const Elevation> elevation_;  ///< as given: what hides the ground behind it
+  std::shared_ptr<const Elevation> ground_;     ///< smoothed: where things stand
   int heights_per_offset_ = 0, steps_per_offset_ = 0;
   double height_step_m_ = 0.0;
   std::map<Place, Tile> tiles_;
-  std::vector<float> column_;
+  std::vector<float> column_, soft_column_;
   std::int64_t stamp_ns_ = 0;
   /// What an image and the map before it share, and what either has: of this image and of all.
   std::array<double, kOffsets> shared_{}, all_{}, shared_sum_{}, all_sum_{};
@@ -504,8 +528,12 @@ void GridMap::keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
   impl_->keep_around(p_world_m, distance_m);
 }
 double GridMap::elevation_offset_m() const { return impl_->offset_m(impl_->best_offset()); }
-void GridMap::clusters(std::vector<GridCluster>& clusters) const { impl_->clusters(clusters); }
-SemanticGrid GridMap::grid() const { return impl_->grid(); }
+SemanticGrid GridMap::grid() const {
+  SemanticGrid grid;
+  impl_->read(grid, false);
+  return grid;
+}
+void GridMap::read_class(SemanticGrid& grid) const { impl_->read(grid, true); }
 const GridMapParams& GridMap::params() const { return impl_->params(); }
 
 }  // namespace situation_awareness

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <limits>
+#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -80,6 +81,32 @@ TEST(Elevation, IsUnknownBesideAPixelWithoutDataOnly) {
   EXPECT_TRUE(std::isnan(elevation.at(11.5, 17.0)));
   EXPECT_NEAR(elevation.at(13.0, 18.0), plane(13.0, 18.0), 1e-5);  // at the middle of the next pixel
   EXPECT_NEAR(elevation.at(15.5, 17.0), plane(15.5, 17.0), 1e-5);
+}
+
+TEST(Elevation, SmoothingKeepsPlanesAndWhatIsUnknown) {
+  std::vector<float> heights = plane_heights();
+  heights[0] = kNaN;
+  const Elevation smooth = Elevation(4, 3, {10.0, 20.0}, {2.0, 4.0}, heights).smoothed(3.0);
+  EXPECT_TRUE(std::isnan(smooth.at(11.0, 18.0)));
+  EXPECT_FALSE(std::isnan(smooth.at(13.0, 18.0)));
+  const Elevation plane_smooth = plane_elevation().smoothed(3.0);
+  for (const double x : {11.0, 13.7, 17.0}) EXPECT_NEAR(plane_smooth.at(x, 13.0), plane(x, 13.0), 1e-5);
+}
+
+TEST(Elevation, SmoothingTakesNoiseAsAGaussianDoes) {
+  constexpr int kPixels = 200;
+  std::mt19937 random(1);
+  std::normal_distribution<float> normal;
+  std::vector<float> heights;
+  for (int i = 0; i < kPixels * kPixels; ++i) heights.push_back(normal(random));
+  const double sigma_m = 2.0;
+  const Elevation smooth = Elevation(kPixels, kPixels, {0.0, 200.0}, {1.0, 1.0}, heights).smoothed(sigma_m);
+  double sum = 0.0;
+  int count = 0;
+  for (double x = 20.5; x < 180.0; ++x) {
+    for (double y = 20.5; y < 180.0; ++y, ++count) sum += smooth.at(x, y) * smooth.at(x, y);
+  }
+  EXPECT_NEAR(std::sqrt(sum / count), 1.0 / (2.0 * std::sqrt(M_PI) * sigma_m), 0.01);  // of white noise
 }
 
 TEST(Elevation, OfOnePixelIsFlat) {

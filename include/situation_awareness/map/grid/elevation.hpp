@@ -23,6 +23,10 @@ class Elevation {
   /// Throws std::runtime_error naming the file and what is wrong: it cannot be read, is rotated, or not north up.
   static Elevation load(const std::string& path);
 
+  /// Without noise of single pixels: Gaussian means with that standard deviation, above 0, of the known pixels. A plane
+  /// stays as it is, and what is not known.
+  Elevation smoothed(double sigma_m) const;
+
   int width() const { return width_; }
   int height() const { return height_; }
   const Eigen::Vector2d& corner_world_m() const { return corner_world_m_; }

@@ -16,9 +16,10 @@ struct SemanticGrid {
   double cell_m = 0.5;
   int first_column = 0, first_row = 0;  ///< the south-west corner is at (first_column, first_row) * cell_m
   int width = 0, height = 0;
-  std::vector<float> probability;     ///< NaN where nothing was observed
-  std::vector<std::int32_t> images;   ///< with evidence on the cell
-  std::vector<float> ground_world_m;  ///< height of the cell's middle; NaN where it is not known
+  std::vector<float> probability;          ///< NaN where nothing was observed
+  std::vector<std::int32_t> images;        ///< with evidence on the cell
+  std::vector<std::int32_t> class_images;  ///< of them those with evidence for the class
+  std::vector<float> ground_world_m;       ///< height of the cell's middle; NaN where it is not known
 
   std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
@@ -28,7 +29,7 @@ struct SemanticGrid {
   }
 };
 
-/// Cells beside one another that are of the class, by the map as it is.
+/// Cells that touch by an edge or a corner and are of the class.
 struct GridCluster {
   Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();  ///< mean of the cells' middles, weighted by their probability
   double ground_world_m = 0.0;                          ///< of that place
@@ -36,6 +37,9 @@ struct GridCluster {
   double probability = 0.0;  ///< mean of the cells
   int images = 0;            ///< with evidence for the class, of the cell that has most
 };
+
+/// Of the cells whose probability is above a half. Overwrites `clusters`.
+void find_clusters(const SemanticGrid& grid, std::vector<GridCluster>& clusters);
 
 /// Something of the class: a cluster that is followed from image to image.
 struct GridTarget {

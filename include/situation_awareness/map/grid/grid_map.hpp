@@ -21,9 +21,10 @@ struct GridMapParams {
   double reach_m = 220.0;
   double class_height_m = 1.5;
   double negative_weight = 0.2;
-  double max_evidence = 2.0;
-  double max_log_odds = 12.0;
+  double max_weight = 100.0;
+  double least_mean = 0.5;
   double offset_step_m = 0.5;
+  double smooth_m = 2.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -32,10 +33,15 @@ struct GridMapParams {
     visit("class_height_m", self.class_height_m, Bounds{0.1, 20.0}, "m", "height of what belongs to the class");
     visit("negative_weight", self.negative_weight, Bounds{0.01, 1.0}, "",
           "of evidence against the class, as what is hidden by something unknown looks like nothing");
-    visit("max_evidence", self.max_evidence, Bounds{0.1, 20.0}, "", "of one image on one cell, in log odds");
-    visit("max_log_odds", self.max_log_odds, Bounds{1.0, 100.0}, "", "of a cell");
+    visit("max_weight", self.max_weight, Bounds{1.0, 1e6}, "",
+          "of a cell's evidence: an image counts 1 at most, and after so many older ones fade");
+    visit("least_mean", self.least_mean, Bounds{0.01, 1.0}, "",
+          "evidence of which half makes a cell of the class, however weak all is around it");
     visit("offset_step_m", self.offset_step_m, Bounds{0.05, 2.0}, "m",
           "between the nine errors of the elevation that are tried");
+    visit("smooth_m", self.smooth_m, Bounds{0.0, 100.0}, "m",
+          "standard deviation of the Gaussian that the elevation is smoothed with, as its pixels have errors; 0: it is "
+          "not");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -51,8 +57,10 @@ struct GridUpdate {
 /// The semantic grid of one class by label images with a pose (the ScoutNet paper, Sect. V; docs/math/grid.md). In the
 /// place of casting each pixel's ray, the column above each cell, as high as the class, is projected into the image,
 /// and the least probability along it is the evidence of this image: a column that is of the class from foot to top.
-/// Elevation models have a common error, so the evidence is kept for nine of them, and that in which the images agree
-/// best is believed.
+/// A cell is of the class where the mean of its evidence is at least half of the greatest near it, so that images that
+/// miss the class now and then are no harm. An image that shows nothing of the class along a column counts less: it may
+/// be hidden. Elevation models have a common error, so the evidence is kept for nine of them, and that in which the
+/// images agree best is believed.
 class GridMap {
  public:
   static constexpr int kOffsets = 9;
@@ -74,8 +82,8 @@ class GridMap {
   /// The error of the elevation that is believed: the ground is so much higher than the model says.
   double elevation_offset_m() const;
 
-  /// What is of the class: cells that touch by an edge or a corner. Overwrites `clusters`.
-  void clusters(std::vector<GridCluster>& clusters) const;
+  /// The cells of the tiles in which something of the class was seen. Overwrites `grid`, whose memory it uses again.
+  void read_class(SemanticGrid& grid) const;
 
   /// The cells of all observed tiles.
   SemanticGrid grid() const;

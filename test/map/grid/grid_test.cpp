@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/grid/grid.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+#include <vector>
+
+namespace situation_awareness {
+namespace {
+
+/// Rows from the north, as one reads them: '#' of the class, '.' not, ' ' not observed.
+SemanticGrid grid_of(const std::vector<std::string>& rows) {
+  SemanticGrid grid;
+  grid.cell_m = 2.0;
+  grid.first_column = -5;
+  grid.first_row = 10;
+  grid.width = static_cast<int>(rows[0].size());
+  grid.height = static_cast<int>(rows.size());
+  for (auto row = rows.rbegin(); row != rows.rend(); ++row) {
+    for (const char c : *row) {
+      grid.probability.push_back(c == '#' ? 0.9F : c == '.' ? 0.1F : std::numeric_limits<float>::quiet_NaN());
+      grid.images.push_back(c == ' ' ? 0 : 5);
+      grid.class_images.push_back(c == '#' ? static_cast<int>(grid.class_images.size()) : 0);
+      grid.ground_world_m.push_back(3.0F);
+    }
+  }
+  return grid;
+}
+
+TEST(FindClusters, TakesCellsThatTouchByAnEdgeOrACornerTogether) {
+  std::vector<GridCluster> clusters;
+  find_clusters(grid_of({"#..#",  //
+                         ".#. ",  //
+                         "....",  //
+                         "##.#"}),
+                clusters);
+  ASSERT_EQ(clusters.size(), 4U);  // in the order of rows from the south
+  EXPECT_EQ(clusters[0].area_m2, 8.0);
+  EXPECT_EQ(clusters[0].p_world_m, Eigen::Vector2d(-8.0, 21.0));
+  EXPECT_EQ(clusters[0].images, 1);
+  EXPECT_FLOAT_EQ(static_cast<float>(clusters[0].probability), 0.9F);
+  EXPECT_EQ(clusters[0].ground_world_m, 3.0);
+  EXPECT_EQ(clusters[1].area_m2, 4.0);
+  EXPECT_EQ(clusters[2].area_m2, 8.0);
+  EXPECT_EQ(clusters[2].p_world_m, Eigen::Vector2d(-8.0, 26.0));
+  EXPECT_EQ(clusters[3].p_world_m, Eigen::Vector2d(-3.0, 27.0));
+}
+
+TEST(FindClusters, OfNothingAreNone) {
+  std::vector<GridCluster> clusters(3);
+  find_clusters(SemanticGrid{}, clusters);
+  EXPECT_TRUE(clusters.empty());
+  find_clusters(grid_of({". .", "..."}), clusters);
+  EXPECT_TRUE(clusters.empty());
+}
+
+}  // namespace
+}  // namespace situation_awareness
