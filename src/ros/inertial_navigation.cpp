@@ -25,7 +25,7 @@ constexpr double kLatestFix_s = 2.0;
 constexpr double kFollow_s = 100.0;
 /// Until the pose is ready, in what is followed back, they are the filter's anew once its tilt has become better by
 /// this, in the variance: after a start in a turn the tilt is off by degrees.
-constexpr double kMuchBetter = 4.0;
+constexpr double kMuchBetter = 9.0;
 
 Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
   return Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
