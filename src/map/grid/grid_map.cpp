@@ -16,7 +16,7 @@ constexpr int kOffsets = GridMap::kOffsets;
 constexpr int kTileCells = 32;  ///< along an edge
 constexpr int kCellsOfTile = kTileCells * kTileCells;
 constexpr double kLeastDepth_m = 0.1;
-constexpr double kLeastLabel = 0.05;  ///< columns that see less in sum are not of the class
+constexpr float kLeastLabel = 0.2F;  ///< columns that see no pixel above it are not of the class
 constexpr double kHeightStep_m = 0.25;
 
 /// Of a tile, or of a cell.
@@ -52,12 +52,17 @@ class LabelReader {
   explicit LabelReader(const SoftLabels& labels)
       : labels_(labels), width_(labels.camera.width), height_(labels.camera.height) {
     sums_.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
+    class_counts_.assign(sums_.size(), 0);
+    find_peaks();
     for (int v = 0; v < height_; ++v) {
       double row = 0.0;
+      int class_row = 0;
       for (int u = 0; u < width_; ++u) {
         const float p = at(u, v);
         if (is_known(p)) row += static_cast<double>(p);
+        if (is_known(p) && p > kLeastLabel) class_row += 1;
         sum(u + 1, v + 1) = sum(u + 1, v) + row;
+        class_count(u + 1, v + 1) = class_count(u + 1, v) + class_row;
       }
     }
   }
@@ -83,17 +88,52 @@ class LabelReader {
     });
   }
 
-  /// Of the known pixels that a rectangle touches, in between which it is read.
-  double sum_of(double u_min, double u_max, double v_min, double v_max) const {
+  /// The greatest of 5 x 5 pixels around: less than 1 where something is thinner than a pixel.
+  float peak(double u, double v) const {
+    const int c = std::clamp(static_cast<int>(std::lround(u)), 0, width_ - 1);
+    const int r = std::clamp(static_cast<int>(std::lround(v)), 0, height_ - 1);
+    return peaks_[static_cast<std::size_t>(r) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(c)];
+  }
+
+  /// Whether a pixel that may be of the class is in a rectangle, or beside it.
+  bool has_class(double u_min, double u_max, double v_min, double v_max) const {
     const int c0 = std::clamp(static_cast<int>(std::floor(u_min)), 0, width_);
     const int c1 = std::clamp(static_cast<int>(std::ceil(u_max)) + 1, 0, width_);
     const int r0 = std::clamp(static_cast<int>(std::floor(v_min)), 0, height_);
     const int r1 = std::clamp(static_cast<int>(std::ceil(v_max)) + 1, 0, height_);
-    if (c0 >= c1 || r0 >= r1) return 0.0;
-    return sum(c1, r1) - sum(c0, r1) - sum(c1, r0) + sum(c0, r0);
+    if (c0 >= c1 || r0 >= r1) return false;
+    return class_count(c1, r1) - class_count(c0, r1) - class_count(c1, r0) + class_count(c0, r0) > 0;
   }
 
  private:
+  static constexpr int kPeakReach = 2;
+
+  void find_peaks() {
+    const auto index = [this](int u, int v) {
+      return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u);
+    };
+    std::vector<float> along(labels_.probability.size(), 0.0F);
+    peaks_.assign(labels_.probability.size(), 0.0F);
+    for (int v = 0; v < height_; ++v) {
+      for (int u = 0; u < width_; ++u) {
+        const float p = at(u, v);
+        if (!is_known(p) || p <= 0.0F) continue;
+        for (int c = std::max(u - kPeakReach, 0); c <= std::min(u + kPeakReach, width_ - 1); ++c) {
+          along[index(c, v)] = std::max(along[index(c, v)], p);
+        }
+      }
+    }
+    for (int v = 0; v < height_; ++v) {
+      for (int u = 0; u < width_; ++u) {
+        const float p = along[index(u, v)];
+        if (p <= 0.0F) continue;
+        for (int r = std::max(v - kPeakReach, 0); r <= std::min(v + kPeakReach, height_ - 1); ++r) {
+          peaks_[index(u, r)] = std::max(peaks_[index(u, r)], p);
+        }
+      }
+    }
+  }
+
   template <class Value>
   float between(double u, double v, const Value& value) const {
     const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
@@ -108,16 +148,19 @@ class LabelReader {
     return labels_
         .probability[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
   }
-  double& sum(int u, int v) {
-    return sums_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u)];
+  std::size_t corner(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u);
   }
-  double sum(int u, int v) const {
-    return sums_[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u)];
-  }
+  int& class_count(int u, int v) { return class_counts_[corner(u, v)]; }
+  int class_count(int u, int v) const { return class_counts_[corner(u, v)]; }
+  double& sum(int u, int v) { return sums_[corner(u, v)]; }
+  double sum(int u, int v) const { return sums_[corner(u, v)]; }
 
   const SoftLabels& labels_;
   int width_, height_;
   std::vector<double> sums_;  ///< of all pixels above and to the left
+  std::vector<int> class_counts_;
+  std::vector<float> peaks_;
 };
 
 /// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
@@ -251,7 +294,7 @@ class GridMap::Impl {
   int best_offset() const {
     int best = kOffsets / 2;
     for (int offset = 0; offset < kOffsets; ++offset) {
-      if (agreement(offset) > agreement(best) + kLeastGain) best = offset;
+      if (credible(offset) > credible(best)) best = offset;
     }
     return best;
   }
@@ -347,15 +390,17 @@ class GridMap::Impl {
   static constexpr double kSteepness = 8.0;
   static constexpr int kEnough = 6;
   static constexpr double kAround_m = 2.0;
-  static constexpr double kLeastGain = 0.01;  ///< in agreement, of an offset over the elevation as it is given
+  static constexpr double kLeastGain = 0.012;  ///< in agreement, per step away from the elevation as it is given
 
   static bool is_observed(const Tile& tile) { return !tile.evidence[0].empty(); }
 
   double max_offset_m() const { return offset_m(kOffsets - 1); }
 
-  double agreement(int offset) const {
+  /// How well the images agree with an error of the elevation, less what speaks against a large one.
+  double credible(int offset) const {
     const auto i = static_cast<std::size_t>(offset);
-    return all_sum_[i] > 0.0 ? shared_sum_[i] / all_sum_[i] : 0.0;
+    const double agreement = all_sum_[i] > 0.0 ? shared_sum_[i] / all_sum_[i] : 0.0;
+    return agreement - kLeastGain * std::abs(offset - kOffsets / 2);
   }
 
   Tile& known_tile(Place key) {
@@ -403,9 +448,8 @@ class GridMap::Impl {
       const Eigen::Vector3d low = foot - below_m * up, top = foot + (below_m + params_.class_height_m) * up;
       if (low.z() < kLeastDepth_m || top.z() < kLeastDepth_m) continue;
       const Eigen::Vector2d low_px = low.head<2>() / low.z(), top_px = top.head<2>() / top.z();
-      const bool sees_class =
-          reader.sum_of(std::min(low_px.x(), top_px.x()), std::max(low_px.x(), top_px.x()),
-                        std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y())) > kLeastLabel;
+      const bool sees_class = reader.has_class(std::min(low_px.x(), top_px.x()), std::max(low_px.x(), top_px.x()),
+                                               std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y()));
       if (!sees_class) {
         if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
         add_nothing(tile, i);
@@ -465,6 +509,10 @@ class GridMap::Impl {
     if (!any_known) return false;
     split(tile);
     bool is_class = false;
+    const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
+    const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
+    const double resolved = std::pow(std::clamp(extent_px / kResolved_px, 0.1, 1.0), 2);
+    const float peak = std::max(reader.peak(middle.x() / middle.z(), middle.y() / middle.z()), kLeastPeak);
     for (int offset = 0; offset < kOffsets; ++offset) {
       float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
       int known = 0;
@@ -482,14 +530,14 @@ class GridMap::Impl {
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
       Evidence& evidence = tile.evidence[i][cell];
-      const double weight = greatest > 0.5F ? 1.0 : params_.negative_weight;
-      const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least) - 0.5), 0.0, 1.0);
+      const double weight = resolved * (greatest > 0.5F * peak ? 1.0 : params_.negative_weight);
+      const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft());
       if (tile.images[cell] > 0) {
         shared_[i] += weight * std::min(soft, before);
         all_[i] += weight * std::max(soft, before);
       }
-      is_class |= least > 0.5F || soft_least > kSoftClass;
+      is_class |= least > 0.5F * peak || soft_least > kSoftClass;
       add(evidence, weight, sharp, soft);
     }
     if (is_class) {
@@ -500,6 +548,8 @@ class GridMap::Impl {
   }
 
   static constexpr double kContrast = 3.0;
+  static constexpr double kResolved_px = 2.0;  ///< of a column that is seen well
+  static constexpr float kLeastPeak = 0.4F;
   static constexpr float kSoftClass = 0.4F, kNoisy = 0.9F;
   static constexpr double kHiddenMargin_m = 0.1;
 
