@@ -1,65 +1,162 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Semantic grids of analytic scenes against their truth.
+// Semantic grids of analytic scenes against their truth, or what a camera sees of these scenes.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <fstream>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
+namespace situation_awareness {
+namespace {
+
+constexpr double kElevationPixel_m = 1.0;
+
+PinholeCamera camera_of(int size) {
+  const double f = 0.5 * size / std::tan(radians(30.0));
+  return {size, size, f, f, 0.5 * (size - 1), 0.5 * (size - 1)};
+}
+
+/// Sums over seeds.
+struct Result {
+  double overlap = 0.0, shadow = 0.0, offset_m = 0.0, distance_m = 0.0, in_regions = 0.0, time_ms = 0.0;
+  int missed = 0, wrong = 0, seeds = 0;
+  std::size_t images = 0;
+};
+
+void add_run(Result& result, const GridCase& given, const PinholeCamera& camera, std::uint32_t seed) {
+  GridPipeline pipeline(GridPipelineParams{},
+                        std::make_shared<Elevation>(elevation_of(given, kElevationPixel_m, seed)));
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
+    const SoftLabels labels = labels_of(given, camera, i, seed);
+    const auto begin = std::chrono::steady_clock::now();
+    pipeline.process(labels, given_pose(given, i, seed));
+    result.time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    ++result.images;
+  }
+  const GridScore cells = score(given, pipeline.map().grid());
+  const TargetScore targets = score(given, pipeline.targets());
+  result.overlap += cells.intersection_over_union;
+  result.shadow += cells.shadow_share;
+  result.offset_m += pipeline.map().elevation_offset_m();
+  result.missed += targets.missed;
+  result.wrong += targets.wrong;
+  result.distance_m += targets.mean_distance_m;
+  result.in_regions += targets.in_regions;
+  ++result.seeds;
+}
+
+void print(const std::string& name, int size, const Result& result) {
+  const double n = result.seeds;
+  std::printf(
+      "%-14s %4d  IoU %.3f  shadow %.3f  offset %5.2f m  missed %d  wrong %d  centroid %.2f m  in 99 %% %.2f  "
+      "%.2f ms\n",
+      name.c_str(), size, result.overlap / n, result.shadow / n, result.offset_m / n, result.missed, result.wrong,
+      result.distance_m / n, result.in_regions / n, result.time_ms / static_cast<double>(result.images));
+  std::fflush(stdout);
+}
+
+nlohmann::json json_of(const Eigen::Isometry3d& T) {
+  const Eigen::Quaterniond q(T.linear());
+  return {T.translation().x(), T.translation().y(), T.translation().z(), q.x(), q.y(), q.z(), q.w()};
+}
+
+/// FOLDER/NAME_SIZE_SEED/: dem.tif, case.json, and labels.f32 with the images one behind the other, rows from the top.
+void write(const std::filesystem::path& folder, const GridCase& given, const PinholeCamera& camera,
+           std::uint32_t seed) {
+  const std::filesystem::path path =
+      folder / (given.name + '_' + std::to_string(camera.width) + '_' + std::to_string(seed));
+  std::filesystem::create_directories(path);
+  elevation_of(given, kElevationPixel_m, seed).save((path / "dem.tif").string());
+  std::ofstream pixels(path / "labels.f32", std::ios::binary);
+  nlohmann::json images = nlohmann::json::array(), cars = nlohmann::json::array();
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
+    const SoftLabels labels = labels_of(given, camera, i, seed);
+    pixels.write(reinterpret_cast<const char*>(labels.probability.data()),
+                 static_cast<std::streamsize>(labels.probability.size() * sizeof(float)));
+    images.push_back({{"stamp_ns", labels.stamp_ns},
+                      {"pose", json_of(given_pose(given, i, seed))},
+                      {"true_pose", json_of(given.T_world_camera[i])}});
+  }
+  for (const SceneCar& car : given.scene.cars) {
+    const Eigen::Vector2d p_m = car.T_world_car.translation_m;
+    cars.push_back({{"x", p_m.x()},
+                    {"y", p_m.y()},
+                    {"z", given.scene.ground(p_m.x(), p_m.y())},
+                    {"yaw", car.T_world_car.yaw_rad},
+                    {"size", {car.size_m.x(), car.size_m.y(), car.size_m.z()}}});
+  }
+  const nlohmann::json all{{"width", camera.width},
+                           {"height", camera.height},
+                           {"fx", camera.fx_px},
+                           {"fy", camera.fy_px},
+                           {"cx", camera.cx_px},
+                           {"cy", camera.cy_px},
+                           {"images", images},
+                           {"cars", cars},
+                           {"hidden_cars", given.hidden_cars}};
+  std::ofstream file(path / "case.json");
+  file << all.dump(1) << '\n';
+  if (!pixels || !file) throw std::runtime_error(path.string() + ": cannot be written");
+}
+
+struct Options {
+  std::vector<std::string> scenes = grid_case_names();
+  std::vector<int> sizes{224, 112, 56};
+  std::uint32_t first_seed = 1, seeds = 4;
+  std::string folder;
+};
+
+void run(const Options& options) {
+  for (const std::string& name : options.scenes) {
+    for (const int size : options.sizes) {
+      Result result;
+      for (std::uint32_t i = 0; i < options.seeds; ++i) {
+        const std::uint32_t seed = options.first_seed + i;
+        const GridCase given = make_grid_case(name, seed);
+        if (options.folder.empty()) {
+          add_run(result, given, camera_of(size), seed);
+        } else {
+          write(options.folder, given, camera_of(size), seed);
+        }
+      }
+      if (options.folder.empty()) print(name, size, result);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  CLI::App app("Semantic grids of analytic scenes against their truth", "grid_scenes");
-  std::vector<std::string> names = grid_case_names();
-  std::vector<int> sizes{224, 112, 56};
-  std::uint32_t seeds = 4;
-  app.add_option("--scenes", names, "their names");
-  app.add_option("--sizes", sizes, "pixels across the label images");
-  app.add_option("--seeds", seeds, "number of seeds, from 1 on");
+  Options options;
+  CLI::App app("Semantic grids of analytic scenes against their truth, or what a camera sees of these scenes",
+               "grid_scenes");
+  app.add_option("--scenes", options.scenes, "their names")->check(CLI::IsMember(grid_case_names()));
+  app.add_option("--sizes", options.sizes, "pixels across the label images")->check(CLI::Range(8, 2048));
+  app.add_option("--first-seed", options.first_seed, "the first seed");
+  app.add_option("--seeds", options.seeds, "number of seeds");
+  app.add_option("--write", options.folder, "write label images, poses, elevation and truth into this folder instead");
   CLI11_PARSE(app, argc, argv);
-  for (const std::string& name : names) {
-    for (const int size : sizes) {
-      double overlap = 0.0, shadow = 0.0, time_ms = 0.0, offset_m = 0.0, distance_m = 0.0, inside = 0.0;
-      int missed = 0, wrong = 0;
-      std::uint64_t ids = 0;
-      std::size_t images = 0;
-      for (std::uint32_t seed = 1; seed <= seeds; ++seed) {
-        const GridCase given = make_grid_case(name, seed);
-        const double f = 0.5 * size / std::tan(radians(30.0));
-        const PinholeCamera camera{size, size, f, f, 0.5 * (size - 1), 0.5 * (size - 1)};
-        GridPipeline pipeline(GridPipelineParams{}, std::make_shared<Elevation>(elevation_of(given, 1.0, seed)));
-        for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
-          const SoftLabels labels = labels_of(given, camera, i, seed);
-          const auto begin = std::chrono::steady_clock::now();
-          pipeline.process(labels, given_pose(given, i, seed));
-          time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
-          ++images;
-        }
-        const GridScore found = score(given, pipeline.map().grid());
-        const TargetScore targets = score(given, pipeline.targets());
-        missed += targets.missed;
-        wrong += targets.wrong;
-        distance_m += targets.mean_distance_m / seeds;
-        inside += targets.in_regions / seeds;
-        for (const GridTarget& target : pipeline.targets().targets) ids = std::max(ids, target.id);
-        overlap += found.intersection_over_union / seeds;
-        shadow += found.shadow_share / seeds;
-        offset_m += pipeline.map().elevation_offset_m() / seeds;
-      }
-      std::printf(
-          "%-16s %4d  IoU %.3f  shadow %.3f  offset %5.2f  missed %d  wrong %d  centroid %.2f m  in 99 %% %.2f  "
-          "greatest id %llu  %.2f ms\n",
-          name.c_str(), size, overlap, shadow, offset_m, missed, wrong, distance_m, inside,
-          static_cast<unsigned long long>(ids), time_ms / static_cast<double>(images));
-      std::fflush(stdout);
-    }
+  try {
+    run(options);
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "grid_scenes: %s\n", error.what());
+    return 1;
   }
 }

@@ -72,6 +72,23 @@ Elevation Elevation::load(const std::string& path) {
   }
 }
 
+void Elevation::save(const std::string& path) const {
+  const QuietGdal quiet;
+  Dataset dataset(GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), width_, height_, 1, GDT_Float32, nullptr));
+  if (!dataset) throw std::runtime_error(path + ": cannot be written: " + CPLGetLastErrorMsg());
+  std::array<double, 6> transform{corner_world_m_.x(), pixel_m_.x(), 0.0, corner_world_m_.y(), 0.0, -pixel_m_.y()};
+  std::vector<float> heights = heights_;
+  GDALRasterBandH const band = GDALGetRasterBand(dataset.get(), 1);
+  GDALSetGeoTransform(dataset.get(), transform.data());
+  GDALSetRasterNoDataValue(band, kUnknown);
+  const CPLErr result =
+      GDALRasterIO(band, GF_Write, 0, 0, width_, height_, heights.data(), width_, height_, GDT_Float32, 0, 0);
+  dataset.reset();  // writes
+  if (result != CE_None || CPLGetLastErrorType() >= CE_Failure) {
+    throw std::runtime_error(path + ": cannot be written: " + CPLGetLastErrorMsg());
+  }
+}
+
 Elevation Elevation::smoothed(double sigma_m) const {
   // Gaussian along columns, then rows, each over three standard deviations; pixels without data have no weight.
   const auto kernel_of = [sigma_m](double pixel_m) {

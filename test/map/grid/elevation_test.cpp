@@ -122,6 +122,22 @@ TEST(Elevation, ReadsAGeoTiff) {
   for (const double x : {11.0, 13.7, 17.0}) EXPECT_EQ(elevation.at(x, 13.0), plane_elevation().at(x, 13.0));
 }
 
+TEST(Elevation, IsReadBackAsItWasSaved) {
+  std::vector<float> heights = plane_heights();
+  heights[5] = kNaN;
+  const std::string path = (std::filesystem::path(testing::TempDir()) / "saved.tif").string();
+  const Elevation elevation(4, 3, {10.0, 20.0}, {2.0, 4.0}, heights);
+  elevation.save(path);
+  const Elevation read = Elevation::load(path);
+  for (double x = 9.5; x < 19.0; x += 0.5) {
+    for (double y = 7.5; y < 21.0; y += 0.5) {
+      const double saved = elevation.at(x, y);
+      EXPECT_TRUE(std::isnan(saved) ? std::isnan(read.at(x, y)) : read.at(x, y) == saved) << x << ' ' << y;
+    }
+  }
+  EXPECT_THROW(elevation.save("/nowhere/dem.tif"), std::runtime_error);
+}
+
 TEST(Elevation, TakesTheValueForNoDataForUnknown) {
   const auto no_data = static_cast<double>(plane_heights()[5]);
   const Elevation elevation = Elevation::load(write_geotiff("hole.tif", {10.0, 2.0, 0.0, 20.0, 0.0, -4.0}, no_data));

@@ -23,6 +23,9 @@ class Elevation {
   /// Throws std::runtime_error naming the file and what is wrong: it cannot be read, is rotated, or not north up.
   static Elevation load(const std::string& path);
 
+  /// As a GeoTIFF that `load` reads. Throws std::runtime_error naming the path.
+  void save(const std::string& path) const;
+
   /// Without noise of single pixels: Gaussian means with that standard deviation, above 0, of the known pixels. A plane
   /// stays as it is, and what is not known.
   Elevation smoothed(double sigma_m) const;
