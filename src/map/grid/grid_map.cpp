@@ -333,7 +333,7 @@ class GridMap::Impl {
         for (int c = 0; c < kTileCells; ++c) {
           const auto from = static_cast<std::size_t>(r * kTileCells + c);
           const std::size_t to = grid.index((key.column - left) * kTileCells + c, (key.row - low) * kTileCells + r);
-          grid.ground_world_m[to] = tile.ground_world_m[from];
+          grid.ground_world_m[to] = tile.ground_world_m[from] + static_cast<float>(offset_m(best));
           grid.images[to] = tile.images[from];
           grid.class_images[to] = tile.class_images[from];
           if (tile.images[from] == 0) continue;

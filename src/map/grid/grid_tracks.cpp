@@ -89,8 +89,10 @@ void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen
 Eigen::Matrix2d GridTracks::covariance_of(const Track& track) const {
   const double n = std::max(track.images, 1);
   const double common = params_.pose_correlation + (1.0 - params_.pose_correlation) / n;
-  return track.covariance_sum_m2 / n * common + track.ground_sum_m2 / n +
-         params_.outline_sigma_m * params_.outline_sigma_m * Eigen::Matrix2d::Identity();
+  Eigen::Matrix2d covariance = track.covariance_sum_m2 / n * common + track.ground_sum_m2 / n +
+                               params_.outline_sigma_m * params_.outline_sigma_m * Eigen::Matrix2d::Identity();
+  covariance(1, 0) = covariance(0, 1);  // but for round-off
+  return covariance;
 }
 
 }  // namespace situation_awareness

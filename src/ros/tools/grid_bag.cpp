@@ -2,13 +2,15 @@
 // From a recorded bag of label images to a semantic grid, without a roscore, as fast as possible.
 #include <cstdint>
 #include <cstdio>
-#include <iterator>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nav_msgs/Odometry.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
@@ -43,7 +45,6 @@ Images that cannot be used have no line and are counted by reason. Files are wri
 )";
 
 constexpr double kResetTimeJump_s = 1.0;
-constexpr double kMaxInfoAge_s = 1.0;  ///< of a camera_info of the same size that is not of the image's stamp
 constexpr double kMaxOdometryAge_s = 0.2;
 
 struct Options {
@@ -82,23 +83,41 @@ Json json_of(const GridTargets& targets) {
   return line;
 }
 
-/// The camera_info that an image needs: that of its stamp, or else the latest, if it is of its size.
+/// The cameras of a bag, read before its images: a message may come after the image that it is of.
 class CameraInfos {
  public:
-  void add(const sensor_msgs::CameraInfoConstPtr& info) {
-    infos_[to_nanoseconds(info->header.stamp)] = info;
-    while (infos_.size() > kKept) infos_.erase(infos_.begin());
+  CameraInfos(const std::string& bag_path, const std::string& topic) {
+    rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
+    const std::string bare = tf2_frame(topic);
+    for (const rosbag::MessageInstance& instance :
+         rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
+      if (const auto info = instance.instantiate<sensor_msgs::CameraInfo>()) {
+        infos_[to_nanoseconds(info->header.stamp)] = info;
+      }
+    }
   }
 
-  sensor_msgs::CameraInfoConstPtr of(std::int64_t stamp_ns) const {
-    const auto after = infos_.upper_bound(stamp_ns);
-    if (after != infos_.begin()) return std::prev(after)->second;
-    const bool is_near = after != infos_.end() && seconds_between(stamp_ns, after->first) <= kMaxInfoAge_s;
-    return is_near ? after->second : nullptr;
+  /// That of the image's stamp; else the latest before it, or the first after it, of its size; else null.
+  sensor_msgs::CameraInfoConstPtr of(const sensor_msgs::Image& image) const {
+    const auto after = infos_.upper_bound(to_nanoseconds(image.header.stamp));
+    sensor_msgs::CameraInfoConstPtr other;
+    for (auto it = after; it != infos_.begin();) {
+      --it;
+      if (it->second->header.stamp == image.header.stamp || is_of(*it->second, image)) return it->second;
+      other = it->second;
+    }
+    for (auto it = after; it != infos_.end(); ++it) {
+      if (is_of(*it->second, image)) return it->second;
+      other = it->second;
+    }
+    return other;
   }
 
  private:
-  static constexpr std::size_t kKept = 1000;
+  static bool is_of(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image) {
+    return info.width == image.width && info.height == image.height;
+  }
+
   std::map<std::int64_t, sensor_msgs::CameraInfoConstPtr> infos_;
 };
 
@@ -143,11 +162,11 @@ int grid_bag(const Options& options) {
   GridPipeline pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem)));
   BagPlayer player(options.bag, kResetTimeJump_s);
   LineFile out(options.out);
-  CameraInfos infos;
+  const CameraInfos infos(options.bag.bag, options.camera_info_topic);
   PoseCovariances covariances;
   std::size_t out_of_range = 0;
   player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
-                                            [&](const auto& msg, const ros::Time& /*recorded*/) { infos.add(msg); });
+                                            [](const auto& /*msg*/, const ros::Time& /*recorded*/) {});  // is it there?
   if (!options.odom_topic.empty()) {
     player.subscribe<nav_msgs::Odometry>(
         options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) { covariances.add(*msg); });
@@ -159,7 +178,7 @@ int grid_bag(const Options& options) {
             taken, recorded,
             [&, msg](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) -> std::string {
               const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
-              const sensor_msgs::CameraInfoConstPtr info = infos.of(stamp_ns);
+              const sensor_msgs::CameraInfoConstPtr info = infos.of(*msg);
               if (!info) return "no camera_info";
               const std::string defect = labels_msg_defect(*msg, *info);
               if (!defect.empty()) return defect;

@@ -19,7 +19,7 @@ struct SemanticGrid {
   std::vector<float> probability;          ///< NaN where nothing was observed
   std::vector<std::int32_t> images;        ///< with evidence on the cell
   std::vector<std::int32_t> class_images;  ///< of them those with evidence for the class
-  std::vector<float> ground_world_m;       ///< height of the cell's middle; NaN where it is not known
+  std::vector<float> ground_world_m;       ///< height of the cell's middle, less the error of the elevation; or NaN
 
   std::size_t index(int column, int row) const {
     return static_cast<std::size_t>(row) * static_cast<std::size_t>(width) + static_cast<std::size_t>(column);
