@@ -16,6 +16,7 @@ add_message_files(DIRECTORY msg FILES
   MappedObjectArray.msg
   MappedPolygon.msg
   MappedSplinegon.msg
+  MappedTarget.msg
   MissionStatus.msg
   PathError.msg
   PolygonArray.msg
@@ -23,6 +24,7 @@ add_message_files(DIRECTORY msg FILES
   SegmentArray.msg
   SegmentPoint.msg
   SplinegonArray.msg
+  TargetArray.msg
   ThingOutline.msg
   Transit.msg)
 add_service_files(DIRECTORY srv FILES
@@ -34,6 +36,7 @@ add_service_files(DIRECTORY srv FILES
   LoadSplinegons.srv
   PlanDubins.srv
   Relocate.srv
+  SaveGrid.srv
   SaveObjects.srv
   SavePolygons.srv
   SaveSplinegons.srv)

@@ -2,6 +2,7 @@
 add_library(${PROJECT_NAME}_ros
   src/ros/convert/cloud.cpp
   src/ros/convert/detections.cpp
+  src/ros/convert/grid.cpp
   src/ros/convert/hit_labels.cpp
   src/ros/convert/images.cpp
   src/ros/convert/labels.cpp
@@ -22,6 +23,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/inertial_navigation.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
+  src/ros/markers/grid_markers.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
   src/ros/markers/polygon_markers.cpp
@@ -32,6 +34,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/markers/truth_markers.cpp
   src/ros/master_watch.cpp
   src/ros/nis_report.cpp
+  src/ros/odometry_covariances.cpp
   src/ros/pose_covariance_input.cpp
   src/ros/pose_offset_report.cpp
   src/ros/object_report.cpp
@@ -40,6 +43,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/circumnavigate_nodelet_params.cpp
   src/ros/params/gps_ins_nodelet_params.cpp
   src/ros/params/live_params.cpp
+  src/ros/params/grid_nodelet_params.cpp
   src/ros/params/localization_nodelet_params.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/object_nodelet_params.cpp
@@ -75,6 +79,7 @@ target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_
 add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/circumnavigate_nodelet.cpp
   src/ros/nodelets/detection_nodelet.cpp
+  src/ros/nodelets/grid_mapping_nodelet.cpp
   src/ros/nodelets/gps_ins_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
   src/ros/nodelets/path_following_nodelet.cpp

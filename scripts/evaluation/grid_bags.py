@@ -84,7 +84,8 @@ def write_bag(folder, change=lambda messages: messages):
     messages = [(at(-1.0), "/tf_static", TFMessage([transform_msg(
         at(-1.0), "base_link", "camera_optical", P_BASE_CAMERA_M, R_BASE_CAMERA.as_quat())]))]
     # TF has each image's pose at its stamp, and others between.
-    ticks = np.unique(np.concatenate([times_s, np.arange(times_s[0], times_s[-1] + 0.5 / TF_HZ, 1.0 / TF_HZ)]))
+    ticks = np.unique(np.round(
+        np.concatenate([times_s, np.arange(times_s[0], times_s[-1] + 0.5 / TF_HZ, 1.0 / TF_HZ)]), 6))
     ticks = ticks[ticks <= times_s[-1]]
     turns = Slerp(times_s, bases)(ticks) if len(times_s) > 1 else bases
     for k, tick in enumerate(ticks):

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdio>
 #include <limits>
 #include <stdexcept>
 #include <vector>
@@ -43,7 +44,8 @@ void save_geotiff(const std::string& path, const SemanticGrid& grid) {
   probability.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
                      std::numeric_limits<float>::quiet_NaN());
   images.resize(probability.size(), 0.0F);
-  Dataset dataset(GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), width, height, 2, GDT_Float32, nullptr));
+  const std::string partial = path + ".part";
+  Dataset dataset(GDALCreate(GDALGetDriverByName("GTiff"), partial.c_str(), width, height, 2, GDT_Float32, nullptr));
   if (!dataset) refuse(path, "cannot be written");
   std::array<double, 6> transform{grid.first_column * grid.cell_m,         grid.cell_m, 0.0,
                                   (grid.first_row + height) * grid.cell_m, 0.0,         -grid.cell_m};
@@ -55,7 +57,11 @@ void save_geotiff(const std::string& path, const SemanticGrid& grid) {
   }
   GDALSetRasterNoDataValue(GDALGetRasterBand(dataset.get(), 1), std::numeric_limits<double>::quiet_NaN());
   dataset.reset();
-  if (!is_done || CPLGetLastErrorType() >= CE_Failure) refuse(path, "cannot be written");
+  if (!is_done || CPLGetLastErrorType() >= CE_Failure) {
+    std::remove(partial.c_str());
+    refuse(path, "cannot be written");
+  }
+  if (std::rename(partial.c_str(), path.c_str()) != 0) refuse(path, "cannot be renamed from " + partial);
 }
 
 SemanticGrid load_geotiff(const std::string& path) {

@@ -18,14 +18,18 @@ constexpr const char* kFloat = "32FC1";
 
 }  // namespace
 
-std::string labels_msg_defect(const sensor_msgs::Image& msg, const sensor_msgs::CameraInfo& info) {
+std::string labels_msg_defect(const sensor_msgs::Image& msg) {
   if (msg.encoding != kFloat) return "labels are not 32FC1";
   if (msg.width < 1 || msg.height < 1) return "image without pixels";
   if (msg.width > kMaxEdge || msg.height > kMaxEdge) return "image of more than 8192 pixels across";
   if (msg.step < msg.width * sizeof(float) || msg.data.size() < std::size_t{msg.step} * msg.height) {
     return "image with too little data";
   }
-  if (info.width != msg.width || info.height != msg.height) return "camera_info of another size";
+  return "";
+}
+
+std::string camera_info_msg_defect(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image) {
+  if (info.width != image.width || info.height != image.height) return "camera_info of another size";
   for (const double number : {info.K[0], info.K[2], info.K[4], info.K[5]}) {
     if (!std::isfinite(number)) return "camera_info with a matrix that is not finite";
   }

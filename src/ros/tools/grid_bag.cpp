@@ -4,7 +4,6 @@
 #include <cstdio>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,9 +14,7 @@
 #include <sensor_msgs/Image.h>
 
 #include "command_line.hpp"
-#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
-#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/map/grid/geotiff.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
@@ -25,9 +22,9 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
-#include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/odometry_covariances.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -45,7 +42,6 @@ Images that cannot be used have no line and are counted by reason. Files are wri
 )";
 
 constexpr double kResetTimeJump_s = 1.0;
-constexpr double kMaxOdometryAge_s = 0.2;
 
 struct Options {
   BagOptions bag;
@@ -121,41 +117,6 @@ class CameraInfos {
   std::map<std::int64_t, sensor_msgs::CameraInfoConstPtr> infos_;
 };
 
-/// The covariance of the base's pose by odometry, in the axes of CameraPoseCovariance.
-class PoseCovariances {
- public:
-  void add(const nav_msgs::Odometry& msg) {
-    CameraPoseCovariance covariance;
-    for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = msg.pose.covariance[static_cast<std::size_t>(i)];
-    const bool is_known =
-        covariance.allFinite() && covariance.diagonal().minCoeff() >= 0.0 && covariance.diagonal().maxCoeff() > 0.0;
-    if (!is_known) {
-      ++unknown_;
-      return;
-    }
-    covariances_[to_nanoseconds(msg.header.stamp)] = 0.5 * (covariance + covariance.transpose());
-    while (covariances_.size() > kKept) covariances_.erase(covariances_.begin());
-  }
-
-  std::optional<CameraPoseCovariance> at(std::int64_t stamp_ns) const {
-    const auto after = covariances_.upper_bound(stamp_ns);
-    if (after != covariances_.begin() && seconds_between(std::prev(after)->first, stamp_ns) <= kMaxOdometryAge_s) {
-      return std::prev(after)->second;
-    }
-    if (after != covariances_.end() && seconds_between(stamp_ns, after->first) <= kMaxOdometryAge_s) {
-      return after->second;
-    }
-    return {};
-  }
-
-  std::size_t unknown() const { return unknown_; }
-
- private:
-  static constexpr std::size_t kKept = 10000;
-  std::map<std::int64_t, CameraPoseCovariance> covariances_;
-  std::size_t unknown_ = 0;
-};
-
 int grid_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<GridPipelineParams>(read_text_file(path), path, print_warning);
@@ -163,7 +124,7 @@ int grid_bag(const Options& options) {
   BagPlayer player(options.bag, kResetTimeJump_s);
   LineFile out(options.out);
   const CameraInfos infos(options.bag.bag, options.camera_info_topic);
-  PoseCovariances covariances;
+  OdometryCovariances covariances;
   std::size_t out_of_range = 0;
   player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
                                             [](const auto& /*msg*/, const ros::Time& /*recorded*/) {});  // is it there?
@@ -173,6 +134,8 @@ int grid_bag(const Options& options) {
   }
   player.subscribe_measurements<sensor_msgs::Image>(
       options.labels_topic, "images", [&](const sensor_msgs::ImageConstPtr& msg, const ros::Time& recorded) {
+        const std::string image_defect = labels_msg_defect(*msg);
+        if (!image_defect.empty()) return player.drop(image_defect);
         const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
         player.use_when_posed(
             taken, recorded,
@@ -180,7 +143,7 @@ int grid_bag(const Options& options) {
               const std::int64_t stamp_ns = to_nanoseconds(msg->header.stamp);
               const sensor_msgs::CameraInfoConstPtr info = infos.of(*msg);
               if (!info) return "no camera_info";
-              const std::string defect = labels_msg_defect(*msg, *info);
+              const std::string defect = camera_info_msg_defect(*info, *msg);
               if (!defect.empty()) return defect;
               SoftLabels labels = labels_from_msg(*msg, *info);
               out_of_range += drop_out_of_range(labels);
@@ -193,9 +156,7 @@ int grid_bag(const Options& options) {
       });
   player.play();
   if (!options.grid_out.empty()) {
-    AtomicFile grid_file(options.grid_out);
-    save_geotiff(grid_file.partial(), pipeline.map().grid());
-    grid_file.finish();
+    save_geotiff(options.grid_out, pipeline.map().grid());
   }
   out.finish();
   player.print_summary();

@@ -50,6 +50,9 @@ struct GridTarget {
   double probability = 0.0;  ///< mean of its cells
 };
 
+/// Of the error of a camera's place in x, y, z (m) and of its attitude about the world's axes (rad).
+using CameraPoseCovariance = Eigen::Matrix<double, 6, 6>;
+
 struct GridTargets {
   std::int64_t stamp_ns = 0;
   std::vector<GridTarget> targets;  ///< by id

@@ -38,9 +38,6 @@ struct GridTracksParams {
   void validate() const { check_bounds(*this, "targets"); }
 };
 
-/// Of the error of a camera's place in x, y, z (m) and of its attitude about the world's axes (rad).
-using CameraPoseCovariance = Eigen::Matrix<double, 6, 6>;
-
 /// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
 /// while its cluster is on the map, and lost without; found again near by, it has its id again.
 class GridTracks {

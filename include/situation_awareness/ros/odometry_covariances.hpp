@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <optional>
+
+#include <nav_msgs/Odometry.h>
+
+#include "situation_awareness/map/grid/grid.hpp"
+
+namespace situation_awareness {
+
+/// The latest covariances of a vehicle's pose, by its odometry: of x, y, z and of the attitude about the world's axes,
+/// which are those of a camera on it but for the lever arm.
+class OdometryCovariances {
+ public:
+  /// One that is not finite, has a negative variance or is zero throughout says nothing, and is counted.
+  void add(const nav_msgs::Odometry& msg);
+
+  /// Of the latest message until `stamp_ns`, or else the first after it; nothing where both are 0.2 s away and more.
+  std::optional<CameraPoseCovariance> at(std::int64_t stamp_ns) const;
+
+  std::size_t unknown() const { return unknown_; }
+  void clear() { covariances_.clear(); }
+
+ private:
+  std::map<std::int64_t, CameraPoseCovariance> covariances_;
+  std::size_t unknown_ = 0;
+};
+
+}  // namespace situation_awareness

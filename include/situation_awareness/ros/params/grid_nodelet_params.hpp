@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the nodelet grid_mapping (cfg/grid.yaml).
+struct GridNodeletParams {
+  NodeletParams nodelet;
+  std::string dem;
+  double grid_period_s = 1.0;
+  double reset_time_jump_s = 1.0;
+  GridPipelineParams pipeline;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("dem", self.dem,
+          "path of the elevation, in the world's metres: a GeoTIFF or another raster that GDAL reads, north up");
+    visit("grid_period_s", self.grid_period_s, Bounds{0.0, 1e6}, "s", "least time between grids, by their stamps");
+    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
+          "a stamp that goes back by more than this begins a new map");
+    GridPipelineParams::fields(self.pipeline, visit);
+  }
+};
+
+/// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
+GridNodeletParams read_grid_nodelet_params(const ParamReader& reader);
+
+}  // namespace situation_awareness

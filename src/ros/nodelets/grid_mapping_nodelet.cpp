@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// labels, camera_info, odometry (for its covariance), TF world -> camera  ->  targets, grid, grid_cells, target_markers
+#include <cstdint>
+#include <exception>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include <nav_msgs/OccupancyGrid.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/publisher.h>
+#include <ros/service_server.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <sensor_msgs/PointCloud2.h>
+#include <std_srvs/Trigger.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/SaveGrid.h"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/map/grid/geotiff.hpp"
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/ros/convert/grid.hpp"
+#include "situation_awareness/ros/convert/labels.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/markers/grid_markers.hpp"
+#include "situation_awareness/ros/odometry_covariances.hpp"
+#include "situation_awareness/ros/params/grid_nodelet_params.hpp"
+#include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/timed_subscriber.hpp"
+
+namespace situation_awareness {
+
+class GridMappingStage {
+ public:
+  using Input = PosedInput<sensor_msgs::Image>;
+  using Context = Input::Context;
+  static constexpr const char* kInput = "labels";
+  static constexpr auto kReadParams = read_grid_nodelet_params;
+
+  GridMappingStage(Context& context, const GridNodeletParams& params)
+      : context_(context),
+        params_(params),
+        elevation_(std::make_shared<Elevation>(Elevation::load(params.dem))),
+        targets_publisher_(context.node().advertise<TargetArray>("targets", 20)),
+        grid_publisher_(context.node().advertise<nav_msgs::OccupancyGrid>("grid", 1, true)),
+        cells_publisher_(context.node().advertise<sensor_msgs::PointCloud2>("grid_cells", 1, true)),
+        markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("target_markers", 5)),
+        input_(context, params.nodelet, params.reset_time_jump_s, 0.0,
+               {labels_msg_defect,
+                [](const sensor_msgs::Image& msg) {
+                  return Taken{tf2_frame(msg.header.frame_id), msg.header.stamp, msg.header.stamp};
+                },
+                [this] {
+                  context_.diagnostics().counted({{"time jumped back: new map", 1}});
+                  begin();
+                }}) {
+    begin();
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+    context.when_made([this] {
+      info_.emplace(context_.node(), "camera_info",
+                    [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { camera_info_ = msg; });
+      odometry_.emplace(context_.node(), "odometry",
+                        [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { covariances_.add(*msg); });
+      reset_ = context_.private_node().advertiseService("reset", &GridMappingStage::reset, this);
+      save_ = context_.private_node().advertiseService("save_grid", &GridMappingStage::save, this);
+    });
+  }
+
+  bool process(const PosedMessage<sensor_msgs::Image>& posed) {
+    if (!camera_info_) return context_.drop("no camera_info");
+    const std::string defect = camera_info_msg_defect(*camera_info_, *posed.msg);
+    if (!defect.empty()) return context_.drop(defect);
+    SoftLabels labels = labels_from_msg(*posed.msg, *camera_info_);
+    const std::size_t out_of_range = drop_out_of_range(labels);
+    if (out_of_range > 0) context_.diagnostics().counted({{"labels out of [0, 1]", out_of_range}});
+    const GridTargets& targets = pipeline_->process(labels, posed.T_world_sensor, covariances_.at(labels.stamp_ns));
+    context_.publish(targets_publisher_, grid_targets_to_msg(targets, params_.nodelet.world_frame));
+    if (markers_publisher_.getNumSubscribers() > 0) {
+      context_.publish(markers_publisher_, markers_.update(targets, params_.nodelet.world_frame));
+    }
+    if (!grid_ns_ || seconds_between(*grid_ns_, labels.stamp_ns) >= params_.grid_period_s) publish_grid();
+    return true;
+  }
+
+ private:
+  void begin() {
+    pipeline_.emplace(params_.pipeline, elevation_);
+    covariances_.clear();
+    grid_ns_.reset();
+  }
+
+  void publish_grid() {
+    if (grid_publisher_.getNumSubscribers() + cells_publisher_.getNumSubscribers() == 0) return;
+    const SemanticGrid grid = pipeline_->map().grid();
+    grid_ns_ = grid.stamp_ns;
+    context_.publish(grid_publisher_, grid_to_msg(grid, params_.nodelet.world_frame));
+    context_.publish(cells_publisher_, grid_to_cloud(grid, params_.nodelet.world_frame));
+  }
+
+  bool reset(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    begin();
+    response.success = 1;
+    response.message = "the grid and its targets were forgotten";
+    ROS_INFO_STREAM(context_.name() << ": " << response.message);
+    return true;
+  }
+
+  bool save(SaveGrid::Request& request, SaveGrid::Response& response) {
+    try {
+      if (request.file.empty() || request.file.front() != '/') {
+        throw std::invalid_argument("'" + request.file + "' is no absolute path");
+      }
+      save_geotiff(request.file, pipeline_->map().grid());
+      response.success = 1;
+      response.message = "saved in " + request.file;
+      ROS_INFO_STREAM(context_.name() << ": " << response.message);
+    } catch (const std::exception& error) {
+      response.message = error.what();
+      ROS_WARN_STREAM(context_.name() << ": refused: " << response.message);
+    }
+    return true;
+  }
+
+  void report(StageDiagnostics::Status& status) {
+    status.add("targets", pipeline_->targets().targets.size());
+    status.add("ground above the elevation [m]", pipeline_->map().elevation_offset_m());
+    status.add("camera_info", camera_info_ ? "received" : "none yet");
+    status.add("odometry without covariance", covariances_.unknown());
+  }
+
+  Context& context_;
+  GridNodeletParams params_;
+  std::shared_ptr<const Elevation> elevation_;
+  std::optional<GridPipeline> pipeline_;
+  OdometryCovariances covariances_;
+  sensor_msgs::CameraInfoConstPtr camera_info_;  ///< the latest
+  std::optional<std::int64_t> grid_ns_;          ///< of the latest grid that was published
+  GridMarkers markers_;
+  ros::Publisher targets_publisher_, grid_publisher_, cells_publisher_, markers_publisher_;
+  ros::ServiceServer reset_, save_;
+  std::optional<TimedSubscriber<sensor_msgs::CameraInfo>> info_;
+  std::optional<TimedSubscriber<nav_msgs::Odometry>> odometry_;
+  Input input_;
+};
+
+using GridMappingNodelet = StageNodelet<GridMappingStage>;
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::GridMappingNodelet, nodelet::Nodelet)
