@@ -23,6 +23,8 @@ const Unicycle* World::vehicle() const { return model_->vehicle(); }
 
 FixedWing* World::aircraft() { return model_->aircraft(); }
 
+GuidedMultirotor* World::multirotor() { return model_->multirotor(); }
+
 const std::vector<Eigen::Vector3d>& World::rounds() const { return model_->rounds(); }
 
 const std::vector<Eigen::Vector2d>& World::docks() const { return model_->docks(); }

@@ -471,12 +471,16 @@ WorldModel::WorldModel(const std::string& mjcf_path) try {
   robot_at_rest_.T_world_robot = body_pose(*data_, robot_);
   const auto vehicle = vehicle_of<UnicycleParams>(*model_, robot_, "unicycle");
   const auto aircraft = vehicle_of<FixedWingParams>(*model_, robot_, "fixed_wing");
-  if (vehicle || aircraft) {
+  const auto multirotor = vehicle_of<GuidedMultirotorParams>(*model_, robot_, "multirotor");
+  if (vehicle || aircraft || multirotor) {
     const Eigen::Isometry3d& T = robot_at_rest_.T_world_robot;
     if (T(2, 2) < 1.0 - 1e-9) throw std::runtime_error("the vehicle 'robot' is not upright");
     const Pose2 T_world_robot{T.translation().head<2>(), std::atan2(T(1, 0), T(0, 0))};
     if (vehicle) vehicle_ = std::make_unique<Unicycle>(*vehicle, T_world_robot);
     if (aircraft) aircraft_ = std::make_unique<FixedWing>(*aircraft, T_world_robot, T.translation().z());
+    if (multirotor) {
+      multirotor_ = std::make_unique<GuidedMultirotor>(*multirotor, T.translation(), T_world_robot.yaw_rad);
+    }
   } else {
     robot_path_ = path_of(*model_, *data_, robot_);
   }
@@ -504,6 +508,7 @@ WorldModel::~WorldModel() = default;
 RobotState WorldModel::robot_at(double time_s) const {
   if (flight_) return flight_->at(time_s);
   if (aircraft_) return aircraft_->at(time_s);
+  if (multirotor_) return multirotor_->at(time_s);
   if (vehicle_) {
     const UnicycleState state = vehicle_->at(time_s);
     const double yaw_rad = state.T_world_robot.yaw_rad;

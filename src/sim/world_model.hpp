@@ -12,6 +12,7 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/sim/fixed_wing.hpp"
+#include "situation_awareness/sim/guided_multirotor.hpp"
 #include "situation_awareness/sim/multirotor.hpp"
 #include "situation_awareness/sim/path.hpp"
 #include "situation_awareness/sim/unicycle.hpp"
@@ -118,6 +119,7 @@ class WorldModel {
   const std::vector<Eigen::Vector3d>& rounds() const { return rounds_; }
   Unicycle* vehicle() { return vehicle_.get(); }
   FixedWing* aircraft() { return aircraft_.get(); }
+  GuidedMultirotor* multirotor() { return multirotor_.get(); }
 
   RobotState robot_at(double time_s) const;
 
@@ -165,9 +167,10 @@ class WorldModel {
   RobotState robot_at_rest_;  // the robot's state without a path
   ScriptedPath robot_path_;
   double robot_drag_1_s_ = 0.0;
-  std::unique_ptr<Unicycle> vehicle_;    // of a robot that is driven on wheels
-  std::unique_ptr<FixedWing> aircraft_;  // of one that flies on
-  std::unique_ptr<Flight> flight_;       // of a robot that is flown; one that follows its path exactly has none
+  std::unique_ptr<Unicycle> vehicle_;             // of a robot that is driven on wheels
+  std::unique_ptr<FixedWing> aircraft_;           // of one that flies on
+  std::unique_ptr<GuidedMultirotor> multirotor_;  // of one that goes to goals
+  std::unique_ptr<Flight> flight_;  // of a robot that is flown; one that follows its path exactly has none
 };
 
 }  // namespace situation_awareness

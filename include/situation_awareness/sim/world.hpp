@@ -17,6 +17,7 @@
 namespace situation_awareness {
 
 class FixedWing;
+class GuidedMultirotor;
 class Unicycle;
 class WorldModel;
 
@@ -96,6 +97,9 @@ class World {
 
   /// The vehicle, where the robot is one that flies on; else nothing.
   FixedWing* aircraft();
+
+  /// The vehicle, where the robot is a multirotor that goes to goals; else nothing.
+  GuidedMultirotor* multirotor();
 
   /// The circles around the world's obstacles: centre and radius; empty without `rounds` in the file.
   const std::vector<Eigen::Vector3d>& rounds() const;
