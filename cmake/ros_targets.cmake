@@ -131,6 +131,8 @@ if(SITUATION_AWARENESS_SIM)
   situation_awareness_node(aircraft_simulator src/ros/nodes/aircraft_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_evaluation
     ${PROJECT_NAME}_sim)
+  situation_awareness_node(multirotor_simulator src/ros/nodes/multirotor_simulator.cpp ${situation_awareness_sensors})
+  situation_awareness_node(target_evaluator src/ros/nodes/target_evaluator.cpp ${PROJECT_NAME}_sim)
   situation_awareness_node(vehicle_simulator src/ros/nodes/vehicle_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(simulate_bag src/ros/tools/simulate_bag.cpp ${PROJECT_NAME}_bag
     ${situation_awareness_sensors})

@@ -24,9 +24,7 @@ DEM_NOISE_M = 0.3
 CAMERA_PITCH_DEG = -25.0
 ABOVE_M = 25.0  # of the flight over the highest ground
 SPEED_M_S = 8.0
-LANES_Y_M = [-80.0, -40.0, 0.0, 40.0, 80.0]
-LANE_X_M = 95.0
-STEP_M = 9.5
+BEGIN_M = 95.0  # from the middle, towards the south-west
 CARS = 14
 TREES = 45
 COLORS = {"red": "0.75 0.12 0.1", "white": "0.92 0.92 0.9", "black": "0.08 0.08 0.1", "silver": "0.62 0.64 0.66",
@@ -134,21 +132,6 @@ def places(rng, count, taken, apart_m, half_m=92.0):
     return found
 
 
-def route():
-    """Points of a lawnmower's way over the region and back, evenly apart; yaw along it."""
-    corners = []
-    for k, y in enumerate(LANES_Y_M):
-        corners += [(-LANE_X_M, y), (LANE_X_M, y)] if k % 2 == 0 else [(LANE_X_M, y), (-LANE_X_M, y)]
-    corners += [(LANE_X_M + 12, 0.0), (LANE_X_M, -LANES_Y_M[-1] - 12), (-LANE_X_M - 6, -LANES_Y_M[-1] - 12)]
-    points = []
-    for (x0, y0), (x1, y1) in zip(corners, corners[1:] + corners[:1]):
-        length = math.hypot(x1 - x0, y1 - y0)
-        steps = max(1, round(length / STEP_M))
-        points += [(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps, math.atan2(y1 - y0, x1 - x0))
-                   for i in range(steps)]
-    return points
-
-
 def world(seed):
     rng, ground = random.Random(seed), Ground()
     houses = places(rng, 5, [], 14.0)
@@ -156,13 +139,12 @@ def world(seed):
     trees = places(rng, TREES, [(x, y, 12.0) for x, y, _ in houses] + [(x, y, 3.0) for x, y, _ in cars], 2.5, 97.0)
     z = lambda x, y: float(ground.height_m(x, y))
     height = HIGHEST_M + ABOVE_M - 4.0
-    loop = "; ".join(f"{x:.1f} {y:.1f} {height:.1f} {yaw:.3f}" for x, y, yaw in route())
     materials = "".join(f'\n    <material name="car_{name}" rgba="{rgb} 1" specular="0.4"/>'
                         for name, rgb in COLORS.items())
     pitch = math.radians(CAMERA_PITCH_DEG)
     return ground, f"""<!-- SPDX-License-Identifier: BSD-3-Clause
      Made by scripts/worlds/carpark.py. Cars, trees and houses on hills, 200 m x 200 m, over which a multirotor with a
-     camera flies to and fro; carpark.dem.tif beside it is the ground's elevation with errors: {DEM_BIAS_M} m too high, and
+     camera flies; carpark.dem.tif beside it is the ground's elevation with errors: {DEM_BIAS_M} m too high, and
      {DEM_NOISE_M} m of noise. -->
 <mujoco model="carpark">
   <compiler angle="radian" texturedir="parts" meshdir="parts"/>
@@ -187,8 +169,7 @@ def world(seed):
   </default>
 
   <custom>
-    <text name="robot" data="loop speed {SPEED_M_S} points {loop}"/>
-    <numeric name="robot_drag" data="0.2"/>
+    <text name="robot" data="multirotor max_speed_m_s {SPEED_M_S}"/>
     <text name="camera_optical" data="label_camera rate_hz 2 width 448 height 336 fovy_rad 0.8194 color 1"/>
     <text name="gnss" data="gnss rate_hz 5 correlated_sigma_m 0.6 correlation_s 30 white_sigma_m 0.3 vertical_ratio 1.5"/>
     <text name="imu" data="imu rate_hz 200"/>
@@ -204,7 +185,7 @@ def world(seed):
 {"".join(tree(rng, x, y, z(x, y)) for x, y, _ in trees)}
 {"".join(car(rng, k + 1, x, y, z(x, y), rng.uniform(-math.pi, math.pi)) for k, (x, y, _) in enumerate(cars))}
 
-    <body name="robot" mocap="true" pos="{-LANE_X_M:.1f} {LANES_Y_M[0]:.1f} {height:.1f}">
+    <body name="robot" mocap="true" pos="{-BEGIN_M:.1f} {-BEGIN_M:.1f} {height:.1f}">
       <site name="lidar" pos="0 0 0.1" size="0.01"/>
       <site name="gnss" pos="0 0 0.1" size="0.01"/>
       <site name="imu" size="0.01"/>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/convert/images.hpp"
 
+#include <cstddef>
+#include <cstring>
 #include <vector>
 
 #include <sensor_msgs/distortion_models.h>
@@ -69,6 +71,42 @@ sensor_msgs::Image objects_image_to_msg(const LabelImage& image, const std::stri
 
 sensor_msgs::Image classes_image_to_msg(const LabelImage& image, const std::string& camera_frame) {
   return labels_to_msg(image.classes, image, camera_frame);
+}
+
+sensor_msgs::Image soft_labels_to_msg(const LabelImage& image, const std::vector<bool>& is_class, int block_px,
+                                      const std::string& camera_frame) {
+  const int width = image.width / block_px, height = image.height / block_px;
+  const int left = (image.width - width * block_px) / 2, top = (image.height - height * block_px) / 2;
+  std::vector<float> shares(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 0.0F);
+  for (int v = 0; v < height * block_px; ++v) {
+    for (int u = 0; u < width * block_px; ++u) {
+      const auto pixel = static_cast<std::size_t>(v + top) * static_cast<std::size_t>(image.width) +
+                         static_cast<std::size_t>(u + left);
+      if (!is_class[image.classes[pixel]]) continue;
+      const auto block = static_cast<std::size_t>(v / block_px) * static_cast<std::size_t>(width) +
+                         static_cast<std::size_t>(u / block_px);
+      shares[block] += 1.0F / static_cast<float>(block_px * block_px);
+    }
+  }
+  sensor_msgs::Image msg =
+      image_msg(width, height, sensor_msgs::image_encodings::TYPE_32FC1, image.stamp_ns, camera_frame);
+  msg.data.resize(sizeof(float) * shares.size());
+  std::memcpy(msg.data.data(), shares.data(), msg.data.size());  // processors of ROS have the low byte first
+  return msg;
+}
+
+sensor_msgs::CameraInfo labels_info_to_msg(const LabelImage& image, int block_px, const std::string& camera_frame) {
+  const int width = image.width / block_px, height = image.height / block_px;
+  sensor_msgs::CameraInfo msg =
+      camera_info_to_msg(width, height, image.focal_length_px / block_px, image.stamp_ns, camera_frame);
+  // The optical axis passes through the image's centre, which is off that of the blocks where odd pixels are left out.
+  const auto center_px = [block_px](int size, int blocks) {
+    const int before = (size - blocks * block_px) / 2;
+    return (0.5 * size - before) / block_px - 0.5;
+  };
+  msg.K[2] = msg.P[2] = center_px(image.width, width);
+  msg.K[5] = msg.P[6] = center_px(image.height, height);
+  return msg;
 }
 
 }  // namespace situation_awareness

@@ -2,7 +2,6 @@
 // A simulated fixed-wing-like vehicle in place of one's own: it is turned by `cmd_vel`, or flies scripted rounds, and
 // publishes /clock, what its IMU, its receiver and its scanner measure, and the truth for evaluation and rviz.
 #include <algorithm>
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <stdexcept>
@@ -26,10 +25,10 @@
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/truth_markers.hpp"
-#include "situation_awareness/ros/motion_sensors.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulated_clock.hpp"
 #include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/ros/vehicle_sensors.hpp"
 #include "situation_awareness/sim/fixed_wing.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 #include "situation_awareness/sim/schedule.hpp"
@@ -130,24 +129,8 @@ class AircraftSimulator {
   void add_sensors() {
     std::vector<geometry_msgs::TransformStamped> mounts{
         transform_to_msg(world_.T_robot_lidar(), kSimulationStart_ns, params_.base_frame, params_.lidar_frame)};
-    // A sample of the IMU is the mean over its period, in whose middle its stamp is.
-    add_motion_sensors(world_, sensors_of(world_), static_cast<std::uint64_t>(params_.seed), "", names_,
-                       [&](const auto& mounted, auto sensor, const std::string& topic, const auto& to_msg) {
-                         using Message = decltype(to_msg(sensor.next()));
-                         constexpr bool kIsImu = std::is_same_v<Message, sensor_msgs::Imu>;
-                         const double later_s = kIsImu ? 0.5 / mounted.params.rate_hz : params_.fix_delay_s;
-                         mounts.push_back(transform_to_msg(mounted.T_robot_sensor, kSimulationStart_ns,
-                                                           params_.base_frame, mounted.name));
-                         const ros::Publisher publisher = node_.advertise<Message>(topic, 1000);
-                         if (kIsImu) imu_ = publisher;
-                         const auto shared = std::make_shared<decltype(sensor)>(std::move(sensor));
-                         schedule_.add([shared, later_s] { return shared->next_time_s() + later_s; },
-                                       [shared, publisher, to_msg] {
-                                         auto sample = shared->next();
-                                         sample.stamp_ns += kSimulationStart_ns;
-                                         publisher.publish(to_msg(sample));
-                                       });
-                       });
+    imu_ = add_vehicle_sensors(node_, world_, static_cast<std::uint64_t>(params_.seed), params_.fix_delay_s,
+                               params_.base_frame, schedule_, mounts);
     static_tf_.sendTransform(mounts);
     // A scan is there when its last beam has been measured.
     schedule_.add([this] { return scanner_.next_time_s() + scanner_.params().sweep_s; }, [this] { publish_scan(); });
@@ -230,7 +213,6 @@ class AircraftSimulator {
   World world_;
   FixedWing& aircraft_;
   SimulatedScanner scanner_;
-  SensorNames names_;
   Schedule schedule_;
   std::optional<Rounds> rounds_;
   std::size_t paths_ = 0;

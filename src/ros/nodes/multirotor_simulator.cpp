@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A simulated multirotor with a camera in place of one's own: it flies to the goals of `go_to`, or to and fro over the
+// region, and publishes /clock, what its IMU, its receiver and its camera measure, and the truth for evaluation and
+// rviz.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <geometry_msgs/PoseStamped.h>
+#include <nav_msgs/Odometry.h>
+#include <nav_msgs/Path.h>
+#include <ros/ros.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+#include <std_msgs/Empty.h>
+#include <tf2_ros/static_transform_broadcaster.h>
+#include <tf2_ros/transform_broadcaster.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/ros/convert/images.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulated_clock.hpp"
+#include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/ros/vehicle_sensors.hpp"
+#include "situation_awareness/sim/guided_multirotor.hpp"
+#include "situation_awareness/sim/label_camera.hpp"
+#include "situation_awareness/sim/schedule.hpp"
+#include "situation_awareness/sim/sensors.hpp"
+#include "situation_awareness/sim/world.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kTruthPeriod_s = 0.02;
+constexpr double kControlPeriod_s = 0.2;  ///< of the flight to and fro
+constexpr double kThere_m = 6.0;          ///< so near to a corner the next one is the goal
+
+struct MultirotorSimulatorParams {
+  std::string world = "carpark";
+  double rate = 1.0;
+  int seed = 1;
+  bool scripted = true;
+  double half_region_m = 85.0;
+  double lane_m = 42.5;
+  double fix_delay_s = 0.1;
+  bool true_localization = false;
+  std::string label_class = "car";
+  int label_block_px = 8;
+  std::string world_frame = "world";
+  std::string base_frame = "base_link";
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world, "name of a world in models/worlds, or a path");
+    visit("rate", self.rate, Bounds{0.01, 100.0}, "", "simulated seconds per second");
+    visit("seed", self.seed, Bounds{0, 2147483647}, "", "seed of the noise");
+    visit("scripted", self.scripted, "fly to and fro over the region; false: to the goals of go_to");
+    visit("half_region_m", self.half_region_m, Bounds{1.0, 1e4}, "m", "half of the edge of that region");
+    visit("lane_m", self.lane_m, Bounds{1.0, 1e4}, "m", "between two lanes of that flight");
+    visit("fix_delay_s", self.fix_delay_s, Bounds{0.0, 1.0}, "s", "from the stamp of a fix until it is published");
+    visit("true_localization", self.true_localization,
+          "publish the true transform from world_frame to base_frame, in the place of a localisation");
+    visit("label_class", self.label_class,
+          "labels are the share of a pixel that shows a material whose name begins so");
+    visit("label_block_px", self.label_block_px, Bounds{1, 64}, "px",
+          "so many pixels of the camera, along both edges, make one of the labels");
+    visit("world_frame", self.world_frame, "frame of the truth");
+    visit("base_frame", self.base_frame, "frame of the vehicle");
+  }
+};
+
+/// Corners of lanes over a square.
+std::vector<Eigen::Vector2d> lanes(double half_m, double lane_m) {
+  std::vector<Eigen::Vector2d> corners;
+  const int count = static_cast<int>(std::ceil(2.0 * half_m / lane_m)) + 1;
+  for (int i = 0; i < count; ++i) {
+    const double y = -half_m + 2.0 * half_m * i / (count - 1);
+    const double begin = i % 2 == 0 ? -half_m : half_m;
+    corners.emplace_back(begin, y);
+    corners.emplace_back(-begin, y);
+  }
+  return corners;
+}
+
+class MultirotorSimulator {
+ public:
+  MultirotorSimulator(const ros::NodeHandle& node, const MultirotorSimulatorParams& params)
+      : params_(params),
+        node_(node),
+        clock_(node_, params.rate),
+        world_(world_file(params.world)),
+        multirotor_(multirotor_of(world_)) {
+    true_pose_ = node_.advertise<nav_msgs::Odometry>("true_odometry", 200);
+    done_ = node_.advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true);
+    if (params.scripted) {
+      corners_ = lanes(params.half_region_m, params.lane_m);
+      schedule_.add_every(kControlPeriod_s, [this](double) { steer(); });
+    } else {
+      goals_ = node_.subscribe<geometry_msgs::PoseStamped>("go_to", 10,
+                                                           [this](const geometry_msgs::PoseStampedConstPtr& msg) {
+                                                             const std::lock_guard<std::mutex> lock(mutex_);
+                                                             goal_ = *msg;
+                                                           });
+    }
+    schedule_.add_every(kTruthPeriod_s, [this](double time_s) { publish_true_pose(time_s); });
+    std::vector<geometry_msgs::TransformStamped> mounts;
+    imu_ = add_vehicle_sensors(node_, world_, static_cast<std::uint64_t>(params.seed), params.fix_delay_s,
+                               params.base_frame, schedule_, mounts);
+    add_camera(mounts);
+    static_tf_.sendTransform(mounts);
+  }
+
+  void run() {
+    clock_.wait_for([this] { return labels_.getNumSubscribers() + image_.getNumSubscribers() > 0; }, 30.0);
+    if (!params_.scripted) clock_.wait_for([this] { return goals_.getNumPublishers() > 0; }, 30.0);
+    clock_.start();
+    double now_s = 0.0;
+    while (ros::ok()) {
+      const double due_s = schedule_.next_time_s();
+      if (due_s > now_s) {
+        now_s = due_s;
+        clock_.advance(now_s);
+        take_goal();
+        multirotor_.advance(now_s);
+      }
+      schedule_.step();
+    }
+  }
+
+ private:
+  static GuidedMultirotor& multirotor_of(World& world) {
+    if (world.multirotor() == nullptr) throw std::runtime_error(world.path() + ": its robot is no multirotor");
+    return *world.multirotor();
+  }
+
+  void add_camera(std::vector<geometry_msgs::TransformStamped>& mounts) {
+    const WorldSensors sensors = sensors_of(world_);
+    if (sensors.label_cameras.empty()) throw std::runtime_error(world_.path() + ": it has no label_camera");
+    const MountedSensor<SimulatedLabelCameraParams>& mounted = sensors.label_cameras.front();
+    camera_frame_ = mounted.name;
+    mounts.push_back(transform_to_msg(mounted.T_robot_sensor, kSimulationStart_ns, params_.base_frame, camera_frame_));
+    camera_.emplace(world_, mounted.T_robot_sensor, mounted.params);
+    const std::vector<std::string>& names = camera_->class_names();
+    for (const std::string& name : names) is_class_.push_back(name.rfind(params_.label_class, 0) == 0);
+    labels_ = node_.advertise<sensor_msgs::Image>("camera/labels", 20);
+    labels_info_ = node_.advertise<sensor_msgs::CameraInfo>("camera/labels_info", 20);
+    if (mounted.params.color != 0) image_ = node_.advertise<sensor_msgs::Image>("camera/image", 20);
+    camera_info_ = node_.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 20);
+    schedule_.add([this] { return camera_->next_time_s(); }, [this] { publish_images(); });
+  }
+
+  void publish_images() {
+    LabelImage image = camera_->next();
+    image.stamp_ns += kSimulationStart_ns;
+    labels_info_.publish(labels_info_to_msg(image, params_.label_block_px, camera_frame_));
+    labels_.publish(soft_labels_to_msg(image, is_class_, params_.label_block_px, camera_frame_));
+    camera_info_.publish(
+        camera_info_to_msg(image.width, image.height, image.focal_length_px, image.stamp_ns, camera_frame_));
+    if (image_ && image_.getNumSubscribers() > 0) {
+      image_.publish(picture_to_msg({image.width, image.height, image.rgb}, image.stamp_ns, camera_frame_));
+    }
+  }
+
+  /// To the corners, one after the other, and back to where it began.
+  void steer() {
+    const Eigen::Vector3d p_m = multirotor_.at(multirotor_.time_s()).T_world_robot.translation();
+    if (!begin_m_) begin_m_ = p_m;
+    const bool is_home = corner_ >= corners_.size();
+    const Eigen::Vector2d goal_m = is_home ? Eigen::Vector2d(begin_m_->head<2>()) : corners_[corner_];
+    const Eigen::Vector2d to_goal_m = goal_m - p_m.head<2>();
+    if (to_goal_m.norm() < kThere_m) {
+      if (is_home && !done_published_) {
+        done_published_ = true;
+        done_.publish(std_msgs::Empty());
+        ROS_INFO("the region is flown over");
+      }
+      if (!is_home) ++corner_;
+      return;
+    }
+    multirotor_.go_to({goal_m.x(), goal_m.y(), begin_m_->z()}, std::atan2(to_goal_m.y(), to_goal_m.x()));
+  }
+
+  void take_goal() {
+    std::optional<geometry_msgs::PoseStamped> goal;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      std::swap(goal, goal_);
+    }
+    if (!goal) return;
+    const geometry_msgs::Point& p = goal->pose.position;
+    multirotor_.go_to({p.x, p.y, p.z}, pose2_of(goal->pose).yaw_rad);  // ignores what is not finite
+  }
+
+  void publish_true_pose(double time_s) {
+    const Eigen::Isometry3d T_world_base = world_.robot_at(time_s).T_world_robot;
+    const auto tf = transform_to_msg(T_world_base, kSimulationStart_ns + nanoseconds(time_s), params_.world_frame,
+                                     params_.base_frame);
+    nav_msgs::Odometry msg;
+    msg.header = tf.header;
+    msg.child_frame_id = tf.child_frame_id;
+    msg.pose.pose = pose_of(tf.transform);
+    true_pose_.publish(msg);
+    if (params_.true_localization) tf_.sendTransform(tf);
+  }
+
+  MultirotorSimulatorParams params_;
+  ros::NodeHandle node_;
+  SimulatedClock clock_;
+  World world_;
+  GuidedMultirotor& multirotor_;
+  Schedule schedule_;
+  std::optional<SimulatedLabelCamera> camera_;
+  std::string camera_frame_;
+  std::vector<bool> is_class_;  ///< of the camera's classes
+  std::vector<Eigen::Vector2d> corners_;
+  std::size_t corner_ = 0;
+  std::optional<Eigen::Vector3d> begin_m_;
+  bool done_published_ = false;
+  ros::Publisher imu_, true_pose_, done_, labels_, labels_info_, image_, camera_info_;
+  ros::Subscriber goals_;
+  tf2_ros::TransformBroadcaster tf_;
+  tf2_ros::StaticTransformBroadcaster static_tf_;
+  std::mutex mutex_;
+  std::optional<geometry_msgs::PoseStamped> goal_;  ///< that came since the last step; under the mutex
+};
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  ros::init(argc, argv, "multirotor_simulator");
+  ros::NodeHandle node;  // outlives the handler below, which needs it for the log
+  const ros::NodeHandle private_node("~");
+  try {
+    situation_awareness::MultirotorSimulator simulator(
+        node, situation_awareness::ParamReader(private_node)
+                  .read<situation_awareness::MultirotorSimulatorParams>(situation_awareness::refuse));
+    ros::AsyncSpinner spinner(1);
+    spinner.start();
+    simulator.run();
+  } catch (const std::exception& error) {
+    ROS_FATAL_STREAM(ros::this_node::getName() << " does not start: " << error.what());
+    return 1;
+  }
+  return 0;
+}
