@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A simulated multirotor with a camera in place of one's own: it flies to the goals of `go_to`, or to and fro over the
-// region, and publishes /clock, what its IMU, its receiver and its camera measure, and the truth for evaluation and
-// rviz.
+// region, and publishes /clock, what its IMU, its receiver, its compass and its camera measure, and the truth for
+// evaluation and rviz.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -20,11 +20,13 @@
 #include <ros/ros.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
+#include <sensor_msgs/Imu.h>
 #include <std_msgs/Empty.h>
 #include <tf2_ros/static_transform_broadcaster.h>
 #include <tf2_ros/transform_broadcaster.h>
 #include <visualization_msgs/MarkerArray.h>
 
+#include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
@@ -44,6 +46,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kTruthPeriod_s = 0.02;
+constexpr double kHeadingPeriod_s = 0.1;
 constexpr double kControlPeriod_s = 0.2;  ///< of the flight to and fro
 constexpr double kThere_m = 6.0;          ///< so near to a corner the next one is the goal
 
@@ -56,6 +59,7 @@ struct MultirotorSimulatorParams {
   double lane_m = 42.5;
   double fix_delay_s = 0.1;
   bool true_localization = false;
+  double heading_sigma_rad = 0.02;
   std::string label_class = "car";
   int label_block_px = 8;
   std::string world_frame = "world";
@@ -72,6 +76,8 @@ struct MultirotorSimulatorParams {
     visit("fix_delay_s", self.fix_delay_s, Bounds{0.0, 1.0}, "s", "from the stamp of a fix until it is published");
     visit("true_localization", self.true_localization,
           "publish the true transform from world_frame to base_frame, in the place of a localisation");
+    visit("heading_sigma_rad", self.heading_sigma_rad, Bounds{0.0, 1.0}, "rad",
+          "of the compass: the same of an error that stays and of one of each reading");
     visit("label_class", self.label_class,
           "labels are the share of a pixel that shows a material whose name begins so");
     visit("label_block_px", self.label_block_px, Bounds{1, 64}, "px",
@@ -101,7 +107,8 @@ class MultirotorSimulator {
         node_(node),
         clock_(node_, params.rate),
         world_(world_file(params.world)),
-        multirotor_(multirotor_of(world_)) {
+        multirotor_(multirotor_of(world_)),
+        random_(seed_of_sensor(static_cast<std::uint64_t>(params.seed), "heading")) {
     true_pose_ = node_.advertise<nav_msgs::Odometry>("true_odometry", 200);
     done_ = node_.advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true);
     if (params.scripted) {
@@ -118,6 +125,9 @@ class MultirotorSimulator {
     std::vector<geometry_msgs::TransformStamped> mounts;
     imu_ = add_vehicle_sensors(node_, world_, static_cast<std::uint64_t>(params.seed), params.fix_delay_s,
                                params.base_frame, schedule_, mounts);
+    heading_error_rad_ = params.heading_sigma_rad * random_.normal();
+    heading_ = node_.advertise<sensor_msgs::Imu>("heading", 50);
+    schedule_.add_every(kHeadingPeriod_s, [this](double time_s) { publish_heading(time_s); });
     add_camera(mounts);
     static_tf_.sendTransform(mounts);
   }
@@ -203,6 +213,19 @@ class MultirotorSimulator {
     multirotor_.go_to({p.x, p.y, p.z}, pose2_of(goal->pose).yaw_rad);  // ignores what is not finite
   }
 
+  void publish_heading(double time_s) {
+    const double yaw_rad = pose2_of(world_.robot_at(time_s).T_world_robot).yaw_rad + heading_error_rad_ +
+                           params_.heading_sigma_rad * random_.normal();
+    sensor_msgs::Imu msg;
+    msg.header.stamp = to_ros_time(kSimulationStart_ns + nanoseconds(time_s));
+    msg.header.frame_id = params_.base_frame;
+    msg.orientation.z = std::sin(0.5 * yaw_rad);
+    msg.orientation.w = std::cos(0.5 * yaw_rad);
+    msg.orientation_covariance[8] = 2.0 * params_.heading_sigma_rad * params_.heading_sigma_rad;
+    msg.angular_velocity_covariance[0] = msg.linear_acceleration_covariance[0] = -1.0;  // it has none
+    heading_.publish(msg);
+  }
+
   void publish_true_pose(double time_s) {
     const Eigen::Isometry3d T_world_base = world_.robot_at(time_s).T_world_robot;
     const auto tf = transform_to_msg(T_world_base, kSimulationStart_ns + nanoseconds(time_s), params_.world_frame,
@@ -220,6 +243,8 @@ class MultirotorSimulator {
   SimulatedClock clock_;
   World world_;
   GuidedMultirotor& multirotor_;
+  Random random_;
+  double heading_error_rad_ = 0.0;  ///< that stays
   Schedule schedule_;
   std::optional<SimulatedLabelCamera> camera_;
   std::string camera_frame_;
@@ -228,7 +253,7 @@ class MultirotorSimulator {
   std::size_t corner_ = 0;
   std::optional<Eigen::Vector3d> begin_m_;
   bool done_published_ = false;
-  ros::Publisher imu_, true_pose_, done_, labels_, labels_info_, image_, camera_info_;
+  ros::Publisher imu_, true_pose_, heading_, done_, labels_, labels_info_, image_, camera_info_;
   ros::Subscriber goals_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
