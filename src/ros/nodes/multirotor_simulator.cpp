@@ -46,6 +46,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kTruthPeriod_s = 0.02;
+constexpr double kPathPeriod_s = 1.0;
 constexpr double kHeadingPeriod_s = 0.1;
 constexpr double kControlPeriod_s = 0.2;  ///< of the flight to and fro
 constexpr double kThere_m = 6.0;          ///< so near to a corner the next one is the goal
@@ -110,6 +111,8 @@ class MultirotorSimulator {
         multirotor_(multirotor_of(world_)),
         random_(seed_of_sensor(static_cast<std::uint64_t>(params.seed), "heading")) {
     true_pose_ = node_.advertise<nav_msgs::Odometry>("true_odometry", 200);
+    path_ = node_.advertise<nav_msgs::Path>("path", 5, /*latch=*/true);
+    schedule_.add_every(kPathPeriod_s, [this](double time_s) { publish_path(time_s); });
     done_ = node_.advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true);
     if (params.scripted) {
       corners_ = lanes(params.half_region_m, params.lane_m);
@@ -238,6 +241,17 @@ class MultirotorSimulator {
     if (params_.true_localization) tf_.sendTransform(tf);
   }
 
+  /// The way that it flew.
+  void publish_path(double time_s) {
+    geometry_msgs::PoseStamped pose;
+    const auto tf = transform_to_msg(world_.robot_at(time_s).T_world_robot, kSimulationStart_ns + nanoseconds(time_s),
+                                     params_.world_frame, params_.base_frame);
+    pose.header = flown_.header = tf.header;
+    pose.pose = pose_of(tf.transform);
+    flown_.poses.push_back(pose);
+    path_.publish(flown_);
+  }
+
   MultirotorSimulatorParams params_;
   ros::NodeHandle node_;
   SimulatedClock clock_;
@@ -253,7 +267,8 @@ class MultirotorSimulator {
   std::size_t corner_ = 0;
   std::optional<Eigen::Vector3d> begin_m_;
   bool done_published_ = false;
-  ros::Publisher imu_, true_pose_, heading_, done_, labels_, labels_info_, image_, camera_info_;
+  nav_msgs::Path flown_;
+  ros::Publisher imu_, true_pose_, path_, heading_, done_, labels_, labels_info_, image_, camera_info_;
   ros::Subscriber goals_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
