@@ -102,6 +102,7 @@ SemanticGrid load_geotiff(const std::string& path) {
     }
   }
   grid.class_images.assign(values.size(), 0);
+  grid.class_latest.assign(values.size(), 0);
   grid.ground_world_m.assign(values.size(), std::numeric_limits<float>::quiet_NaN());
   return grid;
 }

@@ -19,6 +19,7 @@ GridCluster cluster_of(const SemanticGrid& grid, const std::vector<Cell>& cells)
     cluster.ground_world_m += probability * static_cast<double>(grid.ground_world_m[i]);
     cluster.probability += probability;
     cluster.images = std::max(cluster.images, static_cast<int>(grid.class_images[i]));
+    cluster.is_seen |= grid.class_latest[i] == grid.latest;
   }
   cluster.p_world_m /= cluster.probability;
   cluster.ground_world_m /= cluster.probability;

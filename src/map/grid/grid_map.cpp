@@ -39,6 +39,7 @@ struct Tile {
   std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
+  std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest of these
   /// Per offset, sums of the weights of images and of their evidence, each times its weight; before anything of the
   /// class was seen in the tile, all offsets share the first.
   std::array<std::vector<Evidence>, kOffsets> evidence;
@@ -256,6 +257,7 @@ class GridMap::Impl {
     Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m);
     GridUpdate done;
     stamp_ns_ = labels.stamp_ns;
+    ++images_;
     shared_.fill(0.0);
     all_.fill(0.0);
     const double edge_m = kTileCells * params_.cell_m;
@@ -323,6 +325,8 @@ class GridMap::Impl {
     grid.ground_world_m.assign(cells, std::numeric_limits<float>::quiet_NaN());
     grid.images.assign(cells, 0);
     grid.class_images.assign(cells, 0);
+    grid.class_latest.assign(cells, 0);
+    grid.latest = images_;
     const int best = best_offset();
     std::vector<std::size_t> of_class;
     std::vector<float> soft(cells, 0.0F);
@@ -336,11 +340,12 @@ class GridMap::Impl {
           grid.ground_world_m[to] = tile.ground_world_m[from] + static_cast<float>(offset_m(best));
           grid.images[to] = tile.images[from];
           grid.class_images[to] = tile.class_images[from];
+          grid.class_latest[to] = tile.class_latest[from];
           if (tile.images[from] == 0) continue;
           const float enough = std::min(1.0F, static_cast<float>(tile.class_images[from]) /
                                                   static_cast<float>(std::min(tile.images[from], kEnough)));
-          grid.probability[to] = evidence[from].sharp() * enough;
-          soft[to] = evidence[from].soft() * enough;
+          grid.probability[to] = evidence[from].sharp() * enough * enough;
+          soft[to] = evidence[from].soft() * enough * enough;
           if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
         }
       }
@@ -542,6 +547,7 @@ class GridMap::Impl {
     }
     if (is_class) {
       ++tile.class_images[cell];
+      tile.class_latest[cell] = images_;
       ++done.class_cells;
     }
     return true;
@@ -561,6 +567,7 @@ class GridMap::Impl {
   std::map<Place, Tile> tiles_;
   std::vector<float> column_, soft_column_;
   std::int64_t stamp_ns_ = 0;
+  std::int32_t images_ = 0;
   /// What an image and the map before it share, and what either has: of this image and of all.
   std::array<double, kOffsets> shared_{}, all_{}, shared_sum_{}, all_sum_{};
 };

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 
 #include "situation_awareness/estimation/assignment.hpp"
 
@@ -33,6 +34,7 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
                                       const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
                                       const CameraPoseCovariance& covariance) {
   associate(clusters);
+  note_apart();
   targets_.stamp_ns = stamp_ns;
   targets_.targets.clear();
   for (Track& track : tracks_) {
@@ -40,6 +42,9 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
     add_view(track, camera, T_world_camera, covariance);
     const GridCluster& cluster = track.cluster;
     if (cluster.images < params_.confirm_images) continue;
+    const auto same = std::find_if(targets_.targets.begin(), targets_.targets.end(),
+                                   [&](const GridTarget& target) { return is_one_with(track, target); });
+    if (same != targets_.targets.end()) continue;
     targets_.targets.push_back({track.id,
                                 {cluster.p_world_m.x(), cluster.p_world_m.y(), cluster.ground_world_m},
                                 covariance_of(track),
@@ -69,6 +74,23 @@ void GridTracks::associate(const std::vector<GridCluster>& clusters) {
     track.cluster = clusters[row];
     track.is_on_map = true;
   }
+}
+
+/// Of those near each other.
+void GridTracks::note_apart() {
+  for (auto one = tracks_.begin(); one != tracks_.end(); ++one) {
+    if (!one->is_on_map || !one->cluster.is_seen) continue;
+    for (auto other = std::next(one); other != tracks_.end(); ++other) {
+      if (!other->is_on_map || !other->cluster.is_seen) continue;
+      const double distance_m = (one->cluster.p_world_m - other->cluster.p_world_m).norm();
+      if (distance_m < params_.same_m) apart_.insert({one->id, other->id});
+    }
+  }
+}
+
+bool GridTracks::is_one_with(const Track& track, const GridTarget& target) const {
+  const double distance_m = (track.cluster.p_world_m - target.p_world_m.head<2>()).norm();
+  return distance_m < params_.same_m && apart_.count({target.id, track.id}) == 0;
 }
 
 void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,

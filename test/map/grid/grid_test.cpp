@@ -23,9 +23,11 @@ SemanticGrid grid_of(const std::vector<std::string>& rows) {
       grid.probability.push_back(c == '#' ? 0.9F : c == '.' ? 0.1F : std::numeric_limits<float>::quiet_NaN());
       grid.images.push_back(c == ' ' ? 0 : 5);
       grid.class_images.push_back(c == '#' ? static_cast<int>(grid.class_images.size()) : 0);
+      grid.class_latest.push_back(grid.class_images.back());
       grid.ground_world_m.push_back(3.0F);
     }
   }
+  grid.latest = 1;
   return grid;
 }
 
@@ -40,6 +42,8 @@ TEST(FindClusters, TakesCellsThatTouchByAnEdgeOrACornerTogether) {
   EXPECT_EQ(clusters[0].area_m2, 8.0);
   EXPECT_EQ(clusters[0].p_world_m, Eigen::Vector2d(-8.0, 21.0));
   EXPECT_EQ(clusters[0].images, 1);
+  EXPECT_TRUE(clusters[0].is_seen);
+  EXPECT_FALSE(clusters[1].is_seen);
   EXPECT_FLOAT_EQ(static_cast<float>(clusters[0].probability), 0.9F);
   EXPECT_EQ(clusters[0].ground_world_m, 3.0);
   EXPECT_EQ(clusters[1].area_m2, 4.0);

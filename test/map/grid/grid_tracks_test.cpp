@@ -30,7 +30,7 @@ CameraPoseCovariance covariance_of(double sigma_m, double sigma_rad) {
   return covariance;
 }
 
-GridCluster cluster_at(double x, double y, int images) { return {{x, y}, 0.0, 8.0, 0.9, images}; }
+GridCluster cluster_at(double x, double y, int images) { return {{x, y}, 0.0, 8.0, 0.9, images, true}; }
 
 TEST(GridTracks, ReportATargetFromItsThirdImageAndKeepItsId) {
   GridTracks tracks(GridTracksParams{});
@@ -58,6 +58,22 @@ TEST(GridTracks, GiveATargetThatIsFoundAgainItsId) {
   ASSERT_EQ(again.targets.size(), 2U);
   EXPECT_EQ(again.targets[0].id, id);
   EXPECT_GT(again.targets[1].id, id);
+}
+
+TEST(GridTracks, TakeTwoThatNoImageShowsBothForOneUntilAnImageDoes) {
+  GridTracks tracks(GridTracksParams{});
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  GridCluster first = cluster_at(20, 0, 3), second = cluster_at(22.5, 1, 3), far = cluster_at(26, 0, 3);
+  const auto id = tracks.update(1, {first}, kCamera, pose(), covariance).targets.at(0).id;
+  first.is_seen = false;
+  const GridTargets one = tracks.update(2, {first, second}, kCamera, pose(), covariance);
+  ASSERT_EQ(one.targets.size(), 1U);
+  EXPECT_EQ(one.targets[0].id, id);
+  EXPECT_EQ(tracks.update(3, {first, second, far}, kCamera, pose(), covariance).targets.size(), 2U);
+  first.is_seen = true;
+  EXPECT_EQ(tracks.update(4, {first, second}, kCamera, pose(), covariance).targets.size(), 2U);
+  second.is_seen = false;  // it remembers
+  EXPECT_EQ(tracks.update(5, {first, second}, kCamera, pose(), covariance).targets.size(), 2U);
 }
 
 TEST(GridTracks, TakeSmallClustersForNoTargets) {

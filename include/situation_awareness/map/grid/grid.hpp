@@ -19,6 +19,8 @@ struct SemanticGrid {
   std::vector<float> probability;          ///< NaN where nothing was observed
   std::vector<std::int32_t> images;        ///< with evidence on the cell
   std::vector<std::int32_t> class_images;  ///< of them those with evidence for the class
+  std::vector<std::int32_t> class_latest;  ///< the number of the latest of these, from 1 on; 0: none
+  std::int32_t latest = 0;                 ///< the number of the latest image of all
   std::vector<float> ground_world_m;       ///< height of the cell's middle, less the error of the elevation; or NaN
 
   std::size_t index(int column, int row) const {
@@ -36,6 +38,7 @@ struct GridCluster {
   double area_m2 = 0.0;
   double probability = 0.0;  ///< mean of the cells
   int images = 0;            ///< with evidence for the class, of the cell that has most
+  bool is_seen = false;      ///< by the latest image
 };
 
 /// Of the cells whose probability is above a half. Overwrites `clusters`.

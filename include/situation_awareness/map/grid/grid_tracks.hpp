@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,6 +17,7 @@ namespace situation_awareness {
 
 struct GridTracksParams {
   double gate_m = 4.0;
+  double same_m = 4.0;
   int confirm_images = 3;
   double min_area_m2 = 1.0;
   double pose_correlation = 0.2;
@@ -24,6 +27,8 @@ struct GridTracksParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("gate_m", self.gate_m, Bounds{0.1, 100.0}, "m", "farther apart, a cluster and a target are not the same");
+    visit("same_m", self.same_m, Bounds{0.0, 100.0}, "m",
+          "clusters that are nearer to each other and that no image shows both are one target");
     visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
     visit("min_area_m2", self.min_area_m2, Bounds{0.0, 1e4}, "m^2", "smaller clusters are no targets");
     visit("pose_correlation", self.pose_correlation, Bounds{0.0, 1.0}, "",
@@ -39,7 +44,9 @@ struct GridTracksParams {
 };
 
 /// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
-/// while its cluster is on the map, and lost without; found again near by, it has its id again.
+/// while its cluster is on the map, and lost without; found again near by, it has its id again. Where the pose has
+/// wandered between two visits, one thing has two clusters: two that are near each other and that no image shows both
+/// are one target, that of the older id.
 class GridTracks {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -66,9 +73,12 @@ class GridTracks {
   void add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
                 const CameraPoseCovariance& covariance) const;
   Eigen::Matrix2d covariance_of(const Track& track) const;
+  void note_apart();
+  bool is_one_with(const Track& track, const GridTarget& target) const;
 
   GridTracksParams params_;
-  std::vector<Track> tracks_;  ///< by id
+  std::vector<Track> tracks_;                                ///< by id
+  std::set<std::pair<std::uint64_t, std::uint64_t>> apart_;  ///< ids of targets that an image shows both
   std::uint64_t last_id_ = 0;
   GridTargets targets_;
 };
