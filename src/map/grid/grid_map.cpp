@@ -535,8 +535,8 @@ class GridMap::Impl {
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
       Evidence& evidence = tile.evidence[i][cell];
-      const double weight = resolved * (greatest > 0.5F * peak ? 1.0 : params_.negative_weight);
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
+      const double weight = resolved * (greatest > 0.5F * peak ? 1.0 : params_.negative_weight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft());
       if (tile.images[cell] > 0) {
         shared_[i] += weight * std::min(soft, before);

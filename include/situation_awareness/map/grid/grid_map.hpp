@@ -20,7 +20,7 @@ struct GridMapParams {
   double cell_m = 0.5;
   double reach_m = 220.0;
   double class_height_m = 1.5;
-  double negative_weight = 0.2;
+  double negative_weight = 0.4;
   double max_weight = 100.0;
   double least_mean = 0.5;
   double offset_step_m = 0.5;
