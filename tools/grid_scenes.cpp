@@ -17,6 +17,7 @@
 #include <nlohmann/json.hpp>
 
 #include "situation_awareness/evaluation/grid_scenes.hpp"
+#include "situation_awareness/evaluation/paper_grid.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
@@ -36,6 +37,23 @@ struct Result {
   int missed = 0, wrong = 0, seeds = 0;
   std::size_t images = 0;
 };
+
+/// By the paper's grid, which has no targets.
+void add_paper_run(Result& result, PaperGridMethod method, const GridCase& given, const PinholeCamera& camera,
+                   std::uint32_t seed) {
+  PaperGrid paper(method, std::make_shared<Elevation>(elevation_of(given, kElevationPixel_m, seed)));
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
+    const SoftLabels labels = labels_of(given, camera, i, seed);
+    const auto begin = std::chrono::steady_clock::now();
+    paper.update(labels, given_pose(given, i, seed));
+    result.time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
+    ++result.images;
+  }
+  const GridScore cells = score(given, paper.grid());
+  result.overlap += cells.intersection_over_union;
+  result.shadow += cells.shadow_share;
+  ++result.seeds;
+}
 
 void add_run(Result& result, const GridCase& given, const PinholeCamera& camera, std::uint32_t seed) {
   GridPipeline pipeline(GridPipelineParams{},
@@ -59,13 +77,29 @@ void add_run(Result& result, const GridCase& given, const PinholeCamera& camera,
   ++result.seeds;
 }
 
-void print(const std::string& name, int size, const Result& result) {
+void print(const std::string& name, int size, const std::string& method, const Result& result, bool as_json) {
   const double n = result.seeds;
-  std::printf(
-      "%-14s %4d  IoU %.3f  shadow %.3f  offset %5.2f m  missed %d  wrong %d  centroid %.2f m  in 99 %% %.2f  "
-      "%.2f ms\n",
-      name.c_str(), size, result.overlap / n, result.shadow / n, result.offset_m / n, result.missed, result.wrong,
-      result.distance_m / n, result.in_regions / n, result.time_ms / static_cast<double>(result.images));
+  const nlohmann::json line{{"scene", name},
+                            {"size_px", size},
+                            {"method", method},
+                            {"seeds", result.seeds},
+                            {"iou", result.overlap / n},
+                            {"shadow", result.shadow / n},
+                            {"offset_m", result.offset_m / n},
+                            {"missed", result.missed},
+                            {"wrong", result.wrong},
+                            {"centroid_m", result.distance_m / n},
+                            {"in_regions", result.in_regions / n},
+                            {"time_ms", result.time_ms / static_cast<double>(result.images)}};
+  if (as_json) {
+    std::printf("%s\n", line.dump().c_str());
+  } else {
+    std::printf(
+        "%-14s %4d  IoU %.3f  shadow %.3f  offset %5.2f m  missed %d  wrong %d  centroid %.2f m  in 99 %% %.2f  "
+        "%.2f ms\n",
+        name.c_str(), size, result.overlap / n, result.shadow / n, result.offset_m / n, result.missed, result.wrong,
+        result.distance_m / n, result.in_regions / n, result.time_ms / static_cast<double>(result.images));
+  }
   std::fflush(stdout);
 }
 
@@ -117,7 +151,8 @@ struct Options {
   std::vector<std::string> scenes = grid_case_names();
   std::vector<int> sizes{224, 112, 56};
   std::uint32_t first_seed = 1, seeds = 4;
-  std::string folder;
+  std::string folder, method = "ours";
+  bool json = false;
 };
 
 void run(const Options& options) {
@@ -128,12 +163,16 @@ void run(const Options& options) {
         const std::uint32_t seed = options.first_seed + i;
         const GridCase given = make_grid_case(name, seed);
         if (options.folder.empty()) {
-          add_run(result, given, camera_of(size), seed);
+          if (options.method == "ours") {
+            add_run(result, given, camera_of(size), seed);
+          } else {
+            add_paper_run(result, paper_grid_method(options.method), given, camera_of(size), seed);
+          }
         } else {
           write(options.folder, given, camera_of(size), seed);
         }
       }
-      if (options.folder.empty()) print(name, size, result);
+      if (options.folder.empty()) print(name, size, options.method, result, options.json);
     }
   }
 }
@@ -150,6 +189,9 @@ int main(int argc, char** argv) {
   app.add_option("--sizes", options.sizes, "pixels across the label images")->check(CLI::Range(8, 2048));
   app.add_option("--first-seed", options.first_seed, "the first seed");
   app.add_option("--seeds", options.seeds, "number of seeds");
+  app.add_option("--method", options.method, "of the grid; all but ours are the ScoutNet paper's")
+      ->check(CLI::IsMember({"ours", "full", "projection", "rays"}));
+  app.add_flag("--json", options.json, "one line of JSON per scene and size");
   app.add_option("--write", options.folder, "write label images, poses, elevation and truth into this folder instead");
   CLI11_PARSE(app, argc, argv);
   try {
