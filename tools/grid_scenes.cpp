@@ -19,6 +19,7 @@
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/evaluation/paper_grid.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/grid/geotiff.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
 namespace situation_awareness {
@@ -38,9 +39,9 @@ struct Result {
   std::size_t images = 0;
 };
 
-/// By the paper's grid, which has no targets.
-void add_paper_run(Result& result, PaperGridMethod method, const GridCase& given, const PinholeCamera& camera,
-                   std::uint32_t seed) {
+/// By the paper's grid, which has no targets. Returns the grid.
+SemanticGrid add_paper_run(Result& result, PaperGridMethod method, const GridCase& given, const PinholeCamera& camera,
+                           std::uint32_t seed) {
   PaperGrid paper(method, std::make_shared<Elevation>(elevation_of(given, kElevationPixel_m, seed)));
   for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
     const SoftLabels labels = labels_of(given, camera, i, seed);
@@ -49,13 +50,16 @@ void add_paper_run(Result& result, PaperGridMethod method, const GridCase& given
     result.time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     ++result.images;
   }
-  const GridScore cells = score(given, paper.grid());
+  SemanticGrid grid = paper.grid();
+  const GridScore cells = score(given, grid);
   result.overlap += cells.intersection_over_union;
   result.shadow += cells.shadow_share;
   ++result.seeds;
+  return grid;
 }
 
-void add_run(Result& result, const GridCase& given, const PinholeCamera& camera, std::uint32_t seed) {
+/// Returns the grid.
+SemanticGrid add_run(Result& result, const GridCase& given, const PinholeCamera& camera, std::uint32_t seed) {
   GridPipeline pipeline(GridPipelineParams{},
                         std::make_shared<Elevation>(elevation_of(given, kElevationPixel_m, seed)));
   for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
@@ -65,7 +69,8 @@ void add_run(Result& result, const GridCase& given, const PinholeCamera& camera,
     result.time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     ++result.images;
   }
-  const GridScore cells = score(given, pipeline.map().grid());
+  SemanticGrid grid = pipeline.map().grid();
+  const GridScore cells = score(given, grid);
   const TargetScore targets = score(given, pipeline.targets());
   result.overlap += cells.intersection_over_union;
   result.shadow += cells.shadow_share;
@@ -75,6 +80,7 @@ void add_run(Result& result, const GridCase& given, const PinholeCamera& camera,
   result.distance_m += targets.mean_distance_m;
   result.in_regions += targets.in_regions;
   ++result.seeds;
+  return grid;
 }
 
 void print(const std::string& name, int size, const std::string& method, const Result& result, bool as_json) {
@@ -151,7 +157,7 @@ struct Options {
   std::vector<std::string> scenes = grid_case_names();
   std::vector<int> sizes{224, 112, 56};
   std::uint32_t first_seed = 1, seeds = 4;
-  std::string folder, method = "ours";
+  std::string folder, grids, method = "ours";
   bool json = false;
 };
 
@@ -162,14 +168,17 @@ void run(const Options& options) {
       for (std::uint32_t i = 0; i < options.seeds; ++i) {
         const std::uint32_t seed = options.first_seed + i;
         const GridCase given = make_grid_case(name, seed);
-        if (options.folder.empty()) {
-          if (options.method == "ours") {
-            add_run(result, given, camera_of(size), seed);
-          } else {
-            add_paper_run(result, paper_grid_method(options.method), given, camera_of(size), seed);
-          }
-        } else {
+        if (!options.folder.empty()) {
           write(options.folder, given, camera_of(size), seed);
+          continue;
+        }
+        const SemanticGrid grid = options.method == "ours" ? add_run(result, given, camera_of(size), seed)
+                                                           : add_paper_run(result, paper_grid_method(options.method),
+                                                                           given, camera_of(size), seed);
+        if (!options.grids.empty()) {
+          save_geotiff(options.grids + '/' + name + '_' + std::to_string(size) + '_' + std::to_string(seed) + '_' +
+                           options.method + ".tif",
+                       grid);
         }
       }
       if (options.folder.empty()) print(name, size, options.method, result, options.json);
@@ -191,6 +200,7 @@ int main(int argc, char** argv) {
   app.add_option("--seeds", options.seeds, "number of seeds");
   app.add_option("--method", options.method, "of the grid; all but ours are the ScoutNet paper's")
       ->check(CLI::IsMember({"ours", "full", "projection", "rays"}));
+  app.add_option("--grids", options.grids, "save each grid in this folder, a GeoTIFF");
   app.add_flag("--json", options.json, "one line of JSON per scene and size");
   app.add_option("--write", options.folder, "write label images, poses, elevation and truth into this folder instead");
   CLI11_PARSE(app, argc, argv);

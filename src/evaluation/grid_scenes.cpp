@@ -120,9 +120,10 @@ Eigen::Isometry3d camera_pose(const Eigen::Vector3d& p_world_m, double yaw_rad, 
 }
 
 std::vector<std::string> grid_case_names() {
-  return {"single",      "approach", "orbit", "orbit_bias_0.5", "orbit_bias_1", "orbit_bias_-1", "orbit_bias_2",
-          "orbit_noise", "labels",   "blobs", "never_seen",     "trees",        "hill",          "slope",
-          "lawnmower",   "far",      "pose"};
+  return {"single",          "approach",       "orbit",        "orbit_bias_-2", "orbit_bias_-1",
+          "orbit_bias_-0.5", "orbit_bias_0.5", "orbit_bias_1", "orbit_bias_2",  "orbit_noise",
+          "labels",          "blobs",          "never_seen",   "trees",         "hill",
+          "slope",           "lawnmower",      "far",          "pose"};
 }
 
 GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
