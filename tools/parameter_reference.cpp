@@ -10,6 +10,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
+#include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
@@ -35,14 +36,16 @@ Each nodelet reads the same private parameters, so that one file and one line of
 `scan`, `segments` and those after [the map of polygons](#the-map-of-polygons) one of the form of
 [cfg/polygons.yaml](../cfg/polygons.yaml), which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has
 `scan`, `segments`, `polylines`, `polygons`, `gps_ins` and those after
-[the boundaries of large obstacles](#the-boundaries-of-large-obstacles). Omitted parameters keep their defaults:
+[the boundaries of large obstacles](#the-boundaries-of-large-obstacles), [cfg/grid.yaml](../cfg/grid.yaml) those after
+[the semantic grid](#the-semantic-grid). Omitted parameters keep their defaults:
 
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
     roslaunch situation_awareness polygons.launch config:=/path/to/my.yaml
     roslaunch situation_awareness splinegons.launch config:=/path/to/my.yaml
+    roslaunch situation_awareness grid.launch config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
 The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
-`objects_bag`, `polygons_bag` and `splinegons_bag` take the same files by `--config`. A value out of its bounds, or of
+`objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`. A value out of its bounds, or of
 another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
 ([ros.md](ros.md#live-parameters)).
 )";
@@ -127,6 +130,10 @@ void print_all() {
   const std::vector<Parameter> of_mission = parameters_of(mission_params);
   print_section(of_mission, "", "The nodelet circumnavigate", of_objects);
   print_sections(of_mission, of_objects);
+  GridNodeletParams grid_params;
+  const std::vector<Parameter> of_grid = parameters_of(grid_params);
+  print_section(of_grid, "", "The semantic grid", of_objects);
+  print_sections(of_grid, of_objects);
 }
 
 }  // namespace
