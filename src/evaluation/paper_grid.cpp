@@ -10,7 +10,7 @@
 namespace situation_awareness {
 namespace {
 
-constexpr double kCell_m = 0.5;
+constexpr double kPaperCell_m = 0.5;
 constexpr double kReach_m = 220.0;
 constexpr double kClassHeight_m = 1.5;  // h_c
 constexpr double kZeta = 0.2, kGamma = 1.0;
@@ -53,7 +53,7 @@ void PaperGrid::update(const SoftLabels& labels, const Eigen::Isometry3d& T_worl
 void PaperGrid::cast(const Eigen::Vector3d& from_m, const Eigen::Vector3d& along, double probability,
                      std::map<Place, Cell>& cells) const {
   if (along.z() >= 0.0) return;
-  constexpr double kStep_m = 0.5 * kCell_m;
+  constexpr double kStep_m = 0.5 * kPaperCell_m;
   const double flat = along.head<2>().norm();
   const double step_m = flat > 1e-6 ? kStep_m / flat : 1e-2;
   Place before{std::numeric_limits<int>::min(), 0};
@@ -63,7 +63,8 @@ void PaperGrid::cast(const Eigen::Vector3d& from_m, const Eigen::Vector3d& along
     const double height_m = p_m.z() - elevation_->at(p_m.x(), p_m.y());
     if (std::isnan(height_m)) continue;
     const bool meets_ground = height_m <= 0.0;
-    const Place at{static_cast<int>(std::floor(p_m.x() / kCell_m)), static_cast<int>(std::floor(p_m.y() / kCell_m))};
+    const Place at{static_cast<int>(std::floor(p_m.x() / kPaperCell_m)),
+                   static_cast<int>(std::floor(p_m.y() / kPaperCell_m))};
     const bool counts = method_ == PaperGridMethod::kProjection ? meets_ground : height_m < kAbove * kClassHeight_m;
     if (counts) {
       if (at != before) counted = false;
@@ -113,7 +114,7 @@ void PaperGrid::integrate(const std::map<Place, Cell>& cells) {
 
 SemanticGrid PaperGrid::grid() const {
   SemanticGrid grid;
-  grid.cell_m = kCell_m;
+  grid.cell_m = kPaperCell_m;
   if (log_odds_.empty()) return grid;
   int left = std::numeric_limits<int>::max(), right = std::numeric_limits<int>::min(), low = left, high = right;
   for (const auto& [at, value] : log_odds_) {
