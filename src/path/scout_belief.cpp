@@ -69,8 +69,8 @@ double ScoutBelief::look(const ScoutView& view, double images) {
     const double along_m = ahead.dot(to_m);
     const double distance_m2 = to_m.squaredNorm();
     if (distance_m2 > far_m * far_m || distance_m2 < near_m * near_m) continue;
+    if (along_m <= 0.0 || along_m * along_m < least_cosine * least_cosine * distance_m2) continue;
     const double distance_m = std::sqrt(distance_m2);
-    if (along_m < least_cosine * distance_m) continue;
     const double from_rad = std::atan2(-to_m.y(), -to_m.x()) + kPi;  // the camera's direction, seen from the place
     const auto k = std::min(kSectors - 1, static_cast<std::size_t>(from_rad / (2.0 * kPi) * kSectors));
     const float found = place.found[k];

@@ -430,7 +430,7 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   if (input.targets != nullptr) take_targets(*input.targets);
   if (input.grid != nullptr) take_grid(*input.grid);
   step_.home_s = home_s(p_m, height_m);
-  if (step_.home_s + params_.margin_s >= step_.left_s) must_go_home_ = true;
+  if (std::isfinite(step_.home_s) && step_.home_s + params_.margin_s >= step_.left_s) must_go_home_ = true;
 
   const auto is_at = [&](const ScoutStop& stop) {
     const double near_m = stop.target != 0 ? kCloseUp_m : params_.arrival_m;
