@@ -21,6 +21,7 @@ add_message_files(DIRECTORY msg FILES
   PathError.msg
   PolygonArray.msg
   SafetyVerdict.msg
+  ScoutStatus.msg
   SegmentArray.msg
   SegmentPoint.msg
   SplinegonArray.msg

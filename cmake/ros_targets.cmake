@@ -15,12 +15,14 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/poses.cpp
   src/ros/convert/safety.cpp
   src/ros/convert/scan.cpp
+  src/ros/convert/scouting.cpp
   src/ros/convert/segments.cpp
   src/ros/convert/splinegons.cpp
   src/ros/gps_ins_input.cpp
   src/ros/gps_ins_report.cpp
   src/ros/inertial_input.cpp
   src/ros/inertial_navigation.cpp
+  src/ros/map_inputs.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/grid_markers.cpp
@@ -29,6 +31,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/markers/polygon_markers.cpp
   src/ros/markers/reflector_markers.cpp
   src/ros/markers/safety_markers.cpp
+  src/ros/markers/scout_markers.cpp
   src/ros/markers/shown_markers.cpp
   src/ros/markers/splinegon_markers.cpp
   src/ros/markers/truth_markers.cpp
@@ -51,6 +54,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/param_reader.cpp
   src/ros/params/path_nodelet_params.cpp
   src/ros/params/polygon_nodelet_params.cpp
+  src/ros/params/scout_nodelet_params.cpp
   src/ros/params/shared_file.cpp
   src/ros/params/splinegon_nodelet_params.cpp
   src/ros/reflector_report.cpp
@@ -86,6 +90,7 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/polygon_mapping_nodelet.cpp
   src/ros/nodelets/reflector_localization_nodelet.cpp
   src/ros/nodelets/safety_areas_nodelet.cpp
+  src/ros/nodelets/scout_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
   src/ros/nodelets/slicing_nodelet.cpp
   src/ros/nodelets/splinegon_mapping_nodelet.cpp)

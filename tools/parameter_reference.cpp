@@ -15,6 +15,7 @@
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/scout_nodelet_params.hpp"
 #include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -134,6 +135,10 @@ void print_all() {
   const std::vector<Parameter> of_grid = parameters_of(grid_params);
   print_section(of_grid, "", "The semantic grid", of_objects);
   print_sections(of_grid, of_objects);
+  ScoutNodeletParams scout_params;
+  const std::vector<Parameter> of_scout = parameters_of(scout_params);
+  print_section(of_scout, "", "The nodelet scout", of_objects);
+  print_sections(of_scout, of_objects);
 }
 
 }  // namespace

@@ -399,6 +399,15 @@ void Scouting::make_plan(const From& from, double left_s) {
   ++step_.plan;
 }
 
+bool Scouting::is_route_free(const Eigen::Vector2d& p_m) {
+  Eigen::Vector2d at_m = p_m;
+  return std::all_of(route_.begin(), route_.end(), [&](const ScoutStop& stop) {
+    const bool is_free = ways_.is_free(stop.p_world_m) && std::isfinite(ways_.length_m(at_m, stop.p_world_m));
+    at_m = stop.p_world_m;
+    return is_free;
+  });
+}
+
 bool Scouting::lead_to(const Eigen::Vector2d& p_m, const Eigen::Vector2d& to_m) {
   // On along the corners that were found, while they are free.
   while (way_.size() > 1 && (way_.front() - p_m).norm() < kHome_m && ways_.is_free(p_m, way_[1])) {
@@ -424,8 +433,12 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
     avoidance.clearance_m = params_.clearance_m;
     ways_.set(*input.obstacles, avoidance);
     way_.clear();
-    for (Known& known : known_) known.is_given_up = false;
-    must_plan_ = true;
+    // A route that is still free stays, so that maps that come often cost little; what was given up has another try.
+    must_plan_ = must_plan_ || !is_route_free(p_m);
+    for (Known& known : known_) {
+      must_plan_ = must_plan_ || known.is_given_up;
+      known.is_given_up = false;
+    }
   }
   if (input.targets != nullptr) take_targets(*input.targets);
   if (input.grid != nullptr) take_grid(*input.grid);
@@ -472,7 +485,9 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   } else if (route_.empty()) {
     const bool is_home = (p_m - home_m).norm() < kHome_m;
     step_.state = is_home ? ScoutingState::kDone : ScoutingState::kHome;
-    step_.reason = must_go_home_ ? "the budget is only enough for the way home" : "no stop is worth its way any more";
+    step_.reason = was_told_home_  ? "told to go home"
+                   : must_go_home_ ? "the budget is only enough for the way home"
+                                   : "no stop is worth its way any more";
     const Eigen::Vector2d way_m = way_.front() - p_m;
     if (way_m.norm() > kHome_m) step_.yaw_rad = std::atan2(way_m.y(), way_m.x());
     const bool is_last = way_.size() == 1;

@@ -11,6 +11,7 @@
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/scout_nodelet_params.hpp"
 #include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 #include "support/aggregate_size.hpp"
 #include "support/refusal.hpp"
@@ -238,6 +239,13 @@ TEST(CircumnavigateNodeletParams, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<CircumnavigateNodeletParams>(),
             aggregate_size<CircumnavigateNodeletParams>() - 2 + declared_size<NodeletParams>());
   EXPECT_EQ(declared_size<CircumnavigationParams>(), aggregate_size<CircumnavigationParams>());
+}
+
+TEST(ScoutNodeletParams, DeclareAllTheirMembers) {
+  // What was unknown, and the nodelet's, which are declared in its place.
+  EXPECT_EQ(declared_size<ScoutNodeletParams>(),
+            aggregate_size<ScoutNodeletParams>() - 2 + declared_size<NodeletParams>());
+  EXPECT_EQ(declared_size<ScoutingParams>(), aggregate_size<ScoutingParams>());
 }
 
 TEST(CircumnavigateNodeletParams, PlacesAreReadBackExactly) {

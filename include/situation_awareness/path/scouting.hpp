@@ -143,6 +143,9 @@ class Scouting {
   /// An image that was mapped was taken from there.
   void add_image(const Eigen::Vector3d& p_world_m, double yaw_rad);
 
+  /// From now on there is only the way home.
+  void go_home() { must_go_home_ = was_told_home_ = true; }
+
   /// A few times per second. Throws std::invalid_argument if the pose is not finite.
   const ScoutingStep& step(const ScoutingInput& input);
 
@@ -184,6 +187,7 @@ class Scouting {
   Plan random_plan(const From& from, double left_s);
   void change(Plan& plan, const From& from);
   void make_plan(const From& from, double left_s);
+  bool is_route_free(const Eigen::Vector2d& p_m);
   bool lead_to(const Eigen::Vector2d& p_m, const Eigen::Vector2d& to_m);
 
   ScoutingParams params_;
@@ -197,8 +201,7 @@ class Scouting {
   std::vector<Eigen::Vector2d> way_;
   std::optional<std::int64_t> begin_ns_;
   double stop_due_s_ = 0.0;  ///< since the begin: a stop that is not reached until then is given up
-  bool must_plan_ = true, must_go_home_ = false;
-  bool has_flown_ = false;
+  bool must_plan_ = true, must_go_home_ = false, was_told_home_ = false;
   ScoutingStep step_;
 };
 

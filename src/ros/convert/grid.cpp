@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <stdexcept>
 
 #include <sensor_msgs/point_cloud2_iterator.h>
@@ -12,6 +13,13 @@
 #include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
+namespace {
+
+constexpr double kMostCells = 1e6;   ///< of a grid that came, from the world's origin and along an edge
+constexpr double kOnLattice = 0.01;  ///< of a cell
+constexpr double kLevel = 1e-6;      ///< of a quaternion
+
+}  // namespace
 
 TargetArray grid_targets_to_msg(const GridTargets& targets, const std::string& world_frame) {
   TargetArray msg;
@@ -68,6 +76,39 @@ nav_msgs::OccupancyGrid grid_to_msg(const SemanticGrid& grid, const std::string&
                                                : static_cast<std::int8_t>(std::lround(100.0F * probability)));
   }
   return msg;
+}
+
+SemanticGrid grid_from_msg(const nav_msgs::OccupancyGrid& msg) {
+  SemanticGrid grid;
+  grid.stamp_ns = to_nanoseconds(msg.header.stamp);
+  grid.cell_m = static_cast<double>(msg.info.resolution);
+  const auto& origin = msg.info.origin;
+  if (!(grid.cell_m > 0.0) || !std::isfinite(grid.cell_m)) throw std::invalid_argument("a grid without a resolution");
+  const double column = origin.position.x / grid.cell_m, row = origin.position.y / grid.cell_m;
+  if (!(std::abs(column) < kMostCells && std::abs(row) < kMostCells) || std::abs(origin.orientation.x) > kLevel ||
+      std::abs(origin.orientation.y) > kLevel || std::abs(origin.orientation.z) > kLevel ||
+      std::abs(column - std::round(column)) > kOnLattice || std::abs(row - std::round(row)) > kOnLattice) {
+    throw std::invalid_argument("a grid whose cells are not along the axes, on multiples of their size");
+  }
+  if (msg.info.width > kMostCells || msg.info.height > kMostCells ||
+      static_cast<std::size_t>(msg.info.width) * msg.info.height != msg.data.size()) {
+    throw std::invalid_argument("a grid with more or fewer cells than its size says");
+  }
+  grid.first_column = static_cast<int>(std::lround(column));
+  grid.first_row = static_cast<int>(std::lround(row));
+  grid.width = static_cast<int>(msg.info.width);
+  grid.height = static_cast<int>(msg.info.height);
+  grid.probability.reserve(msg.data.size());
+  for (const std::int8_t percent : msg.data) {
+    if (percent < -1 || percent > 100) throw std::invalid_argument("a grid with a cell that is no percentage");
+    grid.probability.push_back(percent < 0 ? std::numeric_limits<float>::quiet_NaN()
+                                           : 0.01F * static_cast<float>(percent));
+  }
+  grid.images.assign(msg.data.size(), 0);
+  grid.class_images.assign(msg.data.size(), 0);
+  grid.class_latest.assign(msg.data.size(), 0);
+  grid.ground_world_m.assign(msg.data.size(), std::numeric_limits<float>::quiet_NaN());
+  return grid;
 }
 
 sensor_msgs::PointCloud2 grid_to_cloud(const SemanticGrid& grid, const std::string& world_frame) {

@@ -26,17 +26,13 @@
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/MappedObjectArray.h"
-#include "situation_awareness/PolygonArray.h"
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/path/circumnavigation.hpp"
 #include "situation_awareness/ros/convert/mission.hpp"
-#include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/convert/splinegons.hpp"
+#include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
@@ -54,6 +50,7 @@ class CircumnavigateStage {
         params_(params),
         mission_(std::in_place, params.mission, params.search.places),
         order_(params.reset_time_jump_s),
+        maps_(context, params.nodelet.world_frame),
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
         status_(context.node().advertise<MissionStatus>("mission", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
@@ -64,9 +61,6 @@ class CircumnavigateStage {
     context.when_made([this] {
       ros::NodeHandle& node = context_.node();
       const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
-      splinegons_sub_ = node.subscribe("splinegons", 2, &CircumnavigateStage::on_splinegons, this, hints);
-      polygons_sub_ = node.subscribe("polygons", 2, &CircumnavigateStage::on_polygons, this, hints);
-      objects_sub_ = node.subscribe("objects", 2, &CircumnavigateStage::on_objects, this, hints);
       scan_sub_ = node.subscribe("scan", 2, &CircumnavigateStage::on_scan, this, hints);
       plan_ = node.advertiseService("plan_dubins", &CircumnavigateStage::on_plan, this);
     });
@@ -97,9 +91,9 @@ class CircumnavigateStage {
       if (since_s > kLongestStep_s) context_.diagnostics().counted({{"steps more than 0.3 s apart", 1}});
     }
     last_ns_ = input.stamp_ns;
-    if (has_splinegons_) input.boundaries = &splinegons_;
-    if (has_polygons_) input.polygons = &polygons_;
-    if (has_objects_) input.objects = &objects_;
+    input.boundaries = maps_.splinegons();
+    input.polygons = maps_.polygons();
+    input.objects = maps_.objects();
     if (has_beams_) input.sight = &beams_;
     has_beams_ = false;
     const MissionStep& step = mission_->step(input);
@@ -143,45 +137,12 @@ class CircumnavigateStage {
   /// Another time: nothing that was known is.
   void restart() {
     mission_.emplace(params_.mission, params_.search.places);
-    has_splinegons_ = has_polygons_ = has_objects_ = has_beams_ = false;
+    maps_.clear();
+    has_beams_ = false;
     last_ns_ = scan_ns_ = 0;
     path_number_ = 0;
     poses_.fill({});
     context_.diagnostics().counted({{"time jumped back: new mission", 1}});
-  }
-
-  /// Takes a map in the world frame, or counts why not: the one before counts on.
-  template <class Message, class Take>
-  void take_map(const Message& msg, const char* kind, const Take& take) {
-    try {
-      if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame) {
-        throw std::invalid_argument(std::string(kind) + " in the frame " + msg.header.frame_id);
-      }
-      take();
-    } catch (const std::exception& error) {
-      context_.drop(drop_reason::kBadMap, error.what());
-    }
-  }
-
-  void on_splinegons(const SplinegonArrayConstPtr& msg) {
-    take_map(*msg, "splinegons", [&] {
-      splinegons_ = splinegons_from_msg(*msg);
-      has_splinegons_ = true;
-    });
-  }
-
-  void on_polygons(const PolygonArrayConstPtr& msg) {
-    take_map(*msg, "polygons", [&] {
-      polygons_ = polygons_from_msg(*msg);
-      has_polygons_ = true;
-    });
-  }
-
-  void on_objects(const MappedObjectArrayConstPtr& msg) {
-    take_map(*msg, "objects", [&] {
-      objects_ = objects_from_msg(*msg);
-      has_objects_ = true;
-    });
   }
 
   void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
@@ -278,18 +239,19 @@ class CircumnavigateStage {
     status.add("state", name_of(state_));
     status.add("reason", reason_);
     status.add("clearance [m]", clearance_m_);
-    const std::vector<Splinegon>& boundaries = splinegons_.boundaries;
-    status.add("boundaries", has_splinegons_ ? boundaries.size() : 0);
-    status.add("closed", has_splinegons_ ? std::count_if(boundaries.begin(), boundaries.end(),
-                                                         [](const Splinegon& boundary) { return boundary.closed; })
-                                         : 0);
+    static const std::vector<Splinegon> kNone;
+    const Splinegons* splinegons = maps_.splinegons();
+    const std::vector<Splinegon>& boundaries = splinegons != nullptr ? splinegons->boundaries : kNone;
+    status.add("boundaries", boundaries.size());
+    status.add("closed", std::count_if(boundaries.begin(), boundaries.end(),
+                                       [](const Splinegon& boundary) { return boundary.closed; }));
     if (last_ns_ == 0) return;
     const auto warn = [&status](const std::string& text) {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
     };
-    if (!has_splinegons_) {
+    if (splinegons == nullptr) {
       warn("no boundaries yet");
-    } else if (seconds_between(splinegons_.stamp_ns, last_ns_) > params_.timeout_s) {
+    } else if (seconds_between(splinegons->stamp_ns, last_ns_) > params_.timeout_s) {
       warn("boundaries are old");
     }
     if (seconds_between(scan_ns_, last_ns_) > params_.timeout_s) warn("no scan: nothing more is seen to be free");
@@ -302,11 +264,9 @@ class CircumnavigateStage {
   StampOrder order_;
   std::array<StampedPose, 64> poses_;
   std::size_t latest_pose_ = 0;
-  Splinegons splinegons_;
-  Polygons polygons_;
-  Objects objects_;
+  MapInputs maps_;
   FreeBeams beams_;
-  bool has_splinegons_ = false, has_polygons_ = false, has_objects_ = false, has_beams_ = false;
+  bool has_beams_ = false;
   std::int64_t last_ns_ = 0, scan_ns_ = 0;
   ros::SteadyTime odometry_at_;  ///< the latest that was used
   MissionState state_ = MissionState::kHold;
@@ -314,7 +274,7 @@ class CircumnavigateStage {
   double clearance_m_ = 0.0;
   std::uint64_t path_number_ = 0;
   ros::Publisher command_, status_, path_, markers_;
-  ros::Subscriber splinegons_sub_, polygons_sub_, objects_sub_, scan_sub_;
+  ros::Subscriber scan_sub_;
   ros::ServiceServer plan_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener listener_;

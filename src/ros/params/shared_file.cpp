@@ -12,6 +12,7 @@
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
+#include "situation_awareness/ros/params/scout_nodelet_params.hpp"
 #include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -45,6 +46,7 @@ void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownK
   forget_known_to<SplinegonNodeletParams>(reader, unknown);
   forget_known_to<CircumnavigateNodeletParams>(reader, unknown);
   forget_known_to<GridNodeletParams>(reader, unknown);
+  forget_known_to<ScoutNodeletParams>(reader, unknown);
 }
 
 }  // namespace situation_awareness

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "situation_awareness/path/scouting.hpp"
+#include "situation_awareness/ros/params/nodelet_params.hpp"
+
+namespace situation_awareness {
+
+/// Parameters of the nodelet scout (cfg/scout.yaml).
+struct ScoutNodeletParams {
+  NodeletParams nodelet;
+  std::string base_frame = "base_link";
+  std::string dem;
+  double period_s = 0.25;
+  double map_period_s = 2.0;
+  double timeout_s = 5.0;
+  double reset_time_jump_s = 1.0;
+  ScoutingParams scouting;
+  std::vector<UnknownKey> unknown;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    NodeletParams::fields(self.nodelet, visit);
+    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that of `odometry`");
+    visit("dem", self.dem,
+          "path of the elevation, as that of grid_mapping; empty: level ground, scouting.height_m below the begin");
+    visit("period_s", self.period_s, Bounds{0.02, 2.0}, "s", "least time between steps of the mission");
+    visit("map_period_s", self.map_period_s, Bounds{0.1, 100.0}, "s",
+          "least time between looks at the maps of what stands around");
+    visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s", "targets that are older make a warning");
+    visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
+          "a stamp that goes back by more than this begins a new mission");
+    visit("scouting", self.scouting);
+  }
+};
+
+/// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
+ScoutNodeletParams read_scout_nodelet_params(const ParamReader& reader);
+
+}  // namespace situation_awareness

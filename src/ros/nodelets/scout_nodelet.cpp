@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// odometry, targets, grid, splinegons, polygons, objects  ->  go_to, scout, scout_markers, flight_done
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include <geometry_msgs/PoseStamped.h>
+#include <nav_msgs/OccupancyGrid.h>
+#include <nav_msgs/Odometry.h>
+#include <ros/publisher.h>
+#include <ros/service_server.h>
+#include <ros/subscriber.h>
+#include <std_msgs/Empty.h>
+#include <std_srvs/Trigger.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <pluginlib/class_list_macros.hpp>
+
+#include "situation_awareness/TargetArray.h"
+#include "situation_awareness/common/stamp_order.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/map/grid/elevation.hpp"
+#include "situation_awareness/path/scouting.hpp"
+#include "situation_awareness/ros/convert/grid.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/scouting.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/map_inputs.hpp"
+#include "situation_awareness/ros/markers/scout_markers.hpp"
+#include "situation_awareness/ros/params/scout_nodelet_params.hpp"
+#include "situation_awareness/ros/stage_nodelet.hpp"
+
+namespace situation_awareness {
+
+class ScoutStage {
+ public:
+  using Context = StageContext<nav_msgs::Odometry>;
+  static constexpr const char* kInput = "odometry";
+  static constexpr auto kReadParams = read_scout_nodelet_params;
+
+  ScoutStage(Context& context, const ScoutNodeletParams& params)
+      : context_(context),
+        params_(params),
+        order_(params.reset_time_jump_s),
+        maps_(context, params.nodelet.world_frame),
+        go_to_(context.node().advertise<geometry_msgs::PoseStamped>("go_to", 5)),
+        status_(context.node().advertise<ScoutStatus>("scout", 20)),
+        markers_(context.node().advertise<visualization_msgs::MarkerArray>("scout_markers", 5)),
+        done_(context.node().advertise<std_msgs::Empty>("flight_done", 1, /*latch=*/true)) {
+    params.scouting.validate();
+    if (!params.dem.empty()) {
+      const auto elevation = std::make_shared<const Elevation>(Elevation::load(params.dem));
+      ground_ = [elevation](double x_world_m, double y_world_m) { return elevation->at(x_world_m, y_world_m); };
+    }
+    context.keep_all();
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+    context.when_made([this] {
+      ros::NodeHandle& node = context_.node();
+      const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
+      targets_sub_ = node.subscribe("targets", 20, &ScoutStage::on_targets, this, hints);
+      grid_sub_ = node.subscribe("grid", 1, &ScoutStage::on_grid, this, hints);
+      start_ = context_.private_node().advertiseService("start", &ScoutStage::start, this);
+      go_home_ = context_.private_node().advertiseService("go_home", &ScoutStage::go_home, this);
+    });
+  }
+
+  bool process(const nav_msgs::Odometry& msg) {
+    const std::string defect = odometry_msg_defect(msg);
+    if (!defect.empty()) return context_.drop(defect);
+    if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame ||
+        tf2_frame(msg.child_frame_id) != params_.base_frame) {
+      return context_.drop("odometry of other frames", msg.header.frame_id + " -> " + msg.child_frame_id);
+    }
+    const Eigen::Isometry3d T_world_base = isometry_from_msg(transform_from_odometry(msg).transform);
+    const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
+    const StampOrder::Verdict verdict = order_.judge(stamp_ns);
+    if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
+    if (verdict == StampOrder::Verdict::kRestart) restart();
+    const StampedPose& pose = poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {
+        stamp_ns, T_world_base.translation(), pose2_of(T_world_base).yaw_rad};
+    if (last_ns_ && seconds_between(*last_ns_, stamp_ns) < params_.period_s - kEarly_s) return true;
+    last_ns_ = stamp_ns;
+    if (!has_targets_) {
+      step_ = {};
+      step_.reason = "no targets yet";
+      context_.publish(status_, scouting_to_msg(step_, stamp_ns, params_.nodelet.world_frame));
+      return true;
+    }
+    if (!scouting_) scouting_.emplace(params_.scouting, pose.p_world_m, ground_);
+    ScoutingInput input;
+    input.stamp_ns = stamp_ns;
+    input.p_world_m = pose.p_world_m;
+    input.yaw_rad = pose.yaw_rad;
+    input.targets = &targets_;
+    if (has_new_grid_) input.grid = &grid_;
+    if (takes_obstacles(stamp_ns)) input.obstacles = &obstacles_;
+    step_ = scouting_->step(input);
+    has_new_grid_ = false;
+    context_.publish(go_to_, go_to_msg(step_, stamp_ns, params_.nodelet.world_frame));
+    context_.publish(status_, scouting_to_msg(step_, stamp_ns, params_.nodelet.world_frame));
+    if (step_.state == ScoutingState::kDone && !is_done_) {
+      is_done_ = true;
+      done_.publish(std_msgs::Empty());
+      ROS_INFO_STREAM(context_.name() << ": home after " << step_.elapsed_s << " s with " << step_.targets
+                                      << " targets and " << step_.close_ups << " close-ups");
+    }
+    if (markers_.getNumSubscribers() > 0) {
+      markers_.publish(
+          scout_markers(*scouting_, step_, pose.p_world_m, ground_, stamp_ns, params_.nodelet.world_frame));
+    }
+    return true;
+  }
+
+ private:
+  static constexpr double kEarly_s = 1e-3;        // round-off of stamps
+  static constexpr double kMostPoseAge_s = 0.15;  // against an image
+
+  struct StampedPose {
+    std::int64_t stamp_ns = 0;
+    Eigen::Vector3d p_world_m = Eigen::Vector3d::Zero();
+    double yaw_rad = 0.0;
+  };
+
+  /// From where it is, with what it knows.
+  void begin() {
+    scouting_.reset();
+    last_ns_.reset();
+    obstacles_ns_.reset();
+    is_done_ = false;
+  }
+
+  /// Another time: nothing that was known is.
+  void restart() {
+    begin();
+    maps_.clear();
+    poses_.fill({});
+    targets_ = {};
+    has_targets_ = has_new_grid_ = false;
+    context_.diagnostics().counted({{"time jumped back: new mission", 1}});
+  }
+
+  /// Each image that was mapped has its targets.
+  void on_targets(const TargetArrayConstPtr& msg) {
+    try {
+      check_frame(msg->header.frame_id, "targets");
+      targets_ = grid_targets_from_msg(*msg);
+      has_targets_ = true;
+    } catch (const std::exception& error) {
+      context_.drop(drop_reason::kBadMap, error.what());
+      return;
+    }
+    if (!scouting_) return;
+    const StampedPose& pose = *std::min_element(poses_.begin(), poses_.end(), [&](const auto& a, const auto& b) {
+      return std::abs(seconds_between(a.stamp_ns, targets_.stamp_ns)) <
+             std::abs(seconds_between(b.stamp_ns, targets_.stamp_ns));
+    });
+    if (std::abs(seconds_between(pose.stamp_ns, targets_.stamp_ns)) > kMostPoseAge_s) {
+      context_.diagnostics().counted({{"images without odometry", 1}});
+      return;
+    }
+    scouting_->add_image(pose.p_world_m, pose.yaw_rad);
+  }
+
+  void on_grid(const nav_msgs::OccupancyGridConstPtr& msg) {
+    try {
+      check_frame(msg->header.frame_id, "grid");
+      grid_ = grid_from_msg(*msg);
+      has_new_grid_ = true;
+    } catch (const std::exception& error) {
+      context_.drop(drop_reason::kBadMap, error.what());
+    }
+  }
+
+  void check_frame(const std::string& frame_id, const char* kind) const {
+    if (tf2_frame(frame_id) != params_.nodelet.world_frame) {
+      throw std::invalid_argument(std::string(kind) + " in the frame " + frame_id);
+    }
+  }
+
+  /// Whether there are other obstacles than before.
+  bool takes_obstacles(std::int64_t stamp_ns) {
+    if (obstacles_ns_ &&
+        (maps_.taken() == maps_taken_ || seconds_between(*obstacles_ns_, stamp_ns) < params_.map_period_s)) {
+      return false;
+    }
+    if (!obstacles_ns_ && maps_.taken() == 0) return false;
+    obstacles_ns_ = stamp_ns;
+    maps_taken_ = maps_.taken();
+    obstacles_.clear();
+    if (maps_.splinegons() != nullptr) {
+      for (const Splinegon& boundary : maps_.splinegons()->boundaries) obstacles_.add(boundary);
+    }
+    if (maps_.polygons() != nullptr) {
+      for (const Chain& chain : maps_.polygons()->chains) obstacles_.add(chain);
+    }
+    if (maps_.objects() != nullptr) {
+      for (const Object& object : maps_.objects()->objects) obstacles_.add(object);
+    }
+    return true;
+  }
+
+  bool start(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    begin();
+    response.success = 1;
+    response.message = "a new mission begins where the vehicle is";
+    ROS_INFO_STREAM(context_.name() << ": " << response.message);
+    return true;
+  }
+
+  bool go_home(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    if (scouting_) scouting_->go_home();
+    response.success = scouting_ ? 1 : 0;
+    response.message = scouting_ ? "on the way home" : "there is no mission yet";
+    ROS_INFO_STREAM(context_.name() << ": " << response.message);
+    return true;
+  }
+
+  void report(StageDiagnostics::Status& status) {
+    status.add("state", name_of(step_.state));
+    status.add("reason", step_.reason);
+    status.add("budget left [s]", step_.left_s);
+    status.add("way home [s]", step_.home_s);
+    status.add("targets", step_.targets);
+    status.add("close-ups", step_.close_ups);
+    status.add("targets not found yet", step_.expected_left);
+    if (!last_ns_) return;
+    const auto warn = [&status](const std::string& text) {
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
+    };
+    if (!has_targets_) {
+      warn("no targets yet");
+    } else if (seconds_between(targets_.stamp_ns, *last_ns_) > params_.timeout_s) {
+      warn("targets are old: the camera sees nothing more");
+    }
+    if (scouting_ && step_.state == ScoutingState::kHold) warn("holding: " + step_.reason);
+    if (scouting_ && !is_done_ && step_.home_s > step_.left_s) warn("the budget is not enough for the way home");
+  }
+
+  Context& context_;
+  ScoutNodeletParams params_;
+  std::function<double(double, double)> ground_;  ///< empty: level
+  std::optional<Scouting> scouting_;
+  StampOrder order_;
+  std::array<StampedPose, 256> poses_;
+  std::size_t latest_pose_ = 0;
+  MapInputs maps_;
+  GridTargets targets_;
+  SemanticGrid grid_;
+  Obstacles obstacles_;
+  bool has_targets_ = false, has_new_grid_ = false, is_done_ = false;
+  std::optional<std::int64_t> last_ns_, obstacles_ns_;
+  std::uint64_t maps_taken_ = 0;  ///< by the obstacles
+  ScoutingStep step_;
+  ros::Publisher go_to_, status_, markers_, done_;
+  ros::Subscriber targets_sub_, grid_sub_;
+  ros::ServiceServer start_, go_home_;
+};
+
+using ScoutNodelet = StageNodelet<ScoutStage>;
+
+}  // namespace situation_awareness
+
+PLUGINLIB_EXPORT_CLASS(situation_awareness::ScoutNodelet, nodelet::Nodelet)
