@@ -40,18 +40,21 @@ class SimulatedLabelCamera::Impl {
   LabelImage next() {
     const double time_s = next_time_s();
     ++images_;
+    return at(time_s, world_.robot_at(time_s).T_world_robot * T_robot_camera_);
+  }
+
+  LabelImage at(double time_s, const Eigen::Isometry3d& T_world_camera) {
     LabelImage image;
     image.stamp_ns = nanoseconds(time_s);
     image.width = params_.width;
     image.height = params_.height;
     image.focal_length_px = 0.5 * params_.height / std::tan(0.5 * params_.fovy_rad);
-    const Eigen::Isometry3d T_world_robot = world_.robot_at(time_s).T_world_robot;
-    image.T_world_camera = T_world_robot * T_robot_camera_;
+    image.T_world_camera = T_world_camera;
 
     const MujocoThrows guard;
     mjvCamera any;
     mjv_defaultCamera(&any);
-    drawn_.update_scene(time_s, T_world_robot, any);
+    drawn_.update_scene(time_s, world_.robot_at(time_s).T_world_robot, any);
     look_from(image.T_world_camera);
     mjvScene& scene = drawn_.scene();
     if (params_.color != 0) image.rgb = drawn_.render();
@@ -122,6 +125,9 @@ const SimulatedLabelCameraParams& SimulatedLabelCamera::params() const { return 
 const std::vector<std::string>& SimulatedLabelCamera::class_names() const { return impl_->class_names(); }
 double SimulatedLabelCamera::next_time_s() const { return impl_->next_time_s(); }
 LabelImage SimulatedLabelCamera::next() { return impl_->next(); }
+LabelImage SimulatedLabelCamera::at(double time_s, const Eigen::Isometry3d& T_world_camera) {
+  return impl_->at(time_s, T_world_camera);
+}
 void SimulatedLabelCamera::skip() { impl_->skip(); }
 
 }  // namespace situation_awareness

@@ -23,6 +23,7 @@ const SimulatedLabelCameraParams& SimulatedLabelCamera::params() const { return 
 const std::vector<std::string>& SimulatedLabelCamera::class_names() const { return impl_->class_names; }
 double SimulatedLabelCamera::next_time_s() const { return 0.0; }
 LabelImage SimulatedLabelCamera::next() { return {}; }
+LabelImage SimulatedLabelCamera::at(double /*time_s*/, const Eigen::Isometry3d& /*T_world_camera*/) { return {}; }
 void SimulatedLabelCamera::skip() {}
 
 }  // namespace situation_awareness

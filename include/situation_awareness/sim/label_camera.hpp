@@ -69,6 +69,9 @@ class SimulatedLabelCamera {
 
   LabelImage next();
 
+  /// The image from any other place, the robot being where it is at that time; no image of next() is passed over.
+  LabelImage at(double time_s, const Eigen::Isometry3d& T_world_camera);
+
   /// Passes over the next image without drawing it, which changes no other.
   void skip();
 
