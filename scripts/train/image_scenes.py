@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 SIZE_M = 160.0  # of the painted ground, square about the origin
+TILES = 5  # along each side: the picture of the ground goes on around the scene
 GROUND_PX = 1024
 IMAGE_PX = 512
 DOMAINS = ("town", "field")
@@ -430,7 +431,6 @@ def make_scene(domain, random):
     sky = random.uniform(0.55, 0.8) if overcast else random.uniform(0.25, 0.45)
     warm = np.array((1.0, 0.97, 0.92) if domain == "town" else (1.0, 0.93, 0.82))
     haze = random.uniform((0.6, 0.66, 0.72), (0.85, 0.88, 0.92))
-    far = ground.rgb.mean(axis=(0, 1))
     text = f"""\
 <mujoco>
   <compiler angle="radian" eulerseq="XYZ"/>
@@ -444,15 +444,13 @@ def make_scene(domain, random):
     <texture name="sky" type="skybox" builtin="gradient" rgb1="{numbers(haze * (0.7, 0.8, 1))}" rgb2="{numbers(haze)}"
              width="128" height="128"/>
     <texture name="ground" type="2d" file="ground.png"/>
-    <material name="ground" texture="ground" texrepeat="1 1" specular="0"/>
-    <material name="far" rgba="{numbers(np.clip(far, 0, 1))} 1" specular="0"/>
+    <material name="ground" texture="ground" texrepeat="{TILES} {TILES}" specular="0"/>
     {"".join(scene.assets)}
   </asset>
   <worldbody>
     <light directional="true" castshadow="true" pos="{numbers(-100 * toward)}" dir="{numbers(toward)}"
            diffuse="{numbers(sun * warm)}" specular="0.3 0.3 0.3"/>
-    <geom name="ground" group="2" type="plane" size="{SIZE_M / 2} {SIZE_M / 2} 1" material="ground"/>
-    <geom name="far" group="2" type="plane" pos="0 0 -0.3" size="700 700 1" material="far"/>
+    <geom name="ground" group="2" type="plane" size="{TILES * SIZE_M / 2} {TILES * SIZE_M / 2} 1" material="ground"/>
     <body name="robot" mocap="true" pos="0 0 60"> <site name="lidar" size="0.01"/> </body>
     {"".join(scene.bodies)}
   </worldbody>
