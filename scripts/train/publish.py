@@ -8,6 +8,11 @@ Besides what trainer.py asks for, a task that is to be published has
     parameters                                       trainable numbers that the ONNX file must hold
     published()                                      the nn.Module to write, with the weights as they are now
     golden_input()                                   one input of that shape, float32
+
+A network of another kind than one row in, one row out has, instead of outputs, fill and golden_input(),
+
+    dynamic_axes                                     the sizes that are free, as torch.onnx.export takes them
+    contract(network)                                the lines of the manifest on input, output and golden vector
 """
 
 import hashlib
@@ -24,11 +29,11 @@ OPSET = 12
 def export(task, network, path):
     """One ONNX file with a free batch size; its initialisers keep PyTorch's names."""
     network = network.cpu().eval()
+    free = getattr(task, "dynamic_axes", {task.input_name: {0: "batch"}, task.output_name: {0: "batch"}})
     buffer = io.BytesIO()
     torch.onnx.export(
         network, (torch.zeros(2, *task.shape),), buffer, opset_version=OPSET, input_names=[task.input_name],
-        output_names=[task.output_name], dynamic_axes={task.input_name: {0: "batch"}, task.output_name: {0: "batch"}},
-        dynamo=False,
+        output_names=[task.output_name], dynamic_axes=free, dynamo=False,
     )
     model = onnx.load_from_string(buffer.getvalue())
     onnx.checker.check_model(model, full_check=True)
@@ -72,23 +77,10 @@ def _yaml(value):
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def publish(task, folder, training):
-    """Write <task.name>.onnx and its manifest; `training` is told in the manifest, name by name."""
-    folder = pathlib.Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{task.name}.onnx"
-    network = task.published()
-    export(task, network, path)
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+def _row_contract(task, network):
     first, values, answer = golden(task, network)
     shape = ", ".join(str(size) for size in task.shape)
-    told = "\n".join(f"  {name}: {_yaml(value)}" for name, value in training.items())
-    (folder / f"{task.name}.manifest.yaml").write_text(f"""\
-# Checked before {task.name}.onnx is parsed; written by scripts/train/train.py.
-version: 1
-file: {task.name}.onnx
-sha256: {digest}
-parameters: {task.parameters}
+    return f"""\
 input: {{name: {task.input_name}, shape: [batch, {shape}]}}
 output: {{name: {task.output_name}, shape: [batch, {task.outputs}]}}
 # One input, from index `first` on; all its other numbers are `fill`. The network must give `output`.
@@ -97,7 +89,26 @@ golden:
   fill: {task.fill:g}
   input: {_numbers(values)}
   output: {_numbers(answer)}
-training:
+"""
+
+
+def publish(task, folder, training):
+    """Write <task.name>.onnx and its manifest; `training` is told in the manifest, name by name."""
+    folder = pathlib.Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{task.name}.onnx"
+    network = task.published()
+    export(task, network, path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    contract = task.contract(network) if hasattr(task, "contract") else _row_contract(task, network)
+    told = "\n".join(f"  {name}: {_yaml(value)}" for name, value in training.items())
+    (folder / f"{task.name}.manifest.yaml").write_text(f"""\
+# Checked before {task.name}.onnx is parsed; written by scripts/train/train.py.
+version: 1
+file: {task.name}.onnx
+sha256: {digest}
+parameters: {task.parameters}
+{contract}training:
 {told}
 """)
     print(f"wrote {path} and its manifest, sha256 {digest}")

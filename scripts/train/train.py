@@ -2,6 +2,7 @@
 """Train a network and publish it: ONNX file, manifest with a golden vector, measured losses.
 
     python scripts/train/train.py vgg --minutes 30 --precision bfloat16
+    python scripts/train/train.py scoutnet --images training/images/town --samples 40000
 
 The same arguments give the same weights on the same machine, also when a run is interrupted and taken up again with
 --resume. Checkpoints and the loss curve go to --work. Nothing of this is needed to build or run the package.
@@ -18,6 +19,7 @@ import numpy as np  # noqa: E402
 import torch  # noqa: E402
 
 import ellipse_network  # noqa: E402
+import label_networks  # noqa: E402
 import paper_tasks  # noqa: E402
 import publish  # noqa: E402
 import shape_network  # noqa: E402
@@ -34,7 +36,7 @@ TASKS = {  # name: what makes the task from a seed and a precision
 
 def parse_arguments():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("task", choices=TASKS)
+    parser.add_argument("task", choices=(*TASKS, *label_networks.NETWORKS))
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--samples", type=int, default=2_000_000, help="training samples, each seen once")
     length.add_argument("--minutes", type=float, help="instead: as many as fit, judged by a timed start")
@@ -46,17 +48,33 @@ def parse_arguments():
     )
     parser.add_argument("--peak-learning-rate", type=float, help="instead of the task's own")
     parser.add_argument("--initial", type=pathlib.Path, help="published network to start from (ellipse and shape)")
+    images = parser.add_argument_group("networks of images")
+    images.add_argument("--images", type=pathlib.Path, nargs="+", help="folders of scripts/train/image_scenes.py")
+    images.add_argument("--width", type=float, help="of the layers, instead of the shipped one")
+    images.add_argument("--boxes", type=pathlib.Path, help="labels.json of photos, which are then half of the samples")
+    images.add_argument("--box-scenes", nargs="+", default=[], help="of those photos")
     parser.add_argument("--resume", action="store_true", help="from the checkpoint of a run with the same arguments")
     parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("training"), help="checkpoints and curves")
     parser.add_argument("--output", type=pathlib.Path, default=pathlib.Path("models"))
     return parser.parse_args()
 
 
+def make_task(arguments):
+    if arguments.task in TASKS:
+        return TASKS[arguments.task](arguments.seed, arguments.precision)
+    if not arguments.images:
+        raise SystemExit(f"{arguments.task} is trained on images: --images")
+    return label_networks.LabelTask(
+        arguments.task, arguments.seed, arguments.precision, arguments.images, arguments.width, arguments.boxes,
+        arguments.box_scenes,
+    )
+
+
 def main():
     arguments = parse_arguments()
     torch.set_num_threads(arguments.threads)
     processes = join_processes()
-    task = TASKS[arguments.task](arguments.seed, arguments.precision)
+    task = make_task(arguments)
     before = {}
     if arguments.initial:
         if not hasattr(task, "start_from"):
@@ -86,6 +104,10 @@ def main():
     )
     if arguments.initial:
         command += f" --initial {arguments.initial}"
+    if arguments.images:
+        command += f" --images {' '.join(map(str, arguments.images))}"
+        command += f" --width {arguments.width}" if arguments.width else ""
+        command += f" --boxes {arguments.boxes} --box-scenes {arguments.box_scenes}" if arguments.boxes else ""
     figures = task.measure(task.published().cpu().eval(), np.random.default_rng((arguments.seed, 1)))
     publish.publish(task, arguments.output, {
         "command": command, "seed": arguments.seed, "samples": samples, "minutes": round(minutes, 1), **before,
