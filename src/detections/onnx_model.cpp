@@ -5,9 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <vector>
 
@@ -16,7 +13,7 @@
 #include <opencv2/dnn.hpp>
 #include <opencv2/dnn/all_layers.hpp>
 
-#include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/common/model_file.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/detections/dense_layers.hpp"
 
@@ -24,7 +21,6 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kGoldenTolerance = 1e-4;  // relative above 1: processors differ by 1e-6, damaged weights by more
-constexpr int kManifestVersion = 1;
 constexpr int kMaxRowSize = 1 << 20;
 
 struct Tensor {
@@ -42,25 +38,10 @@ struct Golden {
 };
 
 struct Manifest {
-  std::string sha256;
   Tensor input;
   Tensor output;
   Golden golden;
 };
-
-std::string read_file(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  if (!std::filesystem::is_regular_file(path) || !file) throw std::runtime_error(path + ": cannot be read");
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
-
-std::string manifest_path(const std::string& onnx_path) {
-  const std::string extension = ".onnx";
-  const bool has_extension = onnx_path.size() > extension.size() &&
-                             onnx_path.compare(onnx_path.size() - extension.size(), extension.size(), extension) == 0;
-  if (!has_extension) throw std::runtime_error(onnx_path + ": not the name of an .onnx file");
-  return onnx_path.substr(0, onnx_path.size() - extension.size()) + ".manifest.yaml";
-}
 
 Tensor read_tensor(const YAML::Node& node) {
   Tensor tensor;
@@ -77,14 +58,10 @@ Tensor read_tensor(const YAML::Node& node) {
   return tensor;
 }
 
-Manifest read_manifest(const std::string& path) {
-  const std::string text = read_file(path);
+Manifest read_manifest(const ModelFile& file) {
   Manifest manifest;
   try {
-    const YAML::Node root = YAML::Load(text);
-    const int version = root["version"].as<int>();
-    if (version != kManifestVersion) throw std::runtime_error("unknown version " + std::to_string(version));
-    manifest.sha256 = root["sha256"].as<std::string>();
+    const YAML::Node root = YAML::Load(file.manifest);
     manifest.input = read_tensor(root["input"]);
     manifest.output = read_tensor(root["output"]);
     if (manifest.input.shape.size() != 1 && manifest.input.shape.size() != 3) {
@@ -97,13 +74,13 @@ Manifest read_manifest(const std::string& path) {
     if (golden["fill"]) manifest.golden.fill = golden["fill"].as<float>();
     manifest.golden.output = golden["output"].as<std::vector<float>>();
   } catch (const std::exception& error) {
-    throw std::runtime_error(path + ": not a manifest of a network (" + error.what() + ")");
+    throw std::runtime_error(file.manifest_path + ": not a manifest of a network (" + error.what() + ")");
   }
   const Golden& golden = manifest.golden;
   const auto last = static_cast<long>(golden.first) + static_cast<long>(golden.input.size());
   if (golden.first < 0 || last > manifest.input.size() ||
       golden.output.size() != static_cast<std::size_t>(manifest.output.size())) {
-    throw std::runtime_error(path + ": its golden vector does not have the network's shape");
+    throw std::runtime_error(file.manifest_path + ": its golden vector does not have the network's shape");
   }
   return manifest;
 }
@@ -147,19 +124,13 @@ DenseLayers dense_layers_of(const cv::dnn::Net& net) {
 class OnnxModel::Impl {
  public:
   explicit Impl(const std::string& onnx_path) {
-    const std::string manifest_file = manifest_path(onnx_path);
-    const std::string onnx = read_file(onnx_path);
-    const Manifest manifest = read_manifest(manifest_file);
-    // A damaged file may crash OpenCV's importer, so it is checked first (docs/math/detections.md).
-    if (sha256(onnx) != manifest.sha256) {
-      throw std::runtime_error(onnx_path + ": its SHA-256 is not the one in " + manifest_file +
-                               ": damaged, or of another version");
-    }
-    sha256_ = manifest.sha256;
+    const ModelFile file = read_model_file(onnx_path);
+    const Manifest manifest = read_manifest(file);
+    sha256_ = file.sha256;
     input_tensor_ = manifest.input;
     output_tensor_ = manifest.output;
     try {
-      net_ = cv::dnn::readNetFromONNX(onnx.data(), onnx.size());
+      net_ = cv::dnn::readNetFromONNX(file.onnx.data(), file.onnx.size());
       net_.setPreferableBackend(cv::dnn::DNN_BACKEND_OPENCV);
       net_.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
       const std::vector<std::string> outputs = net_.getUnconnectedOutLayersNames();

@@ -24,6 +24,31 @@ void check(const PinholeCamera& camera) {
   }
 }
 
+PinholeCamera scaled(const PinholeCamera& camera, int width, int height) {
+  check(camera);
+  const double sx = static_cast<double>(width) / camera.width, sy = static_cast<double>(height) / camera.height;
+  PinholeCamera result;
+  result.width = width;
+  result.height = height;
+  result.fx_px = sx * camera.fx_px;
+  result.fy_px = sy * camera.fy_px;
+  // The image's left edge is at -0.5 at every size.
+  result.cx_px = sx * (camera.cx_px + 0.5) - 0.5;
+  result.cy_px = sy * (camera.cy_px + 0.5) - 0.5;
+  check(result);
+  return result;
+}
+
+void check(const ColorImage& image) {
+  check(image.camera);
+  const std::size_t pixels =
+      static_cast<std::size_t>(image.camera.width) * static_cast<std::size_t>(image.camera.height);
+  if (image.rgb.size() != 3 * pixels) {
+    throw std::invalid_argument("there are " + std::to_string(image.rgb.size()) + " numbers for " +
+                                std::to_string(pixels) + " pixels of three colours");
+  }
+}
+
 void check(const SoftLabels& labels) {
   check(labels.camera);
   const std::size_t pixels =

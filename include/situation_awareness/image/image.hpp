@@ -18,6 +18,20 @@ struct PinholeCamera {
 /// Throws std::invalid_argument naming the number if a size is less than 1 or a focal length is not finite and above 0.
 void check(const PinholeCamera& camera);
 
+/// The camera of the same image at another size: the image spans the same field of view, and each direction of it is
+/// scaled on its own. Throws std::invalid_argument if the camera cannot be used or a size is less than 1.
+PinholeCamera scaled(const PinholeCamera& camera, int width, int height);
+
+/// An image of 8 bits for each of red, green and blue; rows from the top.
+struct ColorImage {
+  std::int64_t stamp_ns = 0;
+  PinholeCamera camera;           ///< of this image's size
+  std::vector<std::uint8_t> rgb;  ///< 3 * width * height numbers
+};
+
+/// Throws std::invalid_argument if the camera cannot be used or the number of numbers is not that of its pixels.
+void check(const ColorImage& image);
+
 /// For one class, the probability of each pixel of an image to show it; rows from the top. NaN: not known.
 struct SoftLabels {
   std::int64_t stamp_ns = 0;
