@@ -232,7 +232,7 @@ TEST_F(LabelNetworkTest, RefusesManifestsOfOtherNetworks) {
                                                {"stride: 16", "stride: 0", "stride"},
                                                {"version: 1", "version: 2", "version 2"}}) {
     write(manifest_with(from, to));
-    EXPECT_TRUE(names(refusal(), {"red.manifest.yaml", reason}));
+    EXPECT_TRUE(names(refusal(), {(folder_ / "red.manifest.yaml").string(), reason}));
   }
   write(manifest_with("name: p", "name: q"));
   EXPECT_TRUE(names(refusal(), {path(), "'q'"}));
