@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Draw images of cars from the air, with labels, for the networks of image/ (docs/math/grid.md).
+"""Draw images of cars from the air, with labels, for the networks of image/ (docs/math/labels.md).
 
     python scripts/train/image_scenes.py --domain town --scenes 200 --seed 1 --output training/images/town
 

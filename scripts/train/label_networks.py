@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Networks that label images at a 16th of their size (grid paper, Sect. IV; docs/math/grid.md), and their training.
+"""Networks that label images at a 16th of their size (grid paper, Sect. IV; docs/math/labels.md), and their training.
 
 The input is a batch of RGB images, normalised, whose sides are multiples of 32; the output has a score per class and
 label pixel. Widths are those of Darknet-19 and VGG16 times a factor, since the paper's are lost with its Fig. 2.

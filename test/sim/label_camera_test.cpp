@@ -59,6 +59,20 @@ class LabelCamera : public testing::Test {
   World world_{file_.path()};
 };
 
+TEST_F(LabelCamera, LooksFromAnyPlace) {
+  SimulatedLabelCamera camera = this->camera(), beside = this->camera();
+  for (int i = 0; i < 3; ++i) {
+    const LabelImage image = camera.next();
+    const LabelImage same = beside.at(0.5 * i, image.T_world_camera);
+    EXPECT_EQ(same.classes, image.classes);
+    EXPECT_EQ(same.objects, image.objects);
+    EXPECT_EQ(same.stamp_ns, image.stamp_ns);
+    const LabelImage other = beside.at(0.5 * i, image.T_world_camera * Eigen::Translation3d(0.5, 0.0, 0.0));
+    EXPECT_NE(other.classes, image.classes);
+  }
+  EXPECT_EQ(beside.next_time_s(), 0.0);  // none was passed over
+}
+
 TEST_F(LabelCamera, SaysWhatIsWhereItProjectsTo) {
   SimulatedLabelCamera camera = this->camera();
   const std::vector<std::string>& names = camera.class_names();
