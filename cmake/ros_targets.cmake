@@ -47,6 +47,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/gps_ins_nodelet_params.cpp
   src/ros/params/live_params.cpp
   src/ros/params/grid_nodelet_params.cpp
+  src/ros/params/image_labelling_nodelet_params.cpp
   src/ros/params/localization_nodelet_params.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/object_nodelet_params.cpp
@@ -85,6 +86,7 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/detection_nodelet.cpp
   src/ros/nodelets/grid_mapping_nodelet.cpp
   src/ros/nodelets/gps_ins_nodelet.cpp
+  src/ros/nodelets/image_labelling_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
   src/ros/nodelets/path_following_nodelet.cpp
   src/ros/nodelets/polygon_mapping_nodelet.cpp

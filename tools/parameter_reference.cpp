@@ -11,6 +11,7 @@
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
+#include "situation_awareness/ros/params/image_labelling_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
@@ -135,6 +136,8 @@ void print_all() {
   const std::vector<Parameter> of_grid = parameters_of(grid_params);
   print_section(of_grid, "", "The semantic grid", of_objects);
   print_sections(of_grid, of_objects);
+  ImageLabellingNodeletParams labelling_params;
+  print_section(parameters_of(labelling_params), "", "The nodelet image_labelling", of_objects);
   ScoutNodeletParams scout_params;
   const std::vector<Parameter> of_scout = parameters_of(scout_params);
   print_section(of_scout, "", "The nodelet scout", of_objects);

@@ -13,6 +13,7 @@
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/grid/grid_map.hpp"
 #include "situation_awareness/map/grid/grid_tracks.hpp"
+#include "situation_awareness/pipeline/image_labelling.hpp"
 
 namespace situation_awareness {
 
@@ -36,6 +37,7 @@ struct GridPipelineParams {
   CameraPoseParams pose;
   GridMapParams grid;
   GridTracksParams targets;
+  ImageLabellingParams labelling;  ///< of who makes the labels
   double keep_m = 0.0;
 
   template <class Self, class Visit>
@@ -45,6 +47,7 @@ struct GridPipelineParams {
     visit("pose", self.pose);
     visit("grid", self.grid);
     visit("targets", self.targets);
+    visit("labelling", self.labelling);
   }
 
   /// Throws std::invalid_argument naming field and bound.

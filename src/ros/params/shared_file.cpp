@@ -8,6 +8,7 @@
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
+#include "situation_awareness/ros/params/image_labelling_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
@@ -46,6 +47,7 @@ void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownK
   forget_known_to<SplinegonNodeletParams>(reader, unknown);
   forget_known_to<CircumnavigateNodeletParams>(reader, unknown);
   forget_known_to<GridNodeletParams>(reader, unknown);
+  forget_known_to<ImageLabellingNodeletParams>(reader, unknown);
   forget_known_to<ScoutNodeletParams>(reader, unknown);
 }
 

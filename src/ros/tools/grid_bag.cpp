@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/map/grid/geotiff.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/pipeline/image_labelling.hpp"
 #include "situation_awareness/ros/bag/atomic_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
@@ -25,6 +27,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/odometry_covariances.hpp"
+#include "situation_awareness/ros/params/package.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -33,7 +36,8 @@ namespace {
 constexpr const char* kName = "grid_bag";
 constexpr const char* kConfig = "grid.yaml";
 constexpr const char* kDescription =
-    R"(Reads label images of a camera, its camera_info and transforms from a bag and maps a class over an elevation model.
+    R"(Reads label images of a camera, or images that a network labels, camera_info and transforms from a bag and maps a
+class over an elevation model.
 Writes the targets after each image as one line of JSON:
   {"stamp": s, "targets": [{"id": int, "x", "y", "z": m, "covariance": [xx, xy, yx, yy], "area_m2", "p": number}]}
 and the grid at the end as a GeoTIFF: band 1 the probability, NaN where nothing was observed, band 2 the number of images
@@ -45,8 +49,8 @@ constexpr double kResetTimeJump_s = 1.0;
 
 struct Options {
   BagOptions bag;
-  std::string labels_topic = "/camera/labels", camera_info_topic = "/camera/camera_info", odom_topic, dem, out,
-              grid_out;
+  std::string labels_topic = "/camera/labels", image_topic, camera_info_topic = "/camera/camera_info", odom_topic, dem,
+              out, grid_out, model_folder;
 };
 
 void add_options(CLI::App& app, Options& options) {
@@ -54,7 +58,11 @@ void add_options(CLI::App& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
     return app.add_option(name, value, what)->type_name(type);
   };
-  text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
+  auto* const labels = text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
+  text("--image-topic", options.image_topic, "TOPIC",
+       "instead: sensor_msgs/Image, rectified, to be labelled by a network")
+      ->excludes(labels);
+  text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   text("--camera-info-topic", options.camera_info_topic, "TOPIC", "sensor_msgs/CameraInfo of these images");
   text("--odom-topic", options.odom_topic, "TOPIC",
        "nav_msgs/Odometry, whose covariance is that of the pose (default: that of the parameters)");
@@ -124,6 +132,12 @@ int grid_bag(const Options& options) {
   BagPlayer player(options.bag, kResetTimeJump_s);
   LineFile out(options.out);
   const CameraInfos infos(options.bag.bag, options.camera_info_topic);
+  const bool labels_images = !options.image_topic.empty();
+  std::optional<ImageLabelling> labelling;
+  if (labels_images) {
+    labelling.emplace(params.labelling,
+                      options.model_folder.empty() ? package_folder() + "/models" : options.model_folder);
+  }
   OdometryCovariances covariances;
   std::size_t out_of_range = 0;
   player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
@@ -133,8 +147,9 @@ int grid_bag(const Options& options) {
         options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) { covariances.add(*msg); });
   }
   player.subscribe_measurements<sensor_msgs::Image>(
-      options.labels_topic, "images", [&](const sensor_msgs::ImageConstPtr& msg, const ros::Time& recorded) {
-        const std::string image_defect = labels_msg_defect(*msg);
+      labels_images ? options.image_topic : options.labels_topic, "images",
+      [&](const sensor_msgs::ImageConstPtr& msg, const ros::Time& recorded) {
+        const std::string image_defect = labels_images ? image_msg_defect(*msg) : labels_msg_defect(*msg);
         if (!image_defect.empty()) return player.drop(image_defect);
         const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
         player.use_when_posed(
@@ -145,9 +160,10 @@ int grid_bag(const Options& options) {
               if (!info) return "no camera_info";
               const std::string defect = camera_info_msg_defect(*info, *msg);
               if (!defect.empty()) return defect;
-              SoftLabels labels = labels_from_msg(*msg, *info);
-              out_of_range += drop_out_of_range(labels);
               const GridTargets& targets = player.timed([&]() -> const GridTargets& {
+                SoftLabels labels =
+                    labels_images ? labelling->label(image_from_msg(*msg, *info)) : labels_from_msg(*msg, *info);
+                out_of_range += drop_out_of_range(labels);
                 return pipeline.process(labels, T_world_camera, covariances.at(stamp_ns));
               });
               out.write(json_line(stamp_ns, json_of(targets)));
