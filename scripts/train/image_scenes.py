@@ -27,7 +27,7 @@ IMAGE_PX = 512
 DOMAINS = ("town", "field")
 
 
-# --- ground -------------------------------------------------------------------------------------------------------------
+# --- ground ---------------------------------------------------------------------------------------------------------
 def noise(random, octaves, roughness=0.6):
     """Smooth noise of several scales, about 0 and within about 1, GROUND_PX square."""
     total = np.zeros((GROUND_PX, GROUND_PX))
@@ -92,7 +92,7 @@ class Ground:
         image.imsave(path, (255 * np.clip(self.rgb, 0, 1)).astype(np.uint8))
 
 
-# --- things -------------------------------------------------------------------------------------------------------------
+# --- things ---------------------------------------------------------------------------------------------------------
 @dataclass
 class Scene:
     random: np.random.Generator
@@ -210,7 +210,8 @@ def add_car(scene, x, y, yaw):
     if random.random() < 0.6:  # pillars, beside the windows
         post = at(((cabin[0] + cabin[1]) / 2 - 0.05,))[0]
         for side in (-1, 1):
-            geoms.append(box((post, side * width * 0.425, (hood + height) / 2), (0.1, 0.06, height - hood - 0.08), paint))
+            center = (post, side * width * 0.425, (hood + height) / 2)
+            geoms.append(box(center, (0.1, 0.06, height - hood - 0.08), paint))
     if random.random() < 0.1:
         geoms.append(box((sum(top) / 2, 0, height + 0.15), (1.4, 0.8, 0.3), "car/tyre"))
     scene.body(x, y, yaw, geoms)
@@ -250,7 +251,8 @@ def add_house(scene, x, y, yaw, size, height, colors):
         ridge = (0.5 * size[0] + over) * random.choice((1.0, 0.6))
         top = height + random.uniform(0.25, 0.5) * size[1]
         corners = [(a * (size[0] / 2 + over), b * (size[1] / 2 + over), height) for a in (-1, 1) for b in (-1, 1)]
-        geoms.append(f'type="mesh" mesh="{scene.hull(corners + [(-ridge, 0, top), (ridge, 0, top)])}" material="{roof}"')
+        mesh = scene.hull(corners + [(-ridge, 0, top), (ridge, 0, top)])
+        geoms.append(f'type="mesh" mesh="{mesh}" material="{roof}"')
     else:
         geoms.append(box((0, 0, height + 0.1), (size[0] + 0.2, size[1] + 0.2, 0.2), roof))
         for _ in range(random.integers(0, 5)):  # what stands on flat roofs
@@ -287,7 +289,7 @@ def add_thing(scene, x, y, yaw):
     scene.body(x, y, yaw, geoms)
 
 
-# --- domains ------------------------------------------------------------------------------------------------------------
+# --- domains --------------------------------------------------------------------------------------------------------
 def lay_town(scene):
     random = scene.random
     ground = Ground(random, random.uniform((0.42, 0.42, 0.40), (0.62, 0.60, 0.56)), random.uniform(0.05, 0.15))
@@ -297,7 +299,8 @@ def lay_town(scene):
     asphalt = np.array((1.0, 1.0, 1.03)) * random.uniform(0.20, 0.42)
     white = np.full(3, random.uniform(0.7, 0.95))
     width = random.uniform(6, 10)
-    streets = [(axis, at) for axis in (0, 1) for at in random.choice(np.arange(-60, 61, 20), random.integers(1, 4), False)]
+    streets = [(axis, at) for axis in (0, 1)
+               for at in random.choice(np.arange(-60, 61, 20), random.integers(1, 4), False)]
     for axis, at in streets:
         yaw = axis * np.pi / 2
         center = (0, at) if axis == 0 else (-at, 0)
@@ -466,7 +469,8 @@ def draw_poses(random, cars, count):
     poses = []
     for _ in range(count):
         yaw = random.uniform(-np.pi, np.pi)
-        aim = np.array(cars[random.integers(len(cars))]) if cars and random.random() < 0.8 else random.uniform(-60, 60, 2)
+        at_car = cars and random.random() < 0.8
+        aim = np.array(cars[random.integers(len(cars))]) if at_car else random.uniform(-60, 60, 2)
         aim = aim + random.normal(0, 4, 2)
         if down:
             pitch = -np.pi / 2 + abs(random.normal(0, 0.06))

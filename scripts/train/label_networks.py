@@ -20,7 +20,7 @@ MEAN, DEVIATION = 0.45, 0.25  # of the numbers of 8 bits / 255, for all three co
 GOLDEN_PX = 64
 
 
-# --- networks -----------------------------------------------------------------------------------------------------------
+# --- networks -------------------------------------------------------------------------------------------------------
 def convolution(inputs, outputs, size, slope):
     """Convolution, batch normalisation, which `fused` takes into the convolution, and (leaky) ReLU."""
     return nn.Sequential(
@@ -117,7 +117,7 @@ def golden_image():
     return ((7 * x + 13 * y + 61 * color + x * y // 3) % 256).astype(np.uint8)
 
 
-# --- images -------------------------------------------------------------------------------------------------------------
+# --- images ---------------------------------------------------------------------------------------------------------
 def read_netpbm(path):
     """A file of image_samples: height x width x 3, or height x width."""
     content = np.fromfile(path, np.uint8)
@@ -170,7 +170,8 @@ class Boxed:
             for box in image["boxes"]:
                 if box["class"] in ("car", "minibus"):
                     dx, dy = 0.15 * (box["x1"] - box["x0"]), 0.15 * (box["y1"] - box["y0"])
-                    cover[round(box["y0"] + dy) : round(box["y1"] - dy), round(box["x0"] + dx) : round(box["x1"] - dx)] = 1
+                    rows = slice(round(box["y0"] + dy), round(box["y1"] - dy))
+                    cover[rows, round(box["x0"] + dx) : round(box["x1"] - dx)] = 1
             self.kept[number] = reader.imread(self.folder / name)[..., :3], cover
         return self.kept[number]
 
@@ -180,8 +181,18 @@ def labels_of(cover):
     return functional.avg_pool2d(cover[:, None], STRIDE)[:, 0]
 
 
-def augmented(random, image, cover, size, turns):
-    """A part of an image at another scale, with other colours, sharpness and noise: size x size x 3, size x size."""
+def hue_turn(random):
+    """A rotation of colours about grey, by any angle."""
+    angle = random.uniform(-np.pi, np.pi)
+    axis = np.full(3, 1 / np.sqrt(3))
+    across = np.cross(np.eye(3), axis)
+    turn = np.cos(angle) * np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * np.outer(axis, axis)
+    return torch.from_numpy(turn).float()
+
+
+def augmented(random, image, cover, size, turns, hues=False):
+    """A part of an image at another scale, with other colours, sharpness and noise: size x size x 3, size x size. With
+    `hues` most have other hues, too."""
     height, width = cover.shape
     side = int(min(height, width, size * np.exp(random.uniform(np.log(0.6), np.log(1.6)))))
     top, left = random.integers(height - side + 1), random.integers(width - side + 1)
@@ -200,6 +211,8 @@ def augmented(random, image, cover, size, turns):
         image = functional.interpolate(image, (small, small), mode="bilinear", antialias=True)
         image = functional.interpolate(image, (size, size), mode="bilinear")
     image = image[0].clamp(1e-3, 1) ** random.uniform(0.6, 1.6)
+    if hues and random.random() < 0.8:
+        image = torch.einsum("ij,jkl->ikl", hue_turn(random), image)
     gain = torch.from_numpy(random.uniform(0.75, 1.3) * random.uniform(0.88, 1.12, 3)).float()
     gray = image.mean(0, keepdim=True)
     saturation = random.uniform(0.2, 1.3)
@@ -210,7 +223,7 @@ def augmented(random, image, cover, size, turns):
     return (image + torch.from_numpy(coarse + fine)).clamp(0, 1), cover
 
 
-# --- training -----------------------------------------------------------------------------------------------------------
+# --- training -------------------------------------------------------------------------------------------------------
 class LabelTask:
     """See trainer.py and publish.py."""
 
@@ -222,11 +235,12 @@ class LabelTask:
     dynamic_axes = {"image": {0: "batch", 2: "height", 3: "width"},
                     "probability": {0: "batch", 2: "label_height", 3: "label_width"}}
 
-    def __init__(self, name, seed, precision, folders, width=None, boxes=None, box_scenes=()):
+    def __init__(self, name, seed, precision, folders, width=None, boxes=None, box_scenes=(), hues=False):
         torch.manual_seed(seed)
         make, usual_width = NETWORKS[name]
         self.name = name
         self.network = make(width or usual_width).to(memory_format=torch.channels_last)
+        self.hues = hues
         self.bfloat16 = precision == "bfloat16"
         self.sources = [Rendered(folders)] + ([Boxed(boxes, box_scenes)] if boxes else [])
         self.parameters = sum(p.numel() for p in self.published().parameters())
@@ -237,7 +251,8 @@ class LabelTask:
             samples = []
             for i in range(self.batch):
                 source = self.sources[i % 2 % len(self.sources)]
-                samples.append(augmented(random, *source.read(random.integers(len(source))), self.size, source.turns))
+                samples.append(augmented(random, *source.read(random.integers(len(source))), self.size, source.turns,
+                                         self.hues))
             images, covers = (torch.stack(parts) for parts in zip(*samples))
             images = ((images - MEAN) / DEVIATION).contiguous(memory_format=torch.channels_last)
             yield images, labels_of(covers)

@@ -11,6 +11,7 @@ The same arguments give the same weights on the same machine, also when a run is
 import argparse
 import os
 import pathlib
+import shlex
 
 # PyTorch keeps a prepared product for every shape that it has met; by default too few for all windows.
 os.environ.setdefault("ONEDNN_PRIMITIVE_CACHE_CAPACITY", "8192")
@@ -51,10 +52,12 @@ def parse_arguments():
     images = parser.add_argument_group("networks of images")
     images.add_argument("--images", type=pathlib.Path, nargs="+", help="folders of scripts/train/image_scenes.py")
     images.add_argument("--width", type=float, help="of the layers, instead of the shipped one")
+    images.add_argument("--hues", action="store_true", help="turn the hues of most samples")
     images.add_argument("--boxes", type=pathlib.Path, help="labels.json of photos, which are then half of the samples")
     images.add_argument("--box-scenes", nargs="+", default=[], help="of those photos")
     parser.add_argument("--resume", action="store_true", help="from the checkpoint of a run with the same arguments")
     parser.add_argument("--work", type=pathlib.Path, default=pathlib.Path("training"), help="checkpoints and curves")
+    parser.add_argument("--name", help="of the files, instead of the task's")
     parser.add_argument("--output", type=pathlib.Path, default=pathlib.Path("models"))
     return parser.parse_args()
 
@@ -66,7 +69,7 @@ def make_task(arguments):
         raise SystemExit(f"{arguments.task} is trained on images: --images")
     return label_networks.LabelTask(
         arguments.task, arguments.seed, arguments.precision, arguments.images, arguments.width, arguments.boxes,
-        arguments.box_scenes,
+        arguments.box_scenes, arguments.hues,
     )
 
 
@@ -75,6 +78,7 @@ def main():
     torch.set_num_threads(arguments.threads)
     processes = join_processes()
     task = make_task(arguments)
+    task.name = arguments.name or task.name
     before = {}
     if arguments.initial:
         if not hasattr(task, "start_from"):
@@ -104,10 +108,14 @@ def main():
     )
     if arguments.initial:
         command += f" --initial {arguments.initial}"
+    if arguments.name:
+        command += f" --name {arguments.name}"
     if arguments.images:
         command += f" --images {' '.join(map(str, arguments.images))}"
         command += f" --width {arguments.width}" if arguments.width else ""
-        command += f" --boxes {arguments.boxes} --box-scenes {arguments.box_scenes}" if arguments.boxes else ""
+        command += " --hues" if arguments.hues else ""
+    if arguments.boxes:
+        command += f" --boxes {arguments.boxes} --box-scenes {shlex.join(arguments.box_scenes)}"
     figures = task.measure(task.published().cpu().eval(), np.random.default_rng((arguments.seed, 1)))
     publish.publish(task, arguments.output, {
         "command": command, "seed": arguments.seed, "samples": samples, "minutes": round(minutes, 1), **before,

@@ -91,6 +91,13 @@ class SamplesTest(unittest.TestCase):
             if len(bright) > 50 and len(dark) > 50:
                 self.assertGreater(bright.mean() - dark.mean(), 0.25, f"seed {seed}")
 
+    def test_hues_are_turned_about_grey(self):
+        random = np.random.default_rng(1)
+        for _ in range(5):
+            turn = label_networks.hue_turn(random).double()
+            torch.testing.assert_close(turn @ turn.T, torch.eye(3).double(), atol=1e-6, rtol=0)
+            torch.testing.assert_close(turn @ torch.ones(3).double(), torch.ones(3).double(), atol=1e-6, rtol=0)
+
     def test_label_pixels_are_means_and_unknown_where_a_part_is(self):
         cover = torch.zeros(1, 32, 32)
         cover[0, :8, :16] = 1
