@@ -18,6 +18,17 @@ double slope_below(double angle_rad) {  // distance over height of a ray so far 
   return angle_rad > 1e-3 ? 1.0 / std::tan(std::min(angle_rad, 0.5 * kPi)) : std::numeric_limits<double>::infinity();
 }
 
+/// The eighth of the circle, counterclockwise from the x axis, that has a direction.
+std::size_t sector_of(Eigen::Vector2d to) {
+  std::size_t sector = 0;
+  if (to.y() < 0.0 || (to.y() == 0.0 && to.x() < 0.0)) {
+    to = -to;
+    sector = 4;
+  }
+  if (to.x() > 0.0) return sector + (to.y() < to.x() ? 0 : 1);
+  return sector + (-to.x() < to.y() ? 2 : 3);
+}
+
 }  // namespace
 
 void ScoutCameraParams::validate() const {
@@ -45,13 +56,15 @@ ScoutBelief::ScoutBelief(const ScoutCameraParams& camera, const Eigen::Vector2d&
       near_slope_(slope_below(0.5 * camera.vertical_field_of_view_rad - camera.pitch_rad)),
       far_slope_(slope_below(-0.5 * camera.vertical_field_of_view_rad - camera.pitch_rad)) {
   const Eigen::Vector2d size_m = high_world_m - low_world_m;
-  const int columns = std::max(1, static_cast<int>(std::ceil(size_m.x() / cell_m - 1e-9)));
-  const int rows = std::max(1, static_cast<int>(std::ceil(size_m.y() / cell_m - 1e-9)));
-  for (int row = 0; row < rows; ++row) {
-    for (int column = 0; column < columns; ++column) {
+  columns_ = std::max(1, static_cast<int>(std::ceil(size_m.x() / cell_m - 1e-9)));
+  rows_ = std::max(1, static_cast<int>(std::ceil(size_m.y() / cell_m - 1e-9)));
+  low_m_ = low_world_m;
+  place_m_ = {size_m.x() / columns_, size_m.y() / rows_};
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
       Place place;
-      place.p_m = low_world_m + Eigen::Vector2d((column + 0.5) * size_m.x() / columns, (row + 0.5) * size_m.y() / rows);
-      place.expected = expected / (columns * rows);
+      place.p_m = low_world_m + Eigen::Vector2d((column + 0.5) * place_m_.x(), (row + 0.5) * place_m_.y());
+      place.expected = expected / (columns_ * rows_);
       places_.push_back(place);
     }
   }
@@ -59,34 +72,63 @@ ScoutBelief::ScoutBelief(const ScoutCameraParams& camera, const Eigen::Vector2d&
 }
 
 double ScoutBelief::look(const ScoutView& view, double images) {
-  const double height_m = std::max(view.height_m, kLeastHeight_m);
-  const double near_m = near_slope_ * height_m, far_m = std::min(camera_.range_m, far_slope_ * height_m);
-  const Eigen::Vector2d ahead(std::cos(view.yaw_rad), std::sin(view.yaw_rad));
-  const double least_cosine = std::cos(0.5 * camera_.field_of_view_rad);
-  double gain = 0.0;
-  for (Place& place : places_) {
-    const Eigen::Vector2d to_m = place.p_m - view.p_world_m;
-    const double along_m = ahead.dot(to_m);
-    const double distance_m2 = to_m.squaredNorm();
-    if (distance_m2 > far_m * far_m || distance_m2 < near_m * near_m) continue;
-    if (along_m <= 0.0 || along_m * along_m < least_cosine * least_cosine * distance_m2) continue;
-    const double distance_m = std::sqrt(distance_m2);
-    const double from_rad = std::atan2(-to_m.y(), -to_m.x()) + kPi;  // the camera's direction, seen from the place
-    const auto k = std::min(kSectors - 1, static_cast<std::size_t>(from_rad / (2.0 * kPi) * kSectors));
-    const float found = place.found[k];
-    if (found < 0.0F) continue;
-    place.looks[k] = static_cast<std::uint16_t>(std::min(65535.0, place.looks[k] + std::ceil(images)));
-    const double clear = std::exp(-camera_.hiding * distance_m / height_m);
-    if (clear <= static_cast<double>(found)) continue;
-    const double part = distance_m / camera_.range_m;
-    const double quality = part < 0.5 ? 1.0 : 1.0 - (1.0 - kFarQuality) * (2.0 * part - 1.0);
-    const double now = static_cast<double>(found) +
-                       (clear - static_cast<double>(found)) * (1.0 - std::exp(-quality * images / camera_.images));
-    const double left = place.left * (1.0 - now) / (1.0 - static_cast<double>(found));
-    gain += place.expected * (place.left - left);
-    place.left = left;
-    place.found[k] = static_cast<float>(std::min(now, 0.9999));
+  Cone cone;
+  cone.height_m = std::max(view.height_m, kLeastHeight_m);
+  cone.near_m = near_slope_ * cone.height_m;
+  cone.far_m = std::min(camera_.range_m, far_slope_ * cone.height_m);
+  cone.ahead = {std::cos(view.yaw_rad), std::sin(view.yaw_rad)};
+  cone.least_cosine = std::cos(0.5 * camera_.field_of_view_rad);
+  // The rectangle around it.
+  Eigen::Vector2d low_m = view.p_world_m, high_m = view.p_world_m;
+  const auto reach = [&](const Eigen::Vector2d& direction) {
+    const Eigen::Vector2d p_m = view.p_world_m + cone.far_m * direction;
+    low_m = low_m.cwiseMin(p_m);
+    high_m = high_m.cwiseMax(p_m);
+  };
+  for (const double side : {-0.5, 0.5}) {
+    const double angle_rad = view.yaw_rad + side * camera_.field_of_view_rad;
+    reach({std::cos(angle_rad), std::sin(angle_rad)});
   }
+  for (const Eigen::Vector2d& axis :
+       {Eigen::Vector2d(1, 0), Eigen::Vector2d(0, 1), Eigen::Vector2d(-1, 0), Eigen::Vector2d(0, -1)}) {
+    if (axis.dot(cone.ahead) >= cone.least_cosine) reach(axis);
+  }
+  const Eigen::Array2d first = ((low_m - low_m_).array() / place_m_.array()).floor();
+  const Eigen::Array2d last = ((high_m - low_m_).array() / place_m_.array()).floor();
+  const auto index = [](double place, int count) {
+    return static_cast<std::size_t>(std::clamp(place, 0.0, static_cast<double>(count)));
+  };
+  double gain = 0.0;
+  for (std::size_t row = index(first.y(), rows_); row < index(last.y() + 1.0, rows_); ++row) {
+    for (std::size_t column = index(first.x(), columns_); column < index(last.x() + 1.0, columns_); ++column) {
+      gain += look_at(places_[row * static_cast<std::size_t>(columns_) + column], cone, view.p_world_m, images);
+    }
+  }
+  for (std::size_t i = cells_; i < places_.size(); ++i) gain += look_at(places_[i], cone, view.p_world_m, images);
+  return gain;
+}
+
+double ScoutBelief::look_at(Place& place, const Cone& cone, const Eigen::Vector2d& from_m, double images) const {
+  const Eigen::Vector2d to_m = place.p_m - from_m;
+  const double along_m = cone.ahead.dot(to_m);
+  const double distance_m2 = to_m.squaredNorm();
+  if (distance_m2 > cone.far_m * cone.far_m || distance_m2 < cone.near_m * cone.near_m) return 0.0;
+  if (along_m <= 0.0 || along_m * along_m < cone.least_cosine * cone.least_cosine * distance_m2) return 0.0;
+  const std::size_t k = sector_of(to_m);
+  const float found = place.found[k];
+  if (found < 0.0F) return 0.0;
+  const double distance_m = std::sqrt(distance_m2);
+  place.looks[k] = static_cast<std::uint16_t>(std::min(65535.0, place.looks[k] + std::ceil(images)));
+  const double clear = std::exp(-camera_.hiding * distance_m / cone.height_m);
+  if (clear <= static_cast<double>(found)) return 0.0;
+  const double part = distance_m / camera_.range_m;
+  const double quality = part < 0.5 ? 1.0 : 1.0 - (1.0 - kFarQuality) * (2.0 * part - 1.0);
+  const double now = static_cast<double>(found) +
+                     (clear - static_cast<double>(found)) * (1.0 - std::exp(-quality * images / camera_.images));
+  const double left = place.left * (1.0 - now) / (1.0 - static_cast<double>(found));
+  const double gain = place.expected * (place.left - left);
+  place.left = left;
+  place.found[k] = static_cast<float>(std::min(now, 0.9999));
   return gain;
 }
 

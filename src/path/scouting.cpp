@@ -396,6 +396,7 @@ void Scouting::make_plan(const From& from, double left_s) {
     stop_due_s_ = step_.elapsed_s + kLate * leg_s + kLate_s;
   }
   route_ = std::move(best.stops);
+  is_short_of_time_ = route_.empty() && !random_plan(from, std::numeric_limits<double>::infinity()).stops.empty();
   ++step_.plan;
 }
 
@@ -485,9 +486,9 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   } else if (route_.empty()) {
     const bool is_home = (p_m - home_m).norm() < kHome_m;
     step_.state = is_home ? ScoutingState::kDone : ScoutingState::kHome;
-    step_.reason = was_told_home_  ? "told to go home"
-                   : must_go_home_ ? "the budget is only enough for the way home"
-                                   : "no stop is worth its way any more";
+    step_.reason = was_told_home_                       ? "told to go home"
+                   : must_go_home_ || is_short_of_time_ ? "the budget is only enough for the way home"
+                                                        : "no stop is worth its way any more";
     const Eigen::Vector2d way_m = way_.front() - p_m;
     if (way_m.norm() > kHome_m) step_.yaw_rad = std::atan2(way_m.y(), way_m.x());
     const bool is_last = way_.size() == 1;

@@ -127,7 +127,7 @@ std::vector<Eigen::Vector2d> random_things(Random& random, int count) {
 TEST(Scouting, IsHomeBeforeAnyBudgetEnds) {
   Random random(1);
   int short_of_time = 0;
-  for (int i = 0; i < 25; ++i) {
+  for (int i = 0; i < 10; ++i) {
     ScoutingParams params = quick_params();
     params.budget_s = random.uniform(40.0, 300.0);
     params.margin_s = random.uniform(5.0, 25.0);
@@ -140,7 +140,7 @@ TEST(Scouting, IsHomeBeforeAnyBudgetEnds) {
     EXPECT_LT((flown.p_m - flown.home).head<2>().norm(), 3.0) << i;
     short_of_time += flown.told.reason.find("budget") != std::string::npos ? 1 : 0;
   }
-  EXPECT_GT(short_of_time, 5);  // the budget was what ended these
+  EXPECT_GT(short_of_time, 2);  // the budget was what ended these
 }
 
 TEST(Scouting, SeesAllOfARegionWithoutTargets) {
@@ -240,7 +240,7 @@ TEST(Scouting, KeepsAwayFromObstacles) {
 TEST(Scouting, HoldsWhereItIsShutIn) {
   ScoutingParams params = quick_params();
   Flown flown(params, {0.0, 0.0});
-  for (int i = 0; i < 20; ++i) flown.step();
+  while ((flown.p_m - flown.home).norm() < 20.0 && flown.time_s < 60.0) flown.step();
   const Eigen::Vector2d p_m = flown.p_m.head<2>();
   flown.obstacles.add(Ellipse{p_m, 0.0, 6.0, 6.0}, 0.0, 1);
   flown.gives_obstacles = true;
@@ -260,7 +260,7 @@ TEST(Scouting, RefusesBadParams) {
     change(params);
     return refusal_of([&] { Scouting(params, {0.0, 0.0, 25.0}); });
   };
-  EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.speed_m_s = 0.0; }), {"speed_m_s", "0"}));
+  EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.speed_m_s = 0.0; }), {"scouting.speed_m_s"}));
   EXPECT_TRUE(
       names(refused([](ScoutingParams& p) { p.margin_s = 700.0; }), {"scouting.margin_s", "scouting.budget_s"}));
   EXPECT_TRUE(names(refused([](ScoutingParams& p) { p.region.x_max_world_m = -100.0; }), {"region.x_max_world_m"}));
@@ -356,7 +356,8 @@ TEST(ScoutBelief, WhatTheGridDoesNotShowWasNotSeen) {
     if (belief.place_m(place).x() > 0.0) EXPECT_EQ(belief.found(place), 0.0);
   }
   const double left = belief.left();
-  EXPECT_NEAR(belief.look(view, 100.0), left - belief.left(), 1e-3);
+  const double gain = belief.look(view, 100.0);
+  EXPECT_NEAR(gain, left - belief.left(), 1e-3);
   for (std::size_t place = 0; place < belief.places(); ++place) {  // no use in looking from there again
     if (belief.place_m(place).x() > 0.0) EXPECT_EQ(belief.found(place), 0.0);
   }

@@ -90,10 +90,22 @@ class ScoutBelief {
     std::array<std::uint16_t, kSectors> looks{};  ///< images
   };
 
+  /// What an image shows of the ground.
+  struct Cone {
+    Eigen::Vector2d ahead = Eigen::Vector2d::Zero();
+    double height_m = 0.0, near_m = 0.0, far_m = 0.0;
+    double least_cosine = 0.0;  ///< of the angle off ahead
+  };
+
+  double look_at(Place& place, const Cone& cone, const Eigen::Vector2d& from_m, double images) const;
+
   ScoutCameraParams camera_;
   double cell_m_, expected_ = 0.0;
-  double near_slope_, far_slope_;  ///< distance over height at which the image ends below and above
-  std::size_t cells_ = 0;          ///< places of the lattice, the first ones; behind them the tentative ones
+  int columns_ = 0, rows_ = 0;                         ///< of the lattice
+  Eigen::Vector2d low_m_ = Eigen::Vector2d::Zero();    ///< its corner
+  Eigen::Vector2d place_m_ = Eigen::Vector2d::Ones();  ///< edges of a place of it
+  double near_slope_, far_slope_;                      ///< distance over height at which the image ends below and above
+  std::size_t cells_ = 0;  ///< places of the lattice, the first ones; behind them the tentative ones
   std::vector<Place> places_;
 };
 

@@ -201,7 +201,7 @@ class Scouting {
   std::vector<Eigen::Vector2d> way_;
   std::optional<std::int64_t> begin_ns_;
   double stop_due_s_ = 0.0;  ///< since the begin: a stop that is not reached until then is given up
-  bool must_plan_ = true, must_go_home_ = false, was_told_home_ = false;
+  bool must_plan_ = true, must_go_home_ = false, was_told_home_ = false, is_short_of_time_ = false;
   ScoutingStep step_;
 };
 
