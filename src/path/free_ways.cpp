@@ -15,6 +15,7 @@
 namespace situation_awareness {
 namespace {
 
+constexpr double kDiagonal = 1.4142135623730951;
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr double kMostNodes = 1e6;
 constexpr std::size_t kMostFields = 400;  ///< goals whose lengths are remembered
@@ -147,7 +148,7 @@ const FreeWays::Field& FreeWays::field_to(const Eigen::Vector2d& goal_m) {
       const std::size_t other = static_cast<std::size_t>(r) * columns_ + static_cast<std::size_t>(c);
       const std::size_t owner = sign > 0 ? node : other;
       if ((edges_[owner] >> (k % kEdges.size()) & 1U) == 0) continue;
-      const double through_m = length_m + step_m_ * std::hypot(edge[0], edge[1]);
+      const double through_m = length_m + (edge[0] != 0 && edge[1] != 0 ? kDiagonal : 1.0) * step_m_;
       if (through_m >= field.length_m[other]) continue;
       field.length_m[other] = through_m;
       field.next[other] = node;
