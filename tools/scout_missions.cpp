@@ -94,6 +94,13 @@ void run(const Options& options) {
     print("scouting", seed, flown);
     scouting.add(flown);
     Json one{{"seed", seed}, {"scouting", json_of(flown, options.ways)}};
+    if (options.ways) {
+      for (const SceneCar& car : mission.scene.cars) {
+        one["car_places"].push_back({car.T_world_car.translation_m.x(), car.T_world_car.translation_m.y()});
+      }
+      for (const SceneTree& tree : mission.scene.trees)
+        one["tree_places"].push_back({tree.p_world_m.x(), tree.p_world_m.y()});
+    }
     if (options.lawnmower) {
       const ScoutMissionOutcome mown = fly_lawnmower(mission, options.lane_m, seed);
       print("lawnmower", seed, mown);
@@ -134,7 +141,7 @@ int main(int argc, char** argv) {
   app.add_option("--label-px", options.label_px, "along the edge of the label images")->check(CLI::Range(16, 1024));
   app.add_flag("--hills", options.hills, "gentle hills, and an elevation with errors");
   app.add_flag("!--no-lawnmower", options.lawnmower, "fly only the scouting");
-  app.add_flag("--ways", options.ways, "with the ways flown in the JSON object");
+  app.add_flag("--ways", options.ways, "with places and the ways flown in the JSON object");
   app.add_option("--lane", options.lane_m, "between the lawnmower's lanes, in m")->check(CLI::Range(1.0, 1000.0));
   app.add_option("--budget", options.budget_s, "in s")->check(CLI::Range(30.0, 1e5));
   app.add_option("--json", options.json, "write a JSON object into this file");

@@ -20,6 +20,8 @@ from report import (arguments_parser, facts, introduction, output_folder, prose,
 
 SIZES = [224, 112, 56]
 SEEDS = 4
+MISSIONS = 20  # half of them on level ground, half on hills with an elevation that has errors
+MISSION_CENTROID_M, MISSION_PART = 1.5, 0.8
 METHODS = {"ours": "ours", "full": "the paper's", "projection": "projection", "rays": "independent rays"}
 SCENES = {
     "single": "one image, a car 55 m ahead, 20 m up (Fig. 8)",
@@ -115,6 +117,72 @@ def draw_grids(images, tool):
     pyplot.close(figure)
 
 
+def fly(tool, seed, hills, folder):
+    path = pathlib.Path(folder) / f"{seed}.json"
+    command = [tool, "--first-seed", str(seed), "--seeds", "1", "--ways", "--json", path] + ["--hills"] * hills
+    subprocess.run([str(word) for word in command], check=True, stdout=subprocess.DEVNULL)
+    return json.loads(path.read_text())["missions"][0]
+
+
+def fly_missions(tool, missions):
+    with tempfile.TemporaryDirectory() as folder:
+        pieces = {seed: (tool, seed, 2 * seed > missions, folder) for seed in range(1, missions + 1)}
+        return list(run_pieces(fly, pieces, "missions").values())
+
+
+def mission_targets(flown):
+    scouting = [mission["scouting"] for mission in flown]
+    count = len(flown)
+    found = sum(one["found"] == one["cars"] for one in scouting)
+    yield f"missions: all cars found in {count * 19 // 20} of {count}", f"{found}", found >= count * 19 // 20
+    home = sum(one["home_in_time"] for one in scouting)
+    yield "missions: home before the budget ends, in all", f"{home}", home == count
+    worst = max(one["worst_centroid_m"] for one in scouting)
+    yield f"missions: centroids within {MISSION_CENTROID_M} m", f"{worst:.2f} m", worst <= MISSION_CENTROID_M
+    part = np.mean([one["last_found_s"] for one in scouting]) / np.mean([m["lawnmower"]["last_found_s"] for m in flown])
+    yield (f"missions: at most {100 * MISSION_PART:.0f} % of the lawnmower's time to the last car", f"{100 * part:.0f} %",
+           part <= MISSION_PART)
+
+
+def mission_table(flown):
+    rows = []
+    for name in ("scouting", "lawnmower"):
+        for title, some in (("level ground", flown[:len(flown) // 2]), ("hills", flown[len(flown) // 2:])):
+            ones = [mission[name] for mission in some]
+            rows.append([f"{name}, {title}", f"{sum(one['found'] == one['cars'] for one in ones)} of {len(ones)}",
+                         f"{sum(one['wrong'] for one in ones)}", f"{max(one['worst_centroid_m'] for one in ones):.2f}",
+                         f"{np.mean([one['last_found_s'] for one in ones]):.0f}",
+                         f"{max(one['last_found_s'] for one in ones):.0f}",
+                         f"{max(one['home_s'] for one in ones):.0f}", f"{np.mean([one['way_m'] for one in ones]):.0f}",
+                         f"{sum(one['close_ups'] for one in ones)}"])
+    return table(["flight", "all found in", "wrong targets", "worst centroid m", "last car found, mean s", "latest s",
+                  "home, latest s", "way, mean m", "close-ups"], rows)
+
+
+def draw_missions(images, flown):
+    figure, axes = pyplot.subplots(1, 3, figsize=(14, 4.6), layout="constrained")
+    for ax, name in zip(axes, ("scouting", "lawnmower")):
+        way = np.array(flown[0][name]["flown"])
+        ax.scatter(*np.array(flown[0]["car_places"]).T, marker="s", s=26, color="#c8553d", zorder=3, label="cars")
+        ax.scatter(*np.array(flown[0]["tree_places"]).T, s=20, color="#6a994e", label="trees")
+        ax.plot(way[:, 0], way[:, 1], color="#26547c", lw=1, label="way")
+        last_s = int(flown[0][name]["last_found_s"])
+        ax.plot(*way[:last_s + 1, :2].T, color="#26547c", lw=2.5, label="until all were found")
+        ax.set_aspect("equal")
+        ax.set_title(f"{name}: all found after {last_s} s", fontsize=10)
+        ax.set_xlabel("m")
+    axes[0].legend(frameon=False, fontsize=8, loc="upper right")
+    for name, color in (("scouting", "#0b6e4f"), ("lawnmower", "#7f95b2")):
+        axes[2].plot(range(1, len(flown) + 1), [mission[name]["last_found_s"] for mission in flown], "o-", color=color,
+                     label=name)
+    axes[2].set(xlabel="seed", ylabel="last car found, s", ylim=(0, None))
+    axes[2].legend(frameon=False)
+    for ax in axes:
+        ax.spines[["top", "right"]].set_visible(False)
+    figure.savefig(images / "grid_missions.png", dpi=90)
+    pyplot.close(figure)
+
+
 def draw_bias(images, results):
     figure, axes = pyplot.subplots(1, 2, figsize=(11, 3.6), layout="constrained")
     biases = [-2, -1, -0.5, 0, 0.5, 1, 2]
@@ -163,9 +231,11 @@ def targets(results):
 def main(words=None):
     parser = arguments_parser(__doc__, "docs/benchmarks", "a part of the runs")
     parser.add_argument("--tool", required=True, type=pathlib.Path, help="grid_scenes")
+    parser.add_argument("--programs", required=True, type=pathlib.Path, help="folder of scout_missions")
     parser.add_argument("--seeds", type=int, default=SEEDS)
+    parser.add_argument("--missions", type=int, default=MISSIONS)
     arguments = parser.parse_args(words)
-    output = output_folder(arguments, arguments.seeds >= SEEDS)
+    output = output_folder(arguments, arguments.seeds >= SEEDS and arguments.missions >= MISSIONS)
     measured = facts(arguments)
     images = images_folder(output)
     begin = time.monotonic()
@@ -176,6 +246,8 @@ def main(words=None):
             for size in SIZES if scene in ("single", "orbit") else [112]:
                 pieces[scene, size, method] = (arguments.tool, scene, size, method, arguments.seeds)
     results = run_pieces(run, pieces, "scenes")
+    flown = fly_missions(arguments.programs / "scout_missions", arguments.missions)
+    draw_missions(images, flown)
     draw_grids(images, arguments.tool)
     draw_bias(images, results)
     rows = [[SCENES[scene]] + [f"{results[scene, size, 'ours']['iou']:.3f}" for size in SIZES]
@@ -189,7 +261,7 @@ def main(words=None):
     parts = ["# The semantic grid of a camera\n",
              introduction(measured, INTRODUCTION.format(seeds=arguments.seeds) +
                           f" {time.monotonic() - begin:.0f} s in all."),
-             targets_section(list(targets(results))),
+             targets_section([*targets(results), *mission_targets(flown)]),
              section("All scenes", prose("IoU by label pixels across; that of the paper's methods with 112; cars missed "
                                          "and wrong targets at the end, of all seeds; distance of the centroids; time "
                                          "of an update with 112."),
@@ -203,7 +275,14 @@ def main(words=None):
                            "few pixels, as these are thrown away where no ray is near the ground.")),
              section("Error of the elevation and label size", "![Sensitivity](images/grid_bias.png)\n",
                      prose("The grid keeps its evidence for nine errors of the elevation, from -2 m to 2 m, and believes "
-                           "the one in which the images agree best."))]
+                           "the one in which the images agree best.")),
+             section("Missions", prose(
+                 f"{len(flown)} flights of a simulated multirotor over 200 m x 200 m with 12 cars and 40 trees at random "
+                 "places, budget 600 s, 6 m/s, labels of 112 x 112 twice a second "
+                 "([math/scouting.md](../math/scouting.md)), the second half on hills, with an elevation up to 0.5 m off "
+                 "and 0.2 m of noise. The lawnmower has the same camera, height and speed and lanes 40 m apart; it ends "
+                 "when all cars have their target, and does no close-ups. A car is found when a target is within 3 m."),
+                     mission_table(flown), "![Missions](images/grid_missions.png)\n")]
     write(output, "grid.md", "\n".join(parts))
 
 
