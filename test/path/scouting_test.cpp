@@ -353,13 +353,17 @@ TEST(ScoutBelief, WhatTheGridDoesNotShowWasNotSeen) {
   }
   belief.take_unobserved(grid);
   for (std::size_t place = 0; place < belief.places(); ++place) {
-    if (belief.place_m(place).x() > 0.0) EXPECT_EQ(belief.found(place), 0.0);
+    if (belief.place_m(place).x() > 0.0) {
+      EXPECT_EQ(belief.found(place), 0.0);
+    }
   }
   const double left = belief.left();
   const double gain = belief.look(view, 100.0);
   EXPECT_NEAR(gain, left - belief.left(), 1e-3);
   for (std::size_t place = 0; place < belief.places(); ++place) {  // no use in looking from there again
-    if (belief.place_m(place).x() > 0.0) EXPECT_EQ(belief.found(place), 0.0);
+    if (belief.place_m(place).x() > 0.0) {
+      EXPECT_EQ(belief.found(place), 0.0);
+    }
   }
   EXPECT_GT(belief.look({{10.0, 90.0}, 25.0, -0.5 * kPi}, 4.0), 0.1);  // but from elsewhere
 }
