@@ -20,7 +20,7 @@ MOST_UNTIL_BACK_S = 2.0
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
 LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
-TESTS = "^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path|circumnavigate)_test$"
+TESTS = "^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path|circumnavigate|grid_mapping|scout)_test$"
 
 
 # --- running
@@ -210,7 +210,8 @@ one, too.
 TESTED = """
 Faults that cannot be part of a day, and those of localisation (`reflector_localization_test`), of the pose by GPS and INS
 (`gps_ins_test`), of the map of polygons (`polygon_mapping_test`), of safety areas and path following (`path_test`), of the
-mission around unknown obstacles (`circumnavigate_test`); each has a test that runs in CI.
+mission around unknown obstacles (`circumnavigate_test`), of the semantic grid (`grid_mapping_test`) and of scouting
+(`scout_test`); each has a test that runs in CI.
 """
 
 

@@ -27,6 +27,7 @@ HERE = pathlib.Path(__file__).resolve()
 sys.path.insert(0, str(HERE.parent))
 sys.path.insert(0, str(HERE.parents[2] / "scripts" / "evaluation"))
 import grid_bags  # noqa: E402
+from fault_record import fault  # noqa: E402
 from ros_support import Latest, wait_until  # noqa: E402
 from situation_awareness.msg import TargetArray  # noqa: E402
 from situation_awareness.srv import SaveGrid  # noqa: E402
@@ -112,14 +113,26 @@ class GridMappingTest(unittest.TestCase):
         namespaces = {marker.ns for message in self.markers.messages for marker in message.markers}
         self.assertLessEqual({"target", "region", "label"}, namespaces)
 
+    @fault("label images that cannot be used", "another encoding, too little data, another size than that of the camera, "
+           "a number of 7", "each is dropped or, of the number, not used, and counted by its reason", times=4)
     def test_images_that_cannot_be_used_are_counted(self):
-        bad = copy.deepcopy(self.images[-1])
-        bad.header.stamp += rospy.Duration(0, 1000)
-        bad.encoding = "mono8"
-        self.publishers["/camera/labels"].publish(bad)
-        reasons = lambda: {value.key for message in self.diagnostics.messages for status in message.status
-                           if "grid_mapping" in status.name for value in status.values}
-        wait_until(lambda: any("labels are not 32FC1" in reason for reason in reasons()), 10.0, "the reason")
+        def keys():
+            return {value.key for message in self.diagnostics.messages for status in message.status
+                    if "grid_mapping" in status.name for value in status.values}
+
+        def smaller(msg):
+            msg.width -= 1
+
+        for i, (reason, spoil) in enumerate((
+                ("labels are not 32FC1", lambda msg: setattr(msg, "encoding", "mono8")),
+                ("image with too little data", lambda msg: setattr(msg, "data", msg.data[:-4])),
+                ("camera_info of another size", smaller),
+                ("labels out of [0, 1]", lambda msg: setattr(msg, "data", np.float32(7).tobytes() + msg.data[4:])))):
+            bad = copy.deepcopy(self.images[-1])
+            bad.header.stamp += rospy.Duration(0, 10 * (i + 1))
+            spoil(bad)
+            self.publishers["/camera/labels"].publish(bad)
+            wait_until(lambda reason=reason: any(reason in key for key in keys()), 10.0, reason)
 
     def test_zz_reset_forgets_the_targets(self):  # the last one
         self.assertTrue(rospy.ServiceProxy("/grid_mapping/reset", Trigger)().success)
