@@ -31,7 +31,7 @@ constexpr double kMaxTravel_m = 2.5;
 constexpr double kMaxTurn_rad = 1.5;
 /// Of poses, added to that of the match.
 constexpr double kPositionSigma_m = 0.01;
-constexpr double kYawSigma_rad = 0.003;
+constexpr double kOffsetYawSigma_rad = 0.003;
 
 /// Windows that are kept.
 constexpr std::size_t kMaxWindows = 64;
@@ -200,7 +200,7 @@ void PoseOffsetEstimator::add_to_window(const Placed& placed) {
   // all scans.
   Eigen::Matrix3d Q = Eigen::Matrix3d::Zero();
   Q.diagonal() << kPositionSigma_m * kPositionSigma_m, kPositionSigma_m * kPositionSigma_m,
-      kYawSigma_rad * kYawSigma_rad;
+      kOffsetYawSigma_rad * kOffsetYawSigma_rad;
   const Eigen::Matrix3d of_both = placed.information * (Eigen::Matrix3d::Identity() + Q * placed.information).inverse();
   const Pose2 T_level_key = inverse(placed.T_key_level);
   const Eigen::Matrix3d Ad = adjoint_se2(T_level_key);
