@@ -13,7 +13,7 @@ namespace situation_awareness {
 namespace {
 
 /// Memory reused from call to call.
-struct Workspace {
+struct AssignmentWorkspace {
   std::vector<int> parents;
   std::vector<int> group_of;
   std::vector<Candidate> sorted;
@@ -49,7 +49,7 @@ class Groups {
 
 /// Minimum-cost assignment of every row of a dense rows x columns matrix `work.cost`, rows <= columns: each row's
 /// column, into `work.column_of`.
-void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
+void assign_dense(std::size_t rows, std::size_t columns, AssignmentWorkspace& work) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const std::size_t none = columns;
   const std::vector<double>& cost = work.cost;
@@ -113,7 +113,7 @@ void assign_dense(std::size_t rows, std::size_t columns, Workspace& work) {
 }  // namespace
 
 std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& candidates, std::vector<int> memory) {
-  thread_local Workspace work;
+  thread_local AssignmentWorkspace work;
   std::vector<Candidate>& sorted = work.sorted;
   sorted.clear();
   sorted.reserve(kUsualRoom);
