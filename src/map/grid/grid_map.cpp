@@ -47,11 +47,20 @@ struct Tile {
   double low_m = 0.0, high_m = 0.0;  ///< of its ground; low_m > high_m where none is known
 };
 
-/// Labels that are read in between the pixels.
+/// Labels that are read in between the pixels. Exactly 0.5 is not known, but for a pixel at an edge: one between others
+/// of less and of more, which is half of the class.
 class LabelReader {
  public:
   explicit LabelReader(const SoftLabels& labels)
-      : labels_(labels), width_(labels.camera.width), height_(labels.camera.height) {
+      : width_(labels.camera.width), height_(labels.camera.height), labels_(labels.probability) {
+    for (int v = 0; v < height_; ++v) {
+      for (int u = 0; u < width_; ++u) {
+        const std::size_t i = index(u, v);
+        if (labels.probability[i] == 0.5F && !is_edge(labels.probability, u, v)) {
+          labels_[i] = std::numeric_limits<float>::quiet_NaN();
+        }
+      }
+    }
     sums_.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
     class_counts_.assign(sums_.size(), 0);
     find_peaks();
@@ -68,16 +77,13 @@ class LabelReader {
     }
   }
 
-  static bool is_known(float p) { return !std::isnan(p) && p != 0.5F; }
+  static bool is_known(float p) { return !std::isnan(p); }
 
   bool contains(double u, double v) const { return u >= -0.5 && v >= -0.5 && u <= width_ - 0.5 && v <= height_ - 0.5; }
 
   /// Bilinear; NaN where a pixel that counts is not known.
   float value(double u, double v) const {
-    return between(u, v, [this](int column, int row) {
-      const float p = at(column, row);
-      return p == 0.5F ? std::numeric_limits<float>::quiet_NaN() : p;
-    });
+    return between(u, v, [this](int column, int row) { return at(column, row); });
   }
 
   /// The same of the means of 3 x 3 pixels, of those that are known.
@@ -109,12 +115,20 @@ class LabelReader {
  private:
   static constexpr int kPeakReach = 2;
 
+  bool is_edge(const std::vector<float>& labels, int u, int v) const {
+    bool has_less = false, has_more = false;
+    for (int r = std::max(v - 1, 0); r <= std::min(v + 1, height_ - 1); ++r) {
+      for (int c = std::max(u - 1, 0); c <= std::min(u + 1, width_ - 1); ++c) {
+        has_less |= labels[index(c, r)] < 0.5F;
+        has_more |= labels[index(c, r)] > 0.5F;
+      }
+    }
+    return has_less && has_more;
+  }
+
   void find_peaks() {
-    const auto index = [this](int u, int v) {
-      return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u);
-    };
-    std::vector<float> along(labels_.probability.size(), 0.0F);
-    peaks_.assign(labels_.probability.size(), 0.0F);
+    std::vector<float> along(labels_.size(), 0.0F);
+    peaks_.assign(labels_.size(), 0.0F);
     for (int v = 0; v < height_; ++v) {
       for (int u = 0; u < width_; ++u) {
         const float p = at(u, v);
@@ -145,10 +159,10 @@ class LabelReader {
     return (1.0F - b) * ((1.0F - a) * value(c, r) + a * value(c1, r)) +
            b * ((1.0F - a) * value(c, r1) + a * value(c1, r1));
   }
-  float at(int u, int v) const {
-    return labels_
-        .probability[static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u)];
+  std::size_t index(int u, int v) const {
+    return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u);
   }
+  float at(int u, int v) const { return labels_[index(u, v)]; }
   std::size_t corner(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_ + 1) + static_cast<std::size_t>(u);
   }
@@ -157,9 +171,9 @@ class LabelReader {
   double& sum(int u, int v) { return sums_[corner(u, v)]; }
   double sum(int u, int v) const { return sums_[corner(u, v)]; }
 
-  const SoftLabels& labels_;
   int width_, height_;
-  std::vector<double> sums_;  ///< of all pixels above and to the left
+  std::vector<float> labels_;  ///< NaN: not known
+  std::vector<double> sums_;   ///< of all pixels above and to the left
   std::vector<int> class_counts_;
   std::vector<float> peaks_;
 };

@@ -63,6 +63,22 @@ TEST(GridMap, FindsACarByOneImageWithoutItsShadow) {
   EXPECT_LT(shadow, 0.03);
 }
 
+TEST(GridMap, FinerLabelsAreNoWorse) {
+  // Pixels at the edges of a car are exactly half of it more often than by chance: labels are of 2 x 2 rays.
+  constexpr std::uint32_t kSeeds = 4;
+  double overlaps[] = {0.0, 0.0, 0.0};
+  const int sizes[] = {56, 112, 224};
+  for (int k = 0; k < 3; ++k) {
+    for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
+      const GridCase given = make_grid_case("single", seed);
+      overlaps[k] += score(given, map_of(given, sizes[k], flat()).grid()).intersection_over_union / kSeeds;
+    }
+  }
+  EXPECT_GT(overlaps[2], 0.9);
+  EXPECT_GT(overlaps[2], overlaps[0]);
+  EXPECT_GT(overlaps[1], overlaps[0]);
+}
+
 TEST(GridMap, FindsTheCommonErrorOfTheElevationByCarsSeenFromSeveralPlaces) {
   GridCase given = make_grid_case("orbit", 1);
   for (std::size_t i = 1; i < given.T_world_camera.size(); ++i) {  // every second image
@@ -107,6 +123,32 @@ TEST(GridMap, UnknownLabelsAreNoEvidence) {
     GridMap map(GridMapParams{}, flat());
     EXPECT_EQ(map.update(uniform_labels(unknown), kPose).observed_cells, 0U);
     EXPECT_EQ(map.grid().width, 0);
+  }
+}
+
+TEST(GridMap, AnEdgeOfExactlyAHalfIsEvidenceAndAnUnknownPartIsNot) {
+  // To the left of the class, to the right not known, with a column of a half in between.
+  SoftLabels labels = uniform_labels(0.5F);
+  for (int v = 0; v < 56; ++v) {
+    for (int u = 0; u < 30; ++u) labels.probability[static_cast<std::size_t>(v * 56 + u)] = u < 20 ? 0.0F : 1.0F;
+    labels.probability[static_cast<std::size_t>(v * 56 + 20)] = 0.5F;  // between less and more
+  }
+  GridMap map(GridMapParams{}, flat());
+  map.update(labels, kPose);
+  const SemanticGrid grid = map.grid();
+  for (int row = 0; row < grid.height; ++row) {
+    for (int column = 0; column < grid.width; ++column) {
+      const Eigen::Vector3d p = kPose.inverse() * Eigen::Vector3d(grid.middle_world_m(column, row).x(),
+                                                                  grid.middle_world_m(column, row).y(), 0.0);
+      const double u = labels.camera.fx_px * p.x() / p.z() + labels.camera.cx_px;
+      const bool is_observed = grid.images[grid.index(column, row)] > 0;
+      if (u > 30.0) {
+        EXPECT_FALSE(is_observed) << u;
+      }
+      if (p.z() > 30.0 && p.z() < 60.0 && u > 18.5 && u < 28.5 && std::abs(p.y() / p.z()) < 0.4) {
+        EXPECT_TRUE(is_observed) << u;
+      }
+    }
   }
 }
 
