@@ -223,8 +223,8 @@ def targets(results):
     missed = sum(ours["pose", size]["missed"] for size in SIZES)
     yield "pose noise: every car found, within 3 m", f"{missed} missed", missed == 0
     for size, bound in MAX_TIME_MS.items():
-        value = max(result["time_ms"] for key, result in ours.items() if key[1] == size and key[0] != "labels")
-        yield f"an update of {size} x {size} takes at most {bound:.0f} ms, mean of the slowest scene", f"{value:.1f} ms", \
+        value = max(result["time_ms"] for key, result in ours.items() if key[1] == size and key[0] != "single")
+        yield f"an update of {size} x {size} takes at most {bound:.0f} ms, mean of the slowest flight", f"{value:.1f} ms", \
             value <= bound
 
 
@@ -264,7 +264,8 @@ def main(words=None):
              targets_section([*targets(results), *mission_targets(flown)]),
              section("All scenes", prose("IoU by label pixels across; that of the paper's methods with 112; cars missed "
                                          "and wrong targets at the end, of all seeds; distance of the centroids; time "
-                                         "of an update with 112."),
+                                         "of an update with 112. The first image makes the map's tiles, which takes "
+                                         "longer."),
                      table(["scene", "224", "112", "56", "the paper's", "projection", "independent rays", "missed",
                             "wrong", "centroid m", "ms"], rows)),
              section("One image and an orbit", prose("IoU / shadow."),
@@ -272,7 +273,8 @@ def main(words=None):
                      "![Grids by all methods](images/grid_methods.png)\n",
                      prose("The ordering of the paper, its algorithm before projection and independent rays, holds where "
                            "the scene is seen from many sides; by one image rays alone are better than its cases with "
-                           "few pixels, as these are thrown away where no ray is near the ground.")),
+                           "few pixels, as these are thrown away where no ray is near the ground. Where labels are noisy, "
+                           "the elevation is off or the pose has noise it does not hold.")),
              section("Error of the elevation and label size", "![Sensitivity](images/grid_bias.png)\n",
                      prose("The grid keeps its evidence for nine errors of the elevation, from -2 m to 2 m, and believes "
                            "the one in which the images agree best.")),
