@@ -64,6 +64,8 @@ class GridMappingTest(unittest.TestCase):
                     time.sleep(0.3)
                     continue
                 cls.publishers[topic].publish(msg)
+                if topic == "/tf":
+                    cls.pose = msg
                 if topic == "/camera/camera_info":
                     time.sleep(0.05)
                 if topic == "/camera/labels":
@@ -74,6 +76,11 @@ class GridMappingTest(unittest.TestCase):
     @classmethod
     def tearDownClass(cls):
         cls.folder.cleanup()
+
+    def stay_until(self, stamp):
+        """The camera stays where its last pose was."""
+        self.pose.transforms[0].header.stamp = stamp
+        self.publishers["/tf"].publish(self.pose)
 
     def test_targets_are_those_of_grid_bag(self):
         live = self.targets.messages[:len(self.lines)]
@@ -116,6 +123,8 @@ class GridMappingTest(unittest.TestCase):
     @fault("label images that cannot be used", "another encoding, too little data, another size than that of the camera, "
            "a number of 7", "each is dropped or, of the number, not used, and counted by its reason", times=4)
     def test_images_that_cannot_be_used_are_counted(self):
+        self.stay_until(self.images[-1].header.stamp + rospy.Duration(0.005))
+
         def keys():
             return {value.key for message in self.diagnostics.messages for status in message.status
                     if "grid_mapping" in status.name for value in status.values}
@@ -138,12 +147,7 @@ class GridMappingTest(unittest.TestCase):
         self.assertTrue(rospy.ServiceProxy("/grid_mapping/reset", Trigger)().success)
         again = copy.deepcopy(self.images[-1])
         again.header.stamp += rospy.Duration(0, 2000)
-        tf = TFMessage()
-        with rosbag.Bag(str(self.bag)) as recording:
-            for _, msg, _ in recording.read_messages("/tf"):
-                tf = msg
-        tf.transforms[0].header.stamp = again.header.stamp + rospy.Duration(0.01)
-        self.publishers["/tf"].publish(tf)
+        self.stay_until(again.header.stamp + rospy.Duration(0.01))
         self.publishers["/camera/labels"].publish(again)
         wait_until(lambda: self.targets.messages[-1].header.stamp == again.header.stamp, 10.0, "targets")
         self.assertEqual(self.targets.messages[-1].targets, [])
