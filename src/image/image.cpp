@@ -7,6 +7,11 @@
 #include <string>
 
 namespace situation_awareness {
+namespace {
+
+constexpr double kMost_px = 1e6;  ///< of a camera's numbers
+
+}  // namespace
 
 void check(const PinholeCamera& camera) {
   if (camera.width < 1 || camera.height < 1) {
@@ -14,13 +19,13 @@ void check(const PinholeCamera& camera) {
                                 std::to_string(camera.height) + " is not 1 x 1 at least");
   }
   for (const double focal_length_px : {camera.fx_px, camera.fy_px}) {
-    if (!std::isfinite(focal_length_px) || focal_length_px <= 0.0) {
+    if (!(focal_length_px > 0.0 && focal_length_px <= kMost_px)) {
       throw std::invalid_argument("a focal length of the camera, " + std::to_string(focal_length_px) +
-                                  ", is not above 0");
+                                  ", is not above 0 and at most 1e6 px");
     }
   }
-  if (!std::isfinite(camera.cx_px) || !std::isfinite(camera.cy_px)) {
-    throw std::invalid_argument("the principal point of the camera is not finite");
+  if (!(std::abs(camera.cx_px) <= kMost_px && std::abs(camera.cy_px) <= kMost_px)) {
+    throw std::invalid_argument("the principal point of the camera is not finite, or more than 1e6 px away");
   }
 }
 

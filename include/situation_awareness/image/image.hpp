@@ -15,7 +15,8 @@ struct PinholeCamera {
   double cx_px = 0.0, cy_px = 0.0;
 };
 
-/// Throws std::invalid_argument naming the number if a size is less than 1 or a focal length is not finite and above 0.
+/// Throws std::invalid_argument naming the number if a size is less than 1, a focal length is not above 0, or a
+/// number is above 1e6 or not finite.
 void check(const PinholeCamera& camera);
 
 /// The camera of the same image at another size: the image spans the same field of view, and each direction of it is

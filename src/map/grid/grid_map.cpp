@@ -18,6 +18,7 @@ constexpr int kCellsOfTile = kTileCells * kTileCells;
 constexpr double kLeastDepth_m = 0.1;
 constexpr float kLeastLabel = 0.2F;  ///< columns that see no pixel above it are not of the class
 constexpr double kHeightStep_m = 0.25;
+constexpr double kFarthest_m = 1e6;  ///< of a camera from the world's origin
 
 /// Of a tile, or of a cell.
 struct Place {
@@ -97,17 +98,18 @@ class LabelReader {
 
   /// The greatest of 5 x 5 pixels around: less than 1 where something is thinner than a pixel.
   float peak(double u, double v) const {
-    const int c = std::clamp(static_cast<int>(std::lround(u)), 0, width_ - 1);
-    const int r = std::clamp(static_cast<int>(std::lround(v)), 0, height_ - 1);
+    const int c = static_cast<int>(std::lround(std::clamp(u, 0.0, width_ - 1.0)));
+    const int r = static_cast<int>(std::lround(std::clamp(v, 0.0, height_ - 1.0)));
     return peaks_[static_cast<std::size_t>(r) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(c)];
   }
 
   /// Whether a pixel that may be of the class is in a rectangle, or beside it.
   bool has_class(double u_min, double u_max, double v_min, double v_max) const {
-    const int c0 = std::clamp(static_cast<int>(std::floor(u_min)), 0, width_);
-    const int c1 = std::clamp(static_cast<int>(std::ceil(u_max)) + 1, 0, width_);
-    const int r0 = std::clamp(static_cast<int>(std::floor(v_min)), 0, height_);
-    const int r1 = std::clamp(static_cast<int>(std::ceil(v_max)) + 1, 0, height_);
+    const auto within = [](double edge, int size) {
+      return static_cast<int>(std::clamp(edge, 0.0, static_cast<double>(size)));
+    };
+    const int c0 = within(std::floor(u_min), width_), c1 = within(std::ceil(u_max) + 1.0, width_);
+    const int r0 = within(std::floor(v_min), height_), r1 = within(std::ceil(v_max) + 1.0, height_);
     if (c0 >= c1 || r0 >= r1) return false;
     return class_count(c1, r1) - class_count(c0, r1) - class_count(c1, r0) + class_count(c0, r0) > 0;
   }
@@ -266,6 +268,9 @@ class GridMap::Impl {
   GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
     check(labels);
     if (!T_world_camera.matrix().allFinite()) throw std::invalid_argument("the camera's pose is not finite");
+    if (T_world_camera.translation().norm() > kFarthest_m) {
+      throw std::invalid_argument("the camera is more than 1000 km from the world's origin");
+    }
     const View view{labels.camera, T_world_camera.linear().transpose(), T_world_camera.translation(), params_.reach_m};
     const LabelReader reader(labels);
     Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m);

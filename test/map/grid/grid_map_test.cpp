@@ -201,6 +201,16 @@ TEST(GridMap, RefusesBadInputAndIsUnchanged) {
   Eigen::Isometry3d nowhere = kPose;
   nowhere.translation().x() = std::nan("");
   EXPECT_THROW(map.update(uniform_labels(0.0F), nowhere), std::invalid_argument);
+  for (const double far : {1.1e6, -1e53, 1e300}) {  // found by fuzzing
+    nowhere.translation().x() = far;
+    EXPECT_THROW(map.update(uniform_labels(0.0F), nowhere), std::invalid_argument);
+    no_camera.camera.fx_px = std::abs(far);
+    EXPECT_THROW(map.update(no_camera, kPose), std::invalid_argument);
+    no_camera.camera.fx_px = 50.0;
+    no_camera.camera.cy_px = far;
+    EXPECT_THROW(map.update(no_camera, kPose), std::invalid_argument);
+    no_camera.camera.cy_px = 0.0;
+  }
   EXPECT_EQ(map.grid().width, 0);
   GridMapParams params;
   params.cell_m = 0.0;
