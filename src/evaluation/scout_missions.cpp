@@ -217,7 +217,6 @@ ScoutMissionOutcome fly_scouting(const ScoutMission& mission, std::uint64_t seed
   Scouting scouting(mission.params, flight.home_m(), [&](double x, double y) { return flight.elevation().at(x, y); });
   double next_lead_s = 0.0, next_grid_s = kGrid_s;
   ScoutingStep led;
-  std::uint64_t close_up = 0;
   bool has_obstacles = mission.obstacles.pieces().empty();
   while (flight.time_s() < mission.params.budget_s + 60.0) {
     if (flight.look()) scouting.add_image(flight.vehicle().p_m, flight.vehicle().yaw_rad);
@@ -241,10 +240,6 @@ ScoutMissionOutcome fly_scouting(const ScoutMission& mission, std::uint64_t seed
       flight.outcome().longest_step_s =
           std::max(flight.outcome().longest_step_s,
                    std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
-      if (led.state == ScoutingState::kCloseUp && led.target != close_up) {
-        flight.outcome().close_up_targets.push_back(led.target);
-      }
-      close_up = led.state == ScoutingState::kCloseUp ? led.target : 0;
       if (led.state == ScoutingState::kDone) break;
     }
     flight.fly(led.go_to_world_m, led.yaw_rad);

@@ -37,8 +37,7 @@ struct ScoutMissionOutcome {
   double last_found_s = 0.0;  ///< when the last car had its target for the first time; the budget, if one never had
   double home_s = 0.0;        ///< when it was home; infinite, if it never was
   bool home_in_time = false;
-  int close_ups = 0;                            ///< that were done
-  std::vector<std::uint64_t> close_up_targets;  ///< of each time that one began
+  int close_ups = 0;  ///< that were done
   double way_m = 0.0;
   double least_clearance_m = 0.0;        ///< from obstacles; infinite without any
   double longest_step_s = 0.0;           ///< of computing a step of the mission

@@ -5,9 +5,9 @@
 #include <cstring>
 #include <vector>
 
-#include <sensor_msgs/distortion_models.h>
 #include <sensor_msgs/image_encodings.h>
 
+#include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
@@ -44,18 +44,8 @@ sensor_msgs::Image labels_to_msg(const std::vector<std::uint16_t>& labels, const
 
 sensor_msgs::CameraInfo camera_info_to_msg(int width, int height, double focal_length_px, std::int64_t stamp_ns,
                                            const std::string& camera_frame) {
-  sensor_msgs::CameraInfo msg;
-  msg.header.stamp = to_ros_time(stamp_ns);
-  msg.header.frame_id = camera_frame;
-  msg.width = static_cast<std::uint32_t>(width);
-  msg.height = static_cast<std::uint32_t>(height);
-  msg.distortion_model = sensor_msgs::distortion_models::PLUMB_BOB;
-  msg.D.assign(5, 0.0);
-  const double f = focal_length_px, cx = 0.5 * (width - 1), cy = 0.5 * (height - 1);
-  msg.K = {f, 0.0, cx, 0.0, f, cy, 0.0, 0.0, 1.0};
-  msg.R = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0};
-  msg.P = {f, 0.0, cx, 0.0, 0.0, f, cy, 0.0, 0.0, 0.0, 1.0, 0.0};
-  return msg;
+  return camera_to_msg({width, height, focal_length_px, focal_length_px, 0.5 * (width - 1), 0.5 * (height - 1)},
+                       stamp_ns, camera_frame);
 }
 
 sensor_msgs::Image picture_to_msg(const Picture& picture, std::int64_t stamp_ns, const std::string& camera_frame) {
