@@ -26,13 +26,14 @@ struct Place {
   bool operator<(const Place& other) const { return row != other.row ? row < other.row : column < other.column; }
 };
 
-/// Of a cell.
+/// Of a cell by each error of the elevation: sums over images of their weights, and of their evidence times these.
 struct Evidence {
-  float weight = 0.0F;
-  float sharp_sum = 0.0F;  ///< by the labels as they are
-  float soft_sum = 0.0F;   ///< by their means over 3 x 3 pixels
-  float sharp() const { return weight > 0.0F ? sharp_sum / weight : 0.0F; }
-  float soft() const { return weight > 0.0F ? soft_sum / weight : 0.0F; }
+  std::array<float, kOffsets> weight{};
+  std::array<float, kOffsets> sharp_sum{};  ///< by the labels as they are
+  std::array<float, kOffsets> soft_sum{};   ///< by their means over 3 x 3 pixels
+
+  float sharp(std::size_t offset) const { return weight[offset] > 0.0F ? sharp_sum[offset] / weight[offset] : 0.0F; }
+  float soft(std::size_t offset) const { return weight[offset] > 0.0F ? soft_sum[offset] / weight[offset] : 0.0F; }
 };
 
 /// Evidence on the cells of a square of the world.
@@ -41,11 +42,9 @@ struct Tile {
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
   std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest of these
-  /// Per offset, sums of the weights of images and of their evidence, each times its weight; before anything of the
-  /// class was seen in the tile, all offsets share the first.
-  std::array<std::vector<Evidence>, kOffsets> evidence;
-  bool is_split = false;
-  double low_m = 0.0, high_m = 0.0;  ///< of its ground; low_m > high_m where none is known
+  std::vector<float> nothing_weight;  ///< of images that show nothing of the class, until one shows something
+  std::vector<Evidence> evidence;     ///< from then on
+  double low_m = 0.0, high_m = 0.0;   ///< of its ground; low_m > high_m where none is known
 };
 
 /// Labels that are read in between the pixels. Exactly 0.5 is not known, but for a pixel at an edge: one between others
@@ -62,17 +61,14 @@ class LabelReader {
         }
       }
     }
-    sums_.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
-    class_counts_.assign(sums_.size(), 0);
     find_peaks();
+    find_means();
+    class_counts_.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0);
     for (int v = 0; v < height_; ++v) {
-      double row = 0.0;
       int class_row = 0;
       for (int u = 0; u < width_; ++u) {
         const float p = at(u, v);
-        if (is_known(p)) row += static_cast<double>(p);
         if (is_known(p) && p > kLeastLabel) class_row += 1;
-        sum(u + 1, v + 1) = sum(u + 1, v) + row;
         class_count(u + 1, v + 1) = class_count(u + 1, v) + class_row;
       }
     }
@@ -83,18 +79,10 @@ class LabelReader {
   bool contains(double u, double v) const { return u >= -0.5 && v >= -0.5 && u <= width_ - 0.5 && v <= height_ - 0.5; }
 
   /// Bilinear; NaN where a pixel that counts is not known.
-  float value(double u, double v) const {
-    return between(u, v, [this](int column, int row) { return at(column, row); });
-  }
+  float value(double u, double v) const { return between(u, v, labels_); }
 
-  /// The same of the means of 3 x 3 pixels, of those that are known.
-  float soft_value(double u, double v) const {
-    return between(u, v, [this](int column, int row) {
-      const int c0 = std::max(column - 1, 0), c1 = std::min(column + 2, width_);
-      const int r0 = std::max(row - 1, 0), r1 = std::min(row + 2, height_);
-      return static_cast<float>((sum(c1, r1) - sum(c0, r1) - sum(c1, r0) + sum(c0, r0)) / ((c1 - c0) * (r1 - r0)));
-    });
-  }
+  /// The same of the means of 3 x 3 pixels; those that are not known count as nothing of the class.
+  float soft_value(double u, double v) const { return between(u, v, means_); }
 
   /// The greatest of 5 x 5 pixels around: less than 1 where something is thinner than a pixel.
   float peak(double u, double v) const {
@@ -151,8 +139,30 @@ class LabelReader {
     }
   }
 
-  template <class Value>
-  float between(double u, double v, const Value& value) const {
+  void find_means() {
+    std::vector<double> sums(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
+    for (int v = 0; v < height_; ++v) {
+      double row = 0.0;
+      for (int u = 0; u < width_; ++u) {
+        const float p = at(u, v);
+        if (is_known(p)) row += static_cast<double>(p);
+        sums[corner(u + 1, v + 1)] = sums[corner(u + 1, v)] + row;
+      }
+    }
+    means_.resize(labels_.size());
+    for (int v = 0; v < height_; ++v) {
+      const int r0 = std::max(v - 1, 0), r1 = std::min(v + 2, height_);
+      for (int u = 0; u < width_; ++u) {
+        const int c0 = std::max(u - 1, 0), c1 = std::min(u + 2, width_);
+        means_[index(u, v)] = static_cast<float>(
+            (sums[corner(c1, r1)] - sums[corner(c0, r1)] - sums[corner(c1, r0)] + sums[corner(c0, r0)]) /
+            ((c1 - c0) * (r1 - r0)));
+      }
+    }
+  }
+
+  float between(double u, double v, const std::vector<float>& values) const {
+    const auto value = [&](int column, int row) { return values[index(column, row)]; };
     const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
     const int c = std::min(static_cast<int>(x), std::max(width_ - 2, 0));
     const int r = std::min(static_cast<int>(y), std::max(height_ - 2, 0));
@@ -170,13 +180,11 @@ class LabelReader {
   }
   int& class_count(int u, int v) { return class_counts_[corner(u, v)]; }
   int class_count(int u, int v) const { return class_counts_[corner(u, v)]; }
-  double& sum(int u, int v) { return sums_[corner(u, v)]; }
-  double sum(int u, int v) const { return sums_[corner(u, v)]; }
 
   int width_, height_;
-  std::vector<float> labels_;  ///< NaN: not known
-  std::vector<double> sums_;   ///< of all pixels above and to the left
-  std::vector<int> class_counts_;
+  std::vector<float> labels_;      ///< NaN: not known
+  std::vector<float> means_;       ///< of 3 x 3 pixels
+  std::vector<int> class_counts_;  ///< of all pixels above and to the left
   std::vector<float> peaks_;
 };
 
@@ -194,8 +202,7 @@ class Horizon {
   double slope_before(const Eigen::Vector2d& p_world_m) {
     const Eigen::Vector2d away_m = p_world_m - p_.head<2>();
     const double range_m = away_m.norm();
-    const double turns = std::atan2(away_m.y(), away_m.x()) / (2.0 * M_PI);
-    const int direction = static_cast<int>(std::lround((turns + 1.0) * kDirections)) % kDirections;
+    const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
     const int ring = static_cast<int>((range_m - kOwn_m) / step_m_);
     if (ring < 0) return -std::numeric_limits<double>::infinity();
     float* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
@@ -207,9 +214,24 @@ class Horizon {
   static constexpr int kDirections = 2048;
   static constexpr double kOwn_m = 1.5;
 
+  /// Grows with the angle of a vector, from 0 to 4, without a call of atan2: along the square through the axes at 1.
+  static double quarters(const Eigen::Vector2d& v) {
+    const double sum = std::abs(v.x()) + std::abs(v.y());
+    if (sum == 0.0) return 0.0;
+    if (v.y() >= 0.0) return v.x() >= 0.0 ? v.y() / sum : 1.0 - v.x() / sum;
+    return v.x() < 0.0 ? 2.0 - v.y() / sum : 3.0 + v.x() / sum;
+  }
+
+  static Eigen::Vector2d unit_vector_at(double quarters) {
+    const int quarter = static_cast<int>(quarters);
+    const double part = quarters - quarter;
+    Eigen::Vector2d v(1.0 - part, part);
+    for (int i = 0; i < quarter; ++i) v = {-v.y(), v.x()};
+    return v.normalized();
+  }
+
   void march(int direction, float* slopes) const {
-    const double angle_rad = 2.0 * M_PI * direction / kDirections;
-    const Eigen::Vector2d ahead(std::cos(angle_rad), std::sin(angle_rad));
+    const Eigen::Vector2d ahead = unit_vector_at(4.0 * direction / kDirections);
     double steepest = -1e6;
     for (int ring = 0; ring < rings_; ++ring) {
       const double range_m = (ring + 0.5) * step_m_;
@@ -325,7 +347,7 @@ class GridMap::Impl {
   void read(SemanticGrid& grid, bool only_class) const {
     grid.stamp_ns = stamp_ns_;
     grid.cell_m = params_.cell_m;
-    const auto counts = [&](const Tile& tile) { return only_class ? tile.is_split : is_observed(tile); };
+    const auto counts = [&](const Tile& tile) { return only_class ? has_evidence(tile) : is_observed(tile); };
     int left = std::numeric_limits<int>::max(), right = std::numeric_limits<int>::min(), low = left, high = right;
     for (const auto& [key, tile] : tiles_) {
       if (!counts(tile)) continue;
@@ -347,11 +369,11 @@ class GridMap::Impl {
     grid.class_latest.assign(cells, 0);
     grid.latest = images_;
     const int best = best_offset();
+    const auto believed = static_cast<std::size_t>(best);
     std::vector<std::size_t> of_class;
     std::vector<float> soft(cells, 0.0F);
     for (const auto& [key, tile] : tiles_) {
       if (!counts(tile)) continue;
-      const std::vector<Evidence>& evidence = tile.evidence[static_cast<std::size_t>(tile.is_split ? best : 0)];
       for (int r = 0; r < kTileCells; ++r) {
         for (int c = 0; c < kTileCells; ++c) {
           const auto from = static_cast<std::size_t>(r * kTileCells + c);
@@ -361,10 +383,12 @@ class GridMap::Impl {
           grid.class_images[to] = tile.class_images[from];
           grid.class_latest[to] = tile.class_latest[from];
           if (tile.images[from] == 0) continue;
+          grid.probability[to] = 0.0F;
+          if (!has_evidence(tile)) continue;
           const float enough = std::min(1.0F, static_cast<float>(tile.class_images[from]) /
                                                   static_cast<float>(std::min(tile.images[from], kEnough)));
-          grid.probability[to] = evidence[from].sharp() * enough * enough;
-          soft[to] = evidence[from].soft() * enough * enough;
+          grid.probability[to] = tile.evidence[from].sharp(believed) * enough * enough;
+          soft[to] = tile.evidence[from].soft(believed) * enough * enough;
           if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
         }
       }
@@ -393,15 +417,20 @@ class GridMap::Impl {
       if (!std::isnan(probability)) probability = static_cast<float>(probability_by(0.0));
     }
     double sharp_sum = 0.0, soft_sum = 0.0;
-    for (const std::size_t cell : of_class) {
-      if (soft[cell] < std::max(0.8F * greatest_around(soft, cell), 0.25F)) continue;
+    std::vector<float> greatest(of_class.size());
+    for (std::size_t i = 0; i < of_class.size(); ++i) {
+      const std::size_t cell = of_class[i];
+      greatest[i] = greatest_around(soft, cell);
+      if (soft[cell] < std::max(0.8F * greatest[i], 0.25F)) continue;
       sharp_sum += static_cast<double>(sharp[cell]);
       soft_sum += static_cast<double>(soft[cell]);
     }
     const bool is_noisy = sharp_sum < kNoisy * soft_sum;
     const std::vector<float>& mean = is_noisy ? soft : sharp;
-    for (const std::size_t cell : of_class) {
-      const float around = std::max(greatest_around(mean, cell), static_cast<float>(params_.least_mean));
+    for (std::size_t i = 0; i < of_class.size(); ++i) {
+      const std::size_t cell = of_class[i];
+      if (!is_noisy) greatest[i] = greatest_around(sharp, cell);
+      const float around = std::max(greatest[i], static_cast<float>(params_.least_mean));
       grid.probability[cell] = static_cast<float>(probability_by(static_cast<double>(mean[cell] / around)));
     }
   }
@@ -416,7 +445,8 @@ class GridMap::Impl {
   static constexpr double kAround_m = 2.0;
   static constexpr double kLeastGain = 0.012;  ///< in agreement, per step away from the elevation as it is given
 
-  static bool is_observed(const Tile& tile) { return !tile.evidence[0].empty(); }
+  static bool has_evidence(const Tile& tile) { return !tile.evidence.empty(); }
+  static bool is_observed(const Tile& tile) { return has_evidence(tile) || !tile.nothing_weight.empty(); }
 
   double max_offset_m() const { return offset_m(kOffsets - 1); }
 
@@ -485,34 +515,38 @@ class GridMap::Impl {
     }
   }
 
-  static void begin(Tile& tile) {
-    if (tile.evidence[0].empty()) tile.evidence[0].resize(kCellsOfTile);
-  }
-  static void split(Tile& tile) {
-    begin(tile);
-    if (tile.is_split) return;
-    for (std::size_t offset = 1; offset < kOffsets; ++offset) tile.evidence[offset] = tile.evidence[0];
-    tile.is_split = true;
+  /// Keeps the evidence of a tile in which the class is now seen for each error of the elevation.
+  static void begin_evidence(Tile& tile) {
+    if (has_evidence(tile)) return;
+    tile.evidence.resize(kCellsOfTile);
+    for (std::size_t cell = 0; cell < tile.nothing_weight.size(); ++cell) {
+      tile.evidence[cell].weight.fill(tile.nothing_weight[cell]);
+    }
+    tile.nothing_weight = {};
   }
 
-  void add(Evidence& evidence, double weight, double sharp, double soft) const {
-    evidence.sharp_sum += static_cast<float>(weight * sharp);
-    evidence.soft_sum += static_cast<float>(weight * soft);
-    evidence.weight += static_cast<float>(weight);
+  void add(Evidence& evidence, std::size_t offset, double weight, double sharp, double soft) const {
+    evidence.sharp_sum[offset] += static_cast<float>(weight * sharp);
+    evidence.soft_sum[offset] += static_cast<float>(weight * soft);
+    evidence.weight[offset] += static_cast<float>(weight);
     const auto most = static_cast<float>(params_.max_weight);
-    if (evidence.weight <= most) return;
-    evidence.sharp_sum *= most / evidence.weight;
-    evidence.soft_sum *= most / evidence.weight;
-    evidence.weight = most;
+    if (evidence.weight[offset] <= most) return;
+    evidence.sharp_sum[offset] *= most / evidence.weight[offset];
+    evidence.soft_sum[offset] *= most / evidence.weight[offset];
+    evidence.weight[offset] = most;
   }
 
   void add_nothing(Tile& tile, std::size_t cell) {
-    begin(tile);
-    const std::size_t offsets = tile.is_split ? kOffsets : 1;
-    for (std::size_t offset = 0; offset < offsets; ++offset) {
-      Evidence& evidence = tile.evidence[offset][cell];
-      all_[offset] += params_.negative_weight * static_cast<double>(evidence.soft());
-      add(evidence, params_.negative_weight, 0.0, 0.0);
+    const auto weight = static_cast<float>(params_.negative_weight), most = static_cast<float>(params_.max_weight);
+    if (!has_evidence(tile)) {
+      if (tile.nothing_weight.empty()) tile.nothing_weight.resize(kCellsOfTile);
+      tile.nothing_weight[cell] = std::min(tile.nothing_weight[cell] + weight, most);
+      return;
+    }
+    Evidence& evidence = tile.evidence[cell];
+    for (std::size_t offset = 0; offset < kOffsets; ++offset) {
+      all_[offset] += params_.negative_weight * static_cast<double>(evidence.soft(offset));
+      add(evidence, offset, params_.negative_weight, 0.0, 0.0);
     }
   }
 
@@ -531,7 +565,7 @@ class GridMap::Impl {
       any_known |= !std::isnan(column_[step]);
     }
     if (!any_known) return false;
-    split(tile);
+    begin_evidence(tile);
     bool is_class = false;
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
@@ -553,16 +587,16 @@ class GridMap::Impl {
       // What is cut off by the image's edge or not known may be anything.
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
-      Evidence& evidence = tile.evidence[i][cell];
+      Evidence& evidence = tile.evidence[cell];
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
       const double weight = resolved * (greatest > 0.5F * peak ? 1.0 : params_.negative_weight);
-      const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft());
+      const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
       if (tile.images[cell] > 0) {
         shared_[i] += weight * std::min(soft, before);
         all_[i] += weight * std::max(soft, before);
       }
       is_class |= least > 0.5F * peak || soft_least > kSoftClass;
-      add(evidence, weight, sharp, soft);
+      add(evidence, i, weight, sharp, soft);
     }
     if (is_class) {
       ++tile.class_images[cell];
