@@ -589,7 +589,9 @@ class GridMap::Impl {
       const auto i = static_cast<std::size_t>(offset);
       Evidence& evidence = tile.evidence[cell];
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
-      const double weight = resolved * (greatest > 0.5F * peak ? 1.0 : params_.negative_weight);
+      const double weight = resolved * (least > 0.5F * peak      ? 1.0
+                                        : greatest > 0.5F * peak ? params_.partial_weight
+                                                                 : params_.negative_weight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
       if (tile.images[cell] > 0) {
         shared_[i] += weight * std::min(soft, before);
