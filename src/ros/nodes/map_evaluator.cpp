@@ -13,18 +13,23 @@
 #include "situation_awareness/evaluation/map_evaluation.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
+#include "situation_awareness/ros/simulation.hpp"
+#include "situation_awareness/sim/world.hpp"
 
 namespace situation_awareness {
 namespace {
 
 struct EvaluatorParams {
+  std::string world;
   double duration_s = 0.0;
   double max_delay_s = 1.0;
-  double max_false_s = 1.5;  // an element on the cabinet of the demo's room counts as false
+  double max_false_s = 1.5;
   double max_center_rmse_m = 0.05;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
+    visit("world", self.world,
+          "name of a world in models/worlds, or a path: what is on its fixtures is not false; empty: none has");
     visit("duration_s", self.duration_s, Bounds{0.0, 1e6}, "s",
           "simulated time from the first scan that is compared; 0: until shutdown");
     visit("max_delay_s", self.max_delay_s, Bounds{0.0, 1e6}, "s",
@@ -37,6 +42,7 @@ struct EvaluatorParams {
 class Evaluator {
  public:
   Evaluator(ros::NodeHandle node, const EvaluatorParams& params) : params_(params) {
+    if (!params.world.empty()) fixtures_world_ = World(world_file(params.world)).fixtures();
     truth_subscriber_ = node.subscribe("truth", 200, &Evaluator::on_truth, this);
     map_subscriber_ = node.subscribe("objects", 200, &Evaluator::on_map, this);
   }
@@ -75,7 +81,7 @@ class Evaluator {
     for (const MappedObject& element : truth.objects) labels.push_back(element.label);
     const std::vector<Body> bodies = bodies_of(labels);
     for (const Body& body : bodies) names_[truth.objects.at(body.parts.front()).id] = body.name;
-    evaluation_.emplace(MapEvaluationParams{}, bodies);
+    evaluation_.emplace(MapEvaluationParams{}, bodies, fixtures_world_);
   }
 
   void on_map(const MappedObjectArrayConstPtr& msg) {
@@ -106,6 +112,7 @@ class Evaluator {
   }
 
   EvaluatorParams params_;
+  std::vector<Box> fixtures_world_;
   std::optional<MapEvaluation> evaluation_;
   std::map<ros::Time, MappedObjectArrayConstPtr> truths_, maps_;  ///< without their counterpart yet
   std::map<std::uint64_t, std::string> names_;
