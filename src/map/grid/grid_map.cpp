@@ -506,7 +506,8 @@ class GridMap::Impl {
                                                std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y()));
       if (!sees_class) {
         if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
-        add_nothing(tile, i);
+        const double class_part = params_.class_height_m / (params_.class_height_m + 2.0 * below_m);
+        add_nothing(tile, i, params_.negative_weight * resolved(class_part * (top_px - low_px).norm()));
       } else if (!add_column(tile, i, foot, up, hidden_below_m, reader, done)) {
         continue;
       }
@@ -536,17 +537,20 @@ class GridMap::Impl {
     evidence.weight[offset] = most;
   }
 
-  void add_nothing(Tile& tile, std::size_t cell) {
-    const auto weight = static_cast<float>(params_.negative_weight), most = static_cast<float>(params_.max_weight);
+  /// Of a column of so many pixels, as a weight: what is smaller than a few of them may not be in the labels.
+  static double resolved(double extent_px) { return std::pow(std::clamp(extent_px / kResolved_px, 0.1, 1.0), 2); }
+
+  void add_nothing(Tile& tile, std::size_t cell, double weight) {
     if (!has_evidence(tile)) {
       if (tile.nothing_weight.empty()) tile.nothing_weight.resize(kCellsOfTile);
-      tile.nothing_weight[cell] = std::min(tile.nothing_weight[cell] + weight, most);
+      tile.nothing_weight[cell] =
+          std::min(tile.nothing_weight[cell] + static_cast<float>(weight), static_cast<float>(params_.max_weight));
       return;
     }
     Evidence& evidence = tile.evidence[cell];
     for (std::size_t offset = 0; offset < kOffsets; ++offset) {
-      all_[offset] += params_.negative_weight * static_cast<double>(evidence.soft(offset));
-      add(evidence, offset, params_.negative_weight, 0.0, 0.0);
+      all_[offset] += weight * static_cast<double>(evidence.soft(offset));
+      add(evidence, offset, weight, 0.0, 0.0);
     }
   }
 
@@ -569,7 +573,7 @@ class GridMap::Impl {
     bool is_class = false;
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
-    const double resolved = std::pow(std::clamp(extent_px / kResolved_px, 0.1, 1.0), 2);
+    const double seen = resolved(extent_px);
     const float peak = std::max(reader.peak(middle.x() / middle.z(), middle.y() / middle.z()), kLeastPeak);
     for (int offset = 0; offset < kOffsets; ++offset) {
       float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
@@ -589,9 +593,9 @@ class GridMap::Impl {
       const auto i = static_cast<std::size_t>(offset);
       Evidence& evidence = tile.evidence[cell];
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
-      const double weight = resolved * (least > 0.5F * peak      ? 1.0
-                                        : greatest > 0.5F * peak ? params_.partial_weight
-                                                                 : params_.negative_weight);
+      const double weight = seen * (least > 0.5F * peak      ? 1.0
+                                    : greatest > 0.5F * peak ? params_.partial_weight
+                                                             : params_.negative_weight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
       if (tile.images[cell] > 0) {
         shared_[i] += weight * std::min(soft, before);

@@ -94,6 +94,26 @@ TEST(GridMap, FindsTheCommonErrorOfTheElevationByCarsSeenFromSeveralPlaces) {
   }
 }
 
+TEST(GridMap, ImagesTooCoarseToShowACarDoNotTakeItAway) {
+  constexpr int kImages = 120;
+  const GridCase given = make_grid_case("orbit", 1);
+  GridMap map(GridMapParams{}, flat());
+  for (std::size_t i = 0; i < given.T_world_camera.size(); i += 4) {
+    map.update(labels_of(given, camera_of(56), i, 1), given.T_world_camera[i]);
+  }
+  EXPECT_GT(score(given, map.grid()).intersection_over_union, 0.75);
+  // From 160 m a car's height is less than half a pixel, and the labels have nothing.
+  for (int i = 0; i < kImages; ++i) {
+    map.update(uniform_labels(0.0F), camera_pose({-160.0, i - 0.5 * kImages, 40.0}, 0.0, radians(-14.0)));
+  }
+  EXPECT_GT(score(given, map.grid()).intersection_over_union, 0.75);
+  // From 30 m it is.
+  for (int i = 0; i < kImages; ++i) {
+    map.update(uniform_labels(0.0F), camera_pose({-30.0, 0.0, 20.0}, 0.0, radians(-33.0)));
+  }
+  EXPECT_LT(score(given, map.grid()).intersection_over_union, 0.3);
+}
+
 TEST(GridMap, MovesWithTheWorldByWholeTiles) {
   GridCase given = make_grid_case("single", 3);
   const SemanticGrid here = map_of(given, 56, flat()).grid();
