@@ -11,6 +11,7 @@
 namespace situation_awareness {
 namespace {
 
+constexpr double kFragment = 0.5;     ///< of the area of a thing, at most
 constexpr double kLeastSlope = 0.05;  ///< of a sight line that places something on the ground
 
 /// How the place on level ground, to which a sight line points, follows the camera's place and attitude (about the
@@ -42,14 +43,19 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
     add_view(track, camera, T_world_camera, covariance);
     const GridCluster& cluster = track.cluster;
     if (cluster.images < params_.confirm_images) continue;
+    GridTarget found{track.id,
+                     {cluster.p_world_m.x(), cluster.p_world_m.y(), cluster.ground_world_m},
+                     covariance_of(track),
+                     cluster.area_m2,
+                     cluster.probability};
     const auto same = std::find_if(targets_.targets.begin(), targets_.targets.end(),
                                    [&](const GridTarget& target) { return is_one_with(track, target); });
-    if (same != targets_.targets.end()) continue;
-    targets_.targets.push_back({track.id,
-                                {cluster.p_world_m.x(), cluster.p_world_m.y(), cluster.ground_world_m},
-                                covariance_of(track),
-                                cluster.area_m2,
-                                cluster.probability});
+    if (same == targets_.targets.end()) {
+      targets_.targets.push_back(found);
+    } else if (same->area_m2 < kFragment * found.area_m2) {
+      found.id = same->id;
+      *same = found;
+    }
   }
   return targets_;
 }
@@ -90,7 +96,9 @@ void GridTracks::note_apart() {
 
 bool GridTracks::is_one_with(const Track& track, const GridTarget& target) const {
   const double distance_m = (track.cluster.p_world_m - target.p_world_m.head<2>()).norm();
-  return distance_m < params_.same_m && apart_.count({target.id, track.id}) == 0;
+  if (distance_m < params_.same_m && apart_.count({target.id, track.id}) == 0) return true;
+  const auto [less_m2, more_m2] = std::minmax(track.cluster.area_m2, target.area_m2);
+  return distance_m < params_.fragment_m && less_m2 < kFragment * more_m2;
 }
 
 void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,

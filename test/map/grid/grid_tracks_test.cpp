@@ -76,6 +76,25 @@ TEST(GridTracks, TakeTwoThatNoImageShowsBothForOneUntilAnImageDoes) {
   EXPECT_EQ(tracks.update(5, {first, second}, kCamera, pose(), covariance).targets.size(), 2U);
 }
 
+TEST(GridTracks, TakeAFragmentForAPartOfWhatItIsNearThoughAnImageShowsBoth) {
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  GridCluster fragment = cluster_at(22, 0, 3);
+  fragment.area_m2 = 3.5;
+  const GridCluster whole = cluster_at(20, 0, 3);
+  GridTracks tracks(GridTracksParams{});
+  const auto id = tracks.update(1, {fragment}, kCamera, pose(), covariance).targets.at(0).id;
+  const GridTargets both = tracks.update(2, {whole, fragment}, kCamera, pose(), covariance);
+  ASSERT_EQ(both.targets.size(), 1U);
+  EXPECT_EQ(both.targets[0].id, id);  // but it is where most of it is
+  EXPECT_EQ(both.targets[0].p_world_m.x(), 20.0);
+  EXPECT_EQ(both.targets[0].area_m2, 8.0);
+  fragment.area_m2 = 4.5;
+  EXPECT_EQ(tracks.update(3, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
+  fragment.area_m2 = 3.5;
+  fragment.p_world_m.x() = 22.6;
+  EXPECT_EQ(tracks.update(4, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
+}
+
 TEST(GridTracks, TakeSmallClustersForNoTargets) {
   GridTracks tracks(GridTracksParams{});
   GridCluster small = cluster_at(20, 0, 5);

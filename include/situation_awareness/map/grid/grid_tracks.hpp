@@ -18,6 +18,7 @@ namespace situation_awareness {
 struct GridTracksParams {
   double gate_m = 4.0;
   double same_m = 4.0;
+  double fragment_m = 2.5;
   int confirm_images = 3;
   double min_area_m2 = 1.0;
   double pose_correlation = 0.2;
@@ -29,6 +30,8 @@ struct GridTracksParams {
     visit("gate_m", self.gate_m, Bounds{0.1, 100.0}, "m", "farther apart, a cluster and a target are not the same");
     visit("same_m", self.same_m, Bounds{0.0, 100.0}, "m",
           "clusters that are nearer to each other and that no image shows both are one target");
+    visit("fragment_m", self.fragment_m, Bounds{0.0, 100.0}, "m",
+          "clusters that are nearer to each other and of which one is less than half as large are one target");
     visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
     visit("min_area_m2", self.min_area_m2, Bounds{0.0, 1e4}, "m^2", "smaller clusters are no targets");
     visit("pose_correlation", self.pose_correlation, Bounds{0.0, 1.0}, "",
@@ -45,8 +48,8 @@ struct GridTracksParams {
 
 /// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
 /// while its cluster is on the map, and lost without; found again near by, it has its id again. Where the pose has
-/// wandered between two visits, one thing has two clusters: two that are near each other and that no image shows both
-/// are one target, that of the older id.
+/// wandered between two visits, one thing has two clusters: two that are near each other and that no image shows both,
+/// or of which one is but a fragment, are one target, with the older id.
 class GridTracks {
  public:
   /// Throws std::invalid_argument naming field and bound.
