@@ -34,7 +34,8 @@ class SimTest(unittest.TestCase):
         self.assertEqual(strict.returncode, 1, strict.stdout + strict.stderr)
         self.assertIn("NOT MET", strict.stdout)
         lenient = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=lenient",
-                                  "_duration_s:=3.0", "_max_center_rmse_m:=10", "_max_delay_s:=10", "_max_false_s:=10"],
+                                  "_world:=demo", "_duration_s:=3.0", "_max_center_rmse_m:=10", "_max_delay_s:=10",
+                                  "_max_false_s:=10"],
                                  capture_output=True, text=True, timeout=60, check=False)
         self.assertEqual(lenient.returncode, 0, lenient.stdout + lenient.stderr)
         self.assertIn("pillar", lenient.stdout)
@@ -43,6 +44,7 @@ class SimTest(unittest.TestCase):
         for program, argument, facts in (("simulator", "_rate:=-1", ("rate", "-1", "[0, 100]")),
                                          ("simulator", "_speed:=2", ("speed",)),
                                          ("simulator", "_world:=atlantis", ("atlantis.xml",)),
+                                         ("map_evaluator", "_world:=atlantis", ("atlantis.xml",)),
                                          ("map_evaluator", "_max_delay:=2", ("max_delay", "max_delay_s"))):
             message = refusal_of_node(program, argument)
             for fact in facts:

@@ -484,6 +484,7 @@ class GridMap::Impl {
     const Eigen::Matrix3d A = K * view.R_camera_world;
     const Eigen::Vector3d up = A.col(2);
     const double below_m = max_offset_m();
+    const double class_part = params_.class_height_m / (params_.class_height_m + 2.0 * below_m);
     for (int cell = 0; cell < kCellsOfTile; ++cell) {
       const auto i = static_cast<std::size_t>(cell);
       const auto ground_m = static_cast<double>(tile.ground_world_m[i]);
@@ -506,7 +507,6 @@ class GridMap::Impl {
                                                std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y()));
       if (!sees_class) {
         if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
-        const double class_part = params_.class_height_m / (params_.class_height_m + 2.0 * below_m);
         add_nothing(tile, i, params_.negative_weight * resolved(class_part * (top_px - low_px).norm()));
       } else if (!add_column(tile, i, foot, up, hidden_below_m, reader, done)) {
         continue;
