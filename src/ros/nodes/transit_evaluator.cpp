@@ -42,7 +42,7 @@ struct TransitEvaluatorParams {
   std::string base_frame = "base_link";
   double max_transit_s = 180.0;
   double max_mean_distance_m = 0.006;
-  double max_distance_m = 0.12;  // the paper's Table 1 has 12.37 cm
+  double max_distance_m = 0.06;
   double max_false_m = 0.1;
   double min_coverage = 0.98;
   double min_found = 0.97;
