@@ -58,6 +58,12 @@ def camera_info_msg(stamp, case):
     return msg
 
 
+def targets_of(message):
+    """Those of a TargetArray, as a line of grid_bag has them."""
+    return [{"id": t.id, "x": t.position.x, "y": t.position.y, "z": t.position.z, "covariance": list(t.covariance),
+             "area_m2": t.area, "p": t.probability} for t in message.targets]
+
+
 def transform_msg(stamp, parent, child, p, q):
     """A transform."""
     from geometry_msgs.msg import TransformStamped

@@ -74,9 +74,7 @@ class GridClassesTest(unittest.TestCase):
                 wait_until(lambda: all(latest.messages and latest.messages[-1].header.stamp >= msg.header.stamp
                                        for latest in targets.values()), 20.0, "targets of both")
         for name, latest in targets.items():
-            live = [[{"id": t.id, "x": t.position.x, "y": t.position.y, "z": t.position.z,
-                      "covariance": list(t.covariance), "area_m2": t.area, "p": t.probability}
-                     for t in message.targets] for message in latest.messages]
+            live = [grid_bags.targets_of(message) for message in latest.messages]
             self.assertEqual(live, offline[name], name)
             self.assertEqual(len(live[-1]), 4)
 

@@ -88,9 +88,7 @@ class GridMappingTest(unittest.TestCase):
         for message, line in zip(live, self.lines):
             self.assertEqual(message.header.frame_id, "world")
             self.assertAlmostEqual(message.header.stamp.to_sec(), line["stamp"], places=6)
-            self.assertEqual([{"id": t.id, "x": t.position.x, "y": t.position.y, "z": t.position.z,
-                               "covariance": list(t.covariance), "area_m2": t.area, "p": t.probability}
-                              for t in message.targets], line["targets"])
+            self.assertEqual(grid_bags.targets_of(message), line["targets"])
         self.assertEqual(len(live[-1].targets), 4)
 
     def test_grid_is_saved_as_by_grid_bag(self):
