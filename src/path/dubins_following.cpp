@@ -70,7 +70,10 @@ DubinsFollowingResult follow_path(const AnyPath& path, const DubinsFollowingPara
                                std::max(1.0 - reference.curvature_1_m * result.error.across_m, 0.2);
   const double heading_rad = -std::atan(result.error.across_m * K / params.approach_radii);
   const double turn_rad = wrap_to_pi(result.error.heading_rad - heading_rad);
-  result.curvature_1_m = std::clamp(reference_1_m - params.gain_heading_radii * K * turn_rad, -K, K);
+  // Of the heading, to turn the course by one rad; and so much less a vehicle can turn at its least radius.
+  const double turns = params.airspeed_m_s > 0.0 && speed_m_s > 0.0 ? speed_m_s / params.airspeed_m_s : 1.0;
+  const double curvature_1_m = turns * (reference_1_m - params.gain_heading_radii * K * turn_rad);
+  result.curvature_1_m = std::clamp(curvature_1_m, -K / turns, K / turns);
   return result;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "path/dubins_paths.hpp"
+#include "situation_awareness/path/segment_path.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness {
@@ -125,6 +126,39 @@ TEST(DubinsFollowing, ConvergesToALineFromAnyPose) {
     EXPECT_LT(result.at_end_m, 1e-3) << i;
     EXPECT_LT(result.at_end_rad, 1e-3) << i;
     EXPECT_LE(result.greatest_1_m, params.max_curvature_1_m);
+  }
+}
+
+/// The greatest error across a circle that is followed at 5 m/s through the air, the wind across its first heading.
+double greatest_error_in_wind_m(double radius_m, double wind_m_s, const DubinsFollowingParams& params) {
+  constexpr double kAirspeed_m_s = 5.0, kTime_s = 0.01;
+  const double turn_rate_rad_s = kAirspeed_m_s * params.max_curvature_1_m;
+  SegmentPath circle;
+  append(circle, DubinsSegment{Arc{{0.0, radius_m}, radius_m, -0.5 * kPi, 2.0 * kPi}});
+  const Eigen::Vector2d wind(0.0, wind_m_s);
+  double heading_rad = -std::asin(wind_m_s / kAirspeed_m_s);  // of a course along x
+  Eigen::Vector2d p_m = Eigen::Vector2d::Zero();
+  double way_m = 0.0, greatest_m = 0.0;
+  for (;;) {
+    const Eigen::Vector2d v = kAirspeed_m_s * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad)) + wind;
+    const DubinsFollowingResult told = follow(circle, params, {p_m, std::atan2(v.y(), v.x())}, v.norm(), way_m);
+    if (told.arrived) return greatest_m;
+    way_m = told.way_m;
+    greatest_m = std::max(greatest_m, std::abs(told.error.across_m));
+    heading_rad += std::clamp(told.curvature_1_m * v.norm(), -turn_rate_rad_s, turn_rate_rad_s) * kTime_s;
+    p_m += v * kTime_s;
+  }
+}
+
+// Downwind the ground passes faster by 1 + w / V, and a turn of the heading turns the course by less, by as much again.
+TEST(DubinsFollowing, TurnsDownwindWithTheSquareOfTheSpeed) {
+  DubinsFollowingParams params;
+  params.airspeed_m_s = 5.0;
+  for (const double wind_m_s : {0.5, 1.0, 1.5}) {
+    const double faster = 1.0 + wind_m_s / 5.0, radius_m = 1.0 / params.max_curvature_1_m;
+    EXPECT_LT(greatest_error_in_wind_m(1.02 * faster * faster * radius_m, wind_m_s, params), 0.2) << wind_m_s;
+    EXPECT_GT(greatest_error_in_wind_m(faster * radius_m, wind_m_s, params), 0.5) << wind_m_s;
+    EXPECT_GT(greatest_error_in_wind_m(1.02 * faster * faster * radius_m, wind_m_s, {}), 0.3) << wind_m_s;
   }
 }
 

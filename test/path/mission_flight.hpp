@@ -95,6 +95,9 @@ struct MissionFlight {
   std::string reason;
 };
 
+constexpr double kMissionSpeed_m_s = 5.0;  ///< through the air
+constexpr double kMissionLag_s = 0.15;     ///< of the turn rate
+
 struct MissionFlightParams {
   double wind_m_s = 0.6, gust_m_s = 0.2;
   double pose_sigma_m = 0.1, yaw_sigma_rad = 0.005;
@@ -104,6 +107,11 @@ struct MissionFlightParams {
   double longest_s = 1500.0;  ///< of the flight
   CircumnavigationParams mission;
   SplinegonPipelineParams pipeline;
+
+  MissionFlightParams() {
+    mission.following.airspeed_m_s = kMissionSpeed_m_s;
+    mission.following.reaction_s = kMissionLag_s;
+  }
 };
 
 inline SplinegonPipelineParams shipped_splinegons() {
@@ -115,7 +123,8 @@ inline SplinegonPipelineParams shipped_splinegons() {
 /// obstacles of which it knows nothing.
 class MissionSimulation {
  public:
-  static constexpr double kSpeed_m_s = 5.0, kCurvature_1_m = 1.0 / 6.0, kReach_m = 30.0, kControl_s = 0.05;
+  static constexpr double kSpeed_m_s = kMissionSpeed_m_s, kCurvature_1_m = 1.0 / 6.0, kReach_m = 30.0;
+  static constexpr double kControl_s = 0.05, kLag_s = kMissionLag_s;
 
   MissionSimulation(std::vector<Outline> towers, const MissionFlightParams& params, std::uint64_t seed)
       : params_(params), towers_(std::move(towers)), random_(seed) {
@@ -198,8 +207,8 @@ class MissionSimulation {
           break;
         }
       }
-      // It turns after the command by 0.15 s, with the rate that is asked for over ground, if it can.
-      curvature_1_m += (told_1_m - curvature_1_m) * kControl_s / 0.15;
+      // It turns after the command by the lag, with the rate that is asked for over ground, if it can.
+      curvature_1_m += (told_1_m - curvature_1_m) * kControl_s / kLag_s;
       const double rate_rad_s =
           std::clamp(curvature_1_m * velocity.norm(), -kCurvature_1_m * kSpeed_m_s, kCurvature_1_m * kSpeed_m_s);
       heading_rad += rate_rad_s * kControl_s;

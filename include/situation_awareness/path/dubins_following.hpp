@@ -15,6 +15,7 @@ struct DubinsFollowingParams {
   double approach_radii = 2.5;
   double gain_heading_radii = 2.0;
   double reaction_s = 0.0;
+  double airspeed_m_s = 0.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -25,6 +26,8 @@ struct DubinsFollowingParams {
           "curvature, in units of the greatest one, for each rad of error of heading");
     visit("reaction_s", self.reaction_s, Bounds{0.0, 5.0}, "s",
           "time from a command until the vehicle turns so; the path's curvature is commanded ahead by it");
+    visit("airspeed_m_s", self.airspeed_m_s, Bounds{0.0, 1000.0}, "m/s",
+          "of a vehicle that is carried by the wind and turns its heading; 0: one that turns its course itself");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -39,7 +42,7 @@ double nearest_m(const DubinsPath& path, const Eigen::Vector2d& p_m, double from
 
 /// What a vehicle on a path is told.
 struct DubinsFollowingResult {
-  double curvature_1_m = 0.0;  ///< to turn with, left positive, at most the greatest one
+  double curvature_1_m = 0.0;  ///< rate of turn to command over the speed, left positive, as the vehicle can turn
   double way_m = 0.0;          ///< along the path, of the reference
   FollowingError error;        ///< against the reference
   bool arrived = false;        ///< the vehicle is beside the end of the path or beyond
@@ -47,7 +50,8 @@ struct DubinsFollowingResult {
 
 /// The curvature to turn with at a pose. The reference is the nearest point of the path, at most half a radius beyond
 /// the one before, `way_m`, which is 0 at the begin; it never goes back, so that a path that crosses itself is followed
-/// in its order. Beyond the end the path goes straight on. `speed_m_s` >= 0 counts with a reaction time only.
+/// in its order. Beyond the end the path goes straight on. `speed_m_s` >= 0, over ground, counts with a reaction time
+/// or an airspeed only.
 DubinsFollowingResult follow(const DubinsPath& path, const DubinsFollowingParams& params, const Pose2& T_world_base,
                              double speed_m_s, double way_m);
 
