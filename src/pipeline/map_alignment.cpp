@@ -56,6 +56,9 @@ constexpr double kLeastOfLoop_m = 0.5;
 constexpr std::array<double, 6> kLoopReaches_m = {1.5, 1.5, 1.0, 0.6, 0.4, 0.3};
 constexpr double kDrift_m_s = 0.05, kDrift_rad_s = 0.004;
 constexpr double kMostDriftSigmas = 3.0;
+/// As so many consecutive scans say for so long (s), no two of which are more apart (m, rad).
+constexpr int kLoopScans = 3;
+constexpr double kLoopFor_s = 0.25, kSameLoop_m = 0.1, kSameLoop_rad = 0.01;
 /// For so long what is behind the hits by these (m) is given up.
 constexpr double kClearedAfter_s = 5.0, kLeastBehind_m = 0.1, kMostBehind_m = 0.8;
 constexpr double kApartAfter_m = 0.1, kApartBefore_m = 0.05;
@@ -259,8 +262,7 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
 }
 
 /// The motion in the map that brings the scan, and what was mapped lately, to what was mapped before.
-bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, Pose2& correction,
-                             std::int64_t& since_ns) {
+bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, Loop& loop) const {
   const std::int64_t old_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
   constexpr std::int64_t kBegin_ns = std::numeric_limits<std::int64_t>::min();
   const Eigen::Vector2d at_m = T_map_level_.translation_m;
@@ -302,7 +304,7 @@ bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, 
     apart_m2 /= static_cast<double>(count);
     if (k == 0) {
       apart_before_m2 = apart_m2;
-      since_ns = polylines.stamp_ns - nanoseconds(age_s);
+      loop.since_ns = polylines.stamp_ns - nanoseconds(age_s);
       Eigen::Matrix3d drift = P_.topLeftCorner<3, 3>();
       drift.diagonal() +=
           Eigen::Vector3d(square(kDrift_m_s * age_s), square(kDrift_m_s * age_s), square(kDrift_rad_s * age_s));
@@ -315,14 +317,30 @@ bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, 
     return false;
   }
   const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
-  correction = T_map_level * inverse(T_map_level_);
+  loop.correction = T_map_level * inverse(T_map_level_);
   return true;
 }
 
+/// Few hits along a face leave a motion open, which is another one from scan to scan.
+bool MapAlignment::is_confirmed(const Loop& loop, std::int64_t stamp_ns) {
+  const Eigen::Vector2d at_m = T_map_level_.translation_m;
+  if (loop_scans_ == 0 || (loop.correction * at_m - loop_correction_ * at_m).norm() > kSameLoop_m ||
+      std::abs(wrap_to_pi(loop.correction.yaw_rad - loop_correction_.yaw_rad)) > kSameLoop_rad) {
+    loop_scans_ = 0;
+    loop_found_ns_ = stamp_ns;
+  }
+  loop_correction_ = loop.correction;
+  return ++loop_scans_ >= kLoopScans && seconds_between(loop_found_ns_, stamp_ns) >= kLoopFor_s;
+}
+
 void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
-  Pose2 correction;
-  std::int64_t since_ns = 0;
-  if (!find_loop(map, polylines, correction, since_ns)) return;
+  Loop loop;
+  const bool is_found = find_loop(map, polylines, loop);
+  const bool is_closed = is_found && is_confirmed(loop, polylines.stamp_ns);
+  if (!is_found || is_closed) loop_scans_ = 0;
+  if (!is_closed) return;
+  const Pose2& correction = loop.correction;
+  const std::int64_t since_ns = loop.since_ns;
   // About the scanner, which moves most.
   const Eigen::Vector2d at_m = T_map_level_.translation_m, shift_m = correction * at_m - at_m;
   const double whole_s = seconds_between(since_ns, polylines.stamp_ns);

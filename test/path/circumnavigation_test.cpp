@@ -407,6 +407,24 @@ TEST(CircumnavigationStatistics, ClosesWhatFacesOthers) {
   EXPECT_GE(sum.closed, 7);
 }
 
+// With the wind, turns to the way out left the path by 0.9 m: the vehicle was told to turn its course, not its heading,
+// and not ahead of its lag.
+TEST(CircumnavigationStatistics, KeepsTheClearanceInWind) {
+  MissionFlightParams params;
+  params.pipeline = shipped_splinegons();
+  for (const std::uint64_t seed : {25, 27}) fly_in_worlds(seed, 1, 4, params);
+}
+
+// Loops were closed on what a few hits of a scan met: the map came off by metres, and obstacles were mapped many times.
+TEST(CircumnavigationStatistics, MapsWhatItComesBackToOnce) {
+  MissionFlightParams params;
+  params.pipeline = shipped_splinegons();
+  for (const std::uint64_t seed : {74, 97, 98}) {
+    const Worlds world = fly_in_worlds(seed, 1, 4, params);
+    EXPECT_EQ(world.closed, world.towers) << seed;
+  }
+}
+
 TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {
   MissionFlightParams params;
   params.pipeline = shipped_splinegons();
@@ -414,7 +432,7 @@ TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {
   // docs/math/circumnavigation.md says which do not, and why.
   EXPECT_EQ(sum.ended, 100);
   EXPECT_GE(sum.around, 0.98 * sum.towers);
-  EXPECT_GE(sum.closed, 0.88 * sum.towers);
+  EXPECT_GE(sum.closed, 0.92 * sum.towers);
 }
 
 }  // namespace

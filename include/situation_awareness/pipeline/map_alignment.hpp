@@ -96,7 +96,8 @@ class MapAlignment {
   /// Places a scan in the map, whose T_world_level is T_odom_level, and sets that to T_map_level. Returns the
   /// covariance of the scan's place in the map.
   /// Where the scan meets what was mapped long before, and it is elsewhere, the map was drawn by drifting poses: what
-  /// was mapped since then is moved by a part of the difference that grows with time.
+  /// was mapped since then is moved by a part of the difference that grows with time, once some scans in turn agree on
+  /// it.
   Eigen::Matrix3d align(PolygonMap& map, const InertialPlacement& placement, Polylines& polylines);
 
   /// The velocity at the first scan as it is known now (m/s, axes of the map), and where to begin with another one than
@@ -130,12 +131,18 @@ class MapAlignment {
     double least_bearing_rad, most_bearing_rad;  ///< of the beams there, from the face's normal
     std::int64_t first_seen_ns, last_seen_ns;
   };
+  /// Where the scan meets what was mapped long before.
+  struct Loop {
+    Pose2 correction;           ///< of the scan in the map
+    std::int64_t since_ns = 0;  ///< when that was mapped
+  };
 
   void pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level, double reach_m);
   void find_face_ends(const Polylines& polylines);
   FaceEnd* known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m);
   void map_face_ends(const Pose2& T_map_level);
-  bool find_loop(const PolygonMap& map, const Polylines& polylines, Pose2& correction, std::int64_t& since_ns);
+  bool find_loop(const PolygonMap& map, const Polylines& polylines, Loop& loop) const;
+  bool is_confirmed(const Loop& loop, std::int64_t stamp_ns);
   void close_loop(PolygonMap& map, const Polylines& polylines);
   void give_up_remains(PolygonMap& map, const Polylines& polylines) const;
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
@@ -147,7 +154,10 @@ class MapAlignment {
   bool has_begun_ = false;
   std::int64_t stamp_ns_ = 0;
   std::int64_t loop_closed_ns_ = StampOrder::kNone;
-  Pose2 T_odom_level_, T_map_level_;  ///< of the latest scan
+  int loop_scans_ = 0;                              ///< consecutive ones that found the same loop, the latest included
+  Pose2 loop_correction_;                           ///< by the latest,
+  std::int64_t loop_found_ns_ = StampOrder::kNone;  ///< and when the first did
+  Pose2 T_odom_level_, T_map_level_;                ///< of the latest scan
   Eigen::Vector2d v_odom_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_map_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_changes_m_s_ = Eigen::Vector2d::Zero();  ///< by accelerations since the first scan
