@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include <Eigen/Cholesky>
 
@@ -56,7 +57,7 @@ constexpr double kLeastOfLoop_m = 0.5;
 constexpr std::array<double, 6> kLoopReaches_m = {1.5, 1.5, 1.0, 0.6, 0.4, 0.3};
 constexpr double kDrift_m_s = 0.05, kDrift_rad_s = 0.004;
 constexpr double kMostDriftSigmas = 3.0;
-/// As so many consecutive scans say for so long (s), no two of which are more apart (m, rad).
+/// As so many consecutive scans say for so long (s), each no more apart (m, rad) from the one before.
 constexpr int kLoopScans = 3;
 constexpr double kLoopFor_s = 0.25, kSameLoop_m = 0.1, kSameLoop_rad = 0.01;
 /// For so long what is behind the hits by these (m) is given up.
@@ -262,7 +263,8 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
 }
 
 /// The motion in the map that brings the scan, and what was mapped lately, to what was mapped before.
-bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, Loop& loop) const {
+std::optional<MapAlignment::Loop> MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines) const {
+  Loop loop;
   const std::int64_t old_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
   constexpr std::int64_t kBegin_ns = std::numeric_limits<std::int64_t>::min();
   const Eigen::Vector2d at_m = T_map_level_.translation_m;
@@ -299,7 +301,7 @@ bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, 
       high_m = high_m.cwiseMax(p_map_m);
       ++count;
     }
-    if (count < kFewestOfLoop || (high_m - low_m).norm() < kLeastOfLoop_m) return false;
+    if (count < kFewestOfLoop || (high_m - low_m).norm() < kLeastOfLoop_m) return std::nullopt;
     age_s /= static_cast<double>(count);
     apart_m2 /= static_cast<double>(count);
     if (k == 0) {
@@ -314,11 +316,11 @@ bool MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines, 
   }
   if (apart_before_m2 < square(kApartBefore_m) || apart_m2 > square(kApartAfter_m) ||
       total.dot(information * total) > square(kMostDriftSigmas)) {
-    return false;
+    return std::nullopt;
   }
   const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
   loop.correction = T_map_level * inverse(T_map_level_);
-  return true;
+  return loop;
 }
 
 /// Few hits along a face leave a motion open, which is another one from scan to scan.
@@ -334,13 +336,12 @@ bool MapAlignment::is_confirmed(const Loop& loop, std::int64_t stamp_ns) {
 }
 
 void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
-  Loop loop;
-  const bool is_found = find_loop(map, polylines, loop);
-  const bool is_closed = is_found && is_confirmed(loop, polylines.stamp_ns);
-  if (!is_found || is_closed) loop_scans_ = 0;
-  if (!is_closed) return;
-  const Pose2& correction = loop.correction;
-  const std::int64_t since_ns = loop.since_ns;
+  const std::optional<Loop> loop = find_loop(map, polylines);
+  if (!loop) loop_scans_ = 0;
+  if (!loop || !is_confirmed(*loop, polylines.stamp_ns)) return;
+  loop_scans_ = 0;
+  const Pose2& correction = loop->correction;
+  const std::int64_t since_ns = loop->since_ns;
   // About the scanner, which moves most.
   const Eigen::Vector2d at_m = T_map_level_.translation_m, shift_m = correction * at_m - at_m;
   const double whole_s = seconds_between(since_ns, polylines.stamp_ns);

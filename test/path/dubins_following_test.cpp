@@ -139,7 +139,7 @@ double greatest_error_in_wind_m(double radius_m, double wind_m_s, const DubinsFo
   double heading_rad = -std::asin(wind_m_s / kAirspeed_m_s);  // of a course along x
   Eigen::Vector2d p_m = Eigen::Vector2d::Zero();
   double way_m = 0.0, greatest_m = 0.0;
-  for (;;) {
+  for (double time_s = 0.0; time_s < 100.0; time_s += kTime_s) {
     const Eigen::Vector2d v = kAirspeed_m_s * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad)) + wind;
     const DubinsFollowingResult told = follow(circle, params, {p_m, std::atan2(v.y(), v.x())}, v.norm(), way_m);
     if (told.arrived) return greatest_m;
@@ -148,6 +148,8 @@ double greatest_error_in_wind_m(double radius_m, double wind_m_s, const DubinsFo
     heading_rad += std::clamp(told.curvature_1_m * v.norm(), -turn_rate_rad_s, turn_rate_rad_s) * kTime_s;
     p_m += v * kTime_s;
   }
+  ADD_FAILURE() << "not around in 100 s";
+  return greatest_m;
 }
 
 // Downwind the ground passes faster by 1 + w / V, and a turn of the heading turns the course by less, by as much again.

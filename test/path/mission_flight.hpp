@@ -123,8 +123,7 @@ inline SplinegonPipelineParams shipped_splinegons() {
 /// obstacles of which it knows nothing.
 class MissionSimulation {
  public:
-  static constexpr double kSpeed_m_s = kMissionSpeed_m_s, kCurvature_1_m = 1.0 / 6.0, kReach_m = 30.0;
-  static constexpr double kControl_s = 0.05, kLag_s = kMissionLag_s;
+  static constexpr double kCurvature_1_m = 1.0 / 6.0, kReach_m = 30.0, kControl_s = 0.05;
 
   MissionSimulation(std::vector<Outline> towers, const MissionFlightParams& params, std::uint64_t seed)
       : params_(params), towers_(std::move(towers)), random_(seed) {
@@ -142,7 +141,7 @@ class MissionSimulation {
     SplinegonPipeline pipeline(params_.pipeline);
     Eigen::Vector2d p_m = start.translation_m, error_m = Eigen::Vector2d::Zero();
     double heading_rad = start.yaw_rad, curvature_1_m = 0.0, told_1_m = 0.0;
-    Eigen::Vector2d velocity(kSpeed_m_s * std::cos(heading_rad), kSpeed_m_s * std::sin(heading_rad));
+    Eigen::Vector2d velocity(kMissionSpeed_m_s * std::cos(heading_rad), kMissionSpeed_m_s * std::sin(heading_rad));
     for (int i = 0; i * kControl_s < params_.longest_s; ++i) {
       const double t_s = i * kControl_s;
       flight.time_s = t_s;
@@ -208,14 +207,14 @@ class MissionSimulation {
         }
       }
       // It turns after the command by the lag, with the rate that is asked for over ground, if it can.
-      curvature_1_m += (told_1_m - curvature_1_m) * kControl_s / kLag_s;
-      const double rate_rad_s =
-          std::clamp(curvature_1_m * velocity.norm(), -kCurvature_1_m * kSpeed_m_s, kCurvature_1_m * kSpeed_m_s);
+      curvature_1_m += (told_1_m - curvature_1_m) * kControl_s / kMissionLag_s;
+      const double rate_rad_s = std::clamp(curvature_1_m * velocity.norm(), -kCurvature_1_m * kMissionSpeed_m_s,
+                                           kCurvature_1_m * kMissionSpeed_m_s);
       heading_rad += rate_rad_s * kControl_s;
       const Eigen::Vector2d gust = params_.gust_m_s * Eigen::Vector2d(std::sin(0.7 * t_s), std::cos(0.43 * t_s));
-      velocity = kSpeed_m_s * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad)) + wind_ + gust;
+      velocity = kMissionSpeed_m_s * Eigen::Vector2d(std::cos(heading_rad), std::sin(heading_rad)) + wind_ + gust;
       p_m += velocity * kControl_s;
-      flight.greatest_1_m = std::max(flight.greatest_1_m, std::abs(rate_rad_s) / kSpeed_m_s);
+      flight.greatest_1_m = std::max(flight.greatest_1_m, std::abs(rate_rad_s) / kMissionSpeed_m_s);
       for (std::size_t k = 0; k < towers_.size(); ++k) {
         const Outline& tower = towers_[k];
         const Eigen::Vector2d to_m = p_m - middle_of(tower), from_m = to_m - velocity * kControl_s;

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -141,7 +142,7 @@ class MapAlignment {
   void find_face_ends(const Polylines& polylines);
   FaceEnd* known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m);
   void map_face_ends(const Pose2& T_map_level);
-  bool find_loop(const PolygonMap& map, const Polylines& polylines, Loop& loop) const;
+  std::optional<Loop> find_loop(const PolygonMap& map, const Polylines& polylines) const;
   bool is_confirmed(const Loop& loop, std::int64_t stamp_ns);
   void close_loop(PolygonMap& map, const Polylines& polylines);
   void give_up_remains(PolygonMap& map, const Polylines& polylines) const;
