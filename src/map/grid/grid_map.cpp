@@ -41,7 +41,7 @@ struct Tile {
   std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
-  std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest of these
+  std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest by the offset that was believed
   std::vector<float> nothing_weight;  ///< of images that show nothing of the class, until one shows something
   std::vector<Evidence> evidence;     ///< from then on
   double low_m = 0.0, high_m = 0.0;   ///< of its ground; low_m > high_m where none is known
@@ -301,6 +301,7 @@ class GridMap::Impl {
     ++images_;
     shared_.fill(0.0);
     all_.fill(0.0);
+    believed_ = best_offset();
     const double edge_m = kTileCells * params_.cell_m;
     const int reach = static_cast<int>(std::ceil(params_.reach_m / edge_m)) + 1;
     const auto tile_of = [&](double coordinate_m) { return static_cast<int>(std::floor(coordinate_m / edge_m)); };
@@ -570,7 +571,7 @@ class GridMap::Impl {
     }
     if (!any_known) return false;
     begin_evidence(tile);
-    bool is_class = false;
+    bool is_class = false, is_believed = false;  // of the class by any offset, and by the one that is believed
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
     const double seen = resolved(extent_px);
@@ -601,12 +602,14 @@ class GridMap::Impl {
         shared_[i] += weight * std::min(soft, before);
         all_[i] += weight * std::max(soft, before);
       }
-      is_class |= least > 0.5F * peak || soft_least > kSoftClass;
+      const bool is_class_here = least > 0.5F * peak || soft_least > kSoftClass;
+      is_class |= is_class_here;
+      is_believed |= is_class_here && offset == believed_;
       add(evidence, i, weight, sharp, soft);
     }
+    if (is_believed) tile.class_latest[cell] = images_;
     if (is_class) {
       ++tile.class_images[cell];
-      tile.class_latest[cell] = images_;
       ++done.class_cells;
     }
     return true;
@@ -627,6 +630,7 @@ class GridMap::Impl {
   std::vector<float> column_, soft_column_;
   std::int64_t stamp_ns_ = 0;
   std::int32_t images_ = 0;
+  int believed_ = kOffsets / 2;  ///< offset before this image
   /// What an image and the map before it share, and what either has: of this image and of all.
   std::array<double, kOffsets> shared_{}, all_{}, shared_sum_{}, all_sum_{};
 };

@@ -7,11 +7,14 @@
 #include <iterator>
 
 #include "situation_awareness/estimation/assignment.hpp"
+#include "situation_awareness/estimation/gating.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr double kFragment = 0.5;     ///< of the area of a thing, at most
+constexpr double kFragment = 0.5;      ///< of the area of a thing, at most
+constexpr double kFarthestSame = 1.5;  ///< of same_m, at most, where the pose is known badly
+constexpr double kSameProbability = 0.99;
 constexpr double kLeastSlope = 0.05;  ///< of a sight line that places something on the ground
 
 /// How the place on level ground, to which a sight line points, follows the camera's place and attitude (about the
@@ -29,7 +32,8 @@ Eigen::Matrix<double, 2, 6> ground_jacobian(const Eigen::Vector3d& d_world_m) {
 
 }  // namespace
 
-GridTracks::GridTracks(const GridTracksParams& params) : params_((params.validate(), params)) {}
+GridTracks::GridTracks(const GridTracksParams& params)
+    : params_((params.validate(), params)), same_gate_(chi_square_quantile(kSameProbability, 2)) {}
 
 const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
                                       const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
@@ -38,6 +42,7 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
   note_apart();
   targets_.stamp_ns = stamp_ns;
   targets_.targets.clear();
+  images_.clear();
   for (Track& track : tracks_) {
     if (!track.is_on_map) continue;
     add_view(track, camera, T_world_camera, covariance);
@@ -52,9 +57,18 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
                                    [&](const GridTarget& target) { return is_one_with(track, target); });
     if (same == targets_.targets.end()) {
       targets_.targets.push_back(found);
-    } else if (same->area_m2 < kFragment * found.area_m2) {
+      images_.push_back(cluster.images);
+      continue;
+    }
+    int& images = images_[static_cast<std::size_t>(same - targets_.targets.begin())];
+    if (same->area_m2 < kFragment * found.area_m2) {
       found.id = same->id;
       *same = found;
+      images = cluster.images;
+    } else if (found.area_m2 >= kFragment * same->area_m2) {
+      const double part = static_cast<double>(cluster.images) / (images + cluster.images);
+      same->p_world_m += part * (found.p_world_m - same->p_world_m);
+      images += cluster.images;
     }
   }
   return targets_;
@@ -85,18 +99,27 @@ void GridTracks::associate(const std::vector<GridCluster>& clusters) {
 /// Of those near each other.
 void GridTracks::note_apart() {
   for (auto one = tracks_.begin(); one != tracks_.end(); ++one) {
-    if (!one->is_on_map || !one->cluster.is_seen) continue;
+    if (!one->is_on_map) continue;
     for (auto other = std::next(one); other != tracks_.end(); ++other) {
-      if (!other->is_on_map || !other->cluster.is_seen) continue;
+      if (!other->is_on_map || !shown_apart(one->cluster, other->cluster)) continue;
       const double distance_m = (one->cluster.p_world_m - other->cluster.p_world_m).norm();
-      if (distance_m < params_.same_m) apart_.insert({one->id, other->id});
+      if (distance_m < kFarthestSame * params_.same_m) ++apart_[{one->id, other->id}];
     }
   }
 }
 
 bool GridTracks::is_one_with(const Track& track, const GridTarget& target) const {
-  const double distance_m = (track.cluster.p_world_m - target.p_world_m.head<2>()).norm();
-  if (distance_m < params_.same_m && apart_.count({target.id, track.id}) == 0) return true;
+  const Eigen::Vector2d off_m = track.cluster.p_world_m - target.p_world_m.head<2>();
+  const double distance_m = off_m.norm();
+  const auto apart = apart_.find({target.id, track.id});
+  const bool are_apart = apart != apart_.end() && apart->second >= params_.confirm_images;
+  if (!are_apart && distance_m < kFarthestSame * params_.same_m) {
+    if (distance_m < params_.same_m) return true;
+    const auto other = std::lower_bound(tracks_.begin(), tracks_.end(), target.id,
+                                        [](const Track& one, std::uint64_t id) { return one.id < id; });
+    const Eigen::Matrix2d S = covariance_by_one_image(track) + covariance_by_one_image(*other);
+    if (off_m.dot(S.inverse() * off_m) < same_gate_) return true;
+  }
   const auto [less_m2, more_m2] = std::minmax(track.cluster.area_m2, target.area_m2);
   return distance_m < params_.fragment_m && less_m2 < kFragment * more_m2;
 }
@@ -111,16 +134,29 @@ void GridTracks::add_view(Track& track, const PinholeCamera& camera, const Eigen
   const double v_px = camera.fy_px * p_camera_m.y() / p_camera_m.z() + camera.cy_px;
   if (u_px < -0.5 || v_px < -0.5 || u_px > camera.width - 0.5 || v_px > camera.height - 0.5) return;
   const Eigen::Matrix<double, 2, 6> J = ground_jacobian(p_world_m - T_world_camera.translation());
+  const Eigen::Matrix2d by_pose_m2 = J * covariance * J.transpose();
+  const Eigen::Matrix2d by_ground_m2 =
+      J.col(2) * J.col(2).transpose() * params_.ground_sigma_m * params_.ground_sigma_m;
   ++track.images;
-  track.covariance_sum_m2 += J * covariance * J.transpose();
-  track.ground_sum_m2 += J.col(2) * J.col(2).transpose() * params_.ground_sigma_m * params_.ground_sigma_m;
+  track.covariance_sum_m2 += by_pose_m2;
+  track.ground_sum_m2 += by_ground_m2;
+  track.information_sum_1_m2 += (by_pose_m2 + by_ground_m2 + outline_m2()).inverse();
+}
+
+Eigen::Matrix2d GridTracks::outline_m2() const {
+  return params_.outline_sigma_m * params_.outline_sigma_m * Eigen::Matrix2d::Identity();
+}
+
+/// Those that know it best count most: from afar a sight line tells little of where it meets the ground.
+Eigen::Matrix2d GridTracks::covariance_by_one_image(const Track& track) const {
+  if (track.images == 0) return outline_m2();
+  return (track.information_sum_1_m2 / track.images).inverse();
 }
 
 Eigen::Matrix2d GridTracks::covariance_of(const Track& track) const {
   const double n = std::max(track.images, 1);
   const double common = params_.pose_correlation + (1.0 - params_.pose_correlation) / n;
-  Eigen::Matrix2d covariance = track.covariance_sum_m2 / n * common + track.ground_sum_m2 / n +
-                               params_.outline_sigma_m * params_.outline_sigma_m * Eigen::Matrix2d::Identity();
+  Eigen::Matrix2d covariance = track.covariance_sum_m2 / n * common + track.ground_sum_m2 / n + outline_m2();
   covariance(1, 0) = covariance(0, 1);  // but for round-off
   return covariance;
 }

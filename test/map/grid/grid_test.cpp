@@ -42,14 +42,42 @@ TEST(FindClusters, TakesCellsThatTouchByAnEdgeOrACornerTogether) {
   EXPECT_EQ(clusters[0].area_m2, 8.0);
   EXPECT_EQ(clusters[0].p_world_m, Eigen::Vector2d(-8.0, 21.0));
   EXPECT_EQ(clusters[0].images, 1);
-  EXPECT_TRUE(clusters[0].is_seen);
-  EXPECT_FALSE(clusters[1].is_seen);
   EXPECT_FLOAT_EQ(static_cast<float>(clusters[0].probability), 0.9F);
   EXPECT_EQ(clusters[0].ground_world_m, 3.0);
   EXPECT_EQ(clusters[1].area_m2, 4.0);
   EXPECT_EQ(clusters[2].area_m2, 8.0);
   EXPECT_EQ(clusters[2].p_world_m, Eigen::Vector2d(-8.0, 26.0));
   EXPECT_EQ(clusters[3].p_world_m, Eigen::Vector2d(-3.0, 27.0));
+}
+
+/// Clusters of '#', where the latest image shows the class on 'x'.
+std::vector<GridCluster> clusters_shown(const std::vector<std::string>& rows, const std::vector<std::string>& shown) {
+  SemanticGrid grid = grid_of(rows);
+  grid.latest = 7;
+  for (std::size_t row = 0; row < shown.size(); ++row) {
+    for (std::size_t column = 0; column < shown[row].size(); ++column) {
+      const std::size_t i = grid.index(static_cast<int>(column), grid.height - 1 - static_cast<int>(row));
+      grid.class_latest[i] = shown[row][column] == 'x' ? 7 : 6;
+    }
+  }
+  std::vector<GridCluster> clusters;
+  find_clusters(grid, clusters);
+  return clusters;
+}
+
+TEST(FindClusters, TellWhatTheLatestImageShowsApart) {
+  const auto are_apart = [](const std::vector<std::string>& shown) {
+    const std::vector<GridCluster> clusters = clusters_shown({"##..##", "##..##", "##..##"}, shown);
+    EXPECT_EQ(clusters.size(), 2U);
+    EXPECT_EQ(shown_apart(clusters.at(0), clusters.at(1)), shown_apart(clusters.at(1), clusters.at(0)));
+    return shown_apart(clusters.at(0), clusters.at(1));
+  };
+  EXPECT_TRUE(are_apart({".x..x.", "......", "......"}));
+  EXPECT_FALSE(are_apart({".xxxx.", "......", "......"}));  // one thing, on both
+  EXPECT_TRUE(are_apart({"x.....", "......", ".xxxx."}));   // the same, and another
+  EXPECT_FALSE(are_apart({"..x.x.", "......", "......"}));  // the first cluster is not shown
+  EXPECT_FALSE(are_apart({"......", "......", "......"}));
+  EXPECT_FALSE(are_apart({"x.....", "......", "x....."}));
 }
 
 TEST(FindClusters, OfNothingAreNone) {

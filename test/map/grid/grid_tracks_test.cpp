@@ -30,7 +30,10 @@ CameraPoseCovariance covariance_of(double sigma_m, double sigma_rad) {
   return covariance;
 }
 
-GridCluster cluster_at(double x, double y, int images) { return {{x, y}, 0.0, 8.0, 0.9, images, true}; }
+/// That the latest image shows as its thing of the number `shown`; 0: not at all.
+GridCluster cluster_at(double x, double y, int images, int shown = 1) {
+  return {{x, y}, 0.0, 8.0, 0.9, images, shown, shown};
+}
 
 TEST(GridTracks, ReportATargetFromItsThirdImageAndKeepItsId) {
   GridTracks tracks(GridTracksParams{});
@@ -60,39 +63,65 @@ TEST(GridTracks, GiveATargetThatIsFoundAgainItsId) {
   EXPECT_GT(again.targets[1].id, id);
 }
 
-TEST(GridTracks, TakeTwoThatNoImageShowsBothForOneUntilAnImageDoes) {
+TEST(GridTracks, TakeTwoForOneUntilThreeImagesShowThemApart) {
   GridTracks tracks(GridTracksParams{});
   const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
-  GridCluster first = cluster_at(20, 0, 3), second = cluster_at(22.5, 1, 3), far = cluster_at(26, 0, 3);
-  const auto id = tracks.update(1, {first}, kCamera, pose(), covariance).targets.at(0).id;
-  first.is_seen = false;
-  const GridTargets one = tracks.update(2, {first, second}, kCamera, pose(), covariance);
-  ASSERT_EQ(one.targets.size(), 1U);
-  EXPECT_EQ(one.targets[0].id, id);
-  EXPECT_EQ(tracks.update(3, {first, second, far}, kCamera, pose(), covariance).targets.size(), 2U);
-  first.is_seen = true;
-  EXPECT_EQ(tracks.update(4, {first, second}, kCamera, pose(), covariance).targets.size(), 2U);
-  second.is_seen = false;  // it remembers
-  EXPECT_EQ(tracks.update(5, {first, second}, kCamera, pose(), covariance).targets.size(), 2U);
+  const auto id = tracks.update(1, {cluster_at(20, 0, 3)}, kCamera, pose(), covariance).targets.at(0).id;
+  std::int64_t stamp_ns = 1;
+  const auto targets = [&](int first, int second) {
+    return tracks
+        .update(++stamp_ns, {cluster_at(20, 0, 3, first), cluster_at(22.5, 1, 6, second)}, kCamera, pose(), covariance)
+        .targets;
+  };
+  ASSERT_EQ(targets(0, 1).size(), 1U);
+  const GridTarget one = targets(0, 1)[0];
+  EXPECT_EQ(one.id, id);
+  EXPECT_NEAR(one.p_world_m.x(), 20 + 2.5 * 6 / 9, 1e-12);  // by the images that showed either
+  EXPECT_NEAR(one.p_world_m.y(), 1.0 * 6 / 9, 1e-12);
+  EXPECT_EQ(targets(0, 0).size(), 1U);
+  for (int image = 0; image < 5; ++image) EXPECT_EQ(targets(1, 1).size(), 1U);  // one thing, on both
+  EXPECT_EQ(targets(1, 2).size(), 1U);
+  EXPECT_EQ(targets(1, 2).size(), 1U);
+  EXPECT_EQ(targets(1, 2).size(), 2U);
+  EXPECT_EQ(targets(1, 0).size(), 2U);  // it remembers
 }
 
-TEST(GridTracks, TakeAFragmentForAPartOfWhatItIsNearThoughAnImageShowsBoth) {
+TEST(GridTracks, TakeTwoForOneAsFarApartAsThePoseIsKnownBadly) {
+  const auto count = [](double apart_m, double sigma_m, int second) {
+    GridTracks tracks(GridTracksParams{});
+    const CameraPoseCovariance covariance = covariance_of(sigma_m, 0.001);
+    for (std::int64_t image = 1; image < 3; ++image) {
+      tracks.update(image, {cluster_at(20, 0, 3), cluster_at(20 + apart_m, 0, 3, second)}, kCamera, pose(), covariance);
+    }
+    return tracks.update(3, {cluster_at(20, 0, 3), cluster_at(20 + apart_m, 0, 3, second)}, kCamera, pose(), covariance)
+        .targets.size();
+  };
+  EXPECT_EQ(count(3.9, 0.1, 0), 1U);
+  EXPECT_EQ(count(4.1, 0.1, 0), 2U);
+  EXPECT_EQ(count(5.9, 1.5, 0), 1U);
+  EXPECT_EQ(count(5.9, 1.5, 2), 2U);  // but images show both
+  EXPECT_EQ(count(6.1, 1.5, 0), 2U);
+}
+
+TEST(GridTracks, TakeAFragmentForAPartOfWhatItIsNearThoughImagesShowBoth) {
   const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
-  GridCluster fragment = cluster_at(22, 0, 3);
+  GridCluster fragment = cluster_at(22, 0, 3, 2);
   fragment.area_m2 = 3.5;
   const GridCluster whole = cluster_at(20, 0, 3);
   GridTracks tracks(GridTracksParams{});
   const auto id = tracks.update(1, {fragment}, kCamera, pose(), covariance).targets.at(0).id;
-  const GridTargets both = tracks.update(2, {whole, fragment}, kCamera, pose(), covariance);
-  ASSERT_EQ(both.targets.size(), 1U);
-  EXPECT_EQ(both.targets[0].id, id);  // but it is where most of it is
-  EXPECT_EQ(both.targets[0].p_world_m.x(), 20.0);
-  EXPECT_EQ(both.targets[0].area_m2, 8.0);
+  for (std::int64_t stamp_ns = 2; stamp_ns < 6; ++stamp_ns) {
+    const GridTargets both = tracks.update(stamp_ns, {whole, fragment}, kCamera, pose(), covariance);
+    ASSERT_EQ(both.targets.size(), 1U);
+    EXPECT_EQ(both.targets[0].id, id);  // but it is where most of it is
+    EXPECT_EQ(both.targets[0].p_world_m.x(), 20.0);
+    EXPECT_EQ(both.targets[0].area_m2, 8.0);
+  }
   fragment.area_m2 = 4.5;
-  EXPECT_EQ(tracks.update(3, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
+  EXPECT_EQ(tracks.update(6, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
   fragment.area_m2 = 3.5;
   fragment.p_world_m.x() = 22.6;
-  EXPECT_EQ(tracks.update(4, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
+  EXPECT_EQ(tracks.update(7, {whole, fragment}, kCamera, pose(), covariance).targets.size(), 2U);
 }
 
 TEST(GridTracks, TakeSmallClustersForNoTargets) {

@@ -19,7 +19,7 @@ struct SemanticGrid {
   std::vector<float> probability;          ///< NaN where nothing was observed
   std::vector<std::int32_t> images;        ///< with evidence on the cell
   std::vector<std::int32_t> class_images;  ///< of them those with evidence for the class
-  std::vector<std::int32_t> class_latest;  ///< the number of the latest of these, from 1 on; 0: none
+  std::vector<std::int32_t> class_latest;  ///< the number of the latest that shows the class there, from 1 on; 0: none
   std::int32_t latest = 0;                 ///< the number of the latest image of all
   std::vector<float> ground_world_m;       ///< height of the cell's middle, less the error of the elevation; or NaN
 
@@ -38,11 +38,16 @@ struct GridCluster {
   double area_m2 = 0.0;
   double probability = 0.0;  ///< mean of the cells
   int images = 0;            ///< with evidence for the class, of the cell that has most
-  bool is_seen = false;      ///< by the latest image
+  /// The first and the last, by number, of the separate things of the class that the latest image shows on its cells;
+  /// 0: none.
+  int first_shown = 0, last_shown = 0;
 };
 
 /// Of the cells whose probability is above a half. Overwrites `clusters`.
 void find_clusters(const SemanticGrid& grid, std::vector<GridCluster>& clusters);
+
+/// Whether the latest image shows something on each of two clusters, and not one thing on both.
+bool shown_apart(const GridCluster& one, const GridCluster& other);
 
 /// Something of the class: a cluster that is followed from image to image.
 struct GridTarget {

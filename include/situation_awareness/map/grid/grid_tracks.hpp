@@ -2,7 +2,7 @@
 #pragma once
 
 #include <cstdint>
-#include <set>
+#include <map>
 #include <utility>
 #include <vector>
 
@@ -29,7 +29,9 @@ struct GridTracksParams {
   static void fields(Self& self, Visit&& visit) {
     visit("gate_m", self.gate_m, Bounds{0.1, 100.0}, "m", "farther apart, a cluster and a target are not the same");
     visit("same_m", self.same_m, Bounds{0.0, 100.0}, "m",
-          "clusters that are nearer to each other and that no image shows both are one target");
+          "clusters that are nearer to each other and that no images show apart are one target; half as much more "
+          "where the "
+          "pose is known badly");
     visit("fragment_m", self.fragment_m, Bounds{0.0, 100.0}, "m",
           "clusters that are nearer to each other and of which one is less than half as large are one target");
     visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
@@ -48,8 +50,8 @@ struct GridTracksParams {
 
 /// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
 /// while its cluster is on the map, and lost without; found again near by, it has its id again. Where the pose has
-/// wandered between two visits, one thing has two clusters: two that are near each other and that no image shows both,
-/// or of which one is but a fragment, are one target, with the older id.
+/// wandered between two visits, one thing has two clusters: two that are near each other and that no three images show
+/// apart, or of which one is but a fragment, are one target, with the older id.
 class GridTracks {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -70,20 +72,25 @@ class GridTracks {
     int images = 0;                                               ///< that had it in view
     Eigen::Matrix2d covariance_sum_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image, by the camera's pose
     Eigen::Matrix2d ground_sum_m2 = Eigen::Matrix2d::Zero();      ///< by the ground's height
+    Eigen::Matrix2d information_sum_1_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image
   };
 
   void associate(const std::vector<GridCluster>& clusters);
   void add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
                 const CameraPoseCovariance& covariance) const;
   Eigen::Matrix2d covariance_of(const Track& track) const;
+  Eigen::Matrix2d covariance_by_one_image(const Track& track) const;
+  Eigen::Matrix2d outline_m2() const;
   void note_apart();
   bool is_one_with(const Track& track, const GridTarget& target) const;
 
   GridTracksParams params_;
-  std::vector<Track> tracks_;                                ///< by id
-  std::set<std::pair<std::uint64_t, std::uint64_t>> apart_;  ///< ids of targets that an image shows both
+  double same_gate_;                                              ///< of the squared distance in standard deviations
+  std::vector<Track> tracks_;                                     ///< by id
+  std::map<std::pair<std::uint64_t, std::uint64_t>, int> apart_;  ///< of two targets' ids: images that show them apart
   std::uint64_t last_id_ = 0;
   GridTargets targets_;
+  std::vector<int> images_;  ///< of each target, that showed it
 };
 
 }  // namespace situation_awareness
