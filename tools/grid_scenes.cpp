@@ -65,7 +65,7 @@ SemanticGrid add_run(Result& result, const GridCase& given, const PinholeCamera&
   for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
     const SoftLabels labels = labels_of(given, camera, i, seed);
     const auto begin = std::chrono::steady_clock::now();
-    pipeline.process(labels, given_pose(given, i, seed));
+    pipeline.process(labels, given_pose(given, i, seed), given_covariance(given));
     result.time_ms += std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin).count();
     ++result.images;
   }

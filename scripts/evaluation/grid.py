@@ -38,6 +38,7 @@ SCENES = {
     "lawnmower": "12 cars, three lanes of 200 m",
     "far": "four cars, from 180 m to 105 m away, from one side",
     "pose": "pose with 1 m and 1° of white noise",
+    "wander": "three lanes at 7 m/s, pose that wanders by 0.7 m on each axis with 40 s, as by GPS and INS",
 }
 # Least IoU by size, of the table; the same for all sizes where it is one number.
 BOUNDS = {"single": (0.90, 0.85, 0.60), "approach": 0.90, "orbit": (0.88, 0.85, 0.75), "orbit_bias_-0.5": 0.75,
@@ -212,9 +213,9 @@ def targets(results):
         value = ours["single", size]["shadow"]
         yield f"at most 3 % of the cells in a car's shadow called car, one image, {size} px", f"{100 * value:.1f} %", \
             value <= MAX_SHADOW
-    seen = [key for key in ours if key[0] not in ("single", "far", "pose")]
+    seen = [key for key in ours if key[0] not in ("single", "far", "pose", "wander")]
     missed, wrong = (sum(ours[key][what] for key in seen) for what in ("missed", "wrong"))
-    yield "no car missed at the end, all scenes but one image, far and pose", str(missed), missed == 0
+    yield "no car missed at the end, all scenes but one image, far and errors of the pose", str(missed), missed == 0
     yield "no false target at the end, the same scenes", str(wrong), wrong == 0
     worst = max(ours[key]["centroid_m"] for key in seen if "bias" not in key[0] and key[0] not in ("orbit_noise", "labels"))
     yield "mean distance of centroids at most 0.5 m where pose and elevation are right", f"{worst:.2f} m", worst <= 0.5

@@ -9,6 +9,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -16,6 +17,8 @@ namespace {
 
 constexpr double kShadow_m = 8.0;  ///< behind a car, as far as it is judged
 constexpr double kFar_m = 500.0;
+constexpr double kImagePeriod_s = 0.5;
+constexpr double kInertialAngleSigma_rad = 0.005;
 constexpr double kBelow_m = 2.0;  ///< that cars reach into the ground, which may be steep
 
 /// Along a ray from `p` in the unit direction `d` until something; infinite where nothing is.
@@ -123,7 +126,7 @@ std::vector<std::string> grid_case_names() {
   return {"single",          "approach",       "orbit",        "orbit_bias_-2", "orbit_bias_-1",
           "orbit_bias_-0.5", "orbit_bias_0.5", "orbit_bias_1", "orbit_bias_2",  "orbit_noise",
           "labels",          "blobs",          "never_seen",   "trees",         "hill",
-          "slope",           "lawnmower",      "far",          "pose"};
+          "slope",           "lawnmower",      "far",          "pose",          "wander"};
 }
 
 GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
@@ -154,12 +157,13 @@ GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
     for (int i = 0; i < (name == "single" ? 1 : 21); ++i) {
       made.T_world_camera.push_back(camera_pose({2.0 * i, 0, 20}, 0, -radians(20 + 1.2 * i)));
     }
-  } else if (name == "lawnmower") {
+  } else if (name == "lawnmower" || name == "wander") {
+    const int images = name == "lawnmower" ? 30 : 60;  // per lane
     for (int i = 0; i < 12; ++i) add_car(-45 + 30 * (i % 4), -30 + 30 * (i / 4));
     for (int lane = 0; lane < 3; ++lane) {
       const bool back = lane % 2 == 1;
-      for (int i = 0; i < 30; ++i) {
-        const double x = -100 + 200.0 * i / 29;
+      for (int i = 0; i < images; ++i) {
+        const double x = -100 + 200.0 * i / (images - 1);
         made.T_world_camera.push_back(
             camera_pose({back ? -x : x, -30.0 + 30 * lane, 25}, back ? M_PI : 0, -radians(25)));
       }
@@ -205,6 +209,7 @@ GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
     made.position_noise_m = 1.0;
     made.angle_noise_rad = radians(1.0);
   }
+  if (name == "wander") made.wander_m = 0.7;
   return made;
 }
 
@@ -249,7 +254,7 @@ SoftLabels labels_of(const GridCase& given, const PinholeCamera& camera, std::si
       }
     }
   }
-  labels.stamp_ns = static_cast<std::int64_t>(i) * 500'000'000;
+  labels.stamp_ns = static_cast<std::int64_t>(i) * nanoseconds(kImagePeriod_s);
   return labels;
 }
 
@@ -262,8 +267,27 @@ Eigen::Isometry3d given_pose(const GridCase& given, std::size_t i, std::uint32_t
   Eigen::Isometry3d T = given.T_world_camera[i];
   const Eigen::Vector3d turn = vector(given.angle_noise_rad);
   T.translation() += vector(given.position_noise_m);
+  if (given.wander_m > 0.0) {
+    std::mt19937 steps = random_of(seed, 5, 0);
+    std::normal_distribution<> step;
+    const double stays = std::exp(-kImagePeriod_s / given.wander_s);
+    Eigen::Vector3d off_m = Eigen::Vector3d::Zero();
+    for (std::size_t k = 0; k <= i; ++k) {
+      const double sigma_m = given.wander_m * (k == 0 ? 1.0 : std::sqrt(1.0 - stays * stays));
+      off_m = stays * off_m + sigma_m * Eigen::Vector3d(step(steps), step(steps), step(steps));
+    }
+    T.translation() += off_m;
+  }
   if (turn.norm() > 0.0) T.linear() = T.linear() * Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
   return T;
+}
+
+std::optional<CameraPoseCovariance> given_covariance(const GridCase& given) {
+  if (given.wander_m == 0.0) return std::nullopt;
+  CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
+  covariance.diagonal().head<3>().setConstant(given.wander_m * given.wander_m);
+  covariance.diagonal().tail<3>().setConstant(kInertialAngleSigma_rad * kInertialAngleSigma_rad);
+  return covariance;
 }
 
 GridScore score(const GridCase& given, const SemanticGrid& grid) {

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -48,11 +49,12 @@ Eigen::Isometry3d camera_pose(const Eigen::Vector3d& p_world_m, double yaw_rad, 
 struct GridCase {
   std::string name;
   GridScene scene;
-  double elevation_error_m = 0.0;                    ///< of the elevation that the map gets: common
-  double elevation_noise_m = 0.0;                    ///< of each pixel
-  double label_precision = 1.0, label_recall = 1.0;  ///< of pixels
-  int blobs = 0;                                     ///< false ones per image
-  double position_noise_m = 0.0, angle_noise_rad = 0.0;
+  double elevation_error_m = 0.0;                        ///< of the elevation that the map gets: common
+  double elevation_noise_m = 0.0;                        ///< of each pixel
+  double label_precision = 1.0, label_recall = 1.0;      ///< of pixels
+  int blobs = 0;                                         ///< false ones per image
+  double position_noise_m = 0.0, angle_noise_rad = 0.0;  ///< white, each axis
+  double wander_m = 0.0, wander_s = 40.0;                ///< of the position, each axis, and after which 1/e is left
   std::vector<Eigen::Isometry3d> T_world_camera;
   std::size_t hidden_cars = 0;  ///< of the scene, the last ones: never seen
 };
@@ -69,6 +71,9 @@ SoftLabels labels_of(const GridCase& given, const PinholeCamera& camera, std::si
 
 /// The pose of image `i` that the map gets.
 Eigen::Isometry3d given_pose(const GridCase& given, std::size_t i, std::uint32_t seed);
+
+/// Its covariance, if the case tells the map: that of a pose by GPS and INS, which wanders.
+std::optional<CameraPoseCovariance> given_covariance(const GridCase& given);
 
 /// Of cells by their middles.
 struct GridScore {
