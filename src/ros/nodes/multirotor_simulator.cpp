@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A simulated multirotor with a camera in place of one's own: it flies to the goals of `go_to`, or to and fro over the
-// region, and publishes /clock, what its IMU, its receiver, its compass and its camera measure, and the truth for
-// evaluation and rviz.
+// region, and publishes /clock, what its IMU, its receiver, its altimeter, its compass and its camera measure, and the
+// truth for evaluation and rviz.
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
@@ -15,6 +15,7 @@
 #include <vector>
 
 #include <geometry_msgs/PoseStamped.h>
+#include <geometry_msgs/PoseWithCovarianceStamped.h>
 #include <nav_msgs/Odometry.h>
 #include <nav_msgs/Path.h>
 #include <ros/ros.h>
@@ -48,6 +49,9 @@ namespace {
 constexpr double kTruthPeriod_s = 0.02;
 constexpr double kPathPeriod_s = 1.0;
 constexpr double kHeadingPeriod_s = 0.1;
+constexpr double kAltitudePeriod_s = 1.0;
+/// Over so many readings filters average, but the error that these have in common stays: it has to be in the variance.
+constexpr double kAveragedAltitudes = 10.0, kAveragedHeadings = 50.0;
 constexpr double kControlPeriod_s = 0.2;  ///< of the flight to and fro
 constexpr double kThere_m = 6.0;          ///< so near to a corner the next one is the goal
 
@@ -61,6 +65,7 @@ struct MultirotorSimulatorParams {
   double fix_delay_s = 0.1;
   bool true_localization = false;
   double heading_sigma_rad = 0.02;
+  double altitude_sigma_m = 0.3;
   std::string label_class = "car";
   int label_block_px = 8;
   std::string world_frame = "world";
@@ -79,6 +84,8 @@ struct MultirotorSimulatorParams {
           "publish the true transform from world_frame to base_frame, in the place of a localisation");
     visit("heading_sigma_rad", self.heading_sigma_rad, Bounds{0.0, 1.0}, "rad",
           "of the compass: the same of an error that stays and of one of each reading");
+    visit("altitude_sigma_m", self.altitude_sigma_m, Bounds{0.0, 100.0}, "m",
+          "of the altimeter, a barometer that was set at the start: the same");
     visit("label_class", self.label_class,
           "labels are the share of a pixel that shows a material whose name begins so");
     visit("label_block_px", self.label_block_px, Bounds{1, 64}, "px",
@@ -109,7 +116,8 @@ class MultirotorSimulator {
         clock_(node_, params.rate),
         world_(world_file(params.world)),
         multirotor_(multirotor_of(world_)),
-        random_(seed_of_sensor(static_cast<std::uint64_t>(params.seed), "heading")) {
+        random_(seed_of_sensor(static_cast<std::uint64_t>(params.seed), "heading")),
+        altitude_random_(seed_of_sensor(static_cast<std::uint64_t>(params.seed), "altitude")) {
     true_pose_ = node_.advertise<nav_msgs::Odometry>("true_odometry", 200);
     path_ = node_.advertise<nav_msgs::Path>("path", 5, /*latch=*/true);
     schedule_.add_every(kPathPeriod_s, [this](double time_s) { publish_path(time_s); });
@@ -131,6 +139,7 @@ class MultirotorSimulator {
     heading_error_rad_ = params.heading_sigma_rad * random_.normal();
     heading_ = node_.advertise<sensor_msgs::Imu>("heading", 50);
     schedule_.add_every(kHeadingPeriod_s, [this](double time_s) { publish_heading(time_s); });
+    add_altimeter();
     add_camera(mounts);
     static_tf_.sendTransform(mounts);
   }
@@ -172,6 +181,16 @@ class MultirotorSimulator {
     if (mounted.params.color != 0) image_ = node_.advertise<sensor_msgs::Image>("camera/image", 20);
     camera_info_ = node_.advertise<sensor_msgs::CameraInfo>("camera/camera_info", 20);
     schedule_.add([this] { return camera_->next_time_s(); }, [this] { publish_images(); });
+  }
+
+  /// Beside the IMU, if there is one.
+  void add_altimeter() {
+    const WorldSensors sensors = sensors_of(world_);
+    if (sensors.imus.empty() || params_.altitude_sigma_m == 0.0) return;
+    imu_base_m_ = sensors.imus.front().T_robot_sensor.translation();
+    altitude_error_m_ = params_.altitude_sigma_m * altitude_random_.normal();
+    altitude_ = node_.advertise<geometry_msgs::PoseWithCovarianceStamped>("altitude", 50);
+    schedule_.add_every(kAltitudePeriod_s, [this](double time_s) { publish_altitude(time_s); });
   }
 
   void publish_images() {
@@ -224,9 +243,20 @@ class MultirotorSimulator {
     msg.header.frame_id = params_.base_frame;
     msg.orientation.z = std::sin(0.5 * yaw_rad);
     msg.orientation.w = std::cos(0.5 * yaw_rad);
-    msg.orientation_covariance[8] = 2.0 * params_.heading_sigma_rad * params_.heading_sigma_rad;
+    msg.orientation_covariance[8] = (1.0 + kAveragedHeadings) * params_.heading_sigma_rad * params_.heading_sigma_rad;
     msg.angular_velocity_covariance[0] = msg.linear_acceleration_covariance[0] = -1.0;  // it has none
     heading_.publish(msg);
+  }
+
+  void publish_altitude(double time_s) {
+    geometry_msgs::PoseWithCovarianceStamped msg;
+    msg.header.stamp = to_ros_time(kSimulationStart_ns + nanoseconds(time_s));
+    msg.header.frame_id = params_.world_frame;
+    msg.pose.pose.position.z = (world_.robot_at(time_s).T_world_robot * imu_base_m_).z() + altitude_error_m_ +
+                               params_.altitude_sigma_m * altitude_random_.normal();
+    msg.pose.pose.orientation.w = 1.0;
+    msg.pose.covariance[14] = (1.0 + kAveragedAltitudes) * params_.altitude_sigma_m * params_.altitude_sigma_m;
+    altitude_.publish(msg);
   }
 
   void publish_true_pose(double time_s) {
@@ -257,8 +287,10 @@ class MultirotorSimulator {
   SimulatedClock clock_;
   World world_;
   GuidedMultirotor& multirotor_;
-  Random random_;
+  Random random_, altitude_random_;
   double heading_error_rad_ = 0.0;  ///< that stays
+  double altitude_error_m_ = 0.0;   ///< that stays
+  Eigen::Vector3d imu_base_m_ = Eigen::Vector3d::Zero();
   Schedule schedule_;
   std::optional<SimulatedLabelCamera> camera_;
   std::string camera_frame_;
@@ -268,7 +300,7 @@ class MultirotorSimulator {
   std::optional<Eigen::Vector3d> begin_m_;
   bool done_published_ = false;
   nav_msgs::Path flown_;
-  ros::Publisher imu_, true_pose_, path_, heading_, done_, labels_, labels_info_, image_, camera_info_;
+  ros::Publisher imu_, true_pose_, path_, heading_, altitude_, done_, labels_, labels_info_, image_, camera_info_;
   ros::Subscriber goals_;
   tf2_ros::TransformBroadcaster tf_;
   tf2_ros::StaticTransformBroadcaster static_tf_;
