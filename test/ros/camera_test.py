@@ -27,14 +27,23 @@ class CameraTest(unittest.TestCase):
     def test_1_the_robot_is_where_it_projects_to(self):
         images, infos = Latest("camera/image", Image), Latest("camera/camera_info", CameraInfo)
         odometry, transforms = Latest("odometry", Odometry), Latest("/tf", TFMessage)
-        wait_until(lambda: len(images.messages) >= 5 and len(infos.messages) >= 5, 60.0, "5 pictures")
-        image, info = images.messages[-1], infos.messages[-1]
-        stamp = image.header.stamp
+
+        def whole():
+            """The latest picture with the poses of its time, and these: topics come in any order."""
+            robots = {msg.header.stamp: msg.pose.pose.position for msg in list(odometry.messages)}
+            cameras = {(t.child_frame_id, t.header.stamp): t.transform
+                       for msg in list(transforms.messages) for t in msg.transforms}
+            for image in reversed(list(images.messages)):
+                stamp = image.header.stamp
+                camera = cameras.get((image.header.frame_id, stamp))
+                if stamp in robots and camera:
+                    return image, robots[stamp], camera
+            return None
+
+        wait_until(lambda: len(images.messages) >= 5 and infos.messages and whole(), 60.0, "5 pictures")
+        (image, robot, camera), info = whole(), infos.messages[-1]
         self.assertEqual((image.width, image.height, image.encoding, image.step), (640, 480, "rgb8", 1920))
         self.assertEqual(len(image.data), 640 * 480 * 3)
-        robot = next(msg.pose.pose.position for msg in odometry.messages if msg.header.stamp == stamp)
-        camera = next(t.transform for msg in transforms.messages for t in msg.transforms
-                      if t.child_frame_id == image.header.frame_id and t.header.stamp == stamp)
         self.assertEqual(info.header.frame_id, image.header.frame_id)
         x, y, z = unrotated(camera.rotation, robot.x - camera.translation.x, robot.y - camera.translation.y,
                             robot.z - camera.translation.z)
