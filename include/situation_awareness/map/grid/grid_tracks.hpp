@@ -30,8 +30,7 @@ struct GridTracksParams {
     visit("gate_m", self.gate_m, Bounds{0.1, 100.0}, "m", "farther apart, a cluster and a target are not the same");
     visit("same_m", self.same_m, Bounds{0.0, 100.0}, "m",
           "clusters that are nearer to each other and that no images show apart are one target; half as much more "
-          "where the "
-          "pose is known badly");
+          "where the pose is known badly");
     visit("fragment_m", self.fragment_m, Bounds{0.0, 100.0}, "m",
           "clusters that are nearer to each other and of which one is less than half as large are one target");
     visit("confirm_images", self.confirm_images, Bounds{1, 1000}, "", "images that show a target until it is reported");
@@ -72,7 +71,7 @@ class GridTracks {
     int images = 0;                                               ///< that had it in view
     Eigen::Matrix2d covariance_sum_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image, by the camera's pose
     Eigen::Matrix2d ground_sum_m2 = Eigen::Matrix2d::Zero();      ///< by the ground's height
-    Eigen::Matrix2d information_sum_1_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image
+    Eigen::Matrix2d information_sum_1_m2 = Eigen::Matrix2d::Zero();  ///< on the place, by each image
   };
 
   void associate(const std::vector<GridCluster>& clusters);
