@@ -15,16 +15,11 @@ from sensor_msgs.msg import Imu, LaserScan, NavSatFix
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, refusal_of_node, wait_until  # noqa: E402
+from ros_support import Latest, refusal_of_node, wait_until, yaw_of  # noqa: E402
 
 AIRSPEED, RADIUS = 5.0, 6.0
 WIND = (0.9, -0.7)  # models/worlds/towers.xml
 GRAVITY = 9.80665
-
-
-def yaw_of(message):
-    q = message.pose.orientation
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
 
 
 def seconds(message):
@@ -56,7 +51,7 @@ class AircraftSimulatorTest(unittest.TestCase):
         return [message for message in self.truths.messages if seconds(message) > end - 1.0]
 
     def turn_rate(self, truths):
-        turned = math.remainder(yaw_of(truths[-1]) - yaw_of(truths[0]), 2.0 * math.pi)
+        turned = math.remainder(yaw_of(truths[-1].pose.orientation) - yaw_of(truths[0].pose.orientation), 2.0 * math.pi)
         return turned / (seconds(truths[-1]) - seconds(truths[0]))
 
     def test_it_turns_as_it_is_told(self):

@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import Diagnostics, Latest, wait_until  # noqa: E402
+from ros_support import Diagnostics, Latest, wait_until, yaw_of  # noqa: E402
 
 STAGE = "gps_ins"
 ORIGIN = (48.1, 11.5, 520.0)
@@ -102,10 +102,6 @@ def mounting_of(child, place, yaw):
     transform.transform.translation.x, transform.transform.translation.y, transform.transform.translation.z = place
     transform.transform.rotation.z, transform.transform.rotation.w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
     return transform
-
-
-def yaw_of(q):
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
 
 def wrapped(angle):

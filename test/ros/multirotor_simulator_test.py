@@ -15,15 +15,11 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import CameraInfo, Image, Imu, NavSatFix
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, refusal_of_node, wait_until  # noqa: E402
+from ros_support import Latest, refusal_of_node, wait_until, yaw_of  # noqa: E402
 
 HEADING_SIGMA, ALTITUDE_SIGMA = 0.02, 0.3  # of an error that stays, and the same of each reading
 SIGMAS = 4.5
 ORIGIN_ALTITUDE = 408.0  # models/worlds/carpark.xml
-
-
-def yaw_of(q):
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
 
 
 class MultirotorSimulatorTest(unittest.TestCase):

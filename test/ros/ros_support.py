@@ -58,6 +58,11 @@ def transform_msg(stamp, x=0.0, parent="world", child="lidar"):
     return TFMessage([transform])
 
 
+def yaw_of(q):
+    """Of an orientation."""
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
+
+
 def wait_until(condition, timeout_s, what):
     """Wait in wall time; fail on timeout, naming the condition."""
     end = time.monotonic() + timeout_s

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Imu, LaserScan, NavSatFix
 from std_msgs.msg import Empty
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, wait_until  # noqa: E402
+from ros_support import Latest, wait_until, yaw_of  # noqa: E402
 from situation_awareness.msg import SplinegonArray  # noqa: E402
 
 SEMI_AXES, YAW = (10.0, 6.0), 0.5  # of the ellipse at the origin, models/worlds/towers.xml
@@ -29,8 +29,7 @@ def seconds(message):
 
 def of_quaternion(q):
     """Roll and yaw."""
-    return (math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x**2 + q.y**2)),
-            math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2)))
+    return math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x**2 + q.y**2)), yaw_of(q)
 
 
 def ellipse_points():

@@ -139,8 +139,9 @@ class MultirotorSimulator {
     heading_error_rad_ = params.heading_sigma_rad * random_.normal();
     heading_ = node_.advertise<sensor_msgs::Imu>("heading", 50);
     schedule_.add_every(kHeadingPeriod_s, [this](double time_s) { publish_heading(time_s); });
-    add_altimeter();
-    add_camera(mounts);
+    const WorldSensors sensors = sensors_of(world_);
+    add_altimeter(sensors);
+    add_camera(sensors, mounts);
     static_tf_.sendTransform(mounts);
   }
 
@@ -167,8 +168,7 @@ class MultirotorSimulator {
     return *world.multirotor();
   }
 
-  void add_camera(std::vector<geometry_msgs::TransformStamped>& mounts) {
-    const WorldSensors sensors = sensors_of(world_);
+  void add_camera(const WorldSensors& sensors, std::vector<geometry_msgs::TransformStamped>& mounts) {
     if (sensors.label_cameras.empty()) throw std::runtime_error(world_.path() + ": it has no label_camera");
     const MountedSensor<SimulatedLabelCameraParams>& mounted = sensors.label_cameras.front();
     camera_frame_ = mounted.name;
@@ -184,8 +184,7 @@ class MultirotorSimulator {
   }
 
   /// Beside the IMU, if there is one.
-  void add_altimeter() {
-    const WorldSensors sensors = sensors_of(world_);
+  void add_altimeter(const WorldSensors& sensors) {
     if (sensors.imus.empty() || params_.altitude_sigma_m == 0.0) return;
     imu_base_m_ = sensors.imus.front().T_robot_sensor.translation();
     altitude_error_m_ = params_.altitude_sigma_m * altitude_random_.normal();
