@@ -296,7 +296,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     parser.add_argument("--models", type=pathlib.Path, default=ROOT / "models")
     parser.add_argument("--scenes", type=int, default=SCENES, help="of each domain")
-    parser.add_argument("--images", type=pathlib.Path, default=ROOT / "build/evaluation/label_images",
+    parser.add_argument("--images", type=pathlib.Path, default=ROOT / "build/evaluation/drawn_images",
                         help="where the drawn images are kept")
     parser.add_argument("--data", type=pathlib.Path, default=ROOT.parent / "shared/data/aerial_cars", help="photos")
     parser.add_argument("--with-photos", type=pathlib.Path,
