@@ -2,10 +2,8 @@
 #include "situation_awareness/pipeline/map_alignment.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include <Eigen/Cholesky>
 
@@ -49,20 +47,10 @@ constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
 /// What was hit within this time counts as of the same lap.
 constexpr double kRecent_s = 4.0;
 constexpr double kReachOfOld_m = 0.15;
-/// A loop is closed where so many hits meet what was mapped earlier, over this distance (m), in steps of this reach
-/// (m); by what the poses may have drifted meanwhile (m/s, rad/s), and within so many standard deviations of that; if
-/// they are no more apart afterwards (m, root mean square), and were before (m).
-constexpr std::size_t kFewestOfLoop = 6;
-constexpr double kLeastOfLoop_m = 0.5;
-constexpr std::array<double, 6> kLoopReaches_m = {1.5, 1.5, 1.0, 0.6, 0.4, 0.3};
-constexpr double kDrift_m_s = 0.05, kDrift_rad_s = 0.004;
-constexpr double kMostDriftSigmas = 3.0;
-/// As so many consecutive scans say for so long (s), each no more apart (m, rad) from the one before.
-constexpr int kLoopScans = 3;
-constexpr double kLoopFor_s = 0.25, kSameLoop_m = 0.1, kSameLoop_rad = 0.01;
+/// Where a loop is closed, what is so near to each other across the boundary (m) is one.
+constexpr double kSameBoundary_m = 0.3;
 /// For so long what is behind the hits by these (m) is given up.
 constexpr double kClearedAfter_s = 5.0, kLeastBehind_m = 0.1, kMostBehind_m = 0.8;
-constexpr double kApartAfter_m = 0.1, kApartBefore_m = 0.05;
 
 /// Standard deviations of the pose at the begin within which the map is taken to be, as the fixes that the pose is made
 /// of are not independent of the next ones; and the time for which it is kept where odom was in the map.
@@ -262,115 +250,30 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
   P_ = A.llt().solve(Matrix12::Identity());
 }
 
-/// The motion in the map that brings the scan, and what was mapped lately, to what was mapped before.
-std::optional<MapAlignment::Loop> MapAlignment::find_loop(const PolygonMap& map, const Polylines& polylines) const {
-  Loop loop;
-  const std::int64_t old_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
-  constexpr std::int64_t kBegin_ns = std::numeric_limits<std::int64_t>::min();
-  const Eigen::Vector2d at_m = T_map_level_.translation_m;
-  Eigen::Vector3d total = Eigen::Vector3d::Zero();  // about the scanner
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
-  double apart_before_m2 = 0.0, apart_m2 = 0.0;
-  for (std::size_t k = 0; k < kLoopReaches_m.size(); ++k) {
-    const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
-    const Eigen::Matrix2d R = T_map_level.rotation();
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-    std::size_t count = 0;
-    double age_s = 0.0;
-    Eigen::Vector2d low_m = Eigen::Vector2d::Constant(1e9), high_m = -low_m;
-    apart_m2 = 0.0;
-    for (const PolylineHit& hit : polylines.hits) {
-      if (!hit.has_normal) continue;
-      const Eigen::Vector2d offset_m = R * hit.p_level_m, p_map_m = T_map_level.translation_m + offset_m;
-      BoundaryElement element;
-      std::int64_t seen_ns = 0;
-      if (!map.find_facing(p_map_m, R * hit.normal_level, kLoopReaches_m[k], kBegin_ns, old_ns, element, seen_ns)) {
-        continue;
-      }
-      const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
-      const double residual_m = normal_map.dot(element.p_world_m - p_map_m);
-      const double variance_m2 = square(hit.sigma_m) + element.variance_m2 + square(params_.hit_sigma_m);
-      Eigen::Vector3d J;
-      J << normal_map, normal_map.dot(left_of(offset_m));
-      A += params_.independent_part / variance_m2 * J * J.transpose();
-      b += params_.independent_part / variance_m2 * residual_m * J;
-      apart_m2 += square(residual_m);
-      age_s += seconds_between(seen_ns, polylines.stamp_ns);
-      low_m = low_m.cwiseMin(p_map_m);
-      high_m = high_m.cwiseMax(p_map_m);
-      ++count;
-    }
-    if (count < kFewestOfLoop || (high_m - low_m).norm() < kLeastOfLoop_m) return std::nullopt;
-    age_s /= static_cast<double>(count);
-    apart_m2 /= static_cast<double>(count);
-    if (k == 0) {
-      apart_before_m2 = apart_m2;
-      loop.since_ns = polylines.stamp_ns - nanoseconds(age_s);
-      Eigen::Matrix3d drift = P_.topLeftCorner<3, 3>();
-      drift.diagonal() +=
-          Eigen::Vector3d(square(kDrift_m_s * age_s), square(kDrift_m_s * age_s), square(kDrift_rad_s * age_s));
-      information = drift.inverse();
-    }
-    total += (A + information).ldlt().solve(b - information * total);
-  }
-  if (apart_before_m2 < square(kApartBefore_m) || apart_m2 > square(kApartAfter_m) ||
-      total.dot(information * total) > square(kMostDriftSigmas)) {
-    return std::nullopt;
-  }
-  const Pose2 T_map_level = {at_m + total.head<2>(), T_map_level_.yaw_rad + total(2)};
-  loop.correction = T_map_level * inverse(T_map_level_);
-  return loop;
-}
-
-/// Few hits along a face leave a motion open, which is another one from scan to scan.
-bool MapAlignment::is_confirmed(const Loop& loop, std::int64_t stamp_ns) {
-  const Eigen::Vector2d at_m = T_map_level_.translation_m;
-  if (loop_scans_ == 0 || (loop.correction * at_m - loop_correction_ * at_m).norm() > kSameLoop_m ||
-      std::abs(wrap_to_pi(loop.correction.yaw_rad - loop_correction_.yaw_rad)) > kSameLoop_rad) {
-    loop_scans_ = 0;
-    loop_found_ns_ = stamp_ns;
-  }
-  loop_correction_ = loop.correction;
-  return ++loop_scans_ >= kLoopScans && seconds_between(loop_found_ns_, stamp_ns) >= kLoopFor_s;
-}
-
 void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
-  const std::optional<Loop> loop = find_loop(map, polylines);
-  if (!loop) loop_scans_ = 0;
-  if (!loop || !is_confirmed(*loop, polylines.stamp_ns)) return;
-  loop_scans_ = 0;
-  const Pose2& correction = loop->correction;
-  const std::int64_t since_ns = loop->since_ns;
-  // About the scanner, which moves most.
-  const Eigen::Vector2d at_m = T_map_level_.translation_m, shift_m = correction * at_m - at_m;
-  const double whole_s = seconds_between(since_ns, polylines.stamp_ns);
-  const auto motion = [&](std::int64_t first_seen_ns, std::int64_t last_seen_ns) -> Pose2 {
-    if (first_seen_ns <= since_ns) return {};
-    const std::int64_t middle_ns = first_seen_ns + (last_seen_ns - first_seen_ns) / 2;
-    const double part = std::clamp(seconds_between(since_ns, middle_ns) / whole_s, 0.0, 1.0);
-    Pose2 moved = {Eigen::Vector2d::Zero(), part * correction.yaw_rad};
-    moved.translation_m = at_m + part * shift_m - moved.rotation() * at_m;
-    return moved;
-  };
-  map.deform(motion);
+  if (!loops_.see(map, polylines, T_map_level_, P_.topLeftCorner<3, 3>())) return;
+  map.deform([this](std::int64_t drawn_ns) { return loops_.motion_of(drawn_ns); });
   for (FaceEnd& end : ends_) {
-    const Pose2 moved = motion(end.first_seen_ns, end.last_seen_ns);
+    const Pose2 moved = loops_.motion_of(end.first_seen_ns + (end.last_seen_ns - end.first_seen_ns) / 2);
     end.p_m = moved * end.p_m;
     end.outward = moved.rotation() * end.outward;
   }
+  const Pose2 correction = loops_.motion_of(polylines.stamp_ns);
   T_map_level_ = correction * T_map_level_;
   v_map_m_s_ = correction.rotation() * v_map_m_s_;
   a_map_m_s2_ = correction.rotation() * a_map_m_s2_;
   v_changes_m_s_ = correction.rotation() * v_changes_m_s_;
+  loops_.close();
   loop_closed_ns_ = polylines.stamp_ns;
 }
 
-/// What was drawn twice where a loop is closed, and is hidden now: no beam would ever pass it.
-void MapAlignment::give_up_remains(PolygonMap& map, const Polylines& polylines) const {
+/// What was drawn twice where a loop was closed is one, and what is hidden of it now, which no beam would ever pass, is
+/// given up.
+void MapAlignment::join_doubles(PolygonMap& map, const Polylines& polylines) const {
   if (loop_closed_ns_ == StampOrder::kNone || seconds_between(loop_closed_ns_, polylines.stamp_ns) > kClearedAfter_s) {
     return;
   }
+  map.merge_doubles(kSameBoundary_m, kRecent_s);
   const Eigen::Matrix2d R = T_map_level_.rotation();
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
@@ -402,7 +305,7 @@ Eigen::Matrix3d MapAlignment::align(PolygonMap& map, const InertialPlacement& pl
     T_odom_level_ = T_odom_level;
     correct(map, polylines, placement, dt_s);
     close_loop(map, polylines);
-    give_up_remains(map, polylines);
+    join_doubles(map, polylines);
   } else {
     if (polylines.hits.empty()) return P_.topLeftCorner<3, 3>();
     has_begun_ = true;

@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <deque>
-#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,6 +11,7 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/pipeline/loop_search.hpp"
 #include "situation_awareness/pipeline/map_place.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
@@ -92,7 +92,8 @@ struct InertialPlacement {
 class MapAlignment {
  public:
   /// Throws std::invalid_argument naming field and bound.
-  explicit MapAlignment(const MapAlignmentParams& params) : params_((params.validate(), params)) {}
+  explicit MapAlignment(const MapAlignmentParams& params)
+      : params_((params.validate(), params)), loops_({params.hit_sigma_m, params.independent_part}) {}
 
   /// Places a scan in the map, whose T_world_level is T_odom_level, and sets that to T_map_level. Returns the
   /// covariance of the scan's place in the map.
@@ -110,6 +111,10 @@ class MapAlignment {
   double velocity_sigma_m_s() const;
   /// What is to be added to odom's velocity at the next scan (m/s, axes of odom).
   Eigen::Vector2d velocity_correction_m_s(const InertialPlacement& placement) const;
+
+  /// Stamp of the latest scan that closed a loop, after which what was mapped before is elsewhere in the map, or
+  /// StampOrder::kNone.
+  std::int64_t loop_closed_ns() const { return loop_closed_ns_; }
 
   /// Where the map is in the world, and the variance of a place of it, so far from where most hits were, in any
   /// direction.
@@ -132,20 +137,12 @@ class MapAlignment {
     double least_bearing_rad, most_bearing_rad;  ///< of the beams there, from the face's normal
     std::int64_t first_seen_ns, last_seen_ns;
   };
-  /// Where the scan meets what was mapped long before.
-  struct Loop {
-    Pose2 correction;           ///< of the scan in the map
-    std::int64_t since_ns = 0;  ///< when that was mapped
-  };
-
   void pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level, double reach_m);
   void find_face_ends(const Polylines& polylines);
   FaceEnd* known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m);
   void map_face_ends(const Pose2& T_map_level);
-  std::optional<Loop> find_loop(const PolygonMap& map, const Polylines& polylines) const;
-  bool is_confirmed(const Loop& loop, std::int64_t stamp_ns);
   void close_loop(PolygonMap& map, const Polylines& polylines);
-  void give_up_remains(PolygonMap& map, const Polylines& polylines) const;
+  void join_doubles(PolygonMap& map, const Polylines& polylines) const;
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
   void correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement, double dt_s);
   void place(const Polylines& polylines, const InertialPlacement& placement);
@@ -155,10 +152,8 @@ class MapAlignment {
   bool has_begun_ = false;
   std::int64_t stamp_ns_ = 0;
   std::int64_t loop_closed_ns_ = StampOrder::kNone;
-  int loop_scans_ = 0;                              ///< consecutive ones that found the same loop, the latest included
-  Pose2 loop_correction_;                           ///< by the latest,
-  std::int64_t loop_found_ns_ = StampOrder::kNone;  ///< and when the first did
-  Pose2 T_odom_level_, T_map_level_;                ///< of the latest scan
+  LoopSearch loops_;
+  Pose2 T_odom_level_, T_map_level_;  ///< of the latest scan
   Eigen::Vector2d v_odom_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_map_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_changes_m_s_ = Eigen::Vector2d::Zero();  ///< by accelerations since the first scan

@@ -123,6 +123,9 @@ double small_atan(double x) {
   return x * (1.0 - x2 * (1.0 / 3.0 - x2 / 5.0));
 }
 
+/// From one element to another one, along the boundary.
+double between_m(const Surfel& from, const Surfel& to) { return from.along_world().dot(to.p_world_m - from.p_world_m); }
+
 /// How much beams so far apart say of a thing of this size.
 double close_beams(double apart_m, double thing_m) {
   if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
@@ -185,7 +188,10 @@ PolygonMap::Index PolygonMap::fuse(const Eigen::Vector2d& p_world_m, const Eigen
   if (best == kNone && !may_create) return kNone;
   if (best == kNone) return create(p_world_m, normal_world, variance_m2, has_normal, beside);
   correct(best, p_world_m, normal_world, variance_m2, has_normal);
-  if (double_of_it != kNone) merge_double(best, double_of_it);
+  if (double_of_it != kNone &&
+      std::abs(between_m(surfels_[best], surfels_[double_of_it])) <= kSamePlace * params_.spacing_m) {
+    merge_double(best, double_of_it);
+  }
   return best;
 }
 
@@ -272,9 +278,9 @@ void PolygonMap::merge_double(Index kept, Index other) {
   Surfel& surfel = surfels_[kept];
   const Surfel& lost = surfels_[other];
   const Eigen::Vector2d d_m = lost.p_world_m - surfel.p_world_m;
-  if (std::abs(surfel.along_world().dot(d_m)) > kSamePlace * params_.spacing_m) return;
   const double part = surfel.variance_m2 / (surfel.variance_m2 + lost.variance_m2);
   surfel.first_seen_ns = std::min(surfel.first_seen_ns, lost.first_seen_ns);
+  surfel.last_seen_ns = std::max(surfel.last_seen_ns, lost.last_seen_ns);
   surfel.hits += lost.hits;
   surfel.seen_s = std::max(surfel.seen_s, lost.seen_s);
   surfel.confirmed |= lost.confirmed;
@@ -758,13 +764,29 @@ bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vect
   return true;
 }
 
-void PolygonMap::deform(const std::function<Pose2(std::int64_t first_seen_ns, std::int64_t last_seen_ns)>& motion) {
+void PolygonMap::deform(const std::function<Pose2(std::int64_t drawn_ns)>& motion) {
   for (Index i = 0; i < surfels_.end(); ++i) {
     Surfel& surfel = surfels_[i];
     if (!surfel.alive) continue;
-    const Pose2 moved = motion(surfel.first_seen_ns, surfel.last_seen_ns);
+    const Pose2 moved = motion(surfel.first_seen_ns + nanoseconds(0.5 * surfel.seen_s));
     surfel.normal_world = moved.rotation() * surfel.normal_world;
     surfels_.move(i, moved * surfel.p_world_m);
+  }
+}
+
+/// The older one of two is kept.
+void PolygonMap::merge_doubles(double across_m, double apart_s) {
+  for (Index i = 0; i < surfels_.end(); ++i) {
+    const Surfel own = surfels_[i];
+    if (!own.alive) continue;
+    given_up_.clear();
+    surfels_.for_each_near(own.p_world_m, across_m + params_.spacing_m, [&](Index j, const Surfel& other) {
+      if (seconds_between(own.first_seen_ns, other.first_seen_ns) < apart_s) return;
+      if (other.normal_world.dot(own.normal_world) < kOneSurface) return;
+      if (std::abs(own.normal_world.dot(other.p_world_m - own.p_world_m)) > across_m) return;
+      if (std::abs(between_m(own, other)) <= 0.5 * params_.spacing_m) given_up_.push_back(j);
+    });
+    for (const Index j : given_up_) merge_double(i, j);
   }
 }
 

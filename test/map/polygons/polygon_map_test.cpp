@@ -313,8 +313,9 @@ TEST(PolygonMap, DeformsAsItIsTold) {
   const Pose2 motion = {{3.0, -2.0}, 0.7};
   const auto elements_of = [&] { return world.map().snapshot().elements; };
   const auto before = elements_of();
-  world.map().deform([&](std::int64_t first_ns, std::int64_t last_ns) {
-    EXPECT_LE(first_ns, last_ns);
+  world.map().deform([&](std::int64_t drawn_ns) {
+    EXPECT_LE(before.front().first_seen_ns, drawn_ns);
+    EXPECT_LE(drawn_ns, world.polygons().stamp_ns);
     return motion;
   });
   const auto moved = elements_of();
@@ -331,10 +332,40 @@ TEST(PolygonMap, DeformsAsItIsTold) {
   }
   EXPECT_EQ(found, static_cast<std::size_t>(std::count_if(before.begin(), before.end(),
                                                           [](const auto& element) { return element.confirmed; })));
-  world.map().deform([&](std::int64_t, std::int64_t) { return inverse(motion); });
+  world.map().deform([&](std::int64_t) { return inverse(motion); });
   world.see(room(), 1.0);
   ASSERT_EQ(world.polygons().chains.size(), 1U);
   EXPECT_TRUE(world.polygons().chains[0].closed);
+}
+
+// A room that was drawn twice, the second time beside the first one, is one room between both.
+TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
+  World world(13);
+  const Pose2 beside = {{0.17, -0.16}, 0.0};
+  world.see(room(), 2.0);
+  PolygonMapSnapshot twice = world.map().snapshot();
+  const std::size_t once = twice.elements.size();
+  std::int64_t place = 0;
+  for (const PolygonMapElement& element : twice.elements) place = std::max(place, element.place);
+  for (std::size_t i = 0; i < once; ++i) {
+    PolygonMapElement element = twice.elements[i];
+    element.p_world_m = beside * element.p_world_m;
+    element.first_seen_ns = element.last_seen_ns;
+    element.place = ++place;
+    twice.elements.push_back(element);
+  }
+  world.map().restore(twice);
+  world.map().merge_doubles(0.2, 10.0);  // not seen so long after each other
+  EXPECT_EQ(world.map().elements(), 2 * once);
+  world.map().merge_doubles(0.2, 1.0);
+  EXPECT_LT(world.map().elements(), once + once / 20);
+  Walls moved = room();
+  for (auto& wall : moved) wall = {beside * wall.from, beside * wall.to};
+  for (const PolygonMapElement& element : world.map().snapshot().elements) {
+    if (!element.confirmed) continue;
+    const Eigen::Vector2d& p_m = element.p_world_m;
+    EXPECT_LT(std::min(distance_m(p_m, room()), distance_m(p_m, moved)), 0.1);
+  }
 }
 
 TEST(PolygonMap, GivesUpWhatIsBehindAPlace) {

@@ -114,9 +114,13 @@ class PolygonMap {
   bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
                    std::int64_t from_ns, std::int64_t to_ns, BoundaryElement& element, std::int64_t& seen_ns) const;
 
-  /// Moves each element by a motion in the world that depends on when it was hit first and last, where it turns out
-  /// that poses have drifted meanwhile.
-  void deform(const std::function<Pose2(std::int64_t first_seen_ns, std::int64_t last_seen_ns)>& motion);
+  /// Moves each element by a motion in the world that depends on when it was drawn, in the middle of the time for which
+  /// it was hit, where it turns out that poses have drifted.
+  void deform(const std::function<Pose2(std::int64_t drawn_ns)>& motion);
+
+  /// Makes one of elements that are beside each other by less than half a spacing, and by `across_m` at most across
+  /// the boundary, face the same way, and were hit first so long after each other: the same boundary, drawn twice.
+  void merge_doubles(double across_m, double apart_s);
 
   /// Gives up the elements that are behind a place on a boundary by `least_m` to `most_m`, less than a spacing beside
   /// it, face the same way, and were hit last before `before_ns`: the same boundary, where poses had drifted.

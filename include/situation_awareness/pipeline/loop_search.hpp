@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/pipeline/closed_loops.hpp"
+#include "situation_awareness/polylines/polylines.hpp"
+
+namespace situation_awareness {
+
+/// How well a hit's distance from an element of the map is known.
+struct HitNoise {
+  double sigma_m = 0.03;          ///< in addition to those of both
+  double independent_part = 1.0;  ///< part of the hits whose errors are independent
+};
+
+/// Finds the motion that brings the scans, and what was mapped lately, to what was mapped long before, where poses have
+/// drifted meanwhile (docs/math/splinegons.md).
+///
+/// A scan alone often leaves a motion along the boundary open. So the motion is estimated with all scans in turn that
+/// meet what is old: the weighted least squares of their hits' distances from it, with what poses may have drifted.
+class LoopSearch {
+ public:
+  explicit LoopSearch(const HitNoise& noise) : noise_(noise) {}
+
+  /// Takes a scan that is at `T_map_level` in the map, with the covariance of that place's error in x, y (m) and yaw
+  /// (rad). Whether there is a loop to be closed now: some scans agree, and the motion is known well, or what is old is
+  /// not seen any more.
+  bool see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
+           const Eigen::Matrix3d& covariance);
+
+  /// Of a loop that is to be closed: the motion in the map of what was drawn at a time, none of what the scans met, and
+  /// the whole one of what is drawn now. Times between two sights of one place that agreed move as one.
+  Pose2 motion_of(std::int64_t drawn_ns) const;
+
+  /// What was mapped since the loop's begin was moved so.
+  void close();
+
+ private:
+  struct Loop {
+    int scans = 0;                                       ///< that found it
+    std::int64_t begin_ns = 0, found_ns = 0;             ///< stamps of the first and of the latest of them
+    std::int64_t since_ns = 0;                           ///< when what they met was mapped
+    Eigen::Vector2d center_m = Eigen::Vector2d::Zero();  ///< of the motion
+    Eigen::Vector3d motion = Eigen::Vector3d::Zero();    ///< of x, y (m) and yaw (rad)
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero(), drift_information = Eigen::Matrix3d::Zero();
+  };
+  /// What a scan says of the motion, and of what it met.
+  struct Sight;
+
+  std::optional<Sight> meet(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
+                            const Eigen::Vector2d& center_m, double reach_m, std::int64_t before_ns) const;
+  void find(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
+            const Eigen::Matrix3d& covariance);
+  double variance_m2(const Eigen::Vector2d& p_map_m) const;
+
+  HitNoise noise_;
+  Loop loop_;
+  std::int64_t stamp_ns_ = 0;  ///< of the latest scan
+  ClosedLoops closed_;
+};
+
+}  // namespace situation_awareness
