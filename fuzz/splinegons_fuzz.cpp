@@ -100,7 +100,7 @@ void check_boundaries(Input& input) {
     boundary.last_seen_ns = stamp_ns;
     boundary.closed = input.flag();
     boundary.elements = draw_elements(input);
-    for (const Splinegon& splinegon : map.update(stamp_ns, {boundary}, input.by_magnitude(1e-12, 1e3)).boundaries) {
+    for (const Splinegon& splinegon : map.update(stamp_ns, {boundary}).boundaries) {
       check_boundary(splinegon);
       require(is_simple(splinegon), "a boundary does not cross itself");
       require(!splinegon.closed || area_m2(splinegon) > 0.0, "a closed one runs counter-clockwise");

@@ -32,10 +32,13 @@ constexpr double kToldVelocitySigma_m_s = 0.4;
 constexpr int kMostBegins = 4;
 
 /// Both ends of a boundary are one place if it has turned once around, up to this angle (rad), and they are no farther
-/// apart than this (m), or than this if it was closed before: a lap that ends half a metre beside its begin has been
-/// around nevertheless.
+/// apart than this (m): a lap that ends half a metre beside its begin has been around nevertheless.
 constexpr double kOnceAround_rad = 0.8;
-constexpr double kSeam_m = 1.0, kSeamOfClosed_m = 2.0;
+constexpr double kSeam_m = 1.0;
+/// What a boundary has twice is cut off its end where that is so near to its begin (m).
+constexpr double kTwice_m = 2.0;
+/// One that was closed stays so while no more than this part of it has gone.
+constexpr double kLost = 0.15;
 /// So many elements at least.
 constexpr std::size_t kFewestOfClosed = 20;
 
@@ -44,22 +47,29 @@ double turn_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 }
 
 /// Whether the elements, counter-clockwise, go once around an obstacle; what they have twice is then cut off their end.
-bool go_around(std::vector<SplinegonElement>& elements, double most_apart_m) {
+bool go_around(std::vector<SplinegonElement>& elements, bool was_closed) {
   std::size_t count = elements.size();
   if (count < kFewestOfClosed) return false;
-  double turn_rad = 0.0;
+  double turn_rad = 0.0, length_m = 0.0;
   for (std::size_t i = 1; i < count; ++i) {
     turn_rad += turn_between(elements[i - 1].normal_world, elements[i].normal_world);
+    length_m += (elements[i].p_world_m - elements[i - 1].p_world_m).norm();
   }
   const SplinegonElement& first = elements.front();
   const Eigen::Vector2d along(-first.normal_world.y(), first.normal_world.x());
   const auto ahead_m = [&] { return along.dot(elements[count - 1].p_world_m - first.p_world_m); };
   const auto apart_m = [&] { return (elements[count - 1].p_world_m - first.p_world_m).norm(); };
-  while (count > kFewestOfClosed && ahead_m() > 0.0 && apart_m() < kSeamOfClosed_m) {
+  while (count > kFewestOfClosed && ahead_m() > 0.0 && apart_m() < kTwice_m) {
     turn_rad -= turn_between(elements[count - 2].normal_world, elements[count - 1].normal_world);
     --count;
   }
-  if (std::abs(turn_rad - 2.0 * kPi) > kOnceAround_rad || apart_m() > most_apart_m) return false;
+  if (was_closed) {
+    turn_rad += turn_between(elements[count - 1].normal_world, first.normal_world);
+    if (apart_m() > std::max(kTwice_m, kLost * length_m)) return false;
+  } else if (apart_m() > kSeam_m) {
+    return false;
+  }
+  if (std::abs(turn_rad - 2.0 * kPi) > kOnceAround_rad) return false;
   elements.resize(count);
   return true;
 }
@@ -106,7 +116,7 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
   if (!alignment_.has_begun()) {
     take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
     if (!begin({scan, T_odom_lidar, T_odom_lidar_end, placement})) {
-      return map_.update(polylines_.stamp_ns, boundaries_, 0.0);  // loaded ones, if any
+      return fit_boundaries(polylines_.stamp_ns);  // loaded ones, if any
     }
   }
   take_polylines(scan, T_odom_lidar, swept(alignment_, scan, T_odom_lidar_end, placement));
@@ -169,9 +179,22 @@ void SplinegonPipeline::take_polylines(const Scan& scan, const Eigen::Isometry3d
 const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2) {
   update_ = chains_.update(polylines_, covariance, std::move(update_));
   polygons_ = chains_.polygons(std::move(polygons_));
-  take_boundaries();
   common_variance_m2_ = common_variance_m2;
-  return map_.update(polylines_.stamp_ns, boundaries_, common_variance_m2);
+  take_boundaries();
+  return fit_boundaries(polylines_.stamp_ns);
+}
+
+/// In the map, and where that is in the world now: all of it, whatever the scan hit.
+const Splinegons& SplinegonPipeline::fit_boundaries(std::int64_t stamp_ns) {
+  splinegons_ = map_.update(stamp_ns, boundaries_);
+  const Pose2& T_world_map = alignment_.T_world_map();
+  for (Splinegon& splinegon : splinegons_.boundaries) {
+    for (SplinegonVertex& vertex : splinegon.vertices) {
+      vertex.p_world_m = T_world_map * vertex.p_world_m;
+      vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + common_variance_m2_);
+    }
+  }
+  return splinegons_;
 }
 
 const Polygons& SplinegonPipeline::polygons_in_world() {
@@ -185,10 +208,8 @@ const Polygons& SplinegonPipeline::polygons_in_world() {
   return polygons_in_world_;
 }
 
-/// Chains run clockwise around what they are the boundary of.
+/// In the map. Chains run clockwise around what they are the boundary of.
 void SplinegonPipeline::take_boundaries() {
-  const Pose2& T_world_map = alignment_.T_world_map();
-  const Eigen::Matrix2d R_world_map = T_world_map.rotation();
   std::size_t count = 0;
   for (std::size_t c = 0; c < polygons_.chains.size(); ++c) {
     const Chain& chain = polygons_.chains[c];
@@ -198,20 +219,19 @@ void SplinegonPipeline::take_boundaries() {
     ObstacleBoundary& boundary = boundaries_[count++];
     boundary.id = chain.id;
     boundary.closed = chain.closed;
+    boundary.moved = alignment_.loop_closed_ns() == polygons_.stamp_ns;
     boundary.first_seen_ns = chain.first_seen_ns;
     boundary.last_seen_ns = chain.last_seen_ns;
     boundary.elements.clear();
     std::for_each(elements_.rbegin(), elements_.rend(), [&](const BoundaryElement& element) {
-      boundary.elements.push_back({T_world_map * element.p_world_m,
-                                   R_world_map * Eigen::Vector2d(-element.along_world.y(), element.along_world.x()),
-                                   element.variance_m2});
+      boundary.elements.push_back(
+          {element.p_world_m, {-element.along_world.y(), element.along_world.x()}, element.variance_m2});
     });
-    if (boundary.closed) continue;
-    const auto& before = map_.splinegons().boundaries;
-    const bool was_closed = std::any_of(before.begin(), before.end(), [&](const Splinegon& splinegon) {
-      return splinegon.id == boundary.id && splinegon.closed;
-    });
-    boundary.closed = go_around(boundary.elements, was_closed ? kSeamOfClosed_m : kSeam_m);
+    const bool was_closed = std::binary_search(closed_.begin(), closed_.end(), boundary.id);
+    boundary.closed = boundary.closed || go_around(boundary.elements, was_closed);
+    if (boundary.closed && !was_closed) {
+      closed_.insert(std::upper_bound(closed_.begin(), closed_.end(), boundary.id), boundary.id);
+    }
   }
   boundaries_.resize(count);
 }
@@ -227,7 +247,8 @@ void SplinegonPipeline::reset() {
   begins_ = 0;
   polygons_.chains.clear();
   boundaries_.clear();
-  map_.update(0, boundaries_, 0.0);
+  closed_.clear();
+  fit_boundaries(0);
 }
 
 void SplinegonPipeline::resume(const Splinegons& splinegons) {
@@ -251,7 +272,8 @@ void SplinegonPipeline::resume(const Splinegons& splinegons) {
   chains_.restore(snapshot);
   polygons_ = chains_.polygons(std::move(polygons_));
   take_boundaries();
-  map_.update(splinegons.stamp_ns, boundaries_, 0.0);
+  for (ObstacleBoundary& boundary : boundaries_) boundary.moved = true;
+  fit_boundaries(splinegons.stamp_ns);
 }
 
 }  // namespace situation_awareness

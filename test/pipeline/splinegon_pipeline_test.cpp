@@ -70,7 +70,10 @@ class Flight {
   static constexpr double kRadius_m = 18.0, kSpeed_m_s = 5.0, kPeriod_s = 0.1, kSweep_s = 0.02;
   static constexpr int kBeams = 541;
 
-  explicit Flight(Outline outline) : outline_(std::move(outline)) {}
+  explicit Flight(Outline outline, std::uint64_t seed = 1) : outline_(std::move(outline)), random_(seed) {}
+
+  /// It sees nothing from then on for so long.
+  void look_away(double from_s, double for_s) { away_from_s_ = from_s, away_to_s_ = from_s + for_s; }
 
   static double lap_s() { return 2.0 * kPi * kRadius_m / kSpeed_m_s; }
   static double bank_rad() { return std::atan(kSpeed_m_s * kSpeed_m_s / (9.81 * kRadius_m)); }
@@ -99,7 +102,9 @@ class Flight {
       const double angle_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
       const Eigen::Vector3d u = T.linear() * Eigen::Vector3d(std::cos(angle_rad), std::sin(angle_rad), 0.0);
       const double level = u.head<2>().norm();
-      const double range_m = range_to(outline_, T.translation().head<2>(), u.head<2>() / level) / level;
+      const bool is_away = t_s >= away_from_s_ && t_s < away_to_s_;
+      const double range_m =
+          is_away ? std::nan("") : range_to(outline_, T.translation().head<2>(), u.head<2>() / level) / level;
       const double measured_m = range_m + 0.03 * random_.normal();
       scan.beams.push_back(beam_from_range(static_cast<float>(measured_m), 0.1F, 30.0F));
     }
@@ -110,7 +115,8 @@ class Flight {
 
  private:
   Outline outline_;
-  Random random_{1};
+  Random random_;
+  double away_from_s_ = 0.0, away_to_s_ = 0.0;
 };
 
 /// Greatest distance of either from the other.
@@ -175,8 +181,9 @@ struct InertialErrors {
   Eigen::Vector2d odom_velocity_m_s = Eigen::Vector2d::Zero();  ///< of odom beside that of GPS and INS, in its axes
 };
 
-/// 1.5 laps of inertial navigation.
-void fly_by_inertial_navigation(SplinegonPipeline& pipeline, Flight& flight, const InertialErrors& errors) {
+/// Inertial navigation for so many laps.
+void fly_by_inertial_navigation(SplinegonPipeline& pipeline, Flight& flight, const InertialErrors& errors,
+                                double laps = 1.5) {
   const auto true_velocity = [](double t_s) -> Eigen::Vector2d {
     const double yaw = Flight::pose2_at(t_s).yaw_rad;
     return Flight::kSpeed_m_s * Eigen::Vector2d(std::cos(yaw), std::sin(yaw));
@@ -184,7 +191,7 @@ void fly_by_inertial_navigation(SplinegonPipeline& pipeline, Flight& flight, con
   Eigen::Vector2d p_odom_m = Flight::pose2_at(0.0).translation_m;
   Eigen::Vector2d v_odom_m_s = true_velocity(0.0) + errors.first_velocity_m_s + errors.odom_velocity_m_s;
   const auto odom_yaw = [&](double t_s) { return Flight::pose2_at(t_s).yaw_rad + errors.yaw_rate_rad_s * t_s; };
-  for (double t_s = 0.0; t_s < 1.5 * Flight::lap_s(); t_s += Flight::kPeriod_s) {
+  for (double t_s = 0.0; t_s < laps * Flight::lap_s(); t_s += Flight::kPeriod_s) {
     const Scan scan = flight.scan_at(t_s);
     const Pose2 begin = {p_odom_m, odom_yaw(t_s)};
     const Pose2 end = {p_odom_m + Flight::kSweep_s * v_odom_m_s, odom_yaw(t_s + Flight::kSweep_s)};
@@ -232,6 +239,29 @@ TEST(SplinegonPipelineFlights, KeepsTheFacesOfABoxTogetherWhileInertialNavigatio
   const Splinegon& boundary = pipeline.splinegons().boundaries[0];
   EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.25);
   EXPECT_NEAR(area_m2(boundary) / 84.0, 1.0, 0.06);
+}
+
+// Poses have drifted by some decimetres when it comes back after some seconds, and that is told where it sees the
+// obstacle again: it has one boundary, which stays closed.
+TEST(SplinegonPipelineFlights, ComesBackToWhatItMapped) {
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U}) {
+    for (const bool is_box : {false, true}) {
+      Flight flight(is_box ? box(12.0, 7.0) : ellipse({10.0, 6.0}), seed);
+      flight.look_away(1.4 * Flight::lap_s(), 0.4 * Flight::lap_s());
+      SplinegonPipeline pipeline(shipped());
+      fly_by_inertial_navigation(pipeline, flight, {0.002, {0.05, -0.05}, {0.4, -0.5}}, 2.5);
+      SCOPED_TRACE(std::string(is_box ? "box" : "ellipse") + ", seed " + std::to_string(seed));
+      expect_one_closed_boundary(pipeline.splinegons());
+      if (pipeline.splinegons().boundaries.empty()) continue;
+      const Splinegon& boundary = pipeline.splinegons().boundaries[0];
+      EXPECT_LT(hausdorff_m(boundary, flight.outline()), 0.4);
+      // It is where its chain is.
+      for (const Chain& chain : pipeline.polygons_in_world().chains) {
+        if (chain.id != boundary.id) continue;
+        for (const ChainVertex& vertex : chain.vertices) EXPECT_LT(distance_m(boundary, vertex.p_world_m), 0.15);
+      }
+    }
+  }
 }
 
 // Odom may be metres per second off after a while: its poses at both ends of a sweep are not those of the scanner.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -60,7 +61,7 @@ class SplinegonPipeline {
   /// How the scans are placed in the map and that in the world, of the second kind.
   const MapAlignment& alignment() const { return alignment_; }
 
-  const Splinegons& splinegons() const { return map_.splinegons(); }
+  const Splinegons& splinegons() const { return splinegons_; }
 
   /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
   /// where the map is in the world.
@@ -84,6 +85,7 @@ class SplinegonPipeline {
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
+  const Splinegons& fit_boundaries(std::int64_t stamp_ns);
 
   /// A scan of the begin.
   struct FirstScan {
@@ -98,7 +100,7 @@ class SplinegonPipeline {
   int begins_ = 0;  ///< that did not tell the velocity
   PolygonMap chains_;
   MapAlignment alignment_;
-  SplinegonMap map_;
+  SplinegonMap map_;  ///< in the map's frame, without the error of its place
   Scan limited_;
   Points points_;
   Segments segments_;
@@ -108,6 +110,8 @@ class SplinegonPipeline {
   Polygons polygons_, polygons_in_world_;
   std::vector<BoundaryElement> elements_;
   std::vector<ObstacleBoundary> boundaries_;
+  Splinegons splinegons_;
+  std::vector<std::uint64_t> closed_;  ///< ids of boundaries that were closed, in order
 };
 
 }  // namespace situation_awareness

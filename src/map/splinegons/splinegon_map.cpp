@@ -9,6 +9,20 @@ namespace {
 
 /// Of a boundary over that of the polygon of its elements: around a corner that nobody saw 1.42.
 constexpr double kMostLength = 1.5;
+/// Part of its elements, at least, by which a boundary is within a closed one, and how far (m) they may be before that.
+constexpr double kWithin = 0.9;
+constexpr double kBefore_m = 0.1;
+
+/// Nobody can have seen anything there: errors of poses put it behind a boundary that was drawn before, or again.
+bool is_within(const std::vector<SplinegonElement>& elements, const Splinegon& closed) {
+  const double most_outside = (1.0 - kWithin) * static_cast<double>(elements.size());
+  std::size_t outside = 0;
+  for (const SplinegonElement& element : elements) {
+    if (contains(closed, element.p_world_m) || distance_m(closed, element.p_world_m) < kBefore_m) continue;
+    if (static_cast<double>(++outside) > most_outside) return false;
+  }
+  return true;
+}
 
 }  // namespace
 
@@ -39,10 +53,10 @@ bool SplinegonMap::is_sound(const Splinegon& splinegon, const std::vector<Spline
   return is_simple(splinegon, points_m_) && (!splinegon.closed || area_m2(splinegon) > 0.0);
 }
 
-const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries,
-                                       double common_variance_m2) {
+const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries) {
   std::swap(splinegons_, before_);
   splinegons_.stamp_ns = stamp_ns;
+  of_result_.clear();
   std::size_t count = 0;
   for (const ObstacleBoundary& boundary : boundaries) {
     if (!is_large(boundary)) continue;
@@ -57,12 +71,12 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
       result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
       result.last_seen_ns = earlier->last_seen_ns;
     }
-    if (!is_same || boundary.last_seen_ns == stamp_ns) {
+    if (!is_same || boundary.moved || boundary.last_seen_ns == stamp_ns) {
       result.last_seen_ns = boundary.last_seen_ns;
-      fit_.fit(boundary.elements, boundary.closed, common_variance_m2, result.vertices);
+      fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
       if (!is_sound(result, boundary.elements)) {
         result.vertices.clear();
-        fit_.fit(boundary.elements, boundary.closed, common_variance_m2, result.vertices);
+        fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
       }
       if (!is_sound(result, boundary.elements)) {
         result.vertices.clear();
@@ -76,10 +90,27 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
     if (result.vertices.empty()) continue;
     result.id = boundary.id;
     result.first_seen_ns = boundary.first_seen_ns;
+    of_result_.push_back(&boundary);
     ++count;
   }
   splinegons_.boundaries.resize(count);
+  leave_out_inner_ones();
   return splinegons_;
+}
+
+void SplinegonMap::leave_out_inner_ones() {
+  std::vector<Splinegon>& all = splinegons_.boundaries;
+  for (std::size_t i = all.size(); i-- > 0;) {
+    if (all[i].closed) continue;
+    const bool is_inner = std::any_of(all.begin(), all.end(), [&](const Splinegon& other) {
+      return other.closed && is_within(of_result_[i]->elements, other);
+    });
+    if (!is_inner) continue;
+    // To the end, which keeps the memory of the others.
+    std::rotate(all.begin() + static_cast<std::ptrdiff_t>(i), all.begin() + static_cast<std::ptrdiff_t>(i) + 1,
+                all.end());
+    all.pop_back();
+  }
 }
 
 }  // namespace situation_awareness

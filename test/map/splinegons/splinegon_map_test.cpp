@@ -49,39 +49,69 @@ std::vector<SplinegonElement> eight() {
 TEST(SplinegonMap, GivesNoBoundaryThatCrossesItself) {
   for (const bool closed : {false, true}) {
     SplinegonMap map = make_map();
-    EXPECT_TRUE(map.update(1, {boundary_of(eight(), closed, 1)}, 0.01).boundaries.empty());
+    EXPECT_TRUE(map.update(1, {boundary_of(eight(), closed, 1)}).boundaries.empty());
   }
 }
 
 TEST(SplinegonMap, KeepsTheLastBoundaryThatDoesNotCrossItself) {
   SplinegonMap map = make_map();
-  const Splinegons before = map.update(1, {boundary_of(spiral(0.9, 0.0), false, 1)}, 0.01);
+  const Splinegons before = map.update(1, {boundary_of(spiral(0.9, 0.0), false, 1)});
   ASSERT_EQ(before.boundaries.size(), 1U);
   ASSERT_TRUE(is_simple(before.boundaries[0]));
   for (const bool closed : {false, true}) {
-    const Splinegons& after = map.update(2, {boundary_of(eight(), closed, 2)}, 0.01);
+    const Splinegons& after = map.update(2, {boundary_of(eight(), closed, 2)});
     ASSERT_EQ(after.boundaries.size(), 1U);
     EXPECT_EQ(after.boundaries[0].id, 7U);
     EXPECT_FALSE(after.boundaries[0].closed);
     EXPECT_EQ(after.boundaries[0].last_seen_ns, 1);  // what has been seen since is not in it
-    EXPECT_EQ(map.update(3, {boundary_of(eight(), closed, 2)}, 0.01).boundaries[0].last_seen_ns, 1);
+    EXPECT_EQ(map.update(3, {boundary_of(eight(), closed, 2)}).boundaries[0].last_seen_ns, 1);
     ASSERT_EQ(after.boundaries[0].vertices.size(), before.boundaries[0].vertices.size());
     for (std::size_t i = 0; i < before.boundaries[0].vertices.size(); ++i) {
       EXPECT_EQ(after.boundaries[0].vertices[i].p_world_m, before.boundaries[0].vertices[i].p_world_m);
     }
   }
   // And goes on from there as soon as the elements allow it.
-  const Splinegons& again = map.update(4, {boundary_of(spiral(1.0, 0.0), true, 4)}, 0.01);
+  const Splinegons& again = map.update(4, {boundary_of(spiral(1.0, 0.0), true, 4)});
   ASSERT_EQ(again.boundaries.size(), 1U);
   EXPECT_TRUE(again.boundaries[0].closed);
   EXPECT_NEAR(area_m2(again.boundaries[0]), 25.0 * kPi, 0.1);
+}
+
+TEST(SplinegonMap, FollowsElementsThatMoved) {
+  SplinegonMap map = make_map();
+  ObstacleBoundary boundary = boundary_of(spiral(1.0, 0.0), true, 1);
+  map.update(1, {boundary});
+  for (SplinegonElement& element : boundary.elements) element.p_world_m.x() += 0.3;
+  EXPECT_LT(distance_m(map.update(2, {boundary}).boundaries[0], {5.0, 0.0}), 0.01);  // nobody hit it
+  boundary.moved = true;
+  EXPECT_LT(distance_m(map.update(3, {boundary}).boundaries[0], {5.3, 0.0}), 0.01);
+}
+
+// Nobody can have seen it there. What is before a boundary is another thing.
+TEST(SplinegonMap, LeavesOutWhatIsWithinAClosedBoundary) {
+  for (const double radius_m : {4.8, 5.05, 5.3}) {
+    ObstacleBoundary arc = boundary_of(spiral(0.2, 0.0), false, 1);
+    arc.id = 8;
+    for (SplinegonElement& element : arc.elements) element.p_world_m *= radius_m / 5.0;
+    const std::size_t expected = radius_m < 5.1 ? 1 : 2;
+    for (const bool first : {false, true}) {
+      SplinegonMap map = make_map();
+      std::vector<ObstacleBoundary> boundaries = {boundary_of(spiral(1.0, 0.0), true, 1), arc};
+      if (first) std::swap(boundaries[0], boundaries[1]);
+      const Splinegons& splinegons = map.update(1, boundaries);
+      ASSERT_EQ(splinegons.boundaries.size(), expected) << radius_m;
+      EXPECT_EQ(splinegons.boundaries[first && expected == 2 ? 1 : 0].id, 7U);
+      boundaries[first ? 1 : 0].closed = false;  // then it is none's inside
+      EXPECT_EQ(map.update(2, boundaries).boundaries.size(), 2U) << radius_m;
+    }
+  }
 }
 
 TEST(SplinegonMap, OnesThatRunClockwiseAreNotClosed) {
   std::vector<SplinegonElement> elements = spiral(1.0, 0.0);
   std::reverse(elements.begin(), elements.end());
   SplinegonMap map = make_map();
-  EXPECT_TRUE(map.update(1, {boundary_of(elements, true, 1)}, 0.01).boundaries.empty());
+  EXPECT_TRUE(map.update(1, {boundary_of(elements, true, 1)}).boundaries.empty());
 }
 
 // Whatever the elements are, what is given is no longer than they ask for, does not cross itself, and is finite.
@@ -106,7 +136,7 @@ TEST(SplinegonMap, GivesSoundBoundariesOfAnyElements) {
     }
     ObstacleBoundary boundary = boundary_of(elements, trial % 3 == 0, trial);
     boundary.id = static_cast<std::uint64_t>(trial);
-    for (const Splinegon& splinegon : map.update(trial, {boundary}, 0.01).boundaries) {
+    for (const Splinegon& splinegon : map.update(trial, {boundary}).boundaries) {
       ++given;
       EXPECT_TRUE(is_simple(splinegon)) << trial;
       EXPECT_LT(length_m(splinegon), 1.51 * (way_m + (elements.back().p_world_m - elements.front().p_world_m).norm()))

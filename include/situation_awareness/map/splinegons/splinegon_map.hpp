@@ -28,33 +28,36 @@ struct SplinegonMapParams {
 struct ObstacleBoundary {
   std::uint64_t id = 0;  ///< never used twice
   bool closed = false;
+  bool moved = false;  ///< its elements are elsewhere than at the update before, though no scan hit them
   std::vector<SplinegonElement> elements;
   std::int64_t first_seen_ns = 0, last_seen_ns = 0;
 };
 
-/// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, from the
-/// fit before. None that is given crosses itself, and closed ones run counter-clockwise: where a fit does not, also
-/// from nothing, the boundary stays as it was. It keeps its memory: no allocation after warm-up.
+/// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, or once
+/// it moved, from the fit before. None that is given crosses itself, and closed ones run counter-clockwise: where a fit
+/// does not, also from nothing, the boundary stays as it was. An open one that is within a closed one is not given. It
+/// keeps its memory: no allocation after warm-up.
 class SplinegonMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
   SplinegonMap(const SplinegonMapParams& params, const SplinegonFitParams& fit);
 
-  /// `boundaries`: all that are known after the scan with this stamp, those that are not given are gone.
-  /// `common_variance_m2`: of the error that all places of a boundary share, across it.
-  const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries,
-                           double common_variance_m2);
+  /// `boundaries`: all that are known after the scan with this stamp, those that are not given are gone. The standard
+  /// deviations of the result are those of its elements: an error that all places share is not in them.
+  const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries);
 
   const Splinegons& splinegons() const { return splinegons_; }
 
  private:
   bool is_large(const ObstacleBoundary& boundary) const;
+  void leave_out_inner_ones();
   bool is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements);
 
   SplinegonMapParams params_;
   SplinegonFit fit_;
   Splinegons splinegons_, before_;
-  std::vector<Eigen::Vector2d> points_m_;  ///< of is_simple
+  std::vector<const ObstacleBoundary*> of_result_;  ///< of an update
+  std::vector<Eigen::Vector2d> points_m_;           ///< of is_simple
 };
 
 }  // namespace situation_awareness
