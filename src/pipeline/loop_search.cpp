@@ -154,6 +154,7 @@ bool LoopSearch::see(const PolygonMap& map, const Polylines& polylines, const Po
 }
 
 Pose2 LoopSearch::motion_of(std::int64_t drawn_ns) const {
+  if (loop_.scans == 0) return {};
   const double whole_s = seconds_between(loop_.since_ns, stamp_ns_), open_s = closed_.open_s(loop_.since_ns, stamp_ns_);
   const double part = open_s < kLeastOpen * whole_s ? seconds_between(loop_.since_ns, drawn_ns) / whole_s
                                                     : closed_.open_s(loop_.since_ns, drawn_ns) / open_s;

@@ -220,6 +220,7 @@ void SplinegonPipeline::take_boundaries() {
     boundary.id = chain.id;
     boundary.closed = chain.closed;
     boundary.moved = alignment_.loop_closed_ns() == polygons_.stamp_ns;
+    boundary.motion = alignment_.motion_of(chain.first_seen_ns);
     boundary.first_seen_ns = chain.first_seen_ns;
     boundary.last_seen_ns = chain.last_seen_ns;
     boundary.elements.clear();

@@ -34,8 +34,9 @@ class LoopSearch {
   bool see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
            const Eigen::Matrix3d& covariance);
 
-  /// Of a loop that is to be closed: the motion in the map of what was drawn at a time, none of what the scans met, and
-  /// the whole one of what is drawn now. Times between two sights of one place that agreed move as one.
+  /// The motion in the map, as far as it is known, of what was drawn at a time: none of what the scans of the loop met,
+  /// and the whole one of what is drawn now. Times between two sights of one place that agreed move as one. None
+  /// without a loop.
   Pose2 motion_of(std::int64_t drawn_ns) const;
 
   /// What was mapped since the loop's begin was moved so.

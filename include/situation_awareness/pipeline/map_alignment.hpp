@@ -115,6 +115,8 @@ class MapAlignment {
   /// Stamp of the latest scan that closed a loop, after which what was mapped before is elsewhere in the map, or
   /// StampOrder::kNone.
   std::int64_t loop_closed_ns() const { return loop_closed_ns_; }
+  /// By which what was drawn at a time will move in the map where a loop was found that is not closed yet.
+  Pose2 motion_of(std::int64_t drawn_ns) const { return loops_.motion_of(drawn_ns); }
 
   /// Where the map is in the world, and the variance of a place of it, so far from where most hits were, in any
   /// direction.

@@ -14,11 +14,13 @@ constexpr double kWithin = 0.9;
 constexpr double kBefore_m = 0.1;
 
 /// Nobody can have seen anything there: errors of poses put it behind a boundary that was drawn before, or again.
-bool is_within(const std::vector<SplinegonElement>& elements, const Splinegon& closed) {
-  const double most_outside = (1.0 - kWithin) * static_cast<double>(elements.size());
+bool is_within(const ObstacleBoundary& boundary, const Splinegon& closed) {
+  const Eigen::Matrix2d R = boundary.motion.rotation();
+  const double most_outside = (1.0 - kWithin) * static_cast<double>(boundary.elements.size());
   std::size_t outside = 0;
-  for (const SplinegonElement& element : elements) {
-    if (contains(closed, element.p_world_m) || distance_m(closed, element.p_world_m) < kBefore_m) continue;
+  for (const SplinegonElement& element : boundary.elements) {
+    const Eigen::Vector2d p_m = R * element.p_world_m + boundary.motion.translation_m;
+    if (contains(closed, p_m) || distance_m(closed, p_m) < kBefore_m) continue;
     if (static_cast<double>(++outside) > most_outside) return false;
   }
   return true;
@@ -103,7 +105,7 @@ void SplinegonMap::leave_out_inner_ones() {
   for (std::size_t i = all.size(); i-- > 0;) {
     if (all[i].closed) continue;
     const bool is_inner = std::any_of(all.begin(), all.end(), [&](const Splinegon& other) {
-      return other.closed && is_within(of_result_[i]->elements, other);
+      return other.closed && is_within(*of_result_[i], other);
     });
     if (!is_inner) continue;
     // To the end, which keeps the memory of the others.

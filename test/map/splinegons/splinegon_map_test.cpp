@@ -101,6 +101,11 @@ TEST(SplinegonMap, LeavesOutWhatIsWithinAClosedBoundary) {
       const Splinegons& splinegons = map.update(1, boundaries);
       ASSERT_EQ(splinegons.boundaries.size(), expected) << radius_m;
       EXPECT_EQ(splinegons.boundaries[first && expected == 2 ? 1 : 0].id, 7U);
+      // What is before it now may be going to move.
+      ObstacleBoundary& moving = boundaries[first ? 0 : 1];
+      moving.motion.translation_m = Eigen::Vector2d(-0.2, -0.2);
+      EXPECT_EQ(map.update(1, boundaries).boundaries.size(), 1U) << radius_m;
+      moving.motion = {};
       boundaries[first ? 1 : 0].closed = false;  // then it is none's inside
       EXPECT_EQ(map.update(2, boundaries).boundaries.size(), 2U) << radius_m;
     }

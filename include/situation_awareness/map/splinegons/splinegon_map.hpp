@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/splinegons/splinegon_fit.hpp"
 #include "situation_awareness/map/splinegons/splinegons.hpp"
 
@@ -30,13 +31,14 @@ struct ObstacleBoundary {
   bool closed = false;
   bool moved = false;  ///< its elements are elsewhere than at the update before, though no scan hit them
   std::vector<SplinegonElement> elements;
+  Pose2 motion;  ///< by which it is going to move, as far as is known
   std::int64_t first_seen_ns = 0, last_seen_ns = 0;
 };
 
 /// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, or once
 /// it moved, from the fit before. None that is given crosses itself, and closed ones run counter-clockwise: where a fit
-/// does not, also from nothing, the boundary stays as it was. An open one that is within a closed one is not given. It
-/// keeps its memory: no allocation after warm-up.
+/// does not, also from nothing, the boundary stays as it was. An open one that is within a closed one, or
+/// will be once it moves, is not given. It keeps its memory: no allocation after warm-up.
 class SplinegonMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
