@@ -16,9 +16,7 @@
 namespace situation_awareness {
 namespace {
 
-/// What was hit within this time is not old. What is younger than this part of the mean age of what is met is of
-/// another loop.
-constexpr double kOld_s = 4.0;
+/// What is younger than this part of the mean age of what is met is of another loop.
 constexpr double kSameAge = 0.5;
 /// Hits that meet what is old, at least, and over this distance (m). It is looked for in steps of this reach (m), the
 /// first one without a motion.
@@ -92,7 +90,7 @@ std::optional<LoopSearch::Sight> LoopSearch::meet(const PolygonMap& map, const P
 /// Takes what the scan says, if it meets what is old, and is elsewhere.
 void LoopSearch::find(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
                       const Eigen::Matrix3d& covariance) {
-  const std::int64_t recent_ns = stamp_ns_ - nanoseconds(kOld_s);
+  const std::int64_t recent_ns = stamp_ns_ - nanoseconds(kRecent_s);
   Loop loop = loop_;
   if (loop.scans == 0) {
     loop.begin_ns = stamp_ns_;

@@ -44,8 +44,7 @@ constexpr double kSameEndSigmas = 3.0, kLeastBearings_rad = 0.1;
 /// It is the same one within this distance (m) across the face, and with this cosine of both directions.
 constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
 
-/// What was hit within this time counts as of the same lap.
-constexpr double kRecent_s = 4.0;
+/// m. The reach to what was hit before the present lap.
 constexpr double kReachOfOld_m = 0.15;
 /// Where a loop is closed, what is so near to each other across the boundary (m) is one.
 constexpr double kSameBoundary_m = 0.3;
@@ -142,7 +141,7 @@ void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, co
   pairs_.reserve(polylines.hits.size());
   const Eigen::Matrix2d R = T_map_level.rotation();
   BoundaryElement element;
-  const std::int64_t recent_ns = polylines.stamp_ns - nanoseconds(kRecent_s);
+  const std::int64_t recent_ns = polylines.stamp_ns - nanoseconds(LoopSearch::kRecent_s);
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
     const Eigen::Vector2d p_map_m = R * hit.p_level_m + T_map_level.translation_m;
@@ -273,12 +272,12 @@ void MapAlignment::join_doubles(PolygonMap& map, const Polylines& polylines) con
   if (loop_closed_ns_ == StampOrder::kNone || seconds_between(loop_closed_ns_, polylines.stamp_ns) > kClearedAfter_s) {
     return;
   }
-  map.merge_doubles(kSameBoundary_m, kRecent_s);
+  map.merge_doubles(kSameBoundary_m, LoopSearch::kRecent_s);
   const Eigen::Matrix2d R = T_map_level_.rotation();
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
     map.give_up_behind(T_map_level_ * hit.p_level_m, R * hit.normal_level, kLeastBehind_m, kMostBehind_m,
-                       polylines.stamp_ns - nanoseconds(kRecent_s));
+                       polylines.stamp_ns - nanoseconds(LoopSearch::kRecent_s));
   }
 }
 

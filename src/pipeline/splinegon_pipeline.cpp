@@ -83,6 +83,16 @@ Eigen::Isometry3d swept(const MapAlignment& alignment, const Scan& scan, const E
   return T;
 }
 
+/// Vertices of chains or splinegons, from the map, with the variance of its place.
+template <class Vertices>
+void place_in_world(const Pose2& T_world_map, double variance_m2, Vertices& vertices) {
+  const Eigen::Matrix2d R_world_map = T_world_map.rotation();
+  for (auto& vertex : vertices) {
+    vertex.p_world_m = R_world_map * vertex.p_world_m + T_world_map.translation_m;
+    vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + variance_m2);
+  }
+}
+
 /// Of the map's variance at its boundaries.
 constexpr double kFromMiddle_m = 10.0;
 
@@ -187,12 +197,8 @@ const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covari
 /// In the map, and where that is in the world now: all of it, whatever the scan hit.
 const Splinegons& SplinegonPipeline::fit_boundaries(std::int64_t stamp_ns) {
   splinegons_ = map_.update(stamp_ns, boundaries_);
-  const Pose2& T_world_map = alignment_.T_world_map();
   for (Splinegon& splinegon : splinegons_.boundaries) {
-    for (SplinegonVertex& vertex : splinegon.vertices) {
-      vertex.p_world_m = T_world_map * vertex.p_world_m;
-      vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + common_variance_m2_);
-    }
+    place_in_world(alignment_.T_world_map(), common_variance_m2_, splinegon.vertices);
   }
   return splinegons_;
 }
@@ -200,10 +206,7 @@ const Splinegons& SplinegonPipeline::fit_boundaries(std::int64_t stamp_ns) {
 const Polygons& SplinegonPipeline::polygons_in_world() {
   polygons_in_world_ = polygons_;
   for (Chain& chain : polygons_in_world_.chains) {
-    for (ChainVertex& vertex : chain.vertices) {
-      vertex.p_world_m = alignment_.T_world_map() * vertex.p_world_m;
-      vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + common_variance_m2_);
-    }
+    place_in_world(alignment_.T_world_map(), common_variance_m2_, chain.vertices);
   }
   return polygons_in_world_;
 }

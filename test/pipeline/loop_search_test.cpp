@@ -6,7 +6,6 @@
 #include <cmath>
 #include <cstdint>
 #include <functional>
-#include <optional>
 #include <vector>
 
 #include "situation_awareness/common/random.hpp"
@@ -161,7 +160,9 @@ TEST(LoopSearch, MovesWhatBelongsTogetherAsOne) {
   const Pose2 first = drifting.motion_of(22.0), last = drifting.motion_of(40.0);
   EXPECT_LT((last.translation_m - first.translation_m).norm(), 0.03);
   EXPECT_NEAR(first.translation_m.y(), -0.25, 0.06);
+  // Then there is none to be closed.
   drifting.loops().close();
+  EXPECT_EQ(drifting.motion_of(61.0).translation_m, Eigen::Vector2d::Zero());
 }
 
 }  // namespace

@@ -26,6 +26,9 @@ struct HitNoise {
 /// meet what is old: the weighted least squares of their hits' distances from it, with what poses may have drifted.
 class LoopSearch {
  public:
+  /// What was hit within this time is not old: it is of the same lap.
+  static constexpr double kRecent_s = 4.0;
+
   explicit LoopSearch(const HitNoise& noise) : noise_(noise) {}
 
   /// Takes a scan that is at `T_map_level` in the map, with the covariance of that place's error in x, y (m) and yaw

@@ -48,8 +48,6 @@ class SplinegonMap {
   /// deviations of the result are those of its elements: an error that all places share is not in them.
   const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries);
 
-  const Splinegons& splinegons() const { return splinegons_; }
-
  private:
   bool is_large(const ObstacleBoundary& boundary) const;
   void leave_out_inner_ones();
