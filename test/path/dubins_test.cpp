@@ -365,6 +365,8 @@ TEST(Dubins, RefusesWhatIsNoEnd) {
     return refusal_of([&] { shortest_dubins_path(from, to); });
   };
   EXPECT_TRUE(names(refusal({{nan, 0.0}, 0.0, 1.0}, good), {"from", "coordinates", "1e9"}));
+  EXPECT_TRUE(names(refusal({{0.0, nan}, 0.0, 1.0}, good), {"from", "coordinates", "1e9"}));
+  EXPECT_TRUE(names(refusal(good, {{0.0, -kInfinity}, 0.0, 1.0}), {"to", "coordinates", "1e9"}));
   EXPECT_TRUE(names(refusal(good, {{0.0, 0.0}, nan, 1.0}), {"to", "yaw", "1e6"}));
   EXPECT_TRUE(names(refusal(good, {{0.0, 0.0}, 0.0, 0.0}), {"to", "radius", "1e-6"}));
   EXPECT_TRUE(names(refusal({{0.0, 0.0}, 0.0, 2e9}, good), {"from", "radius", "1e9"}));
