@@ -46,7 +46,7 @@ constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
 
 /// m. The reach to what was hit before the present lap.
 constexpr double kReachOfOld_m = 0.15;
-/// Where a loop is closed, what is so near to each other across the boundary (m) is one.
+/// After a loop was closed, what is so near to each other across the boundary (m) is one.
 constexpr double kSameBoundary_m = 0.3;
 /// For so long what is behind the hits by these (m) is given up.
 constexpr double kClearedAfter_s = 5.0, kLeastBehind_m = 0.1, kMostBehind_m = 0.8;
@@ -272,7 +272,7 @@ void MapAlignment::join_doubles(PolygonMap& map, const Polylines& polylines) con
   if (loop_closed_ns_ == StampOrder::kNone || seconds_between(loop_closed_ns_, polylines.stamp_ns) > kClearedAfter_s) {
     return;
   }
-  map.merge_doubles(kSameBoundary_m, LoopSearch::kRecent_s);
+  map.merge_doubles(kSameBoundary_m);
   const Eigen::Matrix2d R = T_map_level_.rotation();
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;

@@ -775,14 +775,13 @@ void PolygonMap::deform(const std::function<Pose2(std::int64_t drawn_ns)>& motio
 }
 
 /// The older one of two is kept.
-void PolygonMap::merge_doubles(double across_m, double apart_s) {
+void PolygonMap::merge_doubles(double across_m) {
   for (Index i = 0; i < surfels_.end(); ++i) {
     const Surfel own = surfels_[i];
     if (!own.alive) continue;
     given_up_.clear();
     surfels_.for_each_near(own.p_world_m, across_m + params_.spacing_m, [&](Index j, const Surfel& other) {
-      if (seconds_between(own.first_seen_ns, other.first_seen_ns) < apart_s) return;
-      if (other.normal_world.dot(own.normal_world) < kOneSurface) return;
+      if (j == i || other.normal_world.dot(own.normal_world) < kOneSurface) return;
       if (std::abs(own.normal_world.dot(other.p_world_m - own.p_world_m)) > across_m) return;
       if (std::abs(between_m(own, other)) <= 0.5 * params_.spacing_m) given_up_.push_back(j);
     });

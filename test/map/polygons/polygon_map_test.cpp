@@ -355,9 +355,9 @@ TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
     twice.elements.push_back(element);
   }
   world.map().restore(twice);
-  world.map().merge_doubles(0.2, 10.0);  // not seen so long after each other
+  world.map().merge_doubles(0.05);  // they are farther apart
   EXPECT_EQ(world.map().elements(), 2 * once);
-  world.map().merge_doubles(0.2, 1.0);
+  world.map().merge_doubles(0.2);
   EXPECT_LT(world.map().elements(), once + once / 20);
   Walls moved = room();
   for (auto& wall : moved) wall = {beside * wall.from, beside * wall.to};

@@ -119,8 +119,8 @@ class PolygonMap {
   void deform(const std::function<Pose2(std::int64_t drawn_ns)>& motion);
 
   /// Makes one of elements that are beside each other by less than half a spacing, and by `across_m` at most across
-  /// the boundary, face the same way, and were hit first so long after each other: the same boundary, drawn twice.
-  void merge_doubles(double across_m, double apart_s);
+  /// the boundary, and face the same way: the same boundary, drawn twice.
+  void merge_doubles(double across_m);
 
   /// Gives up the elements that are behind a place on a boundary by `least_m` to `most_m`, less than a spacing beside
   /// it, face the same way, and were hit last before `before_ns`: the same boundary, where poses had drifted.
