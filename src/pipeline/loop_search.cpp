@@ -32,8 +32,6 @@ constexpr double kApartBefore_m = 0.05, kApartAfter_m = 0.1;
 /// pause (s). What they say is forgotten with this time (s), as the map goes on.
 constexpr int kFewestLoopScans = 3;
 constexpr double kLoopFor_s = 0.25, kLoopSigma_m = 0.1, kLoopPause_s = 0.5, kLoopMemory_s = 3.0;
-/// If less than this part of a loop's time is in no closed one, these were not closed rightly.
-constexpr double kLeastOpen = 0.1;
 
 double squared(double value) { return value * value; }
 
@@ -49,7 +47,7 @@ Pose2 motion_about(const Eigen::Vector2d& center_m, const Eigen::Vector3d& motio
 struct LoopSearch::Sight {
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-  double apart_m2 = 0.0, age_s = 0.0;  ///< means
+  double apart_m2 = 0.0, age_s = 0.0, drawn_age_s = 0.0;  ///< means
 };
 
 /// Normal equations of the hits' distances from what was seen last before that time; none if they are too few.
@@ -64,9 +62,9 @@ std::optional<LoopSearch::Sight> LoopSearch::meet(const PolygonMap& map, const P
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
     const Eigen::Vector2d p_map_m = R * hit.p_level_m + T_map_level.translation_m;
-    BoundaryElement element;
-    std::int64_t seen_ns = 0;
-    if (!map.find_facing(p_map_m, R * hit.normal_level, reach_m, kBegin_ns, before_ns, element, seen_ns)) continue;
+    const auto met = map.find_facing(p_map_m, R * hit.normal_level, reach_m, kBegin_ns, before_ns);
+    if (!met) continue;
+    const BoundaryElement& element = met->element;
     const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
     const double residual_m = normal_map.dot(element.p_world_m - p_map_m);
     const double weight =
@@ -76,7 +74,8 @@ std::optional<LoopSearch::Sight> LoopSearch::meet(const PolygonMap& map, const P
     sight.information += weight * J * J.transpose();
     sight.gradient += weight * residual_m * J;
     sight.apart_m2 += squared(residual_m);
-    sight.age_s += seconds_between(seen_ns, polylines.stamp_ns);
+    sight.age_s += seconds_between(met->seen_ns, polylines.stamp_ns);
+    sight.drawn_age_s += seconds_between(met->drawn_ns, polylines.stamp_ns);
     low_m = low_m.cwiseMin(p_map_m);
     high_m = high_m.cwiseMax(p_map_m);
     ++count;
@@ -84,6 +83,7 @@ std::optional<LoopSearch::Sight> LoopSearch::meet(const PolygonMap& map, const P
   if (count < kFewestOfLoop || (high_m - low_m).norm() < kLeastOfLoop_m) return std::nullopt;
   sight.apart_m2 /= static_cast<double>(count);
   sight.age_s /= static_cast<double>(count);
+  sight.drawn_age_s /= static_cast<double>(count);
   return sight;
 }
 
@@ -100,10 +100,7 @@ void LoopSearch::find(const PolygonMap& map, const Polylines& polylines, const P
   }
   std::optional<Sight> sight = meet(map, polylines, T_map_level, loop.center_m, kLoopReaches_m[0], recent_ns);
   if (!sight) return;
-  if (sight->apart_m2 < squared(kApartBefore_m)) {
-    closed_.add(stamp_ns_ - nanoseconds(sight->age_s), stamp_ns_);
-    return;
-  }
+  if (sight->apart_m2 < squared(kApartBefore_m)) return;
   Eigen::Matrix3d drift = covariance;
   drift.diagonal() += Eigen::Vector3d(kDrift_m_s, kDrift_m_s, kDrift_rad_s).cwiseAbs2() * squared(sight->age_s);
   loop.drift_information = drift.inverse();
@@ -124,6 +121,7 @@ void LoopSearch::find(const PolygonMap& map, const Polylines& polylines, const P
     return;
   }
   loop.since_ns = stamp_ns_ - nanoseconds(sight->age_s);
+  loop.drawn_ns = stamp_ns_ - nanoseconds(sight->drawn_age_s);
   loop.found_ns = stamp_ns_;
   ++loop.scans;
   loop_ = loop;
@@ -137,31 +135,26 @@ double LoopSearch::variance_m2(const Eigen::Vector2d& p_map_m) const {
   return P.selfadjointView<Eigen::Lower>().eigenvalues().maxCoeff();
 }
 
-bool LoopSearch::see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
-                     const Eigen::Matrix3d& covariance) {
+std::optional<FoundLoop> LoopSearch::see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
+                                         const Eigen::Matrix3d& covariance) {
   stamp_ns_ = polylines.stamp_ns;
   find(map, polylines, T_map_level, covariance);
-  if (loop_.scans == 0) return false;
+  if (loop_.scans == 0) return std::nullopt;
   const bool ends = seconds_between(loop_.found_ns, stamp_ns_) > kLoopPause_s;
+  std::optional<FoundLoop> found;
   if (loop_.scans >= kFewestLoopScans && seconds_between(loop_.begin_ns, loop_.found_ns) >= kLoopFor_s &&
       (ends || variance_m2(T_map_level.translation_m) < squared(kLoopSigma_m))) {
-    return true;
+    found = {loop_.drawn_ns, loop_.center_m, loop_.information,
+             (loop_.information + loop_.drift_information) * loop_.motion};
   }
-  if (ends) loop_ = {};
-  return false;
+  if (ends || found) loop_ = {};
+  return found;
 }
 
 Pose2 LoopSearch::motion_of(std::int64_t drawn_ns) const {
   if (loop_.scans == 0) return {};
-  const double whole_s = seconds_between(loop_.since_ns, stamp_ns_), open_s = closed_.open_s(loop_.since_ns, stamp_ns_);
-  const double part = open_s < kLeastOpen * whole_s ? seconds_between(loop_.since_ns, drawn_ns) / whole_s
-                                                    : closed_.open_s(loop_.since_ns, drawn_ns) / open_s;
+  const double part = seconds_between(loop_.since_ns, drawn_ns) / seconds_between(loop_.since_ns, stamp_ns_);
   return motion_about(loop_.center_m, std::clamp(part, 0.0, 1.0) * loop_.motion);
-}
-
-void LoopSearch::close() {
-  closed_.add(loop_.since_ns, stamp_ns_);
-  loop_ = {};
 }
 
 }  // namespace situation_awareness

@@ -140,27 +140,26 @@ void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, co
   pairs_.clear();
   pairs_.reserve(polylines.hits.size());
   const Eigen::Matrix2d R = T_map_level.rotation();
-  BoundaryElement element;
   const std::int64_t recent_ns = polylines.stamp_ns - nanoseconds(LoopSearch::kRecent_s);
   for (const PolylineHit& hit : polylines.hits) {
     if (!hit.has_normal) continue;
     const Eigen::Vector2d p_map_m = R * hit.p_level_m + T_map_level.translation_m;
-    std::int64_t seen_ns = 0;
     const Eigen::Vector2d normal = R * hit.normal_level;
-    if (!map.find_facing(p_map_m, normal, reach_m, recent_ns, polylines.stamp_ns, element, seen_ns) &&
-        !map.find_facing(p_map_m, normal, std::min(reach_m, kReachOfOld_m), element)) {
-      continue;
-    }
+    auto met = map.find_facing(p_map_m, normal, reach_m, recent_ns, polylines.stamp_ns);
+    if (!met) met = map.find_facing(p_map_m, normal, std::min(reach_m, kReachOfOld_m));
+    if (!met) continue;
+    const BoundaryElement& element = met->element;
     const Eigen::Vector2d normal_map(-element.along_world.y(), element.along_world.x());
     pairs_.push_back({hit.p_level_m, element.p_world_m, normal_map,
-                      hit.sigma_m * hit.sigma_m + element.variance_m2 + params_.hit_sigma_m * params_.hit_sigma_m});
+                      hit.sigma_m * hit.sigma_m + element.variance_m2 + params_.hit_sigma_m * params_.hit_sigma_m,
+                      met->drawn_ns});
   }
   for (const FaceEnd& end : seen_ends_) {
     const FaceEnd* const known = known_end(end, T_map_level, reach_m);
     if (known == nullptr || known->most_bearing_rad - known->least_bearing_rad < kLeastBearings_rad ||
         known->last_seen_ns < recent_ns)
       continue;
-    pairs_.push_back({end.p_m, known->p_m, known->outward, end.variance_m2 + known->variance_m2});
+    pairs_.push_back({end.p_m, known->p_m, known->outward, end.variance_m2 + known->variance_m2, known->drawn_ns()});
   }
 }
 
@@ -228,8 +227,7 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
       for (const Pair& pair : pairs_) {
         const Eigen::Vector2d offset_m = R * pair.p_level_m;
         const double residual_m = pair.normal_map.dot(pair.q_map_m - offset_m - T_map_level_.translation_m);
-        const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
-        const double weight = params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
+        const double weight = weight_of(pair, residual_m);
         Eigen::Vector3d J;
         J << pair.normal_map, pair.normal_map.dot(left_of(offset_m));
         A.topLeftCorner<3, 3>() += weight * J * J.transpose();
@@ -249,20 +247,40 @@ void MapAlignment::correct(const PolygonMap& map, const Polylines& polylines, co
   P_ = A.llt().solve(Matrix12::Identity());
 }
 
+double MapAlignment::weight_of(const Pair& pair, double residual_m) const {
+  const double sigmas = std::abs(residual_m) / std::sqrt(pair.variance_m2);
+  return params_.independent_part / pair.variance_m2 * (sigmas > kHuber ? kHuber / sigmas : 1.0);
+}
+
+/// To when what the scan sees was drawn.
+void MapAlignment::tie_poses(const PolygonMap& map, const Polylines& polylines) {
+  graph_.add(polylines.stamp_ns, T_map_level_.translation_m);
+  pair_up(map, polylines, T_map_level_, kReachOfOld_m);
+  for (const Pair& pair : pairs_) {
+    const Eigen::Vector2d p_map_m = T_map_level_ * pair.p_level_m;
+    const double residual_m = pair.normal_map.dot(pair.q_map_m - p_map_m);
+    graph_.tie(pair.drawn_ns, p_map_m, pair.normal_map, residual_m, weight_of(pair, residual_m));
+  }
+}
+
 void MapAlignment::close_loop(PolygonMap& map, const Polylines& polylines) {
-  if (!loops_.see(map, polylines, T_map_level_, P_.topLeftCorner<3, 3>())) return;
-  map.deform([this](std::int64_t drawn_ns) { return loops_.motion_of(drawn_ns); });
+  const auto loop = loops_.see(map, polylines, T_map_level_, P_.topLeftCorner<3, 3>());
+  if (loop || graph_.is_due(polylines.stamp_ns)) tie_poses(map, polylines);
+  if (!loop) return;
+  graph_.tie(loop->drawn_ns, loop->center_m, loop->A, loop->b);
+  graph_.solve();
+  map.deform([this](std::int64_t drawn_ns) { return graph_.motion_of(drawn_ns); });
   for (FaceEnd& end : ends_) {
-    const Pose2 moved = loops_.motion_of(end.first_seen_ns + (end.last_seen_ns - end.first_seen_ns) / 2);
+    const Pose2 moved = graph_.motion_of(end.drawn_ns());
     end.p_m = moved * end.p_m;
     end.outward = moved.rotation() * end.outward;
   }
-  const Pose2 correction = loops_.motion_of(polylines.stamp_ns);
+  const Pose2 correction = graph_.motion_of(polylines.stamp_ns);
   T_map_level_ = correction * T_map_level_;
   v_map_m_s_ = correction.rotation() * v_map_m_s_;
   a_map_m_s2_ = correction.rotation() * a_map_m_s2_;
   v_changes_m_s_ = correction.rotation() * v_changes_m_s_;
-  loops_.close();
+  graph_.move();
   loop_closed_ns_ = polylines.stamp_ns;
 }
 

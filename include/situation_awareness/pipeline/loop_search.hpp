@@ -8,7 +8,6 @@
 
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
-#include "situation_awareness/pipeline/closed_loops.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
 namespace situation_awareness {
@@ -17,6 +16,15 @@ namespace situation_awareness {
 struct HitNoise {
   double sigma_m = 0.03;          ///< in addition to those of both
   double independent_part = 1.0;  ///< part of the hits whose errors are independent
+};
+
+/// What was drawn now was drawn long before, too: where, by the motion of x, y (m) and yaw (rad) about a place that
+/// brings the one to the other, as A and b of its cost motion' A motion / 2 - b' motion.
+struct FoundLoop {
+  std::int64_t drawn_ns = 0;
+  Eigen::Vector2d center_m = Eigen::Vector2d::Zero();
+  Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d b = Eigen::Vector3d::Zero();
 };
 
 /// Finds the motion that brings the scans, and what was mapped lately, to what was mapped long before, where poses have
@@ -32,24 +40,20 @@ class LoopSearch {
   explicit LoopSearch(const HitNoise& noise) : noise_(noise) {}
 
   /// Takes a scan that is at `T_map_level` in the map, with the covariance of that place's error in x, y (m) and yaw
-  /// (rad). Whether there is a loop to be closed now: some scans agree, and the motion is known well, or what is old is
-  /// not seen any more.
-  bool see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
-           const Eigen::Matrix3d& covariance);
+  /// (rad). The loop that is to be closed now, if any: some scans agree, and the motion is known well, or what is old
+  /// is not seen any more.
+  std::optional<FoundLoop> see(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,
+                               const Eigen::Matrix3d& covariance);
 
-  /// The motion in the map, as far as it is known, of what was drawn at a time: none of what the scans of the loop met,
-  /// and the whole one of what is drawn now. Times between two sights of one place that agreed move as one. None
-  /// without a loop.
+  /// While a loop is found, and is not to be closed yet: about the motion in the map of what was drawn at a time. None
+  /// of what the scans of the loop met, and the whole one of what is drawn now.
   Pose2 motion_of(std::int64_t drawn_ns) const;
-
-  /// What was mapped since the loop's begin was moved so.
-  void close();
 
  private:
   struct Loop {
     int scans = 0;                                       ///< that found it
     std::int64_t begin_ns = 0, found_ns = 0;             ///< stamps of the first and of the latest of them
-    std::int64_t since_ns = 0;                           ///< when what they met was mapped
+    std::int64_t since_ns = 0, drawn_ns = 0;             ///< when what they met was hit last, and was drawn
     Eigen::Vector2d center_m = Eigen::Vector2d::Zero();  ///< of the motion
     Eigen::Vector3d motion = Eigen::Vector3d::Zero();    ///< of x, y (m) and yaw (rad)
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero(), drift_information = Eigen::Matrix3d::Zero();
@@ -66,7 +70,6 @@ class LoopSearch {
   HitNoise noise_;
   Loop loop_;
   std::int64_t stamp_ns_ = 0;  ///< of the latest scan
-  ClosedLoops closed_;
 };
 
 }  // namespace situation_awareness

@@ -13,6 +13,7 @@
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/pipeline/loop_search.hpp"
 #include "situation_awareness/pipeline/map_place.hpp"
+#include "situation_awareness/pipeline/pose_graph.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
 
 namespace situation_awareness {
@@ -97,9 +98,8 @@ class MapAlignment {
 
   /// Places a scan in the map, whose T_world_level is T_odom_level, and sets that to T_map_level. Returns the
   /// covariance of the scan's place in the map.
-  /// Where the scan meets what was mapped long before, and it is elsewhere, the map was drawn by drifting poses: what
-  /// was mapped since then is moved by a part of the difference that grows with time, once some scans in turn agree on
-  /// it.
+  /// Where the scan meets what was mapped long before, and it is elsewhere, the map was drawn by drifting poses: once
+  /// some scans in turn agree on the difference, what was mapped is moved as PoseGraph says.
   Eigen::Matrix3d align(PolygonMap& map, const InertialPlacement& placement, Polylines& polylines);
 
   /// The velocity at the first scan as it is known now (m/s, axes of the map), and where to begin with another one than
@@ -131,6 +131,7 @@ class MapAlignment {
   struct Pair {
     Eigen::Vector2d p_level_m, q_map_m, normal_map;
     double variance_m2;
+    std::int64_t drawn_ns;
   };
   /// Where a flat face ends.
   struct FaceEnd {
@@ -138,11 +139,15 @@ class MapAlignment {
     double variance_m2;                          ///< along the face
     double least_bearing_rad, most_bearing_rad;  ///< of the beams there, from the face's normal
     std::int64_t first_seen_ns, last_seen_ns;
+
+    std::int64_t drawn_ns() const { return first_seen_ns + (last_seen_ns - first_seen_ns) / 2; }
   };
   void pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level, double reach_m);
   void find_face_ends(const Polylines& polylines);
   FaceEnd* known_end(const FaceEnd& end, const Pose2& T_map_level, double reach_m);
   void map_face_ends(const Pose2& T_map_level);
+  double weight_of(const Pair& pair, double residual_m) const;
+  void tie_poses(const PolygonMap& map, const Polylines& polylines);
   void close_loop(PolygonMap& map, const Polylines& polylines);
   void join_doubles(PolygonMap& map, const Polylines& polylines) const;
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
@@ -155,6 +160,7 @@ class MapAlignment {
   std::int64_t stamp_ns_ = 0;
   std::int64_t loop_closed_ns_ = StampOrder::kNone;
   LoopSearch loops_;
+  PoseGraph graph_;
   Pose2 T_odom_level_, T_map_level_;  ///< of the latest scan
   Eigen::Vector2d v_odom_m_s_ = Eigen::Vector2d::Zero();
   Eigen::Vector2d v_map_m_s_ = Eigen::Vector2d::Zero();

@@ -126,6 +126,8 @@ double small_atan(double x) {
 /// From one element to another one, along the boundary.
 double between_m(const Surfel& from, const Surfel& to) { return from.along_world().dot(to.p_world_m - from.p_world_m); }
 
+std::int64_t drawn_ns(const Surfel& surfel) { return surfel.first_seen_ns + nanoseconds(0.5 * surfel.seen_s); }
+
 /// How much beams so far apart say of a thing of this size.
 double close_beams(double apart_m, double thing_m) {
   if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
@@ -736,16 +738,15 @@ void PolygonMap::measure(const ChainLinks::Run& run) {
   }
 }
 
-bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
-                             BoundaryElement& element) const {
-  std::int64_t seen_ns = 0;
+std::optional<MappedElement> PolygonMap::find_facing(const Eigen::Vector2d& p_world_m,
+                                                     const Eigen::Vector2d& normal_world, double reach_m) const {
   return find_facing(p_world_m, normal_world, reach_m, std::numeric_limits<std::int64_t>::min(),
-                     std::numeric_limits<std::int64_t>::max(), element, seen_ns);
+                     std::numeric_limits<std::int64_t>::max());
 }
 
-bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
-                             std::int64_t from_ns, std::int64_t to_ns, BoundaryElement& element,
-                             std::int64_t& seen_ns) const {
+std::optional<MappedElement> PolygonMap::find_facing(const Eigen::Vector2d& p_world_m,
+                                                     const Eigen::Vector2d& normal_world, double reach_m,
+                                                     std::int64_t from_ns, std::int64_t to_ns) const {
   double least_m = reach_m;
   Index nearest = kNone;
   surfels_.for_each_near(p_world_m, reach_m, [&](Index i, const Surfel& surfel) {
@@ -757,18 +758,17 @@ bool PolygonMap::find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vect
     least_m = across_m;
     nearest = i;
   });
-  if (nearest == kNone) return false;
+  if (nearest == kNone) return std::nullopt;
   const Surfel& surfel = surfels_[nearest];
-  element = {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, 0.0, 0.0};
-  seen_ns = surfel.last_seen_ns;
-  return true;
+  return MappedElement{
+      {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, 0.0, 0.0}, surfel.last_seen_ns, drawn_ns(surfel)};
 }
 
 void PolygonMap::deform(const std::function<Pose2(std::int64_t drawn_ns)>& motion) {
   for (Index i = 0; i < surfels_.end(); ++i) {
     Surfel& surfel = surfels_[i];
     if (!surfel.alive) continue;
-    const Pose2 moved = motion(surfel.first_seen_ns + nanoseconds(0.5 * surfel.seen_s));
+    const Pose2 moved = motion(drawn_ns(surfel));
     surfel.normal_world = moved.rotation() * surfel.normal_world;
     surfels_.move(i, moved * surfel.p_world_m);
   }

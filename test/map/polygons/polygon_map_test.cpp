@@ -322,13 +322,10 @@ TEST(PolygonMap, DeformsAsItIsTold) {
   ASSERT_EQ(moved.size(), before.size());
   std::size_t found = 0;
   for (std::size_t i = 0; i < before.size(); ++i) {
-    BoundaryElement element;
     if (!before[i].confirmed) continue;
     // Found at its new place, so the index of places moved, too.
     found +=
-        world.map().find_facing(motion * before[i].p_world_m, motion.rotation() * before[i].normal_world, 0.01, element)
-            ? 1
-            : 0;
+        world.map().find_facing(motion * before[i].p_world_m, motion.rotation() * before[i].normal_world, 0.01) ? 1 : 0;
   }
   EXPECT_EQ(found, static_cast<std::size_t>(std::count_if(before.begin(), before.end(),
                                                           [](const auto& element) { return element.confirmed; })));
@@ -375,10 +372,7 @@ TEST(PolygonMap, GivesUpWhatIsBehindAPlace) {
   const auto place = std::find_if(elements.begin(), elements.end(), [](const auto& e) { return e.confirmed; });
   ASSERT_NE(place, elements.end());
   const Eigen::Vector2d n = place->normal_world, before_it_m = place->p_world_m + 0.3 * n;
-  const auto is_there = [&] {
-    BoundaryElement element;
-    return world.map().find_facing(place->p_world_m, n, 0.02, element);
-  };
+  const auto is_there = [&] { return world.map().find_facing(place->p_world_m, n, 0.02).has_value(); };
   const std::int64_t later_ns = place->last_seen_ns + 10'000'000'000;
   world.map().give_up_behind(before_it_m, n, 0.1, 0.5, place->first_seen_ns);  // hit since then
   EXPECT_TRUE(is_there());

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -74,6 +75,14 @@ struct PolygonMapUpdate {
   Counters reasons;   ///< why a scan was not used, and elements were removed
 };
 
+/// An element on the map, without its extent, when it was hit last, and when it was drawn: in the middle of the time
+/// for which it was hit.
+struct MappedElement {
+  BoundaryElement element;
+  std::int64_t seen_ns = 0;
+  std::int64_t drawn_ns = 0;
+};
+
 /// The semi-static map of polygons (docs/math/polygons.md): the boundaries of all that stands.
 ///
 /// It consists of oriented surface elements (surfels), fused from the hits of the scans' polylines (point-based fusion;
@@ -106,16 +115,16 @@ class PolygonMap {
   /// `elements` is overwritten.
   void elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const;
 
-  /// An element on the map that is nearest to a place across it, within `reach_m` and less than a spacing beside it,
-  /// and faces the same way as `normal_world`; false if there is none. Its extent is not given.
-  bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
-                   BoundaryElement& element) const;
-  /// The same among those that scans of `from_ns` to `to_ns`, and none later, hit last. `seen_ns` is when.
-  bool find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double reach_m,
-                   std::int64_t from_ns, std::int64_t to_ns, BoundaryElement& element, std::int64_t& seen_ns) const;
+  /// The element that is nearest to a place across it, within `reach_m` and less than a spacing beside it, and faces
+  /// the same way as `normal_world`; none, if there is no such one.
+  std::optional<MappedElement> find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world,
+                                           double reach_m) const;
+  /// The same among those that scans of `from_ns` to `to_ns`, and none later, hit last.
+  std::optional<MappedElement> find_facing(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world,
+                                           double reach_m, std::int64_t from_ns, std::int64_t to_ns) const;
 
-  /// Moves each element by a motion in the world that depends on when it was drawn, in the middle of the time for which
-  /// it was hit, where it turns out that poses have drifted.
+  /// Moves each element by a motion in the world that depends on when it was drawn, where it turns out that poses have
+  /// drifted.
   void deform(const std::function<Pose2(std::int64_t drawn_ns)>& motion);
 
   /// Makes one of elements that are beside each other by less than half a spacing, and by `across_m` at most across

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include <Eigen/Core>
+#include <boost/circular_buffer.hpp>
+
+#include "situation_awareness/geometry/pose2.hpp"
+
+namespace situation_awareness {
+
+/// What the scanner's poses in the map say of each other, and the least motions of them, and of what was drawn from
+/// them, with which a closed loop agrees (docs/math/splinegons.md).
+///
+///   symbol   meaning                                                                                     size
+///   x_k      motion of pose k, and of what was drawn at its time: of x, y (m), and yaw (rad)            3
+///   A, b     of a tie of two poses: cost d' A d / 2 - b' d of the difference d = x_k - x_j of their       3x3, 3
+///            motions; both are those of one place, the map's origin
+///
+/// A pose is tied to the one before by inertial navigation, and to those of the times at which what it sees was drawn.
+/// It keeps a limited number of them, the latest ones; what is older stays where it is.
+class PoseGraph {
+ public:
+  /// s. Time between two poses.
+  static constexpr double kPeriod_s = 1.0;
+
+  PoseGraph();
+
+  /// Whether the pose before is so old that one is to be added.
+  bool is_due(std::int64_t stamp_ns) const;
+
+  /// Adds a pose later than those before, the scanner's.
+  void add(std::int64_t stamp_ns, const Eigen::Vector2d& p_map_m);
+
+  /// Of the pose added last: a place that it sees was drawn at this time, and it is now `residual_m` away from that
+  /// along a unit vector. Weight in 1 / m^2.
+  void tie(std::int64_t drawn_ns, const Eigen::Vector2d& p_map_m, const Eigen::Vector2d& normal_map, double residual_m,
+           double weight);
+  /// Of the pose added last: A and b of the difference of its motion, about a place, to that of this time.
+  void tie(std::int64_t drawn_ns, const Eigen::Vector2d& center_m, const Eigen::Matrix3d& A, const Eigen::Vector3d& b);
+
+  /// Finds the motions.
+  void solve();
+  /// That of what was drawn at a time.
+  Pose2 motion_of(std::int64_t drawn_ns) const;
+  /// All were moved so.
+  void move();
+
+ private:
+  /// Cost of the difference of two poses' motions.
+  struct Relation {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  };
+  struct Node {
+    std::int64_t stamp_ns = 0;
+    Eigen::Vector2d p_map_m = Eigen::Vector2d::Zero();
+    Relation to_previous;
+    Eigen::Vector3d x = Eigen::Vector3d::Zero();
+  };
+  /// Nodes by the number of those before, of all time.
+  struct Tie {
+    std::size_t node = 0, other = 0;
+    Relation relation;
+  };
+
+  std::size_t index_of(std::size_t node) const { return node < first_ ? 0 : node - first_; }
+  Relation& relation_to(std::int64_t drawn_ns);
+
+  std::size_t first_ = 0;  ///< number of those that were forgotten
+  boost::circular_buffer<Node> nodes_;
+  boost::circular_buffer<Tie> ties_;
+};
+
+}  // namespace situation_awareness
