@@ -13,9 +13,9 @@
 namespace situation_awareness {
 namespace {
 
-/// Half an hour, and what poses see of earlier times in the mean, at most.
+/// Half an hour, and the ties of a pose in the mean.
 constexpr std::size_t kMostPoses = 1800, kMostTies = 16 * kMostPoses;
-/// Random walk of the motion between two poses by inertial navigation (m / sqrt(s), rad / sqrt(s)).
+/// Random walk of the motion from a pose to the next by inertial navigation (m / sqrt(s), rad / sqrt(s)).
 constexpr double kDrift_m_sqrt_s = 0.1, kDrift_rad_sqrt_s = 0.01;
 /// Of the first pose, which stays (1 / m^2, 1 / rad^2).
 constexpr double kAnchor = 1e9;
@@ -50,10 +50,14 @@ void PoseGraph::add(std::int64_t stamp_ns, const Eigen::Vector2d& p_map_m) {
   nodes_.push_back(node);
 }
 
+boost::circular_buffer<PoseGraph::Node>::const_iterator PoseGraph::first_since(std::int64_t stamp_ns) const {
+  return std::lower_bound(nodes_.begin(), nodes_.end(), stamp_ns,
+                          [](const Node& node, std::int64_t ns) { return node.stamp_ns < ns; });
+}
+
 /// To the pose nearest in time; of the pose added last to itself, one that counts for nothing.
 PoseGraph::Relation& PoseGraph::relation_to(std::int64_t drawn_ns) {
-  auto after = std::lower_bound(nodes_.begin(), nodes_.end(), drawn_ns,
-                                [](const Node& node, std::int64_t ns) { return node.stamp_ns < ns; });
+  auto after = first_since(drawn_ns);
   if (after == nodes_.end()) --after;
   if (after != nodes_.begin() && drawn_ns - (after - 1)->stamp_ns < after->stamp_ns - drawn_ns) --after;
   const std::size_t other = first_ + static_cast<std::size_t>(after - nodes_.begin());
@@ -113,8 +117,7 @@ void PoseGraph::solve() {
 }
 
 Pose2 PoseGraph::motion_of(std::int64_t drawn_ns) const {
-  const auto after = std::lower_bound(nodes_.begin(), nodes_.end(), drawn_ns,
-                                      [](const Node& node, std::int64_t ns) { return node.stamp_ns < ns; });
+  const auto after = first_since(drawn_ns);
   const Node& next = after == nodes_.end() ? nodes_.back() : *after;
   const Node& last = after == nodes_.begin() ? next : *(after - 1);
   const double period_s = seconds_between(last.stamp_ns, next.stamp_ns);

@@ -14,13 +14,13 @@ namespace situation_awareness {
 /// What the scanner's poses in the map say of each other, and the least motions of them, and of what was drawn from
 /// them, with which a closed loop agrees (docs/math/splinegons.md).
 ///
-///   symbol   meaning                                                                                     size
-///   x_k      motion of pose k, and of what was drawn at its time: of x, y (m), and yaw (rad)            3
-///   A, b     of a tie of two poses: cost d' A d / 2 - b' d of the difference d = x_k - x_j of their       3x3, 3
-///            motions; both are those of one place, the map's origin
+///   symbol   meaning                                                                                size
+///   x_k      motion of pose k, and of what was drawn at its time: of x, y (m), and yaw (rad)        3
+///   A, b     of a tie of two poses: cost d' A d / 2 - b' d of the difference d = x_k - x_j of       3x3, 3
+///            their motions, both about the map's origin
 ///
 /// A pose is tied to the one before by inertial navigation, and to those of the times at which what it sees was drawn.
-/// It keeps a limited number of them, the latest ones; what is older stays where it is.
+/// The latest half hour of poses is kept; what is older stays where it is.
 class PoseGraph {
  public:
   /// s. Time between two poses.
@@ -31,7 +31,7 @@ class PoseGraph {
   /// Whether the pose before is so old that one is to be added.
   bool is_due(std::int64_t stamp_ns) const;
 
-  /// Adds a pose later than those before, the scanner's.
+  /// Adds a pose later than those before, the scanner's. What follows needs one at least.
   void add(std::int64_t stamp_ns, const Eigen::Vector2d& p_map_m);
 
   /// Of the pose added last: a place that it sees was drawn at this time, and it is now `residual_m` away from that
@@ -41,7 +41,7 @@ class PoseGraph {
   /// Of the pose added last: A and b of the difference of its motion, about a place, to that of this time.
   void tie(std::int64_t drawn_ns, const Eigen::Vector2d& center_m, const Eigen::Matrix3d& A, const Eigen::Vector3d& b);
 
-  /// Finds the motions.
+  /// Finds the motions. Allocates, unlike the rest.
   void solve();
   /// That of what was drawn at a time.
   Pose2 motion_of(std::int64_t drawn_ns) const;
@@ -67,6 +67,7 @@ class PoseGraph {
   };
 
   std::size_t index_of(std::size_t node) const { return node < first_ ? 0 : node - first_; }
+  boost::circular_buffer<Node>::const_iterator first_since(std::int64_t stamp_ns) const;
   Relation& relation_to(std::int64_t drawn_ns);
 
   std::size_t first_ = 0;  ///< number of those that were forgotten
