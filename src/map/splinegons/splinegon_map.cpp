@@ -58,61 +58,51 @@ bool SplinegonMap::is_sound(const Splinegon& splinegon, const std::vector<Spline
 const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries) {
   std::swap(splinegons_, before_);
   splinegons_.stamp_ns = stamp_ns;
-  of_result_.clear();
   std::size_t count = 0;
-  for (const ObstacleBoundary& boundary : boundaries) {
-    if (!is_large(boundary)) continue;
-    if (splinegons_.boundaries.size() == count) splinegons_.boundaries.emplace_back();
-    Splinegon& result = splinegons_.boundaries[count];
-    const auto earlier = std::find_if(before_.boundaries.begin(), before_.boundaries.end(),
-                                      [&](const Splinegon& other) { return other.id == boundary.id; });
-    result.vertices.clear();
-    result.closed = boundary.closed;
-    const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
-    if (is_same) {
-      result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
-      result.last_seen_ns = earlier->last_seen_ns;
+  for (const bool closed : {true, false}) {
+    for (const ObstacleBoundary& boundary : boundaries) {
+      if (boundary.closed != closed || !is_large(boundary) || (!closed && is_inner(boundary, count))) continue;
+      if (splinegons_.boundaries.size() == count) splinegons_.boundaries.emplace_back();
+      Splinegon& result = splinegons_.boundaries[count];
+      fit(boundary, stamp_ns, result);
+      if (!result.vertices.empty()) ++count;
     }
-    if (!is_same || boundary.moved || boundary.last_seen_ns == stamp_ns) {
-      result.last_seen_ns = boundary.last_seen_ns;
-      fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
-      if (!is_sound(result, boundary.elements)) {
-        result.vertices.clear();
-        fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
-      }
-      if (!is_sound(result, boundary.elements)) {
-        result.vertices.clear();
-        if (is_known) {
-          result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
-          result.closed = earlier->closed;
-          result.last_seen_ns = earlier->last_seen_ns;
-        }
-      }
-    }
-    if (result.vertices.empty()) continue;
-    result.id = boundary.id;
-    result.first_seen_ns = boundary.first_seen_ns;
-    of_result_.push_back(&boundary);
-    ++count;
   }
   splinegons_.boundaries.resize(count);
-  leave_out_inner_ones();
   return splinegons_;
 }
 
-void SplinegonMap::leave_out_inner_ones() {
-  std::vector<Splinegon>& all = splinegons_.boundaries;
-  for (std::size_t i = all.size(); i-- > 0;) {
-    if (all[i].closed) continue;
-    const bool is_inner = std::any_of(all.begin(), all.end(), [&](const Splinegon& other) {
-      return other.closed && is_within(*of_result_[i], other);
-    });
-    if (!is_inner) continue;
-    // To the end, which keeps the memory of the others.
-    std::rotate(all.begin() + static_cast<std::ptrdiff_t>(i), all.begin() + static_cast<std::ptrdiff_t>(i) + 1,
-                all.end());
-    all.pop_back();
-  }
+/// Of the first ones of this update.
+bool SplinegonMap::is_inner(const ObstacleBoundary& boundary, std::size_t count) const {
+  const auto begin = splinegons_.boundaries.begin();
+  return std::any_of(begin, begin + static_cast<std::ptrdiff_t>(count),
+                     [&](const Splinegon& other) { return other.closed && is_within(boundary, other); });
+}
+
+/// Without vertices if there is none.
+void SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result) {
+  const auto earlier = std::find_if(before_.boundaries.begin(), before_.boundaries.end(),
+                                    [&](const Splinegon& other) { return other.id == boundary.id; });
+  result.id = boundary.id;
+  result.first_seen_ns = boundary.first_seen_ns;
+  result.vertices.clear();
+  result.closed = boundary.closed;
+  const auto stay = [&] {
+    result.vertices.assign(earlier->vertices.begin(), earlier->vertices.end());
+    result.closed = earlier->closed;
+    result.last_seen_ns = earlier->last_seen_ns;
+  };
+  const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
+  if (is_same) stay();
+  if (is_same && !boundary.moved && boundary.last_seen_ns != stamp_ns) return;
+  result.last_seen_ns = boundary.last_seen_ns;
+  fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
+  if (is_sound(result, boundary.elements)) return;
+  result.vertices.clear();
+  fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
+  if (is_sound(result, boundary.elements)) return;
+  result.vertices.clear();
+  if (is_known) stay();
 }
 
 }  // namespace situation_awareness

@@ -9,6 +9,7 @@
 
 #include "map/splinegons/outlines.hpp"
 #include "situation_awareness/map/splinegons/splinegon_fit.hpp"
+#include "situation_awareness/map/splinegons/splinegon_map.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -36,6 +37,30 @@ TEST(Allocation, NoneForSplinegonsAfterWarmUp) {
       if (round % 2 == 0) boundary.vertices.clear();
       fit.fit(boundary.elements, boundary.closed, 1e-4, boundary.vertices);
     }
+    asked = allocations().count - before;
+  }
+  EXPECT_EQ(asked, 0);
+}
+
+// Closed, open, and within the closed one, which is left out.
+TEST(Allocation, NoneForAMapOfSplinegonsAfterWarmUp) {
+  SplinegonMap map{SplinegonMapParams(), SplinegonFitParams()};
+  Random random(2);
+  const Outline outline = smooth_outlines().front();
+  std::vector<ObstacleBoundary> boundaries(3);
+  boundaries[0].elements = boundaries[1].elements = elements_of(outline, 0.15, 0.01, random, 0.1, 0.5);
+  for (SplinegonElement& element : boundaries[0].elements) element.p_world_m *= 0.9;
+  for (SplinegonElement& element : boundaries[1].elements) element.p_world_m.x() += 50.0;
+  boundaries[2].elements = elements_of(outline, 0.15, 0.01, random);
+  boundaries[2].closed = true;
+  std::int64_t asked = 0;
+  for (int scan = 1; scan <= 4; ++scan) {
+    for (std::size_t i = 0; i < boundaries.size(); ++i) {
+      boundaries[i].id = i + 1;
+      boundaries[i].last_seen_ns = scan;
+    }
+    const std::int64_t before = allocations().count;
+    ASSERT_EQ(map.update(scan, boundaries).boundaries.size(), 2U);
     asked = allocations().count - before;
   }
   EXPECT_EQ(asked, 0);

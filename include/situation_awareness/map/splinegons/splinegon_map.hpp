@@ -44,20 +44,21 @@ class SplinegonMap {
   /// Throws std::invalid_argument naming field and bound.
   SplinegonMap(const SplinegonMapParams& params, const SplinegonFitParams& fit);
 
-  /// `boundaries`: all that are known after the scan with this stamp, those that are not given are gone. The standard
-  /// deviations of the result are those of its elements: an error that all places share is not in them.
+  /// `boundaries`: all that are known after the scan with this stamp, those that are not given are gone. In the result
+  /// closed ones come first. Its standard deviations are those of its elements: an error that all places share is not
+  /// in them.
   const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries);
 
  private:
   bool is_large(const ObstacleBoundary& boundary) const;
-  void leave_out_inner_ones();
+  bool is_inner(const ObstacleBoundary& boundary, std::size_t count) const;
+  void fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result);
   bool is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements);
 
   SplinegonMapParams params_;
   SplinegonFit fit_;
   Splinegons splinegons_, before_;
-  std::vector<const ObstacleBoundary*> of_result_;  ///< of an update
-  std::vector<Eigen::Vector2d> points_m_;           ///< of is_simple
+  std::vector<Eigen::Vector2d> points_m_;  ///< of is_simple
 };
 
 }  // namespace situation_awareness
