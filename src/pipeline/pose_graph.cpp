@@ -13,8 +13,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Half an hour, and the ties of a pose in the mean.
-constexpr std::size_t kMostPoses = 1800, kMostTies = 16 * kMostPoses;
+/// Half an hour, and what their ties usually need.
+constexpr std::size_t kMostPoses = 1800, kUsualTies = 16 * kMostPoses;
 /// Random walk of the motion from a pose to the next by inertial navigation (m / sqrt(s), rad / sqrt(s)).
 constexpr double kDrift_m_sqrt_s = 0.1, kDrift_rad_sqrt_s = 0.01;
 /// Of the first pose, which stays (1 / m^2, 1 / rad^2).
@@ -29,7 +29,10 @@ Eigen::Matrix3d about(const Eigen::Vector2d& p_map_m) {
 
 }  // namespace
 
-PoseGraph::PoseGraph() : nodes_(kMostPoses), ties_(kMostTies) {}
+PoseGraph::PoseGraph() {
+  nodes_.reserve(kMostPoses);
+  ties_.reserve(kUsualTies);
+}
 
 bool PoseGraph::is_due(std::int64_t stamp_ns) const {
   return nodes_.empty() || seconds_between(nodes_.back().stamp_ns, stamp_ns) >= kPeriod_s;
@@ -46,11 +49,18 @@ void PoseGraph::add(std::int64_t stamp_ns, const Eigen::Vector2d& p_map_m) {
     const Eigen::Matrix3d J = about(nodes_.back().p_map_m);
     node.to_previous.A = J.transpose() * variance.cwiseInverse().asDiagonal() * J;
   }
-  if (nodes_.full()) ++first_;
+  if (nodes_.size() == kMostPoses) forget_older_half();
   nodes_.push_back(node);
 }
 
-boost::circular_buffer<PoseGraph::Node>::const_iterator PoseGraph::first_since(std::int64_t stamp_ns) const {
+void PoseGraph::forget_older_half() {
+  nodes_.erase(nodes_.begin(), nodes_.begin() + kMostPoses / 2);
+  first_ += kMostPoses / 2;
+  ties_.erase(ties_.begin(),
+              std::find_if(ties_.begin(), ties_.end(), [&](const Tie& tie) { return tie.node >= first_; }));
+}
+
+std::vector<PoseGraph::Node>::const_iterator PoseGraph::first_since(std::int64_t stamp_ns) const {
   return std::lower_bound(nodes_.begin(), nodes_.end(), stamp_ns,
                           [](const Node& node, std::int64_t ns) { return node.stamp_ns < ns; });
 }

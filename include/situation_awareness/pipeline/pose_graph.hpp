@@ -3,9 +3,9 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include <Eigen/Core>
-#include <boost/circular_buffer.hpp>
 
 #include "situation_awareness/geometry/pose2.hpp"
 
@@ -20,7 +20,7 @@ namespace situation_awareness {
 ///            their motions, both about the map's origin
 ///
 /// A pose is tied to the one before by inertial navigation, and to those of the times at which what it sees was drawn.
-/// The latest half hour of poses is kept; what is older stays where it is.
+/// Those of half an hour are kept, the older half of which is then forgotten: what is older stays where it is.
 class PoseGraph {
  public:
   /// s. Time between two poses.
@@ -67,12 +67,13 @@ class PoseGraph {
   };
 
   std::size_t index_of(std::size_t node) const { return node < first_ ? 0 : node - first_; }
-  boost::circular_buffer<Node>::const_iterator first_since(std::int64_t stamp_ns) const;
+  void forget_older_half();
+  std::vector<Node>::const_iterator first_since(std::int64_t stamp_ns) const;
   Relation& relation_to(std::int64_t drawn_ns);
 
   std::size_t first_ = 0;  ///< number of those that were forgotten
-  boost::circular_buffer<Node> nodes_;
-  boost::circular_buffer<Tie> ties_;
+  std::vector<Node> nodes_;
+  std::vector<Tie> ties_;  ///< in the order of their nodes
 };
 
 }  // namespace situation_awareness
