@@ -206,8 +206,8 @@ Solution shortest_to_point(const Problem& problem) {
 
 void check(const DubinsEnd& end, const std::string& name) {
   const auto fail = [&name](const std::string& sentence) { throw std::invalid_argument(name + ": " + sentence); };
-  // A greatest coefficient alone may pass over one that is not a number.
-  if (!end.p_m.allFinite() || !(end.p_m.cwiseAbs().maxCoeff() <= 1e9)) fail("coordinates must be in [-1e9, 1e9] m");
+  // Unlike the greatest coefficient, all() passes over none that is not a number.
+  if (!(end.p_m.array().abs() <= 1e9).all()) fail("coordinates must be in [-1e9, 1e9] m");
   if (end.yaw_rad && !(std::abs(*end.yaw_rad) <= 1e6)) fail("yaw must be in [-1e6, 1e6] rad");
   if (!(end.radius_m >= 1e-6 && end.radius_m <= 1e9)) fail("radius must be in [1e-6, 1e9] m");
 }

@@ -35,13 +35,6 @@ constexpr double kLoopFor_s = 0.25, kLoopSigma_m = 0.1, kLoopPause_s = 0.5, kLoo
 
 double squared(double value) { return value * value; }
 
-/// By x, y (m) and yaw (rad) about a place.
-Pose2 motion_about(const Eigen::Vector2d& center_m, const Eigen::Vector3d& motion) {
-  Pose2 T = {Eigen::Vector2d::Zero(), motion(2)};
-  T.translation_m = center_m + motion.head<2>() - T.rotation() * center_m;
-  return T;
-}
-
 }  // namespace
 
 struct LoopSearch::Sight {

@@ -135,9 +135,7 @@ Pose2 PoseGraph::motion_of(std::int64_t drawn_ns) const {
   const Eigen::Vector3d x = last.x + part * (next.x - last.x);
   // About the pose, as the linear motion is not one for places far away.
   const Eigen::Vector2d p_map_m = last.p_map_m + part * (next.p_map_m - last.p_map_m);
-  Pose2 T = {Eigen::Vector2d::Zero(), x(2)};
-  T.translation_m = p_map_m + x.head<2>() + x(2) * left_of(p_map_m) - T.rotation() * p_map_m;
-  return T;
+  return motion_about(p_map_m, about(p_map_m) * x);
 }
 
 void PoseGraph::move() {
@@ -148,7 +146,7 @@ void PoseGraph::move() {
     tie.relation.b -= tie.relation.A * (nodes_[index_of(tie.node)].x - nodes_[index_of(tie.other)].x);
   }
   for (Node& node : nodes_) {
-    node.p_map_m += node.x.head<2>() + node.x(2) * left_of(node.p_map_m);
+    node.p_map_m += (about(node.p_map_m) * node.x).head<2>();
     node.x.setZero();
   }
 }

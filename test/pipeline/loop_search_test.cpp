@@ -80,10 +80,7 @@ class Drifting {
   /// Of the loop that is to be closed: what is drawn now has drifted, by so much in a standard deviation.
   Pose2 motion() const {
     const Eigen::Matrix3d drift = Eigen::Vector3d(0.6, 0.6, 0.06).cwiseAbs2().cwiseInverse().asDiagonal();
-    const Eigen::Vector3d m = (found_->A + drift).ldlt().solve(found_->b);
-    Pose2 T = {Eigen::Vector2d::Zero(), m(2)};
-    T.translation_m = found_->center_m + m.head<2>() - T.rotation() * found_->center_m;
-    return T;
+    return motion_about(found_->center_m, (found_->A + drift).ldlt().solve(found_->b));
   }
 
  private:

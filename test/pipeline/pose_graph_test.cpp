@@ -9,7 +9,7 @@
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/vectors.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -139,10 +139,9 @@ TEST(PoseGraph, TakesNormalEquationsAboutAPlace) {
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const Place& place : places_around(along_line(10))) {
-    const Eigen::Vector2d d_m = place.p_m - center_m;
     const double residual_m = place.normal.dot(off * place.p_m - place.p_m);
     Eigen::Vector3d J;
-    J << place.normal, place.normal.dot(Eigen::Vector2d(-d_m.y(), d_m.x()));
+    J << place.normal, place.normal.dot(left_of(place.p_m - center_m));
     A += kWeight * J * J.transpose();
     b += kWeight * residual_m * J;
     by_hits.tie(at(2.0), place.p_m, place.normal, residual_m, kWeight);

@@ -26,4 +26,11 @@ inline Pose2 inverse(const Pose2& T_a_b) {
   return {-(T_a_b.rotation().transpose() * T_a_b.translation_m), -T_a_b.yaw_rad};
 }
 
+/// The motion that turns by a yaw (rad) about a place, and moves that by x and y (m).
+inline Pose2 motion_about(const Eigen::Vector2d& center_m, const Eigen::Vector3d& motion) {
+  Pose2 T = {Eigen::Vector2d::Zero(), motion(2)};
+  T.translation_m = center_m + motion.head<2>() - T.rotation() * center_m;
+  return T;
+}
+
 }  // namespace situation_awareness
