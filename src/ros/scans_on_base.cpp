@@ -55,8 +55,9 @@ StampOrder::Verdict ScansOnBase::add(const ArrivedScan& scan) {
 // Where the lidar is on the base, as TF knows it now.
 void ScansOnBase::mount() {
   if (base_frame_.empty() || lidar_frame_.empty()) return;
-  if (!tf_.canTransform(base_frame_, lidar_frame_, ros::Time(), &why_not_mounted_)) {
-    why_not_mounted_ = "from " + base_frame_ + " to " + lidar_frame_ + ": " + why_not_mounted_;
+  const Taken now{lidar_frame_, ros::Time(), ros::Time()};  // zero: the latest transform
+  if (!has_transforms(tf_, base_frame_, now)) {
+    why_not_mounted_ = missing_transform(tf_, base_frame_, now);
     return;
   }
   try {

@@ -173,7 +173,9 @@ class ReflectorLocalizationTest(unittest.TestCase):
         self.run_scans(20)
         time.sleep(1.0)
         self.assertGreater(self.count("dropped: no transform"), 10)
-        self.assertTrue(self.logged(Log.WARN, "from robot to scanner"))
+        said = self.logged(Log.WARN, "from robot to scanner")
+        self.assertTrue(said)
+        self.assertEqual({log.msg.count("from robot to scanner") for log in said}, {1}, said)
         self.mounting.publish(TFMessage([transform_of(rospy.Time.now(), "robot", "scanner", SCANNER)]))
         wait_until(lambda: self.mounting.get_num_connections() > 0, 5.0, "the listener")
 
