@@ -14,8 +14,8 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, transform_msg,  # noqa: E402
-                         wait_until)
+from ros_support import (BEAMS, Diagnostics, Latest, Robot, ranges_to_circles, scan_msg, shown_ids,  # noqa: E402
+                         transform_msg, wait_until)
 from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
 
 
@@ -73,19 +73,10 @@ class ChainTest(unittest.TestCase):
         self.assertLessEqual({"object", "id", "position_uncertainty"}, spaces)
 
     def test_3_markers_show_the_map_and_nothing_else(self):
-        self.robot.run(20, circles=[(3.0, 0.5, 0.25)])
-        time.sleep(0.5)
-        shown = set()
-        for array in self.markers.messages:
-            for marker in array.markers:
-                if marker.action == Marker.ADD:
-                    shown.add((marker.ns, marker.id))
-                elif marker.action == Marker.DELETE:
-                    shown.discard((marker.ns, marker.id))
-                else:
-                    shown.clear()
-        self.assertEqual({id for ns, id in shown if ns == "object"},
-                         {ellipse.id for ellipse in self.map.messages[-1].objects})
+        stamps = self.robot.run(20, circles=[(3.0, 0.5, 0.25)])
+        wait_until(lambda: stamps[-1] in self.map.stamps(), 5.0, "the map")
+        ids = {ellipse.id for ellipse in self.map.messages[-1].objects}
+        wait_until(lambda: shown_ids(self.markers.messages, "object") == ids, 5.0, "the markers of the map")
 
     def test_4_a_late_transform_is_waited_for(self):
         self.robot.run(5)
@@ -108,6 +99,7 @@ class ChainTest(unittest.TestCase):
         self.assertNotIn(stamp, self.segments.stamps(), "no transform at the last beam, no segments")
         self.robot.tf.publish(transform_msg(stamp + sweep, x=0.05))
         wait_until(lambda: stamp in self.detections.stamps(), 2.0, "detections")
+        wait_until(lambda: stamp in self.segments.stamps(), 2.0, "segments")
         segments = next(message for message in self.segments.messages if message.header.stamp == stamp)
         self.assertAlmostEqual(segments.time_increment, increment, delta=1e-9)
         self.assertEqual(len(segments.free_azimuth), BEAMS)

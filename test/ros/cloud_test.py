@@ -108,6 +108,10 @@ class CloudTest(unittest.TestCase):
         wait_until(lambda: stamp in self.map.stamps(), 5.0, "the map of the last cloud")
         return self.map.messages[self.map.stamps().index(stamp)], stamp
 
+    def scan_of(self, stamp):
+        wait_until(lambda: stamp in self.scans.stamps(), 5.0, "the scan of that cloud")
+        return self.scans.messages[self.scans.stamps().index(stamp)]
+
     def assert_posts(self, latest):
         self.assertEqual(latest.header.frame_id, "world")
         self.assertEqual(len(latest.objects), len(POSTS))
@@ -122,7 +126,7 @@ class CloudTest(unittest.TestCase):
         self.assertGreater(np.isnan(points).sum(), 1000)
         latest, stamp = self.run_clouds(points, CAMERA, "camera_optical")
         self.assert_posts(latest)
-        scan = self.scans.messages[self.scans.stamps().index(stamp)]
+        scan = self.scan_of(stamp)
         self.assertEqual(scan.header.frame_id, "camera_optical_level")
         ranges = np.array(scan.ranges)
         self.assertEqual(len(ranges), 900)
@@ -133,7 +137,7 @@ class CloudTest(unittest.TestCase):
     def test_2_a_scanner_without_rows(self):
         latest, stamp = self.run_clouds(scanner_points(), SCANNER, "velodyne")
         self.assert_posts(latest)
-        self.assertEqual(self.scans.messages[self.scans.stamps().index(stamp)].header.frame_id, "velodyne_level")
+        self.assertEqual(self.scan_of(stamp).header.frame_id, "velodyne_level")
 
     def assert_dropped(self, reason, msg):
         key = "dropped: " + reason

@@ -24,7 +24,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import Latest, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
+from ros_support import Latest, comes_true, ranges_to_circles, scan_msg, transform_msg, wait_until  # noqa: E402
 from situation_awareness.msg import MappedObjectArray, SegmentArray  # noqa: E402
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -113,8 +113,8 @@ class FaultsTest(unittest.TestCase):
 
     def maps_again(self, robot):
         stamp = self.scan(robot)
-        time.sleep(0.1)
-        return stamp in robot.maps.stamps() and len(robot.maps.messages[-1].objects) == len(CIRCLES)
+        return (comes_true(lambda: stamp in robot.maps.stamps(), 0.5)
+                and len(robot.maps.messages[-1].objects) == len(CIRCLES))
 
     @fault("mounting", "upside down, clockwise, and both, 40 scans each beside those of an upright scanner",
            "the same ids, ellipses, velocities and covariances, within 0.1 mm", times=3)
@@ -180,8 +180,7 @@ class FaultsTest(unittest.TestCase):
 
             def segments_again():
                 stamp = self.scan(robot)
-                time.sleep(0.1)
-                return stamp in robot.segments.stamps()
+                return comes_true(lambda: stamp in robot.segments.stamps(), 0.5)
             wait_until(segments_again, PATIENCE_S, "segments, which need no model")
             rospy.wait_for_service("/model/mapping/reset", timeout=5.0)  # mapping is alive
             self.assertNotIn(self.scan(robot), robot.maps.stamps())

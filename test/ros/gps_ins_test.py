@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import Diagnostics, Latest, wait_until, yaw_of  # noqa: E402
+from ros_support import Diagnostics, Latest, comes_true, wait_until, yaw_of  # noqa: E402
 
 STAGE = "gps_ins"
 ORIGIN = (48.1, 11.5, 520.0)
@@ -206,11 +206,10 @@ class GpsInsTest(unittest.TestCase):
 
     def run_until_ready(self, within_s=60.0):
         end = self.i + int(within_s * IMU_HZ)
+        messages = self.odometry.messages
         while True:
             self.run_for(2.0)
-            time.sleep(0.1)
-            messages = self.odometry.messages
-            if messages and abs((messages[-1].header.stamp - self.stamp()).to_sec()) < 0.5:
+            if comes_true(lambda: messages and abs((messages[-1].header.stamp - self.stamp()).to_sec()) < 0.5, 0.5):
                 return
             self.assertLess(self.i, end, f"not ready: {self.status()}")
 
@@ -303,8 +302,8 @@ class GpsInsTest(unittest.TestCase):
                 self.assertGreater(np.linalg.eigvalsh(P).min(), 0.0)
 
         message = messages[-1]
-        wait_until(lambda: self.poses.messages[-1].header.stamp == message.header.stamp, 2.0, "the pose")
-        self.assertEqual(self.poses.messages[-1].pose, message.pose)
+        wait_until(lambda: message.header.stamp in self.poses.stamps(), 2.0, "the pose")
+        self.assertEqual(self.poses.messages[self.poses.stamps().index(message.header.stamp)].pose, message.pose)
         wait_until(lambda: buffer.can_transform("field", "rover", message.header.stamp), 2.0, "TF")
         transform = buffer.lookup_transform("field", "rover", message.header.stamp).transform
         self.assertAlmostEqual(transform.translation.x, message.pose.pose.position.x, delta=1e-6)

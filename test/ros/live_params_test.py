@@ -16,7 +16,7 @@ from dynamic_reconfigure.client import Client
 from rosgraph_msgs.msg import Log
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, Robot, pid_of, scan_msg, wait_until  # noqa: E402
+from ros_support import Latest, Robot, comes_true, pid_of, scan_msg, wait_until  # noqa: E402
 from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentArray  # noqa: E402
 
 CIRCLE = ((3.0, 0.5, 0.25),)
@@ -32,6 +32,7 @@ class LiveParamsTest(unittest.TestCase):
         cls.robot = Robot(transforms=False)
         wait_until(lambda: cls.map.subscriber.get_num_connections() > 0, 60.0, "the mapping nodelet")
         wait_until(lambda: cls.detections.subscriber.get_num_connections() > 0, 60.0, "the detection nodelet")
+        wait_until(lambda: cls.segments.subscriber.get_num_connections() > 0, 60.0, "the segmentation nodelet")
         cls.live = {stage: Client(f"{stage}/live", timeout=30) for stage in ("segmentation", "detection", "mapping")}
         time.sleep(1.0)
 
@@ -135,8 +136,7 @@ class LiveParamsTest(unittest.TestCase):
         def back():
             msg = scan_msg(rospy.Time.now(), circles=CIRCLE)
             self.robot.publish(msg)
-            time.sleep(0.2)
-            return msg.header.stamp in self.map.stamps()
+            return comes_true(lambda: msg.header.stamp in self.map.stamps(), 0.5)
         wait_until(back, 60.0, "the graph to come back")
         self.assertEqual(len(self.of_next_scan(self.segments).segments), 0, "the object is beyond 2.5 m")
         wait_until(lambda: rospy.get_param("segmentation/live/max_range_m") == 2.5, 5.0, "the live value")

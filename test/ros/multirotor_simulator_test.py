@@ -32,7 +32,8 @@ class MultirotorSimulatorTest(unittest.TestCase):
         cls.tf = tf2_ros.Buffer()
         cls.listener = tf2_ros.TransformListener(cls.tf)
         cls.goals = rospy.Publisher("go_to", PoseStamped, queue_size=10)
-        wait_until(lambda: cls.goals.get_num_connections() > 0 and cls.labels.messages, 60.0, "the simulator")
+        wait_until(lambda: cls.goals.get_num_connections() > 0 and all(latest.messages for latest in (
+            cls.truths, cls.imu, cls.headings, cls.labels, cls.infos)), 60.0, "the simulator")
 
     def true_pose(self, stamp):
         """The nearest by time: the truth comes every 20 ms, on a topic of its own."""

@@ -187,7 +187,7 @@ class PathTest(unittest.TestCase):
         self.vehicle.edges += box(2.0, 0.1, 0.15)
         self.drive()
         wait_until(lambda: self.vehicle.stands() and self.vehicle.x > 0.5, 20.0, "the vehicle to stop")
-        self.assertEqual(self.latest().verdict, SafetyVerdict.STOP)
+        wait_until(lambda: self.latest().verdict == SafetyVerdict.STOP, 5.0, "the verdict")
         self.assertEqual(self.latest().kind, SafetyVerdict.UNKNOWN_HIT)
         self.assertLess(self.vehicle.x + 0.215, 1.85 - 0.1)
         self.assertLess(abs(self.latest().place.x - 1.85), 0.1)

@@ -20,8 +20,8 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, Robot, pid_of, scan_msg,  # noqa: E402
-                         transform_msg, wait_until)
+from ros_support import (ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, Robot, comes_true, pid_of,  # noqa: E402
+                         scan_msg, transform_msg, wait_until)
 from situation_awareness.msg import MappedPolygon, PolygonArray, SegmentArray  # noqa: E402
 from situation_awareness.srv import GetPolygons, LoadPolygons, SavePolygons  # noqa: E402
 
@@ -327,8 +327,7 @@ class PolygonMappingTest(unittest.TestCase):
             stamp = rospy.Time.now()
             self.robot.tf.publish(transform_msg(stamp, parent="map"))
             self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room()), transforms=False)
-            time.sleep(0.2)
-            return stamp in self.maps.stamps()
+            return comes_true(lambda: stamp in self.maps.stamps(), 0.5)
         wait_until(maps_again, 60.0, "the manager and its nodelets to come back")
         self.load.wait_for_service(10.0)
         self.assertTrue(self.load(path).success)

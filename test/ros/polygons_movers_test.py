@@ -71,8 +71,8 @@ class PolygonsMoversTest(unittest.TestCase):
             if y > -1.4:
                 self.assertEqual(self.inside(walls), [], f"at {y}")
             y += PERIOD_S
-        self.assertTrue(any(math.hypot(o.pose.position.x - x, o.pose.position.y - y) < 0.15
-                            for o in self.objects.messages[-1].objects), "it is on the map of objects")
+        wait_until(lambda: any(math.hypot(o.pose.position.x - x, o.pose.position.y - y) < 0.15
+                               for o in self.objects.messages[-1].objects), 5.0, "it on the map of objects")
         for _ in range(round(3.0 / PERIOD_S)):
             self.assertEqual(self.inside(self.see(x, y)), [], "someone who stands for 3 s")
         for _ in range(round(9.0 / PERIOD_S)):

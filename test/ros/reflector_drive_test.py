@@ -23,11 +23,9 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 sys.path.insert(0, str(HERE.parents[1] / "scripts" / "evaluation"))
 import polygon_worlds  # noqa: E402
-from ros_support import Diagnostics, Latest, wait_until  # noqa: E402
+from ros_support import Diagnostics, Latest, wait_until, yaw_of  # noqa: E402
 
-
-def yaw_of(q):
-    return 2.0 * math.atan2(q.z, q.w)
+LAST_BEAM = rospy.Duration(0.029)  # after a scan's stamp
 
 
 class ReflectorDriveTest(unittest.TestCase):
@@ -87,17 +85,17 @@ class ReflectorDriveTest(unittest.TestCase):
         self.assertEqual(diagnostics.count("reflector_localization", "dropped: pose not known"), 0)
 
         # At the times of the first and last beams TF has the poses of that scan: no extrapolation, no other scan's.
-        time.sleep(0.5)
+        compared = poses.messages[5:-5]
+        wait_until(lambda: buffer.can_transform("map", "base_link", compared[-1].header.stamp + LAST_BEAM), 5.0, "TF")
         worst_m = 0.0
-        for message in poses.messages[5:-5]:
+        for message in compared:
             transform = buffer.lookup_transform("map", "base_link", message.header.stamp).transform
             pose = message.pose.pose
             worst_m = max(worst_m, math.hypot(transform.translation.x - pose.position.x,
                                               transform.translation.y - pose.position.y))
             self.assertAlmostEqual(yaw_of(transform.rotation), yaw_of(pose.orientation), delta=1e-6)
-            last = message.header.stamp + rospy.Duration(0.029)
             now = buffer.lookup_transform("map", "odom", message.header.stamp).transform
-            then = buffer.lookup_transform("map", "odom", last).transform
+            then = buffer.lookup_transform("map", "odom", message.header.stamp + LAST_BEAM).transform
             self.assertAlmostEqual(now.translation.x, then.translation.x, delta=1e-9)
         self.assertLess(worst_m, 1e-6)
 

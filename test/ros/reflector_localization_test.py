@@ -20,7 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import fault  # noqa: E402
-from ros_support import ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, wait_until  # noqa: E402
+from ros_support import ANGLE_MIN, BEAMS, INCREMENT, Diagnostics, Latest, comes_true, wait_until  # noqa: E402
 from situation_awareness.srv import Relocate  # noqa: E402
 
 STAGE = "reflector_localization"
@@ -128,10 +128,8 @@ class ReflectorLocalizationTest(unittest.TestCase):
     def wait_for_pose(self, timeout_s=5.0):
         end = time.monotonic() + timeout_s
         while True:
-            before = len(self.poses.messages)
-            stamps = self.run_scans(5)
-            time.sleep(0.1)
-            if len(self.poses.messages) > before and self.poses.messages[-1].header.stamp == stamps[-1]:
+            stamp = self.run_scans(5)[-1]
+            if comes_true(lambda: self.poses.messages and self.poses.messages[-1].header.stamp == stamp, 0.5):
                 return self.poses.messages[-1]
             self.assertLess(time.monotonic(), end, f"no pose: {self.status()}")
 
@@ -146,7 +144,7 @@ class ReflectorLocalizationTest(unittest.TestCase):
         return [log for log in self.logs if log.level == level and all(part in log.msg for part in parts)]
 
     def count(self, key):
-        time.sleep(1.2)  # of a report after the fault
+        self.diagnostics.wait_for_reports(STAGE)
         return self.diagnostics.count(STAGE, key)
 
     # --- start

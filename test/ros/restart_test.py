@@ -12,7 +12,7 @@ import rospy
 import rostest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Latest, Robot, pid_of, scan_msg, wait_until  # noqa: E402
+from ros_support import Latest, Robot, comes_true, pid_of, scan_msg, wait_until  # noqa: E402
 from situation_awareness.msg import MappedObjectArray  # noqa: E402
 
 
@@ -39,8 +39,7 @@ class RestartTest(unittest.TestCase):
 
         def maps_again():
             stamp = self.robot.run(1)[0]
-            time.sleep(0.2)
-            return stamp in self.map.stamps()
+            return comes_true(lambda: stamp in self.map.stamps(), 0.5)
         wait_until(maps_again, 60.0, "the manager and its nodelets to come back")
 
 

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker
 
 ANGLE_MIN = -2.35619449
 INCREMENT = 0.0087266463  # 0.5 deg
@@ -63,14 +64,20 @@ def yaw_of(q):
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
 
 
-def wait_until(condition, timeout_s, what):
-    """Wait in wall time; fail on timeout, naming the condition."""
+def comes_true(condition, timeout_s):
+    """Wait in wall time; false on timeout."""
     end = time.monotonic() + timeout_s
     while time.monotonic() < end and not rospy.is_shutdown():
         if condition():
-            return
+            return True
         time.sleep(0.02)
-    raise AssertionError(f"waited {timeout_s} s for {what}")
+    return False
+
+
+def wait_until(condition, timeout_s, what):
+    """Wait in wall time; fail on timeout, naming the condition."""
+    if not comes_true(condition, timeout_s):
+        raise AssertionError(f"waited {timeout_s} s for {what}")
 
 
 def refusal_of_node(program, argument):
@@ -89,6 +96,19 @@ def refusal_of_node(program, argument):
 def pid_of(node):
     uri = rosgraph.Master("ros_support").lookupNode(node)
     return xmlrpc.client.ServerProxy(uri).getPid("ros_support")[2]
+
+
+def shown_ids(arrays, namespace):
+    """Of the markers of a namespace, those that are shown after these MarkerArrays."""
+    ids = set()
+    for marker in (marker for array in list(arrays) for marker in array.markers):
+        if marker.action == Marker.DELETEALL:
+            ids.clear()
+        elif marker.ns == namespace and marker.action == Marker.DELETE:
+            ids.discard(marker.id)
+        elif marker.ns == namespace:
+            ids.add(marker.id)
+    return ids
 
 
 class Latest:
@@ -117,6 +137,11 @@ class Diagnostics:
                 self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message,
                                          level=status.level)
                 self.history.append((name, self.stages[name]))
+
+    def wait_for_reports(self, stage):
+        """Two of the stage: the first may have been under way, the second is of what happened before this call."""
+        before = len(self.history)
+        wait_until(lambda: sum(name == stage for name, _ in self.history[before:]) >= 2, 10.0, f"reports of {stage}")
 
     def count(self, stage, key):
         return int(self.stages.get(stage, {}).get(key, "0"))

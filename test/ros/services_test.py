@@ -15,10 +15,10 @@ import rosgraph
 import rospy
 import rostest
 from std_srvs.srv import SetBool, Trigger
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from ros_support import Diagnostics, Latest, Robot, scan_msg, wait_until  # noqa: E402
+from ros_support import Diagnostics, Latest, Robot, comes_true, scan_msg, shown_ids, wait_until  # noqa: E402
 from situation_awareness.msg import MappedObjectArray  # noqa: E402
 from situation_awareness.srv import GetObjects, LoadObjects, SaveObjects  # noqa: E402
 
@@ -165,18 +165,7 @@ class ServicesTest(unittest.TestCase):
         self.assertEqual(self.map.messages[-1].objects[0].observations, loaded.objects[0].observations + 20)
 
     def shown(self):
-        shown = set()
-        for array in list(self.markers.messages):
-            for marker in array.markers:
-                if marker.ns != "object" and marker.action != Marker.DELETEALL:
-                    continue
-                if marker.action == Marker.ADD:
-                    shown.add(marker.id)
-                elif marker.action == Marker.DELETE:
-                    shown.discard(marker.id)
-                else:
-                    shown.clear()
-        return shown
+        return shown_ids(self.markers.messages, "object")
 
     def test_5_what_cannot_be_used_changes_nothing(self):
         self.run_and_map(20)
@@ -230,8 +219,7 @@ class ServicesTest(unittest.TestCase):
 
         def maps_again():
             stamp = self.robot.run(1, circles=STANDING)[0]
-            time.sleep(0.2)
-            return stamp in self.map.stamps()
+            return comes_true(lambda: stamp in self.map.stamps(), 0.5)
         wait_until(maps_again, 60.0, "the stages before it to come back")
         self.assertEqual(self.ids(), ids)
         before = self.map.messages[-1].objects

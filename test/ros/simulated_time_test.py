@@ -41,6 +41,7 @@ class SimulatedTimeTest(unittest.TestCase):
             time.sleep(LATE_S)
             cls.robot.tf.publish(transform_msg(stamp))
             wait_until(lambda: stamp in cls.map.stamps(), PATIENCE_S, "the map")
+        wait_until(lambda: stamp in cls.segments.stamps() and stamp in cls.detections.stamps(), 5.0, "the last messages")
         wait_until(lambda: cls.diagnostics.count("mapping", "processed") == 40, 5.0, "what is said of the last scan")
 
     def worked(self, stage):

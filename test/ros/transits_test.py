@@ -106,6 +106,7 @@ class TransitsTest(unittest.TestCase):
         self.assertEqual(wrong.returncode, 1, output)
         self.assertIn("NOT MET", output)
 
+        wait_until(lambda: len(transits) >= 4, 10.0, "the end of the last transit")
         # Without a scan in the dock, where the vehicle turned and things changed.
         self.assertEqual([(m.number, m.docked) for _, m in transits], [(1, False), (1, True), (2, False), (2, True)])
         self.assertEqual(transits[-1][1].transits, 2)
@@ -117,7 +118,7 @@ class TransitsTest(unittest.TestCase):
         self.assertEqual(there[1] - there[2], set())
         # The simulator's map -> odom makes the pose of the vehicle the true one.
         last = poses.messages[-1]
-        estimate = tf.lookup_transform("map", "base_link", last.header.stamp).transform.translation
+        estimate = tf.lookup_transform("map", "base_link", last.header.stamp, rospy.Duration(5)).transform.translation
         self.assertAlmostEqual(estimate.x, last.pose.position.x, delta=0.002)
         self.assertAlmostEqual(estimate.y, last.pose.position.y, delta=0.002)
         del listener, subscriber
