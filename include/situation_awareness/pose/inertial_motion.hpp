@@ -94,24 +94,17 @@ struct InertialNoiseParams {
   void validate() const { check_bounds(*this, "imu"); }
 };
 
-/// The motion over a step in which specific force and angular rate, as measured, are constant.
-NavigationState moved_by_imu(const NavigationState& x, const Eigen::Vector3d& specific_force_m_s2,
-                             const Eigen::Vector3d& angular_velocity_rad_s, double dt_s);
-
 /// The Jacobian of a motion of several steps by the error of the state before it, those blocks that are neither zero
 /// nor the identity.
 struct MotionJacobian {
   double duration_s = 0.0;  ///< also the block of the position by the velocity
-  Eigen::Matrix3d position_by_attitude = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d position_by_accelerometer = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d position_by_gyroscope = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d velocity_by_attitude = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d velocity_by_accelerometer = Eigen::Matrix3d::Zero();
-  Eigen::Matrix3d velocity_by_gyroscope = Eigen::Matrix3d::Zero();
+  /// Rows: position, velocity. Columns: attitude, bias of the accelerometer, bias of the gyroscope.
+  Eigen::Matrix<double, 6, 9> translation = Eigen::Matrix<double, 6, 9>::Zero();
   Eigen::Matrix3d attitude_by_attitude = Eigen::Matrix3d::Identity();
   Eigen::Matrix3d attitude_by_gyroscope = Eigen::Matrix3d::Zero();
 
-  /// Appends the step from `x` with the same arguments as moved_by_imu, and returns the same as that.
+  /// The state after a step from `x` in which specific force and angular rate, as measured, are constant; the Jacobian
+  /// of that step is appended.
   NavigationState append(const NavigationState& x, const Eigen::Vector3d& specific_force_m_s2,
                          const Eigen::Vector3d& angular_velocity_rad_s, double dt_s);
 
