@@ -31,8 +31,9 @@ SCANS = 350
 # comes after the next sample changes the last digits, and so does a scan: tf2 interpolates at the latest stamp once there
 # is a later one.
 ORDER_S = 0.1
-# Where a busy machine takes longer.
-LATE_M = 0.01
+# Where a busy machine takes longer: a scan is mapped before the fix that moves the pose by so much, which is most just
+# after it was found.
+LATE_M = 0.05
 KINDS = {"/imu": Imu, "/fix": NavSatFix, "/scan": LaserScan, "/tf": TFMessage}
 
 
