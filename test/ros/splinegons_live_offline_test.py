@@ -30,10 +30,9 @@ SCANS = 350
 # Wall time in which messages of one topic are surely taken before those of another that are sent after it. A fix that
 # comes after the next sample changes the last digits, and so does a scan: tf2 interpolates at the latest stamp once there
 # is a later one.
-ORDER_S = 0.1
-# Where a busy machine takes longer: a scan is mapped before the fix that moves the pose by so much, which is most just
-# after it was found.
-LATE_M = 0.05
+ORDER_S = 0.15
+# Where a busy machine takes longer.
+LATE_M = 0.01
 KINDS = {"/imu": Imu, "/fix": NavSatFix, "/scan": LaserScan, "/tf": TFMessage}
 
 
