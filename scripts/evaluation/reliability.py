@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 
+import fault_tables
 from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
                     targets_section, write)
 
@@ -20,7 +21,9 @@ MOST_UNTIL_BACK_S = 2.0
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
 LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
-TESTS = "^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path|circumnavigate|grid_mapping|scout)_test$"
+# Those that say what a fault does (test/ros/fault_record.py, test/support/fault_cell.hpp).
+TESTS = ("^ros/(faults|master_restart|gps_ins|reflector_localization|polygon_mapping|path|circumnavigate|grid_mapping|scout|"
+         "wrong_stamps)_test$|^(path/(safety_areas|path_following|circumnavigation|scouting)|pipeline/wrong_stamps)_test$")
 
 
 # --- running
@@ -73,12 +76,13 @@ def run_faults(words, folder, name, hours):
 
 
 def run_tests(folder):
-    """The tests' records of the faults that they inject."""
+    """The tests' records of the faults that they inject: (faults with separate tests, cells of tables)"""
     results = folder / "faults.jsonl"
     results.unlink(missing_ok=True)
     subprocess.run(["ctest", "--test-dir", str(ROOT / "build"), "-R", TESTS, "--output-on-failure"], check=False,
                    env=dict(os.environ, SITUATION_AWARENESS_FAULTS=str(results)), stdout=subprocess.DEVNULL)
-    return [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
+    lines = [json.loads(line) for line in results.read_text().splitlines()] if results.exists() else []
+    return [line for line in lines if "how" in line], [line for line in lines if "stage" in line]
 
 
 # --- numbers
@@ -101,7 +105,7 @@ def growth_bytes(blocks):
     return max(block["resident_bytes"] for block in warm) - warm[0]["resident_bytes"], longest
 
 
-def targets(blocks, result, tests):
+def targets(blocks, result, tests, cells):
     """(sentence, figure, met)"""
     faults = [fault for fault in result["faults"] if fault["count"]]
     count = sum(fault["count"] for fault in faults)
@@ -121,6 +125,7 @@ def targets(blocks, result, tests):
     passed = sum(test["passed"] for test in tests)
     yield ("every fault with a separate test has its expected outcome", f"{passed} of {len(tests)}",
            bool(tests) and passed == len(tests))
+    yield from fault_tables.targets(cells)
 
 
 # --- tables
@@ -213,10 +218,20 @@ Faults that cannot be part of a day, and those of localisation (`reflector_local
 mission around unknown obstacles (`circumnavigate_test`), of the semantic grid (`grid_mapping_test`) and of scouting
 (`scout_test`); each has a test that runs in CI.
 """
+INPUTS = """
+What a stage that moves a vehicle, or lets it move, does where a fault is in one of its inputs while it drives or flies.
+Each cell is a test that runs in CI, in the core where it can be, else live; "–" is where an input cannot have the
+fault. *Frozen* is an input that repeats its last values with new stamps; *killed* and *restarted* are of the program
+that sends it.
+"""
+STAMPS = """
+What one message of a recording whose stamp is wrong by so much does to the final map or pose, against the same recording
+without that message.
+"""
 
 
-def report_of(blocks, result, tests, limit, measured):
-    verdicts = list(targets(blocks, result, tests))
+def report_of(blocks, result, tests, cells, limit, measured):
+    verdicts = list(targets(blocks, result, tests, cells))
     kinds = sum(fault["count"] > 0 for fault in result["faults"]) - 1  # without "no fault"
     return "\n".join((
         "# Fault injection\n",
@@ -228,6 +243,8 @@ def report_of(blocks, result, tests, limit, measured):
         section("Processes that die", prose(DEATHS), death_table(result)),
         section("Violations", failures_list(result)),
         section("Faults with separate tests", prose(TESTED), test_table(tests)),
+        section("Inputs against faults", prose(INPUTS)), *fault_tables.input_tables(cells),
+        section("One wrong stamp", prose(STAMPS), fault_tables.stamp_table(cells)),
         section("A fault with longer recovery", prose(LIMITS.format(every=FAULT_EVERY_S)), limit_table(limit)))), \
         all(met for _, _, met in verdicts)
 
@@ -246,8 +263,8 @@ def main():
     blocks, result, took_s = run_faults(["--hours", str(arguments.hours), *seed], folder, "day", arguments.hours)
     only = ["--only", left_out(result)["name"], "--rounds", str(LEFT_OUT_TIMES)]
     _, limit, _ = run_faults([*only, *seed], folder, "limit", LEFT_OUT_TIMES * FAULT_EVERY_S / 3600)
-    tests = run_tests(folder)
-    report, kept = report_of(blocks, result, tests, limit, {**measured, "minutes": took_s / 60})
+    tests, cells = run_tests(folder)
+    report, kept = report_of(blocks, result, tests, cells, limit, {**measured, "minutes": took_s / 60})
     write(output, "reliability.md", report)
     sys.exit(0 if kept else 1)
 
