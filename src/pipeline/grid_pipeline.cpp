@@ -17,8 +17,14 @@ CameraPoseCovariance covariance_of(const CameraPoseParams& params) {
 
 GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation)
     : params_((params.validate(), params.pose.validate(), params)),
-      map_(params.grid, std::move(elevation)),
+      elevation_(std::move(elevation)),
+      map_(params.grid, elevation_),
       tracks_(params.targets) {}
+
+void GridPipeline::begin_anew() {
+  map_ = GridMap(params_.grid, elevation_);
+  tracks_.forget();
+}
 
 const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                                          const std::optional<CameraPoseCovariance>& covariance) {

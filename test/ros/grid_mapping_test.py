@@ -149,6 +149,16 @@ class GridMappingTest(unittest.TestCase):
         self.publishers["/camera/labels"].publish(again)
         wait_until(lambda: self.targets.messages[-1].header.stamp == again.header.stamp, 10.0, "targets")
         self.assertEqual(self.targets.messages[-1].targets, [])
+        # What is found again has ids that nobody had.
+        before = {target.id for message in self.targets.messages for target in message.targets}
+        for _ in range(5):
+            again.header.stamp += rospy.Duration(0.1)
+            self.stay_until(again.header.stamp + rospy.Duration(0.01))
+            self.publishers["/camera/labels"].publish(again)
+            wait_until(lambda: self.targets.messages[-1].header.stamp == again.header.stamp, 10.0, "targets")
+        found = {target.id for target in self.targets.messages[-1].targets}
+        self.assertTrue(found)
+        self.assertFalse(found & before)
 
 
 if __name__ == "__main__":

@@ -65,11 +65,15 @@ class GridPipeline {
   const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                              const std::optional<CameraPoseCovariance>& covariance = {});
 
+  /// A new map. The ids of its targets were not used before.
+  void begin_anew();
+
   const GridTargets& targets() const { return tracks_.targets(); }
   const GridMap& map() const { return map_; }
 
  private:
   GridPipelineParams params_;
+  std::shared_ptr<const Elevation> elevation_;
   GridMap map_;
   GridTracks tracks_;
   SemanticGrid class_grid_;

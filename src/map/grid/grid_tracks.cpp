@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
+#include <set>
+#include <tuple>
 
 #include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/estimation/gating.hpp"
@@ -38,7 +40,9 @@ GridTracks::GridTracks(const GridTracksParams& params)
 const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
                                       const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
                                       const CameraPoseCovariance& covariance) {
+  ++updates_;
   associate(clusters);
+  forget_lost();
   note_apart();
   targets_.stamp_ns = stamp_ns;
   targets_.targets.clear();
@@ -48,6 +52,7 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
     add_view(track, camera, T_world_camera, covariance);
     const GridCluster& cluster = track.cluster;
     if (cluster.images < params_.confirm_images) continue;
+    track.was_reported = true;
     GridTarget found{track.id,
                      {cluster.p_world_m.x(), cluster.p_world_m.y(), cluster.ground_world_m},
                      covariance_of(track),
@@ -86,7 +91,10 @@ void GridTracks::associate(const std::vector<GridCluster>& clusters) {
   }
   const std::vector<int> track_of =
       assign(static_cast<int>(clusters.size()), static_cast<int>(tracks_.size()), candidates);
-  for (Track& track : tracks_) track.is_on_map = false;
+  for (Track& track : tracks_) {
+    if (track.is_on_map) track.lost_at = updates_;
+    track.is_on_map = false;
+  }
   for (std::size_t row = 0; row < clusters.size(); ++row) {
     if (clusters[row].area_m2 < params_.min_area_m2) continue;
     if (track_of[row] < 0) tracks_.emplace_back().id = ++last_id_;
@@ -94,6 +102,36 @@ void GridTracks::associate(const std::vector<GridCluster>& clusters) {
     track.cluster = clusters[row];
     track.is_on_map = true;
   }
+}
+
+/// The oldest of those that are lost, as many as there are too many.
+void GridTracks::forget_lost() {
+  const auto lost = static_cast<std::size_t>(
+      std::count_if(tracks_.begin(), tracks_.end(), [](const Track& t) { return !t.is_on_map; }));
+  if (lost <= kMostLost) return;
+  std::vector<const Track*> oldest;
+  for (const Track& track : tracks_) {
+    if (!track.is_on_map) oldest.push_back(&track);
+  }
+  const auto rank = [](const Track* t) { return std::make_tuple(t->was_reported, t->lost_at, t->id); };
+  const auto end = oldest.begin() + static_cast<std::ptrdiff_t>(lost - kMostLost);
+  std::nth_element(oldest.begin(), end, oldest.end(), [&](const auto* a, const auto* b) { return rank(a) < rank(b); });
+  std::set<std::uint64_t> ids;
+  std::for_each(oldest.begin(), end, [&](const Track* track) { ids.insert(track->id); });
+  tracks_.erase(
+      std::remove_if(tracks_.begin(), tracks_.end(), [&](const Track& track) { return ids.count(track.id) > 0; }),
+      tracks_.end());
+  for (auto pair = apart_.begin(); pair != apart_.end();) {
+    const bool goes = ids.count(pair->first.first) > 0 || ids.count(pair->first.second) > 0;
+    pair = goes ? apart_.erase(pair) : std::next(pair);
+  }
+}
+
+void GridTracks::forget() {
+  tracks_.clear();
+  apart_.clear();
+  targets_ = {};
+  images_.clear();
 }
 
 /// Of those near each other.

@@ -59,7 +59,7 @@ class GridMappingStage {
                   context_.diagnostics().counted({{"time jumped back: new map", 1}});
                   begin();
                 }}) {
-    begin();
+    pipeline_.emplace(params_.pipeline, elevation_);
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
       info_.emplace(context_.node(), "camera_info",
@@ -89,7 +89,7 @@ class GridMappingStage {
 
  private:
   void begin() {
-    pipeline_.emplace(params_.pipeline, elevation_);
+    pipeline_->begin_anew();
     covariances_.clear();
     grid_ns_.reset();
   }

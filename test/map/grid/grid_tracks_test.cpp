@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <ctime>
 #include <random>
 #include <stdexcept>
 #include <vector>
@@ -170,6 +173,63 @@ TEST(GridTracks, MoreImagesMakeItSurerButForWhatIsCommonToAll) {
     (i == 1 ? first : last) = targets.targets.at(0).covariance_m2.trace();
   }
   EXPECT_NEAR(last / first, 0.25 + 0.75 / 400, 1e-3);
+}
+
+/// Five things, and of each image two more that are nowhere in the next one.
+std::vector<GridCluster> cluttered(std::mt19937& random) {
+  std::uniform_real_distribution<> place(-500.0, 500.0);
+  std::vector<GridCluster> clusters;
+  for (int i = 0; i < 5; ++i) clusters.push_back(cluster_at(20.0 + 12.0 * i, 600.0, 3));
+  for (int i = 0; i < 2; ++i) clusters.push_back(cluster_at(place(random), place(random), 1));
+  return clusters;
+}
+
+TEST(GridTracks, RememberSoManyThatAreLostAndNoMore) {
+  GridTracks tracks(GridTracksParams{});
+  std::mt19937 random(1);
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  const auto images_s = [&](int images) {
+    const std::clock_t begin = std::clock();
+    for (int i = 0; i < images; ++i) tracks.update(i, cluttered(random), kCamera, pose(), covariance);
+    return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  };
+  images_s(1000);
+  const std::vector<GridTarget> before = tracks.targets().targets;
+  double first_s = 1e9, last_s = 1e9;
+  for (int i = 0; i < 5; ++i) first_s = std::min(first_s, images_s(200));
+  images_s(20000);
+  for (int i = 0; i < 5; ++i) last_s = std::min(last_s, images_s(200));
+  std::printf("%zu tracks for 5 targets, an update takes %.2f times as long as 20,000 before\n", tracks.size(),
+              last_s / first_s);
+  EXPECT_LE(tracks.size(), 7 + GridTracks::kMostLost);
+  EXPECT_LT(last_s, 1.5 * first_s);
+  ASSERT_EQ(tracks.targets().targets.size(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(tracks.targets().targets[i].id, before.at(i).id);
+}
+
+TEST(GridTracks, RememberATargetLongerThanWhatWasNone) {
+  GridTracks tracks(GridTracksParams{});
+  std::mt19937 random(2);
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  const auto id = tracks.update(0, {cluster_at(20, 0, 3)}, kCamera, pose(), covariance).targets.at(0).id;
+  for (int i = 1; i < 5000; ++i) tracks.update(i, cluttered(random), kCamera, pose(), covariance);
+  EXPECT_EQ(tracks.update(5000, {cluster_at(20.4, 0.4, 3)}, kCamera, pose(), covariance).targets.at(0).id, id);
+}
+
+TEST(GridTracks, UseNoIdTwiceWhenTheMapBeginsAnew) {
+  GridTracks tracks(GridTracksParams{});
+  const CameraPoseCovariance covariance = covariance_of(0.1, 0.01);
+  std::uint64_t last = 0;
+  for (int i = 0; i < 5; ++i) {
+    for (const GridTarget& target :
+         tracks.update(i, {cluster_at(20, 0, 3), cluster_at(40, 0, 3)}, kCamera, pose(), covariance).targets) {
+      EXPECT_GT(target.id, last);
+      last = target.id;
+    }
+    tracks.forget();
+    EXPECT_TRUE(tracks.targets().targets.empty());
+    EXPECT_EQ(tracks.size(), 0U);
+  }
 }
 
 TEST(GridTracks, RefuseParametersOutOfBounds) {

@@ -48,11 +48,16 @@ struct GridTracksParams {
 };
 
 /// Follows the clusters of a grid as targets with ids: a target is tentative until enough images showed it, confirmed
-/// while its cluster is on the map, and lost without; found again near by, it has its id again. Where the pose has
+/// while its cluster is on the map, and lost without; found again near by, it has its id again. Of those that are lost
+/// at most kMostLost are remembered: the latest ones, those that were reported before all others. No id is used twice.
+/// Where the pose has
 /// wandered between two visits, one thing has two clusters: two that are near each other and that no three images show
 /// apart, or of which one is but a fragment, are one target, with the older id.
 class GridTracks {
  public:
+  /// Tracks: each of them costs every update.
+  static constexpr std::size_t kMostLost = 200;
+
   /// Throws std::invalid_argument naming field and bound.
   explicit GridTracks(const GridTracksParams& params);
 
@@ -63,11 +68,18 @@ class GridTracks {
 
   const GridTargets& targets() const { return targets_; }
 
+  /// Number of those that are followed or remembered.
+  std::size_t size() const { return tracks_.size(); }
+
+  /// All are forgotten: the map begins anew. Ids go on.
+  void forget();
+
  private:
   struct Track {
     std::uint64_t id = 0;
     GridCluster cluster;
-    bool is_on_map = false;
+    bool is_on_map = false, was_reported = false;
+    std::uint64_t lost_at = 0;                                    ///< number of the update that lost it
     int images = 0;                                               ///< that had it in view
     Eigen::Matrix2d covariance_sum_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image, by the camera's pose
     Eigen::Matrix2d ground_sum_m2 = Eigen::Matrix2d::Zero();      ///< by the ground's height
@@ -81,13 +93,14 @@ class GridTracks {
   Eigen::Matrix2d covariance_by_one_image(const Track& track) const;
   Eigen::Matrix2d outline_m2() const;
   void note_apart();
+  void forget_lost();
   bool is_one_with(const Track& track, const GridTarget& target) const;
 
   GridTracksParams params_;
   double same_gate_;                                              ///< of the squared distance in standard deviations
   std::vector<Track> tracks_;                                     ///< by id
   std::map<std::pair<std::uint64_t, std::uint64_t>, int> apart_;  ///< of two targets' ids: images that show them apart
-  std::uint64_t last_id_ = 0;
+  std::uint64_t last_id_ = 0, updates_ = 0;
   GridTargets targets_;
   std::vector<int> images_;  ///< of each target, that showed it
 };
