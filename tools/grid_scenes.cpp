@@ -8,6 +8,7 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -34,8 +35,8 @@ PinholeCamera camera_of(int size) {
 
 /// Sums over seeds.
 struct Result {
-  double overlap = 0.0, shadow = 0.0, offset_m = 0.0, distance_m = 0.0, in_regions = 0.0, time_ms = 0.0;
-  int missed = 0, wrong = 0, seeds = 0;
+  double overlap = 0.0, shadow = 0.0, offset_m = 0.0, distance_m = 0.0, time_ms = 0.0;
+  int cars = 0, missed = 0, wrong = 0, inside = 0, seeds = 0;
   std::size_t images = 0;
 };
 
@@ -75,16 +76,19 @@ SemanticGrid add_run(Result& result, const GridCase& given, const PinholeCamera&
   result.overlap += cells.intersection_over_union;
   result.shadow += cells.shadow_share;
   result.offset_m += pipeline.map().elevation_offset_m();
+  result.cars += targets.cars;
   result.missed += targets.missed;
   result.wrong += targets.wrong;
-  result.distance_m += targets.mean_distance_m;
-  result.in_regions += targets.in_regions;
+  result.inside += targets.inside;
+  result.distance_m += targets.distance_sum_m;
   ++result.seeds;
   return grid;
 }
 
 void print(const std::string& name, int size, const std::string& method, const Result& result, bool as_json) {
   const double n = result.seeds;
+  const int found = result.cars - result.missed;
+  const double centroid_m = found > 0 ? result.distance_m / found : std::numeric_limits<double>::quiet_NaN();
   const nlohmann::json line{{"scene", name},
                             {"size_px", size},
                             {"method", method},
@@ -92,19 +96,20 @@ void print(const std::string& name, int size, const std::string& method, const R
                             {"iou", result.overlap / n},
                             {"shadow", result.shadow / n},
                             {"offset_m", result.offset_m / n},
+                            {"cars", result.cars},
                             {"missed", result.missed},
                             {"wrong", result.wrong},
-                            {"centroid_m", result.distance_m / n},
-                            {"in_regions", result.in_regions / n},
+                            {"centroid_m", centroid_m},  // null where none was found
+                            {"inside", result.inside},
                             {"time_ms", result.time_ms / static_cast<double>(result.images)}};
   if (as_json) {
     std::printf("%s\n", line.dump().c_str());
   } else {
     std::printf(
-        "%-14s %4d  IoU %.3f  shadow %.3f  offset %5.2f m  missed %d  wrong %d  centroid %.2f m  in 99 %% %.2f  "
+        "%-14s %4d  IoU %.3f  shadow %.3f  offset %5.2f m  missed %d of %d  wrong %d  centroid %.2f m  in 99 %% %d  "
         "%.2f ms\n",
-        name.c_str(), size, result.overlap / n, result.shadow / n, result.offset_m / n, result.missed, result.wrong,
-        result.distance_m / n, result.in_regions / n, result.time_ms / static_cast<double>(result.images));
+        name.c_str(), size, result.overlap / n, result.shadow / n, result.offset_m / n, result.missed, result.cars,
+        result.wrong, centroid_m, result.inside, result.time_ms / static_cast<double>(result.images));
   }
   std::fflush(stdout);
 }

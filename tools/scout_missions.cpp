@@ -28,12 +28,13 @@ struct Options {
   std::string json;
 };
 
-Json json_of(const ScoutMissionOutcome& outcome, bool ways) {
+Json json_of(const ScoutMissionOutcome& outcome, double budget_s, bool ways) {
   Json json{{"cars", outcome.cars},
             {"found", outcome.found},
             {"wrong", outcome.wrong},
             {"worst_centroid_m", outcome.worst_centroid_m},
             {"last_found_s", outcome.last_found_s},
+            {"budget_s", budget_s},
             {"home_s", outcome.home_s},
             {"home_in_time", outcome.home_in_time},
             {"close_ups", outcome.close_ups},
@@ -93,7 +94,7 @@ void run(const Options& options) {
     const ScoutMissionOutcome flown = fly_scouting(mission, seed);
     print("scouting", seed, flown);
     scouting.add(flown);
-    Json one{{"seed", seed}, {"scouting", json_of(flown, options.ways)}};
+    Json one{{"seed", seed}, {"scouting", json_of(flown, options.budget_s, options.ways)}};
     if (options.ways) {
       for (const SceneCar& car : mission.scene.cars) {
         one["car_places"].push_back({car.T_world_car.translation_m.x(), car.T_world_car.translation_m.y()});
@@ -105,7 +106,7 @@ void run(const Options& options) {
       const ScoutMissionOutcome mown = fly_lawnmower(mission, options.lane_m, seed);
       print("lawnmower", seed, mown);
       lawnmower.add(mown);
-      one["lawnmower"] = json_of(mown, options.ways);
+      one["lawnmower"] = json_of(mown, options.budget_s, options.ways);
     }
     all["missions"].push_back(one);
   }

@@ -64,6 +64,10 @@ def run(tool, scene, size, method, seeds, grids=None):
                                      text=True).stdout)
 
 
+def centroid(result):
+    return "" if result["centroid_m"] is None else f"{result['centroid_m']:.2f}"
+
+
 def read_geotiff(path):
     """Bands of floats as save_geotiff writes them (without compression), and west, north, pixel in m."""
     data = path.read_bytes()
@@ -140,9 +144,22 @@ def mission_targets(flown):
     yield "missions: home before the budget ends, in all", f"{home}", home == count
     worst = max(one["worst_centroid_m"] for one in scouting)
     yield f"missions: centroids within {MISSION_CENTROID_M} m", f"{worst:.2f} m", worst <= MISSION_CENTROID_M
-    part = np.mean([one["last_found_s"] for one in scouting]) / np.mean([m["lawnmower"]["last_found_s"] for m in flown])
-    yield (f"missions: at most {100 * MISSION_PART:.0f} % of the lawnmower's time to the last car", f"{100 * part:.0f} %",
-           part <= MISSION_PART)
+    both = [mission for mission in flown if has_found_all(mission["lawnmower"])]
+    scouted, mown = (np.mean([mission[name]["last_found_s"] for mission in both] or [np.nan])
+                     for name in ("scouting", "lawnmower"))
+    yield (f"missions: at most {100 * MISSION_PART:.0f} % of the lawnmower's time to the last car, where its way shows all",
+           f"{100 * scouted / mown:.0f} % in {len(both)}", scouted <= MISSION_PART * mown)
+
+
+def has_found_all(outcome):
+    """At some time."""
+    return outcome["last_found_s"] < outcome["budget_s"]
+
+
+def last(ones, how):
+    """When the last car was found, of those that found all."""
+    times_s = [one["last_found_s"] for one in ones if has_found_all(one)]
+    return f"{how(times_s):.0f}" if times_s else ""
 
 
 def mission_table(flown):
@@ -152,12 +169,11 @@ def mission_table(flown):
             ones = [mission[name] for mission in some]
             rows.append([f"{name}, {title}", f"{sum(one['found'] == one['cars'] for one in ones)} of {len(ones)}",
                          f"{sum(one['wrong'] for one in ones)}", f"{max(one['worst_centroid_m'] for one in ones):.2f}",
-                         f"{np.mean([one['last_found_s'] for one in ones]):.0f}",
-                         f"{max(one['last_found_s'] for one in ones):.0f}",
+                         f"{sum(has_found_all(one) for one in ones)}", last(ones, np.mean), last(ones, max),
                          f"{max(one['home_s'] for one in ones):.0f}", f"{np.mean([one['way_m'] for one in ones]):.0f}",
                          f"{sum(one['close_ups'] for one in ones)}"])
-    return table(["flight", "all found in", "wrong targets", "worst centroid m", "last car found, mean s", "latest s",
-                  "home, latest s", "way, mean m", "close-ups"], rows)
+    return table(["flight", "all found at the end", "wrong targets", "worst centroid m", "all found at some time",
+                  "last car found, mean s", "latest s", "home, latest s", "way, mean m", "close-ups"], rows)
 
 
 def draw_missions(images, flown):
@@ -217,10 +233,13 @@ def targets(results):
     missed, wrong = (sum(ours[key][what] for key in seen) for what in ("missed", "wrong"))
     yield "no car missed at the end, all scenes but one image, far and errors of the pose", str(missed), missed == 0
     yield "no false target at the end, the same scenes", str(wrong), wrong == 0
-    worst = max(ours[key]["centroid_m"] for key in seen if "bias" not in key[0] and key[0] not in ("orbit_noise", "labels"))
+    worst = max(ours[key]["centroid_m"] or 0.0 for key in seen
+                if "bias" not in key[0] and key[0] not in ("orbit_noise", "labels"))
     yield "mean distance of centroids at most 0.5 m where pose and elevation are right", f"{worst:.2f} m", worst <= 0.5
-    inside = np.mean([ours[key]["in_regions"] for key in ours if key[0] != "single"])
-    yield "cars inside the 99 % regions of their targets, at least 95 %", f"{100 * inside:.1f} %", inside >= 0.95
+    many = [result for key, result in ours.items() if key[0] != "single"]  # one image makes no target
+    inside = sum(result["inside"] for result in many) / sum(result["cars"] for result in many)
+    yield ("cars inside the 99 % regions of their targets, at least 95 %; a missed car is not inside",
+           f"{100 * inside:.1f} %", inside >= 0.95)
     missed = sum(ours["pose", size]["missed"] for size in SIZES)
     yield "pose noise: every car found, within 3 m", f"{missed} missed", missed == 0
     for size, bound in MAX_TIME_MS.items():
@@ -254,7 +273,7 @@ def main(words=None):
     rows = [[SCENES[scene]] + [f"{results[scene, size, 'ours']['iou']:.3f}" for size in SIZES]
             + [f"{results[scene, 112, method]['iou']:.3f}" for method in list(METHODS)[1:]]
             + [f"{results[scene, 112, 'ours'][what]}" for what in ("missed", "wrong")]
-            + [f"{results[scene, 112, 'ours']['centroid_m']:.2f}", f"{results[scene, 112, 'ours']['time_ms']:.1f}"]
+            + [centroid(results[scene, 112, "ours"]), f"{results[scene, 112, 'ours']['time_ms']:.1f}"]
             for scene in SCENES]
     small = [[f"{SCENES[scene]}, {size} px"] + [
         f"{results[scene, size, method]['iou']:.3f} / {100 * results[scene, size, method]['shadow']:.1f} %"
@@ -283,8 +302,9 @@ def main(words=None):
                  f"{len(flown)} flights of a simulated multirotor over 200 m x 200 m with 12 cars and 40 trees at random "
                  "places, budget 600 s, 6 m/s, labels of 112 x 112 twice a second "
                  "([math/scouting.md](../math/scouting.md)), the second half on hills, with an elevation up to 0.5 m off "
-                 "and 0.2 m of noise. The lawnmower has the same camera, height and speed and lanes 40 m apart; it ends "
-                 "when all cars have their target, and does no close-ups. A car is found when a target is within 3 m."),
+                 "and 0.2 m of noise. The lawnmower has the same camera, height and speed and flies lanes 40 m apart "
+                 "along one axis, then along the other, and home; it does no close-ups. A car is found when it has a "
+                 "target of its own within 3 m; *last car found* is the mean of the flights that found all at some time."),
                      mission_table(flown), "![Missions](images/grid_missions.png)\n")]
     write(output, "grid.md", "\n".join(parts))
 

@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/assignment.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -21,7 +22,8 @@ constexpr double kImagePeriod_s = 0.5;
 constexpr double kInertialAngleSigma_rad = 0.005;
 constexpr double kBelow_m = 2.0;  ///< that cars reach into the ground, which may be steep
 
-/// Along a ray from `p` in the unit direction `d` until something; infinite where nothing is.
+/// Along a ray from `p` in the unit direction `d` until something; infinite
+/// where nothing is.
 double ground_range_m(const GridScene& scene, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
   const double per_gap = 1.0 / (std::max(-d.z(), 0.0) + scene.steepest * d.head<2>().norm() + 1e-3);
   double range_m = 0.0;
@@ -321,27 +323,39 @@ GridScore score(const GridCase& given, const SemanticGrid& grid) {
   return result;
 }
 
-TargetScore score(const GridCase& given, const GridTargets& targets) {
-  constexpr double kNear_m = 3.0, kChiSquare99 = 9.2103;
-  TargetScore result;
-  const std::size_t cars = given.scene.cars.size() - given.hidden_cars;
-  std::size_t found = 0, inside = 0;
-  for (std::size_t i = 0; i < cars; ++i) {
-    const Eigen::Vector2d p_m = given.scene.cars[i].T_world_car.translation_m;
-    const auto distance_m = [&](const GridTarget& target) { return (target.p_world_m.head<2>() - p_m).norm(); };
-    const auto nearest = std::min_element(targets.targets.begin(), targets.targets.end(),
-                                          [&](const auto& a, const auto& b) { return distance_m(a) < distance_m(b); });
-    if (nearest == targets.targets.end() || distance_m(*nearest) > kNear_m) continue;
-    ++found;
-    result.mean_distance_m += distance_m(*nearest);
-    const Eigen::Vector2d off_m = nearest->p_world_m.head<2>() - p_m;
-    inside += off_m.dot(nearest->covariance_m2.inverse() * off_m) < kChiSquare99 ? 1 : 0;
+std::vector<int> targets_of(const std::vector<SceneCar>& cars, const GridTargets& targets) {
+  constexpr double kNear_m = 3.0;
+  constexpr double kGain_m = 1e4;  // of a pair more, above what any distances cost
+  std::vector<Candidate> candidates;
+  for (std::size_t car = 0; car < cars.size(); ++car) {
+    for (std::size_t target = 0; target < targets.targets.size(); ++target) {
+      const double distance_m =
+          (targets.targets[target].p_world_m.head<2>() - cars[car].T_world_car.translation_m).norm();
+      if (distance_m > kNear_m) continue;
+      candidates.push_back({static_cast<int>(car), static_cast<int>(target), distance_m - kGain_m});
+    }
   }
-  result.missed = static_cast<int>(cars - found);
-  result.wrong = static_cast<int>(targets.targets.size() - std::min(found, targets.targets.size()));
-  if (found > 0) {
-    result.mean_distance_m /= static_cast<double>(found);
-    result.in_regions = static_cast<double>(inside) / static_cast<double>(found);
+  return assign(static_cast<int>(cars.size()), static_cast<int>(targets.targets.size()), candidates);
+}
+
+TargetScore score(const GridCase& given, const GridTargets& targets) {
+  constexpr double kChiSquare99 = 9.2103;
+  const std::vector<SceneCar> cars(given.scene.cars.begin(),
+                                   given.scene.cars.end() - static_cast<std::ptrdiff_t>(given.hidden_cars));
+  const std::vector<int> target_of = targets_of(cars, targets);
+  TargetScore result;
+  result.cars = static_cast<int>(cars.size());
+  result.wrong = static_cast<int>(targets.targets.size());
+  for (std::size_t car = 0; car < cars.size(); ++car) {
+    if (target_of[car] < 0) {
+      ++result.missed;
+      continue;
+    }
+    --result.wrong;
+    const GridTarget& target = targets.targets[static_cast<std::size_t>(target_of[car])];
+    const Eigen::Vector2d off_m = target.p_world_m.head<2>() - cars[car].T_world_car.translation_m;
+    result.distance_sum_m += off_m.norm();
+    result.inside += off_m.dot(target.covariance_m2.inverse() * off_m) < kChiSquare99 ? 1 : 0;
   }
   return result;
 }

@@ -19,7 +19,6 @@ namespace {
 constexpr double kStep_s = 0.1;
 constexpr double kLead_s = 0.25;  ///< between steps of the mission
 constexpr double kGrid_s = 5.0;   ///< between grids that the mission gets
-constexpr double kNear_m = 3.0;   ///< of a car from its target
 constexpr double kEdge_m = 6.0;   ///< of cars from the region's edge
 constexpr double kCarsApart_m = 8.0;
 constexpr double kTreeApart_m = 4.5;  ///< of a tree from a car
@@ -100,9 +99,6 @@ class MissionFlight {
   std::int64_t stamp_ns() const { return nanoseconds(time_s()) + 1'000'000'000; }
   const GridPipeline& pipeline() const { return pipeline_; }
   ScoutMissionOutcome& outcome() { return outcome_; }
-  bool has_found_all() const {
-    return std::all_of(first_found_s_.begin(), first_found_s_.end(), [](double t_s) { return std::isfinite(t_s); });
-  }
 
   /// Whether an image is due, which is mapped then.
   bool look() {
@@ -111,9 +107,9 @@ class MissionFlight {
     const Eigen::Isometry3d T = camera_pose(vehicle_.p_m, vehicle_.yaw_rad, mission_.params.camera.pitch_rad);
     SoftLabels labels = label_image_of(mission_.scene, camera_, T, 2);
     labels.stamp_ns = stamp_ns();
-    const GridTargets& targets = pipeline_.process(labels, T);
+    const std::vector<int> target_of = targets_of(mission_.scene.cars, pipeline_.process(labels, T));
     for (std::size_t i = 0; i < first_found_s_.size(); ++i) {
-      if (nearest_m(targets, i) < kNear_m) first_found_s_[i] = std::min(first_found_s_[i], time_s());
+      if (target_of[i] >= 0) first_found_s_[i] = std::min(first_found_s_[i], time_s());
     }
     return true;
   }
@@ -129,10 +125,12 @@ class MissionFlight {
 
   void finish() {
     const GridTargets& targets = pipeline_.targets();
+    const std::vector<int> target_of = targets_of(mission_.scene.cars, targets);
     double last_s = 0.0;
     for (std::size_t i = 0; i < first_found_s_.size(); ++i) {
-      const double distance_m = nearest_m(targets, i);
-      if (distance_m < kNear_m) {
+      if (target_of[i] >= 0) {
+        const Eigen::Vector3d& p_m = targets.targets[static_cast<std::size_t>(target_of[i])].p_world_m;
+        const double distance_m = (p_m.head<2>() - mission_.scene.cars[i].T_world_car.translation_m).norm();
         ++outcome_.found;
         outcome_.worst_centroid_m = std::max(outcome_.worst_centroid_m, distance_m);
       }
@@ -143,15 +141,6 @@ class MissionFlight {
   }
 
  private:
-  double nearest_m(const GridTargets& targets, std::size_t car) const {
-    double least_m = std::numeric_limits<double>::infinity();
-    for (const GridTarget& target : targets.targets) {
-      least_m =
-          std::min(least_m, (target.p_world_m.head<2>() - mission_.scene.cars[car].T_world_car.translation_m).norm());
-    }
-    return least_m;
-  }
-
   const ScoutMission& mission_;
   PinholeCamera camera_;
   std::shared_ptr<const Elevation> elevation_;
@@ -271,24 +260,21 @@ ScoutMissionOutcome fly_lawnmower(const ScoutMission& mission, double lane_m, st
     return corners;
   };
   std::vector<Eigen::Vector2d> corners = corners_of(false);
+  const std::vector<Eigen::Vector2d> along_y = corners_of(true);
+  corners.insert(corners.end(), along_y.begin(), along_y.end());
   std::size_t next = 0;
-  bool along_y = false, goes_home = false;
+  bool goes_home = false;
   while (flight.time_s() < mission.params.budget_s) {
     flight.look();
     const Eigen::Vector3d& p_m = flight.vehicle().p_m;
     const double home_s = (p_m - flight.home_m()).norm() / mission.params.speed_m_s +
                           mission.params.speed_m_s / mission.params.acceleration_m_s2 + mission.params.margin_s;
-    if (flight.has_found_all() || flight.time_s() + home_s > mission.params.budget_s) goes_home = true;
+    while (next < corners.size() && (corners[next] - p_m.head<2>()).norm() < mission.params.arrival_m) ++next;
+    if (next == corners.size() || flight.time_s() + home_s > mission.params.budget_s) goes_home = true;
     if (goes_home) {
       if ((p_m - flight.home_m()).norm() < 2.0) break;
       flight.fly(flight.home_m(), flight.vehicle().yaw_rad);
       continue;
-    }
-    while ((corners[next] - p_m.head<2>()).norm() < mission.params.arrival_m) {
-      if (++next < corners.size()) continue;
-      along_y = !along_y;
-      corners = corners_of(along_y);
-      next = 0;
     }
     const Eigen::Vector2d to_m = corners[next] - p_m.head<2>();
     double z_m = -std::numeric_limits<double>::infinity();

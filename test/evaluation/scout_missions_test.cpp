@@ -35,6 +35,20 @@ TEST(ScoutMissionFlights, HillsAndAnElevationWithErrorsHideNoCar) {
   EXPECT_LT(scouting.worst_centroid_m, 1.5);
 }
 
+TEST(ScoutMissions, TheLawnmowerDoesNotKnowWhereTheCarsAre) {
+  ScoutMission mission = small_mission(5, false);
+  mission.label_px = 16;
+  mission.params.image_rate_hz = 0.5;
+  mission.scene.trees.clear();
+  mission.scene.cars.resize(1);
+  mission.scene.cars[0].T_world_car = {{0.0, -70.0}, 0.0};
+  ScoutMission empty = mission;
+  empty.scene.cars.clear();
+  const ScoutMissionOutcome flown = fly_lawnmower(mission, 40.0, 5);
+  EXPECT_EQ(flown.flown_m, fly_lawnmower(empty, 40.0, 5).flown_m);
+  EXPECT_TRUE(flown.home_in_time);
+}
+
 TEST(ScoutMissions, TheSameSeedGivesTheSame) {
   ScoutMission mission = small_mission(4, false);
   mission.params.routes = 4;

@@ -31,7 +31,7 @@ ScoutMission random_scout_mission(std::uint64_t seed, bool hills);
 
 struct ScoutMissionOutcome {
   int cars = 0;
-  int found = 0;  ///< cars with a target within 3 m at the end
+  int found = 0;  ///< cars with a target of their own within 3 m at the end
   int wrong = 0;  ///< targets that are none of these
   double worst_centroid_m = 0.0;
   double last_found_s = 0.0;  ///< when the last car had its target for the first time; the budget, if one never had
@@ -47,8 +47,8 @@ struct ScoutMissionOutcome {
 /// Until it is done or the budget has ended.
 ScoutMissionOutcome fly_scouting(const ScoutMission& mission, std::uint64_t seed);
 
-/// To and fro along x over the region, `lane_m` apart, looking ahead; then along y, and so on until all cars are found
-/// or it has to go home.
+/// To and fro along x over the region, `lane_m` apart, looking ahead, then along y, and home: a way that does not
+/// depend on what is found.
 ScoutMissionOutcome fly_lawnmower(const ScoutMission& mission, double lane_m, std::uint64_t seed);
 
 }  // namespace situation_awareness
