@@ -119,6 +119,18 @@ nlohmann::json json_of(const Eigen::Isometry3d& T) {
   return {T.translation().x(), T.translation().y(), T.translation().z(), q.x(), q.y(), q.z(), q.w()};
 }
 
+nlohmann::json json_of(const std::vector<SceneBox>& boxes) {
+  nlohmann::json all = nlohmann::json::array();
+  for (const SceneBox& box : boxes) {
+    all.push_back({{"x", box.T_world_box.translation_m.x()},
+                   {"y", box.T_world_box.translation_m.y()},
+                   {"yaw", box.T_world_box.yaw_rad},
+                   {"bottom", box.bottom_m},
+                   {"size", {box.size_m.x(), box.size_m.y(), box.size_m.z()}}});
+  }
+  return all;
+}
+
 /// FOLDER/NAME_SIZE_SEED/: dem.tif, case.json, and labels.f32 with the images one behind the other, rows from the top.
 void write(const std::filesystem::path& folder, const GridCase& given, const PinholeCamera& camera,
            std::uint32_t seed) {
@@ -144,6 +156,10 @@ void write(const std::filesystem::path& folder, const GridCase& given, const Pin
                     {"yaw", car.T_world_car.yaw_rad},
                     {"size", {car.size_m.x(), car.size_m.y(), car.size_m.z()}}});
   }
+  nlohmann::json trees = nlohmann::json::array();
+  for (const SceneTree& tree : given.scene.trees) {
+    trees.push_back({{"x", tree.p_world_m.x()}, {"y", tree.p_world_m.y()}, {"radius", tree.radius_m}});
+  }
   const nlohmann::json all{{"width", camera.width},
                            {"height", camera.height},
                            {"fx", camera.fx_px},
@@ -152,6 +168,9 @@ void write(const std::filesystem::path& folder, const GridCase& given, const Pin
                            {"cy", camera.cy_px},
                            {"images", images},
                            {"cars", cars},
+                           {"trees", trees},
+                           {"houses", json_of(given.scene.houses)},
+                           {"signs", json_of(given.scene.signs)},
                            {"hidden_cars", given.hidden_cars}};
   std::ofstream file(path / "case.json");
   file << all.dump(1) << '\n';

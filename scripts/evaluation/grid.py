@@ -37,13 +37,18 @@ SCENES = {
     "hill": "on a hill of 10 m", "slope": "on a slope of 12 %",
     "lawnmower": "12 cars, three lanes of 200 m",
     "far": "four cars, from 180 m to 105 m away, from one side",
+    "relief": "a pass 22 m up over a hill of 10 m with a hollow and trees, cars on all sides",
+    "relief_drawn": "hills, hollows, trees, cars and ways drawn at random",
+    "spurious": "a house with a sign that is taken for a car in 90 % of the images, three spurious blobs in each",
+    "spurious_drawn": "houses, signs, cars and ways drawn at random, three spurious blobs in each image",
     "pose": "pose with 1 m and 1° of white noise",
     "wander": "three lanes at 7 m/s, pose that wanders by 0.7 m on each axis with 40 s, as by GPS and INS",
 }
 # Least IoU by size, of the issue's table; the same for all sizes where it is one number.
 BOUNDS = {"single": (0.90, 0.85, 0.60), "approach": 0.90, "orbit": (0.88, 0.85, 0.75), "orbit_bias_-0.5": 0.75,
           "orbit_bias_0.5": 0.75, "orbit_bias_-1": 0.70, "orbit_bias_1": 0.70, "orbit_noise": 0.65, "labels": 0.60,
-          "blobs": 0.75, "trees": 0.65, "hill": 0.50, "slope": 0.85, "lawnmower": 0.82, "far": 0.65}
+          "blobs": 0.75, "trees": 0.65, "hill": 0.50, "slope": 0.85, "lawnmower": 0.82, "far": 0.65,
+          "relief": 0.60, "relief_drawn": 0.60, "spurious": 0.80, "spurious_drawn": 0.80}
 MAX_SHADOW = 0.03
 MAX_TIME_MS = {56: 15.0, 224: 40.0}
 INTRODUCTION = """

@@ -22,8 +22,7 @@ constexpr double kImagePeriod_s = 0.5;
 constexpr double kInertialAngleSigma_rad = 0.005;
 constexpr double kBelow_m = 2.0;  ///< that cars reach into the ground, which may be steep
 
-/// Along a ray from `p` in the unit direction `d` until something; infinite
-/// where nothing is.
+/// Along a ray from `p` in the unit direction `d` until something; infinite where nothing is.
 double ground_range_m(const GridScene& scene, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
   const double per_gap = 1.0 / (std::max(-d.z(), 0.0) + scene.steepest * d.head<2>().norm() + 1e-3);
   double range_m = 0.0;
@@ -36,31 +35,41 @@ double ground_range_m(const GridScene& scene, const Eigen::Vector3d& p, const Ei
   return std::numeric_limits<double>::infinity();
 }
 
-double car_range_m(const GridScene& scene, const SceneCar& car, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
-  const Eigen::Vector2d middle_m = car.T_world_car.translation_m;
+/// To an upright box from `bottom_m` to `top_m` above the ground at its middle.
+double box_range_m(const GridScene& scene, const Pose2& T_world_box, const Eigen::Vector2d& size_m, double bottom_m,
+                   double top_m, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
+  const Eigen::Vector2d middle_m = T_world_box.translation_m;
   const double ground_m = scene.ground(middle_m.x(), middle_m.y());
-  const Eigen::Vector3d to_middle(middle_m.x() - p.x(), middle_m.y() - p.y(), ground_m - p.z());
+  const Eigen::Vector3d to_middle(middle_m.x() - p.x(), middle_m.y() - p.y(),
+                                  ground_m + 0.5 * (bottom_m + top_m) - p.z());
   const double along_m = to_middle.dot(d);
-  if (to_middle.squaredNorm() - along_m * along_m > (car.size_m + Eigen::Vector3d(0.0, 0.0, kBelow_m)).squaredNorm()) {
+  const Eigen::Vector3d half_m(0.5 * size_m.x(), 0.5 * size_m.y(), 0.5 * (top_m - bottom_m));
+  if (to_middle.squaredNorm() - along_m * along_m > half_m.squaredNorm()) {
     return std::numeric_limits<double>::infinity();
   }
-  const Eigen::Rotation2Dd to_car(-car.T_world_car.yaw_rad);
+  const Eigen::Rotation2Dd to_box(-T_world_box.yaw_rad);
   Eigen::Vector3d from, along;
-  from << to_car * (p.head<2>() - middle_m), p.z() - ground_m;
-  along << to_car * d.head<2>(), d.z();
-  const Eigen::Vector3d low(-0.5 * car.size_m.x(), -0.5 * car.size_m.y(), -kBelow_m);
-  const Eigen::Vector3d high(0.5 * car.size_m.x(), 0.5 * car.size_m.y(), car.size_m.z());
+  from << to_box * (p.head<2>() - middle_m), -to_middle.z();
+  along << to_box * d.head<2>(), d.z();
   double enter = 0.0, leave = std::numeric_limits<double>::infinity();
   for (int i = 0; i < 3; ++i) {
     if (std::abs(along(i)) < 1e-12) {
-      if (from(i) < low(i) || from(i) > high(i)) return std::numeric_limits<double>::infinity();
+      if (std::abs(from(i)) > half_m(i)) return std::numeric_limits<double>::infinity();
       continue;
     }
-    const double a = (low(i) - from(i)) / along(i), b = (high(i) - from(i)) / along(i);
+    const double a = (-half_m(i) - from(i)) / along(i), b = (half_m(i) - from(i)) / along(i);
     enter = std::max(enter, std::min(a, b));
     leave = std::min(leave, std::max(a, b));
   }
   return enter <= leave ? enter : std::numeric_limits<double>::infinity();
+}
+
+double car_range_m(const GridScene& scene, const SceneCar& car, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
+  return box_range_m(scene, car.T_world_car, car.size_m.head<2>(), -kBelow_m, car.size_m.z(), p, d);
+}
+
+double range_m(const GridScene& scene, const SceneBox& box, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
+  return box_range_m(scene, box.T_world_box, box.size_m.head<2>(), box.bottom_m, box.bottom_m + box.size_m.z(), p, d);
 }
 
 double tree_range_m(const GridScene& scene, const SceneTree& tree, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
@@ -72,14 +81,50 @@ double tree_range_m(const GridScene& scene, const SceneTree& tree, const Eigen::
   return half_m2 > 0.0 && along_m > 0.0 ? along_m - std::sqrt(half_m2) : std::numeric_limits<double>::infinity();
 }
 
+/// Whether nothing but cars and signs is in the way, as far as `to_m`.
+bool is_free(const GridScene& scene, const Eigen::Vector3d& p, const Eigen::Vector3d& d, double to_m) {
+  for (const SceneTree& tree : scene.trees) {
+    if (tree_range_m(scene, tree, p, d) < to_m) return false;
+  }
+  for (const SceneBox& house : scene.houses) {
+    if (range_m(scene, house, p, d) < to_m) return false;
+  }
+  return to_m <= ground_range_m(scene, p, d) + 0.05;
+}
+
 bool shows_car(const GridScene& scene, const Eigen::Vector3d& p, const Eigen::Vector3d& d) {
   double car_m = std::numeric_limits<double>::infinity();
   for (const SceneCar& car : scene.cars) car_m = std::min(car_m, car_range_m(scene, car, p, d));
-  if (!std::isfinite(car_m)) return false;
-  for (const SceneTree& tree : scene.trees) {
-    if (tree_range_m(scene, tree, p, d) < car_m) return false;
+  for (const SceneBox& sign : scene.signs) car_m = std::min(car_m, range_m(scene, sign, p, d));
+  return std::isfinite(car_m) && is_free(scene, p, d, car_m);
+}
+
+/// Whether that image shows most of a car's roof.
+bool shows_roof(const GridScene& scene, const SceneCar& car, const Eigen::Isometry3d& T_world_camera) {
+  constexpr double kNear_m = 70.0, kHalfView = 0.577;  // HFOV 60 deg
+  const Eigen::Vector3d p = T_world_camera.translation();
+  const Eigen::Vector2d middle_m = car.T_world_car.translation_m;
+  int seen = 0;
+  for (const auto& [along, across] : {std::pair{0.0, 0.0}, {0.4, 0.4}, {0.4, -0.4}, {-0.4, 0.4}, {-0.4, -0.4}}) {
+    Eigen::Vector3d at_m;
+    at_m << car.T_world_car * Eigen::Vector2d(along * car.size_m.x(), across * car.size_m.y()),
+        scene.ground(middle_m.x(), middle_m.y()) + car.size_m.z();
+    const Eigen::Vector3d in_camera = T_world_camera.inverse() * at_m;
+    if (in_camera.z() <= 0.0 || in_camera.head<2>().cwiseAbs().maxCoeff() > kHalfView * in_camera.z()) continue;
+    const double range_m = (at_m - p).norm();
+    seen += range_m < kNear_m && is_free(scene, p, (at_m - p) / range_m, range_m) ? 1 : 0;
   }
-  return car_m <= ground_range_m(scene, p, d) + 0.05;
+  return seen >= 3;
+}
+
+/// Takes the cars away that fewer images show.
+void drop_unseen_cars(GridCase& given, int images) {
+  std::vector<SceneCar>& cars = given.scene.cars;
+  const auto is_unseen = [&](const SceneCar& car) {
+    return std::count_if(given.T_world_camera.begin(), given.T_world_camera.end(),
+                         [&](const Eigen::Isometry3d& T) { return shows_roof(given.scene, car, T); }) < images;
+  };
+  cars.erase(std::remove_if(cars.begin(), cars.end(), is_unseen), cars.end());
 }
 
 bool is_in(const SceneCar& car, const Eigen::Vector2d& p_world_m) {
@@ -125,10 +170,10 @@ Eigen::Isometry3d camera_pose(const Eigen::Vector3d& p_world_m, double yaw_rad, 
 }
 
 std::vector<std::string> grid_case_names() {
-  return {"single",          "approach",       "orbit",        "orbit_bias_-2", "orbit_bias_-1",
-          "orbit_bias_-0.5", "orbit_bias_0.5", "orbit_bias_1", "orbit_bias_2",  "orbit_noise",
-          "labels",          "blobs",          "never_seen",   "trees",         "hill",
-          "slope",           "lawnmower",      "far",          "pose",          "wander"};
+  return {"single",         "approach",     "orbit",        "orbit_bias_-2", "orbit_bias_-1", "orbit_bias_-0.5",
+          "orbit_bias_0.5", "orbit_bias_1", "orbit_bias_2", "orbit_noise",   "labels",        "blobs",
+          "never_seen",     "trees",        "hill",         "slope",         "lawnmower",     "far",
+          "pose",           "wander",       "relief",       "relief_drawn",  "spurious",      "spurious_drawn"};
 }
 
 GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
@@ -146,6 +191,15 @@ GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
       const double angle = radians(from_deg + (to_deg - from_deg) * i / (images - 1));
       const double x = -range_m * std::cos(angle), y = -range_m * std::sin(angle);
       made.T_world_camera.push_back(camera_pose({x, y, ground_at(0, 0) + up_m}, angle, radians(pitch_deg)));
+    }
+  };
+  const auto pass = [&](const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m, double up_m, double pitch_deg,
+                        int images) {
+    const Eigen::Vector2d way_m = to_m - from_m;
+    for (int i = 0; i < images; ++i) {
+      const Eigen::Vector2d at_m = from_m + way_m * i / (images - 1);
+      made.T_world_camera.push_back(
+          camera_pose({at_m.x(), at_m.y(), up_m}, std::atan2(way_m.y(), way_m.x()), radians(pitch_deg)));
     }
   };
   const auto four_cars = [&] {
@@ -175,6 +229,68 @@ GridCase make_grid_case(const std::string& name, std::uint32_t seed) {
     for (int i = 0; i < 31; ++i) {
       made.T_world_camera.push_back(camera_pose({-180.0 + 2.5 * i, 0, 40}, 0, -radians(16)));
     }
+  } else if (name == "relief" || name == "relief_drawn") {
+    const bool is_drawn = name == "relief_drawn";
+    const auto drawn = [&](double fixed, double low, double high) { return is_drawn ? uniform(low, high) : fixed; };
+    struct Bump {
+      Eigen::Vector2d p_m;
+      double height_m, sigma_m;
+    };
+    const std::vector<Bump> bumps{{{0.0, 0.0}, drawn(10, 6, 14), drawn(20, 15, 28)},
+                                  {{drawn(45, 30, 55), drawn(-15, -35, 35)}, drawn(-4, -6, -2), drawn(10, 8, 14)}};
+    made.scene.ground = [bumps](double x, double y) {
+      double z_m = 0.0;
+      for (const Bump& bump : bumps) {
+        const double off_m2 = (Eigen::Vector2d(x, y) - bump.p_m).squaredNorm();
+        z_m += bump.height_m * std::exp(-off_m2 / (2.0 * bump.sigma_m * bump.sigma_m));
+      }
+      return z_m;
+    };
+    for (const Bump& bump : bumps) made.scene.steepest += std::abs(bump.height_m) / bump.sigma_m * std::exp(-0.5);
+    add_car(-22, 10);  // on the flank before the crest, two beside it, one behind it, one in the hollow
+    add_car(-16, -12);
+    add_car(4, 20);
+    add_car(6, -22);
+    add_car(22, 2);
+    add_car(bumps[1].p_m.x(), bumps[1].p_m.y());
+    while (made.scene.trees.size() < 10) {
+      const Eigen::Vector2d p_m(uniform(-45, 60), uniform(-40, 40));
+      const bool is_near = std::any_of(made.scene.cars.begin(), made.scene.cars.end(), [&](const SceneCar& car) {
+        return (car.T_world_car.translation_m - p_m).norm() < 5.0;
+      });
+      if (!is_near) made.scene.trees.push_back({p_m, uniform(1.5, 2.5), uniform(3.0, 4.0)});
+    }
+    const double up_m = drawn(22, 18, 32), turn = drawn(0, -0.7, 0.7), aside_m = drawn(-8, -25, 25);
+    const Eigen::Vector2d ahead(std::cos(turn), std::sin(turn)), across(-ahead.y(), ahead.x());
+    if (is_drawn && uniform(0, 1) < 0.3) {
+      orbit(drawn(0, 40, 60), up_m, -drawn(0, 20, 30), 0, drawn(0, 70, 180), 50);
+    } else {
+      pass(-90 * ahead + aside_m * across, 60 * ahead + aside_m * across, up_m, -drawn(25, 20, 32), 60);
+    }
+    drop_unseen_cars(made, 6);
+  } else if (name == "spurious" || name == "spurious_drawn") {
+    const bool is_drawn = name == "spurious_drawn";
+    const auto drawn = [&](double fixed, double low, double high) { return is_drawn ? uniform(low, high) : fixed; };
+    four_cars();
+    made.blobs = 3;
+    // The sign is on the wall that faces the middle of the way, or on the roof above it.
+    const double towards_rad = drawn(radians(60), radians(20), radians(100)), away_m = drawn(20, 16, 26);
+    const Eigen::Vector2d towards(std::cos(towards_rad), std::sin(towards_rad));
+    const Eigen::Vector3d house_m(drawn(8, 5, 12), drawn(12, 6, 16), drawn(6, 4, 10));
+    made.scene.houses.push_back({Pose2{away_m * towards, towards_rad}, house_m, 0.0});
+    const double sign_m = drawn(1.5, 1.0, 2.0);
+    const bool is_on_roof = is_drawn && uniform(0, 1) < 0.3;
+    const double bottom_m = is_on_roof ? house_m.z() : drawn(3.5, 2.5, std::max(2.6, house_m.z() - sign_m));
+    made.scene.signs.push_back(
+        {Pose2{(away_m - 0.5 * house_m.x() - 0.1) * towards, towards_rad}, {0.2, drawn(4, 2, 5), sign_m}, bottom_m});
+    if (is_drawn && uniform(0, 1) < 0.4) {
+      const double heading = towards_rad + uniform(-0.9, 0.9), aside_m = uniform(-15, 15);
+      const Eigen::Vector2d ahead(std::cos(heading), std::sin(heading)), across(-ahead.y(), ahead.x());
+      pass(-80 * ahead + aside_m * across, 20 * ahead + aside_m * across, uniform(16, 30), -25, 50);
+    } else {
+      orbit(drawn(40, 35, 55), drawn(20, 16, 30), -drawn(25, 22, 30), 0, drawn(120, 70, 180), 40);
+    }
+    drop_unseen_cars(made, 6);
   } else {
     if (name == "hill") {
       made.scene.ground = [](double x, double y) { return 10 * std::exp(-(x * x + y * y) / (2 * 25.0 * 25.0)); };
@@ -231,10 +347,11 @@ Elevation elevation_of(const GridCase& given, double pixel_m, std::uint32_t seed
 }
 
 SoftLabels labels_of(const GridCase& given, const PinholeCamera& camera, std::size_t i, std::uint32_t seed) {
-  SoftLabels labels =
-      label_image_of(given.scene, camera, given.T_world_camera[i], std::clamp(448 / camera.width, 2, 4));
   std::mt19937 random = random_of(seed, 3, i);
   std::uniform_real_distribution<> uniform;
+  GridScene scene = given.scene;
+  if (!scene.signs.empty() && uniform(random) >= given.sign_share) scene.signs.clear();
+  SoftLabels labels = label_image_of(scene, camera, given.T_world_camera[i], std::clamp(448 / camera.width, 2, 4));
   if (given.label_recall < 1.0) {
     const auto cars = static_cast<double>(
         std::count_if(labels.probability.begin(), labels.probability.end(), [](float p) { return p > 0.5F; }));
