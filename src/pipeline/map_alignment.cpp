@@ -43,6 +43,9 @@ constexpr double kLeastEndSigma_m = 0.02;
 constexpr double kSameEndSigmas = 3.0, kLeastBearings_rad = 0.1;
 /// It is the same one within this distance (m) across the face, and with this cosine of both directions.
 constexpr double kSameEnd_m = 0.4, kSameEndCosine = 0.95;
+/// s. It is forgotten when it was not seen for so long: one that was seen from about one direction only, as those of
+/// things that move, and any. Of two laps of a minute the second one still meets the ends of the first.
+constexpr double kPassingEnd_s = LoopSearch::kRecent_s, kEnd_s = 120.0;
 
 /// m. The reach to what was hit before the present lap.
 constexpr double kReachOfOld_m = 0.15;
@@ -104,8 +107,8 @@ MapAlignment::FaceEnd* MapAlignment::known_end(const FaceEnd& end, const Pose2& 
   return best;
 }
 
-/// Mean of what was seen of each end, in the order of the scans. One that is seen elsewhere begins anew: where a
-/// surface bends away it ends elsewhere for each pose.
+/// Mean of what was seen of each end, in the order of the scans, without those that left. One that is seen elsewhere
+/// begins anew: where a surface bends away it ends elsewhere for each pose.
 void MapAlignment::map_face_ends(const Pose2& T_map_level) {
   for (const FaceEnd& end : seen_ends_) {
     FaceEnd in_map = end;
@@ -133,6 +136,13 @@ void MapAlignment::map_face_ends(const Pose2& T_map_level) {
     known->most_bearing_rad = std::max(known->most_bearing_rad, end.most_bearing_rad);
     known->last_seen_ns = end.last_seen_ns;
   }
+  if (seen_ends_.empty()) return;
+  const std::int64_t now_ns = seen_ends_.front().last_seen_ns;
+  const auto is_gone = [&](const FaceEnd& end) {
+    const bool is_told = end.most_bearing_rad - end.least_bearing_rad >= kLeastBearings_rad;
+    return end.last_seen_ns < now_ns - nanoseconds(is_told ? kEnd_s : kPassingEnd_s);
+  };
+  ends_.erase(std::remove_if(ends_.begin(), ends_.end(), is_gone), ends_.end());
 }
 
 void MapAlignment::pair_up(const PolygonMap& map, const Polylines& polylines, const Pose2& T_map_level,

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include <Eigen/SparseCholesky>
+#include <Eigen/Cholesky>
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
@@ -13,8 +13,11 @@
 namespace situation_awareness {
 namespace {
 
-/// Half an hour, and what their ties usually need.
-constexpr std::size_t kMostPoses = 1800, kUsualTies = 16 * kMostPoses;
+/// s. Poses of the latest time are all kept. Of older ones their distance is at most this part of their age beyond it:
+/// the motion changes slowly between what was drawn long ago.
+constexpr double kAll_s = 48.0, kApart = 1.0 / 12.0;
+/// s. For so long at least.
+constexpr double kKept_s = 1500.0;
 /// Random walk of the motion from a pose to the next by inertial navigation (m / sqrt(s), rad / sqrt(s)).
 constexpr double kDrift_m_sqrt_s = 0.1, kDrift_rad_sqrt_s = 0.01;
 /// Of the first pose, which stays (1 / m^2, 1 / rad^2).
@@ -31,7 +34,11 @@ Eigen::Matrix3d about(const Eigen::Vector2d& p_map_m) {
 
 PoseGraph::PoseGraph() {
   nodes_.reserve(kMostPoses);
-  ties_.reserve(kUsualTies);
+  constexpr auto kUnknowns = static_cast<Eigen::Index>(3 * kMostPoses);
+  H_.setZero(kUnknowns, kUnknowns);
+  factor_.setZero(kUnknowns, kUnknowns);
+  b_.setZero(kUnknowns);
+  x_.setZero(kUnknowns);
 }
 
 bool PoseGraph::is_due(std::int64_t stamp_ns) const {
@@ -39,25 +46,64 @@ bool PoseGraph::is_due(std::int64_t stamp_ns) const {
 }
 
 void PoseGraph::add(std::int64_t stamp_ns, const Eigen::Vector2d& p_map_m) {
+  while (nodes_.size() > 1 &&
+         (nodes_.size() == kMostPoses || seconds_between(nodes_[1].stamp_ns, stamp_ns) > kKept_s)) {
+    remove(0);  // its motion is none
+  }
+  thin_out();
   Node node;
   node.stamp_ns = stamp_ns;
   node.p_map_m = p_map_m;
-  if (!nodes_.empty()) {
-    const double dt_s = std::max(seconds_between(nodes_.back().stamp_ns, stamp_ns), 1e-3);
-    const double m = kDrift_m_sqrt_s, rad = kDrift_rad_sqrt_s;
-    const Eigen::Vector3d variance = dt_s * Eigen::Vector3d(m, m, rad).cwiseAbs2();
-    const Eigen::Matrix3d J = about(nodes_.back().p_map_m);
-    node.to_previous.A = J.transpose() * variance.cwiseInverse().asDiagonal() * J;
-  }
-  if (nodes_.size() == kMostPoses) forget_older_half();
   nodes_.push_back(node);
+  H_.middleRows<3>(unknowns() - 3).leftCols(unknowns()).setZero();
+  H_.middleCols<3>(unknowns() - 3).topRows(unknowns()).setZero();
+  b_.segment<3>(unknowns() - 3).setZero();
+  if (nodes_.size() == 1) return;
+  const Node& last = nodes_[nodes_.size() - 2];
+  const double dt_s = std::max(seconds_between(last.stamp_ns, stamp_ns), 1e-3);
+  const double m = kDrift_m_sqrt_s, rad = kDrift_rad_sqrt_s;
+  const Eigen::Vector3d variance = dt_s * Eigen::Vector3d(m, m, rad).cwiseAbs2();
+  const Eigen::Matrix3d J = about(last.p_map_m);
+  relate(nodes_.size() - 1, nodes_.size() - 2, J.transpose() * variance.cwiseInverse().asDiagonal() * J,
+         Eigen::Vector3d::Zero());
 }
 
-void PoseGraph::forget_older_half() {
-  nodes_.erase(nodes_.begin(), nodes_.begin() + kMostPoses / 2);
-  first_ += kMostPoses / 2;
-  ties_.erase(ties_.begin(),
-              std::find_if(ties_.begin(), ties_.end(), [&](const Tie& tie) { return tie.node >= first_; }));
+void PoseGraph::thin_out() {
+  for (std::size_t k = 1; k + 1 < nodes_.size();) {
+    const double age_s = seconds_between(nodes_[k].stamp_ns, nodes_.back().stamp_ns);
+    if (age_s < kAll_s) return;
+    const bool is_dense = seconds_between(nodes_[k - 1].stamp_ns, nodes_[k + 1].stamp_ns) < kApart * (age_s - kAll_s);
+    is_dense ? marginalize(k) : void(++k);
+  }
+}
+
+/// The Schur complement of its unknowns.
+void PoseGraph::marginalize(std::size_t node) {
+  const auto at = static_cast<Eigen::Index>(3 * node);
+  const Eigen::LLT<Eigen::Matrix3d> llt(H_.block<3, 3>(at, at));
+  auto columns = factor_.topLeftCorner(unknowns(), 3);
+  auto rows = factor_.middleCols<3>(3).topRows(unknowns());
+  columns = H_.middleCols<3>(at).topRows(unknowns());
+  for (Eigen::Index i = 0; i < unknowns(); ++i) {
+    rows.row(i) = llt.solve(columns.row(i).transpose()).transpose();
+  }
+  b_.head(unknowns()).noalias() -= rows * b_.segment<3>(at).eval();
+  for (Eigen::Index c = 0; c < unknowns(); ++c) {
+    H_.col(c).head(unknowns()).noalias() -= rows * columns.row(c).transpose();
+  }
+  remove(node);
+}
+
+void PoseGraph::remove(std::size_t node) {
+  const auto at = static_cast<Eigen::Index>(3 * node), after = unknowns() - at - 3;
+  for (Eigen::Index c = 0; c < at + after; ++c) {
+    const double* const from = H_.col(c < at ? c : c + 3).data();
+    double* const to = H_.col(c).data();
+    if (c >= at) std::copy(from, from + at, to);
+    std::copy(from + at + 3, from + at + 3 + after, to + at);
+  }
+  std::copy(b_.data() + at + 3, b_.data() + at + 3 + after, b_.data() + at);
+  nodes_.erase(nodes_.begin() + static_cast<std::ptrdiff_t>(node));
 }
 
 std::vector<PoseGraph::Node>::const_iterator PoseGraph::first_since(std::int64_t stamp_ns) const {
@@ -65,64 +111,49 @@ std::vector<PoseGraph::Node>::const_iterator PoseGraph::first_since(std::int64_t
                           [](const Node& node, std::int64_t ns) { return node.stamp_ns < ns; });
 }
 
-/// To the pose nearest in time; of the pose added last to itself, one that counts for nothing.
-PoseGraph::Relation& PoseGraph::relation_to(std::int64_t drawn_ns) {
+/// The pose nearest in time.
+std::size_t PoseGraph::nearest(std::int64_t drawn_ns) const {
   auto after = first_since(drawn_ns);
   if (after == nodes_.end()) --after;
   if (after != nodes_.begin() && drawn_ns - (after - 1)->stamp_ns < after->stamp_ns - drawn_ns) --after;
-  const std::size_t other = first_ + static_cast<std::size_t>(after - nodes_.begin());
-  const std::size_t node = first_ + nodes_.size() - 1;
-  for (auto tie = ties_.rbegin(); tie != ties_.rend() && tie->node == node; ++tie) {
-    if (tie->other == other) return tie->relation;
-  }
-  ties_.push_back({node, other, {}});
-  return ties_.back().relation;
+  return static_cast<std::size_t>(after - nodes_.begin());
+}
+
+/// Of a pose to itself it counts for nothing.
+void PoseGraph::relate(std::size_t node, std::size_t other, const Eigen::Matrix3d& A, const Eigen::Vector3d& b) {
+  if (node == other) return;
+  const auto i = static_cast<Eigen::Index>(3 * node), k = static_cast<Eigen::Index>(3 * other);
+  H_.block<3, 3>(i, i) += A;
+  H_.block<3, 3>(k, k) += A;
+  H_.block<3, 3>(i, k) -= A;
+  H_.block<3, 3>(k, i) -= A;
+  b_.segment<3>(i) += b;
+  b_.segment<3>(k) -= b;
 }
 
 void PoseGraph::tie(std::int64_t drawn_ns, const Eigen::Vector2d& p_map_m, const Eigen::Vector2d& normal_map,
                     double residual_m, double weight) {
-  Relation& relation = relation_to(drawn_ns);
   Eigen::Vector3d J;
   J << normal_map, normal_map.dot(left_of(p_map_m));
-  relation.A += weight * J * J.transpose();
-  relation.b += weight * residual_m * J;
+  relate(nodes_.size() - 1, nearest(drawn_ns), weight * J * J.transpose(), weight * residual_m * J);
 }
 
 void PoseGraph::tie(std::int64_t drawn_ns, const Eigen::Vector2d& center_m, const Eigen::Matrix3d& A,
                     const Eigen::Vector3d& b) {
-  Relation& relation = relation_to(drawn_ns);
   const Eigen::Matrix3d J = about(center_m);
-  relation.A += J.transpose() * A * J;
-  relation.b += J.transpose() * b;
+  relate(nodes_.size() - 1, nearest(drawn_ns), J.transpose() * A * J, J.transpose() * b);
 }
 
 void PoseGraph::solve() {
-  using Sparse = Eigen::SparseMatrix<double>;
-  const auto size = static_cast<Eigen::Index>(3 * nodes_.size());
-  std::vector<Eigen::Triplet<double>> entries;
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(size);
-  const auto add = [&](std::size_t row, std::size_t column, const Eigen::Matrix3d& block, double sign) {
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) {
-        entries.emplace_back(static_cast<int>(3 * row) + r, static_cast<int>(3 * column) + c, sign * block(r, c));
-      }
-    }
-  };
-  const auto relate = [&](std::size_t node, std::size_t other, const Relation& relation) {
-    if (node == other) return;
-    add(node, node, relation.A, 1.0);
-    add(other, other, relation.A, 1.0);
-    add(node, other, relation.A, -1.0);
-    add(other, node, relation.A, -1.0);
-    b.segment<3>(static_cast<Eigen::Index>(3 * node)) += relation.b;
-    b.segment<3>(static_cast<Eigen::Index>(3 * other)) -= relation.b;
-  };
-  add(0, 0, Eigen::Matrix3d::Identity(), kAnchor);
-  for (std::size_t k = 1; k < nodes_.size(); ++k) relate(k, k - 1, nodes_[k].to_previous);
-  for (const Tie& tie : ties_) relate(index_of(tie.node), index_of(tie.other), tie.relation);
-  Sparse A(size, size);
-  A.setFromTriplets(entries.begin(), entries.end());
-  const Eigen::VectorXd x = Eigen::SimplicialLDLT<Sparse>(A).solve(b);
+  auto A = factor_.topLeftCorner(unknowns(), unknowns());
+  A = H_.topLeftCorner(unknowns(), unknowns());
+  A.diagonal().head<3>().array() += kAnchor;
+  Eigen::Ref<Eigen::MatrixXd> in_place = A;
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(in_place);
+  auto x = x_.head(unknowns());
+  x = b_.head(unknowns());
+  llt.solveInPlace(x);
+  if (!x.allFinite()) x.setZero();
   for (std::size_t k = 0; k < nodes_.size(); ++k) nodes_[k].x = x.segment<3>(static_cast<Eigen::Index>(3 * k));
 }
 
@@ -139,12 +170,7 @@ Pose2 PoseGraph::motion_of(std::int64_t drawn_ns) const {
 }
 
 void PoseGraph::move() {
-  for (std::size_t k = nodes_.size(); k-- > 1;) {
-    nodes_[k].to_previous.b -= nodes_[k].to_previous.A * (nodes_[k].x - nodes_[k - 1].x);
-  }
-  for (Tie& tie : ties_) {
-    tie.relation.b -= tie.relation.A * (nodes_[index_of(tie.node)].x - nodes_[index_of(tie.other)].x);
-  }
+  b_.head(unknowns()).noalias() -= H_.topLeftCorner(unknowns(), unknowns()) * x_.head(unknowns());
   for (Node& node : nodes_) {
     node.p_map_m += (about(node.p_map_m) * node.x).head<2>();
     node.x.setZero();

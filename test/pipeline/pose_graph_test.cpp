@@ -3,9 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <ctime>
 #include <vector>
+
+#include <Eigen/Cholesky>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
@@ -221,6 +225,67 @@ TEST(PoseGraph, KeepsTheLatestPoses) {
     EXPECT_LT(apart_m(graph.motion_of(at(t_s)), {}, along_line(0)), 1e-6) << t_s;
   }
   EXPECT_GT(graph.motion_of(at(kPoses - 300.0)).translation_m.x(), 0.05);
+}
+
+/// CPU time of a loop that is found after so long, while what is seen was drawn at any time of the latest half hour.
+double loop_cost_s(double t_s) {
+  Random random(3);
+  PoseGraph graph;
+  for (int k = 0; k <= t_s; ++k) {
+    graph.add(at(k), along_line(0));
+    for (int n = 0; n < 8 && k > 0; ++n) {
+      const double back_s = random.uniform(1.0, std::min(k + 1.0, 1800.0));
+      graph.tie(at(k - back_s), {random.normal(), 10.0}, {0.0, -1.0}, 0.0, kWeight);
+    }
+  }
+  tie(graph, t_s - 60.0, along_line(0), {{0.1, 0.0}, 0.0}, kLoopWeight);
+  const std::clock_t begin = std::clock();
+  graph.solve();
+  return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+}
+
+// The loop is solved in the callback of a scan.
+TEST(PoseGraph, ALoopCostsAfterHoursWhatItDoesAfterMinutes) {
+  EXPECT_LT(loop_cost_s(7200.0), 4.0 * loop_cost_s(300.0) + 1e-3);
+}
+
+// Poses that are not kept say of those that are what they said before: the motions are those with all of them.
+TEST(PoseGraph, IsExactForThePosesThatAreKept) {
+  constexpr int kPoses = 400;
+  Random random(5);
+  PoseGraph graph;
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(kPoses, kPoses);  // of all poses, across a wall only
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(kPoses);
+  const auto relate = [&](int node, int other, double weight, double residual_m) {
+    H(node, node) += weight;
+    H(other, other) += weight;
+    H(node, other) -= weight;
+    H(other, node) -= weight;
+    b(node) += weight * residual_m;
+    b(other) -= weight * residual_m;
+  };
+  H(0, 0) = 1e9;
+  for (int k = 0; k < kPoses; ++k) {
+    graph.add(at(k), along_line(0));
+    if (k > 0) relate(k, k - 1, 100.0, 0.0);  // (0.1 m)^2 per second
+    for (int n = 0; n < 3 && k > 0; ++n) {
+      // What is that young was drawn at a pose that is still there.
+      const int other = std::max(0, k - 1 - static_cast<int>(random.uniform(0.0, 40.0)));
+      const double residual_m = 0.05 * random.normal();
+      graph.tie(at(other), {0.0, 0.0}, {0.0, 1.0}, residual_m, kWeight);
+      relate(k, other, kWeight, residual_m);
+    }
+  }
+  graph.tie(at(0.0), {0.0, 0.0}, {0.0, 1.0}, 0.4, kLoopWeight);
+  relate(kPoses - 1, 0, kLoopWeight, 0.4);
+  graph.solve();
+  EXPECT_LT(graph.size(), kPoses / 2);
+  const Eigen::VectorXd expected = H.ldlt().solve(b);
+  for (int k = kPoses - 48; k < kPoses; ++k) {
+    EXPECT_NEAR(graph.motion_of(at(k)).translation_m.y(), expected(k), 1e-6) << k;
+  }
+  // Between them it is a line.
+  for (int k = 0; k < kPoses; ++k) EXPECT_NEAR(graph.motion_of(at(k)).translation_m.y(), expected(k), 0.1) << k;
 }
 
 }  // namespace

@@ -112,6 +112,10 @@ class MapAlignment {
   /// What is to be added to odom's velocity at the next scan (m/s, axes of odom).
   Eigen::Vector2d velocity_correction_m_s(const InertialPlacement& placement) const;
 
+  /// Number of ends of faces, and of poses, that are remembered: both are bounded.
+  std::size_t face_ends() const { return ends_.size(); }
+  std::size_t poses() const { return graph_.size(); }
+
   /// Stamp of the latest scan that closed a loop, after which what was mapped before is elsewhere in the map, or
   /// StampOrder::kNone.
   std::int64_t loop_closed_ns() const { return loop_closed_ns_; }

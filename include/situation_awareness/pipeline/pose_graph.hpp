@@ -20,11 +20,14 @@ namespace situation_awareness {
 ///            their motions, both about the map's origin
 ///
 /// A pose is tied to the one before by inertial navigation, and to those of the times at which what it sees was drawn.
-/// Those of half an hour are kept, the older half of which is then forgotten: what is older stays where it is.
+/// What is older is told by fewer poses, a twelfth of its age apart at most: those between are marginalized, so that
+/// what they said of the others stays exact. What is older than 25 minutes stays where it is. So the cost is bounded:
+/// at most kMostPoses, about 150 in hours of one pose a second.
 class PoseGraph {
  public:
   /// s. Time between two poses.
   static constexpr double kPeriod_s = 1.0;
+  static constexpr std::size_t kMostPoses = 200;
 
   PoseGraph();
 
@@ -41,39 +44,34 @@ class PoseGraph {
   /// Of the pose added last: A and b of the difference of its motion, about a place, to that of this time.
   void tie(std::int64_t drawn_ns, const Eigen::Vector2d& center_m, const Eigen::Matrix3d& A, const Eigen::Vector3d& b);
 
-  /// Finds the motions. Allocates, unlike the rest.
+  /// Finds the motions.
   void solve();
   /// That of what was drawn at a time.
   Pose2 motion_of(std::int64_t drawn_ns) const;
   /// All were moved so.
   void move();
+  /// Number of poses.
+  std::size_t size() const { return nodes_.size(); }
 
  private:
-  /// Cost of the difference of two poses' motions.
-  struct Relation {
-    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  };
   struct Node {
     std::int64_t stamp_ns = 0;
     Eigen::Vector2d p_map_m = Eigen::Vector2d::Zero();
-    Relation to_previous;
     Eigen::Vector3d x = Eigen::Vector3d::Zero();
   };
-  /// Nodes by the number of those before, of all time.
-  struct Tie {
-    std::size_t node = 0, other = 0;
-    Relation relation;
-  };
 
-  std::size_t index_of(std::size_t node) const { return node < first_ ? 0 : node - first_; }
-  void forget_older_half();
+  Eigen::Index unknowns() const { return static_cast<Eigen::Index>(3 * nodes_.size()); }
+  void thin_out();
+  void marginalize(std::size_t node);
+  void remove(std::size_t node);
   std::vector<Node>::const_iterator first_since(std::int64_t stamp_ns) const;
-  Relation& relation_to(std::int64_t drawn_ns);
+  std::size_t nearest(std::int64_t drawn_ns) const;
+  void relate(std::size_t node, std::size_t other, const Eigen::Matrix3d& A, const Eigen::Vector3d& b);
 
-  std::size_t first_ = 0;  ///< number of those that were forgotten
   std::vector<Node> nodes_;
-  std::vector<Tie> ties_;  ///< in the order of their nodes
+  // Normal equations of all motions, of which the first unknowns() rows and columns count.
+  Eigen::MatrixXd H_, factor_;
+  Eigen::VectorXd b_, x_;
 };
 
 }  // namespace situation_awareness
