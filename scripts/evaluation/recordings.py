@@ -350,12 +350,13 @@ def percent(part):
     return "" if math.isnan(part) else f"{100.0 * part:.0f}"
 
 
-def map_table(scores, near):
+def map_table(scores, near, calibrated=""):
+    """`calibrated`: said of the recordings beside their results."""
     rows = [(name, str(score.scans), str(score.visible), f"{score.recall:.3f}", f"{score.position_rmse_m:.3f}",
              f"{score.behind_m:+.3f}", f"{score.velocity_rmse_m_s:.3f}", f"{score.semi_axis_mae_m:.3f}",
              " / ".join(percent(part) for part in (*score.classes, 1.0 - score.recall)))
             for name, score in {**scores, **{f"{name}, by the centres alone": near[name] for name in near}}.items()]
-    return table(("recording", "scans", "visible", "recall", "position RMSE, m", "behind the truth, mean, m",
+    return table((f"recording{calibrated}", "scans", "visible", "recall", "position RMSE, m", "behind the truth, mean, m",
                   "velocity RMSE, m/s", "semi-axes MAE, m",
                   f"error under {ERRORS_M[0]:g} m / up to {ERRORS_M[1]:g} m / more / not on the map, %"), rows)
 
@@ -536,6 +537,7 @@ A scanner of 360 beams (1°, 12.9 Hz, 4 to 5 mm of noise at 1 m) on a small car,
 [datmo](https://github.com/kostaskonkk/datmo)'s examples; the scanner's place, its ranges and the times of its beams
 were calibrated on them. They are not part of this repository.
 """
+CALIBRATED = " (scanner's place, ranges and times calibrated on it)"
 MEASURES = """
 An object is visible in a scan if at least {hits} beams hit it, as the truth counts them. An element is on the object
 if its centre is on the box or within {margin:g} m of it; of these the nearest to the object's centre is its own, scan
@@ -574,7 +576,7 @@ def report_of(measured, config, about, scores, near, detections, counts, account
                                                    scans=sum(score.scans for score in scores.values()))),
         targets_section([*targets(scores), account_target(accounts)]),
         section("The object on the map", prose(MEASURES.format(hits=VISIBLE_HITS, margin=MARGIN_M, gate=GATE_M)),
-                map_table(scores, near)),
+                map_table(scores, near, CALIBRATED if about else "")),
         section("Identity and other elements", prose(TRACKS.format(moving=MOVING_M_S)),
                 tracks_table(scores)),
         section("Pictures", *(f"**{name}**\n\n" + picture(images, f"recordings_{name}.png",

@@ -685,6 +685,14 @@ class Scores(unittest.TestCase):
         self.assertAlmostEqual(group.yaw_rad, 0.001)
         self.assertAlmostEqual(group.nees, 9.0 + 16.0 + 1.0, places=4)
 
+    def test_the_regions_of_poses_are_a_target_beside_their_mean_nees(self):
+        for pose_error, inside in (((0.0, 0.0, 0.0), True), ((0.003, -0.004, 0.001), False)):
+            group = polygons.Group([score(self.truth, pose_error=pose_error)])
+            met = {what: met for what, _, met in polygons.targets({("corridor", polygons.CHANGES): group})}
+            [regions] = [what for what in met if "95 % regions" in what]
+            [mean] = [what for what in met if what.startswith("mean NEES")]
+            self.assertEqual((met[regions], met[mean]), (inside, False))
+
     def test_a_map_of_nothing_and_a_tool_that_says_nothing(self):
         group = self.of(lambda polylines: [])
         self.assertEqual((group.recall, group.coverage), (0.0, 0.0))
