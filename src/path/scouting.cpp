@@ -21,6 +21,7 @@ constexpr double kThere_rad = 0.15;            ///< a yaw that is reached
 constexpr double kHome_m = 2.0;                ///< of a place that is home
 constexpr double kCloseUp_m = 2.5;             ///< of a place that is the close-up's
 constexpr double kSame_m = 4.0;                ///< targets that are so near are the same, and clusters that are one's
+constexpr int kDue = 2;                        ///< steps in a row, at least, from which the way home is due
 constexpr int kCandidates = 24;                ///< random views from which a route goes on with one
 constexpr int kBearings = 16;                  ///< from which a target may be seen near by
 constexpr int kMostTries = 2;                  ///< of a close-up
@@ -128,34 +129,43 @@ bool Scouting::is_in_region(const Eigen::Vector2d& p_m, double around_m) const {
          ((high_of(params_.region) - p_m + around).array() >= 0.0).all();
 }
 
+/// What was closed up is known by its place: a map that begins anew gives other ids to the same things, and may give
+/// the same ids to others.
 void Scouting::take_targets(const GridTargets& targets) {
+  const auto is_on_map = [&](const Known& known) {
+    return std::any_of(targets.targets.begin(), targets.targets.end(),
+                       [&](const GridTarget& target) { return target.id == known.target.id; });
+  };
+  const auto distance_to = [](const Known& known, const GridTarget& target) {
+    return (known.target.p_world_m - target.p_world_m).head<2>().norm();
+  };
   for (const GridTarget& target : targets.targets) {
-    const Eigen::Vector2d p_m = target.p_world_m.head<2>();
     const auto same =
         std::find_if(known_.begin(), known_.end(), [&](const Known& known) { return known.target.id == target.id; });
     if (same != known_.end()) {
-      same->target = target;
-      continue;
+      if (distance_to(*same, target) < kSame_m) {
+        same->target = target;
+        continue;
+      }
+      same->target.id = 0;
     }
-    if (!is_in_region(p_m, kSame_m)) continue;
-    const auto twin = std::find_if(known_.begin(), known_.end(), [&](const Known& known) {
-      return (known.target.p_world_m.head<2>() - p_m).norm() < kSame_m;
-    });
-    known_.push_back({target, twin != known_.end() && twin->is_closed_up, false, 0});
+    if (!is_in_region(target.p_world_m.head<2>(), kSame_m)) continue;
+    Known* twin = nullptr;
+    for (Known& known : known_) {
+      const double away_m = distance_to(known, target);
+      if (away_m < kSame_m && (twin == nullptr || away_m < distance_to(*twin, target))) twin = &known;
+    }
     must_plan_ = true;
+    if (twin != nullptr && !is_on_map(*twin)) {
+      twin->target = target;
+    } else {
+      known_.push_back({target, twin != nullptr && twin->is_closed_up, false, 0});
+    }
   }
   // What is no target any more needs no close-up.
-  const auto is_gone = [&](const Known& known) {
-    return std::none_of(targets.targets.begin(), targets.targets.end(),
-                        [&](const GridTarget& target) { return target.id == known.target.id; });
-  };
-  for (const Known& known : known_) {
-    if (!is_gone(known) || known.is_closed_up) continue;
-    must_plan_ = true;
-  }
-  known_.erase(std::remove_if(known_.begin(), known_.end(),
-                              [&](const Known& known) { return !known.is_closed_up && is_gone(known); }),
-               known_.end());
+  const auto is_gone = [&](const Known& known) { return !known.is_closed_up && !is_on_map(known); };
+  must_plan_ = must_plan_ || std::any_of(known_.begin(), known_.end(), is_gone);
+  known_.erase(std::remove_if(known_.begin(), known_.end(), is_gone), known_.end());
 }
 
 void Scouting::take_grid(const SemanticGrid& grid) {
@@ -424,8 +434,7 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   if (!input.p_world_m.allFinite() || !std::isfinite(input.yaw_rad)) {
     throw std::invalid_argument("the pose of a scouting step is not finite");
   }
-  if (!begin_ns_) begin_ns_ = input.stamp_ns;
-  step_.elapsed_s = std::max(step_.elapsed_s, seconds_between(*begin_ns_, input.stamp_ns));
+  step_.elapsed_s = seconds_between(0, clock_.advance(input.stamp_ns));
   step_.left_s = params_.budget_s - step_.elapsed_s;
   const Eigen::Vector2d p_m = input.p_world_m.head<2>();
   const double height_m = input.p_world_m.z() - ground_m(p_m);
@@ -444,7 +453,9 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   if (input.targets != nullptr) take_targets(*input.targets);
   if (input.grid != nullptr) take_grid(*input.grid);
   step_.home_s = home_s(p_m, height_m);
-  if (std::isfinite(step_.home_s) && step_.home_s + params_.margin_s >= step_.left_s) must_go_home_ = true;
+  const bool is_due = std::isfinite(step_.home_s) && step_.home_s + params_.margin_s >= step_.left_s;
+  due_ = is_due ? due_ + 1 : 0;
+  must_go_home_ = must_go_home_ || due_ >= kDue;
 
   const auto is_at = [&](const ScoutStop& stop) {
     const double near_m = stop.target != 0 ? kCloseUp_m : params_.arrival_m;
@@ -452,7 +463,12 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
            (stop.target == 0 || std::abs(stop.height_m - height_m) < 2.0 * near_m) &&
            std::abs(wrap_to_pi(stop.yaw_rad - input.yaw_rad)) < kThere_rad;
   };
-  if (!route_.empty() && !must_go_home_) {
+  const bool waits_for_images = !input.sees && !must_go_home_ && step_.state != ScoutingState::kDone;
+  if (!waits_for_images) held_m_.reset();
+  if (waits_for_images) {
+    if (!held_m_) held_m_ = input.p_world_m;
+    stop_due_s_ = step_.elapsed_s + kLate_s;
+  } else if (!route_.empty() && !must_go_home_) {
     const ScoutStop stop = route_.front();
     const bool is_late = step_.elapsed_s > stop_due_s_;
     const auto known =
@@ -469,16 +485,20 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   }
   if (must_go_home_) {
     route_.clear();
-  } else if (must_plan_) {
+  } else if (must_plan_ && !waits_for_images) {
     make_plan({p_m, input.yaw_rad, height_m}, step_.left_s);
   }
-  must_plan_ = false;
+  must_plan_ = must_plan_ && waits_for_images;
 
   const Eigen::Vector2d home_m = home_m_.head<2>();
   const bool leads = lead_to(p_m, route_.empty() ? home_m : route_.front().p_world_m);
   step_.target = 0;
   step_.yaw_rad = input.yaw_rad;
-  if (!leads) {
+  if (waits_for_images) {
+    step_.state = ScoutingState::kHold;
+    step_.reason = "no image is mapped";
+    step_.go_to_world_m = *held_m_;
+  } else if (!leads) {
     step_.state = ScoutingState::kHold;
     step_.reason = route_.empty() ? "there is no free way home" : "there is no free way to the next stop";
     step_.go_to_world_m = input.p_world_m;

@@ -48,7 +48,8 @@ class Flown {
 
   const ScoutingStep& step() {
     ScoutingInput input;
-    input.stamp_ns = nanoseconds(time_s);
+    input.stamp_ns = nanoseconds(1e5 + time_s + stamp_off_s);
+    input.sees = sees;
     input.p_world_m = p_m;
     input.yaw_rad = yaw_rad;
     input.targets = &targets;
@@ -82,7 +83,8 @@ class Flown {
   Eigen::Vector3d home, p_m;
   std::vector<Eigen::Vector2d> things_m;
   Obstacles obstacles;
-  bool gives_obstacles = false;
+  bool gives_obstacles = false, sees = true;
+  double stamp_off_s = 0.0;  ///< error of the stamps
   GridTargets targets;
   ScoutingStep told;
   double yaw_rad = 0.0, time_s = 0.0, least_clearance_m = std::numeric_limits<double>::infinity();
@@ -196,6 +198,122 @@ TEST(ScoutingFlights, ATargetThatWasNearIsNotGoneToAgain) {
   const std::map<std::uint64_t, int> before = flown.begun;
   flown.fly(params.budget_s);
   EXPECT_EQ(flown.begun, before);
+}
+
+/// Flies until all things it can see were closed up, at most 400 s.
+void fly_until(Flown& flown, std::size_t close_ups) {
+  while (flown.told.close_ups < close_ups && flown.time_s < 400.0) flown.step();
+  ASSERT_EQ(flown.told.close_ups, close_ups);
+}
+
+// A map that begins anew has other ids for the same things.
+TEST(ScoutingFlights, AMapThatBeginsAnewIsKnownByItsPlaces) {
+  ScoutingParams params = quick_params();
+  Flown flown(params);
+  flown.things_m = {{0.0, 0.0}, {40.0, 20.0}, {-50.0, 30.0}};
+  fly_until(flown, 3);
+  const std::map<std::uint64_t, int> before = flown.begun;
+  // The third one has the id that the first one had; nobody has those of the second and the third.
+  flown.targets.targets = {target_at(1, {-50.3, 30.2}), target_at(8, {0.4, -0.3}), target_at(9, {40.0, 20.5})};
+  flown.fly(params.budget_s);
+  EXPECT_EQ(flown.begun, before);
+  EXPECT_EQ(flown.told.targets, 3U);
+  EXPECT_EQ(flown.told.close_ups, 3U);
+}
+
+// It kept "closed up" under the old id, and flew home.
+TEST(ScoutingFlights, AnIdThatIsUsedAgainElsewhereIsAnotherTarget) {
+  ScoutingParams params = quick_params();
+  Flown flown(params);
+  flown.things_m = {{0.0, 0.0}};
+  fly_until(flown, 1);
+  const double begin_s = flown.time_s;
+  flown.things_m.clear();
+  flown.targets.targets = {target_at(1, {60.0, 50.0})};
+  const Eigen::Vector3d there_m(60.0, 50.0, 0.0);
+  double nearest_m = std::numeric_limits<double>::infinity();
+  while (flown.told.close_ups < 2 && flown.time_s < begin_s + 200.0 && flown.told.state != ScoutingState::kDone) {
+    flown.step();
+    nearest_m = std::min(nearest_m, (flown.p_m - there_m).norm());
+  }
+  EXPECT_EQ(flown.told.close_ups, 2U) << flown.told.reason;
+  EXPECT_EQ(flown.told.targets, 2U);
+  EXPECT_LT(nearest_m, 1.3 * std::hypot(params.close_up_m, params.close_up_height_m));
+}
+
+// Whatever the stamps say: the budget goes on, home is where it was.
+TEST(ScoutingFlights, OneStampOrTimeThatIsSetBackMovesNeitherHomeNorBudget) {
+  struct Case {
+    double by_s;
+    int steps;
+  };
+  ScoutingParams params = quick_params();
+  params.budget_s = 120.0;
+  for (const Case& one : {Case{2.0, 1}, Case{3600.0, 1}, Case{-5.0, 1}, Case{-3600.0, 1}, Case{-3600.0, 1000000}}) {
+    Flown flown(params, {60.0, -40.0});
+    for (int i = 0; i < 100; ++i) flown.step();
+    const double elapsed_s = flown.told.elapsed_s;
+    EXPECT_NEAR(elapsed_s, 24.75, 1e-6);
+    flown.stamp_off_s = one.by_s;
+    int left = one.steps;
+    while (flown.told.state != ScoutingState::kDone && flown.time_s < 2.0 * params.budget_s) {
+      flown.step();
+      if (--left == 0) flown.stamp_off_s = 0.0;
+      EXPECT_LT(flown.told.elapsed_s, flown.time_s + 2.1);
+      EXPECT_GT(flown.told.elapsed_s, flown.time_s - 1.0);
+    }
+    EXPECT_EQ(flown.told.state, ScoutingState::kDone) << one.by_s;
+    EXPECT_GT(flown.time_s, 60.0) << one.by_s << ": it went on after the jump";
+    EXPECT_LT(flown.time_s, params.budget_s) << one.by_s;
+    EXPECT_LT((flown.p_m - flown.home).head<2>().norm(), 3.0) << one.by_s;
+  }
+}
+
+// Steps that were missing are time that went by.
+TEST(ScoutingFlights, CountsTheTimeInWhichItHadNoOdometry) {
+  ScoutingParams params = quick_params();
+  params.budget_s = 200.0;
+  Flown flown(params);
+  for (int i = 0; i < 100; ++i) flown.step();
+  flown.time_s += 60.0;
+  for (int i = 0; i < 3; ++i) flown.step();
+  EXPECT_NEAR(flown.told.elapsed_s, flown.time_s - kStep_s, 1e-6);
+  EXPECT_TRUE(flown.fly(params.budget_s));
+}
+
+TEST(ScoutingFlights, OnePoseThatIsFarOffDoesNotEndTheMission) {
+  ScoutingParams params = quick_params();
+  Flown flown(params);
+  for (int i = 0; i < 40; ++i) flown.step();
+  const Eigen::Vector3d p_m = flown.p_m;
+  flown.p_m = {5000.0, 5000.0, 25.0};
+  flown.step();
+  flown.p_m = p_m;
+  flown.step();
+  EXPECT_EQ(flown.told.state, ScoutingState::kScout) << flown.told.reason;
+}
+
+TEST(ScoutingFlights, HoldsWithoutImagesUntilTheWayHomeIsDue) {
+  ScoutingParams params = quick_params();
+  params.budget_s = 100.0;
+  Flown flown(params);
+  for (int i = 0; i < 120; ++i) flown.step();
+  flown.sees = false;
+  flown.step();
+  const Eigen::Vector3d there_m = flown.p_m;
+  for (int i = 0; i < 40; ++i) {
+    EXPECT_EQ(flown.step().state, ScoutingState::kHold) << flown.told.reason;
+    EXPECT_LT((flown.p_m - there_m).norm(), 2.0);
+  }
+  EXPECT_TRUE(flown.fly(params.budget_s));
+  EXPECT_EQ(flown.told.reason, "the budget is only enough for the way home");
+  // With images it goes on.
+  Flown again(params);
+  for (int i = 0; i < 120; ++i) {
+    again.sees = i < 40 || i > 60;
+    again.step();
+  }
+  EXPECT_EQ(again.told.state, ScoutingState::kScout) << again.told.reason;
 }
 
 TEST(ScoutingFlights, TheSameSeedGivesTheSameFlight) {

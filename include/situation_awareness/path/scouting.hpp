@@ -14,6 +14,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/path/free_ways.hpp"
+#include "situation_awareness/path/mission_clock.hpp"
 #include "situation_awareness/path/scout_belief.hpp"
 
 namespace situation_awareness {
@@ -111,6 +112,7 @@ struct ScoutingInput {
   const GridTargets* targets = nullptr;
   const SemanticGrid* grid = nullptr;
   const Obstacles* obstacles = nullptr;  ///< to be given when they have changed
+  bool sees = true;                      ///< images are mapped; else the vehicle holds, until the way home is due
 };
 
 struct ScoutingStep {
@@ -119,7 +121,7 @@ struct ScoutingStep {
   Eigen::Vector3d go_to_world_m = Eigen::Vector3d::Zero();  ///< with all on the straight way there free
   double yaw_rad = 0.0;
   std::uint64_t target = 0;    ///< of a close-up; 0: none
-  double elapsed_s = 0.0;      ///< since the first step
+  double elapsed_s = 0.0;      ///< since the first step, as MissionClock says
   double left_s = 0.0;         ///< of the budget
   double home_s = 0.0;         ///< that the way home takes from here; infinite if there is none
   std::size_t targets = 0;     ///< in the region
@@ -146,7 +148,8 @@ class Scouting {
   /// From now on there is only the way home.
   void go_home() { must_go_home_ = was_told_home_ = true; }
 
-  /// A few times per second. Throws std::invalid_argument if the pose is not finite.
+  /// A few times per second. Home and what was found stay whatever the stamps say. Throws std::invalid_argument if the
+  /// pose is not finite.
   const ScoutingStep& step(const ScoutingInput& input);
 
   /// What is planned from the way point on; home is not in it.
@@ -157,6 +160,7 @@ class Scouting {
   const ScoutingParams& params() const { return params_; }
 
  private:
+  /// A target of the map, or what was one when it was closed up: its id is 0 when another target has its id.
   struct Known {
     GridTarget target;
     bool is_closed_up = false, is_given_up = false;
@@ -199,8 +203,10 @@ class Scouting {
   std::vector<Known> known_;
   std::vector<ScoutStop> route_;
   std::vector<Eigen::Vector2d> way_;
-  std::optional<std::int64_t> begin_ns_;
-  double stop_due_s_ = 0.0;  ///< since the begin: a stop that is not reached until then is given up
+  MissionClock clock_;
+  std::optional<Eigen::Vector3d> held_m_;  ///< where it waits for images
+  int due_ = 0;                            ///< steps in a row for which the way home was due
+  double stop_due_s_ = 0.0;                ///< since the begin: a stop that is not reached until then is given up
   bool must_plan_ = true, must_go_home_ = false, was_told_home_ = false, is_short_of_time_ = false;
   ScoutingStep step_;
 };
