@@ -111,7 +111,7 @@ endfunction()
 
 # Common code of the programs that read a bag; not installed.
 add_library(${PROJECT_NAME}_bag STATIC
-  src/ros/bag/atomic_file.cpp
+  src/ros/bag/line_file.cpp
   src/ros/bag/bag_options.cpp
   src/ros/bag/bag_player.cpp
   src/ros/bag/json_line.cpp

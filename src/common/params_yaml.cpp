@@ -2,11 +2,11 @@
 #include "situation_awareness/common/params_yaml.hpp"
 
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <sstream>
 
 #include <yaml-cpp/yaml.h>
+
+#include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -176,12 +176,10 @@ std::string yaml_of(const std::vector<Parameter>& parameters) {
   return text;
 }
 
-std::string read_text_file(const std::string& path) {
-  std::ifstream file(path);
-  std::ostringstream text;
-  const bool empty = file && file.peek() == std::ifstream::traits_type::eof() && !file.bad();
-  if (!empty && (!file || !(text << file.rdbuf()))) throw std::invalid_argument(path + ": cannot be read");
-  return text.str();
+std::string read_text_file(const std::string& path) try {
+  return read_file(path, kMaxTextBytes);
+} catch (const std::runtime_error& error) {
+  throw std::invalid_argument(error.what());
 }
 
 }  // namespace situation_awareness

@@ -9,9 +9,12 @@
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <nlohmann/json.hpp>
+
+#include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
 
@@ -19,8 +22,11 @@ using GeoJson = nlohmann::ordered_json;
 
 namespace geojson {
 
-constexpr std::size_t kMaxFeatures = 20'000;
-constexpr std::size_t kMaxVertices = 100'000;  ///< of one feature
+constexpr std::size_t kMaxBytes = std::size_t{256} << 20;
+/// Of what nlohmann_json reads: it takes up to 50 bytes for each.
+constexpr std::size_t kMaxValues = 10'000'000, kMaxDepth = 32;
+constexpr std::size_t kMaxFeatures = 300'000;
+constexpr std::size_t kMaxVertices = 400'000;  ///< of one feature
 constexpr double kMaxPosition_m = 1e6;
 constexpr double kMaxVertexSigma_m = 1e3;
 constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
@@ -78,10 +84,50 @@ inline std::uint64_t id_of(const GeoJson& properties, const std::string& place) 
   return found->get<std::uint64_t>();
 }
 
+/// Throws std::invalid_argument if a text has too many values, or too deeply within each other, before memory is taken
+/// for them.
+inline void check_json_size(std::string_view text) {
+  if (text.size() > kMaxBytes) throw std::invalid_argument("has more than " + std::to_string(kMaxBytes) + " bytes");
+  std::size_t values = 0, depth = 0;
+  bool is_text = false;
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    const char c = text[i];
+    if (c == '"') is_text = !is_text;
+    if (is_text) {
+      if (c == '\\') ++i;
+      continue;
+    }
+    const bool opens = c == '[' || c == '{';
+    if (opens) ++depth;
+    if ((c == ']' || c == '}') && depth > 0) --depth;
+    if (opens || c == ',') ++values;
+    if (depth > kMaxDepth) throw std::invalid_argument("is nested too deeply");
+    if (values > kMaxValues) throw std::invalid_argument("has more than " + std::to_string(kMaxValues) + " values");
+  }
+}
+
+/// What a collection of the format begins with.
+inline GeoJson new_collection(const char* format, const std::string& world_frame, std::int64_t stamp_ns) {
+  return {
+      {"type", "FeatureCollection"}, {"format", format}, {"world_frame", world_frame}, {"stamp", seconds_of(stamp_ns)}};
+}
+
+/// Files with a collection of the format, or of none of this package, such as plans drawn by hand.
+inline FileKind geojson_kind(const std::string& format) {
+  return {"GeoJSON of '" + format + "'", [format](std::string_view head) {
+            const auto has = [head](const std::string& text) { return head.find(text) != std::string_view::npos; };
+            return has("\"FeatureCollection\"") && (has(format) || !has("\"situation_awareness "));
+          }};
+}
+
 /// Checks what a collection is, and its frame.
-inline void check_collection(const GeoJson& collection, const std::string& world_frame) {
+inline void check_collection(const GeoJson& collection, const char* format, const std::string& world_frame) {
   if (!collection.is_object() || collection.value("type", GeoJson()) != "FeatureCollection") {
     throw std::invalid_argument("is no FeatureCollection");
+  }
+  const GeoJson of_format = collection.value("format", GeoJson(format));
+  if (of_format != format) {
+    throw std::invalid_argument("format = " + of_format.dump() + " is not '" + std::string(format) + "'");
   }
   const GeoJson frame = collection.value("world_frame", GeoJson(world_frame));
   if (!frame.is_string()) throw std::invalid_argument("world_frame is no text");
@@ -139,6 +185,7 @@ void read_sights(const GeoJson& properties, std::int64_t stamp_ns, const std::st
 template <class Read>
 auto parsed(const std::string& text, const std::string& source, const Read& read) {
   try {
+    check_json_size(text);
     return read(GeoJson::parse(text));
   } catch (const nlohmann::json::exception& error) {
     throw std::invalid_argument(source + ": not valid GeoJSON: " + error.what());

@@ -8,6 +8,8 @@
 #include <yaml-cpp/yaml.h>
 #include <Eigen/Eigenvalues>
 
+#include "situation_awareness/common/count.hpp"
+
 namespace situation_awareness {
 namespace {
 
@@ -150,6 +152,7 @@ void CheckFields::range(const char* name, double value, Bounds bounds) const {
 
 void CheckFields::count(const char* name, int value) const {
   if (value < 0) refuse(name, "= " + std::to_string(value) + " is negative");
+  if (value > kMaxCount) refuse(name, "= " + std::to_string(value) + " is above " + std::to_string(kMaxCount));
 }
 
 void CheckFields::size(const char* name, std::size_t items, std::size_t max_items) const {

@@ -1,19 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/map/map_file.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstdio>
-#include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <stdexcept>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <yaml-cpp/yaml.h>
 
@@ -22,12 +14,53 @@
 namespace situation_awareness {
 namespace {
 
-constexpr std::size_t kMaxBytes = std::size_t{16} << 20;
+/// Of a whole file, of all but its elements, of one element, and of a file whose elements are not as they are written.
+constexpr std::size_t kMaxBytes = std::size_t{512} << 20, kMaxMapBytes = std::size_t{64} << 20;
+constexpr std::size_t kMaxElementBytes = std::size_t{1} << 20, kMaxOtherBytes = std::size_t{16} << 20;
+/// Of what yaml-cpp reads at once: it takes up to 400 bytes for each.
+constexpr std::ptrdiff_t kMaxValues = 1'500'000;
 constexpr std::string_view kSeal = "sha256: ";        // the last line begins with it
 constexpr std::string_view kEditedByHand = "edited";  // instead of the sum
 
-void check_size(std::uintmax_t bytes) {
-  if (bytes > kMaxBytes) throw std::invalid_argument("is larger than " + std::to_string(kMaxBytes) + " bytes");
+void check_size(std::size_t bytes, std::size_t most_bytes) {
+  if (bytes > most_bytes) throw std::invalid_argument("is larger than " + std::to_string(most_bytes) + " bytes");
+}
+
+/// The parts of a map's text.
+struct MapParts {
+  std::string map;                         ///< all but the elements; all, if these are not as they are written
+  std::vector<std::string_view> elements;  ///< each the text of a list with one item
+};
+
+/// Takes the elements out, so that they can be read one by one: yaml-cpp takes twenty times their size for them.
+MapParts parts_of(std::string_view content) {
+  constexpr std::string_view kList = "\nelements:\n", kItem = "  -";
+  MapParts parts;
+  const std::size_t list = content.find(kList);
+  std::size_t at = list == std::string_view::npos ? content.size() : list + kList.size();
+  const auto is_item = [&](std::size_t line) {
+    if (content.compare(line, kItem.size(), kItem) != 0) return false;
+    const std::size_t behind = line + kItem.size();
+    return behind < content.size() && (content[behind] == ' ' || content[behind] == '\n');
+  };
+  const auto is_inside = [&](std::size_t line) { return content[line] == ' ' || content[line] == '\n'; };
+  if (at == content.size() || !is_item(at)) {
+    parts.map = content;
+    check_size(parts.map.size(), kMaxOtherBytes);
+    return parts;
+  }
+  std::size_t begin = at;
+  while (at < content.size() && is_inside(at)) {
+    const std::size_t end_of_line = content.find('\n', at);
+    at = end_of_line == std::string_view::npos ? content.size() : end_of_line + 1;
+    if (at < content.size() && is_inside(at) && !is_item(at)) continue;
+    parts.elements.push_back(content.substr(begin, at - begin));
+    check_size(parts.elements.back().size(), kMaxElementBytes);
+    begin = at;
+  }
+  parts.map = std::string(content.substr(0, list + 1)) + std::string(content.substr(at));
+  check_size(parts.map.size(), kMaxMapBytes);
+  return parts;
 }
 
 /// Everything before the last line, whose checksum must match.
@@ -49,6 +82,13 @@ std::string_view sealed_content(std::string_view yaml) {
   return content;
 }
 
+void check_values(const std::string& text) {
+  const auto separates = [](char c) { return c == ',' || c == ':' || c == '\n' || c == '[' || c == '{'; };
+  if (std::count_if(text.begin(), text.end(), separates) > kMaxValues) {
+    throw std::invalid_argument("has more than " + std::to_string(kMaxValues) + " values beside its elements");
+  }
+}
+
 /// The one document of a text.
 YAML::Node parse(const std::string& content) {
   // Not by YAML::LoadAll, which does not return for a text such as a single comma. Further documents have markers.
@@ -56,7 +96,17 @@ YAML::Node parse(const std::string& content) {
     return content.rfind(mark, 0) == 0 || content.find('\n' + mark) != std::string::npos;
   };
   if (marked("---") || marked("...")) throw std::invalid_argument("is not one YAML document");
+  check_values(content);
   return YAML::Load(content);
+}
+
+ReadFields element_fields(std::string_view text, std::size_t i) {
+  const std::string place = detail::item_place("", "elements", i);
+  try {
+    return {parse(std::string(text))[0], place};
+  } catch (const YAML::Exception& error) {
+    throw std::invalid_argument(place + "not valid YAML: " + error.what());
+  }
 }
 
 /// The version of a file of this kind.
@@ -75,63 +125,6 @@ std::uint64_t read_header(ReadFields& fields, const MapFileHeader& header) {
   return version;
 }
 
-std::runtime_error cannot(const std::string& path, const char* what) {
-  return std::runtime_error(path + ": cannot be " + what + ": " + std::strerror(errno));
-}
-
-/// A temporary file, removed unless it is renamed.
-class PartialFile {
- public:
-  explicit PartialFile(const std::string& path) : path_(path), partial_(path + ".part") {
-    file_ = ::open(partial_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (file_ < 0) throw cannot(path_, "written");
-  }
-  ~PartialFile() {
-    if (file_ >= 0) ::close(file_);
-    if (!done_) ::unlink(partial_.c_str());
-  }
-  PartialFile(const PartialFile&) = delete;
-  PartialFile& operator=(const PartialFile&) = delete;
-
-  void write(std::string_view text) {
-    while (!text.empty()) {
-      const ssize_t written = ::write(file_, text.data(), text.size());
-      if (written < 0 && errno == EINTR) continue;
-      if (written < 0) throw cannot(path_, "written");
-      text.remove_prefix(static_cast<std::size_t>(written));
-    }
-  }
-
-  /// Syncs before the rename, so that at any interruption one of the two files is complete.
-  void finish() {
-    if (::fsync(file_) != 0) throw cannot(path_, "written");
-    if (::close(std::exchange(file_, -1)) != 0) throw cannot(path_, "written");
-    if (std::rename(partial_.c_str(), path_.c_str()) != 0) throw cannot(path_, "written");
-    done_ = true;
-    const std::filesystem::path folder = std::filesystem::path(path_).parent_path();
-    const int directory = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (directory < 0) return;  // the file is written; some file systems cannot open folders
-    ::fsync(directory);
-    ::close(directory);
-  }
-
- private:
-  std::string path_, partial_;
-  int file_ = -1;
-  bool done_ = false;
-};
-
-/// Protects other files against a mistyped name.
-void check_replaceable(const std::string& path, const std::string& format) {
-  if (!std::filesystem::exists(path)) return;
-  std::string head(4096, '\0');
-  std::ifstream file(path, std::ios::binary);
-  file.read(head.data(), static_cast<std::streamsize>(head.size()));
-  if (!std::filesystem::is_regular_file(path) || head.find(format) == std::string::npos) {
-    throw std::runtime_error(path + ": is there and no '" + format + "', so it is not replaced");
-  }
-}
-
 }  // namespace
 
 void detail::check_frame(const std::string& world_frame) {
@@ -147,18 +140,33 @@ std::string detail::write_sealed(const MapFileHeader& header, const std::functio
   fields("format", header.format);
   fields("version", header.version);
   write(fields);
+  check_values(parts_of(text).map);  // what is written can be read
   const std::string sum = sha256(text);
   text += std::string(kSeal) + sum + '\n';
+  check_size(text.size(), kMaxBytes);
   return text;
 }
 
 void detail::read_sealed(const std::string& yaml, const std::string& source, const MapFileHeader& header,
-                         const std::function<void(ReadFields& fields, std::uint64_t version)>& read) {
+                         std::size_t max_elements, const std::function<void(ReadFields& fields)>& read_map,
+                         const std::function<void(ReadFields& fields, std::uint64_t version)>& read_element) {
   try {
-    check_size(yaml.size());
-    ReadFields fields(parse(std::string(sealed_content(yaml))), "");
+    check_size(yaml.size(), kMaxBytes);
+    const MapParts parts = parts_of(sealed_content(yaml));
+    ReadFields fields(parse(parts.map), "");
     const std::uint64_t version = read_header(fields, header);
-    read(fields, version);
+    read_map(fields);
+    if (parts.elements.size() > max_elements) {
+      throw std::invalid_argument("elements are more than " + std::to_string(max_elements));
+    }
+    std::vector<ReadFields> others;
+    if (parts.elements.empty()) others = fields.list("elements", max_elements);
+    fields.refuse_rest();
+    for (std::size_t i = 0; i < std::max(parts.elements.size(), others.size()); ++i) {
+      ReadFields element = i < others.size() ? others[i] : element_fields(parts.elements[i], i);
+      read_element(element, version);
+      element.refuse_rest();
+    }
   } catch (const YAML::Exception& error) {
     throw std::invalid_argument(source + ": not valid YAML: " + error.what());
   } catch (const std::invalid_argument& error) {
@@ -166,26 +174,16 @@ void detail::read_sealed(const std::string& yaml, const std::string& source, con
   }
 }
 
-void detail::replace_file(const std::string& path, const MapFileHeader& header, const std::string& yaml) {
-  check_replaceable(path, header.format);
-  PartialFile file(path);
-  file.write(yaml);
-  file.finish();
+FileKind detail::kind_of(const MapFileHeader& header) {
+  return {"a '" + header.format + "'", [format = header.format](std::string_view head) {
+            for (const std::string quote : {"\"", ""}) {
+              if (head.find("format: " + quote + format + quote + '\n') != std::string_view::npos) return true;
+            }
+            return false;
+          }};
 }
 
-std::string detail::read_file(const std::string& path) {
-  std::error_code error;
-  std::ifstream file(path, std::ios::binary);
-  if (!std::filesystem::is_regular_file(path, error) || !file) {
-    throw std::runtime_error(path + ": cannot be read, or no file");
-  }
-  try {
-    check_size(std::filesystem::file_size(path));
-  } catch (const std::invalid_argument& too_large) {
-    throw std::invalid_argument(path + ": " + too_large.what());
-  }
-  return {std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()};
-}
+std::string detail::read_map_file(const std::string& path) { return read_file(path, kMaxBytes); }
 
 void detail::refuse_frame(const std::string& path, const std::string& world_frame, const std::string& wanted) {
   throw std::invalid_argument(path + ": world_frame = " + world_frame + " is not the wanted one, " + wanted);

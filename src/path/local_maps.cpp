@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <limits>
 #include <set>
 #include <stdexcept>
@@ -13,6 +11,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include "situation_awareness/common/file.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
@@ -22,6 +21,7 @@ namespace {
 constexpr double kReachStep_m = 0.1;  // between the places of a segment whose distance counts
 constexpr double kMostPlace_m = 1e6;
 constexpr double kMostSigma_m = 100.0;
+constexpr std::size_t kMostVertices = 1'000'000;  // of all maps, which YAML may repeat by aliases
 constexpr std::array<std::pair<ChainState, const char*>, 4> kStates = {{{ChainState::kWall, "wall"},
                                                                         {ChainState::kKnown, "known"},
                                                                         {ChainState::kNew, "new"},
@@ -74,7 +74,8 @@ Value local_map_value(const YAML::Node& node, const char* key, const std::string
   return value;
 }
 
-Chain read_local_chain(const YAML::Node& node, const std::string& place, const std::string& source) {
+Chain read_local_chain(const YAML::Node& node, const std::string& place, const std::string& source,
+                       std::size_t& vertices_read) {
   check_local_map_keys(node, {"id", "closed", "state", "p_exists", "first_seen_ns", "last_seen_ns", "vertices"}, place,
                        source);
   Chain chain;
@@ -90,6 +91,8 @@ Chain read_local_chain(const YAML::Node& node, const std::string& place, const s
   chain.state = state->first;
   const YAML::Node vertices = node["vertices"];
   if (!vertices.IsSequence()) refuse_local_maps(source, place + ".vertices must be a list");
+  vertices_read += vertices.size();
+  if (vertices_read > kMostVertices) refuse_local_maps(source, place + ".vertices are too many");
   for (const YAML::Node& vertex : vertices) {
     std::array<double, 3> numbers{};
     bool is_good = vertex.IsSequence() && vertex.size() == numbers.size();
@@ -194,6 +197,7 @@ std::vector<LocalMap> read_local_maps(const std::string& yaml, std::size_t segme
   check_local_map_keys(root, {"local_maps"}, "the file", source);
   if (!root["local_maps"].IsSequence()) refuse_local_maps(source, "local_maps must be a list");
   std::vector<LocalMap> maps;
+  std::size_t vertices_read = 0;
   for (const YAML::Node& node : root["local_maps"]) {
     const std::string place = "local_maps[" + std::to_string(maps.size()) + ']';
     check_local_map_keys(node, {"segment", "chains"}, place, source);
@@ -201,7 +205,7 @@ std::vector<LocalMap> read_local_maps(const std::string& yaml, std::size_t segme
     map.segment = local_map_value<std::size_t>(node, "segment", place, source);
     if (!node["chains"].IsSequence()) refuse_local_maps(source, place + ".chains must be a list");
     for (const YAML::Node& chain : node["chains"]) {
-      map.chains.push_back(read_local_chain(chain, chain_place(maps.size(), map.chains.size()), source));
+      map.chains.push_back(read_local_chain(chain, chain_place(maps.size(), map.chains.size()), source, vertices_read));
     }
     maps.push_back(std::move(map));
   }
@@ -214,14 +218,11 @@ std::vector<LocalMap> load_local_maps(const std::string& file, std::size_t segme
 }
 
 void save_local_maps(const std::vector<LocalMap>& maps, const std::string& file) {
-  const std::string beside = file + ".part";
-  std::ofstream stream(beside, std::ios::trunc);
-  stream << yaml_text(maps);
-  stream.close();
-  if (!stream || std::rename(beside.c_str(), file.c_str()) != 0) {
-    std::remove(beside.c_str());
-    throw std::runtime_error(file + " cannot be written");
-  }
+  const std::string text = yaml_text(maps);
+  // What is written can be read.
+  if (text.size() > kMaxTextBytes) refuse_local_maps(file, "local_maps would be more than 16 MiB");
+  check_local_maps(maps, maps.empty() ? 0 : maps.back().segment + 1, file);
+  replace_file(file, kind_with_mark("a file of local maps", "\nlocal_maps:"), text);
 }
 
 }  // namespace situation_awareness

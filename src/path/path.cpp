@@ -106,6 +106,9 @@ Path read_path(const std::string& yaml, const std::string& source) {
   if (root.size() != (closed.IsDefined() ? 2U : 1U)) refuse_path(source, "may have the keys path and closed alone");
   const YAML::Node list = root["path"];
   if (!list.IsSequence()) refuse_path(source, "path must be a list of way points");
+  if (list.size() > kMostWayPoints) {
+    refuse_path(source, "path has more than " + std::to_string(kMostWayPoints) + " way points");
+  }
   for (const YAML::Node& node : list) path.way_points.push_back(way_point_of(node, path.way_points.size(), source));
   check_path(path, source);
   return path;

@@ -259,6 +259,12 @@ void SplinegonPipeline::resume(const Splinegons& splinegons) {
   const Pose2 T_map_world = inverse(alignment_.T_world_map());
   Polygons polygons;
   polygons.stamp_ns = splinegons.stamp_ns;
+  double elements = 0.0;
+  for (const Splinegon& splinegon : splinegons.boundaries) elements += length_m(splinegon) / params_.polygons.spacing_m;
+  if (!(elements <= static_cast<double>(polygon_bounds::kMaxElements))) {
+    throw std::invalid_argument("the boundaries are too long for a map: they would be more than " +
+                                std::to_string(polygon_bounds::kMaxElements) + " elements");
+  }
   for (const Splinegon& splinegon : splinegons.boundaries) {
     Chain& chain = polygons.chains.emplace_back();
     chain.id = splinegon.id;

@@ -207,7 +207,7 @@ class ReadFields {
   std::shared_ptr<Content> content_;
 };
 
-/// Checks one field after the other: numbers within their bounds, counts not negative, covariances symmetric and
+/// Checks one field after the other: numbers within their bounds, counts from 0 to kMaxCount, covariances symmetric and
 /// positive semidefinite. Throws std::invalid_argument naming the field, its value and its bounds.
 class CheckFields {
  public:

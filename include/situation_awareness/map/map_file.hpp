@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <stdexcept>
 #include <string>
 
+#include "situation_awareness/common/file.hpp"
 #include "situation_awareness/map/map_fields.hpp"
 
 namespace situation_awareness {
@@ -64,14 +66,15 @@ void check_frame(const std::string& world_frame);
 /// The text: the header, the fields by `write`, and the last line.
 std::string write_sealed(const MapFileHeader& header, const std::function<void(WriteFields&)>& write);
 
-/// Checks the common parts of all maps, then calls `read` for the fields after the header.
+/// Checks the common parts of all maps, calls `read_map` for the fields after the header, and then `read_element` for
+/// those of each element.
 void read_sealed(const std::string& yaml, const std::string& source, const MapFileHeader& header,
-                 const std::function<void(ReadFields& fields, std::uint64_t version)>& read);
+                 std::size_t max_elements, const std::function<void(ReadFields& fields)>& read_map,
+                 const std::function<void(ReadFields& fields, std::uint64_t version)>& read_element);
 
-/// In place of a file that begins as `header` says, or of none.
-void replace_file(const std::string& path, const MapFileHeader& header, const std::string& yaml);
+FileKind kind_of(const MapFileHeader& header);
 
-std::string read_file(const std::string& path);
+std::string read_map_file(const std::string& path);
 
 [[noreturn]] void refuse_frame(const std::string& path, const std::string& world_frame, const std::string& wanted);
 
@@ -90,28 +93,29 @@ std::string MapFile<Format>::to_yaml(const Snapshot& snapshot) {
 template <class Format>
 typename MapFile<Format>::Snapshot MapFile<Format>::from_yaml(const std::string& yaml, const std::string& source) {
   Snapshot snapshot;
-  detail::read_sealed(yaml, source, Format::header(), [&](ReadFields& fields, std::uint64_t version) {
-    Snapshot::fields(snapshot, fields);
-    std::vector<ReadFields> elements = fields.list("elements", Format::kMaxElements);
-    fields.refuse_rest();
-    for (ReadFields& element_fields : elements) {
-      Format::read(snapshot.elements.emplace_back(), element_fields, version, snapshot);
-      element_fields.refuse_rest();
-    }
+  detail::read_sealed(
+      yaml, source, Format::header(), Format::kMaxElements,
+      [&](ReadFields& fields) { Snapshot::fields(snapshot, fields); },
+      [&](ReadFields& fields, std::uint64_t version) {
+        Format::read(snapshot.elements.emplace_back(), fields, version, snapshot);
+      });
+  try {
     detail::check_frame(snapshot.world_frame);
     snapshot.validate();
-  });
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(source + ": " + error.what());
+  }
   return snapshot;
 }
 
 template <class Format>
 void MapFile<Format>::save(const std::string& path, const Snapshot& snapshot) {
-  detail::replace_file(path, Format::header(), to_yaml(snapshot));
+  replace_file(path, detail::kind_of(Format::header()), to_yaml(snapshot));
 }
 
 template <class Format>
 typename MapFile<Format>::Snapshot MapFile<Format>::load(const std::string& path) {
-  return from_yaml(detail::read_file(path), path);
+  return from_yaml(detail::read_map_file(path), path);
 }
 
 template <class Format>

@@ -19,8 +19,8 @@ struct ReflectorMap {
   std::vector<Reflector> reflectors;
 };
 
-/// Throws std::invalid_argument naming `source`, the index, the field and its bound, unless there is at least one
-/// reflector, coordinates are in [-1e6, 1e6] m and radii in (0, 1] m, and no two reflectors overlap.
+/// Throws std::invalid_argument naming `source`, the index, the field and its bound, unless there are from one to
+/// 10,000 reflectors, coordinates are in [-1e6, 1e6] m and radii in (0, 1] m, and no two reflectors overlap.
 void check_reflectors(const ReflectorMap& map, const std::string& source);
 
 /// A map from YAML text:
@@ -34,6 +34,10 @@ ReflectorMap read_reflector_map(const std::string& yaml, const std::string& sour
 
 /// The same from a file, which is the source. Throws std::invalid_argument also if it cannot be read.
 ReflectorMap load_reflector_map(const std::string& path);
+
+/// Writes a file that load_reflector_map reads back exactly, as NewFile does: in place of one of reflectors, or of
+/// none. Throws std::runtime_error naming a path that cannot be written, and as check_reflectors.
+void save_reflector_map(const std::string& path, const ReflectorMap& map);
 
 /// The map as YAML text that read_reflector_map reads back exactly.
 std::string yaml_text(const ReflectorMap& map);

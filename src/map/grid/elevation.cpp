@@ -10,12 +10,12 @@
 #include <utility>
 
 #include "gdal_dataset.hpp"
+#include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMaxPixels = 1 << 28;
 
 [[noreturn]] void refuse_elevation(const std::string& path, const std::string& reason) {
   throw std::runtime_error(path + ": no elevation: " + reason);
@@ -48,7 +48,8 @@ Elevation Elevation::load(const std::string& path) {
   if (!dataset) refuse_elevation(path, std::string("it cannot be read (") + CPLGetLastErrorMsg() + ")");
   const int width = GDALGetRasterXSize(dataset.get()), height = GDALGetRasterYSize(dataset.get());
   if (GDALGetRasterCount(dataset.get()) < 1) refuse_elevation(path, "it has no band");
-  if (static_cast<double>(width) * height > kMaxPixels) refuse_elevation(path, "it has more than 2^28 pixels");
+  const std::string defect = size_defect(dataset.get(), path);
+  if (!defect.empty()) refuse_elevation(path, defect);
   std::array<double, 6> transform{};
   if (GDALGetGeoTransform(dataset.get(), transform.data()) != CE_None) refuse_elevation(path, "it has no geotransform");
   const auto [x0, x_per_column, x_per_row, y0, y_per_column, y_per_row] = transform;
@@ -73,12 +74,16 @@ Elevation Elevation::load(const std::string& path) {
 }
 
 void Elevation::save(const std::string& path) const {
+  constexpr const char* kDescription = "situation_awareness elevation";
+  NewFile file(path, kind_with_mark("an elevation that was written here", kDescription));
   const QuietGdal quiet;
-  Dataset dataset(GDALCreate(GDALGetDriverByName("GTiff"), path.c_str(), width_, height_, 1, GDT_Float32, nullptr));
+  Dataset dataset(
+      GDALCreate(GDALGetDriverByName("GTiff"), file.partial().c_str(), width_, height_, 1, GDT_Float32, nullptr));
   if (!dataset) throw std::runtime_error(path + ": cannot be written: " + CPLGetLastErrorMsg());
   std::array<double, 6> transform{corner_world_m_.x(), pixel_m_.x(), 0.0, corner_world_m_.y(), 0.0, -pixel_m_.y()};
   std::vector<float> heights = heights_;
   GDALRasterBandH const band = GDALGetRasterBand(dataset.get(), 1);
+  GDALSetMetadataItem(dataset.get(), "TIFFTAG_IMAGEDESCRIPTION", kDescription, nullptr);
   GDALSetGeoTransform(dataset.get(), transform.data());
   GDALSetRasterNoDataValue(band, kUnknown);
   const CPLErr result =
@@ -87,6 +92,7 @@ void Elevation::save(const std::string& path) const {
   if (result != CE_None || CPLGetLastErrorType() >= CE_Failure) {
     throw std::runtime_error(path + ": cannot be written: " + CPLGetLastErrorMsg());
   }
+  file.finish();
 }
 
 Elevation Elevation::smoothed(double sigma_m) const {

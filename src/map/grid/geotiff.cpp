@@ -5,17 +5,19 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <limits>
 #include <stdexcept>
 #include <vector>
 
 #include "gdal_dataset.hpp"
+#include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr int kMaxEdge = 1 << 16;
+constexpr const char* kDescription = "situation_awareness grid";
+/// Of the numbers of rows and columns from the world's origin.
+constexpr double kMostCells = 1e9;
 
 [[noreturn]] void refuse(const std::string& path, const std::string& reason) {
   throw std::runtime_error(path + ": " + reason + ": " + CPLGetLastErrorMsg());
@@ -36,38 +38,43 @@ std::vector<To> turned_over(const std::vector<From>& values, int width) {
 }  // namespace
 
 void save_geotiff(const std::string& path, const SemanticGrid& grid) {
+  NewFile file(path, kind_with_mark("a grid", kDescription));
   const QuietGdal quiet;
   const bool is_empty = grid.width < 1 || grid.height < 1;
   const int width = is_empty ? 1 : grid.width, height = is_empty ? 1 : grid.height;
+  if (static_cast<double>(width) * height > kMaxRasterCells || std::abs(grid.first_column) > kMostCells ||
+      std::abs(grid.first_row) > kMostCells) {
+    throw std::runtime_error(path + ": cannot be written: more cells than can be read");
+  }
   std::vector<float> probability = turned_over<float>(grid.probability, width);
   std::vector<float> images = turned_over<float>(grid.images, width);
   probability.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height),
                      std::numeric_limits<float>::quiet_NaN());
   images.resize(probability.size(), 0.0F);
-  const std::string partial = path + ".part";
-  Dataset dataset(GDALCreate(GDALGetDriverByName("GTiff"), partial.c_str(), width, height, 2, GDT_Float32, nullptr));
+  Dataset dataset(
+      GDALCreate(GDALGetDriverByName("GTiff"), file.partial().c_str(), width, height, 2, GDT_Float32, nullptr));
   if (!dataset) refuse(path, "cannot be written");
   std::array<double, 6> transform{grid.first_column * grid.cell_m,         grid.cell_m, 0.0,
                                   (grid.first_row + height) * grid.cell_m, 0.0,         -grid.cell_m};
-  bool is_done = GDALSetGeoTransform(dataset.get(), transform.data()) == CE_None;
+  bool is_done = GDALSetMetadataItem(dataset.get(), "TIFFTAG_IMAGEDESCRIPTION", kDescription, nullptr) == CE_None &&
+                 GDALSetGeoTransform(dataset.get(), transform.data()) == CE_None;
+  GDALSetRasterNoDataValue(GDALGetRasterBand(dataset.get(), 1), std::numeric_limits<double>::quiet_NaN());
   for (int band = 1; band <= 2; ++band) {
     is_done = is_done &&
               GDALRasterIO(GDALGetRasterBand(dataset.get(), band), GF_Write, 0, 0, width, height,
                            band == 1 ? probability.data() : images.data(), width, height, GDT_Float32, 0, 0) == CE_None;
   }
-  GDALSetRasterNoDataValue(GDALGetRasterBand(dataset.get(), 1), std::numeric_limits<double>::quiet_NaN());
   dataset.reset();
-  if (!is_done || CPLGetLastErrorType() >= CE_Failure) {
-    std::remove(partial.c_str());
-    refuse(path, "cannot be written");
-  }
-  if (std::rename(partial.c_str(), path.c_str()) != 0) refuse(path, "cannot be renamed from " + partial);
+  if (!is_done || CPLGetLastErrorType() >= CE_Failure) refuse(path, "cannot be written");
+  file.finish();
 }
 
 SemanticGrid load_geotiff(const std::string& path) {
   const QuietGdal quiet;
   const Dataset dataset(GDALOpen(path.c_str(), GA_ReadOnly));
   if (!dataset) refuse(path, "cannot be read");
+  const std::string defect = size_defect(dataset.get(), path);
+  if (!defect.empty()) throw std::runtime_error(path + ": no grid: " + defect);
   SemanticGrid grid;
   grid.width = GDALGetRasterXSize(dataset.get());
   grid.height = GDALGetRasterYSize(dataset.get());
@@ -75,9 +82,9 @@ SemanticGrid load_geotiff(const std::string& path) {
   const bool has_transform = GDALGetGeoTransform(dataset.get(), transform.data()) == CE_None;
   grid.cell_m = transform[1];
   const double column = transform[0] / grid.cell_m, row = transform[3] / grid.cell_m - grid.height;
-  const bool fits = has_transform && GDALGetRasterCount(dataset.get()) >= 2 && grid.width <= kMaxEdge &&
-                    grid.height <= kMaxEdge && grid.cell_m > 0.0 && transform[5] == -grid.cell_m &&
-                    transform[2] == 0.0 && transform[4] == 0.0 && std::abs(column) < 1e9 && std::abs(row) < 1e9 &&
+  const bool fits = has_transform && GDALGetRasterCount(dataset.get()) >= 2 && grid.cell_m > 0.0 &&
+                    transform[5] == -grid.cell_m && transform[2] == 0.0 && transform[4] == 0.0 &&
+                    std::abs(column) <= kMostCells && std::abs(row) <= kMostCells &&
                     std::abs(column - std::round(column)) < 1e-6 && std::abs(row - std::round(row)) < 1e-6;
   if (!fits) throw std::runtime_error(path + ": no grid: not two bands of square cells on multiples of their size");
   grid.first_column = static_cast<int>(std::lround(column));

@@ -6,6 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "situation_awareness/common/count.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/estimation/gating.hpp"
@@ -294,6 +295,10 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["detection on an element already seen"];
       continue;
     }
+    if (elements_.size() >= map_bounds::kMaxElements) {
+      ++report.reasons["map is full"];
+      continue;
+    }
     MapElement element;
     element.id = next_id_++;
     element.estimate = new_estimate(measurement, detections.T_world_level, U);
@@ -478,7 +483,7 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   shape_update(element, detection, T_world_level);
   element.last_seen_ns = stamp_ns();
   element.beams = detection.beams;
-  ++element.observations;
+  count_more(element.observations);
   const bool stands = element.estimate.p_moving < 0.5;
   if (stands) element.stood_s += step_s_;
   // What comes out from behind an occluder grows at that end, and its middle moves.
@@ -486,7 +491,7 @@ void ObjectMap::observe(MapElement& element, const Detection& detection, const M
   if (element.estimate.p_moving <= kSurelyMoving) {
     element.moving_scans = 0;
   } else if (!may_grow) {
-    ++element.moving_scans;
+    count_more(element.moving_scans);
   }
   if (is_box(element)) {
     if (stands) element.set_off_world_m = position(element.estimate.standing);

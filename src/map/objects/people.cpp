@@ -7,6 +7,7 @@
 #include <tuple>
 #include <utility>
 
+#include "situation_awareness/common/count.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -714,7 +715,7 @@ void People::come_back(MapElement& foot, const ObjectEstimate& middle_world, Map
   person.last_seen_ns = stamp_ns;
   person.beams = foot.beams;
   person.P_view = foot.P_view;
-  person.observations += foot.observations;
+  count_more(person.observations, foot.observations);
 }
 
 }  // namespace situation_awareness

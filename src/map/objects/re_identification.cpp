@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "situation_awareness/common/count.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/map/objects/association.hpp"
 #include "situation_awareness/map/objects/shape_belief.hpp"
@@ -80,7 +81,7 @@ void re_identify(const std::vector<std::size_t>& newly_confirmed, const std::vec
     best->state = TrackState::kConfirmed;
     best->last_seen_ns = found.last_seen_ns;
     best->beams = found.beams;
-    best->observations += found.observations;
+    count_more(best->observations, found.observations);
     found.state = TrackState::kDeleted;
   }
 }

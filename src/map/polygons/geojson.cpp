@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "../geojson_members.hpp"
-#include "situation_awareness/map/map_file.hpp"
+#include "situation_awareness/common/file.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 
 namespace situation_awareness {
@@ -19,6 +19,7 @@ namespace {
 
 using namespace geojson;
 
+constexpr const char* kFormat = "situation_awareness polygons";
 /// Of chains that come without: a plan drawn by hand.
 constexpr double kDrawnSigma_m = 0.02;
 constexpr double kDrawnP = 0.9975;
@@ -134,7 +135,7 @@ Chain chain_of(const GeoJson& feature, std::int64_t stamp_ns, const std::string&
 }
 
 Polygons read_geojson(const GeoJson& collection, const std::string& world_frame) {
-  check_collection(collection, world_frame);
+  check_collection(collection, kFormat, world_frame);
   Polygons polygons;
   polygons.stamp_ns = collection_stamp(collection);
   if (collection.contains("height_m")) {
@@ -152,11 +153,9 @@ Polygons read_geojson(const GeoJson& collection, const std::string& world_frame)
 }  // namespace
 
 std::string polygons_to_geojson(const Polygons& polygons, const std::string& world_frame) {
-  GeoJson collection = {{"type", "FeatureCollection"},
-                        {"world_frame", world_frame},
-                        {"stamp", seconds_of(polygons.stamp_ns)},
-                        {"height_m", polygons.height_world_m},
-                        {"features", GeoJson::array()}};
+  GeoJson collection = new_collection(kFormat, world_frame, polygons.stamp_ns);
+  collection["height_m"] = polygons.height_world_m;
+  collection["features"] = GeoJson::array();
   for (const Chain& chain : polygons.chains) collection["features"].push_back(feature_of(chain));
   return collection.dump(1) + '\n';
 }
@@ -166,11 +165,13 @@ Polygons polygons_from_geojson(const std::string& text, const std::string& sourc
 }
 
 void save_geojson(const std::string& path, const Polygons& polygons, const std::string& world_frame) {
-  detail::replace_file(path, {"", "FeatureCollection"}, polygons_to_geojson(polygons, world_frame));
+  const std::string text = polygons_to_geojson(polygons, world_frame);
+  polygons_from_geojson(text, path, world_frame);  // what is written can be read
+  replace_file(path, geojson_kind(kFormat), text);
 }
 
 Polygons load_geojson(const std::string& path, const std::string& world_frame) {
-  return polygons_from_geojson(detail::read_file(path), path, world_frame);
+  return polygons_from_geojson(read_file(path, kMaxBytes), path, world_frame);
 }
 
 }  // namespace situation_awareness

@@ -264,10 +264,12 @@ PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m
       const Eigen::Vector2d way_m = b.p_world_m - a.p_world_m;
       const double length_m = way_m.norm();
       if (!(length_m > 0.0)) continue;
-      const auto pieces = static_cast<int>(std::max(1.0, std::round(length_m / spacing_m)));
-      if (result.elements.size() + static_cast<std::size_t>(pieces) > polygon_bounds::kMaxElements) {
-        throw std::invalid_argument("the chains are too long for a map");
+      const double wanted = std::max(1.0, std::round(length_m / spacing_m));
+      if (!(wanted <= static_cast<double>(polygon_bounds::kMaxElements - result.elements.size()))) {
+        throw std::invalid_argument("the chains are too long for a map: they would be more than " +
+                                    std::to_string(polygon_bounds::kMaxElements) + " elements");
       }
+      const auto pieces = static_cast<int>(wanted);
       for (int piece = 0; piece < pieces; ++piece) {
         const double part = (piece + 0.5) / pieces;
         const double sigma_m = (1.0 - part) * a.sigma_m + part * b.sigma_m;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "situation_awareness/common/count.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -206,9 +207,13 @@ PolygonMap::Index PolygonMap::of_line(const Neighbours& beside) const {
   return beside.right_m < beside.left_m ? beside.right : beside.left;
 }
 
+/// A map that a file can hold.
+bool PolygonMap::is_full() const { return elements() >= polygon_bounds::kMaxElements; }
+
 /// Between two known elements a new one begins with what these know.
 PolygonMap::Index PolygonMap::create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world,
                                      double variance_m2, bool has_normal, const Neighbours& beside) {
+  if (is_full()) return kNone;
   Surfel surfel;
   surfel.p_world_m = p_world_m;
   surfel.normal_world = normal_world;
@@ -262,7 +267,7 @@ void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Ei
     surfel.normal_world = (surfel.normal_world + turn * (normal_world - surfel.normal_world)).normalized();
   }
   const bool of_surface = has_normal || !surfel.oriented;  // else it may be of another one
-  if (of_surface) ++surfel.hits;
+  if (of_surface) count_more(surfel.hits);
   see(surfel, of_surface);
   surfels_.move(index, moved_m);
 }
@@ -283,7 +288,7 @@ void PolygonMap::merge_double(Index kept, Index other) {
   const double part = surfel.variance_m2 / (surfel.variance_m2 + lost.variance_m2);
   surfel.first_seen_ns = std::min(surfel.first_seen_ns, lost.first_seen_ns);
   surfel.last_seen_ns = std::max(surfel.last_seen_ns, lost.last_seen_ns);
-  surfel.hits += lost.hits;
+  count_more(surfel.hits, lost.hits);
   surfel.seen_s = std::max(surfel.seen_s, lost.seen_s);
   surfel.confirmed |= lost.confirmed;
   surfel.watched &= lost.watched;
@@ -503,7 +508,7 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     const double variance_m2 = hit.sigma_m * hit.sigma_m + by_pose.dot(pose_covariance * by_pose);
     of_hit_[i] = fuse(offset_m + T_world_level.translation_m, normal_world, variance_m2, hit.has_normal,
                       hit.has_normal || !hit.is_behind_beside);
-    if (of_hit_[i] == kNone) ++report.reasons["perhaps between two surfaces"];
+    if (of_hit_[i] == kNone) ++report.reasons[is_full() ? "map is full" : "perhaps between two surfaces"];
   }
   report.created = static_cast<int>(elements() - before);
   report.fused = static_cast<int>(polylines.hits.size()) - report.on_movers - report.created;

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "../geojson_members.hpp"
-#include "situation_awareness/map/map_file.hpp"
+#include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
 namespace {
 
 using namespace geojson;
 
+constexpr const char* kFormat = "situation_awareness splinegons";
 /// Of boundaries that come without: a plan drawn by hand.
 constexpr double kDrawnSigma_m = 0.02;
 /// An arc is less than a circle.
@@ -124,17 +125,15 @@ Splinegon splinegon_of(const GeoJson& feature, std::int64_t stamp_ns, const std:
 }  // namespace
 
 std::string splinegons_to_geojson(const Splinegons& splinegons, const std::string& world_frame) {
-  GeoJson collection = {{"type", "FeatureCollection"},
-                        {"world_frame", world_frame},
-                        {"stamp", seconds_of(splinegons.stamp_ns)},
-                        {"features", GeoJson::array()}};
+  GeoJson collection = new_collection(kFormat, world_frame, splinegons.stamp_ns);
+  collection["features"] = GeoJson::array();
   for (const Splinegon& splinegon : splinegons.boundaries) collection["features"].push_back(feature_of(splinegon));
   return collection.dump(1) + '\n';
 }
 
 Splinegons splinegons_from_geojson(const std::string& text, const std::string& source, const std::string& world_frame) {
   return parsed(text, source, [&](const GeoJson& collection) {
-    check_collection(collection, world_frame);
+    check_collection(collection, kFormat, world_frame);
     Splinegons splinegons;
     splinegons.stamp_ns = collection_stamp(collection);
     for (const GeoJson& feature : features_of(collection)) {
@@ -147,11 +146,13 @@ Splinegons splinegons_from_geojson(const std::string& text, const std::string& s
 }
 
 void save_geojson(const std::string& path, const Splinegons& splinegons, const std::string& world_frame) {
-  detail::replace_file(path, {"", "FeatureCollection"}, splinegons_to_geojson(splinegons, world_frame));
+  const std::string text = splinegons_to_geojson(splinegons, world_frame);
+  splinegons_from_geojson(text, path, world_frame);  // what is written can be read
+  replace_file(path, geojson_kind(kFormat), text);
 }
 
 Splinegons load_splinegons_geojson(const std::string& path, const std::string& world_frame) {
-  return splinegons_from_geojson(detail::read_file(path), path, world_frame);
+  return splinegons_from_geojson(read_file(path, kMaxBytes), path, world_frame);
 }
 
 }  // namespace situation_awareness

@@ -16,7 +16,6 @@
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/pose/reflector_survey.hpp"
-#include "situation_awareness/ros/bag/atomic_file.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/odometry.hpp"
@@ -127,10 +126,7 @@ int record_reflectors(const Options& options) {
   }
   print_found(result);
   if (!result.reason.empty()) throw std::runtime_error(options.bag.bag + ": " + result.reason);
-  check_reflectors(result.map, options.out);
-  LineFile file(options.out);
-  file.write(yaml_text(result.map));
-  file.finish();
+  save_reflector_map(options.out, result.map);
   return 0;
 }
 

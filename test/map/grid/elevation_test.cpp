@@ -2,6 +2,7 @@
 #include "situation_awareness/map/grid/elevation.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <array>
 #include <cmath>
@@ -125,7 +126,8 @@ TEST(Elevation, ReadsAGeoTiff) {
 TEST(Elevation, IsReadBackAsItWasSaved) {
   std::vector<float> heights = plane_heights();
   heights[5] = kNaN;
-  const std::string path = (std::filesystem::path(testing::TempDir()) / "saved.tif").string();
+  const std::string path =
+      (std::filesystem::path(testing::TempDir()) / ("saved_" + std::to_string(::getpid()) + ".tif")).string();
   const Elevation elevation(4, 3, {10.0, 20.0}, {2.0, 4.0}, heights);
   elevation.save(path);
   const Elevation read = Elevation::load(path);

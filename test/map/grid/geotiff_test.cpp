@@ -2,6 +2,7 @@
 #include "situation_awareness/map/grid/geotiff.hpp"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstddef>
@@ -16,7 +17,11 @@
 namespace situation_awareness {
 namespace {
 
-std::string path_of(const std::string& name) { return (std::filesystem::path(testing::TempDir()) / name).string(); }
+std::string path_of(const std::string& name) {
+  const std::filesystem::path folder = testing::TempDir() + "geotiff_test_" + std::to_string(::getpid());
+  std::filesystem::create_directories(folder);
+  return (folder / name).string();
+}
 
 SemanticGrid some_grid() {
   SemanticGrid grid;

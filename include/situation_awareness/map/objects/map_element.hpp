@@ -28,7 +28,7 @@ constexpr Bounds kDuration_s{0.0, 1e9};
 constexpr std::int64_t kEnd_ns = (std::int64_t{1} << 32) * 1'000'000'000;  ///< stamps are from 1970 to 2106, as in ROS
 constexpr std::int64_t kMaxAge_ns = std::int64_t{1} << 61;                 ///< 73 years
 constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
-constexpr std::size_t kMaxElements = 2000;  ///< which load in 2 s
+constexpr std::size_t kMaxElements = 20'000;  ///< of a map: no more are made; some seconds to load, 90 MB
 }  // namespace map_bounds
 
 /// State of an element: tentative -> confirmed <-> lost -> deleted. The transitions are in existence.hpp; that from

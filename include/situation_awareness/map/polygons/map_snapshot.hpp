@@ -29,8 +29,8 @@ constexpr Bounds kDuration_s{0.0, 1e9};
 constexpr std::int64_t kEnd_ns = (std::int64_t{1} << 32) * 1'000'000'000;  ///< stamps are from 1970 to 2106, as in ROS
 constexpr std::int64_t kMaxAge_ns = std::int64_t{1} << 61;                 ///< 73 years
 constexpr std::uint64_t kMaxId = std::uint64_t{1} << 53;
-constexpr std::size_t kMaxElements = 30'000;  ///< of 4 cm: 1.2 km of boundary, 14 MB
-constexpr std::int64_t kMaxPlace = 1 << 24;   ///< elements of the map, removed ones included
+constexpr std::size_t kMaxElements = 300'000;  ///< of a map: no more are made; of 4 cm: 12 km of boundary, 140 MB
+constexpr std::int64_t kMaxPlace = 1 << 24;    ///< elements of the map, removed ones included
 }  // namespace polygon_bounds
 
 /// Numbers as one text in a map file, separated by spaces, each the shortest that is read back exactly.

@@ -172,6 +172,7 @@ class PolygonMap {
   Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2, bool has_normal,
              bool may_create);
   Index of_line(const Neighbours& beside) const;
+  bool is_full() const;
   Index create(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
                bool has_normal, const Neighbours& beside);
   void correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2,
