@@ -58,6 +58,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/scout_nodelet_params.cpp
   src/ros/params/shared_file.cpp
   src/ros/params/splinegon_nodelet_params.cpp
+  src/ros/receipt.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/scans_on_base.cpp

@@ -15,8 +15,10 @@ CameraPoseCovariance covariance_of(const CameraPoseParams& params) {
 
 }  // namespace
 
-GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation)
+GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation,
+                           double reset_time_jump_s)
     : params_((params.validate(), params.pose.validate(), params)),
+      order_(reset_time_jump_s),
       elevation_(std::move(elevation)),
       map_(params.grid, elevation_),
       tracks_(params.targets) {}
@@ -28,6 +30,9 @@ void GridPipeline::begin_anew() {
 
 const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                                          const std::optional<CameraPoseCovariance>& covariance) {
+  verdict_ = order_.judge(labels.stamp_ns);
+  if (verdict_ == StampOrder::Verdict::kRefused) return tracks_.targets();
+  if (verdict_ == StampOrder::Verdict::kRestart) begin_anew();
   map_.update(labels, T_world_camera);
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
   map_.read_class(class_grid_);

@@ -28,6 +28,13 @@ PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params,
   params_.scan.validate();
   params_.segments.validate();
   params_.polylines.validate();
+  if (objects_) objects_->map().trust_stamps();
+}
+
+void PolygonPipeline::begin_anew() {
+  map_.restore({});
+  movers_.reset();
+  if (objects_) objects_->map().reset();
 }
 
 const PolygonPipelineResult& PolygonPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,

@@ -241,11 +241,7 @@ void SplinegonPipeline::take_boundaries() {
 }
 
 void SplinegonPipeline::reset() {
-  const PolygonMapSnapshot before = chains_.snapshot();
-  PolygonMapSnapshot nothing;
-  nothing.next_id = before.next_id;
-  nothing.watches.resize(before.watches.size());
-  chains_.restore(nothing);
+  chains_.restore({});
   alignment_ = MapAlignment(params_.alignment);
   first_scans_.clear();
   begins_ = 0;

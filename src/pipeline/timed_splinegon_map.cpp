@@ -8,14 +8,14 @@
 namespace situation_awareness {
 
 TimedSplinegonMap::TimedSplinegonMap(const SplinegonPipelineParams& params, double reset_time_jump_s)
-    : reset_time_jump_s_(reset_time_jump_s), order_(reset_time_jump_s), pipeline_(params) {}
+    : order_(reset_time_jump_s), pipeline_(params) {}
 
 template <class... Pose>
 StampOrder::Verdict TimedSplinegonMap::process_in_order(const Scan& scan, const Pose&... pose) {
   if (resumed_) {
     // The clock may have begun anew since the boundaries were saved; no such scan is refused.
     if (scan.stamp_ns <= splinegons_.stamp_ns) resume_before(scan.stamp_ns);
-    order_ = StampOrder(reset_time_jump_s_);
+    order_.reset();
     resumed_ = false;
   }
   const StampOrder before = order_;
@@ -25,7 +25,7 @@ StampOrder::Verdict TimedSplinegonMap::process_in_order(const Scan& scan, const 
   try {
     pipeline_.process(scan, pose...);
   } catch (...) {
-    if (verdict == StampOrder::Verdict::kNext) order_ = before;
+    if (verdict == StampOrder::Verdict::kNext) order_ = before;  // only what is used counts
     throw;
   }
   take_over();
@@ -59,7 +59,7 @@ Splinegons TimedSplinegonMap::at(std::int64_t stamp_ns) const {
 
 void TimedSplinegonMap::reset() {
   pipeline_.reset();
-  order_ = StampOrder(reset_time_jump_s_);
+  order_.reset();
   splinegons_ = {};
   resumed_ = false;
 }

@@ -118,15 +118,17 @@ void GpsIns::reset() {
   reason_ = kNoImu;
 }
 
-void GpsIns::add_imu(const InertialSample& sample) {
+void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
   if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
     ++counters_["imu not finite"];
     return;
   }
   const std::int64_t before_ns = order_.latest_ns();
-  switch (order_.judge(sample.stamp_ns)) {
+  switch (order_.judge(sample.stamp_ns, received_ns)) {
     case StampOrder::Verdict::kRefused:
-      ++counters_[sample.stamp_ns == before_ns ? "imu stamped twice" : "imu out of order"];
+      ++counters_[order_.doubted() > 0           ? "imu of another time"
+                  : sample.stamp_ns == before_ns ? "imu stamped twice"
+                                                 : "imu out of order"];
       return;
     case StampOrder::Verdict::kRestart:
       ++counters_["imu restarted"];

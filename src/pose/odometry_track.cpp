@@ -27,15 +27,17 @@ OdometryTrack::OdometryTrack(const OdometryTrackParams& params)
   counters_.reset();
 }
 
-OdometryTrack::Verdict OdometryTrack::add(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+OdometryTrack::Verdict OdometryTrack::add(std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
   if (!T_odom_base.translation_m.allFinite() || !std::isfinite(T_odom_base.yaw_rad)) {
     ++counters_["odometry not finite"];
     return Verdict::kRefused;
   }
   const bool is_repeated = stamp_ns == order_.latest_ns();
-  const StampOrder::Verdict verdict = order_.judge(stamp_ns);
+  const StampOrder::Verdict verdict = order_.judge(stamp_ns, received_ns);
   if (verdict == StampOrder::Verdict::kRefused) {
-    ++counters_[is_repeated ? "odometry stamped twice" : "odometry out of order"];
+    ++counters_[order_.doubted() > 0 ? "odometry of another time"
+                : is_repeated        ? "odometry stamped twice"
+                                     : "odometry out of order"];
     return Verdict::kRefused;
   }
   const bool restarted = verdict == StampOrder::Verdict::kRestart;

@@ -265,12 +265,13 @@ Counters ReflectorLocalization::counters() const {
   return all;
 }
 
-OdometryTrack::Verdict ReflectorLocalization::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
+OdometryTrack::Verdict ReflectorLocalization::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base,
+                                                           std::int64_t received_ns) {
   // Without scans the estimate is taken along before its place in the track is overwritten.
   if (is_known_ && track_.size() == OdometryTrack::kCapacity && track_[1].stamp_ns > at_.stamp_ns) {
     predict_to(track_[1]);
   }
-  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base);
+  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base, received_ns);
   if (verdict == OdometryTrack::Verdict::kRestarted) relocate();
   return verdict;
 }
@@ -362,7 +363,7 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
 
   const StampOrder::Verdict verdict = scans_.judge(sightings.stamp_ns);
   if (verdict == StampOrder::Verdict::kRefused) {
-    update_.reason = "scan out of order";
+    update_.reason = scans_.doubted() > 0 ? "scan of another time" : "scan out of order";
     ++counters_[update_.reason];
     return update_;
   }

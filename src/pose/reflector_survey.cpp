@@ -89,8 +89,9 @@ ReflectorSurvey::ReflectorSurvey(const ReflectorSurveyParams& params, const Pose
 
 // --- on the way ------------------------------------------------------------------------------------------------------
 
-OdometryTrack::Verdict ReflectorSurvey::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
-  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base);
+OdometryTrack::Verdict ReflectorSurvey::add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base,
+                                                     std::int64_t received_ns) {
+  const OdometryTrack::Verdict verdict = track_.add(stamp_ns, T_odom_base, received_ns);
   was_restarted_ = was_restarted_ || verdict == OdometryTrack::Verdict::kRestarted;
   // Where there are no scans, such as where the robot turns with its scanner off.
   if (verdict == OdometryTrack::Verdict::kAdded && has_key_) {

@@ -23,13 +23,15 @@ constexpr double kMaxForce_m_s2 = 1e4;
 constexpr double kMaxRate_rad_s = 1e3;
 /// The yaw of an axis that is nearer to the vertical than 6 degrees says nothing.
 constexpr double kMinHorizontal = 0.1;
+/// The filter's reason.
+constexpr const char* kAnotherTime = "imu of another time";
 /// Index of the variance of z, and of the rotation about z, in the covariances of the messages.
 constexpr std::size_t kHeight = 14, kYaw = 8;
 
 }  // namespace
 
 GpsInsInput::GpsInsInput(const GpsInsNodeletParams& params, const tf2::BufferCore& transforms)
-    : params_(params), transforms_(transforms) {
+    : params_(params), transforms_(transforms), fixes_(params.gps_ins.reset_time_jump_s) {
   params.gps_ins.validate();
   imu_ = {!params.imu_frame.empty(), params.imu_frame, {}};
   antenna_ = {!params.fix_frame.empty(), params.fix_frame, {}};
@@ -61,7 +63,7 @@ bool GpsInsInput::is_of(Sensor& sensor, const std::string& frame) {
   return !of.empty() && of == sensor.frame;
 }
 
-std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg) {
+std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
   detail_.clear();
   const InertialSample sample = inertial_sample_from_msg(msg);
   if (sample.stamp_ns == 0) return "bad imu: stamp of zero";
@@ -85,13 +87,18 @@ std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg) {
     if (backlog_s_ > 0.0) backlog_.emplace(params_.gps_ins, mounting, backlog_s_);
   }
   const std::int64_t before_ns = filter_->stamp_ns();
-  filter_->add_imu(sample);
-  if (backlog_ && !filter_->is_ready()) backlog_->add_imu(sample);
+  const std::uint64_t doubted_before = filter_->counters().of(kAnotherTime);
+  filter_->add_imu(sample, received_ns);
   const std::int64_t after_ns = filter_->stamp_ns();
-  return after_ns == before_ns || after_ns != sample.stamp_ns ? drop_reason::kStamp : "";
+  if (after_ns == before_ns || after_ns != sample.stamp_ns) {
+    return filter_->counters().of(kAnotherTime) > doubted_before ? drop_reason::kAnotherTime : drop_reason::kStamp;
+  }
+  if (after_ns < before_ns) fixes_.reset();  // of another time, too
+  if (backlog_ && !filter_->is_ready()) backlog_->add_imu(sample);
+  return "";
 }
 
-void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
+void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns) {
   good_fix_.reset();
   if (!is_of(antenna_, msg.header.frame_id)) {
     ++counters_[msg.header.frame_id.empty() ? "fix without a frame" : "fix in another frame"];
@@ -110,6 +117,13 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg) {
     ++counters_["fix without covariance: fix_sigma_m used"];
   }
   const bool is_good = fix.is_fix && is_valid(fix.position);
+  // One that is far from the samples is refused by the filter, and only what is used is judged.
+  const double off_s = std::abs(seconds_between(fix.stamp_ns, filter_->stamp_ns()));
+  if (is_good && off_s <= params_.gps_ins.max_delay_s &&
+      fixes_.judge(fix.stamp_ns, received_ns) == StampOrder::Verdict::kRefused) {
+    ++counters_[fixes_.doubted() > 0 ? "fix of another time" : "fix out of order"];
+    return;
+  }
   if (is_good) fix_stamp_ns_ = fix.stamp_ns;
   filter_->add_fix(fix);
   if (backlog_ && !filter_->is_ready()) backlog_->add_fix(fix);

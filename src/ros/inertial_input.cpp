@@ -8,6 +8,7 @@
 #include <boost/make_shared.hpp>
 
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
@@ -18,13 +19,15 @@ constexpr std::size_t kLeastWaiting = 2000;
 
 ScansOnBase::Params scans_params(const NodeletParams& params, double reset_time_jump_s) {
   return {params.deskew, std::max(params.tf_timeout_s, InertialNavigation::kBacklog_s),
-          std::max(static_cast<std::size_t>(params.queue_size), kLeastWaiting), reset_time_jump_s};
+          std::max(static_cast<std::size_t>(params.queue_size), kLeastWaiting), reset_time_jump_s,
+          params.max_stamp_ahead_s};
 }
 
 }  // namespace
 
 InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params, double reset_time_jump_s)
     : context_(context),
+      max_stamp_ahead_s_(params.nodelet.max_stamp_ahead_s),
       scans_(context.node(), scans_params(params.nodelet, reset_time_jump_s),
              {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
               [this] { return why_no_pose(); }}),
@@ -56,7 +59,10 @@ void InertialInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::S
 void InertialInput::add(const sensor_msgs::Imu& msg) {
   ++received_;
   try {
-    const std::string reason = navigation_.add_imu(msg);
+    if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
+      return refusals_.add(std::string("imu: ") + drop_reason::kAheadOfClock);
+    }
+    const std::string reason = navigation_.add_imu(msg, receipt_ns());
     report_.add();
     if (!reason.empty()) refusals_.add(reason, navigation_.input().detail());
     release();
@@ -67,7 +73,10 @@ void InertialInput::add(const sensor_msgs::Imu& msg) {
 
 void InertialInput::add(const sensor_msgs::NavSatFix& msg) {
   try {
-    navigation_.add_fix(msg);
+    if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
+      return refusals_.add(std::string("fix: ") + drop_reason::kAheadOfClock);
+    }
+    navigation_.add_fix(msg, receipt_ns());
   } catch (const std::exception& error) {
     refusals_.add("fix: error", error.what());
   }

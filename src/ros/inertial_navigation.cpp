@@ -74,8 +74,8 @@ InertialNavigation::InertialNavigation(const GpsInsNodeletParams& params, const 
   input_.keep_backlog(kBacklog_s);
 }
 
-std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg) {
-  std::string reason = input_.add_imu(msg);
+std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
+  std::string reason = input_.add_imu(msg, received_ns);
   const GpsIns* const filter = input_.filter();
   if (!reason.empty() || filter == nullptr) return reason;
   if (!filter->is_ready()) {
@@ -93,8 +93,8 @@ std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg) {
   return reason;
 }
 
-void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg) {
-  input_.add_fix(msg);
+void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns) {
+  input_.add_fix(msg, received_ns);
   if (const std::optional<GeodeticFix>& fix = input_.good_fix()) {
     fixes_.push_back({*fix, input_.filter()->stamp_ns()});
     while (std::abs(seconds_between(fixes_.front().fix.stamp_ns, fix->stamp_ns)) > kBacklog_s) fixes_.pop_front();

@@ -8,7 +8,7 @@
 
 namespace situation_awareness {
 
-void OdometryCovariances::add(const nav_msgs::Odometry& msg) {
+void OdometryCovariances::add(const nav_msgs::Odometry& msg, std::int64_t received_ns) {
   constexpr std::size_t kKept = 10000;
   CameraPoseCovariance covariance;
   for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = msg.pose.covariance[static_cast<std::size_t>(i)];
@@ -17,6 +17,12 @@ void OdometryCovariances::add(const nav_msgs::Odometry& msg) {
     ++unknown_;
     return;
   }
+  const StampOrder::Verdict verdict = order_.judge(to_nanoseconds(msg.header.stamp), received_ns);
+  if (verdict == StampOrder::Verdict::kRefused) {
+    ++refused_;
+    return;
+  }
+  if (verdict == StampOrder::Verdict::kRestart) covariances_.clear();
   covariances_[to_nanoseconds(msg.header.stamp)] = 0.5 * (covariance + covariance.transpose());
   if (covariances_.size() > kKept) covariances_.erase(covariances_.begin());
 }

@@ -11,6 +11,7 @@
 
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
@@ -25,9 +26,11 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
     : context_(context),
       frames_(frames),
       world_frame_(params.world_frame),
+      max_stamp_ahead_s_(params.max_stamp_ahead_s),
       use_(std::move(use)),
       scans_(context.node(),
-             {params.deskew, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s},
+             {params.deskew, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s,
+              params.max_stamp_ahead_s},
              {[this](const auto& reason, const auto& detail) { context_.drop(reason, detail); },
               [this] { return std::make_pair(std::string(kNoOdometry), why_unplaced()); }}),
       refusals_(context.name()) {
@@ -67,9 +70,10 @@ void OdometryInput::add(const nav_msgs::Odometry& msg) {
   try {
     const std::string defect = defect_of(msg);
     if (!defect.empty()) return refusals_.add(defect);
+    if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) return refusals_.add(drop_reason::kAheadOfClock);
     geometry_msgs::TransformStamped transform = transform_from_odometry(msg);
     const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
-    const auto verdict = use_.add(stamp_ns, pose2_of(isometry_from_msg(transform.transform)));
+    const auto verdict = use_.add(stamp_ns, pose2_of(isometry_from_msg(transform.transform)), receipt_ns());
     if (verdict == OdometryTrack::Verdict::kRefused) return refusals_.add("odometry stamp repeats or goes back");
     if (frames_.odom.empty()) frames_.odom = tf2_frame(msg.header.frame_id);
     if (frames_.base.empty()) frames_.base = tf2_frame(msg.child_frame_id);

@@ -9,6 +9,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
@@ -22,7 +23,7 @@ constexpr const char* kOnBase = "lidar";
 }  // namespace
 
 ScansOnBase::ScansOnBase(ros::NodeHandle& node, const Params& params, Use use)
-    : deskew_(params.deskew),
+    : params_(params),
       use_(std::move(use)),
       tf_(transform_cache_time(params.timeout_s)),
       poses_(transform_cache_time(params.timeout_s)),
@@ -43,10 +44,14 @@ StampOrder::Verdict ScansOnBase::add(const ArrivedScan& scan) {
     use_.drop(defect, "");
     return StampOrder::Verdict::kRefused;
   }
-  Taken taken = situation_awareness::taken(*scan.msg, deskew_);
+  if (is_ahead_of_clock(scan.msg->header.stamp, params_.max_stamp_ahead_s)) {
+    use_.drop(drop_reason::kAheadOfClock, "");
+    return StampOrder::Verdict::kRefused;
+  }
+  Taken taken = situation_awareness::taken(*scan.msg, params_.deskew);
   if (taken.frame != lidar_frame_) mounted_.clear();
   lidar_frame_ = std::exchange(taken.frame, kOnBase);
-  const StampOrder::Verdict verdict = queue_.add(scan, taken, steady_now_ns());
+  const StampOrder::Verdict verdict = queue_.add(scan, taken, steady_now_ns(), receipt_ns());
   if (verdict == StampOrder::Verdict::kRestart) mounted_.clear();
   mount();  // it may have changed
   return verdict;
@@ -85,6 +90,7 @@ void ScansOnBase::forget_poses() {
 
 std::optional<ScanOnBase> ScansOnBase::next() {
   if (mounted_.empty()) mount();
+  queue_.receive(steady_now_ns(), receipt_ns());
   const std::optional<Posed<ArrivedScan>> ready = queue_.next(steady_now_ns());
   if (!ready) return std::nullopt;
   return ScanOnBase{ready->item, ready->T_world_sensor, ready->T_world_sensor_end,

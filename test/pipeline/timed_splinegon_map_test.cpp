@@ -138,9 +138,13 @@ TEST(TimedSplinegonMap, StampsThatGoBackAreRefusedOrARestart) {
   EXPECT_EQ(add(map, 60, stamp_ns - 500'000'000), Verdict::kRefused);
   EXPECT_EQ(map.stamp_ns(), stamp_ns);
   EXPECT_EQ(map.size(), 1U);
-  EXPECT_EQ(add(map, 60, stamp_ns - 100'000'000'000), Verdict::kRestart);
+  const std::int64_t other_ns = stamp_ns - 100'000'000'000;
+  EXPECT_EQ(add(map, 60, other_ns), Verdict::kRefused);
+  EXPECT_EQ(add(map, 61, other_ns + kPeriod_ns), Verdict::kRefused);
+  EXPECT_EQ(map.size(), 1U) << "a jump is one that three agree with";
+  EXPECT_EQ(add(map, 62, other_ns + 2 * kPeriod_ns), Verdict::kRestart);
   EXPECT_EQ(map.size(), 0U);
-  fly(map, 61, 60, stamp_ns - 100'000'000'000);
+  fly(map, 63, 60, other_ns - 60 * kPeriod_ns);
   ASSERT_EQ(map.size(), 1U);
   EXPECT_GT(map.splinegons().boundaries[0].id, id);
 }

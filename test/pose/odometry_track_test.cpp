@@ -73,7 +73,11 @@ TEST(OdometryTrack, ReplacesAJumpByTheMotionBeforeIt) {
 
 TEST(OdometryTrack, StartsAnewAfterAJumpBackInTime) {
   OdometryTrack track = track_of(200);
-  EXPECT_EQ(track.add(0, at_s(1.0)), OdometryTrack::Verdict::kRestarted);
+  EXPECT_EQ(track.add(0, at_s(1.0)), OdometryTrack::Verdict::kRefused);
+  EXPECT_EQ(track.add(kStep_ns, at_s(1.02)), OdometryTrack::Verdict::kRefused);
+  EXPECT_EQ(track.size(), 200U);
+  EXPECT_EQ(track.counters().of("odometry of another time"), 2U);
+  EXPECT_EQ(track.add(2 * kStep_ns, at_s(1.04)), OdometryTrack::Verdict::kRestarted);
   EXPECT_EQ(track.size(), 1U);
   EXPECT_EQ(track.counters().of("odometry restarted"), 1U);
 }

@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 #include <tf2/buffer_core.h>
@@ -11,6 +14,9 @@
 #include "pose/gps_ins_flight.hpp"
 #include "situation_awareness/pose/inertial_motion.hpp"
 #include "situation_awareness/pose/local_world.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "support/fault_cell.hpp"
+#include "support/wrong_stamp.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -90,6 +96,85 @@ TEST(InertialNavigation, ChangesOfTheVelocityAreRightSoonAfterAStartInATurn) {
     }
     EXPECT_GT(windows, 8) << seed;
     EXPECT_LT(most_m_s, 1.3) << seed;  // what the filter's own tilt leaves; 6 m/s with that of the start
+  }
+}
+
+/// A message of a flight, when it comes.
+struct Arriving {
+  std::int64_t at_ns;
+  std::optional<sensor_msgs::Imu> imu;
+  std::optional<sensor_msgs::NavSatFix> fix;
+};
+
+/// Of a flight that begins in a turn: samples come at once, fixes 50 ms after their stamps.
+std::vector<Arriving> short_flight(const WrongStamp& wrong = {}) {
+  const GeodeticPosition origin{47.0, 8.0, 400.0};
+  SimulatedFlight flight;
+  flight.legs = {{8.0, 0.75}, {20.0, -0.4}};
+  FlightSensors sensors;
+  sensors.imu_rate_hz = 100.0;
+  FlightRun run(flight, sensors, 3);
+  std::vector<Arriving> messages;
+  int samples = 0, fixes = 0;
+  for (; run.time_s() < 20.0; run.next()) {
+    const auto at_ns = static_cast<std::int64_t>(stamp_of(run).toNSec());
+    const auto stamped = [&](auto msg, const char* stream, int i) {
+      msg.header.stamp = to_ros_time(std::max(wrong(stream, i, at_ns), std::int64_t{1}));
+      return msg;
+    };
+    const sensor_msgs::Imu imu = imu_of(run);
+    if (!wrong.leaves_out("imu", samples)) messages.push_back({at_ns, stamped(imu, "imu", samples), {}});
+    ++samples;
+    if (!run.has_fix()) continue;
+    const sensor_msgs::NavSatFix fix = fix_of(run, origin);
+    if (!wrong.leaves_out("fix", fixes)) messages.push_back({at_ns + 50'000'000, {}, stamped(fix, "fix", fixes)});
+    ++fixes;
+  }
+  return messages;
+}
+
+/// All poses in the order in which they come, and placements twice a second.
+std::vector<double> flown(std::vector<Arriving> messages) {
+  std::stable_sort(messages.begin(), messages.end(),
+                   [](const Arriving& a, const Arriving& b) { return a.at_ns < b.at_ns; });
+  std::vector<double> result;
+  tf2::BufferCore tf;
+  InertialNavigation navigation({}, tf,
+                                {[&](const geometry_msgs::TransformStamped& T) {
+                                   result.insert(result.end(), {T.header.stamp.toSec(), T.transform.translation.x,
+                                                                T.transform.translation.y, T.transform.rotation.z});
+                                 },
+                                 [] {}});
+  std::int64_t placed_ns = 0;
+  for (const Arriving& message : messages) {
+    if (message.fix) {
+      navigation.add_fix(*message.fix, message.at_ns);
+      continue;
+    }
+    navigation.add_imu(*message.imu, message.at_ns);
+    if (!navigation.is_ready() || navigation.stamp_ns() < placed_ns + 500'000'000) continue;
+    placed_ns = navigation.stamp_ns();
+    const Eigen::Isometry3d nowhere = Eigen::Isometry3d::Identity();
+    const InertialPlacement placement = navigation.placement_at(placed_ns - 20'000'000, nowhere, nowhere);
+    result.insert(result.end(), placement.pose_covariance.data(), placement.pose_covariance.data() + 9);
+    for (const PlacedFix& fix : placement.fixes) result.push_back(fix.fix_world_m.x());
+  }
+  return result;
+}
+
+// A receiver that is slower than 5 Hz may have been late: then the fix is used, 0.2 s late.
+TEST(InertialNavigation, OneWrongStampIsAsIfItHadNotCome) {
+  for (const auto& [stream, messages] :
+       {std::make_pair("imu", std::vector<int>{7, 1200, 1999}), std::make_pair("fix", std::vector<int>{30, 60})}) {
+    for (const double shift_s : kStampShifts_s) {
+      const FaultCell cell("GPS/INS", stream, stamp_fault(shift_s), "refused and counted, as if it had not come");
+      for (const int message : messages) {
+        const std::vector<double> without = flown(short_flight({stream, message, 0.0, true}));
+        EXPECT_GT(without.size(), 4000U);
+        EXPECT_TRUE(flown(short_flight({stream, message, shift_s})) == without)
+            << stream << ' ' << message << ", " << shift_s << " s";
+      }
+    }
   }
 }
 

@@ -141,11 +141,39 @@ TEST_F(TransformQueueTest, StampsThatGoFarBackAreARestartWithoutTheOldTransforms
   move(5000);
   measure(5000, 0);
   measure(5050, 1);
-  EXPECT_EQ(measure(100, 2), StampOrder::Verdict::kRestart);
+  EXPECT_EQ(measure(100, 2), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(measure(150, 52), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(dropped_, Drops()) << "they are held";
+  EXPECT_EQ(measure(200, 102), StampOrder::Verdict::kRestart);
   EXPECT_EQ(dropped_, (Drops{{drop_reason::kRestart, 2}}));
   move(100);  // tf2 would refuse it beside those of later times
-  move(150);
-  EXPECT_EQ(release(3), Released{100});
+  move(300);
+  EXPECT_EQ(release(103), (Released{100, 150, 200}));
+}
+
+TEST_F(TransformQueueTest, OneStampFarFromThoseAroundItIsAsIfItHadNotCome) {
+  move(0);
+  for (int i = 0; i < 10; ++i) measure(50 * i, 50 * i);
+  EXPECT_EQ(measure(5'500, 500), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(dropped_, Drops());
+  EXPECT_EQ(measure(550, 550), StampOrder::Verdict::kNext);
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kAnotherTime, 1}}));
+  move(1000);
+  EXPECT_EQ(release(551).size(), 11U);
+  EXPECT_EQ(measure(-1'000'000, 600), StampOrder::Verdict::kRefused);
+  EXPECT_FALSE(queue_.next(kEndOfTime_ns).has_value());
+  EXPECT_EQ(dropped_, (Drops{{drop_reason::kAnotherTime, 2}})) << "none agreed with it";
+}
+
+TEST_F(TransformQueueTest, ASilenceLosesNothing) {
+  move(0);
+  for (int i = 0; i < 10; ++i) measure(50 * i, 50 * i);
+  EXPECT_EQ(release(451).size(), 1U);
+  EXPECT_EQ(measure(30'000, 30'010), StampOrder::Verdict::kNext) << "the clock explains it";
+  EXPECT_EQ(measure(60'000, 30'060), StampOrder::Verdict::kRefused) << "it does not";
+  EXPECT_EQ(measure(60'050, 30'110), StampOrder::Verdict::kRefused);
+  EXPECT_EQ(measure(60'100, 30'160), StampOrder::Verdict::kNext);
+  EXPECT_EQ(queue_.waiting(), 13U);
 }
 
 TEST_F(TransformQueueTest, AnInvalidTransformIsCounted) {

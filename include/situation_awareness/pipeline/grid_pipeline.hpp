@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/image/image.hpp"
 #include "situation_awareness/map/grid/elevation.hpp"
 #include "situation_awareness/map/grid/grid.hpp"
@@ -57,13 +58,21 @@ struct GridPipelineParams {
 /// From label images with poses to a semantic grid and its targets, in one thread, without ROS.
 class GridPipeline {
  public:
-  /// Throws std::invalid_argument naming field and bound.
-  GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation);
+  /// Stamps that go back by more than `reset_time_jump_s` begin a new map (StampOrder). Throws std::invalid_argument
+  /// naming field and bound.
+  GridPipeline(const GridPipelineParams& params, std::shared_ptr<const Elevation> elevation,
+               double reset_time_jump_s = 1.0);
 
-  /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known. The result is
-  /// valid until the next call.
+  /// As StampOrder::trust, where another has judged the stamps.
+  void trust_stamps() { order_.trust(); }
+
+  /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known. One whose stamp
+  /// is not in order changes nothing. The result is valid until the next call.
   const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                              const std::optional<CameraPoseCovariance>& covariance = {});
+
+  /// Of the latest image: kRefused, or kRestart where it is the first of a new map.
+  StampOrder::Verdict verdict() const { return verdict_; }
 
   /// A new map. The ids of its targets were not used before.
   void begin_anew();
@@ -73,6 +82,8 @@ class GridPipeline {
 
  private:
   GridPipelineParams params_;
+  StampOrder order_;
+  StampOrder::Verdict verdict_ = StampOrder::Verdict::kNext;
   std::shared_ptr<const Elevation> elevation_;
   GridMap map_;
   GridTracks tracks_;

@@ -23,8 +23,9 @@ class LocalizationPipeline {
                        const ReflectorLocalizationParams& localization);
 
   /// As ReflectorLocalization::add_odometry.
-  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base) {
-    return localization_.add_odometry(stamp_ns, T_odom_base);
+  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base,
+                                      std::int64_t received_ns = StampOrder::kNone) {
+    return localization_.add_odometry(stamp_ns, T_odom_base, received_ns);
   }
 
   /// Localises by a scan; the odometry up to its last beam has been added. Throws std::invalid_argument if the scan

@@ -83,6 +83,9 @@ class PolygonPipeline {
                                        const Eigen::Isometry3d& T_world_lidar_end,
                                        const Eigen::Matrix3d& pose_covariance);
 
+  /// New maps, of another time. Ids are not used again. The stamps of scans are judged by the caller.
+  void begin_anew();
+
   PolygonMap& map() { return map_; }
   /// The map of objects and what its latest scan was to it; null without one.
   const ObjectPipelineResult* objects() const { return latest_; }

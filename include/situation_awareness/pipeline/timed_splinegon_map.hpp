@@ -27,12 +27,15 @@ class TimedSplinegonMap {
  public:
   static constexpr std::int64_t kNoStamp = StampOrder::kNone;
 
-  /// A stamp that goes back by more than `reset_time_jump_s` begins a new map. Throws std::invalid_argument naming
-  /// field and bound.
+  /// Stamps that go back by more than `reset_time_jump_s` begin a new map (StampOrder). Throws std::invalid_argument
+  /// naming field and bound.
   TimedSplinegonMap(const SplinegonPipelineParams& params, double reset_time_jump_s);
 
+  /// As StampOrder::trust, where another has judged the stamps.
+  void trust_stamps() { order_.trust(); }
+
   /// As SplinegonPipeline::process, which throws where a scan or a pose cannot be used. kRefused: the stamp is not
-  /// after the latest, and the scan is not used; kRestart: it was used in a new map.
+  /// in order (StampOrder), and the scan is not used; kRestart: it was used in a new map.
   StampOrder::Verdict process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                               const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
   StampOrder::Verdict process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
@@ -69,7 +72,6 @@ class TimedSplinegonMap {
   void take_over();
   void resume_before(std::int64_t stamp_ns);
 
-  double reset_time_jump_s_;
   StampOrder order_;
   SplinegonPipeline pipeline_;
   Splinegons splinegons_;

@@ -117,7 +117,7 @@ class GpsIns {
 
   /// A sample, in the axes of the IMU. Counts what it refuses: "imu not finite", "imu stamped twice", "imu out of
   /// order"; and what it repairs: "imu gap", "restarted after an imu gap", "imu restarted" (time went back).
-  void add_imu(const InertialSample& sample);
+  void add_imu(const InertialSample& sample, std::int64_t received_ns = StampOrder::kNone);
 
   /// A fix. Counts what is dropped: "no fix", "fix not finite", "fix without covariance", "fix too late", "fix ahead of
   /// the imu"; and "fix outside its gate".

@@ -52,9 +52,10 @@ class OdometryTrack {
 
   enum class Verdict { kAdded, kRefused, kRestarted };
 
-  /// Adds a pose. Counts what it refuses: "odometry not finite", "odometry stamped twice", "odometry out of order"; and
-  /// what it repairs: "odometry jumped", "odometry restarted".
-  Verdict add(std::int64_t stamp_ns, const Pose2& T_odom_base);
+  /// Adds a pose; `received_ns` as StampOrder::judge. Counts what it refuses: "odometry not finite", "odometry stamped
+  /// twice", "odometry out of order", "odometry of another time"; and what it repairs: "odometry jumped", "odometry
+  /// restarted".
+  Verdict add(std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns = StampOrder::kNone);
 
   /// Pose at a stamp: on the arc between two poses, or beyond the latest by its velocity. False if there is none.
   bool at(std::int64_t stamp_ns, Entry& entry) const;

@@ -260,9 +260,13 @@ class ReflectorLocalization {
   /// Throws std::invalid_argument as check_reflectors and the params' validate() do.
   ReflectorLocalization(const ReflectorMap& map, const ReflectorLocalizationParams& params);
 
-  /// Adds a pose by odometry, in the order of the stamps. `counters` has what was wrong with it; one that goes far back
-  /// in time is a restart, after which no pose is known.
-  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base);
+  /// Adds a pose by odometry, as OdometryTrack::add. `counters` has what was wrong with it; after a restart of its time
+  /// no pose is known.
+  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base,
+                                      std::int64_t received_ns = StampOrder::kNone);
+
+  /// As StampOrder::trust, where another has judged the stamps of the scans.
+  void trust_scan_stamps() { scans_.trust(); }
 
   /// Sets the pose at a stamp, with its standard deviations.
   void initial_pose(std::int64_t stamp_ns, const Pose2& T_world_base, double sigma_m, double sigma_rad);

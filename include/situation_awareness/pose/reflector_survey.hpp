@@ -127,7 +127,8 @@ class ReflectorSurvey {
   ReflectorSurvey(const ReflectorSurveyParams& params, const Pose2& T_world_base);
 
   /// As ReflectorLocalization::add_odometry; after a restart the survey is refused.
-  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base);
+  OdometryTrack::Verdict add_odometry(std::int64_t stamp_ns, const Pose2& T_odom_base,
+                                      std::int64_t received_ns = StampOrder::kNone);
 
   /// Adds a scan, in the order of the stamps; odometry up to its last beam has been added. `T_base_lidar`: of its level
   /// frame.

@@ -28,14 +28,15 @@ class GpsInsInput {
   /// `transforms` must outlive this. Throws std::invalid_argument as the parameters' check.
   GpsInsInput(const GpsInsNodeletParams& params, const tf2::BufferCore& transforms);
 
-  /// Reason why the sample was not used, one of a few texts; empty if it was. detail() tells more.
-  std::string add_imu(const sensor_msgs::Imu& msg);
+  /// Reason why the sample was not used, one of a few texts; empty if it was. detail() tells more. `received_ns`, here
+  /// and below, as StampOrder::judge.
+  std::string add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns = StampOrder::kNone);
   const std::string& detail() const { return detail_; }
 
   /// What is not used of these is counted by counters(), or by those of the filter. A covariance that is unknown or
   /// zero is replaced by `fix_sigma_m`.
-  void add_fix(const sensor_msgs::NavSatFix& msg);
-  /// That of the latest add_fix, if it has a position and a covariance.
+  void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
+  /// That of the latest add_fix, if it has a position and a covariance, and its stamp is in order.
   const std::optional<GeodeticFix>& good_fix() const { return good_fix_; }
   /// Where the antenna is on the base (m), once there is a filter.
   Eigen::Vector3d antenna_base_m() const { return antenna_.T_base_sensor->translation(); }
@@ -79,6 +80,7 @@ class GpsInsInput {
   std::optional<GpsIns> filter_;
   double backlog_s_ = 0.0;
   std::optional<GpsInsBacklog> backlog_;
+  StampOrder fixes_;
   Counters counters_;
   std::string detail_;
   std::optional<GeodeticFix> good_fix_;

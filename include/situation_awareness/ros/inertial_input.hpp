@@ -65,6 +65,7 @@ class InertialInput {
   void report(StageDiagnostics::Status& status);
 
   Context& context_;
+  double max_stamp_ahead_s_;
   ScansOnBase scans_;
   InertialNavigation navigation_;
   GpsInsReport report_;

@@ -55,8 +55,8 @@ class InertialNavigation {
   InertialNavigation(const GpsInsNodeletParams& params, const tf2::BufferCore& tf, Use use);
 
   /// As GpsInsInput::add_imu. Throws as Use::add.
-  std::string add_imu(const sensor_msgs::Imu& msg);
-  void add_fix(const sensor_msgs::NavSatFix& msg);
+  std::string add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns = StampOrder::kNone);
+  void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
 
   bool is_ready() const { return ready_since_ns_ != StampOrder::kNone; }
   /// Before it, poses are of what came later; what was measured then waited for them.

@@ -41,7 +41,8 @@ class OdometryInput {
 
   struct Use {
     /// Takes a pose by odometry; what it refuses is not used.
-    std::function<OdometryTrack::Verdict(std::int64_t stamp_ns, const Pose2& T_odom_base)> add;
+    std::function<OdometryTrack::Verdict(std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns)>
+        add;
   };
 
   /// `frames`: those of the messages if empty. A stamp of a scan that goes back by more than `reset_time_jump_s` is a
@@ -64,6 +65,7 @@ class OdometryInput {
   Context& context_;
   OdometryFrames frames_;
   std::string world_frame_;
+  double max_stamp_ahead_s_;
   Use use_;
   ScansOnBase scans_;
   std::int64_t latest_ns_ = 0;  ///< odometry

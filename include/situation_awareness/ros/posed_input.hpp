@@ -19,6 +19,7 @@
 
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/transform_age.hpp"
@@ -50,11 +51,12 @@ class PosedInput {
     std::function<void()> restarted;                    ///< called after a restart of stamps
   };
 
-  /// A stamp that goes back by more than `reset_time_jump_s` is a restart; `pose_offset_s` later than a measurement is
-  /// its pose.
+  /// Stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder); `pose_offset_s` later than a
+  /// measurement is its pose.
   PosedInput(Context& context, const NodeletParams& params, double reset_time_jump_s, double pose_offset_s, Use use)
       : context_(context),
         use_(std::move(use)),
+        max_stamp_ahead_s_(params.max_stamp_ahead_s),
         tf_(transform_cache_time(params.tf_timeout_s)),
         transform_age_(tf_, params.world_frame),
         queue_(tf_,
@@ -82,7 +84,11 @@ class PosedInput {
     const std::string defect = use_.defect(*msg);
     if (!defect.empty()) return context_.diagnostics().dropped(defect);
     const Taken taken = use_.taken(*msg);
-    const StampOrder::Verdict verdict = queue_.add({msg, arrival}, taken, steady_now_ns());
+    if (is_ahead_of_clock(taken.first, max_stamp_ahead_s_)) {
+      context_.drop(drop_reason::kAheadOfClock);
+      return;
+    }
+    const StampOrder::Verdict verdict = queue_.add({msg, arrival}, taken, steady_now_ns(), receipt_ns());
     if (verdict == StampOrder::Verdict::kRestart) {
       context_.drop_enqueued(drop_reason::kRestart);
       use_.restarted();
@@ -94,6 +100,7 @@ class PosedInput {
   /// Enqueues the measurements that have their transforms. Does not throw.
   void release() {
     try {
+      queue_.receive(steady_now_ns(), receipt_ns());
       while (const std::optional<Posed<Arrived>> ready = queue_.next(steady_now_ns())) {
         transform_age_.scan_waited(ready->waited_s);
         const ConstPtr& msg = ready->item.msg;
@@ -107,6 +114,7 @@ class PosedInput {
 
   Context& context_;
   Use use_;
+  double max_stamp_ahead_s_;
   tf2_ros::Buffer tf_;
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;

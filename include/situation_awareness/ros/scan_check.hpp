@@ -13,6 +13,8 @@ std::string scan_msg_defect(const sensor_msgs::LaserScan& msg);
 
 namespace drop_reason {
 constexpr const char* kStamp = "stamp repeats or goes back";
+constexpr const char* kAnotherTime = "stamp of another time than those around it";
+constexpr const char* kAheadOfClock = "stamp ahead of the clock";
 constexpr const char* kRestart = "stamp started again while it waited";
 constexpr const char* kOvertaken = "overtaken";
 constexpr const char* kQueueFull = "queue full";

@@ -39,9 +39,10 @@ class ScansOnBase {
  public:
   struct Params {
     bool deskew = true;
-    double timeout_s = 0.5;          ///< how long a scan waits for its poses
-    std::size_t max_waiting = 20;    ///< scans
-    double reset_time_jump_s = 1.0;  ///< stamps of scans that go back by more are a restart
+    double timeout_s = 0.5;           ///< how long a scan waits for its poses
+    std::size_t max_waiting = 20;     ///< scans
+    double reset_time_jump_s = 1.0;   ///< stamps of scans that go back by more are a restart
+    double max_stamp_ahead_s = 600.0;  ///< of ROS time
   };
   struct Use {
     std::function<void(const std::string& reason, const std::string& detail)> drop;
@@ -77,7 +78,7 @@ class ScansOnBase {
   void mount();
   void dropped(const std::string& reason, const std::string& detail);
 
-  bool deskew_;
+  Params params_;
   Use use_;
   tf2_ros::Buffer tf_;           ///< for the place of the scanner on the base
   tf2::BufferCore poses_;        ///< odom -> base -> lidar, by names of its own

@@ -20,6 +20,7 @@
 #include <tf2/buffer_core.h>
 #include <Eigen/Geometry>
 
+#include "situation_awareness/common/in_order.hpp"
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -45,6 +46,7 @@ struct Posed {
   Eigen::Isometry3d T_world_sensor;      ///< of its first instant, the stamp
   Eigen::Isometry3d T_world_sensor_end;  ///< of its last instant
   double waited_s = 0.0;                 ///< for its transforms
+  bool begins_anew = false;              ///< the first after a restart of time
 };
 
 /// Time and frame of a measurement.
@@ -74,7 +76,8 @@ Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::str
                                const std::string& frame, const ros::Time& time);
 
 /// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms of their first and last
-/// instant. Nodelets and offline tools share it: it decides which are used and which are dropped.
+/// instant. Nodelets and offline tools share it: it decides which are used and which are dropped. One whose stamp is
+/// far from those around it is held until others agree with it (InOrder).
 ///
 /// The clock is the caller's and must be monotonic: live a steady clock, offline the time of the recording. Transforms
 /// may come on another thread, calls must not. Nothing is thrown; `on_drop` is called for each drop with one of the
@@ -89,7 +92,7 @@ class TransformQueue {
   TransformQueue(tf2::BufferCore& transforms, TransformQueueParams params, OnDrop on_drop)
       : transforms_(transforms),
         params_(std::move(params)),
-        order_(params_.reset_time_jump_s),
+        in_order_(params_.reset_time_jump_s),
         on_drop_(std::move(on_drop)) {
     if (params_.world_frame.empty()) throw std::invalid_argument("world_frame is empty");
     if (!(params_.timeout_s >= 0.0)) throw std::invalid_argument("timeout_s is not a number >= 0");
@@ -97,24 +100,30 @@ class TransformQueue {
     if (params_.max_waiting == 0) throw std::invalid_argument("max_waiting is 0, it must be 1 at least");
   }
 
-  /// Adds a measurement. On kRestart all earlier ones are dropped, on kRefused this one.
+  /// Adds a measurement, received now. On kRestart all earlier ones are dropped but those that were held, on kRefused
+  /// this one is, or it is held.
   StampOrder::Verdict add(Item item, const Taken& taken, std::int64_t now_ns) {
-    const StampOrder::Verdict verdict = order_.judge(to_nanoseconds(taken.first));
-    if (verdict == StampOrder::Verdict::kRefused) {
-      on_drop_(drop_reason::kStamp, "");
-      return verdict;
-    }
-    if (verdict == StampOrder::Verdict::kRestart) {
-      for (; !waiting_.empty(); waiting_.pop_front()) on_drop_(drop_reason::kRestart, "");
-      transforms_.clear();  // its transforms are of a later time and would block new ones
-    }
-    waiting_.push_back({std::move(item), later(taken, params_.pose_offset_s), now_ns});
-    return verdict;
+    return add(std::move(item), taken, now_ns, now_ns);
+  }
+
+  /// The same with its receipt by another clock, StampOrder::kNone if it is not known.
+  StampOrder::Verdict add(Item item, const Taken& taken, std::int64_t now_ns, std::int64_t received_ns) {
+    return in_order_.add(
+        Waiting{std::move(item), later(taken, params_.pose_offset_s), now_ns}, to_nanoseconds(taken.first), received_ns,
+        now_ns, [this](Waiting one, StampOrder::Verdict verdict) { wait(std::move(one), verdict); },
+        [this](bool was_held) { drop(was_held); });
+  }
+
+  /// Passes on measurements that were held and that this receipt explains.
+  void receive(std::int64_t now_ns, std::int64_t received_ns) {
+    in_order_.release(received_ns, now_ns,
+                      [this](Waiting one, StampOrder::Verdict verdict) { wait(std::move(one), verdict); });
   }
 
   /// The next measurement with its transforms, in order; to be called until there is none. Drops those whose transforms
   /// will not come, and those beyond the bound.
   std::optional<Posed<Item>> next(std::int64_t now_ns) {
+    if (now_ns == kEndOfTime_ns) in_order_.end([this](bool was_held) { drop(was_held); });
     while (!waiting_.empty()) {
       // Transforms come in order: if a later measurement has them, those of an earlier one will not come. They
       // come at any time, on another thread, so the later one is checked first.
@@ -126,7 +135,7 @@ class TransformQueue {
         waiting_.pop_front();
         try {
           return Posed<Item>{ready.item, pose_at(ready.posed, ready.posed.first),
-                             pose_at(ready.posed, ready.posed.last), waited_s};
+                             pose_at(ready.posed, ready.posed.last), waited_s, std::exchange(begins_anew_, false)};
         } catch (const std::exception& error) {
           on_drop_(drop_reason::kBadTransform, error.what());
         }
@@ -154,6 +163,16 @@ class TransformQueue {
     std::int64_t since_ns;
   };
 
+  void wait(Waiting one, StampOrder::Verdict verdict) {
+    if (verdict == StampOrder::Verdict::kRestart) {
+      for (; !waiting_.empty(); waiting_.pop_front()) on_drop_(drop_reason::kRestart, "");
+      transforms_.clear();  // those of another time would block new ones
+      begins_anew_ = true;
+    }
+    waiting_.push_back(std::move(one));
+  }
+  void drop(bool was_held) { on_drop_(was_held ? drop_reason::kAnotherTime : drop_reason::kStamp, ""); }
+
   bool has_transforms(const Taken& taken) const {
     return situation_awareness::has_transforms(transforms_, params_.world_frame, taken);
   }
@@ -163,9 +182,10 @@ class TransformQueue {
 
   tf2::BufferCore& transforms_;
   TransformQueueParams params_;
-  StampOrder order_;
+  InOrder<Waiting> in_order_;
   OnDrop on_drop_;
   std::deque<Waiting> waiting_;
+  bool begins_anew_ = false;  ///< and none was released since
 };
 
 }  // namespace situation_awareness

@@ -333,7 +333,9 @@ bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
       }
       return true;
     case StampOrder::Verdict::kRefused:
-      ++report.reasons[stamp_ns == previous_ns ? "stamp repeats" : "stamp goes back"];
+      ++report.reasons[order_.doubted() > 0      ? "stamp of another time"
+                       : stamp_ns == previous_ns ? "stamp repeats"
+                                                 : "stamp goes back"];
       return false;
     case StampOrder::Verdict::kRestart:
       for (const MapElement& element : elements_) report.deleted.push_back(element.id);
@@ -354,7 +356,7 @@ void ObjectMap::clear() {
 
 void ObjectMap::reset() {
   clear();
-  order_ = StampOrder(params_.reset_time_jump_s);
+  order_.reset();
 }
 
 MapSnapshot ObjectMap::snapshot() const {
@@ -404,7 +406,7 @@ void ObjectMap::move_stamps_to(std::int64_t stamp_ns) {
     element.first_seen_ns += later_ns;
     element.last_seen_ns += later_ns;
   }
-  order_ = StampOrder(params_.reset_time_jump_s);
+  order_.reset();
   order_.judge(stamp_ns);
 }
 

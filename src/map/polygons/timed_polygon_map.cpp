@@ -30,7 +30,7 @@ bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covaria
 
 TimedPolygonMap::TimedPolygonMap(const PolygonMapParams& params, const ChainStateParams& states,
                                  double reset_time_jump_s)
-    : params_(params), states_(states), reset_time_jump_s_(reset_time_jump_s), order_(reset_time_jump_s), map_(params) {
+    : params_(params), states_(states), order_(reset_time_jump_s), map_(params) {
   states_.validate();
 }
 
@@ -46,7 +46,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
   if (resumed_) {
     // The clock may have begun anew since the map was saved; no such scan is refused.
     if (map_stamp_ns_ != kNoStamp && polylines.stamp_ns <= map_stamp_ns_) shift_to(polylines.stamp_ns - 1);
-    order_ = StampOrder(reset_time_jump_s_);
+    order_.reset();
     transit_ns_ = kNoStamp;
     resumed_ = false;
   }
@@ -56,7 +56,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
     case StampOrder::Verdict::kNext:
       break;
     case StampOrder::Verdict::kRefused:
-      ++report.reasons[polylines.stamp_ns == previous_ns ? kRepeats : kGoesBack];
+      ++report.reasons[order_.doubted() > 0 ? kAnotherTime : polylines.stamp_ns == previous_ns ? kRepeats : kGoesBack];
       return report;
     case StampOrder::Verdict::kRestart:
       begin_anew();
@@ -89,17 +89,8 @@ Polygons TimedPolygonMap::at(std::int64_t stamp_ns) const {
   return then;
 }
 
-/// The state of a map that is empty.
-PolygonMapSnapshot TimedPolygonMap::nothing(std::uint64_t next_id, std::size_t watches) {
-  PolygonMapSnapshot result;
-  result.next_id = next_id;
-  result.watches.resize(watches);
-  return result;
-}
-
 void TimedPolygonMap::begin_anew() {
-  const PolygonMapSnapshot before = map_.snapshot();
-  map_.restore(nothing(before.next_id, before.watches.size()));
+  map_.restore({});
   polygons_.chains.clear();
   map_stamp_ns_ = transit_ns_ = kNoStamp;
   resumed_ = false;
@@ -107,7 +98,7 @@ void TimedPolygonMap::begin_anew() {
 
 void TimedPolygonMap::reset() {
   begin_anew();
-  order_ = StampOrder(reset_time_jump_s_);
+  order_.reset();
 }
 
 PolygonMapSnapshot TimedPolygonMap::snapshot() const {

@@ -136,7 +136,9 @@ void BagPlayer::play_all() {
 }
 
 void BagPlayer::release(std::int64_t now_ns) {
+  if (now_ns != kEndOfTime_ns) queue_.receive(now_ns, now_ns);
   while (const auto ready = queue_.next(now_ns)) {
+    if (ready->begins_anew) restart_();
     const std::string reason = ready->item(ready->T_world_sensor, ready->T_world_sensor_end);
     if (reason.empty()) {
       ++used_;

@@ -22,15 +22,18 @@ OdometryFrames odometry_frames(const BagOptions& options, const std::string& top
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
                               const OdometryFrames& frames, Counters& refused, UseOdometry use) {
   player.subscribe<nav_msgs::Odometry>(
-      odom_topic, [&player, &refused, add = std::move(use.add)](const auto& msg, const ros::Time& /*recorded*/) {
+      odom_topic, [&player, &refused, add = std::move(use.add)](const auto& msg, const ros::Time& recorded) {
         const std::string defect = odometry_msg_defect(*msg);
         if (!defect.empty()) {
           ++refused[defect];
           return;
         }
         const geometry_msgs::TransformStamped transform = transform_from_odometry(*msg);
+        const auto verdict = add(to_nanoseconds(msg->header.stamp), pose2_of(isometry_from_msg(transform.transform)),
+                                 to_nanoseconds(recorded));
+        if (verdict == OdometryTrack::Verdict::kRefused) return;
+        if (verdict == OdometryTrack::Verdict::kRestarted) player.forget_transforms();
         player.add_transform(transform);
-        add(to_nanoseconds(msg->header.stamp), pose2_of(isometry_from_msg(transform.transform)));
       });
   subscribe_scans(player, scan_topic,
                   [&player, frames, use_scan = std::move(use.use)](const Scan& scan, const auto& T_odom_lidar,

@@ -34,6 +34,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
@@ -79,7 +80,7 @@ class CircumnavigateStage {
     } catch (const std::invalid_argument& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
-    const StampOrder::Verdict verdict = order_.judge(input.stamp_ns);
+    const StampOrder::Verdict verdict = order_.judge(input.stamp_ns, receipt_ns());
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
     if (verdict == StampOrder::Verdict::kRestart) restart();
     odometry_at_ = ros::SteadyTime::now();

@@ -24,6 +24,8 @@
 #include "situation_awareness/ros/gps_ins_input.hpp"
 #include "situation_awareness/ros/gps_ins_report.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
+#include "situation_awareness/ros/receipt.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
 
@@ -46,15 +48,20 @@ class GpsInsStage {
     context.keep_all();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_.report(status); });
     context.when_made([this] {
-      subscribe<sensor_msgs::NavSatFix>(fix_, "fix", &GpsInsInput::add_fix);
-      subscribe<geometry_msgs::PoseWithCovarianceStamped>(altitude_, "altitude", &GpsInsInput::add_altitude);
-      if (params_.use_heading) subscribe<sensor_msgs::Imu>(heading_, "heading", &GpsInsInput::add_heading);
+      subscribe(fix_, "fix", [this](const auto& fix) { input_.add_fix(fix, receipt_ns()); });
+      subscribe(altitude_, "altitude", [this](const auto& altitude) { input_.add_altitude(altitude); });
+      if (params_.use_heading) {
+        subscribe(heading_, "heading", [this](const auto& heading) { input_.add_heading(heading); });
+      }
       reset_ = context_.private_node().advertiseService("reset", &GpsInsStage::reset, this);
     });
   }
 
   bool process(const sensor_msgs::Imu& msg) {
-    const std::string reason = input_.add_imu(msg);
+    if (is_ahead_of_clock(msg.header.stamp, params_.nodelet.max_stamp_ahead_s)) {
+      return context_.drop(drop_reason::kAheadOfClock);
+    }
+    const std::string reason = input_.add_imu(msg, receipt_ns());
     report_.add();
     if (!reason.empty()) return context_.drop(reason, input_.detail());
     const GpsIns& filter = *input_.filter();
@@ -64,12 +71,15 @@ class GpsInsStage {
   }
 
  private:
-  template <class Message>
-  void subscribe(std::optional<TimedSubscriber<Message>>& subscriber, const char* topic,
-                 void (GpsInsInput::*add)(const Message&)) {
+  template <class Message, class Add>
+  void subscribe(std::optional<TimedSubscriber<Message>>& subscriber, const char* topic, Add add) {
     subscriber.emplace(context_.node(), topic, [this, topic, add](const auto& msg, const ros::SteadyTime&) {
       try {
-        (input_.*add)(*msg);
+        if (is_ahead_of_clock(msg->header.stamp, params_.nodelet.max_stamp_ahead_s)) {
+          context_.diagnostics().counted({{std::string(topic) + " not used: " + drop_reason::kAheadOfClock, 1}});
+          return;
+        }
+        add(*msg);
       } catch (const std::exception& error) {
         ROS_WARN_STREAM_THROTTLE(5.0, context_.name() << ": " << topic << ": " << error.what());
         context_.diagnostics().counted({{std::string(topic) + " not used: error", 1}});

@@ -30,6 +30,7 @@
 #include "situation_awareness/ros/odometry_covariances.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
 
@@ -55,17 +56,16 @@ class GridMappingStage {
                 [](const sensor_msgs::Image& msg) {
                   return Taken{tf2_frame(msg.header.frame_id), msg.header.stamp, msg.header.stamp};
                 },
-                [this] {
-                  context_.diagnostics().counted({{"time jumped back: new map", 1}});
-                  begin();
-                }}) {
-    pipeline_.emplace(params_.pipeline, elevation_);
+                [] {}}) {
+    pipeline_.emplace(params_.pipeline, elevation_, params_.reset_time_jump_s);
+    pipeline_->trust_stamps();  // the input has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
       info_.emplace(context_.node(), "camera_info",
                     [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { camera_info_ = msg; });
-      odometry_.emplace(context_.node(), "odometry",
-                        [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { covariances_.add(*msg); });
+      odometry_.emplace(context_.node(), "odometry", [this](const auto& msg, const ros::SteadyTime& /*arrival*/) {
+        covariances_.add(*msg, receipt_ns());
+      });
       reset_ = context_.private_node().advertiseService("reset", &GridMappingStage::reset, this);
       save_ = context_.private_node().advertiseService("save_grid", &GridMappingStage::save, this);
     });
@@ -79,6 +79,11 @@ class GridMappingStage {
     const std::size_t out_of_range = drop_out_of_range(labels);
     if (out_of_range > 0) context_.diagnostics().counted({{"labels out of [0, 1]", out_of_range}});
     const GridTargets& targets = pipeline_->process(labels, posed.T_world_sensor, covariances_.at(labels.stamp_ns));
+    if (pipeline_->verdict() == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
+    if (pipeline_->verdict() == StampOrder::Verdict::kRestart) {
+      context_.diagnostics().counted({{"time jumped back: new map", 1}});
+      grid_ns_.reset();
+    }
     context_.publish(targets_publisher_, grid_targets_to_msg(targets, params_.nodelet.world_frame));
     if (markers_publisher_.getNumSubscribers() > 0) {
       context_.publish(markers_publisher_, markers_.update(targets, params_.nodelet.world_frame));
@@ -131,6 +136,7 @@ class GridMappingStage {
     status.add("ground above the elevation [m]", pipeline_->map().elevation_offset_m());
     status.add("camera_info", camera_info_ ? "received" : "none yet");
     status.add("odometry without covariance", covariances_.unknown());
+    status.add("odometry not in order", covariances_.refused());
   }
 
   Context& context_;

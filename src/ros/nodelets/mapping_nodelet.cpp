@@ -28,6 +28,7 @@ class MappingStage {
         map_(params.pipeline.objects),
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Objects& objects) { publisher_.publish(objects); }) {
+    map_.trust_stamps();  // segmentation has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_objects(map_, status); });
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_nis(nis_, status); });
     context.serve_live([this](const ObjectMapParams& objects) { map_.set_params(objects); }, params.pipeline.objects);

@@ -37,6 +37,7 @@ class PolygonMappingStage {
         services_(context, world_frame_, map_, [this](const Polygons& polygons) { publisher_.publish(polygons); }),
         input_(context, params) {
     polyline_params_.validate();
+    map_.trust_stamps();  // segmentation has judged them
     const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;
     pose_covariance_ =
         Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();

@@ -45,7 +45,10 @@ class ReflectorLocalizationStage {
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("reflectors", 5)),
         input_(context, params.nodelet, {params.odom_frame, params.base_frame},
                params.pipeline.localization.odometry.reset_time_jump_s,
-               {[this](std::int64_t stamp_ns, const Pose2& T_odom_base) { return add(stamp_ns, T_odom_base); }}) {
+               {[this](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
+                 return add(stamp_ns, T_odom_base, received_ns);
+               }}) {
+    pipeline_.localization().trust_scan_stamps();
     has_initial_ = !params.initial_pose.empty();
     if (has_initial_) initial_ = parse_pose2(params.initial_pose, "initial_pose");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) {
@@ -80,8 +83,8 @@ class ReflectorLocalizationStage {
   }
 
  private:
-  OdometryTrack::Verdict add(std::int64_t stamp_ns, const Pose2& T_odom_base) {
-    const OdometryTrack::Verdict verdict = pipeline_.add_odometry(stamp_ns, T_odom_base);
+  OdometryTrack::Verdict add(std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
+    const OdometryTrack::Verdict verdict = pipeline_.add_odometry(stamp_ns, T_odom_base, received_ns);
     if (has_initial_ && verdict != OdometryTrack::Verdict::kRefused) {
       set_pose(stamp_ns, {initial_, 0.0, 0.0});
       has_initial_ = false;

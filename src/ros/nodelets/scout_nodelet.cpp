@@ -37,6 +37,7 @@
 #include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/markers/scout_markers.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
+#include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
@@ -82,7 +83,7 @@ class ScoutStage {
     }
     const Eigen::Isometry3d T_world_base = isometry_from_msg(transform_from_odometry(msg).transform);
     const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
-    const StampOrder::Verdict verdict = order_.judge(stamp_ns);
+    const StampOrder::Verdict verdict = order_.judge(stamp_ns, receipt_ns());
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
     if (verdict == StampOrder::Verdict::kRestart) restart();
     const StampedPose& pose = poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {

@@ -43,6 +43,7 @@ class SplinegonMappingStage {
         local_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("local_polygon_markers", 5)),
         services_(context, params.nodelet.world_frame, map_,
                   [this](const Splinegons& splinegons) { publisher_.publish(splinegons); }) {
+    map_.trust_stamps();  // the input has judged them
     const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;
     pose_covariance_ =
         Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();

@@ -129,6 +129,7 @@ int grid_bag(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<GridPipelineParams>(read_text_file(path), path, print_warning);
   GridPipeline pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem)));
+  pipeline.trust_stamps();  // the player has judged them
   BagPlayer player(options.bag, kResetTimeJump_s);
   LineFile out(options.out);
   const CameraInfos infos(options.bag.bag, options.camera_info_topic);
@@ -143,8 +144,9 @@ int grid_bag(const Options& options) {
   player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
                                             [](const auto& /*msg*/, const ros::Time& /*recorded*/) {});  // is it there?
   if (!options.odom_topic.empty()) {
-    player.subscribe<nav_msgs::Odometry>(
-        options.odom_topic, [&](const auto& msg, const ros::Time& /*recorded*/) { covariances.add(*msg); });
+    player.subscribe<nav_msgs::Odometry>(options.odom_topic, [&](const auto& msg, const ros::Time& recorded) {
+      covariances.add(*msg, to_nanoseconds(recorded));
+    });
   }
   player.subscribe_measurements<sensor_msgs::Image>(
       labels_images ? options.image_topic : options.labels_topic, "images",
@@ -179,6 +181,7 @@ int grid_bag(const Options& options) {
   std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
               pipeline.map().elevation_offset_m(), out_of_range);
   if (covariances.unknown() > 0) std::printf("%zu odometry messages without covariance\n", covariances.unknown());
+  if (covariances.refused() > 0) std::printf("%zu odometry messages not in order\n", covariances.refused());
   return 0;
 }
 

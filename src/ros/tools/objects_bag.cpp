@@ -187,6 +187,11 @@ int objects_bag(const Options& options) {
     pipeline.map().resume(load_map(options.load_objects, world_frame));
     publish(pipeline.map().at(pipeline.map().stamp_ns()));
   }
+  pipeline.map().trust_stamps();  // the player has judged them
+  player.on_restart([&] {
+    pipeline.map().reset();
+    published = {};
+  });
   std::size_t detections = 0;
   double log_likelihood = 0.0;
   std::size_t compact = 0, on_no_map = 0;

@@ -168,6 +168,7 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const Eigen::Matrix3d covariance =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
+  player.on_restart([&pipeline] { pipeline.begin_anew(); });
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
     const Eigen::Isometry3d T_world_base =
@@ -197,11 +198,16 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   std::size_t known = 0, unknown = 0;
   Counters refused;
   UseOdometry use;
-  use.add = [&](std::int64_t stamp_ns, const Pose2& T_odom_base) {
-    if (needs_initial) localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
-    needs_initial = false;
-    localization.add_odometry(stamp_ns, T_odom_base);
+  use.add = [&](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
+    const auto verdict = localization.add_odometry(stamp_ns, T_odom_base, received_ns);
+    if (needs_initial && verdict != OdometryTrack::Verdict::kRefused) {
+      localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
+      needs_initial = false;
+    }
+    return verdict;
   };
+  localization.trust_scan_stamps();
+  player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
   use.use = [&](const Scan& scan, const OdometryScan& placed) {
     const bool is_known = player.timed([&] { return pipeline.process(scan, placed); });
     ++(is_known ? known : unknown);

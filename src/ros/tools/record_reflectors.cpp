@@ -107,7 +107,9 @@ int record_reflectors(const Options& options) {
   Points points;
   ReflectorSightings sightings;
   UseOdometry use;
-  use.add = [&survey](std::int64_t stamp_ns, const Pose2& T_odom_base) { survey.add_odometry(stamp_ns, T_odom_base); };
+  use.add = [&survey](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
+    return survey.add_odometry(stamp_ns, T_odom_base, received_ns);
+  };
   use.use = [&](const Scan& scan, const OdometryScan& placed) {
     player.timed([&] {
       points = project_horizontally(scan, placed.T_base_lidar, placed.T_base_lidar, std::move(points));

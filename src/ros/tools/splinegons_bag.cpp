@@ -119,6 +119,7 @@ void map_by_tf(const Options& options, const BagParams& params) {
   BagPlayer player(options.bag, kResetTimeJump_s);
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
+  player.on_restart([&pipeline] { pipeline.reset(); });
   const std::string world_frame = tf2_frame(options.bag.world_frame), base_frame = tf2_frame(options.base_frame);
   WorldPose pose;
   pose.covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
@@ -160,10 +161,10 @@ class BagNavigation {
     params_.base_frame = tf2_frame(options.base_frame);
     params_.origin = options.origin;
     params_.gps_ins = params;
-    player.subscribe<sensor_msgs::Imu>(options.imu_topic,
-                                       [this](const auto& msg, const ros::Time& /*recorded*/) { add(*msg); });
-    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& /*recorded*/) {
-      if (navigation_) navigation_->add_fix(*msg);
+    player.subscribe<sensor_msgs::Imu>(
+        options.imu_topic, [this](const auto& msg, const ros::Time& recorded) { add(*msg, to_nanoseconds(recorded)); });
+    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& recorded) {
+      if (navigation_) navigation_->add_fix(*msg, to_nanoseconds(recorded));
     });
   }
 
@@ -194,7 +195,7 @@ class BagNavigation {
     return base_frame;
   }
 
-  void add(const sensor_msgs::Imu& msg) {
+  void add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns) {
     if (!navigation_) {
       params_.imu_frame = known(tf2_frame(msg.header.frame_id));
       params_.fix_frame = known(fix_frame_);
@@ -206,7 +207,7 @@ class BagNavigation {
                                                   },
                                                   [this] { player_.forget_transforms(); }});
     }
-    const std::string reason = navigation_->add_imu(msg);
+    const std::string reason = navigation_->add_imu(msg, recorded_ns);
     if (!reason.empty()) ++refused_[reason];
   }
 
@@ -224,6 +225,7 @@ void map_by_gps(const Options& options, const BagParams& params) {
   BagPlayer player(bag, kResetTimeJump_s);
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
+  player.on_restart([&pipeline] { pipeline.reset(); });
   BagNavigation bag_navigation(player, options, params.gps_ins);
   const std::string base_frame = tf2_frame(options.base_frame);
   subscribe_scans(

@@ -145,15 +145,15 @@ std::string stamps(Feed& feed, double most_back_s) {
 }
 
 Injected starts_again(Feed& feed) {
+  constexpr int kMostScans = 1000;
   feed.start_again();
   const std::int64_t from_ns = feed.stamp_ns();
-  // Transforms are cleared when the first scan shows the reset of time, so earlier ones may be lost.
+  // Transforms are cleared when scans show the reset of time, so earlier ones may be lost.
   feed.transforms(Transforms::kEach);
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < kMostScans && !feed.has_map_of_now(); ++i) {
     feed.send(feed.due(), Fate::kEither);
-    ros::WallDuration(0.005).sleep();
+    ros::WallDuration(0.005).sleep();  // until the map may have come
   }
-  ros::WallDuration(0.05).sleep();
   feed.transforms(Transforms::kAhead);
   return {"", {}, from_ns};
 }

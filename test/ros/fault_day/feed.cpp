@@ -186,6 +186,7 @@ void Feed::drain() {
 void Feed::start_again() {
   drain();
   slot_ = 0;
+  latest_map_ns_ = 0;
   transforms_until_ = 0;
   ++scene_seed_;
   make_scene();

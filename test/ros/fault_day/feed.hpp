@@ -96,6 +96,8 @@ class Feed {
 
   // --- what came of it
   std::int64_t stamp_ns() const { return stamp_of(slot_); }
+  /// Whether a map has come since the time was reset.
+  bool has_map_of_now() const { return latest_map_ns_ > 0; }
   std::int64_t sent() const { return sent_all_; }
   std::int64_t mapped() const { return mapped_all_; }
   std::int64_t maps() const { return maps_all_; }

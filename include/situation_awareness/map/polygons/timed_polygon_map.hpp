@@ -26,14 +26,19 @@ class TimedPolygonMap {
   /// The reasons counted for a scan that is not used.
   static constexpr const char* kRepeats = "stamp repeats";
   static constexpr const char* kGoesBack = "stamp goes back";
+  static constexpr const char* kAnotherTime = "stamp of another time";
   static constexpr const char* kCannotBeUsed = "scan with numbers that cannot be used";
 
-  /// A stamp that goes back by more than `reset_time_jump_s` begins a new map. Throws std::invalid_argument naming
-  /// field and bound.
+  /// Stamps that go back by more than `reset_time_jump_s` begin a new map (StampOrder). Throws std::invalid_argument
+  /// naming field and bound.
   TimedPolygonMap(const PolygonMapParams& params, const ChainStateParams& states, double reset_time_jump_s);
 
+  /// As StampOrder::trust, where another has judged the stamps.
+  void trust_stamps() { order_.trust(); }
+
   /// As PolygonMap::update. A scan with another number than finite ones, or farther than 1000 km from the world's
-  /// origin, and one whose stamp is not after the latest are not used: the reason is counted, and stamp_ns() stays.
+  /// origin, and one whose stamp is not in order (StampOrder) are not used: the reason is counted, and stamp_ns()
+  /// stays.
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance,
                           PolygonMapUpdate memory = {}) {
     return update(polylines, pose_covariance, Movers{}, std::move(memory));
@@ -70,14 +75,12 @@ class TimedPolygonMap {
   void resume(const PolygonMapSnapshot& snapshot);
 
  private:
-  static PolygonMapSnapshot nothing(std::uint64_t next_id, std::size_t watches);
   void begin_anew();
   void shift_to(std::int64_t stamp_ns);
   void make_polygons(std::int64_t stamp_ns);
 
   PolygonMapParams params_;
   ChainStateParams states_;
-  double reset_time_jump_s_;
   StampOrder order_;
   PolygonMap map_;
   Polygons polygons_;

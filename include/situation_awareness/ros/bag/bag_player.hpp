@@ -38,8 +38,8 @@ class BagPlayer {
   template <class Message>
   using Take = std::function<void(const boost::shared_ptr<const Message>& msg, const ros::Time& recorded)>;
 
-  /// Opens the bag; a stamp that goes back by more than `reset_time_jump_s` is a restart, and the pose of a measurement
-  /// is `pose_offset_s` later. Throws std::runtime_error.
+  /// Opens the bag; stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder), and the pose of a
+  /// measurement is `pose_offset_s` later. Throws std::runtime_error.
   BagPlayer(const BagOptions& options, double reset_time_jump_s, double pose_offset_s = 0.0);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
@@ -63,6 +63,9 @@ class BagPlayer {
     noun_ = noun;
     measured_topic_ = find_topic(topic, ros::message_traits::datatype<Message>());
   }
+
+  /// `act` is called before the first measurement after a restart is used: what was mapped is of another time.
+  void on_restart(std::function<void()> act) { restart_ = std::move(act); }
 
   /// At the time of `taken` in the recording.
   void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
@@ -127,6 +130,7 @@ class BagPlayer {
   std::string sensor_frame_;      ///< of the latest measurement
   tf2::BufferCore transforms_;
   TransformQueue<Use> queue_;
+  std::function<void()> restart_ = [] {};
   std::size_t measurements_ = 0, used_ = 0;
   Counters dropped_;
   std::vector<double> durations_ms_;

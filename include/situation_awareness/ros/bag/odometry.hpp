@@ -20,7 +20,8 @@ OdometryFrames odometry_frames(const BagOptions& options, const std::string& top
 
 /// What to do with odometry and the scans that it places.
 struct UseOdometry {
-  std::function<void(std::int64_t stamp_ns, const Pose2& T_odom_base)> add;
+  /// What it refuses is not used.
+  std::function<OdometryTrack::Verdict(std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns)> add;
   std::function<void(const Scan& scan, const OdometryScan& placed)> use;
 };
 

@@ -13,6 +13,7 @@ namespace situation_awareness {
 struct NodeletParams {
   std::string world_frame = "world";
   double tf_timeout_s = 0.5;
+  double max_stamp_ahead_s = 600.0;
   bool deskew = true;
   int queue_size = 20;
   double downlink_rate_hz = 5.0;
@@ -22,6 +23,10 @@ struct NodeletParams {
     visit("world_frame", self.world_frame, "fixed frame of the map, which TF must connect with the frame of the scans");
     visit("tf_timeout_s", self.tf_timeout_s, Bounds{0.0, 60.0}, "s",
           "maximum time that a scan waits for its transform, in wall time");
+    visit(
+        "max_stamp_ahead_s", self.max_stamp_ahead_s, Bounds{0.1, 1e9}, "s",
+        "a message of a sensor whose stamp is ahead of ROS time by more is refused; less is what the clock of a sensor "
+        "may be off, or a recording that is played fast");
     visit("deskew", self.deskew,
           "transform each beam at its own time where the scan has a time_increment; a scan then also waits for the "
           "transform at its last beam, up to one period of TF longer");
