@@ -65,6 +65,7 @@ bool GpsInsInput::is_of(Sensor& sensor, const std::string& frame) {
 
 std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
   detail_.clear();
+  waits_for_sensors_ = false;
   const InertialSample sample = inertial_sample_from_msg(msg);
   if (sample.stamp_ns == 0) return "bad imu: stamp of zero";
   if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
@@ -77,10 +78,12 @@ std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg, std::int64_t recei
     return msg.header.frame_id.empty() ? "bad imu: no frame" : "bad imu: another frame";
   }
   if (!filter_) {
+    waits_for_sensors_ = true;
     if (!mount(imu_, detail_)) return drop_reason::kNoTransform;
     if (antenna_.frame.empty()) return "no fix yet";
     if (!mount(antenna_, detail_)) return drop_reason::kNoTransform;
     std::optional<GeodeticPosition> origin;
+    waits_for_sensors_ = false;
     if (!params_.origin.empty()) origin = parse_geodetic_position(params_.origin, "origin");
     const GpsInsMounting mounting{*imu_.T_base_sensor, antenna_.T_base_sensor->translation()};
     filter_.emplace(params_.gps_ins, mounting, origin);

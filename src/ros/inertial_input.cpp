@@ -72,6 +72,7 @@ void InertialInput::add(const sensor_msgs::Imu& msg) {
 }
 
 void InertialInput::add(const sensor_msgs::NavSatFix& msg) {
+  ++fixes_received_;
   try {
     if (is_ahead_of_clock(msg.header.stamp, max_stamp_ahead_s_)) {
       return refusals_.add(std::string("fix: ") + drop_reason::kAheadOfClock);
@@ -118,7 +119,9 @@ void InertialInput::report(StageDiagnostics::Status& status) {
     status.mergeSummary(DiagnosticStatus::WARN, "no samples on " + imu_->subscriber().getTopic());
   }
   status.add("samples received", received_);
+  status.add("fixes received", fixes_received_);
   refusals_.report(status);
+  status.add("fixes later than their patience", navigation_.late_fixes());
   report_.report(status);
   reported_received_ = received_;
 }

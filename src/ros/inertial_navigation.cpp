@@ -12,6 +12,7 @@
 #include "situation_awareness/pose/local_world.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -20,6 +21,8 @@ namespace {
 constexpr double kKnownFor_s = 2.0 * InertialNavigation::kBacklog_s;
 /// Time after which fixes are not placed any more.
 constexpr double kLatestFix_s = 2.0;
+/// Fixes and samples that wait until it is known where the sensors are: of 30 s at 20 Hz and 400 Hz.
+constexpr std::size_t kMostFixes = 600, kMostSamples = 12000;
 /// In `odom` biases and tilt are those of the filter when it began, and follow it with this time constant: what a fix
 /// changes in them shows up slowly, and errors of them are nearly constant, so that the map tells them.
 constexpr double kFollow_s = 100.0;
@@ -75,26 +78,68 @@ InertialNavigation::InertialNavigation(const GpsInsNodeletParams& params, const 
 }
 
 std::string InertialNavigation::add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
-  std::string reason = input_.add_imu(msg, received_ns);
-  const GpsIns* const filter = input_.filter();
-  if (!reason.empty() || filter == nullptr) return reason;
-  if (!filter->is_ready()) {
-    if (is_ready()) restart(filter->stamp_ns());
-    return reason;
+  samples_.push_back({msg, received_ns});
+  std::string reason;
+  while (!samples_.empty()) {
+    reason = input_.add_imu(samples_.front().msg, samples_.front().received_ns);
+    if (input_.filter() == nullptr && input_.waits_for_sensors()) break;
+    samples_.pop_front();
+    if (!reason.empty()) continue;
+    follow();
+    use_fixes();
   }
-  const GpsInsPose pose = filter->pose();
-  if (!pose.is_ready) return reason;
+  if (samples_.size() > kMostSamples) samples_.pop_front();
+  return reason;
+}
+
+/// After a sample that was used.
+void InertialNavigation::follow() {
+  const GpsIns& filter = *input_.filter();
+  if (!filter.is_ready()) {
+    if (is_ready()) restart(filter.stamp_ns());
+    return;
+  }
+  const GpsInsPose pose = filter.pose();
+  if (!pose.is_ready) return;
   if (!is_ready()) {
     ready_since_ns_ = pose.stamp_ns;
     for (const GpsInsPose& earlier : input_.backlog_poses(pose)) go_on(earlier);
   }
   go_on(pose);
   place_fixes();
-  return reason;
 }
 
 void InertialNavigation::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns) {
-  input_.add_fix(msg, received_ns);
+  input_.see_fix(msg);
+  const auto is_before = [](const ros::Time& stamp, const Waiting<sensor_msgs::NavSatFix>& other) {
+    return stamp < other.msg.header.stamp;
+  };
+  const auto place = std::upper_bound(waiting_fixes_.begin(), waiting_fixes_.end(), msg.header.stamp, is_before);
+  waiting_fixes_.insert(place, {msg, received_ns});
+  if (waiting_fixes_.size() > kMostFixes) waiting_fixes_.pop_front();
+  if (const GpsIns* const filter = input_.filter()) {
+    const double age_s = seconds_between(to_nanoseconds(msg.header.stamp), filter->stamp_ns());
+    if (age_s >= kPatience_s && age_s < kLatestFix_s) ++late_fixes_;
+    use_fixes();
+  }
+}
+
+/// Those whose time it is. What is so far from the samples that it cannot wait for them is refused by the filter.
+void InertialNavigation::use_fixes() {
+  const std::int64_t now_ns = input_.filter()->stamp_ns();
+  const auto age_s = [now_ns](const Waiting<sensor_msgs::NavSatFix>& fix) {
+    return seconds_between(to_nanoseconds(fix.msg.header.stamp), now_ns);
+  };
+  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.front()) >= kPatience_s; waiting_fixes_.pop_front()) {
+    use_fix(waiting_fixes_.front());
+  }
+  for (; !waiting_fixes_.empty() && age_s(waiting_fixes_.back()) < -kLatestFix_s; waiting_fixes_.pop_back()) {
+    use_fix(waiting_fixes_.back());
+  }
+}
+
+void InertialNavigation::use_fix(const Waiting<sensor_msgs::NavSatFix>& waiting) {
+  input_.add_fix(waiting.msg, waiting.received_ns);
   if (const std::optional<GeodeticFix>& fix = input_.good_fix()) {
     fixes_.push_back({*fix, input_.filter()->stamp_ns()});
     while (std::abs(seconds_between(fixes_.front().fix.stamp_ns, fix->stamp_ns)) > kBacklog_s) fixes_.pop_front();

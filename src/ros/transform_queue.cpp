@@ -37,7 +37,12 @@ std::string missing_transform(const tf2::BufferCore& transforms, const std::stri
 
 Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
                                const std::string& frame, const ros::Time& time) {
-  return isometry_from_msg(transforms.lookupTransform(world_frame, frame, time).transform);
+  ros::Time at = time;
+  // Just before a transform it is interpolated towards that, while the transform itself is looked up in another way
+  // once a later one is there: the last digits would tell which came first.
+  if (!time.isZero()) at.fromNSec(time.toNSec() - 1);
+  if (!time.isZero() && !transforms.canTransform(world_frame, frame, at)) at = time;  // the first
+  return isometry_from_msg(transforms.lookupTransform(world_frame, frame, at).transform);
 }
 
 }  // namespace situation_awareness

@@ -178,5 +178,21 @@ TEST(InertialNavigation, OneWrongStampIsAsIfItHadNotCome) {
   }
 }
 
+TEST(InertialNavigation, TheOrderInWhichFixesComeAmongTheSamplesDoesNotMatter) {
+  const std::vector<Arriving> messages = short_flight();
+  const std::vector<double> in_order = flown(messages);
+  Random random(5);
+  for (int order = 0; order < 10; ++order) {
+    std::vector<Arriving> delayed = messages;
+    std::int64_t latest_ns = 0;
+    for (Arriving& message : delayed) {
+      const double late_s = message.fix ? random.uniform(0.0, InertialNavigation::kPatience_s - 0.06) : 0.0;
+      message.at_ns += nanoseconds(late_s);
+      if (message.fix) message.at_ns = latest_ns = std::max(latest_ns, message.at_ns);
+    }
+    EXPECT_TRUE(flown(delayed) == in_order) << order;
+  }
+}
+
 }  // namespace
 }  // namespace situation_awareness

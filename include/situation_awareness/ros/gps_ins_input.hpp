@@ -33,6 +33,12 @@ class GpsInsInput {
   std::string add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns = StampOrder::kNone);
   const std::string& detail() const { return detail_; }
 
+  /// Whether there is no filter since it is not known yet where a sensor is on the base.
+  bool waits_for_sensors() const { return waits_for_sensors_; }
+
+  /// Takes the antenna's frame from a fix that is added later.
+  void see_fix(const sensor_msgs::NavSatFix& msg) { is_of(antenna_, msg.header.frame_id); }
+
   /// What is not used of these is counted by counters(), or by those of the filter. A covariance that is unknown or
   /// zero is replaced by `fix_sigma_m`.
   void add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t received_ns = StampOrder::kNone);
@@ -80,6 +86,7 @@ class GpsInsInput {
   std::optional<GpsIns> filter_;
   double backlog_s_ = 0.0;
   std::optional<GpsInsBacklog> backlog_;
+  bool waits_for_sensors_ = false;
   StampOrder fixes_;
   Counters counters_;
   std::string detail_;

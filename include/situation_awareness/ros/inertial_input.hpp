@@ -70,7 +70,7 @@ class InertialInput {
   InertialNavigation navigation_;
   GpsInsReport report_;
   Refusals refusals_;
-  std::uint64_t received_ = 0, reported_received_ = 0;
+  std::uint64_t received_ = 0, reported_received_ = 0, fixes_received_ = 0;
   std::optional<TimedSubscriber<sensor_msgs::Imu>> imu_;
   std::optional<TimedSubscriber<sensor_msgs::NavSatFix>> fix_;
 };

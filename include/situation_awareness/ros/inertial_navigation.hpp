@@ -36,12 +36,19 @@ Eigen::Matrix3d planar_covariance(const WorldPose& pose);
 /// drifts, and does not jump where a fix moves the pose; height, roll and pitch are those of the pose. With it, where
 /// GPS and INS say that `odom` is in the world. Once the pose is ready it is followed back (GpsInsBacklog), for what
 /// waited meanwhile. After a gap of the IMU all that begins anew, where the pose after the gap is in the `odom` before
-/// it; after a jump of its stamps back, with another `odom`. Messages in the order of arrival, live or of a bag; memory
-/// is bounded by kBacklog_s.
+/// it; after a jump of its stamps back, with another `odom`. Memory is bounded by kBacklog_s.
+///
+/// What is made of the messages does not depend on when fixes arrive among the samples, if it is within kPatience_s of
+/// their stamps: samples are used at once, and each fix when the samples are so far after it. Samples that come before
+/// it is known where the sensors are wait for that.
 class InertialNavigation {
  public:
   /// The time before the pose was ready of which there are poses.
   static constexpr double kBacklog_s = 30.0;
+  /// From the stamp of a fix, by those of the samples, to its use: receivers of GPS need up to so long for it. A fix
+  /// that comes later is used when it comes, and counted. The pose knows of a fix so much later, which is less than
+  /// most fixes are apart.
+  static constexpr double kPatience_s = 0.2;
 
   struct Use {
     /// Takes the poses of the base, by ascending stamps. The names of the frames are empty.
@@ -72,6 +79,9 @@ class InertialNavigation {
   /// map's; height, roll and pitch stay.
   WorldPose pose_at(std::int64_t stamp_ns, const Eigen::Isometry3d& T_odom_base, const MapAlignment& alignment);
 
+  /// Fixes that came after their patience was over.
+  std::uint64_t late_fixes() const { return late_fixes_; }
+
   GpsInsInput& input() { return input_; }
   const GpsInsInput& input() const { return input_; }
 
@@ -98,6 +108,15 @@ class InertialNavigation {
     Eigen::Isometry3d T_odom_base;
   };
 
+  template <class Message>
+  struct Waiting {
+    Message msg;
+    std::int64_t received_ns;
+  };
+
+  void follow();
+  void use_fixes();
+  void use_fix(const Waiting<sensor_msgs::NavSatFix>& fix);
   void place_fixes();
   const Known& known_at(std::int64_t stamp_ns);
   void go_on(const GpsInsPose& pose);
@@ -105,6 +124,9 @@ class InertialNavigation {
 
   GpsInsInput input_;
   Use use_;
+  std::deque<Waiting<sensor_msgs::Imu>> samples_;              ///< until there is a filter
+  std::deque<Waiting<sensor_msgs::NavSatFix>> waiting_fixes_;  ///< by stamp
+  std::uint64_t late_fixes_ = 0;
   std::int64_t ready_since_ns_ = StampOrder::kNone;
   std::deque<Known> known_;
   std::deque<KnownFix<GeodeticFix>> fixes_;  ///< of which it is not known yet where the base was

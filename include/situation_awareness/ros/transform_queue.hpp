@@ -71,7 +71,8 @@ bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_
 /// tf2's reason why not: "from world to lidar: ...".
 std::string missing_transform(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 
-/// The pose of the frame in the world. Throws as tf2 and isometry_from_msg.
+/// The pose of the frame in the world, to the last digit whatever transforms of later times are there. Throws as tf2
+/// and isometry_from_msg.
 Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
                                const std::string& frame, const ros::Time& time);
 

@@ -140,10 +140,11 @@ void map_by_tf(const Options& options, const BagParams& params) {
   player.print_summary();
 }
 
-/// Empty where there is no fix.
-std::string fix_frame(const Options& options) {
-  const auto fix = first_message<sensor_msgs::NavSatFix>(options.bag.bag, options.fix_topic);
-  return fix ? tf2_frame(fix->header.frame_id) : "";
+/// Of the first message; empty where there is none.
+template <class Message>
+std::string frame_of(const Options& options, const std::string& topic) {
+  const auto msg = first_message<Message>(options.bag.bag, topic);
+  return msg ? tf2_frame(msg->header.frame_id) : "";
 }
 
 void add_to(Counters& sum, const Counters& counters) {
@@ -156,7 +157,9 @@ class BagNavigation {
   static constexpr const char* kOdomFrame = "splinegons_bag_odom";
 
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
-      : player_(player), fix_frame_(fix_frame(options)) {
+      : player_(player),
+        imu_frame_(frame_of<sensor_msgs::Imu>(options, options.imu_topic)),
+        fix_frame_(frame_of<sensor_msgs::NavSatFix>(options, options.fix_topic)) {
     params.validate();
     params_.base_frame = tf2_frame(options.base_frame);
     params_.origin = options.origin;
@@ -164,7 +167,8 @@ class BagNavigation {
     player.subscribe<sensor_msgs::Imu>(
         options.imu_topic, [this](const auto& msg, const ros::Time& recorded) { add(*msg, to_nanoseconds(recorded)); });
     player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& recorded) {
-      if (navigation_) navigation_->add_fix(*msg, to_nanoseconds(recorded));
+      begin();
+      navigation_->add_fix(*msg, to_nanoseconds(recorded));
     });
   }
 
@@ -179,6 +183,8 @@ class BagNavigation {
     Counters all = refused_;
     if (navigation_) add_to(all, navigation_->input().counters());
     if (filter != nullptr) add_to(all, filter->counters());
+    if (navigation_ && navigation_->late_fixes() > 0)
+      all["fixes later than their patience"] = navigation_->late_fixes();
     for (const auto& [reason, count] : all) {
       std::printf("gps_ins: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
     }
@@ -195,25 +201,29 @@ class BagNavigation {
     return base_frame;
   }
 
+  /// With the transforms that the bag has from the beginning.
+  void begin() {
+    if (navigation_) return;
+    params_.imu_frame = known(imu_frame_);
+    params_.fix_frame = known(fix_frame_);
+    navigation_.emplace(params_, player_.transforms(),
+                        InertialNavigation::Use{[this](geometry_msgs::TransformStamped T_odom_base) {
+                                                  T_odom_base.header.frame_id = kOdomFrame;
+                                                  T_odom_base.child_frame_id = params_.base_frame;
+                                                  player_.add_transform(std::move(T_odom_base));
+                                                },
+                                                [this] { player_.forget_transforms(); }});
+  }
+
   void add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns) {
-    if (!navigation_) {
-      params_.imu_frame = known(tf2_frame(msg.header.frame_id));
-      params_.fix_frame = known(fix_frame_);
-      navigation_.emplace(params_, player_.transforms(),
-                          InertialNavigation::Use{[this](geometry_msgs::TransformStamped T_odom_base) {
-                                                    T_odom_base.header.frame_id = kOdomFrame;
-                                                    T_odom_base.child_frame_id = params_.base_frame;
-                                                    player_.add_transform(std::move(T_odom_base));
-                                                  },
-                                                  [this] { player_.forget_transforms(); }});
-    }
+    begin();
     const std::string reason = navigation_->add_imu(msg, recorded_ns);
     if (!reason.empty()) ++refused_[reason];
   }
 
   BagPlayer& player_;
   GpsInsNodeletParams params_;
-  std::string fix_frame_;
+  std::string imu_frame_, fix_frame_;
   std::optional<InertialNavigation> navigation_;
   Counters refused_;
 };
