@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/lie_groups.hpp"
 
@@ -15,15 +16,32 @@ namespace {
 using namespace navigation_error;
 
 constexpr std::size_t kMeasurements = 256;  ///< kept at most
-constexpr double kMaxImuRate_hz = 1000.0;   ///< up to which the history is as long as max_delay_s
+
+/// What no sensor of a vehicle measures: 1,000 g, 160 turns a second, beyond the earth, a place or height that is not
+/// known to 10 km, a yaw not to a turn. So bounded, no covariance overflows or drowns in rounding.
+constexpr double kMaxForce_m_s2 = 1e4, kMaxRate_rad_s = 1e3;
+constexpr double kMaxPlace_m = 1e7, kMaxPlaceSigma_m = 1e4;
+constexpr double kMaxYaw_rad = 1e3, kMaxYawSigma_rad = 2.0 * kPi;
+/// Of a correction by others, in the units of its rows.
+constexpr double kMaxCorrection = 1e9;
+/// A height or a yaw that says to be better is taken to be as good as this, which is better than any is.
+constexpr double kMinAltitudeSigma_m = 1e-3, kMinYawSigma_rad = 1e-4;
+/// Up to which the history is as long as max_delay_s and what alignment needs; with a margin for samples that jitter.
+constexpr double kMaxImuRate_hz = 1.25 * 4000.0;
 
 /// Yaws that are tried at the start, and the standard deviation of each: a third more than that of its part of the
 /// turn.
 constexpr int kYaws = 8;
 constexpr double kYawSigma_rad = 0.3;
+/// Where nothing shows the yaw for so long, the likelihoods of the yaws that are tried drift apart by chance.
+constexpr double kAlignPatience_s = 20.0;
+/// A yaw is lost, and looked for anew, beyond this; and known again below this share of what is too much.
+constexpr double kLostYawSigma_rad = 0.35;
+constexpr double kKnownAgain = 0.7;
 
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kLevelWindow_s = 1.0;
+constexpr double kHistoryMargin_s = 0.2;  ///< from a measurement back to the moment before
 constexpr double kMaxLevelRate_rad_s = 0.05;
 constexpr double kMaxLevelChange_m_s2 = 0.5;
 /// Roll and pitch by the mean force are off by a steady acceleration of 0.3 m/s^2, or by what a turn can hide.
@@ -57,6 +75,7 @@ constexpr std::array<FixNoise, 10> kFixNoises = {{{0.0, 1.0},
                                                   {0.998, 150.0}}};
 
 const char* const kNoImu = "no sample of the IMU yet";
+const char* const kTooFast = "the IMU is sampled faster than 4,000 Hz";
 const char* const kNoFix = "no usable fix yet";
 const char* const kLoneFix = "one fix alone, or far from the one before: may be an outlier";
 const char* const kNotGravity =
@@ -64,11 +83,14 @@ const char* const kNotGravity =
 const char* const kAskew = "gravity is not along the base's z: is the IMU mounted as T_base_imu says";
 const char* const kTurning = "turning or accelerating: roll and pitch are not known from gravity";
 const char* const kNoYaw = "yaw is not known yet: turn or change speed";
+const char* const kYawLost = "yaw is not known any more, nothing showed it for too long: turn or change speed";
+const char* const kNotFinite = "the estimate was not finite: it begins anew";
 
 GpsInsModel model_of(const GpsInsParams& params, const GpsInsMounting& mounting) {
   GpsInsModel model;
   model.noise = params.imu;
   model.antenna_imu_m = mounting.antenna_base_m - mounting.T_base_imu.translation();
+  model.imu_base_m = mounting.T_base_imu.translation();
   model.gate_probability = params.gate_probability;
   model.min_fix_sigma_m = params.min_fix_sigma_m;
   model.fix_stamp_sigma_s = params.fix_stamp_sigma_s;
@@ -96,8 +118,7 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
       origin_(origin),
       model_(model_of(params, mounting)),
       order_(params.reset_time_jump_s),
-      imu_(
-          (params.validate(), static_cast<std::size_t>(std::max(params.max_delay_s, kLevelWindow_s) * kMaxImuRate_hz))),
+      imu_((params.validate(), params.max_delay_s + kLevelWindow_s + kHistoryMargin_s), kMaxImuRate_hz),
       monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(1), NisMonitor(1)} {
   measurements_.reserve(kMeasurements);
   const auto moments = static_cast<std::size_t>(params.max_delay_s / GpsInsFilter::kMomentPeriod_s) + 3;
@@ -112,15 +133,21 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
 void GpsIns::reset() {
   imu_.clear();
   measurements_.clear();
+  forgotten_ns_ = StampOrder::kNone;
   used_ = 0;
   phase_ = Phase::kLevelling;
   waiting_since_ns_ = StampOrder::kNone;
+  is_yaw_known_ = false;
   reason_ = kNoImu;
 }
 
 void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
   if (!sample.specific_force_m_s2.allFinite() || !sample.angular_velocity_rad_s.allFinite()) {
     ++counters_["imu not finite"];
+    return;
+  }
+  if (sample.specific_force_m_s2.norm() > kMaxForce_m_s2 || sample.angular_velocity_rad_s.norm() > kMaxRate_rad_s) {
+    ++counters_["imu out of range"];
     return;
   }
   const std::int64_t before_ns = order_.latest_ns();
@@ -164,12 +191,24 @@ void GpsIns::add_fix(const GeodeticFix& fix) {
     ++counters_["fix not finite"];
     return;
   }
-  if (!fix.covariance_m2.allFinite() || fix.covariance_m2.diagonal().minCoeff() <= 0.0) {
-    ++counters_["fix without covariance"];
-    return;
-  }
+  if (!is_usable(fix.covariance_m2)) return;
   if (!origin_) origin_ = fix.position;
   add_position(fix.stamp_ns, local_position(*origin_, fix.position), fix.covariance_m2);
+}
+
+bool GpsIns::is_usable(const Eigen::Matrix3d& covariance_m2) {
+  const char* reason = "";
+  if (!covariance_m2.allFinite() || covariance_m2.diagonal().minCoeff() <= 0.0) {
+    reason = "fix without covariance";
+  } else if (covariance_m2.cwiseAbs().maxCoeff() > kMaxPlaceSigma_m * kMaxPlaceSigma_m) {
+    reason = "fix out of range";
+  } else if (!is_positive_semidefinite(covariance_m2)) {
+    reason = "fix covariance not positive semidefinite";
+  } else {
+    return true;
+  }
+  ++counters_[reason];
+  return false;
 }
 
 void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
@@ -178,10 +217,11 @@ void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_
     ++counters_["fix not finite"];
     return;
   }
-  if (!covariance_m2.allFinite() || covariance_m2.diagonal().minCoeff() <= 0.0) {
-    ++counters_["fix without covariance"];
+  if (antenna_world_m.norm() > kMaxPlace_m) {
+    ++counters_["fix out of range"];
     return;
   }
+  if (!is_usable(covariance_m2)) return;
   GpsInsMeasurement measurement;
   measurement.stamp_ns = stamp_ns;
   measurement.value = antenna_world_m;
@@ -198,32 +238,47 @@ void GpsIns::add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_
 
 void GpsIns::add_altitude(std::int64_t stamp_ns, double altitude_world_m, double sigma_m) {
   add_number(GpsInsSensor::kAltitude, stamp_ns, altitude_world_m, sigma_m,
-             {"altitude not finite", "altitude too late", "altitude ahead of the imu"});
+             {"altitude not finite", "altitude out of range", "altitude too late", "altitude ahead of the imu",
+              kMaxPlace_m, kMinAltitudeSigma_m, kMaxPlaceSigma_m});
 }
 
 void GpsIns::add_heading(std::int64_t stamp_ns, double yaw_rad, double sigma_rad) {
   add_number(GpsInsSensor::kHeading, stamp_ns, yaw_rad, sigma_rad,
-             {"heading not finite", "heading too late", "heading ahead of the imu"});
+             {"heading not finite", "heading out of range", "heading too late", "heading ahead of the imu", kMaxYaw_rad,
+              kMinYawSigma_rad, kMaxYawSigma_rad});
 }
 
-void GpsIns::add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma,
-                        const DropReasons& reasons) {
+void GpsIns::add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number) {
   if (!std::isfinite(value) || !(sigma > 0.0) || !std::isfinite(sigma)) {
-    ++counters_[reasons.not_finite];
+    ++counters_[number.not_finite];
+    return;
+  }
+  if (std::abs(value) > number.most || sigma > number.most_sigma) {
+    ++counters_[number.out_of_range];
     return;
   }
   GpsInsMeasurement measurement;
   measurement.sensor = sensor;
   measurement.stamp_ns = stamp_ns;
   measurement.value.x() = value;
-  measurement.covariance(0, 0) = sigma * sigma;
-  add(measurement, reasons.too_late, reasons.ahead);
+  measurement.covariance(0, 0) = std::pow(std::max(sigma, number.least_sigma), 2);
+  add(measurement, number.too_late, number.ahead);
 }
 
 void GpsIns::correct(const GpsInsCorrection& correction) {
   if (correction.rows < 1 || correction.rows > GpsInsCorrection::kMaxRows || !correction.residual.allFinite() ||
-      !correction.H.allFinite() || !correction.R.allFinite()) {
+      !correction.H.allFinite() || !correction.R.allFinite() || !is_finite(correction.reference)) {
     ++counters_["correction not finite"];
+    return;
+  }
+  const SmallCovariance R = correction.R.topLeftCorner(correction.rows, correction.rows);
+  if (std::max({R.cwiseAbs().maxCoeff(), correction.H.cwiseAbs().maxCoeff(), correction.residual.norm()}) >
+      kMaxCorrection) {
+    ++counters_["correction out of range"];
+    return;
+  }
+  if (!is_positive_semidefinite(R)) {
+    ++counters_["correction covariance not positive semidefinite"];
     return;
   }
   GpsInsMeasurement measurement;
@@ -251,13 +306,19 @@ void GpsIns::add(const GpsInsMeasurement& measurement, const char* too_late, con
     return;
   }
   if (seconds_between(stamp_ns, imu_.latest().stamp_ns) > params_.max_delay_s ||
-      (used_ > 0 && filters_[0].oldest_ns() >= stamp_ns)) {
+      (used_ > 0 && filters_[0].oldest_ns() >= stamp_ns) ||
+      (used_ > 0 && filters_[0].stamp_ns() >= stamp_ns && filters_[0].oldest_sample() < imu_.begin())) {
     ++counters_[too_late];
     return;
   }
   if (measurements_.size() == kMeasurements) {
     // Half at once, so that moving the others is rare.
+    forgotten_ns_ = measurements_[kMeasurements / 2 - 1].stamp_ns;
     measurements_.erase(measurements_.begin(), measurements_.begin() + kMeasurements / 2);
+    if (stamp_ns <= forgotten_ns_) {
+      ++counters_[too_late];
+      return;
+    }
   }
   const auto place =
       std::upper_bound(measurements_.begin(), measurements_.end(), stamp_ns,
@@ -270,9 +331,47 @@ void GpsIns::add(const GpsInsMeasurement& measurement, const char* too_late, con
 void GpsIns::process() {
   if (phase_ == Phase::kLevelling && !try_start()) return;
   const std::int64_t stamp_ns = imu_.latest().stamp_ns;
-  for (std::size_t i = 0; i < used_; ++i) filters_[i].advance(stamp_ns, imu_, measurements_, verdicts_[i]);
-  count_verdicts();
-  if (phase_ == Phase::kAligning) align();
+  bool is_sound = true;
+  for (std::size_t i = 0; i < used_; ++i) {
+    filters_[i].forget(imu_.begin(), forgotten_ns_);
+    filters_[i].advance(stamp_ns, imu_, measurements_, verdicts_[i]);
+    is_sound = is_sound && filters_[i].is_sound();
+  }
+  if (!is_sound) {
+    ++counters_["restarted: estimate not finite"];
+    reset();
+    reason_ = kNotFinite;
+    return;
+  }
+  const bool is_corrected = count_verdicts();
+  if (phase_ == Phase::kAligning) {
+    align();
+  } else if (is_corrected || std::abs(seconds_between(yaw_watched_ns_, stamp_ns)) >= GpsInsFilter::kMomentPeriod_s) {
+    watch_yaw();
+  }
+}
+
+void GpsIns::watch_yaw() {
+  yaw_watched_ns_ = filters_[0].stamp_ns();
+  const double sigma_rad = std::sqrt(yaw_variance(true));
+  const GpsInsFilter& first = filters_[best()];
+  if (sigma_rad > std::max(kLostYawSigma_rad, 1.2 * params_.max_yaw_sigma_rad) &&
+      seconds_between(first.yaw_shown_ns(), first.stamp_ns()) > kAlignPatience_s) {
+    ++counters_["restarted: yaw not known any more"];
+    align_anew();
+  } else if (is_yaw_known_ ? sigma_rad > params_.max_yaw_sigma_rad
+                           : sigma_rad < kKnownAgain * params_.max_yaw_sigma_rad) {
+    is_yaw_known_ = !is_yaw_known_;
+    reason_ = is_yaw_known_ ? "" : kYawLost;
+  }
+}
+
+void GpsIns::align_anew() {
+  used_ = 0;
+  phase_ = Phase::kLevelling;
+  waiting_since_ns_ = StampOrder::kNone;
+  is_yaw_known_ = false;
+  reason_ = kNoYaw;
 }
 
 std::size_t GpsIns::best() const {
@@ -283,6 +382,20 @@ std::size_t GpsIns::best() const {
   return best;
 }
 
+double GpsIns::yaw_variance(bool with_their_own) const {
+  const std::size_t first = best();
+  const double yaw = yaw_of(filters_[first].state().motion.q_world_imu);
+  double weights = 0.0, variance = 0.0;
+  for (std::size_t i = 0; i < used_; ++i) {
+    const double weight = std::exp(filters_[i].log_likelihood() - filters_[first].log_likelihood());
+    weights += weight;
+    if (weight < 1e-9) continue;
+    const double apart = wrap_to_pi(yaw_of(filters_[i].state().motion.q_world_imu) - yaw);
+    variance += weight * (apart * apart + (with_their_own ? filters_[i].yaw_variance() : 0.0));
+  }
+  return variance / weights;
+}
+
 FixNoise GpsIns::fix_noise() const { return fix_noises_[best()]; }
 
 Eigen::Vector2d GpsIns::imu_noise() const {
@@ -290,7 +403,7 @@ Eigen::Vector2d GpsIns::imu_noise() const {
   return {imu_.latest().accelerometer_noise, imu_.latest().gyroscope_noise};
 }
 
-void GpsIns::count_verdicts() {
+bool GpsIns::count_verdicts() {
   const std::int64_t now_ns = filters_[0].stamp_ns();
   const std::vector<GpsInsVerdict>& verdicts = verdicts_[best()];
   bool any = false;
@@ -310,11 +423,12 @@ void GpsIns::count_verdicts() {
     const bool is_other = measurement.sensor == GpsInsSensor::kOther;
     nis(measurement.sensor).add(is_other ? static_cast<std::uint64_t>(verdict.degrees_of_freedom) : 1, verdict.nis);
   }
-  if (!any) return;
+  if (!any) return false;
   const double highest = filters_[best()].log_likelihood();
   for (std::size_t i = 0; i < used_; ++i) {
     filters_[i].set_log_likelihood(std::max(filters_[i].log_likelihood() - highest, -kLeastLog));
   }
+  return true;
 }
 
 bool GpsIns::try_start() {
@@ -339,7 +453,10 @@ bool GpsIns::try_start() {
   const std::uint64_t to = imu_.last_until(fix.stamp_ns);
   if (imu_[to].stamp_ns > fix.stamp_ns) return false;  // older than the samples
   const std::uint64_t from = imu_.last_until(fix.stamp_ns - nanoseconds(kLevelWindow_s));
-  if (seconds_between(imu_[from].stamp_ns, fix.stamp_ns) < 0.9 * kLevelWindow_s) return false;
+  if (seconds_between(imu_[from].stamp_ns, fix.stamp_ns) < 0.9 * kLevelWindow_s) {
+    if (imu_.is_short()) reason_ = kTooFast;
+    return false;
+  }
 
   Eigen::Vector3d halves[2] = {Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   Eigen::Vector3d rate = Eigen::Vector3d::Zero(), recent = Eigen::Vector3d::Zero();
@@ -406,21 +523,13 @@ bool GpsIns::try_start() {
 
 void GpsIns::align() {
   const std::size_t first = best();
-  if (filters_[first].recoveries() > 0) {  // even the best was wrong
-    used_ = 0;
-    phase_ = Phase::kLevelling;
+  // Even the best was wrong, or likelihoods differ by chance alone.
+  if (filters_[first].recoveries() > 0 ||
+      seconds_between(filters_[first].yaw_shown_ns(), filters_[first].stamp_ns()) > kAlignPatience_s) {
+    align_anew();
     return;
   }
-  const double yaw = yaw_of(filters_[first].state().motion.q_world_imu);
-  double weights = 0.0, variance = 0.0;
-  for (std::size_t i = 0; i < used_; ++i) {
-    const double weight = std::exp(filters_[i].log_likelihood() - filters_[first].log_likelihood());
-    weights += weight;
-    if (weight < 1e-9) continue;
-    const double apart = wrap_to_pi(yaw_of(filters_[i].state().motion.q_world_imu) - yaw);
-    variance += weight * apart * apart;
-  }
-  variance /= weights;
+  const double variance = yaw_variance(false);
   const double limit = params_.max_yaw_sigma_rad * params_.max_yaw_sigma_rad;
   if (variance > limit) return;
   const Eigen::RowVector3d J = yaw_jacobian(filters_[first].state().motion.q_world_imu);
@@ -429,6 +538,7 @@ void GpsIns::align() {
 
   const std::int64_t stamp_ns = filters_[first].stamp_ns();
   const Estimate<GpsInsState> estimate = mixed(stamp_ns);
+  if (vertical_variance(estimate.x.motion.q_world_imu, estimate.P) > limit) return;
   used_ = params_.learn_fix_noise ? kFixNoises.size() : 1;
   for (std::size_t i = 0; i < used_; ++i) {
     if (params_.learn_fix_noise) fix_noises_[i] = kFixNoises[i];
@@ -436,6 +546,8 @@ void GpsIns::align() {
     filters_[i].start(stamp_ns, estimate, imu_);
   }
   phase_ = Phase::kReady;
+  yaw_watched_ns_ = stamp_ns;
+  is_yaw_known_ = true;
   reason_ = "";
 }
 
@@ -479,7 +591,7 @@ Eigen::Matrix<double, 6, 18> GpsIns::pose_jacobian(const GpsInsState& x) const {
 }
 
 bool GpsIns::state_at(std::int64_t stamp_ns, Estimate<GpsInsState>& estimate) const {
-  if (phase_ != Phase::kReady || stamp_ns > filters_[0].stamp_ns() || stamp_ns < filters_[0].oldest_ns()) return false;
+  if (!is_ready() || stamp_ns > filters_[0].stamp_ns() || stamp_ns < filters_[0].oldest_ns()) return false;
   estimate = mixed(stamp_ns);
   return true;
 }
@@ -490,7 +602,7 @@ GpsInsPose GpsIns::pose_at(std::int64_t stamp_ns) const {
   GpsInsPose pose;
   pose.stamp_ns = stamp_ns;
   pose.reason = reason_;
-  if (phase_ != Phase::kReady) return pose;
+  if (!is_ready()) return pose;
   Estimate<GpsInsState> estimate;
   if (!state_at(stamp_ns, estimate)) {
     pose.reason =

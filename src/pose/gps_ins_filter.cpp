@@ -18,24 +18,42 @@ constexpr int kFixError = Manifold<GpsInsState>::kFixError;
 /// Over which the noise of the IMU is measured.
 constexpr double kNoiseWindow_s = 5.0;
 constexpr std::array<int, 3> kNoiseBlocks = {1, 4, 16};
+/// Rate of the IMU for which there is room from the begin on.
+constexpr double kUsualRate_hz = 250.0;
 
 /// Fewest fixes in a row that are all refused before the filter is doubted instead.
 constexpr int kMinRefusedFixes = 5;
-/// What a filter that is doubted may be wrong by, besides the distance to the fix.
+/// After an outage that is longer than this, fixes that agree with each other are believed at once.
+constexpr double kOutage_s = 3.0;
+/// What a filter that is doubted may be wrong by at most, besides the distance to the fix.
 constexpr double kDoubtVelocity_m_s = 5.0;
 constexpr double kDoubtAttitude_rad = 0.2;
+/// An acceleration or a speed shows the yaw if this share of it is more than noise.
+constexpr double kShown = 0.5;
+
+/// Where less than this share of a variance is left, Joseph's form is taken: the difference has lost half of its
+/// digits.
+constexpr double kCancelled = 1e-7;
 
 /// The same as update() of the kernel, in a quarter of its time (gps_ins_benchmark): with W = L^-1 H P and S = L L^T,
 /// Joseph's form is P - W^T W at the optimal gain, and the reset changes no more than the attitude's rows and columns.
 template <int Size>
 void update_sparsely(Estimate<GpsInsState>& estimate, const Innovation<Size>& innovation,
-                     const Eigen::Matrix<double, Size, 18>& H) {
+                     const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R) {
   const Eigen::LLT<Eigen::Matrix<double, Size, Size>> llt(innovation.S);
   const Eigen::Matrix<double, Size, 18> HP = H.lazyProduct(estimate.P);
   const Eigen::Matrix<double, Size, 18> W = llt.matrixL().solve(HP);
   const Eigen::Matrix<double, Size, 1> whitened = llt.matrixL().solve(innovation.nu);
   const ErrorVector<GpsInsState> e = W.transpose() * whitened;
-  estimate.P -= W.transpose().lazyProduct(W);
+  const ErrorVector<GpsInsState> before = estimate.P.diagonal();
+  const ErrorMatrix<GpsInsState> lower = estimate.P - W.transpose().lazyProduct(W);
+  if ((lower.diagonal().array() < kCancelled * before.array()).any()) {
+    const Eigen::Matrix<double, 18, Size> K = llt.solve(HP).transpose();
+    const ErrorMatrix<GpsInsState> I_KH = ErrorMatrix<GpsInsState>::Identity() - K * H;
+    estimate.P = transformed(I_KH, estimate.P) + transformed(K, R);
+  } else {
+    estimate.P = lower;
+  }
   const Eigen::Matrix3d J = right_jacobian_so3(e.segment<3>(kAttitude));
   const Eigen::Matrix<double, 3, 18> rows = J.lazyProduct(estimate.P.middleRows<3>(kAttitude));
   estimate.P.middleRows<3>(kAttitude) = rows;
@@ -49,7 +67,24 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double p
 
 }  // namespace
 
-InertialHistory::InertialHistory(std::size_t capacity) : samples_(capacity) { clear(); }
+InertialHistory::InertialHistory(double duration_s, double most_hz)
+    : duration_s_(duration_s),
+      most_(static_cast<std::size_t>(std::ceil(duration_s * most_hz)) + 2),
+      samples_(std::min(most_, static_cast<std::size_t>(std::ceil(duration_s * kUsualRate_hz)) + 2)) {
+  clear();
+}
+
+bool InertialHistory::is_short() const {
+  return is_full() && seconds_between((*this)[begin()].stamp_ns, latest().stamp_ns) < duration_s_;
+}
+
+void InertialHistory::grow() {
+  const std::uint64_t first = begin();
+  std::vector<Entry> more(std::min(2 * samples_.size(), most_));
+  for (std::uint64_t i = first; i < end_; ++i) more[static_cast<std::size_t>(i % more.size())] = (*this)[i];
+  samples_.swap(more);
+  begin_ = first;
+}
 
 void InertialHistory::Blocks::add(const InertialSample& sample, double period_s) {
   sum.head<3>() += sample.specific_force_m_s2;
@@ -74,6 +109,7 @@ void InertialHistory::Blocks::add(const InertialSample& sample, double period_s)
 
 void InertialHistory::add(const InertialSample& sample) {
   const double period_s = empty() ? 0.0 : seconds_between(latest().stamp_ns, sample.stamp_ns);
+  if (is_short() && samples_.size() < most_) grow();
   Entry& entry = samples_[static_cast<std::size_t>(end_++ % samples_.size())];
   static_cast<InertialSample&>(entry) = sample;
   if (period_s <= 0.0) return;
@@ -118,13 +154,17 @@ void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const Gp
   R.diagonal().array() += model.min_fix_sigma_m * model.min_fix_sigma_m;
 }
 
-double sideslip(const NavigationState& x) { return x.velocity_world_m_s.dot(x.q_world_imu * Eigen::Vector3d::UnitY()); }
+double sideslip(const NavigationState& x, const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& lever_m) {
+  return x.velocity_world_m_s.dot(x.q_world_imu * Eigen::Vector3d::UnitY()) -
+         (rate_rad_s - x.gyroscope_bias_rad_s).cross(lever_m).y();
+}
 
-Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x) {
+Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x, const Eigen::Vector3d& lever_m) {
   const Eigen::Matrix3d R = x.q_world_imu.toRotationMatrix();
   Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
   H.segment<3>(kVelocity) = R.col(1).transpose();
   H.segment<3>(kAttitude) = hat(R.transpose() * x.velocity_world_m_s).row(1);
+  H.segment<3>(kGyroscopeBias) = -hat(lever_m).row(1);
   return H;
 }
 
@@ -141,6 +181,7 @@ void GpsInsFilter::start(std::int64_t stamp_ns, const Estimate<GpsInsState>& est
   now_.stamp_ns = stamp_ns;
   now_.sample = imu.last_until(stamp_ns);
   now_.estimate = estimate;
+  now_.yaw_shown_ns = now_.last_fix_ns = stamp_ns;
   first_ = kept_ = 0;
   keep(now_);
 }
@@ -163,6 +204,13 @@ bool GpsInsFilter::go_back_before(std::int64_t stamp_ns) {
   kept_ = left;
   now_ = moments_[(first_ + left - 1) % moments_.size()];
   return true;
+}
+
+void GpsInsFilter::forget(std::uint64_t before_sample, std::int64_t before_ns) {
+  while (kept_ > 1 && (moments_[first_].sample < before_sample || moments_[first_].stamp_ns < before_ns)) {
+    first_ = (first_ + 1) % moments_.size();
+    --kept_;
+  }
 }
 
 void GpsInsFilter::set_log_likelihood(double log_likelihood) {
@@ -194,54 +242,112 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   moment.stamp_ns = stamp_ns;
   moment.accelerometer_noise = b.accelerometer_noise;
   moment.gyroscope_noise = b.gyroscope_noise;
+  const double end_s = seconds_between(a.stamp_ns, stamp_ns);
+  moment.rate_rad_s = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s,
+                          period_s > 0.0 ? std::clamp(end_s / period_s, 0.0, 1.0) : 0.0);
+  if (period_s > 0.0) moment.rate_variance = b.gyroscope_noise * b.gyroscope_noise / period_s;
   if (!is_last && b.stamp_ns <= stamp_ns) ++moment.sample;
 }
 
-ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment) const {
+ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment, double& shown_share) const {
   InertialNoiseParams noise = model_.noise;
   noise.accelerometer_noise = std::max(noise.accelerometer_noise, moment.accelerometer_noise);
   noise.gyroscope_noise = std::max(noise.gyroscope_noise, moment.gyroscope_noise);
-  return moved_covariance(moment.estimate.P, moment.motion, noise, fix_noise_.correlation_s);
+  const ErrorMatrix<GpsInsState>& P = moment.estimate.P;
+  MotionJacobian motion = moment.motion;
+  const Eigen::Quaterniond q_before =
+      moment.estimate.x.motion.q_world_imu * Eigen::Quaterniond(motion.attitude_by_attitude);
+  const YawEffect effect = leave_out_insignificant(motion, q_before, P, noise);
+  shown_share = effect.share_left;
+  ErrorMatrix<GpsInsState> result = moved_covariance(P, motion, noise, fix_noise_.correlation_s);
+  result.topLeftCorner<6, 6>() += vertical_variance(q_before, P) * effect.left_out * effect.left_out.transpose();
+  return result;
 }
 
 void GpsInsFilter::predict_covariance(Moment& moment) const {
-  moment.estimate.P = predicted_covariance(moment);
+  double shown_share = 0.0;
+  moment.estimate.P = predicted_covariance(moment, shown_share);
   moment.motion = MotionJacobian();
+  if (shown_share > kShown) moment.yaw_shown_ns = moment.stamp_ns;
+}
+
+bool GpsInsFilter::is_doubted(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& R) const {
+  const std::int64_t before_ns = moment.rejected_ns;
+  const Eigen::Vector3d apart_m = nu - moment.rejected_m;
+  moment.rejected_ns = moment.stamp_ns;
+  moment.rejected_m = nu;
+  if (moment.rejected++ == 0) {
+    moment.rejected_since_ns = moment.stamp_ns;
+    return false;
+  }
+  if (moment.rejected > kMinRefusedFixes &&
+      seconds_between(moment.rejected_since_ns, moment.stamp_ns) > model_.recover_after_s) {
+    return true;
+  }
+  if (moment.outage_s == 0.0) return false;
+  // What the filter is off by grew with the time of the outage, and goes on so.
+  const Eigen::Vector3d drift_m = 2.0 * seconds_between(before_ns, moment.stamp_ns) / moment.outage_s * nu;
+  const Eigen::Matrix3d S = 2.0 * R + Eigen::Matrix3d(drift_m.cwiseAbs2().asDiagonal());
+  return apart_m.dot(S.llt().solve(apart_m)) <= gates_[3];
+}
+
+void GpsInsFilter::doubt(Moment& moment, const Eigen::Vector3d& nu) const {
+  ErrorMatrix<GpsInsState>& P = moment.estimate.P;
+  P.diagonal().segment<3>(kPosition) += nu.cwiseAbs2();
+  if (moment.outage_s > 0.0) {
+    // A velocity or an acceleration that was wrong from the begin of the outage on.
+    const Eigen::Vector3d velocity_m_s = 2.0 / moment.outage_s * nu, acceleration_m_s2 = velocity_m_s / moment.outage_s;
+    const double tilt_rad = acceleration_m_s2.head<2>().norm() / kStandardGravity_m_s2;
+    P.diagonal().segment<3>(kVelocity) += velocity_m_s.cwiseAbs2();
+    P.diagonal().segment<3>(kAttitude).array() += std::pow(std::min(tilt_rad, kDoubtAttitude_rad), 2);
+    // Of the vertical one the bias along the body's axis that is up.
+    const Eigen::Vector3d up_body = moment.estimate.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+    P.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
+        acceleration_m_s2.z() * acceleration_m_s2.z() * up_body * up_body.transpose();
+  } else {
+    P.diagonal().segment<3>(kVelocity).array() += kDoubtVelocity_m_s * kDoubtVelocity_m_s;
+    P.diagonal().segment<3>(kAttitude).array() += kDoubtAttitude_rad * kDoubtAttitude_rad;
+  }
+  moment.rejected = 0;
+  moment.outage_s = 0.0;
+  ++moment.recoveries;
 }
 
 template <int Size>
 GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
                                     const Eigen::Matrix<double, Size, 18>& H,
-                                    const Eigen::Matrix<double, Size, Size>& R, int rows, bool is_fix) const {
+                                    const Eigen::Matrix<double, Size, Size>& R, int rows) const {
   GpsInsVerdict verdict;
   const double gate = gates_[static_cast<std::size_t>(rows)];
   Innovation<Size> compared = innovation(moment.estimate, nu, H, R);
   verdict.degrees_of_freedom = rows;
   verdict.nis = compared.mahalanobis2;
   verdict.is_accepted = inside_gate(compared, gate);
-  if (!std::isfinite(compared.mahalanobis2)) return verdict;
+  if (!std::isfinite(compared.mahalanobis2) || !std::isfinite(compared.log_likelihood)) {
+    verdict.is_accepted = false;
+    return verdict;
+  }
   // An outlier says no more about a filter than that it is outside the gate.
   moment.log_likelihood += compared.log_likelihood + 0.5 * std::max(compared.mahalanobis2 - gate, 0.0);
-  if (is_fix) {
+  bool is_used = verdict.is_accepted;
+  if constexpr (Size == 3) {  // a fix
+    const double since_s = seconds_between(moment.last_fix_ns, moment.stamp_ns);
+    moment.last_fix_ns = moment.stamp_ns;
+    if (since_s > kOutage_s) moment.outage_s = since_s;
     if (verdict.is_accepted) {
       moment.rejected = 0;
-    } else {
-      if (moment.rejected++ == 0) moment.rejected_since_ns = moment.stamp_ns;
-      if (moment.rejected > kMinRefusedFixes &&
-          seconds_between(moment.rejected_since_ns, moment.stamp_ns) > model_.recover_after_s) {
-        ErrorMatrix<GpsInsState>& P = moment.estimate.P;
-        P.diagonal().template segment<3>(kPosition) += nu.template head<3>().cwiseAbs2();
-        P.diagonal().template segment<3>(kVelocity).array() += kDoubtVelocity_m_s * kDoubtVelocity_m_s;
-        P.diagonal().template segment<3>(kAttitude).array() += kDoubtAttitude_rad * kDoubtAttitude_rad;
-        moment.rejected = 0;
-        ++moment.recoveries;
-        compared = innovation(moment.estimate, nu, H, R);
-        update_sparsely(moment.estimate, compared, H);
-        return verdict;
-      }
+      moment.outage_s = 0.0;
+    } else if (is_doubted(moment, nu, R)) {
+      doubt(moment, nu);
+      compared = innovation(moment.estimate, nu, H, R);
+      is_used = true;
     }
   }
-  if (verdict.is_accepted) update_sparsely(moment.estimate, compared, H);
+  if (is_used) {
+    update_sparsely(moment.estimate, compared, H, R);
+    moment.is_sound =
+        is_finite(moment.estimate.x) && moment.estimate.P.allFinite() && moment.estimate.P.diagonal().minCoeff() >= 0.0;
+  }
   return verdict;
 }
 
@@ -254,30 +360,43 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
       Eigen::Matrix<double, 3, 18> H;
       Eigen::Matrix3d R;
       fix_innovation(x, measurement, model_, fix_noise_, nu, H, R);
-      return correct<3>(moment, nu, H, R, 3, true);
+      return correct<3>(moment, nu, H, R, 3);
     }
     case GpsInsSensor::kAltitude: {
       Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
       H(kPosition + 2) = 1.0;
       return correct<1>(moment, Scalar(measurement.value.x() - x.motion.position_world_m.z()), H,
-                        Scalar(measurement.covariance(0, 0)), 1, false);
+                        Scalar(measurement.covariance(0, 0)), 1);
     }
     case GpsInsSensor::kHeading: {
       Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
       H.segment<3>(kAttitude) = yaw_jacobian(x.motion.q_world_imu);
+      moment.yaw_shown_ns = moment.stamp_ns;
       return correct<1>(moment, Scalar(wrap_to_pi(measurement.value.x() - yaw_of(x.motion.q_world_imu))), H,
-                        Scalar(measurement.covariance(0, 0)), 1, false);
+                        Scalar(measurement.covariance(0, 0)), 1);
     }
-    case GpsInsSensor::kSideslip:
-      return correct<1>(moment, Scalar(-sideslip(x.motion)), sideslip_jacobian(x.motion),
-                        Scalar(measurement.covariance(0, 0)), 1, false);
+    case GpsInsSensor::kSideslip: {
+      Eigen::Matrix<double, 1, 18> H = sideslip_jacobian(x.motion, model_.imu_base_m);
+      double variance =
+          measurement.covariance(0, 0) + H.segment<3>(kGyroscopeBias).squaredNorm() * moment.rate_variance;
+      // The speed ahead, by which a yaw shows itself, as far as it is more than its own error.
+      const ErrorMatrix<GpsInsState>& P = moment.estimate.P;
+      const Eigen::Vector3d up_body = x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+      const Eigen::Vector3d ahead = x.motion.q_world_imu * Eigen::Vector3d::UnitX();
+      const double by_yaw = H.segment<3>(kAttitude).dot(up_body);
+      const double share = significant_share(by_yaw * by_yaw / ahead.dot(P.block<3, 3>(kVelocity, kVelocity) * ahead));
+      H.segment<3>(kAttitude) -= (1.0 - share) * by_yaw * up_body.transpose();
+      variance += std::pow((1.0 - share) * by_yaw, 2) * vertical_variance(x.motion.q_world_imu, P);
+      if (share > kShown) moment.yaw_shown_ns = moment.stamp_ns;
+      return correct<1>(moment, Scalar(-sideslip(x.motion, moment.rate_rad_s, model_.imu_base_m)), H, Scalar(variance),
+                        1);
+    }
     case GpsInsSensor::kOther:
       break;
   }
   const GpsInsCorrection& by = measurement.correction;
   return correct<GpsInsCorrection::kMaxRows>(
-      moment, by.residual - by.H * Manifold<GpsInsState>::local_coordinates(by.reference, x), by.H, by.R, by.rows,
-      false);
+      moment, by.residual - by.H * Manifold<GpsInsState>::local_coordinates(by.reference, x), by.H, by.R, by.rows);
 }
 
 template <class OnMoment, class OnVerdict>
@@ -315,7 +434,10 @@ void GpsInsFilter::advance(std::int64_t stamp_ns, const InertialHistory& imu,
       [&](std::size_t i, const GpsInsVerdict& verdict) { verdicts[i] = verdict; });
 }
 
-Estimate<GpsInsState> GpsInsFilter::estimate() const { return {now_.estimate.x, predicted_covariance(now_)}; }
+Estimate<GpsInsState> GpsInsFilter::estimate() const {
+  double shown_share = 0.0;
+  return {now_.estimate.x, predicted_covariance(now_, shown_share)};
+}
 
 Estimate<GpsInsState> GpsInsFilter::estimate_at(std::int64_t stamp_ns, const InertialHistory& imu,
                                                 const std::vector<GpsInsMeasurement>& measurements) const {

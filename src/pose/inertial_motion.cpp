@@ -82,6 +82,47 @@ ErrorMatrix<NavigationState> MotionJacobian::matrix() const {
   return F;
 }
 
+double significant_share(double mahalanobis2) {
+  constexpr double kInsignificant = 9.0;
+  return mahalanobis2 > kInsignificant ? 1.0 - kInsignificant / mahalanobis2 : 0.0;
+}
+
+YawEffect leave_out_insignificant(MotionJacobian& J, const Eigen::Quaterniond& q_world_body,
+                                  const ErrorMatrix<GpsInsState>& P, const InertialNoiseParams& noise) {
+  // By the attitude the velocity changes by -[w] R, with w the integral of the force in the world: an angle about the
+  // vertical turns the horizontal part of w, and that of the position likewise.
+  YawEffect effect;
+  const Eigen::Vector3d up_body = q_world_body.conjugate() * Eigen::Vector3d::UnitZ();
+  const Eigen::Matrix<double, 6, 1> by_yaw = J.translation.leftCols<3>() * up_body;
+  const Eigen::Vector2d turned = by_yaw.segment<2>(3);  // the gain of velocity, turned by a right angle
+  Eigen::Matrix<double, 2, 6> B = J.translation.block<2, 6>(3, 0);
+  B.leftCols<3>() -= turned * up_body.transpose();
+  const Eigen::Matrix<double, 2, 6> BP = B.lazyProduct(P.block<6, 6>(kAttitude, kAttitude));
+  Eigen::Matrix2d C = BP.lazyProduct(B.transpose());
+  C.diagonal().array() += noise.accelerometer_noise * noise.accelerometer_noise * J.duration_s;
+  const double determinant = C.determinant();
+  if (!(determinant > 0.0)) return effect;
+  const Eigen::Vector2d gain(turned.y(), -turned.x());
+  const double mahalanobis2 =
+      (C(1, 1) * gain.x() * gain.x() - 2.0 * C(0, 1) * gain.x() * gain.y() + C(0, 0) * gain.y() * gain.y()) /
+      determinant;
+  effect.share_left = significant_share(mahalanobis2);
+  effect.left_out = (1.0 - effect.share_left) * by_yaw;
+  J.translation.leftCols<3>() -= effect.left_out * up_body.transpose();
+  return effect;
+}
+
+double vertical_variance(const Eigen::Quaterniond& q_world_body, const ErrorMatrix<GpsInsState>& P) {
+  const Eigen::Vector3d up_body = q_world_body.conjugate() * Eigen::Vector3d::UnitZ();
+  return up_body.dot(P.block<3, 3>(kAttitude, kAttitude) * up_body);
+}
+
+bool is_finite(const GpsInsState& x) {
+  return x.motion.position_world_m.allFinite() && x.motion.velocity_world_m_s.allFinite() &&
+         x.motion.q_world_imu.coeffs().allFinite() && x.motion.accelerometer_bias_m_s2.allFinite() &&
+         x.motion.gyroscope_bias_rad_s.allFinite() && x.fix_error.allFinite();
+}
+
 double kept_of_fix_error(double duration_s, double correlation_s) { return std::exp(-duration_s / correlation_s); }
 
 ErrorMatrix<GpsInsState> moved_covariance(const ErrorMatrix<GpsInsState>& P, const MotionJacobian& J,

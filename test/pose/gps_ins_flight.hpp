@@ -83,11 +83,11 @@ struct FlightSensors {
   double accelerometer_noise = 2e-3, accelerometer_bias_sigma_m_s2 = 0.05, accelerometer_bias_walk = 3e-4;
 };
 
-/// A flight with its sensors, step by step.
-class FlightRun {
+/// A flight or a drive with its sensors, step by step.
+template <class Motion>
+class MotionRun {
  public:
-  FlightRun(const SimulatedFlight& flight, const FlightSensors& sensors, std::uint64_t seed,
-            const GpsInsMounting& mounting = {})
+  MotionRun(const Motion& flight, const FlightSensors& sensors, std::uint64_t seed, const GpsInsMounting& mounting = {})
       : flight_(flight), sensors_(sensors), mounting_(mounting), random_(seed) {
     accelerometer_bias = sensors.accelerometer_bias_sigma_m_s2 * normal_vector<3>(random_);
     gyroscope_bias = sensors.gyroscope_bias_sigma_rad_s * normal_vector<3>(random_);
@@ -143,12 +143,14 @@ class FlightRun {
  private:
   Eigen::Vector3d scale() const { return {1.0, 1.0, sensors_.vertical_ratio}; }
 
-  SimulatedFlight flight_;
+  Motion flight_;
   FlightSensors sensors_;
   GpsInsMounting mounting_;
   Random random_;
   Eigen::Vector3d position_ = Eigen::Vector3d::Zero(), slow_error_ = Eigen::Vector3d::Zero();
   long steps_ = 0;
 };
+
+using FlightRun = MotionRun<SimulatedFlight>;
 
 }  // namespace situation_awareness

@@ -150,8 +150,9 @@ TEST(GpsInsModels, JacobiansEqualNumericalOnes) {
     EXPECT_LT((manifold_jacobian<Eigen::Vector3d>(predicted, x) - H).cwiseAbs().maxCoeff(), 1e-7);
 
     using Scalar = Eigen::Matrix<double, 1, 1>;
-    const auto slip = [](const GpsInsState& at) { return Scalar(sideslip(at.motion)); };
-    EXPECT_LT((manifold_jacobian<Scalar>(slip, x) - sideslip_jacobian(x.motion)).cwiseAbs().maxCoeff(), 1e-7);
+    const Eigen::Vector3d rate = normal_vector<3>(random), lever = normal_vector<3>(random);
+    const auto slip = [&](const GpsInsState& at) { return Scalar(sideslip(at.motion, rate, lever)); };
+    EXPECT_LT((manifold_jacobian<Scalar>(slip, x) - sideslip_jacobian(x.motion, lever)).cwiseAbs().maxCoeff(), 1e-7);
 
     const double yaw = yaw_of(x.motion.q_world_imu);
     const auto turned = [&](const GpsInsState& at) { return Scalar(wrap_to_pi(yaw_of(at.motion.q_world_imu) - yaw)); };

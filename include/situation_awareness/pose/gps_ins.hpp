@@ -115,12 +115,14 @@ class GpsIns {
   /// The world's origin is `origin`, or else the first good fix. Throws std::invalid_argument as params.validate().
   GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::optional<GeodeticPosition> origin = {});
 
-  /// A sample, in the axes of the IMU. Counts what it refuses: "imu not finite", "imu stamped twice", "imu out of
-  /// order"; and what it repairs: "imu gap", "restarted after an imu gap", "imu restarted" (time went back).
+  /// A sample, in the axes of the IMU. Counts what it refuses: "imu not finite", "imu out of range", "imu stamped
+  /// twice", "imu out of order"; and what it repairs: "imu gap", "restarted after an imu gap", "imu restarted" (time
+  /// went back).
   void add_imu(const InertialSample& sample, std::int64_t received_ns = StampOrder::kNone);
 
-  /// A fix. Counts what is dropped: "no fix", "fix not finite", "fix without covariance", "fix too late", "fix ahead of
-  /// the imu"; and "fix outside its gate".
+  /// A fix. Counts what is dropped: "no fix", "fix not finite", "fix out of range", "fix without covariance", "fix
+  /// covariance not positive semidefinite", "fix too late", "fix ahead of the imu"; and "fix outside its gate". A
+  /// filter whose estimate is not finite all the same begins anew: "restarted: estimate not finite".
   void add_fix(const GeodeticFix& fix);
   /// The same in the world, for receivers that measure in a frame of their own.
   void add_position(std::int64_t stamp_ns, const Eigen::Vector3d& antenna_world_m,
@@ -144,7 +146,7 @@ class GpsIns {
   Eigen::Isometry3d pose_of(const GpsInsState& x) const;
   Eigen::Matrix<double, 6, 18> pose_jacobian(const GpsInsState& x) const;
 
-  bool is_ready() const { return phase_ == Phase::kReady; }
+  bool is_ready() const { return phase_ == Phase::kReady && is_yaw_known_; }
   const char* reason() const { return reason_; }
   const std::optional<GeodeticPosition>& origin() const { return origin_; }
   std::int64_t stamp_ns() const { return imu_.empty() ? StampOrder::kNone : imu_.latest().stamp_ns; }
@@ -159,18 +161,26 @@ class GpsIns {
   void reset();
 
  private:
-  /// Why a measurement is dropped.
-  struct DropReasons {
-    const char *not_finite, *too_late, *ahead;
+  /// Bounds of a number that is measured, and why it is dropped.
+  struct Number {
+    const char *not_finite, *out_of_range, *too_late, *ahead;
+    double most, least_sigma, most_sigma;
   };
   enum class Phase { kLevelling, kAligning, kReady };
 
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
-  void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const DropReasons& reasons);
+  void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
   void process();
   bool try_start();
   void align();
-  void count_verdicts();
+  void align_anew();
+  void watch_yaw();
+  /// Of the yaws of the filters about the best one's.
+  double yaw_variance(bool with_their_own) const;
+  /// Counts why not.
+  bool is_usable(const Eigen::Matrix3d& covariance_m2);
+  /// Whether there were any.
+  bool count_verdicts();
   std::size_t best() const;
   Estimate<GpsInsState> mixed(std::int64_t stamp_ns) const;
 
@@ -180,13 +190,16 @@ class GpsIns {
   GpsInsModel model_;
   StampOrder order_;
   InertialHistory imu_;
-  std::vector<GpsInsMeasurement> measurements_;  ///< by stamp
+  std::vector<GpsInsMeasurement> measurements_;    ///< by stamp
+  std::int64_t forgotten_ns_ = StampOrder::kNone;  ///< of the latest that was dropped, as they were too many
   std::vector<GpsInsFilter> filters_;
   std::vector<std::vector<GpsInsVerdict>> verdicts_;  ///< of each filter on each measurement
   std::vector<FixNoise> fix_noises_;                  ///< of each filter
   std::size_t used_ = 0;                              ///< filters
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
+  std::int64_t yaw_watched_ns_ = 0;
+  bool is_yaw_known_ = false;
   const char* reason_ = "";
   Counters counters_;
   std::array<NisMonitor, kGpsInsSensors> monitors_;

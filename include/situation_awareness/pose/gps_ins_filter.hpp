@@ -30,7 +30,9 @@ class InertialHistory {
     double gyroscope_noise = 0.0;      ///< rad/s/sqrt(Hz)
   };
 
-  explicit InertialHistory(std::size_t capacity);
+  /// It keeps the samples of this time, if they come at `most_hz` at most, and less of faster ones; it grows with their
+  /// rate, and then stays.
+  InertialHistory(double duration_s, double most_hz);
 
   void add(const InertialSample& sample);
   void clear();
@@ -44,10 +46,17 @@ class InertialHistory {
     return samples_[static_cast<std::size_t>(number % samples_.size())];
   }
   const Entry& latest() const { return (*this)[end_ - 1]; }
+  /// Whether the samples are too fast for the time it is to keep.
+  bool is_short() const;
   /// Number of the last sample that is not later than the stamp; begin() if all are.
   std::uint64_t last_until(std::int64_t stamp_ns) const;
 
  private:
+  bool is_full() const { return end_ - begin_ >= samples_.size(); }
+  void grow();
+
+  double duration_s_;
+  std::size_t most_;
   std::vector<Entry> samples_;
   std::uint64_t begin_ = 0, end_ = 0;
   struct Blocks {
@@ -101,6 +110,7 @@ struct GpsInsVerdict {
 struct GpsInsModel {
   InertialNoiseParams noise;
   Eigen::Vector3d antenna_imu_m = Eigen::Vector3d::Zero();  ///< from the IMU to the antenna, axes of the base
+  Eigen::Vector3d imu_base_m = Eigen::Vector3d::Zero();     ///< of the IMU on the base
   double gate_probability = 0.9999;
   double min_fix_sigma_m = 0.02;
   double fix_stamp_sigma_s = 0.01;
@@ -111,9 +121,10 @@ struct GpsInsModel {
 void fix_innovation(const GpsInsState& x, const GpsInsMeasurement& fix, const GpsInsModel& model, const FixNoise& noise,
                     Eigen::Vector3d& nu, Eigen::Matrix<double, 3, 18>& H, Eigen::Matrix3d& R);
 
-/// Velocity of the base to its left (m/s), and its Jacobian.
-double sideslip(const NavigationState& x);
-Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x);
+/// Velocity of the base to its left (m/s), and its Jacobian. The state is that of the IMU, which is at `lever_m` from
+/// the base in its axes and goes sideways when that turns; `rate_rad_s` is the angular rate as measured.
+double sideslip(const NavigationState& x, const Eigen::Vector3d& rate_rad_s, const Eigen::Vector3d& lever_m);
+Eigen::Matrix<double, 1, 18> sideslip_jacobian(const NavigationState& x, const Eigen::Vector3d& lever_m);
 
 /// One filter.
 class GpsInsFilter {
@@ -135,6 +146,8 @@ class GpsInsFilter {
 
   /// Goes back to a moment before the stamp; false, and nothing done, if none is left.
   bool go_back_before(std::int64_t stamp_ns);
+  /// Forgets the moments from which it cannot go on as it did: those with an earlier sample, or before the stamp.
+  void forget(std::uint64_t before_sample, std::int64_t before_ns);
 
   /// Adds to the covariance what is unknown of the motion in a gap of the samples.
   void widen(double velocity_sigma_m_s, double attitude_sigma_rad);
@@ -144,14 +157,21 @@ class GpsInsFilter {
   Estimate<GpsInsState> estimate() const;
   Estimate<GpsInsState> estimate_at(std::int64_t stamp_ns, const InertialHistory& imu,
                                     const std::vector<GpsInsMeasurement>& measurements) const;
-  /// The oldest stamp that estimate_at knows.
+  /// The oldest stamp that estimate_at knows, and the sample from which it goes on.
   std::int64_t oldest_ns() const;
+  std::uint64_t oldest_sample() const { return moments_[first_].sample; }
   const GpsInsState& state() const { return now_.estimate.x; }
 
   double log_likelihood() const { return now_.log_likelihood; }
   void set_log_likelihood(double log_likelihood);
   /// How often all fixes contradicted it for so long that it was doubted instead.
   int recoveries() const { return now_.recoveries; }
+  /// When last something showed the yaw: an acceleration or a speed ahead that is more than noise, or a heading.
+  std::int64_t yaw_shown_ns() const { return now_.yaw_shown_ns; }
+  /// About the vertical, at most a moment's period ago.
+  double yaw_variance() const { return vertical_variance(now_.estimate.x.motion.q_world_imu, now_.estimate.P); }
+  /// Whether all numbers are finite, and no variance is negative.
+  bool is_sound() const { return now_.is_sound; }
 
  private:
   /// Everything that goes back with the time.
@@ -161,20 +181,31 @@ class GpsInsFilter {
     Estimate<GpsInsState> estimate;  ///< the covariance is that before `motion`
     MotionJacobian motion;
     double accelerometer_noise = 0.0, gyroscope_noise = 0.0;  ///< as measured
+    Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
+    double rate_variance = 0.0;                               ///< of its white noise, each axis
     double log_likelihood = 0.0;
-    std::int64_t rejected_since_ns = 0;
+    std::int64_t yaw_shown_ns = 0;
+    std::int64_t rejected_since_ns = 0, rejected_ns = 0;
     int rejected = 0;  ///< fixes in a row
+    std::int64_t last_fix_ns = 0;
+    double outage_s = 0.0;                                 ///< before those that are rejected
+    Eigen::Vector3d rejected_m = Eigen::Vector3d::Zero();  ///< the innovation of the last one
     int recoveries = 0;
+    bool is_sound = true;
   };
 
   void move_to(Moment& moment, std::int64_t stamp_ns, const InertialHistory& imu) const;
   void predict_covariance(Moment& moment) const;
-  ErrorMatrix<GpsInsState> predicted_covariance(const Moment& moment) const;
+  /// Also the share of its acceleration that shows the yaw.
+  ErrorMatrix<GpsInsState> predicted_covariance(const Moment& moment, double& shown_share) const;
+  /// Whether the rejected fix says that the filter is wrong, not the fix.
+  bool is_doubted(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& R) const;
+  void doubt(Moment& moment, const Eigen::Vector3d& nu) const;
   GpsInsVerdict apply(Moment& moment, const GpsInsMeasurement& measurement) const;
   template <int Size>
   GpsInsVerdict correct(Moment& moment, const Eigen::Matrix<double, Size, 1>& nu,
-                        const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R, int rows,
-                        bool is_fix) const;
+                        const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R,
+                        int rows) const;
   template <class OnMoment, class OnVerdict>
   void advance(Moment& moment, std::int64_t stamp_ns, const InertialHistory& imu,
                const std::vector<GpsInsMeasurement>& measurements, const OnMoment& on_moment,

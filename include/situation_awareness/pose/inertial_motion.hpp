@@ -117,6 +117,27 @@ struct MotionJacobian {
 ErrorMatrix<GpsInsState> moved_covariance(const ErrorMatrix<GpsInsState>& P, const MotionJacobian& J,
                                           const InertialNoiseParams& noise, double correlation_s);
 
+/// Of a number with this squared distance from zero, in units of its covariance, the share that is more than its own
+/// error: 0 up to 3 sigma, then as James and Stein (1961) shrink a mean.
+double significant_share(double mahalanobis2);
+
+/// Takes out of the Jacobian of a motion what its horizontal acceleration says of the yaw, as far as this acceleration
+/// may be no more than noise and errors of tilt and bias. Those are fixed in the body and turn with the yaw, so that
+/// they say nothing of it; taken as they are, they make it certain while nothing is observed. `q_world_body` is the
+/// attitude before the motion, P the covariance then. Returns what was taken out, rows as in
+/// MotionJacobian::translation by the angle about the vertical, and the share that was left.
+struct YawEffect {
+  Eigen::Matrix<double, 6, 1> left_out = Eigen::Matrix<double, 6, 1>::Zero();
+  double share_left = 1.0;
+};
+YawEffect leave_out_insignificant(MotionJacobian& J, const Eigen::Quaterniond& q_world_body,
+                                  const ErrorMatrix<GpsInsState>& P, const InertialNoiseParams& noise);
+
+/// Variance of the angle about the vertical.
+double vertical_variance(const Eigen::Quaterniond& q_world_body, const ErrorMatrix<GpsInsState>& P);
+
+bool is_finite(const GpsInsState& x);
+
 /// The share of c that is left after a time.
 double kept_of_fix_error(double duration_s, double correlation_s);
 

@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The pose by GPS and INS under what sensors and their drivers do wrong, and where nothing shows what is asked for.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "gps_ins_drive.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
+#include "support/covariance.hpp"
+
+namespace situation_awareness {
+namespace {
+
+double base_yaw(const Eigen::Isometry3d& T) { return yaw_of(Eigen::Quaterniond(T.linear())); }
+
+double yaw_variance(const GpsInsPose& pose) {
+  const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
+  return up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose();
+}
+
+double yaw_error(const Eigen::Isometry3d& truth, const GpsInsPose& pose) {
+  return wrap_to_pi(base_yaw(truth) - base_yaw(pose.T_world_base));
+}
+
+/// Of the mean of `count` squared standard normal numbers.
+std::pair<double, double> band_95(double count) {
+  return {chi_square_quantile(0.025, count) / count, chi_square_quantile(0.975, count) / count};
+}
+
+// --- covariances ---
+
+// The direction (1, -1) has the variance -0.75 m^2.
+TEST(GpsInsFaults, AFixWhoseCovarianceIsNoneIsRefused) {
+  const std::vector<Eigen::Matrix3d> none = [] {
+    Eigen::Matrix3d a, b, c;
+    a << 2.25, 3.0, 0.0, 3.0, 2.25, 0.0, 0.0, 0.0, 5.0;
+    b << 2.25, 0.0, 0.0, 0.0, 2.25, 4.0, 0.0, 4.0, 5.0;
+    c << 2.25, 1.0, 0.0, -1.0, 2.25, 0.0, 0.0, 0.0, 5.0;
+    return std::vector<Eigen::Matrix3d>{a, b, c};
+  }();
+  FlightRun run({}, {}, 1);
+  GpsIns ins({}, {});
+  std::size_t given = 0;
+  for (; run.time_s() < 80.0; run.next()) {
+    ins.add_imu(run.sample());
+    if (!run.has_fix()) continue;
+    const Eigen::Vector3d fix = run.fix();
+    if (run.time_s() > 40.0 && given < none.size()) ins.add_position(run.stamp_ns(), fix, none[given++]);
+    ins.add_position(run.stamp_ns(), fix, run.fix_covariance());
+    const GpsInsPose pose = ins.pose();
+    if (run.time_s() < 40.0 || !pose.is_ready) continue;
+    EXPECT_TRUE(is_covariance(pose.covariance));
+    EXPECT_LT((pose.T_world_base.translation() - run.T_world_base().translation()).norm(), 8.0);
+  }
+  EXPECT_TRUE(ins.is_ready());
+  EXPECT_EQ(ins.counters().of("fix covariance not positive semidefinite"), none.size());
+  EXPECT_EQ(ins.counters().of("fix outside its gate"), 0u);
+}
+
+// --- sideslip ---
+
+// A vehicle goes where its base heads, not where its IMU does, which is far ahead of the axle.
+TEST(GpsInsFaults, SideslipIsThatOfTheBaseNotOfTheImu) {
+  for (const double lever_m : {0.0, 1.5, -1.5}) {
+    double square = 0.0, nees = 0.0;
+    int count = 0;
+    for (std::uint64_t seed = 0; seed < 6; ++seed) {
+      GpsInsMounting mounting;
+      mounting.T_base_imu.translate(Eigen::Vector3d(lever_m, 0.0, 0.3));
+      mounting.antenna_base_m = {0.2, 0.0, 1.0};
+      SimulatedDrive drive;
+      drive.initial_yaw_rad = 0.77 * static_cast<double>(seed);
+      drive.lever_m = mounting.T_base_imu.translation();
+      drive.legs = {{5.0, 0.0, 0.0}};
+      for (int i = 0; i < 5; ++i) {
+        drive.legs.insert(drive.legs.end(), {{8.0, 2.0, 0.0}, {10.0, 2.0, 0.4}, {5.0, 3.0, 0.0}, {10.0, 3.0, -0.3}});
+      }
+      FlightSensors sensors;
+      sensors.imu_rate_hz = 50.0;
+      sensors.correlated_share = 0.0;
+      GpsInsParams params;
+      params.sideslip_sigma_m_s = 0.1;
+      DriveRun run(drive, sensors, seed, mounting);
+      GpsIns ins(params, mounting);
+      for (; run.time_s() < 160.0; run.next()) {
+        ins.add_imu(run.sample());
+        if (!run.has_fix()) continue;
+        ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+        const GpsInsPose pose = ins.pose();
+        if (!pose.is_ready || run.time_s() < 60.0) continue;
+        const double error = yaw_error(run.T_world_base(), pose);
+        square += error * error;
+        nees += error * error / yaw_variance(pose);
+        ++count;
+      }
+    }
+    EXPECT_GT(count, 2500) << lever_m;
+    EXPECT_LT(std::sqrt(square / count), 0.02) << lever_m;
+    // Of one error; some ten independent ones in each run.
+    EXPECT_LT(nees / count, band_95(60.0).second) << lever_m;
+  }
+}
+
+// --- rates and delays ---
+
+TEST(GpsInsFaults, AnyUsualRateAndDelayWorks) {
+  for (const double rate_hz : {25.0, 50.0, 100.0, 400.0, 800.0, 1000.0, 2000.0, 4000.0}) {
+    for (const double delay_s : {0.0, 0.5, 0.95}) {
+      if (rate_hz > 1000.0 && delay_s == 0.5) continue;
+      FlightSensors sensors;
+      sensors.imu_rate_hz = rate_hz;
+      FlightRun run({}, sensors, 3);
+      GpsIns ins({}, {});
+      std::vector<std::pair<std::int64_t, Eigen::Vector3d>> fixes;
+      std::size_t next = 0;
+      for (; run.time_s() < 40.0; run.next()) {
+        ins.add_imu(run.sample());
+        if (run.has_fix()) fixes.emplace_back(run.stamp_ns(), run.fix());
+        while (next < fixes.size() && fixes[next].first + nanoseconds(delay_s) <= run.stamp_ns()) {
+          ins.add_position(fixes[next].first, fixes[next].second, run.fix_covariance());
+          ++next;
+        }
+      }
+      const GpsInsPose pose = ins.pose();
+      ASSERT_TRUE(pose.is_ready) << rate_hz << " Hz, " << delay_s << " s: " << pose.reason;
+      const Eigen::Vector3d error_m = run.T_world_base().translation() - pose.T_world_base.translation();
+      EXPECT_LT(mahalanobis2(error_m, pose.covariance.topLeftCorner<3, 3>()), chi_square_quantile(0.9999, 3))
+          << rate_hz;
+      EXPECT_LT(std::abs(yaw_error(run.T_world_base(), pose)), 0.15) << rate_hz;
+      // Those from before the filters began.
+      EXPECT_LE(ins.counters().of("fix too late"), 10u) << rate_hz;
+    }
+  }
+}
+
+TEST(GpsInsFaults, AnImuThatIsTooFastIsNamed) {
+  FlightSensors sensors;
+  sensors.imu_rate_hz = 10000.0;
+  FlightRun run({}, sensors, 3);
+  GpsIns ins({}, {});
+  for (; run.time_s() < 4.0; run.next()) {
+    ins.add_imu(run.sample());
+    if (run.has_fix()) ins.add_position(run.stamp_ns() - 900'000'000, run.fix(), run.fix_covariance());
+  }
+  EXPECT_FALSE(ins.is_ready());
+  EXPECT_NE(std::string(ins.reason()).find("4,000 Hz"), std::string::npos) << ins.reason();
+}
+
+// What is asked of the history is there, also while it grows.
+TEST(InertialHistory, GrowsWithTheRateAndKeepsItsOrder) {
+  InertialHistory history(2.0, 5000.0);
+  for (int i = 0; i < 30000; ++i) {
+    history.add({i * 250'000LL, Eigen::Vector3d(i, 0.0, 0.0), Eigen::Vector3d::Zero()});
+    ASSERT_EQ(history.latest().specific_force_m_s2.x(), i);
+    ASSERT_EQ(history[history.begin()].specific_force_m_s2.x(), static_cast<double>(history.begin()));
+    ASSERT_LE(history[history.begin()].stamp_ns, std::max(i * 250'000LL - 2'000'000'000LL + 500'000LL, 0LL));
+  }
+  EXPECT_FALSE(history.is_short());
+}
+
+// --- standing ---
+
+struct Standing {
+  double yaw_nees = 0.0;       ///< of each run the mean after setting off, their mean
+  double far_while_ready = 0;  ///< share of the poses while it stands, beyond 3 sigma
+  int runs = 0, ready = 0;     ///< again or at last, after setting off
+  double stood_ready_s = 0.0;
+};
+
+/// A vehicle that drives for 90 s first, or not, stands and sets off. At rest nothing shows the yaw.
+Standing stand(int seeds, double stands_s, bool drives_first, double sideslip_sigma_m_s) {
+  Standing result;
+  double poses = 0.0, far = 0.0;
+  for (int seed = 0; seed < seeds; ++seed) {
+    SimulatedDrive drive;
+    drive.initial_yaw_rad = 0.77 * seed;
+    if (drives_first) {
+      drive.legs = {{5, 0, 0},     {15, 4, 0},   {10, 4, 0.4},  {10, 6, 0},
+                    {10, 6, -0.4}, {15, 3, 0.2}, {15, 5, -0.1}, {10, 5, 0.3}};
+    }
+    drive.legs.push_back({stands_s, 0.0, 0.0});
+    const double begin_s = drives_first ? 90.0 : 0.0, end_s = begin_s + stands_s;
+    drive.legs.insert(drive.legs.end(),
+                      {{15, 4, 0}, {10, 4, 0.4}, {10, 6, 0}, {10, 6, -0.4}, {15, 3, 0.2}, {1e9, 5, -0.3}});
+    FlightSensors sensors;
+    sensors.imu_rate_hz = 25.0;
+    sensors.correlated_share = 0.0;
+    GpsInsParams params;
+    params.sideslip_sigma_m_s = sideslip_sigma_m_s;
+    DriveRun run(drive, sensors, static_cast<std::uint64_t>(seed));
+    GpsIns ins(params, {});
+    double nees = 0.0, count = 0.0;
+    for (; run.time_s() < end_s + 100.0; run.next()) {
+      ins.add_imu(run.sample());
+      if (!run.has_fix()) continue;
+      ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+      const GpsInsPose pose = ins.pose();
+      if (!pose.is_ready) continue;
+      const double variance = yaw_variance(pose), error = yaw_error(run.T_world_base(), pose);
+      EXPECT_LE(std::sqrt(variance), 1.05 * params.max_yaw_sigma_rad);
+      if (run.time_s() > begin_s && run.time_s() < end_s) {
+        ++poses;
+        if (error * error > 9.0 * variance) ++far;
+        result.stood_ready_s += 1.0 / sensors.fix_rate_hz / seeds;
+      } else if (run.time_s() > end_s) {
+        nees += error * error / variance;
+        ++count;
+      }
+    }
+    ++result.runs;
+    if (!ins.is_ready()) continue;
+    ++result.ready;
+    result.yaw_nees += nees / count;
+  }
+  result.yaw_nees /= result.ready;
+  result.far_while_ready = poses > 0.0 ? far / poses : 0.0;
+  return result;
+}
+
+void expect_honest(const Standing& result, bool drives_first) {
+  EXPECT_EQ(result.ready, result.runs);
+  EXPECT_GT(result.yaw_nees, band_95(result.ready).first);
+  EXPECT_LT(result.yaw_nees, band_95(result.ready).second);
+  EXPECT_LE(result.far_while_ready, 0.02);
+  if (drives_first) {
+    EXPECT_GT(result.stood_ready_s, 60.0) << "a short stop is no reason to lose the yaw";
+  } else {
+    EXPECT_EQ(result.stood_ready_s, 0.0) << "nothing has shown the yaw yet";
+  }
+  ::testing::Test::RecordProperty("yaw_nees", std::to_string(result.yaw_nees));
+}
+
+TEST(GpsInsStanding, WhatIsNotObservedDoesNotGetCertain) {
+  for (const bool drives_first : {true, false}) {
+    for (const double sideslip_sigma_m_s : {0.0, 0.1}) {
+      SCOPED_TRACE(std::to_string(drives_first) + " " + std::to_string(sideslip_sigma_m_s));
+      expect_honest(stand(6, 600.0, drives_first, sideslip_sigma_m_s), drives_first);
+    }
+  }
+}
+
+TEST(GpsInsStandingLong, WhatIsNotObservedDoesNotGetCertainInAnHour) {
+  for (const bool drives_first : {true, false}) expect_honest(stand(50, 3600.0, drives_first, 0.0), drives_first);
+}
+
+}  // namespace
+}  // namespace situation_awareness
