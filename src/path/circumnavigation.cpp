@@ -36,10 +36,22 @@ constexpr double kMoreOutline = 1.2;
 /// m. What is no farther from another boundary, or than the standard deviations of both are, is along that; so much of
 /// the vertices, at least, of what is the same obstacle.
 constexpr double kSameOutline_m = 0.5, kMostOfOutline = 0.8;
-/// m. Hits nearer to what is mapped are on that. Fewer beside each other, at most so far apart, are none; of the others
-/// those count that are so far apart, with this standard deviation, for this time (s).
-constexpr double kOnMap_m = 0.7, kBeside_m = 1.5, kHitSpacing_m = 0.4, kHitSigma_m = 0.05, kHits_s = 0.5;
-constexpr std::size_t kFewestHits = 3;
+/// m, of the way that it says, of that or of its speed when flying. Odometry is looked at each so far: that moves less
+/// is frozen; a vehicle that is slower does not fly.
+constexpr double kFrozenWay_m = 2.0, kFrozen = 0.2;
+/// Scans in a row, with hits, that say exactly the same while the vehicle moves are one that is repeated.
+constexpr int kSameScans = 3;
+/// Of the beams that cross what is mapped, and of these at least: if more go on behind it by so much (m), the scan or
+/// the map is wrong. Of all beams so many are looked at.
+constexpr double kPassing = 0.5, kBehind_m = 2.0;
+constexpr int kFewestCrossing = 5;
+constexpr std::size_t kLookedAt = 180;
+/// s. So much ahead of the pose nothing is from now.
+constexpr double kMostAhead_s = 0.5;
+/// s. Of dead reckoning, and until the wind is believed.
+constexpr double kReckoning_s = 0.02, kWind_s = 5.0;
+/// Of the radius of turns: farther beside its path the vehicle does not follow it.
+constexpr double kOffPath = 0.5;
 /// s. Of the patience with a task: what it takes to turn off from a path.
 constexpr double kTurnOff_s = 6.0;
 /// Of an orbit's length: how far along it a path goes.
@@ -185,12 +197,11 @@ bool Circumnavigation::is_known_already(const std::vector<Splinegon>& boundaries
 }
 
 /// Something that is to be gone around yet. What is the same as another one is found out now and then: that takes long.
-bool Circumnavigation::is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary,
-                               std::int64_t stamp_ns) {
+bool Circumnavigation::is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary) {
   if (boundary.vertices.empty() || is_done(boundary) || is_given_up(boundary.id)) return false;
   Watched& known = *watched(boundary.id);
-  if (known.compared_ns == StampOrder::kNone || seconds_between(known.compared_ns, stamp_ns) >= params_.replan_s) {
-    known.compared_ns = stamp_ns;
+  if (known.compared_ns == StampOrder::kNone || seconds_between(known.compared_ns, now_ns_) >= params_.replan_s) {
+    known.compared_ns = now_ns_;
     known.twice = is_known_already(boundaries, boundary);
   }
   return !known.twice;
@@ -218,9 +229,9 @@ void Circumnavigation::watch_boundaries(const MissionInput& input) {
     }
     known->place_m = boundary.vertices[boundary.vertices.size() / 2].p_world_m;
     if (is_certain) {
-      if (!known->certain) known->since_ns = input.stamp_ns;
+      if (!known->certain) known->since_ns = now_ns_;
       known->length_m = chord_length_m(boundary);
-      known->done = known->done || seconds_between(known->since_ns, input.stamp_ns) >= kSettled_s;
+      known->done = known->done || seconds_between(known->since_ns, now_ns_) >= kSettled_s;
     }
     known->certain = is_certain;
   }
@@ -237,8 +248,156 @@ bool Circumnavigation::is_free(const SegmentPath& path) const {
   return check(path, 0.0, path.length_m, obstacles_, pose_sigma_m_, params_.avoidance).free;
 }
 
-void Circumnavigation::gather(const MissionInput& input) {
-  obstacles_.clear();
+/// Without a pose, or with one that cannot be: that by dead reckoning, and the sight placed by it.
+MissionInput Circumnavigation::with_pose(const MissionInput& input, double since_s) {
+  MissionInput placed = input;
+  if (input.has_pose) {
+    const double heading_rad = std::isnan(input.heading_rad) ? input.T_world_base.yaw_rad : input.heading_rad;
+    check_motion(input, since_s);
+    placed.has_pose = !is_frozen_;
+    if (is_frozen_ && input.sight != nullptr) {
+      // The sight was placed by that pose.
+      const Pose2 T_base_world = inverse(Pose2{input.T_world_base.translation_m, heading_rad});
+      sight_ = *input.sight;
+      sight_.T_world_sensor = T_base_world * sight_.T_world_sensor;
+      for (Eigen::Vector2d& hit_m : sight_.hits_world_m) hit_m = T_base_world * hit_m;
+    }
+  } else if (input.sight != nullptr) {
+    sight_ = *input.sight;
+  }
+  is_lost_ = !placed.has_pose;
+  reckon(placed, since_s);
+  if (!is_lost_) return placed;
+  placed.T_world_base = {reckoned_m_, std::atan2(velocity_m_s_.y(), velocity_m_s_.x())};
+  placed.speed_m_s = velocity_m_s_.norm();
+  placed.covariance_world.setZero();
+  if (input.sight != nullptr) {
+    const Pose2 T_world_body{reckoned_m_, heading_rad_};
+    sight_.T_world_sensor = T_world_body * sight_.T_world_sensor;
+    for (Eigen::Vector2d& hit_m : sight_.hits_world_m) hit_m = T_world_body * hit_m;
+    placed.sight = &sight_;
+  }
+  return placed;
+}
+
+/// The vehicle turns as it was told, after its lag, and is carried by the wind.
+void Circumnavigation::reckon(const MissionInput& input, double since_s) {
+  const DubinsFollowingParams& vehicle = params_.following;
+  const double airspeed_m_s = vehicle.airspeed_m_s;
+  if (input.has_pose) {
+    reckoned_m_ = input.T_world_base.translation_m;
+    heading_rad_ = std::isnan(input.heading_rad) ? input.T_world_base.yaw_rad : input.heading_rad;
+    const double course_rad = input.T_world_base.yaw_rad;
+    velocity_m_s_ = input.speed_m_s * Eigen::Vector2d(std::cos(course_rad), std::sin(course_rad));
+    const Eigen::Vector2d wind_m_s =
+        velocity_m_s_ - airspeed_m_s * Eigen::Vector2d(std::cos(heading_rad_), std::sin(heading_rad_));
+    const double part = started_ && !is_frozen_ ? std::min(since_s / kWind_s, 1.0) : 1.0;
+    wind_m_s_ += part * (wind_m_s - wind_m_s_);
+    turn_1_m_ = step_.curvature_1_m;
+    return;
+  }
+  const double speed_m_s = airspeed_m_s > 0.0 ? airspeed_m_s : velocity_m_s_.norm();
+  if (!(airspeed_m_s > 0.0)) wind_m_s_.setZero();
+  const auto steps = static_cast<int>(std::ceil(std::min(since_s, 1.0) / kReckoning_s));
+  for (int i = 0; i < steps; ++i) {
+    const double step_s = std::min(since_s, 1.0) / steps;
+    turn_1_m_ += (step_.curvature_1_m - turn_1_m_) * std::min(step_s / std::max(vehicle.reaction_s, step_s), 1.0);
+    const double most_rad_s = vehicle.max_curvature_1_m * speed_m_s;
+    const double turn_rad = std::clamp(turn_1_m_ * velocity_m_s_.norm(), -most_rad_s, most_rad_s) * step_s;
+    const double middle_rad = heading_rad_ + 0.5 * turn_rad;
+    heading_rad_ = wrap_to_pi(heading_rad_ + turn_rad);
+    reckoned_m_ += (speed_m_s * Eigen::Vector2d(std::cos(middle_rad), std::sin(middle_rad)) + wind_m_s_) * step_s;
+    velocity_m_s_ = speed_m_s * Eigen::Vector2d(std::cos(heading_rad_), std::sin(heading_rad_)) + wind_m_s_;
+  }
+}
+
+/// Whether odometry says that the vehicle moves, and does not move so; or that it stands where it can only fly.
+void Circumnavigation::check_motion(const MissionInput& input, double since_s) {
+  if (!started_ || (is_lost_ && !is_frozen_)) {
+    anchor_m_ = input.T_world_base.translation_m;
+    flown_m_.setZero();
+    is_frozen_ = false;
+    since_s = 0.0;
+  }
+  const double course_rad = input.T_world_base.yaw_rad;
+  flown_m_ += since_s * input.speed_m_s * Eigen::Vector2d(std::cos(course_rad), std::sin(course_rad));
+  const bool stands = input.speed_m_s < kFrozen * params_.following.airspeed_m_s;
+  is_frozen_ = is_frozen_ || stands;
+  const double way_m = flown_m_.norm();
+  if (way_m > kFrozenWay_m && !stands) {
+    is_frozen_ = (input.T_world_base.translation_m - anchor_m_).dot(flown_m_) < kFrozen * way_m * way_m;
+    anchor_m_ = input.T_world_base.translation_m;
+    flown_m_.setZero();
+  }
+}
+
+/// One that was made at a time that is not near to now says nothing.
+void Circumnavigation::note(Made& made, std::int64_t stamp_ns, double max_age_s, const MissionInput& input) const {
+  if (stamp_ns == made.stamp_ns) return;
+  made.stamp_ns = stamp_ns;
+  const double age_s = seconds_between(stamp_ns, input.stamp_ns);
+  if (age_s <= max_age_s && age_s >= -kMostAhead_s)
+    made.made_ns = now_ns_ - std::max<std::int64_t>(nanoseconds(age_s), 0);
+}
+
+bool Circumnavigation::is_old(const Made& made, double max_age_s) const {
+  return made.made_ns == StampOrder::kNone || seconds_between(made.made_ns, now_ns_) > max_age_s;
+}
+
+/// Not one that is repeated, nor one that says nothing, nor one whose beams go on behind what is mapped.
+bool Circumnavigation::is_trusted(const FreeBeams& sight) {
+  const auto says_something = [](double free_m) { return free_m > 0.0; };
+  if (std::none_of(sight.free_m.begin(), sight.free_m.end(), says_something)) return false;
+  same_scans_ = !sight.hits_world_m.empty() && sight.free_m == free_before_m_ ? same_scans_ + 1 : 1;
+  free_before_m_.assign(sight.free_m.begin(), sight.free_m.end());
+  if (same_scans_ >= kSameScans && velocity_m_s_.norm() > 0.0) return false;
+  int crossing = 0, passing = 0;
+  const Eigen::Vector2d& p_m = sight.T_world_sensor.translation_m;
+  for (std::size_t i = 0; i < sight.free_m.size(); i += std::max<std::size_t>(sight.free_m.size() / kLookedAt, 1)) {
+    const double angle_rad = sight.T_world_sensor.yaw_rad + sight.from_rad + sight.step_rad * static_cast<double>(i);
+    const Eigen::Vector2d along(std::cos(angle_rad), std::sin(angle_rad));
+    const Curve beam{p_m, along, 0.0, sight.free_m[i]};
+    bool crosses = false, passes = false;
+    for (const ObstaclePiece& piece : obstacles_.pieces()) {
+      const Eigen::Vector2d to_m = piece.middle_m - p_m;
+      const double least_m = std::max(to_m.norm() - piece.half_m, 0.0);
+      if (least_m > sight.free_m[i] || to_m.dot(along) < -piece.half_m || std::abs(cross(along, to_m)) > piece.half_m) {
+        continue;
+      }
+      const std::optional<double> at_m = first_nearer_m(beam, piece.curve, 0.01);
+      if (!at_m) continue;
+      crosses = true;
+      passes = passes || *at_m + kBehind_m + 3.0 * std::hypot(piece.sigma_m, pose_sigma_m_) < sight.free_m[i];
+    }
+    crossing += crosses ? 1 : 0;
+    passing += passes ? 1 : 0;
+  }
+  return crossing < kFewestCrossing || passing <= kPassing * crossing;
+}
+
+void Circumnavigation::find_missing(const MissionInput& input) {
+  std::array<char, 96> text{};
+  const auto age = [&](const Made& made, double max_age_s, const char* what) {
+    if (!is_old(made, max_age_s)) return false;
+    if (made.made_ns == StampOrder::kNone) {
+      std::snprintf(text.data(), text.size(), "no %s yet", what);
+    } else {
+      std::snprintf(text.data(), text.size(), "no %s for %.1f s", what, seconds_between(made.made_ns, now_ns_));
+    }
+    return true;
+  };
+  if (is_lost_ && input.has_pose) {
+    std::snprintf(text.data(), text.size(), "odometry does not move as it says");
+  } else if (is_lost_) {
+    std::snprintf(text.data(), text.size(), "no odometry for %.1f s", lost_s_);
+  } else if (!age(boundaries_made_, params_.max_map_age_s, "boundaries") &&
+             !(polygons_made_.made_ns != StampOrder::kNone && age(polygons_made_, params_.max_map_age_s, "polygons"))) {
+    age(scan_made_, params_.max_scan_age_s, "scan that can be used");
+  }
+  missing_.assign(text.data());
+}
+
+void Circumnavigation::add_maps(const MissionInput& input) {
   const auto stands_for = [&](const Splinegon& boundary) {
     const Chain* chain = input.polygons != nullptr ? with_id(input.polygons->chains, boundary.id) : nullptr;
     return chain == nullptr || (boundary.last_seen_ns >= chain->last_seen_ns && !is_partly_guessed(boundary));
@@ -258,39 +417,32 @@ void Circumnavigation::gather(const MissionInput& input) {
   if (input.objects != nullptr) {
     for (const Object& object : input.objects->objects) obstacles_.add(object);
   }
-  if (input.sight != nullptr) {
-    hits_world_m_.assign(input.sight->hits_world_m.begin(), input.sight->hits_world_m.end());
-    hits_ns_ = input.stamp_ns;
-  }
-  if (seconds_between(hits_ns_, input.stamp_ns) < kHits_s) add_hits(input.T_world_base.translation_m);
-  const Eigen::Matrix2d place = input.covariance_world.topLeftCorner<2, 2>();
-  pose_sigma_m_ =
-      std::sqrt(std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
-  if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
-  if (input.sight != nullptr) seen_.add(*input.sight);
-  watch_boundaries(input);
 }
 
-/// Runs of hits that are on no map.
-void Circumnavigation::add_hits(const Eigen::Vector2d& p_world_m) {
-  const double reach_m = 2.0 * (params_.standoff_m + params_.avoidance.turn_radius_m);
-  run_m_.clear();
-  std::size_t hits = 0;
-  const auto end_run = [&] {
-    if (hits >= kFewestHits && run_m_.size() > 1) obstacles_.add(run_m_, false, kHitSigma_m, ObstacleKind::kHits, 0);
-    run_m_.clear();
-    hits = 0;
-  };
-  Eigen::Vector2d before_m = p_world_m;
-  for (const Eigen::Vector2d& hit_m : hits_world_m_) {
-    const bool counts = (hit_m - p_world_m).norm() < reach_m && distance_m(obstacles_, hit_m) > kOnMap_m;
-    if (!counts || (hit_m - before_m).norm() > kBeside_m) end_run();
-    before_m = hit_m;
-    if (!counts) continue;
-    ++hits;
-    if (run_m_.empty() || (hit_m - run_m_.back()).norm() > kHitSpacing_m) run_m_.push_back(hit_m);
+void Circumnavigation::take_sight(const MissionInput& input) {
+  if (input.sight == nullptr) return;
+  hits_.add(*input.sight, 2.0 * (params_.standoff_m + params_.avoidance.turn_radius_m), now_ns_);
+  if (!is_trusted(*input.sight)) return;
+  scan_made_.made_ns = now_ns_;
+  if (!is_lost_) seen_.add(*input.sight);
+}
+
+void Circumnavigation::gather(const MissionInput& input) {
+  if (input.boundaries != nullptr) note(boundaries_made_, input.boundaries->stamp_ns, params_.max_map_age_s, input);
+  if (input.polygons != nullptr) note(polygons_made_, input.polygons->stamp_ns, params_.max_map_age_s, input);
+  if (!is_lost_) {
+    const Eigen::Matrix2d place = input.covariance_world.topLeftCorner<2, 2>();
+    pose_sigma_m_ = std::sqrt(
+        std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
   }
-  end_run();
+  if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
+  obstacles_.clear();
+  // By dead reckoning maps come off the world; what a scan hits is where it is.
+  if (is_lost_) take_sight(input);
+  const bool maps_count = !is_lost_ || is_old(scan_made_, params_.max_scan_age_s);
+  if (maps_count) add_maps(input);
+  if (!is_lost_) take_sight(input);
+  hits_.add_to(obstacles_, now_ns_, maps_count && !is_old(boundaries_made_, params_.max_map_age_s));
 }
 
 /// Nothing leads there: it is within an obstacle, or nearer than the clearance.
@@ -375,7 +527,7 @@ void Circumnavigation::choose_task(const MissionInput& input) {
     double least_m = kInfinite;
     const Splinegon* nearest = nullptr;
     for (const Splinegon& boundary : boundaries) {
-      if (!is_left(boundaries, boundary, input.stamp_ns)) continue;
+      if (!is_left(boundaries, boundary)) continue;
       const double each_m = distance_m(boundary, input.T_world_base.translation_m);
       if (each_m >= least_m) continue;
       least_m = each_m;
@@ -551,11 +703,11 @@ bool Circumnavigation::is_safe(const SegmentPath& path, double way_m, double spe
   return false;
 }
 
-void Circumnavigation::hold(const MissionInput& input) {
+void Circumnavigation::hold() {
   // To turn off from a path counts, too: it may be found again and again.
-  if (!holds_ && !path_.segments.empty()) held_s_ += kTurnOff_s;
+  if (!holds_ && !path_.segments.empty() && missing_.empty()) held_s_ += kTurnOff_s;
   holds_ = true;
-  planned_ns_ = input.stamp_ns;
+  planned_ns_ = now_ns_;
   if (way_out_.segments.empty()) {
     clear(path_);
   } else {
@@ -566,37 +718,74 @@ void Circumnavigation::hold(const MissionInput& input) {
   ++step_.path_number;
 }
 
-/// Keeps on the circle; if something is near, on that of two circles on which it is farthest.
-void Circumnavigation::turn_on(const MissionInput& input) {
+/// Of a path that ends with a full circle: how far on it is free, infinite if the whole circle is.
+double Circumnavigation::free_on_circle_m(const SegmentPath& path, double way_m) const {
+  const PathCheck ahead = check(path, way_m, path.length_m, obstacles_, pose_sigma_m_, params_.avoidance);
+  if (!ahead.free) return ahead.free_m - way_m;
+  const double circle_m = path.length_m - length_m(path.segments.back());
+  if (circle_m >= way_m) return kInfinite;
+  const PathCheck again = check(path, circle_m, way_m, obstacles_, pose_sigma_m_, params_.avoidance);
+  return again.free ? kInfinite : path.length_m - way_m + again.free_m - circle_m;
+}
+
+/// To the circle that is free as a whole, by a short way and seen, if there is one; else to that which is free
+/// farthest, if that is farther than `least_m`.
+bool Circumnavigation::escape(const MissionInput& input, double least_m) {
   const AvoidanceParams& avoidance = params_.avoidance;
-  const auto free_m = [&](const SegmentPath& path, double from_m) {
-    const double to_m = std::min(from_m + stopping_way_m(input.speed_m_s, avoidance), path.length_m);
-    const PathCheck result = check(path, from_m, to_m, obstacles_, pose_sigma_m_, avoidance);
-    return result.free ? kInfinite : result.free_m - from_m;
-  };
-  const bool ended = path_.segments.empty() || path_.length_m - way_m_ < 0.1;
-  double best_m = ended ? -1.0 : free_m(path_, way_m_);
-  if (ended && !path_.segments.empty()) {
+  const double radius_m = avoidance.turn_radius_m;
+  double best_m = least_m, best_worth = -kInfinite;
+  bool found = false;
+  for (const double first_rad : {0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6}) {
+    for (const double straight_m : {0.0, 0.5 * radius_m, radius_m, 2.0 * radius_m}) {
+      for (const double side : {1.0, -1.0}) {
+        clear(joined_);
+        Pose2 from = input.T_world_base;
+        if (first_rad != 0.0) {
+          Arc turn = holding_circle(from, std::copysign(1.0, first_rad), avoidance);
+          turn.sweep_rad = first_rad;
+          append(joined_, turn);
+          from = place_at(joined_, joined_.length_m).pose;
+        }
+        if (straight_m > 0.0) {
+          append(joined_, Straight{from.translation_m, from * Eigen::Vector2d(straight_m, 0.0), from.yaw_rad});
+          from = place_at(joined_, joined_.length_m).pose;
+        }
+        append(joined_, holding_circle(from, side, avoidance));
+        const double free_m = free_on_circle_m(joined_, 0.0);
+        if (free_m < kInfinite && (best_m == kInfinite || free_m <= best_m)) continue;
+        double worth = 0.0;
+        if (free_m == kInfinite) {
+          const bool is_seen = seen_.contains(joined_, 0.0, joined_.length_m, avoidance.clearance_m);
+          worth = (is_seen ? 1e6 : 0.0) - joined_.length_m;
+          if (best_m == kInfinite && worth <= best_worth) continue;
+        }
+        best_m = free_m;
+        best_worth = worth;
+        std::swap(tried_, joined_);
+        found = true;
+      }
+    }
+  }
+  if (!found) return false;
+  std::swap(path_, tried_);
+  way_m_ = 0.0;
+  ++step_.path_number;
+  return true;
+}
+
+/// Keeps on the circle while it is free, all of it.
+void Circumnavigation::turn_on(const MissionInput& input) {
+  if (!path_.segments.empty() && path_.length_m - way_m_ < 0.1) {
     // The same circle again.
     const DubinsPlace place = place_at(path_, path_.length_m);
     clear(joined_);
-    append(joined_, holding_circle(place.pose, place.curvature_1_m < 0.0 ? -1.0 : 1.0, avoidance));
-    best_m = free_m(joined_, 0.0);
+    append(joined_, holding_circle(place.pose, place.curvature_1_m < 0.0 ? -1.0 : 1.0, params_.avoidance));
     std::swap(path_, joined_);
     way_m_ = 0.0;
     ++step_.path_number;
   }
-  if (best_m == kInfinite) return;
-  for (const double side : {1.0, -1.0}) {
-    clear(joined_);
-    append(joined_, holding_circle(input.T_world_base, side, avoidance));
-    const double each_m = free_m(joined_, 0.0);
-    if (each_m <= best_m + 1.0) continue;
-    best_m = each_m;
-    std::swap(path_, joined_);
-    way_m_ = 0.0;
-    ++step_.path_number;
-  }
+  const double free_m = path_.segments.empty() ? -1.0 : free_on_circle_m(path_, way_m_);
+  if (free_m < kInfinite) escape(input, free_m + 1.0);
 }
 
 void Circumnavigation::report(const MissionInput& input) {
@@ -614,7 +803,10 @@ void Circumnavigation::report(const MissionInput& input) {
       }
     }
   }
-  if (!has_target_ && is_finished_) {
+  if (!missing_.empty() && (is_lost_ || has_target_ || !is_finished_)) {
+    step_.state = MissionState::kHold;
+    std::snprintf(text.data(), text.size(), "%s: on a circle", missing_.c_str());
+  } else if (!has_target_ && is_finished_) {
     step_.state = MissionState::kDone;
     std::snprintf(text.data(), text.size(),
                   "all boundaries are closed and certain, but for %lu given up and %lu along others; all places were "
@@ -642,24 +834,42 @@ void Circumnavigation::report(const MissionInput& input) {
   }
   step_.reason.assign(text.data());
   step_.way_m = way_m_;
+  step_.speed_m_s = input.speed_m_s;
   step_.target = has_target_ ? target_ : 0;
   step_.laps = has_target_ ? watched(target_)->around_rad / (2.0 * kPi) : 0.0;
   step_.given_up = given_up + places_given_up_;
   step_.done = done;
 }
 
-const MissionStep& Circumnavigation::step(const MissionInput& input) {
-  if (!input.T_world_base.translation_m.allFinite() || !std::isfinite(input.T_world_base.yaw_rad) ||
-      !std::isfinite(input.speed_m_s) || input.speed_m_s < 0.0 || !input.covariance_world.allFinite()) {
+const MissionStep& Circumnavigation::step(const MissionInput& given) {
+  if (given.has_pose &&
+      (!given.T_world_base.translation_m.allFinite() || !std::isfinite(given.T_world_base.yaw_rad) ||
+       !std::isfinite(given.speed_m_s) || given.speed_m_s < 0.0 || !given.covariance_world.allFinite())) {
     throw std::invalid_argument("circumnavigation: pose, covariance and speed must be finite, the speed not negative");
   }
-  const double since_s = started_ ? 1e-9 * static_cast<double>(input.stamp_ns - stamp_ns_) : 0.0;
+  if (!given.has_pose && !started_) throw std::invalid_argument("circumnavigation: there is no pose yet");
+  const std::int64_t before_ns = now_ns_;
+  now_ns_ = clock_.advance(given.stamp_ns);
+  const double since_s = seconds_between(before_ns, now_ns_);
+  const bool was_lost = is_lost_;
+  const MissionInput input = with_pose(given, since_s);
+  lost_s_ = is_lost_ ? lost_s_ + since_s : 0.0;
   if (!started_) before_m_ = input.T_world_base.translation_m;
+  if (!was_lost && is_lost_) known_hits_ = hits_;
+  if (was_lost && !is_lost_) {
+    // The circle, and what was hit since, are where dead reckoning said.
+    hits_ = known_hits_;
+    clear(path_);
+    clear(way_out_);
+    way_m_ = 0.0;
+  }
   gather(input);
+  find_missing(given);
+  if (missing_.empty()) watch_boundaries(input);
   started_ = true;
-  if (holds_) held_s_ += since_s;
-  choose_task(input);
-  stamp_ns_ = input.stamp_ns;
+  const bool may_go = missing_.empty();
+  if (holds_ && may_go) held_s_ += since_s;
+  if (may_go) choose_task(input);
   before_m_ = input.T_world_base.translation_m;
 
   DubinsFollowingResult told;
@@ -669,18 +879,23 @@ const MissionStep& Circumnavigation::step(const MissionInput& input) {
     way_m_ = told.way_m;
   };
   follow_path();
-  const double since_plan_s = 1e-9 * static_cast<double>(input.stamp_ns - planned_ns_);
+  if (!path_.segments.empty() && std::abs(told.error.across_m) > kOffPath * params_.avoidance.turn_radius_m) {
+    clear(path_);
+    clear(way_out_);
+    holds_ = true;
+  }
+  const double since_plan_s = seconds_between(planned_ns_, now_ns_);
   const bool is_done = !has_target_ && is_finished_;
   const bool due = since_plan_s >= (holds_ ? 0.5 : 1.0) * params_.replan_s;
   bool wants = task_is_new_ || path_.segments.empty() || (!holds_ && told.arrived) ||
                (due && (needs_plan_ || holds_ || has_target_));
   task_is_new_ = false;
   if (!wants && !holds_ && due) {
-    planned_ns_ = input.stamp_ns;
+    planned_ns_ = now_ns_;
     wants = !check(path_, way_m_, path_.length_m, obstacles_, pose_sigma_m_, params_.avoidance).free;
   }
-  if (wants && !is_done) {
-    planned_ns_ = input.stamp_ns;
+  if (wants && !is_done && may_go) {
+    planned_ns_ = now_ns_;
     if (plan(input) && is_safe(candidate_, 0.0, input.speed_m_s)) {
       std::swap(path_, candidate_);
       way_m_ = 0.0;
@@ -691,8 +906,9 @@ const MissionStep& Circumnavigation::step(const MissionInput& input) {
       follow_path();
     }
   }
-  if (!holds_ && (is_done || path_.segments.empty() || told.arrived || !is_safe(path_, way_m_, input.speed_m_s))) {
-    hold(input);
+  if (!holds_ &&
+      (!may_go || is_done || path_.segments.empty() || told.arrived || !is_safe(path_, way_m_, input.speed_m_s))) {
+    hold();
   }
   if (holds_) turn_on(input);
   if (holds_) follow_path();

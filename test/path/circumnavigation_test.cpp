@@ -29,6 +29,7 @@ class Stepped {
     input.T_world_base = T;
     input.covariance_world = 1e-4 * Eigen::Matrix3d::Identity();
     input.speed_m_s = 5.0;
+    boundaries.stamp_ns = stamp_ns;
     input.boundaries = &boundaries;
     look();
     input.sight = sees_m > 0.0 ? &sight : nullptr;
@@ -79,6 +80,31 @@ class Stepped {
 
   FreeBeams sight;
 };
+
+/// Poles of .1 m radius.
+std::vector<Outline> poles_at(const std::vector<Eigen::Vector2d>& places_m) {
+  std::vector<Outline> poles;
+  for (const Eigen::Vector2d& p_m : places_m) {
+    Outline& pole = poles.emplace_back();
+    for (int i = 0; i < 8; ++i) {
+      const double angle_rad = 2.0 * kPi * i / 8;
+      pole.push_back(p_m + 0.1 * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)));
+    }
+  }
+  return poles;
+}
+
+/// Far enough from each other for a circle between them, and none near (0, 0).
+std::vector<Outline> random_poles(Random& random, std::size_t count) {
+  std::vector<Eigen::Vector2d> at_m;
+  for (int trial = 0; at_m.size() < count && trial < 10'000; ++trial) {
+    const Eigen::Vector2d p_m(random.uniform(-100.0, 100.0), random.uniform(-100.0, 100.0));
+    const auto is_near = [&](const Eigen::Vector2d& other_m) { return (other_m - p_m).norm() < 12.0; };
+    if (p_m.norm() < 25.0 || std::any_of(at_m.begin(), at_m.end(), is_near)) continue;
+    at_m.push_back(p_m);
+  }
+  return poles_at(at_m);
+}
 
 DubinsEnd place(double x_m, double y_m) { return {{x_m, y_m}, std::nullopt, 1.0}; }
 
@@ -265,6 +291,33 @@ TEST(Circumnavigation, KeepsAwayFromHitsThatAreOnNoMap) {
   EXPECT_LT((stepped.T.translation_m - Eigen::Vector2d(120.0, 0.0)).norm(), 25.0) << told.reason;
 }
 
+// A driver that repeats its last scan with new stamps shows nothing as free.
+TEST(Circumnavigation, HoldsWhereTheSameScanComesAgainAndAgain) {
+  MissionFlightParams params;
+  params.is_mapped = false;
+  params.longest_s = 20.0;
+  MissionSimulation simulation(poles_at({{0.0, 20.0}, {10.0, -20.0}}), params, 1);
+  FreeBeams first;
+  MissionStep told;
+  simulation.spoil = [&](double t_s, MissionInput& input, const FreeBeams& sight_of_base) {
+    if (t_s < 4.0 || input.sight == nullptr) return;
+    if (first.free_m.empty()) first = sight_of_base;
+    ASSERT_FALSE(first.hits_world_m.empty());
+    static FreeBeams placed;
+    placed = first;
+    placed.T_world_sensor = {input.T_world_base.translation_m, input.heading_rad};
+    for (Eigen::Vector2d& hit_m : placed.hits_world_m) hit_m = placed.T_world_sensor * hit_m;
+    input.sight = &placed;
+  };
+  simulation.on_step = [&](double t_s, const MissionInput&, const Circumnavigation&, const MissionStep& step,
+                           const Eigen::Vector2d&) {
+    const MissionState expected = t_s < 4.05 ? MissionState::kSearch : MissionState::kHold;
+    if (t_s < 2.0 || (t_s > 4.0 && t_s < 6.0)) return;
+    EXPECT_EQ(step.state, expected) << step.reason;
+  };
+  simulation.fly({{0.0, 0.0}, 0.0}, {place(200.0, 0.0)});
+}
+
 // What is behind is never seen: the vehicle comes near, turns off, and tries again, not for ever.
 TEST(Circumnavigation, GivesUpAPlaceFromWhichItTurnsOffAgainAndAgain) {
   Stepped stepped({}, {place(120.0, 0.0)});
@@ -383,6 +436,97 @@ Worlds fly_in_worlds(std::uint64_t from, std::uint64_t count, int most_towers, c
   EXPECT_LE(sum.greatest_1_m, (1.0 + 1e-9) * MissionSimulation::kCurvature_1_m);
   EXPECT_LE(sum.greatest_path_1_m, (1.0 + 1e-6) / mission.avoidance.turn_radius_m);
   return sum;
+}
+
+/// What does not work, from when until when.
+struct Outage {
+  double from_s = 1e9, to_s = 1e9;
+  bool holds(double t_s) const { return t_s >= from_s && t_s < to_s; }
+};
+
+struct PoleFlight {
+  MissionFlight flight;
+  double least_going_m = 1e9;  ///< least distance from a pole while there was a pose
+  bool is_told = true;         ///< a turn in each step
+};
+
+/// Among poles that are on no map. Without mapping the map is as old as it then was; without odometry there is no pose.
+PoleFlight fly_among_poles(std::uint64_t seed, const Outage& mapping, const Outage& odometry, const Outage& scans,
+                           double longest_s) {
+  Random random(seed);
+  MissionFlightParams params;
+  params.is_mapped = false;
+  params.longest_s = longest_s;
+  params.beams = 361;
+  const std::vector<Outline> poles = random_poles(random, 40);
+  MissionSimulation simulation(poles, params, seed + 1'000);
+  PoleFlight result;
+  Splinegons before;
+  bool has_pose = true;
+  simulation.spoil = [&](double t_s, MissionInput& input, const FreeBeams& sight_of_base) {
+    if (mapping.holds(t_s)) {
+      input.boundaries = &before;
+      input.polygons = nullptr;
+    } else {
+      before = *input.boundaries;
+    }
+    if (scans.holds(t_s)) input.sight = nullptr;
+    has_pose = !odometry.holds(t_s);
+    if (has_pose) return;
+    input.has_pose = false;
+    input.T_world_base = {{NAN, NAN}, NAN};
+    input.speed_m_s = NAN;
+    if (input.sight != nullptr) input.sight = &sight_of_base;
+  };
+  simulation.on_step = [&](double, const MissionInput&, const Circumnavigation&, const MissionStep& step,
+                           const Eigen::Vector2d& p_m) {
+    result.is_told = result.is_told && std::isfinite(step.curvature_1_m) && step.speed_m_s > 0.0;
+    if (!has_pose) return;
+    for (const Outline& pole : poles) result.least_going_m = std::min(result.least_going_m, distance_to(pole, p_m));
+  };
+  std::vector<DubinsEnd> search;
+  for (int i = 0; i < 30; ++i) {
+    search.push_back({{random.uniform(-90.0, 90.0), random.uniform(-90.0, 90.0)}, std::nullopt, 1.0});
+  }
+  result.flight = simulation.fly({{0.0, 0.0}, random.uniform(-kPi, kPi)}, search);
+  return result;
+}
+
+TEST(CircumnavigationPoles, ArePassedWithTheClearanceThoughNoMapHasThem) {
+  double least_m = 1e9;
+  int held = 0;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    const PoleFlight one = fly_among_poles(seed, {}, {}, {}, 150.0);
+    std::printf("%d: %.2f m, held %.0f of %.0f s, %s\n", static_cast<int>(seed), one.flight.least_clearance_m,
+                one.flight.held_s, one.flight.time_s, one.flight.reason.c_str());
+    least_m = std::min(least_m, one.flight.least_clearance_m);
+    held += one.flight.held_s > 0.2 * one.flight.time_s ? 1 : 0;
+    EXPECT_TRUE(one.is_told);
+  }
+  EXPECT_GE(least_m, 2.7);
+  EXPECT_LE(held, 3);
+}
+
+TEST(CircumnavigationPoles, AreNotTouchedWhateverStops) {
+  int contacts = 0;
+  double least_m = 1e9, least_going_m = 1e9;
+  for (std::uint64_t seed = 101; seed <= 160; ++seed) {
+    Random random(seed + 5'000);
+    const auto outage = [&](double least_s, double most_s) {
+      const double from_s = random.uniform(10.0, 60.0);
+      return Outage{from_s, from_s + random.uniform(least_s, most_s)};
+    };
+    const Outage mapping = outage(5.0, 80.0), odometry = outage(1.0, 40.0);
+    const PoleFlight one = fly_among_poles(seed, mapping, odometry, {}, 120.0);
+    std::printf("%d: %.2f m, with a pose %.2f m, held %.0f of %.0f s\n", static_cast<int>(seed),
+                one.flight.least_clearance_m, one.least_going_m, one.flight.held_s, one.flight.time_s);
+    contacts += one.flight.least_clearance_m <= 0.3 ? 1 : 0;
+    least_m = std::min(least_m, one.flight.least_clearance_m);
+    least_going_m = std::min(least_going_m, one.least_going_m);
+    EXPECT_TRUE(one.is_told);
+  }
+  std::printf("%d contacts, least %.2f m, with a pose %.2f m\n", contacts, least_m, least_going_m);
+  EXPECT_EQ(contacts, 0);
 }
 
 TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {

@@ -105,6 +105,7 @@ struct MissionFlightParams {
   int beams = 541;            ///< of 270 degrees
   int scan_every = 2;         ///< steps of 50 ms from scan to scan
   double longest_s = 1500.0;  ///< of the flight
+  bool is_mapped = true;      ///< else the map has nothing on it, and is of now
   CircumnavigationParams mission;
   SplinegonPipelineParams pipeline;
 
@@ -176,24 +177,33 @@ class MissionSimulation {
           placement.v_world_m_s = velocity;
           placement.velocity_sigma_m_s = 0.05;
           const Eigen::Isometry3d T_odom_lidar = in_space(T_odom_base);
-          pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);
-          polygons_ = pipeline.polygons_in_world();
+          if (params_.is_mapped) {
+            pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);
+            polygons_ = pipeline.polygons_in_world();
+          }
+          blank_.stamp_ns = polygons_.stamp_ns = input.stamp_ns;
           sight_.T_world_sensor = T;
           sight_.hits_world_m.clear();
           for (std::size_t k = 0; k < ranges_m_.size(); ++k) {
             if (!(ranges_m_[k] < kReach_m)) continue;
             const double angle_rad = scan_.angle_min_rad + static_cast<double>(k) * scan_.angle_increment_rad;
-            sight_.hits_world_m.push_back(
-                T * Eigen::Vector2d(sight_.free_m[k] * std::cos(angle_rad), sight_.free_m[k] * std::sin(angle_rad)));
+            sight_.hits_world_m.emplace_back(sight_.free_m[k] * std::cos(angle_rad),
+                                             sight_.free_m[k] * std::sin(angle_rad));
           }
+          sight_of_base_ = sight_;
+          sight_of_base_.T_world_sensor = {};
+          for (Eigen::Vector2d& hit_m : sight_.hits_world_m) hit_m = T * hit_m;
           input.sight = &sight_;
         }
-        input.boundaries = &pipeline.splinegons();
+        input.heading_rad = heading_rad + yaw_error_rad;
+        input.boundaries = params_.is_mapped ? &pipeline.splinegons() : &blank_;
         input.polygons = &polygons_;
+        if (spoil) spoil(t_s, input, sight_of_base_);
         const double begin_us = thread_cpu_us();
         const MissionStep& step = mission.step(input);
         flight.step_us.push_back(thread_cpu_us() - begin_us);
-        told_1_m = step.curvature_1_m;
+        // Of the speed that the vehicle is told, as it turns with its own.
+        told_1_m = step.curvature_1_m * step.speed_m_s / velocity.norm();
         flight.greatest_path_1_m = std::max(flight.greatest_path_1_m, greatest_curvature_1_m(mission.path()));
         flight.laps = std::max(flight.laps, step.laps);
         flight.held_s += step.state == MissionState::kHold ? 2.0 * kControl_s : 0.0;
@@ -228,6 +238,8 @@ class MissionSimulation {
 
   std::function<void(double, const MissionInput&, const Circumnavigation&, const MissionStep&, const Eigen::Vector2d&)>
       on_step;
+  /// Spoils the input of a step. The sight, if there is one, is that in the frame of the vehicle's body, too.
+  std::function<void(double, MissionInput&, const FreeBeams&)> spoil;
 
  private:
   static Eigen::Isometry3d in_space(const Pose2& pose) {
@@ -295,7 +307,8 @@ class MissionSimulation {
   Random random_;
   Eigen::Vector2d wind_;
   Scan scan_;
-  FreeBeams sight_;
+  FreeBeams sight_, sight_of_base_;
+  Splinegons blank_;
   Polygons polygons_;
   std::vector<double> ranges_m_;
   std::vector<double> turned_rad_;  ///< around each tower

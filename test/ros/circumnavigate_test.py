@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodelet circumnavigate leads a vehicle to a place and around a boundary until that is closed, drops messages
-that cannot be used, and answers plan_dubins."""
+that cannot be used, holds where what it needs is missing, and answers plan_dubins."""
 import math
 import pathlib
 import sys
@@ -11,14 +11,18 @@ import rospy
 import rostest
 from geometry_msgs.msg import Point, Pose2D, Twist
 from nav_msgs.msg import Odometry, Path
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
+from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from fault_record import fault  # noqa: E402
-from ros_support import Diagnostics, Latest, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import MappedObjectArray, MappedSplinegon, MissionStatus, PolygonArray, SplinegonArray  # noqa: E402
+from fault_record import cell, fault  # noqa: E402
+from mission_faults import common, numbers, set_number, shifted  # noqa: E402
+from ros_support import Diagnostics, Latest, comes_true, transform_msg, wait_until  # noqa: E402
+from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MissionStatus,  # noqa: E402
+                                     PolygonArray, SplinegonArray)
 from situation_awareness.srv import PlanDubins  # noqa: E402
 
 STAGE = "circumnavigate"
@@ -50,15 +54,21 @@ class CircumnavigateTest(unittest.TestCase):
         cls.odometry = rospy.Publisher("odometry", Odometry, queue_size=100, tcp_nodelay=True)
         cls.splinegons = rospy.Publisher("splinegons", SplinegonArray, queue_size=10, tcp_nodelay=True)
         cls.scans = rospy.Publisher("scan", LaserScan, queue_size=10, tcp_nodelay=True)
+        cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10, tcp_nodelay=True)
+        cls.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10, tcp_nodelay=True)
+        cls.clock = rospy.Publisher("/clock", Clock, queue_size=10, tcp_nodelay=True)
+        cls.start = rospy.ServiceProxy("circumnavigate/start", Trigger)
         cls.tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
         cls.tf_static.publish(transform_msg(rospy.Time(1), parent="base_link"))
         cls.plan = rospy.ServiceProxy("plan_dubins", PlanDubins)
         cls.plan.wait_for_service(60.0)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (
-            cls.odometry, cls.splinegons, cls.scans, cls.tf_static, cls.status.subscriber, cls.command.subscriber)),
+            cls.odometry, cls.splinegons, cls.scans, cls.polygons, cls.objects, cls.clock, cls.tf_static,
+            cls.status.subscriber, cls.command.subscriber)),
                    60.0, "the nodelet")
         cls.x = cls.y = cls.yaw = 0.0
-        cls.t = 1000.0
+        cls.t = 10000.0
+        cls.boundaries = []
 
     def odometry_msg(self):
         msg = Odometry(child_frame_id="base_link")
@@ -71,24 +81,74 @@ class CircumnavigateTest(unittest.TestCase):
             msg.pose.covariance[7 * i] = msg.twist.covariance[7 * i] = 1e-4
         return msg
 
-    def step(self):
-        """One step, in which the vehicle does as it is told. Sees 30 m all around and hits nothing."""
+    def scan_msg(self):
+        """Sees 30 m all around, and the box, if there is one."""
         scan = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=math.pi / 180, range_min=0.1,
-                         range_max=30.0, ranges=[math.inf] * 361)
-        scan.header.frame_id = "lidar"
+                         range_max=30.0)
+        for i in range(361):
+            angle = self.yaw + scan.angle_min + i * scan.angle_increment
+            scan.ranges.append(self.range_to_box(math.cos(angle), math.sin(angle)) if self.boundaries else math.inf)
+        scan.header.frame_id, scan.header.stamp = "lidar", rospy.Time.from_sec(self.t)
+        return scan
+
+    def range_to_box(self, ux, uy):
+        """Along a direction, to the box of square(); where the sides' slabs overlap."""
+        near, far = 0.0, math.inf
+        for u, p, low, high in ((ux, self.x, 55.0, 65.0), (uy, self.y, -5.0, 5.0)):
+            if abs(u) < 1e-9:
+                if not low < p < high:
+                    return math.inf
+                continue
+            ends = sorted(((low - p) / u, (high - p) / u))
+            near, far = max(near, ends[0]), min(far, ends[1])
+        return near if near < far else math.inf
+
+    def map_msg(self, kind):
+        msg = kind()
+        msg.header.frame_id, msg.header.stamp = "map", rospy.Time.from_sec(self.t)
+        return msg
+
+    def send(self, spoil=None):
+        """All inputs of a step, but for what `spoil` makes of them, by name."""
         type(self).t += PERIOD
-        scan.header.stamp = rospy.Time.from_sec(self.t)
-        self.scans.publish(scan)
-        self.odometry.publish(self.odometry_msg())
+        self.clock.publish(Clock(rospy.Time.from_sec(self.t)))
+        splinegons = self.map_msg(SplinegonArray)
+        splinegons.splinegons = list(self.boundaries)
+        messages = {"scan": (self.scans, self.scan_msg()), "splinegons": (self.splinegons, splinegons)}
+        for name, (publisher, kind) in {"polygons": (self.polygons, PolygonArray),
+                                        "objects": (self.objects, MappedObjectArray)}.items():
+            if name in self.others:
+                messages[name] = (publisher, self.map_msg(kind))
+        messages["odometry"] = (self.odometry, self.odometry_msg())
+        for name, (publisher, msg) in messages.items():
+            msg = (spoil or {}).get(name, lambda msg: msg)(msg)
+            if msg is not None:
+                publisher.publish(msg)
+
+    others = ()
+
+    def move(self, turn_rate):
+        cls = type(self)
+        cls.yaw += turn_rate * PERIOD
+        cls.x += SPEED * PERIOD * math.cos(self.yaw)
+        cls.y += SPEED * PERIOD * math.sin(self.yaw)
+
+    def step(self):
+        """One step, in which the vehicle does as it is told."""
+        self.send()
         stamp = rospy.Time.from_sec(self.t)
         wait_until(lambda: self.status.messages and self.status.messages[-1].header.stamp == stamp, 10.0, "a step")
         status = self.status.messages[-1]
         self.assertLessEqual(abs(status.curvature), 1.0 / 6.0 + 1e-12)
-        cls = type(self)
-        cls.yaw += status.curvature * SPEED * PERIOD
-        cls.x += SPEED * PERIOD * math.cos(self.yaw)
-        cls.y += SPEED * PERIOD * math.sin(self.yaw)
+        self.move(status.curvature * SPEED)
         return status
+
+    def step_until(self, state, steps=100):
+        for _ in range(steps):
+            status = self.step()
+            if status.state == state:
+                return status
+        self.fail(status.reason)
 
     def count(self, key):
         return self.diagnostics.count(f"/{STAGE}", key) + self.diagnostics.count(STAGE, key)
@@ -98,6 +158,10 @@ class CircumnavigateTest(unittest.TestCase):
         before = self.count(key)
         act()
         wait_until(lambda: self.count(key) > before, 20.0, key)
+
+    def maps(self, *boundaries):
+        """Published from now on."""
+        type(self).boundaries = boundaries
 
     def publish(self, *boundaries, frame="map"):
         msg = SplinegonArray(splinegons=list(boundaries))
@@ -127,11 +191,12 @@ class CircumnavigateTest(unittest.TestCase):
                                    goal_radius=2.0).success)
 
     def test_2_goes_around_what_it_finds(self):
-        status = self.step()
-        self.assertEqual(status.state, MissionStatus.SEARCH, status.reason)
+        # A turn before there is odometry.
+        wait_until(lambda: self.command.messages, 20.0, "a command")
+        self.assertEqual((self.command.messages[-1].linear.x, self.command.messages[-1].angular.z), (0.0, 0.45))
+        status = self.step_until(MissionStatus.SEARCH, 20)
         self.assertEqual(status.reason, "on the way to place 1 of 1")
-        self.publish(square(5, False, 0.1))
-        wait_until(lambda: self.count("boundaries") == 1, 20.0, "the boundary")
+        self.maps(square(5, False, 0.1))
         states = set()
         for _ in range(150):
             status = self.step()
@@ -140,8 +205,7 @@ class CircumnavigateTest(unittest.TestCase):
         self.assertEqual(status.target, 5)
         self.assertEqual(status.reason, "boundary 5 is open")
         self.assertGreater(status.clearance, 3.0)
-        self.publish(square(5, True, 0.1))
-        wait_until(lambda: self.count("closed") == 1, 20.0, "the boundary, closed")
+        self.maps(square(5, True, 0.1))
         # Done when it stays so for 3 s; its place of the search is within the boundary.
         for _ in range(20):
             status = self.step()
@@ -154,8 +218,11 @@ class CircumnavigateTest(unittest.TestCase):
         wait_until(lambda: self.markers.messages, 20.0, "markers")
         self.assertEqual({marker.ns for marker in self.markers.messages[-1].markers},
                          {"path", "way_out", "orbit", "clearance", "clearance_text"})
-        wait_until(lambda: len(self.command.messages) == len(self.status.messages), 20.0, "a command for each step")
-        for command, told in zip(self.command.messages, self.status.messages):
+        def commands():
+            return [command for command in self.command.messages if command.linear.x > 0.0]
+
+        wait_until(lambda: len(commands()) == len(self.status.messages), 20.0, "a command for each step")
+        for command, told in zip(commands(), self.status.messages):
             self.assertAlmostEqual(command.linear.x, SPEED, 12)
             self.assertAlmostEqual(command.angular.z, told.curvature * SPEED, 12)
 
@@ -194,16 +261,14 @@ class CircumnavigateTest(unittest.TestCase):
     def test_4_drops_maps_that_cannot_be_used(self):
         self.counts("dropped: bad map", lambda: self.publish(square(9, True, 0.1), frame="elsewhere"))
         self.counts("dropped: bad map", lambda: self.publish(square(9, True, math.nan)))
-        for topic, kind in (("polygons", PolygonArray), ("objects", MappedObjectArray)):
-            publisher = rospy.Publisher(topic, kind, queue_size=1)
-            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0, 20.0, topic)
+        for publisher, kind in ((self.polygons, PolygonArray), (self.objects, MappedObjectArray)):
             msg = kind()
             msg.header.frame_id = "elsewhere"
             self.counts("dropped: bad map", lambda publisher=publisher, msg=msg: publisher.publish(msg))
         self.assertEqual(self.step().done, 1)
 
-    @fault("scans that cannot be used", "no beam, a stamp without odometry, no mounting in TF",
-           "each is counted by its reason; the mission goes on", times=3)
+    @fault("scans that cannot be used", "no beam, a stamp without odometry, one 5 s ahead, no mounting in TF",
+           "each is counted by its reason; the mission goes on", times=4)
     def test_5_drops_scans_that_cannot_be_used(self):
         def scan(frame="lidar", late_s=0.0, beams=361):
             msg = LaserScan(angle_min=-math.pi, angle_max=math.pi, angle_increment=math.pi / 180, range_min=0.1,
@@ -214,17 +279,182 @@ class CircumnavigateTest(unittest.TestCase):
 
         self.step()
         self.counts("scans not used: no transform", scan(frame="nowhere"))
-        self.counts("scans not used: no odometry", scan(late_s=5.0))
+        self.counts("scans not used: no odometry", scan(late_s=0.3))
+        self.counts("scans not used: of another time", scan(late_s=5.0))
         self.counts("scans not used: bad scan: empty scan", scan(beams=0))
         self.assertEqual(self.step().done, 1)
 
-    @fault("time is reset", "stamps 500 s back", "a new mission: boundaries come anew")
-    def test_6_begins_anew_when_time_is_reset(self):
+    @fault("time is reset", "stamps 500 s back", "the mission goes on, with all that it knows: it holds until maps come")
+    def test_6_goes_on_when_time_is_reset(self):
+        done = self.step().done
         type(self).t -= 500.0
-        self.counts("time jumped back: new mission", self.step)
-        status = self.step()
-        self.assertEqual(status.done, 0)
-        self.assertNotEqual(status.state, MissionStatus.DONE)
+        self.counts("time jumped back: the mission goes on", lambda: [self.send() for _ in range(20)])
+        status = self.step_until(MissionStatus.DONE)
+        self.assertEqual(status.done, done)
+
+    # --- cells of the table of docs/reliability.md
+
+    def begin(self, pose=(0.0, 0.0, 0.0), boundaries=(), spoil=None):
+        """A new mission, all of whose inputs but those of `spoil` are there."""
+        cls = type(self)
+        cls.x, cls.y, cls.yaw = pose
+        cls.boundaries, cls.others = list(boundaries), ("polygons", "objects")
+        self.assertTrue(self.start().success)
+        return [self.reacts(spoil) for _ in range(15)][-1]
+
+    def reacts(self, spoil):
+        """Of a step whose inputs may be spoilt, the state; a command comes in any case, though not at once."""
+        before = len(self.status.messages)
+        self.send(spoil)
+        comes_true(lambda: len(self.status.messages) > before, 1.0)
+        self.move(self.command.messages[-1].angular.z)
+        return self.status.messages[-1].state
+
+    def setUp(self):
+        self.failed = []  # cells: the test goes on with the others
+
+    def tearDown(self):
+        self.assertEqual(self.failed, [])
+
+    def check(self, input_, name, act, expected, does, **begin):
+        try:
+            with cell("circumnavigate", input_, name, does):
+                self.fly_with(input_, name, act, expected, **begin)
+        except AssertionError as error:
+            self.failed.append(f"{input_}, {name}: {error}")
+
+    def fly_with(self, input_, name, act, expected, **begin):
+        """A mission in whose flight the fault is for 4 s: it holds, for the expected reason, or `goes on`, and it goes on
+        afterwards."""
+        spoil = {input_: act}
+        from_begin = name == "never came"
+        self.begin(spoil=spoil if from_begin else None, **begin)
+        commands = len(self.command.messages)
+        states = [self.reacts(spoil) for _ in range(40)]
+        self.assertGreater(len(self.command.messages), commands + 30)
+        reason = self.status.messages[-1].reason
+        for told in self.command.messages[commands:]:
+            self.assertTrue(math.isfinite(told.angular.z) and told.linear.x > 0.0, told)
+        if expected == "goes on":
+            self.assertNotIn(MissionStatus.HOLD, states, reason)
+        else:
+            self.assertEqual(states[-1], MissionStatus.HOLD)
+            self.assertIn(expected, reason)
+        if from_begin and expected != "goes on":
+            return
+        type(self).boundaries = []
+        self.assertTrue(any(self.reacts(None) != MissionStatus.HOLD for _ in range(60)),
+                        self.status.messages[-1].reason)
+
+    def check_all(self, input_, faults, outcomes, **begin):
+        for name, act in faults.items():
+            self.check(input_, name, act, *outcomes[name], **begin)
+
+    def test_7_faults_of_scans(self):
+        def sees_nothing(msg):
+            return set_number(msg, "ranges", [math.inf] * 361)
+
+        holds = ("no scan that can be used", "holds after 1 s, on a circle that was seen to be free")
+
+        def hit(msg):
+            """A wall behind, so that the scan is one with hits."""
+            return set_number(msg, "ranges", [12.0 + 0.01 * i if i < 20 else r for i, r in enumerate(msg.ranges)])
+
+        faults = common()
+        del faults["killed"]
+        frozen_scan = faults["frozen"]
+        faults["frozen"] = lambda msg: frozen_scan(hit(msg))
+        for name, value in (("NaN", math.nan), ("inf", math.inf), ("-1", -1.0)):
+            faults[name] = lambda msg, value=value: set_number(msg, "ranges", [value] * 361)
+        faults["empty"] = lambda msg: set_number(msg, "ranges", [])
+        outcomes = dict.fromkeys(faults, holds)
+        outcomes["inf"] = ("goes on", "as no return: flies on, while beams go on behind nothing that is mapped")
+        self.check_all("scan", faults, outcomes)
+        # A box 25 m ahead, which the beams pass.
+        self.check("scan", "contradicts another input", sees_nothing, *holds, pose=(30.0, 0.0, 0.0),
+                   boundaries=[square(5, False, 0.1)])
+
+    def test_7_faults_of_splinegons(self):
+        holds = ("no boundaries", "holds after 2 s, on a circle that was seen to be free; hits count")
+        goes_on = ("goes on", "flies on; hits on no map count, however few")
+
+        def first(msg):
+            return set_number(msg, "splinegons", [square(5, True, 0.1)])
+
+        faults = common()
+        del faults["killed"]
+        for name, act in numbers("splinegons[0].vertices[0].x", ("NaN", "inf")).items():
+            faults[name] = lambda msg, act=act: act(first(msg))
+        faults["-1"] = lambda msg: numbers("splinegons[0].sigma_m[0]")["-1"](first(msg))
+        faults["empty"] = lambda msg: msg
+        outcomes = dict.fromkeys(faults, holds)
+        outcomes.update({"frozen": goes_on, "empty": goes_on,
+                         "late by 1 s": ("goes on", "flies on: not older than 2 s")})
+        self.check_all("splinegons", faults, outcomes)
+        self.check("splinegons", "contradicts another input",
+                   lambda msg: set_number(msg, "splinegons", [square(5, False, 0.1)]), "no scan that can be used",
+                   "holds: scans that go on behind a boundary are not used", pose=(30.0, 0.0, 0.0))
+
+    def test_7_faults_of_polygons(self):
+        holds = ("no polygons", "holds after 2 s, on a circle that was seen to be free; hits count")
+        goes_on = ("goes on", "flies on; hits on no map count, however few")
+
+        def wall(msg, x=25.0):
+            return set_number(msg, "polygons", [MappedPolygon(id=3, vertices=[Point(x, -9, 0), Point(x, 9, 0)],
+                                                              sigma_m=[0.05, 0.05], p_exists=1.0)])
+
+        faults = common()
+        del faults["killed"]
+        for name, act in numbers("polygons[0].vertices[0].x", ("NaN", "inf")).items():
+            faults[name] = lambda msg, act=act: act(wall(msg))
+        faults["-1"] = lambda msg: numbers("polygons[0].sigma_m[0]")["-1"](wall(msg))
+        faults["empty"] = lambda msg: msg
+        outcomes = dict.fromkeys(faults, holds)
+        outcomes.update({"never came": goes_on, "frozen": goes_on, "empty": goes_on,
+                         "late by 1 s": ("goes on", "flies on: not older than 2 s")})
+        self.check_all("polygons", faults, outcomes)
+        self.check("polygons", "contradicts another input", wall, "no scan that can be used",
+                   "holds: scans that go on behind a chain are not used")
+
+    def test_7_faults_of_objects(self):
+        stays = ("goes on", "flies on; what was mapped stays an obstacle, hits on no map count")
+
+        def column(msg, x=200.0):
+            thing = MappedObject(id=4, rx=2.0, ry=2.0, p_exists=1.0)
+            thing.pose.position.x, thing.pose.orientation.w = x, 1.0
+            for i in range(8):
+                thing.covariance[9 * i] = 0.01
+            return set_number(msg, "objects", [thing])
+
+        faults = common()
+        del faults["killed"]
+        for name, act in numbers("objects[0].rx").items():
+            faults[name] = lambda msg, act=act: act(column(msg))
+        faults["empty"] = lambda msg: msg
+        self.check_all("objects", faults, dict.fromkeys(faults, stays))
+        self.check("objects", "contradicts another input",
+                   lambda msg: set_number(column(msg, 28.0), "objects[0].ry", 2.0), "no scan that can be used",
+                   "holds: scans that go on behind an object are not used")
+
+    def test_7_faults_of_odometry(self):
+        lost = ("no odometry", "after .3 s a circle by dead reckoning, away from what the scans hit; holds until it is back")
+        faults = common()
+        del faults["killed"], faults["never came"]
+        faults.update({name: act for name, act in numbers("pose.pose.position.x", ("NaN", "inf")).items()})
+        faults["-1"] = lambda msg: numbers("pose.covariance[7]")["-1"](
+            set_number(msg, "pose.covariance", list(msg.pose.covariance)))
+        outcomes = dict.fromkeys(faults, lost)
+        outcomes["frozen"] = ("does not move as it says", "holds after 2 m of flight: a circle by dead reckoning")
+        self.check_all("odometry", faults, outcomes)
+        # A pose 30 m beside the path: the vehicle is not on that any more.
+        with cell("circumnavigate", "odometry", "contradicts another input",
+                  "a pose that jumps off the path: another path from there, through what was seen to be free, or holds"):
+            self.begin()
+            before = len(self.path.messages)
+            self.reacts({"odometry": lambda msg: set_number(msg, "pose.pose.position.y", 30.0)})
+            wait_until(lambda: len(self.path.messages) > before, 10.0, "another path")
+            self.assertGreater(self.path.messages[-1].poses[0].pose.position.y, 20.0)
+            self.step_until(MissionStatus.SEARCH)
 
 
 if __name__ == "__main__":

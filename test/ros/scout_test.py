@@ -1,26 +1,27 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""The nodelet scout leads a vehicle to near views of what its camera finds, and home in its budget; it drops messages
-that cannot be used."""
+"""The nodelet scout leads a vehicle to near views of what its camera finds, and home in its budget, whatever the stamps
+say; it drops messages that cannot be used."""
 import math
 import pathlib
 import sys
-import time
 import unittest
 
 import rospy
 import rostest
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from fault_record import fault  # noqa: E402
-from ros_support import Diagnostics, Latest, wait_until  # noqa: E402
-from situation_awareness.msg import (MappedObjectArray, MappedPolygon, MappedTarget, PolygonArray, ScoutStatus,  # noqa: E402
-                                     SplinegonArray, TargetArray)
+from fault_record import cell, fault  # noqa: E402
+from mission_faults import common, numbers, set_number  # noqa: E402
+from ros_support import Diagnostics, Latest, comes_true, wait_until  # noqa: E402
+from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MappedTarget,  # noqa: E402
+                                     PolygonArray, ScoutStatus, SplinegonArray, TargetArray)
 
 STAGE = "scout"
 SPEED, YAW_RATE, PERIOD = 6.0, 0.6, 0.25
@@ -39,13 +40,17 @@ class ScoutTest(unittest.TestCase):
         cls.targets = rospy.Publisher("targets", TargetArray, queue_size=100, tcp_nodelay=True)
         cls.grid = rospy.Publisher("grid", OccupancyGrid, queue_size=10, tcp_nodelay=True)
         cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10, tcp_nodelay=True)
+        cls.splinegons = rospy.Publisher("splinegons", SplinegonArray, queue_size=10, tcp_nodelay=True)
+        cls.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10, tcp_nodelay=True)
+        cls.clock = rospy.Publisher("/clock", Clock, queue_size=10, tcp_nodelay=True)
         cls.start = rospy.ServiceProxy("scout/start", Trigger)
         cls.go_home = rospy.ServiceProxy("scout/go_home", Trigger)
         cls.start.wait_for_service(60.0)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (
-            cls.odometry, cls.targets, cls.grid, cls.polygons, cls.status.subscriber, cls.go_to.subscriber)),
+            cls.odometry, cls.targets, cls.grid, cls.polygons, cls.splinegons, cls.objects, cls.clock,
+            cls.status.subscriber, cls.go_to.subscriber)),
                    60.0, "the nodelet")
-        cls.t = 1000.0
+        cls.t = 10000.0
         cls.p, cls.yaw = list(HOME), 0.0
         cls.seen = [0] * len(CARS)
         cls.flown = []
@@ -67,18 +72,34 @@ class ScoutTest(unittest.TestCase):
                                                 area=8.0, probability=0.9))
         return msg
 
-    def look(self):
-        """An image of what is in front."""
+    def look_at(self):
+        """What is in front is shown by another image."""
         for i, (x, y) in enumerate(CARS):
             off = math.atan2(y - self.p[1], x - self.p[0]) - self.yaw
             if abs(math.remainder(off, 2 * math.pi)) < VIEW and math.dist((x, y), self.p[:2]) < REACH:
                 self.seen[i] += 1
+
+    def look(self):
+        """An image."""
+        self.look_at()
         self.targets.publish(self.targets_msg())
+
+    def tick(self, seconds=PERIOD):
+        type(self).t += seconds
+        self.clock.publish(Clock(rospy.Time.from_sec(self.t)))
+
+    def fly(self, goal):
+        """Towards a pose, for one step."""
+        to = [goal.position.x - self.p[0], goal.position.y - self.p[1], goal.position.z - self.p[2]]
+        part = min(1.0, SPEED * PERIOD / max(math.hypot(*to), 1e-9))
+        cls = type(self)
+        cls.p = [p + part * d for p, d in zip(self.p, to)]
+        turn = math.remainder(2 * math.atan2(goal.orientation.z, goal.orientation.w) - self.yaw, 2 * math.pi)
+        cls.yaw = self.yaw + max(-YAW_RATE * PERIOD, min(YAW_RATE * PERIOD, turn))
 
     def step(self, looks=True):
         """One step, in which the vehicle does as it is told."""
-        cls = type(self)
-        cls.t += PERIOD
+        self.tick()
         self.odometry.publish(self.odometry_msg())
         stamp = rospy.Time.from_sec(self.t)
         wait_until(lambda: self.status.messages and self.status.messages[-1].header.stamp == stamp, 20.0, "a step")
@@ -88,12 +109,7 @@ class ScoutTest(unittest.TestCase):
         if status.state != ScoutStatus.HOLD:
             wait_until(lambda: self.go_to.messages and self.go_to.messages[-1].header.stamp == stamp, 20.0,
                        "where to go")
-            goal = self.go_to.messages[-1].pose
-            to = [goal.position.x - self.p[0], goal.position.y - self.p[1], goal.position.z - self.p[2]]
-            part = min(1.0, SPEED * PERIOD / max(math.hypot(*to), 1e-9))
-            cls.p = [p + part * d for p, d in zip(self.p, to)]
-            turn = math.remainder(2 * math.atan2(goal.orientation.z, goal.orientation.w) - self.yaw, 2 * math.pi)
-            cls.yaw = self.yaw + max(-YAW_RATE * PERIOD, min(YAW_RATE * PERIOD, turn))
+            self.fly(self.go_to.messages[-1].pose)
         self.flown.append(tuple(self.p))
         return status
 
@@ -105,6 +121,13 @@ class ScoutTest(unittest.TestCase):
         before = self.count(key)
         act()
         wait_until(lambda: self.count(key) > before, 20.0, key)
+
+    def knows(self, msg, publisher):
+        """The nodelet has the map: it drops the next one, which cannot be used."""
+        publisher.publish(msg)
+        bad = type(msg)()
+        bad.header.frame_id = "elsewhere"
+        self.counts("dropped: bad map", lambda: publisher.publish(bad))
 
     def test_1_waits_for_targets(self):
         self.assertFalse(self.go_home().success)
@@ -142,7 +165,7 @@ class ScoutTest(unittest.TestCase):
         polygons = PolygonArray(polygons=[wall])
         polygons.header.frame_id, polygons.header.stamp = "map", rospy.Time.from_sec(self.t)
         self.polygons.publish(polygons)
-        time.sleep(0.5)  # the nodelet has it before it begins
+        self.knows(polygons, self.polygons)  # before it begins
         self.assertTrue(self.start().success)
         first = len(self.flown)
         crossed = False
@@ -212,24 +235,195 @@ class ScoutTest(unittest.TestCase):
                     grid(lambda msg: setattr(msg.info.origin.position, "x", 0.2)),
                     grid(lambda msg: msg.data.__setitem__(1, 101))):
             self.counts("dropped: bad map", act)
-        for topic, kind in (("objects", MappedObjectArray), ("splinegons", SplinegonArray)):
-            publisher = rospy.Publisher(topic, kind, queue_size=1)
-            wait_until(lambda publisher=publisher: publisher.get_num_connections() > 0, 20.0, topic)
+        for publisher, kind in ((self.objects, MappedObjectArray), (self.splinegons, SplinegonArray)):
             msg = kind()
             msg.header.frame_id = "elsewhere"
             self.counts("dropped: bad map", lambda publisher=publisher, msg=msg: publisher.publish(msg))
         grid(lambda msg: None)()
         self.assertEqual(self.step().targets, 2)
 
-    @fault("time is reset in a scouting mission", "stamps 500 s back", "a new mission, after the next targets", times=1)
-    def test_6_begins_anew_when_time_is_reset(self):
+    def begin(self, p=HOME):
         cls = type(self)
-        cls.t -= 500.0
-        self.counts("time jumped back: new mission", lambda: self.step(looks=False))
-        self.assertEqual(self.status.messages[-1].reason, "no targets yet")
+        cls.p, cls.yaw, cls.seen = list(p), 0.0, [0] * len(CARS)
+        self.assertTrue(self.start().success)
         self.look()
-        wait_until(lambda: self.step(looks=False).state != ScoutStatus.HOLD, 20.0, "the begin")
-        self.assertLess(self.status.messages[-1].elapsed, 5.0)
+        for _ in range(12):
+            status = self.step()
+        self.assertIn(status.state, (ScoutStatus.SCOUT, ScoutStatus.CLOSE_UP), status.reason)
+
+    def comes_home(self, home=HOME, longest=150.0):
+        """When told to."""
+        self.assertTrue(self.go_home().success)
+        end = self.t + longest
+        while self.step().state != ScoutStatus.DONE:
+            self.assertLess(self.t, end)
+        self.assertLess(math.dist(self.p[:2], home[:2]), 3.0)
+
+    @fault("time is reset in a scouting mission", "stamps 500 s back", "the mission goes on: home and budget are as before",
+           times=1)
+    def test_6_goes_on_when_time_is_reset(self):
+        self.begin()
+        before = self.step()
+        self.clock.publish(Clock(rospy.Time.from_sec(self.t - 500.0)))
+        type(self).t -= 500.0
+        self.counts("time jumped back: the mission goes on",
+                    lambda: [(self.tick(), self.odometry.publish(self.odometry_msg())) for _ in range(8)])
+        self.look()
+        status = self.step()
+        self.assertGreaterEqual(status.elapsed, before.elapsed)
+        self.assertLess(status.elapsed, before.elapsed + 5.0)
+        self.comes_home()
+
+    @fault("one stamp of odometry is wrong in a scouting mission", "2 s and 1 h ahead, 5 s and 1 h back",
+           "home and budget are as before", times=4)
+    def test_6_one_stamp_moves_nothing(self):
+        self.begin()
+        for off in (2.0, 3600.0, -5.0, -3600.0):
+            before = self.step()
+            msg = self.odometry_msg()
+            msg.header.stamp += rospy.Duration(off)
+            self.odometry.publish(msg)
+            for _ in range(4):
+                status = self.step()
+            self.assertLess(status.elapsed, before.elapsed + 3.1)
+            self.assertNotEqual(status.state, ScoutStatus.HOLD, status.reason)
+        self.comes_home()
+
+    # --- cells of the table of docs/reliability.md
+
+    def setUp(self):
+        self.failed = []  # cells: the test goes on with the others
+
+    def tearDown(self):
+        self.assertEqual(self.failed, [])
+
+    def reacts(self, spoil, others):
+        """A step whose inputs may be spoilt; the status, or that before where there is none."""
+        self.tick()
+        before = len(self.status.messages)
+        odometry = spoil.get("odometry", lambda msg: msg)(self.odometry_msg())
+        if odometry is not None:
+            self.odometry.publish(odometry)
+        comes_true(lambda: len(self.status.messages) > before, 20.0 if "odometry" not in spoil else 0.2)
+        kinds = {"targets": (self.targets, self.targets_msg), "grid": (self.grid, self.grid_msg),
+                 "splinegons": (self.splinegons, lambda: self.map_msg(SplinegonArray)),
+                 "polygons": (self.polygons, lambda: self.map_msg(PolygonArray)),
+                 "objects": (self.objects, lambda: self.map_msg(MappedObjectArray))}
+        for name, (publisher, make) in kinds.items():
+            if name != "targets" and name not in others:
+                continue
+            if name == "targets":
+                self.look_at()
+            msg = spoil.get(name, lambda msg: msg)(make())
+            if msg is not None:
+                publisher.publish(msg)
+        if self.go_to.messages:
+            self.fly(self.go_to.messages[-1].pose)
+        return self.status.messages[-1]
+
+    def map_msg(self, kind):
+        msg = kind()
+        msg.header.frame_id, msg.header.stamp = "map", rospy.Time.from_sec(self.t)
+        return msg
+
+    def grid_msg(self):
+        msg = self.map_msg(OccupancyGrid)
+        msg.data = [0, -1, 100, 50]
+        msg.info.resolution, msg.info.width, msg.info.height, msg.info.origin.orientation.w = 0.5, 2, 2, 1.0
+        return msg
+
+    def check(self, input_, name, act, expected, does):
+        """The fault is there for 10 s of a mission: the vehicle `holds`, for the expected reason, or `goes on`; then it goes
+        on, and home is where it was."""
+        try:
+            with cell("scout", input_, name, does):
+                others, spoil = (input_,), {input_: act}
+                self.begin()
+                elapsed, begin = self.status.messages[-1].elapsed, self.t
+                states = [self.reacts(spoil, others) for _ in range(40)]
+                if expected == "goes on":
+                    self.assertNotIn(ScoutStatus.HOLD, [status.state for status in states], states[-1].reason)
+                elif expected == "nothing":
+                    self.assertEqual(len({status.header.stamp for status in states}), 1)
+                else:
+                    self.assertEqual(states[-1].state, ScoutStatus.HOLD)
+                    self.assertIn(expected, states[-1].reason)
+                for _ in range(6):
+                    status = self.reacts({}, others)
+                self.assertNotEqual(status.state, ScoutStatus.HOLD, status.reason)
+                self.assertAlmostEqual(status.elapsed - elapsed, self.t - begin, delta=0.6)
+                self.comes_home()
+        except AssertionError as error:
+            self.failed.append(f"{input_}, {name}: {error}")
+
+    def check_all(self, input_, faults, outcomes):
+        for name, act in faults.items():
+            self.check(input_, name, act, *outcomes[name])
+
+    def test_7_faults_of_targets(self):
+        holds = ("no image is mapped", "holds after 5 s where it is, until the way home is due")
+        faults = common()
+        for name, act in numbers("targets[0].covariance[0]").items():
+            faults[name] = lambda msg, act=act: act(set_number(msg, "targets", [
+                MappedTarget(id=9, covariance=[0.01, 0, 0, 0.01], area=8.0, probability=0.9)]))
+        faults["empty"] = lambda msg: set_number(msg, "targets", [])
+        outcomes = dict.fromkeys(faults, holds)
+        outcomes.update({"frozen": ("goes on", "flies on: what was found stays"),
+                         "late by 1 s": ("goes on", "flies on: an image counts from where it was taken"),
+                         "2 s ahead": ("goes on", "flies on; counted: no odometry of that time, so no image"),
+                         "empty": ("goes on", "flies on: nothing was found")})
+        del faults["never came"], faults["killed"]
+        self.check_all("targets", faults, outcomes)
+
+    def test_7_faults_of_grids(self):
+        goes_on = ("goes on", "flies on, by what it had: the grid says where to look, not where to fly")
+        faults = common()
+        del faults["killed"]
+        faults.update(numbers("info.resolution"))
+        faults["empty"] = lambda msg: set_number(set_number(set_number(msg, "data", []), "info.width", 0),
+                                                 "info.height", 0)
+        faults["contradicts another input"] = lambda msg: set_number(msg, "data", [100, 100, 100, 100])
+        self.check_all("grid", faults, dict.fromkeys(faults, goes_on))
+
+    def test_7_faults_of_maps(self):
+        goes_on = ("goes on", "flies on; what was mapped stays an obstacle")
+
+        def boundary(msg):
+            points = [Point(x, y, 0) for x, y in ((400, 0), (410, 0), (410, 10), (400, 10))]
+            return set_number(msg, "splinegons", [MappedSplinegon(id=5, closed=True, vertices=points, bulge=[0.0] * 4,
+                                                                  sigma_m=[0.1] * 4, corner=[True] * 4)])
+
+        def wall(msg):
+            return set_number(msg, "polygons", [MappedPolygon(id=3, vertices=[Point(400, -9, 0), Point(400, 9, 0)],
+                                                              sigma_m=[0.05, 0.05], p_exists=1.0)])
+
+        def column(msg):
+            thing = MappedObject(id=4, rx=2.0, ry=2.0, p_exists=1.0)
+            thing.pose.position.x, thing.pose.orientation.w = 400.0, 1.0
+            for i in range(8):
+                thing.covariance[9 * i] = 0.01
+            return set_number(msg, "objects", [thing])
+
+        for name, fill, number, minus in (
+                ("splinegons", boundary, "splinegons[0].vertices[0].x", "splinegons[0].sigma_m[0]"),
+                ("polygons", wall, "polygons[0].vertices[0].x", "polygons[0].sigma_m[0]"),
+                ("objects", column, "objects[0].rx", "objects[0].rx")):
+            faults = {fault_: lambda msg, act=act: act(fill(msg)) for fault_, act in common().items()
+                      if fault_ not in ("never came", "stopped", "killed")}
+            faults["never came"] = faults["stopped"] = lambda msg: None
+            for fault_, act in {**numbers(number, ("NaN", "inf")), **numbers(minus, ("-1",))}.items():
+                faults[fault_] = lambda msg, act=act, fill=fill: act(fill(msg))
+            faults["empty"] = lambda msg: msg
+            self.check_all(name, faults, dict.fromkeys(faults, goes_on))
+
+    def test_7_faults_of_odometry(self):
+        stays = ("nothing", "nothing is told: the autopilot holds its last goal; the budget goes on")
+        faults = common()
+        del faults["killed"], faults["never came"]
+        faults.update(numbers("pose.pose.position.x", ("NaN", "inf")))
+        outcomes = dict.fromkeys(faults, stays)
+        outcomes["frozen"] = ("goes on", "told to go on from there; its budget ends, and it is told to go home")
+        self.check_all("odometry", faults, outcomes)
 
 
 if __name__ == "__main__":

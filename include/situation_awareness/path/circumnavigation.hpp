@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,8 @@
 #include "situation_awareness/map/splinegons/splinegons.hpp"
 #include "situation_awareness/path/avoidance.hpp"
 #include "situation_awareness/path/dubins_following.hpp"
+#include "situation_awareness/path/hit_memory.hpp"
+#include "situation_awareness/path/mission_clock.hpp"
 #include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/path/seen_area.hpp"
 #include "situation_awareness/path/segment_path.hpp"
@@ -34,6 +37,8 @@ struct CircumnavigationParams {
   double replan_s = 1.0;
   double patience_s = 60.0;
   double start_free_m = 20.0;
+  double max_map_age_s = 2.0;
+  double max_scan_age_s = 1.0;
   double sight_spacing_m = 2.0;
   int sights = 100;
 
@@ -55,6 +60,9 @@ struct CircumnavigationParams {
           "around");
     visit("start_free_m", self.start_free_m, Bounds{0.0, 10000.0}, "m",
           "radius around the first pose that is known to be free: the vehicle turns there");
+    visit("max_map_age_s", self.max_map_age_s, Bounds{0.1, 100.0}, "s",
+          "the vehicle holds where boundaries, or polygons that have come, are older");
+    visit("max_scan_age_s", self.max_scan_age_s, Bounds{0.1, 100.0}, "s", "the vehicle holds where scans are older");
     visit("sight_spacing_m", self.sight_spacing_m, Bounds{0.1, 100.0}, "m",
           "distance of the places of which it is remembered what was seen from there");
     visit("sights", self.sights, Bounds{2, 100000}, "", "number of them");
@@ -67,15 +75,19 @@ struct CircumnavigationParams {
 /// What a step of the mission knows. All of about the same time, in the world. What is null is not there.
 struct MissionInput {
   std::int64_t stamp_ns = 0;
-  Pose2 T_world_base;                                          ///< its yaw: the course over ground
-  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of x, y (m) and yaw (rad)
-  double speed_m_s = 0.0;                                      ///< over ground, >= 0
+  /// False: there was no odometry since the step before. Then pose, heading, covariance and speed are not looked at,
+  /// and the sight is in the frame of the vehicle's body.
+  bool has_pose = true;
+  Pose2 T_world_base;                                             ///< its yaw: the course over ground
+  double heading_rad = std::numeric_limits<double>::quiet_NaN();  ///< of its body; NaN: the course
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();     ///< of x, y (m) and yaw (rad)
+  double speed_m_s = 0.0;                                         ///< over ground, >= 0
   const Splinegons* boundaries = nullptr;
   /// A chain counts where no boundary has its id, or that is of earlier scans only, or a part of it much less certain
   /// than the rest.
   const Polygons* polygons = nullptr;
   const Objects* objects = nullptr;
-  /// Of a scan since the last step. Hits that are on none of these maps are obstacles until the next scan: a map may be
+  /// Of a scan since the last step. Hits that are on none of these maps are obstacles, as HitMemory says: a map may be
   /// old, or elsewhere.
   const FreeBeams* sight = nullptr;
 };
@@ -104,6 +116,7 @@ struct MissionStep {
   MissionState state = MissionState::kHold;
   std::string reason;             ///< in one sentence
   double curvature_1_m = 0.0;     ///< to turn with, left positive; of the path's follower
+  double speed_m_s = 0.0;         ///< over ground, of the input; without a pose as by dead reckoning
   double way_m = 0.0;             ///< along the path
   std::uint64_t path_number = 0;  ///< another one for another path
   std::uint64_t target = 0;       ///< id of the boundary that is gone around; 0: none
@@ -121,13 +134,17 @@ struct MissionStep {
 /// Otherwise the vehicle turns on the circle for which this held in the step before. So nothing that is unknown is
 /// nearer than that way, and a path's end is never without a way out. Every path has the curvature of
 /// avoidance.turn_radius_m at most.
+///
+/// It also turns there while what it needs is missing: odometry, or odometry that moves as it says; boundaries; scans;
+/// polygons, once they have come. Without a pose it goes on by dead reckoning, with the wind that it had before, and
+/// keeps away from what the scans hit beside it: more a vehicle that cannot stop cannot do.
 class Circumnavigation {
  public:
   /// `search`: the radii are those of the parameters. Throws std::invalid_argument naming field and bound.
   Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search);
 
-  /// Steps are no more than 0.3 s apart. Throws std::invalid_argument if pose, speed or covariance are not finite; the
-  /// mission is then unchanged.
+  /// Steps are no more than 0.3 s apart; by the stamps, as MissionClock takes them. Throws std::invalid_argument if
+  /// pose, speed or covariance are not finite; the mission is then unchanged.
   const MissionStep& step(const MissionInput& input);
 
   const SegmentPath& path() const { return path_; }
@@ -136,8 +153,21 @@ class Circumnavigation {
   const Obstacles& obstacles() const { return obstacles_; }
 
  private:
+  /// When something that comes now and then was made, by the mission's clock.
+  struct Made {
+    std::int64_t stamp_ns = StampOrder::kNone, made_ns = StampOrder::kNone;
+  };
+
+  MissionInput with_pose(const MissionInput& input, double since_s);
+  void reckon(const MissionInput& input, double since_s);
+  void check_motion(const MissionInput& input, double since_s);
+  void note(Made& made, std::int64_t stamp_ns, double max_age_s, const MissionInput& input) const;
+  bool is_old(const Made& made, double max_age_s) const;
+  bool is_trusted(const FreeBeams& sight);
+  void find_missing(const MissionInput& input);
   void gather(const MissionInput& input);
-  void add_hits(const Eigen::Vector2d& p_world_m);
+  void add_maps(const MissionInput& input);
+  void take_sight(const MissionInput& input);
   void choose_task(const MissionInput& input);
   void begin_task(std::uint64_t target);
   void follow_target(const MissionInput& input);
@@ -147,7 +177,7 @@ class Circumnavigation {
   void watch_boundaries(const MissionInput& input);
   bool is_given_up(std::uint64_t id) const;
   bool is_known_already(const std::vector<Splinegon>& boundaries, const Splinegon& boundary) const;
-  bool is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary, std::int64_t stamp_ns);
+  bool is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary);
   bool is_together(std::uint64_t id) const;
   void count_turn(double turn_rad);
   bool is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const;
@@ -160,8 +190,10 @@ class Circumnavigation {
   double join(const Pose2& from, const SegmentPath& orbit, SegmentPath& path, double& way_m) const;
   bool trace(std::size_t obstacle, double side, const Pose2& from, SegmentPath& orbit);
   bool is_safe(const SegmentPath& path, double way_m, double speed_m_s);
-  void hold(const MissionInput& input);
+  void hold();
   void turn_on(const MissionInput& input);
+  double free_on_circle_m(const SegmentPath& path, double way_m) const;
+  bool escape(const MissionInput& input, double least_m);
   void report(const MissionInput& input);
 
   CircumnavigationParams params_;
@@ -185,9 +217,23 @@ class Circumnavigation {
 
   Obstacles obstacles_;
   SeenArea seen_;
-  std::vector<Eigen::Vector2d> hits_world_m_, run_m_;  ///< of the latest scan, and some beside each other
-  std::int64_t hits_ns_ = 0;
+  HitMemory hits_, known_hits_;  ///< and those from before the pose was lost
   double pose_sigma_m_ = 0.0;
+
+  MissionClock clock_;
+  Made boundaries_made_, polygons_made_, scan_made_;
+  std::vector<double> free_before_m_;  ///< of the scan before
+  int same_scans_ = 0;                 ///< in a row, that say exactly the same
+  std::string missing_;                ///< what is, in a few words; empty: nothing
+  /// By dead reckoning.
+  Eigen::Vector2d reckoned_m_ = Eigen::Vector2d::Zero(), velocity_m_s_ = Eigen::Vector2d::Zero(),
+                  wind_m_s_ = Eigen::Vector2d::Zero();
+  double heading_rad_ = 0.0, turn_1_m_ = 0.0;
+  bool is_lost_ = false;  ///< there is no pose
+  double lost_s_ = 0.0;   ///< for so long
+  Eigen::Vector2d anchor_m_ = Eigen::Vector2d::Zero(), flown_m_ = Eigen::Vector2d::Zero();
+  bool is_frozen_ = false;  ///< odometry did not move as it says, when that was last looked at
+  FreeBeams sight_;         ///< the input's, placed
   StandoffOrbit orbits_;
 
   bool has_target_ = false, is_finished_ = false;
@@ -202,7 +248,7 @@ class Circumnavigation {
   double held_s_ = 0.0;    ///< for the present task
 
   bool started_ = false, holds_ = false, needs_plan_ = true, task_is_new_ = true;
-  std::int64_t stamp_ns_ = 0, planned_ns_ = 0;
+  std::int64_t now_ns_ = 0, planned_ns_ = 0;            ///< of the mission's clock
   Eigen::Vector2d before_m_ = Eigen::Vector2d::Zero();  ///< where the vehicle was in the step before
   SegmentPath path_, orbit_, way_out_, candidate_, tried_, approach_, other_orbit_;
   mutable SegmentPath joined_;

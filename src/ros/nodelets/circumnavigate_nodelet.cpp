@@ -21,6 +21,7 @@
 #include <ros/subscriber.h>
 #include <ros/time.h>
 #include <sensor_msgs/LaserScan.h>
+#include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -57,13 +58,15 @@ class CircumnavigateStage {
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("mission_markers", 5)),
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
+    if (params.lost_turn_rate_rad_s == 0.0) throw std::invalid_argument("lost_turn_rate_rad_s must not be 0");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
-    if (params.lost_turn_rate_rad_s != 0.0) context.every(kLostPeriod_s, [this] { turn_if_lost(); });
+    context.every(kLostCheck_s, [this] { turn_if_lost(); });
     context.when_made([this] {
       ros::NodeHandle& node = context_.node();
       const ros::TransportHints hints = ros::TransportHints().tcpNoDelay();
       scan_sub_ = node.subscribe("scan", 2, &CircumnavigateStage::on_scan, this, hints);
       plan_ = node.advertiseService("plan_dubins", &CircumnavigateStage::on_plan, this);
+      start_ = context_.private_node().advertiseService("start", &CircumnavigateStage::start, this);
     });
   }
 
@@ -77,94 +80,148 @@ class CircumnavigateStage {
     MissionInput input;
     try {
       take_odometry(msg, input);
+      input.heading_rad = pose2_of(isometry_from_msg(transform_from_odometry(msg).transform)).yaw_rad;
     } catch (const std::invalid_argument& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
+    const double delay_s = (ros::Time::now() - msg.header.stamp).toSec();
+    if (std::abs(delay_s) > kMostDelay_s) {
+      return context_.drop("odometry of another time", std::to_string(delay_s) + " s late");
+    }
     const StampOrder::Verdict verdict = order_.judge(input.stamp_ns, receipt_ns());
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
-    if (verdict == StampOrder::Verdict::kRestart) restart();
+    if (verdict == StampOrder::Verdict::kRestart) set_back();
     odometry_at_ = ros::SteadyTime::now();
+    odometry_time_ = ros::Time::now();
     poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {
         input.stamp_ns, isometry_from_msg(transform_from_odometry(msg).transform)};
-    if (last_ns_ != 0) {
-      const double since_s = seconds_between(last_ns_, input.stamp_ns);
+    if (last_ns_ && !is_lost_) {
+      const double since_s = seconds_between(*last_ns_, input.stamp_ns);
       if (since_s < params_.period_s - kEarly_s) return true;
       if (since_s > kLongestStep_s) context_.diagnostics().counted({{"steps more than 0.3 s apart", 1}});
     }
     last_ns_ = input.stamp_ns;
-    input.boundaries = maps_.splinegons();
-    input.polygons = maps_.polygons();
-    input.objects = maps_.objects();
-    if (has_beams_) input.sight = &beams_;
-    has_beams_ = false;
-    const MissionStep& step = mission_->step(input);
-    state_ = step.state;
-    reason_ = step.reason;
-    std::size_t nearest = 0;
-    clearance_m_ = distance_m(mission_->obstacles(), input.T_world_base.translation_m, &nearest);
-    geometry_msgs::Twist command;
-    command.linear.x = input.speed_m_s;
-    command.angular.z = step.curvature_1_m * input.speed_m_s;
-    command_.publish(command);
-    context_.publish(status_, mission_to_msg(step, clearance_m_, input.stamp_ns, params_.nodelet.world_frame));
-    if (step.path_number != path_number_) {
-      path_number_ = step.path_number;
-      path_.publish(path_to_msg(mission_->path(), input.stamp_ns, params_.nodelet.world_frame));
-    }
-    if (markers_.getNumSubscribers() > 0) publish_markers(input.stamp_ns, input.T_world_base.translation_m, nearest);
+    is_lost_ = false;
+    step(input);
     return true;
   }
 
  private:
-  static constexpr double kLostPeriod_s = 0.2;
+  static constexpr double kLostCheck_s = 0.02;
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps
   static constexpr double kLongestStep_s = 0.3;   // of Circumnavigation
   static constexpr double kMostPoseAge_s = 0.15;  // against a scan
+  static constexpr double kMostDelay_s = 0.5;     // of odometry and scans: at 5 m/s they are 2.5 m off
 
   struct StampedPose {
     std::int64_t stamp_ns = 0;
     Eigen::Isometry3d T_world_base = Eigen::Isometry3d::Identity();
   };
 
-  void turn_if_lost() {
-    if (!odometry_at_.isZero() && (ros::SteadyTime::now() - odometry_at_).toSec() < params_.timeout_s) return;
-    state_ = MissionState::kHold;
-    reason_ = "no odometry";
+  void step(MissionInput& input) {
+    stepped_at_ = ros::SteadyTime::now();
+    input.boundaries = maps_.splinegons();
+    input.polygons = maps_.polygons();
+    input.objects = maps_.objects();
+    if (has_beams_ && are_beams_of_base_ == !input.has_pose) input.sight = &beams_;
+    has_beams_ = false;
+    const MissionStep& step = mission_->step(input);
+    has_stepped_ = true;
+    state_ = step.state;
+    reason_ = step.reason;
+    std::size_t nearest = 0;
+    clearance_m_ = distance_m(mission_->obstacles(), input.T_world_base.translation_m, &nearest);
+    send(step.speed_m_s, step.curvature_1_m * step.speed_m_s);
+    context_.publish(status_, mission_to_msg(step, clearance_m_, input.stamp_ns, params_.nodelet.world_frame));
+    if (step.path_number != path_number_) {
+      path_number_ = step.path_number;
+      path_.publish(path_to_msg(mission_->path(), input.stamp_ns, params_.nodelet.world_frame));
+    }
+    if (markers_.getNumSubscribers() > 0) publish_markers(input.stamp_ns, input.T_world_base.translation_m, nearest);
+  }
+
+  void send(double speed_m_s, double turn_rate_rad_s) {
     geometry_msgs::Twist command;
-    command.angular.z = params_.lost_turn_rate_rad_s;
+    command.linear.x = speed_m_s;
+    command.angular.z = turn_rate_rad_s;
     command_.publish(command);
   }
 
-  /// Another time: nothing that was known is.
-  void restart() {
-    mission_.emplace(params_.mission, params_.search.places);
-    maps_.clear();
+  /// Since the latest odometry that was used. Where time is simulated, by that; where that stands still, too, by the
+  /// steady clock after the timeout.
+  double without_odometry_s() const {
+    const double steady_s = (ros::SteadyTime::now() - odometry_at_).toSec();
+    if (!ros::Time::isSimTime()) return steady_s;
+    const double simulated_s = (ros::Time::now() - odometry_time_).toSec();
+    return simulated_s >= kLongestStep_s ? simulated_s : steady_s >= params_.timeout_s ? steady_s : 0.0;
+  }
+
+  /// A vehicle that cannot stop gets a command, whatever comes: before the first odometry a turn, later that of the
+  /// mission by dead reckoning.
+  void turn_if_lost() {
+    const double since_step_s = (ros::SteadyTime::now() - stepped_at_).toSec();
+    if (!has_stepped_) {
+      if (since_step_s < params_.period_s) return;
+      stepped_at_ = ros::SteadyTime::now();
+      send(0.0, params_.lost_turn_rate_rad_s);
+      return;
+    }
+    const double since_s = without_odometry_s();
+    if (since_s < kLongestStep_s || since_step_s < params_.period_s) return;
+    if (!is_lost_) context_.diagnostics().counted({{"no odometry", 1}});
+    is_lost_ = true;
+    MissionInput input;
+    input.has_pose = false;
+    input.stamp_ns = order_.latest_ns() + nanoseconds(since_s);
+    step(input);
+  }
+
+  /// The time was set back. The mission goes on, with all that it knows: a vehicle that flies is where it is, whatever
+  /// its clock says. Maps of the old time get old, so it holds until there are others.
+  void set_back() {
     has_beams_ = false;
-    last_ns_ = scan_ns_ = 0;
-    path_number_ = 0;
+    last_ns_.reset();
     poses_.fill({});
-    context_.diagnostics().counted({{"time jumped back: new mission", 1}});
+    context_.diagnostics().counted({{"time jumped back: the mission goes on", 1}});
+  }
+
+  bool start(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    mission_.emplace(params_.mission, params_.search.places);
+    has_stepped_ = is_lost_ = false;
+    last_ns_.reset();
+    path_number_ = 0;
+    response.success = 1;
+    response.message = "a new mission begins where the vehicle is";
+    ROS_INFO_STREAM(context_.name() << ": " << response.message);
+    return true;
   }
 
   void on_scan(const sensor_msgs::LaserScanConstPtr& msg) {
     if (order_.latest_ns() == StampOrder::kNone) return;
     const std::string defect = scan_msg_defect(*msg);
     if (!defect.empty()) return scan_not_used(defect);
-    // The odometry whose time is nearest to the middle of the scan.
-    const double half_s = 0.5 * static_cast<double>(msg->time_increment) * static_cast<double>(msg->ranges.size());
-    const std::int64_t middle_ns =
-        to_nanoseconds(msg->header.stamp) + (std::abs(half_s) < 1.0 ? nanoseconds(half_s) : 0);  // not finite: 0
-    const StampedPose& pose = *std::min_element(poses_.begin(), poses_.end(), [&](const auto& a, const auto& b) {
-      return std::abs(seconds_between(a.stamp_ns, middle_ns)) < std::abs(seconds_between(b.stamp_ns, middle_ns));
-    });
-    if (std::abs(seconds_between(pose.stamp_ns, middle_ns)) > kMostPoseAge_s) return scan_not_used("no odometry");
+    if (std::abs((ros::Time::now() - msg->header.stamp).toSec()) > kMostDelay_s)
+      return scan_not_used("of another time");
     try {
       const auto mounted = tf_.lookupTransform(params_.base_frame, tf2_frame(msg->header.frame_id), ros::Time(0));
-      if (!free_beams_from_msg(*msg, pose.T_world_base * isometry_from_msg(mounted.transform), beams_)) {
+      Eigen::Isometry3d T_beams_lidar = isometry_from_msg(mounted.transform);
+      if (!is_lost_) {
+        // The odometry whose time is nearest to the middle of the scan.
+        const double half_s = 0.5 * static_cast<double>(msg->time_increment) * static_cast<double>(msg->ranges.size());
+        const std::int64_t middle_ns =
+            to_nanoseconds(msg->header.stamp) + (std::abs(half_s) < 1.0 ? nanoseconds(half_s) : 0);  // not finite: 0
+        const StampedPose& pose = *std::min_element(poses_.begin(), poses_.end(), [&](const auto& a, const auto& b) {
+          return std::abs(seconds_between(a.stamp_ns, middle_ns)) < std::abs(seconds_between(b.stamp_ns, middle_ns));
+        });
+        if (std::abs(seconds_between(pose.stamp_ns, middle_ns)) > kMostPoseAge_s) return scan_not_used("no odometry");
+        T_beams_lidar = pose.T_world_base * T_beams_lidar;
+      }
+      if (!free_beams_from_msg(*msg, T_beams_lidar, beams_)) {
         has_beams_ = false;
         return scan_not_used("tilt or limits");
       }
       has_beams_ = true;
+      are_beams_of_base_ = is_lost_;
       scan_ns_ = to_nanoseconds(msg->header.stamp);
     } catch (const tf2::TransformException&) {
       scan_not_used(drop_reason::kNoTransform);
@@ -246,16 +303,17 @@ class CircumnavigateStage {
     status.add("boundaries", boundaries.size());
     status.add("closed", std::count_if(boundaries.begin(), boundaries.end(),
                                        [](const Splinegon& boundary) { return boundary.closed; }));
-    if (last_ns_ == 0) return;
+    if (!last_ns_) return;
     const auto warn = [&status](const std::string& text) {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
     };
     if (splinegons == nullptr) {
       warn("no boundaries yet");
-    } else if (seconds_between(splinegons->stamp_ns, last_ns_) > params_.timeout_s) {
+    } else if (seconds_between(splinegons->stamp_ns, *last_ns_) > params_.mission.max_map_age_s) {
       warn("boundaries are old");
     }
-    if (seconds_between(scan_ns_, last_ns_) > params_.timeout_s) warn("no scan: nothing more is seen to be free");
+    if (seconds_between(scan_ns_, *last_ns_) > params_.mission.max_scan_age_s)
+      warn("no scan: nothing more is seen to be free");
     if (state_ == MissionState::kHold) warn("holding: " + reason_);
   }
 
@@ -267,16 +325,19 @@ class CircumnavigateStage {
   std::size_t latest_pose_ = 0;
   MapInputs maps_;
   FreeBeams beams_;
-  bool has_beams_ = false;
-  std::int64_t last_ns_ = 0, scan_ns_ = 0;
-  ros::SteadyTime odometry_at_;  ///< the latest that was used
+  bool has_beams_ = false, are_beams_of_base_ = false;  ///< in its frame, for want of a pose
+  std::optional<std::int64_t> last_ns_;                 ///< of the latest step with a pose
+  std::int64_t scan_ns_ = 0;
+  bool has_stepped_ = false, is_lost_ = false;
+  ros::SteadyTime odometry_at_, stepped_at_;  ///< the latest odometry that was used, the latest step
+  ros::Time odometry_time_;
   MissionState state_ = MissionState::kHold;
   std::string reason_ = "no odometry yet";
   double clearance_m_ = 0.0;
   std::uint64_t path_number_ = 0;
   ros::Publisher command_, status_, path_, markers_;
   ros::Subscriber scan_sub_;
-  ros::ServiceServer plan_;
+  ros::ServiceServer plan_, start_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener listener_;
 };

@@ -19,6 +19,7 @@
 #include <ros/publisher.h>
 #include <ros/service_server.h>
 #include <ros/subscriber.h>
+#include <ros/time.h>
 #include <std_msgs/Empty.h>
 #include <std_srvs/Trigger.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -83,12 +84,20 @@ class ScoutStage {
     }
     const Eigen::Isometry3d T_world_base = isometry_from_msg(transform_from_odometry(msg).transform);
     const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
+    const double delay_s = (ros::Time::now() - msg.header.stamp).toSec();
+    if (std::abs(delay_s) > kMostDelay_s) {
+      return context_.drop("odometry of another time", std::to_string(delay_s) + " s late");
+    }
     const StampOrder::Verdict verdict = order_.judge(stamp_ns, receipt_ns());
     if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
-    if (verdict == StampOrder::Verdict::kRestart) restart();
+    if (verdict == StampOrder::Verdict::kRestart) set_back();
+    odometry_at_ = ros::SteadyTime::now();
     const StampedPose& pose = poses_[latest_pose_ = (latest_pose_ + 1) % poses_.size()] = {
         stamp_ns, T_world_base.translation(), pose2_of(T_world_base).yaw_rad};
-    if (last_ns_ && seconds_between(*last_ns_, stamp_ns) < params_.period_s - kEarly_s) return true;
+    if (last_ns_) {
+      const double since_s = seconds_between(*last_ns_, stamp_ns);
+      if (since_s >= 0.0 && since_s < params_.period_s - kEarly_s) return true;
+    }
     last_ns_ = stamp_ns;
     if (!has_targets_) {
       step_ = {};
@@ -102,6 +111,7 @@ class ScoutStage {
     input.p_world_m = pose.p_world_m;
     input.yaw_rad = pose.yaw_rad;
     input.targets = &targets_;
+    input.sees = std::abs(seconds_between(targets_.stamp_ns, stamp_ns)) <= params_.timeout_s;
     if (has_new_grid_) input.grid = &grid_;
     if (takes_obstacles(stamp_ns)) input.obstacles = &obstacles_;
     step_ = scouting_->step(input);
@@ -124,6 +134,7 @@ class ScoutStage {
  private:
   static constexpr double kEarly_s = 1e-3;        // round-off of stamps
   static constexpr double kMostPoseAge_s = 0.15;  // against an image
+  static constexpr double kMostDelay_s = 0.5;     // of odometry: at 6 m/s it is 3 m off
 
   struct StampedPose {
     std::int64_t stamp_ns = 0;
@@ -139,21 +150,25 @@ class ScoutStage {
     is_done_ = false;
   }
 
-  /// Another time: nothing that was known is.
-  void restart() {
-    begin();
-    maps_.clear();
+  /// The time was set back. Home, budget and all that was found stay: a vehicle that flies is where it is, whatever its
+  /// clock says. A new mission begins by the service `start` alone.
+  void set_back() {
+    last_ns_.reset();
+    obstacles_ns_.reset();
     poses_.fill({});
-    targets_ = {};
-    has_targets_ = has_new_grid_ = false;
-    context_.diagnostics().counted({{"time jumped back: new mission", 1}});
+    context_.diagnostics().counted({{"time jumped back: the mission goes on", 1}});
   }
 
   /// Each image that was mapped has its targets.
   void on_targets(const TargetArrayConstPtr& msg) {
     try {
       check_frame(msg->header.frame_id, "targets");
-      targets_ = grid_targets_from_msg(*msg);
+      GridTargets targets = grid_targets_from_msg(*msg);
+      if (last_ns_ && std::abs(seconds_between(targets.stamp_ns, *last_ns_)) > params_.timeout_s) {
+        context_.drop("targets of another time");
+        return;
+      }
+      targets_ = std::move(targets);
       has_targets_ = true;
     } catch (const std::exception& error) {
       context_.drop(drop_reason::kBadMap, error.what());
@@ -239,8 +254,11 @@ class ScoutStage {
     };
     if (!has_targets_) {
       warn("no targets yet");
-    } else if (seconds_between(targets_.stamp_ns, *last_ns_) > params_.timeout_s) {
+    } else if (std::abs(seconds_between(targets_.stamp_ns, *last_ns_)) > params_.timeout_s) {
       warn("targets are old: the camera sees nothing more");
+    }
+    if ((ros::SteadyTime::now() - odometry_at_).toSec() > params_.timeout_s) {
+      warn("no odometry: the vehicle is left at its last goal");
     }
     if (scouting_ && step_.state == ScoutingState::kHold) warn("holding: " + step_.reason);
     if (scouting_ && !is_done_ && step_.home_s > step_.left_s) warn("the budget is not enough for the way home");
@@ -260,6 +278,7 @@ class ScoutStage {
   bool has_targets_ = false, has_new_grid_ = false, is_done_ = false;
   std::optional<std::int64_t> last_ns_, obstacles_ns_;
   std::uint64_t maps_taken_ = 0;  ///< by the obstacles
+  ros::SteadyTime odometry_at_;   ///< the latest that was used
   ScoutingStep step_;
   ros::Publisher go_to_, status_, markers_, done_;
   ros::Subscriber targets_sub_, grid_sub_;

@@ -16,7 +16,7 @@ struct CircumnavigateNodeletParams {
   SearchPlaces search;
   double period_s = 0.1;
   double timeout_s = 1.0;
-  double lost_turn_rate_rad_s = 0.0;
+  double lost_turn_rate_rad_s = 0.45;
   double reset_time_jump_s = 1.0;
   CircumnavigationParams mission;
   std::vector<UnknownKey> unknown;
@@ -30,13 +30,12 @@ struct CircumnavigateNodeletParams {
         "places [x, y] or [x, y, yaw] in the world, in m and rad, that the vehicle goes to in order to find obstacles");
     visit("period_s", self.period_s, Bounds{0.01, 0.3}, "s", "least time between steps of the mission");
     visit("timeout_s", self.timeout_s, Bounds{0.05, 100.0}, "s",
-          "boundaries and scans that are older make a warning; what they said still counts");
-    visit(
-        "lost_turn_rate_rad_s", self.lost_turn_rate_rad_s, Bounds{-10.0, 10.0}, "rad/s",
-        "commanded before the first odometry, and where none came for timeout_s of wall time: on a circle the vehicle "
-        "stays where it is, and gps_ins finds its yaw; 0: no command");
+          "of wall time: where simulated time stands still so long, odometry is missing, too");
+    visit("lost_turn_rate_rad_s", self.lost_turn_rate_rad_s, Bounds{-10.0, 10.0}, "rad/s",
+          "commanded before the first odometry: on a circle the vehicle stays where it is, and gps_ins finds its yaw; "
+          "not 0");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this begins a new mission");
+          "a stamp that goes back by more than this is a time that was set back: the mission goes on");
     visit("mission", self.mission);
   }
 };

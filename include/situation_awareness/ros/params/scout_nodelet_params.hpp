@@ -30,9 +30,10 @@ struct ScoutNodeletParams {
     visit("period_s", self.period_s, Bounds{0.02, 2.0}, "s", "least time between steps of the mission");
     visit("map_period_s", self.map_period_s, Bounds{0.1, 100.0}, "s",
           "least time between looks at the maps of what stands around");
-    visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s", "targets that are older make a warning");
+    visit("timeout_s", self.timeout_s, Bounds{0.1, 1000.0}, "s",
+          "where targets are older the vehicle holds, until the way home is due");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
-          "a stamp that goes back by more than this begins a new mission");
+          "a stamp that goes back by more than this is a time that was set back: the mission goes on");
     visit("scouting", self.scouting);
   }
 };
