@@ -26,11 +26,30 @@ struct Place {
   bool operator<(const Place& other) const { return row != other.row ? row < other.row : column < other.column; }
 };
 
+/// From where images look at a cell: unit vectors along their sight lines, each weighted by how much the direction has
+/// turned since the image before.
+struct Directions {
+  Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+  float turned = 0.0F;
+
+  void add(const Eigen::Vector3f& along, float turn) {
+    sum += turn * along;
+    turned += turn;
+  }
+  void scale(float part) {
+    sum *= part;
+    turned *= part;
+  }
+  /// Their variance on the unit sphere.
+  float spread() const { return turned > 0.0F ? std::max(0.0F, 1.0F - (sum / turned).squaredNorm()) : 0.0F; }
+};
+
 /// Of a cell by each error of the elevation: sums over images of their weights, and of their evidence times these.
 struct Evidence {
   std::array<float, kOffsets> weight{};
-  std::array<float, kOffsets> sharp_sum{};  ///< by the labels as they are
-  std::array<float, kOffsets> soft_sum{};   ///< by their means over 3 x 3 pixels
+  std::array<float, kOffsets> sharp_sum{};      ///< by the labels as they are
+  std::array<float, kOffsets> soft_sum{};       ///< by their means over 3 x 3 pixels
+  std::array<Directions, kOffsets> class_seen;  ///< from where images show the class
 
   float sharp(std::size_t offset) const { return weight[offset] > 0.0F ? sharp_sum[offset] / weight[offset] : 0.0F; }
   float soft(std::size_t offset) const { return weight[offset] > 0.0F ? soft_sum[offset] / weight[offset] : 0.0F; }
@@ -38,10 +57,13 @@ struct Evidence {
 
 /// Evidence on the cells of a square of the world.
 struct Tile {
-  std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
+  std::array<float, kCellsOfTile> ground_world_m;   ///< NaN where it is not known
+  std::array<Eigen::Vector2f, kCellsOfTile> slope;  ///< of the ground, to the east and to the north
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
   std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest by the offset that was believed
+  std::array<Directions, kCellsOfTile> seen;              ///< from where images show anything
+  std::array<Eigen::Vector3f, kCellsOfTile> seen_along;   ///< of the latest image; as long as images is 0: none
   std::vector<float> nothing_weight;  ///< of images that show nothing of the class, until one shows something
   std::vector<Evidence> evidence;     ///< from then on
   double low_m = 0.0, high_m = 0.0;   ///< of its ground; low_m > high_m where none is known
@@ -191,28 +213,44 @@ class LabelReader {
 /// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
 class Horizon {
  public:
-  Horizon(const Elevation& elevation, const Eigen::Vector3d& p_world_camera_m, double reach_m, double step_m)
-      : p_(p_world_camera_m), step_m_(step_m), rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
+  Horizon(const Elevation& elevation, const Eigen::Vector3d& p_world_camera_m, double reach_m, double step_m,
+          double class_height_m)
+      : p_(p_world_camera_m),
+        step_m_(step_m),
+        class_height_m_(class_height_m),
+        rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
     slopes_.assign(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_),
-                   std::numeric_limits<float>::quiet_NaN());
+                   {std::numeric_limits<float>::quiet_NaN(), 0.0F});
     elevation_ = &elevation;
   }
 
-  /// Whether a point, outside whose own surroundings nothing is in the way, is seen.
-  double slope_before(const Eigen::Vector2d& p_world_m) {
-    const Eigen::Vector2d away_m = p_world_m - p_.head<2>();
-    const double range_m = away_m.norm();
-    const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
-    const int ring = static_cast<int>((range_m - kOwn_m) / step_m_);
-    if (ring < 0) return -std::numeric_limits<double>::infinity();
-    float* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
-    if (std::isnan(slopes[0])) march(direction, slopes);
-    return static_cast<double>(slopes[std::min(ring, rings_ - 1)]);
+  /// Of the ground before a point, but for its own surroundings.
+  double slope_before(const Eigen::Vector2d& p_world_m) { return steepest_before(p_world_m, kOwn_m).ground; }
+
+  /// The same of the tops of what may stand on the ground, but for what is as near to the point as its own size.
+  double top_slope_before(const Eigen::Vector2d& p_world_m, double size_m) {
+    return steepest_before(p_world_m, size_m).top;
   }
 
  private:
   static constexpr int kDirections = 2048;
   static constexpr double kOwn_m = 1.5;
+
+  struct Steepest {
+    float ground, top;
+  };
+
+  Steepest steepest_before(const Eigen::Vector2d& p_world_m, double own_m) {
+    const Eigen::Vector2d away_m = p_world_m - p_.head<2>();
+    const double range_m = away_m.norm();
+    const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
+    const int ring = static_cast<int>((range_m - own_m) / step_m_);
+    constexpr float kNone = -std::numeric_limits<float>::infinity();
+    if (ring < 0) return {kNone, kNone};
+    Steepest* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
+    if (std::isnan(slopes[0].ground)) march(direction, slopes);
+    return slopes[std::min(ring, rings_ - 1)];
+  }
 
   /// Grows with the angle of a vector, from 0 to 4, without a call of atan2: along the square through the axes at 1.
   static double quarters(const Eigen::Vector2d& v) {
@@ -230,23 +268,27 @@ class Horizon {
     return v.normalized();
   }
 
-  void march(int direction, float* slopes) const {
+  void march(int direction, Steepest* slopes) const {
     const Eigen::Vector2d ahead = unit_vector_at(4.0 * direction / kDirections);
-    double steepest = -1e6;
+    double steepest = -1e6, top_steepest = -1e6;
     for (int ring = 0; ring < rings_; ++ring) {
       const double range_m = (ring + 0.5) * step_m_;
       const Eigen::Vector2d at_m = p_.head<2>() + range_m * ahead;
       const double ground_m = elevation_->at(at_m.x(), at_m.y());
-      if (!std::isnan(ground_m)) steepest = std::max(steepest, (ground_m - p_.z()) / range_m);
-      slopes[ring] = static_cast<float>(steepest);
+      if (!std::isnan(ground_m)) {
+        const double slope = (ground_m - p_.z()) / range_m;
+        steepest = std::max(steepest, slope);
+        top_steepest = std::max(top_steepest, slope + class_height_m_ / range_m);
+      }
+      slopes[ring] = {static_cast<float>(steepest), static_cast<float>(top_steepest)};
     }
   }
 
   const Elevation* elevation_;
   Eigen::Vector3d p_;
-  double step_m_;
+  double step_m_, class_height_m_;
   int rings_;
-  std::vector<float> slopes_;
+  std::vector<Steepest> slopes_;
 };
 
 /// One image while it is added.
@@ -255,6 +297,7 @@ struct View {
   Eigen::Matrix3d R_camera_world;
   Eigen::Vector3d p_world_camera_m;
   double reach_m;
+  Eigen::Matrix3d A;  ///< of a point relative to the camera along the world's axes to (u z, v z, z)
 
   /// Whether a sphere may be in the image.
   bool may_see(const Eigen::Vector3d& middle_world_m, double radius_m) const {
@@ -293,9 +336,12 @@ class GridMap::Impl {
     if (T_world_camera.translation().norm() > kFarthest_m) {
       throw std::invalid_argument("the camera is more than 1000 km from the world's origin");
     }
-    const View view{labels.camera, T_world_camera.linear().transpose(), T_world_camera.translation(), params_.reach_m};
+    Eigen::Matrix3d K;
+    K << labels.camera.fx_px, 0.0, labels.camera.cx_px, 0.0, labels.camera.fy_px, labels.camera.cy_px, 0.0, 0.0, 1.0;
+    const Eigen::Matrix3d R_camera_world = T_world_camera.linear().transpose();
+    const View view{labels.camera, R_camera_world, T_world_camera.translation(), params_.reach_m, K * R_camera_world};
     const LabelReader reader(labels);
-    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m);
+    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m, params_.class_height_m);
     GridUpdate done;
     stamp_ns_ = labels.stamp_ns;
     ++images_;
@@ -386,21 +432,21 @@ class GridMap::Impl {
           if (tile.images[from] == 0) continue;
           grid.probability[to] = 0.0F;
           if (!has_evidence(tile)) continue;
-          const float enough = std::min(1.0F, static_cast<float>(tile.class_images[from]) /
-                                                  static_cast<float>(std::min(tile.images[from], kEnough)));
+          const float enough = enough_images(tile, from) * enough_directions(tile, from, believed);
           grid.probability[to] = tile.evidence[from].sharp(believed) * enough * enough;
           soft[to] = tile.evidence[from].soft(believed) * enough * enough;
           if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
         }
       }
     }
-    judge(grid, soft, of_class);
+    judge(grid, soft, of_class, best);
   }
 
   /// From means of evidence to probabilities: something of the class is where the mean is at least half of what it is
   /// around. Labels that miss the class in a part of the images, or a pose with noise, lower both. Where labels are so
   /// noisy that columns that are of the class from foot to top are rare, it is the soft means.
-  void judge(SemanticGrid& grid, const std::vector<float>& soft, const std::vector<std::size_t>& of_class) const {
+  void judge(SemanticGrid& grid, const std::vector<float>& soft, const std::vector<std::size_t>& of_class,
+             int believed) const {
     const std::vector<float> sharp = grid.probability;
     const int reach = std::max(1, static_cast<int>(std::lround(kAround_m / params_.cell_m)));
     const auto greatest_around = [&](const std::vector<float>& values, std::size_t cell) {
@@ -432,7 +478,9 @@ class GridMap::Impl {
       const std::size_t cell = of_class[i];
       if (!is_noisy) greatest[i] = greatest_around(sharp, cell);
       const float around = std::max(greatest[i], static_cast<float>(params_.least_mean));
-      grid.probability[cell] = static_cast<float>(probability_by(static_cast<double>(mean[cell] / around)));
+      const float part = mean[cell] / around;
+      if (part > 0.5F && is_of_something_nearer(grid, cell, believed)) continue;
+      grid.probability[cell] = static_cast<float>(probability_by(static_cast<double>(part)));
     }
   }
 
@@ -442,9 +490,73 @@ class GridMap::Impl {
 
  private:
   static constexpr double kSteepness = 8.0;
-  static constexpr int kEnough = 6;
+  static constexpr int kEnough = 6, kFew = 4;
+  static constexpr float kTurn_rad = 0.14F;  ///< that makes an image count as one from a direction of its own
+  /// Parts of the directions that a cell was seen from, and of their spread, from which the class is shown.
+  static constexpr float kClassTurned = 0.2F, kClassSpread = 0.7F, kLeastSpread = 1e-4F;
+  static constexpr float kParallax = 2.0F;   ///< of the directions' turn, that tells near from far
+  static constexpr float kBetter = 1.3F;     ///< evidence on something nearer, as a part of that on the cell
+  static constexpr double kSearch_m = 40.0;  ///< for something nearer
+  static constexpr double kGrazing = 0.2;    ///< a shadow five times as long as the class is high
+  static constexpr double kFront_m = 2.0, kShadowStep_m = 1.0;
+  static constexpr double kHiddenFoot = 0.25;  ///< of the height of the class
+  static constexpr double kSize = 4.0;         ///< of the class, in its heights: nearer ground may be itself
+  static constexpr float kNothing = 0.35F;     ///< of the class, where it has not begun
   static constexpr double kAround_m = 2.0;
-  static constexpr double kLeastGain = 0.012;  ///< in agreement, per step away from the elevation as it is given
+  static constexpr double kLeastGain = 0.025;  ///< in agreement, per step away from the elevation as it is given
+
+  /// A cell of the grid and its tile; null where that has no evidence.
+  std::pair<const Tile*, std::size_t> find_cell(int column, int row) const {
+    const auto tile_of = [](int i) { return i >= 0 ? i / kTileCells : (i + 1) / kTileCells - 1; };
+    const Place key{tile_of(column), tile_of(row)};
+    const auto found = tiles_.find(key);
+    if (found == tiles_.end() || !has_evidence(found->second)) return {nullptr, 0};
+    return {&found->second,
+            static_cast<std::size_t>((row - key.row * kTileCells) * kTileCells + column - key.column * kTileCells)};
+  }
+
+  /// Whether the images that show the class on a cell agree better on something nearer to them that their sight lines
+  /// to the cell pass through: on the ground, or above it as far as the errors of the elevation reach.
+  bool is_of_something_nearer(const SemanticGrid& grid, std::size_t cell, int believed) const {
+    const int column = grid.first_column + static_cast<int>(cell) % grid.width;
+    const int row = grid.first_row + static_cast<int>(cell) / grid.width;
+    const auto [tile, own] = find_cell(column, row);
+    if (tile == nullptr || tile->seen[own].turned < kParallax) return false;
+    const auto i = static_cast<std::size_t>(believed);
+    const Eigen::Vector3d along = tile->evidence[own].class_seen[i].sum.cast<double>();
+    const double flat = along.head<2>().norm();
+    if (!(flat > 0.0) || along.z() >= 0.0) return false;
+    const float enough = kBetter * tile->evidence[own].soft(i);
+    for (double m = 2.0 * params_.cell_m; m < kSearch_m; m += params_.cell_m) {
+      const Eigen::Vector2d at =
+          Eigen::Vector2d(column + 0.5, row + 0.5) - m / (flat * params_.cell_m) * along.head<2>();
+      const auto [near, there] = find_cell(static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y())));
+      if (near == nullptr) continue;
+      const double above_m =
+          static_cast<double>(tile->ground_world_m[own] - near->ground_world_m[there]) - m * along.z() / flat;
+      const int offset = believed + static_cast<int>(std::lround(above_m / offset_m(kOffsets / 2 + 1)));
+      if (offset >= kOffsets) return false;
+      if (offset >= believed && near->evidence[there].soft(static_cast<std::size_t>(offset)) > enough) return true;
+    }
+    return false;
+  }
+
+  /// 1 where as many images show the class as it takes to believe them. One of the many that a map has is not enough
+  /// even where no other shows the cell.
+  float enough_images(const Tile& tile, std::size_t cell) const {
+    const int images = std::clamp(tile.images[cell], std::min(images_, kFew), kEnough);
+    return std::min(1.0F, static_cast<float>(tile.class_images[cell]) / static_cast<float>(images));
+  }
+
+  /// 1 where images from enough of the directions that the cell was seen from show the class, or from both ends of
+  /// them: what is above the ground shows before the cell from a few directions side by side.
+  static float enough_directions(const Tile& tile, std::size_t cell, std::size_t offset) {
+    const Directions& of_class = tile.evidence[cell].class_seen[offset];
+    const Directions& all = tile.seen[cell];
+    if (of_class.turned <= 0.0F) return 0.0F;
+    return std::min(1.0F, std::max(of_class.turned / (kClassTurned * all.turned),
+                                   of_class.spread() / (kClassSpread * std::max(all.spread(), kLeastSpread))));
+  }
 
   static bool has_evidence(const Tile& tile) { return !tile.evidence.empty(); }
   static bool is_observed(const Tile& tile) { return has_evidence(tile) || !tile.nothing_weight.empty(); }
@@ -458,6 +570,13 @@ class GridMap::Impl {
     return agreement - kLeastGain * std::abs(offset - kOffsets / 2);
   }
 
+  /// Of the ground; none beside ground that is not known.
+  Eigen::Vector2d slope_at(double x_m, double y_m) const {
+    const Eigen::Vector2d slope(ground_->at(x_m + 1.0, y_m) - ground_->at(x_m - 1.0, y_m),
+                                ground_->at(x_m, y_m + 1.0) - ground_->at(x_m, y_m - 1.0));
+    return slope.allFinite() ? Eigen::Vector2d(0.5 * slope) : Eigen::Vector2d::Zero();
+  }
+
   Tile& known_tile(Place key) {
     const auto [found, is_new] = tiles_.try_emplace(key);
     Tile& tile = found->second;
@@ -466,9 +585,12 @@ class GridMap::Impl {
     tile.high_m = -tile.low_m;
     for (int r = 0; r < kTileCells; ++r) {
       for (int c = 0; c < kTileCells; ++c) {
-        const double ground_m = ground_->at((key.column * kTileCells + c + 0.5) * params_.cell_m,
-                                            (key.row * kTileCells + r + 0.5) * params_.cell_m);
-        tile.ground_world_m[static_cast<std::size_t>(r * kTileCells + c)] = static_cast<float>(ground_m);
+        const double x_m = (key.column * kTileCells + c + 0.5) * params_.cell_m;
+        const double y_m = (key.row * kTileCells + r + 0.5) * params_.cell_m;
+        const double ground_m = ground_->at(x_m, y_m);
+        const auto i = static_cast<std::size_t>(r * kTileCells + c);
+        tile.ground_world_m[i] = static_cast<float>(ground_m);
+        tile.slope[i] = slope_at(x_m, y_m).cast<float>();
         if (std::isnan(ground_m)) continue;
         tile.low_m = std::min(tile.low_m, ground_m);
         tile.high_m = std::max(tile.high_m, ground_m);
@@ -478,12 +600,7 @@ class GridMap::Impl {
   }
 
   void add_to(Tile& tile, Place key, const View& view, const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
-    const PinholeCamera& camera = view.camera;
-    // (u z, v z, z) of a point is linear in it.
-    Eigen::Matrix3d K;
-    K << camera.fx_px, 0.0, camera.cx_px, 0.0, camera.fy_px, camera.cy_px, 0.0, 0.0, 1.0;
-    const Eigen::Matrix3d A = K * view.R_camera_world;
-    const Eigen::Vector3d up = A.col(2);
+    const Eigen::Vector3d up = view.A.col(2);
     const double below_m = max_offset_m();
     const double class_part = params_.class_height_m / (params_.class_height_m + 2.0 * below_m);
     for (int cell = 0; cell < kCellsOfTile; ++cell) {
@@ -493,7 +610,7 @@ class GridMap::Impl {
       const Eigen::Vector3d p((key.column * kTileCells + cell % kTileCells + 0.5) * params_.cell_m,
                               (key.row * kTileCells + cell / kTileCells + 0.5) * params_.cell_m, ground_m);
       const Eigen::Vector3d from_camera = p - view.p_world_camera_m;
-      const Eigen::Vector3d foot = A * from_camera;
+      const Eigen::Vector3d foot = view.A * from_camera;
       if (foot.z() < kLeastDepth_m) continue;
       if (!reader.contains(foot.x() / foot.z(), foot.y() / foot.z())) continue;
       const double range_m = from_camera.head<2>().norm();
@@ -506,15 +623,75 @@ class GridMap::Impl {
       const Eigen::Vector2d low_px = low.head<2>() / low.z(), top_px = top.head<2>() / top.z();
       const bool sees_class = reader.has_class(std::min(low_px.x(), top_px.x()), std::max(low_px.x(), top_px.x()),
                                                std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y()));
+      const Eigen::Vector3f along = from_camera.normalized().cast<float>();
+      const float turn = tile.images[i] == 0 ? 1.0F : std::min(1.0F, (along - tile.seen_along[i]).norm() / kTurn_rad);
       if (!sees_class) {
         if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
-        add_nothing(tile, i, params_.negative_weight * resolved(class_part * (top_px - low_px).norm()));
-      } else if (!add_column(tile, i, foot, up, hidden_below_m, reader, done)) {
+        const double seen = resolved(class_part * (top_px - low_px).norm());
+        add_direction(tile, i, along, turn * static_cast<float>(seen));
+        add_nothing(tile, i, params_.negative_weight * seen);
+      } else if (is_in_shadow(tile, i, from_camera, hidden_below_m, view, reader, horizon) ||
+                 !add_column(tile, i, foot, up, along, turn, hidden_below_m, reader, done)) {
         continue;
       }
+      tile.seen_along[i] = along;
       ++tile.images[i];
       ++done.observed_cells;
     }
+  }
+
+  /// How much of the class a nearer column shows, m metres before a cell: at a part of its height above the lowest that
+  /// nearer ground does not hide. NaN where that is not known.
+  float shown_before(const Eigen::Vector3d& from_camera, double m, double part, const View& view,
+                     const LabelReader& reader, Horizon& horizon) const {
+    const double range_m = from_camera.head<2>().norm();
+    Eigen::Vector3d q = from_camera * (1.0 - m / range_m);
+    const Eigen::Vector2d at_m = view.p_world_camera_m.head<2>() + q.head<2>();
+    q.z() = ground_->at(at_m.x(), at_m.y()) - view.p_world_camera_m.z();
+    const double hidden_m = std::max(horizon.slope_before(at_m) * (range_m - m) - q.z(), 0.0);
+    if (hidden_m > params_.class_height_m) return 0.0F;
+    q.z() += hidden_m + part * (params_.class_height_m - hidden_m) + offset_m(believed_);
+    const Eigen::Vector3d image = view.A * q;
+    const double u = image.x() / image.z(), v = image.y() / image.z();
+    if (!(image.z() > kLeastDepth_m) || !reader.contains(u, v)) return std::numeric_limits<float>::quiet_NaN();
+    return reader.value(u, v) / std::max(reader.peak(u, v), kLeastPeak);
+  }
+
+  /// Whether what a column shows of the class may be of something nearer: then the image did not see what is there.
+  /// On ground that falls away nearly as the sight lines do, all columns behind something show it from foot to top. The
+  /// class begins with the nearest of them, and where a crest hides their feet it is not known where.
+  bool is_in_shadow(const Tile& tile, std::size_t cell, const Eigen::Vector3d& from_camera, double hidden_below_m,
+                    const View& view, const LabelReader& reader, Horizon& horizon) const {
+    const double height_m = params_.class_height_m, range_m = from_camera.head<2>().norm();
+    const Eigen::Vector2d ahead = from_camera.head<2>() / range_m;
+    const auto shown = [&](double m, double part) { return shown_before(from_camera, m, part, view, reader, horizon); };
+    const double over_ground = tile.slope[cell].cast<double>().dot(ahead) -
+                               (from_camera.z() + height_m) / range_m;  // of the sight line to its top
+    if (over_ground < kGrazing || hidden_below_m > 0.0) {
+      if (hidden_below_m > kHiddenFoot * height_m) return true;
+      if (!(shown(kFront_m, 0.0) < 0.5F) || !(shown(2.0 * kFront_m, 0.0) < kNothing)) return true;
+    }
+    const double slope = (from_camera.z() + 0.5 * height_m) / range_m;  // of the sight line to its middle
+    const Eigen::Vector2d p_world_m = view.p_world_camera_m.head<2>() + from_camera.head<2>();
+    if (horizon.top_slope_before(p_world_m, kSize * height_m) <= slope) return false;
+    for (double m = kSize * height_m; m < range_m - kFront_m; m += kShadowStep_m) {
+      const Eigen::Vector2d at_m = p_world_m - m * ahead;
+      const double above_m = view.p_world_camera_m.z() + slope * (range_m - m) - ground_->at(at_m.x(), at_m.y());
+      if (above_m < height_m && shown(m, 0.0) > 0.5F && shown(m, 0.5) > 0.5F && shown(m, 1.0) > 0.5F) return true;
+    }
+    return false;
+  }
+
+  /// Older directions fade as older evidence does.
+  void add_direction(Tile& tile, std::size_t cell, const Eigen::Vector3f& along, float turn) const {
+    Directions& seen = tile.seen[cell];
+    seen.add(along, turn);
+    const auto most = static_cast<float>(params_.max_weight);
+    if (seen.turned <= most) return;
+    const float part = most / seen.turned;
+    seen.scale(part);
+    if (!has_evidence(tile)) return;
+    for (Directions& of_class : tile.evidence[cell].class_seen) of_class.scale(part);
   }
 
   /// Keeps the evidence of a tile in which the class is now seen for each error of the elevation.
@@ -557,7 +734,8 @@ class GridMap::Impl {
 
   /// False where nothing is known.
   bool add_column(Tile& tile, std::size_t cell, const Eigen::Vector3d& foot, const Eigen::Vector3d& up,
-                  double hidden_below_m, const LabelReader& reader, GridUpdate& done) {
+                  const Eigen::Vector3f& along, float turn, double hidden_below_m, const LabelReader& reader,
+                  GridUpdate& done) {
     const double below_m = max_offset_m();
     bool any_known = false;
     for (std::size_t step = 0; step < column_.size(); ++step) {
@@ -571,6 +749,7 @@ class GridMap::Impl {
     }
     if (!any_known) return false;
     begin_evidence(tile);
+    bool any_added = false;
     bool is_class = false, is_believed = false;  // of the class by any offset, and by the one that is believed
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
@@ -593,6 +772,7 @@ class GridMap::Impl {
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
       Evidence& evidence = tile.evidence[cell];
+      any_added = true;
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
       const double weight = seen * (least > 0.5F * peak      ? 1.0
                                     : greatest > 0.5F * peak ? params_.partial_weight
@@ -604,9 +784,12 @@ class GridMap::Impl {
       }
       const bool is_class_here = least > 0.5F * peak || soft_least > kSoftClass;
       is_class |= is_class_here;
+      if (is_class_here) evidence.class_seen[i].add(along, turn * static_cast<float>(seen));
       is_believed |= is_class_here && offset == believed_;
       add(evidence, i, weight, sharp, soft);
     }
+    if (!any_added) return false;
+    add_direction(tile, cell, along, turn * static_cast<float>(seen));
     if (is_believed) tile.class_latest[cell] = images_;
     if (is_class) {
       ++tile.class_images[cell];
