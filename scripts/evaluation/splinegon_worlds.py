@@ -2,7 +2,7 @@
 """The worlds of `scripts/evaluation/splinegons.py`: a fixed-wing-like vehicle flies around large obstacles, with an
 IMU, fixes and a scanner that tilts with each turn. Everything follows from the shape, the variant and the seed.
 
-    python3 scripts/evaluation/splinegon_worlds.py DIR [--shapes ellipse peanut kidney lobes box two] [--seeds 1 2]
+    python3 scripts/evaluation/splinegon_worlds.py DIR [--shapes ellipse peanut kidney lobes box two columns wings island] [--seeds 1 2]
         [--variants plain wind yawed flipped outage outliers short]
 
 NAME is SHAPE_SEED, then _ and the variant if it is not the plain one. Written are
@@ -43,7 +43,7 @@ from scipy.spatial.transform import Rotation
 
 import polygon_worlds
 
-SHAPES = ("ellipse", "peanut", "kidney", "lobes", "box", "two")
+SHAPES = ("ellipse", "peanut", "kidney", "lobes", "box", "two", "columns", "wings", "island")
 VARIANTS = ("plain", "wind", "yawed", "flipped", "outage", "outliers", "short")
 ORIGIN = (47.3769, 8.5417, 408.0)  # latitude, longitude, altitude
 GRAVITY_M_S2 = 9.80665
@@ -257,8 +257,45 @@ def kidney():
     return smooth_outline(kidney_curve(high))
 
 
+def columns():
+    """A building of 40 m x 20 m with 16 columns of 1 m, 1 m in front of its wall."""
+    corners, step_m = [], 7.5
+    next_m = 0.5 * step_m
+    for start, length in (((-20.0, -10.0), 40.0), ((20.0, -10.0), 20.0), ((20.0, 10.0), 40.0), ((-20.0, 10.0), 20.0)):
+        along = -np.sign(start) * (abs(start[0]) if length == 40.0 else 0.0, abs(start[1]) if length == 20.0 else 0.0)
+        along /= np.hypot(*along)
+        out = np.array((along[1], -along[0]))
+        corners.append(np.array(start))
+        while next_m < length:
+            for side, depth in ((-0.5, 0.0), (-0.5, 1.0), (0.5, 1.0), (0.5, 0.0)):
+                corners.append(start + (next_m + side) * along + depth * out)
+            next_m += step_m
+        next_m -= length
+    return corners
+
+
+def wings():
+    """A building with four wings, 4 m wide and 3 m deep, 6 m apart."""
+    corners = [(0.0, -8.0), (34.0, -8.0)]
+    for x in (30.0, 20.0, 10.0, 0.0):
+        corners += [(x + 4.0, 3.0), (x, 3.0)] + ([(x, 0.0), (x - 6.0, 0.0)] if x > 0.0 else [])
+    return corners
+
+
+def island():
+    """Banks of 330 m altogether, with bends of 8 m to 60 m."""
+    def curve(t):
+        waves = sum(a * np.sin(k * t + p) for k, a, p in ((5, 1.6, 0.3), (9, 0.9, 1.1), (17, 0.45, 2.0), (29, 0.22, 0.7)))
+        x, y = (70.0 + waves) * np.cos(t), (28.0 + waves) * np.sin(t)
+        return np.column_stack((x, y))
+
+    return smooth_outline(curve)
+
+
 def obstacles_of(shape):
     """At the origin."""
+    if shape in ("columns", "wings"):
+        return [cornered(shape, {"columns": columns, "wings": wings}[shape]())]
     if shape == "two":
         width = 7.0
         box = cornered("box", polygon_worlds.rectangle(width, 6.0))
@@ -269,7 +306,8 @@ def obstacles_of(shape):
     outline = {"ellipse": lambda: ellipse(10.0, 6.0),
                "peanut": lambda: smooth_outline(polar(lambda phi: 7.0 + 3.0 * np.cos(2.0 * phi))),
                "kidney": kidney,
-               "lobes": lambda: smooth_outline(polar(lambda phi: 7.5 + 2.0 * np.cos(3.0 * phi)))}[shape]()
+               "lobes": lambda: smooth_outline(polar(lambda phi: 7.5 + 2.0 * np.cos(3.0 * phi))),
+               "island": island}[shape]()
     return [Obstacle(shape, outline)]
 
 

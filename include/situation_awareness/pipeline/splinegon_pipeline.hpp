@@ -62,6 +62,8 @@ class SplinegonPipeline {
   const MapAlignment& alignment() const { return alignment_; }
 
   const Splinegons& splinegons() const { return splinegons_; }
+  /// How the boundaries were fitted.
+  const SplinegonMap& map() const { return map_; }
 
   /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
   /// where the map is in the world.

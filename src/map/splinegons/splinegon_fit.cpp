@@ -33,7 +33,8 @@ constexpr double kJumpEffect = 1.0 / 216.0;
 constexpr double kJumpRms = 1.0 / 500.0;
 /// A corner is one if its two sides meet the elements better than an arc by this in chi^2, and are themselves no worse
 /// than the second in standard deviations of chi^2.
-constexpr double kCornerGain = 25.0;
+/// Of a side that is short, an arc meets a corner's elements to some centimetres, too.
+constexpr double kCornerGain = 25.0, kShortCornerGain = 9.0;
 constexpr double kCornerMisfit = 3.0;
 /// Square of an expected jump over that of the fit, which is in part noise: from 0.2 to 1 errors change by a tenth.
 constexpr double kJumpShare = 0.3;
@@ -56,19 +57,49 @@ constexpr double kGapShare = 1e-3;
 constexpr double kGapSigma = 1.0 / 16.0;
 /// The same of a corner that may be in the gap, over length * tan(turn / 2): a quarter of its distance from the chord.
 constexpr double kGapCorner = 1.0 / 8.0;
-/// Least distance of corners along the boundary, over the window.
-constexpr double kCornersApart = 1.0;
+/// Lengths of the boundary to either side in which a corner is looked for, over the window: the first that fits, as
+/// other corners may be near; and the least distance of two, over the window.
+constexpr double kCornersApart = 0.3;
+constexpr std::array<double, 3> kCornerWindows = {1.0, 0.5, 1.0 / 3.0};
+/// Elements to either side of a corner, at least, with the window and with a part of it.
+constexpr std::size_t kFewestOfSide = 4, kFewestOfShortSide = 3;
 /// Least break of the tangent of a corner that stays one, over that of a new one.
 constexpr double kLeastBreak = 0.7;
 /// Part of a corner's turn that is within half the window.
 constexpr double kCornerNearTurn = 0.75;
 /// Largest correlation of the residuals of neighbouring elements that is believed.
 constexpr double kMostCorrelation = 0.7;
-/// An arc has at most a turn of 5 rad, and this length.
-constexpr double kMostBulge = 3.0;
+/// m. Least length of an arc.
 constexpr double kShortestArc_m = 1e-6;
+/// Of the factorization of normal equations, whose entries are of 1 / m^2 and 1 / rad^2.
+constexpr double kLeastPivot = 1e-6;
 /// m. A step that moves no main vertex further is the last.
 constexpr double kNoChange_m = 2e-4;
+/// Where arcs do not follow the boundary, residuals of neighbours are alike. That is so where the sum of their products
+/// is more than so many of its standard deviations, and what they have in common is at least this (m).
+constexpr double kMisfitSigmas = 4.0;
+constexpr double kLeastMisfit_m = 0.01;
+/// A residual counts up to so many standard deviations there.
+constexpr double kMostSigmas = 3.0;
+/// Rounds in which biarcs that do not follow the boundary are parted, each into so many at most.
+constexpr int kMostRounds = 6;
+constexpr double kMostParts = 4.0;
+/// m^-2, rad^-2. Keeps main vertices and tangents where hardly any elements are.
+constexpr double kHoldAcross = 10.0, kHoldYaw = 1.0;
+/// m. By how much a biarc at a corner is off its chord which hardly any element tells.
+constexpr double kStraight_m = 0.01;
+/// Elements that tell the curvature of a biarc at a corner, at least; and how far (m) a corner is from where it was
+/// found.
+constexpr std::size_t kElementsOfArc = 6;
+constexpr double kCorner_m = 0.1;
+/// Of the distance from one element to the next, and of what they are off, the place on an earlier fit is looked for
+/// near that of the element before; otherwise everywhere, for so many elements.
+constexpr double kNear_m = 0.3;
+constexpr std::size_t kNearArcs = 4, kMostSearches = 16;
+/// Least offset (m) of an element from the polygon that is taken for its neighbours, where arcs do not follow them.
+constexpr double kPolygonOffset_m = 0.02;
+/// A biarc goes astray if it is longer than the polygon by this factor, or one of its arcs turns by this (rad).
+constexpr double kMostWay = 1.3, kMostTurn_rad = 2.5;
 
 Eigen::Vector2d unit(double yaw_rad) { return {std::cos(yaw_rad), std::sin(yaw_rad)}; }
 
@@ -113,19 +144,78 @@ struct LineSums {
   }
 };
 
+/// What residuals have in common, from a sum of elements'.
+bool is_misfit(double products, double elements, double weights) {
+  if (products < kMisfitSigmas * std::sqrt(elements)) return false;
+  const double sigma_m = elements / std::max(weights, 1e-12);
+  return std::sqrt(products / elements) * sigma_m > kLeastMisfit_m;
+}
+
 }  // namespace
+
+void SplinegonFit::BandMatrix::reset(Eigen::Index size, Eigen::Index below) {
+  size_ = size;
+  below_ = below;
+  const Eigen::Index entries = (below + 1) * size;
+  if (entries_.size() < entries) entries_.resize(2 * entries);
+  entries_.head(entries).setZero();
+}
+
+SplinegonFit::BandMatrix& SplinegonFit::BandMatrix::operator=(const BandMatrix& other) {
+  reset(other.size_, other.below_);
+  const Eigen::Index entries = (below_ + 1) * size_;
+  entries_.head(entries) = other.entries_.head(entries);
+  return *this;
+}
+
+void SplinegonFit::BandMatrix::scale_diagonal(double factor) {
+  for (Eigen::Index j = 0; j < size_; ++j) (*this)(j, j) *= factor;
+}
+
+void SplinegonFit::BandMatrix::factorize() {
+  for (Eigen::Index j = 0; j < size_; ++j) {
+    const Eigen::Index rows = std::min(below_, size_ - 1 - j);
+    double* const column = &(*this)(j, j);
+    const double root = std::sqrt(std::max(column[0], kLeastPivot));
+    column[0] = root;
+    for (Eigen::Index r = 1; r <= rows; ++r) column[r] /= root;
+    for (Eigen::Index c = 1; c <= rows; ++c) {
+      double* const other = &(*this)(j + c, j + c);
+      const double factor = column[c];
+      for (Eigen::Index r = c; r <= rows; ++r) other[r - c] -= factor * column[r];
+    }
+  }
+}
+
+void SplinegonFit::BandMatrix::solve(Eigen::VectorXd& b) const {
+  for (Eigen::Index j = 0; j < size_; ++j) {
+    const double* const column = &(*this)(j, j);
+    b(j) /= column[0];
+    for (Eigen::Index r = 1; r <= std::min(below_, size_ - 1 - j); ++r) b(j + r) -= column[r] * b(j);
+  }
+  for (Eigen::Index j = size_ - 1; j >= 0; --j) {
+    const double* const column = &(*this)(j, j);
+    for (Eigen::Index r = 1; r <= std::min(below_, size_ - 1 - j); ++r) b(j) -= column[r] * b(j + r);
+    b(j) /= column[0];
+  }
+}
+
+void SplinegonFit::BandMatrix::invert(BandMatrix& inverse) const {
+  inverse.reset(size_, below_);
+  for (Eigen::Index j = size_ - 1; j >= 0; --j) {
+    const double* const column = &(*this)(j, j);
+    const Eigen::Index rows = std::min(below_, size_ - 1 - j);
+    for (Eigen::Index r = rows; r >= 0; --r) {
+      double sum = r == 0 ? 1.0 / column[0] : 0.0;
+      for (Eigen::Index k = 1; k <= rows; ++k) sum -= column[k] * inverse(j + std::max(r, k), j + std::min(r, k));
+      inverse(j + r, j) = sum / column[0];
+    }
+  }
+}
 
 void SplinegonFitParams::validate() const { check_bounds(*this, "splinegon_fit"); }
 
-SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) {
-  params_.validate();
-  const auto most_unknowns = 4 * static_cast<Eigen::Index>(params_.vertices);
-  H_.resize(most_unknowns, most_unknowns);
-  H_factor_.resize(most_unknowns, most_unknowns);
-  g_.resize(most_unknowns);
-  delta_.resize(most_unknowns);
-  row_.resize(most_unknowns + 4);
-}
+SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) { params_.validate(); }
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
                                       double common_variance_m2, std::vector<SplinegonVertex>& vertices) {
@@ -146,20 +236,55 @@ SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& eleme
     place_on_elements();
     expect_jumps(true);
     quality.iterations += iterate(4);
-    place_again();
-    expect_jumps(false);
-    quality.iterations += iterate(4);
-    place_again();
-    expect_jumps(false);
-    quality.iterations += iterate(4);
+    for (int round = 0; round < 2; ++round) {
+      place_again();
+      expect_jumps(false);
+      quality.iterations += iterate(4);
+      if (nodes_.size() > wanted_nodes()) break;  // they stay where arcs end
+    }
   }
   place_again();
   expect_jumps(false);
   quality.iterations += iterate(6);
+  for (int round = 0; round < kMostRounds && part_misfits(); ++round) {
+    expect_jumps(false);
+    quality.iterations += iterate(6);
+  }
   const double chi2 = chi2_per_freedom();
   quality.chi2_per_freedom = chi2 * raised_ * raised_;
   write(common_variance_m2, std::max(1.0, chi2) * correlation_factor(), vertices);
+  remove_if_degenerate(vertices);
+  quality.as_polygon = static_cast<int>(std::count(is_polygon_.begin(), is_polygon_.end(), true));
   return quality;
+}
+
+void SplinegonFit::fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+                               std::vector<SplinegonVertex>& vertices) {
+  closed_ = closed;
+  vertices.clear();
+  corners_m_.clear();
+  if (take(elements)) {
+    for (std::size_t i = 0; i < points_m_.size(); ++i) corners_m_.push_back({points_m_[i], 1.0 / weights_[i]});
+  } else {
+    for (const SplinegonElement& element : elements) {
+      origin_m_ = elements[0].p_world_m;
+      corners_m_.push_back({element.p_world_m - origin_m_, std::sqrt(element.variance_m2)});
+    }
+  }
+  append_corners(!closed, closed, common_variance_m2, vertices);
+  remove_if_degenerate(vertices);
+}
+
+/// Elements that go to and fro may have no chain of arcs.
+void SplinegonFit::remove_if_degenerate(std::vector<SplinegonVertex>& vertices) const {
+  bool is_sound = vertices.size() >= (closed_ ? 4U : 3U);
+  for (std::size_t k = 0; k < vertices.size(); ++k) {
+    const SplinegonVertex& vertex = vertices[k];
+    const SplinegonVertex& next = vertices[k + 1 < vertices.size() ? k + 1 : 0];
+    is_sound &= std::isfinite(vertex.sigma_m) && std::isfinite(vertex.bulge) &&
+                (next.p_world_m - vertex.p_world_m).norm() > kShortestArc_m;
+  }
+  if (!is_sound) vertices.clear();
 }
 
 /// Takes the elements over, without those far from their neighbours. The variances are raised to what the elements
@@ -225,6 +350,7 @@ bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
   return perimeter_m_ > kShortest_m;
 }
 
+/// As many as a boundary has that no misfit asks for more of.
 std::size_t SplinegonFit::wanted_nodes() const {
   const auto most = static_cast<std::size_t>(params_.vertices);
   const std::size_t determined = points_m_.size() / kElementsOfVertex;
@@ -235,7 +361,7 @@ std::size_t SplinegonFit::wanted_nodes() const {
 
 /// Two lines against an arc, for the elements within the window before and after the middle of elements `last` and the
 /// next.
-bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
+bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& corner) const {
   const std::size_t n = points_m_.size();
   const auto next = [&](std::size_t i) { return i + 1 < n ? i + 1 : 0; };
   const auto before = [&](std::size_t i) { return i > 0 ? i - 1 : n - 1; };
@@ -243,22 +369,22 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
     return to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from];
   };
   const std::size_t start = next(last);
-  if (way_m(last, start) > params_.corner_window_m) return false;
+  if (way_m(last, start) > window_m) return false;
   std::size_t first = last, end = start;
   LineSums left, right;
   const Eigen::Vector2d middle_m = points_m_[last];
-  const double near_m = 0.5 * params_.corner_window_m;
+  const double near_m = 0.5 * window_m;
   for (;; first = before(first)) {
     left.add(points_m_[first] - middle_m, weights_[first] * weights_[first]);
-    if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > params_.corner_window_m)
-      break;
+    if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > window_m) break;
   }
   for (;; end = next(end)) {
     right.add(points_m_[end] - middle_m, weights_[end] * weights_[end]);
-    if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > params_.corner_window_m) break;
+    if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > window_m) break;
   }
-  if (left.n < 4 || right.n < 4 || way_m(first, last) < 0.5 * params_.corner_window_m ||
-      way_m(start, end) < 0.5 * params_.corner_window_m) {
+  const std::size_t fewest = window_m < params_.corner_window_m ? kFewestOfShortSide : kFewestOfSide;
+  if (left.n < fewest || right.n < fewest || way_m(first, last) < 0.5 * window_m ||
+      way_m(start, end) < 0.5 * window_m) {
     return false;
   }
   LineSums::Line a = left.line(), b = right.line();
@@ -333,14 +459,19 @@ bool SplinegonFit::corner_between(std::size_t last, Corner& corner) const {
     arc_chi2 += std::min(weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.04), kMostChi2);
     if (i == end) break;
   }
-  if (arc_chi2 < lines_chi2 + kCornerGain || arc_chi2 < 1.5 * lines_chi2) return false;
+  const double gain = window_m < params_.corner_window_m ? kShortCornerGain : kCornerGain;
+  if (arc_chi2 < lines_chi2 + gain || arc_chi2 < 1.5 * lines_chi2) return false;
   // Where the lines meet.
   const double along_m = left_of(b.along).dot(b.mean - a.mean) / left_of(b.along).dot(a.along);
   const Eigen::Vector2d crossing_m = a.mean + along_m * a.along;
-  const double reach_m = way_m(last, start) + 0.25 * params_.corner_window_m;
+  const double reach_m = way_m(last, start) + 0.25 * window_m;
   if (crossing_m.norm() > reach_m) return false;
-  corner = {s_m_[last] + 0.5 * way_m(last, start), middle_m + crossing_m, yaw_of(a.along), yaw_of(b.along),
-            arc_chi2 - lines_chi2};
+  corner = {s_m_[last] + 0.5 * way_m(last, start),
+            middle_m + crossing_m,
+            yaw_of(a.along),
+            yaw_of(b.along),
+            arc_chi2 - lines_chi2,
+            window_m};
   return true;
 }
 
@@ -349,21 +480,123 @@ void SplinegonFit::find_corners() {
   candidates_.clear();
   for (std::size_t i = 0; i + (closed_ ? 0 : 1) < points_m_.size(); ++i) {
     Corner corner;
-    if (corner_between(i, corner)) candidates_.push_back(corner);
+    for (const double part : kCornerWindows) {
+      if (!corner_between(i, part * params_.corner_window_m, corner)) continue;
+      candidates_.push_back(corner);
+      break;
+    }
   }
   // The best one, and so on without those near it.
-  const std::size_t most = wanted_nodes() - (closed_ ? 0 : 2);
-  while (!candidates_.empty() && corners_.size() < most) {
-    const Corner best = *std::max_element(candidates_.begin(), candidates_.end(),
-                                          [](const Corner& a, const Corner& b) { return a.score < b.score; });
-    corners_.push_back(best);
-    const auto is_near = [&](const Corner& corner) {
-      const double d_m = corner.s_m - best.s_m;
-      return std::abs(closed_ ? std::remainder(d_m, perimeter_m_) : d_m) < kCornersApart * params_.corner_window_m;
+  by_score_.clear();
+  for (std::size_t i = 0; i < candidates_.size(); ++i) by_score_.push_back(i);
+  std::sort(by_score_.begin(), by_score_.end(), [&](std::size_t a, std::size_t b) {
+    return candidates_[a].score != candidates_[b].score ? candidates_[a].score > candidates_[b].score : a < b;
+  });
+  const std::size_t count = candidates_.size();
+  for (const std::size_t best : by_score_) {
+    const double score = candidates_[best].score;
+    if (score <= 0.0) continue;
+    corners_.push_back(candidates_[best]);
+    const auto forget_near = [&](std::size_t step) {
+      for (std::size_t k = 1, i = best; k < count; ++k) {
+        i = (i + step) % count;
+        const double d_m = candidates_[i].s_m - candidates_[best].s_m;
+        if (std::abs(closed_ ? std::remainder(d_m, perimeter_m_) : d_m) >= params_.corner_window_m) break;
+        const double apart_m = (candidates_[i].p_m - candidates_[best].p_m).norm();
+        if (apart_m < kCornersApart * params_.corner_window_m) candidates_[i].score = 0.0;
+      }
     };
-    candidates_.erase(std::remove_if(candidates_.begin(), candidates_.end(), is_near), candidates_.end());
+    forget_near(1);
+    forget_near(count - 1);
   }
   std::sort(corners_.begin(), corners_.end(), [](const Corner& a, const Corner& b) { return a.s_m < b.s_m; });
+}
+
+/// Whether one arc meets the elements from one to before another, which may be beyond the last.
+bool SplinegonFit::is_arc(std::size_t begin, std::size_t end) const {
+  const std::size_t n = points_m_.size();
+  const Eigen::Vector2d from_m = points_m_[begin % n], way_m = points_m_[(end - 1) % n] - from_m;
+  const double chord_m = way_m.norm();
+  if (chord_m < 1e-9) return false;
+  const Eigen::Vector2d axis = way_m / chord_m;
+  Eigen::Vector3d c = Eigen::Vector3d::Zero();
+  const auto distance_m = [&](const Eigen::Vector2d& p) {  // y = c0 + c1 x + c2 (x^2 + y^2)
+    const Eigen::Vector2d gradient(c(1) + 2.0 * c(2) * p.x(), 1.0 - 2.0 * c(2) * p.y());
+    return (p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm()) / std::max(gradient.norm(), 0.3);
+  };
+  const auto local = [&](std::size_t i) -> Eigen::Vector2d {
+    const Eigen::Vector2d v = points_m_[i % n] - from_m;
+    return {axis.dot(v), left_of(axis).dot(v)};
+  };
+  for (int round = 0; round < 2; ++round) {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+    for (std::size_t i = begin; i < end; ++i) {
+      const Eigen::Vector2d p = local(i);
+      double weight = weights_[i % n] * weights_[i % n];
+      if (round > 0) {
+        const double sigmas = std::abs(distance_m(p)) * weights_[i % n];
+        weight *= std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+      }
+      const Eigen::Vector3d row(1.0, p.x(), p.squaredNorm());
+      A += weight * row * row.transpose();
+      rhs += weight * p.y() * row;
+    }
+    c = A.ldlt().solve(rhs);
+    if (!c.allFinite()) return false;
+  }
+  double products = 0.0, weights = 0.0, before = 0.0;
+  for (std::size_t i = begin; i < end; ++i) {
+    const double sigmas = std::clamp(distance_m(local(i)) * weights_[i % n], -kMostSigmas, kMostSigmas);
+    products += sigmas * before;
+    weights += weights_[i % n];
+    before = sigmas;
+  }
+  return !is_misfit(products, static_cast<double>(end - begin), weights);
+}
+
+/// Corners, and between them the places at which one arc meets the elements no longer, along the polygon of the
+/// elements.
+void SplinegonFit::find_arcs() {
+  const std::size_t n = points_m_.size();
+  arc_ends_.clear();
+  const auto add_piece = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t from = begin; from < end;) {
+      std::size_t sure = std::min(from + kElementsOfVertex, end), wrong = end + 1;
+      for (std::size_t step = kElementsOfVertex; sure < end && wrong > end; step *= 2) {
+        const std::size_t next = std::min(sure + step, end);
+        (is_arc(from, next) ? sure : wrong) = next;
+      }
+      while (wrong <= end && wrong - sure > 1) {
+        const std::size_t middle = sure + (wrong - sure) / 2;
+        (is_arc(from, middle) ? sure : wrong) = middle;
+      }
+      from = sure;
+      if (end - from < kElementsOfVertex) break;  // too few for one of their own
+      const double s_m = 0.5 * (s_m_[(from + n - 1) % n] + (from % n > 0 ? s_m_[from % n] : perimeter_m_));
+      arc_ends_.push_back({s_m, kNoCorner});
+    }
+  };
+  const auto first_at = [&](double s_m) {
+    return static_cast<std::size_t>(std::lower_bound(s_m_.begin(), s_m_.end(), s_m) - s_m_.begin());
+  };
+  if (corners_.empty()) {
+    if (closed_) arc_ends_.push_back({0.0, kNoCorner});
+    add_piece(0, n);
+    return;
+  }
+  if (!closed_) add_piece(0, first_at(corners_.front().s_m));
+  for (std::size_t c = 0; c < corners_.size(); ++c) {
+    arc_ends_.push_back({corners_[c].s_m, c});
+    const bool is_last = c + 1 == corners_.size();
+    if (is_last && !closed_) {
+      add_piece(first_at(corners_[c].s_m), n);
+    } else {
+      add_piece(first_at(corners_[c].s_m),
+                is_last ? n + first_at(corners_.front().s_m) : first_at(corners_[c + 1].s_m));
+    }
+  }
+  std::sort(arc_ends_.begin(), arc_ends_.end(), [](const Station& a, const Station& b) { return a.s_m < b.s_m; });
 }
 
 /// Stations of `count` nodes from `from_s` to `to_s`, of a closed boundary the same place, between those that are set
@@ -423,31 +656,38 @@ void SplinegonFit::share_out(std::size_t count, double from_s, double to_s) {
   if (!closed_) stations_.push_back({to_s, kNoCorner});
 }
 
-/// The first placing: nodes evenly along the polygon of the elements.
+/// The first placing: nodes evenly along the polygon of the elements, or, where those are too few, where arcs end.
 void SplinegonFit::place_on_elements() {
   const std::size_t n = points_m_.size();
   const std::size_t count = wanted_nodes();
-  cell_s_m_.assign(1, 0.0);
-  share_.clear();
-  const auto add_cell = [&](double end_m, double share) {
-    if (end_m <= cell_s_m_.back()) return;
-    cell_s_m_.push_back(end_m);
-    share_.push_back(share);
-  };
-  for (const Gap& gap : gaps_) {
-    add_cell(s_m_[gap.last], 1.0);
-    add_cell(gap.next > 0 ? s_m_[gap.next] : perimeter_m_, kGapShare);
-  }
-  add_cell(perimeter_m_, 1.0);
+  find_arcs();
   stations_.clear();
-  for (std::size_t c = 0; c < corners_.size(); ++c) stations_.push_back({corners_[c].s_m, c});
-  share_out(count, 0.0, perimeter_m_);
+  if (arc_ends_.size() + (closed_ ? 0 : 2) > count) {
+    if (!closed_) stations_.push_back({0.0, kNoCorner});
+    stations_.insert(stations_.end(), arc_ends_.begin(), arc_ends_.end());
+    if (!closed_) stations_.push_back({perimeter_m_, kNoCorner});
+  } else {
+    cell_s_m_.assign(1, 0.0);
+    share_.clear();
+    const auto add_cell = [&](double end_m, double share) {
+      if (end_m <= cell_s_m_.back()) return;
+      cell_s_m_.push_back(end_m);
+      share_.push_back(share);
+    };
+    for (const Gap& gap : gaps_) {
+      add_cell(s_m_[gap.last], 1.0);
+      add_cell(gap.next > 0 ? s_m_[gap.next] : perimeter_m_, kGapShare);
+    }
+    add_cell(perimeter_m_, 1.0);
+    for (std::size_t c = 0; c < corners_.size(); ++c) stations_.push_back({corners_[c].s_m, c});
+    share_out(count, 0.0, perimeter_m_);
+  }
   nodes_.clear();
-  const double window_m = std::clamp(0.3 * perimeter_m_ / static_cast<double>(count), 0.05, 1.0);
-  for (const Station& station : stations_) {
+  for (std::size_t at = 0; at < stations_.size(); ++at) {
+    const Station& station = stations_[at];
     if (station.corner != kNoCorner) {
       const Corner& corner = corners_[station.corner];
-      nodes_.push_back({corner.p_m, corner.yaw_in_rad, corner.yaw_out_rad, true});
+      nodes_.push_back({corner.p_m, corner.yaw_in_rad, corner.yaw_out_rad, true, corner.p_m});
       continue;
     }
     const double s_m = closed_ ? std::fmod(station.s_m, perimeter_m_) : station.s_m;
@@ -458,12 +698,17 @@ void SplinegonFit::place_on_elements() {
       const double d_m = s_m_[i] - s_m;
       return closed_ ? std::remainder(d_m, perimeter_m_) : d_m;
     };
-    double low_m = -window_m, high_m = window_m;  // not beyond a corner
-    for (const Corner& corner : corners_) {
-      const double d_m = closed_ ? std::remainder(corner.s_m - s_m, perimeter_m_) : corner.s_m - s_m;
-      if (d_m < 0.0) low_m = std::max(low_m, d_m);
-      if (d_m > 0.0) high_m = std::min(high_m, d_m);
-    }
+    double low_m = -1.0, high_m = 1.0;  // a third of the way to the next ones
+    const auto way_to_m = [&](std::size_t other) {
+      const double d_m = stations_[other].s_m - station.s_m;
+      return closed_ ? std::remainder(d_m, perimeter_m_) : d_m;
+    };
+    if (at > 0 || closed_)
+      low_m = std::max(low_m, -0.3 * std::abs(way_to_m((at + stations_.size() - 1) % stations_.size())));
+    if (at + 1 < stations_.size() || closed_)
+      high_m = std::min(high_m, 0.3 * std::abs(way_to_m((at + 1) % stations_.size())));
+    low_m = std::min(low_m, -0.05);
+    high_m = std::max(high_m, 0.05);
     LineSums sums;
     std::size_t first = below, last = below;
     for (std::size_t k = 0, i = below; k<n / 2; ++k, i = i> 0 ? i - 1 : n - 1) {
@@ -479,7 +724,7 @@ void SplinegonFit::place_on_elements() {
       if (!closed_ && i + 1 == n) break;
     }
     Node node{};
-    if (sums.n >= 3 && (points_m_[last] - points_m_[first]).norm() > 0.5 * window_m) {
+    if (sums.n >= 3 && (points_m_[last] - points_m_[first]).norm() > 0.25 * (high_m - low_m)) {
       LineSums::Line line = sums.line();
       if (line.along.dot(points_m_[last] - points_m_[first]) < 0.0) line.along = -line.along;
       const Eigen::Vector2d at_m =
@@ -497,6 +742,7 @@ void SplinegonFit::place_on_elements() {
       node.yaw_in_rad = yaw_of(points_m_[to] - points_m_[from]);
     }
     node.yaw_out_rad = node.yaw_in_rad;
+    node.found_m = node.p_m;
     nodes_.push_back(node);
   }
   compute_arcs();
@@ -510,8 +756,10 @@ void SplinegonFit::assign_by_stations(const std::vector<double>& at_m, double wh
   for (std::size_t i = 0; i < at_m.size(); ++i) {
     double s_m = at_m[i];
     if (closed_ && s_m < stations_[0].s_m) s_m += whole_m;
-    std::size_t k = biarcs() - 1;
-    while (k > 0 && s_m < stations_[k].s_m) --k;
+    const auto after = std::upper_bound(stations_.begin(), stations_.end(), s_m,
+                                        [](double s, const Station& station) { return s < station.s_m; });
+    const auto upper = static_cast<std::size_t>(after - stations_.begin());
+    const std::size_t k = std::min(upper > 0 ? upper - 1 : 0, biarcs() - 1);
     const double end_m = k + 1 < stations_.size() ? stations_[k + 1].s_m : stations_[0].s_m + whole_m;
     arc_of_[i] = 2 * k + (s_m > 0.5 * (stations_[k].s_m + end_m) ? 1 : 0);
   }
@@ -521,9 +769,8 @@ void SplinegonFit::assign_by_stations(const std::vector<double>& at_m, double wh
 bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices) {
   if (vertices.size() < 3 || (vertices.size() % 2 == 0) != closed_) return false;
   const std::size_t count = (vertices.size() + 1) / 2;
-  if (count != wanted_nodes()) return false;
+  if (count < wanted_nodes() || count > std::max(points_m_.size() / kElementsOfVertex, kFewestOfClosed)) return false;
   nodes_.clear();
-  std::size_t corners = 0;
   for (std::size_t k = 0; k < count; ++k) {
     const SplinegonVertex& vertex = vertices[2 * k];
     const auto yaw_rad = [&](std::size_t arc, double sign) {  // at the begin or the end of an arc
@@ -531,23 +778,29 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
           vertices[arc + 1 < vertices.size() ? arc + 1 : 0].p_world_m - vertices[arc].p_world_m;
       return yaw_of(chord) + sign * 2.0 * std::atan(vertices[arc].bulge);
     };
-    Node node{vertex.p_world_m - origin_m_, 0.0, 0.0, vertex.corner};
+    Node node{vertex.p_world_m - origin_m_, 0.0, 0.0, vertex.corner, vertex.p_world_m - origin_m_};
     const bool has_out = closed_ || k + 1 < count, has_in = closed_ || k > 0;
     if (has_out) node.yaw_out_rad = yaw_rad(2 * k, -1.0);
     node.yaw_in_rad = has_in ? yaw_rad(k > 0 ? 2 * k - 1 : vertices.size() - 1, 1.0) : node.yaw_out_rad;
     if (!has_out || !node.corner) node.yaw_out_rad = node.yaw_in_rad;
-    if (node.corner) {
-      ++corners;
-      const auto is_here = [&](const Corner& corner) {
-        return (corner.p_m - node.p_m).norm() < 0.5 * params_.corner_window_m;
-      };
-      if (std::none_of(corners_.begin(), corners_.end(), is_here)) return false;
-    }
     nodes_.push_back(node);
   }
-  if (corners != corners_.size()) return false;
   compute_arcs();
-  assign_nearest();
+  if (!assign_nearest()) return false;
+  missing_.clear();
+  for (std::size_t c = 0; c < corners_.size(); ++c) {
+    const std::size_t biarc = arc_of_[element_after(corners_[c])] / 2;
+    const auto is_here = [&](std::size_t k) {
+      return nodes_[k].corner && (corners_[c].p_m - nodes_[k].p_m).norm() < 0.5 * params_.corner_window_m;
+    };
+    if (!is_here(biarc) && !is_here(next_node(biarc))) missing_.push_back(c);
+  }
+  const auto corners = static_cast<std::size_t>(
+      std::count_if(nodes_.begin(), nodes_.end(), [](const Node& node) { return node.corner; }));
+  if (count == wanted_nodes() ? !missing_.empty() || corners > corners_.size()
+                              : 4 * missing_.size() > corners_.size()) {
+    return false;
+  }
   if (!closed_) {
     // It must reach about as far as the elements.
     const double mean_m = perimeter_m_ / static_cast<double>(count);
@@ -556,18 +809,48 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
       return false;
     }
   }
+  add_missing_corners();
   return true;
+}
+
+std::size_t SplinegonFit::element_after(const Corner& corner) const {
+  const auto after = std::lower_bound(s_m_.begin(), s_m_.end(), corner.s_m) - s_m_.begin();
+  return std::min(static_cast<std::size_t>(after), s_m_.size() - 1);
+}
+
+void SplinegonFit::add_missing_corners() {
+  if (missing_.empty()) return;
+  measure();
+  keep_stations();
+  for (const std::size_t c : missing_) {
+    const Corner& corner = corners_[c];
+    const double s_m = element_s_m_[element_after(corner)];
+    const auto at = std::upper_bound(stations_.begin(), stations_.end(), s_m,
+                                     [](double s, const Station& station) { return s < station.s_m; });
+    stations_.insert(at, {s_m, nodes_.size()});
+    nodes_.push_back({corner.p_m, corner.yaw_in_rad, corner.yaw_out_rad, true, corner.p_m});
+  }
+  place_at_stations();
 }
 
 /// Places the nodes anew on the fitted curve, each biarc with the same share of the third root of the curvature's
 /// slope: its distance from a curve is proportional to slope and length^3.
 void SplinegonFit::place_again() {
+  measure();
+  if (nodes_.size() > wanted_nodes()) {
+    keep_stations();
+  } else {
+    share_out_again();
+  }
+  place_at_stations();
+}
+
+/// Stations of the arcs, and of the elements.
+void SplinegonFit::measure() {
   const std::size_t count = arcs_.size();
   const std::size_t n = points_m_.size();
-  // Stations of the arcs, and of the elements.
   cell_s_m_.assign(1, 0.0);
   for (const ArcOfNode& arc : arcs_) cell_s_m_.push_back(cell_s_m_.back() + arc.length_m);
-  const double whole_m = cell_s_m_.back();
   element_s_m_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const ArcOfNode& arc = arcs_[arc_of_[i]];
@@ -578,6 +861,30 @@ void SplinegonFit::place_again() {
     const double high_m = !closed_ && arc_of_[i] + 1 == count ? 1e9 : arc.length_m;
     element_s_m_[i] = cell_s_m_[arc_of_[i]] + std::clamp(foot_m, low_m, high_m);
   }
+}
+
+/// All nodes where they are, but that the ends of an open boundary are those of the elements.
+void SplinegonFit::keep_stations() {
+  stations_.clear();
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    const double break_rad = std::abs(wrap_to_pi(nodes_[k].yaw_out_rad - nodes_[k].yaw_in_rad));
+    const bool is_corner = nodes_[k].corner && break_rad > kLeastBreak * params_.corner_angle_rad;
+    stations_.push_back({k < biarcs() ? cell_s_m_[2 * k] : cell_s_m_.back(), is_corner ? k : kNoCorner});
+  }
+  if (closed_) return;
+  stations_.front() = {*std::min_element(element_s_m_.begin(), element_s_m_.end()), kNoCorner};
+  stations_.back() = {*std::max_element(element_s_m_.begin(), element_s_m_.end()), kNoCorner};
+  const auto is_beyond = [&](const Station& station) {
+    return &station != &stations_.front() && &station != &stations_.back() &&
+           (station.s_m <= stations_.front().s_m || station.s_m >= stations_.back().s_m);
+  };
+  stations_.erase(std::remove_if(stations_.begin(), stations_.end(), is_beyond), stations_.end());
+}
+
+void SplinegonFit::share_out_again() {
+  const std::size_t count = arcs_.size();
+  const double whole_m = cell_s_m_.back();
+  arc_s_m_ = cell_s_m_;
   // Slope of the curvature at the begin of each arc.
   slope_.assign(count + 1, -1.0);
   for (std::size_t j = 0; j < count; ++j) {
@@ -612,6 +919,13 @@ void SplinegonFit::place_again() {
     }
   }
   share_out(nodes_.size(), from_m, to_m);
+  cell_s_m_ = arc_s_m_;
+}
+
+/// Nodes at the stations, on the fitted curve.
+void SplinegonFit::place_at_stations() {
+  const std::size_t count = arcs_.size();
+  const double whole_m = cell_s_m_.back();
   std::swap(nodes_, nodes_before_);
   nodes_.clear();
   for (const Station& station : stations_) {
@@ -619,15 +933,72 @@ void SplinegonFit::place_again() {
       nodes_.push_back(nodes_before_[station.corner]);
       continue;
     }
-    double on_m = closed_ && station.s_m >= whole_m ? station.s_m - whole_m : station.s_m;
-    std::size_t j = 0;
-    for (; j + 1 < count && on_m > arcs_[j].length_m; ++j) on_m -= arcs_[j].length_m;
+    const double s_m = closed_ && station.s_m >= whole_m ? station.s_m - whole_m : station.s_m;
+    const auto after =
+        static_cast<std::size_t>(std::upper_bound(cell_s_m_.begin(), cell_s_m_.end(), s_m) - cell_s_m_.begin());
+    const std::size_t j = std::min(after > 0 ? after - 1 : 0, count - 1);
+    const double on_m = s_m - cell_s_m_[j];
     const ArcOfNode& arc = arcs_[j];
     const double yaw_rad = arc.begin_yaw_rad + arc.curvature_1pm * on_m;
-    nodes_.push_back({point_on(arc.begin_m, arc.begin_yaw_rad, arc.curvature_1pm, on_m), yaw_rad, yaw_rad, false});
+    const Eigen::Vector2d p_m = point_on(arc.begin_m, arc.begin_yaw_rad, arc.curvature_1pm, on_m);
+    nodes_.push_back({p_m, yaw_rad, yaw_rad, false, p_m});
   }
   assign_by_stations(element_s_m_, whole_m);
   compute_arcs();
+}
+
+/// Products of neighbours' residuals of each biarc.
+void SplinegonFit::sum_residuals() {
+  residuals_.assign(biarcs(), {});
+  double before = 0.0;
+  std::size_t biarc_before = biarcs();
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    const std::size_t biarc = arc_of_[i] / 2;
+    const double distance_m = residual_of(points_m_[i], arc_of_[i]).distance_m;
+    const double sigmas = std::clamp(distance_m * weights_[i], -kMostSigmas, kMostSigmas);
+    Residuals& sums = residuals_[biarc];
+    if (biarc == biarc_before) sums.products += sigmas * before;
+    sums.elements += 1.0;
+    sums.weights += weights_[i];
+    sums.squares_m2 += distance_m * distance_m;
+    if (sums.elements == 1.0) sums.first = i;
+    sums.last = i;
+    before = sigmas;
+    biarc_before = biarc;
+  }
+}
+
+/// Parts the biarcs that do not follow the boundary and have elements for it; whether there are any.
+bool SplinegonFit::part_misfits() {
+  sum_residuals();
+  const auto is_bad = [](const Residuals& sums) { return is_misfit(sums.products, sums.elements, sums.weights); };
+  if (std::none_of(residuals_.begin(), residuals_.end(), is_bad)) return false;
+  measure();
+  const double whole_m = cell_s_m_.back();
+  keep_stations();
+  const std::size_t biarcs_before = biarcs();
+  std::swap(stations_, arc_ends_);
+  stations_.clear();
+  bool parted = false;
+  const bool is_whole = arc_ends_.size() == nodes_.size();  // else an end was cut off
+  for (std::size_t at = 0; at < arc_ends_.size(); ++at) {
+    stations_.push_back(arc_ends_[at]);
+    if (!is_whole || at == biarcs_before) continue;
+    const Residuals& sums = residuals_[at];
+    if (!is_bad(sums)) continue;
+    const double from_m = arc_ends_[at].s_m;
+    const double to_m = at + 1 < arc_ends_.size() ? arc_ends_[at + 1].s_m : whole_m;
+    const double common = std::sqrt(sums.products / sums.elements);
+    const double most = std::min(kMostParts, std::floor(sums.elements / static_cast<double>(kElementsOfVertex)));
+    const double parts = std::min(std::max(std::ceil(std::cbrt(2.0 * common)), 2.0), most);
+    for (double part = 1.0; part < parts; part += 1.0) {
+      stations_.push_back({from_m + part / parts * (to_m - from_m), kNoCorner});
+    }
+    parted |= parts >= 2.0;
+  }
+  if (is_whole && !parted) return false;
+  place_at_stations();
+  return true;
 }
 
 /// Lowers the density of main vertices where there are no elements.
@@ -701,12 +1072,15 @@ void SplinegonFit::compute_arcs() {
   }
 }
 
-/// For the first time: the arc with the nearest chord that has the element's free side.
-void SplinegonFit::assign_nearest() {
+/// For the first time: the arc with the nearest chord that has the element's free side, of those near that of the
+/// element before if that is near enough. False if hardly any is.
+bool SplinegonFit::assign_nearest() {
+  const std::size_t count = arcs_.size();
   arc_of_.resize(points_m_.size());
+  std::size_t at = 0, searches = 0;
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     double least_m2 = std::numeric_limits<double>::infinity();
-    for (std::size_t j = 0; j < arcs_.size(); ++j) {
+    const auto look_at = [&](std::size_t j) {
       const Eigen::Vector2d begin_m = arcs_[j].begin_m;
       const Eigen::Vector2d chord_m = (j % 2 == 0 ? arcs_[j + 1].begin_m : nodes_[next_node(j / 2)].p_m) - begin_m;
       const Eigen::Vector2d v = points_m_[i] - begin_m;
@@ -717,8 +1091,20 @@ void SplinegonFit::assign_nearest() {
         least_m2 = distance_m2;
         arc_of_[i] = j;
       }
+    };
+    if (i > 0) {
+      for (std::size_t k = 0; k <= 2 * kNearArcs; ++k) {
+        const std::size_t j = at + count + k;
+        if (closed_ || (j >= count + kNearArcs && j < 2 * count + kNearArcs)) look_at((j - kNearArcs) % count);
+      }
     }
+    if (least_m2 > kNear_m * kNear_m) {
+      if (++searches > kMostSearches) return false;
+      for (std::size_t j = 0; j < count; ++j) look_at(j);
+    }
+    at = arc_of_[i];
   }
+  return true;
 }
 
 /// From the arc where an element was to a neighbour, if it lies beyond the normal at its end.
@@ -766,6 +1152,12 @@ void SplinegonFit::expect_jumps(bool first) {
     jump_sigma_[j] = std::sqrt(kJumpShare * sum / std::max(number, 1.0) + least(j) * least(j));
   }
   if (first) return;
+  first_of_.assign(count, points_m_.size());
+  last_of_.assign(count, 0);
+  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+    first_of_[arc_of_[i]] = std::min(first_of_[arc_of_[i]], i);
+    last_of_[arc_of_[i]] = i;
+  }
   parameters_ = closed_ ? 0.0 : 2.0;
   for (const Node& node : nodes_) parameters_ += node.corner ? 2.0 : 0.0;
   // Pieces begin at corners, else at the first arc.
@@ -800,11 +1192,16 @@ bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
     const Eigen::Vector2d v = points_m_[i] - from.p_m;
     return {axis.dot(v), left_of(axis).dot(v)};
   };
+  std::size_t first = points_m_.size(), last = 0;
+  for (std::size_t a = 0; a < arcs; ++a) {
+    first = std::min(first, first_of_[(begin + a) % count]);
+    last = std::max(last, last_of_[(begin + a) % count]);
+  }
   Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   std::size_t elements = 0;
   double fit_chi2 = 0.0;
-  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+  for (std::size_t i = first; i <= last && i < points_m_.size(); ++i) {
     if (!is_in(i)) continue;
     const Eigen::Vector2d p = local(i);
     const double sigmas = std::abs(residual_of(points_m_[i], arc_of_[i]).distance_m) * weights_[i];
@@ -819,7 +1216,7 @@ bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
   if (elements < 4) return false;
   const Eigen::Vector3d c = A.ldlt().solve(rhs);
   double arc_chi2 = 0.0;
-  for (std::size_t i = 0; i < points_m_.size(); ++i) {
+  for (std::size_t i = first; i <= last; ++i) {
     if (!is_in(i)) continue;
     const Eigen::Vector2d p = local(i);
     const double e = ring ? p.squaredNorm() - c(0) - c(1) * p.x() - c(2) * p.y()
@@ -866,16 +1263,23 @@ void SplinegonFit::add_to_row(const Vector6d& slope, std::size_t biarc) {
 double SplinegonFit::build() {
   unknowns_of_.resize(nodes_.size());
   unknowns_ = 0;
-  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+  // Of a closed boundary in the order 0, n - 1, 1, n - 2 and so on: then what is near is near along both ways.
+  for (std::size_t at = 0; at < nodes_.size(); ++at) {
+    const std::size_t k = !closed_ ? at : at % 2 == 0 ? at / 2 : nodes_.size() - 1 - at / 2;
     const Node& node = nodes_[k];
     unknowns_of_[k] = {unknowns_, unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
     unknowns_ += node.corner ? 4 : 3;
   }
-  H_.topLeftCorner(unknowns_, unknowns_).setZero();
+  H_.reset(unknowns_, 4 * (closed_ ? 5 : 3) - 1);
+  if (g_.size() < unknowns_ + 4) {
+    g_.resize(2 * unknowns_ + 4);
+    delta_.resize(2 * unknowns_ + 4);
+    row_.setZero(2 * unknowns_ + 4);
+  }
   g_.head(unknowns_).setZero();
   double cost = 0.0;
   // The elements' sums by places and yaws of the nodes, for each biarc.
-  sums_.assign(biarcs(), {Matrix6d::Zero(), Vector6d::Zero()});
+  sums_.assign(biarcs(), {Matrix6d::Zero(), Vector6d::Zero(), 0});
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const Residual residual = residual_of(points_m_[i], arc_of_[i]);
     const double sigmas = std::abs(residual.distance_m) * weights_[i];
@@ -885,8 +1289,23 @@ double SplinegonFit::build() {
     Sums& sums = sums_[arc_of_[i] / 2];
     sums.H.noalias() += weighted * residual.slope.transpose();
     sums.g += residual.distance_m * weighted;
+    ++sums.elements;
   }
-  for (std::size_t k = 0; k < biarcs(); ++k) add_sums(k);
+  for (std::size_t k = 0; k < biarcs(); ++k) {
+    add_sums(k);
+    if (sums_[k].elements < kElementsOfArc && (nodes_[k].corner || nodes_[next_node(k)].corner)) cost += straighten(k);
+  }
+  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+    if (!nodes_[k].corner) continue;
+    const Unknowns& of = unknowns_of_[k];
+    const Eigen::Vector2d moved_m = nodes_[k].p_m - nodes_[k].found_m;
+    constexpr double kWeight = 1.0 / (kCorner_m * kCorner_m);
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      H_(of.first + i, of.first + i) += kWeight;
+      g_(of.first + i) += kWeight * (i == 0 ? of.along : left_of(of.along)).dot(moved_m);
+    }
+    cost += kWeight * moved_m.squaredNorm();
+  }
   for (std::size_t j = 0; j < arcs_.size(); ++j) {
     if (!is_smooth(j)) continue;
     const std::size_t before = j > 0 ? j - 1 : arcs_.size() - 1;
@@ -898,10 +1317,10 @@ double SplinegonFit::build() {
   return cost;
 }
 
-/// Adds the sums of a biarc's elements to the normal equations.
-void SplinegonFit::add_sums(std::size_t biarc) {
+/// Unknowns of the places and yaws of a biarc's nodes, and the derivatives of the ones by the others.
+std::array<Eigen::Index, 6> SplinegonFit::unknowns_of_biarc(std::size_t biarc, Matrix6d& J) const {
   std::array<Eigen::Index, 6> index{};
-  Matrix6d J = Matrix6d::Zero();  // places and yaws by unknowns
+  J.setZero();
   for (Eigen::Index end = 0; end < 2; ++end) {
     const std::size_t k = end == 0 ? biarc : next_node(biarc);
     const Unknowns& of = unknowns_of_[k];
@@ -913,6 +1332,13 @@ void SplinegonFit::add_sums(std::size_t biarc) {
     index[at + 1] = of.first + 1;
     index[at + 2] = of.first + (end == 0 && nodes_[k].corner ? 3 : 2);
   }
+  return index;
+}
+
+/// Adds the sums of a biarc's elements to the normal equations.
+void SplinegonFit::add_sums(std::size_t biarc) {
+  Matrix6d J;
+  const std::array<Eigen::Index, 6> index = unknowns_of_biarc(biarc, J);
   const Matrix6d H = J.transpose() * sums_[biarc].H * J;
   const Vector6d g = J.transpose() * sums_[biarc].g;
   for (std::size_t a = 0; a < 6; ++a) {
@@ -923,6 +1349,20 @@ void SplinegonFit::add_sums(std::size_t biarc) {
       }
     }
   }
+}
+
+/// Adds the expectation that a biarc is straight, which hardly any element tells; returns its cost.
+double SplinegonFit::straighten(std::size_t biarc) {
+  double cost = 0.0;
+  for (std::size_t j = 2 * biarc; j < 2 * biarc + 2; ++j) {
+    const double length_m = arcs_[2 * biarc].length_m + arcs_[2 * biarc + 1].length_m;
+    const double weight = std::pow(length_m * length_m / (8.0 * kStraight_m), 2);
+    sums_[biarc].H.noalias() = weight * arcs_[j].curvature_slope * arcs_[j].curvature_slope.transpose();
+    sums_[biarc].g.noalias() = weight * arcs_[j].curvature_1pm * arcs_[j].curvature_slope;
+    add_sums(biarc);
+    cost += weight * arcs_[j].curvature_1pm * arcs_[j].curvature_1pm;
+  }
+  return cost;
 }
 
 /// Adds the expectation of a jump of the curvature between two arcs.
@@ -962,15 +1402,18 @@ double SplinegonFit::correlation_factor() const {
   return (1.0 + r) / (1.0 - r);
 }
 
-/// Adds what keeps main vertices from sliding along the boundary.
-void SplinegonFit::hold_along(Eigen::MatrixXd& H) const {
+/// Adds what keeps main vertices from sliding along the boundary, and from turning where no element says how.
+void SplinegonFit::hold(BandMatrix& H) const {
   for (std::size_t k = 0; k < nodes_.size(); ++k) {
     double length_m = 0.0;
     if (closed_ || k + 1 < nodes_.size()) length_m += arcs_[2 * k].length_m;
     if (closed_ || k > 0) length_m += arcs_[k > 0 ? 2 * k - 1 : arcs_.size() - 1].length_m;
     const bool end = !closed_ && (k == 0 || k + 1 == nodes_.size());
     const double step_m = (end ? 1e-6 : kAlongStep) * length_m;
-    H(unknowns_of_[k].first, unknowns_of_[k].first) += 1.0 / (step_m * step_m);
+    const Eigen::Index first = unknowns_of_[k].first;
+    H(first, first) += 1.0 / (step_m * step_m);
+    H(first + 1, first + 1) += kHoldAcross;
+    for (Eigen::Index i = 2; i < unknowns_at(k); ++i) H(first + i, first + i) += kHoldYaw;
   }
 }
 
@@ -981,13 +1424,11 @@ int SplinegonFit::iterate(int most) {
   int steps = 0;
   while (steps < most) {
     H_factor_ = H_;
-    hold_along(H_factor_);
-    H_factor_.diagonal().head(unknowns_) *= 1.0 + damping;
-    Eigen::Ref<Eigen::MatrixXd> factor = H_factor_.topLeftCorner(unknowns_, unknowns_);
-    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
+    hold(H_factor_);
+    H_factor_.scale_diagonal(1.0 + damping);
+    H_factor_.factorize();
     delta_.head(unknowns_) = -g_.head(unknowns_);
-    auto delta = delta_.head(unknowns_);
-    llt.solveInPlace(delta);
+    H_factor_.solve(delta_);
     nodes_before_ = nodes_;
     arc_of_before_ = arc_of_;
     double largest_m = 0.0;
@@ -1022,16 +1463,18 @@ int SplinegonFit::iterate(int most) {
   return steps;
 }
 
-/// Length of the largest gap that a biarc is in.
-double SplinegonFit::largest_gap_m(std::size_t biarc) const {
-  double largest_m = 0.0;
+/// Lengths of the largest gaps that biarcs are in.
+void SplinegonFit::measure_gaps() {
+  gap_m_.assign(biarcs(), 0.0);
   for (const Gap& gap : gaps_) {
     const std::size_t first = arc_of_[gap.last] / 2, last = arc_of_[gap.next] / 2;
-    if ((biarc + nodes_.size() - first) % nodes_.size() <= (last + nodes_.size() - first) % nodes_.size()) {
-      largest_m = std::max(largest_m, (points_m_[gap.next] - points_m_[gap.last]).norm());
+    const double length_m = (points_m_[gap.next] - points_m_[gap.last]).norm();
+    if (!closed_ && last < first) continue;
+    for (std::size_t k = first;; k = k + 1 < biarcs() ? k + 1 : 0) {
+      gap_m_[k] = std::max(gap_m_[k], length_m);
+      if (k == last) break;
     }
   }
-  return largest_m;
 }
 
 double SplinegonFit::chi2_per_freedom() const {
@@ -1046,75 +1489,181 @@ double SplinegonFit::chi2_per_freedom() const {
 
 void SplinegonFit::write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices) {
   H_factor_ = H_;
-  hold_along(H_factor_);
-  H_factor_.diagonal().head(unknowns_) *= 1.0 + 1e-9;
-  Eigen::Ref<Eigen::MatrixXd> factor = H_factor_.topLeftCorner(unknowns_, unknowns_);
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(factor);
-  const auto variance_m2 = [&](const auto& set_row) {
-    auto row = row_.head(unknowns_);
-    row.setZero();
-    set_row();
-    llt.matrixL().solveInPlace(row);
-    return scale * row.squaredNorm();
-  };
+  hold(H_factor_);
+  H_factor_.scale_diagonal(1.0 + 1e-9);
+  H_factor_.factorize();
+  H_factor_.invert(covariance_);
+  measure_gaps();
+  sum_residuals();
   double turn_rad = 0.0, length_m = 0.0;
   for (const ArcOfNode& arc : arcs_) {
     turn_rad += std::abs(arc.curvature_1pm) * arc.length_m;
     length_m += arc.length_m;
   }
   const double mean_curvature_1pm = turn_rad / length_m;
-  const auto model_m = [&](std::size_t biarc) {
+  // What arcs cannot follow, and what they did not.
+  const auto model_m2 = [&](std::size_t biarc) {
     const ArcOfNode& first = arcs_[2 * biarc];
     const ArcOfNode& second = arcs_[2 * biarc + 1];
     const double both_m = first.length_m + second.length_m;
-    return kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * both_m * both_m;
+    const double arcs_m = kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * both_m * both_m;
+    const Residuals& sums = residuals_[biarc];
+    double misfit_m2 = 0.0;
+    if (is_misfit(sums.products, sums.elements, sums.weights)) misfit_m2 = sums.squares_m2 / sums.elements;
+    return std::max(arcs_m * arcs_m, misfit_m2);
   };
-  vertices.clear();
-  for (std::size_t k = 0; k < nodes_.size(); ++k) {
+  const auto node_vertex = [&](std::size_t k) {
     const Node& node = nodes_[k];
     const bool has_out = closed_ || k + 1 < nodes_.size(), has_in = closed_ || k > 0;
-    const double before_m = model_m(has_in ? (k > 0 ? k - 1 : biarcs() - 1) : k);
-    const double after_m = model_m(has_out ? k : k - 1);
+    const double before_m2 = model_m2(has_in ? (k > 0 ? k - 1 : biarcs() - 1) : k);
+    const double after_m2 = model_m2(has_out ? k : k - 1);
     const auto across = [&](double yaw_rad) {
-      return variance_m2([&] {
-        const Eigen::Vector2d normal = left_of(unit(yaw_rad));
-        row_(unknowns_of_[k].first) = unknowns_of_[k].along.dot(normal);
-        row_(unknowns_of_[k].first + 1) = left_of(unknowns_of_[k].along).dot(normal);
-      });
+      const Eigen::Index first = unknowns_of_[k].first;
+      const Eigen::Vector2d normal = left_of(unit(yaw_rad));
+      const Eigen::Vector2d row(unknowns_of_[k].along.dot(normal), left_of(unknowns_of_[k].along).dot(normal));
+      return scale *
+             (row.x() * row.x() * covariance_(first, first) + row.y() * row.y() * covariance_(first + 1, first + 1) +
+              2.0 * row.x() * row.y() * covariance_(first + 1, first));
     };
     double of_fit_m2 = across(node.yaw_in_rad);
     if (node.corner) of_fit_m2 = std::max(of_fit_m2, across(node.yaw_out_rad));
-    const double model_m2 = 0.5 * (before_m * before_m + after_m * after_m);
+    const double of_model_m2 = 0.5 * (before_m2 + after_m2);
     SplinegonVertex vertex;
     vertex.p_world_m = node.p_m + origin_m_;
-    vertex.sigma_m = std::sqrt(of_fit_m2 + model_m2 + common_variance_m2);
+    vertex.sigma_m = std::sqrt(of_fit_m2 + of_model_m2 + common_variance_m2);
     vertex.corner = node.corner;
     if (has_out) vertex.bulge = std::tan(0.25 * arcs_[2 * k].curvature_1pm * arcs_[2 * k].length_m);
-    vertices.push_back(vertex);
-    if (!has_out) break;
+    return vertex;
+  };
+  const auto joint_vertex = [&](std::size_t k) {
+    const double after_m2 = model_m2(k);
     const ArcOfNode& second = arcs_[2 * k + 1];
     SplinegonVertex joint;
     joint.p_world_m = second.begin_m + origin_m_;
     joint.bulge = std::tan(0.25 * second.curvature_1pm * second.length_m);
-    const double joint_m2 = variance_m2([&] { add_to_row(residual_of(second.begin_m, 2 * k).slope, k); });
-    const double gap_m = largest_gap_m(k);
+    Matrix6d J;
+    const std::array<Eigen::Index, 6> index = unknowns_of_biarc(k, J);
+    const Vector6d row = J.transpose() * residual_of(second.begin_m, 2 * k).slope;
+    double joint_m2 = 0.0;
+    for (std::size_t a = 0; a < 6; ++a) {
+      for (std::size_t b = 0; b < 6; ++b) {
+        joint_m2 += scale * row(static_cast<Eigen::Index>(a)) * row(static_cast<Eigen::Index>(b)) *
+                    covariance_(std::max(index[a], index[b]), std::min(index[a], index[b]));
+      }
+    }
+    const double gap_m = gap_m_[k];
     const double turn_over_rad =
         std::abs(arcs_[2 * k].curvature_1pm * arcs_[2 * k].length_m + second.curvature_1pm * second.length_m);
     const double over_gap_m = gap_m * (kGapSigma * mean_curvature_1pm * gap_m +
                                        kGapCorner * std::tan(0.5 * std::min(turn_over_rad, 0.5 * kPi)));
-    joint.sigma_m = std::sqrt(joint_m2 + after_m * after_m + over_gap_m * over_gap_m + common_variance_m2);
-    vertices.push_back(joint);
-  }
-  // Elements that go to and fro may have no chain of arcs.
-  for (std::size_t k = 0; k < vertices.size(); ++k) {
-    const SplinegonVertex& vertex = vertices[k];
-    const SplinegonVertex& next = vertices[k + 1 < vertices.size() ? k + 1 : 0];
-    if (std::isfinite(vertex.sigma_m) && std::abs(vertex.bulge) < kMostBulge &&
-        (next.p_world_m - vertex.p_world_m).norm() > kShortestArc_m) {
+    joint.sigma_m = std::sqrt(joint_m2 + after_m2 + over_gap_m * over_gap_m + common_variance_m2);
+    return joint;
+  };
+  find_polygons();
+  const std::size_t count = biarcs();
+  std::size_t start = 0;
+  while (closed_ && start < count && is_polygon_[(start + count - 1) % count]) ++start;
+  vertices.clear();
+  if (start == count) return add_polygon(0, count, common_variance_m2, vertices);
+  for (std::size_t done = 0; done < count;) {
+    const std::size_t k = (start + done) % count;
+    std::size_t run = 0;
+    while (done + run < count && is_polygon_[(k + run) % count]) ++run;
+    if (run > 0) {
+      const SplinegonVertex begin = node_vertex(k);
+      if (closed_ || done > 0) vertices.push_back(begin);
+      add_polygon(k, run, common_variance_m2, vertices);
+      done += run;
       continue;
     }
-    vertices.clear();
-    return;
+    vertices.push_back(node_vertex(k));
+    vertices.back().corner |= (closed_ || k > 0) && is_polygon_[(k + count - 1) % count];
+    vertices.push_back(joint_vertex(k));
+    ++done;
+  }
+  if (!closed_ && !is_polygon_[count - 1]) vertices.push_back(node_vertex(count));
+}
+
+/// The biarcs that do not follow their elements, or go astray between them.
+void SplinegonFit::find_polygons() {
+  is_polygon_.assign(biarcs(), false);
+  std::size_t before = points_m_.size() - 1;  // the last element so far
+  for (std::size_t k = 0; k < biarcs(); ++k) {
+    const Residuals& sums = residuals_[k];
+    const ArcOfNode& first = arcs_[2 * k];
+    const ArcOfNode& second = arcs_[2 * k + 1];
+    // Along the elements, from that before to that after.
+    double way_m = (nodes_[next_node(k)].p_m - nodes_[k].p_m).norm();
+    const auto elements = static_cast<std::size_t>(sums.elements);
+    const std::size_t n = points_m_.size();
+    const auto edge_m = [&](std::size_t at) { return (points_m_[(at + 1) % n] - points_m_[at]).norm(); };
+    if (elements == 0 && (closed_ || before + 1 < n)) way_m = edge_m(before) + kNear_m;
+    if (elements > 0 && elements < n) {
+      const std::size_t from = first_element(k), to = (from + elements - 1) % n;
+      before = to;
+      way_m = (to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from]) + kNear_m;
+      if (closed_ || from > 0) way_m += edge_m((from + n - 1) % n);
+      if (closed_ || to + 1 < n) way_m += edge_m(to);
+    }
+    const auto turn_rad = [](const ArcOfNode& arc) { return std::abs(arc.curvature_1pm * arc.length_m); };
+    const bool is_sound = first.length_m + second.length_m < kMostWay * way_m && turn_rad(first) < kMostTurn_rad &&
+                          turn_rad(second) < kMostTurn_rad && first.length_m > kShortestArc_m &&
+                          second.length_m > kShortestArc_m;
+    is_polygon_[k] = !is_sound || is_misfit(sums.products, sums.elements, sums.weights);
+  }
+}
+
+/// Index of a biarc's first element, whose others follow.
+std::size_t SplinegonFit::first_element(std::size_t biarc) const {
+  const Residuals& sums = residuals_[biarc];
+  if (!closed_ || sums.first > 0 || static_cast<double>(sums.last + 1) <= sums.elements) return sums.first;
+  std::size_t first = points_m_.size();
+  while (first > 1 && arc_of_[first - 1] / 2 == biarc) --first;
+  return first % points_m_.size();
+}
+
+/// Appends the polygon of the elements of some biarcs in a row but for its last vertex, which is the node after them.
+void SplinegonFit::add_polygon(std::size_t biarc, std::size_t count, double common_variance_m2,
+                               std::vector<SplinegonVertex>& vertices) {
+  corners_m_.clear();
+  const bool is_begin = !closed_ && biarc == 0, is_end = !closed_ && biarc + count == biarcs();
+  const bool is_whole = closed_ && count == biarcs();
+  std::size_t elements = 0, first = points_m_.size();
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t of = (biarc + k) % biarcs();
+    if (residuals_[of].elements == 0.0) continue;
+    if (elements == 0) first = first_element(of);
+    elements += static_cast<std::size_t>(residuals_[of].elements);
+  }
+  const double node_m = vertices.empty() ? kPolygonOffset_m : vertices.back().sigma_m;
+  if (!is_begin && !is_whole) corners_m_.push_back({nodes_[biarc].p_m, node_m});
+  for (std::size_t i = 0; i < elements; ++i) {
+    const std::size_t element = (first + i) % points_m_.size();
+    corners_m_.push_back({points_m_[element], 1.0 / weights_[element]});
+  }
+  if (!is_end && !is_whole) corners_m_.push_back({nodes_[(biarc + count) % nodes_.size()].p_m, kPolygonOffset_m});
+  if (!is_begin && !is_whole) vertices.pop_back();
+  append_corners(is_end, is_whole, common_variance_m2, vertices);
+}
+
+/// Appends corners_m_, simplified: with the last one as the end of an open boundary, around a closed one, or up to it.
+void SplinegonFit::append_corners(bool is_end, bool is_whole, double common_variance_m2,
+                                  std::vector<SplinegonVertex>& vertices) {
+  if (corners_m_.size() < 2) return;
+  kept_.assign(1, 0);
+  simplification_.add(
+      0, corners_m_.size() - 1, kPolygonOffset_m, [&](std::size_t i) { return corners_m_[i].p_m; },
+      [&](std::size_t i) { return corners_m_[i].sigma_m; }, kept_);
+  for (std::size_t k = 0; k < kept_.size(); ++k) {
+    const PolygonCorner& corner = corners_m_[kept_[k]];
+    const bool is_last = k + 1 == kept_.size();
+    if (is_last && !is_end && !is_whole) break;
+    const double variance_m2 =
+        corner.sigma_m * corner.sigma_m + kPolygonOffset_m * kPolygonOffset_m + common_variance_m2;
+    vertices.push_back({corner.p_m + origin_m_, 0.0, std::sqrt(variance_m2), true});
+    if (is_last && is_end) break;
+    const Eigen::Vector2d to_m = corners_m_[kept_[is_last ? 0 : k + 1]].p_m;
+    vertices.push_back({0.5 * (corner.p_m + to_m) + origin_m_, 0.0, std::sqrt(variance_m2), false});
   }
 }
 

@@ -18,9 +18,11 @@ bool is_within(const ObstacleBoundary& boundary, const Splinegon& closed) {
   const Eigen::Matrix2d R = boundary.motion.rotation();
   const double most_outside = (1.0 - kWithin) * static_cast<double>(boundary.elements.size());
   std::size_t outside = 0;
+  const double around_m = length_m(closed);  // no place of it is farther from another one
   for (const SplinegonElement& element : boundary.elements) {
     const Eigen::Vector2d p_m = R * element.p_world_m + boundary.motion.translation_m;
-    if (contains(closed, p_m) || distance_m(closed, p_m) < kBefore_m) continue;
+    const bool is_far = (p_m - closed.vertices.front().p_world_m).norm() > around_m + kBefore_m;
+    if (!is_far && (contains(closed, p_m) || distance_m(closed, p_m) < kBefore_m)) continue;
     if (static_cast<double>(++outside) > most_outside) return false;
   }
   return true;
@@ -57,6 +59,8 @@ bool SplinegonMap::is_sound(const Splinegon& splinegon, const std::vector<Spline
 
 const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries) {
   std::swap(splinegons_, before_);
+  std::swap(outcomes_, outcomes_before_);
+  outcomes_.clear();
   splinegons_.stamp_ns = stamp_ns;
   std::size_t count = 0;
   for (const bool closed : {true, false}) {
@@ -64,12 +68,22 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
       if (boundary.closed != closed || !is_large(boundary) || (!closed && is_inner(boundary, count))) continue;
       if (splinegons_.boundaries.size() == count) splinegons_.boundaries.emplace_back();
       Splinegon& result = splinegons_.boundaries[count];
-      fit(boundary, stamp_ns, result);
+      outcomes_.resize(count);
+      outcomes_.push_back(fit(boundary, stamp_ns, result));
       if (!result.vertices.empty()) ++count;
     }
   }
+  outcomes_.resize(count);
   splinegons_.boundaries.resize(count);
   return splinegons_;
+}
+
+std::size_t SplinegonMap::polygons() const {
+  return static_cast<std::size_t>(std::count(outcomes_.begin(), outcomes_.end(), Outcome::kPolygon));
+}
+
+std::size_t SplinegonMap::kept() const {
+  return static_cast<std::size_t>(std::count(outcomes_.begin(), outcomes_.end(), Outcome::kKept));
 }
 
 /// Of the first ones of this update.
@@ -80,7 +94,7 @@ bool SplinegonMap::is_inner(const ObstacleBoundary& boundary, std::size_t count)
 }
 
 /// Without vertices if there is none.
-void SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result) {
+SplinegonMap::Outcome SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result) {
   const auto earlier = std::find_if(before_.boundaries.begin(), before_.boundaries.end(),
                                     [&](const Splinegon& other) { return other.id == boundary.id; });
   result.id = boundary.id;
@@ -94,15 +108,39 @@ void SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, 
   };
   const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
   if (is_same) stay();
-  if (is_same && !boundary.moved && boundary.last_seen_ns != stamp_ns) return;
+  if (is_same && !boundary.moved && boundary.last_seen_ns != stamp_ns) {
+    return outcomes_before_[static_cast<std::size_t>(earlier - before_.boundaries.begin())];
+  }
   result.last_seen_ns = boundary.last_seen_ns;
-  fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
-  if (is_sound(result, boundary.elements)) return;
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
+    if (is_sound(result, boundary.elements)) return quality.as_polygon > 0 ? Outcome::kPolygon : Outcome::kArcs;
+    result.vertices.clear();
+  }
+  fit_.fit_polygon(boundary.elements, boundary.closed, 0.0, result.vertices);
+  if (is_sound(result, boundary.elements)) return Outcome::kPolygon;
+  if (is_known) {
+    stay();
+    return Outcome::kKept;
+  }
+  fit_part(boundary.elements, result);
+  return Outcome::kPolygon;
+}
+
+/// Of elements that cross themselves, of halves of halves of them: the first of the longest that does not.
+void SplinegonMap::fit_part(const std::vector<SplinegonElement>& elements, Splinegon& result) {
+  result.closed = false;
+  for (std::size_t parts = 1; 3 * parts <= elements.size(); parts *= 2) {
+    for (std::size_t part = 0; part < parts; ++part) {
+      const auto at = [&](std::size_t i) {
+        return elements.begin() + static_cast<std::ptrdiff_t>(i * elements.size() / parts);
+      };
+      part_.assign(at(part), at(part + 1));
+      fit_.fit_polygon(part_, false, 0.0, result.vertices);
+      if (is_sound(result, part_)) return;
+    }
+  }
   result.vertices.clear();
-  fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
-  if (is_sound(result, boundary.elements)) return;
-  result.vertices.clear();
-  if (is_known) stay();
 }
 
 }  // namespace situation_awareness

@@ -77,6 +77,67 @@ bool edges_meet(const Eigen::Vector2d& a, const Eigen::Vector2d& b, const Eigen:
          std::max(a.y(), b.y()) >= std::min(c.y(), d.y()) && std::max(c.y(), d.y()) >= std::min(a.y(), b.y());
 }
 
+/// The edges of a chain of points, with boxes around halves of halves of it: whether any two meet that are no
+/// neighbours. What is not near takes no time. The boxes are behind the points.
+class EdgeTree {
+ public:
+  EdgeTree(std::vector<Eigen::Vector2d>& points_m, bool closed)
+      : points_m_(points_m), edges_(points_m.size() - 1), closed_(closed) {
+    std::size_t boxes = 2;
+    while (boxes < 2 * edges_) boxes *= 2;
+    const std::size_t size = points_m_.size() + 2 * boxes;
+    if (points_m_.capacity() < size) points_m_.reserve(2 * size);  // the next chain is about as long
+    points_m_.resize(size);
+    bound(whole());
+  }
+
+  bool meets_itself() const { return meets_itself(whole()); }
+
+ private:
+  struct Part {
+    std::size_t node, begin, end;  ///< of the tree; edges
+
+    bool is_edge() const { return end - begin == 1; }
+    Part first() const { return {2 * node, begin, begin + (end - begin + 1) / 2}; }
+    Part second() const { return {2 * node + 1, begin + (end - begin + 1) / 2, end}; }
+  };
+
+  Part whole() const { return {1, 0, edges_}; }
+  Eigen::Vector2d& low(const Part& part) const { return points_m_[edges_ + 1 + 2 * part.node]; }
+  Eigen::Vector2d& high(const Part& part) const { return points_m_[edges_ + 2 + 2 * part.node]; }
+
+  void bound(const Part& part) {
+    if (part.is_edge()) {
+      low(part) = points_m_[part.begin].cwiseMin(points_m_[part.end]);
+      high(part) = points_m_[part.begin].cwiseMax(points_m_[part.end]);
+      return;
+    }
+    bound(part.first());
+    bound(part.second());
+    low(part) = low(part.first()).cwiseMin(low(part.second()));
+    high(part) = high(part.first()).cwiseMax(high(part.second()));
+  }
+
+  bool meets_itself(const Part& part) const {
+    return !part.is_edge() &&
+           (meets_itself(part.first()) || meets_itself(part.second()) || meet(part.first(), part.second()));
+  }
+
+  bool meet(const Part& a, const Part& b) const {
+    if ((low(a).array() > high(b).array()).any() || (low(b).array() > high(a).array()).any()) return false;
+    if (a.is_edge() && b.is_edge()) {
+      if (b.begin == a.begin + 1 || (closed_ && a.begin == 0 && b.end == edges_)) return false;  // neighbours
+      return edges_meet(points_m_[a.begin], points_m_[a.end], points_m_[b.begin], points_m_[b.end]);
+    }
+    const bool part_a = b.is_edge() || (!a.is_edge() && a.end - a.begin >= b.end - b.begin);
+    return part_a ? meet(a.first(), b) || meet(a.second(), b) : meet(a, b.first()) || meet(a, b.second());
+  }
+
+  std::vector<Eigen::Vector2d>& points_m_;
+  std::size_t edges_;
+  bool closed_;
+};
+
 }  // namespace
 
 std::size_t arcs_of(const Splinegon& splinegon) {
@@ -176,14 +237,7 @@ bool is_simple(const Splinegon& splinegon, std::vector<Eigen::Vector2d>& points_
     for (double step = 0.0; step < steps; step += 1.0) points_m.push_back(way.at(step / steps));
   }
   points_m.push_back(splinegon.closed ? points_m.front() : splinegon.vertices.back().p_world_m);
-  const std::size_t edges = points_m.size() - 1;
-  for (std::size_t i = 0; i < edges; ++i) {
-    for (std::size_t k = i + 2; k < edges; ++k) {
-      if (splinegon.closed && i == 0 && k + 1 == edges) continue;  // neighbours
-      if (edges_meet(points_m[i], points_m[i + 1], points_m[k], points_m[k + 1])) return false;
-    }
-  }
-  return true;
+  return !EdgeTree(points_m, splinegon.closed).meets_itself();
 }
 
 SplinegonEnvelope envelope_of(const Splinegon& splinegon, double spacing_m) {

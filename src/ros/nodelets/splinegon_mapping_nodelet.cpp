@@ -97,6 +97,8 @@ class SplinegonMappingStage {
       for (const SplinegonVertex& vertex : splinegon.vertices) worst_m = std::max(worst_m, vertex.sigma_m);
     }
     status.add("vertices", vertices);
+    status.add("polygons where arcs do not follow", map_.pipeline().map().polygons());
+    status.add("kept, as what is new crosses itself", map_.pipeline().map().kept());
     status.add("largest sigma [m]", worst_m);
     status.add("chains", map_.pipeline().polygons().chains.size());
   }

@@ -7,12 +7,14 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "map/splinegons/outlines.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/splinegons/splinegon_map.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -151,6 +153,119 @@ TEST(SplinegonFit, AGapIsBridgedAndUncertain) {
       }
     }
     EXPECT_GT(inside / places, 0.98) << gap_m;
+  }
+}
+
+/// Of the wall: how much is inside the envelope, and how far it is from the boundary at most.
+struct OfWall {
+  double inside = 0.0, places = 0.0, worst_m = 0.0;
+
+  void add(const Outline& outline, const Splinegon& splinegon) {
+    for (std::size_t i = 0; i < outline.points_m.size(); i += 30) {
+      const SplinegonPoint nearest = nearest_on(splinegon, outline.points_m[i]);
+      const double distance_m = (nearest.p_world_m - outline.points_m[i]).norm();
+      // An open one ends with its elements.
+      const bool is_end =
+          nearest.arc + 1 == arcs_of(splinegon) ? nearest.part == 1.0 : nearest.arc == 0 && nearest.part == 0.0;
+      if (!outline.closed && is_end && distance_m < 0.3) continue;
+      inside += distance_m <= kSigmasOf99Percent * nearest.sigma_m ? 1.0 : 0.0;
+      places += 1.0;
+      worst_m = std::max(worst_m, distance_m);
+    }
+  }
+};
+
+/// However many corners there are, and however long it is, and again from the fit before.
+TEST(SplinegonFit, FollowsBuildingsStreetsAndBanks) {
+  Random random(12);
+  std::vector<Outline> outlines = {comb_outline(2, 8.0, 14.0, 14.0), comb_outline(6, 3.0, 2.0, 4.0),
+                                   comb_outline(25, 2.0, 1.5, 3.0), stepped_outline(20, 2.0, 1.0),
+                                   street_outline(400.0, random)};
+  for (const int columns : {4, 8, 11, 16, 20, 24}) {
+    for (const double width_m : {0.6, 1.0, 2.0}) outlines.push_back(columns_outline(columns, width_m));
+  }
+  for (const double length_m : {100.0, 300.0, 1000.0}) outlines.push_back(bank_outline(length_m, random));
+  for (const Outline& outline : outlines) {
+    OfWall of_wall;
+    for (int seed = 0; seed < 2; ++seed) {
+      ObstacleBoundary boundary;
+      boundary.closed = outline.closed;
+      boundary.elements = elements_of(outline, 0.15, 0.01, random);
+      SplinegonMap map{SplinegonMapParams(), SplinegonFitParams()};
+      for (std::int64_t stamp_ns = 1; stamp_ns < 3; ++stamp_ns) {
+        boundary.last_seen_ns = stamp_ns;
+        const Splinegons& splinegons = map.update(stamp_ns, {boundary});
+        ASSERT_EQ(splinegons.boundaries.size(), 1U) << outline.name;
+        EXPECT_EQ(splinegons.boundaries[0].closed, outline.closed) << outline.name;
+        of_wall.add(outline, splinegons.boundaries[0]);
+      }
+    }
+    EXPECT_GT(of_wall.inside / of_wall.places, 0.98) << outline.name;
+    EXPECT_LT(of_wall.worst_m, 0.1) << outline.name;
+  }
+}
+
+/// What it meets with the usual number has no more.
+TEST(SplinegonFit, HasNoMoreVerticesThanItTakes) {
+  std::vector<Outline> outlines = smooth_outlines();
+  outlines.push_back(polar_outline("circle", [](double) { return 5.0; }));
+  outlines.push_back(polar_outline("large circle", [](double) { return 60.0; }));
+  outlines.push_back(box_outline());
+  outlines.push_back(polygon_outline("hall", {{-80.0, -40.0}, {80.0, -40.0}, {80.0, 40.0}, {-80.0, 40.0}}));
+  for (const Outline& outline : outlines) {
+    Random random(13);
+    SplinegonFit fit{SplinegonFitParams()};
+    std::vector<SplinegonVertex> vertices;
+    for (int scan = 0; scan < 20; ++scan) fit.fit(elements_of(outline, 0.15, 0.01, random), true, 0.0, vertices);
+    EXPECT_EQ(vertices.size(), 32U) << outline.name;
+  }
+}
+
+/// A curve that no arc meets in between: what is off is told.
+TEST(SplinegonFit, TellsWhatArcsDoNotFollow) {
+  for (const double tooth_m : {0.3, 0.45}) {
+    Random random(14);
+    std::vector<Eigen::Vector2d> corners_m = {{0.0, -5.0}, {20.0, -5.0}};
+    for (int i = 20; i > 0; --i) {
+      corners_m.emplace_back(i, 0.0);
+      corners_m.emplace_back(i - 0.5, tooth_m);
+    }
+    corners_m.emplace_back(0.0, 0.0);
+    const Outline outline = polygon_outline("saw", corners_m);
+    Splinegon splinegon;
+    splinegon.closed = true;
+    SplinegonFit fit{SplinegonFitParams()};
+    fit.fit(elements_of(outline, 0.15, 0.01, random), true, 0.0, splinegon.vertices);
+    OfWall of_wall;
+    of_wall.add(outline, splinegon);
+    EXPECT_GT(of_wall.inside / of_wall.places, 0.95) << tooth_m;
+    EXPECT_LT(of_wall.worst_m, 0.15) << tooth_m;
+  }
+}
+
+/// CPU time of a fit from nothing.
+double cost_s(const Outline& outline) {
+  Random random(15);
+  const std::vector<SplinegonElement> elements = elements_of(outline, 0.15, 0.01, random);
+  SplinegonFit fit{SplinegonFitParams()};
+  double least_s = 1e9;
+  for (int round = 0; round < 3; ++round) {
+    Splinegon splinegon;
+    const std::clock_t begin = std::clock();
+    fit.fit(elements, false, 0.0, splinegon.vertices);
+    is_simple(splinegon);
+    least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  return least_s;
+}
+
+TEST(SplinegonFit, TakesTimeInProportionToTheLength) {
+  Random random(16);
+  const Outline bank = bank_outline(2000.0, random), street = street_outline(2000.0, random);
+  for (const Outline& whole : {bank, street}) {
+    Outline part = whole;
+    part.points_m.resize(part.points_m.size() / 8);
+    EXPECT_LT(cost_s(whole), 24.0 * cost_s(part)) << whole.name;  // of 8 times the length
   }
 }
 

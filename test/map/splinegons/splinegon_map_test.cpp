@@ -46,10 +46,18 @@ std::vector<SplinegonElement> eight() {
   return elements;
 }
 
+// It does not vanish, either: an open part of it is given.
 TEST(SplinegonMap, GivesNoBoundaryThatCrossesItself) {
   for (const bool closed : {false, true}) {
     SplinegonMap map = make_map();
-    EXPECT_TRUE(map.update(1, {boundary_of(eight(), closed, 1)}).boundaries.empty());
+    const Splinegons& splinegons = map.update(1, {boundary_of(eight(), closed, 1)});
+    ASSERT_EQ(splinegons.boundaries.size(), 1U);
+    EXPECT_TRUE(is_simple(splinegons.boundaries[0]));
+    EXPECT_FALSE(splinegons.boundaries[0].closed);
+    EXPECT_GT(length_m(splinegons.boundaries[0]), 10.0);  // of 30 m
+    EXPECT_EQ(map.polygons(), 1U);
+    EXPECT_EQ(map.update(2, {boundary_of(eight(), closed, 1)}).boundaries.size(), 1U);
+    EXPECT_EQ(map.polygons() + map.kept(), 1U);
   }
 }
 
@@ -116,7 +124,9 @@ TEST(SplinegonMap, OnesThatRunClockwiseAreNotClosed) {
   std::vector<SplinegonElement> elements = spiral(1.0, 0.0);
   std::reverse(elements.begin(), elements.end());
   SplinegonMap map = make_map();
-  EXPECT_TRUE(map.update(1, {boundary_of(elements, true, 1)}).boundaries.empty());
+  const Splinegons& splinegons = map.update(1, {boundary_of(elements, true, 1)});
+  ASSERT_EQ(splinegons.boundaries.size(), 1U);
+  EXPECT_FALSE(splinegons.boundaries[0].closed);
 }
 
 // Whatever the elements are, what is given is no longer than they ask for, does not cross itself, and is finite.

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/simplify.hpp"
 #include "situation_awareness/map/splinegons/splinegons.hpp"
 
 namespace situation_awareness {
@@ -29,7 +31,9 @@ struct SplinegonFitParams {
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("vertices", self.vertices, Bounds{4, 64}, "",
-          "main vertices of a boundary, a joint between any two; fewer where there are not three elements for each");
+          "main vertices of a boundary, a joint between any two: more where these do not follow it, fewer where there "
+          "are "
+          "not three elements for each");
     visit("least_spacing_m", self.least_spacing_m, Bounds{0.05, 100.0}, "m",
           "least mean distance of main vertices of an open boundary: a short one has fewer");
     visit("spacing_ratio", self.spacing_ratio, Bounds{1.2, 10.0}, "",
@@ -50,12 +54,15 @@ struct SplinegonFitParams {
 struct SplinegonFitQuality {
   double chi2_per_freedom = 0.0;  ///< 1 if the elements' variances and the model are right
   int iterations = 0;
-  bool warm = false;  ///< began with the fit before
+  int as_polygon = 0;  ///< biarcs that do not follow the elements, where the polygon of these is given
+  bool warm = false;   ///< began with the fit before
 };
 
 /// Fits splinegons to ordered elements of boundaries: the weighted least squares chain of biarcs, with Huber's loss,
-/// over places and tangents of the main vertices; those are placed where the curvature changes
-/// (docs/math/splinegons.md). The same input gives the same output. It keeps its memory: no allocation after warm-up.
+/// over places and tangents of the main vertices; those are placed where the curvature changes, and there are as many
+/// as it takes to follow the elements. Where arcs do not, it has the corners of the elements' polygon. Standard
+/// deviations include what arcs do not follow (docs/math/splinegons.md). Its time is linear in the number of elements.
+/// The same input gives the same output. It keeps its memory: no allocation after warm-up.
 class SplinegonFit {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -69,6 +76,11 @@ class SplinegonFit {
   SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
                           std::vector<SplinegonVertex>& vertices);
 
+  /// The polygon of the elements instead, as a splinegon of straight arcs, simplified by 2 cm, which its standard
+  /// deviations include. It is empty of fewer than 3 places.
+  void fit_polygon(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
+                   std::vector<SplinegonVertex>& vertices);
+
  private:
   using Vector6d = Eigen::Matrix<double, 6, 1>;
   using Matrix6d = Eigen::Matrix<double, 6, 6>;
@@ -78,6 +90,7 @@ class SplinegonFit {
     Eigen::Vector2d p_m;
     double yaw_in_rad, yaw_out_rad;
     bool corner;
+    Eigen::Vector2d found_m;  ///< of a corner: where it was found
   };
   /// Half of a biarc, by the node that it is at.
   struct ArcOfNode {
@@ -96,6 +109,7 @@ class SplinegonFit {
     double s_m;  ///< along the polygon of the elements
     Eigen::Vector2d p_m;
     double yaw_in_rad, yaw_out_rad, score;
+    double window_m;  ///< in which it was found
   };
   struct Residual {
     double distance_m;
@@ -105,6 +119,38 @@ class SplinegonFit {
   struct Sums {
     Matrix6d H;
     Vector6d g;
+    std::size_t elements;
+  };
+  /// Of the elements of a biarc.
+  struct Residuals {
+    double products = 0.0;  ///< of neighbours, in standard deviations
+    double elements = 0.0, weights = 0.0, squares_m2 = 0.0;
+    std::size_t first = 0, last = 0;
+  };
+  struct PolygonCorner {
+    Eigen::Vector2d p_m;
+    double sigma_m;
+  };
+  /// The lower half of a symmetric matrix that is zero farther than `below` from its diagonal.
+  class BandMatrix {
+   public:
+    BandMatrix() = default;
+    BandMatrix(const BandMatrix&) = default;
+    BandMatrix& operator=(const BandMatrix& other);
+    void reset(Eigen::Index size, Eigen::Index below);
+    /// row >= column
+    double& operator()(Eigen::Index row, Eigen::Index column) { return entries_(column * below_ + row); }
+    const double& operator()(Eigen::Index row, Eigen::Index column) const { return entries_(column * below_ + row); }
+    void scale_diagonal(double factor);
+    /// Overwrites it with its Cholesky factor, which the others are of.
+    void factorize();
+    void solve(Eigen::VectorXd& b) const;
+    /// The entries of the inverse within the band (Takahashi et al., 1973).
+    void invert(BandMatrix& inverse) const;
+
+   private:
+    Eigen::Index size_ = 0, below_ = 0;
+    Eigen::VectorXd entries_;
   };
   static constexpr std::size_t kNoCorner = static_cast<std::size_t>(-1);
   /// A place along the boundary for a node.
@@ -131,29 +177,47 @@ class SplinegonFit {
   bool take(const std::vector<SplinegonElement>& elements);
   std::size_t wanted_nodes() const;
   void find_corners();
-  bool corner_between(std::size_t last, Corner& corner) const;
+  bool corner_between(std::size_t last, double window_m, Corner& corner) const;
+  bool is_arc(std::size_t begin, std::size_t end) const;
+  void find_arcs();
   void share_out(std::size_t count, double from_s, double to_s);
   void place_on_elements();
   bool place_on_earlier(const std::vector<SplinegonVertex>& vertices);
+  std::size_t element_after(const Corner& corner) const;
+  void add_missing_corners();
   void place_again();
+  void measure();
+  void keep_stations();
+  void share_out_again();
+  void place_at_stations();
+  void sum_residuals();
+  bool part_misfits();
   void thin_out_gaps();
   void compute_arcs();
   void assign_by_stations(const std::vector<double>& at_m, double whole_m);
-  void assign_nearest();
+  bool assign_nearest();
   void assign_stepwise();
   void expect_jumps(bool first);
   Residual residual_of(const Eigen::Vector2d& p_m, std::size_t index) const;
   bool is_one_arc(std::size_t begin, std::size_t arcs) const;
   Eigen::Index unknowns_at(std::size_t k) const { return nodes_[k].corner ? 4 : 3; }
+  std::array<Eigen::Index, 6> unknowns_of_biarc(std::size_t biarc, Matrix6d& J) const;
   void add_to_row(const Vector6d& slope, std::size_t biarc);
   void add_sums(std::size_t biarc);
+  double straighten(std::size_t biarc);
   void add_jump(std::size_t before, std::size_t after, double jump, double weight);
   double build();
-  void hold_along(Eigen::MatrixXd& H) const;
+  void hold(BandMatrix& H) const;
   int iterate(int most);
   double chi2_per_freedom() const;
   double correlation_factor() const;
-  double largest_gap_m(std::size_t biarc) const;
+  void measure_gaps();
+  void find_polygons();
+  std::size_t first_element(std::size_t biarc) const;
+  void append_corners(bool is_end, bool is_whole, double common_variance_m2, std::vector<SplinegonVertex>& vertices);
+  void remove_if_degenerate(std::vector<SplinegonVertex>& vertices) const;
+  void add_polygon(std::size_t biarc, std::size_t count, double common_variance_m2,
+                   std::vector<SplinegonVertex>& vertices);
   void write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices);
 
   SplinegonFitParams params_;
@@ -170,19 +234,27 @@ class SplinegonFit {
   std::vector<std::size_t> arc_of_, arc_of_before_;
   std::vector<double> element_s_m_;  ///< along the curve
   std::vector<Corner> candidates_, corners_;
+  std::vector<std::size_t> by_score_, missing_;
 
   std::vector<Node> nodes_, nodes_before_;
   std::vector<ArcOfNode> arcs_;     ///< two of each biarc
   std::vector<double> jump_sigma_;  ///< expected jump of the curvature at the begin of each arc, 1/m
   double parameters_ = 0.0;         ///< that the elements determine
-  std::vector<Station> stations_;
+  std::vector<Station> stations_, arc_ends_;
+  std::vector<std::size_t> first_of_, last_of_;  ///< elements of each arc
+  std::vector<Residuals> residuals_;
+  Simplification simplification_;
+  std::vector<std::size_t> kept_;
+  std::vector<bool> is_polygon_;  ///< of biarcs
+  std::vector<PolygonCorner> corners_m_;
+  std::vector<double> gap_m_;  ///< the largest gap of each biarc
   std::vector<Piece> pieces_;
-  std::vector<double> cell_s_m_, share_, slope_;  ///< what main vertices are placed by
+  std::vector<double> cell_s_m_, arc_s_m_, share_, slope_;  ///< what main vertices are placed by
 
   std::vector<Unknowns> unknowns_of_;
   Eigen::Index unknowns_ = 0;
   std::vector<Sums> sums_;
-  Eigen::MatrixXd H_, H_factor_;
+  BandMatrix H_, H_factor_, covariance_;
   Eigen::VectorXd g_, delta_, row_;
 };
 

@@ -37,8 +37,9 @@ struct ObstacleBoundary {
 
 /// The boundaries of the large obstacles as splinegons. A boundary is fitted anew with each scan that hit it, or once
 /// it moved, from the fit before. None that is given crosses itself, and closed ones run counter-clockwise: where a fit
-/// does not, also from nothing, the boundary stays as it was. An open one that is within a closed one, or
-/// will be once it moves, is not given. It keeps its memory: no allocation after warm-up.
+/// does not, also from nothing, it is the polygon of the elements; where these do not, either, the boundary stays as it
+/// was, and of a new one an open part is given. So none vanishes while it is there. An open one that is within a closed
+/// one, or will be once it moves, is not given. It keeps its memory: no allocation after warm-up.
 class SplinegonMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -49,15 +50,24 @@ class SplinegonMap {
   /// in them.
   const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries);
 
+  /// Number of boundaries of the latest update that are polygons, all or in part, as arcs do not follow their elements;
+  /// and of those that stayed as they were, as their elements cross themselves.
+  std::size_t polygons() const;
+  std::size_t kept() const;
+
  private:
+  enum class Outcome : std::uint8_t { kArcs, kPolygon, kKept };
   bool is_large(const ObstacleBoundary& boundary) const;
   bool is_inner(const ObstacleBoundary& boundary, std::size_t count) const;
-  void fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result);
+  Outcome fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result);
+  void fit_part(const std::vector<SplinegonElement>& elements, Splinegon& result);
   bool is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements);
 
   SplinegonMapParams params_;
   SplinegonFit fit_;
   Splinegons splinegons_, before_;
+  std::vector<Outcome> outcomes_, outcomes_before_;
+  std::vector<SplinegonElement> part_;
   std::vector<Eigen::Vector2d> points_m_;  ///< of is_simple
 };
 
