@@ -44,6 +44,11 @@ struct Directions {
   float spread() const { return turned > 0.0F ? std::max(0.0F, 1.0F - (sum / turned).squaredNorm()) : 0.0F; }
 };
 
+/// The same of all images that show a cell.
+struct SeenFrom : Directions {
+  Eigen::Vector3f latest;  ///< of the latest image, if there is one
+};
+
 /// Of a cell by each error of the elevation: sums over images of their weights, and of their evidence times these.
 struct Evidence {
   std::array<float, kOffsets> weight{};
@@ -57,13 +62,11 @@ struct Evidence {
 
 /// Evidence on the cells of a square of the world.
 struct Tile {
-  std::array<float, kCellsOfTile> ground_world_m;   ///< NaN where it is not known
-  std::array<Eigen::Vector2f, kCellsOfTile> slope;  ///< of the ground, to the east and to the north
+  std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
   std::array<std::int32_t, kCellsOfTile> images{};
   std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
   std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest by the offset that was believed
-  std::array<Directions, kCellsOfTile> seen;              ///< from where images show anything
-  std::array<Eigen::Vector3f, kCellsOfTile> seen_along;   ///< of the latest image; as long as images is 0: none
+  std::array<SeenFrom, kCellsOfTile> seen;
   std::vector<float> nothing_weight;  ///< of images that show nothing of the class, until one shows something
   std::vector<Evidence> evidence;     ///< from then on
   double low_m = 0.0, high_m = 0.0;   ///< of its ground; low_m > high_m where none is known
@@ -81,6 +84,7 @@ class LabelReader {
         if (labels.probability[i] == 0.5F && !is_edge(labels.probability, u, v)) {
           labels_[i] = std::numeric_limits<float>::quiet_NaN();
         }
+        is_all_known_ &= is_known(labels_[i]);
       }
     }
     find_peaks();
@@ -97,6 +101,8 @@ class LabelReader {
   }
 
   static bool is_known(float p) { return !std::isnan(p); }
+
+  bool is_all_known() const { return is_all_known_; }
 
   bool contains(double u, double v) const { return u >= -0.5 && v >= -0.5 && u <= width_ - 0.5 && v <= height_ - 0.5; }
 
@@ -204,6 +210,7 @@ class LabelReader {
   int class_count(int u, int v) const { return class_counts_[corner(u, v)]; }
 
   int width_, height_;
+  bool is_all_known_ = true;
   std::vector<float> labels_;      ///< NaN: not known
   std::vector<float> means_;       ///< of 3 x 3 pixels
   std::vector<int> class_counts_;  ///< of all pixels above and to the left
@@ -213,36 +220,40 @@ class LabelReader {
 /// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
 class Horizon {
  public:
+  struct Steepest {
+    float ground, top;
+  };
+
+  /// Uses `memory` while it lives.
   Horizon(const Elevation& elevation, const Eigen::Vector3d& p_world_camera_m, double reach_m, double step_m,
-          double class_height_m)
-      : p_(p_world_camera_m),
+          double class_height_m, std::vector<Steepest>& memory)
+      : slopes_(memory),
+        p_(p_world_camera_m),
         step_m_(step_m),
         class_height_m_(class_height_m),
         rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
-    slopes_.assign(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_),
-                   {std::numeric_limits<float>::quiet_NaN(), 0.0F});
+    slopes_.resize(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_));
+    for (std::size_t first = 0; first < slopes_.size(); first += static_cast<std::size_t>(rings_)) {
+      slopes_[first].ground = std::numeric_limits<float>::quiet_NaN();
+    }
     elevation_ = &elevation;
   }
 
-  /// Of the ground before a point, but for its own surroundings.
-  double slope_before(const Eigen::Vector2d& p_world_m) { return steepest_before(p_world_m, kOwn_m).ground; }
+  /// Of the ground before a point, given from the camera on, but for its own surroundings.
+  double slope_before(const Eigen::Vector2d& away_m, double range_m) {
+    return steepest_before(away_m, range_m, kOwn_m).ground;
+  }
 
   /// The same of the tops of what may stand on the ground, but for what is as near to the point as its own size.
-  double top_slope_before(const Eigen::Vector2d& p_world_m, double size_m) {
-    return steepest_before(p_world_m, size_m).top;
+  double top_slope_before(const Eigen::Vector2d& away_m, double range_m, double size_m) {
+    return steepest_before(away_m, range_m, size_m).top;
   }
 
  private:
   static constexpr int kDirections = 2048;
   static constexpr double kOwn_m = 1.5;
 
-  struct Steepest {
-    float ground, top;
-  };
-
-  Steepest steepest_before(const Eigen::Vector2d& p_world_m, double own_m) {
-    const Eigen::Vector2d away_m = p_world_m - p_.head<2>();
-    const double range_m = away_m.norm();
+  Steepest steepest_before(const Eigen::Vector2d& away_m, double range_m, double own_m) {
     const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
     const int ring = static_cast<int>((range_m - own_m) / step_m_);
     constexpr float kNone = -std::numeric_limits<float>::infinity();
@@ -284,11 +295,11 @@ class Horizon {
     }
   }
 
+  std::vector<Steepest>& slopes_;  ///< by direction and ring; NaN at the first ring of a direction not marched yet
   const Elevation* elevation_;
   Eigen::Vector3d p_;
   double step_m_, class_height_m_;
   int rings_;
-  std::vector<Steepest> slopes_;
 };
 
 /// One image while it is added.
@@ -341,7 +352,8 @@ class GridMap::Impl {
     const Eigen::Matrix3d R_camera_world = T_world_camera.linear().transpose();
     const View view{labels.camera, R_camera_world, T_world_camera.translation(), params_.reach_m, K * R_camera_world};
     const LabelReader reader(labels);
-    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m, params_.class_height_m);
+    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m, params_.class_height_m,
+                    horizon_memory_);
     GridUpdate done;
     stamp_ns_ = labels.stamp_ns;
     ++images_;
@@ -570,11 +582,11 @@ class GridMap::Impl {
     return agreement - kLeastGain * std::abs(offset - kOffsets / 2);
   }
 
-  /// Of the ground; none beside ground that is not known.
-  Eigen::Vector2d slope_at(double x_m, double y_m) const {
-    const Eigen::Vector2d slope(ground_->at(x_m + 1.0, y_m) - ground_->at(x_m - 1.0, y_m),
-                                ground_->at(x_m, y_m + 1.0) - ground_->at(x_m, y_m - 1.0));
-    return slope.allFinite() ? Eigen::Vector2d(0.5 * slope) : Eigen::Vector2d::Zero();
+  /// Of the ground in a direction; none beside ground that is not known.
+  double slope_along(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& ahead) const {
+    const Eigen::Vector2d far_m = p_world_m + ahead, near_m = p_world_m - ahead;
+    const double slope = 0.5 * (ground_->at(far_m.x(), far_m.y()) - ground_->at(near_m.x(), near_m.y()));
+    return std::isnan(slope) ? 0.0 : slope;
   }
 
   Tile& known_tile(Place key) {
@@ -590,7 +602,6 @@ class GridMap::Impl {
         const double ground_m = ground_->at(x_m, y_m);
         const auto i = static_cast<std::size_t>(r * kTileCells + c);
         tile.ground_world_m[i] = static_cast<float>(ground_m);
-        tile.slope[i] = slope_at(x_m, y_m).cast<float>();
         if (std::isnan(ground_m)) continue;
         tile.low_m = std::min(tile.low_m, ground_m);
         tile.high_m = std::max(tile.high_m, ground_m);
@@ -599,10 +610,32 @@ class GridMap::Impl {
     return tile;
   }
 
+  static bool shows_class(const LabelReader& reader, const Eigen::Vector3d& low, const Eigen::Vector3d& top) {
+    const Eigen::Vector2d a = low.head<2>() / low.z(), b = top.head<2>() / top.z();
+    const Eigen::Vector2d least = a.cwiseMin(b), greatest = a.cwiseMax(b);
+    return reader.has_class(least.x(), greatest.x(), least.y(), greatest.y());
+  }
+
+  /// Whether any column of a tile may show the class, by the corners of the box around all of them.
+  bool may_see_class(const Tile& tile, Place key, const View& view, const LabelReader& reader) const {
+    const double edge_m = kTileCells * params_.cell_m, low_m = tile.low_m - max_offset_m();
+    const double up_m = tile.high_m + max_offset_m() + params_.class_height_m - low_m;
+    Eigen::Vector2d least = Eigen::Vector2d::Constant(kFarthest_m), greatest = -least;
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d at_m((key.column + corner % 2) * edge_m, (key.row + corner / 2 % 2) * edge_m,
+                                 low_m + corner / 4 * up_m);
+      const Eigen::Vector3d image = view.A * (at_m - view.p_world_camera_m);
+      if (image.z() < kLeastDepth_m) return true;
+      least = least.cwiseMin(image.head<2>() / image.z());
+      greatest = greatest.cwiseMax(image.head<2>() / image.z());
+    }
+    return reader.has_class(least.x(), greatest.x(), least.y(), greatest.y());
+  }
+
   void add_to(Tile& tile, Place key, const View& view, const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
     const Eigen::Vector3d up = view.A.col(2);
-    const double below_m = max_offset_m();
-    const double class_part = params_.class_height_m / (params_.class_height_m + 2.0 * below_m);
+    const double below_m = max_offset_m(), above_m = below_m + params_.class_height_m;
+    const bool may_show_class = may_see_class(tile, key, view, reader);
     for (int cell = 0; cell < kCellsOfTile; ++cell) {
       const auto i = static_cast<std::size_t>(cell);
       const auto ground_m = static_cast<double>(tile.ground_world_m[i]);
@@ -612,29 +645,31 @@ class GridMap::Impl {
       const Eigen::Vector3d from_camera = p - view.p_world_camera_m;
       const Eigen::Vector3d foot = view.A * from_camera;
       if (foot.z() < kLeastDepth_m) continue;
-      if (!reader.contains(foot.x() / foot.z(), foot.y() / foot.z())) continue;
+      const Eigen::Vector2d foot_px = foot.head<2>() / foot.z();
+      if (!reader.contains(foot_px.x(), foot_px.y())) continue;
       const double range_m = from_camera.head<2>().norm();
       if (range_m > params_.reach_m) continue;
       // Heights above the ground from which nearer ground is in the way.
-      const double hidden_below_m = horizon.slope_before(p.head<2>()) * range_m - from_camera.z() - kHiddenMargin_m;
+      const double hidden_below_m =
+          horizon.slope_before(from_camera.head<2>(), range_m) * range_m - from_camera.z() - kHiddenMargin_m;
       if (hidden_below_m > 0.5 * params_.class_height_m) continue;
-      const Eigen::Vector3d low = foot - below_m * up, top = foot + (below_m + params_.class_height_m) * up;
-      if (low.z() < kLeastDepth_m || top.z() < kLeastDepth_m) continue;
-      const Eigen::Vector2d low_px = low.head<2>() / low.z(), top_px = top.head<2>() / top.z();
-      const bool sees_class = reader.has_class(std::min(low_px.x(), top_px.x()), std::max(low_px.x(), top_px.x()),
-                                               std::min(low_px.y(), top_px.y()), std::max(low_px.y(), top_px.y()));
-      const Eigen::Vector3f along = from_camera.normalized().cast<float>();
-      const float turn = tile.images[i] == 0 ? 1.0F : std::min(1.0F, (along - tile.seen_along[i]).norm() / kTurn_rad);
+      if (foot.z() - below_m * up.z() < kLeastDepth_m || foot.z() + above_m * up.z() < kLeastDepth_m) continue;
+      const bool sees_class = may_show_class && shows_class(reader, foot - below_m * up, foot + above_m * up);
+      const Eigen::Vector3f along =
+          from_camera.cast<float>() /
+          std::sqrt(static_cast<float>(range_m * range_m + from_camera.z() * from_camera.z()));
+      const float turn = tile.images[i] == 0 ? 1.0F : std::min(1.0F, (along - tile.seen[i].latest).norm() / kTurn_rad);
       if (!sees_class) {
-        if (std::isnan(reader.value(foot.x() / foot.z(), foot.y() / foot.z()))) continue;
-        const double seen = resolved(class_part * (top_px - low_px).norm());
+        if (!reader.is_all_known() && std::isnan(reader.value(foot_px.x(), foot_px.y()))) continue;
+        const Eigen::Vector2d up_px = params_.class_height_m / foot.z() * (up.head<2>() - up.z() * foot_px);
+        const double seen = resolved(up_px.squaredNorm());
         add_direction(tile, i, along, turn * static_cast<float>(seen));
         add_nothing(tile, i, params_.negative_weight * seen);
-      } else if (is_in_shadow(tile, i, from_camera, hidden_below_m, view, reader, horizon) ||
+      } else if (is_in_shadow(from_camera, hidden_below_m, view, reader, horizon) ||
                  !add_column(tile, i, foot, up, along, turn, hidden_below_m, reader, done)) {
         continue;
       }
-      tile.seen_along[i] = along;
+      tile.seen[i].latest = along;
       ++tile.images[i];
       ++done.observed_cells;
     }
@@ -648,7 +683,7 @@ class GridMap::Impl {
     Eigen::Vector3d q = from_camera * (1.0 - m / range_m);
     const Eigen::Vector2d at_m = view.p_world_camera_m.head<2>() + q.head<2>();
     q.z() = ground_->at(at_m.x(), at_m.y()) - view.p_world_camera_m.z();
-    const double hidden_m = std::max(horizon.slope_before(at_m) * (range_m - m) - q.z(), 0.0);
+    const double hidden_m = std::max(horizon.slope_before(q.head<2>(), range_m - m) * (range_m - m) - q.z(), 0.0);
     if (hidden_m > params_.class_height_m) return 0.0F;
     q.z() += hidden_m + part * (params_.class_height_m - hidden_m) + offset_m(believed_);
     const Eigen::Vector3d image = view.A * q;
@@ -660,20 +695,20 @@ class GridMap::Impl {
   /// Whether what a column shows of the class may be of something nearer: then the image did not see what is there.
   /// On ground that falls away nearly as the sight lines do, all columns behind something show it from foot to top. The
   /// class begins with the nearest of them, and where a crest hides their feet it is not known where.
-  bool is_in_shadow(const Tile& tile, std::size_t cell, const Eigen::Vector3d& from_camera, double hidden_below_m,
-                    const View& view, const LabelReader& reader, Horizon& horizon) const {
+  bool is_in_shadow(const Eigen::Vector3d& from_camera, double hidden_below_m, const View& view,
+                    const LabelReader& reader, Horizon& horizon) const {
     const double height_m = params_.class_height_m, range_m = from_camera.head<2>().norm();
     const Eigen::Vector2d ahead = from_camera.head<2>() / range_m;
     const auto shown = [&](double m, double part) { return shown_before(from_camera, m, part, view, reader, horizon); };
-    const double over_ground = tile.slope[cell].cast<double>().dot(ahead) -
-                               (from_camera.z() + height_m) / range_m;  // of the sight line to its top
+    const Eigen::Vector2d p_world_m = view.p_world_camera_m.head<2>() + from_camera.head<2>();
+    const double over_ground =  // slope of the sight line to its top
+        slope_along(p_world_m, ahead) - (from_camera.z() + height_m) / range_m;
     if (over_ground < kGrazing || hidden_below_m > 0.0) {
       if (hidden_below_m > kHiddenFoot * height_m) return true;
       if (!(shown(kFront_m, 0.0) < 0.5F) || !(shown(2.0 * kFront_m, 0.0) < kNothing)) return true;
     }
     const double slope = (from_camera.z() + 0.5 * height_m) / range_m;  // of the sight line to its middle
-    const Eigen::Vector2d p_world_m = view.p_world_camera_m.head<2>() + from_camera.head<2>();
-    if (horizon.top_slope_before(p_world_m, kSize * height_m) <= slope) return false;
+    if (horizon.top_slope_before(from_camera.head<2>(), range_m, kSize * height_m) <= slope) return false;
     for (double m = kSize * height_m; m < range_m - kFront_m; m += kShadowStep_m) {
       const Eigen::Vector2d at_m = p_world_m - m * ahead;
       const double above_m = view.p_world_camera_m.z() + slope * (range_m - m) - ground_->at(at_m.x(), at_m.y());
@@ -715,8 +750,11 @@ class GridMap::Impl {
     evidence.weight[offset] = most;
   }
 
-  /// Of a column of so many pixels, as a weight: what is smaller than a few of them may not be in the labels.
-  static double resolved(double extent_px) { return std::pow(std::clamp(extent_px / kResolved_px, 0.1, 1.0), 2); }
+  /// Of a column whose extent in pixels has that square, as a weight: what is smaller than a few of them may not be in
+  /// the labels.
+  static double resolved(double extent_px2) {
+    return std::clamp(extent_px2 / (kResolved_px * kResolved_px), 0.01, 1.0);
+  }
 
   void add_nothing(Tile& tile, std::size_t cell, double weight) {
     if (!has_evidence(tile)) {
@@ -752,8 +790,7 @@ class GridMap::Impl {
     bool any_added = false;
     bool is_class = false, is_believed = false;  // of the class by any offset, and by the one that is believed
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
-    const double extent_px = (top.head<2>() / top.z() - foot.head<2>() / foot.z()).norm();
-    const double seen = resolved(extent_px);
+    const double seen = resolved((top.head<2>() / top.z() - foot.head<2>() / foot.z()).squaredNorm());
     const float peak = std::max(reader.peak(middle.x() / middle.z(), middle.y() / middle.z()), kLeastPeak);
     for (int offset = 0; offset < kOffsets; ++offset) {
       float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
@@ -811,6 +848,7 @@ class GridMap::Impl {
   double height_step_m_ = 0.0;
   std::map<Place, Tile> tiles_;
   std::vector<float> column_, soft_column_;
+  std::vector<Horizon::Steepest> horizon_memory_;
   std::int64_t stamp_ns_ = 0;
   std::int32_t images_ = 0;
   int believed_ = kOffsets / 2;  ///< offset before this image
