@@ -48,6 +48,7 @@ void check_option(const Parse& parse) {
 template <class Run>
 int run_program(CommandLine& app, int argc, char** argv, const Run& run) {
   const auto fail = [&app](int status, const std::string& sentence) {
+    std::fflush(stdout);  // the sentence comes last
     std::fprintf(stderr, "%s: %s\n", app.get_name().c_str(), sentence.c_str());
     return status;
   };

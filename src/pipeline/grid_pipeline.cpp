@@ -21,7 +21,8 @@ GridPipeline::GridPipeline(const GridPipelineParams& params, std::shared_ptr<con
       order_(reset_time_jump_s),
       elevation_(std::move(elevation)),
       map_(params.grid, elevation_),
-      tracks_(params.targets) {}
+      tracks_(params.targets),
+      in_view_(elevation_, params.grid.reach_m) {}
 
 void GridPipeline::begin_anew() {
   map_ = GridMap(params_.grid, elevation_);
@@ -33,12 +34,20 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
   verdict_ = order_.judge(labels.stamp_ns);
   if (verdict_ == StampOrder::Verdict::kRefused) return tracks_.targets();
   if (verdict_ == StampOrder::Verdict::kRestart) begin_anew();
-  map_.update(labels, T_world_camera);
+  in_view_.add(labels, T_world_camera, map_.update(labels, T_world_camera));
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
   map_.read_class(class_grid_);
   find_clusters(class_grid_, clusters_);
-  return tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera,
-                        covariance ? *covariance : covariance_of(params_.pose));
+  const GridTargets& targets = tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera,
+                                              covariance ? *covariance : covariance_of(params_.pose));
+  if (!targets.targets.empty()) ++target_images_;
+  return targets;
+}
+
+std::string GridPipeline::why_nothing() const {
+  if (target_images_ > 0 && 2 * target_images_ >= in_view_.class_images()) return "";
+  const std::string none = in_view_.why_none();
+  return none.empty() ? in_view_.why_no_target() : none;
 }
 
 }  // namespace situation_awareness

@@ -65,6 +65,28 @@ bool GpsInsInput::is_of(Sensor& sensor, const std::string& frame) {
 
 std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
   detail_.clear();
+  std::string reason = take_imu(msg, received_ns);
+  refusal_ = reason;
+  return reason;
+}
+
+std::string GpsInsInput::why_not_ready() const {
+  if (!filter_) {
+    if (refusal_.empty()) return "there is no sample of the IMU";
+    return detail_.empty() ? refusal_ : refusal_ + " " + detail_;
+  }
+  std::string why = filter_->reason();
+  if (why.empty()) return why;
+  for (const Counters* const counters : {&counters_, &filter_->counters()}) {
+    for (const auto& [reason, count] : *counters) {
+      const bool is_of_fix = reason.rfind("fix", 0) == 0 || reason.rfind("no fix", 0) == 0;
+      if (is_of_fix) why += ", " + std::to_string(count) + " dropped: " + reason;
+    }
+  }
+  return why;
+}
+
+std::string GpsInsInput::take_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns) {
   waits_for_sensors_ = false;
   const InertialSample sample = inertial_sample_from_msg(msg);
   if (sample.stamp_ns == 0) return "bad imu: stamp of zero";
@@ -97,6 +119,7 @@ std::string GpsInsInput::add_imu(const sensor_msgs::Imu& msg, std::int64_t recei
     return filter_->counters().of(kAnotherTime) > doubted_before ? drop_reason::kAnotherTime : drop_reason::kStamp;
   }
   if (after_ns < before_ns) fixes_.reset();  // of another time, too
+  turns_.add_rate(sample.stamp_ns, imu_.T_base_sensor->linear().row(2).dot(sample.angular_velocity_rad_s));
   if (backlog_ && !filter_->is_ready()) backlog_->add_imu(sample);
   return "";
 }
@@ -130,7 +153,11 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t receiv
   if (is_good) fix_stamp_ns_ = fix.stamp_ns;
   filter_->add_fix(fix);
   if (backlog_ && !filter_->is_ready()) backlog_->add_fix(fix);
-  if (is_good && fix.covariance_m2.allFinite()) good_fix_ = fix;
+  if (!is_good || !fix.covariance_m2.allFinite()) return;
+  good_fix_ = fix;
+  if (!filter_->origin()) return;
+  turns_.add_fix(fix.stamp_ns, local_position(*filter_->origin(), fix.position).head<2>(),
+                 std::sqrt(fix.covariance_m2.diagonal().head<2>().maxCoeff()));
 }
 
 std::vector<GpsInsPose> GpsInsInput::backlog_poses(const GpsInsPose& ready) {

@@ -38,10 +38,12 @@ void GpsInsReport::add() {
 void GpsInsReport::report(StageDiagnostics::Status& status) {
   GpsIns* filter = input_.filter();
   if (filter == nullptr) {
-    status.add("pose", "not ready: where IMU and antenna are on the base is not known yet");
+    status.add("pose", "not ready: " + input_.why_not_ready());
   } else {
     report_filter(*filter, status);
   }
+  const std::string contradiction = input_.contradiction();
+  if (!contradiction.empty()) status.mergeSummary(DiagnosticStatus::WARN, contradiction);
   for (const auto& [reason, count] : input_.counters()) status.add(reason, count);
 }
 

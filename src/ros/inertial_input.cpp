@@ -87,8 +87,7 @@ std::pair<std::string, std::string> InertialInput::why_no_pose() const {
   if (navigation_.is_ready()) {
     return {"no pose", "the latest is of " + std::to_string(to_ros_time(navigation_.stamp_ns()).toSec()) + " s"};
   }
-  const GpsIns* const filter = navigation_.input().filter();
-  return {"pose not ready", filter != nullptr ? filter->reason() : refusals_.latest()};
+  return {"pose not ready", navigation_.input().why_not_ready()};
 }
 
 // Passes on the scans that have their poses. Does not throw.
@@ -117,6 +116,9 @@ void InertialInput::report(StageDiagnostics::Status& status) {
   using diagnostic_msgs::DiagnosticStatus;
   if (received_ == reported_received_ && imu_) {
     status.mergeSummary(DiagnosticStatus::WARN, "no samples on " + imu_->subscriber().getTopic());
+  }
+  if (!navigation_.is_ready()) {
+    status.mergeSummary(DiagnosticStatus::WARN, "pose not ready: " + navigation_.input().why_not_ready());
   }
   status.add("samples received", received_);
   status.add("fixes received", fixes_received_);

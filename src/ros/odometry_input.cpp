@@ -52,17 +52,11 @@ void OdometryInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::S
 }
 
 std::string OdometryInput::defect_of(const nav_msgs::Odometry& msg) const {
-  std::string defect = odometry_msg_defect(msg);
+  const std::string defect = odometry_msg_defect(msg);
   if (!defect.empty()) return defect;
-  const std::string odom = tf2_frame(msg.header.frame_id), base = tf2_frame(msg.child_frame_id);
-  if ((frames_.odom.empty() && odom.empty()) || (frames_.base.empty() && base.empty())) {
-    return "odometry without a frame";
-  }
-  if (frames_.odom.empty() && odom == world_frame_) return "odometry in the world frame";
-  const auto is_other = [](const std::string& frame, const std::string& known) {
-    return !known.empty() && !frame.empty() && frame != known;
-  };
-  return is_other(odom, frames_.odom) || is_other(base, frames_.base) ? "odometry in another frame" : "";
+  const std::string of_frame = odometry_frame_defect(msg, frames_, subscriber_->subscriber().getTopic());
+  if (!of_frame.empty()) return of_frame;
+  return frames_.odom.empty() && tf2_frame(msg.header.frame_id) == world_frame_ ? "odometry in the world frame" : "";
 }
 
 void OdometryInput::add(const nav_msgs::Odometry& msg) {

@@ -82,6 +82,8 @@ void ReflectorReport::report(StageDiagnostics::Status& status) {
     status.add("pose", "not known: no scan yet");
   } else if (!is_known) {
     status.add("pose", "not known: " + std::string(latest_.reason));
+    const std::string why = pipeline_.why_unknown();
+    if (!why.empty()) status.mergeSummary(DiagnosticStatus::WARN, why);
   } else {
     status.add("pose", "known");
   }

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/scans_on_base.hpp"
 
-#include <exception>
 #include <utility>
 
 #include <ros/transport_hints.h>
@@ -60,20 +59,11 @@ StampOrder::Verdict ScansOnBase::add(const ArrivedScan& scan) {
 // Where the lidar is on the base, as TF knows it now.
 void ScansOnBase::mount() {
   if (base_frame_.empty() || lidar_frame_.empty()) return;
-  const Taken now{lidar_frame_, ros::Time(), ros::Time()};  // zero: the latest transform
-  if (!has_transforms(tf_, base_frame_, now)) {
-    why_not_mounted_ = missing_transform(tf_, base_frame_, now);
-    return;
-  }
-  try {
-    geometry_msgs::TransformStamped transform = tf_.lookupTransform(base_frame_, lidar_frame_, ros::Time());
-    isometry_from_msg(transform.transform);  // checks it
-    transform.header.frame_id = kBase;
-    transform.child_frame_id = kOnBase;
-    poses_.setTransform(transform, "TF", true);
+  const std::string why_not = situation_awareness::mount(tf_, base_frame_, lidar_frame_, poses_, kBase, kOnBase);
+  if (!why_not.empty()) {
+    why_not_mounted_ = why_not;
+  } else {
     mounted_ = lidar_frame_;
-  } catch (const std::exception& error) {
-    why_not_mounted_ = error.what();
   }
 }
 

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -14,6 +16,7 @@
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/grid/grid_map.hpp"
 #include "situation_awareness/map/grid/grid_tracks.hpp"
+#include "situation_awareness/pipeline/ground_in_view.hpp"
 #include "situation_awareness/pipeline/image_labelling.hpp"
 
 namespace situation_awareness {
@@ -78,6 +81,9 @@ class GridPipeline {
   void begin_anew();
 
   const GridTargets& targets() const { return tracks_.targets(); }
+  /// Why the images so far give no target, or hardly ever one, in one sentence: none shows the ground, or they show the
+  /// class where the elevation says that no ground is. Empty if they do, and where they show nothing of the class.
+  std::string why_nothing() const;
   const GridMap& map() const { return map_; }
 
  private:
@@ -87,6 +93,8 @@ class GridPipeline {
   std::shared_ptr<const Elevation> elevation_;
   GridMap map_;
   GridTracks tracks_;
+  GroundInView in_view_;
+  std::size_t target_images_ = 0;  ///< after which there was a target
   SemanticGrid class_grid_;
   std::vector<GridCluster> clusters_;
 };

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 #include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/pose/odometry_track.hpp"
+#include "situation_awareness/pose/reflector_evidence.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/pose/reflector_map.hpp"
 #include "situation_awareness/pose/reflectors.hpp"
@@ -35,6 +37,10 @@ class LocalizationPipeline {
   ReflectorLocalization& localization() { return localization_; }
   const ReflectorLocalization& localization() const { return localization_; }
 
+  /// Why the pose was not known after the latest scan, in one sentence: no reflector was seen since it was known, or
+  /// what the latest scan has. Empty if it was known, and before a scan.
+  std::string why_unknown() const;
+
   // Of the latest scan:
 
   const ReflectorSightings& sightings() const { return sightings_; }
@@ -46,6 +52,8 @@ class LocalizationPipeline {
   ReflectorLocalization localization_;
   Points points_;
   ReflectorSightings sightings_;
+  ReflectorEvidence evidence_;  ///< since the pose was known
+  const char* reason_ = "";     ///< of the latest scan
 };
 
 }  // namespace situation_awareness

@@ -87,6 +87,8 @@ class PolygonPipeline {
   void begin_anew();
 
   PolygonMap& map() { return map_; }
+  /// Of the latest scan, limited to what is of interest.
+  const Points& points() const { return latest_ != nullptr ? latest_->points : points_; }
   /// The map of objects and what its latest scan was to it; null without one.
   const ObjectPipelineResult* objects() const { return latest_; }
   const MovingObjects& movers() const { return movers_; }
@@ -120,6 +122,7 @@ class ReflectorPolygonPipeline {
                            const std::optional<ObjectPipelineParams>& objects = std::nullopt);
 
   ReflectorLocalization& localization() { return localization_.localization(); }
+  const LocalizationPipeline& localization_pipeline() const { return localization_; }
   PolygonPipeline& pipeline() { return pipeline_; }
 
   /// Localises by the scan and, where the pose is known then, maps it. The odometry up to the scan has been added to

@@ -72,6 +72,8 @@ class SplinegonPipeline {
   /// of the boundaries, which have the ids of their chains.
   const Polygons& polygons_in_world();
   const Polylines& polylines() const { return polylines_; }
+  /// Of the latest scan that was projected, limited to what is of interest.
+  const Points& points() const { return points_; }
   const Pose2& T_world_map() const { return alignment_.T_world_map(); }
 
   /// Forgets all boundaries. Their ids are not used again.

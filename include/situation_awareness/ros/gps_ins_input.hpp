@@ -16,6 +16,7 @@
 #include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/pose/gps_ins_backlog.hpp"
+#include "situation_awareness/pose/turn_consistency.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -60,6 +61,12 @@ class GpsInsInput {
   /// As GpsInsBacklog::take_poses; none without keep_backlog.
   std::vector<GpsInsPose> backlog_poses(const GpsInsPose& ready);
 
+  /// Why there is no pose now, in one sentence; empty if there is.
+  std::string why_not_ready() const;
+
+  /// One sentence if rates and fixes contradict each other, else empty.
+  std::string contradiction() const { return turns_.contradiction(); }
+
   /// None before both mountings are known.
   GpsIns* filter() { return filter_ ? &*filter_ : nullptr; }
   const GpsIns* filter() const { return filter_ ? &*filter_ : nullptr; }
@@ -75,6 +82,7 @@ class GpsInsInput {
     std::optional<Eigen::Isometry3d> T_base_sensor;
   };
 
+  std::string take_imu(const sensor_msgs::Imu& msg, std::int64_t received_ns);
   /// Whether its place on the base is known, now if not before; else why_not is tf2's reason.
   bool mount(Sensor& sensor, std::string& why_not) const;
   /// Whether the message is of the sensor's frame, which is that of the first message if it is not given.
@@ -88,8 +96,10 @@ class GpsInsInput {
   std::optional<GpsInsBacklog> backlog_;
   bool waits_for_sensors_ = false;
   StampOrder fixes_;
+  TurnConsistency turns_;
   Counters counters_;
   std::string detail_;
+  std::string refusal_;  ///< of the latest sample
   std::optional<GeodeticFix> good_fix_;
   std::int64_t fix_stamp_ns_ = StampOrder::kNone;
   std::int64_t heading_stamp_ns_ = StampOrder::kNone;

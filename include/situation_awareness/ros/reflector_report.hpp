@@ -4,6 +4,7 @@
 #include <set>
 #include <string>
 
+#include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/ros/stage_diagnostics.hpp"
 
@@ -20,9 +21,9 @@ std::string too_few_sentence(const ReflectorCoverage& coverage, double sigma_m);
 /// What localisation by reflectors says on /diagnostics and in the log.
 class ReflectorReport {
  public:
-  /// `name`: of the nodelet; `localization` must outlive this.
-  ReflectorReport(const std::string& name, const ReflectorLocalization& localization)
-      : name_(name), localization_(localization) {}
+  /// `name`: of the nodelet; `pipeline` must outlive this.
+  ReflectorReport(const std::string& name, const LocalizationPipeline& pipeline)
+      : name_(name), pipeline_(pipeline), localization_(pipeline.localization()) {}
 
   /// After a scan: warns in the log of a reflector when it is found not to be in its place, and says when it is again.
   void add(const ReflectorUpdate& update);
@@ -33,6 +34,7 @@ class ReflectorReport {
   void log_changes(const ReflectorUpdate& update);
 
   std::string name_;
+  const LocalizationPipeline& pipeline_;
   const ReflectorLocalization& localization_;
   ReflectorUpdate latest_;
   bool has_update_ = false;

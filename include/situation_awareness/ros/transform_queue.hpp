@@ -36,7 +36,8 @@ struct TransformQueueParams {
   double timeout_s = 0.5;          ///< how long a measurement waits for its transforms
   std::size_t max_waiting = 20;    ///< measurements; beyond it, the newest replaces the previous one
   double reset_time_jump_s = 1.0;  ///< stamps that go back by more are a restart, by less they are refused
-  double pose_offset_s = 0.0;  ///< from a measurement's times to those of its poses; positive ones are waited for, too
+  double pose_offset_s = 0.0;   ///< from a measurement's times to those of its poses; positive ones are waited for, too
+  std::string base_frame = {};  ///< its pose at the first instant is waited for, too; empty: none is
 };
 
 /// A measurement with the poses of its sensor.
@@ -65,16 +66,22 @@ Taken later(const Taken& taken, double offset_s);
 /// length.
 ros::Duration transform_cache_time(double timeout_s);
 
-/// Whether tf2 has the poses of the frame in the world at both instants.
+/// Whether tf2 has the poses of the frame in the world at both instants. A frame has its pose in itself without TF.
 bool has_transforms(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 
-/// tf2's reason why not: "from world to lidar: ...".
+/// The reason why not: "from world to lidar: TF does not connect world with lidar, it has no frame world", or what tf2
+/// says of the times.
 std::string missing_transform(const tf2::BufferCore& transforms, const std::string& world_frame, const Taken& taken);
 
 /// The pose of the frame in the world, to the last digit whatever transforms of later times are there. Throws as tf2
 /// and isometry_from_msg.
 Eigen::Isometry3d transform_at(const tf2::BufferCore& transforms, const std::string& world_frame,
                                const std::string& frame, const ros::Time& time);
+
+/// Where a sensor is on its base, as `tf` knows it now, from then on in `poses` between frames named so there. Returns
+/// an empty text, or why it is not known.
+std::string mount(const tf2::BufferCore& tf, const std::string& base_frame, const std::string& sensor_frame,
+                  tf2::BufferCore& poses, const std::string& base_name, const std::string& sensor_name);
 
 /// Measurements of one sensor (scans, clouds, images) that wait in order for the transforms of their first and last
 /// instant. Nodelets and offline tools share it: it decides which are used and which are dropped. One whose stamp is
@@ -141,7 +148,7 @@ class TransformQueue {
           on_drop_(drop_reason::kBadTransform, error.what());
         }
       } else if (overtaken || waited_s >= params_.timeout_s + std::max(params_.pose_offset_s, 0.0)) {
-        on_drop_(drop_reason::kNoTransform, missing_transform(transforms_, params_.world_frame, oldest.posed));
+        on_drop_(drop_reason::kNoTransform, missing(oldest.posed));
         waiting_.pop_front();
       } else {
         break;
@@ -175,8 +182,16 @@ class TransformQueue {
   void drop(bool was_held) { on_drop_(was_held ? drop_reason::kAnotherTime : drop_reason::kStamp, ""); }
 
   bool has_transforms(const Taken& taken) const {
-    return situation_awareness::has_transforms(transforms_, params_.world_frame, taken);
+    const std::string& world = params_.world_frame;
+    return situation_awareness::has_transforms(transforms_, world, taken) &&
+           (params_.base_frame.empty() || situation_awareness::has_transforms(transforms_, world, base(taken)));
   }
+  std::string missing(const Taken& taken) const {
+    const std::string& world = params_.world_frame;
+    const bool is_base = situation_awareness::has_transforms(transforms_, world, taken);
+    return missing_transform(transforms_, world, is_base ? base(taken) : taken);
+  }
+  Taken base(const Taken& taken) const { return {params_.base_frame, taken.first, taken.first}; }
   Eigen::Isometry3d pose_at(const Taken& taken, const ros::Time& time) const {
     return transform_at(transforms_, params_.world_frame, taken.frame, time);
   }

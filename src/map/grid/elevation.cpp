@@ -141,6 +141,18 @@ Elevation Elevation::smoothed(double sigma_m) const {
   return result;
 }
 
+Eigen::AlignedBox3d Elevation::box_world_m() const {
+  Eigen::AlignedBox3d box;
+  const double right_m = corner_world_m_.x() + width_ * pixel_m_.x(),
+               low_m = corner_world_m_.y() - height_ * pixel_m_.y();
+  for (const float height_m : heights_) {
+    if (std::isnan(height_m)) continue;
+    box.extend(Eigen::Vector3d(corner_world_m_.x(), low_m, static_cast<double>(height_m)));
+    box.extend(Eigen::Vector3d(right_m, corner_world_m_.y(), static_cast<double>(height_m)));
+  }
+  return box;
+}
+
 double Elevation::at(double x_world_m, double y_world_m) const {
   const double column = (x_world_m - corner_world_m_.x()) / pixel_m_.x() - 0.5;
   const double row = (corner_world_m_.y() - y_world_m) / pixel_m_.y() - 0.5;

@@ -8,8 +8,11 @@ namespace situation_awareness {
 
 void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config) {
   app.add_option("IN.bag", options.bag, "the bag")->required()->type_name("");
-  app.add_option("--world-frame", options.world_frame, "frame of the map, found in /tf and /tf_static")
+  app.add_option("--world-frame", options.world_frame, "frame of the map, found among the transforms")
       ->type_name("NAME");
+  app.add_option("--tf-topic", options.tf_topic,
+                 "tf2_msgs/TFMessage, such as /robot1/tf; static transforms\nare on TOPIC_static")
+      ->type_name("TOPIC");
   app.add_flag("--static-sensor", options.static_sensor, "the sensor is the world: for bags without transforms");
   app.add_option("--tf-timeout", options.tf_timeout_s,
                  "how long a measurement waits for its transforms, by the\ntime of the recording")

@@ -10,14 +10,22 @@
 #include <ros/exception.h>
 #include <rosbag/exceptions.h>
 #include <rosbag/view.h>
+#include <tf2/exceptions.h>
 
 #include "situation_awareness/ros/bag/progress.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/scan_check.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr const char* kAuthority = "bag";
+const std::string kStatic = "_static";
+// Frames of the poses that are given, whatever they are called in the bag.
+constexpr const char* kWorld = "world";
+constexpr const char* kBase = "base";
+constexpr const char* kSensor = "sensor";
 constexpr std::size_t kMaxWaiting = 10000;  // ten seconds of the fastest scanner
 
 /// Calls `act`; errors of the bag itself are thrown with its path.
@@ -42,12 +50,15 @@ std::string list(const Texts& texts) {
 
 }  // namespace
 
-BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s, double pose_offset_s)
+BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s, const Poses& poses)
     : options_(options),
-      transforms_(transform_cache_time(options.tf_timeout_s)),
-      queue_(transforms_,
-             {tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting, reset_time_jump_s, pose_offset_s},
-             [this](const char* reason, const std::string& /*detail*/) { drop(reason); }) {
+      source_({tf2_frame(poses.base_frame), poses.are_given, poses.offset_s}),
+      tf_(transform_cache_time(options.tf_timeout_s)),
+      given_(transform_cache_time(options.tf_timeout_s)),
+      queue_(source_.are_given ? given_ : tf_,
+             {source_.are_given ? kWorld : tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting,
+              reset_time_jump_s, source_.offset_s, source_.are_given ? "" : source_.base_frame},
+             [this](const char* reason, const std::string& detail) { dropped(reason, detail); }) {
   options_.world_frame = tf2_frame(options_.world_frame);
   if (!std::filesystem::is_regular_file(options_.bag)) throw std::runtime_error(options_.bag + ": no such bag");
   reading(options_.bag, [this] { bag_.open(options_.bag, rosbag::bagmode::Read); });
@@ -57,17 +68,25 @@ void BagPlayer::other_version(const std::string& topic) {
   throw std::runtime_error("topic " + topic + " holds another version of its message type");
 }
 
+std::set<std::pair<std::string, std::string>> BagPlayer::topics() const {
+  std::set<std::pair<std::string, std::string>> topics;
+  rosbag::View view(bag_);
+  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
+    topics.emplace(connection->topic, connection->datatype);
+  }
+  return topics;
+}
+
 /// The topic's name in the bag.
-std::string BagPlayer::find_topic(const std::string& wanted, const std::string& datatype) {
+std::string BagPlayer::find_topic(const std::string& wanted, const std::string& datatype) const {
   std::set<std::string> of_type;
   std::string other_type;
   const std::string bare = tf2_frame(wanted);
-  rosbag::View view(bag_);
-  for (const rosbag::ConnectionInfo* connection : view.getConnections()) {
-    if (connection->datatype == datatype) {
-      of_type.insert(connection->topic);
-    } else if (tf2_frame(connection->topic) == bare) {
-      other_type = connection->datatype;
+  for (const auto& [topic, type] : topics()) {
+    if (type == datatype) {
+      of_type.insert(topic);
+    } else if (tf2_frame(topic) == bare) {
+      other_type = type;
     }
   }
   for (const std::string& topic : of_type) {
@@ -80,47 +99,86 @@ std::string BagPlayer::find_topic(const std::string& wanted, const std::string& 
 
 void BagPlayer::add_transforms(const tf2_msgs::TFMessage& msg, bool is_static) {
   if (options_.static_sensor) return;
-  for (const geometry_msgs::TransformStamped& transform : msg.transforms) {
-    if (added_.count(tf2_frame(transform.child_frame_id)) == 0) set_transform(transform, is_static);
+  for (geometry_msgs::TransformStamped transform : msg.transforms) {
+    transform.header.frame_id = tf2_frame(transform.header.frame_id);
+    transform.child_frame_id = tf2_frame(transform.child_frame_id);
+    frames_.insert(transform.header.frame_id);
+    frames_.insert(transform.child_frame_id);
+    tf_.setTransform(transform, kAuthority, is_static);
   }
 }
 
-void BagPlayer::add_transform(geometry_msgs::TransformStamped transform) {
-  added_.insert(tf2_frame(transform.child_frame_id));
-  set_transform(std::move(transform), false);
+void BagPlayer::add_pose(geometry_msgs::TransformStamped T_world_base) {
+  if (first_pose_.isZero()) first_pose_ = T_world_base.header.stamp;
+  last_pose_ = T_world_base.header.stamp;
+  T_world_base.header.frame_id = kWorld;
+  T_world_base.child_frame_id = kBase;
+  given_.setTransform(T_world_base, kAuthority, false);
 }
 
-void BagPlayer::set_transform(geometry_msgs::TransformStamped transform, bool is_static) {
-  transform.header.frame_id = tf2_frame(transform.header.frame_id);
-  transform.child_frame_id = tf2_frame(transform.child_frame_id);
-  frames_.insert(transform.header.frame_id);
-  frames_.insert(transform.child_frame_id);
-  transforms_.setTransform(transform, kAuthority, is_static);
+void BagPlayer::forget_poses() {
+  given_.clear();  // what is later would block them
+  is_mounted_ = false;
+}
+
+Eigen::Isometry3d BagPlayer::T_world_base_at(std::int64_t stamp_ns) const {
+  const ros::Time stamp = to_ros_time(stamp_ns);
+  return source_.are_given ? transform_at(given_, kWorld, kBase, stamp)
+                           : transform_at(tf_, options_.world_frame, source_.base_frame, stamp);
+}
+
+/// Where the sensor is on the base, as TF knows it now.
+void BagPlayer::mount() {
+  why_not_mounted_ = situation_awareness::mount(tf_, source_.base_frame, sensor_frame_, given_, kBase, kSensor);
+  is_mounted_ = why_not_mounted_.empty();
 }
 
 void BagPlayer::use_when_posed(const Taken& taken, const ros::Time& recorded, Use use) {
   if (options_.static_sensor && sensor_frame_ != taken.frame) {
-    transforms_.setTransform(transform_to_msg(Eigen::Isometry3d::Identity(), 0, options_.world_frame, taken.frame),
-                             kAuthority, true);
+    tf_.setTransform(transform_to_msg(Eigen::Isometry3d::Identity(), 0, options_.world_frame, taken.frame), kAuthority,
+                     true);
   }
   sensor_frame_ = taken.frame;
-  queue_.add(std::move(use), taken, to_nanoseconds(recorded));
+  if (!source_.are_given) {
+    queue_.add(std::move(use), taken, to_nanoseconds(recorded));
+    return;
+  }
+  queue_.add(std::move(use), {kSensor, taken.first, taken.last}, to_nanoseconds(recorded));
+  mount();  // it may have changed
+}
+
+void BagPlayer::dropped(const std::string& reason, const std::string& detail) {
+  drop(reason);
+  if (reason != drop_reason::kNoTransform) return;
+  if (!source_.are_given) {
+    why_no_transform_ = detail;
+  } else if (!is_mounted_) {
+    why_no_transform_ = why_not_mounted_;
+  } else if (first_pose_.isZero()) {
+    why_no_transform_ = "of " + source_.base_frame + ": it has no pose";
+  } else {
+    char text[96];
+    std::snprintf(text, sizeof text, ": its poses are from %.3f to %.3f s", first_pose_.toSec(), last_pose_.toSec());
+    why_no_transform_ = "of " + source_.base_frame + text;
+  }
 }
 
 void BagPlayer::play() {
   const auto start = std::chrono::steady_clock::now();
   reading(options_.bag, [this] { play_all(); });
   wall_s_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  check_used();
 }
 
 void BagPlayer::play_all() {
+  const std::string tf = tf2_frame(options_.tf_topic), tf_static = tf + kStatic;
   for (const rosbag::MessageInstance& instance :
-       rosbag::View(bag_, rosbag::TopicQuery(std::vector<std::string>{"/tf_static", "tf_static"}))) {
+       rosbag::View(bag_, rosbag::TopicQuery(std::vector<std::string>{"/" + tf_static, tf_static}))) {
     add_transforms(*read<tf2_msgs::TFMessage>(instance), true);
   }
-  for (const char* tf : {"/tf", "tf"}) {
-    subscriptions_[tf] = [this](const auto& instance) { add_transforms(*read<tf2_msgs::TFMessage>(instance), false); };
+  for (const std::string& topic : {"/" + tf, tf}) {
+    subscriptions_[topic] = [this](const auto& instance) {
+      add_transforms(*read<tf2_msgs::TFMessage>(instance), false);
+    };
   }
   std::vector<std::string> topics;
   for (const auto& [topic, take] : subscriptions_) topics.push_back(topic);
@@ -136,29 +194,50 @@ void BagPlayer::play_all() {
 }
 
 void BagPlayer::release(std::int64_t now_ns) {
+  if (source_.are_given && !is_mounted_ && !sensor_frame_.empty()) mount();
   if (now_ns != kEndOfTime_ns) queue_.receive(now_ns, now_ns);
   while (const auto ready = queue_.next(now_ns)) {
     if (ready->begins_anew) restart_();
-    const std::string reason = ready->item(ready->T_world_sensor, ready->T_world_sensor_end);
-    if (reason.empty()) {
-      ++used_;
-    } else {
-      drop(reason);
+    try {
+      const std::string reason = ready->item(ready->T_world_sensor, ready->T_world_sensor_end);
+      if (reason.empty()) {
+        ++used_;
+      } else {
+        drop(reason);
+      }
+    } catch (const tf2::TransformException& error) {  // of this measurement alone
+      dropped(drop_reason::kNoTransform, error.what());
     }
   }
 }
 
-void BagPlayer::check_used() const {
-  if (used_ > 0) return;
+/// What may help where there are no transforms.
+std::string BagPlayer::transforms_hint() const {
+  std::set<std::string> others;
+  for (const auto& [topic, type] : topics()) {
+    if (type != "tf2_msgs/TFMessage" && type != "tf/tfMessage") continue;
+    const std::string bare = tf2_frame(topic);
+    const bool is_static = bare.size() > kStatic.size() && bare.rfind(kStatic) == bare.size() - kStatic.size();
+    const std::string of = is_static ? bare.substr(0, bare.size() - kStatic.size()) : bare;
+    if (of != tf2_frame(options_.tf_topic)) others.insert("/" + of);
+  }
+  const std::string others_hint =
+      others.empty() ? "" : "; it has others on " + list(others) + ": --tf-topic reads them";
+  if (!frames_.empty()) return "; the bag has the frames " + list(frames_) + others_hint;
+  const std::string none = "; the bag has no transforms on " + options_.tf_topic;
+  if (!others.empty() || source_.are_given) return none + others_hint;
+  return none + ": use --static-sensor if the sensor stands still";
+}
+
+void BagPlayer::check_mapped(const std::string& why_not) const {
+  if (used_ > 0 && why_not.empty()) return;
   std::string sentence = options_.bag + ": nothing mapped of " + std::to_string(measurements_) + " " + noun_;
+  if (!why_not.empty()) throw std::runtime_error(sentence + ": " + why_not);
   for (const auto& [reason, count] : dropped_) {
     sentence += ", " + std::to_string(count) + " dropped: " + reason;
-    if (reason == drop_reason::kNoTransform) sentence += " from " + options_.world_frame + " to " + sensor_frame_;
+    if (reason == drop_reason::kNoTransform) sentence += " " + why_no_transform_;
   }
-  if (dropped_.of(drop_reason::kNoTransform) > 0) {
-    sentence += frames_.empty() ? "; the bag has no transforms: use --static-sensor"
-                                : "; the bag has the frames " + list(frames_);
-  }
+  if (dropped_.of(drop_reason::kNoTransform) > 0) sentence += transforms_hint();
   throw std::runtime_error(sentence);
 }
 

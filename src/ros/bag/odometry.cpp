@@ -1,45 +1,64 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/bag/odometry.hpp"
 
+#include <stdexcept>
 #include <utility>
 
 #include <nav_msgs/Odometry.h>
 
-#include "situation_awareness/ros/bag/first_message.hpp"
+#include "situation_awareness/ros/bag/messages.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 
-OdometryFrames odometry_frames(const BagOptions& options, const std::string& topic) {
-  const auto msg = first_message<nav_msgs::Odometry>(options.bag, topic);
-  if (!msg) return {};
-  return {tf2_frame(msg->header.frame_id), tf2_frame(msg->child_frame_id)};
+void add_odometry_options(CLI::App& app, OdometryOptions& options) {
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    app.add_option(name, value, what)->type_name(type);
+  };
+  text("--odom-topic", options.topic, "TOPIC", "nav_msgs/Odometry");
+  text("--odom-frame", options.frames.odom, "FRAME", "of odometry (default: the frame_id of its messages)");
+  text("--base-frame", options.frames.base, "FRAME", "of the base (default: their child_frame_id)");
+}
+
+OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& options) {
+  OdometryFrames frames{tf2_frame(options.frames.odom), tf2_frame(options.frames.base)};
+  std::string defect;
+  for_each_message<nav_msgs::Odometry>(bag.bag, options.topic, [&](const auto& msg) {
+    defect = odometry_frame_defect(*msg, frames, options.topic);
+    if (!defect.empty()) return true;
+    if (frames.odom.empty()) frames.odom = tf2_frame(msg->header.frame_id);
+    if (frames.base.empty()) frames.base = tf2_frame(msg->child_frame_id);
+    return false;
+  });
+  if (!defect.empty()) {
+    throw std::runtime_error(bag.bag + ": " + defect + ": --odom-frame and --base-frame name the frames of odometry");
+  }
+  return frames;
 }
 
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
                               const OdometryFrames& frames, Counters& refused, UseOdometry use) {
-  player.subscribe<nav_msgs::Odometry>(
-      odom_topic, [&player, &refused, add = std::move(use.add)](const auto& msg, const ros::Time& recorded) {
-        const std::string defect = odometry_msg_defect(*msg);
-        if (!defect.empty()) {
-          ++refused[defect];
-          return;
-        }
-        const geometry_msgs::TransformStamped transform = transform_from_odometry(*msg);
-        const auto verdict = add(to_nanoseconds(msg->header.stamp), pose2_of(isometry_from_msg(transform.transform)),
-                                 to_nanoseconds(recorded));
-        if (verdict == OdometryTrack::Verdict::kRefused) return;
-        if (verdict == OdometryTrack::Verdict::kRestarted) player.forget_transforms();
-        player.add_transform(transform);
-      });
+  player.subscribe<nav_msgs::Odometry>(odom_topic, [&player, &refused, odom_topic, frames, add = std::move(use.add)](
+                                                        const auto& msg, const ros::Time& recorded) {
+    std::string defect = odometry_msg_defect(*msg);
+    if (defect.empty()) defect = odometry_frame_defect(*msg, frames, odom_topic);
+    if (!defect.empty()) {
+      ++refused[defect];
+      return;
+    }
+    const geometry_msgs::TransformStamped transform = transform_from_odometry(*msg);
+    const auto verdict = add(to_nanoseconds(msg->header.stamp), pose2_of(isometry_from_msg(transform.transform)),
+                             to_nanoseconds(recorded));
+    if (verdict == OdometryTrack::Verdict::kRefused) return;
+    if (verdict == OdometryTrack::Verdict::kRestarted) player.forget_poses();
+    player.add_pose(transform);
+  });
   subscribe_scans(player, scan_topic,
-                  [&player, frames, use_scan = std::move(use.use)](const Scan& scan, const auto& T_odom_lidar,
-                                                                   const auto& T_odom_lidar_end) {
-                    const Eigen::Isometry3d T_odom_base =
-                        transform_at(player.transforms(), frames.odom, frames.base, to_ros_time(scan.stamp_ns));
+                  [&player, use_scan = std::move(use.use)](const Scan& scan, const auto& T_odom_lidar,
+                                                           const auto& T_odom_lidar_end) {
+                    const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);
                     OdometryScan placed;
                     placed.T_odom_base = pose2_of(T_odom_base);
                     placed.T_base_lidar = T_odom_base.inverse() * T_odom_lidar;

@@ -39,6 +39,17 @@ std::string odometry_msg_defect(const nav_msgs::Odometry& msg) {
   return "";
 }
 
+std::string odometry_frame_defect(const nav_msgs::Odometry& msg, const OdometryFrames& known,
+                                  const std::string& topic) {
+  const std::string odom = tf2_frame(msg.header.frame_id), base = tf2_frame(msg.child_frame_id);
+  if (known.odom.empty() && odom.empty()) return topic + " has no frame_id";
+  if (known.base.empty() && base.empty()) return topic + " has no child_frame_id";
+  const auto is_other = [](const std::string& frame, const std::string& known_frame) {
+    return !known_frame.empty() && !frame.empty() && frame != known_frame;
+  };
+  return is_other(odom, known.odom) || is_other(base, known.base) ? "odometry in another frame" : "";
+}
+
 geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry& msg) {
   geometry_msgs::TransformStamped transform;
   transform.header = msg.header;

@@ -132,6 +132,8 @@ class GridMappingStage {
   }
 
   void report(StageDiagnostics::Status& status) {
+    const std::string why_nothing = pipeline_->why_nothing();
+    if (!why_nothing.empty()) status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, why_nothing);
     status.add("targets", pipeline_->targets().targets.size());
     status.add("ground above the elevation [m]", pipeline_->map().elevation_offset_m());
     status.add("camera_info", camera_info_ ? "received" : "none yet");

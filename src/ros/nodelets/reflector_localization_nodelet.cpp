@@ -40,7 +40,7 @@ class ReflectorLocalizationStage {
       : context_(context),
         params_(params),
         pipeline_(load_reflector_map(params.reflector_file), params.pipeline.reflectors, params.pipeline.localization),
-        report_(context.name(), pipeline_.localization()),
+        report_(context.name(), pipeline_),
         pose_(context.node().advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", 20)),
         markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("reflectors", 5)),
         input_(context, params.nodelet, {params.odom_frame, params.base_frame},

@@ -7,11 +7,13 @@
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
 #include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
+#include "situation_awareness/ros/point_report.hpp"
 #include "situation_awareness/ros/pose_offset_report.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -40,8 +42,10 @@ class SegmentationStage {
             context, params.nodelet, params.pipeline.objects.reset_time_jump_s, params.pipeline.scan_pose_offset_s,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { map_.clear(); }}) {
-    context.diagnostics().on_report(
-        [this](StageDiagnostics::Status& status) { report_pose_offset(pose_offset_, status); });
+    context.diagnostics().on_report([this](StageDiagnostics::Status& status) {
+      report_pose_offset(pose_offset_, status);
+      warn_of_no_hit(states_, status);
+    });
     context.serve_live(
         [this](const RangeLimiterParams& scan, const SegmentationParams& segments) {
           params_.pipeline.scan = scan;
@@ -67,6 +71,7 @@ class SegmentationStage {
 
     context_.diagnostics().counted(segments.refused);
     context_.publish(publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
+    states_.add(points);
     pose_offset_.add(points);  // after the output, which does not wait for it
     return true;
   }
@@ -77,6 +82,7 @@ class SegmentationStage {
   ros::Publisher publisher_;
   MapSubscriber map_;
   PoseOffsetEstimator pose_offset_;
+  PointStates states_;
   Input input_;
 };
 

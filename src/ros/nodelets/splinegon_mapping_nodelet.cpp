@@ -14,6 +14,7 @@
 
 #include "situation_awareness/pipeline/timed_splinegon_map.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/inertial_input.hpp"
@@ -21,6 +22,7 @@
 #include "situation_awareness/ros/map_services.hpp"
 #include "situation_awareness/ros/markers/splinegon_markers.hpp"
 #include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
+#include "situation_awareness/ros/point_report.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/splinegon_kind.hpp"
@@ -73,6 +75,7 @@ class SplinegonMappingStage {
       context_.diagnostics().counted({{"time jumped back: new map", 1}});
     }
     context_.diagnostics().counted(map_.pipeline().polylines().refused);
+    states_.add(map_.pipeline().points());
     publisher_.publish(map_.splinegons());
     if (polygons_publisher_.getNumSubscribers() > 0) {
       context_.publish(polygons_publisher_, polygons_to_msg(map_.polygons_in_world(), params_.nodelet.world_frame));
@@ -86,6 +89,7 @@ class SplinegonMappingStage {
 
  private:
   void report(StageDiagnostics::Status& status) {
+    warn_of_no_hit(states_, status);
     const std::vector<Splinegon>& boundaries = map_.splinegons().boundaries;
     status.add("boundaries", boundaries.size());
     status.add("closed", std::count_if(boundaries.begin(), boundaries.end(),
@@ -107,6 +111,7 @@ class SplinegonMappingStage {
   SplinegonNodeletParams params_;
   Eigen::Matrix3d pose_covariance_;  ///< of poses by TF
   TimedSplinegonMap map_;
+  PointStates states_;
   MapPublisher<SplinegonKind> publisher_;
   ros::Publisher polygons_publisher_, local_publisher_;
   LocalPolygonMarkers local_markers_;

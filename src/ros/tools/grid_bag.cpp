@@ -9,8 +9,6 @@
 #include <vector>
 
 #include <nav_msgs/Odometry.h>
-#include <rosbag/bag.h>
-#include <rosbag/view.h>
 #include <sensor_msgs/CameraInfo.h>
 #include <sensor_msgs/Image.h>
 
@@ -23,6 +21,7 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/line_file.hpp"
+#include "situation_awareness/ros/bag/messages.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -91,14 +90,10 @@ Json json_of(const GridTargets& targets) {
 class CameraInfos {
  public:
   CameraInfos(const std::string& bag_path, const std::string& topic) {
-    rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
-    const std::string bare = tf2_frame(topic);
-    for (const rosbag::MessageInstance& instance :
-         rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
-      if (const auto info = instance.instantiate<sensor_msgs::CameraInfo>()) {
-        infos_[to_nanoseconds(info->header.stamp)] = info;
-      }
-    }
+    for_each_message<sensor_msgs::CameraInfo>(bag_path, topic, [this](const auto& info) {
+      infos_[to_nanoseconds(info->header.stamp)] = info;
+      return true;
+    });
   }
 
   /// That of the image's stamp; else the latest before it, or the first after it, of its size; else null.
@@ -130,7 +125,7 @@ int grid_bag(const Options& options) {
   const auto params = params_from_yaml<GridPipelineParams>(read_text_file(path), path, print_warning);
   GridPipeline pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem)));
   pipeline.trust_stamps();  // the player has judged them
-  BagPlayer player(options.bag, kResetTimeJump_s);
+  BagPlayer player(options.bag, kResetTimeJump_s, {});
   LineFile out(options.out);
   const CameraInfos infos(options.bag.bag, options.camera_info_topic);
   const bool labels_images = !options.image_topic.empty();
@@ -173,15 +168,14 @@ int grid_bag(const Options& options) {
             });
       });
   player.play();
-  if (!options.grid_out.empty()) {
-    save_geotiff(options.grid_out, pipeline.map().grid());
-  }
-  out.finish();
   player.print_summary();
   std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
               pipeline.map().elevation_offset_m(), out_of_range);
   if (covariances.unknown() > 0) std::printf("%zu odometry messages without covariance\n", covariances.unknown());
   if (covariances.refused() > 0) std::printf("%zu odometry messages not in order\n", covariances.refused());
+  player.check_mapped(pipeline.why_nothing());
+  if (!options.grid_out.empty()) save_geotiff(options.grid_out, pipeline.map().grid());
+  out.finish();
   return 0;
 }
 

@@ -14,6 +14,7 @@
 #include "situation_awareness/pipeline/hit_labels.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/unmapped_segments.hpp"
+#include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/pose/pose_offset.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
@@ -172,7 +173,7 @@ ObjectPipelineParams load_params(const Options& options) {
 int objects_bag(const Options& options) {
   const std::string world_frame = tf2_frame(options.bag.world_frame);
   const ObjectPipelineParams params = load_params(options);
-  BagPlayer player(options.bag, params.objects.reset_time_jump_s, params.scan_pose_offset_s);
+  BagPlayer player(options.bag, params.objects.reset_time_jump_s, {{}, false, params.scan_pose_offset_s});
   LineFile out(options.out), detections_out(options.detections), points_out(options.points);
   ObjectPipeline pipeline(params);
   PoseOffsetEstimator pose_offset(params.scan_pose_offset_s);
@@ -196,12 +197,14 @@ int objects_bag(const Options& options) {
   double log_likelihood = 0.0;
   std::size_t compact = 0, on_no_map = 0;
   double longest_s = 0.0;
+  PointStates states;
   std::vector<HitLabel> labels;
   MappedAreas areas;
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     const ObjectPipelineResult& result =
         player.timed([&]() -> decltype(auto) { return pipeline.process(scan, T_world_lidar, T_end, published); });
     pose_offset.add(result.points);
+    states.add(result.points);
     if (points_out) {
       labels = label_hits(result.segments, result.detections, published, std::move(labels));
       points_out.write(json_line(scan.stamp_ns, json_of_points(result, labels, areas)));
@@ -216,6 +219,8 @@ int objects_bag(const Options& options) {
     longest_s = result.unmapped.longest_s;
   });
   player.play();
+  player.print_summary();
+  player.check_mapped(states.why_no_hit());
 
   if (!options.save_objects.empty()) {
     MapSnapshot snapshot = pipeline.map().snapshot();
@@ -225,7 +230,6 @@ int objects_bag(const Options& options) {
   out.finish();
   detections_out.finish();
   points_out.finish();
-  player.print_summary();
   std::printf("%zu detections, log-likelihood %.3f each given the map before\n", detections,
               log_likelihood / static_cast<double>(std::max<std::size_t>(detections, 1)));
   std::printf("%zu of %zu compact segments on no map, a place for at most %.3f s\n", on_no_map, compact, longest_s);

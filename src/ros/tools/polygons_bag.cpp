@@ -16,6 +16,7 @@
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/geometry/parse_pose2.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
@@ -23,9 +24,7 @@
 #include "situation_awareness/ros/bag/odometry.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/package.hpp"
-#include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -52,7 +51,7 @@ constexpr double kTfSigma_rad = 0.01;
 struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
-  std::string odom_topic = "/odom";
+  OdometryOptions odometry;
   std::string localization = "reflectors";
   std::string reflectors, initial_pose, out, model_folder;
   bool objects = false;
@@ -64,7 +63,7 @@ void add_options(CLI::App& app, Options& options) {
     return app.add_option(name, value, what)->type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--odom-topic", options.odom_topic, "TOPIC", "nav_msgs/Odometry");
+  add_odometry_options(app, options.odometry);
   text("--reflectors", options.reflectors, "FILE", "the reflectors, from which the pose comes");
   text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the start, good to 12 cm and 4 degrees");
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
@@ -110,12 +109,15 @@ Json json_of(const Pose2& T_world_base, const Eigen::Matrix3d& covariance, const
 /// What the program writes and counts.
 struct Output {
   explicit Output(const std::string& path) : file(path) {}
-  void write(const Scan& scan, const Pose2& T_world_base, const Eigen::Matrix3d& covariance, PolygonMap& map) {
-    polygons = map.polygons(std::move(polygons));
+  void write(const Scan& scan, const Pose2& T_world_base, const Eigen::Matrix3d& covariance,
+             PolygonPipeline& pipeline) {
+    states.add(pipeline.points());
+    polygons = pipeline.map().polygons(std::move(polygons));
     file.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, polygons)));
   }
   LineFile file;
   Polygons polygons;
+  PointStates states;
 };
 
 struct Params {
@@ -162,36 +164,33 @@ void print_movers(const PolygonPipeline& pipeline) {
 }
 
 void map_by_tf(const Options& options, const Params& params, const OdometryFrames& frames) {
-  BagPlayer player(options.bag, kResetTimeJump_s);
+  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
   Output out(options.out);
   PolygonPipeline pipeline(params.polygons, params.objects);
-  const std::string world_frame = tf2_frame(options.bag.world_frame);
   const Eigen::Matrix3d covariance =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   subscribe_scans(player, options.scan_topic, [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
     player.timed([&] { pipeline.process(scan, T_world_lidar, T_end, covariance); });
     const Eigen::Isometry3d T_world_base =
-        frames.base.empty() ? Eigen::Isometry3d(T_world_lidar)
-                            : transform_at(player.transforms(), world_frame, frames.base, to_ros_time(scan.stamp_ns));
-    out.write(scan, pose2_of(T_world_base), covariance, pipeline.map());
+        frames.base.empty() ? Eigen::Isometry3d(T_world_lidar) : player.T_world_base_at(scan.stamp_ns);
+    out.write(scan, pose2_of(T_world_base), covariance, pipeline);
   });
   player.play();
-  out.file.finish();
   player.print_summary();
   print_movers(pipeline);
+  player.check_mapped(out.states.why_no_hit());
+  out.file.finish();
 }
 
 void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
   if (frames.odom.empty()) {
-    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odom_topic);
+    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
   }
   ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors), params.polygons, params.objects);
   ReflectorLocalization& localization = pipeline.localization();
   // Scans wait for the odometry of their first and last beams.
-  BagOptions bag = options.bag;
-  bag.world_frame = frames.odom;
-  BagPlayer player(bag, kResetTimeJump_s);
+  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base, true});
   Output out(options.out);
   bool needs_initial = !options.initial_pose.empty();
   const Pose2 initial = needs_initial ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
@@ -213,11 +212,10 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
     ++(is_known ? known : unknown);
     if (!is_known) return;
     const LocalizedPose pose = localization.pose();
-    out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline().map());
+    out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline());
   };
-  subscribe_odometry_scans(player, options.odom_topic, options.scan_topic, frames, refused, std::move(use));
+  subscribe_odometry_scans(player, options.odometry.topic, options.scan_topic, frames, refused, std::move(use));
   player.play();
-  out.file.finish();
   player.print_summary();
   print_movers(pipeline.pipeline());
   std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
@@ -226,11 +224,13 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   for (const auto& [reason, count] : refused) {
     std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
   }
+  player.check_mapped(known == 0 ? pipeline.localization_pipeline().why_unknown() : out.states.why_no_hit());
+  out.file.finish();
 }
 
 int polygons_bag(const Options& options) {
   const Params params = read_params(options);
-  const OdometryFrames frames = odometry_frames(options.bag, options.odom_topic);
+  const OdometryFrames frames = odometry_frames(options.bag, options.odometry);
   if (options.localization == "tf") {
     map_by_tf(options, params, frames);
   } else {

@@ -15,6 +15,7 @@
 #include "situation_awareness/geometry/parse_pose2.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "situation_awareness/pose/reflector_evidence.hpp"
 #include "situation_awareness/pose/reflector_survey.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
@@ -40,7 +41,7 @@ constexpr double kResetTimeJump_s = 1.0;
 struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
-  std::string odom_topic = "/odom";
+  OdometryOptions odometry;
   std::string initial_pose = "0,0,0";
   std::string out;
   ReflectorSurveyParams survey;
@@ -52,7 +53,7 @@ void add_options(CLI::App& app, Options& options) {
     return app.add_option(name, value, what)->type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--odom-topic", options.odom_topic, "TOPIC", "nav_msgs/Odometry");
+  add_odometry_options(app, options.odometry);
   text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the first scan");
   app.add_option("--radius", options.survey.radius_m, "of the reflectors, in m")
       ->type_name("M")
@@ -88,9 +89,9 @@ void print_found(const ReflectorSurveyResult& result) {
 int record_reflectors(const Options& options) {
   const std::string path = config_path(options.bag, kConfig);
   const auto params = params_from_yaml<PolygonPipelineParams>(read_text_file(path), path);
-  const OdometryFrames frames = odometry_frames(options.bag, options.odom_topic);
+  const OdometryFrames frames = odometry_frames(options.bag, options.odometry);
   if (frames.odom.empty()) {
-    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odom_topic);
+    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
   }
   ReflectorDetectionParams reflectors = params.reflectors;
   reflectors.radius_m = options.survey.radius_m;
@@ -100,12 +101,11 @@ int record_reflectors(const Options& options) {
   survey_params.odometry = params.localization.odometry;
   ReflectorSurvey survey(survey_params, parse_pose2(options.initial_pose, "--initial-pose"));
 
-  BagOptions bag = options.bag;
-  bag.world_frame = frames.odom;
-  BagPlayer player(bag, kResetTimeJump_s);
+  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base, true});
   Counters refused;
   Points points;
   ReflectorSightings sightings;
+  ReflectorEvidence evidence(reflectors);
   UseOdometry use;
   use.add = [&survey](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
     return survey.add_odometry(stamp_ns, T_odom_base, received_ns);
@@ -114,18 +114,20 @@ int record_reflectors(const Options& options) {
     player.timed([&] {
       points = project_horizontally(scan, placed.T_base_lidar, placed.T_base_lidar, std::move(points));
       sightings = detect_reflectors(points, reflectors, std::move(sightings));
+      evidence.add(points, sightings);
       survey.add(sightings, points.T_world_level);
     });
   };
-  subscribe_odometry_scans(player, options.odom_topic, options.scan_topic, frames, refused, std::move(use));
+  subscribe_odometry_scans(player, options.odometry.topic, options.scan_topic, frames, refused, std::move(use));
   player.play();
 
-  const ReflectorSurveyResult result = survey.solve();
   player.print_summary();
+  const ReflectorSurveyResult result = survey.solve();
   for (const auto& [reason, count] : survey.counters()) refused[reason] += count;
   for (const auto& [reason, count] : refused) {
     std::printf("odometry: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
   }
+  player.check_mapped(evidence.why_none());
   print_found(result);
   if (!result.reason.empty()) throw std::runtime_error(options.bag.bag + ": " + result.reason);
   save_reflector_map(options.out, result.map);

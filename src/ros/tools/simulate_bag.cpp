@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdint>
 #include <memory>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
@@ -215,13 +216,15 @@ void record_sensors(const World& world, std::uint64_t seed, Schedule& schedule, 
 }
 
 void simulate_bag(const Options& options) {
+  const auto scans = static_cast<double>(std::lround(options.duration_s * options.lidar.rate_hz));
+  if (scans < 1.0)
+    throw std::runtime_error("a flight so short has no scan: --duration is less than half a period of --rate");
   rosbag::Bag bag(options.out, rosbag::bagmode::Write);
   bag.setCompression(rosbag::compression::BZ2);
   Schedule schedule;
   const World& world =
       options.rings > 0 ? add_ring_scanner(options, schedule, bag) : add_scanner(options, schedule, bag);
   record_sensors(world, options.seed, schedule, bag);
-  const auto scans = static_cast<double>(std::lround(options.duration_s * options.lidar.rate_hz));
   while (schedule.next_time_s() < scans / options.lidar.rate_hz) schedule.step();
   bag.close();
 }

@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstdint>
 #include <cstdio>
 #include <optional>
 #include <string>
-#include <utility>
 
-#include <geometry_msgs/TransformStamped.h>
 #include <sensor_msgs/Imu.h>
 #include <sensor_msgs/NavSatFix.h>
 
@@ -17,15 +14,15 @@
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
+#include "situation_awareness/points/point_states.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/ros/bag/bag_options.hpp"
 #include "situation_awareness/ros/bag/bag_player.hpp"
-#include "situation_awareness/ros/bag/first_message.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/line_file.hpp"
+#include "situation_awareness/ros/bag/messages.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -116,11 +113,11 @@ struct BagParams {
 };
 
 void map_by_tf(const Options& options, const BagParams& params) {
-  BagPlayer player(options.bag, kResetTimeJump_s);
+  BagPlayer player(options.bag, kResetTimeJump_s, {options.base_frame});
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
-  const std::string world_frame = tf2_frame(options.bag.world_frame), base_frame = tf2_frame(options.base_frame);
+  PointStates states;
   WorldPose pose;
   pose.covariance.diagonal().head<3>().setConstant(kTfSigma_m * kTfSigma_m);
   pose.covariance.diagonal().tail<3>().setConstant(kTfSigma_rad * kTfSigma_rad);
@@ -130,21 +127,27 @@ void map_by_tf(const Options& options, const BagParams& params) {
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_world_lidar, const auto& T_world_lidar_end) {
-        pose.T_world_base = transform_at(player.transforms(), world_frame, base_frame, to_ros_time(scan.stamp_ns));
+        pose.T_world_base = player.T_world_base_at(scan.stamp_ns);
         player.timed([&] { pipeline.process(scan, T_world_lidar, T_world_lidar_end, planar); });
+        states.add(pipeline.points());
         out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
       },
       options.lidar_frame);
   player.play();
-  out.finish();
   player.print_summary();
+  player.check_mapped(states.why_no_hit());
+  out.finish();
 }
 
 /// Of the first message; empty where there is none.
 template <class Message>
 std::string frame_of(const Options& options, const std::string& topic) {
-  const auto msg = first_message<Message>(options.bag.bag, topic);
-  return msg ? tf2_frame(msg->header.frame_id) : "";
+  std::string frame;
+  for_each_message<Message>(options.bag.bag, topic, [&frame](const auto& msg) {
+    frame = tf2_frame(msg->header.frame_id);
+    return false;
+  });
+  return frame;
 }
 
 void add_to(Counters& sum, const Counters& counters) {
@@ -154,10 +157,10 @@ void add_to(Counters& sum, const Counters& counters) {
 /// Inertial navigation while a bag is played, in the player's transforms.
 class BagNavigation {
  public:
-  static constexpr const char* kOdomFrame = "splinegons_bag_odom";
-
   BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
       : player_(player),
+        imu_topic_(options.imu_topic),
+        fix_topic_(options.fix_topic),
         imu_frame_(frame_of<sensor_msgs::Imu>(options, options.imu_topic)),
         fix_frame_(frame_of<sensor_msgs::NavSatFix>(options, options.fix_topic)) {
     params.validate();
@@ -169,20 +172,33 @@ class BagNavigation {
     player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& recorded) {
       begin();
       navigation_->add_fix(*msg, to_nanoseconds(recorded));
+      if (contradiction_.empty()) contradiction_ = navigation_->input().contradiction();
     });
   }
 
   /// Once there is a pose.
   InertialNavigation& operator*() { return *navigation_; }
 
-  void print_summary() const {
-    const GpsIns* const filter = navigation_ ? navigation_->input().filter() : nullptr;
-    if (filter == nullptr || !filter->is_ready()) {
-      std::printf("gps_ins: not ready: %s\n", filter != nullptr ? filter->reason() : "no IMU");
-    }
+  /// Why there is no pose at the end, in one sentence; empty if there is.
+  std::string why_not_ready() const {
+    return navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
+  }
+
+  /// Warns of measurements that contradicted each other at any time.
+  void print_summary() {
+    if (!contradiction_.empty()) std::fprintf(stderr, "%s: warning: %s\n", kName, contradiction_.c_str());
+    const std::string why_not = why_not_ready();
+    if (!why_not.empty()) std::printf("gps_ins: not ready: %s\n", why_not.c_str());
     Counters all = refused_;
     if (navigation_) add_to(all, navigation_->input().counters());
-    if (filter != nullptr) add_to(all, filter->counters());
+    GpsIns* const filter = navigation_ ? navigation_->input().filter() : nullptr;
+    if (filter != nullptr) {
+      add_to(all, filter->counters());
+      const NisMonitor::Summary nis = filter->nis(GpsInsSensor::kFix).summarise();
+      if (nis.matches > 0) {
+        std::printf("gps_ins: NIS of fixes %.2f, 95 %% bounds %.2f to %.2f\n", nis.mean, nis.low, nis.high);
+      }
+    }
     if (navigation_ && navigation_->late_fixes() > 0)
       all["fixes later than their patience"] = navigation_->late_fixes();
     for (const auto& [reason, count] : all) {
@@ -192,27 +208,23 @@ class BagNavigation {
 
  private:
   /// The frame itself, if its place on the base is known, else the base.
-  std::string known(const std::string& frame) const {
+  std::string known(const std::string& frame, const std::string& topic) const {
     const std::string& base_frame = params_.base_frame;
-    if (frame.empty() || frame == base_frame) return base_frame;
-    if (player_.transforms().canTransform(base_frame, frame, ros::Time(0))) return frame;
-    std::fprintf(stderr, "%s: no transform from %s to %s: taken for the same frame\n", kName, base_frame.c_str(),
-                 frame.c_str());
+    const Taken now{frame, ros::Time(), ros::Time()};
+    if (frame == base_frame || (!frame.empty() && has_transforms(player_.tf(), base_frame, now))) return frame;
+    const std::string why = frame.empty() ? "has no frame_id" : missing_transform(player_.tf(), base_frame, now);
+    std::fprintf(stderr, "%s: %s %s: taken for %s\n", kName, topic.c_str(), why.c_str(), base_frame.c_str());
     return base_frame;
   }
 
   /// With the transforms that the bag has from the beginning.
   void begin() {
     if (navigation_) return;
-    params_.imu_frame = known(imu_frame_);
-    params_.fix_frame = known(fix_frame_);
-    navigation_.emplace(params_, player_.transforms(),
-                        InertialNavigation::Use{[this](geometry_msgs::TransformStamped T_odom_base) {
-                                                  T_odom_base.header.frame_id = kOdomFrame;
-                                                  T_odom_base.child_frame_id = params_.base_frame;
-                                                  player_.add_transform(std::move(T_odom_base));
-                                                },
-                                                [this] { player_.forget_transforms(); }});
+    params_.imu_frame = known(imu_frame_, imu_topic_);
+    params_.fix_frame = known(fix_frame_, fix_topic_);
+    navigation_.emplace(params_, player_.tf(),
+                        InertialNavigation::Use{[this](const auto& T_odom_base) { player_.add_pose(T_odom_base); },
+                                                [this] { player_.forget_poses(); }});
   }
 
   void add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns) {
@@ -223,38 +235,44 @@ class BagNavigation {
 
   BagPlayer& player_;
   GpsInsNodeletParams params_;
-  std::string imu_frame_, fix_frame_;
+  std::string imu_topic_, fix_topic_, imu_frame_, fix_frame_;
   std::optional<InertialNavigation> navigation_;
   Counters refused_;
+  std::string contradiction_;
 };
 
 void map_by_gps(const Options& options, const BagParams& params) {
   BagOptions bag = options.bag;
-  bag.world_frame = BagNavigation::kOdomFrame;
   bag.tf_timeout_s = std::max(bag.tf_timeout_s, InertialNavigation::kBacklog_s);
-  BagPlayer player(bag, kResetTimeJump_s);
+  BagPlayer player(bag, kResetTimeJump_s, {options.base_frame, true});
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
   BagNavigation bag_navigation(player, options, params.gps_ins);
-  const std::string base_frame = tf2_frame(options.base_frame);
+  PointStates states;
+  std::size_t mapped = 0, lines = 0;
   subscribe_scans(
       player, options.scan_topic,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
         InertialNavigation& navigation = *bag_navigation;
-        const Eigen::Isometry3d T_odom_base =
-            transform_at(player.transforms(), BagNavigation::kOdomFrame, base_frame, to_ros_time(scan.stamp_ns));
+        const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);
         const InertialPlacement placement = navigation.placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
         player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+        states.add(pipeline.points());
+        ++mapped;
         if (!navigation.was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
         const WorldPose pose = navigation.pose_at(scan.stamp_ns, T_odom_base, pipeline.alignment());
         out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
+        ++lines;
       },
       options.lidar_frame);
   player.play();
-  out.finish();
   player.print_summary();
   bag_navigation.print_summary();
+  std::string why_not = lines > 0 ? states.why_no_hit() : bag_navigation.why_not_ready();
+  if (lines == 0 && mapped > 0 && why_not.empty()) why_not = "the pose was not known before the last scan";
+  player.check_mapped(why_not);
+  out.finish();
 }
 
 int splinegons_bag(const Options& options) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 namespace situation_awareness {
 
@@ -34,6 +35,9 @@ class Elevation {
   int height() const { return height_; }
   const Eigen::Vector2d& corner_world_m() const { return corner_world_m_; }
   const Eigen::Vector2d& pixel_m() const { return pixel_m_; }
+
+  /// All pixels, from the lowest known height to the highest; empty if none is known.
+  Eigen::AlignedBox3d box_world_m() const;
 
   /// NaN where it is not known.
   double at(double x_world_m, double y_world_m) const;

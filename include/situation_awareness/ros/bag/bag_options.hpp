@@ -12,6 +12,7 @@ struct BagOptions {
   std::string bag;
   std::string config;  ///< path; empty: cfg/ of this package
   std::string world_frame = "world";
+  std::string tf_topic = "/tf";  ///< static transforms are on TOPIC_static
   bool static_sensor = false;
   double tf_timeout_s = 10.0;
 };

@@ -28,7 +28,9 @@
 namespace situation_awareness {
 
 /// Plays a bag as fast as the program processes it, message by message in the order of the recording. Measurements of
-/// one sensor wait for the poses of its frame as in the nodelets, by the time of the recording.
+/// one sensor wait for the poses of its frame as in the nodelets, by the time of the recording. The poses are those of
+/// TF, as PosedInput has them, or those that the program gives of the sensor's base, as in ScansOnBase: then TF says
+/// only where the sensors are on the base.
 class BagPlayer {
  public:
   /// Processes a measurement of a sensor at these poses; returns an empty text if it was used, else the reason of the
@@ -38,9 +40,16 @@ class BagPlayer {
   template <class Message>
   using Take = std::function<void(const boost::shared_ptr<const Message>& msg, const ros::Time& recorded)>;
 
-  /// Opens the bag; stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder), and the pose of a
-  /// measurement is `pose_offset_s` later. Throws std::runtime_error.
-  BagPlayer(const BagOptions& options, double reset_time_jump_s, double pose_offset_s = 0.0);
+  /// Where the poses of measurements come from.
+  struct Poses {
+    std::string base_frame = {};  ///< of the vehicle; by TF and not empty: measurements wait for its pose, too
+    bool are_given = false;       ///< by add_pose, not by TF
+    double offset_s = 0.0;        ///< the pose of a measurement is so much later
+  };
+
+  /// Opens the bag; stamps that go back by more than `reset_time_jump_s` are a restart (StampOrder). Throws
+  /// std::runtime_error.
+  BagPlayer(const BagOptions& options, double reset_time_jump_s, const Poses& poses);
 
   /// `take` gets the messages of a topic, with or without its leading slash. Throws std::runtime_error if it is not in
   /// the bag or of another type, naming the topics of this type.
@@ -70,14 +79,17 @@ class BagPlayer {
   /// At the time of `taken` in the recording.
   void use_when_posed(const Taken& taken, const ros::Time& recorded, Use use);
 
-  /// Adds a transform in the place of those of its child frame in /tf, such as that of an odometry message.
-  void add_transform(geometry_msgs::TransformStamped transform);
+  /// Adds a pose of the base in the world; its names of frames do not matter.
+  void add_pose(geometry_msgs::TransformStamped T_world_base);
 
-  /// Forgets all transforms but static ones: what is added next is not between those and it.
-  void forget_transforms() { transforms_.clear(); }
+  /// Forgets the poses: those that come next may be of earlier stamps, or of another world.
+  void forget_poses();
 
-  /// The transforms until now.
-  const tf2::BufferCore& transforms() const { return transforms_; }
+  /// Of the base at the stamp of a measurement while it is used.
+  Eigen::Isometry3d T_world_base_at(std::int64_t stamp_ns) const;
+
+  /// The transforms of the bag until now.
+  const tf2::BufferCore& tf() const { return tf_; }
 
   void drop(const std::string& reason) { ++dropped_[reason]; }
 
@@ -88,12 +100,15 @@ class BagPlayer {
     return work();
   }
 
-  /// From the first message to the last. Throws std::runtime_error if the bag is damaged, and if no measurement could
-  /// be used, with the reasons and the bag's frames.
+  /// From the first message to the last. Throws std::runtime_error if the bag is damaged.
   void play();
 
   /// Prints the number of measurements used, the drops by reason, and the time.
   void print_summary() const;
+
+  /// Throws std::runtime_error if nothing was mapped: `why_not`, the program's own reason, is not empty, or no
+  /// measurement could be used. Then its one sentence has the reason, or those of all drops and the bag's frames.
+  void check_mapped(const std::string& why_not = "") const;
 
  private:
   struct Timer {
@@ -114,21 +129,29 @@ class BagPlayer {
   }
   [[noreturn]] static void other_version(const std::string& topic);
 
-  std::string find_topic(const std::string& wanted, const std::string& datatype);
-  void set_transform(geometry_msgs::TransformStamped transform, bool is_static);
+  /// (topic, type) of each connection.
+  std::set<std::pair<std::string, std::string>> topics() const;
+  std::string find_topic(const std::string& wanted, const std::string& datatype) const;
   void add_transforms(const tf2_msgs::TFMessage& msg, bool is_static);
+  void mount();
+  void dropped(const std::string& reason, const std::string& detail);
+  std::string transforms_hint() const;
   void play_all();
   void release(std::int64_t now_ns);
-  void check_used() const;
 
   BagOptions options_;
   rosbag::Bag bag_;
   std::map<std::string, std::function<void(const rosbag::MessageInstance&)>> subscriptions_;  ///< by topic
   std::string noun_, measured_topic_;
   std::set<std::string> frames_;  ///< of all transforms
-  std::set<std::string> added_;   ///< child frames of transforms that do not come from /tf
   std::string sensor_frame_;      ///< of the latest measurement
-  tf2::BufferCore transforms_;
+  Poses source_;
+  tf2::BufferCore tf_;
+  tf2::BufferCore given_;    ///< world -> base -> sensor by names of its own, where poses are given
+  bool is_mounted_ = false;  ///< where the sensor is on the base is in `given_`
+  std::string why_not_mounted_;
+  std::string why_no_transform_;      ///< of the latest measurement without one
+  ros::Time first_pose_, last_pose_;  ///< given
   TransformQueue<Use> queue_;
   std::function<void()> restart_ = [] {};
   std::size_t measurements_ = 0, used_ = 0;

@@ -15,8 +15,17 @@
 
 namespace situation_awareness {
 
-/// Frames of the first message of a topic in the bag; empty where there is none.
-OdometryFrames odometry_frames(const BagOptions& options, const std::string& topic);
+/// Where odometry is, and the names of its frames where the messages have none or others.
+struct OdometryOptions {
+  std::string topic = "/odom";
+  OdometryFrames frames;
+};
+
+void add_odometry_options(CLI::App& app, OdometryOptions& options);
+
+/// The frames of odometry: those of the options, or else those of the first message that names them; empty where there
+/// is no odometry. Throws std::runtime_error naming topic and field where the messages do not name one.
+OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& options);
 
 /// What to do with odometry and the scans that it places.
 struct UseOdometry {
@@ -25,8 +34,8 @@ struct UseOdometry {
   std::function<void(const Scan& scan, const OdometryScan& placed)> use;
 };
 
-/// Subscribes to odometry and scans of a player whose world frame is that of the odometry: scans wait for the odometry
-/// of their first and last beams. Messages that cannot be used are counted in `refused`, which must outlive the player.
+/// Subscribes to odometry and scans of a player to which the poses are given: scans wait for the odometry of their
+/// first and last beams. Messages that cannot be used are counted in `refused`, which must outlive the player.
 /// Throws as BagPlayer::subscribe does.
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
                               const OdometryFrames& frames, Counters& refused, UseOdometry use);

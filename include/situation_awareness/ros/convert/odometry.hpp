@@ -24,6 +24,10 @@ struct OdometryFrames {
 /// fixed, for counters.
 std::string odometry_msg_defect(const nav_msgs::Odometry& msg);
 
+/// Reason why a message of odometry on `topic` is not of the frames that are known: it names none, and none is known
+/// ("/odom has no child_frame_id"), or another.
+std::string odometry_frame_defect(const nav_msgs::Odometry& msg, const OdometryFrames& known, const std::string& topic);
+
 /// The pose of a message of odometry as a transform from its frame to its child frame.
 geometry_msgs::TransformStamped transform_from_odometry(const nav_msgs::Odometry& msg);
 

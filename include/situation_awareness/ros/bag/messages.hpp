@@ -12,17 +12,17 @@
 
 namespace situation_awareness {
 
-/// The first message of a topic in the bag, with or without its leading slash; null where there is none. Throws as
-/// rosbag::Bag.
-template <class Message>
-boost::shared_ptr<Message> first_message(const std::string& bag_path, const std::string& topic) {
+/// Calls `look` with the messages of a topic in the bag, with or without its leading slash, while it returns true.
+/// Throws as rosbag::Bag.
+template <class Message, class Look>
+void for_each_message(const std::string& bag_path, const std::string& topic, const Look& look) {
   rosbag::Bag bag(bag_path, rosbag::bagmode::Read);
   const std::string bare = tf2_frame(topic);
   for (const rosbag::MessageInstance& instance :
        rosbag::View(bag, rosbag::TopicQuery(std::vector<std::string>{bare, "/" + bare}))) {
-    if (const auto msg = instance.instantiate<Message>()) return msg;
+    const boost::shared_ptr<const Message> msg = instance.instantiate<Message>();
+    if (msg && !look(msg)) return;
   }
-  return nullptr;
 }
 
 }  // namespace situation_awareness

@@ -1,0 +1,206 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""A run of a bag tool that maps nothing ends with 1 and the one reason that a user can act on; one whose map is empty
+because nothing is there ends with 0. A case is a row of the table: no roscore."""
+import math
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+import small_bags as bags  # noqa: E402
+
+CONFIG = pathlib.Path(__file__).resolve().parent / "objects_without_model.yaml"
+WORLD = pathlib.Path(__file__).resolve().parents[2] / "models/worlds/orchard.xml"
+
+
+class Case:
+    """`write` makes the files of a run in a folder and returns its arguments; `parts` are in its last line on stderr, the
+    one sentence. `code`: None where a map that is warned of may be made or not."""
+
+    def __init__(self, name, tool, write, *parts, code=1):
+        self.name, self.tool, self.write, self.parts, self.code = name, tool, write, parts, code
+
+
+def objects(*options, **changes):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.room(2.0, **changes)), "--world-frame", "odom", "--config", CONFIG, *options]
+    return write
+
+
+def polygons(*options, spread=1.0, extra=(), keep=lambda entry: True, **changes):
+    def write(folder):
+        messages = [entry for entry in bags.room(**changes) if keep(entry)] + list(extra)
+        bag = bags.write(folder / "in.bag", messages)
+        return [bag, "--reflectors", bags.reflectors_yaml(folder / "reflectors.yaml", spread), *options]
+    return write
+
+
+def polygons_by_tf(*options, **changes):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.room(2.0, **changes)), "--localization", "tf", "--world-frame", "odom", *options]
+    return write
+
+
+def reflectors(*options, **changes):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.room(**changes)), *options]
+    return write
+
+
+def splinegons(*options, seconds=12.0, **changes):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.car(seconds, **changes)), *options]
+    return write
+
+
+def grid(height_m=0.0, shift=(0.0, 0.0), options=(), **changes):
+    def write(folder):
+        return [bags.write(folder / "in.bag", bags.camera(**changes)), "--world-frame", "world", "--dem",
+                bags.elevation(folder / "dem.asc", height_m, shift), *options]
+    return write
+
+
+def ranges(value):
+    """A change of a scan: all ranges are so."""
+    def change(msg):
+        msg.ranges = [value] * len(msg.ranges)
+        return msg
+    return change
+
+
+def without_intensities(msg):
+    msg.intensities = []
+    return msg
+
+
+def in_g(msg, _):
+    force = msg.linear_acceleration
+    force.x, force.y, force.z = force.x / bags.GRAVITY, force.y / bags.GRAVITY, force.z / bags.GRAVITY
+    return msg
+
+
+def upside_down(msg, _):
+    msg.linear_acceleration.z *= -1.0
+    return msg
+
+
+def in_degrees(msg, _):
+    rate = msg.angular_velocity
+    rate.x, rate.y, rate.z = map(math.degrees, (rate.x, rate.y, rate.z))
+    return msg
+
+
+def clockwise(msg, _):
+    msg.angular_velocity.z *= -1.0
+    return msg
+
+
+def no_fix(msg, _):
+    msg.status.status = -1
+    return msg
+
+
+FOOTPRINT = ("odom", "base_footprint")
+BODY_AXES = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # x ahead, y left, z up
+
+CASES = [
+    # What is not there, or called otherwise.
+    Case("namespaced_tf", "objects_bag", objects(tf="/robot1/tf"), "/robot1/tf", "--tf-topic"),
+    Case("namespaced_tf_read", "objects_bag", objects("--tf-topic", "/robot1/tf", tf="/robot1/tf"), code=0),
+    Case("namespaced_tf_of_polygons", "polygons_bag", polygons_by_tf(tf="/robot1/tf"), "/robot1/tf", "--tf-topic"),
+    Case("namespaced_tf_of_reflectors", "polygons_bag", polygons(tf="/robot1/tf"), "/robot1/tf", "--tf-topic"),
+    Case("namespaced_tf_of_reflectors_read", "polygons_bag", polygons("--tf-topic", "robot1/tf", tf="/robot1/tf"), code=0),
+    Case("world_frame", "objects_bag", objects("--world-frame", "wrold"), "TF does not connect wrold with laser, it has no frame wrold", "base_link, laser, odom"),
+    Case("no_mounting", "objects_bag", objects(mount=False), "it has no frame laser"),
+    Case("no_frame_id", "polygons_bag", polygons(frames=("", "")), "/odom has no frame_id", "--odom-frame"),
+    Case("no_child_frame_id", "polygons_bag", polygons(frames=("odom", "")), "/odom has no child_frame_id", "--base-frame"),
+    Case("no_child_frame_id_of_survey", "record_reflectors", reflectors(frames=("odom", "")), "/odom has no child_frame_id"),
+    Case("frames_given", "polygons_bag", polygons("--odom-frame", "odom", "--base-frame", "base_link", frames=("", "")),
+         code=0),
+    Case("other_child_frame_id", "polygons_bag", polygons(frames=FOOTPRINT), "TF does not connect base_footprint with laser, it has no frame base_footprint"),
+    Case("unconnected_child_frame_id", "polygons_bag",
+         polygons(frames=FOOTPRINT, extra=[(0.0, "/tf_static", bags.transform(0, "base_footprint", "camera"))]),
+         "TF does not connect base_footprint with laser"),
+    Case("unconnected_child_frame_id_of_survey", "record_reflectors", reflectors(frames=FOOTPRINT),
+         "it has no frame base_footprint"),
+    Case("unconnected_child_frame_id_by_tf", "polygons_bag", polygons_by_tf(frames=FOOTPRINT),
+         "it has no frame base_footprint"),
+    Case("base_is_a_child", "polygons_bag",
+         polygons(frames=FOOTPRINT, extra=[(0.0, "/tf_static", bags.transform(0, "base_link", "base_footprint"))]), code=0),
+    Case("base_is_a_parent", "polygons_bag",
+         polygons(frames=FOOTPRINT, extra=[(0.0, "/tf_static", bags.transform(0, "base_footprint", "base_link"))],
+                  keep=lambda entry: entry[1] != "/tf"), code=0),
+    Case("base_of_splinegons", "splinegons_bag",
+         splinegons("--localization", "tf", "--world-frame", "base_link", "--base-frame", "rover"), "it has no frame rover"),
+    Case("lidar_of_splinegons", "splinegons_bag", splinegons("--lidar-frame", "velodyne", seconds=25.0),
+         "it has no frame velodyne"),
+    # Scans by which nothing can be mapped, and some that show that nothing is there.
+    Case("no_numbers", "objects_bag", objects(change=ranges(math.nan)), "no beam of 19 scans hit anything", "27379 are no range"),
+    Case("nothing_in_range", "polygons_bag", polygons_by_tf(change=ranges(math.inf)), "no beam of 19 scans hit anything"),
+    Case("millimetres", "polygons_bag", polygons_by_tf(change=ranges(2500.0)), "27379 say that there is nothing"),
+    Case("all_far", "objects_bag", objects(change=ranges(29.0)), "29.00 to 29.00 m", "scan/max_range_m"),
+    Case("no_numbers_by_gps", "splinegons_bag", splinegons(seconds=25.0, change=ranges(math.nan)), "no beam of"),
+    Case("an_empty_room", "objects_bag", objects(), code=0),
+    # Reflectors.
+    Case("dim", "polygons_bag", polygons(bright=240.0, dim=30.0), "the brightest beam is 240, below reflectors/min_intensity 430"),
+    Case("dim_survey", "record_reflectors", reflectors(bright=240.0, dim=30.0),
+         "the brightest beam is 240, below reflectors/min_intensity 430"),
+    Case("nearly_bright", "polygons_bag", polygons(bright=440.0),
+         "the brightest beam is 440, below reflectors/min_peak_intensity 450"),
+    Case("no_intensities", "polygons_bag", polygons(change=without_intensities), "the scans have no intensities"),
+    Case("no_intensities_of_survey", "record_reflectors", reflectors(change=without_intensities),
+         "the scans have no intensities"),
+    Case("all_bright", "polygons_bag", polygons(bright=900.0, dim=800.0), code=0),  # by their width, and what is behind
+    Case("other_reflectors", "polygons_bag", polygons(spread=1.3), "the pose by reflectors is not known", "of 6"),
+    Case("reflectors", "polygons_bag", polygons(), code=0),
+    # GPS and IMU.
+    Case("force_in_g", "splinegons_bag", splinegons(imu=in_g), "the force that the IMU measures is not that of gravity"),
+    Case("force_down", "splinegons_bag", splinegons(imu=upside_down), "gravity is not along the base's z"),
+    Case("no_fix", "splinegons_bag", splinegons(fix=no_fix), "no usable fix yet", "dropped: no fix"),
+    Case("no_imu", "splinegons_bag", splinegons(imu=lambda msg, t: msg if t < 0.5 else None), "dropped: fix ahead of the imu"),
+    Case("car", "splinegons_bag", splinegons(seconds=25.0), code=0),
+    Case("rates_in_degrees", "splinegons_bag", splinegons(seconds=60.0, imu=in_degrees),
+         "the rates of the IMU and the fixes contradict each other: the rates turn 5", code=0),
+    Case("rates_to_the_right", "splinegons_bag", splinegons(seconds=60.0, imu=clockwise), "contradict each other", code=None),
+    # A camera over an elevation.
+    Case("elsewhere", "grid_bag", grid(shift=(465000.0, 5247000.0)), "x 464950 to 465050", "the camera at (", "looks at (0.0, 0.0, 0.0)"),
+    Case("lower", "grid_bag", grid(height_m=-47.0), "above the elevation", "z -47 to -47", "looks at", "zero of height"),
+    Case("higher", "grid_bag", grid(height_m=47.0), "27.0 m below the elevation", "zero of height"),
+    Case("body_axes", "grid_bag", grid(turned=BODY_AXES), "above the horizon", "optical"),
+    Case("no_label", "grid_bag", grid(labels=lambda pixels: np.full_like(pixels, 0.5)), "no label of 14 images is known"),
+    Case("labels_of_bytes", "grid_bag", grid(labels=lambda pixels: 255 * pixels + 254), "no label of 14 images is known"),
+    Case("no_car", "grid_bag", grid(with_car=False), code=0),
+    Case("car_on_ground", "grid_bag", grid(), code=0),
+    # A simulation without a scan.
+    Case("no_time", "simulate_bag", lambda folder: ["--world", WORLD, "--duration", "0.01"], "--duration"),
+]
+
+
+class NothingMappedTest(unittest.TestCase):
+    def run_case(self, case):
+        with tempfile.TemporaryDirectory() as folder:
+            folder = pathlib.Path(folder)
+            out = folder / "out"
+            done = subprocess.run(["rosrun", "situation_awareness", case.tool, *map(str, case.write(folder)), "--out", out],
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=120, check=False)
+            said = done.stdout + done.stderr
+            if case.code is not None:
+                self.assertEqual(done.returncode, case.code, said)
+            self.assertEqual(out.exists(), done.returncode == 0, said)
+            self.assertEqual(list(folder.glob("*.part")), [])
+            lines = [line for line in done.stderr.splitlines() if line.startswith(case.tool + ": ")]
+            self.assertEqual(bool(lines), bool(case.parts), said)
+            for part in case.parts:
+                self.assertIn(part, lines[-1], said)
+
+
+for one in CASES:
+    setattr(NothingMappedTest, "test_" + one.name, lambda self, case=one: self.run_case(case))
+
+if __name__ == "__main__":
+    unittest.main()
