@@ -7,10 +7,10 @@
 #include <stdexcept>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/pose_covariances.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
@@ -38,7 +38,15 @@ constexpr int kNeighbours = 4;  // beams on each side in which a hit may have ne
 constexpr double kNeighbour_m = 0.2;
 constexpr double kMostExplain_m = 0.25;  // however uncertain chain and pose are
 constexpr int kMoverPoints = 16;
-constexpr double kMapAge_s = 2.0;  // an older map of objects says nothing of where movers are
+// A beam through a chain so near to a hit says that the chain is not there: about half of a person.
+constexpr double kSeenThrough_m = 0.4;
+constexpr double kPassSpacing_m = 0.1;
+constexpr std::size_t kMostPasses = 512;
+// A map that a blind scanner no longer feeds is still a map of what it should see.
+constexpr double kContradiction_s = 10.0;
+constexpr double kFixed_m = 3.0;    // as large as this is no thing that is taken away at once
+constexpr double kNearer_m = 0.01;  // than now, from which on an unseen chain counts
+constexpr double kChainSpacing_m = 0.05;
 
 constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
@@ -54,6 +62,35 @@ bool is_blind(const Points& points) {
   const auto invalid = std::count_if(points.points.begin(), points.points.end(),
                                      [](const Point& point) { return point.state == BeamState::kInvalid; });
   return 2 * invalid >= static_cast<std::ptrdiff_t>(points.points.size());
+}
+
+bool is_known_chain(const Chain& chain, double min_p_exists) {
+  return (chain.state == ChainState::kWall || chain.state == ChainState::kKnown) && chain.p_exists >= min_p_exists;
+}
+
+/// The diagonal of a box about a chain.
+double extent_m(const Chain& chain) {
+  Eigen::Vector2d low_m = chain.vertices.front().p_world_m, high_m = low_m;
+  for (const ChainVertex& vertex : chain.vertices) {
+    low_m = low_m.cwiseMin(vertex.p_world_m);
+    high_m = high_m.cwiseMax(vertex.p_world_m);
+  }
+  return (high_m - low_m).norm();
+}
+
+/// A hit on an edge is so near to it.
+double reach_of_m(const ChainVertex& from, const ChainVertex& to, const SafetyParams& params) {
+  return std::min(params.explain_m + params.sigmas * std::max(from.sigma_m, to.sigma_m), kMostExplain_m);
+}
+
+/// The newest observation that a map says it is of: one that says of hits in the latest scan, and did not see what they
+/// are on for long, is repeated with new stamps.
+std::int64_t latest_of(const Objects& objects) {
+  std::int64_t stamp_ns = objects.stamp_ns;
+  for (const Object& object : objects.objects) {
+    if (object.beams > 0) stamp_ns = std::min(stamp_ns, object.last_seen_ns);
+  }
+  return stamp_ns;
 }
 
 double stopping_way_m(double speed_m_s, double reaction_s, double deceleration_m_s2) {
@@ -111,6 +148,24 @@ const char* name_of(DecidedKind kind) {
       return "hidden";
     case DecidedKind::kPose:
       return "pose";
+    case DecidedKind::kContradiction:
+      return "contradiction";
+    case DecidedKind::kFrozenScan:
+      return "frozen scan";
+  }
+  return "";
+}
+
+const char* name_of(SafetyInput input) {
+  switch (input) {
+    case SafetyInput::kObjects:
+      return "objects";
+    case SafetyInput::kPolygons:
+      return "polygons";
+    case SafetyInput::kCovariance:
+      return "covariance of the pose";
+    case SafetyInput::kSpeed:
+      return "speed";
   }
   return "";
 }
@@ -124,12 +179,12 @@ void SafetyParams::validate() const {
 
 SafetyAreas::SafetyAreas(const Path& path, const VehicleParams& vehicle, const SafetyParams& params,
                          const std::string& source)
-    : vehicle_(vehicle), params_(params) {
-  vehicle_.validate();
-  params_.validate();
+    : vehicle_((vehicle.validate(), vehicle)),
+      params_((params.validate(), params)),
+      reach_m_(reach_m(vehicle_.footprint)),
+      ground_(reach_m_ + params_.floor_margin_m) {
   ways_.emplace_back(path, source);
   if (!path.closed) ways_.emplace_back(reversed(path), source);
-  reach_m_ = reach_m(vehicle_.footprint);
   const auto& corners = vehicle_.footprint.corners_m;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     const Eigen::Vector2d edge = corners[(i + 1) % corners.size()] - corners[i];
@@ -148,11 +203,44 @@ SafetyAreas::SafetyAreas(const Path& path, const VehicleParams& vehicle, const S
   decision_.warning_world_m.reserve(2 * frames);
   decision_.protective_world_m.reserve(2 * frames);
   remembered_.reserve(kMostRemembered);
+  seen_through_.reserve(kMostPasses);
+  decision_.missing.reserve(4);
 }
 
 void SafetyAreas::reset() {
   remembered_.clear();
+  ground_.clear();
   on_path_ = false;
+}
+
+// --- what may be used
+
+bool SafetyAreas::is_fresh(std::int64_t stamp_ns, double max_age_s) const {
+  return stamp_ns > 0 && std::abs(seconds_between(stamp_ns, decision_.stamp_ns)) <= max_age_s;
+}
+
+/// What is not measured may be as fast as the vehicle can.
+double SafetyAreas::known_speed_m_s(const VehicleState& vehicle) {
+  const bool is_known = std::isfinite(vehicle.speed_m_s) &&
+                        (!vehicle.speed_stamp_ns || is_fresh(*vehicle.speed_stamp_ns, params_.max_speed_age_s));
+  if (is_known) return std::abs(vehicle.speed_m_s);
+  decision_.missing.push_back(SafetyInput::kSpeed);
+  return vehicle_.max_speed_m_s;
+}
+
+/// False where the pose is not known well enough.
+bool SafetyAreas::take_covariance(const Eigen::Matrix3d& covariance_world) {
+  if (!is_covariance(covariance_world)) {
+    decision_.missing.push_back(SafetyInput::kCovariance);
+    return false;
+  }
+  const Eigen::Matrix2d P = covariance_world.topLeftCorner<2, 2>();
+  const double variance_m2 = 0.5 * (P.trace() + std::hypot(P(0, 0) - P(1, 1), 2.0 * P(0, 1)));  // the greatest
+  sigma_m_ = std::sqrt(std::max(variance_m2, 0.0));
+  sigma_rad_ = std::sqrt(std::max(covariance_world(2, 2), 0.0));
+  margins_.floor_m = params_.floor_margin_m + params_.sigmas * sigma_m_;
+  margins_.protective_m = params_.margin_m + params_.sigmas * sigma_m_;
+  return sigma_m_ <= params_.max_sigma_m && sigma_rad_ <= params_.max_sigma_rad;
 }
 
 // --- speeds, ways and margins: each grows with the others
@@ -237,9 +325,10 @@ bool SafetyAreas::is_near(const Eigen::Vector2d& p_world_m, double more_m) const
 
 void SafetyAreas::gather_edges(const Polygons& polygons) {
   edges_.clear();
+  const bool map_is_fresh = is_fresh(polygons.stamp_ns, params_.max_polygons_age_s);
   for (const Chain& chain : polygons.chains) {
-    const bool is_known = (chain.state == ChainState::kWall || chain.state == ChainState::kKnown) &&
-                          chain.p_exists >= params_.min_p_exists;
+    const bool is_known = is_known_chain(chain, params_.min_p_exists);
+    const bool explains = map_is_fresh && is_fresh(chain.last_seen_ns, params_.max_polygons_age_s);
     const bool stands = seconds_between(chain.first_seen_ns, decision_.stamp_ns) >= params_.standing_s;
     const Weight weight = is_known ? Weight::kKnown : stands ? Weight::kStands : Weight::kMayMove;
     const std::size_t count = chain.vertices.size();
@@ -252,17 +341,55 @@ void SafetyAreas::gather_edges(const Polygons& polygons) {
       const bool beside =
           ((low_m - high_m_).array() > kMostExplain_m).any() || ((low_m_ - high_m).array() > kMostExplain_m).any();
       if (beside) continue;
-      const double sigma_m = std::max(from.sigma_m, to.sigma_m);
-      const double reach_m = std::min(params_.explain_m + params_.sigmas * sigma_m, kMostExplain_m);
-      edges_.push_back({from.p_world_m, to.p_world_m, reach_m, weight, chain.id});
+      edges_.push_back({from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), weight, chain.id, explains});
     }
   }
 }
 
+/// What the scan should see of the chains, near and far, and which of them it sees through.
+void SafetyAreas::view_chains(const Points& points, const Polygons& polygons) {
+  view_.begin(points, params_.reliable_range_m, params_.sigmas * sigma_m_, params_.sigmas * sigma_rad_);
+  if (is_fresh(polygons.stamp_ns, kContradiction_s)) {
+    for (const Chain& chain : polygons.chains) {
+      if (chain.vertices.empty() || !is_fresh(chain.last_seen_ns, kContradiction_s)) continue;
+      const bool is_known = is_known_chain(chain, params_.min_p_exists);
+      const bool is_fixed = chain.state == ChainState::kWall || extent_m(chain) >= kFixed_m;
+      const std::size_t count = chain.vertices.size();
+      for (std::size_t i = 0; i + 1 < count + (chain.closed ? 1 : 0); ++i) {
+        const ChainVertex& from = chain.vertices[i];
+        const ChainVertex& to = chain.vertices[(i + 1) % count];
+        view_.add(from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), chain.id, is_known, is_fixed);
+      }
+    }
+  }
+  view_.judge();
+  // A single beam may be lost: of two neighbours that pass through the same chain, the place where the second does.
+  seen_through_.clear();
+  const std::vector<ChainView::Beam>& beams = view_.beams();
+  const auto passes = [](const ChainView::Beam& beam) {
+    return beam.look == ChainView::Look::kPasses || beam.look == ChainView::Look::kWithoutReturn;
+  };
+  for (std::size_t i = 1; i < beams.size() && seen_through_.size() < kMostPasses; ++i) {
+    if (!passes(beams[i]) || !passes(beams[i - 1]) || beams[i].id != beams[i - 1].id) continue;
+    const double azimuth_rad = points.points[i].azimuth_rad;
+    const Eigen::Vector2d p_world_m =
+        points.T_world_level * (beams[i].near_m * Eigen::Vector2d(std::cos(azimuth_rad), std::sin(azimuth_rad)));
+    const bool is_new = seen_through_.empty() || seen_through_.back().id != beams[i].id ||
+                        (seen_through_.back().p_world_m - p_world_m).norm() >= kPassSpacing_m;
+    if (is_new) seen_through_.push_back({p_world_m, beams[i].id});
+  }
+}
+
+bool SafetyAreas::is_seen_through(const Edge& edge, const Eigen::Vector2d& p_world_m) const {
+  return std::any_of(seen_through_.begin(), seen_through_.end(), [&](const SeenThrough& place) {
+    return place.id == edge.id && (place.p_world_m - p_world_m).squaredNorm() <= kSeenThrough_m * kSeenThrough_m;
+  });
+}
+
 void SafetyAreas::gather_movers(const Objects& objects, std::int64_t stamp_ns) {
   movers_.clear();
+  if (!is_fresh(latest_of(objects), params_.max_objects_age_s)) return;
   const double age_s = seconds_between(objects.stamp_ns, stamp_ns);
-  if (std::abs(age_s) > kMapAge_s) return;
   for (const Object& object : objects.objects) {
     if (object.p_exists < params_.min_p_exists) continue;
     Ellipse ellipse = object.ellipse_world;
@@ -300,8 +427,9 @@ void SafetyAreas::explain(Thing& thing) const {
   const Edge* nearest = nullptr;
   double nearest_m = kNoLimit;
   for (const Edge& edge : edges_) {
+    if (!edge.explains) continue;
     const double d_m = distance_from_segment_m(thing.p_world_m, edge.from_m, edge.to_m);
-    if (d_m > edge.reach_m) continue;
+    if (d_m > edge.reach_m || is_seen_through(edge, thing.p_world_m)) continue;
     // A known chain explains it rather than one that is not; of several alike the nearest does.
     if (nearest != nullptr && std::pair(nearest->weight, -nearest_m) >= std::pair(edge.weight, -d_m)) continue;
     nearest = &edge;
@@ -334,6 +462,26 @@ void SafetyAreas::gather_things(const Points& points) {
     if (!is_beside) continue;
     explain(thing);
     things_.push_back(thing);
+  }
+}
+
+/// Places of chains that the scan does not see, which the tail of the footprint may swing into.
+void SafetyAreas::gather_unseen_chains(const Points& points) {
+  const Pose2 T_level_world = inverse(points.T_world_level);
+  const double beside_m = reach_m_ + margins_.floor_m;
+  for (const Edge& edge : edges_) {
+    const int pieces = std::max(1, static_cast<int>(std::ceil((edge.to_m - edge.from_m).norm() / kChainSpacing_m)));
+    for (int k = 0; k <= pieces; ++k) {
+      const Eigen::Vector2d p_world_m = edge.from_m + (static_cast<double>(k) / pieces) * (edge.to_m - edge.from_m);
+      if (!is_near(p_world_m)) continue;
+      const bool is_beside = std::any_of(steps_.begin(), steps_.end(), [&](const Step& step) {
+        return (step.pose.translation_m - p_world_m).squaredNorm() <= beside_m * beside_m;
+      });
+      if (!is_beside) continue;
+      const Eigen::Vector2d p_level_m = T_level_world * p_world_m;
+      if (seen_range_m(points, p_level_m) >= p_level_m.norm() - kForgetTolerance_m) continue;
+      things_.push_back({p_world_m, Weight::kUnseen, DecidedKind::kChain, edge.id});
+    }
   }
 }
 
@@ -403,10 +551,16 @@ void SafetyAreas::recall(const Points& points) {
 
 SafetyAreas::Limits SafetyAreas::limits_of(const Thing& thing) const {
   Weight weight = thing.weight;
-  if (weight == Weight::kKnown && params_.policy == SafetyPolicy::kConservative) weight = Weight::kStands;
+  if (weight == Weight::kKnown && decision_.policy == SafetyPolicy::kConservative) weight = Weight::kStands;
   const bool warns = weight == Weight::kMayMove || weight == Weight::kStands;
-  const bool is_shrunk = weight == Weight::kKnown && params_.policy == SafetyPolicy::kUpdated;
-  const double margin_m = warns ? margins_.protective_m : margins_.floor_m;
+  const bool is_shrunk = weight == Weight::kKnown && decision_.policy == SafetyPolicy::kUpdated;
+  double margin_m = warns ? margins_.protective_m : margins_.floor_m;
+  if (weight == Weight::kUnseen) {
+    // Where the vehicle is nothing else can be.
+    const double now_m = clearance_m(vehicle_.footprint, steps_.front().to_base(thing.p_world_m));
+    if (now_m <= kNearer_m) return {kNoLimit, kNoLimit, kNoLimit};
+    margin_m = std::min(margin_m, now_m - kNearer_m);
+  }
 
   double contact_m = kNoLimit, before_m = kNoLimit;
   double warning_m_s = kNoLimit, nearest_m = kNoLimit, nearest_at_m = 0.0;
@@ -447,7 +601,7 @@ void SafetyAreas::judge(double present_m_s) {
   for (const Thing& thing : things_) {
     const Limits limits = limits_of(thing);
     if (!(limits.speed_m_s < full_speed_m_s_)) {
-      if (thing.weight == Weight::kKnown && params_.policy != SafetyPolicy::kConservative) ++decision_.ignored;
+      if (thing.weight == Weight::kKnown && decision_.policy != SafetyPolicy::kConservative) ++decision_.ignored;
       continue;
     }
     ++decision_.counted;
@@ -515,17 +669,42 @@ void SafetyAreas::look_along_the_way(const Points& points) {
   }
 }
 
-/// The circle about the base that the footprint sweeps when it turns.
-bool SafetyAreas::may_turn() const {
-  return std::none_of(things_.begin(), things_.end(), [this](const Thing& thing) {
-    const double beside_m = (thing.p_world_m - T_world_base_.translation_m).norm() - reach_m_;
+/// Of the circle about the base that the footprint sweeps when it turns, what this scan sees to be free.
+void SafetyAreas::note_what_is_free(const Points& points) {
+  const Pose2 T_level_world = inverse(points.T_world_level);
+  ground_.see(T_world_base_.translation_m, points.stamp_ns, [&](const Eigen::Vector2d& p_world_m) {
+    const Eigen::Vector2d p_level_m = T_level_world * p_world_m;
+    return seen_range_m(points, p_level_m) >= p_level_m.norm();
+  });
+}
+
+/// Nothing that counts is in that circle, nothing on the maps, seen or not, and all of it was seen free.
+bool SafetyAreas::may_turn() {
+  const Eigen::Vector2d& middle_m = T_world_base_.translation_m;
+  const double circle_m = reach_m_ + margins_.floor_m;
+  const bool hits_something = std::any_of(things_.begin(), things_.end(), [&](const Thing& thing) {
     const bool may_move = thing.weight == Weight::kMayMove;
-    return beside_m <= (may_move ? margins_.protective_m + warning_margin_m(0.0) : margins_.floor_m);
+    const double most_m = may_move ? reach_m_ + margins_.protective_m + warning_margin_m(0.0) : circle_m;
+    return (thing.p_world_m - middle_m).norm() <= most_m;
+  });
+  const bool is_on_map =
+      std::any_of(
+          edges_.begin(), edges_.end(),
+          [&](const Edge& edge) { return distance_from_segment_m(middle_m, edge.from_m, edge.to_m) <= circle_m; }) ||
+      std::any_of(movers_.begin(), movers_.end(), [&](const Mover& mover) {
+        return (mover.ellipse.center_m - middle_m).norm() - std::max(mover.ellipse.rx_m, mover.ellipse.ry_m) <=
+               circle_m;
+      });
+  if (hits_something || is_on_map) return false;
+  const Pose2 T_base_world = inverse(T_world_base_);
+  const std::int64_t since_ns = decision_.stamp_ns - nanoseconds(params_.turn_memory_s);
+  return ground_.was_seen(middle_m, since_ns, decision_.stamp_ns, [&](const Eigen::Vector2d& p_world_m) {
+    return clearance_m(vehicle_.footprint, T_base_world * p_world_m) <= ground_.cell_m();
   });
 }
 
 const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
-                                          const Objects& objects) {
+                                          const Objects& objects, const std::vector<float>& ranges_m) {
   decision_.stamp_ns = points.stamp_ns;
   decision_.policy = params_.policy;
   decision_.verdict = DecidedVerdict::kStop;
@@ -535,20 +714,29 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   decision_.distance_m = kNoLimit;
   decision_.allowed_speed_m_s = 0.0;
   decision_.may_turn = false;
+  decision_.missing.clear();
   decision_.counted = decision_.ignored = 0;
   decision_.warning_world_m.clear();
   decision_.protective_world_m.clear();
 
-  const Eigen::Matrix2d P = vehicle.covariance_world.topLeftCorner<2, 2>();
-  const double variance_m2 = 0.5 * (P.trace() + std::hypot(P(0, 0) - P(1, 1), 2.0 * P(0, 1)));  // the greatest
-  const double sigma_m = std::sqrt(std::max(variance_m2, 0.0));
-  const bool is_finite = vehicle.T_world_base.translation_m.allFinite() &&
-                         std::isfinite(vehicle.T_world_base.yaw_rad) && std::isfinite(vehicle.speed_m_s);
-  if (!is_finite || !(sigma_m <= params_.max_sigma_m)) return decision_;
+  if (!is_fresh(latest_of(objects), params_.max_objects_age_s)) decision_.missing.push_back(SafetyInput::kObjects);
+  if (!is_fresh(polygons.stamp_ns, params_.max_polygons_age_s)) decision_.missing.push_back(SafetyInput::kPolygons);
+  if (!decision_.missing.empty()) decision_.policy = SafetyPolicy::kConservative;
+  const double present_m_s = known_speed_m_s(vehicle);
+  const bool is_known_well = take_covariance(vehicle.covariance_world);
+  const bool is_finite = vehicle.T_world_base.translation_m.allFinite() && std::isfinite(vehicle.T_world_base.yaw_rad);
+  if (!is_finite) return decision_;
+  const bool is_frozen = repeated_.add(ranges_m, points);
+  if (!is_known_well) return decision_;
   T_world_base_ = vehicle.T_world_base;
-  margins_.floor_m = params_.floor_margin_m + params_.sigmas * sigma_m;
-  margins_.protective_m = params_.margin_m + params_.sigmas * sigma_m;
+  view_chains(points, polygons);
+  const bool is_blind_scanner = blind_.add(points, view_, T_world_base_.yaw_rad);
   const bool heads_along = place_on_path(vehicle);
+  if (is_frozen || is_blind_scanner) {
+    decision_.kind = is_frozen ? DecidedKind::kFrozenScan : DecidedKind::kContradiction;
+    return decision_;
+  }
+  note_what_is_free(points);
   if (!on_path_) return decision_;
   set_full_speed();
   make_way(vehicle);
@@ -558,10 +746,10 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   gather_things(points);
   count_neighbours();
   recall(points);
+  gather_unseen_chains(points);
   decision_.may_turn = !is_blind(points) && may_turn();
   if (!heads_along) return decision_;
 
-  const double present_m_s = std::abs(vehicle.speed_m_s);
   judge(present_m_s);
   look_along_the_way(points);
   if (decision_.allowed_speed_m_s < kStanding_m_s) decision_.verdict = DecidedVerdict::kStop;
@@ -638,7 +826,7 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
   };
   widen(left_m_, margin_m, wide_left_m_);
   widen(right_m_, margin_m, wide_right_m_);
-  if (params_.policy == SafetyPolicy::kUpdated) {
+  if (decision_.policy == SafetyPolicy::kUpdated) {
     widen(left_m_, margins_.floor_m, floor_left_m_);
     widen(right_m_, margins_.floor_m, floor_right_m_);
     shrink(wide_left_m_, 1.0, floor_left_m_);
@@ -657,7 +845,7 @@ void SafetyAreas::sweep(double way_m, double margin_m, std::vector<Eigen::Vector
 /// Widths on one side (1: left, -1: right) up to the known chains there, but never less than those of the hard floor.
 void SafetyAreas::shrink(std::vector<double>& widths_m, double side, const std::vector<double>& least_m) const {
   for (const Edge& edge : edges_) {
-    if (edge.weight != Weight::kKnown) continue;
+    if (edge.weight != Weight::kKnown || !edge.explains) continue;
     for (std::size_t j = 0; j < frames_.size(); ++j) {
       if (widths_m[j] == -kNoLimit) continue;
       // Of the edge, the part beside this frame: at most half a step ahead and behind.

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <vector>
 
 #include <boost/geometry.hpp>
@@ -15,6 +16,7 @@
 #include "path/safety_scene.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/random.hpp"
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
@@ -39,6 +41,26 @@ SafetyDecision decide(const SafetyScene& scene, SafetyPolicy policy, double spee
   return decide(scene, speed_m_s, params);
 }
 
+/// Drives up to where the scene has the vehicle, 1.5 m, so that what is behind it was seen. `state.T_world_base` is
+/// set.
+const SafetyDecision& drive_up(SafetyAreas& areas, const SafetyScene& scene, VehicleState state = {},
+                               double way_m = 1.5) {
+  const SafetyDecision* decision = nullptr;
+  const int steps = static_cast<int>(way_m / 0.02);
+  for (int k = steps; k >= 0; --k) {
+    SafetyScene before = scene;
+    before.T_world_base = scene.T_world_base * Pose2{{-0.02 * k, 0.0}, 0.0};
+    before.advance(-40'000'000 * std::int64_t{k});
+    state.T_world_base = before.T_world_base;
+    decision = &areas.update(before.points(), state, before.polygons, before.objects);
+  }
+  return *decision;
+}
+
+bool lacks(const SafetyDecision& decision, SafetyInput input) {
+  return std::count(decision.missing.begin(), decision.missing.end(), input) == 1;
+}
+
 /// Whether a point is within what the footprint sweeps on a straight way ahead, with a margin.
 bool in_straight_area(const Pose2& T_world_base, double way_m, double margin_m, const Eigen::Vector2d& p_world_m) {
   const Footprint footprint = VehicleParams().footprint;
@@ -60,8 +82,11 @@ TEST(SafetyAreas, AnEmptySceneIsFullSpeed) {
     EXPECT_EQ(decision.verdict, Verdict::kFullSpeed);
     EXPECT_EQ(decision.kind, Kind::kNone);
     EXPECT_EQ(decision.allowed_speed_m_s, VehicleParams().max_speed_m_s);
-    EXPECT_TRUE(decision.may_turn);
+    EXPECT_FALSE(decision.may_turn) << "what is behind was never seen";
     EXPECT_EQ(decision.policy, policy);
+    EXPECT_TRUE(decision.missing.empty());
+    SafetyAreas areas(SafetyScene::straight().path, {}, {});
+    EXPECT_TRUE(drive_up(areas, SafetyScene::straight()).may_turn);
   }
 }
 
@@ -93,6 +118,8 @@ TEST(SafetyAreas, AScannerThatSaysNothingLetsTheVehicleStand) {
 TEST(SafetyAreas, LostBeamsDoNotKeepTheVehicleFromTurning) {
   SafetyScene scene = SafetyScene::straight();
   SafetyAreas areas(scene.path, {}, {});
+  drive_up(areas, scene);
+  scene.advance(40'000'000);
   Points points = scene.points();
   for (std::size_t i = 0; i < points.points.size(); i += 3) points.points[i].state = BeamState::kInvalid;
   EXPECT_TRUE(areas.update(points, {}, {}, {}).may_turn);
@@ -149,9 +176,10 @@ TEST(SafetyAreas, AMoverCountsWithoutAHit) {
     EXPECT_LT(decide(scene, policy).allowed_speed_m_s, 0.3);
     EXPECT_EQ(decide(scene, policy).kind, Kind::kObject);
   }
-  // A map too old to say where it is now does not count.
+  // A map too old to say where it is now does not count, and says that it is missing.
   scene.objects.stamp_ns -= 3'000'000'000;
   EXPECT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
+  EXPECT_TRUE(lacks(decide(scene), SafetyInput::kObjects));
 }
 
 TEST(SafetyAreas, PoliciesDifferBesideAndOnTheWay) {
@@ -223,7 +251,7 @@ TEST(SafetyAreas, DrivesWithinSight) {
   SafetyAreas areas(scene.path, fast, params);
   VehicleState state;
   state.T_world_base = scene.T_world_base;
-  const SafetyDecision hidden = areas.update(scene.points(), state, scene.polygons, {});
+  const SafetyDecision hidden = areas.update(scene.points(), state, scene.polygons, scene.objects);
   EXPECT_EQ(hidden.kind, Kind::kHidden);
   EXPECT_GT(hidden.allowed_speed_m_s, 0.5);
   EXPECT_LT(hidden.allowed_speed_m_s, 2.0);
@@ -234,23 +262,23 @@ TEST(SafetyAreas, WhatCountedAndGotOutOfViewStillCounts) {
   scene.boxes = {{{0.5, 0.5}, 0.0, 0.1, 0.1}};
   SafetyAreas areas(scene.path, {}, {});
   VehicleState state;
-  EXPECT_LT(areas.update(scene.points(), state, {}, {}).allowed_speed_m_s, 0.1);
+  EXPECT_LT(areas.update(scene.points(), state, scene.polygons, scene.objects).allowed_speed_m_s, 0.1);
   // Gone, and seen to be gone.
   SafetyAreas other = areas;
   SafetyScene gone = scene;
   gone.boxes.clear();
-  gone.stamp_ns += 40'000'000;
+  gone.advance(40'000'000);
   EXPECT_EQ(other.update(gone.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
   // Behind something in between, until it is forgotten.
   SafetyScene behind = scene;
   behind.boxes = {{{0.36, 0.36}, 0.25 * kPi, 0.01, 0.13}};
   behind.know(behind.boxes.front(), 3, ChainState::kKnown);
-  behind.stamp_ns += 40'000'000;
-  const SafetyDecision& decision = areas.update(behind.points(), state, behind.polygons, {});
+  behind.advance(40'000'000);
+  const SafetyDecision& decision = areas.update(behind.points(), state, behind.polygons, behind.objects);
   EXPECT_LT(decision.allowed_speed_m_s, 0.1);
   EXPECT_EQ(decision.kind, Kind::kUnknownHit);
-  behind.stamp_ns += 4'000'000'000;
-  EXPECT_GT(areas.update(behind.points(), state, behind.polygons, {}).allowed_speed_m_s, 0.2);
+  behind.advance(4'000'000'000);
+  EXPECT_GT(areas.update(behind.points(), state, behind.polygons, behind.objects).allowed_speed_m_s, 0.2);
 }
 
 TEST(SafetyAreas, WithoutAPoseTheyStop) {
@@ -263,14 +291,361 @@ TEST(SafetyAreas, WithoutAPoseTheyStop) {
   state.T_world_base.translation_m.y() = 1.5;
   EXPECT_EQ(areas.update(scene.points(), state, {}, {}).kind, Kind::kPose);
   state = {};
-  state.T_world_base.yaw_rad = 1.4;
-  SafetyDecision decision = areas.update(scene.points(), state, {}, {});
+  SafetyScene aside = scene;
+  aside.T_world_base.yaw_rad = 1.4;
+  SafetyAreas after(scene.path, {}, {});
+  const SafetyDecision& decision = drive_up(after, aside, {}, 0.8);
   EXPECT_EQ(decision.kind, Kind::kPose);
   EXPECT_TRUE(decision.may_turn);
   state.T_world_base.yaw_rad = std::nan("");
   EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kStop);
   state = {};
   EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
+}
+
+// --- what is missing, broken or contradictory
+
+/// A person with their back to a known wall beside the way, within what the wall explains.
+SafetyScene back_to_the_wall() {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{3.0, 0.65}, 0.0, 5.0, 0.1}, {{0.7, 0.53}, 0.0, 0.2, 0.05}};
+  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  return scene;
+}
+
+TEST(SafetyAreas, AreConservativeWithoutAFreshMapOfObjects) {
+  const SafetyScene scene = back_to_the_wall();
+  EXPECT_GT(decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s, 0.4) << "the map has nobody there";
+  std::vector<SafetyScene> lacking;
+  for (const double age_s : {1.1, 2.5, 3600.0, -2.0, -3600.0}) {
+    lacking.push_back(scene);
+    lacking.back().objects.stamp_ns -= nanoseconds(age_s);
+  }
+  lacking.push_back(scene);
+  lacking.back().objects.stamp_ns = 0;  // never came
+  lacking.push_back(scene);             // a driver that repeats it with new stamps
+  Object object;
+  object.ellipse_world = {{9.0, 5.0}, 0.0, 0.2, 0.2};
+  object.beams = 20;
+  object.last_seen_ns = scene.stamp_ns - 5'000'000'000;
+  lacking.back().objects.objects = {object};
+  for (const SafetyScene& lack : lacking) {
+    for (const SafetyPolicy policy : kPolicies) {
+      const SafetyDecision decision = decide(lack, policy);
+      EXPECT_LE(decision.allowed_speed_m_s, SafetyParams().slow_speed_m_s);
+      EXPECT_EQ(decision.policy, SafetyPolicy::kConservative);
+      EXPECT_TRUE(lacks(decision, SafetyInput::kObjects));
+      EXPECT_EQ(decision.missing.size(), 1U);
+      EXPECT_EQ(decision.ignored, 0U);
+    }
+  }
+}
+
+TEST(SafetyAreas, AMapOfPolygonsThatIsNotFreshExplainsNothing) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  EXPECT_EQ(decide(scene).allowed_speed_m_s, 0.5);
+  for (const double age_s : {1.1, 3600.0, -2.0, -3600.0, 100.0}) {  // the last: a stamp of 0, never came
+    SafetyScene lack = scene;
+    lack.polygons.stamp_ns -= nanoseconds(age_s);
+    for (const SafetyPolicy policy : kPolicies) {
+      const SafetyDecision decision = decide(lack, policy);
+      EXPECT_EQ(decision.kind, Kind::kUnknownHit) << age_s;
+      EXPECT_LT(decision.allowed_speed_m_s, 0.15);
+      EXPECT_EQ(decision.policy, SafetyPolicy::kConservative);
+      EXPECT_TRUE(lacks(decision, SafetyInput::kPolygons));
+    }
+  }
+}
+
+// As those are that the map has from a file, or that a frozen one repeats.
+TEST(SafetyAreas, AChainThatTheMapDoesNotSeeExplainsNothing) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
+  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  for (const double age_s : {5.0, 100.0, -50.0}) {
+    scene.polygons.chains.front().last_seen_ns = scene.stamp_ns - nanoseconds(age_s);
+    EXPECT_EQ(decide(scene).kind, Kind::kUnknownHit) << age_s;
+    EXPECT_LT(decide(scene).allowed_speed_m_s, 0.15);
+  }
+}
+
+TEST(SafetyAreas, AChainThatTheScanSeesThroughExplainsNothing) {
+  SafetyScene scene = SafetyScene::straight();
+  const Box gone{{0.7, 0.75}, 0.0, 0.5, 0.2};
+  scene.know(gone, 3, ChainState::kKnown);
+  for (const bool with_wall_behind : {false, true}) {
+    scene.boxes = {{{0.7, 0.6}, 0.0, 0.15, 0.04}};  // who stands where its face was
+    if (with_wall_behind) scene.boxes.push_back({{0.7, 3.0}, 0.0, 6.0, 0.1});
+    for (const SafetyPolicy policy : kPolicies) {
+      const SafetyDecision decision = decide(scene, policy);
+      EXPECT_EQ(decision.kind, Kind::kUnknownHit);
+      EXPECT_LT(decision.allowed_speed_m_s, 0.2);
+    }
+  }
+  scene.boxes = {gone};
+  EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).verdict, Verdict::kFullSpeed) << "it is there";
+}
+
+TEST(SafetyAreas, ACovarianceThatIsNoneIsAStop) {
+  const SafetyScene scene = SafetyScene::straight();
+  const double nan = std::nan(""), inf = std::numeric_limits<double>::infinity();
+  std::vector<Eigen::Matrix3d> wrong;
+  for (const double value : {nan, inf, -inf, -1.0}) {
+    for (int i = 0; i < 3; ++i) {
+      wrong.push_back(Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal());
+      wrong.back()(i, i) = value;
+    }
+    wrong.push_back(Eigen::Matrix3d::Constant(value));
+  }
+  wrong.push_back(Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal());
+  wrong.back()(0, 1) = wrong.back()(1, 0) = 2e-4;  // not positive semidefinite
+  wrong.push_back(Eigen::Vector3d(1e-4, 1e-4, 1e-4).asDiagonal());
+  wrong.back()(0, 1) = 1e-4;  // not symmetric
+  for (const Eigen::Matrix3d& P : wrong) {
+    SafetyAreas areas(scene.path, {}, {});
+    VehicleState state;
+    state.covariance_world = P;
+    const SafetyDecision& decision = areas.update(scene.points(), state, scene.polygons, scene.objects);
+    EXPECT_EQ(decision.verdict, Verdict::kStop) << P;
+    EXPECT_EQ(decision.kind, Kind::kPose);
+    EXPECT_FALSE(decision.may_turn);
+    EXPECT_TRUE(lacks(decision, SafetyInput::kCovariance));
+  }
+}
+
+// The worse the pose says that it is, the slower.
+TEST(SafetyAreas, TheAllowedSpeedFallsWithTheCovariance) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.9, 0.75}, 0.0, 0.3, 0.1}};
+  double before_m_s = 1.0;
+  for (const double sigma_m : {0.0, 0.01, 0.03, 0.1, 0.19, 0.21, 1.0, 1e10, 1e160}) {
+    SafetyAreas areas(scene.path, {}, {});
+    VehicleState state;
+    state.covariance_world.diagonal() << sigma_m * sigma_m, 0.0, 1e-4;
+    const double allowed_m_s = areas.update(scene.points(), state, scene.polygons, scene.objects).allowed_speed_m_s;
+    EXPECT_LE(allowed_m_s, before_m_s) << sigma_m;
+    before_m_s = allowed_m_s;
+  }
+  EXPECT_EQ(before_m_s, 0.0);
+  SafetyAreas areas(scene.path, {}, {});
+  VehicleState state;
+  state.covariance_world.diagonal() << 1e-6, 1e-6, 1.0;
+  EXPECT_EQ(areas.update(scene.points(), state, scene.polygons, scene.objects).kind, Kind::kPose);
+}
+
+TEST(SafetyAreas, ASpeedThatIsNotKnownIsTheGreatest) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.85, 0.0}, 0.0, 0.1, 0.2}};
+  scene.know(scene.boxes.front(), 3, ChainState::kNew);
+  const SafetyDecision fastest = decide(scene, 0.5);
+  ASSERT_EQ(fastest.verdict, Verdict::kStop);
+  ASSERT_NE(decide(scene, 0.05).verdict, Verdict::kStop);
+  VehicleState late, ahead, nan, inf;
+  late.speed_stamp_ns = scene.stamp_ns - 600'000'000;
+  ahead.speed_stamp_ns = scene.stamp_ns + 2'000'000'000;
+  nan.speed_m_s = std::nan("");
+  inf.speed_m_s = std::numeric_limits<double>::infinity();
+  for (const VehicleState& state : {late, ahead, nan, inf}) {
+    SafetyAreas areas(scene.path, {}, {});
+    const SafetyDecision& decision = areas.update(scene.points(), state, scene.polygons, scene.objects);
+    EXPECT_EQ(decision.verdict, Verdict::kStop);
+    EXPECT_EQ(decision.allowed_speed_m_s, fastest.allowed_speed_m_s);
+    EXPECT_TRUE(lacks(decision, SafetyInput::kSpeed));
+  }
+}
+
+SafetyScene corridor() {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{5.0, 1.8}, 0.0, 9.0, 0.1}, {{5.0, -1.8}, 0.0, 9.0, 0.1}, {{14.1, 0.0}, 0.0, 0.1, 1.7}};
+  for (std::size_t i = 0; i < 3; ++i) scene.know(scene.boxes[i], i + 1, ChainState::kWall);
+  return scene;
+}
+
+TEST(SafetyAreas, AScannerThatSeesNothingBetweenKnownWallsIsAStop) {
+  for (const SafetyPolicy policy : kPolicies) {
+    SafetyScene scene = corridor();
+    SafetyParams params;
+    params.policy = policy;
+    SafetyAreas areas(scene.path, {}, params);
+    EXPECT_EQ(drive_up(areas, scene).verdict, Verdict::kFullSpeed);
+    SafetyScene blind = scene;
+    blind.boxes.clear();
+    // The map forgets walls that the scanner does not see: it is as blind as before.
+    for (int i = 0; i < 100; ++i) {
+      blind.stamp_ns += 40'000'000;
+      blind.polygons.stamp_ns = blind.objects.stamp_ns = blind.stamp_ns;
+      if (i == 20) blind.polygons.chains.clear();
+      VehicleState state;
+      const SafetyDecision& decision = areas.update(blind.points(), state, blind.polygons, blind.objects);
+      ASSERT_EQ(decision.verdict, Verdict::kStop) << i;
+      ASSERT_EQ(decision.kind, Kind::kContradiction);
+      ASSERT_FALSE(decision.may_turn);
+    }
+    scene.advance(blind.stamp_ns + 40'000'000 - scene.stamp_ns);
+    EXPECT_EQ(areas.update(scene.points(), {}, scene.polygons, scene.objects).verdict, Verdict::kFullSpeed);
+  }
+}
+
+TEST(SafetyAreas, AScannerThatIsBlindAheadOrFromTheBeginningIsAStop) {
+  SafetyScene scene = corridor();
+  scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});  // the end, so that there is something to see ahead
+  scene.know(scene.boxes.back(), 3, ChainState::kWall);
+  scene.path.way_points = {{{-2.0, 0.0}, {}}, {{5.0, 0.0}, {}}};
+  ASSERT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
+  Points points = scene.points();
+  for (Point& point : points.points) {
+    if (std::abs(point.azimuth_rad) > radians(60.0)) continue;
+    point.state = BeamState::kFree;
+    point.range_m = 20.0;
+  }
+  SafetyAreas areas(scene.path, {}, {});
+  EXPECT_EQ(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+  // Hits beyond the walls, as of another place.
+  points = scene.points();
+  for (Point& point : points.points) {
+    point.range_m = 15.0;
+    point.p_level_m *= 15.0 / std::max(point.p_level_m.norm(), 1e-9);
+  }
+  SafetyAreas elsewhere(scene.path, {}, {});
+  EXPECT_EQ(elsewhere.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+}
+
+// A door that opens, and beams that are lost, are not.
+TEST(SafetyAreas, ScanAndMapAgreeWhereSomeOfItIsGone) {
+  SafetyScene scene = corridor();
+  scene.boxes.erase(scene.boxes.begin());
+  scene.boxes.push_back({{-2.0, 1.8}, 0.0, 1.5, 0.1});
+  scene.boxes.push_back({{6.5, 1.8}, 0.0, 5.0, 0.1});
+  Points points = scene.points();
+  for (std::size_t i = 0; i < points.points.size(); i += 9) {
+    points.points[i].state = BeamState::kFree;
+    points.points[i].range_m = 20.0;
+  }
+  SafetyAreas areas(scene.path, {}, {});
+  EXPECT_NE(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+}
+
+std::vector<float> ranges_of(const Points& points, Random* noise) {
+  std::vector<float> ranges_m;
+  for (const Point& point : points.points) {
+    const bool is_hit = point.state == BeamState::kHit;
+    ranges_m.push_back(is_hit ? static_cast<float>(point.range_m + (noise ? 0.01 * noise->normal() : 0.0))
+                              : std::numeric_limits<float>::infinity());
+  }
+  return ranges_m;
+}
+
+TEST(SafetyAreas, ADriverThatRepeatsItselfIsAStop) {
+  for (const bool is_noisy : {false, true}) {
+    SafetyScene scene = corridor();
+    SafetyAreas areas(scene.path, {}, {});
+    Random random(1);
+    VehicleState state;
+    Points points;
+    const auto next = [&](double moved_m, bool repeats, std::vector<float>& ranges_m) {
+      scene.advance(40'000'000);
+      state.T_world_base.translation_m.x() += moved_m;
+      scene.T_world_base = state.T_world_base;
+      if (!repeats) {
+        points = scene.points();
+        ranges_m = ranges_of(points, is_noisy ? &random : nullptr);
+      }
+      points.stamp_ns = scene.stamp_ns;
+      points.T_world_level = scene.T_world_base;
+      return areas.update(points, state, scene.polygons, scene.objects, ranges_m).kind;
+    };
+    std::vector<float> ranges_m;
+    // Standing, then driving, they differ; without noise those of a vehicle that stands are alike, and no fault.
+    for (int i = 0; i < 20; ++i) EXPECT_NE(next(0.0, false, ranges_m), Kind::kFrozenScan);
+    for (int i = 0; i < 20; ++i) EXPECT_NE(next(0.02, false, ranges_m), Kind::kFrozenScan);
+    EXPECT_NE(next(0.02, true, ranges_m), Kind::kFrozenScan);
+    for (int i = 0; i < 20; ++i) EXPECT_EQ(next(0.02, true, ranges_m), Kind::kFrozenScan) << i;
+    EXPECT_NE(next(0.02, false, ranges_m), Kind::kFrozenScan);
+    if (!is_noisy) continue;
+    next(0.0, true, ranges_m);
+    EXPECT_EQ(next(0.0, true, ranges_m), Kind::kFrozenScan) << "also of a vehicle that stands";
+  }
+}
+
+TEST(SafetyAreas, EmptyPlacesMayLookAlike) {
+  SafetyScene scene = SafetyScene::straight();
+  SafetyAreas areas(scene.path, {}, {});
+  VehicleState state;
+  for (int i = 0; i < 20; ++i) {
+    scene.advance(40'000'000);
+    scene.T_world_base.translation_m.x() += 0.02;
+    state.T_world_base = scene.T_world_base;
+    const Points points = scene.points();
+    EXPECT_EQ(areas.update(points, state, scene.polygons, scene.objects, ranges_of(points, nullptr)).verdict,
+              Verdict::kFullSpeed);
+  }
+}
+
+// --- turning on the spot
+
+VehicleParams with_a_tail() {
+  VehicleParams vehicle;
+  vehicle.footprint.corners_m = {{0.2, 0.2}, {-0.6, 0.2}, {-0.6, -0.2}, {0.2, -0.2}};
+  return vehicle;
+}
+
+TEST(SafetyAreas, TurnOnlyWhereAllOfTheCircleWasSeenFree) {
+  SafetyScene scene = SafetyScene::straight();
+  const VehicleParams vehicle = with_a_tail();
+  SafetyAreas areas(scene.path, vehicle, {});
+  VehicleState state;
+  EXPECT_FALSE(areas.update(scene.points(), state, scene.polygons, scene.objects).may_turn) << "never seen";
+  EXPECT_TRUE(drive_up(areas, scene).may_turn);
+  scene.advance(static_cast<std::int64_t>((SafetyParams().turn_memory_s + 1.0) * 1e9));
+  EXPECT_FALSE(areas.update(scene.points(), state, scene.polygons, scene.objects).may_turn) << "too long ago";
+}
+
+TEST(SafetyAreas, TurnOnlyWhereTheMapsHaveNothing) {
+  const VehicleParams vehicle = with_a_tail();
+  for (const double from_rad : {0.0, 0.5, 1.5, 2.3, 2.7, 3.1, -2.5, -1.6}) {
+    for (const bool is_fresh : {true, false}) {
+      SafetyScene scene = SafetyScene::straight();
+      SafetyAreas areas(scene.path, vehicle, {});
+      ASSERT_TRUE(drive_up(areas, scene).may_turn);
+      scene.advance(40'000'000);
+      // Not in the scan: behind, or so low that it is not seen.
+      const Box box{Eigen::Vector2d(0.7 * std::cos(from_rad), 0.7 * std::sin(from_rad)), from_rad, 0.1, 0.1};
+      scene.know(box, 3, ChainState::kKnown);
+      if (!is_fresh) scene.polygons.stamp_ns = 0;  // of a file
+      EXPECT_FALSE(areas.update(scene.points(), {}, scene.polygons, scene.objects).may_turn) << from_rad;
+    }
+    SafetyScene scene = SafetyScene::straight();
+    SafetyAreas areas(scene.path, vehicle, {});
+    drive_up(areas, scene);
+    scene.advance(40'000'000);
+    Object post;
+    post.id = 1;
+    post.ellipse_world = {0.75 * Eigen::Vector2d(std::cos(from_rad), std::sin(from_rad)), 0.0, 0.15, 0.15};
+    scene.objects.objects = {post};
+    EXPECT_FALSE(areas.update(scene.points(), {}, scene.polygons, scene.objects).may_turn) << from_rad;
+  }
+}
+
+// On a way that turns left, the tail swings to the right, where the scanner does not look.
+TEST(SafetyAreas, AChainBehindStopsTheTailThatSwingsToIt) {
+  SafetyScene scene;
+  for (int i = 0; i <= 8; ++i) {
+    const double angle_rad = radians(22.5 * i - 90.0);
+    scene.path.way_points.push_back({1.2 * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)), {}});
+  }
+  scene.T_world_base = SplinePath(scene.path).at(1.5).pose();
+  VehicleState state;
+  state.T_world_base = scene.T_world_base;
+  for (const double side : {-1.0, 1.0}) {
+    SafetyScene beside = scene;
+    beside.know(scene.T_world_base * Box{{-0.5, side * 0.32}, 0.0, 0.1, 0.05}, 3, ChainState::kKnown);
+    SafetyAreas areas(scene.path, with_a_tail(), {});
+    const SafetyDecision& decision = areas.update(beside.points(), state, beside.polygons, beside.objects);
+    EXPECT_EQ(decision.kind, side < 0.0 ? Kind::kChain : Kind::kNone);
+    EXPECT_EQ(decision.allowed_speed_m_s < 0.4, side < 0.0);
+  }
 }
 
 TEST(SafetyAreas, AreThoseOfTheWayBack) {

@@ -24,8 +24,10 @@ struct SafetyScene {
   std::int64_t stamp_ns = 100'000'000'000;
   std::vector<Box> boxes;
   std::vector<Eigen::Vector2d> lone_hits;  ///< each on the beam that is next to it
-  Polygons polygons;
+  Polygons polygons;                       ///< as fresh as the scan, as are the objects
   Objects objects;
+
+  SafetyScene() { polygons.stamp_ns = objects.stamp_ns = stamp_ns; }
 
   static SafetyScene straight() {
     SafetyScene scene;
@@ -43,8 +45,15 @@ struct SafetyScene {
     chain.last_seen_ns = stamp_ns;
     chain.p_exists = 0.99;
     chain.state = state;
-    polygons.stamp_ns = stamp_ns;
     polygons.chains.push_back(chain);
+  }
+
+  /// Later, with maps that see all that they saw.
+  void advance(std::int64_t period_ns) {
+    stamp_ns += period_ns;
+    polygons.stamp_ns = objects.stamp_ns = stamp_ns;
+    for (Chain& chain : polygons.chains) chain.last_seen_ns = stamp_ns;
+    for (Object& object : objects.objects) object.last_seen_ns = stamp_ns;
   }
 
   SafetyScene moved(const Pose2& T) const {

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -13,7 +14,10 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/path/chain_view.hpp"
 #include "situation_awareness/path/path.hpp"
+#include "situation_awareness/path/scanner_watch.hpp"
+#include "situation_awareness/path/seen_ground.hpp"
 #include "situation_awareness/path/spline_path.hpp"
 #include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/points/points.hpp"
@@ -52,6 +56,17 @@ std::string yaml_text(SafetyPolicy policy);
 /// Throws std::invalid_argument if there is no such policy.
 void read_yaml_text(const std::string& yaml, SafetyPolicy& policy);
 
+/// What the areas decide by, beside the scan and its pose.
+enum class SafetyInput : std::uint8_t {
+  kObjects,     ///< without the map of objects nobody knows who stands at a wall
+  kPolygons,    ///< without that of polygons all hits are unknown
+  kCovariance,  ///< of the pose
+  kSpeed,       ///< without it the vehicle counts as driving at its greatest speed
+};
+
+/// "objects", "polygons", "covariance of the pose", "speed".
+const char* name_of(SafetyInput input);
+
 /// Parameters of the safety areas.
 struct SafetyParams {
   SafetyPolicy policy = SafetyPolicy::kUpdated;
@@ -62,12 +77,19 @@ struct SafetyParams {
   double slow_speed_m_s = 0.15;
   double sigmas = 3.0;
   double max_sigma_m = 0.2;
+  double max_sigma_rad = 0.2;
   double max_error_m = 1.0;
   double explain_m = 0.08;
   double min_p_exists = 0.8;
   double standing_s = 2.0;
   double memory_s = 3.0;
   int min_hits = 2;
+  double max_objects_age_s = 1.0;
+  double max_polygons_age_s = 1.0;
+  double max_pose_age_s = 0.5;
+  double max_speed_age_s = 0.5;
+  double turn_memory_s = 10.0;
+  double reliable_range_m = 8.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -87,6 +109,7 @@ struct SafetyParams {
           "standard deviations of the pose that are added to the margins");
     visit("max_sigma_m", self.max_sigma_m, Bounds{0.001, 10.0}, "m",
           "the vehicle stops where the standard deviation of its position is greater");
+    visit("max_sigma_rad", self.max_sigma_rad, Bounds{0.001, 3.0}, "rad", "the same of its yaw");
     visit("max_error_m", self.max_error_m, Bounds{0.05, 100.0}, "m",
           "the vehicle stops where it is farther from its path");
     visit("explain_m", self.explain_m, Bounds{0.0, 1.0}, "m",
@@ -99,6 +122,18 @@ struct SafetyParams {
           "what counted and is out of view since counts for so long");
     visit("min_hits", self.min_hits, Bounds{1, 100}, "",
           "an unknown hit counts, outside the hard floor, with so many unknown ones near it, itself included");
+    visit("max_objects_age_s", self.max_objects_age_s, Bounds{0.05, 10.0}, "s",
+          "a map of objects that is older than this, or as far ahead of the scan, is none: the policy is conservative");
+    visit("max_polygons_age_s", self.max_polygons_age_s, Bounds{0.05, 10.0}, "s",
+          "the same of the map of polygons; a chain that was last seen before that explains no hit");
+    visit("max_pose_age_s", self.max_pose_age_s, Bounds{0.05, 10.0}, "s",
+          "a covariance of the pose that is older than this, or as far ahead of the scan, is none: the vehicle stops");
+    visit("max_speed_age_s", self.max_speed_age_s, Bounds{0.05, 10.0}, "s",
+          "the same of the measured speed: without it the vehicle counts as driving at its greatest one");
+    visit("turn_memory_s", self.turn_memory_s, Bounds{0.0, 3600.0}, "s",
+          "the vehicle turns on the spot where all that its footprint may sweep was seen free within this time");
+    visit("reliable_range_m", self.reliable_range_m, Bounds{0.5, 100.0}, "m",
+          "so far the scanner is sure to see a known chain: the vehicle stops where it sees through most of them");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -108,14 +143,25 @@ struct SafetyParams {
 /// A vehicle when a scan began.
 struct VehicleState {
   Pose2 T_world_base;
-  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of the error in x, y (m) and yaw (rad)
-  double speed_m_s = 0.0;                                      ///< measured
+  /// Of the error in x, y (m) and yaw (rad). One that is no covariance, as of NaN, says that there is none: a stop.
+  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();
+  double speed_m_s = 0.0;                      ///< measured; NaN: not
+  std::optional<std::int64_t> speed_stamp_ns;  ///< when; none: with the scan
 };
 
 /// What the areas say of a scan.
 struct SafetyDecision {
   enum class Verdict : std::uint8_t { kFullSpeed, kSlow, kStop };
-  enum class Kind : std::uint8_t { kNone, kUnknownHit, kChain, kObject, kHidden, kPose };
+  enum class Kind : std::uint8_t {
+    kNone,
+    kUnknownHit,
+    kChain,
+    kObject,
+    kHidden,
+    kPose,
+    kContradiction,  ///< the scan sees through what is on the map
+    kFrozenScan,     ///< the scanner's driver repeats itself
+  };
 
   std::int64_t stamp_ns = 0;
   Verdict verdict = Verdict::kStop;
@@ -125,17 +171,19 @@ struct SafetyDecision {
   double distance_m = std::numeric_limits<double>::infinity();  ///< along the way
   double allowed_speed_m_s = 0.0;
   bool may_turn = false;  ///< on the spot; never by a scan of which half the beams or more say nothing
-  SafetyPolicy policy = SafetyPolicy::kUpdated;
-  std::size_t segment = 0;  ///< of the path as its file has it
-  std::size_t counted = 0;  ///< hits in the areas that count, and
-  std::size_t ignored = 0;  ///< those on known chains that do not
+  SafetyPolicy policy = SafetyPolicy::kUpdated;  ///< of this scan
+  std::vector<SafetyInput> missing;              ///< each once: never there, too old, or not to be used
+  std::size_t segment = 0;                       ///< of the path as its file has it
+  std::size_t counted = 0;                       ///< hits in the areas that count, and
+  std::size_t ignored = 0;                       ///< those on known chains that do not
   /// The areas, as polygons: the warning area of the full speed, the protective area of the present one. Empty without
   /// a pose on the path.
   std::vector<Eigen::Vector2d> warning_world_m, protective_world_m;
 };
 
 const char* name_of(SafetyDecision::Verdict verdict);  ///< "full speed", "slow", "stop"
-const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit", "chain", "object", "hidden", "pose"
+const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit", "chain", "object", "hidden", "pose",
+                                                       ///< "contradiction", "frozen scan"
 
 /// Decides how fast a vehicle may drive along its path: the greatest speed at which nothing that counts is in the
 /// areas.
@@ -147,6 +195,11 @@ const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit
 /// - A hidden place is not free: the vehicle can stop before the first place of its way that the scan does not see.
 ///   What may step out of a hidden place beside the way is not guessed. What counted and got out of view still counts,
 ///   for memory_s.
+/// - What is missing is not taken for "nothing there": without maps of objects and of polygons as fresh as the scan the
+///   policy is conservative, whatever the parameter says. A chain explains hits if the map saw it with the latest
+///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
+///   file, is still in the way of the footprint where the scanner does not look.
+/// - A scan that contradicts the map, or repeats the one before, is a stop (path/scanner_watch.hpp).
 ///
 /// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the
 /// product of those alone that are within the areas.
@@ -158,16 +211,25 @@ class SafetyAreas {
 
   const SafetyParams& params() const { return params_; }
 
-  /// Areas of the scan `points`. `objects` are as of about the same time. The result is valid until the next call.
+  /// Areas of the scan `points`, by the latest maps, which are fresh or not by their stamps; 0: there is none. The
+  /// result is valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it
+  /// repeats itself; empty: this is not looked for.
   const SafetyDecision& update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
-                               const Objects& objects);
+                               const Objects& objects, const std::vector<float>& ranges_m = {});
 
-  /// Forgets the hits of earlier scans and where on the path the vehicle was.
+  /// Forgets the hits of earlier scans, what they saw free, and where on the path the vehicle was; not that the scanner
+  /// was found to be blind.
   void reset();
 
  private:
   /// How much something counts.
-  enum class Weight : std::uint8_t { kMayMove, kStands, kKnown, kFloorAlone };
+  enum class Weight : std::uint8_t {
+    kMayMove,
+    kStands,
+    kKnown,
+    kFloorAlone,
+    kUnseen,  ///< a place of a chain that the scan does not see: it counts in the floor, where the vehicle gets nearer
+  };
 
   /// Something in or near the areas.
   struct Thing {
@@ -182,6 +244,12 @@ class SafetyAreas {
     Eigen::Vector2d from_m, to_m;
     double reach_m;  ///< a hit on it is so near
     Weight weight;
+    std::uint64_t id;
+    bool explains;
+  };
+
+  struct SeenThrough {
+    Eigen::Vector2d p_world_m;
     std::uint64_t id;
   };
 
@@ -222,20 +290,27 @@ class SafetyAreas {
     double distance_m;
   };
 
+  bool is_fresh(std::int64_t stamp_ns, double max_age_s) const;
+  double known_speed_m_s(const VehicleState& vehicle);
+  bool take_covariance(const Eigen::Matrix3d& covariance_world);
   bool place_on_path(const VehicleState& vehicle);
   void set_full_speed();
   void make_way(const VehicleState& vehicle);
   void gather_edges(const Polygons& polygons);
   void gather_movers(const Objects& objects, std::int64_t stamp_ns);
+  void view_chains(const Points& points, const Polygons& polygons);
   void gather_things(const Points& points);
+  void gather_unseen_chains(const Points& points);
   void explain(Thing& thing) const;
+  bool is_seen_through(const Edge& edge, const Eigen::Vector2d& p_world_m) const;
   void count_neighbours();
   void recall(const Points& points);
   void remember(std::int64_t stamp_ns);
   Limits limits_of(const Thing& thing) const;
   void judge(double present_m_s);
   void look_along_the_way(const Points& points);
-  bool may_turn() const;
+  void note_what_is_free(const Points& points);
+  bool may_turn();
   double seen_range_m(const Points& points, const Eigen::Vector2d& p_level_m) const;
   bool is_near(const Eigen::Vector2d& p_world_m, double more_m = 0.0) const;
 
@@ -260,6 +335,7 @@ class SafetyAreas {
   double way_m_ = 0.0;
   double full_speed_m_s_ = 0.0;
   Margins margins_;
+  double sigma_m_ = 0.0, sigma_rad_ = 0.0;
   Pose2 T_world_base_;
   std::vector<Step> steps_;
   Eigen::Vector2d low_m_, high_m_;  ///< corners of a box about the warning area
@@ -267,6 +343,11 @@ class SafetyAreas {
   std::vector<Mover> movers_;
   std::vector<Thing> things_;
   std::vector<Remembered> remembered_;
+  ChainView view_;
+  std::vector<SeenThrough> seen_through_;
+  SeenGround ground_;
+  RepeatedScans repeated_;
+  BlindScanner blind_;
   // For the polygons: frames along the way, beyond its begin and end too, and the widths of an area at each.
   std::vector<Step> frames_;
   std::size_t first_frame_ = 0;  ///< that of the first step

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "situation_awareness/path/chain_view.hpp"
+#include "situation_awareness/points/points.hpp"
+
+namespace situation_awareness {
+
+/// Finds a driver that repeats a scan with new stamps: all ranges are bit for bit those before, in three scans in a
+/// row. Of a scanner that has shown noise this is enough; without noise, as of a simulator, a vehicle that stands sees
+/// the same again, so what it sees must have moved with the vehicle. Where fewer than 20 beams return nothing is said,
+/// for an empty place looks the same again. No allocation after warm-up.
+class RepeatedScans {
+ public:
+  /// Whether the latest scan repeats those before. `ranges_m`: of the beams of `points`, as the driver gave them.
+  bool add(const std::vector<float>& ranges_m, const Points& points);
+
+  bool is_noisy() const { return noisy_scans_ >= kNoisyScans; }
+
+ private:
+  static constexpr int kNoisyScans = 3;
+
+  void look_for_noise(const std::vector<float>& ranges_m);
+  bool has_moved_along(const Points& points) const;
+
+  std::vector<float> before_m_;
+  Points first_;  ///< of those that are alike
+  int repeats_ = 0;
+  int noisy_scans_ = 0;
+};
+
+/// Finds a scanner that does not see what is there: of the beams that chains of the map are in the way of, half pass
+/// through them, or four fifths of a quarter of them, ahead, to the left, behind or to the right; through two chains at
+/// least, or one that is larger than what can be taken away. Where they have no return, it stays so until half of them
+/// have one again, however the map changes meanwhile.
+class BlindScanner {
+ public:
+  /// Whether scan and map contradict each other. `view` is of the points.
+  bool add(const Points& points, const ChainView& view, double base_yaw_rad);
+
+ private:
+  std::array<std::size_t, 5> needed_hits_{};  ///< of each quarter and of all, until it sees again; 0: it does
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/estimation/pose_covariances.hpp"
+
+#include <cmath>
+#include <iterator>
+
+#include <Eigen/Eigenvalues>
+
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kRounding = 1e-6;  // of a correlation, in a message that went through other arithmetic
+
+}  // namespace
+
+bool is_covariance(const Eigen::Matrix3d& P) {
+  if (!P.allFinite() || (P.diagonal().array() < 0.0).any()) return false;
+  Eigen::Vector3d scale = Eigen::Vector3d::Ones();
+  for (int i = 0; i < 3; ++i) {
+    if (P(i, i) > 0.0) scale(i) = 1.0 / std::sqrt(P(i, i));
+  }
+  const Eigen::Matrix3d correlation = scale.asDiagonal() * P * scale.asDiagonal();
+  if (!correlation.allFinite() || !((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kRounding)) {
+    return false;
+  }
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(correlation, Eigen::EigenvaluesOnly);
+  return solver.info() == Eigen::Success && solver.eigenvalues().minCoeff() >= -kRounding;
+}
+
+bool is_usable(const BasePose& pose) {
+  const Eigen::Matrix3d& P = pose.covariance_world;
+  return pose.translation_world_m.allFinite() && is_covariance(P) && P(0, 0) > 0.0 && P(1, 1) > 0.0;
+}
+
+bool PoseCovariances::add(std::int64_t stamp_ns, const BasePose& pose) {
+  refuse(stamp_ns);
+  if (!is_usable(pose)) return false;
+  poses_[stamp_ns] = pose;
+  return true;
+}
+
+void PoseCovariances::refuse(std::int64_t stamp_ns) {
+  expect();
+  poses_[stamp_ns].reset();
+  if (poses_.size() <= kMost) return;
+  // The farthest in time, on either side: after a restart of time those before are ahead.
+  const auto first = poses_.begin(), last = std::prev(poses_.end());
+  const bool is_first = seconds_between(first->first, stamp_ns) >= seconds_between(stamp_ns, last->first);
+  poses_.erase(is_first ? first : last);
+}
+
+std::optional<BasePose> PoseCovariances::at(std::int64_t stamp_ns) const {
+  auto nearest = poses_.lower_bound(stamp_ns);
+  const auto apart_s = [&](const auto& pose) { return std::abs(seconds_between(pose->first, stamp_ns)); };
+  if (nearest != poses_.begin()) {
+    const auto before = std::prev(nearest);
+    if (nearest == poses_.end() || apart_s(before) < apart_s(nearest)) nearest = before;
+  }
+  if (nearest == poses_.end() || !(apart_s(nearest) <= max_age_s_)) return {};
+  return nearest->second;
+}
+
+}  // namespace situation_awareness
