@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -67,6 +68,51 @@ Json of_walkers(SafetyPolicy policy, int seeds, bool behind_a_box) {
           {"mean_s", sum_s / seeds}};
 }
 
+/// Runs with a fault, the policies in turn: contacts, and those that stood too late, by fault.
+Json of_faults(int runs) {
+  std::map<std::string, Json> by_fault;
+  int contacts = 0, late = 0, found = 0;
+  for (int seed = 1; seed <= runs; ++seed) {
+    const auto number = static_cast<std::uint64_t>(seed);
+    const TransitWithFault run = transit_with_fault(kPolicies[seed % 3], number);
+    const TransitOutcome outcome = simulate_transit(run.scene, run.params, number);
+    Json& entry = by_fault[name_of(run.params.fault)];
+    if (entry.is_null()) {
+      entry = {{"runs", 0},
+               {"person_touched", 0},
+               {"thing_touched", 0},
+               {"stood_late", 0},
+               {"found_after_s", 0.0},
+               {"way_beyond_m", 0.0},
+               {"least_clearance_m", 1e9},
+               {"seeds", Json::array()}};
+    }
+    const auto add = [&entry](const char* key, bool is_so) { entry[key] = entry[key].get<int>() + (is_so ? 1 : 0); };
+    const auto most = [&entry](const char* key, double value) {
+      entry[key] = std::max(entry[key].get<double>(), value);
+    };
+    const double v = outcome.found_speed_m_s;
+    const VehicleParams& vehicle = run.params.vehicle;
+    const double beyond_m = outcome.way_to_stand_m - v * vehicle.reaction_s - 0.5 * v * v / vehicle.braking_m_s2;
+    const bool has_found = outcome.found && has_to_stop(run.params.fault);
+    const bool is_late = has_found && (!outcome.stands || beyond_m > 0.01);
+    add("runs", true);
+    add("person_touched", outcome.touched);
+    add("thing_touched", outcome.hit_box);
+    add("stood_late", is_late);
+    if (has_found) {
+      most("found_after_s", outcome.found_after_s);
+      most("way_beyond_m", beyond_m);
+    }
+    entry["least_clearance_m"] = std::min(entry["least_clearance_m"].get<double>(), outcome.least_clearance_m);
+    if (outcome.touched || outcome.hit_box || is_late) entry["seeds"].push_back(seed);
+    contacts += outcome.touched || outcome.hit_box ? 1 : 0;
+    late += is_late ? 1 : 0;
+    found += has_found ? 1 : 0;
+  }
+  return {{"runs", runs}, {"contacts", contacts}, {"stops", found}, {"stood_late", late}, {"by_fault", by_fault}};
+}
+
 }  // namespace
 }  // namespace situation_awareness
 
@@ -80,12 +126,19 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(1, 1000000));
   app.add_option("--hidden", hidden, "those with someone who steps out from behind a box")
       ->check(CLI::Range(1, 1000000));
+  int faults = 0;
+  app.add_option("--faults", faults, "of transits with someone who steps into the way and a fault at some time, alone")
+      ->check(CLI::Range(1, 1000000));
   double slow_speed_m_s = SafetyParams().slow_speed_m_s;
   app.add_option("--slow-speed", slow_speed_m_s, "beside standing things in the warning area, in m/s")
       ->check(CLI::Range(0.01, 0.5));
   CLI11_PARSE(app, argc, argv);
   try {
     Json result;
+    if (faults > 0) {
+      std::printf("%s\n", of_faults(faults).dump(2).c_str());
+      return std::fflush(stdout) == 0 ? 0 : 1;
+    }
     for (const SafetyPolicy policy : kPolicies) {
       result[name_of(policy)] = {{"boxes", of_boxes(policy, boxes, slow_speed_m_s)},
                                  {"walkers", of_walkers(policy, walkers, false)},

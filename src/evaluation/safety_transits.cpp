@@ -2,6 +2,7 @@
 #include "situation_awareness/evaluation/safety_transits.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <deque>
 #include <limits>
@@ -23,6 +24,7 @@ constexpr int kTicksPerScan = 4;
 constexpr double kMoving_m_s = 0.001;
 constexpr double kStride_m = 0.12;  // of a leg, ahead and behind
 constexpr double kHips_m = 0.08;    // of a leg, to the side
+constexpr double kRemoval_s = 0.8;  // until a map forgets what the scanner sees through
 constexpr double kBlocked_s = 1.0;  // a walker in front of a vehicle that stands waits so long, and goes back
 constexpr std::int64_t kBegin_ns = 1000 * kNanosecondsPerSecond;
 
@@ -118,6 +120,14 @@ Chain chain_of(const Box& box, std::uint64_t id) {
   return chain;
 }
 
+/// What the maps have, and by what the areas are updated.
+struct Senses {
+  Polygons polygons;
+  Objects objects;
+  VehicleState vehicle;
+  std::vector<float> ranges_m;
+};
+
 Polygons map_of(const TransitScene& scene) {
   Polygons map;
   map.stamp_ns = kBegin_ns;
@@ -129,6 +139,12 @@ Polygons map_of(const TransitScene& scene) {
                      {{scene.length_m + 3.0, side * scene.half_width_m}, 0.005}};
     wall.state = ChainState::kWall;
     wall.p_exists = 0.99;
+    map.chains.push_back(wall);
+  }
+  for (const double x_m : {-3.0, scene.length_m + 3.0}) {
+    Chain wall = map.chains.front();
+    wall.id = id++;
+    wall.vertices = {{{x_m, -scene.half_width_m}, 0.005}, {{x_m, scene.half_width_m}, 0.005}};
     map.chains.push_back(wall);
   }
   for (const Box& box : scene.known_boxes) map.chains.push_back(chain_of(box, id++));
@@ -181,78 +197,257 @@ bool overlaps(const Footprint& footprint, const Pose2& T_world_base, const std::
 
 }  // namespace
 
+const char* name_of(TransitFault fault) {
+  static constexpr std::array<const char*, kTransitFaults> kNames = {
+      "none",          "no scan",        "frozen scan",    "late scan",     "no return",
+      "NaN scan",      "no objects",     "frozen objects", "no polygons",   "wrong polygons",
+      "no covariance", "NaN covariance", "inf covariance", "-1 covariance", "large covariance",
+      "no odometry",   "NaN odometry",   "no pose",        "no verdict",    "crash"};
+  return kNames.at(static_cast<std::size_t>(fault));
+}
+
+bool has_to_stop(TransitFault fault) {
+  switch (fault) {
+    case TransitFault::kNone:
+    case TransitFault::kNoObjects:
+    case TransitFault::kFrozenObjects:
+    case TransitFault::kNoPolygons:
+    case TransitFault::kWrongPolygons:
+    case TransitFault::kNoOdometry:
+    case TransitFault::kNanOdometry:
+      return false;
+    default:
+      return true;
+  }
+}
+
+namespace {
+
+/// A transit under way: the world, what is sensed of it, and who drives.
+class Transit {
+ public:
+  Transit(const TransitScene& scene, const TransitParams& params, std::uint64_t seed)
+      : scene_(scene),
+        params_(params),
+        random_(seed * 2 + 1),
+        path_{false, {{{0.0, 0.0}, {}}, {{0.5 * scene.length_m, 0.0}, {}}, {{scene.length_m, 0.0}, {}}}},
+        following_(path_, params.vehicle, params.path),
+        areas_(path_, params.vehicle, params.safety) {
+    following_.start();
+    for (const double side : {-1.0, 1.0}) {
+      edges_.push_back({{-3.0, side * scene.half_width_m}, {scene.length_m + 3.0, side * scene.half_width_m}});
+    }
+    for (const double x_m : {-3.0, scene.length_m + 3.0}) {
+      edges_.push_back({{x_m, -scene.half_width_m}, {x_m, scene.half_width_m}});
+    }
+    for (const Box& box : scene.known_boxes) add_edges(box, edges_);
+    for (const Box& box : scene.new_boxes) add_edges(box, edges_);
+    senses_.polygons = map_of(scene);
+    if (scene.walker) walker_.emplace(*scene.walker);
+  }
+
+  TransitOutcome run() {
+    for (int tick = 0; tick * kTick_s < params_.longest_s; ++tick) {
+      time_s_ = tick * kTick_s;
+      outcome_.time_s = time_s_;
+      if (tick % kTicksPerScan == 0) {
+        command();
+        if (outcome_.arrived) return outcome_;
+      }
+      move(tick);
+      if (outcome_.found && has_to_stop(params_.fault) && stood_s_ > kStood_s) break;
+    }
+    outcome_.stands = stood_s_ > kStood_s;
+    if (!outcome_.found || !has_to_stop(params_.fault)) outcome_.time_s = params_.longest_s;
+    return outcome_;
+  }
+
+ private:
+  static constexpr double kStood_s = 1.0;
+
+  bool fails(TransitFault fault) const { return params_.fault == fault && time_s_ >= params_.fault_s; }
+  bool has_failed() const { return params_.fault != TransitFault::kNone && time_s_ >= params_.fault_s; }
+
+  /// What the maps have of the scan before.
+  void map_what_is_seen(std::int64_t stamp_ns) {
+    const bool is_seen = !fails(TransitFault::kNoReturn) && !fails(TransitFault::kNanScan);
+    if (!fails(TransitFault::kNoPolygons)) {
+      senses_.polygons.stamp_ns = stamp_ns;
+      for (Chain& chain : senses_.polygons.chains) {
+        if (is_seen) chain.last_seen_ns = stamp_ns;
+      }
+      const bool forgets = fails(TransitFault::kNoReturn) && time_s_ - params_.fault_s > kRemoval_s;
+      if (forgets) senses_.polygons.chains.clear();
+    }
+    if (fails(TransitFault::kWrongPolygons) && !is_wrong_ && scene_.walker) {
+      Chain chain;
+      chain.id = 1000;
+      chain.vertices = {{scene_.walker->from_m, 0.005}, {scene_.walker->to_m, 0.005}};
+      chain.state = ChainState::kKnown;
+      chain.p_exists = 0.99;
+      chain.last_seen_ns = stamp_ns;
+      senses_.polygons.chains.push_back(chain);
+      is_wrong_ = true;
+    }
+    if (fails(TransitFault::kNoObjects)) return;
+    senses_.objects.stamp_ns = stamp_ns;
+    if (fails(TransitFault::kFrozenObjects) || !is_seen) return;
+    senses_.objects.objects.clear();
+    if (!walker_ || !sees_walker()) return;
+    Object person;
+    person.id = 1;
+    person.ellipse_world = {walker_->center_m(), 0.0, 0.2, 0.2};
+    person.velocity_world_m_s = walker_velocity_m_s_;
+    person.object_class = ObjectClass::kPerson;
+    person.beams = 10;
+    person.first_seen_ns = kBegin_ns;
+    person.last_seen_ns = stamp_ns;
+    senses_.objects.objects.push_back(person);
+  }
+
+  bool sees_walker() const {
+    const Eigen::Vector2d to_m = walker_->center_m() - T_world_base_.translation_m;
+    const double azimuth_rad = wrap_to_pi(std::atan2(to_m.y(), to_m.x()) - T_world_base_.yaw_rad);
+    return std::abs(azimuth_rad) < -kFirst_rad &&
+           cast_edges(edges_, T_world_base_.translation_m, to_m.normalized()) > to_m.norm();
+  }
+
+  VehicleState sensed_vehicle(std::int64_t stamp_ns) {
+    VehicleState& state = senses_.vehicle;
+    const double sigma_m = params_.pose_sigma_m, sigma_rad = params_.pose_sigma_rad;
+    const Pose2 error{{sigma_m * random_.normal(), sigma_m * random_.normal()}, sigma_rad * random_.normal()};
+    state.T_world_base = T_world_base_ * error;
+    state.covariance_world.setZero();
+    state.covariance_world.diagonal() << sigma_m * sigma_m, sigma_m * sigma_m, sigma_rad * sigma_rad;
+    const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+    if (fails(TransitFault::kNoCovariance) || fails(TransitFault::kNanCovariance)) {
+      state.covariance_world.setConstant(nan);
+    }
+    if (fails(TransitFault::kInfCovariance)) state.covariance_world.diagonal().setConstant(inf);
+    if (fails(TransitFault::kMinusCovariance)) state.covariance_world.diagonal().setConstant(-1.0);
+    if (fails(TransitFault::kLargeCovariance)) state.covariance_world.diagonal().setConstant(1.0);
+    const double speed_m_s = now_.speed_m_s * (1.0 + 0.01 * random_.normal());
+    if (fails(TransitFault::kNoOdometry)) return state;
+    state.speed_m_s = fails(TransitFault::kNanOdometry) ? nan : speed_m_s;
+    state.speed_stamp_ns = stamp_ns;
+    return state;
+  }
+
+  void scan(std::int64_t stamp_ns) {
+    if (fails(TransitFault::kFrozenScan) && !points_.points.empty()) {
+      points_.stamp_ns = stamp_ns;
+      return;
+    }
+    points_ = scan_of(T_world_base_, stamp_ns, edges_, walker_, params_, random_, std::move(points_));
+    senses_.ranges_m.clear();
+    for (Point& point : points_.points) {
+      if (fails(TransitFault::kNoReturn)) {
+        point.state = BeamState::kFree;
+        point.range_m = kRangeMax_m;
+      }
+      if (fails(TransitFault::kNanScan)) point.state = BeamState::kInvalid;
+      senses_.ranges_m.push_back(point.state == BeamState::kHit ? static_cast<float>(point.range_m)
+                                                                : std::numeric_limits<float>::infinity());
+    }
+  }
+
+  /// One scan, the verdict, and the command by it, as the stages do it.
+  void command() {
+    const std::int64_t stamp_ns = kBegin_ns + nanoseconds(time_s_);
+    const VehicleState& state = sensed_vehicle(stamp_ns);
+    scan(stamp_ns);
+    points_.T_world_level = state.T_world_base;
+    map_what_is_seen(stamp_ns - nanoseconds(kTicksPerScan * kTick_s));
+    const bool is_scanned = !fails(TransitFault::kNoScan) && !fails(TransitFault::kLateScan) &&
+                            !fails(TransitFault::kNoVerdict) && !fails(TransitFault::kNoPose);
+    bool is_named = false;
+    if (is_scanned) {
+      const SafetyDecision& decision =
+          areas_.update(points_, state, senses_.polygons, senses_.objects, senses_.ranges_m);
+      allowed_ = {decision.allowed_speed_m_s, decision.may_turn};
+      allowed_s_ = time_s_;
+      using Kind = SafetyDecision::Kind;
+      is_named = decision.verdict == SafetyDecision::Verdict::kStop &&
+                 (decision.kind == Kind::kPose || decision.kind == Kind::kContradiction ||
+                  decision.kind == Kind::kFrozenScan || decision.kind == Kind::kHidden);
+    }
+    const bool is_commanded = !fails(TransitFault::kCrash);
+    const bool is_fresh = allowed_s_ >= 0.0 && time_s_ - allowed_s_ <= params_.path.timeout_s;
+    if (is_commanded) {
+      const PathFollowingResult& result = is_fresh && !fails(TransitFault::kNoPose)
+                                              ? following_.update(stamp_ns, state.T_world_base, allowed_)
+                                              : following_.brake(stamp_ns);
+      const double latency_s = params_.sweep_s + random_.uniform(params_.least_latency_s, params_.most_latency_s);
+      commands_.emplace_back(time_s_ + latency_s, result.command);
+      outcome_.arrived = result.state == PathFollowingResult::State::kArrived;
+      commanded_s_ = time_s_ + latency_s;
+    }
+    const bool is_dead = !is_commanded && time_s_ - commanded_s_ >= params_.watchdog_s;
+    if (has_failed() && !outcome_.found && (is_named || !is_fresh || is_dead || fails(TransitFault::kNoPose))) {
+      outcome_.found = true;
+      outcome_.found_after_s = time_s_ - params_.fault_s;
+      outcome_.found_speed_m_s = now_.speed_m_s;
+    }
+  }
+
+  void move(int tick) {
+    while (!commands_.empty() && commands_.front().first <= time_s_) {
+      now_ = commands_.front().second;
+      commands_.pop_front();
+    }
+    if (fails(TransitFault::kCrash) && commands_.empty() && time_s_ - commanded_s_ > params_.watchdog_s) {
+      now_.speed_m_s = std::max(now_.speed_m_s - params_.vehicle.braking_m_s2 * kTick_s, 0.0);
+      now_.turn_rate_rad_s = 0.0;
+    }
+    T_world_base_ = T_world_base_ * exp_se2(kTick_s * Eigen::Vector3d(now_.speed_m_s, 0.0, now_.turn_rate_rad_s));
+    const bool moves = now_.speed_m_s > kMoving_m_s || std::abs(now_.turn_rate_rad_s) > 1e-2;
+    stood_s_ = moves ? 0.0 : stood_s_ + kTick_s;
+    if (outcome_.found) outcome_.way_to_stand_m += now_.speed_m_s * kTick_s;
+    if (time_s_ > 2.0 && T_world_base_.translation_m.x() < scene_.length_m - 0.5) {
+      outcome_.least_speed_m_s = std::min(outcome_.least_speed_m_s, now_.speed_m_s);
+    }
+    if (walker_) meet_walker(moves);
+    if (tick % 10 == 0 && overlaps(params_.vehicle.footprint, T_world_base_, edges_)) outcome_.hit_box = true;
+  }
+
+  void meet_walker(bool moves) {
+    const Eigen::Vector2d before_m = walker_->center_m();
+    walker_->advance(time_s_, T_world_base_, now_.speed_m_s, params_.vehicle.footprint);
+    walker_velocity_m_s_ = (walker_->center_m() - before_m) / kTick_s;
+    if (!moves) return;
+    const double gap_m = clearance_m(params_.vehicle.footprint, inverse(T_world_base_) * walker_->center_m());
+    outcome_.least_clearance_m = std::min(outcome_.least_clearance_m, gap_m - Walker::kRadius_m);
+    if (gap_m > Walker::kRadius_m || outcome_.touched) return;
+    outcome_.touched = true;
+    outcome_.touch_speed_m_s = now_.speed_m_s;
+  }
+
+  const TransitScene& scene_;
+  const TransitParams& params_;
+  Random random_;
+  Path path_;
+  PathFollowing following_;
+  SafetyAreas areas_;
+  std::vector<CastEdge> edges_;
+  std::optional<WalkerMotion> walker_;
+  Eigen::Vector2d walker_velocity_m_s_ = Eigen::Vector2d::Zero();
+  Senses senses_;
+  bool is_wrong_ = false;
+  Points points_;
+  AllowedMotion allowed_;
+  double allowed_s_ = -1.0;  ///< when; -1: never
+  double commanded_s_ = 0.0;
+  double time_s_ = 0.0, stood_s_ = 0.0;
+  Pose2 T_world_base_;
+  Velocity now_;
+  std::deque<std::pair<double, Velocity>> commands_;  // and when the vehicle obeys
+  TransitOutcome outcome_;
+};
+
+}  // namespace
+
 TransitOutcome simulate_transit(const TransitScene& scene, const TransitParams& params, std::uint64_t seed) {
-  Random random(seed * 2 + 1);
-  const Path path{false, {{{0.0, 0.0}, {}}, {{0.5 * scene.length_m, 0.0}, {}}, {{scene.length_m, 0.0}, {}}}};
-  PathFollowing following(path, params.vehicle, params.path);
-  SafetyAreas areas(path, params.vehicle, params.safety);
-  following.start();
-
-  std::vector<CastEdge> edges;
-  for (const double side : {-1.0, 1.0}) {
-    edges.push_back({{-3.0, side * scene.half_width_m}, {scene.length_m + 3.0, side * scene.half_width_m}});
-  }
-  for (const double x_m : {-3.0, scene.length_m + 3.0}) {
-    edges.push_back({{x_m, -scene.half_width_m}, {x_m, scene.half_width_m}});
-  }
-  for (const Box& box : scene.known_boxes) add_edges(box, edges);
-  for (const Box& box : scene.new_boxes) add_edges(box, edges);
-  const Polygons map = map_of(scene);
-  std::optional<WalkerMotion> walker;
-  if (scene.walker) walker.emplace(*scene.walker);
-
-  TransitOutcome outcome;
-  Pose2 T_world_base;
-  Velocity now;
-  std::deque<std::pair<double, Velocity>> commands;  // and when the vehicle obeys
-  Points points;
-  VehicleState state;
-  const double sigma_m = params.pose_sigma_m, sigma_rad = params.pose_sigma_rad;
-  state.covariance_world.diagonal() << sigma_m * sigma_m, sigma_m * sigma_m, sigma_rad * sigma_rad;
-  for (int tick = 0; tick * kTick_s < params.longest_s; ++tick) {
-    const double time_s = tick * kTick_s;
-    if (tick % kTicksPerScan == 0) {
-      const std::int64_t stamp_ns = kBegin_ns + nanoseconds(time_s);
-      const Pose2 error{{sigma_m * random.normal(), sigma_m * random.normal()}, sigma_rad * random.normal()};
-      state.T_world_base = T_world_base * error;
-      state.speed_m_s = now.speed_m_s * (1.0 + 0.01 * random.normal());
-      points = scan_of(T_world_base, stamp_ns, edges, walker, params, random, std::move(points));
-      points.T_world_level = state.T_world_base;
-      const SafetyDecision& decision = areas.update(points, state, map, {});
-      const PathFollowingResult& result =
-          following.update(stamp_ns, state.T_world_base, {decision.allowed_speed_m_s, decision.may_turn});
-      const double latency_s = params.sweep_s + random.uniform(params.least_latency_s, params.most_latency_s);
-      commands.emplace_back(time_s + latency_s, result.command);
-      if (result.state == PathFollowingResult::State::kArrived) {
-        outcome.arrived = true;
-        outcome.time_s = time_s;
-        return outcome;
-      }
-    }
-    while (!commands.empty() && commands.front().first <= time_s) {
-      now = commands.front().second;
-      commands.pop_front();
-    }
-    T_world_base = T_world_base * exp_se2(kTick_s * Eigen::Vector3d(now.speed_m_s, 0.0, now.turn_rate_rad_s));
-    if (time_s > 2.0 && T_world_base.translation_m.x() < scene.length_m - 0.5) {
-      outcome.least_speed_m_s = std::min(outcome.least_speed_m_s, now.speed_m_s);
-    }
-    if (walker) {
-      walker->advance(time_s, T_world_base, now.speed_m_s, params.vehicle.footprint);
-      const double gap_m = clearance_m(params.vehicle.footprint, inverse(T_world_base) * walker->center_m());
-      const bool moves = now.speed_m_s > kMoving_m_s || std::abs(now.turn_rate_rad_s) > 1e-2;
-      if (moves) {
-        outcome.least_clearance_m = std::min(outcome.least_clearance_m, gap_m - Walker::kRadius_m);
-        if (gap_m <= Walker::kRadius_m && !outcome.touched) {
-          outcome.touched = true;
-          outcome.touch_speed_m_s = now.speed_m_s;
-        }
-      }
-    }
-    if (tick % 10 == 0 && overlaps(params.vehicle.footprint, T_world_base, edges)) outcome.hit_box = true;
-  }
-  outcome.time_s = params.longest_s;
-  return outcome;
+  return Transit(scene, params, seed).run();
 }
 
 TransitScene scene_with_boxes(std::uint64_t seed) {
@@ -297,6 +492,37 @@ TransitScene scene_with_walker(std::uint64_t seed, bool behind_a_box) {
   }
   scene.walker = walker;
   return scene;
+}
+
+TransitScene scene_with_box_at_the_end(std::uint64_t seed) {
+  Random random(seed * 17 + 7);
+  TransitScene scene;
+  scene.length_m = 3.0;
+  const double side = random.uniform() < 0.5 ? -1.0 : 1.0;
+  // Beside the end or behind it, so that it is passed, and within reach of a tail that turns.
+  scene.known_boxes.push_back({{scene.length_m + random.uniform(-0.7, 0.5), side * random.uniform(0.4, 0.75)},
+                               random.uniform(-kPi, kPi),
+                               random.uniform(0.05, 0.15),
+                               random.uniform(0.05, 0.1)});
+  return scene;
+}
+
+Footprint footprint_of_shape(std::size_t shape) {
+  if (shape == 1) return {{{0.2, 0.2}, {-0.6, 0.2}, {-0.6, -0.2}, {0.2, -0.2}}};
+  if (shape == 2) return {{{0.6, 0.3}, {0.5, 0.35}, {-0.5, 0.35}, {-0.5, -0.35}, {0.5, -0.35}, {0.6, -0.3}}};
+  return VehicleParams().footprint;
+}
+
+TransitWithFault transit_with_fault(SafetyPolicy policy, std::uint64_t seed) {
+  Random random(seed * 19 + 11);
+  TransitWithFault run;
+  run.scene = scene_with_walker(seed);
+  run.params.safety.policy = policy;
+  run.params.vehicle.footprint = footprint_of_shape(seed % kShapes);
+  run.params.fault = static_cast<TransitFault>(1 + static_cast<int>(random.uniform(0.0, kTransitFaults - 1.0 - 1e-9)));
+  run.params.fault_s = random.uniform() < 0.1 ? 0.0 : random.uniform(0.0, 14.0);
+  run.params.longest_s = 40.0;
+  return run;
 }
 
 }  // namespace situation_awareness

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <string>
+
 namespace situation_awareness {
 namespace {
 
@@ -70,6 +72,53 @@ TEST(SafetyTransits, NobodyIsTouched) {
       EXPECT_FALSE(outcome.touched) << name_of(policy) << ' ' << seed;
       EXPECT_FALSE(outcome.hit_box) << name_of(policy) << ' ' << seed;
     }
+  }
+}
+
+/// The way on which a vehicle stands for sure once a fault is found: commands of before are under way meanwhile.
+double most_way_m(const TransitOutcome& outcome, const TransitParams& params) {
+  const double v = outcome.found_speed_m_s;
+  return v * params.vehicle.reaction_s + 0.5 * v * v / params.vehicle.braking_m_s2 + 0.01;
+}
+
+void expect_no_harm(SafetyPolicy policy, std::uint64_t seed) {
+  const TransitWithFault run = transit_with_fault(policy, seed);
+  const TransitOutcome outcome = simulate_transit(run.scene, run.params, seed);
+  const std::string what = std::string(name_of(policy)) + ' ' + std::to_string(seed) + ' ' + name_of(run.params.fault) +
+                           " at " + std::to_string(run.params.fault_s) + " s";
+  EXPECT_FALSE(outcome.touched) << what << ", at " << outcome.touch_speed_m_s << " m/s";
+  EXPECT_FALSE(outcome.hit_box) << what;
+  if (!has_to_stop(run.params.fault) || (outcome.arrived && !outcome.found)) return;
+  EXPECT_TRUE(outcome.found) << what;
+  EXPECT_TRUE(outcome.stands) << what;
+  EXPECT_LE(outcome.way_to_stand_m, most_way_m(outcome, run.params)) << what;
+}
+
+TEST(SafetyTransits, NobodyIsTouchedWhateverFails) {
+  for (const SafetyPolicy policy : kPolicies) {
+    for (std::uint64_t seed = 1; seed <= 40; ++seed) expect_no_harm(policy, seed);
+  }
+}
+
+// A vehicle with a tail of 0.6 m drives there and back, and turns where a box may be in its circle.
+TEST(SafetyTransits, ATailHitsNoKnownBoxWhereItTurns) {
+  int arrived = 0;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    TransitParams params;
+    params.vehicle.footprint = footprint_of_shape(1);
+    params.path.transits = 2;
+    params.path.pause_s = 0.5;
+    params.longest_s = 40.0;
+    const TransitOutcome outcome = simulate_transit(scene_with_box_at_the_end(seed), params, seed);
+    EXPECT_FALSE(outcome.hit_box) << seed;
+    arrived += outcome.arrived ? 1 : 0;
+  }
+  EXPECT_GT(arrived, 0) << "where nothing is in the circle it turns";
+}
+
+TEST(SafetyTransitsLong, NobodyIsTouchedWhateverFails) {
+  for (const SafetyPolicy policy : kPolicies) {
+    for (std::uint64_t seed = 1; seed <= 300; ++seed) expect_no_harm(policy, seed);
   }
 }
 

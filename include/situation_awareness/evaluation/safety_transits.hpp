@@ -41,6 +41,37 @@ struct TransitScene {
   std::optional<Walker> walker;
 };
 
+/// What fails during a transit, from some time on.
+enum class TransitFault : std::uint8_t {
+  kNone,
+  kNoScan,           ///< no more scans
+  kFrozenScan,       ///< the same ranges with new stamps
+  kLateScan,         ///< by 1 s
+  kNoReturn,         ///< no beam has a return
+  kNanScan,          ///< no beam says anything
+  kNoObjects,        ///< no more maps of objects, or none ever
+  kFrozenObjects,    ///< the same map with new stamps
+  kNoPolygons,       ///< no more maps of polygons, or none ever
+  kWrongPolygons,    ///< a known chain along the way of who crosses
+  kNoCovariance,     ///< no more of them
+  kNanCovariance,    ///< all of it
+  kInfCovariance,    ///< the variances
+  kMinusCovariance,  ///< the variances are -1
+  kLargeCovariance,  ///< sigmas of 1 m and 1 rad
+  kNoOdometry,       ///< no more speeds
+  kNanOdometry,      ///< speeds of NaN
+  kNoPose,           ///< no more transforms: scans cannot be placed
+  kNoVerdict,        ///< the safety areas are gone
+  kCrash,            ///< nobody commands any more: the base stops by its own watchdog
+};
+constexpr int kTransitFaults = 20;
+
+/// "no scan", ...
+const char* name_of(TransitFault fault);
+
+/// Whether the vehicle has to stand after it.
+bool has_to_stop(TransitFault fault);
+
 /// The vehicle and the scanner, for a LMS100: 270 deg, 0.5 deg, 25 Hz, 12 mm.
 struct TransitParams {
   VehicleParams vehicle;
@@ -54,6 +85,9 @@ struct TransitParams {
   double pose_sigma_m = 0.003;
   double pose_sigma_rad = 0.001;
   double longest_s = 120.0;
+  TransitFault fault = TransitFault::kNone;
+  double fault_s = 0.0;     ///< when; 0: from the start
+  double watchdog_s = 0.1;  ///< of the base, which then brakes
 };
 
 struct TransitOutcome {
@@ -64,6 +98,11 @@ struct TransitOutcome {
   double least_clearance_m = 1e9;  ///< between the walker and the vehicle that moved
   double least_speed_m_s = 1e9;    ///< after the start and before the end
   bool hit_box = false;            ///< the vehicle touched a box or a wall
+  bool found = false;              ///< the fault: the first command after it that says so is to brake for it
+  double found_after_s = 0.0;
+  double found_speed_m_s = 0.0;
+  double way_to_stand_m = 0.0;  ///< driven since then
+  bool stands = false;          ///< at the end
 };
 
 /// One transit; the same seed gives the same one.
@@ -74,5 +113,20 @@ TransitScene scene_with_boxes(std::uint64_t seed);
 
 /// Someone who steps into the way from a side, in view for the whole time; with `behind_a_box` from behind a known box.
 TransitScene scene_with_walker(std::uint64_t seed, bool behind_a_box = false);
+
+/// A known box beside the end of the way, where the vehicle turns to drive back.
+TransitScene scene_with_box_at_the_end(std::uint64_t seed);
+
+/// Of a Pioneer, of a vehicle with 0.6 m behind its axle, and of one of 1.1 m x 0.7 m.
+Footprint footprint_of_shape(std::size_t shape);
+constexpr std::size_t kShapes = 3;
+
+/// Someone who steps into the way, seen or from behind a box, of a vehicle of one of the shapes, and a fault at some
+/// time, all by the seed.
+struct TransitWithFault {
+  TransitScene scene;
+  TransitParams params;
+};
+TransitWithFault transit_with_fault(SafetyPolicy policy, std::uint64_t seed);
 
 }  // namespace situation_awareness
