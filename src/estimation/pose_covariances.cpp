@@ -43,6 +43,7 @@ bool PoseCovariances::add(std::int64_t stamp_ns, const BasePose& pose) {
 
 void PoseCovariances::refuse(std::int64_t stamp_ns) {
   expect();
+  last_ns_ = stamp_ns;
   poses_[stamp_ns].reset();
   if (poses_.size() <= kMost) return;
   // The farthest in time, on either side: after a restart of time those before are ahead.
@@ -60,6 +61,12 @@ std::optional<BasePose> PoseCovariances::at(std::int64_t stamp_ns) const {
   }
   if (nearest == poses_.end() || !(apart_s(nearest) <= max_age_s_)) return {};
   return nearest->second;
+}
+
+std::optional<BasePose> PoseCovariances::latest(std::int64_t now_ns) const {
+  const auto last = poses_.find(last_ns_);
+  if (last == poses_.end() || !(std::abs(seconds_between(last_ns_, now_ns)) <= max_age_s_)) return {};
+  return last->second;
 }
 
 }  // namespace situation_awareness

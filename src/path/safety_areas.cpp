@@ -44,7 +44,11 @@ constexpr double kPassSpacing_m = 0.1;
 constexpr std::size_t kMostPasses = 512;
 // A map that a blind scanner no longer feeds is still a map of what it should see.
 constexpr double kContradiction_s = 10.0;
-constexpr double kFixed_m = 3.0;    // as large as this is no thing that is taken away at once
+constexpr double kFixed_m = 3.0;   // as large as this is no thing that is taken away at once
+constexpr double kTravel_m = 0.2;  // after which the pose should have moved, by this part
+constexpr double kLeastMoved = 0.25;
+constexpr double kMoves_m = 0.001;  // a pose that stood still moves again
+constexpr double kMostPeriod_s = 0.2;
 constexpr double kNearer_m = 0.01;  // than now, from which on an unseen chain counts
 constexpr double kChainSpacing_m = 0.05;
 
@@ -81,16 +85,6 @@ double extent_m(const Chain& chain) {
 /// A hit on an edge is so near to it.
 double reach_of_m(const ChainVertex& from, const ChainVertex& to, const SafetyParams& params) {
   return std::min(params.explain_m + params.sigmas * std::max(from.sigma_m, to.sigma_m), kMostExplain_m);
-}
-
-/// The newest observation that a map says it is of: one that says of hits in the latest scan, and did not see what they
-/// are on for long, is repeated with new stamps.
-std::int64_t latest_of(const Objects& objects) {
-  std::int64_t stamp_ns = objects.stamp_ns;
-  for (const Object& object : objects.objects) {
-    if (object.beams > 0) stamp_ns = std::min(stamp_ns, object.last_seen_ns);
-  }
-  return stamp_ns;
 }
 
 double stopping_way_m(double speed_m_s, double reaction_s, double deceleration_m_s2) {
@@ -156,6 +150,11 @@ const char* name_of(DecidedKind kind) {
   return "";
 }
 
+bool has_place(DecidedKind kind) {
+  return kind == DecidedKind::kUnknownHit || kind == DecidedKind::kChain || kind == DecidedKind::kObject ||
+         kind == DecidedKind::kHidden;
+}
+
 const char* name_of(SafetyInput input) {
   switch (input) {
     case SafetyInput::kObjects:
@@ -211,12 +210,22 @@ void SafetyAreas::reset() {
   remembered_.clear();
   ground_.clear();
   on_path_ = false;
+  travel_m_ = 0.0;
+  travel_ns_ = 0;
 }
 
 // --- what may be used
 
 bool SafetyAreas::is_fresh(std::int64_t stamp_ns, double max_age_s) const {
   return stamp_ns > 0 && std::abs(seconds_between(stamp_ns, decision_.stamp_ns)) <= max_age_s;
+}
+
+/// One that says of hits in its scan, and did not see what they are on for long, is repeated with new stamps.
+bool SafetyAreas::are_fresh(const Objects& objects) const {
+  const double age_s = params_.max_objects_age_s;
+  return is_fresh(objects.stamp_ns, age_s) &&
+         std::all_of(objects.objects.begin(), objects.objects.end(),
+                     [&](const Object& object) { return object.beams == 0 || is_fresh(object.last_seen_ns, age_s); });
 }
 
 /// What is not measured may be as fast as the vehicle can.
@@ -226,6 +235,26 @@ double SafetyAreas::known_speed_m_s(const VehicleState& vehicle) {
   if (is_known) return std::abs(vehicle.speed_m_s);
   decision_.missing.push_back(SafetyInput::kSpeed);
   return vehicle_.max_speed_m_s;
+}
+
+/// While the speed says that the vehicle moves: a source of poses that repeats itself.
+bool SafetyAreas::pose_stands_still(const VehicleState& vehicle, bool speed_is_known) {
+  const double period_s = std::clamp(seconds_between(travel_ns_, decision_.stamp_ns), 0.0, kMostPeriod_s);
+  const Eigen::Vector2d& p_world_m = vehicle.T_world_base.translation_m;
+  const double moved_m = (p_world_m - travel_from_m_).norm();
+  const bool is_first = travel_ns_ == 0;
+  travel_ns_ = decision_.stamp_ns;
+  const double speed_m_s = std::abs(vehicle.speed_m_s);
+  if (speed_is_known && speed_m_s >= kStanding_m_s) travel_m_ += speed_m_s * period_s;
+  const bool moves = moved_m >= (stands_still_ ? kMoves_m : kLeastMoved * kTravel_m);
+  if (!is_first && !moves) {
+    stands_still_ = stands_still_ || travel_m_ >= kTravel_m;
+    return stands_still_;
+  }
+  stands_still_ = false;
+  travel_m_ = 0.0;
+  travel_from_m_ = p_world_m;
+  return false;
 }
 
 /// False where the pose is not known well enough.
@@ -388,7 +417,7 @@ bool SafetyAreas::is_seen_through(const Edge& edge, const Eigen::Vector2d& p_wor
 
 void SafetyAreas::gather_movers(const Objects& objects, std::int64_t stamp_ns) {
   movers_.clear();
-  if (!is_fresh(latest_of(objects), params_.max_objects_age_s)) return;
+  if (!are_fresh(objects)) return;
   const double age_s = seconds_between(objects.stamp_ns, stamp_ns);
   for (const Object& object : objects.objects) {
     if (object.p_exists < params_.min_p_exists) continue;
@@ -671,8 +700,9 @@ void SafetyAreas::look_along_the_way(const Points& points) {
 
 /// Of the circle about the base that the footprint sweeps when it turns, what this scan sees to be free.
 void SafetyAreas::note_what_is_free(const Points& points) {
-  const Pose2 T_level_world = inverse(points.T_world_level);
+  const Pose2 T_level_world = inverse(points.T_world_level), T_base_world = inverse(T_world_base_);
   ground_.see(T_world_base_.translation_m, points.stamp_ns, [&](const Eigen::Vector2d& p_world_m) {
+    if (clearance_m(vehicle_.footprint, T_base_world * p_world_m) == 0.0) return true;  // the vehicle itself is there
     const Eigen::Vector2d p_level_m = T_level_world * p_world_m;
     return seen_range_m(points, p_level_m) >= p_level_m.norm();
   });
@@ -719,15 +749,17 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   decision_.warning_world_m.clear();
   decision_.protective_world_m.clear();
 
-  if (!is_fresh(latest_of(objects), params_.max_objects_age_s)) decision_.missing.push_back(SafetyInput::kObjects);
+  if (!are_fresh(objects)) decision_.missing.push_back(SafetyInput::kObjects);
   if (!is_fresh(polygons.stamp_ns, params_.max_polygons_age_s)) decision_.missing.push_back(SafetyInput::kPolygons);
   if (!decision_.missing.empty()) decision_.policy = SafetyPolicy::kConservative;
   const double present_m_s = known_speed_m_s(vehicle);
   const bool is_known_well = take_covariance(vehicle.covariance_world);
   const bool is_finite = vehicle.T_world_base.translation_m.allFinite() && std::isfinite(vehicle.T_world_base.yaw_rad);
   if (!is_finite) return decision_;
+  const bool speed_is_known = std::count(decision_.missing.begin(), decision_.missing.end(), SafetyInput::kSpeed) == 0;
+  const bool pose_is_frozen = pose_stands_still(vehicle, speed_is_known);
   const bool is_frozen = repeated_.add(ranges_m, points);
-  if (!is_known_well) return decision_;
+  if (!is_known_well || pose_is_frozen) return decision_;
   T_world_base_ = vehicle.T_world_base;
   view_chains(points, polygons);
   const bool is_blind_scanner = blind_.add(points, view_, T_world_base_.yaw_rad);

@@ -293,5 +293,34 @@ TEST(PathFollowing, RefusalsNameFieldAndBound) {
                     {"path.turn_to_rad", "path.turn_from_rad"}));
 }
 
+// At every occasion for some seconds, from the start and from the last command to drive on; then twice a second.
+TEST(StandingCommands, AreOftenFirstAndThenNowAndThen) {
+  StandingCommands commands;
+  const auto count = [&](double from_s, double to_s) {
+    int due = 0;
+    for (int k = 0; k * 0.02 < to_s - from_s; ++k) due += commands.are_due(from_s + k * 0.02) ? 1 : 0;
+    return due;
+  };
+  EXPECT_EQ(count(0.0, 2.99), 150);
+  EXPECT_NEAR(count(10.0, 110.0), 200, 10);
+  commands.drives(200.0);
+  EXPECT_EQ(count(200.02, 202.99), 149);
+  EXPECT_NEAR(count(300.0, 400.0), 200, 10);
+}
+
+TEST(PathFollowing, GoesOnFromStandingWhereItWasToldToHalt) {
+  PathFollowing following({false, {{{0.0, 0.0}, {}}, {{10.0, 0.0}, {}}}}, {}, {});
+  following.start();
+  std::int64_t stamp_ns = 1'000'000'000;
+  const auto speed_m_s = [&] {
+    stamp_ns += 20'000'000;
+    return following.update(stamp_ns, {{1.0, 0.0}, 0.0}, {1.0, true}).command.speed_m_s;
+  };
+  for (int i = 0; i < 200; ++i) speed_m_s();
+  EXPECT_NEAR(speed_m_s(), VehicleParams().max_speed_m_s, 1e-9);
+  following.halt();
+  EXPECT_LE(speed_m_s(), 0.02 * VehicleParams().acceleration_m_s2 + 1e-9);
+}
+
 }  // namespace
 }  // namespace situation_awareness

@@ -49,11 +49,15 @@ class PoseCovariances {
   /// By the message that is nearest in time; none: not known.
   std::optional<BasePose> at(std::int64_t stamp_ns) const;
 
+  /// By the one that came last, for what happens now.
+  std::optional<BasePose> latest(std::int64_t now_ns) const;
+
  private:
   static constexpr std::size_t kMost = 200;
 
   double max_age_s_;
   bool has_source_ = false;
+  std::int64_t last_ns_ = 0;                               ///< stamp of the one that came last
   std::map<std::int64_t, std::optional<BasePose>> poses_;  ///< by their stamp; none: it could not be used
 };
 

@@ -51,7 +51,7 @@ struct PathFollowingParams {
   double goal_tolerance_m = 0.02;
   int transits = 1;
   double pause_s = 2.0;
-  double timeout_s = 0.3;
+  double timeout_s = 0.16;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -73,7 +73,8 @@ struct PathFollowingParams {
           "number of transits: there and back in turn on an open path, rounds of a closed one; 0: without end");
     visit("pause_s", self.pause_s, Bounds{0.0, 3600.0}, "s", "at the ends of an open path, between two transits");
     visit("timeout_s", self.timeout_s, Bounds{0.05, 10.0}, "s",
-          "the vehicle stops where pose or verdict of the safety areas are older than this");
+          "the vehicle brakes where pose or verdict of the safety areas are older than this; no longer than "
+          "vehicle/reaction_s, within which the areas count on it");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -131,6 +132,9 @@ class PathFollowing {
   /// The same without a pose: the vehicle brakes, and its transit goes on later.
   const PathFollowingResult& brake(std::int64_t stamp_ns);
 
+  /// The vehicle was told zero meanwhile: speeds go on from there.
+  void halt() { result_.command = {}; }
+
  private:
   const SplinePath& way() const { return ways_[result_.there ? 0 : 1]; }
   double speed_limit_m_s(double way_m) const;
@@ -155,6 +159,27 @@ class PathFollowing {
   double pause_left_s_ = 0.0;
   double turn_sign_ = 0.0;  ///< of the turn on the spot that has begun; 0: none has
   PathFollowingResult result_;
+};
+
+/// When a vehicle that is not driven is told to stand: for some seconds at every occasion, from the start and from the
+/// last command to drive on, since it keeps what it was told last, by whomever; then now and then. By the steady clock.
+class StandingCommands {
+ public:
+  static constexpr double kOften_s = 3.0;
+  static constexpr double kPeriod_s = 0.5;  ///< afterwards
+
+  /// It is driven.
+  void drives(double now_s) { begin_s_ = sent_s_ = now_s; }
+
+  /// Whether it is to be told now.
+  bool are_due(double now_s) {
+    if (now_s - begin_s_ > kOften_s && now_s - sent_s_ < kPeriod_s) return false;
+    sent_s_ = now_s;
+    return true;
+  }
+
+ private:
+  double begin_s_ = 0.0, sent_s_ = 0.0;
 };
 
 }  // namespace situation_awareness

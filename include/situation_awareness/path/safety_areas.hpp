@@ -182,8 +182,11 @@ struct SafetyDecision {
 };
 
 const char* name_of(SafetyDecision::Verdict verdict);  ///< "full speed", "slow", "stop"
-const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit", "chain", "object", "hidden", "pose",
-                                                       ///< "contradiction", "frozen scan"
+/// Whether what decides is at a place.
+bool has_place(SafetyDecision::Kind kind);
+
+const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "chain", "object", "hidden", "pose",
+                                                 ///< "contradiction", "frozen scan"
 
 /// Decides how fast a vehicle may drive along its path: the greatest speed at which nothing that counts is in the
 /// areas.
@@ -199,6 +202,7 @@ const char* name_of(SafetyDecision::Kind kind);        ///< "none", "unknown hit
 ///   policy is conservative, whatever the parameter says. A chain explains hits if the map saw it with the latest
 ///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
 ///   file, is still in the way of the footprint where the scanner does not look.
+/// - A pose that stands still while the measured speed says that the vehicle moves is none, until it moves.
 /// - A scan that contradicts the map, or repeats the one before, is a stop (path/scanner_watch.hpp).
 ///
 /// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the
@@ -291,7 +295,9 @@ class SafetyAreas {
   };
 
   bool is_fresh(std::int64_t stamp_ns, double max_age_s) const;
+  bool are_fresh(const Objects& objects) const;
   double known_speed_m_s(const VehicleState& vehicle);
+  bool pose_stands_still(const VehicleState& vehicle, bool speed_is_known);
   bool take_covariance(const Eigen::Matrix3d& covariance_world);
   bool place_on_path(const VehicleState& vehicle);
   void set_full_speed();
@@ -336,6 +342,11 @@ class SafetyAreas {
   double full_speed_m_s_ = 0.0;
   Margins margins_;
   double sigma_m_ = 0.0, sigma_rad_ = 0.0;
+  // The way by the speed since a place that the pose had.
+  double travel_m_ = 0.0;
+  std::int64_t travel_ns_ = 0;
+  Eigen::Vector2d travel_from_m_ = Eigen::Vector2d::Zero();
+  bool stands_still_ = false;
   Pose2 T_world_base_;
   std::vector<Step> steps_;
   Eigen::Vector2d low_m_, high_m_;  ///< corners of a box about the warning area
