@@ -515,6 +515,7 @@ class GridMap::Impl {
   static constexpr double kSize = 4.0;         ///< of the class, in its heights: nearer ground may be itself
   static constexpr float kNothing = 0.35F;     ///< of the class, where it has not begun
   static constexpr double kAround_m = 2.0;
+  static constexpr double kAsGiven = 50.0;     ///< cells seen from another direction, that agree as without an error
   static constexpr double kLeastGain = 0.025;  ///< in agreement, per step away from the elevation as it is given
 
   /// A cell of the grid and its tile; null where that has no evidence.
@@ -578,7 +579,8 @@ class GridMap::Impl {
   /// How well the images agree with an error of the elevation, less what speaks against a large one.
   double credible(int offset) const {
     const auto i = static_cast<std::size_t>(offset);
-    const double agreement = all_sum_[i] > 0.0 ? shared_sum_[i] / all_sum_[i] : 0.0;
+    const double as_given = all_sum_[kOffsets / 2] > 0.0 ? shared_sum_[kOffsets / 2] / all_sum_[kOffsets / 2] : 0.0;
+    const double agreement = (shared_sum_[i] + kAsGiven * as_given) / (all_sum_[i] + kAsGiven);
     return agreement - kLeastGain * std::abs(offset - kOffsets / 2);
   }
 
@@ -664,7 +666,7 @@ class GridMap::Impl {
         const Eigen::Vector2d up_px = params_.class_height_m / foot.z() * (up.head<2>() - up.z() * foot_px);
         const double seen = resolved(up_px.squaredNorm());
         add_direction(tile, i, along, turn * static_cast<float>(seen));
-        add_nothing(tile, i, params_.negative_weight * seen);
+        add_nothing(tile, i, params_.negative_weight * seen, static_cast<double>(turn));
       } else if (is_in_shadow(from_camera, hidden_below_m, view, reader, horizon) ||
                  !add_column(tile, i, foot, up, along, turn, hidden_below_m, reader, done)) {
         continue;
@@ -756,7 +758,7 @@ class GridMap::Impl {
     return std::clamp(extent_px2 / (kResolved_px * kResolved_px), 0.01, 1.0);
   }
 
-  void add_nothing(Tile& tile, std::size_t cell, double weight) {
+  void add_nothing(Tile& tile, std::size_t cell, double weight, double turn) {
     if (!has_evidence(tile)) {
       if (tile.nothing_weight.empty()) tile.nothing_weight.resize(kCellsOfTile);
       tile.nothing_weight[cell] =
@@ -765,7 +767,7 @@ class GridMap::Impl {
     }
     Evidence& evidence = tile.evidence[cell];
     for (std::size_t offset = 0; offset < kOffsets; ++offset) {
-      all_[offset] += weight * static_cast<double>(evidence.soft(offset));
+      all_[offset] += turn * weight * static_cast<double>(evidence.soft(offset));
       add(evidence, offset, weight, 0.0, 0.0);
     }
   }
@@ -788,6 +790,7 @@ class GridMap::Impl {
     if (!any_known) return false;
     begin_evidence(tile);
     bool any_added = false;
+    const auto turned = static_cast<double>(turn);
     bool is_class = false, is_believed = false;  // of the class by any offset, and by the one that is believed
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double seen = resolved((top.head<2>() / top.z() - foot.head<2>() / foot.z()).squaredNorm());
@@ -816,8 +819,8 @@ class GridMap::Impl {
                                                              : params_.negative_weight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
       if (tile.images[cell] > 0) {
-        shared_[i] += weight * std::min(soft, before);
-        all_[i] += weight * std::max(soft, before);
+        shared_[i] += turned * weight * std::min(soft, before);
+        all_[i] += turned * weight * std::max(soft, before);
       }
       const bool is_class_here = least > 0.5F * peak || soft_least > kSoftClass;
       is_class |= is_class_here;

@@ -186,6 +186,64 @@ TEST(GridMap, GroundBehindACrestIsNotObserved) {
   EXPECT_LT(probability_at(grid, 170.25, 0.25), 0.5F);
 }
 
+std::size_t class_cells(const SemanticGrid& grid, double x_min, double x_max, double y_min, double y_max) {
+  std::size_t cells = 0;
+  for (int row = 0; row < grid.height; ++row) {
+    for (int column = 0; column < grid.width; ++column) {
+      const Eigen::Vector2d p_m = grid.middle_world_m(column, row);
+      if (p_m.x() < x_min || p_m.x() > x_max || p_m.y() < y_min || p_m.y() > y_max) continue;
+      cells += grid.probability[grid.index(column, row)] > 0.5F ? 1U : 0U;
+    }
+  }
+  return cells;
+}
+
+TEST(GridMap, WhatIsAboveTheGroundIsNotOnIt) {
+  for (const double bottom_m : {3.0, 5.0, 8.0}) {
+    GridCase given = make_grid_case("orbit", 1);
+    given.scene.signs.push_back({Pose2{{9.0, 16.0}, radians(60.0)}, {0.2, 4.0, 1.5}, bottom_m});
+    EXPECT_EQ(class_cells(map_of(given, 56, flat()).grid(), -100.0, 100.0, 10.0, 100.0), 0U) << bottom_m;
+  }
+}
+
+TEST(GridMap, TheShadowOnGroundThatFallsAwayAsTheSightLinesDoIsNotSeen) {
+  GridCase given;
+  given.scene.ground = [](double x, double) { return -0.2 * x; };
+  given.scene.steepest = 0.2;
+  given.scene.cars.push_back({Pose2{{4.0, 0.0}, radians(90.0)}});
+  for (int i = 0; i < 20; ++i) {  // from where the ground behind the car falls away nearly as the sight lines do
+    given.T_world_camera.push_back(camera_pose({-70.0 + i, 0.0, 22.0 - 0.2 * i}, 0.0, radians(-15.0)));
+  }
+  const SemanticGrid grid = map_of(given, 112, std::make_shared<Elevation>(elevation_of(given, 1.0, 1))).grid();
+  EXPECT_GT(class_cells(grid, 2.0, 7.0, -3.0, 3.0), 8U);
+  EXPECT_EQ(class_cells(grid, 9.0, 100.0, -20.0, 20.0), 0U);
+  EXPECT_TRUE(std::isnan(probability_at(grid, 15.25, 0.25)));
+}
+
+TEST(GridMap, TheGroundBehindACarOnACrestIsNotOfTheClass) {
+  // The sight lines over the car reach the ground 60 m behind the crest.
+  GridCase given;
+  given.scene.ground = [](double x, double) { return 10.0 * std::exp(-x * x / 200.0); };
+  given.scene.steepest = 0.7;
+  given.scene.cars.push_back({Pose2{{1.0, 0.0}, radians(90.0)}});
+  for (int i = 0; i < 10; ++i) {
+    given.T_world_camera.push_back(camera_pose({-80.0 + 0.5 * i, 0.0, 22.0}, 0.0, radians(-10.0)));
+  }
+  const SemanticGrid grid = map_of(given, 112, std::make_shared<Elevation>(elevation_of(given, 1.0, 1))).grid();
+  EXPECT_GT(class_cells(grid, -2.0, 4.0, -3.0, 3.0), 8U);
+  EXPECT_EQ(class_cells(grid, 10.0, 200.0, -50.0, 50.0), 0U);
+}
+
+TEST(GridMap, OneImageOfManyIsNotBelievedWhereNoOtherLooked) {
+  GridMap map(GridMapParams{}, flat());
+  for (int i = 0; i < 5; ++i) map.update(uniform_labels(0.0F), kPose);
+  Eigen::Isometry3d back = camera_pose({0.0, 0.0, 20.0}, radians(180.0), radians(-20.0));
+  map.update(uniform_labels(1.0F), back);
+  EXPECT_EQ(class_cells(map.grid(), -100.0, 0.0, -100.0, 100.0), 0U);
+  for (int i = 0; i < 3; ++i) map.update(uniform_labels(1.0F), back);
+  EXPECT_GT(class_cells(map.grid(), -100.0, 0.0, -100.0, 100.0), 0U);
+}
+
 TEST(GridMap, ObservesNothingBeyondItsElevationOrItsReach) {
   const auto near = std::make_shared<Elevation>(1, 1, Eigen::Vector2d(0.0, 50.0), Eigen::Vector2d(60.0, 100.0),
                                                 std::vector<float>{0.0F});
