@@ -62,8 +62,10 @@ struct GridUpdate {
 /// and the least probability along it is the evidence of this image: a column that is of the class from foot to top.
 /// A cell is of the class where the mean of its evidence is at least half of the greatest near it, so that images that
 /// miss the class now and then are no harm. An image that shows nothing of the class along a column counts less: it may
-/// be hidden. Elevation models have a common error, so the evidence is kept for nine of them, and that in which the
-/// images agree best is believed.
+/// be hidden. Where something nearer may explain what a column shows, the image did not see it. What is above the
+/// ground moves over it when the camera moves, so images from several directions must show the class, and not agree
+/// better on something nearer. Elevation models have a common error, so the evidence is kept for nine of them, and that
+/// in which the images agree best is believed.
 class GridMap {
  public:
   static constexpr int kOffsets = 9;
