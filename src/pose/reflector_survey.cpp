@@ -138,9 +138,13 @@ void ReflectorSurvey::predict(const Pose2& u, int jumps) {
   const Eigen::Matrix<double, 3, 2> J_own_s = moved_by_odometry_jacobian(x_, u, u.yaw_rad).block<3, 2>(0, 3);
   x_ = moved_by_odometry(x_, u, u.yaw_rad);
   const Eigen::MatrixXd G = error_of_own(x_.T_world_base);
-  Eigen::MatrixXd F = Eigen::MatrixXd::Identity(P_.rows(), P_.cols());
-  F.middleCols<2>(3) += G * J_own_s;
-  P_ = F * P_.eval() * F.transpose() + G * of_pose * G.transpose();
+  // F P F^T + G Q G^T with F = I but for the columns of the scales.
+  const Eigen::MatrixXd of_scales = G * J_own_s, noise = G * of_pose;
+  const Eigen::MatrixXd scale_rows = P_.middleRows<2>(3);
+  P_.noalias() += of_scales * scale_rows;
+  const Eigen::MatrixXd scale_columns = P_.middleCols<2>(3);
+  P_.noalias() += scale_columns * of_scales.transpose();
+  P_.noalias() += noise * G.transpose();
   P_.diagonal().segment<2>(3) += Q.diagonal().segment<2>(3);
 }
 
@@ -148,30 +152,30 @@ Eigen::Vector2d ReflectorSurvey::center_of(const Found& found) const {
   return centers_m_.segment<2>(2 * static_cast<Eigen::Index>(found.place));
 }
 
-Eigen::MatrixXd ReflectorSurvey::jacobian(const Found& found, const Pose2& T_base_lidar) const {
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(2, P_.cols());
-  const Eigen::Matrix2d J_z_l = place_by_center_jacobian(x_.T_world_base, T_base_lidar, center_of(found));
-  H.leftCols<2>() = -J_z_l;
-  H.middleCols<2>(5 + 2 * found.place) = J_z_l;
-  return H;
-}
-
-// Squared Mahalanobis distance.
+// Squared Mahalanobis distance. A sighting is of the difference of the reflector and the robot's place alone.
 double ReflectorSurvey::distance2(const Found& found, const Sighting& sighting) const {
-  const Eigen::MatrixXd H = jacobian(found, sighting.T_base_lidar);
-  const Eigen::Matrix2d S = H * P_ * H.transpose() + sighting.R;
+  const Eigen::Index at = 5 + 2 * static_cast<Eigen::Index>(found.place);
+  const Eigen::Matrix2d J = place_by_center_jacobian(x_.T_world_base, sighting.T_base_lidar, center_of(found));
+  const Eigen::Matrix2d of_difference =
+      P_.block<2, 2>(0, 0) + P_.block<2, 2>(at, at) - P_.block<2, 2>(0, at) - P_.block<2, 2>(at, 0);
+  const Eigen::Matrix2d S = J * of_difference * J.transpose() + sighting.R;
   const Eigen::Vector2d nu = residual_of(sighting.z, x_.T_world_base, sighting.T_base_lidar, center_of(found));
   return nu.dot(S.llt().solve(nu));
 }
 
 void ReflectorSurvey::correct(std::size_t found, const Sighting& sighting) {
-  const Eigen::MatrixXd H = jacobian(found_[found], sighting.T_base_lidar);
-  const Eigen::Vector2d nu = residual_of(sighting.z, x_.T_world_base, sighting.T_base_lidar, center_of(found_[found]));
-  const Eigen::Matrix2d S = H * P_ * H.transpose() + sighting.R;
-  const Eigen::MatrixXd K = P_ * H.transpose() * S.inverse();
+  const Eigen::Index at = 5 + 2 * static_cast<Eigen::Index>(found_[found].place);
+  const Eigen::Vector2d center_m = center_of(found_[found]);
+  const Eigen::Matrix2d J = place_by_center_jacobian(x_.T_world_base, sighting.T_base_lidar, center_m);
+  const Eigen::Vector2d nu = residual_of(sighting.z, x_.T_world_base, sighting.T_base_lidar, center_m);
+  const Eigen::MatrixXd PHt = (P_.middleCols<2>(at) - P_.leftCols<2>()) * J.transpose();
+  const Eigen::Matrix2d S = J * (PHt.middleRows<2>(at) - PHt.topRows<2>()) + sighting.R;
+  const Eigen::MatrixXd K = PHt * S.inverse();
   const Eigen::VectorXd e = K * nu;
-  const Eigen::MatrixXd A = Eigen::MatrixXd::Identity(P_.rows(), P_.cols()) - K * H;
-  P_ = A * P_.eval() * A.transpose() + K * sighting.R * K.transpose();  // Joseph's form
+  // Joseph's form, P - K H P - P H^T K^T + K S K^T: the square of the reflectors, where its matrices take their cube.
+  const Eigen::MatrixXd half = 0.5 * K * S - PHt;
+  P_.noalias() += half * K.transpose();
+  P_.noalias() += K * half.transpose();
   const Pose2 turn{{0.0, 0.0}, e(2)};
   x_.T_world_base = turn * x_.T_world_base;
   x_.T_world_base.translation_m += e.head<2>();
@@ -451,14 +455,13 @@ void ReflectorSurvey::merge(Solution& solution) const {
       const std::size_t j = solution.used[a], k = solution.used[b];
       if (solution.same_as[j] != j || solution.same_as[k] != k) continue;
       const Eigen::Vector2d off_m = solution.centers_m[j] - solution.centers_m[k];
+      if (off_m.norm() > params_.radius_m + params_.min_separation_m) continue;
       const auto block = [&](std::size_t row, std::size_t col) -> Eigen::Matrix2d {
         return solution.covariance.block<2, 2>(2 * static_cast<Eigen::Index>(row), 2 * static_cast<Eigen::Index>(col));
       };
       const Eigen::Matrix2d S =
           block(a, a) + block(b, b) - block(a, b) - block(b, a) + 1e-6 * Eigen::Matrix2d::Identity();
-      if (off_m.norm() > params_.radius_m + params_.min_separation_m || off_m.dot(S.llt().solve(off_m)) > far_gate_) {
-        continue;
-      }
+      if (off_m.dot(S.llt().solve(off_m)) > far_gate_) continue;
       for (std::size_t& same : solution.same_as) {
         if (same == k) same = j;
       }
@@ -511,16 +514,14 @@ void ReflectorSurvey::judge(Solution& solution) const {
       if (static_cast<int>(i) > latest[j] && all([&](float range_m) { return range_m > behind_m; })) ++through[j];
     }
   }
+  std::vector<int> sightings(found_.size(), 0);
+  for (const Key& key : keys_) {
+    for (const Sighting& sighting : key.sightings) ++sightings[solution.same_as[sighting.reflector]];
+  }
   for (const std::size_t j : solution.used) {
     if (solution.same_as[j] != j) continue;
-    int sightings = 0;
-    for (const Key& key : keys_) {
-      sightings += static_cast<int>(std::count_if(key.sightings.begin(), key.sightings.end(), [&](const Sighting& s) {
-        return solution.same_as[s.reflector] == j;
-      }));
-    }
     solution.bright_part[j] = bright[j] / std::max(1.0, static_cast<double>(bright[j] + dim[j]));
-    if (sightings < params_.min_sightings) {
+    if (sightings[j] < params_.min_sightings) {
       solution.refused[j] = "seen too seldom";
     } else if (solution.bright_part[j] < params_.min_bright_part) {
       solution.refused[j] = "not always bright";

@@ -173,7 +173,6 @@ class ReflectorSurvey {
   void predict(const Pose2& u, int jumps);
   void correct(std::size_t found, const Sighting& sighting);
   Eigen::Vector2d center_of(const Found& found) const;
-  Eigen::MatrixXd jacobian(const Found& found, const Pose2& T_base_lidar) const;
   double distance2(const Found& found, const Sighting& sighting) const;
   void start(const Sighting& sighting);
   void give_up_rare();
