@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/bag/messages.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
