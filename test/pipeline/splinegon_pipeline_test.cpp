@@ -178,6 +178,71 @@ TEST(SplinegonPipelineFlights, MapsSmoothObstaclesToCentimetres) {
   EXPECT_NEAR(area_m2(splinegons.boundaries[0]) / (kPi * 60.0), 1.0, 0.003);
 }
 
+/// A building of 40 m x 20 m with columns of 1 m in front of its wall, this far apart.
+Outline building_with_columns(double apart_m) {
+  Outline outline;
+  const Outline wall = {{20.0, -10.0}, {20.0, 10.0}, {-20.0, 10.0}, {-20.0, -10.0}};
+  for (std::size_t i = 0; i < wall.size(); ++i) {
+    const Eigen::Vector2d edge = wall[(i + 1) % wall.size()] - wall[i], u = edge.normalized(), out(u.y(), -u.x());
+    outline.push_back(wall[i]);
+    for (double at_m = 0.5 * apart_m; at_m < edge.norm() - 1.0; at_m += apart_m) {
+      const Eigen::Vector2d from = wall[i] + (at_m - 0.5) * u, to = wall[i] + (at_m + 0.5) * u;
+      for (const Eigen::Vector2d& p : {from, Eigen::Vector2d(from + out), Eigen::Vector2d(to + out), to}) {
+        outline.push_back(p);
+      }
+    }
+  }
+  return outline;
+}
+
+// Many corners, 76 and 52. Its wall is seen, and linked, before the sides of the columns.
+TEST(SplinegonPipelineFlights, FollowsTheColumnsOfABuilding) {
+  for (const double apart_m : {7.0, 10.0}) {
+    const Outline outline = building_with_columns(apart_m);
+    SplinegonPipeline pipeline(shipped());
+    Random random(11);
+    const Eigen::Matrix3d covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-8).asDiagonal();
+    for (int k = 0; k < 520; ++k) {
+      const double angle_rad = 2.0 * kPi * k / 380.0;  // 0.5 m a scan, on an ellipse, to the left
+      Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+      T.translation() << 29.0 * std::cos(angle_rad), 19.0 * std::sin(angle_rad), 10.0;
+      T.linear() = Eigen::AngleAxisd(std::atan2(19.0 * std::cos(angle_rad), -29.0 * std::sin(angle_rad)),
+                                     Eigen::Vector3d::UnitZ())
+                       .toRotationMatrix();
+      Scan scan;
+      scan.stamp_ns = 1'000'000'000'000 + k * 100'000'000LL;
+      scan.angle_min_rad = radians(-135.0);
+      scan.angle_increment_rad = radians(0.5);
+      for (int i = 0; i < 541; ++i) {
+        const double beam_rad = scan.angle_min_rad + i * scan.angle_increment_rad;
+        const Eigen::Vector3d u = T.linear() * Eigen::Vector3d(std::cos(beam_rad), std::sin(beam_rad), 0.0);
+        const double range_m = range_to(outline, T.translation().head<2>(), u.head<2>()) + 0.03 * random.normal();
+        scan.beams.push_back(beam_from_range(static_cast<float>(range_m), 0.1F, 30.0F));
+      }
+      pipeline.process(scan, T, T, covariance);
+    }
+    SCOPED_TRACE(apart_m);
+    double inside = 0.0, places = 0.0, worst_m = 0.0;
+    for (std::size_t i = 0; i < outline.size(); ++i) {
+      const Eigen::Vector2d way_m = outline[(i + 1) % outline.size()] - outline[i];
+      for (double part = 0.0; part < 1.0; part += 0.05 / way_m.norm()) {
+        const Eigen::Vector2d p_m = outline[i] + part * way_m;
+        double least_m = std::numeric_limits<double>::infinity();
+        bool is_inside = false;
+        for (const Splinegon& boundary : pipeline.splinegons().boundaries) {
+          least_m = std::min(least_m, distance_m(boundary, p_m));
+          is_inside = is_inside || is_in_envelope(boundary, p_m);
+        }
+        inside += is_inside ? 1.0 : 0.0;
+        places += 1.0;
+        worst_m = std::max(worst_m, least_m);
+      }
+    }
+    EXPECT_GT(inside / places, 0.98);
+    EXPECT_LT(worst_m, 0.1);
+  }
+}
+
 TEST(SplinegonPipeline, KeepsTheCornersOfABox) {
   Flight flight(box(12.0, 7.0));
   SplinegonPipeline pipeline(shipped());

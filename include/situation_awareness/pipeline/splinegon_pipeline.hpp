@@ -89,6 +89,7 @@ class SplinegonPipeline {
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
+  void put_into_gaps();
   const Splinegons& fit_boundaries(std::int64_t stamp_ns);
 
   /// A scan of the begin.
