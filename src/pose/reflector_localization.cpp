@@ -204,6 +204,7 @@ void ReflectorLocalization::relocate() {
   forget("no pose yet");
   forget_reflectors();
   stood_.clear();
+  search_.begin_anew();
   has_initial_ = false;
 }
 
@@ -401,6 +402,7 @@ const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& s
   }
   if (is_known_ && contradicted_ == 0 && doubtful_ == 0) {
     stood_.clear();
+    search_.begin_anew();
   } else {
     collect(sightings, now);
     const bool is_due = contradicted_ >= params_.lost_scans || doubtful_ >= params_.lost_scans;

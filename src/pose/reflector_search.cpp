@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
+#include <limits>
+#include <numeric>
+#include <tuple>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
@@ -19,11 +22,26 @@ namespace {
 /// Most Gauss-Newton steps; three or four are taken.
 constexpr int kMaxSteps = 20;
 constexpr double kConverged = 1e-13;
-/// Beyond this number the search gives up as ambiguous.
-constexpr std::size_t kMaxHypotheses = 512;
+/// Poses that are kept; others have higher costs. If so many explain as much, the result is ambiguous anyway.
+constexpr std::size_t kMaxHypotheses = 32;
 /// Poses nearer to each other than this, in m and rad, are the same found by other pairs.
 constexpr double kSamePose_m = 0.3;
 constexpr double kSameYaw_rad = 0.1;
+/// A true place is beyond this gate of its reflector once in a million: what a place costs that is not matched. With
+/// that of the matches, once in a thousand, a true match that is left out would too often tell for a wrong pose.
+constexpr double kFarProbability = 0.999999;
+/// Most pairs of reflectors, by memory: all of 4,000 reflectors, otherwise the shortest.
+constexpr std::size_t kMaxPairs = 8'000'000;
+constexpr int kDistanceBins = 100'000;
+/// Of a call, in cells looked at: 20 to 36 ms on a core of a busy AMD EPYC.
+/// (benchmark/reflector_localization_benchmark).
+constexpr std::int64_t kStepsOfCall = 2'000'000;
+/// Steps of what is more than to look at a cell: a pair of reflectors, one that is fitted.
+constexpr std::int64_t kStepsOfPair = 4, kStepsOfFit = 400;
+/// Matches of which so many are expected by chance are none.
+constexpr double kMostByChance = 1e-3;
+/// So many tries that went on so far tell how likely another place is matched by chance.
+constexpr std::int64_t kTellingTries = 50;
 
 bool is_same(const Pose2& a, const Pose2& b) {
   const Pose2 between = inverse(a) * b;
@@ -34,6 +52,11 @@ bool is_same(const Pose2& a, const Pose2& b) {
 double distance_variance(const ReflectorPlace& a, const ReflectorPlace& b) {
   const Eigen::Vector2d along = (a.center_m - b.center_m).normalized();
   return along.dot((a.covariance + b.covariance) * along);
+}
+
+double larger_variance(const ReflectorPlace& place) {
+  const Eigen::Matrix2d& P = place.covariance;
+  return 0.5 * (P(0, 0) + P(1, 1)) + std::hypot(0.5 * (P(0, 0) - P(1, 1)), P(0, 1));
 }
 
 }  // namespace
@@ -85,126 +108,401 @@ double fit_pose(const std::vector<ReflectorPlace>& places, const std::vector<int
 }
 
 ReflectorSearch::ReflectorSearch(const ReflectorMap& map, const ReflectorSearchParams& params)
-    : map_(map), params_(params), gate_(0.0) {
+    : map_(map), params_(params), gate_(0.0), far_gate_(0.0) {
   check_reflectors(map_, "reflector map");
   params_.validate();
   gate_ = chi_square_quantile(params_.gate_probability, 2);
-  taken_.resize(map_.reflectors.size());
+  far_gate_ = chi_square_quantile(std::max(kFarProbability, params_.gate_probability), 2);
+  list_pairs();
+  sort_into_cells();
+  excluded_.resize(map_.reflectors.size());
+  places_.reserve(kMaxPlaces);
+  order_.reserve(kMaxPlaces);
+  others_.reserve(kMaxPlaces);
   hypotheses_.resize(kMaxHypotheses);
   for (Hypothesis& hypothesis : hypotheses_) hypothesis.reflectors.reserve(kMaxPlaces);
   next_.reflectors.reserve(kMaxPlaces);
   result_.reflectors.reserve(kMaxPlaces);
 }
 
-// The first two places are matched: each other place to the reflector that is nearest, as the pose becomes known
-// better.
-bool ReflectorSearch::complete(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded,
-                               Hypothesis& hypothesis) {
-  hypothesis.fit_cost = fit_pose(places, hypothesis.reflectors, map_, hypothesis.T_world_frame, hypothesis.P);
-  if (hypothesis.fit_cost < 0.0 || hypothesis.fit_cost > 2.0 * gate_) return false;
-  for (std::size_t k = 0; k < taken_.size(); ++k) taken_[k] = k < excluded.size() && excluded[k] != 0 ? 1 : 0;
-  for (const int reflector : hypothesis.reflectors) {
-    if (reflector >= 0) taken_[static_cast<std::size_t>(reflector)] = 1;
-  }
-  Estimate<Pose2> estimate{hypothesis.T_world_frame, hypothesis.P};
-  for (std::size_t i = 0; i < hypothesis.reflectors.size(); ++i) {
-    if (hypothesis.reflectors[i] >= 0) continue;
-    int best = -1;
-    Innovation<2> best_innovation;
-    Eigen::Matrix<double, 2, 3> best_H;
-    for (std::size_t k = 0; k < map_.reflectors.size(); ++k) {
-      if (taken_[k] != 0) continue;
-      const Eigen::Vector2d p = place_of(estimate.x, map_.reflectors[k].center_world_m);
-      const Eigen::Matrix<double, 2, 3> H = place_jacobian(p);
-      const Innovation<2> compared =
-          innovation(estimate, Eigen::Vector2d(places[i].center_m - p), H, places[i].covariance);
-      if (!inside_gate(compared, gate_) || (best >= 0 && compared.mahalanobis2 >= best_innovation.mahalanobis2))
-        continue;
-      best = static_cast<int>(k);
-      best_innovation = compared;
-      best_H = H;
+// --- of the map ------------------------------------------------------------------------------------------------------
+
+void ReflectorSearch::list_pairs() {
+  const auto count = static_cast<std::int32_t>(map_.reflectors.size());
+  const auto distance_m = [&](std::int32_t a, std::int32_t b) {
+    return static_cast<float>((map_.reflectors[static_cast<std::size_t>(a)].center_world_m -
+                               map_.reflectors[static_cast<std::size_t>(b)].center_world_m)
+                                  .norm());
+  };
+  const auto for_each_pair = [&](const auto& act) {
+    for (std::int32_t a = 0; a < count; ++a) {
+      for (std::int32_t b = a + 1; b < count; ++b) act(a, b, distance_m(a, b));
     }
-    if (best < 0) continue;
-    hypothesis.reflectors[i] = best;
-    taken_[static_cast<std::size_t>(best)] = 1;
-    update(estimate, best_innovation, best_H, places[i].covariance);
+  };
+  float most_m = std::numeric_limits<float>::infinity();
+  const std::size_t all = map_.reflectors.size() * (map_.reflectors.size() - 1) / 2;
+  if (all > kMaxPairs) {
+    float longest_m = 0.0F;
+    for_each_pair([&](std::int32_t, std::int32_t, float d_m) { longest_m = std::max(longest_m, d_m); });
+    std::vector<std::size_t> bins(kDistanceBins + 1);
+    const float bin_m = longest_m / kDistanceBins;
+    for_each_pair([&](std::int32_t, std::int32_t, float d_m) { ++bins[static_cast<std::size_t>(d_m / bin_m)]; });
+    std::size_t below = 0, bin = 0;
+    while (bin < bins.size() && below + bins[bin] <= kMaxPairs) below += bins[bin++];
+    most_m = static_cast<float>(bin) * bin_m;
   }
-  hypothesis.T_world_frame = estimate.x;
-  return true;
+  pairs_.reserve(std::min(all, kMaxPairs));
+  for_each_pair([&](std::int32_t a, std::int32_t b, float d_m) {
+    if (d_m < most_m) pairs_.push_back({d_m, a, b});
+  });
+  std::sort(pairs_.begin(), pairs_.end(), [](const Pair& x, const Pair& y) {
+    return std::tie(x.distance_m, x.a, x.b) < std::tie(y.distance_m, y.a, y.b);
+  });
 }
 
-bool ReflectorSearch::refine(const std::vector<ReflectorPlace>& places, Hypothesis& hypothesis) const {
-  hypothesis.fit_cost = fit_pose(places, hypothesis.reflectors, map_, hypothesis.T_world_frame, hypothesis.P);
-  const auto unmatched = std::count(hypothesis.reflectors.begin(), hypothesis.reflectors.end(), -1);
-  hypothesis.cost = hypothesis.fit_cost + gate_ * static_cast<double>(unmatched);
-  return hypothesis.fit_cost >= 0.0;
+void ReflectorSearch::sort_into_cells() {
+  const auto count = static_cast<std::int32_t>(map_.reflectors.size());
+  Eigen::Vector2d high_m = map_.reflectors.front().center_world_m;
+  low_m_ = high_m;
+  for (const Reflector& reflector : map_.reflectors) {
+    low_m_ = low_m_.cwiseMin(reflector.center_world_m);
+    high_m = high_m.cwiseMax(reflector.center_world_m);
+  }
+  size_m_ = high_m - low_m_;
+  // About one for each reflector, also where they are in a row.
+  cell_m_ = std::max({1e-3, std::sqrt(size_m_.x() * size_m_.y() / count), size_m_.maxCoeff() / count});
+  columns_ = static_cast<int>(size_m_.x() / cell_m_) + 1;
+  rows_ = static_cast<int>(size_m_.y() / cell_m_) + 1;
+  const auto cell_of = [&](std::int32_t k) {
+    const Eigen::Vector2d p_m = map_.reflectors[static_cast<std::size_t>(k)].center_world_m - low_m_;
+    const int column = std::min(static_cast<int>(p_m.x() / cell_m_), columns_ - 1);
+    const int row = std::min(static_cast<int>(p_m.y() / cell_m_), rows_ - 1);
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) + static_cast<std::size_t>(column);
+  };
+  cell_begins_.assign(static_cast<std::size_t>(columns_) * static_cast<std::size_t>(rows_) + 1, 0);
+  for (std::int32_t k = 0; k < count; ++k) ++cell_begins_[cell_of(k) + 1];
+  std::partial_sum(cell_begins_.begin(), cell_begins_.end(), cell_begins_.begin());
+  std::vector<std::int32_t> next(cell_begins_.begin(), cell_begins_.end() - 1);
+  in_cells_.resize(map_.reflectors.size());
+  for (std::int32_t k = 0; k < count; ++k) in_cells_[static_cast<std::size_t>(next[cell_of(k)]++)] = k;
+}
+
+/// act(index, reflector) for those in the circle that are not excluded, until it returns false.
+template <class Act>
+void ReflectorSearch::for_each_within(const Eigen::Vector2d& p_world_m, double radius_m, const Act& act) {
+  const Eigen::Vector2d p_m = p_world_m - low_m_;
+  const auto cell = [&](double m, int cells) {
+    return static_cast<int>(std::clamp(std::floor(m / cell_m_), -1.0, static_cast<double>(cells)));
+  };
+  const int first_column = std::max(cell(p_m.x() - radius_m, columns_), 0);
+  const int last_column = std::min(cell(p_m.x() + radius_m, columns_), columns_ - 1);
+  const int first_row = std::max(cell(p_m.y() - radius_m, rows_), 0);
+  const int last_row = std::min(cell(p_m.y() + radius_m, rows_), rows_ - 1);
+  for (int row = first_row; row <= last_row; ++row) {
+    const std::size_t begin = static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_);
+    const auto from = cell_begins_[begin + static_cast<std::size_t>(first_column)];
+    const auto to = first_column > last_column ? from : cell_begins_[begin + static_cast<std::size_t>(last_column) + 1];
+    steps_ += 1 + to - from;
+    for (auto n = from; n < to; ++n) {
+      const std::int32_t k = in_cells_[static_cast<std::size_t>(n)];
+      const Eigen::Vector2d& center_m = map_.reflectors[static_cast<std::size_t>(k)].center_world_m;
+      if (excluded_[static_cast<std::size_t>(k)] != 0) continue;
+      if ((center_m - p_world_m).squaredNorm() > radius_m * radius_m) continue;
+      if (!act(k, center_m)) return;
+    }
+  }
+}
+
+// --- of the places ---------------------------------------------------------------------------------------------------
+
+ReflectorSearch::Base ReflectorSearch::base_of(int i, int j) const {
+  const ReflectorPlace &a = places_[static_cast<std::size_t>(i)], &b = places_[static_cast<std::size_t>(j)];
+  const double distance_m = (a.center_m - b.center_m).norm();
+  Base base;
+  base.i = i;
+  base.j = j;
+  if (distance_m < params_.min_distance_m) return base;
+  base.difference_m = std::sqrt(gate_ * distance_variance(a, b) + 1e-12);
+  const double rounding_m = 1e-6 * distance_m;  // of the list's
+  const auto shorter = [](const Pair& pair, double d_m) { return static_cast<double>(pair.distance_m) < d_m; };
+  const auto begin =
+      std::lower_bound(pairs_.begin(), pairs_.end(), distance_m - base.difference_m - rounding_m, shorter);
+  const auto end = std::lower_bound(begin, pairs_.end(), distance_m + base.difference_m + rounding_m, shorter);
+  base.begin = static_cast<std::size_t>(begin - pairs_.begin());
+  base.end = static_cast<std::size_t>(end - pairs_.begin());
+  return base;
+}
+
+/// First those of which few pairs of reflectors can be seen, at a long distance. With so many of them as a pose leaves
+/// out, and two more, it is found by a pair of them.
+void ReflectorSearch::order_places() {
+  const int n = static_cast<int>(places_.size());
+  const auto effort = [&](int i, int j) {
+    const Base base = base_of(i, j);
+    const double d_m =
+        (places_[static_cast<std::size_t>(i)].center_m - places_[static_cast<std::size_t>(j)].center_m).norm();
+    const double blur_m2 =
+        larger_variance(places_[static_cast<std::size_t>(i)]) + larger_variance(places_[static_cast<std::size_t>(j)]);
+    if (base.difference_m == 0.0) return 1e18;
+    return (1.0 + static_cast<double>(base.end - base.begin)) * (1.0 + 100.0 / (d_m * d_m)) * (blur_m2 + 1e-6);
+  };
+  order_.clear();
+  double least = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < n; ++i) {
+    for (int j = i + 1; j < n; ++j) {
+      const double here = effort(i, j);
+      if (!(here < least)) continue;
+      least = here;
+      order_.assign({i, j});
+    }
+  }
+  while (static_cast<int>(order_.size()) < n) {
+    int best = -1;
+    least = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < n; ++i) {
+      if (std::find(order_.begin(), order_.end(), i) != order_.end()) continue;
+      double sum = 0.0;
+      for (const int j : order_) sum += effort(i, j);
+      if (best >= 0 && !(sum < least)) continue;
+      least = sum;
+      best = i;
+    }
+    order_.push_back(best);
+  }
+}
+
+void ReflectorSearch::begin(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded) {
+  const std::size_t n = std::min<std::size_t>(places.size(), kMaxPlaces);
+  places_.assign(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(n));
+  for (std::size_t k = 0; k < excluded_.size(); ++k) excluded_[k] = k < excluded.size() && excluded[k] != 0 ? 1 : 0;
+  used_ = 0;
+  bases_ = 0;
+  runs_.fill(0);
+  order_places();
+  // Something else may be anywhere on the map, and around it as far as what is seen.
+  double spread_m = 0.0;
+  for (const ReflectorPlace& a : places_) {
+    for (const ReflectorPlace& b : places_) spread_m = std::max(spread_m, (a.center_m - b.center_m).norm());
+  }
+  density_1_m2_ = static_cast<double>(map_.reflectors.size()) / ((size_m_.x() + spread_m) * (size_m_.y() + spread_m));
+  base_number_ = 0;
+  begin_base();
+  is_searching_ = true;
+}
+
+/// In turn each place with those before it.
+void ReflectorSearch::begin_base() {
+  std::size_t second = 1;
+  while (second * (second + 1) / 2 <= base_number_) ++second;
+  const std::size_t first = base_number_ - second * (second - 1) / 2;
+  base_ = base_of(order_[first], order_[second]);
+  next_pair_ = 2 * base_.begin;
+  others_.clear();
+  if (base_.begin == base_.end) return;
+  ++bases_;
+  const ReflectorPlace& a = places_[static_cast<std::size_t>(base_.i)];
+  const ReflectorPlace& b = places_[static_cast<std::size_t>(base_.j)];
+  const Eigen::Vector2d way_m = b.center_m - a.center_m, middle_m = 0.5 * (a.center_m + b.center_m);
+  const double distance_m = way_m.norm();
+  const Eigen::Vector2d along = way_m / distance_m, across(-along.y(), along.x());
+  const double of_both_m2 = larger_variance(a) + larger_variance(b);
+  double log_areas = 0.0;
+  for (int k = 0; k < static_cast<int>(places_.size()); ++k) {
+    if (k == base_.i || k == base_.j) continue;
+    const ReflectorPlace& place = places_[static_cast<std::size_t>(k)];
+    const Eigen::Vector2d p_m = place.center_m - middle_m;
+    // The error of the base's middle moves it anywhere, that of its yaw around the middle.
+    const double turned = p_m.norm() / distance_m;
+    const double variance_m2 = larger_variance(place) + of_both_m2 * (0.25 + turned * turned);
+    others_.push_back({k, {along.dot(p_m), across.dot(p_m)}, std::sqrt(far_gate_ * variance_m2)});
+    log_areas += std::log(kPi * gate_ * variance_m2);
+  }
+  std::sort(others_.begin(), others_.end(), [](const Other& x, const Other& y) {
+    return std::tie(x.radius_m, x.place) < std::tie(y.radius_m, y.place);
+  });
+  const double area_m2 = std::exp(log_areas / static_cast<double>(std::max<std::size_t>(others_.size(), 1)));
+  chance_ = bases_ == 1 ? density_1_m2_ * area_m2 : std::min(chance_, density_1_m2_ * area_m2);
+}
+
+// --- the search ------------------------------------------------------------------------------------------------------
+
+/// What a pose costs at most that is the result, or makes it ambiguous, or would if one more place were matched by
+/// chance.
+double ReflectorSearch::cost_that_counts() const {
+  const double of_fewest = far_gate_ * (static_cast<double>(places_.size()) - params_.min_matches + 1.0);
+  return used_ > 0 ? std::min(of_fewest, hypotheses_.front().cost + far_gate_ + params_.min_advantage) : of_fewest;
+}
+
+/// Whether each pose that counts was found, by two of the places that it does not leave out. With one pair more than
+/// that it does no harm if places of one are farther apart than their gate allows.
+bool ReflectorSearch::is_settled() const {
+  const auto left_out = static_cast<std::size_t>(std::max(0.0, cost_that_counts() / far_gate_));
+  const std::size_t needed = std::min(left_out + 3, places_.size());
+  return base_number_ >= needed * (needed - 1) / 2;
+}
+
+/// The base as these two reflectors, one way round. If enough others are where it says it is a hypothesis.
+void ReflectorSearch::try_pair(std::int32_t a, std::int32_t b) {
+  if (excluded_[static_cast<std::size_t>(a)] != 0 || excluded_[static_cast<std::size_t>(b)] != 0) return;
+  const Eigen::Vector2d& a_m = map_.reflectors[static_cast<std::size_t>(a)].center_world_m;
+  const Eigen::Vector2d& b_m = map_.reflectors[static_cast<std::size_t>(b)].center_world_m;
+  const Eigen::Vector2d way_m = b_m - a_m, middle_m = 0.5 * (a_m + b_m);
+  const double distance_m = way_m.norm();
+  const ReflectorPlace& place = places_[static_cast<std::size_t>(base_.i)];
+  const Eigen::Vector2d seen_m = places_[static_cast<std::size_t>(base_.j)].center_m - place.center_m;
+  if (std::abs(distance_m - seen_m.norm()) > base_.difference_m) return;
+  const Eigen::Vector2d along = way_m / distance_m, across(-along.y(), along.x());
+  ++runs_[0];
+  double cost = 0.0;
+  const double most = cost_that_counts();
+  std::size_t run = 0;
+  bool runs = true;
+  for (const Other& other : others_) {
+    bool is_there = false;
+    for_each_within(middle_m + other.p_m.x() * along + other.p_m.y() * across, other.radius_m,
+                    [&](std::int32_t k, const Eigen::Vector2d& /*center_m*/) {
+                      is_there = k != a && k != b;
+                      return !is_there;
+                    });
+    runs = runs && is_there;
+    if (runs) ++runs_[++run];
+    if (!is_there) cost += far_gate_;
+    if (cost >= most) return;
+  }
+  next_.reflectors.assign(places_.size(), -1);
+  next_.reflectors[static_cast<std::size_t>(base_.i)] = a;
+  next_.reflectors[static_cast<std::size_t>(base_.j)] = b;
+  next_.T_world_frame.yaw_rad = std::atan2(way_m.y(), way_m.x()) - std::atan2(seen_m.y(), seen_m.x());
+  next_.T_world_frame.translation_m = a_m - next_.T_world_frame.rotation() * place.center_m;
+  steps_ += kStepsOfFit;
+  if (complete(next_)) remember();
+}
+
+/// The base is matched: each other place to the reflector that is nearest, as the pose becomes known better. Then all
+/// of them by least squares; false if they are none.
+bool ReflectorSearch::complete(Hypothesis& hypothesis) {
+  hypothesis.fit_cost = fit_pose(places_, hypothesis.reflectors, map_, hypothesis.T_world_frame, hypothesis.P);
+  if (hypothesis.fit_cost < 0.0 || hypothesis.fit_cost > 2.0 * gate_) return false;
+  Estimate<Pose2> estimate{hypothesis.T_world_frame, hypothesis.P};
+  double left_out = 0.0;
+  for (const Other& other : others_) {
+    const ReflectorPlace& place = places_[static_cast<std::size_t>(other.place)];
+    int best = -1;
+    Innovation<2> best_innovation;
+    best_innovation.mahalanobis2 = far_gate_;
+    Eigen::Matrix<double, 2, 3> best_H;
+    for_each_within(estimate.x * place.center_m, other.radius_m, [&](std::int32_t k, const Eigen::Vector2d& center_m) {
+      const auto& matched = hypothesis.reflectors;
+      if (std::find(matched.begin(), matched.end(), k) != matched.end()) return true;
+      const Eigen::Vector2d p = place_of(estimate.x, center_m);
+      const Eigen::Matrix<double, 2, 3> H = place_jacobian(p);
+      const Innovation<2> compared = innovation(estimate, Eigen::Vector2d(place.center_m - p), H, place.covariance);
+      if (!(compared.mahalanobis2 < best_innovation.mahalanobis2)) return true;
+      best = k;
+      best_innovation = compared;
+      best_H = H;
+      return true;
+    });
+    if (best < 0 || !inside_gate(best_innovation, gate_)) {
+      left_out += best_innovation.mahalanobis2;
+      continue;
+    }
+    hypothesis.reflectors[static_cast<std::size_t>(other.place)] = best;
+    update(estimate, best_innovation, best_H, place.covariance);
+  }
+  hypothesis.T_world_frame = estimate.x;
+  hypothesis.fit_cost = fit_pose(places_, hypothesis.reflectors, map_, hypothesis.T_world_frame, hypothesis.P);
+  hypothesis.cost = hypothesis.fit_cost + left_out;
+  return hypothesis.fit_cost >= 0.0 && hypothesis.cost < cost_that_counts();
+}
+
+/// Keeps the hypothesis in its turn, unless the same pose is known at a lower cost.
+void ReflectorSearch::remember() {
+  const auto begin = hypotheses_.begin(), end = begin + static_cast<std::ptrdiff_t>(used_);
+  auto place =
+      std::find_if(begin, end, [&](const Hypothesis& h) { return is_same(h.T_world_frame, next_.T_world_frame); });
+  if (place == end) {
+    if (used_ == kMaxHypotheses && !(next_.cost < hypotheses_.back().cost)) return;
+    if (used_ < kMaxHypotheses) ++used_;
+    place = begin + static_cast<std::ptrdiff_t>(used_) - 1;
+  } else if (!(next_.cost < place->cost)) {
+    return;
+  }
+  std::swap(*place, next_);
+  for (; place != begin && place->cost < std::prev(place)->cost; --place) std::swap(*place, *std::prev(place));
+}
+
+/// How many poses with so many matches would be found if none of the places were a reflector's, at most: by how many
+/// pairs are as far apart as those of a base, and how often others are where they then have to be. The latter by their
+/// density, or by how often they were, which is more where reflectors are in rows.
+double ReflectorSearch::expected_by_chance(int matches) const {
+  const int n = static_cast<int>(places_.size());
+  const double by_density = std::min(chance_, 1.0);
+  // Of poses that explain about as much, such as those of rows, each has one match more by chance now and then.
+  const double as_good = hypotheses_.front().cost + far_gate_ + params_.min_advantage;
+  const auto rivals = std::count_if(hypotheses_.begin() + 1, hypotheses_.begin() + static_cast<std::ptrdiff_t>(used_),
+                                    [&](const Hypothesis& h) { return h.cost < as_good; });
+  if (rivals + 1 == static_cast<std::ptrdiff_t>(kMaxHypotheses)) return 1.0;
+  const double of_rivals = static_cast<double>(rivals) * (n - matches + 1) * by_density;
+  // A true one is tried once with each base.
+  const auto others_of = [&](std::size_t run) {
+    return static_cast<double>(std::max<std::int64_t>(runs_[run] - bases_, 0));
+  };
+  double expected = others_of(0) / static_cast<double>(std::max<std::int64_t>(bases_, 1));
+  for (int i = 0; i < matches; ++i) expected *= static_cast<double>(n - i) / static_cast<double>(matches - i);
+  double chance = by_density;
+  for (std::size_t run = 0; run + 2 < static_cast<std::size_t>(matches); ++run) {
+    if (others_of(run) >= kTellingTries) chance = std::max(by_density, others_of(run + 1) / others_of(run));
+    expected *= chance;
+  }
+  return std::max(expected, of_rivals);
 }
 
 const ReflectorPose& ReflectorSearch::find(const std::vector<ReflectorPlace>& places,
                                            const std::vector<char>& excluded) {
   result_.is_known = false;
-  result_.reason = "too few places";
   result_.reflectors.clear();
-  used_ = 0;
-  const std::size_t n = std::min<std::size_t>(places.size(), kMaxPlaces);
-  if (n < static_cast<std::size_t>(params_.min_matches)) return result_;
-
-  bool is_complete = true;
-  const std::size_t m = map_.reflectors.size();
-  const auto is_out = [&](std::size_t k) { return k < excluded.size() && excluded[k] != 0; };
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = i + 1; j < n; ++j) {
-      const Eigen::Vector2d seen_m = places[j].center_m - places[i].center_m;
-      const double distance_m = seen_m.norm();
-      if (distance_m < params_.min_distance_m) continue;
-      const double allowed_m2 = gate_ * distance_variance(places[i], places[j]) + 1e-12;
-      for (std::size_t a = 0; a < m; ++a) {
-        if (is_out(a)) continue;
-        for (std::size_t b = 0; b < m; ++b) {
-          if (a == b || is_out(b)) continue;
-          const Eigen::Vector2d mapped_m = map_.reflectors[b].center_world_m - map_.reflectors[a].center_world_m;
-          const double difference_m = mapped_m.norm() - distance_m;
-          if (difference_m * difference_m > allowed_m2) continue;
-          next_.reflectors.assign(n, -1);
-          next_.reflectors[i] = static_cast<int>(a);
-          next_.reflectors[j] = static_cast<int>(b);
-          next_.T_world_frame.yaw_rad = std::atan2(mapped_m.y(), mapped_m.x()) - std::atan2(seen_m.y(), seen_m.x());
-          next_.T_world_frame.translation_m =
-              map_.reflectors[a].center_world_m - next_.T_world_frame.rotation() * places[i].center_m;
-          if (!complete(places, excluded, next_)) continue;
-          const auto end = hypotheses_.begin() + static_cast<std::ptrdiff_t>(used_);
-          const bool is_old = std::any_of(hypotheses_.begin(), end, [&](const Hypothesis& hypothesis) {
-            return hypothesis.reflectors == next_.reflectors;
-          });
-          if (is_old) continue;
-          if (used_ == kMaxHypotheses) {
-            is_complete = false;
-            continue;
-          }
-          Hypothesis& hypothesis = hypotheses_[used_];
-          hypothesis = next_;
-          if (refine(places, hypothesis)) ++used_;
-        }
+  result_.reason = "too few places";
+  if (!is_searching_) {
+    if (places.size() < static_cast<std::size_t>(params_.min_matches)) return result_;
+    begin(places, excluded);
+  }
+  steps_ = 0;
+  const std::size_t bases = places_.size() * (places_.size() - 1) / 2;
+  while (!is_settled()) {
+    for (; next_pair_ < 2 * base_.end; ++next_pair_) {
+      if (steps_ >= kStepsOfCall) {
+        result_.reason = "search not finished";
+        return result_;
+      }
+      steps_ += kStepsOfPair;
+      const Pair& pair = pairs_[next_pair_ / 2];
+      if (next_pair_ % 2 == 0) {
+        try_pair(pair.a, pair.b);
+      } else {
+        try_pair(pair.b, pair.a);
       }
     }
+    if (++base_number_ < bases) begin_base();
   }
+  is_searching_ = false;
+  return conclude();
+}
 
-  const auto end = hypotheses_.begin() + static_cast<std::ptrdiff_t>(used_);
-  const auto best = std::min_element(hypotheses_.begin(), end,
-                                     [](const Hypothesis& x, const Hypothesis& y) { return x.cost < y.cost; });
+const ReflectorPose& ReflectorSearch::conclude() {
   result_.reason = "no match";
-  if (best == end) return result_;
-  const auto matches = std::count_if(best->reflectors.begin(), best->reflectors.end(), [](int r) { return r >= 0; });
+  if (used_ == 0) return result_;
+  const Hypothesis& best = hypotheses_.front();
+  const auto matches =
+      static_cast<int>(std::count_if(best.reflectors.begin(), best.reflectors.end(), [](int r) { return r >= 0; }));
   if (matches < params_.min_matches) return result_;
-  result_.T_world_frame = best->T_world_frame;
-  result_.P = best->P;
-  result_.reflectors = best->reflectors;
-  result_.cost = best->fit_cost;
-  const bool is_ambiguous = std::any_of(hypotheses_.begin(), end, [&](const Hypothesis& other) {
-    return other.cost < best->cost + params_.min_advantage && !is_same(other.T_world_frame, best->T_world_frame);
-  });
-  result_.reason = is_ambiguous || !is_complete ? "ambiguous" : "";
-  result_.is_known = !is_ambiguous && is_complete;
+  result_.T_world_frame = best.T_world_frame;
+  result_.P = best.P;
+  result_.reflectors = best.reflectors;
+  result_.cost = best.fit_cost;
+  const bool is_ambiguous = used_ > 1 && hypotheses_[1].cost < best.cost + params_.min_advantage;
+  result_.is_known = !is_ambiguous && expected_by_chance(matches) < kMostByChance;
+  result_.reason = result_.is_known ? "" : "ambiguous";
   return result_;
 }
 

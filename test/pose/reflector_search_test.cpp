@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <string>
 #include <vector>
 
@@ -14,6 +15,7 @@
 #include "support/consistency.hpp"
 #include "support/manifold_jacobian.hpp"
 #include "support/random_gaussian.hpp"
+#include "support/reflector_hall.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness {
@@ -167,6 +169,62 @@ TEST(ReflectorSearch, MovesWithTheWorld) {
     EXPECT_LT(Manifold<Pose2>::local_coordinates(motion * a.T_world_frame, b.T_world_frame).norm(), 1e-9);
     EXPECT_LT((a.P - b.P).cwiseAbs().maxCoeff(), 1e-12);
   }
+}
+
+/// Searches until it has finished.
+const ReflectorPose& finish(ReflectorSearch& search, const std::vector<ReflectorPlace>& places, int& calls) {
+  const ReflectorPose* pose = &search.find(places);
+  for (calls = 1; std::string(pose->reason) == "search not finished" && calls < 1000; ++calls) {
+    pose = &search.find(places);
+  }
+  return *pose;
+}
+
+void find_in_halls(std::uint64_t first, std::uint64_t halls) {
+  int known = 0, clear = 0, clear_known = 0;
+  for (std::uint64_t seed = first; seed < first + halls; ++seed) {
+    const ReflectorHall hall(seed);
+    ReflectorSearch search(hall.map, {});
+    int calls = 0;
+    const ReflectorPose& pose = finish(search, hall.places, calls);
+    EXPECT_LE(calls, 25) << "a second of scans, hall " << seed;
+    if (pose.is_known) {
+      EXPECT_TRUE(hall.is_right(pose.T_world_frame)) << "hall " << seed << ", " << hall.name;
+    }
+    known += pose.is_known ? 1 : 0;
+    // Of a layout that hardly ever looks like itself.
+    const bool is_clear = hall.name == "anywhere" && hall.true_places >= 6;
+    clear += is_clear ? 1 : 0;
+    clear_known += is_clear && pose.is_known ? 1 : 0;
+  }
+  std::printf("halls: %d of %d poses known; %d of %d with six places or more of reflectors that are anywhere\n", known,
+              static_cast<int>(halls), clear_known, clear);
+  EXPECT_GT(clear_known, 0.95 * clear);
+}
+
+TEST(ReflectorSearch, IsNeverWrongInAnyHall) { find_in_halls(1, 500); }
+
+TEST(ReflectorSearchLong, IsNeverWrongInTenThousandHalls) { find_in_halls(20'000, 10'000); }
+
+// Counted, not timed: what is not finished goes on with the next scan, and the last says the same as if it had not been
+// interrupted.
+TEST(ReflectorSearch, FindsThePoseAmongAThousandReflectors) {
+  int clear = 0, known = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const ReflectorHall hall(seed, 1000);
+    ReflectorSearch search(hall.map, {});
+    int calls = 0;
+    const ReflectorPose& pose = finish(search, hall.places, calls);
+    EXPECT_LE(calls, 25) << seed;
+    if (pose.is_known) {
+      EXPECT_TRUE(hall.is_right(pose.T_world_frame)) << seed;
+    }
+    const bool is_clear = hall.name == "anywhere" && hall.true_places >= 6;
+    clear += is_clear ? 1 : 0;
+    known += is_clear && pose.is_known ? 1 : 0;
+  }
+  EXPECT_GE(clear, 2);
+  EXPECT_EQ(known, clear);
 }
 
 TEST(ReflectorSearch, RefusesParamsAndMapsNamingThem) {

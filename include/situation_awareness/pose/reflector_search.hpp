@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,7 +19,7 @@ struct ReflectorSearchParams {
   double gate_probability = 0.999;
   int min_matches = 3;
   double min_distance_m = 0.3;
-  double min_advantage = 9.0;
+  double min_advantage = 20.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -26,8 +29,8 @@ struct ReflectorSearchParams {
     visit("min_distance_m", self.min_distance_m, Bounds{0.0, 100.0}, "m",
           "least distance of the pairs of reflectors that a search begins with");
     visit("min_advantage", self.min_advantage, Bounds{0.0, 1000.0}, "",
-          "a pose is ambiguous if another one has a cost, the sum of squared Mahalanobis distances and of the gate for "
-          "each place left unmatched, that is not higher by this");
+          "a pose is ambiguous if another one has a cost, the sum of squared Mahalanobis distances, with 27.6 for each "
+          "place left unmatched, that is not higher by this");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -43,7 +46,7 @@ struct ReflectorPlace {
 /// What a search has found.
 struct ReflectorPose {
   bool is_known = false;
-  /// Empty if known, else why it is not: "too few places", "no match", "ambiguous".
+  /// Empty if known, else why it is not: "too few places", "no match", "ambiguous", "search not finished".
   const char* reason = "";
   Pose2 T_world_frame;  ///< the best one, also where it is ambiguous
   /// Covariance of the error e (m, m, rad), T_world_frame exp(e) = truth.
@@ -55,38 +58,98 @@ struct ReflectorPose {
 /// Searches the pose of a frame in which the places of reflectors are known, without any guess: two pairs of equal
 /// distance give a pose, the other places confirm it, and the pose that explains most is refined by least squares
 /// (docs/math/reflectors.md). Poses that explain as much make it ambiguous: reflectors that look the same after a turn,
-/// or a pattern that repeats itself. A mirror image is none, since the plane is seen from above.
+/// or a pattern that repeats itself; and so do matches of which as many may be there by chance. A mirror image is none,
+/// since the plane is seen from above.
+///
+/// A call does a bounded number of steps; a search that needs more is continued by the next calls, with the places that
+/// it began with.
 class ReflectorSearch {
  public:
-  /// Most places that are used: the first. The time grows with their square and that of the reflectors.
-  static constexpr int kMaxPlaces = 8;
+  /// Most places that are used: the first.
+  static constexpr int kMaxPlaces = 12;
 
-  /// Throws std::invalid_argument as check_reflectors and the params' validate().
+  /// Throws std::invalid_argument as check_reflectors and the params' validate(). Time and memory grow with the square
+  /// of the reflectors, up to 200 MB.
   ReflectorSearch(const ReflectorMap& map, const ReflectorSearchParams& params);
 
-  /// Reflectors with a true entry in `excluded` (empty: none) are not matched. No allocation after some calls. The
-  /// result is overwritten by the next call.
+  /// Begins a search, or continues the one that is not finished. Reflectors with a true entry in `excluded` (empty:
+  /// none) are not matched. No allocation after some calls. The result is overwritten by the next call.
   const ReflectorPose& find(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded = {});
 
+  /// Gives up the search that is not finished: its frame is no more.
+  void begin_anew() { is_searching_ = false; }
+
  private:
+  /// Two reflectors.
+  struct Pair {
+    float distance_m;
+    std::int32_t a, b;
+  };
+
+  /// Two places, and the pairs of reflectors that they may be.
+  struct Base {
+    int i = 0, j = 0;
+    std::size_t begin = 0, end = 0;  ///< in pairs_
+    double difference_m = 0.0;       ///< in distance, allowed; 0: they are too near
+  };
+
+  /// Another place, as seen from a base.
+  struct Other {
+    int place = 0;
+    Eigen::Vector2d p_m = Eigen::Vector2d::Zero();  ///< in the axes of the base, from its middle
+    double radius_m = 0.0;                          ///< of a circle around its gate
+  };
+
   struct Hypothesis {
     Pose2 T_world_frame;
-    Eigen::Matrix3d P;
-    double cost;  ///< of matched and unmatched places
-    double fit_cost;
+    Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
+    double cost = 0.0;  ///< of matched and unmatched places
+    double fit_cost = 0.0;
     std::vector<int> reflectors;
   };
 
-  bool complete(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded, Hypothesis& hypothesis);
-  bool refine(const std::vector<ReflectorPlace>& places, Hypothesis& hypothesis) const;
+  void list_pairs();
+  void sort_into_cells();
+  void begin(const std::vector<ReflectorPlace>& places, const std::vector<char>& excluded);
+  Base base_of(int i, int j) const;
+  void order_places();
+  void begin_base();
+  bool is_settled() const;
+  double cost_that_counts() const;
+  void try_pair(std::int32_t a, std::int32_t b);
+  template <class Act>
+  void for_each_within(const Eigen::Vector2d& p_world_m, double radius_m, const Act& act);
+  bool complete(Hypothesis& hypothesis);
+  void remember();
+  double expected_by_chance(int matches) const;
+  const ReflectorPose& conclude();
 
   ReflectorMap map_;
   ReflectorSearchParams params_;
-  double gate_;
-  std::vector<Hypothesis> hypotheses_;  ///< those with different matches; the memory of the others is kept
+  double gate_, far_gate_;
+  std::vector<Pair> pairs_;                                                             ///< by ascending distance
+  Eigen::Vector2d low_m_ = Eigen::Vector2d::Zero(), size_m_ = Eigen::Vector2d::Zero();  ///< of the map
+  double cell_m_ = 1.0;
+  int columns_ = 1, rows_ = 1;
+  std::vector<std::int32_t> cell_begins_, in_cells_;  ///< of the reflectors, cell after cell
+
+  bool is_searching_ = false;
+  std::vector<ReflectorPlace> places_;
+  std::vector<char> excluded_;
+  std::vector<int> order_;       ///< of places_
+  std::size_t base_number_ = 0;  ///< of the base, in the order of pairs of those
+  Base base_;
+  std::size_t next_pair_ = 0;                    ///< of the base, two for each of pairs_: one each way round
+  std::vector<Other> others_;                    ///< of the base, those that are known best first
+  std::int64_t steps_ = 0;                       ///< of this call
+  std::int64_t bases_ = 0;                       ///< that were begun
+  std::array<std::int64_t, kMaxPlaces> runs_{};  ///< tries in which so many others, from the first on, were there
+  double density_1_m2_ = 0.0;                    ///< of reflectors
+  double chance_ = 0.0;                          ///< that another place is at a reflector by chance, with the best base
+
+  std::vector<Hypothesis> hypotheses_;  ///< different poses, the best first; the memory of the others is kept
   std::size_t used_ = 0;
   Hypothesis next_;
-  std::vector<char> taken_;
   ReflectorPose result_;
 };
 
