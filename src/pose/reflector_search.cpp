@@ -34,7 +34,6 @@ constexpr double kFarProbability = 0.999999;
 constexpr std::size_t kMaxPairs = 8'000'000;
 constexpr int kDistanceBins = 100'000;
 /// Of a call, in cells looked at: 20 to 36 ms on a core of a busy AMD EPYC.
-/// (benchmark/reflector_localization_benchmark).
 constexpr std::int64_t kStepsOfCall = 2'000'000;
 /// Steps of what is more than to look at a cell: a pair of reflectors, one that is fitted.
 constexpr std::int64_t kStepsOfPair = 4, kStepsOfFit = 400;
