@@ -444,9 +444,11 @@ class GridMap::Impl {
           if (tile.images[from] == 0) continue;
           grid.probability[to] = 0.0F;
           if (!has_evidence(tile)) continue;
+          const float sharp = tile.evidence[from].sharp(believed), softer = tile.evidence[from].soft(believed);
+          if (sharp <= 0.01F && softer <= 0.01F) continue;
           const float enough = enough_images(tile, from) * enough_directions(tile, from, believed);
-          grid.probability[to] = tile.evidence[from].sharp(believed) * enough * enough;
-          soft[to] = tile.evidence[from].soft(believed) * enough * enough;
+          grid.probability[to] = sharp * enough * enough;
+          soft[to] = softer * enough * enough;
           if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
         }
       }
@@ -702,6 +704,10 @@ class GridMap::Impl {
     const double height_m = params_.class_height_m, range_m = from_camera.head<2>().norm();
     const Eigen::Vector2d ahead = from_camera.head<2>() / range_m;
     const auto shown = [&](double m, double part) { return shown_before(from_camera, m, part, view, reader, horizon); };
+    const Eigen::Vector3d middle =
+        view.A * (from_camera + Eigen::Vector3d(0.0, 0.0, 0.5 * height_m + offset_m(believed_)));
+    const double u = middle.x() / middle.z(), v = middle.y() / middle.z();
+    if (reader.contains(u, v) && reader.value(u, v) < kNothing * kLeastPeak) return false;  // nothing of the class
     const Eigen::Vector2d p_world_m = view.p_world_camera_m.head<2>() + from_camera.head<2>();
     const double over_ground =  // slope of the sight line to its top
         slope_along(p_world_m, ahead) - (from_camera.z() + height_m) / range_m;
