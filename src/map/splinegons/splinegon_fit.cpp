@@ -378,11 +378,11 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
   const Eigen::Vector2d middle_m = points_m_[last];
   const double near_m = 0.5 * window_m;
   for (;; first = before(first)) {
-    left.add(points_m_[first] - middle_m, weights_[first] * weights_[first]);
+    left.add(points_m_[first] - middle_m, misfit_weight(weights_[first]) * misfit_weight(weights_[first]));
     if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > window_m) break;
   }
   for (;; end = next(end)) {
-    right.add(points_m_[end] - middle_m, weights_[end] * weights_[end]);
+    right.add(points_m_[end] - middle_m, misfit_weight(weights_[end]) * misfit_weight(weights_[end]));
     if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > window_m) break;
   }
   const std::size_t fewest = window_m < params_.corner_window_m ? kFewestOfShortSide : kFewestOfSide;
@@ -404,8 +404,9 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
       near = LineSums();
       for (std::size_t i = from;; i = next(i)) {
         const Eigen::Vector2d v = points_m_[i] - middle_m;
-        const double sigmas = std::abs(left_of(line.along).dot(v - line.mean)) * weights_[i];
-        const double weight = weights_[i] * weights_[i] * std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
+        const double sigmas = std::abs(left_of(line.along).dot(v - line.mean)) * misfit_weight(weights_[i]);
+        const double weight = misfit_weight(weights_[i]) * misfit_weight(weights_[i]) *
+                              std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
         sums.add(v, weight);
         if (to == last ? way_m(i, last) < near_m : way_m(start, i) < near_m) near.add(v, weight);
         if (i == to) break;
@@ -416,7 +417,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
     }
     line.chi2 = 0.0;
     for (std::size_t i = from;; i = next(i)) {
-      const double sigmas = left_of(line.along).dot(points_m_[i] - middle_m - line.mean) * weights_[i];
+      const double sigmas = left_of(line.along).dot(points_m_[i] - middle_m - line.mean) * misfit_weight(weights_[i]);
       line.chi2 += std::min(sigmas * sigmas, kMostChi2);
       if (i == to) break;
     }
@@ -448,7 +449,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
   for (std::size_t i = first;; i = next(i)) {
     const Eigen::Vector2d p = local(i);
     const Eigen::Vector3d row(1.0, p.x(), p.squaredNorm());
-    const double w = weights_[i] * weights_[i];
+    const double w = misfit_weight(weights_[i]) * misfit_weight(weights_[i]);
     A += w * row * row.transpose();
     rhs += w * p.y() * row;
     if (i == end) break;
@@ -459,7 +460,9 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
     const Eigen::Vector2d p = local(i);
     const double e = p.y() - c(0) - c(1) * p.x() - c(2) * p.squaredNorm();
     const Eigen::Vector2d gradient(c(1) + 2.0 * c(2) * p.x(), 1.0 - 2.0 * c(2) * p.y());
-    arc_chi2 += std::min(weights_[i] * weights_[i] * e * e / std::max(gradient.squaredNorm(), 0.04), kMostChi2);
+    arc_chi2 += std::min(
+        misfit_weight(weights_[i]) * misfit_weight(weights_[i]) * e * e / std::max(gradient.squaredNorm(), 0.04),
+        kMostChi2);
     if (i == end) break;
   }
   const double gain = window_m < params_.corner_window_m ? kShortCornerGain : kCornerGain;
