@@ -13,7 +13,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr int kLeastHits = 20;
-constexpr int kRepeats = 2;
+constexpr int kRepeats = 2, kRenewed = 50;
 constexpr double kMoved_m = 0.01;  // of a hit, from where the first of the scans that are alike saw something
 constexpr int kMovedHits = 10;
 constexpr std::ptrdiff_t kBeside = 4;  // beams
@@ -40,8 +40,10 @@ bool RepeatedScans::add(const std::vector<float>& ranges_m, const Points& points
     repeats_ = 0;
     return false;
   }
-  repeats_ = std::min(repeats_ + 1, kRepeats);
-  return repeats_ == kRepeats && (is_noisy() || has_moved_along(points));
+  ++repeats_;
+  // A pose that was wrong for a moment does not keep a vehicle for ever that stands and sees the same without noise.
+  if (repeats_ % kRenewed == 0) first_ = points;
+  return repeats_ >= kRepeats && (is_noisy() || has_moved_along(points));
 }
 
 /// Whether hits are where the first scan saw nothing: they moved with the vehicle. In a uniform corridor they do not.

@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <exception>
-#include <stdexcept>
 #include <utility>
 
 #include <boost/make_shared.hpp>
@@ -16,17 +15,8 @@
 namespace situation_awareness {
 namespace {
 
-/// Poses and maps that are remembered for segments that come later.
-constexpr std::size_t kPoses = 200;
-constexpr std::size_t kMaps = 20;
-
-template <class Value>
-void remember(std::map<std::uint64_t, Value>& values, std::uint64_t stamp_ns, Value value, std::size_t most) {
-  // After a restart of time the first ones are those of the time before.
-  if (!values.empty() && stamp_ns < values.begin()->first) values.clear();
-  values[stamp_ns] = std::move(value);
-  if (values.size() > most) values.erase(values.begin());
-}
+constexpr const char* kNoCovariance = "no covariance of the pose";
+constexpr std::size_t kMaps = 20;  // that are remembered for segments that come later
 
 template <class Message>
 bool is_published(const std::optional<TimedSubscriber<Message>>& subscriber) {
@@ -39,12 +29,6 @@ BasePose base_pose_from_msg(const geometry_msgs::PoseWithCovarianceStamped& msg)
   BasePose pose;
   pose.translation_world_m = {msg.pose.pose.position.x, msg.pose.pose.position.y};
   pose.covariance_world = planar_covariance(msg.pose);
-  if (!pose.translation_world_m.allFinite() || !pose.covariance_world.allFinite()) {
-    throw std::invalid_argument("a pose is not finite");
-  }
-  if (!(pose.covariance_world.diagonal().minCoeff() >= 0.0)) {
-    throw std::invalid_argument("a variance of a pose is negative");
-  }
   return pose;
 }
 
@@ -59,7 +43,8 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
     : context_(context),
       world_frame_(params.nodelet.world_frame),
       timeout_s_(params.pose_timeout_s),
-      queue_size_(static_cast<std::size_t>(params.nodelet.queue_size)) {
+      queue_size_(static_cast<std::size_t>(params.nodelet.queue_size)),
+      poses_(params.pipeline.safety.max_pose_age_s) {
   context.on_arrival(
       [this](const SegmentArrayConstPtr& msg, const ros::SteadyTime& arrival) {
         if (waiting_.size() >= queue_size_) {
@@ -80,13 +65,12 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
 }
 
 void PoseCovarianceInput::take(const geometry_msgs::PoseWithCovarianceStamped& msg) {
-  try {
-    if (tf2_frame(msg.header.frame_id) != world_frame_) {
-      return context_.diagnostics().counted({{"pose in another frame", 1}});
-    }
-    remember(poses_, msg.header.stamp.toNSec(), base_pose_from_msg(msg), kPoses);
-  } catch (const std::exception&) {
-    return context_.diagnostics().counted({{"pose that cannot be used", 1}});
+  const auto stamp_ns = static_cast<std::int64_t>(msg.header.stamp.toNSec());
+  if (tf2_frame(msg.header.frame_id) != world_frame_) {
+    poses_.refuse(stamp_ns);
+    context_.diagnostics().counted({{"pose in another frame", 1}});
+  } else if (!poses_.add(stamp_ns, base_pose_from_msg(msg))) {
+    context_.diagnostics().counted({{"pose that cannot be used", 1}});
   }
   release();
 }
@@ -96,7 +80,10 @@ void PoseCovarianceInput::take(const MappedObjectArray& msg) {
     if (tf2_frame(msg.header.frame_id) != world_frame_) {
       return context_.diagnostics().counted({{"objects in another frame", 1}});
     }
-    remember(objects_, msg.header.stamp.toNSec(), objects_from_msg(msg), kMaps);
+    // After a restart of time the first ones are those of the time before.
+    if (!objects_.empty() && msg.header.stamp.toNSec() < objects_.begin()->first) objects_.clear();
+    objects_[msg.header.stamp.toNSec()] = objects_from_msg(msg);
+    if (objects_.size() > kMaps) objects_.erase(objects_.begin());
   } catch (const std::exception&) {
     return context_.diagnostics().counted({{"objects that cannot be used", 1}});
   }
@@ -109,26 +96,30 @@ void PoseCovarianceInput::release() {
     while (!waiting_.empty()) {
       const Waiting& first = waiting_.front();
       const std::uint64_t stamp_ns = first.msg->header.stamp.toNSec();
-      const auto pose = poses_.find(stamp_ns);
+      if (is_published(pose_subscriber_)) poses_.expect();
       const auto objects = objects_.find(stamp_ns);
-      const bool waits_for_pose = pose == poses_.end() && is_published(pose_subscriber_);
+      const bool waits_for_pose = !poses_.has(static_cast<std::int64_t>(stamp_ns)) && is_published(pose_subscriber_);
       const bool waits_for_objects = objects == objects_.end() && is_published(objects_subscriber_);
       if (waits_for_pose || waits_for_objects) {
         if ((ros::SteadyTime::now() - first.arrival).toSec() < timeout_s_) return;
         if (waits_for_pose) context_.diagnostics().counted({{"no pose of that stamp", 1}});
         if (waits_for_objects) context_.diagnostics().counted({{"no objects of that stamp", 1}});
       }
-      enqueue_first(pose != poses_.end() ? std::optional(pose->second) : std::nullopt,
-                    objects != objects_.end() ? std::optional(objects->second) : std::nullopt);
+      enqueue_first(objects != objects_.end() ? std::optional(objects->second) : std::nullopt);
     }
   } catch (const std::exception& error) {
     context_.drop(drop_reason::kError, error.what());
   }
 }
 
-void PoseCovarianceInput::enqueue_first(const std::optional<BasePose>& base, std::optional<Objects> objects) {
+void PoseCovarianceInput::enqueue_first(std::optional<Objects> objects) {
   const Waiting first = waiting_.front();
   waiting_.pop_front();
+  const std::optional<BasePose> base = poses_.at(static_cast<std::int64_t>(first.msg->header.stamp.toNSec()));
+  if (poses_.has_source() && !base) {
+    context_.drop(kNoCovariance);
+    return;
+  }
   context_.enqueue(boost::make_shared<const CovariedSegments>(
                        CovariedSegments{first.msg->header, first.msg->latency, first.msg, base, std::move(objects)}),
                    first.arrival);

@@ -26,9 +26,10 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from fault_record import fault  # noqa: E402
+from fault_record import cell, fault  # noqa: E402
 from ros_support import Diagnostics, Latest, pid_of, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import MappedPolygon, PathError, PolygonArray, SafetyVerdict  # noqa: E402
+from situation_awareness.msg import (MappedObjectArray, MappedPolygon, PathError, PolygonArray,  # noqa: E402
+                                     SafetyVerdict)
 
 LASER_X_M = 0.1
 WALLS = (((-2, -1.6), (6, -1.6)), ((-2, 1.6), (6, 1.6)), ((-2, -1.6), (-2, 1.6)), ((6, -1.6), (6, 1.6)))
@@ -53,18 +54,23 @@ def cast(edges, x, y, azimuths):
 
 
 class Vehicle:
-    """Does as cmd_vel says; publishes scan, odom and TF in real time. What it does not publish can be chosen."""
+    """Does as cmd_vel says; publishes scan, odom, TF and maps in real time. What it does not publish can be chosen."""
 
     def __init__(self):
         self.x, self.y, self.yaw = 0.0, 0.0, 0.0
         self.speed, self.turn_rate = 0.0, 0.0
         self.edges = list(WALLS)
-        self.with_scan = self.with_tf = True
+        self.with_scan = self.with_tf = self.with_objects = True
+        self.chains = []  # of polygons: edges, id and state of each
         self.is_blind = False
+        self.range = None  # of all beams
+        self.poses, self.variance, self.pose_frame = None, 1e-4, "map"
         self.commands = []
         self.scans = rospy.Publisher("scan", LaserScan, queue_size=10)
         self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
         self.odometry = rospy.Publisher("odom", Odometry, queue_size=100)
+        self.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10)
+        self.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10)
         self.subscriber = rospy.Subscriber("cmd_vel", Twist, self.command, queue_size=10)
         threading.Thread(target=self.run, daemon=True).start()
 
@@ -97,15 +103,34 @@ class Vehicle:
         odometry.header.stamp = stamp
         odometry.twist.twist.linear.x = self.speed
         self.odometry.publish(odometry)
+        if self.poses is not None:
+            pose = PoseWithCovarianceStamped()
+            pose.header.stamp, pose.header.frame_id = stamp, self.pose_frame
+            pose.pose.covariance = [self.variance if k in (0, 7, 35) else 0.0 for k in range(36)]
+            self.poses.publish(pose)
+        if count % 2 == 0:
+            self.publish_maps(stamp)
         if self.with_scan and count % 2 == 0:
             scan = scan_msg(stamp, [], frame="laser")
             azimuths = self.yaw + scan.angle_min + scan.angle_increment * np.arange(541)
             lidar_x = self.x + LASER_X_M * math.cos(self.yaw)
             lidar_y = self.y + LASER_X_M * math.sin(self.yaw)
             ranges = cast(self.edges, lidar_x, lidar_y, azimuths)
-            scan.ranges = np.full(541, np.nan).tolist() if self.is_blind else ranges.tolist()
+            scan.ranges = (np.full(541, np.nan).tolist() if self.is_blind else
+                           [self.range] * 541 if self.range is not None else ranges.tolist())
             scan.angle_max = scan.angle_min + 540 * scan.angle_increment
             self.scans.publish(scan)
+
+    def publish_maps(self, stamp):
+        if self.with_objects:
+            objects = MappedObjectArray()
+            objects.header.stamp, objects.header.frame_id = stamp, "map"
+            self.objects.publish(objects)
+        if self.chains is not None:
+            polygons = PolygonArray()
+            polygons.header.stamp, polygons.header.frame_id = stamp, "map"
+            polygons.polygons = [polygons_msg(*chain).polygons[0] for chain in self.chains]
+            self.polygons.publish(polygons)
 
     def stands(self):
         return self.speed == 0.0 and self.turn_rate == 0.0
@@ -134,7 +159,6 @@ class PathTest(unittest.TestCase):
         cls.paths = Latest("path", Path)
         cls.markers = Latest("safety_areas", MarkerArray)
         cls.diagnostics = Diagnostics()
-        cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=5)
         cls.safety = rospy.Publisher("safety", SafetyVerdict, queue_size=5)
         for name in ("start", "stop"):
             rospy.wait_for_service(f"path_following/{name}", 60.0)
@@ -142,7 +166,7 @@ class PathTest(unittest.TestCase):
         cls.stop = rospy.ServiceProxy("path_following/stop", Trigger)
         cls.vehicle = Vehicle()
         wait_until(lambda: cls.verdicts.messages, 30.0, "a verdict")
-        wait_until(lambda: cls.polygons.get_num_connections() > 0 and cls.safety.get_num_connections() > 1, 30.0,
+        wait_until(lambda: cls.vehicle.polygons.get_num_connections() > 0 and cls.safety.get_num_connections() > 1, 30.0,
                    "subscribers")
 
     def latest(self):
@@ -153,9 +177,9 @@ class PathTest(unittest.TestCase):
         self.stop()
         vehicle = self.vehicle
         wait_until(vehicle.stands, 10.0, "the vehicle to stand")
-        vehicle.edges, vehicle.with_scan, vehicle.with_tf = list(WALLS), True, True
+        vehicle.edges, vehicle.with_scan, vehicle.with_tf, vehicle.with_objects = list(WALLS), True, True, True
+        vehicle.chains = []
         vehicle.x, vehicle.y, vehicle.yaw = x, 0.0, 0.0
-        self.polygons.publish(PolygonArray(header=polygons_msg(box(0, 0, 1)).header))
         moved = rospy.Time.now() + rospy.Duration(0.1)
         wait_until(lambda: self.latest().header.stamp > moved and self.latest().kind != SafetyVerdict.POSE
                    and self.latest().allowed_speed_m_s > 0.3, 10.0, "a verdict of full speed or nearly")
@@ -201,10 +225,11 @@ class PathTest(unittest.TestCase):
         self.vehicle.edges += edges
         wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT and self.latest().allowed_speed_m_s < 0.3,
                    5.0, "slow")
-        self.polygons.publish(polygons_msg(edges, 7, MappedPolygon.NEW))
+        self.vehicle.chains = [(edges, 7, MappedPolygon.NEW)]
         wait_until(lambda: self.latest().kind == SafetyVerdict.CHAIN and self.latest().id == 7, 5.0, "the new chain")
-        self.polygons.publish(polygons_msg(edges, 7))
+        self.vehicle.chains = [(edges, 7)]
         wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the speed beside the walls, which are on no map")
+        self.assertEqual((self.latest().policy, list(self.latest().missing)), (SafetyVerdict.UPDATED, []))
 
         save = rospy.ServiceProxy("safety_areas/save_local_maps", Trigger)()
         self.assertTrue(save.success, save.message)
@@ -276,33 +301,86 @@ class PathTest(unittest.TestCase):
         time.sleep(1.0)
         self.assertTrue(self.vehicle.stands())
 
+    @fault("maps stopped", "no objects, then no polygons, for 2 s", "conservative, said in verdict and diagnostics; "
+           "without polygons all hits are unknown; then as before", times=2)
+    def test_3b_without_fresh_maps_it_is_conservative(self):
+        self.settle(1.0)
+        edges = box(1.4, 0.85, 0.2)
+        self.vehicle.edges += edges
+        self.vehicle.chains = [(edges, 7)]
+        wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "a known box beside the way")
+        self.vehicle.with_objects = False
+        wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.OBJECTS], 5.0, "what is missing")
+        self.assertEqual(self.latest().policy, SafetyVerdict.CONSERVATIVE)
+        self.assertLessEqual(self.latest().allowed_speed_m_s, 0.15)
+        wait_until(lambda: "without objects" in self.diagnostics.stages["safety_areas"]["summary"], 5.0, "a warning")
+        self.vehicle.with_objects, self.vehicle.chains = True, None
+        wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.POLYGONS], 5.0, "what is missing")
+        wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT, 5.0, "an unknown hit")
+        self.assertEqual(self.latest().policy, SafetyVerdict.CONSERVATIVE)
+        self.vehicle.chains = [(edges, 7)]
+        wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the maps again")
+
+    @fault("scanner sees nothing", "no beam has a return, between walls of the map", "it stops: a contradiction, also when "
+           "the map has forgotten the walls; then it goes on")
+    def test_4c_a_scan_that_contradicts_the_map_stops_it(self):
+        self.settle()
+        self.vehicle.chains = [([edge, edge[::-1]], 10 + i, MappedPolygon.WALL) for i, edge in enumerate(WALLS)]
+        self.drive()
+        self.vehicle.range = math.inf
+        try:
+            wait_until(lambda: self.latest().kind == SafetyVerdict.CONTRADICTION, 5.0, "the reason")
+            wait_until(self.vehicle.stands, 5.0, "the vehicle to stop")
+            self.vehicle.chains = []
+            after = rospy.Time.now() + rospy.Duration(0.5)
+            wait_until(lambda: self.latest().header.stamp > after, 5.0, "a verdict by the empty map")
+            self.assertEqual(self.latest().kind, SafetyVerdict.CONTRADICTION)
+            self.assertFalse(self.latest().may_turn)
+            wait_until(lambda: "contradict" in self.diagnostics.stages["safety_areas"]["summary"], 5.0, "a warning")
+        finally:
+            self.vehicle.range = None
+        wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
+
     @fault("map, speed or pose that cannot be used", "polygons with NaN or in another frame, a speed of NaN, a pose "
-           "with a variance of NaN or in another frame", "counted by reason; those before, or the defaults, serve",
-           times=5)
+           "with a variance of NaN, inf, -1 or 0, in another frame, or no more", "counted by reason; once there is a "
+           "covariance of the pose, it stops where none can be used", times=9)
     def test_7_bad_maps_and_odometry_are_counted(self):
         self.settle()
         before = self.diagnostics.count("safety_areas", "dropped: bad map")
         bad = polygons_msg(box(1, 1, 0.2))
         bad.polygons[0].vertices[0].x = math.nan
-        self.polygons.publish(bad)
+        self.vehicle.chains = None
+        self.vehicle.polygons.publish(bad)
         elsewhere = polygons_msg(box(1, 1, 0.2))
         elsewhere.header.frame_id = "moon"
-        self.polygons.publish(elsewhere)
+        self.vehicle.polygons.publish(elsewhere)
         wait_until(lambda: self.diagnostics.count("safety_areas", "dropped: bad map") == before + 2, 5.0, "bad maps")
         odometry = Odometry()
         odometry.twist.twist.linear.x = math.nan
         self.vehicle.odometry.publish(odometry)
         wait_until(lambda: self.diagnostics.count("safety_areas", "odometry not used") > 0, 5.0, "bad odometry")
-        poses = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=10)
-        self.addCleanup(poses.unregister)
-        wait_until(lambda: poses.get_num_connections() > 0, 10.0, "safety_areas")
-        for frame, variance in (("map", math.nan), ("moon", 0.0)):
-            pose = PoseWithCovarianceStamped()
-            pose.header.stamp, pose.header.frame_id = rospy.Time.now(), frame
-            pose.pose.covariance = [variance] * 36
-            poses.publish(pose)
-        wait_until(lambda: self.diagnostics.count("safety_areas", "pose not used") == 2, 5.0, "bad poses")
-        self.assertGreater(self.latest().allowed_speed_m_s, 0.3)
+        self.vehicle.chains = []
+        self.assertIn("default", self.diagnostics.stages["safety_areas"]["covariance of the pose"])
+        self.vehicle.poses = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=10)
+        vehicle, goes = self.vehicle, lambda: self.latest().allowed_speed_m_s > 0.3
+
+        def is_stopped():
+            verdict = self.latest()
+            return (verdict.verdict == SafetyVerdict.STOP and verdict.kind == SafetyVerdict.POSE
+                    and SafetyVerdict.COVARIANCE in verdict.missing)
+        for vehicle.variance in (math.nan, math.inf, -1.0, 0.0):
+            wait_until(is_stopped, 10.0, f"a stop by a variance of {vehicle.variance}")
+            vehicle.variance = 1e-4
+            wait_until(goes, 5.0, "a covariance that can be used")
+        vehicle.pose_frame = "moon"
+        wait_until(is_stopped, 5.0, "a stop by a pose of another frame")
+        vehicle.pose_frame = "map"
+        wait_until(goes, 5.0, "a covariance that can be used")
+        wait_until(lambda: self.diagnostics.count("safety_areas", "pose not used") > 0, 5.0, "the count")
+        poses, vehicle.poses = vehicle.poses, None
+        wait_until(is_stopped, 5.0, "a stop without a covariance")
+        vehicle.poses = poses
+        wait_until(goes, 5.0, "a covariance that can be used")
 
     @fault("file of the path is none", "a way point of NaN",
            "a FATAL sentence names file and way point, the manager lives", times=2)
@@ -318,14 +396,24 @@ class PathTest(unittest.TestCase):
                 self.assertNotEqual(loader.returncode, 0)
                 wait_until(lambda: [log.msg for log in self.logs if log.level == Log.FATAL and f"/{name} " in log.msg
                                     and "path[1].x" in log.msg and str(file) in log.msg], 5.0, "the sentence")
+        for nodelet in ("safety_areas", "path_following"):
+            with cell(nodelet, "parameters", "never came", "refused: path_file is empty"):
+                name = f"without_{nodelet}"
+                loader = subprocess.run(["rosrun", "nodelet", "nodelet", "load", f"situation_awareness/{nodelet}",
+                                         "path_manager", f"__name:={name}"], timeout=60, check=False)
+                self.assertNotEqual(loader.returncode, 0)
+                wait_until(lambda: [log.msg for log in self.logs if log.level == Log.FATAL and f"/{name} " in log.msg
+                                    and "path_file" in log.msg], 5.0, "the sentence")
         self.assertTrue(rosnode.rosnode_ping("/path_manager", max_count=1), "the manager lives")
 
     @fault("manager terminated", "SIGTERM while the vehicle drives", "the last command is to stand")
     def test_9_a_manager_that_is_terminated_stops_the_vehicle(self):
         self.settle()
         self.drive()
-        os.kill(pid_of("/path_manager"), signal.SIGTERM)
-        wait_until(self.vehicle.stands, 5.0, "the last command")
+        with cell("path_following", "manager", "restarted", "the last command is to stand"), \
+                cell("safety_areas", "manager", "restarted", "no verdict until it is back: the vehicle stands"):
+            os.kill(pid_of("/path_manager"), signal.SIGTERM)
+            wait_until(self.vehicle.stands, 5.0, "the last command")
 
 
 if __name__ == "__main__":

@@ -70,14 +70,19 @@ class PolygonMappingTest(unittest.TestCase):
         self.reset()
         time.sleep(1.1)  # the room is new
 
-    def scan(self, count, before_scan=lambda stamp: None, **arguments):
-        """So many scans of the room; the map of the last one."""
+    def send(self, count, before_scan=lambda stamp: None, **arguments):
+        """So many scans of the room; the stamp of the last one."""
         stamp = None
         for _ in range(count):
             stamp = rospy.Time.now()
             before_scan(stamp)
             self.robot.tf.publish(transform_msg(stamp, parent="map"))
             self.robot.publish(scan_msg(stamp, ranges=ranges_in_a_room(**arguments)), transforms=False)
+        return stamp
+
+    def scan(self, count, before_scan=lambda stamp: None, **arguments):
+        """The same; the map of the last one."""
+        stamp = self.send(count, before_scan, **arguments)
         wait_until(lambda: self.maps.messages and self.maps.messages[-1].header.stamp >= stamp, 10.0, "the map")
         return self.maps.messages[-1]
 
@@ -201,9 +206,10 @@ class PolygonMappingTest(unittest.TestCase):
         wait_until(lambda: self.count("time jumped back: new map") >= 1, 5.0, "the reason")
 
     @fault("pose that cannot be used", "NaN, a negative variance, another frame, another stamp, a sigma of 1 m",
-           "counted by reason; mapped with ~pose_sigma_m, or not at all where the pose is too uncertain", times=13)
-    def test_the_covariance_of_the_pose(self):
-        """It is that of the same stamp, waited for while `pose` has a publisher."""
+           "counted by reason; not mapped where the pose does not say how certain it is, or that it is too uncertain",
+           times=13)
+    def test_z_the_covariance_of_the_pose(self):
+        """It is that of the same stamp, waited for while `pose` has a publisher; without one it is not mapped any more."""
         publisher = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=100)
         self.addCleanup(publisher.unregister)
         wait_until(lambda: publisher.get_num_connections() > 0, 10.0, "polygon_mapping")
@@ -228,19 +234,23 @@ class PolygonMappingTest(unittest.TestCase):
         variance[0] = 1.0
         self.scan(5, publish)
         wait_until(lambda: self.count("pose not known well enough") == unsure + 5, 5.0, "what is not known well enough")
-        # What cannot be used counts as none: after the timeout the default's serves.
-        missing, bad = self.count("no pose of that stamp"), self.count("pose that cannot be used")
+        # Once there is a source, what it does not say well is not known, and no default in its place.
+        bad, dropped = self.count("pose that cannot be used"), self.count("dropped: no covariance of the pose")
         for variance[0] in (math.nan, -1.0):
-            self.scan(2, publish)
+            self.send(2, publish)
         variance[0] = 1e-6
         wait_until(lambda: self.count("pose that cannot be used") == bad + 4, 5.0, "bad poses")
         other = self.count("pose in another frame")
         frame[0] = "odom"
-        self.scan(2, publish)
+        self.send(2, publish)
         wait_until(lambda: self.count("pose in another frame") == other + 2, 5.0, "poses in another frame")
+        wait_until(lambda: self.count("dropped: no covariance of the pose") == dropped + 6, 5.0, "drops")
+        # One of nearly the same time says it as well, after the timeout.
+        missing, before = self.count("no pose of that stamp"), self.count(key)
         frame[0], offset[0] = "map", rospy.Duration(0.001)
         self.scan(2, publish)
-        wait_until(lambda: self.count("no pose of that stamp") == missing + 8, 5.0, "poses that are missed")
+        wait_until(lambda: self.count("no pose of that stamp") == missing + 2, 5.0, "poses of other stamps")
+        wait_until(lambda: self.count(key) == before + 2, 5.0, "their covariances")
 
     def ids(self):
         return {polygon.id for polygon in self.maps.messages[-1].polygons}

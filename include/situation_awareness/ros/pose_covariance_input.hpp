@@ -15,6 +15,7 @@
 
 #include "situation_awareness/MappedObjectArray.h"
 #include "situation_awareness/SegmentArray.h"
+#include "situation_awareness/estimation/pose_covariances.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
@@ -22,13 +23,7 @@
 
 namespace situation_awareness {
 
-/// The pose of the base at the time of a scan.
-struct BasePose {
-  Eigen::Vector2d translation_world_m = Eigen::Vector2d::Zero();
-  Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();  ///< of the error in x, y (m) and yaw (rad)
-};
-
-/// Throws std::invalid_argument if a number is not finite or a variance is negative.
+/// Not checked.
 BasePose base_pose_from_msg(const geometry_msgs::PoseWithCovarianceStamped& msg);
 
 /// Of the error of the pose of a sensor at `p_world_m` that is fixed to the base: an error of the base's yaw moves it.
@@ -39,12 +34,13 @@ struct CovariedSegments {
   std_msgs::Header header;
   double latency = 0.0;
   SegmentArrayConstPtr msg;
-  std::optional<BasePose> base;    ///< none: the source of the pose has no covariance
+  std::optional<BasePose> base;    ///< none: `pose` never had a publisher
   std::optional<Objects> objects;  ///< none: there is no map of objects, or not of this scan
 };
 
 /// The input of a stage that needs segments and, where something publishes `pose` or `objects`, the pose's covariance
-/// and the map of objects at the same stamp, for which they wait up to `pose_timeout_s`. All calls are on the callback
+/// and the map of objects at the same stamp, for which they wait up to `pose_timeout_s`. Once `pose` has a publisher,
+/// segments whose pose it does not tell are dropped (PoseCovariances). All calls are on the callback
 /// queue of its stage, without a lock; `context` must outlive it.
 class PoseCovarianceInput {
  public:
@@ -63,15 +59,15 @@ class PoseCovarianceInput {
   void take(const geometry_msgs::PoseWithCovarianceStamped& msg);
   void take(const MappedObjectArray& msg);
   void release();
-  void enqueue_first(const std::optional<BasePose>& base, std::optional<Objects> objects);
+  void enqueue_first(std::optional<Objects> objects);
 
   Context& context_;
   std::string world_frame_;
   double timeout_s_;
   std::size_t queue_size_;
   std::deque<Waiting> waiting_;
-  std::map<std::uint64_t, BasePose> poses_;   ///< by their stamp in ns
-  std::map<std::uint64_t, Objects> objects_;  ///< likewise
+  PoseCovariances poses_;
+  std::map<std::uint64_t, Objects> objects_;  ///< by their stamp in ns
   std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> pose_subscriber_;
   std::optional<TimedSubscriber<MappedObjectArray>> objects_subscriber_;
 };

@@ -23,7 +23,13 @@ static_assert(static_cast<int>(SafetyDecision::Kind::kUnknownHit) == SafetyVerdi
               static_cast<int>(SafetyDecision::Kind::kChain) == SafetyVerdict::CHAIN &&
               static_cast<int>(SafetyDecision::Kind::kObject) == SafetyVerdict::OBJECT &&
               static_cast<int>(SafetyDecision::Kind::kHidden) == SafetyVerdict::HIDDEN &&
-              static_cast<int>(SafetyDecision::Kind::kPose) == SafetyVerdict::POSE);
+              static_cast<int>(SafetyDecision::Kind::kPose) == SafetyVerdict::POSE &&
+              static_cast<int>(SafetyDecision::Kind::kContradiction) == SafetyVerdict::CONTRADICTION &&
+              static_cast<int>(SafetyDecision::Kind::kFrozenScan) == SafetyVerdict::FROZEN_SCAN);
+static_assert(static_cast<int>(SafetyInput::kObjects) == SafetyVerdict::OBJECTS &&
+              static_cast<int>(SafetyInput::kPolygons) == SafetyVerdict::POLYGONS &&
+              static_cast<int>(SafetyInput::kCovariance) == SafetyVerdict::COVARIANCE &&
+              static_cast<int>(SafetyInput::kSpeed) == SafetyVerdict::SPEED);
 static_assert(static_cast<int>(SafetyPolicy::kConservative) == SafetyVerdict::CONSERVATIVE &&
               static_cast<int>(SafetyPolicy::kUpdated) == SafetyVerdict::UPDATED &&
               static_cast<int>(SafetyPolicy::kIgnoreKnown) == SafetyVerdict::IGNORE_KNOWN);
@@ -44,7 +50,7 @@ SafetyVerdict safety_to_msg(const SafetyDecision& decision, double height_world_
   msg.distance_m = decision.distance_m;
   msg.kind = static_cast<std::uint8_t>(decision.kind);
   msg.id = decision.id;
-  if (decision.kind != SafetyDecision::Kind::kNone && decision.kind != SafetyDecision::Kind::kPose) {
+  if (has_place(decision.kind)) {
     msg.place.x = decision.place_world_m.x();
     msg.place.y = decision.place_world_m.y();
     msg.place.z = height_world_m;
@@ -52,6 +58,7 @@ SafetyVerdict safety_to_msg(const SafetyDecision& decision, double height_world_
   msg.allowed_speed_m_s = decision.allowed_speed_m_s;
   msg.may_turn = static_cast<std::uint8_t>(decision.may_turn);
   msg.policy = static_cast<std::uint8_t>(decision.policy);
+  for (const SafetyInput input : decision.missing) msg.missing.push_back(static_cast<std::uint8_t>(input));
   msg.segment = static_cast<std::uint32_t>(decision.segment);
   return msg;
 }

@@ -40,8 +40,7 @@ visualization_msgs::MarkerArray safety_markers(const SafetyDecision& decision, d
   Marker decides =
       make_marker(header, "decides", 0, Marker::SPHERE,
                   decision.verdict == SafetyDecision::Verdict::kStop ? kProtectiveColor : kWarningColor, 1.0F);
-  const bool has_place = decision.kind != SafetyDecision::Kind::kNone && decision.kind != SafetyDecision::Kind::kPose;
-  if (has_place) {
+  if (has_place(decision.kind)) {
     decides.pose.position = make_point(decision.place_world_m, height_world_m);
     decides.scale.x = decides.scale.y = decides.scale.z = 0.12;
   } else {

@@ -9,6 +9,7 @@
 
 #include <geometry_msgs/Twist.h>
 #include <nav_msgs/Path.h>
+#include <ros/param.h>
 #include <ros/service_server.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
@@ -25,11 +26,21 @@
 
 namespace situation_awareness {
 
+/// As read_path_nodelet_params. Of a stage that starts at once it is noted on the server that it has driven: one that
+/// comes back after a crash finds it, and waits to be called. Noted here, it is among the parameters that a new master
+/// gets, too.
+PathNodeletParams read_path_following_params(const ParamReader& reader) {
+  PathNodeletParams params = read_path_nodelet_params(reader);
+  load_path(params.path_file);  // throws: a stage that does not start has not driven
+  if (params.start_at_once && !params.has_driven) ros::param::set(reader.source() + "/has_driven", true);
+  return params;
+}
+
 class PathFollowingStage {
  public:
   using Context = StageContext<SafetyVerdict>;
   static constexpr const char* kInput = "safety";
-  static constexpr auto kReadParams = read_path_nodelet_params;
+  static constexpr auto kReadParams = read_path_following_params;
 
   PathFollowingStage(Context& context, const PathNodeletParams& params)
       : context_(context),
@@ -39,7 +50,7 @@ class PathFollowingStage {
         error_(context.node().advertise<PathError>("path_error", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
-    if (params.start_at_once) following_.start();
+    if (params.start_at_once) start_at_once();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
       path_.publish(path_to_msg(following_.path(), 0, params_.nodelet.world_frame));
@@ -100,10 +111,14 @@ class PathFollowingStage {
   /// Does not throw: each step that may is caught.
   void command() {
     try {
-      const ros::Time now = ros::Time::now();
-      const std::int64_t now_ns = to_nanoseconds(now);
-      if (now_ns == 0 || now_ns == commanded_at_ns_) return;  // simulated time that stands
+      const double steady_s = (ros::SteadyTime::now() - begin_).toSec();
+      const std::int64_t now_ns = to_nanoseconds(ros::Time::now());
+      if (now_ns == 0 || now_ns == commanded_at_ns_) {  // simulated time that stands
+        if (steady_s - commanded_at_s_ > following_.params().timeout_s) stand_still(steady_s);
+        return;
+      }
       commanded_at_ns_ = now_ns;
+      commanded_at_s_ = steady_s;
       why_not_.clear();
       AllowedMotion allowed;
       const bool has_verdict = allowed_ && is_fresh(verdict_stamp_ns_, now_ns);
@@ -120,21 +135,39 @@ class PathFollowingStage {
       state_ = result.state;
       transit_ = result.transit;
       across_m_ = result.error.across_m;
-      // After the last one, a vehicle at rest is left to others.
-      const bool moves = last_.speed_m_s != 0.0 || last_.turn_rate_rad_s != 0.0;
-      if (!following_.is_running() && !moves && !drives_) return;
-      drives_ = following_.is_running() || moves;
+      drives_ = following_.is_running() || last_.speed_m_s != 0.0 || last_.turn_rate_rad_s != 0.0;
+      if (drives_) standing_.drives(steady_s);
+      if (!drives_ && !standing_.are_due(steady_s)) return;
       geometry_msgs::Twist msg;
       msg.linear.x = last_.speed_m_s;
       msg.angular.z = last_.turn_rate_rad_s;
       command_.publish(msg);
     } catch (const std::exception& error) {
+      command_.publish(geometry_msgs::Twist());
       context_.drop(drop_reason::kError, error.what());
     }
   }
 
+  void stand_still(double steady_s) {
+    following_.halt();
+    last_ = {};
+    why_not_ = "time stands";
+    if (standing_.are_due(steady_s)) command_.publish(geometry_msgs::Twist());
+  }
+
+  /// Not after a crash.
+  void start_at_once() {
+    if (params_.has_driven) {
+      waits_after_crash_ = true;
+      ROS_WARN_STREAM(context_.name() << ": has driven before and ended: waits for a call of ~start");
+      return;
+    }
+    following_.start();
+  }
+
   bool start(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
     following_.start();
+    waits_after_crash_ = false;
     response.success = 1;
     response.message = "the vehicle drives as soon as pose and verdict are there";
     ROS_INFO_STREAM(context_.name() << ": started by a call of the service");
@@ -158,6 +191,9 @@ class PathFollowingStage {
     if (following_.is_running() && !why_not_.empty()) {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, "stopped: " + why_not_);
     }
+    if (waits_after_crash_) {
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, "has driven before and ended: waits for ~start");
+    }
     if (state_ == PathFollowingResult::State::kOffPath) {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, "too far from the path");
     }
@@ -169,11 +205,15 @@ class PathFollowingStage {
   std::optional<AllowedMotion> allowed_;
   std::int64_t verdict_stamp_ns_ = 0;
   std::int64_t commanded_at_ns_ = 0;
+  const ros::SteadyTime begin_ = ros::SteadyTime::now();
+  double commanded_at_s_ = 0.0;  ///< since then
+  StandingCommands standing_;
+  bool waits_after_crash_ = false;
   Velocity last_;
   PathFollowingResult::State state_ = PathFollowingResult::State::kStopped;
   int transit_ = 0;
   double across_m_ = 0.0;
-  bool drives_ = false;  ///< the last command was not the end
+  bool drives_ = false;
   std::string why_not_;
   ros::Publisher command_, error_, path_;
   ros::ServiceServer start_, stop_;

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // scan, TF world -> base and lidar, odom, pose, polygons, objects  ->  safety, safety_areas (for display)
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <exception>
 #include <fstream>
+#include <limits>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -20,6 +23,7 @@
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
+#include "situation_awareness/estimation/pose_covariances.hpp"
 #include "situation_awareness/path/local_maps.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
 #include "situation_awareness/path/spline_path.hpp"
@@ -32,6 +36,7 @@
 #include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/markers/safety_markers.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
+#include "situation_awareness/ros/pose_covariance_input.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -50,6 +55,7 @@ class SafetyAreasStage {
         params_(params),
         path_(load_path(params.path_file), params.path_file),
         areas_(load_path(params.path_file), params.pipeline.vehicle, params.pipeline.safety, params.path_file),
+        poses_(params.pipeline.safety.max_pose_age_s),
         publisher_(context.node().advertise<SafetyVerdict>("safety", 20)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("safety_areas", 5)),
         objects_(context, params.nodelet.world_frame),
@@ -86,8 +92,11 @@ class SafetyAreasStage {
     }
     limited_ = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan, std::move(limited_));
     points_ = project_horizontally(limited_, posed.T_world_sensor, posed.T_world_sensor_end, std::move(points_));
-    const SafetyDecision& decision =
-        areas_.update(points_, vehicle_at(posed.T_world_sensor * T_sensor_base), polygons_, objects_.latest());
+    const SafetyDecision& decision = areas_.update(points_, vehicle_at(posed.T_world_sensor * T_sensor_base), polygons_,
+                                                   objects_.latest(), posed.msg->ranges);
+    for (const SafetyInput input : decision.missing) {
+      context_.diagnostics().counted({{std::string("scans without ") + name_of(input), 1}});
+    }
     ++verdicts_[static_cast<std::size_t>(decision.verdict)];
     decision_ = &decision;
     context_.publish(publisher_, safety_to_msg(decision, points_.height_world_m, params_.nodelet.world_frame));
@@ -98,46 +107,38 @@ class SafetyAreasStage {
   }
 
  private:
-  static constexpr double kMostAge_s = 0.5;  // of speed and covariance, against the scan
-
   VehicleState vehicle_at(const Eigen::Isometry3d& T_world_base) {
     VehicleState state;
     state.T_world_base = {T_world_base.translation().head<2>(),
                           std::atan2(T_world_base.linear()(1, 0), T_world_base.linear()(0, 0))};
-    const double m2 = params_.pose_sigma_m * params_.pose_sigma_m;
-    state.covariance_world.diagonal() << m2, m2, params_.pose_sigma_rad * params_.pose_sigma_rad;
-    if (has_pose_ && std::abs(seconds_between(pose_stamp_ns_, points_.stamp_ns)) <= kMostAge_s) {
-      state.covariance_world = covariance_;
-    }
-    // What is not measured may be as fast as the vehicle can.
-    state.speed_m_s = params_.pipeline.vehicle.max_speed_m_s;
-    if (has_speed_ && std::abs(seconds_between(speed_stamp_ns_, points_.stamp_ns)) <= kMostAge_s) {
-      state.speed_m_s = speed_m_s_;
+    if (pose_.getNumPublishers() > 0) poses_.expect();
+    if (poses_.has_source()) {
+      const std::optional<BasePose> pose = poses_.latest(points_.stamp_ns);
+      state.covariance_world =
+          pose ? pose->covariance_world : Eigen::Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN());
     } else {
-      context_.diagnostics().counted({{"scans without a speed", 1}});
+      const double m2 = params_.pose_sigma_m * params_.pose_sigma_m;
+      state.covariance_world.diagonal() << m2, m2, params_.pose_sigma_rad * params_.pose_sigma_rad;
     }
+    state.speed_m_s = speed_m_s_;
+    state.speed_stamp_ns = speed_stamp_ns_;
     return state;
   }
 
   void take_odometry(const nav_msgs::Odometry& msg) {
     const auto& velocity = msg.twist.twist.linear;
-    if (!std::isfinite(velocity.x) || !std::isfinite(velocity.y)) {
-      return context_.diagnostics().counted({{"odometry not used", 1}});
-    }
-    speed_m_s_ = std::hypot(velocity.x, velocity.y);
+    const double speed_m_s = std::hypot(velocity.x, velocity.y);
+    if (!std::isfinite(speed_m_s)) return context_.diagnostics().counted({{"odometry not used", 1}});
+    speed_m_s_ = speed_m_s;
     speed_stamp_ns_ = to_nanoseconds(msg.header.stamp);
-    has_speed_ = true;
   }
 
   void take_pose(const geometry_msgs::PoseWithCovarianceStamped& msg) {
-    const Eigen::Matrix3d covariance = planar_covariance(msg.pose);
     const bool is_of_world = tf2_frame(msg.header.frame_id) == params_.nodelet.world_frame;
-    if (!is_of_world || !covariance.allFinite() || (covariance.diagonal().array() < 0.0).any()) {
-      return context_.diagnostics().counted({{"pose not used", 1}});
-    }
-    covariance_ = covariance;
-    pose_stamp_ns_ = to_nanoseconds(msg.header.stamp);
-    has_pose_ = true;
+    const std::int64_t stamp_ns = to_nanoseconds(msg.header.stamp);
+    if (is_of_world && poses_.add(stamp_ns, base_pose_from_msg(msg))) return;
+    if (!is_of_world) poses_.refuse(stamp_ns);
+    context_.diagnostics().counted({{"pose not used", 1}});
   }
 
   void take_polygons(const PolygonArray& msg) {
@@ -151,7 +152,7 @@ class SafetyAreasStage {
     }
   }
 
-  /// What the transit begins with, if there was one before.
+  /// What the transit begins with, if there was one before: nothing turns into it, and it explains no hit.
   void load_local_maps_of_path() {
     if (params_.local_maps_file.empty()) return;
     if (!std::ifstream(params_.local_maps_file)) {
@@ -159,6 +160,7 @@ class SafetyAreasStage {
       return;
     }
     polygons_ = polygons_of(load_local_maps(params_.local_maps_file, path_.segments()), path_);
+    polygons_.stamp_ns = 0;  // it is not known that they are still there
   }
 
   bool save(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
@@ -179,11 +181,16 @@ class SafetyAreasStage {
     areas_.reset();
     objects_.clear();
     polygons_ = {};
-    has_speed_ = has_pose_ = false;
+    poses_.restart();
+    speed_m_s_ = std::numeric_limits<double>::quiet_NaN();
   }
 
   void report(StageDiagnostics::Status& status) {
-    status.add("policy", name_of(areas_.params().policy));
+    status.add("policy", name_of(decision_ != nullptr ? decision_->policy : areas_.params().policy));
+    status.add("covariance of the pose", !poses_.has_source() ? "the default: pose never had a publisher"
+                                         : decision_ != nullptr && lacks(SafetyInput::kCovariance)
+                                             ? "none that can be used: the vehicle stops"
+                                             : "that of pose");
     for (const auto verdict :
          {SafetyDecision::Verdict::kFullSpeed, SafetyDecision::Verdict::kSlow, SafetyDecision::Verdict::kStop}) {
       status.add(std::string("verdict: ") + name_of(verdict), verdicts_[static_cast<std::size_t>(verdict)]);
@@ -196,19 +203,34 @@ class SafetyAreasStage {
     status.add("allowed speed [m/s]", decision_->allowed_speed_m_s);
     status.add("hits that count", decision_->counted);
     status.add("hits on known chains ignored", decision_->ignored);
+    std::string missing;
+    for (const SafetyInput input : decision_->missing)
+      missing += (missing.empty() ? "" : ", ") + std::string(name_of(input));
+    status.add("missing", missing.empty() ? "nothing" : missing);
+    const auto warn = [&status](const std::string& text) {
+      status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
+    };
+    if (!missing.empty()) warn("without " + missing);
+    if (decision_->kind == SafetyDecision::Kind::kContradiction) {
+      warn("stopped: scan and map contradict each other; the scanner may be blind, or the pose wrong");
+    }
+    if (decision_->kind == SafetyDecision::Kind::kFrozenScan) warn("stopped: the scanner's driver repeats itself");
+  }
+
+  bool lacks(SafetyInput input) const {
+    return std::count(decision_->missing.begin(), decision_->missing.end(), input) > 0;
   }
 
   Context& context_;
   PathNodeletParams params_;
   SplinePath path_;
   SafetyAreas areas_;
+  PoseCovariances poses_;
   Scan limited_;
   Points points_;
   Polygons polygons_;
-  double speed_m_s_ = 0.0;
-  std::int64_t speed_stamp_ns_ = 0, pose_stamp_ns_ = 0;
-  bool has_speed_ = false, has_pose_ = false;
-  Eigen::Matrix3d covariance_ = Eigen::Matrix3d::Zero();
+  double speed_m_s_ = std::numeric_limits<double>::quiet_NaN();  ///< NaN: not known
+  std::int64_t speed_stamp_ns_ = 0;
   std::array<std::uint64_t, 3> verdicts_{};
   const SafetyDecision* decision_ = nullptr;
   ros::Publisher publisher_, markers_;

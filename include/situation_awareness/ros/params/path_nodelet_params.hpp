@@ -16,6 +16,7 @@ struct PathNodeletParams {
   std::string path_file;
   std::string base_frame = "base_link";
   bool start_at_once = false;
+  bool has_driven = false;
   std::string local_maps_file;
   double local_map_reach_m = 3.0;
   double pose_sigma_m = 0.02;
@@ -31,6 +32,10 @@ struct PathNodeletParams {
     visit("base_frame", self.base_frame, "frame of the vehicle's footprint, midway between its driven wheels");
     visit("start_at_once", self.start_at_once,
           "drive as soon as pose and verdict are there; else when the service path_following/start is called");
+    visit("has_driven", self.has_driven,
+          "path_following sets it when it starts at once, so that it does not drive on by itself after a crash; not to "
+          "be "
+          "set by hand");
     visit("local_maps_file", self.local_maps_file,
           "YAML file of the chains beside each segment of the path, by which safety_areas starts until polygons come, "
           "and which its service save_local_maps writes; empty: none");
