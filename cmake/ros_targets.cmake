@@ -23,6 +23,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/inertial_input.cpp
   src/ros/inertial_navigation.cpp
   src/ros/map_inputs.cpp
+  src/ros/mission_memory.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/grid_markers.cpp

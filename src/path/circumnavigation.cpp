@@ -153,9 +153,20 @@ void CircumnavigationParams::validate() const {
   check_at_least("standoff_m", standoff_m, "avoidance.clearance_m", avoidance.clearance_m);
 }
 
-Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search)
-    : params_(params), search_(search), seen_(params.sight_spacing_m, static_cast<std::size_t>(params.sights)) {
+Circumnavigation::Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search,
+                                   const std::optional<Eigen::Vector2d>& start_world_m)
+    : params_(params),
+      search_(search),
+      start_m_(start_world_m),
+      seen_(params.sight_spacing_m, static_cast<std::size_t>(params.sights)) {
   params_.validate();
+  constexpr std::size_t kUsualText = 160, kUsualSegments = 256;
+  step_.reason.reserve(kUsualText);
+  missing_.reserve(kUsualText);
+  obstacles_.reserve(kUsualPieces);
+  for (SegmentPath* path : {&path_, &orbit_, &way_out_, &candidate_, &tried_, &approach_, &other_orbit_, &joined_}) {
+    path->segments.reserve(kUsualSegments);
+  }
   for (std::size_t i = 0; i < search_.size(); ++i) {
     search_[i].radius_m = params_.avoidance.turn_radius_m;
     if (!search_[i].p_m.allFinite() || !std::isfinite(search_[i].yaw_rad.value_or(0.0))) {
@@ -435,7 +446,7 @@ void Circumnavigation::gather(const MissionInput& input) {
     pose_sigma_m_ = std::sqrt(
         std::max(Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1], 0.0));
   }
-  if (!started_) seen_.set_start(input.T_world_base.translation_m, params_.start_free_m);
+  if (!started_) seen_.set_start(start_m_.value_or(input.T_world_base.translation_m), params_.start_free_m);
   obstacles_.clear();
   // By dead reckoning maps come off the world; what a scan hits is where it is.
   if (is_lost_) take_sight(input);

@@ -35,6 +35,13 @@ bool shows_free(const FreeBeams& sight, const Eigen::Vector2d& p_world_m) {
 
 }  // namespace
 
+HitMemory::HitMemory() {
+  pieces_.reserve(kMost);
+  kept_.reserve(2 * kMost);
+  off_map_.reserve(kMost);
+  run_m_.reserve(kMost + 1);
+}
+
 void HitMemory::add(const FreeBeams& sight, double reach_m, std::int64_t now_ns) {
   const Eigen::Vector2d& p_m = sight.T_world_sensor.translation_m;
   // Pieces of this scan.
@@ -83,7 +90,7 @@ void HitMemory::add(const FreeBeams& sight, double reach_m, std::int64_t now_ns)
   }
   // The latest come first.
   if (kept_.size() > kMost) kept_.erase(kept_.begin() + kMost, kept_.end());
-  std::swap(pieces_, kept_);
+  pieces_.assign(kept_.begin(), kept_.end());
 }
 
 void HitMemory::add_to(Obstacles& obstacles, std::int64_t now_ns, bool maps_count) {
@@ -97,7 +104,7 @@ void HitMemory::add_to(Obstacles& obstacles, std::int64_t now_ns, bool maps_coun
     if (!is_on_map) off_map_.push_back(kept_.size());
     kept_.push_back(piece);
   }
-  std::swap(pieces_, kept_);
+  pieces_.assign(kept_.begin(), kept_.end());
   // Pieces that follow each other are one outline.
   run_m_.clear();
   for (const std::size_t i : off_map_) {

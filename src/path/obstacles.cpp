@@ -44,6 +44,12 @@ void Obstacles::clear() {
   runs_.clear();
 }
 
+void Obstacles::reserve(std::size_t pieces) {
+  obstacles_.reserve(pieces);
+  pieces_.reserve(pieces);
+  runs_.reserve(pieces);
+}
+
 void Obstacles::begin(ObstacleKind kind, std::uint64_t id, bool closed) {
   obstacles_.push_back({kind, id, closed, pieces_.size(), 0, 0.0});
 }

@@ -92,14 +92,15 @@ FreeWays ways_of(const ScoutingParams& params, const Eigen::Vector2d& home_m) {
 }  // namespace
 
 Scouting::Scouting(const ScoutingParams& params, const Eigen::Vector3d& home_world_m,
-                   std::function<double(double, double)> ground_world_m)
+                   std::function<double(double, double)> ground_world_m, double spent_s)
     : params_((params.validate(), params)),
       home_m_(home_world_m),
       ground_(std::move(ground_world_m)),
       belief_(params.camera, low_of(params.region), high_of(params.region), params.cell_m, params.expected_targets),
       ways_((home_world_m.allFinite() ? void() : throw std::invalid_argument("home is not finite"),
              ways_of(params, home_world_m.head<2>()))),
-      random_(static_cast<std::uint64_t>(params.seed)) {}
+      random_(static_cast<std::uint64_t>(params.seed)),
+      spent_s_(spent_s) {}
 
 double Scouting::ground_m(const Eigen::Vector2d& p_m) const {
   const double known_m = ground_ ? ground_(p_m.x(), p_m.y()) : std::numeric_limits<double>::quiet_NaN();
@@ -434,7 +435,7 @@ const ScoutingStep& Scouting::step(const ScoutingInput& input) {
   if (!input.p_world_m.allFinite() || !std::isfinite(input.yaw_rad)) {
     throw std::invalid_argument("the pose of a scouting step is not finite");
   }
-  step_.elapsed_s = seconds_between(0, clock_.advance(input.stamp_ns));
+  step_.elapsed_s = spent_s_ + seconds_between(0, clock_.advance(input.stamp_ns));
   step_.left_s = params_.budget_s - step_.elapsed_s;
   const Eigen::Vector2d p_m = input.p_world_m.head<2>();
   const double height_m = input.p_world_m.z() - ground_m(p_m);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <vector>
@@ -108,7 +109,20 @@ TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
   FreeBeams beams;
   beams.from_rad = -3.0;
   beams.step_rad = 0.01;
-  beams.free_m.assign(600, 100.0);
+  const auto look = [&] {
+    beams.free_m.assign(600, 100.0);
+    beams.hits_world_m.clear();
+    for (std::size_t i = 0; i < beams.free_m.size(); ++i) {
+      const double angle_rad = beams.T_world_sensor.yaw_rad + beams.from_rad + beams.step_rad * static_cast<double>(i);
+      const Curve ray{
+          beams.T_world_sensor.translation_m, {std::cos(angle_rad), std::sin(angle_rad)}, 0.0, beams.free_m[i]};
+      for (std::size_t k = 0; k < corners.size(); ++k) {
+        const Curve side = straight_curve(corners[k], corners[(k + 1) % corners.size()]);
+        beams.free_m[i] = std::min(beams.free_m[i], first_nearer_m(ray, side, 0.01).value_or(100.0));
+      }
+      if (beams.free_m[i] < 100.0) beams.hits_world_m.push_back(point_at(ray, beams.free_m[i]));
+    }
+  };
   Circumnavigation mission(params, {});
   constexpr double kSpeed_m_s = 5.0, kPeriod_s = 0.1;
   MissionInput input;
@@ -120,7 +134,9 @@ TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
   double laps = 0.0, warm_laps = 0.0;
   for (int i = 0; i < 1300; ++i) {
     input.stamp_ns += 100'000'000;
+    boundaries.stamp_ns = input.stamp_ns;
     beams.T_world_sensor = input.T_world_base;
+    look();
     const std::int64_t before = allocations().count;
     const MissionStep& step = mission.step(input);
     if (step.laps < 2.2) {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "path/mission_flight.hpp"
+#include "support/fault_cell.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness {
@@ -335,7 +336,35 @@ TEST(Circumnavigation, GivesUpAPlaceFromWhichItTurnsOffAgainAndAgain) {
   EXPECT_GT(holds, 2);
 }
 
+TEST(Circumnavigation, RefusesNumbersThatAreNone) {
+  using Params = CircumnavigationParams;
+  for (const auto& [name, value] : {std::pair<const char*, double>{"NaN", NAN}, {"inf", INFINITY}, {"-1", -1.0}}) {
+    const FaultCell cell("circumnavigate", "parameters", name, "does not start, and names field and bound");
+    for (double Params::*field : {&Params::standoff_m, &Params::max_sigma_m, &Params::max_laps, &Params::arrive_m,
+                                  &Params::replan_s, &Params::patience_s, &Params::start_free_m, &Params::max_map_age_s,
+                                  &Params::max_scan_age_s, &Params::sight_spacing_m}) {
+      Params params;
+      params.*field = value;
+      EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }), {"circumnavigation."}));
+    }
+    for (double AvoidanceParams::*field :
+         {&AvoidanceParams::clearance_m, &AvoidanceParams::sigmas, &AvoidanceParams::turn_radius_m,
+          &AvoidanceParams::reaction_s, &AvoidanceParams::braking_m_s2}) {
+      Params params;
+      params.avoidance.*field = value;
+      EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }), {"avoidance."}));
+    }
+  }
+  const FaultCell cell("circumnavigate", "parameters", "empty", "no places: circles, and goes around what it finds");
+  Stepped stepped({}, {});
+  MissionStep told;
+  for (int i = 0; i < 100; ++i) told = stepped.step();
+  EXPECT_EQ(told.state, MissionState::kDone);
+  EXPECT_LT(stepped.T.translation_m.norm(), 20.0);
+}
+
 TEST(Circumnavigation, RefusesWhatCannotBe) {
+  const FaultCell cell("circumnavigate", "parameters", "contradicts another input", "does not start, and names both");
   CircumnavigationParams params;
   params.standoff_m = 5.0;
   EXPECT_TRUE(names(refusal_of([&] { Circumnavigation(params, {}); }),
@@ -517,7 +546,8 @@ TEST(CircumnavigationPoles, AreNotTouchedWhateverStops) {
       return Outage{from_s, from_s + random.uniform(least_s, most_s)};
     };
     const Outage mapping = outage(5.0, 80.0), odometry = outage(1.0, 40.0);
-    const PoleFlight one = fly_among_poles(seed, mapping, odometry, {}, 120.0);
+    const Outage scans = seed % 2 == 0 ? outage(1.0, 15.0) : Outage{};
+    const PoleFlight one = fly_among_poles(seed, mapping, odometry, scans, 120.0);
     std::printf("%d: %.2f m, with a pose %.2f m, held %.0f of %.0f s\n", static_cast<int>(seed),
                 one.flight.least_clearance_m, one.least_going_m, one.flight.held_s, one.flight.time_s);
     contacts += one.flight.least_clearance_m <= 0.3 ? 1 : 0;
@@ -527,6 +557,7 @@ TEST(CircumnavigationPoles, AreNotTouchedWhateverStops) {
   }
   std::printf("%d contacts, least %.2f m, with a pose %.2f m\n", contacts, least_m, least_going_m);
   EXPECT_EQ(contacts, 0);
+  EXPECT_GE(least_going_m, 2.0);
 }
 
 TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {

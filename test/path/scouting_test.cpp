@@ -15,6 +15,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "support/fault_cell.hpp"
 #include "support/refusal.hpp"
 
 namespace situation_awareness {
@@ -282,6 +283,8 @@ TEST(ScoutingFlights, CountsTheTimeInWhichItHadNoOdometry) {
 }
 
 TEST(ScoutingFlights, OnePoseThatIsFarOffDoesNotEndTheMission) {
+  const FaultCell cell("scout", "odometry", "contradicts another input",
+                       "a pose far off: one changes nothing, two send it home");
   ScoutingParams params = quick_params();
   Flown flown(params);
   for (int i = 0; i < 40; ++i) flown.step();
@@ -372,7 +375,29 @@ TEST(ScoutingFlights, HoldsWhereItIsShutIn) {
   EXPECT_TRUE(flown.fly(params.budget_s));
 }
 
+TEST(Scouting, RefusesNumbersThatAreNone) {
+  for (const auto& [name, value] : {std::pair<const char*, double>{"NaN", NAN}, {"inf", INFINITY}, {"-1", -1.0}}) {
+    const FaultCell cell("scout", "parameters", name, "does not start, and names field and bound");
+    for (double ScoutingParams::*field :
+         {&ScoutingParams::budget_s, &ScoutingParams::margin_s, &ScoutingParams::speed_m_s,
+          &ScoutingParams::acceleration_m_s2, &ScoutingParams::yaw_rate_rad_s, &ScoutingParams::image_rate_hz,
+          &ScoutingParams::height_m, &ScoutingParams::arrival_m, &ScoutingParams::close_up_m,
+          &ScoutingParams::close_up_height_m, &ScoutingParams::close_up_gain, &ScoutingParams::expected_targets,
+          &ScoutingParams::least_gain, &ScoutingParams::haste_s, &ScoutingParams::cell_m,
+          &ScoutingParams::clearance_m}) {
+      ScoutingParams params;
+      params.*field = value;
+      EXPECT_TRUE(names(refusal_of([&] { Scouting(params, {0.0, 0.0, 25.0}); }), {"scouting."}));
+    }
+  }
+  const FaultCell never("scout", "parameters", "never came", "the defaults: starts");
+  const FaultCell empty("scout", "parameters", "empty", "the defaults: starts");
+  Flown flown{ScoutingParams()};
+  EXPECT_EQ(flown.step().state, ScoutingState::kScout);
+}
+
 TEST(Scouting, RefusesBadParams) {
+  const FaultCell cell("scout", "parameters", "contradicts another input", "does not start, and names both");
   const auto refused = [](const std::function<void(ScoutingParams&)>& change) {
     ScoutingParams params;
     change(params);

@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodelet circumnavigate leads a vehicle to a place and around a boundary until that is closed, drops messages
 that cannot be used, holds where what it needs is missing, and answers plan_dubins."""
+import contextlib
 import math
 import pathlib
+import subprocess
 import sys
 import unittest
 
@@ -19,7 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
-from mission_faults import common, numbers, set_number, shifted  # noqa: E402
+from mission_faults import cells_of, common, numbers, set_number  # noqa: E402
 from ros_support import Diagnostics, Latest, comes_true, transform_msg, wait_until  # noqa: E402
 from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MissionStatus,  # noqa: E402
                                      PolygonArray, SplinegonArray)
@@ -192,8 +194,10 @@ class CircumnavigateTest(unittest.TestCase):
 
     def test_2_goes_around_what_it_finds(self):
         # A turn before there is odometry.
-        wait_until(lambda: self.command.messages, 20.0, "a command")
-        self.assertEqual((self.command.messages[-1].linear.x, self.command.messages[-1].angular.z), (0.0, 0.45))
+        with cell("circumnavigate", "odometry", "never came", "turns with lost_turn_rate_rad_s"), \
+                cell("circumnavigate", "parameters", "never came", "the defaults: starts"):
+            wait_until(lambda: self.command.messages, 20.0, "a command")
+            self.assertEqual((self.command.messages[-1].linear.x, self.command.messages[-1].angular.z), (0.0, 0.45))
         status = self.step_until(MissionStatus.SEARCH, 20)
         self.assertEqual(status.reason, "on the way to place 1 of 1")
         self.maps(square(5, False, 0.1))
@@ -299,6 +303,8 @@ class CircumnavigateTest(unittest.TestCase):
         cls = type(self)
         cls.x, cls.y, cls.yaw = pose
         cls.boundaries, cls.others = list(boundaries), ("polygons", "objects")
+        for _ in range(25 if spoil else 0):  # what came before is old by then
+            self.send(spoil)
         self.assertTrue(self.start().success)
         return [self.reacts(spoil) for _ in range(15)][-1]
 
@@ -318,7 +324,9 @@ class CircumnavigateTest(unittest.TestCase):
 
     def check(self, input_, name, act, expected, does, **begin):
         try:
-            with cell("circumnavigate", input_, name, does):
+            with contextlib.ExitStack() as cells:
+                for one in cells_of(name):
+                    cells.enter_context(cell("circumnavigate", input_, one, does))
                 self.fly_with(input_, name, act, expected, **begin)
         except AssertionError as error:
             self.failed.append(f"{input_}, {name}: {error}")
@@ -326,7 +334,7 @@ class CircumnavigateTest(unittest.TestCase):
     def fly_with(self, input_, name, act, expected, **begin):
         """A mission in whose flight the fault is for 4 s: it holds, for the expected reason, or `goes on`, and it goes on
         afterwards."""
-        spoil = {input_: act}
+        spoil = act if isinstance(act, dict) else {input_: act}
         from_begin = name == "never came"
         self.begin(spoil=spoil if from_begin else None, **begin)
         commands = len(self.command.messages)
@@ -337,6 +345,9 @@ class CircumnavigateTest(unittest.TestCase):
             self.assertTrue(math.isfinite(told.angular.z) and told.linear.x > 0.0, told)
         if expected == "goes on":
             self.assertNotIn(MissionStatus.HOLD, states, reason)
+        elif expected == "on again":
+            self.assertIn(MissionStatus.HOLD, states)
+            self.assertNotEqual(states[-1], MissionStatus.HOLD, reason)
         else:
             self.assertEqual(states[-1], MissionStatus.HOLD)
             self.assertIn(expected, reason)
@@ -360,14 +371,14 @@ class CircumnavigateTest(unittest.TestCase):
             """A wall behind, so that the scan is one with hits."""
             return set_number(msg, "ranges", [12.0 + 0.01 * i if i < 20 else r for i, r in enumerate(msg.ranges)])
 
-        faults = common()
-        del faults["killed"]
+        faults = common(30)
         frozen_scan = faults["frozen"]
         faults["frozen"] = lambda msg: frozen_scan(hit(msg))
         for name, value in (("NaN", math.nan), ("inf", math.inf), ("-1", -1.0)):
             faults[name] = lambda msg, value=value: set_number(msg, "ranges", [value] * 361)
         faults["empty"] = lambda msg: set_number(msg, "ranges", [])
         outcomes = dict.fromkeys(faults, holds)
+        outcomes["restarted"] = ("on again", "holds after 1 s, until the next scan")
         outcomes["inf"] = ("goes on", "as no return: flies on, while beams go on behind nothing that is mapped")
         self.check_all("scan", faults, outcomes)
         # A box 25 m ahead, which the beams pass.
@@ -381,14 +392,14 @@ class CircumnavigateTest(unittest.TestCase):
         def first(msg):
             return set_number(msg, "splinegons", [square(5, True, 0.1)])
 
-        faults = common()
-        del faults["killed"]
+        faults = common(30)
         for name, act in numbers("splinegons[0].vertices[0].x", ("NaN", "inf")).items():
             faults[name] = lambda msg, act=act: act(first(msg))
         faults["-1"] = lambda msg: numbers("splinegons[0].sigma_m[0]")["-1"](first(msg))
         faults["empty"] = lambda msg: msg
         outcomes = dict.fromkeys(faults, holds)
         outcomes.update({"frozen": goes_on, "empty": goes_on,
+                         "restarted": ("on again", "holds after 2 s, until the next map"),
                          "late by 1 s": ("goes on", "flies on: not older than 2 s")})
         self.check_all("splinegons", faults, outcomes)
         self.check("splinegons", "contradicts another input",
@@ -403,18 +414,67 @@ class CircumnavigateTest(unittest.TestCase):
             return set_number(msg, "polygons", [MappedPolygon(id=3, vertices=[Point(x, -9, 0), Point(x, 9, 0)],
                                                               sigma_m=[0.05, 0.05], p_exists=1.0)])
 
-        faults = common()
-        del faults["killed"]
+        faults = common(30)
         for name, act in numbers("polygons[0].vertices[0].x", ("NaN", "inf")).items():
             faults[name] = lambda msg, act=act: act(wall(msg))
         faults["-1"] = lambda msg: numbers("polygons[0].sigma_m[0]")["-1"](wall(msg))
         faults["empty"] = lambda msg: msg
         outcomes = dict.fromkeys(faults, holds)
         outcomes.update({"never came": goes_on, "frozen": goes_on, "empty": goes_on,
+                         "restarted": ("on again", "holds after 2 s, until the next map"),
                          "late by 1 s": ("goes on", "flies on: not older than 2 s")})
         self.check_all("polygons", faults, outcomes)
         self.check("polygons", "contradicts another input", wall, "no scan that can be used",
                    "holds: scans that go on behind a chain are not used")
+
+    def test_7_faults_of_tf(self):
+        """The mounting, which is static: each fault has a frame of its own."""
+        holds = ("no scan that can be used", "holds after 1 s, on a circle that was seen to be free")
+        stays = ("goes on", "flies on: the mounting is static, that from before counts")
+
+        def mounting(frame, shift=0.0, **fields):
+            msg = transform_msg(rospy.Time.from_sec(self.t + shift), parent=fields.pop("parent", "base_link"),
+                                child=frame)
+            for path, value in fields.items():
+                msg = set_number(msg, "transforms[0].transform." + path.replace("__", "."), value)
+            return msg
+
+        half = math.radians(30.0)
+        for name, fields, outcome in (
+                ("never came", None, holds), ("stopped", {}, stays), ("restarted", {}, stays), ("frozen", {}, stays),
+                ("late by 1 s", {"shift": -1.0}, stays), ("2 s ahead", {"shift": 2.0}, stays),
+                ("back by 1 h", {"shift": -3600.0}, stays), ("NaN", {"translation__x": math.nan}, holds),
+                ("inf", {"translation__x": math.inf}, holds), ("-1", {"rotation__w": -1.0}, stays),
+                ("wrong frame", {"parent": "elsewhere"}, holds),
+                ("contradicts another input", {"rotation__x": math.sin(half), "rotation__w": math.cos(half)}, holds)):
+            frame = "lidar_" + "".join(letter for letter in name if letter.isalnum())
+
+            def act(msg, frame=frame, fields=fields, name=name):
+                if fields is not None and (frame not in sent or name in ("frozen", "restarted")):
+                    self.tf_static.publish(mounting(frame, **fields))
+                    sent.add(frame)
+                return set_number(msg, "header.frame_id", frame)
+
+            sent = set()
+            self.check("TF", name, {"scan": act}, *outcome)
+
+    def test_7_faults_of_parameters(self):
+        with cell("circumnavigate", "parameters", "wrong frame",
+                  "drops all that is in others and says so; turns with lost_turn_rate_rad_s"):
+            commands = Latest("elsewhere/cmd_vel", Twist)
+            other = subprocess.Popen(["rosrun", "nodelet", "nodelet", "load", "situation_awareness/circumnavigate",
+                                      "mission_manager", "__name:=elsewhere", "_world_frame:=elsewhere",
+                                      "cmd_vel:=elsewhere/cmd_vel", "mission:=elsewhere/mission",
+                                      "plan_dubins:=elsewhere/plan_dubins"])
+            try:
+                wait_until(lambda: commands.messages, 30.0, "the other stage")
+                self.begin()
+                wait_until(lambda: self.diagnostics.count("/elsewhere", "dropped: odometry of other frames") +
+                           self.diagnostics.count("elsewhere", "dropped: odometry of other frames") > 0, 20.0, "drops")
+                self.assertEqual({(told.linear.x, told.angular.z) for told in commands.messages}, {(0.0, 0.45)})
+            finally:
+                other.terminate()
+                other.wait()
 
     def test_7_faults_of_objects(self):
         stays = ("goes on", "flies on; what was mapped stays an obstacle, hits on no map count")
@@ -426,8 +486,7 @@ class CircumnavigateTest(unittest.TestCase):
                 thing.covariance[9 * i] = 0.01
             return set_number(msg, "objects", [thing])
 
-        faults = common()
-        del faults["killed"]
+        faults = common(30)
         for name, act in numbers("objects[0].rx").items():
             faults[name] = lambda msg, act=act: act(column(msg))
         faults["empty"] = lambda msg: msg
@@ -438,13 +497,14 @@ class CircumnavigateTest(unittest.TestCase):
 
     def test_7_faults_of_odometry(self):
         lost = ("no odometry", "after .3 s a circle by dead reckoning, away from what the scans hit; holds until it is back")
-        faults = common()
-        del faults["killed"], faults["never came"]
+        faults = common(30)
+        del faults["never came"]
         faults.update({name: act for name, act in numbers("pose.pose.position.x", ("NaN", "inf")).items()})
         faults["-1"] = lambda msg: numbers("pose.covariance[7]")["-1"](
             set_number(msg, "pose.covariance", list(msg.pose.covariance)))
         outcomes = dict.fromkeys(faults, lost)
         outcomes["frozen"] = ("does not move as it says", "holds after 2 m of flight: a circle by dead reckoning")
+        outcomes["restarted"] = ("on again", "after .3 s a circle by dead reckoning; then on from where it is")
         self.check_all("odometry", faults, outcomes)
         # A pose 30 m beside the path: the vehicle is not on that any more.
         with cell("circumnavigate", "odometry", "contradicts another input",

@@ -2,7 +2,6 @@
 """Faults of a message on its way to a mission, for its cells of the tables of docs/reliability.md: each is a function
 from the message that should be sent to that which is sent, None for none."""
 import copy
-import math
 
 import rospy
 
@@ -42,12 +41,23 @@ def frozen():
     return repeat
 
 
-def common():
-    """Of any message with a header. A program that was killed, or never started, sends nothing."""
-    return {"never came": lambda msg: None, "stopped": lambda msg: None, "killed": lambda msg: None,
+def after(steps):
+    """Nothing for so many steps, then all."""
+    left = [steps]
+
+    def begin(msg):
+        left[0] -= 1
+        return None if left[0] >= 0 else msg
+    return begin
+
+
+def cells_of(fault):
+    """Those that a fault shows: a program that was killed sends nothing, as one that stopped."""
+    return (fault, "killed") if fault == "stopped" else (fault,)
+
+
+def common(restarts_after):
+    """Of any message with a header; a program that is restarted is silent for so many steps."""
+    return {"never came": lambda msg: None, "stopped": lambda msg: None, "restarted": after(restarts_after),
             "frozen": frozen(), "late by 1 s": shifted(-1.0), "2 s ahead": shifted(2.0),
             "back by 1 h": shifted(-3600.0), "wrong frame": lambda msg: set_number(msg, "header.frame_id", "elsewhere")}
-
-
-def yaw_quaternion(yaw):
-    return {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}

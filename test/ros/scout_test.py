@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodelet scout leads a vehicle to near views of what its camera finds, and home in its budget, whatever the stamps
 say; it drops messages that cannot be used."""
+import contextlib
 import math
 import pathlib
+import subprocess
 import sys
 import unittest
 
@@ -18,7 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
-from mission_faults import common, numbers, set_number  # noqa: E402
+from mission_faults import cells_of, common, numbers, set_number  # noqa: E402
 from ros_support import Diagnostics, Latest, comes_true, wait_until  # noqa: E402
 from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MappedTarget,  # noqa: E402
                                      PolygonArray, ScoutStatus, SplinegonArray, TargetArray)
@@ -130,6 +132,14 @@ class ScoutTest(unittest.TestCase):
         self.counts("dropped: bad map", lambda: publisher.publish(bad))
 
     def test_1_waits_for_targets(self):
+        with cell("scout", "odometry", "never came", "nothing is told: the autopilot holds"), \
+                cell("scout", "targets", "never came", "does not begin, and says so"):
+            self.waits()
+
+    def waits(self):
+        self.diagnostics.wait_for_reports(next(name for name in ("/scout", "scout") if comes_true(
+            lambda name=name: name in self.diagnostics.stages, 5.0)))
+        self.assertEqual(self.go_to.messages + self.status.messages, [])
         self.assertFalse(self.go_home().success)
         for _ in range(3):
             status = self.step(looks=False)
@@ -251,6 +261,14 @@ class ScoutTest(unittest.TestCase):
             status = self.step()
         self.assertIn(status.state, (ScoutStatus.SCOUT, ScoutStatus.CLOSE_UP), status.reason)
 
+    def heads_home(self):
+        """When told to, straight to where the mission began."""
+        self.assertTrue(self.go_home().success)
+        for _ in range(3):
+            self.step()
+        goal = self.go_to.messages[-1].pose.position
+        self.assertLess(math.dist((goal.x, goal.y), HOME[:2]), 0.5)
+
     def comes_home(self, home=HOME, longest=150.0):
         """When told to."""
         self.assertTrue(self.go_home().success)
@@ -336,13 +354,18 @@ class ScoutTest(unittest.TestCase):
         """The fault is there for 10 s of a mission: the vehicle `holds`, for the expected reason, or `goes on`; then it goes
         on, and home is where it was."""
         try:
-            with cell("scout", input_, name, does):
+            with contextlib.ExitStack() as cells:
+                for one in cells_of(name):
+                    cells.enter_context(cell("scout", input_, one, does))
                 others, spoil = (input_,), {input_: act}
                 self.begin()
                 elapsed, begin = self.status.messages[-1].elapsed, self.t
                 states = [self.reacts(spoil, others) for _ in range(40)]
                 if expected == "goes on":
                     self.assertNotIn(ScoutStatus.HOLD, [status.state for status in states], states[-1].reason)
+                elif expected == "on again":
+                    self.assertLess(len({status.header.stamp for status in states}) if input_ == "odometry" else 0, 20)
+                    self.assertNotEqual(states[-1].state, ScoutStatus.HOLD, states[-1].reason)
                 elif expected == "nothing":
                     self.assertEqual(len({status.header.stamp for status in states}), 1)
                 else:
@@ -352,7 +375,7 @@ class ScoutTest(unittest.TestCase):
                     status = self.reacts({}, others)
                 self.assertNotEqual(status.state, ScoutStatus.HOLD, status.reason)
                 self.assertAlmostEqual(status.elapsed - elapsed, self.t - begin, delta=0.6)
-                self.comes_home()
+                self.heads_home()
         except AssertionError as error:
             self.failed.append(f"{input_}, {name}: {error}")
 
@@ -360,9 +383,25 @@ class ScoutTest(unittest.TestCase):
         for name, act in faults.items():
             self.check(input_, name, act, *outcomes[name])
 
+    def test_7_faults_of_parameters(self):
+        with cell("scout", "parameters", "wrong frame", "drops all that is in others and says so; nothing is told"):
+            told = Latest("elsewhere/go_to", PoseStamped)
+            other = subprocess.Popen(["rosrun", "nodelet", "nodelet", "load", "situation_awareness/scout",
+                                      "mission_manager", "__name:=elsewhere", "_world_frame:=elsewhere",
+                                      "go_to:=elsewhere/go_to", "scout:=elsewhere/scout"])
+            try:
+                wait_until(lambda: told.subscriber.get_num_connections() > 0, 30.0, "the other stage")
+                self.begin()
+                wait_until(lambda: self.diagnostics.count("/elsewhere", "dropped: odometry of other frames") +
+                           self.diagnostics.count("elsewhere", "dropped: odometry of other frames") > 0, 20.0, "drops")
+                self.assertEqual(told.messages, [])
+            finally:
+                other.terminate()
+                other.wait()
+
     def test_7_faults_of_targets(self):
         holds = ("no image is mapped", "holds after 5 s where it is, until the way home is due")
-        faults = common()
+        faults = common(28)
         for name, act in numbers("targets[0].covariance[0]").items():
             faults[name] = lambda msg, act=act: act(set_number(msg, "targets", [
                 MappedTarget(id=9, covariance=[0.01, 0, 0, 0.01], area=8.0, probability=0.9)]))
@@ -372,13 +411,16 @@ class ScoutTest(unittest.TestCase):
                          "late by 1 s": ("goes on", "flies on: an image counts from where it was taken"),
                          "2 s ahead": ("goes on", "flies on; counted: no odometry of that time, so no image"),
                          "empty": ("goes on", "flies on: nothing was found")})
-        del faults["never came"], faults["killed"]
+        outcomes["restarted"] = ("on again", "holds after 5 s where it is, until the next image")
+        outcomes["contradicts another input"] = ("goes on", "flies on: what is outside the region is no target")
+        faults["contradicts another input"] = lambda msg: set_number(msg, "targets", [
+            MappedTarget(id=9, position=Point(900, 900, 0), covariance=[0.01, 0, 0, 0.01], area=8.0, probability=0.9)])
+        del faults["never came"]
         self.check_all("targets", faults, outcomes)
 
     def test_7_faults_of_grids(self):
         goes_on = ("goes on", "flies on, by what it had: the grid says where to look, not where to fly")
-        faults = common()
-        del faults["killed"]
+        faults = common(28)
         faults.update(numbers("info.resolution"))
         faults["empty"] = lambda msg: set_number(set_number(set_number(msg, "data", []), "info.width", 0),
                                                  "info.height", 0)
@@ -408,20 +450,40 @@ class ScoutTest(unittest.TestCase):
                 ("splinegons", boundary, "splinegons[0].vertices[0].x", "splinegons[0].sigma_m[0]"),
                 ("polygons", wall, "polygons[0].vertices[0].x", "polygons[0].sigma_m[0]"),
                 ("objects", column, "objects[0].rx", "objects[0].rx")):
-            faults = {fault_: lambda msg, act=act: act(fill(msg)) for fault_, act in common().items()
-                      if fault_ not in ("never came", "stopped", "killed")}
-            faults["never came"] = faults["stopped"] = lambda msg: None
+            faults = {fault_: lambda msg, act=act, fill=fill: act(fill(msg)) for fault_, act in common(28).items()}
             for fault_, act in {**numbers(number, ("NaN", "inf")), **numbers(minus, ("-1",))}.items():
                 faults[fault_] = lambda msg, act=act, fill=fill: act(fill(msg))
             faults["empty"] = lambda msg: msg
             self.check_all(name, faults, dict.fromkeys(faults, goes_on))
+            # On the map something stands all around the vehicle.
+            about = []
+
+            def around(msg, fill=fill, name=name, about=about):
+                about.append(self.p[:2])
+                x, y = about[0]
+                if name == "objects":
+                    msg = set_number(fill(msg), "objects[0].pose.position.x", x)
+                    msg.objects[0].pose.position.y, msg.objects[0].rx, msg.objects[0].ry = y, 6.0, 6.0
+                    return msg
+                msg = fill(msg)
+                thing = getattr(msg, name)[0]
+                thing.closed = True
+                thing.vertices = [Point(x + dx, y + dy, 0) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7))]
+                thing.sigma_m = [0.1] * 4
+                return msg
+            self.check(name, "contradicts another input", around, "there is no free way",
+                       "a map on which the vehicle is shut in: holds, and says so")
 
     def test_7_faults_of_odometry(self):
         stays = ("nothing", "nothing is told: the autopilot holds its last goal; the budget goes on")
-        faults = common()
-        del faults["killed"], faults["never came"]
+        faults = common(28)
+        del faults["never came"]
         faults.update(numbers("pose.pose.position.x", ("NaN", "inf")))
+        faults["-1"] = lambda msg: numbers("pose.covariance[0]")["-1"](
+            set_number(msg, "pose.covariance", list(msg.pose.covariance)))
         outcomes = dict.fromkeys(faults, stays)
+        outcomes["-1"] = ("goes on", "flies on: variances are not used")
+        outcomes["restarted"] = ("on again", "nothing is told: the autopilot holds its last goal; then on")
         outcomes["frozen"] = ("goes on", "told to go on from there; its budget ends, and it is told to go home")
         self.check_all("odometry", faults, outcomes)
 

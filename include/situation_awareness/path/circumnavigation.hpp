@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -140,8 +141,10 @@ struct MissionStep {
 /// keeps away from what the scans hit beside it: more a vehicle that cannot stop cannot do.
 class Circumnavigation {
  public:
-  /// `search`: the radii are those of the parameters. Throws std::invalid_argument naming field and bound.
-  Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search);
+  /// `search`: the radii are those of the parameters. `start_world_m`: around which it is known to be free; if not
+  /// given, the first pose. Throws std::invalid_argument naming field and bound.
+  Circumnavigation(const CircumnavigationParams& params, const std::vector<DubinsEnd>& search,
+                   const std::optional<Eigen::Vector2d>& start_world_m = {});
 
   /// Steps are no more than 0.3 s apart; by the stamps, as MissionClock takes them. Throws std::invalid_argument if
   /// pose, speed or covariance are not finite; the mission is then unchanged.
@@ -153,6 +156,8 @@ class Circumnavigation {
   const Obstacles& obstacles() const { return obstacles_; }
 
  private:
+  static constexpr std::size_t kUsualPieces = 2048;  ///< of all obstacles, for which there is memory
+
   /// When something that comes now and then was made, by the mission's clock.
   struct Made {
     std::int64_t stamp_ns = StampOrder::kNone, made_ns = StampOrder::kNone;
@@ -198,6 +203,7 @@ class Circumnavigation {
 
   CircumnavigationParams params_;
   std::vector<DubinsEnd> search_;
+  std::optional<Eigen::Vector2d> start_m_;
   std::size_t place_ = 0;  ///< index in the search
   /// What is known of a boundary beside its outline. It stays when the boundary has become a part of another one.
   struct Watched {
@@ -234,7 +240,7 @@ class Circumnavigation {
   Eigen::Vector2d anchor_m_ = Eigen::Vector2d::Zero(), flown_m_ = Eigen::Vector2d::Zero();
   bool is_frozen_ = false;  ///< odometry did not move as it says, when that was last looked at
   FreeBeams sight_;         ///< the input's, placed
-  StandoffOrbit orbits_;
+  StandoffOrbit orbits_{kUsualPieces};
 
   bool has_target_ = false, is_finished_ = false;
   std::uint64_t target_ = 0;         ///< id of a boundary

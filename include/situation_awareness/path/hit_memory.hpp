@@ -24,6 +24,8 @@ class HitMemory {
   static constexpr double kOnMap_m = 0.7;     ///< what is so near to something is on that
   static constexpr double kSigma_m = 0.05;    ///< standard deviation of a hit
 
+  HitMemory();
+
   /// A scan. Hits farther than `reach_m` from the scanner are left out.
   void add(const FreeBeams& sight, double reach_m, std::int64_t now_ns);
 

@@ -57,6 +57,9 @@ class Obstacles {
  public:
   void clear();
 
+  /// Memory for so many pieces.
+  void reserve(std::size_t pieces);
+
   /// Without pieces shorter than 1 um; with fewer than two vertices nothing is added.
   void add(const Splinegon& boundary);
   void add(const Chain& chain);

@@ -138,9 +138,10 @@ struct ScoutingStep {
 class Scouting {
  public:
   /// `home_world_m`: where it ends, at that height. `ground_world_m`: its height; not known: NaN; empty: it is at
-  /// home's height less that of scouting. Throws std::invalid_argument naming field and bound.
+  /// home's height less that of scouting. `spent_s` of the budget: by a mission that goes on. Throws
+  /// std::invalid_argument naming field and bound.
   Scouting(const ScoutingParams& params, const Eigen::Vector3d& home_world_m,
-           std::function<double(double x_world_m, double y_world_m)> ground_world_m = {});
+           std::function<double(double x_world_m, double y_world_m)> ground_world_m = {}, double spent_s = 0.0);
 
   /// An image that was mapped was taken from there.
   void add_image(const Eigen::Vector3d& p_world_m, double yaw_rad);
@@ -204,6 +205,7 @@ class Scouting {
   std::vector<ScoutStop> route_;
   std::vector<Eigen::Vector2d> way_;
   MissionClock clock_;
+  double spent_s_;                         ///< before its first stamp
   std::optional<Eigen::Vector3d> held_m_;  ///< where it waits for images
   int due_ = 0;                            ///< steps in a row for which the way home was due
   double stop_due_s_ = 0.0;                ///< since the begin: a stop that is not reached until then is given up

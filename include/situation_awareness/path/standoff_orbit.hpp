@@ -23,6 +23,12 @@ namespace situation_awareness {
 /// Keeps its memory: no allocation after warm-up.
 class StandoffOrbit {
  public:
+  /// `usual_pieces`: memory for so many from the begin on.
+  explicit StandoffOrbit(std::size_t usual_pieces = 0) {
+    pieces_.reserve(usual_pieces);
+    runs_.reserve(usual_pieces);
+  }
+
   /// The closed path around obstacle `target`, and others that are near it, counter-clockwise (`side` +1: the obstacle
   /// is to the left) or clockwise (-1). `hint_m`: a point from which the circle rolls off if it is free there, else it
   /// comes from outside. `standoff_m` >= `radius_m` > 0. A target that others hide is gone around with these. False,

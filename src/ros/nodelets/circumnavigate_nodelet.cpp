@@ -34,6 +34,7 @@
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/map_inputs.hpp"
+#include "situation_awareness/ros/mission_memory.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -50,7 +51,7 @@ class CircumnavigateStage {
   CircumnavigateStage(Context& context, const CircumnavigateNodeletParams& params)
       : context_(context),
         params_(params),
-        mission_(std::in_place, params.mission, params.search.places),
+        begin_(mission_begin_from(params.resume)),
         order_(params.reset_time_jump_s),
         maps_(context, params.nodelet.world_frame),
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
@@ -60,6 +61,7 @@ class CircumnavigateStage {
         listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
     if (params.lost_turn_rate_rad_s == 0.0) throw std::invalid_argument("lost_turn_rate_rad_s must not be 0");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+    begin_mission();
     context.every(kLostCheck_s, [this] { turn_if_lost(); });
     context.when_made([this] {
       ros::NodeHandle& node = context_.node();
@@ -127,6 +129,12 @@ class CircumnavigateStage {
     has_beams_ = false;
     const MissionStep& step = mission_->step(input);
     has_stepped_ = true;
+    if (!begin_) {
+      begin_ = MissionBegin{};
+      begin_->p_world_m.head<2>() = input.T_world_base.translation_m;
+      begin_->stamp_ns = input.stamp_ns;
+      remember(context_.private_node(), *begin_);
+    }
     state_ = step.state;
     reason_ = step.reason;
     std::size_t nearest = 0;
@@ -185,8 +193,16 @@ class CircumnavigateStage {
     context_.diagnostics().counted({{"time jumped back: the mission goes on", 1}});
   }
 
+  /// What was free around the first pose of a mission is so for the one that goes on after a crash, not around it.
+  void begin_mission() {
+    std::optional<Eigen::Vector2d> start_m;
+    if (begin_) start_m = begin_->p_world_m.head<2>();
+    mission_.emplace(params_.mission, params_.search.places, start_m);
+  }
+
   bool start(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
-    mission_.emplace(params_.mission, params_.search.places);
+    begin_.reset();
+    begin_mission();
     has_stepped_ = is_lost_ = false;
     last_ns_.reset();
     path_number_ = 0;
@@ -320,6 +336,7 @@ class CircumnavigateStage {
   Context& context_;
   CircumnavigateNodeletParams params_;
   std::optional<Circumnavigation> mission_;
+  std::optional<MissionBegin> begin_;
   StampOrder order_;
   std::array<StampedPose, 64> poses_;
   std::size_t latest_pose_ = 0;

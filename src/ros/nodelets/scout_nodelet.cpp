@@ -37,6 +37,7 @@
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/markers/scout_markers.hpp"
+#include "situation_awareness/ros/mission_memory.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
 #include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
@@ -52,6 +53,7 @@ class ScoutStage {
   ScoutStage(Context& context, const ScoutNodeletParams& params)
       : context_(context),
         params_(params),
+        before_(mission_begin_from(params.resume)),
         order_(params.reset_time_jump_s),
         maps_(context, params.nodelet.world_frame),
         go_to_(context.node().advertise<geometry_msgs::PoseStamped>("go_to", 5)),
@@ -99,19 +101,16 @@ class ScoutStage {
       if (since_s >= 0.0 && since_s < params_.period_s - kEarly_s) return true;
     }
     last_ns_ = stamp_ns;
-    if (!has_targets_) {
-      step_ = {};
-      step_.reason = "no targets yet";
+    if (!scouting_ && !begin_mission(pose)) {
       context_.publish(status_, scouting_to_msg(step_, stamp_ns, params_.nodelet.world_frame));
       return true;
     }
-    if (!scouting_) scouting_.emplace(params_.scouting, pose.p_world_m, ground_);
     ScoutingInput input;
     input.stamp_ns = stamp_ns;
     input.p_world_m = pose.p_world_m;
     input.yaw_rad = pose.yaw_rad;
     input.targets = &targets_;
-    input.sees = std::abs(seconds_between(targets_.stamp_ns, stamp_ns)) <= params_.timeout_s;
+    input.sees = has_targets_ && std::abs(seconds_between(targets_.stamp_ns, stamp_ns)) <= params_.timeout_s;
     if (has_new_grid_) input.grid = &grid_;
     if (takes_obstacles(stamp_ns)) input.obstacles = &obstacles_;
     step_ = scouting_->step(input);
@@ -120,6 +119,8 @@ class ScoutStage {
     context_.publish(status_, scouting_to_msg(step_, stamp_ns, params_.nodelet.world_frame));
     if (step_.state == ScoutingState::kDone && !is_done_) {
       is_done_ = true;
+      begin_.is_over = true;
+      remember(context_.private_node(), begin_);
       done_.publish(std_msgs::Empty());
       ROS_INFO_STREAM(context_.name() << ": home after " << step_.elapsed_s << " s with " << step_.targets
                                       << " targets and " << step_.close_ups << " close-ups");
@@ -141,6 +142,31 @@ class ScoutStage {
     Eigen::Vector3d p_world_m = Eigen::Vector3d::Zero();
     double yaw_rad = 0.0;
   };
+
+  /// A mission that a crash interrupted goes on, home where it was and with what is left of its budget; one that was
+  /// over stays so. Else home is here, with the first targets.
+  bool begin_mission(const StampedPose& pose) {
+    step_ = {};
+    const double spent_s = before_ ? seconds_between(before_->stamp_ns, pose.stamp_ns) : -1.0;
+    const bool is_recent = spent_s >= 0.0 && spent_s < params_.scouting.budget_s;
+    if (is_recent && before_->is_over) {
+      step_.reason = "the mission was over before the stage was started again";
+      return false;
+    }
+    if (is_recent) {
+      begin_ = *before_;
+      scouting_.emplace(params_.scouting, begin_.p_world_m, ground_, spent_s);
+      return true;
+    }
+    if (!has_targets_) {
+      step_.reason = "no targets yet";
+      return false;
+    }
+    begin_ = {pose.p_world_m, pose.stamp_ns, false};
+    remember(context_.private_node(), begin_);
+    scouting_.emplace(params_.scouting, begin_.p_world_m, ground_);
+    return true;
+  }
 
   /// From where it is, with what it knows.
   void begin() {
@@ -225,6 +251,7 @@ class ScoutStage {
   }
 
   bool start(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
+    before_.reset();
     begin();
     response.success = 1;
     response.message = "a new mission begins where the vehicle is";
@@ -268,6 +295,8 @@ class ScoutStage {
   ScoutNodeletParams params_;
   std::function<double(double, double)> ground_;  ///< empty: level
   std::optional<Scouting> scouting_;
+  std::optional<MissionBegin> before_;  ///< of the mission that ran when the stage ended, if one did
+  MissionBegin begin_;
   StampOrder order_;
   std::array<StampedPose, 256> poses_;
   std::size_t latest_pose_ = 0;

@@ -18,6 +18,7 @@ struct CircumnavigateNodeletParams {
   double timeout_s = 1.0;
   double lost_turn_rate_rad_s = 0.45;
   double reset_time_jump_s = 1.0;
+  std::string resume;
   CircumnavigationParams mission;
   std::vector<UnknownKey> unknown;
 
@@ -36,6 +37,8 @@ struct CircumnavigateNodeletParams {
           "not 0");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "a stamp that goes back by more than this is a time that was set back: the mission goes on");
+    visit("resume", self.resume,
+          "set by the stage itself: where and when its mission began, for the manager that is started after a crash");
     visit("mission", self.mission);
   }
 };

@@ -18,6 +18,7 @@ struct ScoutNodeletParams {
   double map_period_s = 2.0;
   double timeout_s = 5.0;
   double reset_time_jump_s = 1.0;
+  std::string resume;
   ScoutingParams scouting;
   std::vector<UnknownKey> unknown;
 
@@ -34,6 +35,8 @@ struct ScoutNodeletParams {
           "where targets are older the vehicle holds, until the way home is due");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "a stamp that goes back by more than this is a time that was set back: the mission goes on");
+    visit("resume", self.resume,
+          "set by the stage itself: where and when its mission began, for the manager that is started after a crash");
     visit("scouting", self.scouting);
   }
 };
