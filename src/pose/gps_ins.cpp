@@ -354,9 +354,7 @@ void GpsIns::process() {
 void GpsIns::watch_yaw() {
   yaw_watched_ns_ = filters_[0].stamp_ns();
   const double sigma_rad = std::sqrt(yaw_variance(true));
-  const GpsInsFilter& first = filters_[best()];
-  if (sigma_rad > std::max(kLostYawSigma_rad, 1.2 * params_.max_yaw_sigma_rad) &&
-      seconds_between(first.yaw_shown_ns(), first.stamp_ns()) > kAlignPatience_s) {
+  if (sigma_rad > std::max(kLostYawSigma_rad, 1.2 * params_.max_yaw_sigma_rad)) {
     ++counters_["restarted: yaw not known any more"];
     align_anew();
   } else if (is_yaw_known_ ? sigma_rad > params_.max_yaw_sigma_rad

@@ -15,6 +15,9 @@ namespace {
 using namespace navigation_error;
 constexpr int kFixError = Manifold<GpsInsState>::kFixError;
 
+/// What the force is on average, and for how long it differs from that in one way: an error of the scale goes into the
+/// bias with the first, and lets the bias wander within the second.
+constexpr double kMeanForce_s = 20.0, kForceChange_s = 5.0;
 /// Over which the noise of the IMU is measured.
 constexpr double kNoiseWindow_s = 5.0;
 constexpr std::array<int, 3> kNoiseBlocks = {1, 4, 16};
@@ -112,6 +115,11 @@ void InertialHistory::add(const InertialSample& sample) {
   if (is_short() && samples_.size() < most_) grow();
   Entry& entry = samples_[static_cast<std::size_t>(end_++ % samples_.size())];
   static_cast<InertialSample&>(entry) = sample;
+  if (end_ - begin_ == 1) mean_force_m_s2_ = sample.specific_force_m_s2;
+  const Eigen::Vector3d change_m_s2 = sample.specific_force_m_s2 - mean_force_m_s2_;
+  mean_force_m_s2_ += std::min(period_s / kMeanForce_s, 1.0) * change_m_s2;
+  force_variance_ += std::min(period_s / kForceChange_s, 1.0) * (change_m_s2.squaredNorm() - force_variance_);
+  entry.force_change_m_s2 = std::sqrt(force_variance_);
   if (period_s <= 0.0) return;
   Eigen::Vector2d least = Eigen::Vector2d::Zero();
   for (Blocks& blocks : blocks_) {
@@ -125,6 +133,7 @@ void InertialHistory::add(const InertialSample& sample) {
 
 void InertialHistory::clear() {
   begin_ = end_;
+  force_variance_ = 0.0;
   blocks_ = {};
   for (std::size_t i = 0; i < blocks_.size(); ++i) blocks_[i].length = kNoiseBlocks[i];
 }
@@ -242,6 +251,7 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   moment.stamp_ns = stamp_ns;
   moment.accelerometer_noise = b.accelerometer_noise;
   moment.gyroscope_noise = b.gyroscope_noise;
+  moment.force_change_m_s2 = b.force_change_m_s2;
   const double end_s = seconds_between(a.stamp_ns, stamp_ns);
   moment.rate_rad_s = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s,
                           period_s > 0.0 ? std::clamp(end_s / period_s, 0.0, 1.0) : 0.0);
@@ -260,6 +270,10 @@ ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment
   const YawEffect effect = leave_out_insignificant(motion, q_before, P, noise);
   shown_share = effect.share_left;
   ErrorMatrix<GpsInsState> result = moved_covariance(P, motion, noise, fix_noise_.correlation_s);
+  const double scale_m_s2 = noise.accelerometer_scale_sigma * moment.force_change_m_s2;
+  const Eigen::Vector3d up_body = moment.estimate.x.motion.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+  result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
+      2.0 / kForceChange_s * scale_m_s2 * scale_m_s2 * motion.duration_s * up_body * up_body.transpose();
   result.topLeftCorner<6, 6>() += vertical_variance(q_before, P) * effect.left_out * effect.left_out.transpose();
   return result;
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 #include <vector>
@@ -247,6 +248,188 @@ TEST(GpsInsStanding, WhatIsNotObservedDoesNotGetCertain) {
 
 TEST(GpsInsStandingLong, WhatIsNotObservedDoesNotGetCertainInAnHour) {
   for (const bool drives_first : {true, false}) expect_honest(stand(50, 3600.0, drives_first, 0.0), drives_first);
+}
+
+// --- outages ---
+
+/// Carried by hand: it is tilted to and fro by 0.4 rad, so that an error of the accelerometer's scale and axes is not a
+/// constant bias.
+struct CarriedByHand {
+  double phase = 0.0;
+
+  static constexpr double kStep_s = 1e-3;
+  Eigen::Vector3d position(double t_s) const {
+    return {15.0 * std::sin(0.12 * t_s), 10.0 * std::sin(0.24 * t_s),
+            0.04 * std::sin(11.3 * t_s) + 0.3 * std::sin(0.5 * t_s) + 0.1 * std::sin(1.26 * t_s + phase)};
+  }
+  Eigen::Vector3d velocity(double t_s) const {
+    return (position(t_s + kStep_s) - position(t_s - kStep_s)) / (2.0 * kStep_s);
+  }
+  Eigen::Quaterniond attitude(double t_s) const {
+    const Eigen::Vector3d v = velocity(t_s);
+    const double pitch = 0.25 * std::sin(0.35 * t_s + phase) + 0.08 * std::sin(5.65 * t_s);
+    const double roll = 0.3 * std::sin(0.23 * t_s + 2.0 * phase) + 0.06 * std::sin(5.65 * t_s + 1.0);
+    return Eigen::AngleAxisd(std::atan2(v.y(), v.x()), Eigen::Vector3d::UnitZ()) *
+           Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitX());
+  }
+  Eigen::Vector3d angular_velocity_body(double t_s) const {
+    return log_so3(attitude(t_s - kStep_s).conjugate() * attitude(t_s + kStep_s)) / (2.0 * kStep_s);
+  }
+  Eigen::Vector3d specific_force_body(double t_s) const {
+    const Eigen::Vector3d acceleration =
+        (position(t_s + kStep_s) - 2.0 * position(t_s) + position(t_s - kStep_s)) / (kStep_s * kStep_s);
+    return attitude(t_s).conjugate() * (acceleration + kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ());
+  }
+};
+
+struct Outages {
+  Eigen::Vector3d nees = Eigen::Vector3d::Zero();  ///< of each axis at the end of outages, mean
+  double after_m = 0.0;                            ///< root mean square of the distance a second after
+  std::size_t refused = 0;                         ///< right fixes after outages
+  int count = 0;
+};
+
+/// Fixes of 2 cm, and outages of them.
+Outages go_through_outages(int seeds, double outage_s, double scale_sigma) {
+  Outages result;
+  int after = 0;
+  for (int seed = 0; seed < seeds; ++seed) {
+    FlightSensors sensors;
+    sensors.imu_rate_hz = 100.0;
+    sensors.correlated_share = 0.0;
+    sensors.fix_sigma_m = 0.02;
+    Random random(static_cast<std::uint64_t>(77 + seed));
+    Eigen::Matrix3d scale = Eigen::Matrix3d::Identity();
+    for (int k = 0; k < 3; ++k) scale.col(k) += scale_sigma * normal_vector<3>(random);
+    MotionRun<CarriedByHand> run({static_cast<double>(seed)}, sensors, static_cast<std::uint64_t>(seed));
+    GpsIns ins({}, {});
+    const double period_s = outage_s + 30.0;
+    for (; run.time_s() < 60.0 + 3.0 * period_s; run.next()) {
+      InertialSample sample = run.sample();
+      sample.specific_force_m_s2 = scale * sample.specific_force_m_s2;
+      ins.add_imu(sample);
+      if (!run.has_fix()) continue;
+      const Eigen::Vector3d fix = run.fix();
+      const double in_period_s = run.time_s() < 60.0 ? period_s : std::fmod(run.time_s() - 60.0, period_s);
+      if (in_period_s < outage_s) {
+        if (in_period_s < outage_s - 0.21) continue;
+        const GpsInsPose pose = ins.pose();
+        EXPECT_TRUE(pose.is_ready) << pose.reason;
+        const Eigen::Vector3d error_m = pose.T_world_base.translation() - run.T_world_base().translation();
+        result.nees += error_m.cwiseAbs2().cwiseQuotient(pose.covariance.diagonal().head<3>());
+        ++result.count;
+        continue;
+      }
+      const auto before = ins.counters().of("fix outside its gate");
+      ins.add_position(run.stamp_ns(), fix, run.fix_covariance());
+      if (in_period_s < period_s) result.refused += ins.counters().of("fix outside its gate") - before;
+      if (std::abs(in_period_s - outage_s - 1.0) < 0.11) {
+        result.after_m += (ins.pose().T_world_base.translation() - run.T_world_base().translation()).squaredNorm();
+        ++after;
+      }
+    }
+  }
+  result.nees /= result.count;
+  result.after_m = std::sqrt(result.after_m / after);
+  return result;
+}
+
+TEST(GpsInsOutages, TheFirstGoodFixesAfterwardsAreUsed) {
+  for (const double outage_s : {5.0, 10.0, 30.0, 60.0}) {
+    for (const double scale_sigma : {0.0, 0.005}) {
+      SCOPED_TRACE(std::to_string(outage_s) + " s, scale " + std::to_string(scale_sigma));
+      const Outages result = go_through_outages(3, outage_s, scale_sigma);
+      RecordProperty("nees_z_" + std::to_string(outage_s) + "_" + std::to_string(scale_sigma),
+                     std::to_string(result.nees.z()));
+      EXPECT_LE(result.refused, static_cast<std::size_t>(result.count)) << "one after each outage at most";
+      EXPECT_LT(result.after_m, 0.25);
+      // Of independent outages; where the accelerometer has a scale it is not white noise, and that of the vertical
+      // must be no less sure than the others.
+      const double most = scale_sigma > 0.0 ? 4.0 : band_95(result.count).second;
+      EXPECT_LT(result.nees.z(), most);
+    }
+  }
+}
+
+// --- anything ---
+
+/// Valid, odd and hostile, by turns.
+double odd_number(Random& random) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
+  constexpr double kOdd[] = {0.0, -0.0, 1.0, -1.0, 1e-300, 1e-9, 1e5, 1e9, 1e155, -1e300, kNan, kInf, -kInf};
+  return kOdd[static_cast<std::size_t>(random.uniform(0.0, 13.0)) % 13];
+}
+
+TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
+  for (std::uint64_t seed = 0; seed < 12; ++seed) {
+    FlightRun run({}, {}, seed);
+    Random random(100 + seed);
+    GpsInsParams params;
+    params.sideslip_sigma_m_s = seed % 3 == 0 ? 1.0 : 0.0;
+    GpsIns ins(params, {});
+    const auto odd_matrix = [&] {
+      Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
+      for (int k = 0; k < 3; ++k) m(static_cast<int>(random.uniform(0.0, 3.0)) % 3, k) = odd_number(random);
+      return m;
+    };
+    const auto odd_stamp = [&] {
+      return random.uniform(0.0, 1.0) < 0.7 ? run.stamp_ns() - nanoseconds(random.uniform(0.0, 1.2))
+                                            : static_cast<std::int64_t>(9e18 * random.uniform(-1.0, 1.0));
+    };
+    for (; run.time_s() < 150.0; run.next()) {
+      const bool is_hostile = run.time_s() > 30.0 && run.time_s() < 60.0;
+      ins.add_imu(run.sample());
+      if (is_hostile && random.uniform(0.0, 1.0) < 0.2) {
+        switch (static_cast<int>(random.uniform(0.0, 6.0))) {
+          case 0: {
+            InertialSample sample = run.sample();
+            sample.stamp_ns += 1;
+            sample.specific_force_m_s2(static_cast<int>(random.uniform(0.0, 3.0)) % 3) = odd_number(random);
+            sample.angular_velocity_rad_s(static_cast<int>(random.uniform(0.0, 3.0)) % 3) = odd_number(random);
+            ins.add_imu(sample);
+            break;
+          }
+          case 1:
+            ins.add_position(odd_stamp(), run.antenna() + odd_number(random) * normal_vector<3>(random),
+                             run.fix_covariance());
+            break;
+          case 2:
+            ins.add_position(odd_stamp(), run.antenna(), odd_matrix());
+            break;
+          case 3:
+            ins.add_altitude(odd_stamp(), odd_number(random), odd_number(random));
+            break;
+          case 4:
+            ins.add_heading(odd_stamp(), odd_number(random), odd_number(random));
+            break;
+          default: {
+            GpsInsCorrection correction;
+            correction.stamp_ns = odd_stamp();
+            correction.rows = static_cast<int>(random.uniform(-1.0, 8.0));
+            correction.residual(0) = odd_number(random);
+            correction.H(0, static_cast<int>(random.uniform(0.0, 18.0)) % 18) = odd_number(random);
+            correction.R.topLeftCorner<3, 3>() = odd_matrix();
+            ins.correct(correction);
+          }
+        }
+      }
+      if (!run.has_fix()) continue;
+      ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+      const GpsInsPose pose = ins.pose();
+      Estimate<GpsInsState> estimate;
+      if (pose.is_ready) {
+        ASSERT_TRUE(pose.T_world_base.matrix().allFinite()) << seed << ", " << run.time_s();
+        ASSERT_TRUE(is_covariance(pose.covariance)) << seed << ", " << run.time_s();
+        ASSERT_TRUE(ins.state_at(pose.stamp_ns, estimate));
+        ASSERT_TRUE(is_covariance(estimate.P)) << seed << ", " << run.time_s();
+      }
+    }
+    // Good input for 90 s, since a pose that began anew needs turns to know the yaw.
+    const GpsInsPose pose = ins.pose();
+    ASSERT_TRUE(pose.is_ready) << seed << ": " << pose.reason;
+    const Eigen::Vector3d error_m = run.T_world_base().translation() - pose.T_world_base.translation();
+    EXPECT_LT(error_m.norm(), 8.0) << seed;
+  }
 }
 
 }  // namespace

@@ -28,6 +28,7 @@ class InertialHistory {
   struct Entry : InertialSample {
     double accelerometer_noise = 0.0;  ///< m/s^2/sqrt(Hz)
     double gyroscope_noise = 0.0;      ///< rad/s/sqrt(Hz)
+    double force_change_m_s2 = 0.0;    ///< root mean square of the force about its mean, over some seconds
   };
 
   /// It keeps the samples of this time, if they come at `most_hz` at most, and less of faster ones; it grows with their
@@ -59,6 +60,8 @@ class InertialHistory {
   std::size_t most_;
   std::vector<Entry> samples_;
   std::uint64_t begin_ = 0, end_ = 0;
+  Eigen::Vector3d mean_force_m_s2_ = Eigen::Vector3d::Zero();
+  double force_variance_ = 0.0;
   struct Blocks {
     int length = 1;  ///< samples
     int count = 0;   ///< samples of the present one
@@ -182,6 +185,7 @@ class GpsInsFilter {
     MotionJacobian motion;
     double accelerometer_noise = 0.0, gyroscope_noise = 0.0;  ///< as measured
     Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
+    double force_change_m_s2 = 0.0;                           ///< as measured
     double rate_variance = 0.0;                               ///< of its white noise, each axis
     double log_likelihood = 0.0;
     std::int64_t yaw_shown_ns = 0;
