@@ -32,7 +32,10 @@ namespace situation_awareness {
 PathNodeletParams read_path_following_params(const ParamReader& reader) {
   PathNodeletParams params = read_path_nodelet_params(reader);
   load_path(params.path_file);  // throws: a stage that does not start has not driven
-  if (params.start_at_once && !params.has_driven) ros::param::set(reader.source() + "/has_driven", true);
+  if (params.start_at_once && !params.has_driven) {
+    const std::string name = reader.source().substr(reader.source().rfind(' ') + 1);  // of the private namespace
+    ros::param::set(name + "/has_driven", true);
+  }
   return params;
 }
 
