@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/estimation/covariance.hpp"
 
+#include <cmath>
+
 #include <Eigen/Eigenvalues>
 
 namespace situation_awareness {
 
 bool is_positive_semidefinite(const SmallCovariance& C) {
-  constexpr double kRounding = 1e-9;
-  if (C.rows() != C.cols() || !C.allFinite()) return false;
-  const double largest = C.cwiseAbs().maxCoeff();
-  if (largest == 0.0) return true;
-  // Divided by the largest, so that no square overflows.
-  const SmallCovariance scaled = C / largest;
-  if ((scaled - scaled.transpose()).cwiseAbs().maxCoeff() > kRounding) return false;
+  constexpr double kRounding = 1e-6;
+  if (C.rows() != C.cols() || !C.allFinite() || (C.diagonal().array() < 0.0).any()) return false;
+  // As correlations, so that units do not count, and no square overflows.
+  SmallCovariance scaled = C;
+  for (Eigen::Index i = 0; i < C.rows(); ++i) {
+    if (!(C(i, i) > 0.0)) continue;
+    const double scale = 1.0 / std::sqrt(C(i, i));
+    scaled.row(i) *= scale;
+    scaled.col(i) *= scale;
+  }
+  if (!scaled.allFinite() || (scaled - scaled.transpose()).cwiseAbs().maxCoeff() > kRounding) return false;
   const Eigen::SelfAdjointEigenSolver<SmallCovariance> solver(scaled, Eigen::EigenvaluesOnly);
   return solver.info() == Eigen::Success && solver.eigenvalues().minCoeff() >= -kRounding;
 }

@@ -4,34 +4,14 @@
 #include <cmath>
 #include <iterator>
 
-#include <Eigen/Eigenvalues>
-
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
 
 namespace situation_awareness {
-namespace {
-
-constexpr double kRounding = 1e-6;  // of a correlation, in a message that went through other arithmetic
-
-}  // namespace
-
-bool is_covariance(const Eigen::Matrix3d& P) {
-  if (!P.allFinite() || (P.diagonal().array() < 0.0).any()) return false;
-  Eigen::Vector3d scale = Eigen::Vector3d::Ones();
-  for (int i = 0; i < 3; ++i) {
-    if (P(i, i) > 0.0) scale(i) = 1.0 / std::sqrt(P(i, i));
-  }
-  const Eigen::Matrix3d correlation = scale.asDiagonal() * P * scale.asDiagonal();
-  if (!correlation.allFinite() || !((correlation - correlation.transpose()).cwiseAbs().maxCoeff() <= kRounding)) {
-    return false;
-  }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(correlation, Eigen::EigenvaluesOnly);
-  return solver.info() == Eigen::Success && solver.eigenvalues().minCoeff() >= -kRounding;
-}
 
 bool is_usable(const BasePose& pose) {
   const Eigen::Matrix3d& P = pose.covariance_world;
-  return pose.translation_world_m.allFinite() && is_covariance(P) && P(0, 0) > 0.0 && P(1, 1) > 0.0;
+  return pose.translation_world_m.allFinite() && is_positive_semidefinite(P) && P(0, 0) > 0.0 && P(1, 1) > 0.0;
 }
 
 bool PoseCovariances::add(std::int64_t stamp_ns, const BasePose& pose) {

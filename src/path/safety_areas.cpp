@@ -10,7 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/estimation/pose_covariances.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
@@ -259,7 +259,7 @@ bool SafetyAreas::pose_stands_still(const VehicleState& vehicle, bool speed_is_k
 
 /// False where the pose is not known well enough.
 bool SafetyAreas::take_covariance(const Eigen::Matrix3d& covariance_world) {
-  if (!is_covariance(covariance_world)) {
+  if (!is_positive_semidefinite(covariance_world)) {
     decision_.missing.push_back(SafetyInput::kCovariance);
     return false;
   }

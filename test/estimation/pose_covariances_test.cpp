@@ -8,8 +8,6 @@
 
 #include <Eigen/Geometry>
 
-#include "situation_awareness/common/random.hpp"
-
 namespace situation_awareness {
 namespace {
 
@@ -21,43 +19,6 @@ BasePose pose_with(const Eigen::Vector3d& variances) {
   BasePose pose;
   pose.covariance_world.diagonal() = variances;
   return pose;
-}
-
-// Of any A, A A^T is one, of any scale; with a negative eigenvalue it is none.
-TEST(IsCovariance, HoldsForSquaresAndNotForMatricesThatAreIndefinite) {
-  Random random(1);
-  for (int n = 0; n < 1000; ++n) {
-    Eigen::Matrix3d A;
-    for (int i = 0; i < 9; ++i) A(i / 3, i % 3) = random.normal();
-    const double scale = std::pow(10.0, random.uniform(-12.0, 12.0));
-    const Eigen::Vector3d units(1.0, std::pow(10.0, random.uniform(-3.0, 3.0)), 1e-3);
-    const Eigen::Matrix3d P = scale * (units.asDiagonal() * A * A.transpose() * units.asDiagonal());
-    EXPECT_TRUE(is_covariance(P)) << P;
-    const Eigen::Vector3d v = Eigen::Vector3d(random.normal(), random.normal(), random.normal()).normalized();
-    const Eigen::Matrix3d indefinite = Eigen::Matrix3d::Identity() - 1.5 * v * v.transpose();
-    EXPECT_FALSE(is_covariance(scale * indefinite)) << indefinite;
-  }
-  EXPECT_TRUE(is_covariance(Eigen::Matrix3d::Zero()));
-  EXPECT_TRUE(is_covariance(Eigen::Matrix3d::Constant(1e-4))) << "of rank 1";
-}
-
-TEST(IsCovariance, RefusesWhatIsNone) {
-  for (const double value : {kNan, kInf, -kInf, -1.0, -1e-30}) {
-    for (int i = 0; i < 9; ++i) {
-      Eigen::Matrix3d P = 1e-4 * Eigen::Matrix3d::Identity();
-      P(i / 3, i % 3) = value;
-      if (i / 3 == i % 3 || !(std::abs(value) < 1.0)) {
-        EXPECT_FALSE(is_covariance(P)) << P;
-      }
-    }
-  }
-  Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
-  P(0, 1) = P(1, 0) = 1.0;
-  EXPECT_FALSE(is_covariance(P));
-  P << 2.25, 3.0, 0.0, 3.0, 2.25, 0.0, 0.0, 0.0, 1.0;
-  EXPECT_FALSE(is_covariance(P));
-  P << 2.25, 1.0, 0.0, -1.0, 2.25, 0.0, 0.0, 0.0, 1.0;
-  EXPECT_FALSE(is_covariance(P)) << "not symmetric";
 }
 
 TEST(PoseCovariances, HaveNoSourceUntilOneIsExpectedOrSaysSomething) {

@@ -10,9 +10,6 @@
 
 namespace situation_awareness {
 
-/// Whether a matrix is a covariance: finite, symmetric and positive semidefinite.
-bool is_covariance(const Eigen::Matrix3d& P);
-
 /// The pose of the base at the time of a scan.
 struct BasePose {
   Eigen::Vector2d translation_world_m = Eigen::Vector2d::Zero();
