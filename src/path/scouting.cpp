@@ -20,7 +20,7 @@ constexpr double kSample_s = 1.5;              ///< between the views of a way, 
 constexpr double kThere_rad = 0.15;            ///< a yaw that is reached
 constexpr double kHome_m = 2.0;                ///< of a place that is home
 constexpr double kCloseUp_m = 2.5;             ///< of a place that is the close-up's
-constexpr double kSame_m = 4.0;                ///< targets that are so near are the same, and clusters that are one's
+constexpr double kSameTarget_m = 4.0;          ///< targets that are so near are the same, and clusters that are one's
 constexpr int kDue = 2;                        ///< steps in a row, at least, from which the way home is due
 constexpr int kCandidates = 24;                ///< random views from which a route goes on with one
 constexpr int kBearings = 16;                  ///< from which a target may be seen near by
@@ -144,17 +144,17 @@ void Scouting::take_targets(const GridTargets& targets) {
     const auto same =
         std::find_if(known_.begin(), known_.end(), [&](const Known& known) { return known.target.id == target.id; });
     if (same != known_.end()) {
-      if (distance_to(*same, target) < kSame_m) {
+      if (distance_to(*same, target) < kSameTarget_m) {
         same->target = target;
         continue;
       }
       same->target.id = 0;
     }
-    if (!is_in_region(target.p_world_m.head<2>(), kSame_m)) continue;
+    if (!is_in_region(target.p_world_m.head<2>(), kSameTarget_m)) continue;
     Known* twin = nullptr;
     for (Known& known : known_) {
       const double away_m = distance_to(known, target);
-      if (away_m < kSame_m && (twin == nullptr || away_m < distance_to(*twin, target))) twin = &known;
+      if (away_m < kSameTarget_m && (twin == nullptr || away_m < distance_to(*twin, target))) twin = &known;
     }
     must_plan_ = true;
     if (twin != nullptr && !is_on_map(*twin)) {
@@ -175,10 +175,10 @@ void Scouting::take_grid(const SemanticGrid& grid) {
   find_clusters(grid, clusters);
   clusters.erase(std::remove_if(clusters.begin(), clusters.end(),
                                 [&](const GridCluster& cluster) {
-                                  return !is_in_region(cluster.p_world_m, kSame_m) ||
+                                  return !is_in_region(cluster.p_world_m, kSameTarget_m) ||
                                          std::any_of(known_.begin(), known_.end(), [&](const Known& known) {
                                            return (known.target.p_world_m.head<2>() - cluster.p_world_m).norm() <
-                                                  kSame_m;
+                                                  kSameTarget_m;
                                          });
                                 }),
                  clusters.end());

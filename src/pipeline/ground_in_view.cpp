@@ -76,7 +76,8 @@ std::optional<Eigen::Vector3d> GroundInView::looked_at() const {
   double ground_m = elevation_->at(from.x(), from.y());
   if (std::isnan(ground_m)) ground_m = box_world_m_.center().z();
   if (ahead.z() > -1e-2 || from.z() <= ground_m) return std::nullopt;
-  return from + (ground_m - from.z()) / ahead.z() * ahead;
+  const Eigen::Vector3d at = from + (ground_m - from.z()) / ahead.z() * ahead;
+  return (at.array().abs() < 0.05).select(0.0, at);  // its text has a decimal, of which -0.0 is none
 }
 
 std::string GroundInView::places() const {

@@ -72,7 +72,7 @@ class SplinegonsLiveOfflineTest(unittest.TestCase):
         wait_until(lambda: all(link.get_num_connections() > 0 for link in links), 20.0, "the nodelets")
         with rosbag.Bag(str(bag)) as recording:
             messages = [(topic, msg) for topic, msg, _ in recording.read_messages()]
-        fixes = [msg for topic, msg in messages if topic == "/fix"]
+        fixes = [msg for topic, msg in messages if topic == "/fix" and topic in topics]
         fixes_sent, fixes_until = 0, None
         last_topic, stamp_of = last
         compared = boundaries = 0

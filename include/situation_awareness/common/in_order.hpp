@@ -11,7 +11,7 @@ namespace situation_awareness {
 
 /// Passes on messages of a stream in the order of their stamps, as StampOrder judges them, and holds those that are
 /// doubted: they are passed on once others agree with them, or receipts explain them, and dropped when a message comes
-/// that goes on as before. So nothing is lost by a silence or a restart, and a message that is held delays no other.
+/// that goes on as before. So a silence or a restart loses no message here, and one that is held delays no other.
 template <class Item>
 class InOrder {
  public:
