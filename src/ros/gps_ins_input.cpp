@@ -142,11 +142,10 @@ void GpsInsInput::add_fix(const sensor_msgs::NavSatFix& msg, std::int64_t receiv
         Eigen::Vector3d(variance_m2, variance_m2, kVerticalRatio * kVerticalRatio * variance_m2).asDiagonal();
     ++counters_["fix without covariance: fix_sigma_m used"];
   }
-  const bool is_good = fix.is_fix && is_valid(fix.position);
   // One that is far from the samples is refused by the filter, and only what is used is judged.
   const double off_s = std::abs(seconds_between(fix.stamp_ns, filter_->stamp_ns()));
-  if (is_good && off_s <= params_.gps_ins.max_delay_s &&
-      fixes_.judge(fix.stamp_ns, received_ns) == StampOrder::Verdict::kRefused) {
+  const bool is_good = fix.is_fix && is_valid(fix.position) && off_s <= params_.gps_ins.max_delay_s;
+  if (is_good && fixes_.judge(fix.stamp_ns, received_ns) == StampOrder::Verdict::kRefused) {
     ++counters_[fixes_.doubted() > 0 ? "fix of another time" : "fix out of order"];
     return;
   }

@@ -125,9 +125,9 @@ TEST(ObjectNodeletParams, TellOfUnknownKeysOfBothKinds) {
   EXPECT_TRUE(names(message_of(params.unknown[0]), {"segments.max_gap", "max_gap_m"}));
   EXPECT_EQ(params.unknown[1].path, "tf_timeout");
   EXPECT_EQ(params.unknown[1].known,
-            (std::vector<std::string>{"cloud", "deskew", "detections", "downlink_rate_hz", "model_folder", "objects",
-                                      "queue_size", "scan", "scan_pose_offset_s", "segments", "tf_timeout_s",
-                                      "world_frame"}));
+            (std::vector<std::string>{"cloud", "deskew", "detections", "downlink_rate_hz", "max_stamp_ahead_s",
+                                      "model_folder", "objects", "queue_size", "scan", "scan_pose_offset_s", "segments",
+                                      "tf_timeout_s", "world_frame"}));
   EXPECT_EQ(params.pipeline.segments.min_points, 6);
   EXPECT_EQ(params.nodelet.tf_timeout_s, NodeletParams{}.tf_timeout_s);
 }

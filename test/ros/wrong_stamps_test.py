@@ -44,14 +44,14 @@ def with_wrong_stamp(bag, out, topic, message, shift_s):
     """Of the topic's messages one has its stamp moved, by None it is left out."""
     count = 0
     with rosbag.Bag(str(bag)) as whole, rosbag.Bag(str(out), "w") as changed:
-        for at_topic, msg, at in whole.read_messages():
-            if at_topic == topic:
-                count += 1
-                if count == message + 1:
-                    if shift_s is None:
-                        continue
-                    msg.header.stamp += genpy.Duration.from_sec(shift_s)
-            changed.write(at_topic, msg, at)
+        for at_topic, raw, at in whole.read_messages(raw=True):  # ten times as fast as messages
+            count += at_topic == topic
+            if at_topic != topic or count != message + 1:
+                changed.write(at_topic, raw, at, raw=True)
+            elif shift_s is not None:
+                msg = raw[-1]().deserialize(raw[1])
+                msg.header.stamp += genpy.Duration.from_sec(shift_s)
+                changed.write(at_topic, msg, at)
     assert count > message, f"{count} messages of {topic}"
     return out
 
@@ -97,7 +97,7 @@ class WrongStampsTest(unittest.TestCase):
                                     f"{tool}, {topic}: message {message} by {shift_s} s: {said}")
 
     def test_objects_bag(self):
-        bag = part_of(ROOT / "test/golden/persons.bag", self.path / "objects.bag", 12.0)
+        bag = part_of(ROOT / "test/golden/persons.bag", self.path / "objects.bag", 8.0)
         self.check("objects_bag", bag, "/scan", "scan", (3, 100))
 
     def polygons(self):
@@ -109,15 +109,15 @@ class WrongStampsTest(unittest.TestCase):
         return bag, bag.with_name(bag.stem + "_tf.bag")
 
     def test_polygons_bag_by_tf(self):
-        bag = part_of(self.polygons()[1], self.path / "polygons_tf.bag", 12.0)
-        self.check("polygons_bag", bag, "/scan", "scan", (3, 150), "--localization", "tf", "--world-frame", "map")
+        bag = part_of(self.polygons()[1], self.path / "polygons_tf.bag", 8.0)
+        self.check("polygons_bag", bag, "/scan", "scan", (3, 100), "--localization", "tf", "--world-frame", "map")
 
     def test_polygons_bag_by_reflectors(self):
         whole = self.polygons()[0]
-        bag = part_of(whole, self.path / "polygons_odom.bag", 12.0)
+        bag = part_of(whole, self.path / "polygons_odom.bag", 8.0)
         arguments = ("--reflectors", whole.with_suffix(".reflectors.yaml"), "--world-frame", "map")
-        self.check("polygons_bag", bag, "/scan", "scan", (150,), *arguments)
-        self.check("polygons_bag", bag, "/odom", "odometry", (8, 300), *arguments)
+        self.check("polygons_bag", bag, "/scan", "scan", (100,), *arguments)
+        self.check("polygons_bag", bag, "/odom", "odometry", (8, 200), *arguments)
 
     def test_record_reflectors(self):
         bag = part_of(self.polygons()[0], self.path / "record.bag", 30.0)
