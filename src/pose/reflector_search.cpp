@@ -37,10 +37,13 @@ constexpr int kDistanceBins = 100'000;
 constexpr std::int64_t kStepsOfCall = 2'000'000;
 /// Steps of what is more than to look at a cell: a pair of reflectors, one that is fitted.
 constexpr std::int64_t kStepsOfPair = 4, kStepsOfFit = 400;
-/// Matches of which so many are expected by chance are none.
-constexpr double kMostByChance = 1e-3;
-/// So many tries that went on so far tell how likely another place is matched by chance.
+/// Matches of which so many are expected by chance are none. Those found are a third of them at most: what c, the cost
+/// of three matches, leaves is 4/3 pi c^1.5 of (2 pi)^1.5 exp(c / 2), and of more matches it is less.
+constexpr double kMostByChance = 3e-3;
+/// So many tries that went on so far tell how likely another place is matched by chance, in circles in which there are
+/// fewer reflectors on average than this: in larger ones there is one anyway.
 constexpr std::int64_t kTellingTries = 50;
+constexpr double kTellingCircle = 0.1;
 
 bool is_same(const Pose2& a, const Pose2& b) {
   const Pose2 between = inverse(a) * b;
@@ -275,8 +278,9 @@ void ReflectorSearch::begin(const std::vector<ReflectorPlace>& places, const std
   places_.assign(places.begin(), places.begin() + static_cast<std::ptrdiff_t>(n));
   for (std::size_t k = 0; k < excluded_.size(); ++k) excluded_[k] = k < excluded.size() && excluded[k] != 0 ? 1 : 0;
   used_ = 0;
-  bases_ = 0;
-  runs_.fill(0);
+  looked_for_.fill(0);
+  there_.fill(0);
+  telling_bases_.fill(0);
   order_places();
   // Something else may be anywhere on the map, and around it as far as what is seen.
   double spread_m = 0.0;
@@ -298,14 +302,12 @@ void ReflectorSearch::begin_base() {
   next_pair_ = 2 * base_.begin;
   others_.clear();
   if (base_.begin == base_.end) return;
-  ++bases_;
   const ReflectorPlace& a = places_[static_cast<std::size_t>(base_.i)];
   const ReflectorPlace& b = places_[static_cast<std::size_t>(base_.j)];
   const Eigen::Vector2d way_m = b.center_m - a.center_m, middle_m = 0.5 * (a.center_m + b.center_m);
   const double distance_m = way_m.norm();
   const Eigen::Vector2d along = way_m / distance_m, across(-along.y(), along.x());
   const double of_both_m2 = larger_variance(a) + larger_variance(b);
-  double log_areas = 0.0;
   for (int k = 0; k < static_cast<int>(places_.size()); ++k) {
     if (k == base_.i || k == base_.j) continue;
     const ReflectorPlace& place = places_[static_cast<std::size_t>(k)];
@@ -314,13 +316,16 @@ void ReflectorSearch::begin_base() {
     const double turned = p_m.norm() / distance_m;
     const double variance_m2 = larger_variance(place) + of_both_m2 * (0.25 + turned * turned);
     others_.push_back({k, {along.dot(p_m), across.dot(p_m)}, std::sqrt(far_gate_ * variance_m2)});
-    log_areas += std::log(kPi * gate_ * variance_m2);
   }
   std::sort(others_.begin(), others_.end(), [](const Other& x, const Other& y) {
     return std::tie(x.radius_m, x.place) < std::tie(y.radius_m, y.place);
   });
-  const double area_m2 = std::exp(log_areas / static_cast<double>(std::max<std::size_t>(others_.size(), 1)));
-  chance_ = bases_ == 1 ? density_1_m2_ * area_m2 : std::min(chance_, density_1_m2_ * area_m2);
+  pairs_of_base_ = 2.0 * static_cast<double>(base_.end - base_.begin) - 1.0;  // without the true one
+  telling_ = 0;
+  for (const Other& other : others_) {
+    if (density_1_m2_ * kPi * other.radius_m * other.radius_m > kTellingCircle) break;
+    ++telling_bases_[telling_++];
+  }
 }
 
 // --- the search ------------------------------------------------------------------------------------------------------
@@ -351,7 +356,6 @@ void ReflectorSearch::try_pair(std::int32_t a, std::int32_t b) {
   const Eigen::Vector2d seen_m = places_[static_cast<std::size_t>(base_.j)].center_m - place.center_m;
   if (std::abs(distance_m - seen_m.norm()) > base_.difference_m) return;
   const Eigen::Vector2d along = way_m / distance_m, across(-along.y(), along.x());
-  ++runs_[0];
   double cost = 0.0;
   const double most = cost_that_counts();
   std::size_t run = 0;
@@ -363,8 +367,13 @@ void ReflectorSearch::try_pair(std::int32_t a, std::int32_t b) {
                       is_there = k != a && k != b;
                       return !is_there;
                     });
-    runs = runs && is_there;
-    if (runs) ++runs_[++run];
+    runs = runs && run < telling_;
+    if (runs) {
+      ++looked_for_[run];
+      if (is_there) ++there_[run];
+      runs = is_there;
+      ++run;
+    }
     if (!is_there) cost += far_gate_;
     if (cost >= most) return;
   }
@@ -384,6 +393,7 @@ bool ReflectorSearch::complete(Hypothesis& hypothesis) {
   if (hypothesis.fit_cost < 0.0 || hypothesis.fit_cost > 2.0 * gate_) return false;
   Estimate<Pose2> estimate{hypothesis.T_world_frame, hypothesis.P};
   double left_out = 0.0;
+  hypothesis.pairs = pairs_of_base_;
   for (const Other& other : others_) {
     const ReflectorPlace& place = places_[static_cast<std::size_t>(other.place)];
     int best = -1;
@@ -415,6 +425,20 @@ bool ReflectorSearch::complete(Hypothesis& hypothesis) {
   return hypothesis.fit_cost >= 0.0 && hypothesis.cost < cost_that_counts();
 }
 
+/// How many poses by which these places are at some reflectors, as well as by this one, are expected if the reflectors
+/// are anywhere: how likely the places are then, relative to how likely they are if this is the pose, with any pose
+/// before. Its logarithm.
+double ReflectorSearch::log_expected(const Hypothesis& hypothesis) const {
+  const double area_m2 = static_cast<double>(map_.reflectors.size()) / density_1_m2_;
+  double sum = std::log(area_m2 / std::sqrt(2.0 * kPi)) - 0.5 * std::log(hypothesis.P.determinant()) +
+               0.5 * hypothesis.fit_cost;
+  for (std::size_t k = 0; k < places_.size(); ++k) {
+    if (hypothesis.reflectors[k] < 0) continue;
+    sum += std::log(density_1_m2_ * 2.0 * kPi * std::sqrt(places_[k].covariance.determinant()));
+  }
+  return sum;
+}
+
 /// Keeps the hypothesis in its turn, unless the same pose is known at a lower cost.
 void ReflectorSearch::remember() {
   const auto begin = hypotheses_.begin(), end = begin + static_cast<std::ptrdiff_t>(used_);
@@ -431,28 +455,34 @@ void ReflectorSearch::remember() {
   for (; place != begin && place->cost < std::prev(place)->cost; --place) std::swap(*place, *std::prev(place));
 }
 
-/// How many poses with so many matches would be found if none of the places were a reflector's, at most: by how many
-/// pairs are as far apart as those of a base, and how often others are where they then have to be. The latter by their
-/// density, or by how often they were, which is more where reflectors are in rows.
+/// How often another place was there by chance where so many were, or 0 if that was too rarely looked for. A true one
+/// is tried once with each base.
+double ReflectorSearch::share_there(std::size_t run) const {
+  const std::int64_t tries = looked_for_[run] - telling_bases_[run];
+  if (tries < kTellingTries) return 0.0;
+  return static_cast<double>(std::max<std::int64_t>(there_[run] - telling_bases_[run], 0)) / static_cast<double>(tries);
+}
+
+/// How many poses with so many matches that fit as well would be found if none of the places were a reflector's: of
+/// reflectors that are anywhere; or, in rows, by how many pairs are as far apart as those of a base, and how often
+/// others were where they then have to be, where that is more.
 double ReflectorSearch::expected_by_chance(int matches) const {
+  const Hypothesis& best = hypotheses_.front();
   const int n = static_cast<int>(places_.size());
-  const double by_density = std::min(chance_, 1.0);
-  // Of poses that explain about as much, such as those of rows, each has one match more by chance now and then.
-  const double as_good = hypotheses_.front().cost + far_gate_ + params_.min_advantage;
-  const auto rivals = std::count_if(hypotheses_.begin() + 1, hypotheses_.begin() + static_cast<std::ptrdiff_t>(used_),
-                                    [&](const Hypothesis& h) { return h.cost < as_good; });
-  if (rivals + 1 == static_cast<std::ptrdiff_t>(kMaxHypotheses)) return 1.0;
-  const double of_rivals = static_cast<double>(rivals) * (n - matches + 1) * by_density;
-  // A true one is tried once with each base.
-  const auto others_of = [&](std::size_t run) {
-    return static_cast<double>(std::max<std::int64_t>(runs_[run] - bases_, 0));
-  };
-  double expected = others_of(0) / static_cast<double>(std::max<std::int64_t>(bases_, 1));
+  const double log_anywhere = log_expected(best);
+  // One of the poses that explain about as much, such as those of rows, has one match more by chance now and then.
+  const double as_good = best.cost + far_gate_ + params_.min_advantage;
+  double of_rivals = 0.0;
+  for (std::size_t i = 1; i < used_ && hypotheses_[i].cost < as_good; ++i) {
+    of_rivals += (n - matches + 1) * std::exp(std::min(log_anywhere - log_expected(hypotheses_[i]), 0.0));
+  }
+  double expected = best.pairs;
   for (int i = 0; i < matches; ++i) expected *= static_cast<double>(n - i) / static_cast<double>(matches - i);
-  double chance = by_density;
+  const double anywhere = std::min(std::exp((log_anywhere - std::log(best.pairs)) / (matches - 2)), 1.0);
+  double share = 0.0;
   for (std::size_t run = 0; run + 2 < static_cast<std::size_t>(matches); ++run) {
-    if (others_of(run) >= kTellingTries) chance = std::max(by_density, others_of(run + 1) / others_of(run));
-    expected *= chance;
+    if (const double here = share_there(run); here > 0.0) share = here;
+    expected *= std::max(anywhere, share);
   }
   return std::max(expected, of_rivals);
 }

@@ -105,6 +105,7 @@ class ReflectorSearch {
     Eigen::Matrix3d P = Eigen::Matrix3d::Zero();
     double cost = 0.0;  ///< of matched and unmatched places
     double fit_cost = 0.0;
+    double pairs = 0.0;  ///< of reflectors as far apart as its base, besides
     std::vector<int> reflectors;
   };
 
@@ -121,6 +122,8 @@ class ReflectorSearch {
   void for_each_within(const Eigen::Vector2d& p_world_m, double radius_m, const Act& act);
   bool complete(Hypothesis& hypothesis);
   void remember();
+  double share_there(std::size_t run) const;
+  double log_expected(const Hypothesis& hypothesis) const;
   double expected_by_chance(int matches) const;
   const ReflectorPose& conclude();
 
@@ -142,10 +145,12 @@ class ReflectorSearch {
   std::size_t next_pair_ = 0;                    ///< of the base, two for each of pairs_: one each way round
   std::vector<Other> others_;                    ///< of the base, those that are known best first
   std::int64_t steps_ = 0;                       ///< of this call
-  std::int64_t bases_ = 0;                       ///< that were begun
-  std::array<std::int64_t, kMaxPlaces> runs_{};  ///< tries in which so many others, from the first on, were there
-  double density_1_m2_ = 0.0;                    ///< of reflectors
-  double chance_ = 0.0;                          ///< that another place is at a reflector by chance, with the best base
+  double pairs_of_base_ = 0.0;                   ///< of reflectors as far apart, besides
+  std::size_t telling_ = 0;                      ///< so many others of the base are in a circle that is mostly empty
+  /// Tries of all bases in which the first others were there and another one of those was looked for, those in which it
+  /// was there too, and bases with so many.
+  std::array<std::int64_t, kMaxPlaces> looked_for_{}, there_{}, telling_bases_{};
+  double density_1_m2_ = 0.0;  ///< of reflectors
 
   std::vector<Hypothesis> hypotheses_;  ///< different poses, the best first; the memory of the others is kept
   std::size_t used_ = 0;
