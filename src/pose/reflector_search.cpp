@@ -430,8 +430,8 @@ bool ReflectorSearch::complete(Hypothesis& hypothesis) {
 /// before. Its logarithm.
 double ReflectorSearch::log_expected(const Hypothesis& hypothesis) const {
   const double area_m2 = static_cast<double>(map_.reflectors.size()) / density_1_m2_;
-  double sum = std::log(area_m2 / std::sqrt(2.0 * kPi)) - 0.5 * std::log(hypothesis.P.determinant()) +
-               0.5 * hypothesis.fit_cost;
+  double sum =
+      std::log(area_m2 / std::sqrt(2.0 * kPi)) - 0.5 * std::log(hypothesis.P.determinant()) + 0.5 * hypothesis.fit_cost;
   for (std::size_t k = 0; k < places_.size(); ++k) {
     if (hypothesis.reflectors[k] < 0) continue;
     sum += std::log(density_1_m2_ * 2.0 * kPi * std::sqrt(places_[k].covariance.determinant()));

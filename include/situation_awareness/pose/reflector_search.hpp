@@ -142,11 +142,11 @@ class ReflectorSearch {
   std::vector<int> order_;       ///< of places_
   std::size_t base_number_ = 0;  ///< of the base, in the order of pairs of those
   Base base_;
-  std::size_t next_pair_ = 0;                    ///< of the base, two for each of pairs_: one each way round
-  std::vector<Other> others_;                    ///< of the base, those that are known best first
-  std::int64_t steps_ = 0;                       ///< of this call
-  double pairs_of_base_ = 0.0;                   ///< of reflectors as far apart, besides
-  std::size_t telling_ = 0;                      ///< so many others of the base are in a circle that is mostly empty
+  std::size_t next_pair_ = 0;   ///< of the base, two for each of pairs_: one each way round
+  std::vector<Other> others_;   ///< of the base, those that are known best first
+  std::int64_t steps_ = 0;      ///< of this call
+  double pairs_of_base_ = 0.0;  ///< of reflectors as far apart, besides
+  std::size_t telling_ = 0;     ///< so many others of the base are in a circle that is mostly empty
   /// Tries of all bases in which the first others were there and another one of those was looked for, those in which it
   /// was there too, and bases with so many.
   std::array<std::int64_t, kMaxPlaces> looked_for_{}, there_{}, telling_bases_{};
