@@ -35,9 +35,12 @@ constexpr int kYaws = 8;
 constexpr double kYawSigma_rad = 0.3;
 /// Where nothing shows the yaw for so long, the likelihoods of the yaws that are tried drift apart by chance.
 constexpr double kAlignPatience_s = 20.0;
-/// A yaw is lost, and looked for anew, beyond this; and known again below this share of what is too much.
+/// A yaw is lost, and looked for anew, beyond this; and known, first and again, below this share of what is too much.
+/// While the noise of the fixes is learned, for so long, their drift may pass for a velocity: below half of it then.
 constexpr double kLostYawSigma_rad = 0.35;
-constexpr double kKnownAgain = 0.7;
+constexpr double kKnown = 0.7;
+constexpr double kKnownAtOnce = 0.5;
+constexpr double kLearn_s = 5.0;
 
 /// Standing or moving steadily: largest rate of turn, and difference of the mean force of two halves of the window.
 constexpr double kLevelWindow_s = 1.0;
@@ -357,8 +360,11 @@ void GpsIns::watch_yaw() {
   if (sigma_rad > std::max(kLostYawSigma_rad, 1.2 * params_.max_yaw_sigma_rad)) {
     ++counters_["restarted: yaw not known any more"];
     align_anew();
-  } else if (is_yaw_known_ ? sigma_rad > params_.max_yaw_sigma_rad
-                           : sigma_rad < kKnownAgain * params_.max_yaw_sigma_rad) {
+    return;
+  }
+  const bool is_learning = seconds_between(learning_since_ns_, yaw_watched_ns_) < kLearn_s;
+  const double share = is_yaw_known_ ? 1.0 : is_learning ? kKnownAtOnce : kKnown;
+  if (is_yaw_known_ == (sigma_rad > share * params_.max_yaw_sigma_rad)) {
     is_yaw_known_ = !is_yaw_known_;
     reason_ = is_yaw_known_ ? "" : kYawLost;
   }
@@ -544,9 +550,8 @@ void GpsIns::align() {
     filters_[i].start(stamp_ns, estimate, imu_);
   }
   phase_ = Phase::kReady;
-  yaw_watched_ns_ = stamp_ns;
-  is_yaw_known_ = true;
-  reason_ = "";
+  learning_since_ns_ = stamp_ns;
+  watch_yaw();
 }
 
 Estimate<GpsInsState> GpsIns::mixed(std::int64_t stamp_ns) const {

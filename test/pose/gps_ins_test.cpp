@@ -289,6 +289,24 @@ TEST(GpsIns, IsNotReadyBeforeTheYawShowsItself) {
   EXPECT_NEAR(wrap_to_pi(base_yaw(ins.pose().T_world_base) - straight.initial_yaw_rad), 0.0, 0.1);
 }
 
+// At the limit itself it may rest on some seconds of fixes that drift, and comes and goes.
+TEST(GpsIns, IsReadyOnceTheYawIsKnownWithAMargin) {
+  const GpsInsParams params;
+  for (std::uint64_t seed = 0; seed < 4; ++seed) {
+    FlightRun run({}, {}, seed);
+    GpsIns ins(params, {});
+    double sigma_rad = 0.0;
+    fly(run, ins, 60.0, kAll, [&](const FlightRun&, const GpsIns& now) {
+      if (sigma_rad > 0.0 || !now.is_ready()) return;
+      const GpsInsPose pose = now.pose();
+      const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
+      sigma_rad = std::sqrt((up_base * pose.covariance.bottomRightCorner<3, 3>()).dot(up_base));
+    });
+    EXPECT_GT(sigma_rad, 0.0) << seed;
+    EXPECT_LT(sigma_rad, 0.75 * params.max_yaw_sigma_rad) << seed;
+  }
+}
+
 TEST(GpsIns, NamesAnImuThatIsMountedOtherwiseThanSaid) {
   GpsInsMounting true_mounting;
   true_mounting.T_base_imu.rotate(Eigen::AngleAxisd(kPi / 2.0, Eigen::Vector3d::UnitX()));

@@ -56,7 +56,7 @@ struct GpsInsParams {
     visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
           "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
     visit("max_yaw_sigma_rad", self.max_yaw_sigma_rad, Bounds{0.01, 1.0}, "rad",
-          "the pose is ready once the standard deviation of the yaw is below this");
+          "the pose is ready once the standard deviation of the yaw is well below this, and as long as it is below");
     visit("max_tilt_rad", self.max_tilt_rad, Bounds{0.05, 1.5}, "rad",
           "angle at the start between gravity and the base's z, beyond which the IMU must be mounted otherwise than "
           "said");
@@ -199,6 +199,7 @@ class GpsIns {
   Phase phase_ = Phase::kLevelling;
   std::int64_t waiting_since_ns_ = StampOrder::kNone;
   std::int64_t yaw_watched_ns_ = 0;
+  std::int64_t learning_since_ns_ = 0;  ///< how the error of fixes is correlated
   bool is_yaw_known_ = false;
   const char* reason_ = "";
   Counters counters_;
