@@ -98,7 +98,7 @@ class WrongStampsTest(unittest.TestCase):
 
     def test_objects_bag(self):
         bag = part_of(ROOT / "test/golden/persons.bag", self.path / "objects.bag", 8.0)
-        self.check("objects_bag", bag, "/scan", "scan", (3, 100))
+        self.check("objects_bag", bag, "/scan", "scan", (3, 60))
 
     def polygons(self):
         folder = self.path / "polygons"
