@@ -41,7 +41,7 @@ OdometryFrames odometry_frames(const BagOptions& bag, const OdometryOptions& opt
 void subscribe_odometry_scans(BagPlayer& player, const std::string& odom_topic, const std::string& scan_topic,
                               const OdometryFrames& frames, Counters& refused, UseOdometry use) {
   player.subscribe<nav_msgs::Odometry>(odom_topic, [&player, &refused, odom_topic, frames, add = std::move(use.add)](
-                                                        const auto& msg, const ros::Time& recorded) {
+                                                       const auto& msg, const ros::Time& recorded) {
     std::string defect = odometry_msg_defect(*msg);
     if (defect.empty()) defect = odometry_frame_defect(*msg, frames, odom_topic);
     if (!defect.empty()) {
