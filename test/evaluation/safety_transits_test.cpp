@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
 namespace situation_awareness {
@@ -75,9 +76,11 @@ TEST(SafetyTransits, NobodyIsTouched) {
   }
 }
 
-/// The way on which a vehicle stands for sure once a fault is found: commands of before are under way meanwhile.
+/// The way on which a vehicle stands for sure once a fault is found: commands of before are under way meanwhile, by
+/// which one that has just set off still gets faster.
 double most_way_m(const TransitOutcome& outcome, const TransitParams& params) {
-  const double v = outcome.found_speed_m_s;
+  const double faster_m_s = params.vehicle.acceleration_m_s2 * params.vehicle.reaction_s;
+  const double v = std::min(outcome.found_speed_m_s + faster_m_s, params.vehicle.max_speed_m_s);
   return v * params.vehicle.reaction_s + 0.5 * v * v / params.vehicle.braking_m_s2 + 0.01;
 }
 
