@@ -77,9 +77,10 @@ TEST(SafetyTransits, NobodyIsTouched) {
 }
 
 /// The way on which a vehicle stands for sure once a fault is found: commands of before are under way meanwhile, by
-/// which one that has just set off still gets faster.
+/// which one that has just set off still gets faster, up to the scan after.
 double most_way_m(const TransitOutcome& outcome, const TransitParams& params) {
-  const double faster_m_s = params.vehicle.acceleration_m_s2 * params.vehicle.reaction_s;
+  constexpr double kScan_s = 0.04;
+  const double faster_m_s = params.vehicle.acceleration_m_s2 * (params.vehicle.reaction_s + kScan_s);
   const double v = std::min(outcome.found_speed_m_s + faster_m_s, params.vehicle.max_speed_m_s);
   return v * params.vehicle.reaction_s + 0.5 * v * v / params.vehicle.braking_m_s2 + 0.01;
 }
