@@ -66,6 +66,7 @@ class ScoutStage {
       ground_ = [elevation](double x_world_m, double y_world_m) { return elevation->at(x_world_m, y_world_m); };
     }
     context.keep_all();
+    order_.trust();  // a stamp far from now is dropped, and the mission's clock takes no single jump
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
       ros::NodeHandle& node = context_.node();
