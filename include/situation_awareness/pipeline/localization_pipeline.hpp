@@ -7,9 +7,9 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/pipeline/reflector_evidence.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/pose/odometry_track.hpp"
-#include "situation_awareness/pose/reflector_evidence.hpp"
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "situation_awareness/pose/reflector_map.hpp"
 #include "situation_awareness/pose/reflectors.hpp"

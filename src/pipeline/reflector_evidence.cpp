@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/pose/reflector_evidence.hpp"
+#include "situation_awareness/pipeline/reflector_evidence.hpp"
 
 #include <algorithm>
 #include <array>
