@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
+#include <filesystem>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -12,19 +14,42 @@
 #include <cpl_vsi.h>
 
 #include "input.hpp"
+#include "situation_awareness/common/file.hpp"
 #include "situation_awareness/map/grid/elevation.hpp"
 
 namespace situation_awareness::fuzz {
 namespace {
 
 constexpr const char* kFile = "/vsimem/elevation.tif";  // in memory, of GDAL
+constexpr std::size_t kMostBytes = 1 << 20;             ///< more than a saved elevation has here
 
-/// Unless it is refused with a sentence that names the file.
-std::optional<Elevation> load() {
+/// A folder of this process alone, which is removed at its end.
+class Folder {
+ public:
+  Folder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "elevation_fuzz.XXXXXX").string();
+    require(::mkdtemp(pattern.data()) != nullptr, "a temporary folder can be made");
+    path_ = pattern;
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  ~Folder() {
+    std::error_code ignored;
+    std::filesystem::remove_all(path_, ignored);
+  }
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// The elevation of a file, unless it is refused with a sentence that names the file.
+std::optional<Elevation> load(const std::string& path) {
   try {
-    return Elevation::load(kFile);
+    return Elevation::load(path);
   } catch (const std::runtime_error& error) {
-    require(std::string(error.what()).rfind(kFile, 0) == 0, "a refusal names the file");
+    require(std::string(error.what()).rfind(path, 0) == 0, "a refusal names the file");
     return std::nullopt;
   }
 }
@@ -46,7 +71,7 @@ void run(Input input) {
   if (input.flag()) {
     std::string bytes = input.rest();
     write(bytes);
-    if (const auto elevation = load()) check_heights(*elevation, input);
+    if (const auto elevation = load(kFile)) check_heights(*elevation, input);
     VSIUnlink(kFile);
     return;
   }
@@ -55,8 +80,11 @@ void run(Input input) {
   for (int i = 0; i < width * height; ++i) heights_m.push_back(input.any<float>());
   const Elevation saved(width, height, {input.uniform(-1e6, 1e6), input.uniform(-1e6, 1e6)},
                         {input.by_magnitude(1e-3, 1e3), input.by_magnitude(1e-3, 1e3)}, std::move(heights_m));
-  saved.save(kFile);
-  const auto read = load();
+  // Elevation::save renames what it has written, which files in GDAL's memory do not know.
+  static const Folder folder;
+  const std::string path = (folder.path() / "elevation.tif").string();
+  saved.save(path);
+  const auto read = load(path);
   require(read.has_value(), "what is saved is read");
   require(read->width() == width && read->height() == height, "with its size");
   for (int row = 0; row < height; ++row) {
@@ -66,16 +94,13 @@ void run(Input input) {
       require(std::isnan(saved.at(x_m, y_m)) == std::isnan(read->at(x_m, y_m)), "and what is known");
     }
   }
-  vsi_l_offset size = 0;
-  const GByte* const buffer = VSIGetMemFileBuffer(kFile, &size, FALSE);
-  std::string bytes(reinterpret_cast<const char*>(buffer), static_cast<std::size_t>(size));
-  VSIUnlink(kFile);
+  std::string bytes = read_file(path, kMostBytes);
   for (int i = input.integer(1, 4); i > 0; --i) {
     bytes[input.count(bytes.size() - 1)] ^= static_cast<char>(1 << input.integer(0, 7));
   }
   if (input.flag()) bytes.resize(input.count(bytes.size()));
   write(bytes);
-  if (const auto elevation = load()) check_heights(*elevation, input);
+  if (const auto elevation = load(kFile)) check_heights(*elevation, input);
   VSIUnlink(kFile);
 }
 
