@@ -16,7 +16,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kDiagonal = 1.4142135623730951;
-constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kBlocked = std::numeric_limits<double>::infinity();
 constexpr double kMostNodes = 1e6;
 constexpr std::size_t kMostFields = 400;  ///< goals whose lengths are remembered
 constexpr int kEntryNodes = 3;            ///< a way leaves its begin to a node that is so many steps away at most
@@ -123,7 +123,7 @@ const FreeWays::Field& FreeWays::field_to(const Eigen::Vector2d& goal_m) {
   if (found != fields_.end()) return found->second;
   if (fields_.size() >= kMostFields) fields_.clear();
   Field& field = fields_[key];
-  field.length_m.assign(free_.size(), kInfinite);
+  field.length_m.assign(free_.size(), kBlocked);
   field.next.assign(free_.size(), kNone);
   using Entry = std::pair<double, std::size_t>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> open;
@@ -160,7 +160,7 @@ const FreeWays::Field& FreeWays::field_to(const Eigen::Vector2d& goal_m) {
 
 std::size_t FreeWays::entry(const Eigen::Vector2d& from_m, const Field& field, double& length_m) const {
   std::size_t best = kNone;
-  length_m = kInfinite;
+  length_m = kBlocked;
   for (const std::size_t node : nodes_near(from_m)) {
     const double through_m = (node_m(node) - from_m).norm() + field.length_m[node];
     if (through_m >= length_m || !is_free(from_m, node_m(node))) continue;
@@ -172,7 +172,7 @@ std::size_t FreeWays::entry(const Eigen::Vector2d& from_m, const Field& field, d
 
 double FreeWays::length_m(const Eigen::Vector2d& from_world_m, const Eigen::Vector2d& to_world_m) {
   if (is_free(from_world_m, to_world_m)) return (to_world_m - from_world_m).norm();
-  double length_m = kInfinite;
+  double length_m = kBlocked;
   entry(from_world_m, field_to(to_world_m), length_m);
   return length_m;
 }
@@ -180,7 +180,7 @@ double FreeWays::length_m(const Eigen::Vector2d& from_world_m, const Eigen::Vect
 std::vector<Eigen::Vector2d> FreeWays::way(const Eigen::Vector2d& from_world_m, const Eigen::Vector2d& to_world_m) {
   if (is_free(from_world_m, to_world_m)) return {to_world_m};
   const Field& field = field_to(to_world_m);
-  double length_m = kInfinite;
+  double length_m = kBlocked;
   std::vector<Eigen::Vector2d> corners;
   for (std::size_t node = entry(from_world_m, field, length_m); node != kNone; node = field.next[node]) {
     corners.push_back(node_m(node));

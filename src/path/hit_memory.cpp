@@ -12,7 +12,7 @@ namespace situation_awareness {
 namespace {
 
 /// m. Hits nearer to each other are of one outline; its pieces are so long at least.
-constexpr double kBeside_m = 1.5, kSpacing_m = 0.4;
+constexpr double kGap_m = 1.5, kSpacing_m = 0.4;
 /// m. Nothing is so slim that it stands between beams that are nearer to each other.
 constexpr double kSlimmest_m = 0.1;
 
@@ -64,7 +64,7 @@ void HitMemory::add(const FreeBeams& sight, double reach_m, std::int64_t now_ns)
   };
   for (const Eigen::Vector2d& hit_m : sight.hits_world_m) {
     const bool counts = (hit_m - p_m).norm() < reach_m;
-    if (is_open && (!counts || (hit_m - before_m).norm() > kBeside_m)) end();
+    if (is_open && (!counts || (hit_m - before_m).norm() > kGap_m)) end();
     if (!counts) continue;
     if (!is_open) {
       begin_m = hit_m;

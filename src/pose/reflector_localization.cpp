@@ -351,7 +351,7 @@ void ReflectorLocalization::look(const ReflectorSightings& sightings, const Pose
 
 const ReflectorUpdate& ReflectorLocalization::update(const ReflectorSightings& sightings, const Pose2& T_base_lidar) {
   update_.stamp_ns = sightings.stamp_ns;
-  update_.is_known = is_known_;
+  update_.is_known = false;  // a scan that is not used leaves the pose at an earlier stamp
   update_.reason = "";
   update_.is_found = false;
   update_.is_contradicted = false;

@@ -22,7 +22,7 @@ namespace {
 /// Without scans a key is made after so many times the way, or the turning, of one with a scan.
 constexpr double kWithoutScan = 3.0;
 /// A new reflector is outside this gate of all others.
-constexpr double kFarProbability = 0.99999;
+constexpr double kSurveyGateProbability = 0.99999;
 /// What was seen so often at most is given up when it has not been seen for so many keys.
 constexpr int kRareSightings = 2, kRareKeys = 20;
 /// Most of yaw_scale_sigma that is used: the error of scale is one of the turns that odometry says, noise included,
@@ -80,7 +80,7 @@ ReflectorSurvey::ReflectorSurvey(const ReflectorSurveyParams& params, const Pose
   params_.validate();
   params_.wheels.yaw_scale_sigma = std::min(params_.wheels.yaw_scale_sigma, kMostYawScaleSigma);
   gate_ = chi_square_quantile(params_.gate_probability, 2);
-  far_gate_ = chi_square_quantile(std::max(kFarProbability, params_.gate_probability), 2);
+  far_gate_ = chi_square_quantile(std::max(kSurveyGateProbability, params_.gate_probability), 2);
   x_.T_world_base = T_world_base;
   P_ = Eigen::MatrixXd::Zero(5, 5);
   P_(3, 3) = params_.wheels.distance_scale_sigma * params_.wheels.distance_scale_sigma;

@@ -371,6 +371,34 @@ TEST(ReflectorLocalization, SaysWhyItHasNoPose) {
   EXPECT_STREQ(without.update(few.sightings, {}).reason, "scan out of order");
 }
 
+// What an update does not use leaves the pose at an earlier stamp, where the robot is no longer.
+TEST(ReflectorLocalization, ThePoseIsKnownOnlyAtTheStampOfTheScan) {
+  const ReflectorMap map = map_of(6);
+  ReflectorWorld world = room_with(map);
+  world.path = winding_path(0.4);
+  Drive drive(map, world, 1);
+  drive.guess();
+  for (int scan = 0; scan < 20; ++scan) ASSERT_TRUE(drive.scan().is_known);
+
+  const ReflectorUpdate& again = drive.localization.update(drive.sightings, world.T_base_lidar);
+  EXPECT_FALSE(again.is_known);
+  EXPECT_STREQ(again.reason, "scan out of order");
+
+  drive.scans += 150;  // the scanner is silent while the robot drives on
+  int known = 0;
+  for (int scan = 0; scan < 10; ++scan) {
+    const ReflectorUpdate& update = drive.scan();
+    if (!update.is_known) {
+      EXPECT_STREQ(update.reason, "scan of another time");
+      continue;
+    }
+    ++known;
+    EXPECT_LT(drive.error().head<2>().norm(), 0.1);
+  }
+  EXPECT_EQ(known, 10 - StampOrder::kAgreeing + 1);
+  EXPECT_TRUE(drive.localization.is_known());
+}
+
 // A guess with errors of 2.5 standard deviations or less, as its errors are drawn; reflectors close to each other,
 // which a greedy choice confuses.
 TEST(ReflectorLocalization, AGuessIsMatchedJointly) {

@@ -192,8 +192,9 @@ struct MovedReflector {
 struct ReflectorUpdate {
   std::int64_t stamp_ns = 0;
   bool is_known = false;  ///< the pose is, at this stamp
-  /// Why the pose is not known, or the scan was not used: "scan out of order", "no odometry", "no pose yet" (fewer than
-  /// search_scans scans), those of ReflectorPose, "lost" (contradicted until nothing was known). Empty if neither.
+  /// Why the pose is not known at this stamp: the scan was not used ("scan out of order", "scan of another time", "no
+  /// odometry"), "no pose yet" (fewer than search_scans scans), those of ReflectorPose, "lost" (contradicted until
+  /// nothing was known). Empty if it is known.
   const char* reason = "";
   bool is_found = false;         ///< the pose was found by a search in this update
   bool is_contradicted = false;  ///< reflectors are not where the pose says, or sightings where it says there are none

@@ -58,7 +58,7 @@ constexpr double kFacesBeam = 0.25;
 /// Part of an element's extent through which a beam can pass: at its ends it may be curved, or end.
 constexpr double kInner = 0.7;
 /// m. The same of an element of few hits.
-constexpr double kLeastHalf_m = 0.006;
+constexpr double kLeastHalfHeld_m = 0.006;
 /// m. A hit so near beside an element, and so little nearer or farther, is of the same thing; and the same of an
 /// element with many hits: beams over an edge have few.
 constexpr double kBeside_m = 0.03;
@@ -401,8 +401,8 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   const double middle_rad = azimuth_in(now_, p_level_m);
   if (view_of(now_, p_level_m, middle_rad, kNearHit_m, surfel.thing_m, &weight) == View::kPassed) return weight;
   weight = 0.0;
-  const double low_m = std::min(kInner * surfel.low_m, -kLeastHalf_m);
-  const double high_m = std::max(kInner * surfel.high_m, kLeastHalf_m);
+  const double low_m = std::min(kInner * surfel.low_m, -kLeastHalfHeld_m);
+  const double high_m = std::max(kInner * surfel.high_m, kLeastHalfHeld_m);
   const double across_m2 = p_level_m.x() * t_level.y() - p_level_m.y() * t_level.x(), along_m = p_level_m.dot(t_level);
   const auto azimuth_at = [&](double s_m) {
     return middle_rad + small_atan(s_m * across_m2 / (distance_m * distance_m + s_m * along_m));

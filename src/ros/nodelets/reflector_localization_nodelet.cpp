@@ -74,8 +74,11 @@ class ReflectorLocalizationStage {
     if (markers_publisher_.getNumSubscribers() > 0) {
       context_.publish(markers_publisher_, markers_.update(pipeline_, update, params_.nodelet.world_frame));
     }
-    if (!update.is_known) return context_.drop("pose not known", update.reason);
-    if (*update.reason != '\0') return context_.drop(update.reason);
+    if (!update.is_known) {
+      // A scan that is not used leaves a pose that is known at an earlier stamp.
+      return pipeline_.localization().is_known() ? context_.drop(update.reason)
+                                                 : context_.drop("pose not known", update.reason);
+    }
     const LocalizedPose pose = pipeline_.localization().pose();
     broadcast(pose, posed);
     context_.publish(pose_, pose_to_msg(pose, params_.nodelet.world_frame));
