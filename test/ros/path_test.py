@@ -27,7 +27,7 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
-from ros_support import Diagnostics, Latest, pid_of, scan_msg, transform_msg, wait_until  # noqa: E402
+from ros_support import Diagnostics, Latest, pid_of, run_beside, scan_msg, transform_msg, wait_until  # noqa: E402
 from situation_awareness.msg import (MappedObjectArray, MappedPolygon, PathError, PolygonArray,  # noqa: E402
                                      SafetyVerdict)
 
@@ -72,7 +72,12 @@ class Vehicle:
         self.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10)
         self.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10)
         self.subscriber = rospy.Subscriber("cmd_vel", Twist, self.command, queue_size=10)
-        threading.Thread(target=self.run, daemon=True).start()
+        self.lock = threading.Lock()  # of its pose
+        run_beside(self.run)
+
+    def place(self, x, y, yaw=0.0):
+        with self.lock:
+            self.x, self.y, self.yaw = x, y, yaw
 
     def command(self, msg):
         self.speed, self.turn_rate = msg.linear.x, msg.angular.z
@@ -85,9 +90,10 @@ class Vehicle:
             stamp = rospy.Time.now()
             period = min(stamp.to_sec() - before, 0.5)
             before = stamp.to_sec()
-            self.x += period * self.speed * math.cos(self.yaw)
-            self.y += period * self.speed * math.sin(self.yaw)
-            self.yaw += period * self.turn_rate
+            with self.lock:
+                self.x += period * self.speed * math.cos(self.yaw)
+                self.y += period * self.speed * math.sin(self.yaw)
+                self.yaw += period * self.turn_rate
             self.publish(stamp, count)
             count += 1
 
@@ -179,7 +185,7 @@ class PathTest(unittest.TestCase):
         wait_until(vehicle.stands, 10.0, "the vehicle to stand")
         vehicle.edges, vehicle.with_scan, vehicle.with_tf, vehicle.with_objects = list(WALLS), True, True, True
         vehicle.chains = []
-        vehicle.x, vehicle.y, vehicle.yaw = x, 0.0, 0.0
+        vehicle.place(x, 0.0)
         moved = rospy.Time.now() + rospy.Duration(0.1)
         wait_until(lambda: self.latest().header.stamp > moved and self.latest().kind != SafetyVerdict.POSE
                    and self.latest().allowed_speed_m_s > 0.3, 10.0, "a verdict of full speed or nearly")
@@ -220,7 +226,7 @@ class PathTest(unittest.TestCase):
 
     def test_3_known_chains_do_not_slow_it_down(self):
         self.settle()
-        self.vehicle.x = 1.0
+        self.vehicle.place(1.0, 0.0)
         edges = box(1.4, 0.85, 0.2)
         self.vehicle.edges += edges
         wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT and self.latest().allowed_speed_m_s < 0.3,
@@ -241,8 +247,8 @@ class PathTest(unittest.TestCase):
         count = self.diagnostics.count("path_following", key)
         wait_until(self.vehicle.stands, 5.0, f"the vehicle to stop: {what}")
         wait_until(lambda: self.diagnostics.count("path_following", key) > count, 5.0, key)
-        wait_until(lambda: "stopped" in self.diagnostics.stages["path_following"]["summary"]
-                   or "no input" in self.diagnostics.stages["path_following"]["summary"], 5.0, "a warning")
+        wait_until(lambda: "stopped" in self.diagnostics.summary("path_following")
+                   or "no input" in self.diagnostics.summary("path_following"), 5.0, "a warning")
 
     @fault("scanner silent", "while the vehicle drives", "it stops, and goes on by itself with the next scans")
     def test_4_without_scans_it_stops_and_goes_on(self):
@@ -313,7 +319,7 @@ class PathTest(unittest.TestCase):
         wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.OBJECTS], 5.0, "what is missing")
         self.assertEqual(self.latest().policy, SafetyVerdict.CONSERVATIVE)
         self.assertLessEqual(self.latest().allowed_speed_m_s, 0.15)
-        wait_until(lambda: "without objects" in self.diagnostics.stages["safety_areas"]["summary"], 5.0, "a warning")
+        wait_until(lambda: "without objects" in self.diagnostics.summary("safety_areas"), 5.0, "a warning")
         self.vehicle.with_objects, self.vehicle.chains = True, None
         wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.POLYGONS], 5.0, "what is missing")
         wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT, 5.0, "an unknown hit")
@@ -336,7 +342,7 @@ class PathTest(unittest.TestCase):
             wait_until(lambda: self.latest().header.stamp > after, 5.0, "a verdict by the empty map")
             self.assertEqual(self.latest().kind, SafetyVerdict.CONTRADICTION)
             self.assertFalse(self.latest().may_turn)
-            wait_until(lambda: "contradict" in self.diagnostics.stages["safety_areas"]["summary"], 5.0, "a warning")
+            wait_until(lambda: "contradict" in self.diagnostics.summary("safety_areas"), 5.0, "a warning")
         finally:
             self.vehicle.range = None
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")

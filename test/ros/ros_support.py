@@ -2,6 +2,7 @@
 """Common code of the tests of the ROS graph: scans of round objects, their transforms, and timeouts."""
 import math
 import subprocess
+import threading
 import time
 import xmlrpc.client
 
@@ -80,6 +81,17 @@ def wait_until(condition, timeout_s, what):
         raise AssertionError(f"waited {timeout_s} s for {what}")
 
 
+def run_beside(run):
+    """In a thread of its own until the node ends, whose topics are closed meanwhile."""
+    def until_shutdown():
+        try:
+            run()
+        except rospy.ROSException:
+            if not rospy.is_shutdown():
+                raise
+    threading.Thread(target=until_shutdown, daemon=True).start()
+
+
 def refusal_of_node(program, argument):
     """The one line in which a program of this package, started with this private parameter, says why it ends."""
     name = f"refused_{program}"
@@ -142,6 +154,10 @@ class Diagnostics:
         """Two of the stage: the first may have been under way, the second is of what happened before this call."""
         before = len(self.history)
         wait_until(lambda: sum(name == stage for name, _ in self.history[before:]) >= 2, 10.0, f"reports of {stage}")
+
+    def summary(self, stage):
+        """The latest; nothing before its first report."""
+        return self.stages.get(stage, {}).get("summary", "")
 
     def count(self, stage, key):
         return int(self.stages.get(stage, {}).get(key, "0"))
