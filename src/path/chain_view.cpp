@@ -27,7 +27,7 @@ void ChainView::begin(const Points& points, double range_m, double pose_sigma_m,
 }
 
 void ChainView::add(const Eigen::Vector2d& from_world_m, const Eigen::Vector2d& to_world_m, double reach_m,
-                    std::uint64_t id, bool is_known, bool is_fixed) {
+                    std::uint64_t id, bool is_known, bool is_fixed, bool was_seen) {
   const std::vector<Point>& points = points_->points;
   if (points.empty()) return;
   Eigen::Vector2d from_m = T_level_world_ * from_world_m, to_m = T_level_world_ * to_world_m;
@@ -45,6 +45,7 @@ void ChainView::add(const Eigen::Vector2d& from_world_m, const Eigen::Vector2d& 
   edge.id = id;
   edge.is_known = is_known;
   edge.is_fixed = is_fixed;
+  edge.was_seen = was_seen;
   for (const double turn_rad : {0.0, 2.0 * kPi}) {  // the rest of an edge across the first beam
     const double low_rad = begin_rad - turn_rad, high_rad = low_rad + span_rad;
     auto at = std::lower_bound(points.begin(), points.end(), low_rad,
@@ -61,7 +62,8 @@ void ChainView::take(std::size_t i, const Eigen::Vector2d& from_m, const Eigen::
   const double sine = n.dot(Eigen::Vector2d(std::cos(azimuth_rad), std::sin(azimuth_rad)));
   if (!(sine > 1e-6)) return;
   const double near_m = n.dot(from_m) / sine;
-  if (!(near_m < beams_[i].near_m)) return;
+  const bool comes_first = edge.was_seen == beams_[i].was_seen ? near_m < beams_[i].near_m : edge.was_seen;
+  if (!comes_first) return;
   beams_[i] = edge;
   beams_[i].near_m = near_m;
   beams_[i].wide_m = reach_m + sigma_m_ + sigma_rad_ * near_m;
@@ -80,8 +82,9 @@ void ChainView::judge() {
     double far_m = 0.0;
     for (std::ptrdiff_t k = i - beside; k <= i + beside && far_m <= range_m_; ++k) {
       const bool is_there = points_->full_circle || (k >= 0 && k < count);
-      far_m = is_there ? std::max(far_m, beams_[static_cast<std::size_t>(((k % count) + count) % count)].far_m)
-                       : std::numeric_limits<double>::infinity();
+      const Beam& other = beams_[static_cast<std::size_t>(((k % count) + count) % count)];
+      far_m = is_there && other.was_seen == beam.was_seen ? std::max(far_m, other.far_m)
+                                                          : std::numeric_limits<double>::infinity();
     }
     if (!(far_m <= range_m_)) continue;
     const bool passes = point.range_m > far_m;

@@ -44,7 +44,6 @@ constexpr double kPassSpacing_m = 0.1;
 constexpr std::size_t kMostPasses = 512;
 // A map that a blind scanner no longer feeds is still a map of what it should see.
 constexpr double kContradiction_s = 10.0;
-constexpr double kFixed_m = 3.0;   // as large as this is no thing that is taken away at once
 constexpr double kTravel_m = 0.2;  // after which the pose should have moved, by this part
 constexpr double kLeastMoved = 0.25;
 constexpr double kMoves_m = 0.001;  // a pose that stood still moves again
@@ -378,17 +377,17 @@ void SafetyAreas::gather_edges(const Polygons& polygons) {
 /// What the scan should see of the chains, near and far, and which of them it sees through.
 void SafetyAreas::view_chains(const Points& points, const Polygons& polygons) {
   view_.begin(points, params_.reliable_range_m, params_.sigmas * sigma_m_, params_.sigmas * sigma_rad_);
-  if (is_fresh(polygons.stamp_ns, kContradiction_s)) {
-    for (const Chain& chain : polygons.chains) {
-      if (chain.vertices.empty() || !is_fresh(chain.last_seen_ns, kContradiction_s)) continue;
-      const bool is_known = is_known_chain(chain, params_.min_p_exists);
-      const bool is_fixed = chain.state == ChainState::kWall || extent_m(chain) >= kFixed_m;
-      const std::size_t count = chain.vertices.size();
-      for (std::size_t i = 0; i + 1 < count + (chain.closed ? 1 : 0); ++i) {
-        const ChainVertex& from = chain.vertices[i];
-        const ChainVertex& to = chain.vertices[(i + 1) % count];
-        view_.add(from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), chain.id, is_known, is_fixed);
-      }
+  const bool map_is_fresh = is_fresh(polygons.stamp_ns, kContradiction_s);
+  for (const Chain& chain : polygons.chains) {
+    if (chain.vertices.empty()) continue;
+    const bool was_seen = map_is_fresh && is_fresh(chain.last_seen_ns, kContradiction_s);
+    const bool is_known = is_known_chain(chain, params_.min_p_exists);
+    const bool is_fixed = chain.state == ChainState::kWall || extent_m(chain) >= ChainView::kFixed_m;
+    const std::size_t count = chain.vertices.size();
+    for (std::size_t i = 0; i + 1 < count + (chain.closed ? 1 : 0); ++i) {
+      const ChainVertex& from = chain.vertices[i];
+      const ChainVertex& to = chain.vertices[(i + 1) % count];
+      view_.add(from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), chain.id, is_known, is_fixed, was_seen);
     }
   }
   view_.judge();
@@ -396,7 +395,7 @@ void SafetyAreas::view_chains(const Points& points, const Polygons& polygons) {
   seen_through_.clear();
   const std::vector<ChainView::Beam>& beams = view_.beams();
   const auto passes = [](const ChainView::Beam& beam) {
-    return beam.look == ChainView::Look::kPasses || beam.look == ChainView::Look::kWithoutReturn;
+    return beam.was_seen && (beam.look == ChainView::Look::kPasses || beam.look == ChainView::Look::kWithoutReturn);
   };
   for (std::size_t i = 1; i < beams.size() && seen_through_.size() < kMostPasses; ++i) {
     if (!passes(beams[i]) || !passes(beams[i - 1]) || beams[i].id != beams[i - 1].id) continue;
@@ -765,7 +764,9 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   const bool is_blind_scanner = blind_.add(points, view_, T_world_base_.yaw_rad);
   const bool heads_along = place_on_path(vehicle);
   if (is_frozen || is_blind_scanner) {
-    decision_.kind = is_frozen ? DecidedKind::kFrozenScan : DecidedKind::kContradiction;
+    decision_.kind = is_frozen          ? DecidedKind::kFrozenScan
+                     : is_blind(points) ? DecidedKind::kHidden
+                                        : DecidedKind::kContradiction;
     return decision_;
   }
   note_what_is_free(points);

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
@@ -25,7 +26,56 @@ constexpr double kMostAlike = 0.7;
 constexpr std::size_t kLeastJudged = 20;
 constexpr double kShareOfAll = 0.5, kShareOfQuarter = 0.8;
 
+constexpr double kShareSeen = 0.05, kGap_s = 2.0;
+
 bool is_range(float range_m) { return std::isfinite(range_m) && range_m > 0.0F; }
+
+/// What a scan says of a quarter about the vehicle, or of all.
+struct Sector {
+  std::size_t beams = 0, returns = 0, hits = 0;  ///< hits: returns, and what is too close for one
+  std::size_t judged = 0, passing = 0, without_return = 0;
+  std::uint64_t first_id = 0;
+  bool is_more = false;  ///< than one thing that was taken away
+  std::size_t near_before = 0, near_now = 0, lost = 0;
+  Eigen::Vector2d low_m = Eigen::Vector2d::Constant(std::numeric_limits<double>::infinity()), high_m = -low_m;
+
+  void add(const Point& point, const ChainView::Beam& beam, bool has_seen) {
+    ++beams;
+    returns += is_hit(point.state) ? 1 : 0;
+    hits += is_hit(point.state) || point.state == BeamState::kTooClose ? 1 : 0;
+    if (beam.look == ChainView::Look::kNotJudged || !beam.is_known || (has_seen && !beam.was_seen)) return;
+    ++judged;
+    if (beam.look == ChainView::Look::kAgrees) return;
+    if (passing++ == 0) first_id = beam.id;
+    is_more = is_more || beam.is_fixed || beam.id != first_id;
+    without_return += beam.look == ChainView::Look::kWithoutReturn ? 1 : 0;
+  }
+
+  /// With the same beam of the scan before.
+  void compare(const Point& before, const Point& now, double range_m) {
+    const auto is_near = [&](const Point& point) { return is_hit(point.state) && point.range_m <= range_m; };
+    near_now += is_near(now) ? 1 : 0;
+    if (!is_near(before)) return;
+    ++near_before;
+    if (now.state != BeamState::kFree) return;
+    ++lost;
+    const Eigen::Vector2d p_m =
+        before.range_m * Eigen::Vector2d(std::cos(before.azimuth_rad), std::sin(before.azimuth_rad));
+    low_m = low_m.cwiseMin(p_m);
+    high_m = high_m.cwiseMax(p_m);
+  }
+
+  bool sees() const { return returns > 0 && static_cast<double>(returns) >= kShareSeen * static_cast<double>(beams); }
+
+  bool passes_through(double share) const {
+    return is_more && judged >= kLeastJudged && static_cast<double>(passing) >= share * static_cast<double>(judged);
+  }
+
+  bool has_lost(double share) const {
+    return near_before >= kLeastJudged && static_cast<double>(lost) >= share * static_cast<double>(near_before) &&
+           2 * near_now < near_before && (high_m - low_m).norm() >= ChainView::kFixed_m;
+  }
+};
 
 }  // namespace
 
@@ -88,36 +138,41 @@ void RepeatedScans::look_for_noise(const std::vector<float>& ranges_m) {
 }
 
 bool BlindScanner::add(const Points& points, const ChainView& view, double base_yaw_rad) {
-  constexpr std::size_t kAll = 4;
-  std::array<std::size_t, 5> judged{}, passing{}, without_return{}, hits{};
-  std::array<std::uint64_t, 5> first_id{};
-  std::array<bool, 5> is_more{};  // than one thing that was taken away
+  const double gap_s = seconds_between(before_ns_, points.stamp_ns);
+  if (gap_s < 0.0 || gap_s > kGap_s) {
+    has_seen_.fill(false);
+    before_.clear();
+  }
+  std::array<Sector, kSectors> sectors{};
+  const bool is_alike = before_.size() == points.points.size();
   const double ahead_rad = wrap_to_pi(base_yaw_rad - points.T_world_level.yaw_rad);
   for (std::size_t i = 0; i < points.points.size(); ++i) {
-    const ChainView::Beam& beam = view.beams()[i];
-    const double azimuth_rad = wrap_to_pi(points.points[i].azimuth_rad - ahead_rad);
+    const Point& point = points.points[i];
+    const double azimuth_rad = wrap_to_pi(point.azimuth_rad - ahead_rad);
     const std::size_t quarter = static_cast<std::size_t>(std::lround(azimuth_rad / (0.5 * kPi)) + 4) % kAll;
     for (const std::size_t k : {quarter, kAll}) {
-      hits[k] += is_hit(points.points[i].state) || points.points[i].state == BeamState::kTooClose ? 1 : 0;
-      if (beam.look == ChainView::Look::kNotJudged || !beam.is_known) continue;
-      ++judged[k];
-      if (beam.look == ChainView::Look::kAgrees) continue;
-      if (passing[k]++ == 0) first_id[k] = beam.id;
-      is_more[k] = is_more[k] || beam.is_fixed || beam.id != first_id[k];
-      without_return[k] += beam.look == ChainView::Look::kWithoutReturn ? 1 : 0;
+      sectors[k].add(point, view.beams()[i], has_seen_[k]);
+      if (is_alike) sectors[k].compare(before_[i], point, view.range_m());
     }
   }
-  bool is_contradiction = false;
-  for (std::size_t k = 0; k <= kAll; ++k) {
-    if (hits[k] >= needed_hits_[k]) needed_hits_[k] = 0;
-    const double share = (k == kAll ? kShareOfAll : kShareOfQuarter) * static_cast<double>(judged[k]);
-    if (is_more[k] && judged[k] >= kLeastJudged && static_cast<double>(passing[k]) >= share) {
-      is_contradiction = true;
-      if (2 * without_return[k] >= passing[k]) needed_hits_[k] = std::max(needed_hits_[k], (judged[k] + 1) / 2);
+  bool is_blind = false;
+  for (std::size_t k = 0; k < kSectors; ++k) {
+    const Sector& sector = sectors[k];
+    has_seen_[k] = has_seen_[k] || sector.sees();
+    if (sector.hits >= needed_hits_[k]) needed_hits_[k] = 0;
+    const double share = k == kAll ? kShareOfAll : kShareOfQuarter;
+    if (sector.passes_through(share)) {
+      is_blind = true;
+      if (2 * sector.without_return >= sector.passing) {
+        needed_hits_[k] = std::max(needed_hits_[k], (sector.judged + 1) / 2);
+      }
     }
-    is_contradiction = is_contradiction || needed_hits_[k] > 0;
+    if (sector.has_lost(share)) needed_hits_[k] = std::max(needed_hits_[k], (sector.near_before + 1) / 2);
+    is_blind = is_blind || needed_hits_[k] > 0;
   }
-  return is_contradiction;
+  before_.assign(points.points.begin(), points.points.end());
+  before_ns_ = points.stamp_ns;
+  return is_blind || !has_seen();
 }
 
 }  // namespace situation_awareness

@@ -463,6 +463,13 @@ SafetyScene corridor() {
   return scene;
 }
 
+/// No beam has a return.
+SafetyScene without_return(SafetyScene scene) {
+  scene.boxes.clear();
+  scene.far_off.clear();
+  return scene;
+}
+
 TEST(SafetyAreas, AScannerThatSeesNothingBetweenKnownWallsIsAStop) {
   for (const SafetyPolicy policy : kPolicies) {
     SafetyScene scene = corridor();
@@ -470,8 +477,7 @@ TEST(SafetyAreas, AScannerThatSeesNothingBetweenKnownWallsIsAStop) {
     params.policy = policy;
     SafetyAreas areas(scene.path, {}, params);
     EXPECT_EQ(drive_up(areas, scene).verdict, Verdict::kFullSpeed);
-    SafetyScene blind = scene;
-    blind.boxes.clear();
+    SafetyScene blind = without_return(scene);
     // The map forgets walls that the scanner does not see: it is as blind as before.
     for (int i = 0; i < 100; ++i) {
       blind.stamp_ns += 40'000'000;
@@ -510,6 +516,117 @@ TEST(SafetyAreas, AScannerThatIsBlindAheadOrFromTheBeginningIsAStop) {
   }
   SafetyAreas elsewhere(scene.path, {}, {});
   EXPECT_EQ(elsewhere.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+}
+
+// Its scans are those of an empty place, of whatever the maps have: a file that nobody has seen yet, or nothing.
+TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
+  for (const SafetyPolicy policy : kPolicies) {
+    for (const bool has_file : {true, false}) {
+      for (const std::int64_t map_age_ns : {std::int64_t{0}, std::int64_t{-1}}) {
+        const SafetyScene scene = corridor();
+        SafetyParams params;
+        params.policy = policy;
+        SafetyAreas areas(scene.path, {}, params);
+        SafetyScene blind = without_return(scene);
+        if (!has_file) blind.polygons.chains.clear();
+        for (int i = 0; i < 100; ++i) {
+          blind.advance(40'000'000);
+          for (Chain& chain : blind.polygons.chains) chain.last_seen_ns = 0;
+          if (map_age_ns < 0) blind.polygons.stamp_ns = blind.objects.stamp_ns = 0;
+          Points points = blind.points();
+          // Some returns, as of dust, show nothing.
+          for (std::size_t k = 0; k < 10; ++k) {
+            Point& point = points.points[(53 * k + 7 * static_cast<std::size_t>(i)) % points.points.size()];
+            point.state = BeamState::kHit;
+            point.range_m = 15.0;
+            point.p_level_m = 15.0 * Eigen::Vector2d(std::cos(point.azimuth_rad), std::sin(point.azimuth_rad));
+          }
+          const SafetyDecision& decision = areas.update(points, {}, blind.polygons, blind.objects);
+          ASSERT_EQ(decision.verdict, Verdict::kStop) << name_of(policy) << ", scan " << i;
+          ASSERT_EQ(decision.kind, Kind::kContradiction);
+          ASSERT_EQ(decision.allowed_speed_m_s, 0.0);
+          ASSERT_FALSE(decision.may_turn);
+        }
+        SafetyScene sees = scene;
+        sees.advance(blind.stamp_ns + 40'000'000 - scene.stamp_ns);
+        EXPECT_EQ(areas.update(sees.points(), {}, sees.polygons, sees.objects).verdict, Verdict::kFullSpeed);
+        EXPECT_TRUE(areas.scanner_has_seen());
+      }
+    }
+  }
+}
+
+// That one is in order ahead is not shown by what it sees behind, where a file has walls ahead.
+TEST(SafetyAreas, AQuarterThatSeesNothingOfAFileIsAStop) {
+  SafetyScene scene = corridor();
+  scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
+  scene.know(scene.boxes.back(), 4, ChainState::kWall);
+  for (Chain& chain : scene.polygons.chains) chain.last_seen_ns = 0;
+  for (const bool is_fresh : {true, false}) {
+    if (!is_fresh) scene.polygons.stamp_ns = 0;
+    ASSERT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
+    Points points = scene.points();
+    for (Point& point : points.points) {
+      if (std::abs(point.azimuth_rad) > radians(60.0)) continue;
+      point.state = BeamState::kFree;
+      point.range_m = 20.0;
+    }
+    SafetyAreas areas(scene.path, {}, {});
+    for (int i = 0; i < 3; ++i) {
+      points.stamp_ns += 40'000'000;
+      EXPECT_EQ(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+      scene.polygons.chains.clear();  // the map forgets what it does not see
+    }
+    scene = corridor();
+    scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
+    scene.know(scene.boxes.back(), 4, ChainState::kWall);
+    for (Chain& chain : scene.polygons.chains) chain.last_seen_ns = 0;
+  }
+}
+
+TEST(SafetyAreas, AScannerThatGetsBlindWithoutAnyMapIsAStop) {
+  SafetyScene scene = corridor();
+  scene.polygons.chains.clear();
+  SafetyAreas areas(scene.path, {}, {});
+  VehicleState state;
+  const auto next = [&](const SafetyScene& seen, std::int64_t after_ns) {
+    scene.advance(after_ns);
+    scene.T_world_base.translation_m.x() += 0.02;
+    state.T_world_base = scene.T_world_base;
+    SafetyScene now = seen;
+    now.T_world_base = scene.T_world_base;
+    now.stamp_ns = scene.stamp_ns;
+    return areas.update(now.points(), state, scene.polygons, scene.objects);
+  };
+  const SafetyScene sees = scene, blind = without_return(scene);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(next(sees, 40'000'000).verdict, Verdict::kFullSpeed);
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(next(blind, 40'000'000).kind, Kind::kContradiction) << i;
+  EXPECT_EQ(next(sees, 40'000'000).verdict, Verdict::kFullSpeed);
+  // A driver that comes back is another one.
+  EXPECT_EQ(next(blind, 10'000'000'000).kind, Kind::kContradiction);
+  EXPECT_EQ(next(sees, 40'000'000).verdict, Verdict::kFullSpeed);
+}
+
+// A vehicle that leaves a hall, and someone who walks past in an empty place, get out of sight little by little.
+TEST(SafetyAreas, AScannerThatSeesLessAndLessIsNotBlind) {
+  SafetyScene scene = without_return(SafetyScene::straight());
+  scene.boxes = {{{-1.0, 1.8}, 0.0, 3.0, 0.1}, {{-1.0, -1.8}, 0.0, 3.0, 0.1}};
+  SafetyAreas hall(scene.path, {}, {});
+  VehicleState state;
+  for (int i = 0; i < 500; ++i) {
+    scene.advance(40'000'000);
+    scene.T_world_base.translation_m.x() += 0.02;
+    state.T_world_base = scene.T_world_base;
+    ASSERT_EQ(hall.update(scene.points(), state, scene.polygons, scene.objects).verdict, Verdict::kFullSpeed) << i;
+  }
+  scene = SafetyScene::straight();
+  SafetyAreas place(scene.path, {}, {});
+  for (int i = 0; i < 200; ++i) {
+    scene.advance(100'000'000);
+    scene.boxes = {{{-1.0, 4.0 - 0.2 * i}, 0.0, 0.25, 0.25}};
+    EXPECT_NE(place.update(scene.points(), {}, scene.polygons, scene.objects).kind, Kind::kContradiction) << i;
+    scene.far_off.clear();
+  }
 }
 
 // A door that opens, and beams that are lost, are not.
@@ -580,6 +697,7 @@ TEST(SafetyAreas, EmptyPlacesMayLookAlike) {
     const Points points = scene.points();
     EXPECT_EQ(areas.update(points, state, scene.polygons, scene.objects, ranges_of(points, nullptr)).verdict,
               Verdict::kFullSpeed);
+    scene.far_off.clear();  // the scanner was shown to see
   }
 }
 

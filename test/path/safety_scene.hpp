@@ -23,8 +23,9 @@ struct SafetyScene {
   Pose2 T_world_base;
   std::int64_t stamp_ns = 100'000'000'000;
   std::vector<Box> boxes;
-  std::vector<Eigen::Vector2d> lone_hits;  ///< each on the beam that is next to it
-  Polygons polygons;                       ///< as fresh as the scan, as are the objects
+  std::vector<Box> far_off = {{{3.0, 14.0}, 0.0, 9.0, 0.1}};  ///< what shows that the scanner sees, beyond all areas
+  std::vector<Eigen::Vector2d> lone_hits;                     ///< each on the beam that is next to it
+  Polygons polygons;                                          ///< as fresh as the scan, as are the objects
   Objects objects;
 
   SafetyScene() { polygons.stamp_ns = objects.stamp_ns = stamp_ns; }
@@ -61,6 +62,7 @@ struct SafetyScene {
     for (WayPoint& point : result.path.way_points) point.p_world_m = T * point.p_world_m;
     result.T_world_base = T * T_world_base;
     for (Box& box : result.boxes) box = T * box;
+    for (Box& box : result.far_off) box = T * box;
     for (Eigen::Vector2d& hit : result.lone_hits) hit = T * hit;
     for (Chain& chain : result.polygons.chains) {
       for (ChainVertex& vertex : chain.vertices) vertex.p_world_m = T * vertex.p_world_m;
@@ -79,7 +81,10 @@ struct SafetyScene {
       point.azimuth_rad = radians(-135.0 + 0.5 * i);
       const Eigen::Vector2d u(std::cos(point.azimuth_rad), std::sin(point.azimuth_rad));
       double range_m = std::numeric_limits<double>::infinity();
-      for (const Box& box : boxes) range_m = std::min(range_m, cast(box, Eigen::Rotation2Dd(T_world_base.yaw_rad) * u));
+      for (const auto* things : {&boxes, &far_off}) {
+        for (const Box& box : *things)
+          range_m = std::min(range_m, cast(box, Eigen::Rotation2Dd(T_world_base.yaw_rad) * u));
+      }
       for (const Eigen::Vector2d& hit : lone_hits) {
         const Eigen::Vector2d p = inverse(T_world_base) * hit;
         if (std::abs(std::atan2(p.y(), p.x()) - point.azimuth_rad) < radians(0.25))

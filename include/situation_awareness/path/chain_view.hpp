@@ -15,10 +15,13 @@ namespace situation_awareness {
 
 /// What a scan should see of the chains of a map, and whether its beams pass through them (docs/math/path.md). A beam
 /// is judged where chains fill the whole width of their uncertainty about it, and are not seen at a grazing angle. It
-/// passes through them if its range is beyond all of that. No allocation after warm-up; in time linear in the beams
-/// that chains are in the way of.
+/// passes through them if its range is beyond all of that. Of chains that the map saw of late and others, as of a file,
+/// those count alone where both are in the way. No allocation after warm-up; in time linear in the beams that chains
+/// are in the way of.
 class ChainView {
  public:
+  static constexpr double kFixed_m = 3.0;  ///< as large as this is no thing that is taken away at once
+
   enum class Look : std::uint8_t {
     kNotJudged,
     kAgrees,         ///< with the map, or something is in between
@@ -34,6 +37,7 @@ class ChainView {
     double wide_m = 0.0;                                      ///< half the width of its uncertainty there
     bool is_known = false;                                    ///< the chain has been there for long, and
     bool is_fixed = false;                                    ///< is larger than what can be taken away
+    bool was_seen = false;                                    ///< the map saw it of late
   };
 
   /// A new scan, of which chains up to `range_m` are looked for. `points` are kept until judge().
@@ -41,10 +45,12 @@ class ChainView {
 
   /// An edge of a chain; a hit on it is nearer than `reach_m` to it.
   void add(const Eigen::Vector2d& from_world_m, const Eigen::Vector2d& to_world_m, double reach_m, std::uint64_t id,
-           bool is_known, bool is_fixed);
+           bool is_known, bool is_fixed, bool was_seen);
 
   /// After the last edge.
   void judge();
+
+  double range_m() const { return range_m_; }
 
   /// One for each point of the scan.
   const std::vector<Beam>& beams() const { return beams_; }

@@ -159,7 +159,7 @@ struct SafetyDecision {
     kObject,
     kHidden,
     kPose,
-    kContradiction,  ///< the scan sees through what is on the map
+    kContradiction,  ///< the scan sees through what is on the map or was seen just before, or no scan saw anything yet
     kFrozenScan,     ///< the scanner's driver repeats itself
   };
 
@@ -203,7 +203,9 @@ const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "ch
 ///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
 ///   file, is still in the way of the footprint where the scanner does not look.
 /// - A pose that stands still while the measured speed says that the vehicle moves is none, until it moves.
-/// - A scan that contradicts the map, or repeats the one before, is a stop (path/scanner_watch.hpp).
+/// - A scan that contradicts the map or the scan before, or repeats it, is a stop, and so are all scans before the
+/// first
+///   that shows that the scanner sees (path/scanner_watch.hpp).
 ///
 /// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the
 /// product of those alone that are within the areas.
@@ -214,6 +216,9 @@ class SafetyAreas {
               const std::string& source = "path");
 
   const SafetyParams& params() const { return params_; }
+
+  /// Whether a scan has shown that the scanner sees.
+  bool scanner_has_seen() const { return blind_.has_seen(); }
 
   /// Areas of the scan `points`, by the latest maps, which are fresh or not by their stamps; 0: there is none. The
   /// result is valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "situation_awareness/path/chain_view.hpp"
@@ -33,17 +34,34 @@ class RepeatedScans {
   int noisy_scans_ = 0;
 };
 
-/// Finds a scanner that does not see what is there: of the beams that chains of the map are in the way of, half pass
-/// through them, or four fifths of a quarter of them, ahead, to the left, behind or to the right; through two chains at
-/// least, or one that is larger than what can be taken away. Where they have no return, it stays so until half of them
-/// have one again, however the map changes meanwhile.
+/// Finds a scanner that does not see what is there, in a quarter, ahead, to the left, behind or to the right, or in
+/// all:
+///
+/// - It has not been shown to see: in no scan did a twentieth of its beams have a return. An empty place looks the
+/// same.
+/// - Of the beams that chains of the map are in the way of, half pass through them, or four fifths of a quarter of
+/// them;
+///   through two chains at least, or one that is larger than what can be taken away. Chains that the map did not see of
+///   late, as those of a file, count in a quarter that has not been shown to see.
+/// - Of the returns of the scan before, as many have none at once, over more than what can be taken away.
+///
+/// Where beams have no return, it stays so until half of them have one again, however the map changes meanwhile. After
+/// a gap in its scans, or a jump of time, it has to be shown again that the scanner sees.
 class BlindScanner {
  public:
-  /// Whether scan and map contradict each other. `view` is of the points.
+  /// Whether the scanner may be blind. `view` is of the points.
   bool add(const Points& points, const ChainView& view, double base_yaw_rad);
 
+  /// Whether a scan has shown it.
+  bool has_seen() const { return has_seen_.back(); }
+
  private:
-  std::array<std::size_t, 5> needed_hits_{};  ///< of each quarter and of all, until it sees again; 0: it does
+  static constexpr std::size_t kAll = 4, kSectors = 5;  // quarters, and all
+
+  std::array<std::size_t, kSectors> needed_hits_{};  ///< until it sees again; 0: it does
+  std::array<bool, kSectors> has_seen_{};
+  std::vector<Point> before_;  ///< of the scan before; none: there is none
+  std::int64_t before_ns_ = 0;
 };
 
 }  // namespace situation_awareness

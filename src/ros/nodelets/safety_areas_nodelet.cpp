@@ -212,7 +212,9 @@ class SafetyAreasStage {
     };
     if (!missing.empty()) warn("without " + missing);
     if (decision_->kind == SafetyDecision::Kind::kContradiction) {
-      warn("stopped: scan and map contradict each other; the scanner may be blind, or the pose wrong");
+      warn(areas_.scanner_has_seen()
+               ? "stopped: scan and map contradict each other; the scanner may be blind, or the pose wrong"
+               : "stopped: the scanner has seen nothing yet; it may be blind, or the place empty");
     }
     if (decision_->kind == SafetyDecision::Kind::kFrozenScan) warn("stopped: the scanner's driver repeats itself");
   }
