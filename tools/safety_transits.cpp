@@ -83,7 +83,7 @@ Json of_faults(int runs) {
                {"thing_touched", 0},
                {"stood_late", 0},
                {"found_after_s", 0.0},
-               {"way_beyond_m", 0.0},
+               {"way_beyond_m", -1e9},
                {"least_clearance_m", 1e9},
                {"seeds", Json::array()}};
     }
@@ -91,11 +91,9 @@ Json of_faults(int runs) {
     const auto most = [&entry](const char* key, double value) {
       entry[key] = std::max(entry[key].get<double>(), value);
     };
-    const double v = outcome.found_speed_m_s;
-    const VehicleParams& vehicle = run.params.vehicle;
-    const double beyond_m = outcome.way_to_stand_m - v * vehicle.reaction_s - 0.5 * v * v / vehicle.braking_m_s2;
+    const double beyond_m = outcome.way_to_stand_m - longest_way_to_stand_m(outcome, run.params);
     const bool has_found = outcome.found && has_to_stop(run.params.fault);
-    const bool is_late = has_found && (!outcome.stands || beyond_m > 0.01);
+    const bool is_late = has_found && (!outcome.stands || beyond_m > 0.0);
     add("runs", true);
     add("person_touched", outcome.touched);
     add("thing_touched", outcome.hit_box);

@@ -450,6 +450,13 @@ TransitOutcome simulate_transit(const TransitScene& scene, const TransitParams& 
   return Transit(scene, params, seed).run();
 }
 
+double longest_way_to_stand_m(const TransitOutcome& outcome, const TransitParams& params) {
+  const VehicleParams& vehicle = params.vehicle;
+  const double faster_m_s = vehicle.acceleration_m_s2 * (vehicle.reaction_s + kTicksPerScan * kTick_s);
+  const double v = std::min(outcome.found_speed_m_s + faster_m_s, vehicle.max_speed_m_s);
+  return v * vehicle.reaction_s + 0.5 * v * v / vehicle.braking_m_s2 + 0.01;
+}
+
 TransitScene scene_with_boxes(std::uint64_t seed) {
   Random random(seed * 7 + 3);
   TransitScene scene;

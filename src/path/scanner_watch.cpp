@@ -14,7 +14,8 @@ namespace situation_awareness {
 namespace {
 
 constexpr int kLeastHits = 20;
-constexpr int kRepeats = 2, kRenewed = 50;
+constexpr int kRepeats = 2;
+constexpr std::int64_t kRenewed = 50;
 constexpr double kMoved_m = 0.01;  // of a hit, from where the first of the scans that are alike saw something
 constexpr int kMovedHits = 10;
 constexpr std::ptrdiff_t kBeside = 4;  // beams
@@ -88,12 +89,22 @@ bool RepeatedScans::add(const std::vector<float>& ranges_m, const Points& points
     before_m_.assign(ranges_m.begin(), ranges_m.end());
     first_ = points;
     repeats_ = 0;
+    is_found_ = false;
+    renewed_after_ = kRenewed;
+    renewed_at_ = renewed_after_;
     return false;
   }
   ++repeats_;
-  // A pose that was wrong for a moment does not keep a vehicle for ever that stands and sees the same without noise.
-  if (repeats_ % kRenewed == 0) first_ = points;
-  return repeats_ >= kRepeats && (is_noisy() || has_moved_along(points));
+  // A pose that was wrong for a moment does not keep a vehicle for ever that stands and sees the same without noise. It
+  // waits twice as long each time, since one whose scanner repeats itself moves on until that is found again.
+  if (repeats_ >= renewed_at_) {
+    first_ = points;
+    if (is_found_) renewed_after_ *= 2;
+    renewed_at_ = repeats_ + renewed_after_;
+    is_found_ = false;
+  }
+  is_found_ = is_found_ || (repeats_ >= kRepeats && (is_noisy() || has_moved_along(points)));
+  return is_found_;
 }
 
 /// Whether hits are where the first scan saw nothing: they moved with the vehicle. In a uniform corridor they do not.

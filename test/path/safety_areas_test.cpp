@@ -686,6 +686,36 @@ TEST(SafetyAreas, ADriverThatRepeatsItselfIsAStop) {
   }
 }
 
+// Of a driver that repeats itself from the first scan on, nobody knows noise: the vehicle has to move until it is
+// found. Noise of the pose does not set it off again, nor does time.
+TEST(SafetyAreas, ADriverThatRepeatsItsFirstScanIsFoundOnce) {
+  SafetyScene scene = corridor();
+  const Points first = scene.points();
+  const std::vector<float> ranges_m = ranges_of(first, nullptr);
+  SafetyAreas areas(scene.path, {}, {});
+  Random random(1);
+  double way_m = 0.0;
+  int found = 0, lost = 0;
+  bool is_found = false;
+  for (int i = 0; i < 1500; ++i) {  // a minute
+    scene.advance(40'000'000);
+    VehicleState state;
+    state.T_world_base = {{way_m + 0.003 * random.normal(), 0.003 * random.normal()}, 0.001 * random.normal()};
+    Points points = first;
+    points.stamp_ns = scene.stamp_ns;
+    points.T_world_level = state.T_world_base;
+    const SafetyDecision& decision = areas.update(points, state, scene.polygons, scene.objects, ranges_m);
+    const bool was_found = is_found;
+    is_found = decision.kind == Kind::kFrozenScan;
+    found += is_found && !was_found ? 1 : 0;
+    lost += was_found && !is_found ? 1 : 0;
+    if (!is_found) way_m += 0.04 * std::min(decision.allowed_speed_m_s, 0.1);
+  }
+  EXPECT_GT(found, 0);
+  EXPECT_LE(lost, 6);
+  EXPECT_LE(way_m, 0.1);
+}
+
 TEST(SafetyAreas, EmptyPlacesMayLookAlike) {
   SafetyScene scene = SafetyScene::straight();
   SafetyAreas areas(scene.path, {}, {});

@@ -108,6 +108,10 @@ struct TransitOutcome {
 /// One transit; the same seed gives the same one.
 TransitOutcome simulate_transit(const TransitScene& scene, const TransitParams& params, std::uint64_t seed);
 
+/// The longest way on which a vehicle stands once a fault is found: reaction and braking distance. Commands of before
+/// are under way meanwhile, by which one that has just set off still gets faster, up to the scan after.
+double longest_way_to_stand_m(const TransitOutcome& outcome, const TransitParams& params);
+
 /// Three boxes beside the way, within the warning area.
 TransitScene scene_with_boxes(std::uint64_t seed);
 

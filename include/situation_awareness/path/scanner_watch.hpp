@@ -13,7 +13,8 @@ namespace situation_awareness {
 
 /// Finds a driver that repeats a scan with new stamps: all ranges are bit for bit those before, in three scans in a
 /// row. Of a scanner that has shown noise this is enough; without noise, as of a simulator, a vehicle that stands sees
-/// the same again, so what it sees must have moved with the vehicle. Where fewer than 20 beams return nothing is said,
+/// the same again, so what it sees must have moved with the vehicle; once it has, the scan repeats itself until it
+/// changes, or for some seconds, longer each time. Where fewer than 20 beams return nothing is said,
 /// for an empty place looks the same again. No allocation after warm-up.
 class RepeatedScans {
  public:
@@ -30,7 +31,8 @@ class RepeatedScans {
 
   std::vector<float> before_m_;
   Points first_;  ///< of those that are alike
-  int repeats_ = 0;
+  std::int64_t repeats_ = 0, renewed_after_ = 0, renewed_at_ = 0;
+  bool is_found_ = false;
   int noisy_scans_ = 0;
 };
 
