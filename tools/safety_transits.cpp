@@ -69,10 +69,10 @@ Json of_walkers(SafetyPolicy policy, int seeds, bool behind_a_box) {
 }
 
 /// Runs with a fault, the policies in turn: contacts, and those that stood too late, by fault.
-Json of_faults(int runs) {
+Json of_faults(int first, int runs) {
   std::map<std::string, Json> by_fault;
   int contacts = 0, late = 0, found = 0;
-  for (int seed = 1; seed <= runs; ++seed) {
+  for (int seed = first; seed < first + runs; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
     const TransitWithFault run = transit_with_fault(kPolicies[seed % 3], number);
     const TransitOutcome outcome = simulate_transit(run.scene, run.params, number);
@@ -83,7 +83,7 @@ Json of_faults(int runs) {
                {"thing_touched", 0},
                {"stood_late", 0},
                {"found_after_s", 0.0},
-               {"way_beyond_m", -1e9},
+               {"way_beyond_m", 0.0},
                {"least_clearance_m", 1e9},
                {"seeds", Json::array()}};
     }
@@ -108,7 +108,8 @@ Json of_faults(int runs) {
     late += is_late ? 1 : 0;
     found += has_found ? 1 : 0;
   }
-  return {{"runs", runs}, {"contacts", contacts}, {"stops", found}, {"stood_late", late}, {"by_fault", by_fault}};
+  return {{"first", first}, {"runs", runs},       {"contacts", contacts},
+          {"stops", found}, {"stood_late", late}, {"by_fault", by_fault}};
 }
 
 }  // namespace
@@ -127,6 +128,9 @@ int main(int argc, char** argv) {
   int faults = 0;
   app.add_option("--faults", faults, "of transits with someone who steps into the way and a fault at some time, alone")
       ->check(CLI::Range(1, 1000000));
+  int first = 1;
+  app.add_option("--first", first, "seed of those with a fault; the policies take turns")
+      ->check(CLI::Range(1, 1000000));
   double slow_speed_m_s = SafetyParams().slow_speed_m_s;
   app.add_option("--slow-speed", slow_speed_m_s, "beside standing things in the warning area, in m/s")
       ->check(CLI::Range(0.01, 0.5));
@@ -134,7 +138,7 @@ int main(int argc, char** argv) {
   try {
     Json result;
     if (faults > 0) {
-      std::printf("%s\n", of_faults(faults).dump(2).c_str());
+      std::printf("%s\n", of_faults(first, faults).dump(2).c_str());
       return std::fflush(stdout) == 0 ? 0 : 1;
     }
     for (const SafetyPolicy policy : kPolicies) {

@@ -158,12 +158,13 @@ Points scan_of(const Pose2& T_world_lidar, std::int64_t stamp_ns, const std::vec
   points.T_world_level = T_world_lidar;
   points.resolution_rad = kBeam_rad;
   points.points.clear();
+  const Eigen::Matrix2d R_world_level = T_world_lidar.rotation();
   for (int i = 0; i < kBeams; ++i) {
     Point point;
     point.beam = i;
     point.azimuth_rad = kFirst_rad + i * kBeam_rad;
     const Eigen::Vector2d u_level(std::cos(point.azimuth_rad), std::sin(point.azimuth_rad));
-    const Eigen::Vector2d u = Eigen::Rotation2Dd(T_world_lidar.yaw_rad) * u_level;
+    const Eigen::Vector2d u = R_world_level * u_level;
     double range_m = cast_edges(edges, T_world_lidar.translation_m, u);
     if (walker) range_m = std::min(range_m, walker->cast(T_world_lidar.translation_m, u));
     const bool is_lost = random.uniform() < params.lost_share;
