@@ -2,38 +2,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """grid_bag end to end, on label images of analytic scenes: no roscore."""
 import json
-import os
 import pathlib
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts" / "evaluation"))
-import grid_bags  # noqa: E402
-
-SIZE = 56
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from bag_tools import BagToolTest, grid_bags, run_program  # noqa: E402
 
 
-def run(*args):
-    return subprocess.run(["rosrun", "situation_awareness", "grid_bag", *map(str, args)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
-
-
-class GridBagTest(unittest.TestCase):
+class GridBagTest(BagToolTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
-        [cls.case_folder] = grid_bags.make_cases(os.environ["GRID_SCENES"], cls.path, ["orbit_bias_1"], [SIZE], 1)
+        super().setUpClass()
+        cls.case_folder = cls.orbit()
         cls.case = json.loads((cls.case_folder / "case.json").read_text())
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def lines_of(self, change=lambda messages: messages, images=None, *args):
         """Output and lines of a run, of which each line is checked."""
@@ -41,7 +25,7 @@ class GridBagTest(unittest.TestCase):
         out, grid = self.path / "out.jsonl", self.path / "grid.tif"
         for file in (out, grid):
             file.unlink(missing_ok=True)
-        done = run(bag, "--world-frame", "world", "--dem", self.case_folder / "dem.tif", "--out", out, "--grid-out",
+        done = run_program("grid_bag", bag, "--world-frame", "world", "--dem", self.case_folder / "dem.tif", "--out", out, "--grid-out",
                    grid, *args)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertTrue(grid.exists())
@@ -108,14 +92,16 @@ class GridBagTest(unittest.TestCase):
         self.check_all_found(lines[-1], 1.0)
 
     def test_images_of_changing_size_big_endian_and_with_padding(self):
+        size = self.case["width"]
+
         def change(messages):
             for k, (_, topic, msg) in enumerate(messages):
                 if topic == "/camera/camera_info" and k % 4 < 2:
-                    msg.width, msg.height = 2 * SIZE, 2 * SIZE
+                    msg.width, msg.height = 2 * size, 2 * size
                     fx, _, cx, _, fy, cy = msg.K[:6]
                     msg.K = [2 * fx, 0, 2 * cx + 0.5, 0, 2 * fy, 2 * cy + 0.5, 0, 0, 1]
                 elif topic == "/camera/labels":
-                    pixels = np.frombuffer(msg.data, dtype="<f4").reshape(SIZE, SIZE)
+                    pixels = np.frombuffer(msg.data, dtype="<f4").reshape(size, size)
                     if (k - 1) % 4 < 2:  # its camera_info is the message before
                         pixels = np.kron(pixels, np.ones((2, 2), dtype=np.float32))
                         msg.height, msg.width = pixels.shape
@@ -139,7 +125,7 @@ class GridBagTest(unittest.TestCase):
     def test_without_camera_info_nothing_is_mapped_and_it_says_why(self):
         bag = grid_bags.write_bag(self.case_folder, lambda messages: [
             entry for entry in messages if entry[1] != "/camera/camera_info" or entry[0].to_sec() > 1e4])
-        done = run(bag, "--world-frame", "world", "--dem", self.case_folder / "dem.tif", "--out", self.path / "no.jsonl")
+        done = run_program("grid_bag", bag, "--world-frame", "world", "--dem", self.case_folder / "dem.tif", "--out", self.path / "no.jsonl")
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("camera_info", done.stdout)
         self.assertFalse((self.path / "no.jsonl").exists())
@@ -153,7 +139,7 @@ class GridBagTest(unittest.TestCase):
 
     def test_what_is_no_elevation_is_refused(self):
         bag = grid_bags.write_bag(self.case_folder)
-        done = run(bag, "--dem", self.case_folder / "case.json", "--out", self.path / "no.jsonl")
+        done = run_program("grid_bag", bag, "--dem", self.case_folder / "case.json", "--out", self.path / "no.jsonl")
         self.assertNotEqual(done.returncode, 0)
         self.assertIn("no elevation", done.stdout)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 import small_bags as bags  # noqa: E402
+from bag_tools import run_program  # noqa: E402
 
 CONFIG = pathlib.Path(__file__).resolve().parent / "objects_without_model.yaml"
 WORLD = pathlib.Path(__file__).resolve().parents[2] / "models/worlds/orchard.xml"
@@ -188,8 +189,7 @@ class NothingMappedTest(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             folder = pathlib.Path(folder)
             out = folder / "out"
-            done = subprocess.run(["rosrun", "situation_awareness", case.tool, *map(str, case.write(folder)), "--out", out],
-                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, timeout=120, check=False)
+            done = run_program(case.tool, *case.write(folder), "--out", out, stderr=subprocess.PIPE)
             said = done.stdout + done.stderr
             if case.code is not None:
                 self.assertEqual(done.returncode, case.code, said)

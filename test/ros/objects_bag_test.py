@@ -15,6 +15,7 @@ import rosbag
 from std_msgs.msg import String
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from bag_tools import run_program  # noqa: E402
 from ros_support import BEAMS, ranges_to_circles, scan_msg, transform_msg  # noqa: E402
 
 START_S = 1_400_000_000
@@ -78,8 +79,7 @@ class ObjectsBagTest(unittest.TestCase):
         self.detections = self.path / "detections.jsonl"
 
     def run_tool(self, *arguments):
-        return subprocess.run(["rosrun", "situation_awareness", "objects_bag", *map(str, arguments)], capture_output=True,
-                              text=True, timeout=120, check=False)
+        return run_program("objects_bag", *arguments, stderr=subprocess.PIPE)
 
     def objects_bag(self, *arguments):
         result = self.run_tool(self.bag, "--out", self.out, "--config", CONFIG, *arguments)

@@ -4,39 +4,24 @@
 import json
 import math
 import pathlib
-import subprocess
 import sys
-import tempfile
 import unittest
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts" / "evaluation"))
-import polygon_worlds  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from bag_tools import BagToolTest, run_program  # noqa: E402
 
 
-def run(*args):
-    return subprocess.run(["rosrun", "situation_awareness", "polygons_bag", *map(str, args)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
-
-
-class PolygonsBagTest(unittest.TestCase):
+class PolygonsBagTest(BagToolTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
-        polygon_worlds.write_world(cls.path, "corridor", 1, sweep=True, with_initial_pose=True, transits=1)
-        cls.bag = next(path for path in cls.path.glob("*.bag") if not path.stem.endswith("_tf"))
-        cls.tf_bag = cls.bag.with_name(cls.bag.stem + "_tf.bag")
+        super().setUpClass()
+        cls.bag, cls.tf_bag = cls.drive()
         cls.reflectors = cls.bag.with_suffix(".reflectors.yaml")
         cls.truth = json.loads(cls.bag.with_suffix(".truth.json").read_text())
 
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
-
     def lines_of(self, *args):
         out = self.path / "out.jsonl"
-        done = run(*args, "--world-frame", "map", "--out", out)
+        done = run_program("polygons_bag", *args, "--world-frame", "map", "--out", out)
         self.assertEqual(done.returncode, 0, done.stdout)
         return [json.loads(line) for line in out.read_text().splitlines()]
 
@@ -115,14 +100,14 @@ class PolygonsBagTest(unittest.TestCase):
         self.check_map(lines[-1]["polylines"])
 
     def test_a_first_pose_may_begin_with_a_minus(self):
-        done = run(self.bag, "--reflectors", self.reflectors, "--initial-pose", "-1.5,-0.2,x", "--out", "/dev/null")
+        done = run_program("polygons_bag", self.bag, "--reflectors", self.reflectors, "--initial-pose", "-1.5,-0.2,x", "--out", "/dev/null")
         self.assertEqual(done.returncode, 2)
         self.assertIn("-1.5,-0.2,x is not X,Y,YAW", done.stdout)
 
     def test_says_in_a_sentence_what_is_missing(self):
         for args, fact in ((["--reflectors", self.path / "none.yaml"], "none.yaml"), ([], "--reflectors"),
                            (["--reflectors", self.reflectors, "--odom-topic", "/none"], "/none")):
-            done = run(self.bag, *args, "--out", self.path / "out.jsonl")
+            done = run_program("polygons_bag", self.bag, *args, "--out", self.path / "out.jsonl")
             self.assertNotEqual(done.returncode, 0)
             self.assertIn(fact, done.stdout)
             self.assertEqual(done.stdout.count("\n"), 1, done.stdout)

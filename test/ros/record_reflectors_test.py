@@ -4,47 +4,33 @@
 import json
 import math
 import pathlib
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import yaml
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts" / "evaluation"))
-import polygon_worlds  # noqa: E402
-
-
-def run(tool, *args):
-    return subprocess.run(["rosrun", "situation_awareness", tool, *map(str, args)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from bag_tools import BagToolTest, run_program  # noqa: E402
 
 
 def centres(path):
     return [(one["x"], one["y"]) for one in yaml.safe_load(path.read_text())["reflectors"]]
 
 
-class RecordReflectorsTest(unittest.TestCase):
+class RecordReflectorsTest(BagToolTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
+        super().setUpClass()
         cls.worlds = {}
         for world, radius in (("corridor", 0.05), ("hall", 0.06)):
-            polygon_worlds.write_world(cls.path, world, 1, sweep=True, with_initial_pose=True, transits=2)
-            bag = next(path for path in cls.path.glob(f"{world}*.bag") if not path.stem.endswith("_tf"))
+            bag, _ = cls.drive(world, transits=2)
             cls.worlds[world] = (bag, radius, json.loads(bag.with_suffix(".truth.json").read_text()))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
 
     def test_distances_are_those_of_the_truth(self):
         for world, (bag, radius, truth) in self.worlds.items():
             out = self.path / f"{world}.yaml"
             first = [truth["scans"][key][0] for key in ("x", "y", "yaw")]
-            done = run("record_reflectors", bag, "--radius", radius, "--out", out,
+            done = run_program("record_reflectors", bag, "--radius", radius, "--out", out,
                        f"--initial-pose={first[0]},{first[1]},{first[2]}")
             self.assertEqual(done.returncode, 0, done.stdout)
             found, known = centres(out), centres(bag.with_suffix(".reflectors.yaml"))
@@ -64,10 +50,10 @@ class RecordReflectorsTest(unittest.TestCase):
     def test_what_was_recorded_localises(self):
         bag, radius, truth = self.worlds["corridor"]
         out = self.path / "origin.yaml"
-        done = run("record_reflectors", bag, "--radius", radius, "--out", out)
+        done = run_program("record_reflectors", bag, "--radius", radius, "--out", out)
         self.assertEqual(done.returncode, 0, done.stdout)
         lines = self.path / "out.jsonl"
-        done = run("polygons_bag", bag, "--reflectors", out, "--out", lines)
+        done = run_program("polygons_bag", bag, "--reflectors", out, "--out", lines)
         self.assertEqual(done.returncode, 0, done.stdout)
         first, *_, last = [json.loads(line)["pose"] for line in lines.read_text().splitlines()]
         self.assertLess(math.hypot(first["x"], first["y"]), 0.05)  # the origin is the first pose
@@ -82,7 +68,7 @@ class RecordReflectorsTest(unittest.TestCase):
                                    (["--min-sightings", "5000"], 1, "5000 scans"),
                                    (["--max-distance-sigma", "0.001"], 1, "standard deviation of 0.00"),
                                    (["--initial-pose", "1,2"], 2, "1,2 is not X,Y,YAW")):
-            done = run("record_reflectors", bag, "--radius", radius, *args, "--out", out)
+            done = run_program("record_reflectors", bag, "--radius", radius, *args, "--out", out)
             self.assertEqual(done.returncode, status, done.stdout)
             self.assertIn(fact, done.stdout)
             self.assertFalse(out.exists())

@@ -4,41 +4,26 @@
 import json
 import math
 import pathlib
-import subprocess
 import sys
-import tempfile
 import unittest
 
 import numpy as np
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT / "scripts" / "evaluation"))
-import splinegon_worlds  # noqa: E402
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from bag_tools import BagToolTest, run_program  # noqa: E402
 import splinegons  # noqa: E402
 
 
-def run(*args):
-    return subprocess.run(["rosrun", "situation_awareness", "splinegons_bag", *map(str, args)],
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True)
-
-
-class SplinegonsBagTest(unittest.TestCase):
+class SplinegonsBagTest(BagToolTest):
     @classmethod
     def setUpClass(cls):
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.path = pathlib.Path(cls.folder.name)
-        splinegon_worlds.write_world(cls.path, "ellipse", 2)
-        name = splinegon_worlds.name_of("ellipse", 2)
-        cls.bag, cls.tf_bag = cls.path / f"{name}.bag", cls.path / f"{name}_tf.bag"
-        cls.truth = json.loads((cls.path / f"{name}.truth.json").read_text())
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.folder.cleanup()
+        super().setUpClass()
+        cls.bag, cls.tf_bag = cls.round(2)
+        cls.truth = json.loads(cls.bag.with_suffix(".truth.json").read_text())
 
     def lines_of(self, *args):
         out = self.path / "out.jsonl"
-        done = run(*args, "--lidar-frame", "laser", "--base-frame", "base_link", "--out", out)
+        done = run_program("splinegons_bag", *args, "--lidar-frame", "laser", "--base-frame", "base_link", "--out", out)
         self.assertEqual(done.returncode, 0, done.stdout)
         return [json.loads(line) for line in out.read_text().splitlines()]
 
@@ -80,14 +65,14 @@ class SplinegonsBagTest(unittest.TestCase):
         self.assertGreater(len(lines[-1]["boundaries"]), 0)
 
     def test_an_origin_that_cannot_be_read(self):
-        done = run(self.bag, "--origin", "47.3,8.5", "--out", "/dev/null")
+        done = run_program("splinegons_bag", self.bag, "--origin", "47.3,8.5", "--out", "/dev/null")
         self.assertEqual(done.returncode, 2)
         self.assertIn("47.3,8.5", done.stdout)
 
     def test_says_in_a_sentence_what_is_missing(self):
         for args, fact in ((["--imu-topic", "/none"], "/none"), (["--fix-topic", "/none"], "/none"),
                            (["--scan-topic", "/none"], "/none")):
-            done = run(self.bag, *args, "--out", self.path / "out.jsonl")
+            done = run_program("splinegons_bag", self.bag, *args, "--out", self.path / "out.jsonl")
             self.assertEqual(done.returncode, 1, done.stdout)
             self.assertIn(fact, done.stdout)
 
