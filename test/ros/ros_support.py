@@ -65,13 +65,34 @@ def yaw_of(q):
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
 
 
+class Arrivals:
+    """Of messages in this process: who waits for what they bring is woken by them."""
+
+    def __init__(self):
+        self.count, self.changed = 0, threading.Condition()
+
+    def tell(self):
+        with self.changed:
+            self.count += 1
+            self.changed.notify_all()
+
+    def wait_beyond(self, count, at_most_s):
+        with self.changed:
+            self.changed.wait_for(lambda: self.count != count, at_most_s)
+
+
+ARRIVALS = Arrivals()
+
+
 def comes_true(condition, timeout_s):
-    """Wait in wall time; false on timeout."""
+    """Wait in wall time; false on timeout. The condition is asked for at each message, and each .02 s for what else it may
+    depend on."""
     end = time.monotonic() + timeout_s
     while time.monotonic() < end and not rospy.is_shutdown():
+        before = ARRIVALS.count
         if condition():
             return True
-        time.sleep(0.02)
+        ARRIVALS.wait_beyond(before, 0.02)
     return False
 
 
@@ -128,7 +149,11 @@ class Latest:
 
     def __init__(self, topic, kind):
         self.messages = []
-        self.subscriber = rospy.Subscriber(topic, kind, self.messages.append, queue_size=1000)
+        self.subscriber = rospy.Subscriber(topic, kind, self.receive, queue_size=1000)
+
+    def receive(self, message):
+        self.messages.append(message)
+        ARRIVALS.tell()
 
     def stamps(self):
         return [message.header.stamp for message in list(self.messages)]
@@ -149,6 +174,7 @@ class Diagnostics:
                 self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message,
                                          level=status.level)
                 self.history.append((name, self.stages[name]))
+        ARRIVALS.tell()
 
     def wait_for_reports(self, stage):
         """Two of the stage: the first may have been under way, the second is of what happened before this call."""
