@@ -65,6 +65,12 @@ class Recording {
   std::unique_ptr<rosbag::Bag> bag_;
 };
 
+/// Made once: to draw its images takes most of the time of this test.
+const Recording& recording_of_two_cameras() {
+  static const Recording recording("label_camera");
+  return recording;
+}
+
 int label_at(const sensor_msgs::Image& image, int column, int row) {
   const std::size_t place = static_cast<std::size_t>(row) * image.step + 2 * static_cast<std::size_t>(column);
   return image.data.at(place) + 256 * image.data.at(place + 1);
@@ -111,7 +117,7 @@ class RecordedCamera {
 
 TEST(LabelCameraTopics, SayWhatIsWhereItProjectsTo) {
   constexpr int kNoMaterial = 1, kGrass = 2, kWood = 3;  // materials in the order of the file, from 2 on
-  const Recording recording("label_camera");
+  const Recording& recording = recording_of_two_cameras();
   for (const std::string topic : {"/label_camera", "/second_eye/label_camera"}) {
     const RecordedCamera camera(recording, topic);
     std::map<int, int> seen;  // points of each object
@@ -140,7 +146,7 @@ TEST(LabelCameraTopics, SayWhatIsWhereItProjectsTo) {
 }
 
 TEST(LabelCameraTopics, ComeAtTheirRatesWithOneStampForAllOfAnImage) {
-  const Recording recording("label_camera");
+  const Recording& recording = recording_of_two_cameras();
   const auto expect_stamps = [](const auto& messages, const std::string& frame, std::int64_t rate_hz) {
     ASSERT_EQ(messages.size(), static_cast<std::size_t>(kSeconds * rate_hz)) << frame;
     for (std::size_t i = 0; i < messages.size(); ++i) {
@@ -161,7 +167,7 @@ TEST(LabelCameraTopics, ComeAtTheirRatesWithOneStampForAllOfAnImage) {
 }
 
 TEST(LabelCameraTopics, AreTheImagesOfTheCore) {
-  const Recording recording("label_camera");
+  const Recording& recording = recording_of_two_cameras();
   const World world(kTestFolder + "label_camera.xml");
   const auto mounted = sensors_of(world).label_cameras.at(1);
   SimulatedLabelCamera core(world, mounted.T_robot_sensor, mounted.params);
