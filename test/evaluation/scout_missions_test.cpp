@@ -27,7 +27,7 @@ TEST(ScoutMissionFlights, CarsAreFoundSoonerThanByALawnmower) {
   EXPECT_LT(scouting.last_found_s, 0.8 * lawnmower.last_found_s);
 }
 
-TEST(ScoutMissionFlights, HillsAndAnElevationWithErrorsHideNoCar) {
+TEST(ScoutMissionFlightsLong, HillsAndAnElevationWithErrorsHideNoCar) {
   const ScoutMissionOutcome scouting = fly_scouting(small_mission(3, true), 3);
   EXPECT_TRUE(scouting.home_in_time);
   EXPECT_EQ(scouting.found, scouting.cars);
