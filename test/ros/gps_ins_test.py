@@ -33,7 +33,7 @@ STANDING_S = 5.0
 DURATION_S = 600.0
 IMU_PLACE, IMU_YAW = np.array([0.2, -0.1, 0.3]), math.radians(90.0)  # on the rover
 ANTENNA = np.array([-0.4, 0.1, 0.8])
-TIMES_REAL_TIME = 10.0
+TIMES_REAL_TIME = 20.0
 MOST_BEHIND_S = 0.5
 
 
