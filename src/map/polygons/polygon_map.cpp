@@ -129,6 +129,27 @@ double between_m(const Surfel& from, const Surfel& to) { return from.along_world
 
 std::int64_t drawn_ns(const Surfel& surfel) { return surfel.first_seen_ns + nanoseconds(0.5 * surfel.seen_s); }
 
+/// The known element that stands for the place of a later one as well: by a hit that strayed beyond the gate of all
+/// known ones it was begun, and by others it was drawn to their boundary. None, if it is one of its own.
+Surfels::Index known_at(const Surfels& surfels, Surfels::Index later, const PolygonMapParams& params) {
+  const Surfel& own = surfels[later];
+  Surfels::Index right = Surfels::kNone, left = Surfels::kNone;
+  double right_m = kFilled * params.spacing_m, left_m = right_m;
+  surfels.for_each_near(own.p_world_m, left_m, [&](Surfels::Index i, const Surfel& surfel) {
+    const bool was_known =
+        surfel.confirmed && seconds_between(surfel.first_seen_ns, own.first_seen_ns) > params.confirm_s;
+    if (i == later || !was_known || surfel.normal_world.dot(own.normal_world) < kOneSurface) return;
+    const double across_m = surfel.normal_world.dot(own.p_world_m - surfel.p_world_m);
+    if (std::abs(across_m) > kGateSigmas * std::sqrt(surfel.variance_m2 + own.variance_m2)) return;
+    const double along_m = between_m(surfel, own);
+    if (along_m >= 0.0 && along_m < right_m) right = i, right_m = along_m;
+    if (along_m < 0.0 && -along_m < left_m) left = i, left_m = -along_m;
+  });
+  if (right == Surfels::kNone || left == Surfels::kNone) return Surfels::kNone;
+  if (right_m + left_m > kFilled * params.spacing_m) return Surfels::kNone;
+  return right_m < left_m ? right : left;
+}
+
 /// How much beams so far apart say of a thing of this size.
 double close_beams(double apart_m, double thing_m) {
   if (thing_m <= 0.0) thing_m = kWide_m;  // of nothing that was shown
@@ -193,6 +214,8 @@ PolygonMap::Index PolygonMap::fuse(const Eigen::Vector2d& p_world_m, const Eigen
   correct(best, p_world_m, normal_world, variance_m2, has_normal);
   if (double_of_it != kNone &&
       std::abs(between_m(surfels_[best], surfels_[double_of_it])) <= kSamePlace * params_.spacing_m) {
+    // A known one stays where it is: its distance from those beside it is right.
+    if (surfels_[double_of_it].confirmed && !surfels_[best].confirmed) std::swap(best, double_of_it);
     merge_double(best, double_of_it);
   }
   return best;
@@ -521,8 +544,10 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     Surfel& surfel = surfels_[index];
     if (!surfel.alive || surfel.confirmed) continue;
     const double age_s = surfel.watched ? surfel.seen_s : seconds_between(surfel.first_seen_ns, stamp_ns_);
-    surfel.confirmed =
-        surfel.hits >= params_.confirm_hits && age_s >= (surfel.watched ? params_.park_s : params_.confirm_s);
+    if (surfel.hits < params_.confirm_hits || age_s < (surfel.watched ? params_.park_s : params_.confirm_s)) continue;
+    const Index known = known_at(surfels_, index, params_);
+    surfel.confirmed = known == kNone;
+    if (known != kNone) merge_double(known, index);
   }
   remember();
   return report;

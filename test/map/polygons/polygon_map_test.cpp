@@ -306,6 +306,26 @@ TEST(PolygonMap, ASecondVisitWithAPoseThatIsOffDoublesNothing) {
   EXPECT_NEAR(length_m, 20.0, 0.3);
 }
 
+// A hit that strays beyond the gate begins an element of its own. Others of the wall then draw it to the wall, where
+// elements as far apart as they should be stand for all of it already. At the corners they come and go.
+TEST(PolygonMap, AKnownWallGetsNoMoreElementsByHitsThatStray) {
+  World world(1);
+  const auto around = [](double t) { return Pose2{{0.3 + 0.4 * std::sin(t), 0.2 + 0.4 * std::cos(t)}, 0.1 * t}; };
+  world.see(room(), 1.0, around);
+  ASSERT_EQ(world.polygons().chains.size(), 1U);
+  world.map().restore(snapshot_of_chains(world.polygons(), PolygonMapParams().spacing_m));
+  const auto of_walls = [&] {
+    const std::vector<PolygonMapElement> elements = world.map().snapshot().elements;
+    return std::count_if(elements.begin(), elements.end(), [](const PolygonMapElement& element) {
+      return element.confirmed && (element.p_world_m.cwiseAbs() - Eigen::Vector2d(3.0, 2.0)).norm() > 0.15;
+    });
+  };
+  const auto known = of_walls();
+  EXPECT_NEAR(static_cast<double>(known), (20.0 - 8.0 * 0.15) / 0.04, 5.0);
+  world.see(room(), 180.0, around);
+  EXPECT_NEAR(static_cast<double>(of_walls()), static_cast<double>(known), 5.0);
+}
+
 // A motion that is the same for all moves the map as a whole, and its inverse moves it back.
 TEST(PolygonMap, DeformsAsItIsTold) {
   World world(11);
@@ -340,6 +360,7 @@ TEST(PolygonMap, MakesOneOfWhatWasDrawnTwice) {
   World world(13);
   const Pose2 beside = {{0.17, -0.16}, 0.0};
   world.see(room(), 2.0);
+  world.map().merge_doubles(0.05);  // of its corners
   PolygonMapSnapshot twice = world.map().snapshot();
   const std::size_t once = twice.elements.size();
   std::int64_t place = 0;
