@@ -13,8 +13,8 @@ import tempfile
 import time
 
 from pictures import clean, images_folder, pyplot, save
-from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
-                    targets_section, write)
+from report import (ROOT, arguments_parser, commit, facts, introduction, output_folder, print_progress, prose, section,
+                    table, targets_section, write)
 
 RECORDINGS = ROOT.parent / "shared/data"
 TOPICS = {"leg_tracker_walking_person.bag": ("/scan",),
@@ -23,6 +23,7 @@ TOPICS = {"leg_tracker_walking_person.bag": ("/scan",),
 HOURS = 40.0
 DAY_HOURS = 24.0  # of each kind of map
 KINDS = {"objects": "#0b6e4f", "polygons": "#c8553d", "splinegons": "#3d5a80", "grid": "#8a5a83"}
+PARTS = ("scans", *KINDS)
 WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 1_000_000
 MAX_RATIO = 1.1  # of the p50 in the last quarter to that in the second
@@ -57,40 +58,43 @@ def write_recorded(path):
     return counts
 
 
-def run(arguments, scans):
-    """(lines of the blocks, outcomes of the scans, seconds)"""
-    command = [arguments.tool, "--config", ROOT / "cfg/objects.yaml", "--models", ROOT / "models", "--hours",
-               str(arguments.hours), *(["--scans", scans] if scans else [])]
-    begin, blocks, accounts = time.monotonic(), [], None
+def run(arguments, tool, name, options):
+    """The lines of a program, which prints one for each block; with --blocks those that it printed for this commit."""
+    kept = arguments.blocks and arguments.blocks / f"{name}_{arguments.hours:g}h_{commit().replace(' ', '_')}.jsonl"
+    if kept and kept.is_file():
+        print(f"{name}: of {kept}")
+        return [json.loads(text) for text in kept.read_text().splitlines()]
+    command = [pathlib.Path(arguments.tool).with_name(tool), "--models", ROOT / "models", *options]
+    begin, lines = time.monotonic(), []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         for text in process.stdout:
-            line = json.loads(text)
-            if "kinds" in line:
-                accounts = line
-                continue
-            blocks.append(line)
-            print_progress(line["scans"] / line["of"], begin, f"{line['hours']:.1f} of {arguments.hours:g} h of scans")
+            lines.append(json.loads(text))
+            if "hours" in lines[-1]:
+                print_progress(lines[-1]["scans"] / lines[-1]["of"], begin, f"{name}: {lines[-1]['hours']:.1f} h")
     print()
-    if accounts is None:
-        sys.exit(f"soak ended with code {process.returncode}")
-    return blocks, accounts, time.monotonic() - begin
+    if process.returncode != 0 or not lines:
+        sys.exit(f"{tool}, {name}, ended with code {process.returncode}")
+    lines[-1]["took_s"] = time.monotonic() - begin
+    if kept:
+        arguments.blocks.mkdir(parents=True, exist_ok=True)
+        kept.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return lines
 
 
-def run_day(arguments, kind, hours):
+def run_scans(arguments):
+    """(lines of the blocks, outcomes of the scans, recorded scans of each topic)"""
+    with tempfile.TemporaryDirectory() as folder:
+        scans = pathlib.Path(folder) / "scans"
+        recorded = write_recorded(scans)
+        lines = run(arguments, "soak", "scans", ["--config", ROOT / "cfg/objects.yaml", "--hours", str(arguments.hours),
+                                                 *(["--scans", scans] if recorded else [])])
+    return lines[:-1], lines[-1], recorded
+
+
+def run_day(arguments, kind):
     """The lines of the blocks of one kind of map."""
-    tool = pathlib.Path(arguments.tool).with_name("map_soak")
-    command = [tool, "--kind", kind, "--config", ROOT / f"cfg/{kind}.yaml", "--models", ROOT / "models",
-               "--hours", str(hours)]
-    begin, blocks = time.monotonic(), []
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        for text in process.stdout:
-            blocks.append(json.loads(text))
-            print_progress(blocks[-1]["scans"] / blocks[-1]["of"], begin,
-                           f"{kind}: {blocks[-1]['hours']:.1f} of {hours:g} h")
-    print()
-    if process.returncode != 0 or not blocks:
-        sys.exit(f"map_soak --kind {kind} ended with code {process.returncode}")
-    return blocks
+    return run(arguments, "map_soak", kind, ["--kind", kind, "--config", ROOT / f"cfg/{kind}.yaml", "--hours",
+                                             str(min(arguments.hours, DAY_HOURS))])
 
 
 # --- numbers
@@ -305,8 +309,11 @@ polygons with objects: a hall of 24 m x 16 m with boxes and posts, three that wa
 and noise of the pose.
 """
 INTRODUCTION = """
+Many hours of data as fast as the programs take them, one after the other, in one process each: no ROS, no messages.
+"""
+SCANS_TEXT = """
 {scans:,} scans, {hours:g} hours at 20 Hz of their stamps, in sequence through one `ObjectPipeline` with
-the shipped `cfg/objects.yaml`, in {minutes:.0f} minutes: no ROS, no messages. Simulated scans are of a walled room
+the shipped `cfg/objects.yaml`, in {minutes:.0f} minutes. Simulated scans are of a walled room
 with 12 objects, half of them moving, 1081 beams, a loop of 64 s with noise
 ([synthetic_scene.hpp](../../benchmark/synthetic_scene.hpp)). {recorded}
 Stamps are reset after 10 min, 20 min, 30 min and 4 h in turn, as by a bag that loops; the
@@ -337,21 +344,28 @@ then has its stamp, and as refused or thrown only if the map's stamp is unchange
 """
 
 
-def report_of(results, accounts, recorded, measured, minutes, days):
-    verdicts = [verdict for day in days for verdict in day.targets()] + list(targets(results, accounts))
-    words = RECORDED.format(count=sum(recorded.values()), bags=", ".join(
-        f"`{name}` {count:,}" for name, count in recorded.items())) if recorded else NOT_RECORDED
-    return "\n".join((
-        "# Soak test\n",
-        introduction(measured, INTRODUCTION.format(scans=accounts["sent"], hours=results.hours, minutes=minutes,
-                                                   recorded=words)),
-        targets_section(verdicts),
-        section("A day of each kind of map", prose(DAYS_TEXT.format(hours=days[0].hours)), days_table(days)),
-        "![Memory of each kind of map, and CPU time per scan or image, over the hours](images/soak_days.png)\n",
-        "![Memory, and CPU time per scan, over the hours](images/soak.png)\n",
-        section("Memory", prose(MEMORY_TEXT), memory_table(results)),
-        section("Time", prose(TIME_TEXT), time_table(results)),
-        section("Outcome of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts)))), all(met for _, _, met in verdicts)
+def report_of(scans, measured, days):
+    """Of (results, accounts, recorded), or None, and of the days of some kinds of map."""
+    verdicts, sections = [verdict for day in days for verdict in day.targets()], []
+    if days:
+        words = DAYS_TEXT.format(hours=days[0].hours)
+        sections += [section("A day of each kind of map", prose(words), days_table(days)),
+                     "![Memory of each kind of map, and CPU time per scan or image, over the hours]"
+                     "(images/soak_days.png)\n"]
+    if scans:
+        results, accounts, recorded = scans
+        verdicts += targets(results, accounts)
+        names = ", ".join(f"`{name}` {count:,}" for name, count in recorded.items())
+        words = SCANS_TEXT.format(
+            scans=accounts["sent"], hours=results.hours, minutes=accounts["took_s"] / 60,
+            recorded=RECORDED.format(count=sum(recorded.values()), bags=names) if recorded else NOT_RECORDED)
+        sections += [section("Scans that begin anew", prose(words)),
+                     "![Memory, and CPU time per scan, over the hours](images/soak.png)\n",
+                     section("Memory", prose(MEMORY_TEXT), memory_table(results)),
+                     section("Time", prose(TIME_TEXT), time_table(results)),
+                     section("Outcome of the scans", prose(ACCOUNTS_TEXT), accounts_table(accounts))]
+    report = "\n".join(("# Soak test\n", introduction(measured, INTRODUCTION), targets_section(verdicts), *sections))
+    return report, all(met for _, _, met in verdicts)
 
 
 def hours_of(text):
@@ -362,20 +376,25 @@ def hours_of(text):
 
 
 def main():
-    parser = arguments_parser(__doc__, "docs/benchmarks", "fewer hours")
+    parser = arguments_parser(__doc__, "docs/benchmarks", "fewer hours or parts")
     parser.add_argument("--tool", required=True)
     parser.add_argument("--hours", type=hours_of, default=HOURS, help=f"of scans (default {HOURS:g})")
+    parser.add_argument("--only", nargs="+", choices=PARTS, default=PARTS, metavar="PART",
+                        help=f"of {', '.join(PARTS)}: scans that begin anew, and kinds of map")
+    parser.add_argument("--blocks", type=pathlib.Path, metavar="DIR",
+                        help="where what was measured is kept; a part that is there, of this commit, is not run again")
     arguments = parser.parse_args()
-    output, measured = output_folder(arguments, arguments.hours >= HOURS), facts(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        scans = pathlib.Path(folder) / "scans"
-        recorded = write_recorded(scans)
-        blocks, accounts, took_s = run(arguments, scans if recorded else None)
-    days = [Day(kind, run_day(arguments, kind, min(arguments.hours, DAY_HOURS))) for kind in KINDS]
-    results = Results(blocks)
-    draw_days(days, images_folder(output) / "soak_days.png")
-    draw(results, images_folder(output) / "soak.png")
-    report, kept = report_of(results, accounts, recorded, measured, took_s / 60, days)
+    whole = arguments.hours >= HOURS and set(arguments.only) == set(PARTS)
+    output, measured = output_folder(arguments, whole), facts(arguments)
+    scans = None
+    if "scans" in arguments.only:
+        blocks, accounts, recorded = run_scans(arguments)
+        scans = (Results(blocks), accounts, recorded)
+        draw(scans[0], images_folder(output) / "soak.png")
+    days = [Day(kind, run_day(arguments, kind)) for kind in KINDS if kind in arguments.only]
+    if days:
+        draw_days(days, images_folder(output) / "soak_days.png")
+    report, kept = report_of(scans, measured, days)
     write(output, "soak.md", report)
     sys.exit(0 if kept else 1)
 
