@@ -203,8 +203,7 @@ const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "ch
 ///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
 ///   file, is still in the way of the footprint where the scanner does not look.
 /// - A pose that stands still while the measured speed says that the vehicle moves is none, until it moves.
-/// - A scan that contradicts the map or the scan before, or repeats it, is a stop, and so are all scans before the
-/// first
+/// - A scan that contradicts the map or the scan before, or repeats it, is a stop, as are all scans before the first
 ///   that shows that the scanner sees (path/scanner_watch.hpp).
 ///
 /// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the

@@ -36,13 +36,10 @@ class RepeatedScans {
   int noisy_scans_ = 0;
 };
 
-/// Finds a scanner that does not see what is there, in a quarter, ahead, to the left, behind or to the right, or in
-/// all:
+/// Finds a scanner that does not see what is there, in a quarter (ahead, left, behind or right) or in all:
 ///
-/// - It has not been shown to see: in no scan did a twentieth of its beams have a return. An empty place looks the
-/// same.
-/// - Of the beams that chains of the map are in the way of, half pass through them, or four fifths of a quarter of
-/// them;
+/// - It has not been shown to see: in no scan had a twentieth of its beams a return. An empty place looks the same.
+/// - Of the beams that chains of the map are in the way of, half pass through them, or 0.8 of a quarter of them;
 ///   through two chains at least, or one that is larger than what can be taken away. Chains that the map did not see of
 ///   late, as those of a file, count in a quarter that has not been shown to see.
 /// - Of the returns of the scan before, as many have none at once, over more than what can be taken away.
