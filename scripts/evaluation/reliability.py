@@ -22,9 +22,9 @@ WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
 LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
 # Those that say what a fault does (test/ros/fault_record.py, test/support/fault_cell.hpp).
-TESTS = ("^ros/(faults|master_restart|mission_processes|gps_ins|reflector_localization|polygon_mapping|path|"
-         "circumnavigate|grid_mapping|scout|wrong_stamps)_test$|"
-         "^(path/(safety_areas|path_following|circumnavigation|scouting)|pipeline/wrong_stamps)_test$")
+TESTS = ("^ros/(faults|master_restart|mission_processes|gps_ins|reflector_localization|polygon_mapping|path|path_crash|"
+         "path_processes|circumnavigate|grid_mapping|scout|splinegon_mapping|wrong_stamps)_test$|^ros/inertial_navigation_gtest$|"
+         "^(path/(safety_faults|circumnavigation|scouting)|pipeline/wrong_stamp)_test$")
 
 
 # --- running

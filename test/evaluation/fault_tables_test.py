@@ -4,6 +4,7 @@
 import json
 import os
 import pathlib
+import re
 import sys
 import tempfile
 import unittest
@@ -13,6 +14,7 @@ sys.path.insert(0, str(ROOT / "scripts/evaluation"))
 sys.path.insert(0, str(ROOT / "test/ros"))
 import fault_record  # noqa: E402
 import fault_tables  # noqa: E402
+import reliability  # noqa: E402
 
 
 def cells(leave_out=None, failing=None):
@@ -59,6 +61,21 @@ class FaultTablesTest(unittest.TestCase):
             lines = [json.loads(line) for line in path.read_text().splitlines()]
         self.assertEqual([(line["input"], line["passed"]) for line in lines], [("targets", True), ("grid", False)])
         self.assertEqual({line["test"] for line in lines}, {"fault_tables_test"})
+
+    def test_all_tests_that_say_one_are_run(self):
+        """By their names of ctest, and each name is of such a test."""
+        names = set()
+        for path in (ROOT / "test").glob("*/*_test.*"):
+            of_python = path.suffix == ".py" and path.parent.name == "ros"
+            says = r"^from (fault_record|process_faults) import" if of_python else r"\bFaultCell \w+\("
+            if re.search(says, path.read_text(), re.MULTILINE) and path.suffix in (".py", ".cpp"):
+                stem = path.stem if of_python or path.parent.name != "ros" else path.stem.replace("_test", "_gtest")
+                names.add(f"{path.parent.name}/{stem}")
+        self.assertGreater(len(names), 15)
+        self.assertEqual([name for name in sorted(names) if not re.search(reliability.TESTS, name)], [])
+        every = re.findall(r"\w+", re.sub(r"\b(ros|path|pipeline)/|_g?test\b", " ", reliability.TESTS))
+        said = {re.sub(r"_g?test$", "", name.split("/")[1]) for name in names}
+        self.assertEqual(sorted(set(every) - said), [])
 
 
 if __name__ == "__main__":

@@ -9,13 +9,11 @@ import signal
 import sys
 import time
 import unittest
-import xmlrpc.client
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
-from fault_record import cell  # noqa: E402
-from master_restart_test import ROOT, MasterTest, wait_until  # noqa: E402
+from master_restart_test import wait_until  # noqa: E402
+from process_faults import ProcessesTest  # noqa: E402
 
-MANAGER = "/mission_manager"
 PARAMS = """
 world_frame: map
 search: [[600, 0]]
@@ -79,52 +77,19 @@ assert rospy.ServiceProxy("/scout/go_home", Trigger)().success
 """
 
 
-class MissionProcessesTest(MasterTest):
+class MissionProcessesTest(ProcessesTest):
     """Each test says what both missions do."""
 
-    def start_missions(self):
-        config = pathlib.Path(self.folder.name) / "missions.yaml"
-        config.write_text(PARAMS)
-        return self.start("launch", ["roslaunch", "--wait", str(ROOT / "launch/stages.launch"),
-                                     "stages:=circumnavigate scout", "manager:=mission_manager", f"config:={config}"])
+    stages = ("circumnavigate", "scout")
+    manager = "/mission_manager"
+    params = PARAMS
+    program = VEHICLES
+    kinds = ("cmd", "go_to")
 
-    def start_vehicles(self):
-        return self.start("vehicles", ["/usr/bin/python3", "-c", VEHICLES, str(ROOT / "test/ros"), "vehicles"])
-
-    def told(self, kind, since=0.0):
-        """(time, numbers) of all that was told."""
-        path = self.log("vehicles")
-        lines = [line.split() for line in path.read_text().splitlines()] if path.exists() else []
-        told = [(float(line[0]), *map(float, line[2:])) for line in lines if len(line) > 2 and line[1] == kind]
-        return [one for one in told if one[0] > since]
-
-    def wait_for_flight(self):
+    def wait_until_it_goes(self):
         since = time.monotonic()
         wait_until(lambda: any(one[1] > 0.0 for one in self.told("cmd", since)), "a mission")
         wait_until(lambda: len(self.told("go_to", since)) > 10, "a scouting mission")
-
-    def fly(self):
-        self.start_vehicles()
-        self.start_missions()
-        self.wait_for_flight()
-
-    def pid(self):
-        uri = self.server.lookupNode("/test", MANAGER)[2]
-        return xmlrpc.client.ServerProxy(uri).getPid("/test")[2]
-
-    def assert_silent(self, since, until):
-        """Nobody is told anything, but for what was under way."""
-        for kind in ("cmd", "go_to"):
-            self.assertEqual([one for one in self.told(kind, since + 0.2) if one[0] < until], [])
-
-    def assert_told(self, seconds):
-        """Both are told something, again and again."""
-        since = time.monotonic()
-        wait_until(lambda: time.monotonic() > since + seconds, "time")
-        for kind in ("cmd", "go_to"):
-            times = [since, *(one[0] for one in self.told(kind, since))]
-            self.assertGreater(times[-1], since + seconds - 2.0)
-            self.assertLess(max(after - before for before, after in zip(times, times[1:])), 2.0, kind)
 
     def assert_home_stays(self, before):
         """The scouting mission is the one that ran at `before`, a status: its budget went on, and it comes home."""
@@ -139,7 +104,7 @@ class MissionProcessesTest(MasterTest):
 
     def fly_far(self):
         """Home is where the vehicle is when the mission begins; it flies on from there."""
-        self.fly()
+        self.set_off()
         status, begin = self.told("scout")[-1], self.told("pose")
         at = status[0] - status[2]
         self.home = min(begin, key=lambda pose: abs(pose[0] - at))[1:]
@@ -147,63 +112,36 @@ class MissionProcessesTest(MasterTest):
         return status
 
     def test_manager_that_never_came(self):
-        with cell("circumnavigate", "manager", "never came", "no command: the autopilot has to circle by itself"), \
-                cell("scout", "manager", "never came", "nothing is told: the autopilot holds"):
-            self.start_vehicles()
-            wait_until(lambda: len(self.told("pose")) > 30, "the vehicles")
-            self.assert_silent(0.0, time.monotonic())
+        self.check_manager_that_never_came("no command: the autopilot has to circle by itself",
+                                           "nothing is told: the autopilot holds")
 
     def test_manager_that_stops(self):
-        with cell("circumnavigate", "manager", "stopped", "no command: the autopilot has to circle by itself; then on"), \
-                cell("scout", "manager", "stopped", "nothing is told: the autopilot holds its last goal; then on"):
+        with self.cells("manager", "stopped", "no command: the autopilot has to circle by itself; then on",
+                        "nothing is told: the autopilot holds its last goal; then on"):
             before = self.fly_far()
-            os.kill(self.pid_before, signal.SIGSTOP)
-            since = time.monotonic()
-            wait_until(lambda: time.monotonic() > since + 3.0, "time")
-            self.assert_silent(since, time.monotonic())
-            os.kill(self.pid_before, signal.SIGCONT)
-            self.wait_for_flight()
+            with self.stopped_manager():
+                pass
+            self.wait_until_it_goes()
             self.assert_home_stays(before)
 
     def test_manager_that_is_killed(self):
         for name, number in (("killed", signal.SIGKILL), ("restarted", signal.SIGTERM)):
-            with cell("circumnavigate", "manager", name, "no command until the respawn, within 10 s: the autopilot has to "
-                      "circle by itself; then the search anew, with the first start as the place known to be free"), \
-                    cell("scout", "manager", name, "nothing is told until the respawn: the autopilot holds its last goal; "
-                         "then home is where it was, and the budget went on"):
+            with self.cells("manager", name, "no command until the respawn, within 10 s: the autopilot has to circle by "
+                            "itself; then the search anew, with the first start as the place known to be free",
+                            "nothing is told until the respawn: the autopilot holds its last goal; then home is where "
+                            "it was, and the budget went on"):
                 before = self.fly_far()
                 os.kill(self.pid_before, number)
                 since = time.monotonic()
-                self.wait_for_flight()
+                self.wait_until_it_goes()
                 self.assertLess(time.monotonic(), since + 30.0)
                 self.assert_home_stays(before)
             self.tearDown()
             self.setUp()
 
     def test_master(self):
-        with cell("circumnavigate", "master", "never came", "does not start: the autopilot has to circle by itself"), \
-                cell("scout", "master", "never came", "does not start: the autopilot holds"):
-            self.end(self.master)
-            launch = self.start_missions()
-            since = time.monotonic()
-            wait_until(lambda: time.monotonic() > since + 3.0, "time")
-            self.assertIsNone(launch.poll())
-            self.assertEqual(self.told("cmd") + self.told("go_to"), [])
-            self.master = self.start_master()
-        on = "missions go on over existing connections"
-        self.start_vehicles()
-        self.wait_for_flight()
-        with cell("circumnavigate", "master", "stopped", on), cell("scout", "master", "stopped", on):
-            self.master.send_signal(signal.SIGSTOP)
-            self.assert_told(6.0)
-            self.master.send_signal(signal.SIGCONT)
-            self.assert_told(2.0)
-        with cell("circumnavigate", "master", "killed", on), cell("scout", "master", "killed", on):
-            self.end(self.master)
-            self.assert_told(6.0)
-        with cell("circumnavigate", "master", "restarted", on), cell("scout", "master", "restarted", on):
-            self.master = self.start_master()
-            self.assert_told(6.0)
+        self.check_master(("does not start: the autopilot has to circle by itself",
+                           "does not start: the autopilot holds"), "missions go on over existing connections")
 
 
 if __name__ == "__main__":

@@ -59,6 +59,7 @@ class Vehicle:
     def __init__(self):
         self.x, self.y, self.yaw = 0.0, 0.0, 0.0
         self.speed, self.turn_rate = 0.0, 0.0
+        self.watchdog_s, self.told_at = math.inf, time.monotonic()  # of the base
         self.edges = list(WALLS)
         self.with_scan = self.with_tf = self.with_objects = True
         self.chains = []  # of polygons: edges, id and state of each
@@ -80,7 +81,7 @@ class Vehicle:
             self.x, self.y, self.yaw = x, y, yaw
 
     def command(self, msg):
-        self.speed, self.turn_rate = msg.linear.x, msg.angular.z
+        self.speed, self.turn_rate, self.told_at = msg.linear.x, msg.angular.z, time.monotonic()
         self.commands.append(msg)
 
     def run(self):
@@ -90,6 +91,8 @@ class Vehicle:
             stamp = rospy.Time.now()
             period = min(stamp.to_sec() - before, 0.5)
             before = stamp.to_sec()
+            if time.monotonic() - self.told_at > self.watchdog_s:
+                self.speed = self.turn_rate = 0.0
             with self.lock:
                 self.x += period * self.speed * math.cos(self.yaw)
                 self.y += period * self.speed * math.sin(self.yaw)
@@ -411,6 +414,33 @@ class PathTest(unittest.TestCase):
                 wait_until(lambda: [log.msg for log in self.logs if log.level == Log.FATAL and f"/{name} " in log.msg
                                     and "path_file" in log.msg], 5.0, "the sentence")
         self.assertTrue(rosnode.rosnode_ping("/path_manager", max_count=1), "the manager lives")
+
+    def other_stage(self, stage):
+        """Another one of the stages, of a world that has no frame here; what it publishes is below /elsewhere."""
+        topics = ("safety", "safety_areas") if stage == "safety_areas" else ("cmd_vel", "path_error", "path")
+        return subprocess.Popen(["rosrun", "nodelet", "nodelet", "load", f"situation_awareness/{stage}", "path_manager",
+                                 f"__name:=elsewhere_{stage}", "_world_frame:=elsewhere", "_start_at_once:=true",
+                                 f"_path_file:={rospy.get_param(f'/{stage}/path_file')}",
+                                 *(f"{topic}:=elsewhere/{topic}" for topic in topics)])
+
+    def test_8b_stages_of_another_world_let_the_vehicle_stand(self):
+        self.settle()
+        verdicts, commands = Latest("elsewhere/safety", SafetyVerdict), Latest("elsewhere/cmd_vel", Twist)
+        for stage, reason, what in (("safety_areas", "no transform", "drops all scans, and says so: no verdict"),
+                                    ("path_following", "bad message",
+                                     "refuses verdicts of other frames, and says so: zero commands alone")):
+            with cell(stage, "parameters", "wrong frame", what):
+                other = self.other_stage(stage)
+                name = f"elsewhere_{stage}"
+                try:
+                    wait_until(lambda: self.diagnostics.count(name, f"dropped: {reason}") > 10, 30.0, reason)
+                    self.assertIn("all input dropped", self.diagnostics.summary(name))
+                finally:
+                    other.terminate()
+                    other.wait()
+                self.assertEqual(verdicts.messages, [])
+                self.assertTrue(all(told.linear.x == told.angular.z == 0.0 for told in commands.messages))
+        self.assertTrue(commands.messages)
 
     @fault("manager terminated", "SIGTERM while the vehicle drives", "the last command is to stand")
     def test_9_a_manager_that_is_terminated_stops_the_vehicle(self):

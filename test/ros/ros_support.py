@@ -170,7 +170,7 @@ class Diagnostics:
     def receive(self, message):
         for status in message.status:
             if status.values:
-                name = status.name.split(":")[0]
+                name = status.name.split(":")[0].lstrip("/")  # that of a nodelet that was loaded by hand has one
                 self.stages[name] = dict({pair.key: pair.value for pair in status.values}, summary=status.message,
                                          level=status.level)
                 self.history.append((name, self.stages[name]))
