@@ -373,8 +373,5 @@ int soak(const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  Options options;
-  CommandLine app("map_soak", kDescription);
-  add_options(app, options);
-  return run_program(app, argc, argv, [&options] { return soak(options); });
+  return run_program<Options>("map_soak", kDescription, argc, argv, add_options, soak);
 }

@@ -65,4 +65,14 @@ int run_program(CommandLine& app, int argc, char** argv, const Run& run) {
   }
 }
 
+/// A program that does `run` with its options, which `add_options` adds to the command line.
+template <class Options, class AddOptions, class Run>
+int run_program(const std::string& name, const std::string& description, int argc, char** argv,
+                const AddOptions& add_options, const Run& run) {
+  Options options;
+  CommandLine app(name, description);
+  add_options(app, options);
+  return run_program(app, argc, argv, [&] { return run(options); });
+}
+
 }  // namespace situation_awareness

@@ -244,8 +244,5 @@ int polygons_bag(const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  Options options;
-  CommandLine app(kName, kDescription);
-  add_options(app, options);
-  return run_program(app, argc, argv, [&options] { return polygons_bag(options); });
+  return run_program<Options>(kName, kDescription, argc, argv, add_options, polygons_bag);
 }

@@ -139,8 +139,5 @@ int record_reflectors(const Options& options) {
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  Options options;
-  CommandLine app(kName, kDescription);
-  add_options(app, options);
-  return run_program(app, argc, argv, [&options] { return record_reflectors(options); });
+  return run_program<Options>(kName, kDescription, argc, argv, add_options, record_reflectors);
 }
