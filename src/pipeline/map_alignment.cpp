@@ -400,6 +400,18 @@ void MapAlignment::place(const Polylines& polylines, const InertialPlacement& pl
   if (has_fixes_) T_world_map_ = place_.T_world_map();
 }
 
+std::optional<MapAlignment::PlaceByMap> MapAlignment::better_place(const Pose2& T_world_odom,
+                                                                   const Eigen::Matrix3d& pose_covariance) const {
+  if (!has_begun_) return {};
+  PlaceByMap place{T_world_map_ * T_map_level_ * inverse(T_odom_level_), covariance_world()};
+  const Eigen::Vector2d apart_m =
+      (place.T_world_odom * T_odom_level_).translation_m - (T_world_odom * T_odom_level_).translation_m;
+  const Eigen::Matrix2d P = pose_covariance.topLeftCorner<2, 2>();
+  place.covariance *= 1.0 + 0.5 * apart_m.dot(P.llt().solve(apart_m));
+  if (!(place.covariance.topLeftCorner<2, 2>().trace() <= P.trace())) return {};
+  return place;
+}
+
 Eigen::Matrix3d MapAlignment::covariance_world() const {
   Eigen::Matrix3d R = Eigen::Matrix3d::Identity();
   R.topLeftCorner<2, 2>() = T_world_map_.rotation();

@@ -36,13 +36,11 @@ Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
 
 void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_world_odom,
                   const Eigen::Isometry3d& T_odom_base, WorldPose& pose) {
-  if (!alignment.has_begun()) return;
-  const Eigen::Matrix3d by_map = alignment.covariance_world(), before = planar_covariance(pose);
-  if (before.topLeftCorner<2, 2>().trace() < by_map.topLeftCorner<2, 2>().trace()) return;
-  const Pose2 T_map = alignment.T_world_odom();
+  const auto by_map = alignment.better_place(pose2_of(T_world_odom), planar_covariance(pose));
+  if (!by_map) return;
   Eigen::Isometry3d T_new_odom = Eigen::Isometry3d::Identity();
-  T_new_odom.translation() << T_map.translation_m, T_world_odom.translation().z();
-  T_new_odom.linear() = rotation_about_vertical(T_map.yaw_rad);
+  T_new_odom.translation() << by_map->T_world_odom.translation_m, T_world_odom.translation().z();
+  T_new_odom.linear() = rotation_about_vertical(by_map->T_world_odom.yaw_rad);
   pose.T_world_base = T_new_odom * T_odom_base;
   // The error of the yaw is one about the vertical, along the third row of R in the base.
   const Eigen::Vector3d up_base = pose.T_world_base.linear().row(2).transpose();
@@ -53,7 +51,7 @@ void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_worl
   Eigen::Matrix<double, 6, 6> kept = Eigen::Matrix<double, 6, 6>::Zero();
   kept(2, 2) = pose.covariance(2, 2);
   kept.bottomRightCorner<3, 3>() = level * pose.covariance.bottomRightCorner<3, 3>() * level;
-  pose.covariance = kept + J * by_map * J.transpose();
+  pose.covariance = kept + J * by_map->covariance * J.transpose();
 }
 
 /// Of roll and pitch, together.

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -126,10 +127,15 @@ class MapAlignment {
   /// direction.
   const Pose2& T_world_map() const { return T_world_map_; }
   double variance_m2(double from_middle_m) const;
-  /// From odom to the world by way of the map, and the covariance of the scanner's x, y (m) and yaw (rad) in the world:
-  /// better than what GPS and INS say where these have had no fix for long. Once has_begun().
-  Pose2 T_world_odom() const { return T_world_map_ * T_map_level_ * inverse(T_odom_level_); }
-  Eigen::Matrix3d covariance_world() const;
+  /// From odom to the world by way of the map, and the covariance of the scanner's x, y (m) and yaw (rad) in the world;
+  /// nothing where GPS and INS, of which it is given what they say, know it as well: the map is better where these have
+  /// had no fix for long. A map may turn with the scanner, around something round, and does not know: its covariance
+  /// is the larger the farther it is from where GPS and INS say, in standard deviations of these.
+  struct PlaceByMap {
+    Pose2 T_world_odom;
+    Eigen::Matrix3d covariance;
+  };
+  std::optional<PlaceByMap> better_place(const Pose2& T_world_odom, const Eigen::Matrix3d& pose_covariance) const;
 
  private:
   struct Pair {
@@ -157,6 +163,7 @@ class MapAlignment {
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
   void correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement, double dt_s);
   void place(const Polylines& polylines, const InertialPlacement& placement);
+  Eigen::Matrix3d covariance_world() const;
   void average(const Polylines& polylines, const Pose2& T_map_level, const InertialPlacement& placement);
 
   MapAlignmentParams params_;
