@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Each stage that estimates, given anything among what is good: what it knows stays an estimate, and is good once what
+// comes is good again for 10 s.
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "pose/reflector_drive.hpp"
+#include "situation_awareness/common/random.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
+#include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/map/objects/object_map.hpp"
+#include "support/covariance.hpp"
+#include "support/lively_scene.hpp"
+#include "support/odd_number.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr std::int64_t kBegin_ns = 1'000'000'000'000'000;
+constexpr double kGood_s = 10.0;
+
+template <int Size>
+Eigen::Matrix<double, Size, Size> odd_covariance(Random& random) {
+  Eigen::Matrix<double, Size, Size> m = 0.01 * Eigen::Matrix<double, Size, Size>::Identity();
+  for (int k = 0; k < 2; ++k) {
+    const int row = static_cast<int>(random.uniform(0.0, Size)) % Size;
+    const int column = static_cast<int>(random.uniform(0.0, Size)) % Size;
+    m(row, column) = m(column, row) = odd_number(random);
+  }
+  return m;
+}
+
+Pose2 odd_pose(Random& random) {
+  Pose2 T{{random.normal(), random.normal()}, random.normal()};
+  (random.uniform() < 0.5 ? T.translation_m.x() : T.yaw_rad) = odd_number(random);
+  return T;
+}
+
+std::int64_t odd_stamp(std::int64_t stamp_ns, Random& random) {
+  return random.uniform() < 0.7 ? stamp_ns + nanoseconds(random.uniform(-3.0, 3.0))
+                                : static_cast<std::int64_t>(9e18 * random.uniform(-1.0, 1.0));
+}
+
+/// Good input for 3 s, with something odd after each message for 5 s, and good for 10 s.
+template <class Stage>
+void run(Stage& stage, std::uint64_t seed) {
+  Random random(seed);
+  double good_s = 0.0;
+  for (double time_s = 0.0; good_s < kGood_s; time_s += Stage::kPeriod_s) {
+    stage.give_good();
+    if (time_s > 3.0 && time_s < 8.0) {
+      stage.give_odd(random);
+      good_s = 0.0;
+    } else {
+      good_s += Stage::kPeriod_s;
+    }
+    if (time_s <= 8.0) good_s = 0.0;
+    stage.expect_sound();
+    if (::testing::Test::HasFailure()) {
+      ADD_FAILURE() << "seed " << seed << ", " << time_s << " s";
+      return;
+    }
+  }
+  stage.expect_good();
+}
+
+/// The kernel, as all that use it do: a covariance that is none is refused, and what is outside the gate.
+class Kernel {
+ public:
+  static constexpr double kPeriod_s = 0.1;
+
+  explicit Kernel(std::uint64_t seed) : random_(seed) { estimate_.P = Eigen::Matrix3d::Identity(); }
+
+  void give_good() {
+    const Pose2 motion{{0.1, 0.0}, 0.05};
+    truth_ = truth_ * motion;
+    const Eigen::Matrix3d Q = Eigen::Vector3d(1e-5, 1e-5, 1e-6).asDiagonal();
+    Eigen::Matrix3d F = Eigen::Matrix3d::Identity();
+    F.topLeftCorner<2, 2>() = motion.rotation().transpose();
+    F.block<2, 1>(0, 2) =
+        motion.rotation().transpose() * Eigen::Vector2d(-motion.translation_m.y(), motion.translation_m.x());
+    predict(estimate_, estimate_.x * motion, F, Q);
+    measure(Manifold<Pose2>::local_coordinates(estimate_.x, truth_) + 0.01 * normal_vector<3>(random_),
+            1e-4 * Eigen::Matrix3d::Identity());
+  }
+  void give_odd(Random& random) {
+    Eigen::Vector3d nu = 0.01 * normal_vector<3>(random);
+    if (random.uniform() < 0.5) nu(static_cast<int>(random.uniform(0.0, 3.0)) % 3) = odd_number(random);
+    measure(nu, odd_covariance<3>(random));
+  }
+  void expect_sound() const {
+    EXPECT_TRUE(is_covariance(estimate_.P));
+    EXPECT_TRUE(estimate_.x.translation_m.allFinite() && std::isfinite(estimate_.x.yaw_rad));
+  }
+  void expect_good() const {
+    EXPECT_LT(mahalanobis2(Manifold<Pose2>::local_coordinates(estimate_.x, truth_), estimate_.P), 25.0);
+  }
+
+ private:
+  void measure(const Eigen::Vector3d& nu, const Eigen::Matrix3d& R) {
+    if (!is_positive_semidefinite(R)) return;
+    const Eigen::Matrix3d H = Eigen::Matrix3d::Identity();
+    const Innovation<3> compared = innovation(estimate_, nu, H, R);
+    if (inside_gate(compared, chi_square_quantile(0.9999, 3))) update(estimate_, compared, H, R);
+  }
+
+  Random random_;
+  Estimate<Pose2> estimate_;
+  Pose2 truth_;
+};
+
+class ObjectStage {
+ public:
+  static constexpr double kPeriod_s = kLivelyPeriod_s;
+
+  explicit ObjectStage(std::uint64_t seed) : scene_(lively_scene(400, kBegin_ns, seed)), map_(ObjectMapParams{}) {}
+
+  void give_good() { map_.update(scene_[next_++]); }
+  void give_odd(Random& random) {
+    Detections odd = scene_[next_ - 1];
+    odd.stamp_ns = odd_stamp(odd.stamp_ns, random);
+    for (Detection& detection : odd.detections) {
+      const double value = odd_number(random);
+      switch (static_cast<int>(random.uniform(0.0, 6.0))) {
+        case 0:
+          detection.covariance = odd_covariance<5>(random);
+          break;
+        case 1:
+          detection.ellipse_level.center_m.x() = value;
+          break;
+        case 2:
+          detection.ellipse_level.rx_m = value;
+          break;
+        case 3:
+          detection.time_offset_s = value;
+          break;
+        case 4:
+          detection.p_ellipse = value;
+          break;
+        default:
+          detection.ellipse_level.center_m += 3.0 * normal_vector<2>(random);
+      }
+    }
+    const auto is_defect = [](const Detection& detection) { return *detection_defect(detection) != '\0'; };
+    odd.detections.erase(std::remove_if(odd.detections.begin(), odd.detections.end(), is_defect), odd.detections.end());
+    map_.update(odd);
+  }
+  void expect_sound() const {
+    for (const Object& object : map_.at(map_.stamp_ns()).objects) {
+      EXPECT_TRUE(is_covariance(object.covariance)) << object.id;
+      EXPECT_TRUE(object.ellipse_world.center_m.allFinite()) << object.id;
+    }
+  }
+  void expect_good() const {
+    const Objects objects = map_.at(map_.stamp_ns());
+    for (const Eigen::Vector2d& at_m : {Eigen::Vector2d(3.0, 0.0), Eigen::Vector2d(5.0, 0.3)}) {
+      double least_m = std::numeric_limits<double>::infinity();
+      for (const Object& object : objects.objects) {
+        least_m = std::min(least_m, (object.ellipse_world.center_m - at_m).norm());
+      }
+      EXPECT_LT(least_m, 0.1);
+    }
+  }
+
+ private:
+  std::vector<Detections> scene_;
+  std::size_t next_ = 0;
+  ObjectMap map_;
+};
+
+class ReflectorStage {
+ public:
+  static constexpr double kPeriod_s = 0.04;
+
+  explicit ReflectorStage(std::uint64_t seed) : drive_(map_of(5), world(), seed) { drive_.guess(); }
+
+  void give_good() { drive_.scan(); }
+  void give_odd(Random& random) {
+    const std::int64_t stamp_ns = nanoseconds(drive_.time_s());
+    if (random.uniform() < 0.5) {
+      drive_.localization.add_odometry(odd_stamp(stamp_ns, random), odd_pose(random));
+      return;
+    }
+    ReflectorSightings odd = drive_.sightings;
+    odd.stamp_ns = odd_stamp(stamp_ns, random);
+    for (ReflectorSighting& sighting : odd.sightings) {
+      if (random.uniform() < 0.5) sighting.center_level_m += normal_vector<2>(random);
+    }
+    drive_.localization.update(odd, drive_.world.T_base_lidar);
+  }
+  void expect_sound() const {
+    if (!drive_.localization.is_known()) return;
+    const LocalizedPose pose = drive_.localization.pose();
+    EXPECT_TRUE(pose.T_world_base.x.translation_m.allFinite() && std::isfinite(pose.T_world_base.x.yaw_rad));
+    EXPECT_TRUE(is_covariance(pose.covariance_world));
+  }
+  void expect_good() const {
+    ASSERT_TRUE(drive_.localization.is_known());
+    EXPECT_LT(drive_.error().head<2>().norm(), 0.05);
+    EXPECT_LT(std::abs(drive_.error().z()), 0.03);
+  }
+
+ private:
+  static ReflectorWorld world() {
+    ReflectorWorld world = room_with(map_of(5));
+    world.path = winding_path(0.5);
+    return world;
+  }
+
+  Drive drive_;
+};
+
+template <class Stage>
+class AnyInput : public ::testing::Test {};
+
+using Stages = ::testing::Types<Kernel, ObjectStage, ReflectorStage>;
+TYPED_TEST_SUITE(AnyInput, Stages);
+
+TYPED_TEST(AnyInput, LeavesAnEstimateThatIsGoodAgainSoon) {
+  for (std::uint64_t seed = 1; seed <= 4 && !::testing::Test::HasFailure(); ++seed) {
+    TypeParam stage(seed);
+    run(stage, 100 + seed);
+  }
+}
+
+}  // namespace
+}  // namespace situation_awareness
