@@ -128,7 +128,7 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
   if (!alignment_.has_begun()) {
     take_polylines(scan, T_odom_lidar, T_odom_lidar_end);
     if (!begin({scan, T_odom_lidar, T_odom_lidar_end, placement})) {
-      return fit_boundaries(polylines_.stamp_ns);  // loaded ones, if any
+      return fit_boundaries(scan.stamp_ns);  // loaded ones, if any
     }
   }
   take_polylines(scan, T_odom_lidar, swept(alignment_, scan, T_odom_lidar_end, placement));
@@ -136,14 +136,20 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
   return map_polylines(covariance, alignment_.variance_m2(kFromMiddle_m));
 }
 
-/// Whether the latest scan is to be mapped: those before it are.
+/// Whether the latest scan is to be mapped: those before it are. The velocity is learned by one pass over them with
+/// each scan, so that none takes the time of all.
 bool SplinegonPipeline::begin(FirstScan scan) {
+  const auto since_s = [&](const FirstScan& first) { return seconds_between(first.scan.stamp_ns, scan.scan.stamp_ns); };
+  const bool has_paused = !first_scans_.empty() && (passes_ == 0 ? since_s(first_scans_.front()) > kPause_s + kBegin_s
+                                                                 : since_s(first_scans_.back()) > kPause_s);
+  if (has_paused) {
+    first_scans_.clear();
+    passes_ = 0;
+  }
   const auto hits = std::count_if(polylines_.hits.begin(), polylines_.hits.end(),
                                   [](const PolylineHit& hit) { return hit.has_normal; });
   if (first_scans_.empty() && hits < kFewestHits) return false;
-  const auto since_s = [&] { return seconds_between(first_scans_.front().scan.stamp_ns, scan.scan.stamp_ns); };
-  if (!first_scans_.empty() && since_s() > kPause_s + kBegin_s) first_scans_.clear();
-  if (first_scans_.empty() || since_s() < kBegin_s) {
+  if (first_scans_.empty() || (passes_ == 0 && since_s(first_scans_.front()) < kBegin_s)) {
     first_scans_.push_back(std::move(scan));
     return false;
   }
@@ -156,26 +162,27 @@ bool SplinegonPipeline::begin(FirstScan scan) {
       if (whole) polygons_ = chains.polygons(std::move(polygons_));
     }
   };
-  std::optional<Eigen::Vector2d> v_map_m_s;
-  for (int pass = 0; pass < kPasses; ++pass) {
-    PolygonMap chains(params_.polygons);
-    MapAlignment alignment(params_.alignment);
-    if (v_map_m_s) alignment.begin_with(*v_map_m_s, kSecondVelocitySigma_m_s);
-    map_first_scans(chains, alignment, false);
-    if (pass == 0 && alignment.velocity_sigma_m_s() > kToldVelocitySigma_m_s && begins_ < kMostBegins) {
-      ++begins_;
-      first_scans_.erase(first_scans_.begin(),
-                         first_scans_.begin() + static_cast<std::ptrdiff_t>(first_scans_.size() / 2));
-      first_scans_.push_back(std::move(scan));
-      return false;
-    }
-    v_map_m_s = alignment.first_velocity_m_s();
+  if (passes_ == kPasses) {
+    alignment_.begin_with(first_velocity_m_s_, kFirstVelocitySigma_m_s);
+    map_first_scans(chains_, alignment_, true);
+    first_scans_.clear();
+    begins_ = passes_ = 0;
+    return true;
   }
-  alignment_.begin_with(*v_map_m_s, kFirstVelocitySigma_m_s);
-  map_first_scans(chains_, alignment_, true);
-  first_scans_.clear();
-  begins_ = 0;
-  return true;
+  PolygonMap chains(params_.polygons);
+  MapAlignment alignment(params_.alignment);
+  if (passes_ > 0) alignment.begin_with(first_velocity_m_s_, kSecondVelocitySigma_m_s);
+  map_first_scans(chains, alignment, false);
+  if (passes_ == 0 && alignment.velocity_sigma_m_s() > kToldVelocitySigma_m_s && begins_ < kMostBegins) {
+    ++begins_;
+    first_scans_.erase(first_scans_.begin(),
+                       first_scans_.begin() + static_cast<std::ptrdiff_t>(first_scans_.size() / 2));
+  } else {
+    first_velocity_m_s_ = alignment.first_velocity_m_s();
+    ++passes_;
+  }
+  first_scans_.push_back(std::move(scan));
+  return false;
 }
 
 void SplinegonPipeline::take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
@@ -272,7 +279,7 @@ void SplinegonPipeline::reset() {
   chains_.restore({});
   alignment_ = MapAlignment(params_.alignment);
   first_scans_.clear();
-  begins_ = 0;
+  begins_ = passes_ = 0;
   polygons_.chains.clear();
   boundaries_.clear();
   closed_.clear();

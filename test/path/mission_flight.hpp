@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -17,6 +15,7 @@
 #include "situation_awareness/geometry/vectors.hpp"
 #include "situation_awareness/path/circumnavigation.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
+#include "support/thread_cpu.hpp"
 
 namespace situation_awareness {
 
@@ -53,12 +52,6 @@ inline Eigen::Vector2d middle_of(const Outline& outline) {
   Eigen::Vector2d sum_m = Eigen::Vector2d::Zero();
   for (const Eigen::Vector2d& p : outline) sum_m += p;
   return sum_m / static_cast<double>(outline.size());
-}
-
-inline double thread_cpu_us() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
 }
 
 /// One to `most` obstacles of any shape within 45 m, 3 m apart at least; half of them hardly more.

@@ -102,7 +102,9 @@ class SplinegonPipeline {
 
   SplinegonPipelineParams params_;
   std::vector<FirstScan> first_scans_;
-  int begins_ = 0;  ///< that did not tell the velocity
+  int begins_ = 0;                                                ///< that did not tell the velocity
+  int passes_ = 0;                                                ///< over the first scans, one with each later scan
+  Eigen::Vector2d first_velocity_m_s_ = Eigen::Vector2d::Zero();  ///< in the map, that the latest pass ended with
   PolygonMap chains_;
   MapAlignment alignment_;
   SplinegonMap map_;  ///< in the map's frame, without the error of its place
