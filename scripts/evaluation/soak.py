@@ -126,10 +126,12 @@ class Day:
     def targets(self):
         """(sentence, figure, met)"""
         growth, ratio = self.growth_bytes(), self.ratio()
-        yield (f"{self.kind}: resident memory grows by at most 1 MB after the first hour", f"{growth / 1e6:.3f} MB",
-               growth <= MAX_GROWTH_BYTES)
+        whole = self.hours >= DAY_HOURS - 1e-9
+        part = "" if whole else f", in {self.hours:.1f} of {DAY_HOURS:g} h"  # which is no proof for a day
+        yield (f"{self.kind}: resident memory grows by at most 1 MB after the first hour",
+               f"{growth / 1e6:.3f} MB{part}", whole and growth <= MAX_GROWTH_BYTES)
         yield (f"{self.kind}: p50 in the last quarter of the time at most {MAX_RATIO} times that in the second",
-               f"{ratio:.3f}", ratio <= MAX_RATIO)
+               f"{ratio:.3f}{part}", whole and ratio <= MAX_RATIO)
 
 
 def days_table(days):
@@ -137,12 +139,12 @@ def days_table(days):
     for day in days:
         for i in range(4):
             quarter = day.quarter(i)
-            rows.append((day.kind, f"{i + 1}",
+            rows.append((day.kind, f"{(i + 1) * day.hours / 4:.1f}",
                          *(f"{quarter[name] / 1000:.3f}" for name in ("p50_us", "p99_us", "max_us")),
                          f"{quarter['p50_yardsticks']:.2f}", f"{quarter['resident_bytes'] / 1e6:.3f}",
                          f"{quarter['things']:,}", f"{quarter['elements']:,}"))
-    return table(("map", "quarter", "p50, ms", "p99, ms", "max, ms", "p50, yardsticks", "resident at its end, MB",
-                  "on the map then", "elements then"), rows)
+    return table(("map", "quarter until, h", "p50, ms", "p99, ms", "max, ms", "p50, yardsticks",
+                  "resident at its end, MB", "on the map then", "elements then"), rows)
 
 
 def draw_days(days, path):
@@ -300,7 +302,7 @@ def draw(results, path):
 
 
 DAYS_TEXT = """
-{hours:g} hours of data through each kind of map, which never begins anew, with the shipped `cfg/KIND.yaml`
+Up to {hours:g} hours of data through each kind of map, which never begins anew, with the shipped `cfg/KIND.yaml`
 ([map_soak.cpp](../../benchmark/map_soak.cpp)); what stands stays as it is, so that nothing new is to be seen after the
 first hour. Rates are low, so that a day takes minutes: 5 scans a second of 361 beams, one image in 2 s. Objects, and
 polygons with objects: a hall of 24 m x 16 m with boxes and posts, three that walk, and a robot that goes round at about
@@ -348,7 +350,7 @@ def report_of(scans, measured, days):
     """Of (results, accounts, recorded), or None, and of the days of some kinds of map."""
     verdicts, sections = [verdict for day in days for verdict in day.targets()], []
     if days:
-        words = DAYS_TEXT.format(hours=days[0].hours)
+        words = DAYS_TEXT.format(hours=max(day.hours for day in days))
         sections += [section("A day of each kind of map", prose(words), days_table(days)),
                      "![Memory of each kind of map, and CPU time per scan or image, over the hours]"
                      "(images/soak_days.png)\n"]
