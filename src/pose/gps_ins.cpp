@@ -98,6 +98,7 @@ GpsInsModel model_of(const GpsInsParams& params, const GpsInsMounting& mounting)
   model.min_fix_sigma_m = params.min_fix_sigma_m;
   model.fix_stamp_sigma_s = params.fix_stamp_sigma_s;
   model.recover_after_s = params.recover_after_s;
+  model.standing_turn_rad_s = params.standing_turn_rad_s;
   return model;
 }
 
@@ -121,7 +122,8 @@ GpsIns::GpsIns(const GpsInsParams& params, const GpsInsMounting& mounting, std::
       origin_(origin),
       model_(model_of(params, mounting)),
       order_(params.reset_time_jump_s),
-      imu_((params.validate(), params.max_delay_s + kLevelWindow_s + kHistoryMargin_s), kMaxImuRate_hz),
+      imu_((params.validate(), params.max_delay_s + kLevelWindow_s + kHistoryMargin_s), kMaxImuRate_hz,
+           standing_change(params.standing_turn_rad_s, params.imu)),
       monitors_{NisMonitor(3), NisMonitor(1), NisMonitor(1), NisMonitor(1), NisMonitor(1)} {
   measurements_.reserve(kMeasurements);
   const auto moments = static_cast<std::size_t>(params.max_delay_s / GpsInsFilter::kMomentPeriod_s) + 3;
@@ -547,7 +549,7 @@ void GpsIns::align() {
   for (std::size_t i = 0; i < used_; ++i) {
     if (params_.learn_fix_noise) fix_noises_[i] = kFixNoises[i];
     filters_[i].set_fix_noise(fix_noises_[i]);
-    filters_[i].start(stamp_ns, estimate, imu_);
+    filters_[i].start(stamp_ns, estimate, imu_, true);
   }
   phase_ = Phase::kReady;
   learning_since_ns_ = stamp_ns;

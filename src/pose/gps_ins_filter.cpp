@@ -23,6 +23,8 @@ constexpr double kNoiseWindow_s = 5.0;
 constexpr std::array<int, 3> kNoiseBlocks = {1, 4, 16};
 /// Rate of the IMU for which there is room from the begin on.
 constexpr double kUsualRate_hz = 250.0;
+/// A longer gap of the samples ends a block.
+constexpr double kStandingGap_s = 0.5;
 
 /// Fewest fixes in a row that are all refused before the filter is doubted instead.
 constexpr int kMinRefusedFixes = 5;
@@ -31,6 +33,17 @@ constexpr double kOutage_s = 3.0;
 /// What a filter that is doubted may be wrong by at most, besides the distance to the fix.
 constexpr double kDoubtVelocity_m_s = 5.0;
 constexpr double kDoubtAttitude_rad = 0.2;
+/// What stands: means of blocks of the force that differ by less, as a start by 0.25 m/s would make them, and a rate
+/// that a bias can be.
+constexpr double kStandingForceChange_m_s2 = 0.03, kMostBias_rad_s = 0.05;
+/// In standard deviations of what noise and walk make of the difference of two means.
+constexpr double kStandingSigmas = 3.0;
+/// What goes straight on does not turn, either: the velocity tells it from what flies a wide circle. One that is known
+/// worse does not.
+constexpr double kKnownVelocity_m_s = 0.5, kStandingVelocity_m_s = 1.0;
+/// A bias that is known worse does not tell a turn from it; a yaw that is known worse may have been shown by chance,
+/// and is better lost than kept.
+constexpr double kKnownBias_rad_s = 0.0015, kKnownYaw_rad = 0.07;
 /// An acceleration or a speed shows the yaw if this share of it is more than noise.
 constexpr double kShown = 0.5;
 
@@ -70,8 +83,17 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double p
 
 }  // namespace
 
-InertialHistory::InertialHistory(double duration_s, double most_hz)
+double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise) {
+  // Of means of neighbouring blocks white noise differs by twice the variance of a mean, a walk by 2/3 of that of a
+  // block's duration.
+  const double variance = 2.0 * noise.gyroscope_noise * noise.gyroscope_noise / InertialHistory::kBlock_s +
+                          2.0 / 3.0 * noise.gyroscope_bias_walk * noise.gyroscope_bias_walk * InertialHistory::kBlock_s;
+  return std::max(standing_turn_rad_s, kStandingSigmas * std::sqrt(variance));
+}
+
+InertialHistory::InertialHistory(double duration_s, double most_hz, double standing_change_rad_s)
     : duration_s_(duration_s),
+      standing_change_rad_s_(standing_change_rad_s),
       most_(static_cast<std::size_t>(std::ceil(duration_s * most_hz)) + 2),
       samples_(std::min(most_, static_cast<std::size_t>(std::ceil(duration_s * kUsualRate_hz)) + 2)) {
   clear();
@@ -115,6 +137,7 @@ void InertialHistory::add(const InertialSample& sample) {
   if (is_short() && samples_.size() < most_) grow();
   Entry& entry = samples_[static_cast<std::size_t>(end_++ % samples_.size())];
   static_cast<InertialSample&>(entry) = sample;
+  add_to_block(entry, period_s);
   if (end_ - begin_ == 1) mean_force_m_s2_ = sample.specific_force_m_s2;
   const Eigen::Vector3d change_m_s2 = sample.specific_force_m_s2 - mean_force_m_s2_;
   mean_force_m_s2_ += std::min(period_s / kMeanForce_s, 1.0) * change_m_s2;
@@ -131,8 +154,33 @@ void InertialHistory::add(const InertialSample& sample) {
   entry.gyroscope_noise = std::sqrt(least.y());
 }
 
+void InertialHistory::add_to_block(Entry& entry, double period_s) {
+  entry.ends_block = false;
+  if (period_s > kStandingGap_s) standing_ = Standing();
+  if (standing_.count++ == 0) standing_.begin_ns = entry.stamp_ns;
+  standing_.sum.head<3>() += entry.specific_force_m_s2;
+  standing_.sum.tail<3>() += entry.angular_velocity_rad_s;
+  const double block_s = seconds_between(standing_.begin_ns, entry.stamp_ns);
+  if (block_s < kBlock_s) return;
+  const Eigen::Matrix<double, 6, 1> mean = standing_.sum / standing_.count, change = mean - standing_.last;
+  entry.ends_block = true;
+  entry.block_s = block_s;
+  entry.mean_rate_rad_s = mean.tail<3>();
+  entry.rate_change_rad_s = change.tail<3>();
+  entry.may_stand = standing_.has_last && change.head<3>().norm() < kStandingForceChange_m_s2 &&
+                    change.tail<3>().cwiseAbs().maxCoeff() < standing_change_rad_s_ &&
+                    mean.tail<3>().norm() < kMostBias_rad_s;
+  standing_.last = mean;
+  standing_.has_last = true;
+  standing_.sum.setZero();
+  standing_.count = 1;  // the last of one is the first of the next
+  standing_.begin_ns = entry.stamp_ns;
+  standing_.sum << entry.specific_force_m_s2, entry.angular_velocity_rad_s;
+}
+
 void InertialHistory::clear() {
   begin_ = end_;
+  standing_ = Standing();
   force_variance_ = 0.0;
   blocks_ = {};
   for (std::size_t i = 0; i < blocks_.size(); ++i) blocks_[i].length = kNoiseBlocks[i];
@@ -185,11 +233,13 @@ GpsInsFilter::GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, 
   }
 }
 
-void GpsInsFilter::start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu) {
+void GpsInsFilter::start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu,
+                         bool is_yaw_known) {
   now_ = Moment();
   now_.stamp_ns = stamp_ns;
   now_.sample = imu.last_until(stamp_ns);
   now_.estimate = estimate;
+  now_.is_yaw_known = is_yaw_known;
   now_.yaw_shown_ns = now_.last_fix_ns = stamp_ns;
   first_ = kept_ = 0;
   keep(now_);
@@ -256,6 +306,7 @@ void GpsInsFilter::move_to(Moment& moment, std::int64_t stamp_ns, const Inertial
   moment.rate_rad_s = mix(a.angular_velocity_rad_s, b.angular_velocity_rad_s,
                           period_s > 0.0 ? std::clamp(end_s / period_s, 0.0, 1.0) : 0.0);
   if (period_s > 0.0) moment.rate_variance = b.gyroscope_noise * b.gyroscope_noise / period_s;
+  if (moment.stands) moment.stood_s += dt_s;
   if (!is_last && b.stamp_ns <= stamp_ns) ++moment.sample;
 }
 
@@ -275,6 +326,9 @@ ErrorMatrix<GpsInsState> GpsInsFilter::predicted_covariance(const Moment& moment
   result.block<3, 3>(kAccelerometerBias, kAccelerometerBias) +=
       2.0 / kForceChange_s * scale_m_s2 * scale_m_s2 * motion.duration_s * up_body * up_body.transpose();
   result.topLeftCorner<6, 6>() += vertical_variance(q_before, P) * effect.left_out * effect.left_out.transpose();
+  // At rest the walk about the vertical is measured.
+  result.block<3, 3>(kGyroscopeBias, kGyroscopeBias) -=
+      noise.gyroscope_bias_walk * noise.gyroscope_bias_walk * moment.stood_s * up_body * up_body.transpose();
   return result;
 }
 
@@ -282,7 +336,46 @@ void GpsInsFilter::predict_covariance(Moment& moment) const {
   double shown_share = 0.0;
   moment.estimate.P = predicted_covariance(moment, shown_share);
   moment.motion = MotionJacobian();
+  moment.stood_s = 0.0;
   if (shown_share > kShown) moment.yaw_shown_ns = moment.stamp_ns;
+}
+
+bool GpsInsFilter::may_stand(const Moment& moment) const {
+  const Eigen::Vector3d& v_m_s = moment.estimate.x.motion.velocity_world_m_s;
+  const auto P = moment.estimate.P.block<3, 3>(kVelocity, kVelocity);
+  return P.diagonal().maxCoeff() < kKnownVelocity_m_s * kKnownVelocity_m_s && v_m_s.norm() < kStandingVelocity_m_s;
+}
+
+void GpsInsFilter::watch_standing(Moment& moment, const InertialHistory::Entry& block) const {
+  const bool stood = moment.stands;
+  moment.stands = block.may_stand && (stood || may_stand(moment));
+  if (!moment.stands) return;
+  NavigationState& x = moment.estimate.x.motion;
+  const Eigen::Vector3d up_body = x.q_world_imu.conjugate() * Eigen::Vector3d::UnitZ();
+  if (stood) {
+    // The mean rate changes as the bias does, which the turn in this block was less of.
+    const double change_rad_s = up_body.dot(block.rate_change_rad_s);
+    x.gyroscope_bias_rad_s += change_rad_s * up_body;
+    x.q_world_imu = (x.q_world_imu * exp_so3(-change_rad_s * block.block_s * up_body)).normalized();
+    return;
+  }
+  // The bias is the rate but for a turn that passes for standing, and which stays as long as it stands: it never gets
+  // known better than that, however often.
+  const Eigen::Matrix3d P = moment.estimate.P.block<3, 3>(kGyroscopeBias, kGyroscopeBias);
+  const double variance = up_body.dot(P * up_body);
+  const double least = model_.standing_turn_rad_s * model_.standing_turn_rad_s / 3.0 +
+                       model_.noise.gyroscope_noise * model_.noise.gyroscope_noise / block.block_s;
+  moment.stands = variance < kKnownBias_rad_s * kKnownBias_rad_s &&
+                  vertical_variance(x.q_world_imu, moment.estimate.P) < kKnownYaw_rad * kKnownYaw_rad;
+  if (!moment.stands) return;
+  using Scalar = Eigen::Matrix<double, 1, 1>;
+  const Scalar nu(up_body.dot(block.mean_rate_rad_s - x.gyroscope_bias_rad_s));
+  // A turn that is more than what is known of the bias is one; a bias that wandered off is known worse after a while.
+  moment.stands = nu.value() * nu.value() < kStandingSigmas * kStandingSigmas * (variance + least);
+  if (!moment.stands || variance <= 1.01 * least) return;
+  Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
+  H.segment<3>(kGyroscopeBias) = up_body;
+  moment.stands = correct<1>(moment, nu, H, Scalar(least * variance / (variance - least)), 1).is_accepted;
 }
 
 bool GpsInsFilter::is_doubted(Moment& moment, const Eigen::Vector3d& nu, const Eigen::Matrix3d& R) const {
@@ -424,7 +517,12 @@ void GpsInsFilter::advance(Moment& moment, std::int64_t stamp_ns, const Inertial
     if (moment.sample + 1 < imu.end()) to_ns = std::min(to_ns, imu[moment.sample + 1].stamp_ns);
     const bool is_due = next != measurements.end() && next->stamp_ns <= to_ns;
     if (is_due) to_ns = next->stamp_ns;
+    const std::uint64_t before = moment.sample;
     move_to(moment, to_ns, imu);
+    if (moment.is_yaw_known && moment.sample != before && imu[moment.sample].ends_block) {
+      predict_covariance(moment);
+      watch_standing(moment, imu[moment.sample]);
+    }
     if (is_due) {
       predict_covariance(moment);
       for (; next != measurements.end() && next->stamp_ns == moment.stamp_ns; ++next) {

@@ -14,6 +14,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "support/covariance.hpp"
+#include "support/odd_number.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -155,7 +156,7 @@ TEST(GpsInsFaults, AnImuThatIsTooFastIsNamed) {
 
 // What is asked of the history is there, also while it grows.
 TEST(InertialHistory, GrowsWithTheRateAndKeepsItsOrder) {
-  InertialHistory history(2.0, 5000.0);
+  InertialHistory history(2.0, 5000.0, 0.0003);
   for (int i = 0; i < 30000; ++i) {
     history.add({i * 250'000LL, Eigen::Vector3d(i, 0.0, 0.0), Eigen::Vector3d::Zero()});
     ASSERT_EQ(history.latest().specific_force_m_s2.x(), i);
@@ -166,6 +167,9 @@ TEST(InertialHistory, GrowsWithTheRateAndKeepsItsOrder) {
 }
 
 // --- standing ---
+
+const std::vector<SimulatedDrive::Leg> kDriveOf90s = {{5, 0, 0},     {15, 4, 0},   {10, 4, 0.4},  {10, 6, 0},
+                                                      {10, 6, -0.4}, {15, 3, 0.2}, {15, 5, -0.1}, {10, 5, 0.3}};
 
 struct Standing {
   double yaw_nees = 0.0;       ///< of each run the mean after setting off, their mean
@@ -181,10 +185,7 @@ Standing stand(int seeds, double stands_s, bool drives_first, double sideslip_si
   for (int seed = 0; seed < seeds; ++seed) {
     SimulatedDrive drive;
     drive.initial_yaw_rad = 0.77 * seed;
-    if (drives_first) {
-      drive.legs = {{5, 0, 0},     {15, 4, 0},   {10, 4, 0.4},  {10, 6, 0},
-                    {10, 6, -0.4}, {15, 3, 0.2}, {15, 5, -0.1}, {10, 5, 0.3}};
-    }
+    if (drives_first) drive.legs = kDriveOf90s;
     drive.legs.push_back({stands_s, 0.0, 0.0});
     const double begin_s = drives_first ? 90.0 : 0.0, end_s = begin_s + stands_s;
     drive.legs.insert(drive.legs.end(),
@@ -248,6 +249,166 @@ TEST(GpsInsStanding, WhatIsNotObservedDoesNotGetCertain) {
 
 TEST(GpsInsStandingLong, WhatIsNotObservedDoesNotGetCertainInAnHour) {
   for (const bool drives_first : {true, false}) expect_honest(stand(50, 3600.0, drives_first, 0.0), drives_first);
+}
+
+/// Shaken as by an engine that idles, in the axes of the IMU.
+InertialSample shaken(InertialSample sample) {
+  const double t_s = 1e-9 * static_cast<double>(sample.stamp_ns);
+  for (int k = 0; k < 3; ++k) {
+    sample.angular_velocity_rad_s(k) += 0.05 * std::sin(2.0 * kPi * 31.7 * t_s + k);
+    sample.specific_force_m_s2(k) += 0.5 * std::sin(2.0 * kPi * 43.3 * t_s + 2.0 * k);
+  }
+  return sample;
+}
+
+struct AtRest {
+  double nees = 0.0, greatest_sigma_rad = 0.0;  ///< of the yaw
+  int ready = 0;
+};
+
+/// A vehicle that drives for 90 s and stands, on a table that turns by up to `turn_rad_s`; after each of `times_s`.
+std::vector<AtRest> rest(int seeds, double standing_turn_rad_s, double turn_rad_s, const std::vector<double>& times_s,
+                         bool is_shaken = false) {
+  std::vector<AtRest> results(times_s.size());
+  for (int seed = 0; seed < seeds; ++seed) {
+    SimulatedDrive drive;
+    drive.initial_yaw_rad = 0.77 * seed;
+    drive.legs = kDriveOf90s;
+    drive.legs.push_back({1e9, 0.0, turn_rad_s * (2.0 * (seed + 0.5) / seeds - 1.0)});
+    FlightSensors sensors;
+    sensors.imu_rate_hz = is_shaken ? 200.0 : 25.0;
+    sensors.correlated_share = 0.0;
+    GpsInsParams params;
+    params.standing_turn_rad_s = standing_turn_rad_s;
+    DriveRun run(drive, sensors, static_cast<std::uint64_t>(500 + seed));
+    GpsIns ins(params, {});
+    for (std::size_t i = 0; i < times_s.size(); run.next()) {
+      ins.add_imu(is_shaken && run.time_s() > 95.0 ? shaken(run.sample()) : run.sample());
+      if (!run.has_fix()) continue;
+      ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+      if (run.time_s() < 90.0 + times_s[i]) continue;
+      AtRest& result = results[i++];
+      const GpsInsPose pose = ins.pose();
+      if (!pose.is_ready) continue;
+      ++result.ready;
+      const double variance = yaw_variance(pose);
+      result.nees += std::pow(yaw_error(run.T_world_base(), pose), 2) / variance;
+      result.greatest_sigma_rad = std::max(result.greatest_sigma_rad, std::sqrt(variance));
+      EXPECT_LE(std::sqrt(variance), 1.05 * params.max_yaw_sigma_rad);
+    }
+  }
+  for (AtRest& result : results) result.nees /= result.ready;
+  return results;
+}
+
+void expect_known(const std::vector<AtRest>& results, int seeds, bool turns, const std::string& what) {
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    SCOPED_TRACE(what + ", time " + std::to_string(i));
+    EXPECT_EQ(results[i].ready, seeds);
+    EXPECT_LT(results[i].nees, band_95(seeds).second);
+    // Of something that does not turn, what may turn is known better than is said.
+    if (turns) {
+      EXPECT_GT(results[i].nees, band_95(seeds).first);
+    }
+    ::testing::Test::RecordProperty(what + std::to_string(i), std::to_string(results[i].nees) + " " +
+                                                                  std::to_string(results[i].greatest_sigma_rad));
+  }
+}
+
+// At rest the gyroscope measures its bias. What it stands on may turn by less than can be seen.
+TEST(GpsInsStanding, TheYawStaysKnownAsFarAsIsHonest) {
+  constexpr int kSeeds = 20;
+  constexpr double kTurn_rad_s = 0.0003;
+  const std::vector<double> minutes_s = {60.0, 180.0, 360.0};
+  expect_known(rest(kSeeds, kTurn_rad_s, 0.0, minutes_s), kSeeds, false, "still");
+  expect_known(rest(kSeeds, kTurn_rad_s, kTurn_rad_s, minutes_s), kSeeds, true, "turntable");
+  expect_known(rest(6, kTurn_rad_s, 0.0, {60.0, 180.0}, true), 6, false, "shaken");
+}
+
+TEST(GpsInsStanding, WhereNothingTurnsTheYawStaysKnownForLonger) {
+  constexpr int kSeeds = 12;
+  constexpr double kTurn_rad_s = 0.00003;
+  const std::vector<double> minutes_s = {60.0, 180.0, 600.0};
+  expect_known(rest(kSeeds, kTurn_rad_s, 0.0, minutes_s), kSeeds, false, "still");
+  expect_known(rest(kSeeds, kTurn_rad_s, kTurn_rad_s, minutes_s), kSeeds, true, "turntable");
+}
+
+// A table that begins to turn while a vehicle stands on it, fast enough to be seen.
+TEST(GpsInsStanding, ATurnThatBeginsAtRestIsSeen) {
+  for (const double rate_rad_s : {0.0008, -0.002, 0.01, -0.1}) {
+    for (int seed = 0; seed < 8; ++seed) {
+      SimulatedDrive drive;
+      drive.legs = kDriveOf90s;
+      drive.legs.push_back({100.0 + seed, 0.0, 0.0});
+      drive.legs.push_back({200.0, 0.0, rate_rad_s});
+      FlightSensors sensors;
+      sensors.imu_rate_hz = 25.0;
+      sensors.correlated_share = 0.0;
+      DriveRun run(drive, sensors, static_cast<std::uint64_t>(900 + seed));
+      GpsIns ins({}, {});
+      double greatest = 0.0;
+      for (; run.time_s() < 360.0; run.next()) {
+        ins.add_imu(run.sample());
+        if (!run.has_fix()) continue;
+        ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+        const GpsInsPose pose = ins.pose();
+        if (!pose.is_ready || run.time_s() < 185.0) continue;
+        greatest = std::max(greatest, std::pow(yaw_error(run.T_world_base(), pose), 2) / yaw_variance(pose));
+      }
+      EXPECT_LT(greatest, 16.0) << rate_rad_s << ", seed " << seed;
+    }
+  }
+}
+
+/// It holds its place to half a metre, and its yaw to 0.1 rad.
+struct Hovering {
+  double phase = 0.0;
+
+  static double turned(double t_s) { return 0.1 * std::sin(0.05 * t_s); }
+  Eigen::Vector3d velocity(double t_s) const {
+    return {0.05 * std::cos(0.1 * t_s + phase), 0.04 * std::cos(0.13 * t_s), 0.0};
+  }
+  Eigen::Quaterniond attitude(double t_s) const {
+    return Eigen::Quaterniond(Eigen::AngleAxisd(phase + turned(t_s), Eigen::Vector3d::UnitZ()) *
+                              Eigen::AngleAxisd(0.002 * std::sin(0.4 * t_s + phase), Eigen::Vector3d::UnitX()));
+  }
+  Eigen::Vector3d angular_velocity_body(double t_s) const {
+    constexpr double kStep_s = 1e-3;
+    return log_so3(attitude(t_s - kStep_s).conjugate() * attitude(t_s + kStep_s)) / (2.0 * kStep_s);
+  }
+  Eigen::Vector3d specific_force_body(double t_s) const {
+    const Eigen::Vector3d acceleration_m_s2(-0.005 * std::sin(0.1 * t_s + phase), -0.0052 * std::sin(0.13 * t_s), 0.0);
+    return attitude(t_s).conjugate() * (acceleration_m_s2 + kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ());
+  }
+};
+
+// The yaw is given at first, and then by the gyroscope alone.
+TEST(GpsInsStanding, AVehicleThatHoversDoesNotStand) {
+  double nees = 0.0;
+  constexpr int kSeeds = 12;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    FlightSensors sensors;
+    sensors.imu_rate_hz = 50.0;
+    sensors.correlated_share = 0.0;
+    MotionRun<Hovering> run({0.5 * seed}, sensors, static_cast<std::uint64_t>(seed));
+    Random random(static_cast<std::uint64_t>(50 + seed));
+    GpsIns ins({}, {});
+    double last = 0.0;
+    for (; run.time_s() < 260.0; run.next()) {
+      ins.add_imu(run.sample());
+      if (!run.has_fix()) continue;
+      ins.add_position(run.stamp_ns(), run.fix(), run.fix_covariance());
+      if (run.time_s() < 120.0) {
+        ins.add_heading(run.stamp_ns(), wrap_to_pi(base_yaw(run.T_world_base()) + 0.02 * random.normal()), 0.02);
+      }
+      const GpsInsPose pose = ins.pose();
+      if (!pose.is_ready || run.time_s() < 120.0) continue;
+      last = std::pow(yaw_error(run.T_world_base(), pose), 2) / yaw_variance(pose);
+      EXPECT_LT(last, 16.0) << seed << ", " << run.time_s();
+    }
+    nees += last / kSeeds;
+  }
+  EXPECT_LT(nees, band_95(kSeeds).second);
 }
 
 // --- outages ---
@@ -352,13 +513,6 @@ TEST(GpsInsOutages, TheFirstGoodFixesAfterwardsAreUsed) {
 }
 
 // --- anything ---
-
-/// Valid, odd and hostile, by turns.
-double odd_number(Random& random) {
-  constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
-  constexpr double kOdd[] = {0.0, -0.0, 1.0, -1.0, 1e-300, 1e-9, 1e5, 1e9, 1e155, -1e300, kNan, kInf, -kInf};
-  return kOdd[static_cast<std::size_t>(random.uniform(0.0, 13.0)) % 13];
-}
 
 TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
   for (std::uint64_t seed = 0; seed < 12; ++seed) {

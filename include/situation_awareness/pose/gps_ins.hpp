@@ -30,6 +30,7 @@ struct GpsInsParams {
   double gate_probability = 0.9999;
   double recover_after_s = 10.0;
   double sideslip_sigma_m_s = 0.0;
+  double standing_turn_rad_s = 0.0003;
   double max_yaw_sigma_rad = 0.1;
   double max_tilt_rad = 0.5;
   double level_wait_s = 5.0;
@@ -55,6 +56,9 @@ struct GpsInsParams {
           "the pose is doubted instead of the fixes if none was used for this time");
     visit("sideslip_sigma_m_s", self.sideslip_sigma_m_s, Bounds{0.0, 100.0}, "m/s",
           "standard deviation of the velocity sideways of a vehicle that goes where it heads; 0: it need not (wind)");
+    visit("standing_turn_rad_s", self.standing_turn_rad_s, Bounds{1e-6, 0.1}, "rad/s",
+          "largest rate of turn of a vehicle that stands, by which its yaw gets uncertain: least that the IMU shows; "
+          "less where what it stands on does not turn");
     visit("max_yaw_sigma_rad", self.max_yaw_sigma_rad, Bounds{0.01, 1.0}, "rad",
           "the pose is ready once the standard deviation of the yaw is well below this, and as long as it is below");
     visit("max_tilt_rad", self.max_tilt_rad, Bounds{0.05, 1.5}, "rad",

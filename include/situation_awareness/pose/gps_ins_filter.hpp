@@ -29,11 +29,19 @@ class InertialHistory {
     double accelerometer_noise = 0.0;  ///< m/s^2/sqrt(Hz)
     double gyroscope_noise = 0.0;      ///< rad/s/sqrt(Hz)
     double force_change_m_s2 = 0.0;    ///< root mean square of the force about its mean, over some seconds
+    /// At the end of a block of kBlock_s: whether its means and those of the block before are those of something that
+    /// may stand, the mean of the rate, and what that differs by from the one before.
+    bool ends_block = false, may_stand = false;
+    double block_s = 0.0;
+    Eigen::Vector3d mean_rate_rad_s = Eigen::Vector3d::Zero(), rate_change_rad_s = Eigen::Vector3d::Zero();
   };
+  /// Blocks are so long: there the means of two of them differ least, by white noise and by the walk of the bias.
+  static constexpr double kBlock_s = 8.0;
 
   /// It keeps the samples of this time, if they come at `most_hz` at most, and less of faster ones; it grows with their
   /// rate, and then stays.
-  InertialHistory(double duration_s, double most_hz);
+  /// What stands has rates whose means of two blocks differ by less than `standing_change_rad_s`, each axis.
+  InertialHistory(double duration_s, double most_hz, double standing_change_rad_s);
 
   void add(const InertialSample& sample);
   void clear();
@@ -55,8 +63,9 @@ class InertialHistory {
  private:
   bool is_full() const { return end_ - begin_ >= samples_.size(); }
   void grow();
+  void add_to_block(Entry& entry, double period_s);
 
-  double duration_s_;
+  double duration_s_, standing_change_rad_s_;
   std::size_t most_;
   std::vector<Entry> samples_;
   std::uint64_t begin_ = 0, end_ = 0;
@@ -72,7 +81,18 @@ class InertialHistory {
     void add(const InertialSample& sample, double period_s);
   };
   std::array<Blocks, 3> blocks_;
+  struct Standing {
+    std::int64_t begin_ns = 0;
+    int count = 0;  ///< samples of the present block
+    bool has_last = false;
+    Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero(), last = sum;  ///< force, rate
+  };
+  Standing standing_;
 };
+
+/// The least that the means of two blocks of the rate of something that stands may differ by (rad/s): what turns
+/// slowest, or what noise and the walk of the bias make of it.
+double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise);
 
 /// The sensors whose innovations are watched.
 enum class GpsInsSensor { kFix, kAltitude, kHeading, kSideslip, kOther };
@@ -118,6 +138,7 @@ struct GpsInsModel {
   double min_fix_sigma_m = 0.02;
   double fix_stamp_sigma_s = 0.01;
   double recover_after_s = 10.0;
+  double standing_turn_rad_s = 0.0003;
 };
 
 /// z - h(x) of a fix, with its Jacobian, and the noise that is white. `value` is the antenna's place in the world.
@@ -137,8 +158,10 @@ class GpsInsFilter {
 
   GpsInsFilter(const GpsInsModel& model, const FixNoise& fix_noise, std::size_t moments);
 
-  /// Starts anew at a stamp, from when on there are samples; measurements up to then have been used.
-  void start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu);
+  /// Starts anew at a stamp, from when on there are samples; measurements up to then have been used. A yaw that is only
+  /// tried is none that could stay known at rest.
+  void start(std::int64_t stamp_ns, const Estimate<GpsInsState>& estimate, const InertialHistory& imu,
+             bool is_yaw_known = false);
   /// Before a start.
   void set_fix_noise(const FixNoise& fix_noise) { fix_noise_ = fix_noise; }
 
@@ -187,6 +210,8 @@ class GpsInsFilter {
     Eigen::Vector3d rate_rad_s = Eigen::Vector3d::Zero();     ///< as measured
     double force_change_m_s2 = 0.0;                           ///< as measured
     double rate_variance = 0.0;                               ///< of its white noise, each axis
+    bool is_yaw_known = false, stands = false;
+    double stood_s = 0.0;  ///< of `motion`
     double log_likelihood = 0.0;
     std::int64_t yaw_shown_ns = 0;
     std::int64_t rejected_since_ns = 0, rejected_ns = 0;
@@ -200,6 +225,9 @@ class GpsInsFilter {
 
   void move_to(Moment& moment, std::int64_t stamp_ns, const InertialHistory& imu) const;
   void predict_covariance(Moment& moment) const;
+  /// At the end of a block of samples.
+  void watch_standing(Moment& moment, const InertialHistory::Entry& block) const;
+  bool may_stand(const Moment& moment) const;
   /// Also the share of its acceleration that shows the yaw.
   ErrorMatrix<GpsInsState> predicted_covariance(const Moment& moment, double& shown_share) const;
   /// Whether the rejected fix says that the filter is wrong, not the fix.
