@@ -154,16 +154,19 @@ def draw_days(days, path):
         warm = next(block for block in day.blocks if block["hours"] >= WARM_UP_HOURS - 1e-9)["resident_bytes"]
         memory.plot(hours, [(block["resident_bytes"] - warm) / 1e6 for block in day.blocks], color=KINDS[day.kind],
                     lw=1.6, label=f"{day.kind}, {warm / 1e6:.1f} MB after {WARM_UP_HOURS:g} h")
-        latency.plot(hours, [block["p50_us"] / block["yardstick_us"] for block in day.blocks], color=KINDS[day.kind],
-                     lw=1.6, label=day.kind)
+        second = day.quarter(1)
+        ratios = [block["p50_us"] / block["yardstick_us"] / second["p50_yardsticks"] for block in day.blocks]
+        latency.plot(hours, ratios, color=KINDS[day.kind], lw=1.6,
+                     label=f"{day.kind}, {second['p50_us'] / 1000:.2g} ms")
     memory.axhline(MAX_GROWTH_BYTES / 1e6, color="black", lw=1.0, ls="--")
     memory.axvspan(0.0, WARM_UP_HOURS, color="0.92", lw=0)
     memory.set_ylabel(f"memory, MB more than after {WARM_UP_HOURS:g} h")
-    latency.set_ylim(bottom=0.0)
-    latency.set_ylabel("p50, yardsticks")
+    latency.axhline(MAX_RATIO, color="black", lw=1.0, ls="--")
+    latency.set_ylim(0.0, 1.5)
+    latency.set_ylabel("p50 in yardsticks, to that in the second quarter")
     latency.set_xlabel("hours of data")
-    for ax in (memory, latency):
-        ax.legend(loc="lower right", frameon=False)
+    for ax, place in ((memory, "center right"), (latency, "lower right")):
+        ax.legend(loc=place, frameon=False)
         clean(ax)
     save(figure, path)
 
