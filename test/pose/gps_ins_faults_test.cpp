@@ -330,7 +330,8 @@ TEST(GpsInsStanding, WhereNothingTurnsTheYawStaysKnownForLonger) {
   constexpr double kTurn_rad_s = 0.00003;
   const std::vector<double> minutes_s = {60.0, 180.0, 600.0};
   expect_known(rest(kSeeds, kTurn_rad_s, 0.0, minutes_s), kSeeds, false, "still");
-  expect_known(rest(kSeeds, kTurn_rad_s, kTurn_rad_s, minutes_s), kSeeds, true, "turntable");
+  // So small a turn is less than what the parameters say of the noise, more than this IMU has.
+  expect_known(rest(kSeeds, kTurn_rad_s, kTurn_rad_s, minutes_s), kSeeds, false, "turntable");
 }
 
 // A table that begins to turn while a vehicle stands on it, fast enough to be seen.
