@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -270,16 +271,22 @@ TEST(SplinegonPipelineFlights, RemembersNoMoreWithTimeWhereThingsMove) {
 // What the first seconds are put together by is shared by the scans that come next.
 TEST(SplinegonPipelineFlights, NoScanOfTheBeginTakesTheTimeOfAll) {
   for (const bool is_box : {false, true}) {
-    Flight flight(is_box ? box(12.0, 7.0) : ellipse({10.0, 6.0}));
-    SplinegonPipeline pipeline(shipped());
-    double all_us = 0.0, most_us = 0.0;
-    fly_by_inertial_navigation(pipeline, flight, {0.002, {0.05, -0.05}, {0.4, -0.5}}, 4.0 / Flight::lap_s(),
-                               [&](double, double cpu_us) {
-                                 all_us += cpu_us;
-                                 most_us = std::max(most_us, cpu_us);
-                               });
-    EXPECT_TRUE(pipeline.alignment().has_begun());
-    EXPECT_LT(most_us, 0.33 * all_us);
+    // The work is the same each time; what other processes add to the time of a scan is not.
+    std::vector<double> least_us;
+    for (int repeat = 0; repeat < 5; ++repeat) {
+      Flight flight(is_box ? box(12.0, 7.0) : ellipse({10.0, 6.0}));
+      SplinegonPipeline pipeline(shipped());
+      std::size_t scan = 0;
+      fly_by_inertial_navigation(pipeline, flight, {0.002, {0.05, -0.05}, {0.4, -0.5}}, 4.0 / Flight::lap_s(),
+                                 [&](double, double cpu_us) {
+                                   if (scan == least_us.size()) least_us.push_back(cpu_us);
+                                   least_us[scan] = std::min(least_us[scan], cpu_us);
+                                   ++scan;
+                                 });
+      EXPECT_TRUE(pipeline.alignment().has_begun());
+    }
+    const double all_us = std::accumulate(least_us.begin(), least_us.end(), 0.0);
+    EXPECT_LT(*std::max_element(least_us.begin(), least_us.end()), 0.33 * all_us);
   }
 }
 
