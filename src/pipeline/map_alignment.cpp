@@ -407,7 +407,7 @@ std::optional<MapAlignment::PlaceByMap> MapAlignment::better_place(const Pose2& 
   const Eigen::Vector2d apart_m =
       (place.T_world_odom * T_odom_level_).translation_m - (T_world_odom * T_odom_level_).translation_m;
   const Eigen::Matrix2d P = pose_covariance.topLeftCorner<2, 2>();
-  place.covariance *= 1.0 + 0.5 * apart_m.dot(P.llt().solve(apart_m));
+  place.covariance *= 1.0 + apart_m.dot(P.llt().solve(apart_m));
   if (!(place.covariance.topLeftCorner<2, 2>().trace() <= P.trace())) return {};
   return place;
 }
