@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
+#include <stdexcept>
 #include <utility>
+
+#include "situation_awareness/estimation/covariance.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -31,6 +34,9 @@ void GridPipeline::begin_anew() {
 
 const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                                          const std::optional<CameraPoseCovariance>& covariance) {
+  if (covariance && !is_positive_semidefinite(*covariance)) {
+    throw std::invalid_argument("the covariance of the camera's pose is none");
+  }
   verdict_ = order_.judge(labels.stamp_ns);
   if (verdict_ == StampOrder::Verdict::kRefused) return tracks_.targets();
   if (verdict_ == StampOrder::Verdict::kRestart) begin_anew();

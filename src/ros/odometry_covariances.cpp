@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
 namespace situation_awareness {
@@ -12,8 +13,7 @@ void OdometryCovariances::add(const nav_msgs::Odometry& msg, std::int64_t receiv
   constexpr std::size_t kKept = 10000;
   CameraPoseCovariance covariance;
   for (int i = 0; i < 36; ++i) covariance(i / 6, i % 6) = msg.pose.covariance[static_cast<std::size_t>(i)];
-  const Eigen::VectorXd variances = covariance.diagonal();
-  if (!covariance.allFinite() || variances.minCoeff() < 0.0 || variances.maxCoeff() == 0.0) {
+  if (!is_positive_semidefinite(covariance) || covariance.isZero(0.0)) {
     ++unknown_;
     return;
   }

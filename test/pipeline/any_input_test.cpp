@@ -5,6 +5,8 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -13,7 +15,9 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/map/grid/elevation.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "support/covariance.hpp"
 #include "support/lively_scene.hpp"
 #include "support/odd_number.hpp"
@@ -226,6 +230,28 @@ TYPED_TEST(AnyInput, LeavesAnEstimateThatIsGoodAgainSoon) {
     TypeParam stage(seed);
     run(stage, 100 + seed);
   }
+}
+
+TEST(GridPipeline, RefusesWhatIsNoCovariance) {
+  GridPipeline pipeline({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0),
+                                                        Eigen::Vector2d(1000.0, 1000.0), std::vector<float>{0.0F}));
+  SoftLabels labels;
+  labels.stamp_ns = kBegin_ns;
+  labels.camera = {4, 4, 4.0, 4.0, 1.5, 1.5};
+  labels.probability.assign(16, 0.0F);
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+  T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
+  T_world_camera.translation().z() = 30.0;
+  CameraPoseCovariance covariance = CameraPoseCovariance::Identity();
+  EXPECT_NO_THROW(pipeline.process(labels, T_world_camera, covariance));
+  labels.stamp_ns += 100'000'000;
+  for (const double correlated : {1.5, std::numeric_limits<double>::quiet_NaN()}) {
+    covariance(0, 1) = covariance(1, 0) = correlated;
+    EXPECT_THROW(pipeline.process(labels, T_world_camera, covariance), std::invalid_argument);
+  }
+  covariance(0, 1) = covariance(1, 0) = 0.5;
+  EXPECT_NO_THROW(pipeline.process(labels, T_world_camera, covariance));
+  EXPECT_EQ(pipeline.verdict(), StampOrder::Verdict::kNext);
 }
 
 }  // namespace

@@ -12,6 +12,7 @@
 
 #include "situation_awareness/ros/convert/grid.hpp"
 #include "situation_awareness/ros/convert/labels.hpp"
+#include "situation_awareness/ros/odometry_covariances.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -136,6 +137,30 @@ TEST(LabelMessages, ComeBackExactlyInEitherByteOrder) {
     EXPECT_EQ(read.camera.fy_px, 12.0);
     EXPECT_EQ(std::memcmp(read.probability.data(), labels.probability.data(), 12), 0);
   }
+}
+
+TEST(OdometryCovariances, AreNoneWhereTheMessageHasNone) {
+  OdometryCovariances covariances;
+  nav_msgs::Odometry msg;
+  const auto add = [&](double xx, double xy, double yy, double rest) {
+    msg.header.stamp += ros::Duration(0.01);
+    msg.pose.covariance.fill(0.0);
+    for (std::size_t i = 0; i < 6; ++i) msg.pose.covariance[7 * i] = rest;
+    msg.pose.covariance[0] = xx;
+    msg.pose.covariance[1] = msg.pose.covariance[6] = xy;
+    msg.pose.covariance[7] = yy;
+    covariances.add(msg);
+  };
+  add(0.0, 0.0, 0.0, 0.0);
+  add(-1.0, 0.0, 1.0, 1.0);
+  add(std::numeric_limits<double>::quiet_NaN(), 0.0, 1.0, 1.0);
+  add(2.25, 3.0, 2.25, 1.0);  // of the variance -0.75 in a direction
+  EXPECT_EQ(covariances.unknown(), 4U);
+  EXPECT_FALSE(covariances.at(static_cast<std::int64_t>(msg.header.stamp.toNSec())));
+  add(2.25, 2.0, 2.25, 1.0);
+  const auto known = covariances.at(static_cast<std::int64_t>(msg.header.stamp.toNSec()));
+  ASSERT_TRUE(known);
+  EXPECT_EQ((*known)(0, 1), 2.0);
 }
 
 }  // namespace

@@ -69,8 +69,9 @@ class GridPipeline {
   /// As StampOrder::trust, where another has judged the stamps.
   void trust_stamps() { order_.trust(); }
 
-  /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known. One whose stamp
-  /// is not in order changes nothing. The result is valid until the next call.
+  /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known; throws
+  /// std::invalid_argument if it is none (is_positive_semidefinite). An image whose stamp is not in order changes
+  /// nothing. The result is valid until the next call.
   const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                              const std::optional<CameraPoseCovariance>& covariance = {});
 

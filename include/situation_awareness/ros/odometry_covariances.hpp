@@ -17,7 +17,7 @@ namespace situation_awareness {
 /// which are those of a camera on it but for the lever arm.
 class OdometryCovariances {
  public:
-  /// One that is not finite, has a negative variance or is zero throughout says nothing, and is counted; so is one
+  /// One that is no covariance (is_positive_semidefinite) or is zero throughout says nothing, and is counted; so is one
   /// whose stamp is not in order. `received_ns` as StampOrder::judge; a restart forgets all before.
   void add(const nav_msgs::Odometry& msg, std::int64_t received_ns = StampOrder::kNone);
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/estimation/covariance.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -17,7 +18,7 @@ bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covaria
   const Pose2& T = polylines.T_world_level;
   const auto is_near = [](const Eigen::Vector2d& p_m) { return p_m.cwiseAbs().maxCoeff() < kFarthest_m; };
   if (!T.translation_m.allFinite() || !is_near(T.translation_m) || !std::isfinite(T.yaw_rad) ||
-      !pose_covariance.allFinite() || !(pose_covariance.diagonal().minCoeff() >= 0.0)) {
+      !is_positive_semidefinite(pose_covariance)) {
     return false;
   }
   return std::all_of(polylines.hits.begin(), polylines.hits.end(), [&](const PolylineHit& hit) {

@@ -223,6 +223,9 @@ TEST(TimedPolygonMap, RefusesScansThatHaveNoPlace) {
   EXPECT_TRUE(refused(bad, kCovariance));
   EXPECT_TRUE(refused(good, nan * kCovariance));
   EXPECT_TRUE(refused(good, -kCovariance));
+  Eigen::Matrix3d indefinite = kCovariance;
+  indefinite(0, 1) = indefinite(1, 0) = 1.5 * kCovariance(0, 0);
+  EXPECT_TRUE(refused(good, indefinite));
   EXPECT_EQ(text_of(map), before);
   EXPECT_FALSE(refused(good, kCovariance));
 }
