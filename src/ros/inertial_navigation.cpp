@@ -36,7 +36,7 @@ Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
 
 void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_world_odom,
                   const Eigen::Isometry3d& T_odom_base, WorldPose& pose) {
-  const auto by_map = alignment.better_place(pose2_of(T_world_odom), planar_covariance(pose));
+  const auto by_map = alignment.better_place(planar_covariance(pose));
   if (!by_map) return;
   Eigen::Isometry3d T_new_odom = Eigen::Isometry3d::Identity();
   T_new_odom.translation() << by_map->T_world_odom.translation_m, T_world_odom.translation().z();

@@ -129,7 +129,7 @@ void fly(const Receiver& receiver, const Outline& outline, std::uint64_t seed, F
                        placement);
       const Eigen::Vector2d truth_m = (run.T_world_base().translation() + begin_m).head<2>();
       flown.by_gps_ins.add(truth_m - T_world_base.translation_m, placement.pose_covariance.topLeftCorner<2, 2>());
-      if (const auto place = pipeline.alignment().better_place(placement.T_world_odom, placement.pose_covariance)) {
+      if (const auto place = pipeline.alignment().better_place(placement.pose_covariance)) {
         ++flown.by_map;
         flown.chosen.add(truth_m - place->T_world_odom * p_odom_m, place->covariance.topLeftCorner<2, 2>());
       } else {
@@ -147,45 +147,54 @@ void fly(const Receiver& receiver, const Outline& outline, std::uint64_t seed, F
   }
 }
 
-/// A scanner that flies around a round tower sees neither how far it went around it nor how it turns.
-Outline tower() {
-  const Outline fine = ellipse({6.1, 6.0});
+struct Obstacle {
+  std::string name;
   Outline outline;
-  for (std::size_t i = 0; i < fine.size(); i += 10) outline.push_back(fine[i]);
-  return outline;
+};
+
+/// A scanner that flies around a round tower sees neither how far it went around it nor how it turns; around ellipses
+/// it sees it the less the rounder they are.
+std::vector<Obstacle> obstacles() {
+  const auto tower = [](double length_m, double width_m) {
+    const Outline fine = ellipse({length_m, width_m});
+    Outline outline;
+    for (std::size_t i = 0; i < fine.size(); i += 10) outline.push_back(fine[i]);
+    return outline;
+  };
+  return {{"box", box(12.0, 7.0)},
+          {"tower", tower(6.1, 6.0)},
+          {"ellipse", tower(10.0, 6.0)},
+          {"round ellipse", tower(8.0, 6.0)}};
 }
 
-void expect_no_worse(const Receiver& receiver, const Outline& outline, int seeds) {
+void expect_no_worse(const Receiver& receiver, const Obstacle& obstacle, int seeds) {
   Flown flown;
-  for (int seed = 1; seed <= seeds; ++seed) fly(receiver, outline, static_cast<std::uint64_t>(seed), flown);
+  for (int seed = 1; seed <= seeds; ++seed) fly(receiver, obstacle.outline, static_cast<std::uint64_t>(seed), flown);
   const Errors &alone = flown.by_gps_ins, &chosen = flown.chosen;
   const std::string what = std::to_string(receiver.sigma_m) + " m, " + std::to_string(receiver.correlated_share) +
-                           " of it slow, outage of " + std::to_string(receiver.outage_s) + " s, " +
-                           (outline.size() == 4 ? "box" : "tower");
+                           " of it slow, outage of " + std::to_string(receiver.outage_s) + " s, " + obstacle.name;
   SCOPED_TRACE(what);
   std::printf("%s: %.3f m, NEES %.2f; GPS and INS alone %.3f m, %.2f; beyond 3 sigma %.1f %%; %.0f %% by the map\n",
               what.c_str(), chosen.rms_m(), chosen.mean_nees(), alone.rms_m(), alone.mean_nees(),
               100.0 * chosen.beyond_3_sigma / chosen.scans, 100.0 * flown.by_map / chosen.scans);
-  EXPECT_LT(chosen.rms_m(), 1.02 * alone.rms_m());
+  EXPECT_LE(chosen.rms_m(), alone.rms_m());
   // Of two errors in each lap.
   const double freedom = 6.0 * seeds;
   EXPECT_LT(chosen.mean_nees(), 2.0 * chi_square_quantile(0.975, freedom) / freedom);
 }
 
 TEST(PlaceByMap, IsNoWorseThanGpsAndIns) {
-  for (const Outline& outline : {box(12.0, 7.0), tower()}) {
-    for (const double share : {0.0, 0.7}) {
-      for (const double sigma_m : {0.3, 1.5}) expect_no_worse({sigma_m, share, 20.0}, outline, 2);
-    }
+  for (const Obstacle& obstacle : obstacles()) {
+    for (const double share : {0.0, 0.7}) expect_no_worse({1.5, share, 20.0}, obstacle, 2);
   }
 }
 
 TEST(PlaceByMapLong, IsNoWorseThanGpsAndIns) {
-  for (const Outline& outline : {box(12.0, 7.0), tower()}) {
+  for (const Obstacle& obstacle : obstacles()) {
     for (const double share : {0.0, 0.7}) {
-      for (const double sigma_m : {0.02, 0.3, 1.5, 5.0}) expect_no_worse({sigma_m, share, 20.0}, outline, 6);
+      for (const double sigma_m : {0.02, 0.3, 1.5, 5.0}) expect_no_worse({sigma_m, share, 20.0}, obstacle, 6);
     }
-    expect_no_worse({1.5, 0.7, 20.0, 20.0}, outline, 6);
+    expect_no_worse({1.5, 0.7, 20.0, 20.0}, obstacle, 6);
   }
 }
 

@@ -128,14 +128,15 @@ class MapAlignment {
   const Pose2& T_world_map() const { return T_world_map_; }
   double variance_m2(double from_middle_m) const;
   /// From odom to the world by way of the map, and the covariance of the scanner's x, y (m) and yaw (rad) in the world;
-  /// nothing where GPS and INS, of which it is given what they say, know it as well: the map is better where these have
-  /// had no fix for long. A map may turn with the scanner, around something round, and does not know: its covariance
-  /// is the larger the farther it is from where GPS and INS say, in standard deviations of these.
+  /// nothing where GPS and INS, of which the covariance is given, know it as well: the map is better where these have
+  /// had no fix for long. Nothing either where what was hit lately leaves a direction open (Zhang, Kaess and Singh, On
+  /// degeneracy of optimization-based state estimation problems, ICRA 2016): a map of something round turns with the
+  /// scanner, one of a flat face slides along it, and neither knows.
   struct PlaceByMap {
     Pose2 T_world_odom;
     Eigen::Matrix3d covariance;
   };
-  std::optional<PlaceByMap> better_place(const Pose2& T_world_odom, const Eigen::Matrix3d& pose_covariance) const;
+  std::optional<PlaceByMap> better_place(const Eigen::Matrix3d& pose_covariance) const;
 
  private:
   struct Pair {
@@ -163,6 +164,8 @@ class MapAlignment {
   void go_on(const Pose2& T_odom_level, const Eigen::Vector2d& v_odom_m_s, double dt_s);
   void correct(const PolygonMap& map, const Polylines& polylines, const InertialPlacement& placement, double dt_s);
   void place(const Polylines& polylines, const InertialPlacement& placement);
+  void watch_shape(const Polylines& polylines);
+  double least_told() const;
   Eigen::Matrix3d covariance_world() const;
   void average(const Polylines& polylines, const Pose2& T_map_level, const InertialPlacement& placement);
 
@@ -196,6 +199,14 @@ class MapAlignment {
   Pose2 T_world_map_;
   Eigen::Vector2d middle_map_m_ = Eigen::Vector2d::Zero();  ///< of hits
   Eigen::Vector2d middle_world_m_ = Eigen::Vector2d::Zero();
+  /// Of the hits lately, the later the more: sums of h h^T, h of how far a hit goes along its normal by a step along x
+  /// and y and by a turn about the map's origin; of their places; of the squares of these; and their number.
+  struct Shape {
+    Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
+    Eigen::Vector2d sum_map_m = Eigen::Vector2d::Zero();
+    double squares_m2 = 0.0, hits = 0.0;
+  };
+  Shape shape_;
   double yaw_rad_ = 0.0;
   double position_weight_ = 0.0, yaw_weight_ = 0.0, poses_ = 0.0;
   double position_variance_m2_ = 0.0, yaw_variance_rad2_ = 0.0;  ///< of the poses, harmonic means
