@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdint>
 #include <ctime>
+#include <limits>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -227,7 +228,8 @@ TEST(PoseGraph, KeepsTheLatestPoses) {
   EXPECT_GT(graph.motion_of(at(kPoses - 300.0)).translation_m.x(), 0.05);
 }
 
-/// CPU time of a loop that is found after so long, while what is seen was drawn at any time of the latest half hour.
+/// Least CPU time of a loop that is found after so long, while what is seen was drawn at any time of the latest half
+/// hour.
 double loop_cost_s(double t_s) {
   Random random(3);
   PoseGraph graph;
@@ -239,9 +241,14 @@ double loop_cost_s(double t_s) {
     }
   }
   tie(graph, t_s - 60.0, along_line(0), {{0.1, 0.0}, 0.0}, kLoopWeight);
-  const std::clock_t begin = std::clock();
-  graph.solve();
-  return static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC;
+  double least_s = std::numeric_limits<double>::infinity();  // other processes add to the others
+  for (int repeat = 0; repeat < 10; ++repeat) {
+    PoseGraph once = graph;
+    const std::clock_t begin = std::clock();
+    once.solve();
+    least_s = std::min(least_s, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
+  }
+  return least_s;
 }
 
 // The loop is solved in the callback of a scan.
