@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <ctime>
 #include <utility>
 #include <vector>
 
@@ -18,6 +17,7 @@
 #include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
+#include "support/thread_cpu.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -154,12 +154,6 @@ void from_scan_to_map(benchmark::State& state) {
 }
 BENCHMARK(from_scan_to_map)->Arg(40)->Arg(125)->Arg(250)->Arg(500)->Iterations(500)->Unit(benchmark::kMicrosecond);
 
-double cpu_now_us() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
-}
-
 /// From scan to chains and objects together.
 void from_scan_to_both_maps(benchmark::State& state) {
   Drive drive(static_cast<int>(state.range(0)), true);
@@ -182,11 +176,11 @@ void from_scan_to_both_maps(benchmark::State& state) {
     state.PauseTiming();
     const Scan scan = drive.next();
     const Eigen::Isometry3d T_world_lidar = drive.pose();
-    const double begin_us = cpu_now_us();
+    const double begin_us = thread_cpu_us();
     state.ResumeTiming();
     one(scan, T_world_lidar);
     state.PauseTiming();
-    times_us.push_back(cpu_now_us() - begin_us);
+    times_us.push_back(thread_cpu_us() - begin_us);
     on_movers += pipeline.movers().count() > 0 ? 1 : 0;
     state.ResumeTiming();
   }

@@ -7,18 +7,13 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <ctime>
 #include <fstream>
 #include <stdexcept>
 #include <vector>
 
-namespace situation_awareness {
+#include "support/thread_cpu.hpp"
 
-inline double thread_cpu_us() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return 1e6 * static_cast<double>(time.tv_sec) + 1e-3 * static_cast<double>(time.tv_nsec);
-}
+namespace situation_awareness {
 
 /// Of the process: resident memory, and allocated heap memory.
 struct Memory {
