@@ -25,21 +25,12 @@ scouting:
 # Two vehicles that fly: one circles from (0, 0) to (20, 20), one is at home at first and then elsewhere. All that their
 # missions need at 10 Hz, and a line for each thing that they are told.
 VEHICLES = """
-import math, sys, threading, time
-import rospy
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
 from situation_awareness.msg import MissionStatus, ScoutStatus, SplinegonArray, TargetArray
 from tf2_msgs.msg import TFMessage
-sys.path.insert(0, sys.argv[1])
 from ros_support import transform_msg
-rospy.init_node(sys.argv[2], disable_signals=True)
-lock = threading.Lock()
-def say(*words):
-    with lock:
-        print(time.monotonic(), *words, flush=True)
-rospy.Subscriber("cmd_vel", Twist, lambda msg: say("cmd", msg.linear.x, msg.angular.z))
 rospy.Subscriber("go_to", PoseStamped, lambda msg: say("go_to", msg.pose.position.x, msg.pose.position.y))
 rospy.Subscriber("scout", ScoutStatus, lambda msg: say("scout", msg.state, msg.elapsed))
 rospy.Subscriber("mission", MissionStatus, lambda msg: say("mission", msg.state))

@@ -13,11 +13,24 @@ from fault_record import recorded
 from master_restart_test import ROOT, MasterTest, wait_until
 
 STANDS_S = 3.0
+# The begin of each program, which prints the time and what its vehicles are told.
+PROGRAM = """
+import math, sys, threading, time
+sys.path.insert(0, sys.argv[1])
+import rospy
+from geometry_msgs.msg import Twist
+rospy.init_node(sys.argv[2], disable_signals=True)
+lock = threading.Lock()
+def say(*words):
+    with lock:
+        print(time.monotonic(), *words, flush=True)
+rospy.Subscriber("cmd_vel", Twist, lambda msg: say("cmd", msg.linear.x, msg.angular.z))
+"""
 
 
 class ProcessesTest(MasterTest):
-    """Stages, and a program that moves their vehicles and prints a line for whatever it is told: the time by the steady
-    clock, the kind and numbers. Each test says what each of the stages does."""
+    """Stages, and a program, after PROGRAM, that moves their vehicles and prints a line for whatever it is told: the time
+    by the steady clock, the kind and numbers. Each test says what each of the stages does."""
 
     stages = ()
     manager = ""
@@ -36,7 +49,8 @@ class ProcessesTest(MasterTest):
                                      f"config:={config}"])
 
     def start_vehicles(self):
-        return self.start("vehicles", ["/usr/bin/python3", "-c", self.program, str(ROOT / "test/ros"), "vehicles"])
+        return self.start("vehicles", ["/usr/bin/python3", "-c", PROGRAM + self.program, str(ROOT / "test/ros"),
+                                       "vehicles"])
 
     def set_off(self):
         self.start_vehicles()
