@@ -380,8 +380,8 @@ void MapAlignment::watch_shape(const Polylines& polylines) {
   }
 }
 
-/// Of a hit in the mean on the step, or turn, that hits tell least about; a turn about their middle, times their
-/// distance from it.
+/// The mean information of a hit on the step, or turn, that hits tell least about. A turn is one about their middle,
+/// times their distance from it.
 double MapAlignment::least_told() const {
   if (!(shape_.hits >= 1.0)) return 0.0;
   const Eigen::Vector2d middle_m = shape_.sum_map_m / shape_.hits;

@@ -84,8 +84,8 @@ Eigen::Vector3d mix(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double p
 }  // namespace
 
 double standing_change(double standing_turn_rad_s, const InertialNoiseParams& noise) {
-  // Of means of neighbouring blocks white noise differs by twice the variance of a mean, a walk by 2/3 of that of a
-  // block's duration.
+  // The difference of the means of neighbouring blocks has twice the variance of a mean by white noise, and 2/3 of that
+  // of a block's duration by a walk.
   const double variance = 2.0 * noise.gyroscope_noise * noise.gyroscope_noise / InertialHistory::kBlock_s +
                           2.0 / 3.0 * noise.gyroscope_bias_walk * noise.gyroscope_bias_walk * InertialHistory::kBlock_s;
   return std::max(standing_turn_rad_s, kStandingSigmas * std::sqrt(variance));

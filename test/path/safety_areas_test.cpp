@@ -556,7 +556,7 @@ TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
   }
 }
 
-// That one is in order ahead is not shown by what it sees behind, where a file has walls ahead.
+// What a scanner sees behind does not show that it sees ahead, where a file has walls.
 TEST(SafetyAreas, AQuarterThatSeesNothingOfAFileIsAStop) {
   SafetyScene scene = corridor();
   scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
@@ -686,8 +686,8 @@ TEST(SafetyAreas, ADriverThatRepeatsItselfIsAStop) {
   }
 }
 
-// Of a driver that repeats itself from the first scan on, nobody knows noise: the vehicle has to move until it is
-// found. Noise of the pose does not set it off again, nor does time.
+// A driver that repeats itself from the first scan on has shown no noise: the vehicle has to move until it is found.
+// Noise of the pose does not set it off again, nor does time.
 TEST(SafetyAreas, ADriverThatRepeatsItsFirstScanIsFoundOnce) {
   SafetyScene scene = corridor();
   const Points first = scene.points();

@@ -31,7 +31,7 @@ struct Receiver {
   double outage_s = 0.0;  ///< at the end of the flight
 };
 
-/// Of x, y of the poses at the scans.
+/// The errors are those of x and y of the poses at the scans.
 struct Errors {
   double square_m2 = 0.0, nees = 0.0;
   int scans = 0, beyond_3_sigma = 0;
@@ -179,7 +179,7 @@ void expect_no_worse(const Receiver& receiver, const Obstacle& obstacle, int see
               what.c_str(), chosen.rms_m(), chosen.mean_nees(), alone.rms_m(), alone.mean_nees(),
               100.0 * chosen.beyond_3_sigma / chosen.scans, 100.0 * flown.by_map / chosen.scans);
   EXPECT_LE(chosen.rms_m(), alone.rms_m());
-  // Of two errors in each lap.
+  // Two errors in each lap are taken to be independent.
   const double freedom = 6.0 * seeds;
   const double most_nees = 2.0 * chi_square_quantile(0.975, freedom) / freedom;
   EXPECT_LE(chosen.mean_nees(), std::max(most_nees, alone.mean_nees()));

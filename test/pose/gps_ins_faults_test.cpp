@@ -306,7 +306,7 @@ void expect_known(const std::vector<AtRest>& results, int seeds, bool turns, con
     SCOPED_TRACE(what + ", time " + std::to_string(i));
     EXPECT_EQ(results[i].ready, seeds);
     EXPECT_LT(results[i].nees, band_95(seeds).second);
-    // Of something that does not turn, what may turn is known better than is said.
+    // The sigma allows for a turn, so that the yaw of something that does not turn is known better than is said.
     if (turns) {
       EXPECT_GT(results[i].nees, band_95(seeds).first);
     }

@@ -199,8 +199,8 @@ class MapAlignment {
   Pose2 T_world_map_;
   Eigen::Vector2d middle_map_m_ = Eigen::Vector2d::Zero();  ///< of hits
   Eigen::Vector2d middle_world_m_ = Eigen::Vector2d::Zero();
-  /// Of the hits lately, the later the more: sums of h h^T, h of how far a hit goes along its normal by a step along x
-  /// and y and by a turn about the map's origin; of their places; of the squares of these; and their number.
+  /// The sums are of the hits lately, the later the more: of h h^T, where h says how far a hit goes along its normal by
+  /// a step along x and y and by a turn about the map's origin; of their places; of the squares of these.
   struct Shape {
     Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
     Eigen::Vector2d sum_map_m = Eigen::Vector2d::Zero();
