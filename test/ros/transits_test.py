@@ -19,6 +19,7 @@ from ros_support import Latest, refusal_of_node, wait_until  # noqa: E402
 from situation_awareness.msg import MappedPolygon, PolygonArray, Transit  # noqa: E402
 
 DOCKS = ((1.6, 0.0), (13.6, 0.0))
+STALE_S = 0.3  # of simulated time: an older pose steers no more
 SIGMA_M, SIGMA_RAD = 0.001, 0.0005
 
 
@@ -50,8 +51,9 @@ class Vehicle:
         aside = y if direction == 0.0 else -y
         error = math.remainder(yaw - direction, 2.0 * math.pi)
         command = Twist()
-        command.linear.x = max(0.0, min(0.8, ahead))
-        command.angular.z = -1.5 * error - 0.8 * aside if ahead > 0.3 else 0.0
+        if (rospy.Time.now() - message.header.stamp).to_sec() < STALE_S:
+            command.linear.x = max(0.0, min(0.8, ahead))
+            command.angular.z = -1.5 * error - 0.8 * aside if ahead > 0.3 else 0.0
         self.commands.publish(command)
 
         estimate = PoseWithCovarianceStamped()
