@@ -14,6 +14,8 @@ from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker
 
+import delayed_messages  # noqa: F401  Which delays messages where that is asked for.
+
 ANGLE_MIN = -2.35619449
 INCREMENT = 0.0087266463  # 0.5 deg
 BEAMS = 541
