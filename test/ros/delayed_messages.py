@@ -14,11 +14,12 @@ from rospy.topics import _SubscriberImpl
 
 
 class Line:
-    """What is done in order, each at a time of its own after it was asked for."""
+    """What is done in order, each at a time of its own after it was asked for; where `queue_size` later ones are due, too,
+    it is left out, as in a queue that is full."""
 
-    def __init__(self, name, at_most_s, seed):
+    def __init__(self, name, at_most_s, seed, queue_size=None):
         self.random = random.Random(f"{name} {seed}")
-        self.at_most_s = at_most_s
+        self.at_most_s, self.queue_size = at_most_s, queue_size
         self.waiting = queue.Queue()
         threading.Thread(target=self.run, daemon=True).start()
 
@@ -29,20 +30,28 @@ class Line:
         while True:
             due_s, act = self.waiting.get()
             time.sleep(max(0.0, due_s - time.monotonic()))
+            if self.is_full():
+                continue
             try:
                 act()
             except rospy.ROSException:  # The topic was closed meanwhile.
                 pass
 
 
+    def is_full(self):
+        later = self.waiting.queue
+        return (self.queue_size is not None and len(later) >= self.queue_size
+                and later[self.queue_size - 1][0] <= time.monotonic())
+
+
 def delay_messages(at_most_s, seed):
     """Of all publishers and subscribers of this process."""
     lines, lock = {}, threading.Lock()
 
-    def line_of(key, name):
+    def line_of(key, name, queue_size=None):
         with lock:
             if key not in lines:
-                lines[key] = Line(name, at_most_s, seed)
+                lines[key] = Line(name, at_most_s, seed, queue_size)
             return lines[key]
 
     publish, invoke = rospy.Publisher.publish, _SubscriberImpl._invoke_callback
@@ -52,7 +61,7 @@ def delay_messages(at_most_s, seed):
         line_of(self, "to " + self.resolved_name).add(lambda: publish(self, *message[0], **message[1]))
 
     def invoke_late(self, msg, cb, cb_args):
-        line_of((self, cb), "from " + self.resolved_name).add(lambda: invoke(self, msg, cb, cb_args))
+        line_of((self, cb), "from " + self.resolved_name, self.queue_size).add(lambda: invoke(self, msg, cb, cb_args))
 
     rospy.Publisher.publish, _SubscriberImpl._invoke_callback = publish_late, invoke_late
 

@@ -32,7 +32,7 @@ from situation_awareness.msg import MissionStatus, ScoutStatus, SplinegonArray, 
 from tf2_msgs.msg import TFMessage
 from ros_support import transform_msg
 rospy.Subscriber("go_to", PoseStamped, lambda msg: say("go_to", msg.pose.position.x, msg.pose.position.y))
-rospy.Subscriber("scout", ScoutStatus, lambda msg: say("scout", msg.state, msg.elapsed))
+rospy.Subscriber("scout", ScoutStatus, lambda msg: say("scout", msg.state, msg.elapsed, msg.header.stamp.to_sec()))
 rospy.Subscriber("mission", MissionStatus, lambda msg: say("mission", msg.state))
 out = {kind: rospy.Publisher(topic, kind, queue_size=10) for topic, kind in (
     ("odometry", Odometry), ("scan", LaserScan), ("splinegons", SplinegonArray), ("targets", TargetArray))}
@@ -55,7 +55,7 @@ while True:
             msg.pose.pose.position.z = 25.0
             msg.pose.pose.orientation.z, msg.pose.pose.orientation.w = math.sin(angle / 2), math.cos(angle / 2)
             msg.twist.twist.linear.x = 5.0
-            say("pose", msg.pose.pose.position.x, msg.pose.pose.position.y)
+            say("pose", msg.pose.pose.position.x, msg.pose.pose.position.y, now.to_sec())
         publisher.publish(msg)
     time.sleep(0.1)
 """
@@ -96,9 +96,9 @@ class MissionProcessesTest(ProcessesTest):
     def fly_far(self):
         """Home is where the vehicle is when the mission begins; it flies on from there."""
         self.set_off()
-        status, begin = self.told("scout")[-1], self.told("pose")
-        at = status[0] - status[2]
-        self.home = min(begin, key=lambda pose: abs(pose[0] - at))[1:]
+        status = self.told("scout")[-1]
+        began_s = status[3] - status[2]  # by stamps
+        self.home = min(self.told("pose"), key=lambda pose: abs(pose[3] - began_s))[1:3]
         self.pid_before = self.pid()
         return status
 
