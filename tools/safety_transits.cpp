@@ -48,7 +48,8 @@ Json of_walkers(SafetyPolicy policy, int seeds, bool behind_a_box) {
   std::vector<int> touches;
   for (int seed = 1; seed <= seeds; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
-    const TransitOutcome outcome = simulate_transit(scene_with_walker(number, behind_a_box), params, number);
+    const TransitScene scene = behind_a_box ? scene_with_walker_behind_a_box(number) : scene_with_walker(number);
+    const TransitOutcome outcome = simulate_transit(scene, params, number);
     arrived += outcome.arrived ? 1 : 0;
     stopped += outcome.least_speed_m_s < 0.01 ? 1 : 0;
     sum_s += outcome.time_s;
@@ -68,9 +69,44 @@ Json of_walkers(SafetyPolicy policy, int seeds, bool behind_a_box) {
           {"mean_s", sum_s / seeds}};
 }
 
-/// Runs with a fault, the policies in turn: contacts, and those that stood too late, by fault.
+void count(Json& entry, const char* key, bool is_so) { entry[key] = entry[key].get<int>() + (is_so ? 1 : 0); }
+
+void keep_most(Json& entry, const char* key, double value) { entry[key] = std::max(entry[key].get<double>(), value); }
+
+void keep_least(Json& entry, const char* key, double value) { entry[key] = std::min(entry[key].get<double>(), value); }
+
+/// The scenes of a seed that were drawn anew since someone steps out of hiding, under each policy.
+void add_out_of_hiding(TransitWithFault run, std::uint64_t seed, Json& by_policy) {
+  for (const SafetyPolicy policy : kPolicies) {
+    Json& entry = by_policy[name_of(policy)];
+    if (entry.is_null()) {
+      entry = {{"runs", 0},
+               {"person_touched", 0},
+               {"thing_touched", 0},
+               {"fastest_touch_m_s", 0.0},
+               {"longest_in_view_s", 0.0},
+               {"least_clearance_m", 1e9},
+               {"seeds", Json::array()}};
+    }
+    run.params.safety.policy = policy;
+    for (const TransitScene& scene : run.out_of_hiding) {
+      const TransitOutcome outcome = simulate_transit(scene, run.params, seed);
+      count(entry, "runs", true);
+      count(entry, "person_touched", outcome.touched);
+      count(entry, "thing_touched", outcome.hit_box);
+      keep_most(entry, "fastest_touch_m_s", outcome.touch_speed_m_s);
+      keep_most(entry, "longest_in_view_s", outcome.touch_in_view_s);
+      keep_least(entry, "least_clearance_m", outcome.least_clearance_m);
+      if (outcome.touched || outcome.hit_box) entry["seeds"].push_back(seed);
+    }
+  }
+}
+
+/// Runs with a fault, the policies in turn: contacts, and those that stood too late, by fault; apart from them the
+/// scenes that were drawn anew, since someone steps out of hiding.
 Json of_faults(int first, int runs) {
   std::map<std::string, Json> by_fault;
+  Json out_of_hiding = Json::object();
   int contacts = 0, late = 0, found = 0;
   for (int seed = first; seed < first + runs; ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
@@ -87,29 +123,26 @@ Json of_faults(int first, int runs) {
                {"least_clearance_m", 1e9},
                {"seeds", Json::array()}};
     }
-    const auto add = [&entry](const char* key, bool is_so) { entry[key] = entry[key].get<int>() + (is_so ? 1 : 0); };
-    const auto most = [&entry](const char* key, double value) {
-      entry[key] = std::max(entry[key].get<double>(), value);
-    };
     const double beyond_m = outcome.way_to_stand_m - longest_way_to_stand_m(outcome, run.params);
     const bool has_found = outcome.found && has_to_stop(run.params.fault);
     const bool is_late = has_found && (!outcome.stands || beyond_m > 0.0);
-    add("runs", true);
-    add("person_touched", outcome.touched);
-    add("thing_touched", outcome.hit_box);
-    add("stood_late", is_late);
+    count(entry, "runs", true);
+    count(entry, "person_touched", outcome.touched);
+    count(entry, "thing_touched", outcome.hit_box);
+    count(entry, "stood_late", is_late);
     if (has_found) {
-      most("found_after_s", outcome.found_after_s);
-      most("way_beyond_m", beyond_m);
+      keep_most(entry, "found_after_s", outcome.found_after_s);
+      keep_most(entry, "way_beyond_m", beyond_m);
     }
-    entry["least_clearance_m"] = std::min(entry["least_clearance_m"].get<double>(), outcome.least_clearance_m);
+    keep_least(entry, "least_clearance_m", outcome.least_clearance_m);
     if (outcome.touched || outcome.hit_box || is_late) entry["seeds"].push_back(seed);
     contacts += outcome.touched || outcome.hit_box ? 1 : 0;
     late += is_late ? 1 : 0;
     found += has_found ? 1 : 0;
+    add_out_of_hiding(run, number, out_of_hiding);
   }
-  return {{"first", first}, {"runs", runs},       {"contacts", contacts},
-          {"stops", found}, {"stood_late", late}, {"by_fault", by_fault}};
+  return {{"first", first},     {"runs", runs},         {"contacts", contacts},          {"stops", found},
+          {"stood_late", late}, {"by_fault", by_fault}, {"out_of_hiding", out_of_hiding}};
 }
 
 }  // namespace

@@ -25,7 +25,9 @@ constexpr double kMoving_m_s = 0.001;
 constexpr double kStride_m = 0.12;  // of a leg, ahead and behind
 constexpr double kHips_m = 0.08;    // of a leg, to the side
 constexpr double kRemoval_s = 0.8;  // until a map forgets what the scanner sees through
-constexpr double kBlocked_s = 1.0;  // a walker in front of a vehicle that stands waits so long, and goes back
+constexpr std::uint64_t kSeedsOfATurn = 10'000;
+constexpr double kViewStep_m = 0.02;  // of vehicle and walker, where it is looked whether one sees the other
+constexpr double kBlocked_s = 1.0;    // a walker in front of a vehicle that stands waits so long, and goes back
 constexpr std::int64_t kBegin_ns = 1000 * kNanosecondsPerSecond;
 
 struct CastEdge {
@@ -415,12 +417,14 @@ class Transit {
     const Eigen::Vector2d before_m = walker_->center_m();
     walker_->advance(time_s_, T_world_base_, now_.speed_m_s, params_.vehicle.footprint);
     walker_velocity_m_s_ = (walker_->center_m() - before_m) / kTick_s;
+    in_view_s_ = sees_walker() ? in_view_s_ + kTick_s : 0.0;
     if (!moves) return;
     const double gap_m = clearance_m(params_.vehicle.footprint, inverse(T_world_base_) * walker_->center_m());
     outcome_.least_clearance_m = std::min(outcome_.least_clearance_m, gap_m - Walker::kRadius_m);
     if (gap_m > Walker::kRadius_m || outcome_.touched) return;
     outcome_.touched = true;
     outcome_.touch_speed_m_s = now_.speed_m_s;
+    outcome_.touch_in_view_s = in_view_s_;
   }
 
   const TransitScene& scene_;
@@ -432,6 +436,7 @@ class Transit {
   std::vector<CastEdge> edges_;
   std::optional<WalkerMotion> walker_;
   Eigen::Vector2d walker_velocity_m_s_ = Eigen::Vector2d::Zero();
+  double in_view_s_ = 0.0;
   Senses senses_;
   bool is_wrong_ = false;
   Points points_;
@@ -474,8 +479,10 @@ TransitScene scene_with_boxes(std::uint64_t seed) {
   return scene;
 }
 
-TransitScene scene_with_walker(std::uint64_t seed, bool behind_a_box) {
-  Random random(seed * 13 + 5);
+namespace {
+
+/// Someone who steps into the way from a side, beside a known box or not, or from behind one.
+TransitScene draw_walker(Random& random, bool behind_a_box) {
   TransitScene scene;
   scene.length_m = 6.0;
   Walker walker;
@@ -502,6 +509,68 @@ TransitScene scene_with_walker(std::uint64_t seed, bool behind_a_box) {
   return scene;
 }
 
+/// Whether a walker is in view wherever the vehicle is, unless they could not touch it within the time in which it
+/// stands from its full speed, however it drives and they walk meanwhile.
+bool is_in_view_in_time(const TransitScene& scene, const VehicleParams& vehicle) {
+  std::vector<CastEdge> edges;
+  for (const Box& box : scene.known_boxes) add_edges(box, edges);
+  if (edges.empty()) return true;
+  const Walker& walker = *scene.walker;
+  const double way_m = (walker.to_m - walker.from_m).norm();
+  const double stand_s = longest_time_to_stand_s(vehicle);
+  const auto pieces = [](double length_m) { return static_cast<int>(std::ceil(length_m / kViewStep_m)); };
+  const int places = pieces(scene.length_m), steps = pieces(way_m);
+  const auto place_m = [&](int i) { return Eigen::Vector2d(scene.length_m * i / places, 0.0); };
+  const auto walker_m = [&](int k) {
+    return Eigen::Vector2d(walker.from_m + (walker.to_m - walker.from_m) * (static_cast<double>(k) / steps));
+  };
+  // From each place of the vehicle the steps at which it is touched: one interval, as the footprint is convex.
+  std::vector<std::pair<int, int>> touching(static_cast<std::size_t>(places) + 1, {steps, 0});
+  for (int i = 0; i <= places; ++i) {
+    auto& [first, last] = touching[static_cast<std::size_t>(i)];
+    for (int k = 0; k <= steps; ++k) {
+      if (clearance_m(vehicle.footprint, walker_m(k) - place_m(i)) > Walker::kRadius_m + kViewStep_m) continue;
+      first = std::min(first, k);
+      last = k;
+    }
+  }
+  const int ahead = pieces(vehicle.max_speed_m_s * stand_s), around = pieces(walker.speed_m_s * stand_s);
+  for (int i = 0; i <= places; ++i) {
+    int first = steps, last = 0;
+    for (int j = i; j <= std::min(i + ahead, places); ++j) {
+      first = std::min(first, touching[static_cast<std::size_t>(j)].first);
+      last = std::max(last, touching[static_cast<std::size_t>(j)].second);
+    }
+    if (first > last) continue;
+    for (int k = std::max(first - around, 0); k <= std::min(last + around, steps); ++k) {
+      const Eigen::Vector2d to_m = walker_m(k) - place_m(i);
+      if (cast_edges(edges, place_m(i), to_m.normalized()) < to_m.norm()) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+double longest_time_to_stand_s(const VehicleParams& vehicle) {
+  return vehicle.reaction_s + vehicle.max_speed_m_s / vehicle.braking_m_s2;
+}
+
+TransitScene scene_with_walker(std::uint64_t seed, const VehicleParams& vehicle,
+                               std::vector<TransitScene>* out_of_hiding) {
+  Random random(seed * 13 + 5);
+  for (;;) {
+    TransitScene scene = draw_walker(random, false);
+    if (is_in_view_in_time(scene, vehicle)) return scene;
+    if (out_of_hiding != nullptr) out_of_hiding->push_back(std::move(scene));
+  }
+}
+
+TransitScene scene_with_walker_behind_a_box(std::uint64_t seed) {
+  Random random(seed * 13 + 5);
+  return draw_walker(random, true);
+}
+
 TransitScene scene_with_box_at_the_end(std::uint64_t seed) {
   Random random(seed * 17 + 7);
   TransitScene scene;
@@ -524,9 +593,9 @@ Footprint footprint_of_shape(std::size_t shape) {
 TransitWithFault transit_with_fault(SafetyPolicy policy, std::uint64_t seed) {
   Random random(seed * 19 + 11);
   TransitWithFault run;
-  run.scene = scene_with_walker(seed);
   run.params.safety.policy = policy;
-  run.params.vehicle.footprint = footprint_of_shape(seed % kShapes);
+  run.params.vehicle.footprint = footprint_of_shape((seed + (seed - 1) / kSeedsOfATurn) % kShapes);
+  run.scene = scene_with_walker(seed, run.params.vehicle, &run.out_of_hiding);
   run.params.fault = static_cast<TransitFault>(1 + static_cast<int>(random.uniform(0.0, kTransitFaults - 1.0 - 1e-9)));
   run.params.fault_s = random.uniform() < 0.1 ? 0.0 : random.uniform(0.0, 14.0);
   run.params.longest_s = 40.0;

@@ -5,6 +5,9 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
+
+#include "situation_awareness/common/random.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -76,6 +79,92 @@ TEST(SafetyTransits, NobodyIsTouched) {
   }
 }
 
+/// Whether a box is in the way of the scanner's sight of a place, by places on the line between them.
+bool is_hidden(const TransitScene& scene, const Eigen::Vector2d& from_m, const Eigen::Vector2d& to_m) {
+  constexpr int kPlaces = 150;
+  for (int i = 0; i <= kPlaces; ++i) {
+    const Eigen::Vector2d p_m = from_m + (to_m - from_m) * (static_cast<double>(i) / kPlaces);
+    for (const Box& box : scene.known_boxes) {
+      if (offset_m(box, p_m) < -0.02) return true;
+    }
+  }
+  return false;
+}
+
+/// Of contacts at places drawn at random, those before which the walker was hidden while the vehicle needed to stand:
+/// it came at its full speed or at others drawn at random, and they came walking or stood for some time.
+int contacts_out_of_hiding(const TransitScene& scene, const VehicleParams& vehicle, int contacts, Random& random) {
+  constexpr double kStep_s = 0.03;
+  const Walker& walker = *scene.walker;
+  const double way_m = (walker.to_m - walker.from_m).norm();
+  const auto walker_m = [&](double at_m) {
+    return Eigen::Vector2d(walker.from_m + (walker.to_m - walker.from_m) * (at_m / way_m));
+  };
+  int hidden = 0;
+  for (int found = 0; found < contacts;) {
+    double at_m = random.uniform(0.0, way_m);
+    Eigen::Vector2d base_m(walker_m(at_m).x() + random.uniform(-1.0, 1.0), 0.0);
+    const double gap_m = clearance_m(vehicle.footprint, walker_m(at_m) - base_m);
+    const bool is_first_touch = gap_m <= Walker::kRadius_m && gap_m > Walker::kRadius_m - 0.03;
+    if (base_m.x() < 0.0 || base_m.x() > scene.length_m || !is_first_touch) continue;
+    ++found;
+    const double slowest_m_s = random.uniform() < 0.5 ? vehicle.max_speed_m_s : 0.0;
+    const double stood_s = random.uniform() < 0.5 ? 0.0 : random.uniform(0.0, 1.0);
+    bool was_hidden = false;
+    for (double ago_s = 0.0; ago_s < longest_time_to_stand_s(vehicle) && base_m.x() >= 0.0; ago_s += kStep_s) {
+      was_hidden = was_hidden || is_hidden(scene, base_m, walker_m(at_m));
+      base_m.x() -= kStep_s * random.uniform(slowest_m_s, vehicle.max_speed_m_s);
+      if (ago_s >= stood_s) at_m = std::max(at_m - kStep_s * walker.speed_m_s, 0.0);
+    }
+    hidden += was_hidden ? 1 : 0;
+  }
+  return hidden;
+}
+
+VehicleParams vehicle_of_shape(std::size_t shape) {
+  VehicleParams vehicle;
+  vehicle.footprint = footprint_of_shape(shape);
+  return vehicle;
+}
+
+TEST(SafetyTransits, WhoStepsIntoTheWayIsInViewBefore) {
+  Random random(1);
+  for (std::uint64_t seed = 9416; seed < 9416 + 2000; ++seed) {
+    const VehicleParams vehicle = vehicle_of_shape(seed % kShapes);
+    const TransitScene scene = scene_with_walker(seed, vehicle);
+    const int contacts = seed == 9416 ? 1000 : 20;
+    EXPECT_EQ(contacts_out_of_hiding(scene, vehicle, contacts, random), 0) << seed;
+  }
+}
+
+// Few scenes are drawn anew, those in which somebody steps out of hiding: so near as it can be told beforehand.
+TEST(SafetyTransits, ScenesOutOfHidingAreKeptApart) {
+  Random random(2);
+  const VehicleParams vehicle = vehicle_of_shape(2);
+  int kept_apart = 0, confirmed = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    std::vector<TransitScene> out_of_hiding;
+    scene_with_walker(seed, vehicle, &out_of_hiding);
+    for (const TransitScene& scene : out_of_hiding) {
+      ++kept_apart;
+      confirmed += contacts_out_of_hiding(scene, vehicle, 5000, random) > 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(kept_apart, 0);
+  EXPECT_LE(kept_apart, 300 / 20);
+  EXPECT_GE(2 * confirmed, kept_apart);
+}
+
+// What the safety areas do not promise: someone runs out from behind a known box, and the vehicle brakes too late.
+TEST(SafetyTransits, WhoRunsOutOfHidingMayBeTouched) {
+  const TransitWithFault run = transit_with_fault(SafetyPolicy::kIgnoreKnown, 9416);
+  ASSERT_EQ(run.out_of_hiding.size(), 1U);
+  const TransitOutcome outcome = simulate_transit(run.out_of_hiding.front(), run.params, 9416);
+  ASSERT_TRUE(outcome.touched);
+  EXPECT_LT(outcome.touch_in_view_s, longest_time_to_stand_s(run.params.vehicle));
+  EXPECT_LT(outcome.touch_speed_m_s, 0.05);
+}
+
 void expect_no_harm(SafetyPolicy policy, std::uint64_t seed) {
   const TransitWithFault run = transit_with_fault(policy, seed);
   const TransitOutcome outcome = simulate_transit(run.scene, run.params, seed);
@@ -92,6 +181,7 @@ void expect_no_harm(SafetyPolicy policy, std::uint64_t seed) {
 TEST(SafetyTransits, NobodyIsTouchedWhateverFails) {
   for (const SafetyPolicy policy : kPolicies) {
     for (std::uint64_t seed = 1; seed <= 40; ++seed) expect_no_harm(policy, seed);
+    expect_no_harm(policy, 9416);
   }
 }
 

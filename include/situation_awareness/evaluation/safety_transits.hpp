@@ -94,7 +94,8 @@ struct TransitOutcome {
   bool arrived = false;
   double time_s = 0.0;
   bool touched = false;            ///< the walker, by the vehicle that moved
-  double touch_speed_m_s = 0.0;    ///< of the vehicle then
+  double touch_speed_m_s = 0.0;    ///< of the vehicle then, and
+  double touch_in_view_s = 0.0;    ///< for how long the scanner had had the walker in view
   double least_clearance_m = 1e9;  ///< between the walker and the vehicle that moved
   double least_speed_m_s = 1e9;    ///< after the start and before the end
   bool hit_box = false;            ///< the vehicle touched a box or a wall
@@ -115,8 +116,17 @@ double longest_way_to_stand_m(const TransitOutcome& outcome, const TransitParams
 /// Three boxes beside the way, within the warning area.
 TransitScene scene_with_boxes(std::uint64_t seed);
 
-/// Someone who steps into the way from a side, in view for the whole time; with `behind_a_box` from behind a known box.
-TransitScene scene_with_walker(std::uint64_t seed, bool behind_a_box = false);
+/// In which the vehicle stands from its full speed, once it has to.
+double longest_time_to_stand_s(const VehicleParams& vehicle);
+
+/// Someone who steps into the way from a side, beside a known box or where there is none. They are in view of the
+/// scanner for longest_time_to_stand_s() before they may touch the vehicle, however it drives and they walk meanwhile:
+/// scenes are drawn until this holds. Those in which it does not are appended to `out_of_hiding`.
+TransitScene scene_with_walker(std::uint64_t seed, const VehicleParams& vehicle = {},
+                               std::vector<TransitScene>* out_of_hiding = nullptr);
+
+/// Someone who steps out from behind a known box.
+TransitScene scene_with_walker_behind_a_box(std::uint64_t seed);
 
 /// A known box beside the end of the way, where the vehicle turns to drive back.
 TransitScene scene_with_box_at_the_end(std::uint64_t seed);
@@ -125,10 +135,12 @@ TransitScene scene_with_box_at_the_end(std::uint64_t seed);
 Footprint footprint_of_shape(std::size_t shape);
 constexpr std::size_t kShapes = 3;
 
-/// Someone who steps into the way, seen or from behind a box, of a vehicle of one of the shapes, and a fault at some
-/// time, all by the seed.
+/// Someone who steps into the way, in view, of a vehicle of one of the shapes, and a fault at some time, all by the
+/// seed. The shapes take turns, and begin with the next one each 10,000 seeds: where policies take turns, too, each
+/// meets another shape then.
 struct TransitWithFault {
   TransitScene scene;
+  std::vector<TransitScene> out_of_hiding;  ///< scenes that were drawn before, in which they are not in view in time
   TransitParams params;
 };
 TransitWithFault transit_with_fault(SafetyPolicy policy, std::uint64_t seed);

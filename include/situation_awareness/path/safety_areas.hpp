@@ -43,7 +43,8 @@ namespace situation_awareness {
 //   down
 
 /// What counts (polygons paper, Sect. 1). Things that may move and unknown hits count under every policy, and so does
-/// what is in the hard floor.
+/// what is in the hard floor. No policy guesses who is hidden beside the way: past known chains that may hide somebody
+/// the vehicle is slow under kConservative alone.
 enum class SafetyPolicy : std::uint8_t {
   kConservative,  ///< whatever is in the areas
   kUpdated,       ///< the areas shrink beside the way so that known chains are outside, as far as the hard floor allows
@@ -93,9 +94,11 @@ struct SafetyParams {
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
-    visit("policy", self.policy,
-          "what counts: conservative (whatever is in the areas), updated (the areas shrink so that known chains are "
-          "outside) or ignore_known; what may move and what is unknown always counts");
+    visit(
+        "policy", self.policy,
+        "what counts: conservative (whatever is in the areas), updated (the areas shrink so that known chains are "
+        "outside) or ignore_known; what may move and what is unknown always counts; who steps out from behind a known "
+        "chain is allowed for, by slow_speed_m_s, under conservative alone");
     visit("margin_m", self.margin_m, Bounds{0.0, 10.0}, "m", "margin of the protective area about the footprint");
     visit("floor_margin_m", self.floor_margin_m, Bounds{0.0, 10.0}, "m",
           "that of the hard floor, at most margin_m: nothing nearer is ever ignored");
@@ -196,8 +199,9 @@ const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "ch
 /// - Standing things (new chains, objects that do not move, and known chains where they count) are passed at
 ///   slow_speed_m_s in the warning area; the vehicle stops before the protective area reaches them.
 /// - A hidden place is not free: the vehicle can stop before the first place of its way that the scan does not see.
-///   What may step out of a hidden place beside the way is not guessed. What counted and got out of view still counts,
-///   for memory_s.
+///   What may step out of a hidden place beside the way is not guessed: someone who runs out from behind a known chain
+///   may be touched if the scan sees them for less time than the vehicle needs to stand. What counted and got out of
+///   view still counts, for memory_s.
 /// - What is missing is not taken for "nothing there": without maps of objects and of polygons as fresh as the scan the
 ///   policy is conservative, whatever the parameter says. A chain explains hits if the map saw it with the latest
 ///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
