@@ -761,7 +761,8 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   if (!is_known_well || pose_is_frozen) return decision_;
   T_world_base_ = vehicle.T_world_base;
   view_chains(points, polygons);
-  const bool is_blind_scanner = blind_.add(points, view_, T_world_base_.yaw_rad);
+  const bool contradicts = blind_.add(points, view_, T_world_base_.yaw_rad);
+  const bool is_blind_scanner = contradicts || (params_.must_see_ahead && !blind_.has_seen_ahead());
   const bool heads_along = place_on_path(vehicle);
   if (is_frozen || is_blind_scanner) {
     decision_.kind = is_frozen          ? DecidedKind::kFrozenScan

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include <boost/geometry.hpp>
@@ -581,6 +582,45 @@ TEST(SafetyAreas, AQuarterThatSeesNothingOfAFileIsAStop) {
     scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
     scene.know(scene.boxes.back(), 4, ChainState::kWall);
     for (Chain& chain : scene.polygons.chains) chain.last_seen_ns = 0;
+  }
+}
+
+// Ahead, where nothing is on a map, a covered scanner is like one in an open place.
+TEST(SafetyAreas, AQuarterAheadThatWasNotShownToSeeIsAStopWhereItMustBe) {
+  SafetyScene scene = corridor();
+  scene.polygons.chains.clear();
+  const auto covered = [&scene] {
+    Points points = scene.points();
+    for (Point& point : points.points) {
+      if (std::abs(point.azimuth_rad) > radians(60.0)) continue;
+      point.state = BeamState::kFree;
+      point.range_m = 20.0;
+    }
+    return points;
+  };
+  for (const bool must_see_ahead : {true, false}) {
+    SafetyParams params;
+    params.must_see_ahead = must_see_ahead;
+    SafetyAreas areas(scene.path, {}, params);
+    const auto decide_next = [&](const Points& points) {
+      const SafetyDecision& decision = areas.update(points, {}, scene.polygons, scene.objects);
+      scene.advance(40'000'000);
+      return std::pair(decision.verdict == Verdict::kStop && decision.kind == Kind::kContradiction, decision.may_turn);
+    };
+    for (int i = 0; i < 100; ++i) {
+      const auto [stops, may_turn] = decide_next(covered());
+      ASSERT_EQ(stops, must_see_ahead) << i;
+      ASSERT_FALSE(may_turn && must_see_ahead);
+      ASSERT_TRUE(areas.scanner_has_seen());
+      ASSERT_FALSE(areas.scanner_has_seen_ahead());
+    }
+    EXPECT_FALSE(decide_next(scene.points()).first);
+    EXPECT_TRUE(areas.scanner_has_seen_ahead());
+    EXPECT_TRUE(decide_next(covered()).first) << "what gets blind is found in any case";
+    // After a gap it has to be shown again.
+    decide_next(scene.points());
+    scene.advance(3'000'000'000);
+    EXPECT_EQ(decide_next(covered()).first, must_see_ahead);
   }
 }
 

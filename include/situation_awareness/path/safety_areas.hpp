@@ -91,6 +91,7 @@ struct SafetyParams {
   double max_speed_age_s = 0.5;
   double turn_memory_s = 10.0;
   double reliable_range_m = 8.0;
+  bool must_see_ahead = false;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -137,6 +138,10 @@ struct SafetyParams {
           "the vehicle turns on the spot where all that its footprint may sweep was seen free within this time");
     visit("reliable_range_m", self.reliable_range_m, Bounds{0.5, 100.0}, "m",
           "so far the scanner is sure to see a known chain: the vehicle stops where it sees through most of them");
+    visit(
+        "must_see_ahead", self.must_see_ahead,
+        "the vehicle stands until beams of the quarter ahead had a return, since a scanner that is covered there from "
+        "the beginning is like one in an open place; not where nothing may be within its range");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -222,6 +227,9 @@ class SafetyAreas {
 
   /// Whether a scan has shown that the scanner sees.
   bool scanner_has_seen() const { return blind_.has_seen(); }
+
+  /// Whether one has shown it of the quarter ahead: a twentieth of the beams there had a return.
+  bool scanner_has_seen_ahead() const { return blind_.has_seen_ahead(); }
 
   /// Areas of the scan `points`, by the latest maps, which are fresh or not by their stamps; 0: there is none. The
   /// result is valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it

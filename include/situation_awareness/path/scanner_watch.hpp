@@ -54,6 +54,9 @@ class BlindScanner {
   /// Whether a scan has shown it.
   bool has_seen() const { return has_seen_.back(); }
 
+  /// Whether one has shown it of the quarter ahead.
+  bool has_seen_ahead() const { return has_seen_.front(); }
+
  private:
   static constexpr std::size_t kAll = 4, kSectors = 5;  // quarters, and all
 

@@ -211,10 +211,12 @@ class SafetyAreasStage {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
     };
     if (!missing.empty()) warn("without " + missing);
-    if (decision_->kind == SafetyDecision::Kind::kContradiction) {
-      warn(areas_.scanner_has_seen()
-               ? "stopped: scan and map contradict each other; the scanner may be blind, or the pose wrong"
-               : "stopped: the scanner has seen nothing yet; it may be blind, or the place empty");
+    const std::string stopped = decision_->kind == SafetyDecision::Kind::kContradiction ? "stopped: " : "";
+    if (!areas_.scanner_has_seen_ahead()) {
+      const std::string where = areas_.scanner_has_seen() ? " ahead" : "";
+      warn(stopped + "the scanner has seen nothing" + where + " yet; it may be blind, or the place empty");
+    } else if (!stopped.empty()) {
+      warn(stopped + "scan and map contradict each other; the scanner may be blind, or the pose wrong");
     }
     if (decision_->kind == SafetyDecision::Kind::kFrozenScan) warn("stopped: the scanner's driver repeats itself");
   }
