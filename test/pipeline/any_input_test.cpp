@@ -11,12 +11,14 @@
 
 #include <gtest/gtest.h>
 
+#include "map/polygons/room_polylines.hpp"
 #include "pose/reflector_drive.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/map/grid/elevation.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
+#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "support/covariance.hpp"
 #include "support/lively_scene.hpp"
@@ -29,8 +31,8 @@ constexpr std::int64_t kBegin_ns = 1'000'000'000'000'000;
 constexpr double kGood_s = 10.0;
 
 template <int Size>
-Eigen::Matrix<double, Size, Size> odd_covariance(Random& random) {
-  Eigen::Matrix<double, Size, Size> m = 0.01 * Eigen::Matrix<double, Size, Size>::Identity();
+Eigen::Matrix<double, Size, Size> odd_covariance(Random& random, double usual = 0.01) {
+  Eigen::Matrix<double, Size, Size> m = usual * Eigen::Matrix<double, Size, Size>::Identity();
   for (int k = 0; k < 2; ++k) {
     const int row = static_cast<int>(random.uniform(0.0, Size)) % Size;
     const int column = static_cast<int>(random.uniform(0.0, Size)) % Size;
@@ -48,6 +50,16 @@ Pose2 odd_pose(Random& random) {
 std::int64_t odd_stamp(std::int64_t stamp_ns, Random& random) {
   return random.uniform() < 0.7 ? stamp_ns + nanoseconds(random.uniform(-3.0, 3.0))
                                 : static_cast<std::int64_t>(9e18 * random.uniform(-1.0, 1.0));
+}
+
+/// Of a message between two others, or any.
+std::int64_t odd_or_next_stamp(std::int64_t stamp_ns, double period_s, Random& random) {
+  return random.uniform() < 0.5 ? stamp_ns + nanoseconds(0.5 * period_s) : odd_stamp(stamp_ns, random);
+}
+
+template <class Value>
+Value& any_of(std::vector<Value>& values, Random& random) {
+  return values[static_cast<std::size_t>(random.uniform() * static_cast<double>(values.size())) % values.size()];
 }
 
 /// Good input for 3 s, with something odd after each message for 5 s, and good for 10 s.
@@ -177,6 +189,93 @@ class ObjectStage {
   ObjectMap map_;
 };
 
+/// In a room, whose four walls are one closed chain.
+class PolygonStage {
+ public:
+  static constexpr double kPeriod_s = 0.04;
+
+  explicit PolygonStage(std::uint64_t seed)
+      : room_(seed, kBegin_ns), map_(PolygonMapParams{}, ChainStateParams{}, 1.0) {}
+
+  void give_good() {
+    latest_ = room_.next();
+    map_.update(latest_, good_covariance());
+  }
+  void give_odd(Random& random) {
+    Polylines odd = latest_;
+    odd.stamp_ns = odd_or_next_stamp(odd.stamp_ns, kPeriod_s, random);
+    Eigen::Matrix3d covariance = good_covariance();
+    PolylineHit& hit = any_of(odd.hits, random);
+    const double value = odd_number(random);
+    switch (static_cast<int>(random.uniform(0.0, 7.0))) {
+      case 0:
+        covariance = odd_covariance<3>(random, 1e-6);
+        break;
+      case 1:
+        odd.T_world_level = odd_pose(random);
+        break;
+      case 2:
+        hit.p_level_m.x() = value;
+        break;
+      case 3:
+        for (PolylineHit& each : odd.hits) each.sigma_m = value;
+        break;
+      case 4:
+        hit.normal_level.y() = value;
+        break;
+      case 5:
+        any_of(odd.free_space.azimuth_rad, random) = static_cast<float>(value);
+        break;
+      default:
+        any_of(odd.free_space.range_m, random) = static_cast<float>(value);
+    }
+    map_.update(odd, covariance);
+  }
+  void expect_sound() const {
+    for (const Chain& chain : map_.polygons().chains) {
+      for (const ChainVertex& vertex : chain.vertices) {
+        EXPECT_TRUE(vertex.p_world_m.allFinite());
+        EXPECT_TRUE(std::isfinite(vertex.sigma_m) && vertex.sigma_m > 0.0);
+      }
+    }
+    const std::int64_t scan = (latest_.stamp_ns - kBegin_ns) / RoomPolylines::kPeriod_ns;
+    if (scan % 8 == 0) {
+      EXPECT_NO_THROW(map_.snapshot().validate()) << "what is saved can be loaded";
+    }
+  }
+  void expect_good() const {
+    ASSERT_EQ(map_.size(), 1u);
+    const Chain& room = map_.polygons().chains.front();
+    EXPECT_TRUE(room.closed);
+    for (double part = -0.9; part < 1.0; part += 0.1) {
+      for (const double side : {-1.0, 1.0}) {
+        EXPECT_LT(distance_m(room, {3.0 * side, 2.0 * part}), 0.02);
+        EXPECT_LT(distance_m(room, {3.0 * part, 2.0 * side}), 0.02);
+      }
+    }
+  }
+
+ private:
+  static Eigen::Matrix3d good_covariance() { return Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal(); }
+
+  /// Of a place from the edges of a closed chain.
+  static double distance_m(const Chain& chain, const Eigen::Vector2d& at_m) {
+    double least_m = std::numeric_limits<double>::infinity();
+    Eigen::Vector2d from_m = chain.vertices.back().p_world_m;
+    for (const ChainVertex& to : chain.vertices) {
+      const Eigen::Vector2d way_m = to.p_world_m - from_m;
+      const double part = std::clamp(way_m.dot(at_m - from_m) / std::max(way_m.squaredNorm(), 1e-12), 0.0, 1.0);
+      least_m = std::min(least_m, (from_m + part * way_m - at_m).norm());
+      from_m = to.p_world_m;
+    }
+    return least_m;
+  }
+
+  RoomPolylines room_;
+  Polylines latest_;
+  TimedPolygonMap map_;
+};
+
 class ReflectorStage {
  public:
   static constexpr double kPeriod_s = 0.04;
@@ -222,7 +321,7 @@ class ReflectorStage {
 template <class Stage>
 class AnyInput : public ::testing::Test {};
 
-using Stages = ::testing::Types<Kernel, ObjectStage, ReflectorStage>;
+using Stages = ::testing::Types<Kernel, ObjectStage, PolygonStage, ReflectorStage>;
 TYPED_TEST_SUITE(AnyInput, Stages);
 
 TYPED_TEST(AnyInput, LeavesAnEstimateThatIsGoodAgainSoon) {

@@ -17,7 +17,7 @@ namespace situation_awareness {
 namespace {
 
 /// rad. An azimuth is that of a beam, not wrapped.
-constexpr double kMaxAzimuth_rad = 100.0;
+constexpr float kMaxAzimuth_rad = 100.0F;
 /// Of one scan.
 constexpr std::size_t kMaxBeams = 200'000;
 /// Existence of the elements of chains that come without it is at most this, as that of well-known ones.
@@ -106,21 +106,25 @@ void copy_state(const From& from, To& to) {
   PolygonMapElement::state_fields(to, PackedState::Reader{state});
 }
 
+bool are_azimuths(const std::vector<float>& azimuth_rad) {
+  return std::is_sorted(azimuth_rad.begin(), azimuth_rad.end()) &&
+         std::all_of(azimuth_rad.begin(), azimuth_rad.end(), [](float a) { return std::abs(a) < kMaxAzimuth_rad; });
+}
+
 void check_watch(const PolygonMapWatch& watch, const CheckFields& check) {
   const std::vector<float>& azimuth_rad = watch.azimuth_rad.values;
   const std::vector<float>& range_m = watch.range_m.values;
-  if (azimuth_rad.size() != range_m.size()) check.refuse("range_m", "has not one range for each azimuth");
   if (range_m.size() > kMaxBeams) check.refuse("range_m", "has too many ranges");
-  for (std::size_t i = 0; i < azimuth_rad.size(); ++i) {
-    const bool ascends = i == 0 || azimuth_rad[i] >= azimuth_rad[i - 1];
-    if (!(std::abs(azimuth_rad[i]) < kMaxAzimuth_rad) || !ascends) {
-      check.refuse("azimuth_rad", "has an azimuth that is not a number or steps back");
-    }
-    if (!(range_m[i] >= 0.0F)) check.refuse("range_m", "has a range that is not a number >= 0");
-  }
+  if (!are_azimuths(azimuth_rad)) check.refuse("azimuth_rad", "has an azimuth that is not a number or steps back");
+  if (!is_free_space(azimuth_rad, range_m)) check.refuse("range_m", "has not one range >= 0 for each azimuth");
 }
 
 }  // namespace
+
+bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<float>& range_m) {
+  return azimuth_rad.size() == range_m.size() && are_azimuths(azimuth_rad) &&
+         std::all_of(range_m.begin(), range_m.end(), [](float r) { return r >= 0.0F; });
+}
 
 std::string yaml_text(const FloatRow& row) { return row_text(row.values); }
 std::string yaml_text(const PlaceRow& row) { return row_text(row.values); }

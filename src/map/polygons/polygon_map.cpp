@@ -53,6 +53,8 @@ constexpr double kFewestBeside = 4.0, kMostBeside = 16.0;
 constexpr double kPassedSigmas = 3.0;
 /// The same distance in m at least: boundaries are not as smooth as a line.
 constexpr double kLeastPassed_m = 0.03;
+/// m^2. Of a hit across its edge, at least and at most: both can be squared, and the map that is saved be loaded.
+constexpr double kLeastHit_m2 = 1e-11, kMostHit_m2 = 1e8;
 /// Cosine between a beam and the normal of an element that it can be said to have passed, from either side.
 constexpr double kFacesBeam = 0.25;
 /// Part of an element's extent through which a beam can pass: at its ends it may be curved, or end.
@@ -507,7 +509,8 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     step_s_ = 0.0;
   }
   const double pose_variance_m2 = std::max(pose_covariance(0, 0), pose_covariance(1, 1));
-  if (pose_variance_m2 > params_.max_pose_sigma_m * params_.max_pose_sigma_m) {
+  if (pose_variance_m2 > params_.max_pose_sigma_m * params_.max_pose_sigma_m ||
+      pose_covariance(2, 2) > params_.max_pose_sigma_rad * params_.max_pose_sigma_rad) {
     ++report.reasons["pose not known well enough"];
     return report;
   }
@@ -528,7 +531,8 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     }
     Eigen::Vector3d by_pose;
     by_pose << normal_world, normal_world.dot(Eigen::Vector2d(-offset_m.y(), offset_m.x()));
-    const double variance_m2 = hit.sigma_m * hit.sigma_m + by_pose.dot(pose_covariance * by_pose);
+    const double variance_m2 =
+        std::clamp(hit.sigma_m * hit.sigma_m + by_pose.dot(pose_covariance * by_pose), kLeastHit_m2, kMostHit_m2);
     of_hit_[i] = fuse(offset_m + T_world_level.translation_m, normal_world, variance_m2, hit.has_normal,
                       hit.has_normal || !hit.is_behind_beside);
     if (of_hit_[i] == kNone) ++report.reasons[is_full() ? "map is full" : "perhaps between two surfaces"];

@@ -453,6 +453,9 @@ TEST(PolygonMap, StampsThatDoNotGoOnAndUncertainPosesAreCounted) {
   EXPECT_EQ(map.update(polylines, Eigen::Matrix3d::Zero()).reasons.of("stamp not after the one before"), 1U);
   polylines.stamp_ns = 6;
   EXPECT_EQ(map.update(polylines, Eigen::Matrix3d::Identity()).reasons.of("pose not known well enough"), 1U);
+  polylines.stamp_ns = 7;
+  const Eigen::Matrix3d yaw_not_known = Eigen::Vector3d(0.0, 0.0, 1.0).asDiagonal();
+  EXPECT_EQ(map.update(polylines, yaw_not_known).reasons.of("pose not known well enough"), 1U);
 }
 
 TEST(PolygonMap, NamesFieldAndBound) {

@@ -90,6 +90,9 @@ struct PolygonMapElement {
   }
 };
 
+/// Whether these can be of a scan's FreeSpace: as many ranges as azimuths, which ascend, and all of them numbers.
+bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<float>& range_m);
+
 /// What was free in a remembered scan; without ranges: none is remembered.
 struct PolygonMapWatch {
   std::int64_t stamp_ns = 0;

@@ -33,6 +33,7 @@ struct PolygonMapParams {
   double max_gap_m = 0.25;
   double pass_margin_m = 0.06;
   double max_pose_sigma_m = 0.05;
+  double max_pose_sigma_rad = 0.1;
   int confirm_hits = 6;
   double confirm_s = 0.3;
   double park_s = 10.0;
@@ -50,6 +51,7 @@ struct PolygonMapParams {
           "a beam has passed a boundary if it ends so far behind it");
     visit("max_pose_sigma_m", self.max_pose_sigma_m, Bounds{0.0, 100.0}, "m",
           "with a pose less certain than this the map stays as it is");
+    visit("max_pose_sigma_rad", self.max_pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");
     visit("confirm_hits", self.confirm_hits, Bounds{1, 1000}, "", "hits after which an element is on the map");
     visit("confirm_s", self.confirm_s, Bounds{0.0, 100.0}, "s", "time from its first hit until then, at least");
     visit("park_s", self.park_s, Bounds{0.0, 1e6}, "s",
