@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
+#include <cmath>
 #include <stdexcept>
 #include <utility>
 
@@ -14,6 +15,11 @@ CameraPoseCovariance covariance_of(const CameraPoseParams& params) {
   covariance.diagonal().head<3>().setConstant(params.position_sigma_m * params.position_sigma_m);
   covariance.diagonal().tail<3>().setConstant(params.attitude_sigma_rad * params.attitude_sigma_rad);
   return covariance;
+}
+
+bool is_known_well_enough(const CameraPoseCovariance& covariance, const CameraPoseParams& params) {
+  return std::sqrt(covariance.diagonal().head<3>().maxCoeff()) <= params.max_position_sigma_m &&
+         std::sqrt(covariance.diagonal().tail<3>().maxCoeff()) <= params.max_attitude_sigma_rad;
 }
 
 }  // namespace
@@ -37,6 +43,10 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
   if (covariance && !is_positive_semidefinite(*covariance)) {
     throw std::invalid_argument("the covariance of the camera's pose is none");
   }
+  const CameraPoseCovariance of_pose = covariance ? *covariance : covariance_of(params_.pose);
+  verdict_ = StampOrder::Verdict::kRefused;
+  is_pose_known_ = is_known_well_enough(of_pose, params_.pose);
+  if (!is_pose_known_) return tracks_.targets();
   verdict_ = order_.judge(labels.stamp_ns);
   if (verdict_ == StampOrder::Verdict::kRefused) return tracks_.targets();
   if (verdict_ == StampOrder::Verdict::kRestart) begin_anew();
@@ -44,8 +54,7 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
   map_.read_class(class_grid_);
   find_clusters(class_grid_, clusters_);
-  const GridTargets& targets = tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera,
-                                              covariance ? *covariance : covariance_of(params_.pose));
+  const GridTargets& targets = tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera, of_pose);
   if (!targets.targets.empty()) ++target_images_;
   return targets;
 }

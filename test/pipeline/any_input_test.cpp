@@ -16,6 +16,8 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/estimation/gating.hpp"
+#include "situation_awareness/evaluation/grid_scenes.hpp"
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/grid/elevation.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/map/polygons/timed_polygon_map.hpp"
@@ -276,6 +278,93 @@ class PolygonStage {
   TimedPolygonMap map_;
 };
 
+/// Images of four cars, from a camera that goes around them.
+class GridStage {
+ public:
+  static constexpr double kPeriod_s = 0.2;
+
+  explicit GridStage(std::uint64_t seed)
+      : given_(make_grid_case("orbit", static_cast<std::uint32_t>(seed))),
+        pipeline_({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0), Eigen::Vector2d(1000.0, 1000.0),
+                                                  std::vector<float>{0.0F})) {
+    const double f = 0.5 * kSize / std::tan(radians(30.0)), middle = 0.5 * (kSize - 1);
+    camera_ = {kSize, kSize, f, f, middle, middle};
+  }
+
+  void give_good() {
+    const std::size_t i = images_++ % given_.T_world_camera.size();
+    latest_ = labels_of(given_, camera_, i, 1);
+    latest_.stamp_ns = kBegin_ns + static_cast<std::int64_t>(images_) * nanoseconds(kPeriod_s);
+    T_world_camera_ = given_pose(given_, i, 1);
+    pipeline_.process(latest_, T_world_camera_, good_covariance());
+  }
+  void give_odd(Random& random) {
+    SoftLabels odd = latest_;
+    Eigen::Isometry3d T_world_camera = T_world_camera_;
+    CameraPoseCovariance covariance = good_covariance();
+    odd.stamp_ns = odd_or_next_stamp(odd.stamp_ns, kPeriod_s, random);
+    const double value = odd_number(random);
+    switch (static_cast<int>(random.uniform(0.0, 5.0))) {
+      case 0:
+        for (float& probability : odd.probability) {
+          if (random.uniform() < 0.1) probability = static_cast<float>(odd_number(random));
+        }
+        break;
+      case 1:
+        for (double& variance : covariance.diagonal()) variance = random.uniform() < 0.2 ? std::abs(value) : variance;
+        break;
+      case 2:
+        T_world_camera.translation()(static_cast<int>(random.uniform(0.0, 3.0)) % 3) = value;
+        break;
+      case 3:
+        T_world_camera.linear() *=
+            Eigen::AngleAxisd(random.normal(), normal_vector<3>(random).normalized()).toRotationMatrix();
+        break;
+      default:
+        (random.uniform() < 0.5 ? odd.camera.fx_px : odd.camera.cy_px) = value;
+    }
+    drop_out_of_range(odd);
+    try {
+      pipeline_.process(odd, T_world_camera, covariance);
+    } catch (const std::invalid_argument&) {  // refused by name
+    }
+  }
+  void expect_sound() const {
+    for (const GridTarget& target : pipeline_.targets().targets) {
+      EXPECT_TRUE(target.p_world_m.allFinite()) << target.id;
+      EXPECT_TRUE(is_covariance(target.covariance_m2)) << target.id << '\n' << target.covariance_m2;
+    }
+  }
+  void expect_good() const {
+    const std::vector<GridTarget>& targets = pipeline_.targets().targets;
+    const std::vector<int> target_of = targets_of(given_.scene.cars, pipeline_.targets());
+    EXPECT_EQ(targets.size(), given_.scene.cars.size());
+    for (std::size_t car = 0; car < target_of.size(); ++car) {
+      ASSERT_GE(target_of[car], 0);
+      const GridTarget& target = targets[static_cast<std::size_t>(target_of[car])];
+      const Eigen::Vector2d off_m = target.p_world_m.head<2>() - given_.scene.cars[car].T_world_car.translation_m;
+      EXPECT_LT(off_m.norm(), 1.0);
+      EXPECT_LT(target.covariance_m2.trace(), 1.0) << target.covariance_m2;
+    }
+  }
+
+ private:
+  static constexpr int kSize = 56;
+
+  static CameraPoseCovariance good_covariance() {
+    CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
+    covariance.diagonal() << 0.01, 0.01, 0.01, 1e-6, 1e-6, 1e-6;
+    return covariance;
+  }
+
+  GridCase given_;
+  PinholeCamera camera_;
+  GridPipeline pipeline_;
+  std::size_t images_ = 0;
+  SoftLabels latest_;
+  Eigen::Isometry3d T_world_camera_ = Eigen::Isometry3d::Identity();
+};
+
 class ReflectorStage {
  public:
   static constexpr double kPeriod_s = 0.04;
@@ -321,7 +410,7 @@ class ReflectorStage {
 template <class Stage>
 class AnyInput : public ::testing::Test {};
 
-using Stages = ::testing::Types<Kernel, ObjectStage, PolygonStage, ReflectorStage>;
+using Stages = ::testing::Types<Kernel, ObjectStage, PolygonStage, GridStage, ReflectorStage>;
 TYPED_TEST_SUITE(AnyInput, Stages);
 
 TYPED_TEST(AnyInput, LeavesAnEstimateThatIsGoodAgainSoon) {
@@ -341,16 +430,39 @@ TEST(GridPipeline, RefusesWhatIsNoCovariance) {
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
   T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
   T_world_camera.translation().z() = 30.0;
-  CameraPoseCovariance covariance = CameraPoseCovariance::Identity();
+  CameraPoseCovariance covariance = 0.01 * CameraPoseCovariance::Identity();
   EXPECT_NO_THROW(pipeline.process(labels, T_world_camera, covariance));
   labels.stamp_ns += 100'000'000;
   for (const double correlated : {1.5, std::numeric_limits<double>::quiet_NaN()}) {
-    covariance(0, 1) = covariance(1, 0) = correlated;
+    covariance(0, 1) = covariance(1, 0) = 0.01 * correlated;
     EXPECT_THROW(pipeline.process(labels, T_world_camera, covariance), std::invalid_argument);
   }
-  covariance(0, 1) = covariance(1, 0) = 0.5;
+  covariance(0, 1) = covariance(1, 0) = 0.005;
   EXPECT_NO_THROW(pipeline.process(labels, T_world_camera, covariance));
   EXPECT_EQ(pipeline.verdict(), StampOrder::Verdict::kNext);
+}
+
+// What is said to be anywhere is put nowhere.
+TEST(GridPipeline, LearnsNothingByAPoseThatIsNotKnown) {
+  GridPipeline pipeline({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0),
+                                                        Eigen::Vector2d(1000.0, 1000.0), std::vector<float>{0.0F}));
+  SoftLabels labels;
+  labels.stamp_ns = kBegin_ns;
+  labels.camera = {4, 4, 4.0, 4.0, 1.5, 1.5};
+  labels.probability.assign(16, 1.0F);
+  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
+  T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
+  T_world_camera.translation().z() = 30.0;
+  for (const int axis : {0, 2, 5}) {
+    CameraPoseCovariance covariance = 0.01 * CameraPoseCovariance::Identity();
+    covariance(axis, axis) = 1e4;
+    pipeline.process(labels, T_world_camera, covariance);
+    EXPECT_FALSE(pipeline.is_pose_known());
+    EXPECT_TRUE(pipeline.map().grid().images.empty());
+  }
+  pipeline.process(labels, T_world_camera, 0.01 * CameraPoseCovariance::Identity());
+  EXPECT_TRUE(pipeline.is_pose_known());
+  EXPECT_FALSE(pipeline.map().grid().images.empty());
 }
 
 }  // namespace

@@ -21,15 +21,21 @@
 
 namespace situation_awareness {
 
-/// Of the camera's pose where nothing says how good it is.
+/// Of the camera's pose: the first two where nothing says how good it is.
 struct CameraPoseParams {
   double position_sigma_m = 0.3;
   double attitude_sigma_rad = 0.01;
+  double max_position_sigma_m = 10.0;
+  double max_attitude_sigma_rad = 0.2;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("position_sigma_m", self.position_sigma_m, Bounds{0.0, 100.0}, "m", "standard deviation along each axis");
     visit("attitude_sigma_rad", self.attitude_sigma_rad, Bounds{0.0, 1.0}, "rad", "standard deviation about each axis");
+    visit("max_position_sigma_m", self.max_position_sigma_m, Bounds{0.0, 1e4}, "m",
+          "an image from a place that is less certain than this along any axis is not used");
+    visit("max_attitude_sigma_rad", self.max_attitude_sigma_rad, Bounds{0.0, 3.0}, "rad",
+          "the same of the attitude about any axis");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -70,10 +76,13 @@ class GridPipeline {
   void trust_stamps() { order_.trust(); }
 
   /// Adds an image; all as GridMap::update says. `covariance`: of the camera's pose, where it is known; throws
-  /// std::invalid_argument if it is none (is_positive_semidefinite). An image whose stamp is not in order changes
-  /// nothing. The result is valid until the next call.
+  /// std::invalid_argument if it is none (is_positive_semidefinite). An image whose stamp is not in order, or whose
+  /// pose is not known well enough (CameraPoseParams), changes nothing. The result is valid until the next call.
   const GridTargets& process(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera,
                              const std::optional<CameraPoseCovariance>& covariance = {});
+
+  /// Whether the pose of the latest image was known well enough.
+  bool is_pose_known() const { return is_pose_known_; }
 
   /// Of the latest image: kRefused, or kRestart where it is the first of a new map.
   StampOrder::Verdict verdict() const { return verdict_; }
@@ -91,6 +100,7 @@ class GridPipeline {
   GridPipelineParams params_;
   StampOrder order_;
   StampOrder::Verdict verdict_ = StampOrder::Verdict::kNext;
+  bool is_pose_known_ = true;
   std::shared_ptr<const Elevation> elevation_;
   GridMap map_;
   GridTracks tracks_;

@@ -79,6 +79,7 @@ class GridMappingStage {
     const std::size_t out_of_range = drop_out_of_range(labels);
     if (out_of_range > 0) context_.diagnostics().counted({{"labels out of [0, 1]", out_of_range}});
     const GridTargets& targets = pipeline_->process(labels, posed.T_world_sensor, covariances_.at(labels.stamp_ns));
+    if (!pipeline_->is_pose_known()) return context_.drop("pose not known well enough");
     if (pipeline_->verdict() == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
     if (pipeline_->verdict() == StampOrder::Verdict::kRestart) {
       context_.diagnostics().counted({{"time jumped back: new map", 1}});

@@ -163,6 +163,7 @@ int grid_bag(const Options& options) {
                 out_of_range += drop_out_of_range(labels);
                 return pipeline.process(labels, T_world_camera, covariances.at(stamp_ns));
               });
+              if (!pipeline.is_pose_known()) return "pose not known well enough";
               out.write(json_line(stamp_ns, json_of(targets)));
               return "";
             });
