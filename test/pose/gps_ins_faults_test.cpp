@@ -531,6 +531,7 @@ TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
       return random.uniform(0.0, 1.0) < 0.7 ? run.stamp_ns() - nanoseconds(random.uniform(0.0, 1.2))
                                             : static_cast<std::int64_t>(9e18 * random.uniform(-1.0, 1.0));
     };
+    bool was_good_for_10_s = false;
     for (; run.time_s() < 150.0; run.next()) {
       const bool is_hostile = run.time_s() > 30.0 && run.time_s() < 60.0;
       ins.add_imu(run.sample());
@@ -577,6 +578,16 @@ TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
         ASSERT_TRUE(is_covariance(pose.covariance)) << seed << ", " << run.time_s();
         ASSERT_TRUE(ins.state_at(pose.stamp_ns, estimate));
         ASSERT_TRUE(is_covariance(estimate.P)) << seed << ", " << run.time_s();
+      }
+      if (was_good_for_10_s || run.time_s() < 70.0) continue;
+      was_good_for_10_s = true;
+      // After 10 s of good input the place is no worse than by a single fix. The yaw is seen by changes of the velocity
+      // alone: where the pose began anew, and has not turned since, it says that it does not know it.
+      if (pose.is_ready) {
+        const Eigen::Vector3d error_m = run.T_world_base().translation() - pose.T_world_base.translation();
+        EXPECT_LT(mahalanobis2(error_m, run.fix_covariance()), chi_square_quantile(0.9999, 3)) << seed;
+      } else {
+        EXPECT_EQ(std::string(pose.reason).rfind("yaw is not known yet", 0), 0u) << seed << ": " << pose.reason;
       }
     }
     // Good input for 90 s, since a pose that began anew needs turns to know the yaw.
