@@ -226,7 +226,8 @@ TEST(TimedPolygonMap, RefusesScansThatHaveNoPlace) {
   EXPECT_TRUE(refused(bad, kCovariance));
   bad = good;
   bad.T_world_level.translation_m.x() = 0.9e6;
-  bad.hits[5].p_level_m = inverse(Pose2{{}, bad.T_world_level.yaw_rad}) * Eigen::Vector2d(0.9e6, 0.0);
+  bad.hits[5].p_level_m =
+      inverse(Pose2{Eigen::Vector2d::Zero(), bad.T_world_level.yaw_rad}) * Eigen::Vector2d(0.9e6, 0.0);
   EXPECT_TRUE(refused(bad, kCovariance)) << "a place that no saved map can have";
   bad = good;
   bad.hits[5].normal_level *= 2.0;
