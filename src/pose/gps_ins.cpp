@@ -30,9 +30,11 @@ constexpr double kMinAltitudeSigma_m = 1e-3, kMinYawSigma_rad = 1e-4;
 constexpr double kMaxImuRate_hz = 1.25 * 4000.0;
 
 /// Yaws that are tried at the start, and the standard deviation of each: a third more than that of its part of the
-/// turn.
-constexpr int kYaws = 8;
-constexpr double kYawSigma_rad = 0.3;
+/// turn. In a steady turn the yaw cannot be told from biases of gyroscopes and accelerometers. One filter does not know
+/// that, as it is linear about its own yaw, and gets certain of one that is near where it began; of so many, neighbours
+/// get certain of different ones, and their likelihoods say how likely the biases are that each of them needs.
+constexpr int kYaws = 32;
+constexpr double kYawSigma_rad = 0.075;
 /// Where nothing shows the yaw for so long, the likelihoods of the yaws that are tried drift apart by chance.
 constexpr double kAlignPatience_s = 20.0;
 /// A yaw is lost, and looked for anew, beyond this; and known, first and again, below this share of what is too much.
@@ -59,6 +61,8 @@ constexpr double kSameFixSigmas = 3.0;
 constexpr double kUsualGap_s = 0.1;
 constexpr double kGapAcceleration_m_s2 = 3.0;
 constexpr double kGapRate_rad_s = 0.3;
+/// After a longer gap the IMU may have been switched on anew, with other biases.
+constexpr double kSameBiases_s = 10.0;
 
 /// Filters of less weight than this are not mixed in, and none is thought less likely than exp(-kLeastLog) times the
 /// best, so that each can come back within some seconds.
@@ -144,6 +148,15 @@ void GpsIns::reset() {
   waiting_since_ns_ = StampOrder::kNone;
   is_yaw_known_ = false;
   reason_ = kNoImu;
+  biases_ns_ = StampOrder::kNone;
+}
+
+void GpsIns::keep_biases() {
+  if (!is_ready()) return;
+  const Estimate<GpsInsState> estimate = mixed(stamp_ns());
+  biases_ns_ = stamp_ns();
+  biases_ << estimate.x.motion.accelerometer_bias_m_s2, estimate.x.motion.gyroscope_bias_rad_s;
+  biases_covariance_ = estimate.P.block<6, 6>(kAccelerometerBias, kAccelerometerBias);
 }
 
 void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
@@ -174,7 +187,10 @@ void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
     gap_s = seconds_between(imu_.latest().stamp_ns, sample.stamp_ns);
     if (gap_s > params_.max_imu_gap_s) {
       ++counters_["restarted after an imu gap"];
+      keep_biases();
+      const std::int64_t biases_ns = gap_s <= kSameBiases_s ? biases_ns_ : StampOrder::kNone;
       reset();
+      biases_ns_ = biases_ns;
       gap_s = 0.0;
     }
   }
@@ -486,8 +502,9 @@ bool GpsIns::try_start() {
       return false;
     }
   }
-  const Eigen::Vector3d up = is_steady ? Eigen::Vector3d(sum / static_cast<double>(count))
-                                       : Eigen::Vector3d(recent / static_cast<double>(tail));
+  Eigen::Vector3d up = is_steady ? Eigen::Vector3d(sum / static_cast<double>(count))
+                                 : Eigen::Vector3d(recent / static_cast<double>(tail));
+  if (biases_ns_ != StampOrder::kNone) up -= biases_.head<3>();
   if (up.norm() < 0.8 * kStandardGravity_m_s2 || up.norm() > 1.5 * kStandardGravity_m_s2) {
     reason_ = kNotGravity;
     return false;
@@ -506,6 +523,16 @@ bool GpsIns::try_start() {
       kInitialSpeed_m_s * kInitialSpeed_m_s, kInitialClimb_m_s * kInitialClimb_m_s, tilt * tilt, tilt * tilt,
       kYawSigma_rad * kYawSigma_rad, Eigen::Vector3d::Constant(b_a * b_a), Eigen::Vector3d::Constant(b_g * b_g),
       Eigen::Vector3d::Ones();
+  if (biases_ns_ != StampOrder::kNone) {
+    start.x.motion.accelerometer_bias_m_s2 = biases_.head<3>();
+    start.x.motion.gyroscope_bias_rad_s = biases_.tail<3>();
+    const double since_s = seconds_between(biases_ns_, fix.stamp_ns);
+    const double walk_a = params_.imu.accelerometer_bias_walk, walk_g = params_.imu.gyroscope_bias_walk;
+    auto P = start.P.block<6, 6>(kAccelerometerBias, kAccelerometerBias);
+    P = biases_covariance_;
+    P.diagonal().head<3>().array() += walk_a * walk_a * since_s;
+    P.diagonal().tail<3>().array() += walk_g * walk_g * since_s;
+  }
   const Eigen::Vector3d axis = up.cross(Eigen::Vector3d::UnitZ());
   const double sine = axis.norm();
   const Eigen::Quaterniond level =

@@ -629,6 +629,73 @@ TEST(GpsInsStatistics, StartsInATurn) {
   EXPECT_LT(nees, chi_square_quantile(0.999, 60));
 }
 
+/// Square of the yaw's error by its variance.
+double yaw_nees(const SimulatedFlight& flight, const GpsInsPose& pose) {
+  const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
+  const double error_rad =
+      wrap_to_pi(flight.yaw(1e-9 * static_cast<double>(pose.stamp_ns)) - base_yaw(pose.T_world_base));
+  return error_rad * error_rad / (up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose());
+}
+
+/// Adds samples and fixes until the pose is ready; false if it is not by then.
+bool becomes_ready(FlightRun& run, GpsIns& ins, double until_s) {
+  while (!ins.is_ready() && run.time_s() < until_s) fly(run, ins, run.time_s() + 0.1, kAll, kNothing);
+  return ins.is_ready();
+}
+
+FlightSensors good_receiver() {
+  FlightSensors sensors;
+  sensors.imu_rate_hz = 100.0;
+  sensors.fix_sigma_m = 0.1;
+  sensors.correlated_share = 0.0;
+  return sensors;
+}
+
+// With the biases that an IMU may have, a steady turn of 14 m at 5 m/s shows the yaw to 0.16 rad: a gyroscope bias
+// keeps a tilt in place that has the force of the turn, had it another yaw. So the pose is not ready there, and is once
+// the turn ends.
+TEST(GpsInsStatistics, ASteadyTurnShowsNoMoreOfTheYawThanTheBiasesLeaveOpen) {
+  FlightSensors sensors = good_receiver();
+  sensors.gyroscope_bias_sigma_rad_s = InertialNoiseParams{}.gyroscope_bias_sigma_rad_s;
+  sensors.accelerometer_bias_sigma_m_s2 = InertialNoiseParams{}.accelerometer_bias_sigma_m_s2;
+  double nees = 0.0;
+  constexpr int kRuns = 24;
+  for (int i = 0; i < kRuns; ++i) {
+    SimulatedFlight flight;
+    flight.wind_m_s.setZero();
+    flight.initial_yaw_rad = 2.0 * kPi * i / kRuns;
+    flight.legs = {{60.0, 5.0 / 14.0}, {10.0, 0.0}};
+    FlightRun run(flight, sensors, static_cast<std::uint64_t>(i));
+    GpsIns ins({}, {});
+    EXPECT_FALSE(becomes_ready(run, ins, 60.0)) << i;
+    ASSERT_TRUE(becomes_ready(run, ins, 70.0)) << i << ": " << ins.reason();
+    nees += yaw_nees(flight, ins.pose());
+  }
+  EXPECT_LT(nees, chi_square_quantile(0.999, kRuns));
+}
+
+// Biases stay what they are in a gap, so the yaw shows itself in any turn.
+TEST(GpsInsStatistics, AfterAGapInATurnThePoseIsFoundAtOnce) {
+  double nees = 0.0;
+  constexpr int kRuns = 24;
+  for (int i = 0; i < kRuns; ++i) {
+    SimulatedFlight flight;
+    flight.legs = {{12.0, 0.0}, {14.0, 5.0 / 6.0}, {6.0, 0.0}, {14.0, -5.0 / 6.0}, {1000.0, 5.0 / 14.0}};
+    FlightRun run(flight, good_receiver(), static_cast<std::uint64_t>(i));
+    GpsIns ins({}, {});
+    const double gap_s = 60.0 + i * 2.0 * kPi * 14.0 / 5.0 / kRuns;
+    fly(run, ins, gap_s, kAll, kNothing);
+    ASSERT_TRUE(ins.is_ready());
+    while (run.time_s() < gap_s + 1.5) run.next();
+    for (int k = 0; k < StampOrder::kAgreeing; ++k, run.next()) ins.add_imu(run.sample());
+    ASSERT_EQ(ins.counters().of("restarted after an imu gap"), 1u);
+    ASSERT_FALSE(ins.is_ready());
+    ASSERT_TRUE(becomes_ready(run, ins, gap_s + 30.0)) << i << ": " << ins.reason();
+    nees += yaw_nees(flight, ins.pose());
+  }
+  EXPECT_LT(nees, chi_square_quantile(0.999, kRuns));
+}
+
 TEST(GpsInsStatistics, ComesThroughAnOutage) {
   FlightSensors sensors;
   sensors.imu_rate_hz = 100.0;

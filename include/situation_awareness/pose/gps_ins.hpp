@@ -174,6 +174,8 @@ class GpsIns {
 
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
+  /// Those of the estimate, where it is ready: for a start after a gap, in which they stay what they are.
+  void keep_biases();
   void process();
   bool try_start();
   void align();
@@ -205,6 +207,9 @@ class GpsIns {
   std::int64_t yaw_watched_ns_ = 0;
   std::int64_t learning_since_ns_ = 0;  ///< how the error of fixes is correlated
   bool is_yaw_known_ = false;
+  std::int64_t biases_ns_ = StampOrder::kNone;  ///< when these were kept; kNone: they are not known
+  Eigen::Matrix<double, 6, 1> biases_ = Eigen::Matrix<double, 6, 1>::Zero();  ///< of accelerometers, of gyroscopes
+  Eigen::Matrix<double, 6, 6> biases_covariance_ = Eigen::Matrix<double, 6, 6>::Zero();
   const char* reason_ = "";
   Counters counters_;
   std::array<NisMonitor, kGpsInsSensors> monitors_;
