@@ -274,7 +274,7 @@ class GpsInsTest(unittest.TestCase):
             msg.status.status = NavSatStatus.STATUS_NO_FIX
             msg.latitude = msg.longitude = msg.altitude = math.nan
 
-        self.run_for(1.0, change_fix=lose)
+        self.run_for(2.0, change_fix=lose)
         self.settle()
         self.assertEqual(self.status()["pose"], "not ready: no usable fix yet")
         self.assertGreater(self.count("no fix"), 3)
