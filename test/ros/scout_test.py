@@ -361,15 +361,20 @@ class ScoutTest(unittest.TestCase):
         msg.info.resolution, msg.info.width, msg.info.height, msg.info.origin.orientation.w = 0.5, 2, 2, 1.0
         return msg
 
-    def check(self, input_, name, act, expected, does, steps=40):
-        """The fault is there for some steps of a mission: the vehicle `holds`, for the expected reason, or `goes on`; then
-        it goes on, and home is where it was."""
+    def check(self, input_, name, act, expected, does, steps=40, from_home_m=0.0):
+        """The fault is there for some steps of a mission, which is so far from home then: the vehicle `holds`, for the
+        expected reason, or `goes on`; then it goes on, and home is where it was."""
         try:
             with contextlib.ExitStack() as cells:
                 for one in cells_of(name):
                     cells.enter_context(cell("scout", input_, one, does))
                 others, spoil = (input_,), {input_: act}
                 self.begin()
+                for _ in range(80):
+                    if math.dist(self.p[:2], HOME[:2]) >= from_home_m:
+                        break
+                    self.step()
+                self.assertGreaterEqual(math.dist(self.p[:2], HOME[:2]), from_home_m)
                 elapsed, begin = self.status.messages[-1].elapsed, self.t
                 states = [self.reacts(spoil, others) for _ in range(steps)]
                 if expected == "goes on":
@@ -469,21 +474,22 @@ class ScoutTest(unittest.TestCase):
                 faults[fault_] = lambda msg, act=act, fill=fill: act(fill(msg))
             faults["empty"] = lambda msg: msg
             self.check_all(name, faults, dict.fromkeys(faults, goes_on))
-            # On the map something stands all around the vehicle, wherever it went until the map came.
+            # On the map something stands all around the vehicle, wherever it went until the map came, and nearer than the
+            # clearance of 5 m: else a view from within may be the next stop. Shut in at home it would be done.
             def around(msg, fill=fill, name=name):
                 x, y = self.p[:2]
                 if name == "objects":
                     msg = set_number(fill(msg), "objects[0].pose.position.x", x)
-                    msg.objects[0].pose.position.y, msg.objects[0].rx, msg.objects[0].ry = y, 6.0, 6.0
+                    msg.objects[0].pose.position.y, msg.objects[0].rx, msg.objects[0].ry = y, 4.0, 4.0
                     return msg
                 msg = fill(msg)
                 thing = getattr(msg, name)[0]
                 thing.closed = True
-                thing.vertices = [Point(x + dx, y + dy, 0) for dx, dy in ((-7, -7), (7, -7), (7, 7), (-7, 7))]
+                thing.vertices = [Point(x + dx, y + dy, 0) for dx, dy in ((-4, -4), (4, -4), (4, 4), (-4, 4))]
                 thing.sigma_m = [0.1] * 4
                 return msg
             self.check(name, "contradicts another input", around, "there is no free way",
-                       "a map on which the vehicle is shut in: holds, and says so")
+                       "a map on which the vehicle is shut in: holds, and says so", from_home_m=15.0)
 
     def test_7_faults_of_odometry(self):
         stays = ("nothing", "nothing is told: the autopilot holds its last goal; the budget goes on")
