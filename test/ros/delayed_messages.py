@@ -37,7 +37,6 @@ class Line:
             except rospy.ROSException:  # The topic was closed meanwhile.
                 pass
 
-
     def is_full(self):
         later = self.waiting.queue
         return (self.queue_size is not None and len(later) >= self.queue_size
