@@ -75,29 +75,37 @@ void keep_most(Json& entry, const char* key, double value) { entry[key] = std::m
 
 void keep_least(Json& entry, const char* key, double value) { entry[key] = std::min(entry[key].get<double>(), value); }
 
+/// Returns what every table of runs counts, of no run yet.
+Json no_runs() {
+  return {
+      {"runs", 0}, {"person_touched", 0}, {"thing_touched", 0}, {"least_clearance_m", 1e9}, {"seeds", Json::array()}};
+}
+
+bool is_contact(const TransitOutcome& outcome) { return outcome.touched || outcome.hit_box; }
+
+/// Adds what every table counts.
+void add_run(Json& entry, const TransitOutcome& outcome, std::uint64_t seed, bool is_late) {
+  count(entry, "runs", true);
+  count(entry, "person_touched", outcome.touched);
+  count(entry, "thing_touched", outcome.hit_box);
+  keep_least(entry, "least_clearance_m", outcome.least_clearance_m);
+  if (is_contact(outcome) || is_late) entry["seeds"].push_back(seed);
+}
+
 /// The scenes of a seed that were drawn anew since someone steps out of hiding, under each policy.
 void add_out_of_hiding(TransitWithFault run, std::uint64_t seed, Json& by_policy) {
   for (const SafetyPolicy policy : kPolicies) {
     Json& entry = by_policy[name_of(policy)];
     if (entry.is_null()) {
-      entry = {{"runs", 0},
-               {"person_touched", 0},
-               {"thing_touched", 0},
-               {"fastest_touch_m_s", 0.0},
-               {"longest_in_view_s", 0.0},
-               {"least_clearance_m", 1e9},
-               {"seeds", Json::array()}};
+      entry = no_runs();
+      entry.update({{"fastest_touch_m_s", 0.0}, {"longest_in_view_s", 0.0}});
     }
     run.params.safety.policy = policy;
     for (const TransitScene& scene : run.out_of_hiding) {
       const TransitOutcome outcome = simulate_transit(scene, run.params, seed);
-      count(entry, "runs", true);
-      count(entry, "person_touched", outcome.touched);
-      count(entry, "thing_touched", outcome.hit_box);
+      add_run(entry, outcome, seed, false);
       keep_most(entry, "fastest_touch_m_s", outcome.touch_speed_m_s);
       keep_most(entry, "longest_in_view_s", outcome.touch_in_view_s);
-      keep_least(entry, "least_clearance_m", outcome.least_clearance_m);
-      if (outcome.touched || outcome.hit_box) entry["seeds"].push_back(seed);
     }
   }
 }
@@ -114,29 +122,19 @@ Json of_faults(int first, int runs) {
     const TransitOutcome outcome = simulate_transit(run.scene, run.params, number);
     Json& entry = by_fault[name_of(run.params.fault)];
     if (entry.is_null()) {
-      entry = {{"runs", 0},
-               {"person_touched", 0},
-               {"thing_touched", 0},
-               {"stood_late", 0},
-               {"found_after_s", 0.0},
-               {"way_beyond_m", 0.0},
-               {"least_clearance_m", 1e9},
-               {"seeds", Json::array()}};
+      entry = no_runs();
+      entry.update({{"stood_late", 0}, {"found_after_s", 0.0}, {"way_beyond_m", 0.0}});
     }
     const double beyond_m = outcome.way_to_stand_m - longest_way_to_stand_m(outcome, run.params);
     const bool has_found = outcome.found && has_to_stop(run.params.fault);
     const bool is_late = has_found && (!outcome.stands || beyond_m > 0.0);
-    count(entry, "runs", true);
-    count(entry, "person_touched", outcome.touched);
-    count(entry, "thing_touched", outcome.hit_box);
+    add_run(entry, outcome, number, is_late);
     count(entry, "stood_late", is_late);
     if (has_found) {
       keep_most(entry, "found_after_s", outcome.found_after_s);
       keep_most(entry, "way_beyond_m", beyond_m);
     }
-    keep_least(entry, "least_clearance_m", outcome.least_clearance_m);
-    if (outcome.touched || outcome.hit_box || is_late) entry["seeds"].push_back(seed);
-    contacts += outcome.touched || outcome.hit_box ? 1 : 0;
+    contacts += is_contact(outcome) ? 1 : 0;
     late += is_late ? 1 : 0;
     found += has_found ? 1 : 0;
     add_out_of_hiding(run, number, out_of_hiding);

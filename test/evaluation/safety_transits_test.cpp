@@ -91,8 +91,8 @@ bool is_hidden(const TransitScene& scene, const Eigen::Vector2d& from_m, const E
   return false;
 }
 
-/// Of contacts at places drawn at random, those before which the walker was hidden while the vehicle needed to stand:
-/// it came at its full speed or at others drawn at random, and they came walking or stood for some time.
+/// Draws contacts at random, and counts those before which the walker was hidden while the vehicle needed to stand: it
+/// came at its full speed or at others drawn at random, and they came walking or stood for some time.
 int contacts_out_of_hiding(const TransitScene& scene, const VehicleParams& vehicle, int contacts, Random& random) {
   constexpr double kStep_s = 0.03;
   const Walker& walker = *scene.walker;

@@ -116,7 +116,7 @@ double longest_way_to_stand_m(const TransitOutcome& outcome, const TransitParams
 /// Three boxes beside the way, within the warning area.
 TransitScene scene_with_boxes(std::uint64_t seed);
 
-/// In which the vehicle stands from its full speed, once it has to.
+/// Returns the time in which the vehicle stands from its full speed, once it has to.
 double longest_time_to_stand_s(const VehicleParams& vehicle);
 
 /// Someone who steps into the way from a side, beside a known box or where there is none. They are in view of the
