@@ -148,15 +148,15 @@ void GpsIns::reset() {
   waiting_since_ns_ = StampOrder::kNone;
   is_yaw_known_ = false;
   reason_ = kNoImu;
-  biases_ns_ = StampOrder::kNone;
+  biases_.reset();
 }
 
-void GpsIns::keep_biases() {
-  if (!is_ready()) return;
+std::optional<GpsIns::Biases> GpsIns::known_biases() const {
+  if (!is_ready()) return biases_;
   const Estimate<GpsInsState> estimate = mixed(stamp_ns());
-  biases_ns_ = stamp_ns();
-  biases_ << estimate.x.motion.accelerometer_bias_m_s2, estimate.x.motion.gyroscope_bias_rad_s;
-  biases_covariance_ = estimate.P.block<6, 6>(kAccelerometerBias, kAccelerometerBias);
+  const NavigationState& x = estimate.x.motion;
+  return Biases{stamp_ns(), x.accelerometer_bias_m_s2, x.gyroscope_bias_rad_s,
+                estimate.P.block<6, 6>(kAccelerometerBias, kAccelerometerBias)};
 }
 
 void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
@@ -187,10 +187,9 @@ void GpsIns::add_imu(const InertialSample& sample, std::int64_t received_ns) {
     gap_s = seconds_between(imu_.latest().stamp_ns, sample.stamp_ns);
     if (gap_s > params_.max_imu_gap_s) {
       ++counters_["restarted after an imu gap"];
-      keep_biases();
-      const std::int64_t biases_ns = gap_s <= kSameBiases_s ? biases_ns_ : StampOrder::kNone;
+      const std::optional<Biases> biases = gap_s <= kSameBiases_s ? known_biases() : std::nullopt;
       reset();
-      biases_ns_ = biases_ns;
+      biases_ = biases;
       gap_s = 0.0;
     }
   }
@@ -504,7 +503,7 @@ bool GpsIns::try_start() {
   }
   Eigen::Vector3d up = is_steady ? Eigen::Vector3d(sum / static_cast<double>(count))
                                  : Eigen::Vector3d(recent / static_cast<double>(tail));
-  if (biases_ns_ != StampOrder::kNone) up -= biases_.head<3>();
+  if (biases_) up -= biases_->accelerometer_m_s2;
   if (up.norm() < 0.8 * kStandardGravity_m_s2 || up.norm() > 1.5 * kStandardGravity_m_s2) {
     reason_ = kNotGravity;
     return false;
@@ -523,13 +522,13 @@ bool GpsIns::try_start() {
       kInitialSpeed_m_s * kInitialSpeed_m_s, kInitialClimb_m_s * kInitialClimb_m_s, tilt * tilt, tilt * tilt,
       kYawSigma_rad * kYawSigma_rad, Eigen::Vector3d::Constant(b_a * b_a), Eigen::Vector3d::Constant(b_g * b_g),
       Eigen::Vector3d::Ones();
-  if (biases_ns_ != StampOrder::kNone) {
-    start.x.motion.accelerometer_bias_m_s2 = biases_.head<3>();
-    start.x.motion.gyroscope_bias_rad_s = biases_.tail<3>();
-    const double since_s = seconds_between(biases_ns_, fix.stamp_ns);
+  if (biases_) {
+    start.x.motion.accelerometer_bias_m_s2 = biases_->accelerometer_m_s2;
+    start.x.motion.gyroscope_bias_rad_s = biases_->gyroscope_rad_s;
+    const double since_s = seconds_between(biases_->stamp_ns, fix.stamp_ns);
     const double walk_a = params_.imu.accelerometer_bias_walk, walk_g = params_.imu.gyroscope_bias_walk;
     auto P = start.P.block<6, 6>(kAccelerometerBias, kAccelerometerBias);
-    P = biases_covariance_;
+    P = biases_->covariance;
     P.diagonal().head<3>().array() += walk_a * walk_a * since_s;
     P.diagonal().tail<3>().array() += walk_g * walk_g * since_s;
   }

@@ -19,13 +19,6 @@
 namespace situation_awareness {
 namespace {
 
-double base_yaw(const Eigen::Isometry3d& T) { return yaw_of(Eigen::Quaterniond(T.linear())); }
-
-double yaw_variance(const GpsInsPose& pose) {
-  const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
-  return up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose();
-}
-
 double yaw_error(const Eigen::Isometry3d& truth, const GpsInsPose& pose) {
   return wrap_to_pi(base_yaw(truth) - base_yaw(pose.T_world_base));
 }

@@ -153,4 +153,14 @@ class MotionRun {
 
 using FlightRun = MotionRun<SimulatedFlight>;
 
+inline double base_yaw(const Eigen::Isometry3d& T_world_base) {
+  return yaw_of(Eigen::Quaterniond(T_world_base.linear()));
+}
+
+/// Of the pose's yaw, rad^2: of its attitude's error about the vertical.
+inline double yaw_variance(const GpsInsPose& pose) {
+  const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
+  return up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose();
+}
+
 }  // namespace situation_awareness

@@ -27,8 +27,6 @@ GpsInsState random_state(Random& random) {
   return Manifold<GpsInsState>::retract({}, e);
 }
 
-double base_yaw(const Eigen::Isometry3d& T) { return yaw_of(Eigen::Quaterniond(T.linear())); }
-
 /// A measurement with the time at which it arrives.
 struct Arrival {
   std::int64_t at_ns;
@@ -298,9 +296,7 @@ TEST(GpsIns, IsReadyOnceTheYawIsKnownWithAMargin) {
     double sigma_rad = 0.0;
     fly(run, ins, 60.0, kAll, [&](const FlightRun&, const GpsIns& now) {
       if (sigma_rad > 0.0 || !now.is_ready()) return;
-      const GpsInsPose pose = now.pose();
-      const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
-      sigma_rad = std::sqrt((up_base * pose.covariance.bottomRightCorner<3, 3>()).dot(up_base));
+      sigma_rad = std::sqrt(yaw_variance(now.pose()));
     });
     EXPECT_GT(sigma_rad, 0.0) << seed;
     EXPECT_LT(sigma_rad, 0.75 * params.max_yaw_sigma_rad) << seed;
@@ -631,10 +627,9 @@ TEST(GpsInsStatistics, StartsInATurn) {
 
 /// Square of the yaw's error by its variance.
 double yaw_nees(const SimulatedFlight& flight, const GpsInsPose& pose) {
-  const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
   const double error_rad =
       wrap_to_pi(flight.yaw(1e-9 * static_cast<double>(pose.stamp_ns)) - base_yaw(pose.T_world_base));
-  return error_rad * error_rad / (up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose());
+  return error_rad * error_rad / yaw_variance(pose);
 }
 
 /// Adds samples and fixes until the pose is ready; false if it is not by then.

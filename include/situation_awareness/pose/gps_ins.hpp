@@ -171,11 +171,17 @@ class GpsIns {
     double most, least_sigma, most_sigma;
   };
   enum class Phase { kLevelling, kAligning, kReady };
+  /// The errors of the IMU at a stamp, axes of the base, with their covariance.
+  struct Biases {
+    std::int64_t stamp_ns;
+    Eigen::Vector3d accelerometer_m_s2, gyroscope_rad_s;
+    Eigen::Matrix<double, 6, 6> covariance;
+  };
 
   void add(const GpsInsMeasurement& measurement, const char* too_late, const char* ahead);
   void add_number(GpsInsSensor sensor, std::int64_t stamp_ns, double value, double sigma, const Number& number);
-  /// Those of the estimate, where it is ready: for a start after a gap, in which they stay what they are.
-  void keep_biases();
+  /// Those of the estimate where it is ready, else those that it will start with.
+  std::optional<Biases> known_biases() const;
   void process();
   bool try_start();
   void align();
@@ -207,9 +213,7 @@ class GpsIns {
   std::int64_t yaw_watched_ns_ = 0;
   std::int64_t learning_since_ns_ = 0;  ///< how the error of fixes is correlated
   bool is_yaw_known_ = false;
-  std::int64_t biases_ns_ = StampOrder::kNone;  ///< when these were kept; kNone: they are not known
-  Eigen::Matrix<double, 6, 1> biases_ = Eigen::Matrix<double, 6, 1>::Zero();  ///< of accelerometers, of gyroscopes
-  Eigen::Matrix<double, 6, 6> biases_covariance_ = Eigen::Matrix<double, 6, 6>::Zero();
+  std::optional<Biases> biases_;  ///< of before a gap, in which they stay what they are
   const char* reason_ = "";
   Counters counters_;
   std::array<NisMonitor, kGpsInsSensors> monitors_;
