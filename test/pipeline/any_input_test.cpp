@@ -17,12 +17,12 @@
 #include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/evaluation/grid_scenes.hpp"
-#include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/map/grid/elevation.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "situation_awareness/map/polygons/timed_polygon_map.hpp"
+#include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "support/covariance.hpp"
+#include "support/grid_ground.hpp"
 #include "support/lively_scene.hpp"
 #include "support/odd_number.hpp"
 
@@ -54,7 +54,7 @@ std::int64_t odd_stamp(std::int64_t stamp_ns, Random& random) {
                                 : static_cast<std::int64_t>(9e18 * random.uniform(-1.0, 1.0));
 }
 
-/// Of a message between two others, or any.
+/// Returns the stamp of a message between this and the next, or any.
 std::int64_t odd_or_next_stamp(std::int64_t stamp_ns, double period_s, Random& random) {
   return random.uniform() < 0.5 ? stamp_ns + nanoseconds(0.5 * period_s) : odd_stamp(stamp_ns, random);
 }
@@ -251,10 +251,12 @@ class PolygonStage {
     ASSERT_EQ(std::count_if(chains.begin(), chains.end(), is_in_sight), 1);
     const Chain& room = *std::find_if(chains.begin(), chains.end(), is_in_sight);
     EXPECT_TRUE(room.closed);
+    Obstacles edges;
+    edges.add(room);
     for (double part = -0.9; part < 1.0; part += 0.1) {
       for (const double side : {-1.0, 1.0}) {
-        EXPECT_LT(distance_m(room, {3.0 * side, 2.0 * part}), 0.02);
-        EXPECT_LT(distance_m(room, {3.0 * part, 2.0 * side}), 0.02);
+        EXPECT_LT(distance_m(edges, {3.0 * side, 2.0 * part}), 0.02);
+        EXPECT_LT(distance_m(edges, {3.0 * part, 2.0 * side}), 0.02);
       }
     }
   }
@@ -269,19 +271,6 @@ class PolygonStage {
     });
   }
 
-  /// Of a place from the edges of a closed chain.
-  static double distance_m(const Chain& chain, const Eigen::Vector2d& at_m) {
-    double least_m = std::numeric_limits<double>::infinity();
-    Eigen::Vector2d from_m = chain.vertices.back().p_world_m;
-    for (const ChainVertex& to : chain.vertices) {
-      const Eigen::Vector2d way_m = to.p_world_m - from_m;
-      const double part = std::clamp(way_m.dot(at_m - from_m) / std::max(way_m.squaredNorm(), 1e-12), 0.0, 1.0);
-      least_m = std::min(least_m, (from_m + part * way_m - at_m).norm());
-      from_m = to.p_world_m;
-    }
-    return least_m;
-  }
-
   RoomPolylines room_;
   Polylines latest_;
   TimedPolygonMap map_;
@@ -293,12 +282,7 @@ class GridStage {
   static constexpr double kPeriod_s = 0.2;
 
   explicit GridStage(std::uint64_t seed)
-      : given_(make_grid_case("orbit", static_cast<std::uint32_t>(seed))),
-        pipeline_({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0), Eigen::Vector2d(1000.0, 1000.0),
-                                                  std::vector<float>{0.0F})) {
-    const double f = 0.5 * kSize / std::tan(radians(30.0)), middle = 0.5 * (kSize - 1);
-    camera_ = {kSize, kSize, f, f, middle, middle};
-  }
+      : given_(make_grid_case("orbit", static_cast<std::uint32_t>(seed))), pipeline_({}, flat_ground()) {}
 
   void give_good() {
     const std::size_t i = images_++ % given_.T_world_camera.size();
@@ -358,8 +342,6 @@ class GridStage {
   }
 
  private:
-  static constexpr int kSize = 56;
-
   static CameraPoseCovariance good_covariance() {
     CameraPoseCovariance covariance = CameraPoseCovariance::Zero();
     covariance.diagonal() << 0.01, 0.01, 0.01, 1e-6, 1e-6, 1e-6;
@@ -367,7 +349,7 @@ class GridStage {
   }
 
   GridCase given_;
-  PinholeCamera camera_;
+  PinholeCamera camera_ = square_camera(56);
   GridPipeline pipeline_;
   std::size_t images_ = 0;
   SoftLabels latest_;
@@ -429,16 +411,23 @@ TYPED_TEST(AnyInput, LeavesAnEstimateThatIsGoodAgainSoon) {
   }
 }
 
-TEST(GridPipeline, RefusesWhatIsNoCovariance) {
-  GridPipeline pipeline({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0),
-                                                        Eigen::Vector2d(1000.0, 1000.0), std::vector<float>{0.0F}));
+/// An image of 4 x 4 pixels of the ground, from 30 m above it.
+struct ImageFromAbove {
+  explicit ImageFromAbove(float probability) {
+    labels.stamp_ns = kBegin_ns;
+    labels.camera = {4, 4, 4.0, 4.0, 1.5, 1.5};
+    labels.probability.assign(16, probability);
+    T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
+    T_world_camera.translation().z() = 30.0;
+  }
+
   SoftLabels labels;
-  labels.stamp_ns = kBegin_ns;
-  labels.camera = {4, 4, 4.0, 4.0, 1.5, 1.5};
-  labels.probability.assign(16, 0.0F);
   Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
-  T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
-  T_world_camera.translation().z() = 30.0;
+};
+
+TEST(GridPipeline, RefusesWhatIsNoCovariance) {
+  GridPipeline pipeline({}, flat_ground());
+  auto [labels, T_world_camera] = ImageFromAbove(0.0F);
   CameraPoseCovariance covariance = 0.01 * CameraPoseCovariance::Identity();
   EXPECT_NO_THROW(pipeline.process(labels, T_world_camera, covariance));
   labels.stamp_ns += 100'000'000;
@@ -453,15 +442,8 @@ TEST(GridPipeline, RefusesWhatIsNoCovariance) {
 
 // What is said to be anywhere is put nowhere.
 TEST(GridPipeline, LearnsNothingByAPoseThatIsNotKnown) {
-  GridPipeline pipeline({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0),
-                                                        Eigen::Vector2d(1000.0, 1000.0), std::vector<float>{0.0F}));
-  SoftLabels labels;
-  labels.stamp_ns = kBegin_ns;
-  labels.camera = {4, 4, 4.0, 4.0, 1.5, 1.5};
-  labels.probability.assign(16, 1.0F);
-  Eigen::Isometry3d T_world_camera = Eigen::Isometry3d::Identity();
-  T_world_camera.linear() = Eigen::Vector3d(1.0, -1.0, -1.0).asDiagonal();  // looks down
-  T_world_camera.translation().z() = 30.0;
+  GridPipeline pipeline({}, flat_ground());
+  const auto [labels, T_world_camera] = ImageFromAbove(1.0F);
   for (const int axis : {0, 2, 5}) {
     CameraPoseCovariance covariance = 0.01 * CameraPoseCovariance::Identity();
     covariance(axis, axis) = 1e4;

@@ -26,6 +26,7 @@
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "situation_awareness/pipeline/timed_splinegon_map.hpp"
 #include "support/fault_cell.hpp"
+#include "support/grid_ground.hpp"
 #include "support/lively_scene.hpp"
 #include "support/wrong_stamp.hpp"
 
@@ -141,11 +142,8 @@ Outcome splinegons(const WrongStamp& wrong) {
 /// Images of an orbit.
 Outcome grid(const WrongStamp& wrong) {
   static const GridCase given = make_grid_case("orbit", 1);
-  constexpr int kSize = 56;
-  const double f = 0.5 * kSize / std::tan(radians(30.0)), middle = 0.5 * (kSize - 1);
-  const PinholeCamera camera{kSize, kSize, f, f, middle, middle};
-  GridPipeline pipeline({}, std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0),
-                                                        Eigen::Vector2d(1000.0, 1000.0), std::vector<float>{0.0F}));
+  const PinholeCamera camera = square_camera(56);
+  GridPipeline pipeline({}, flat_ground());
   Outcome outcome;
   for (int i = 0; i < static_cast<int>(given.T_world_camera.size()); ++i) {
     if (wrong.leaves_out("image", i)) continue;

@@ -21,7 +21,7 @@
 
 namespace situation_awareness {
 
-/// Of the camera's pose: the first two where nothing says how good it is.
+/// How well the camera's pose is known where nothing says so, and how well it must be.
 struct CameraPoseParams {
   double position_sigma_m = 0.3;
   double attitude_sigma_rad = 0.01;

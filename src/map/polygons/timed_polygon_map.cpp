@@ -15,7 +15,7 @@ namespace {
 constexpr double kFarthest_m = 1e6;
 /// rad. A yaw of so many turns is no yaw of a sensor.
 constexpr double kMostYaw_rad = 1e6;
-/// Of the length of a unit vector.
+/// The length of a unit vector may be off by so much.
 constexpr double kRounding = 1e-6;
 
 bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {

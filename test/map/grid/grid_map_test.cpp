@@ -14,31 +14,22 @@
 
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "support/grid_ground.hpp"
 
 namespace situation_awareness {
 namespace {
 
-PinholeCamera camera_of(int size) {
-  const double f = 0.5 * size / std::tan(radians(30.0));
-  return {size, size, f, f, 0.5 * (size - 1), 0.5 * (size - 1)};
-}
-
-std::shared_ptr<const Elevation> flat(double height_m = 0.0) {
-  return std::make_shared<Elevation>(1, 1, Eigen::Vector2d(-500.0, 500.0), Eigen::Vector2d(1000.0, 1000.0),
-                                     std::vector<float>{static_cast<float>(height_m)});
-}
-
 GridMap map_of(const GridCase& given, int size, std::shared_ptr<const Elevation> elevation) {
   GridMap map(GridMapParams{}, std::move(elevation));
   for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
-    map.update(labels_of(given, camera_of(size), i, 1), given_pose(given, i, 1));
+    map.update(labels_of(given, square_camera(size), i, 1), given_pose(given, i, 1));
   }
   return map;
 }
 
 SoftLabels uniform_labels(float probability) {
   SoftLabels labels;
-  labels.camera = camera_of(56);
+  labels.camera = square_camera(56);
   labels.probability.assign(56 * 56, probability);
   return labels;
 }
@@ -55,7 +46,7 @@ TEST(GridMap, FindsACarByOneImageWithoutItsShadow) {
   double overlap = 0.0, shadow = 0.0;
   for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
     const GridCase given = make_grid_case("single", seed);
-    const GridScore found = score(given, map_of(given, 112, flat()).grid());
+    const GridScore found = score(given, map_of(given, 112, flat_ground()).grid());
     overlap += found.intersection_over_union / kSeeds;
     shadow += found.shadow_share / kSeeds;
   }
@@ -71,7 +62,7 @@ TEST(GridMap, FinerLabelsAreNoWorse) {
   for (int k = 0; k < 3; ++k) {
     for (std::uint32_t seed = 1; seed <= kSeeds; ++seed) {
       const GridCase given = make_grid_case("single", seed);
-      overlaps[k] += score(given, map_of(given, sizes[k], flat()).grid()).intersection_over_union / kSeeds;
+      overlaps[k] += score(given, map_of(given, sizes[k], flat_ground()).grid()).intersection_over_union / kSeeds;
     }
   }
   EXPECT_GT(overlaps[2], 0.9);
@@ -85,9 +76,10 @@ TEST(GridMap, FindsTheCommonErrorOfTheElevationByCarsSeenFromSeveralPlaces) {
     given.T_world_camera.erase(given.T_world_camera.begin() + static_cast<std::ptrdiff_t>(i));
   }
   std::vector<SoftLabels> labels;
-  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) labels.push_back(labels_of(given, camera_of(56), i, 1));
+  for (std::size_t i = 0; i < given.T_world_camera.size(); ++i)
+    labels.push_back(labels_of(given, square_camera(56), i, 1));
   for (const double error_m : {-1.0, 0.0, 1.0}) {
-    GridMap map(GridMapParams{}, flat(error_m));
+    GridMap map(GridMapParams{}, flat_ground(error_m));
     for (std::size_t i = 0; i < labels.size(); ++i) map.update(labels[i], given.T_world_camera[i]);
     EXPECT_EQ(map.elevation_offset_m(), -error_m);
     EXPECT_GT(score(given, map.grid()).intersection_over_union, 0.8) << error_m;
@@ -97,9 +89,9 @@ TEST(GridMap, FindsTheCommonErrorOfTheElevationByCarsSeenFromSeveralPlaces) {
 TEST(GridMap, ImagesTooCoarseToShowACarDoNotTakeItAway) {
   constexpr int kImages = 120;
   const GridCase given = make_grid_case("orbit", 1);
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   for (std::size_t i = 0; i < given.T_world_camera.size(); i += 4) {
-    map.update(labels_of(given, camera_of(56), i, 1), given.T_world_camera[i]);
+    map.update(labels_of(given, square_camera(56), i, 1), given.T_world_camera[i]);
   }
   EXPECT_GT(score(given, map.grid()).intersection_over_union, 0.75);
   // From 160 m a car's height is less than half a pixel, and the labels have nothing.
@@ -116,12 +108,12 @@ TEST(GridMap, ImagesTooCoarseToShowACarDoNotTakeItAway) {
 
 TEST(GridMap, MovesWithTheWorldByWholeTiles) {
   GridCase given = make_grid_case("single", 3);
-  const SemanticGrid here = map_of(given, 56, flat()).grid();
+  const SemanticGrid here = map_of(given, 56, flat_ground()).grid();
   const Eigen::Vector3d step_m(32.0, -48.0, 0.0);
-  const SoftLabels labels = labels_of(given, camera_of(56), 0, 1);
+  const SoftLabels labels = labels_of(given, square_camera(56), 0, 1);
   Eigen::Isometry3d T = given.T_world_camera[0];
   T.translation() += step_m;
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   map.update(labels, T);
   const SemanticGrid there = map.grid();
   ASSERT_EQ(there.width, here.width);
@@ -140,7 +132,7 @@ TEST(GridMap, MovesWithTheWorldByWholeTiles) {
 
 TEST(GridMap, UnknownLabelsAreNoEvidence) {
   for (const float unknown : {0.5F, std::numeric_limits<float>::quiet_NaN()}) {
-    GridMap map(GridMapParams{}, flat());
+    GridMap map(GridMapParams{}, flat_ground());
     EXPECT_EQ(map.update(uniform_labels(unknown), kPose).observed_cells, 0U);
     EXPECT_EQ(map.grid().width, 0);
   }
@@ -153,7 +145,7 @@ TEST(GridMap, AnEdgeOfExactlyAHalfIsEvidenceAndAnUnknownPartIsNot) {
     for (int u = 0; u < 30; ++u) labels.probability[static_cast<std::size_t>(v * 56 + u)] = u < 20 ? 0.0F : 1.0F;
     labels.probability[static_cast<std::size_t>(v * 56 + 20)] = 0.5F;  // between less and more
   }
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   map.update(labels, kPose);
   const SemanticGrid grid = map.grid();
   for (int row = 0; row < grid.height; ++row) {
@@ -202,7 +194,7 @@ TEST(GridMap, WhatIsAboveTheGroundIsNotOnIt) {
   for (const double bottom_m : {3.0, 5.0, 8.0}) {
     GridCase given = make_grid_case("orbit", 1);
     given.scene.signs.push_back({Pose2{{9.0, 16.0}, radians(60.0)}, {0.2, 4.0, 1.5}, bottom_m});
-    EXPECT_EQ(class_cells(map_of(given, 56, flat()).grid(), -100.0, 100.0, 10.0, 100.0), 0U) << bottom_m;
+    EXPECT_EQ(class_cells(map_of(given, 56, flat_ground()).grid(), -100.0, 100.0, 10.0, 100.0), 0U) << bottom_m;
   }
 }
 
@@ -235,7 +227,7 @@ TEST(GridMap, TheGroundBehindACarOnACrestIsNotOfTheClass) {
 }
 
 TEST(GridMap, OneImageOfManyIsNotBelievedWhereNoOtherLooked) {
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   for (int i = 0; i < 5; ++i) map.update(uniform_labels(0.0F), kPose);
   Eigen::Isometry3d back = camera_pose({0.0, 0.0, 20.0}, radians(180.0), radians(-20.0));
   map.update(uniform_labels(1.0F), back);
@@ -253,14 +245,14 @@ TEST(GridMap, ObservesNothingBeyondItsElevationOrItsReach) {
   EXPECT_FALSE(std::isnan(probability_at(map.grid(), 59.75, 0.25)));
   GridMapParams params;
   params.reach_m = 50.0;
-  GridMap short_one(params, flat());
+  GridMap short_one(params, flat_ground());
   short_one.update(uniform_labels(0.0F), kPose);
   EXPECT_TRUE(std::isnan(probability_at(short_one.grid(), 50.25, 0.25)));
   EXPECT_FALSE(std::isnan(probability_at(short_one.grid(), 49.25, 0.25)));
 }
 
 TEST(GridMap, ForgetsWhatIsFarAway) {
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   map.update(uniform_labels(0.0F), kPose);
   map.keep_around({0.0, 0.0}, 60.0);
   const SemanticGrid grid = map.grid();
@@ -269,7 +261,7 @@ TEST(GridMap, ForgetsWhatIsFarAway) {
 }
 
 TEST(GridMap, RefusesBadInputAndIsUnchanged) {
-  GridMap map(GridMapParams{}, flat());
+  GridMap map(GridMapParams{}, flat_ground());
   SoftLabels short_one = uniform_labels(0.0F);
   short_one.probability.pop_back();
   EXPECT_THROW(map.update(short_one, kPose), std::invalid_argument);
@@ -292,7 +284,7 @@ TEST(GridMap, RefusesBadInputAndIsUnchanged) {
   EXPECT_EQ(map.grid().width, 0);
   GridMapParams params;
   params.cell_m = 0.0;
-  EXPECT_THROW(GridMap(params, flat()), std::invalid_argument);
+  EXPECT_THROW(GridMap(params, flat_ground()), std::invalid_argument);
   EXPECT_THROW(GridMap(GridMapParams{}, nullptr), std::invalid_argument);
 }
 
