@@ -64,6 +64,10 @@ constexpr double kGapRate_rad_s = 0.3;
 /// After a longer gap the IMU may have been switched on anew, with other biases.
 constexpr double kSameBiases_s = 10.0;
 
+/// Fixes of some seconds whose mean innovation is this far from zero contradict the estimate: squared, of three degrees
+/// of freedom, which happens once in a million times by chance.
+constexpr double kContradiction = 30.7;
+
 /// Filters of less weight than this are not mixed in, and none is thought less likely than exp(-kLeastLog) times the
 /// best, so that each can come back within some seconds.
 constexpr double kLeastWeight = 1e-3;
@@ -364,11 +368,19 @@ void GpsIns::process() {
     return;
   }
   const bool is_corrected = count_verdicts();
+  if (is_corrected && phase_ == Phase::kReady) widen_by_misfit();
   if (phase_ == Phase::kAligning) {
     align();
   } else if (is_corrected || std::abs(seconds_between(yaw_watched_ns_, stamp_ns)) >= GpsInsFilter::kMomentPeriod_s) {
     watch_yaw();
   }
+}
+
+void GpsIns::widen_by_misfit() {
+  const double misfit = filters_[best()].contradiction();
+  if (misfit < kContradiction) return;
+  ++counters_["widened: fixes contradict the estimate"];
+  for (std::size_t i = 0; i < used_; ++i) filters_[i].widen_by(misfit / 3.0);
 }
 
 void GpsIns::watch_yaw() {

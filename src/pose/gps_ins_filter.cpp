@@ -36,6 +36,8 @@ constexpr double kDoubtAttitude_rad = 0.2;
 /// What stands: means of blocks of the force that differ by less, as a start by 0.25 m/s would make them, and a rate
 /// that a bias can be.
 constexpr double kStandingForceChange_m_s2 = 0.03, kMostBias_rad_s = 0.05;
+/// Over which innovations of fixes are averaged.
+constexpr double kContradiction_s = 5.0;
 /// In standard deviations of what noise and walk make of the difference of two means.
 constexpr double kStandingSigmas = 3.0;
 /// What goes straight on does not turn, either: the velocity tells it from what flies a wide circle. One that is known
@@ -282,7 +284,22 @@ void GpsInsFilter::widen(double velocity_sigma_m_s, double attitude_sigma_rad) {
   predict_covariance(now_);
   now_.estimate.P.diagonal().segment<3>(kVelocity).array() += velocity_sigma_m_s * velocity_sigma_m_s;
   now_.estimate.P.diagonal().segment<3>(kAttitude).array() += attitude_sigma_rad * attitude_sigma_rad;
-  first_ = kept_ = 0;  // to go back and on again would lose it
+  forget_moments();
+}
+
+void GpsInsFilter::widen_by(double factor) {
+  predict_covariance(now_);
+  constexpr int kMotion = kFixError;
+  now_.estimate.P.topRows<kMotion>() *= std::sqrt(factor);
+  now_.estimate.P.leftCols<kMotion>() *= std::sqrt(factor);
+  now_.innovation_sum.setZero();
+  now_.innovation_variance = 0.0;
+  forget_moments();
+}
+
+// To go back and on again would lose what was changed.
+void GpsInsFilter::forget_moments() {
+  first_ = kept_ = 0;
   keep(now_);
 }
 
@@ -442,6 +459,9 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
     moment.last_fix_ns = moment.stamp_ns;
     if (since_s > kOutage_s) moment.outage_s = since_s;
     if (verdict.is_accepted) {
+      const double kept = std::exp(-since_s / kContradiction_s);
+      moment.innovation_sum = kept * moment.innovation_sum + compared.S.llt().matrixL().solve(nu);
+      moment.innovation_variance = kept * kept * moment.innovation_variance + 1.0;
       moment.rejected = 0;
       moment.outage_s = 0.0;
     } else if (is_doubted(moment, nu, R)) {
@@ -479,8 +499,11 @@ GpsInsVerdict GpsInsFilter::apply(Moment& moment, const GpsInsMeasurement& measu
       Eigen::Matrix<double, 1, 18> H = Eigen::Matrix<double, 1, 18>::Zero();
       H.segment<3>(kAttitude) = yaw_jacobian(x.motion.q_world_imu);
       moment.yaw_shown_ns = moment.stamp_ns;
+      // One heading alone may be an outlier inside the gate: it halves the variance of the yaw at most.
+      const Eigen::Vector3d by_attitude = H.segment<3>(kAttitude);
+      const double known = by_attitude.dot(moment.estimate.P.block<3, 3>(kAttitude, kAttitude) * by_attitude);
       return correct<1>(moment, Scalar(wrap_to_pi(measurement.value.x() - yaw_of(x.motion.q_world_imu))), H,
-                        Scalar(measurement.covariance(0, 0)), 1);
+                        Scalar(std::max(measurement.covariance(0, 0), known)), 1);
     }
     case GpsInsSensor::kSideslip: {
       Eigen::Matrix<double, 1, 18> H = sideslip_jacobian(x.motion, model_.imu_base_m);

@@ -509,11 +509,15 @@ TEST(GpsInsOutages, TheFirstGoodFixesAfterwardsAreUsed) {
 // --- anything ---
 
 TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
-  for (std::uint64_t seed = 0; seed < 12; ++seed) {
-    FlightRun run({}, {}, seed);
-    Random random(100 + seed);
+  for (std::uint64_t seed = 0; seed < 30; ++seed) {
     GpsInsParams params;
-    params.sideslip_sigma_m_s = seed % 3 == 0 ? 1.0 : 0.0;
+    SimulatedFlight flight;
+    if (seed % 3 == 0) {
+      params.sideslip_sigma_m_s = 1.0;
+      flight.wind_m_s.setZero();
+    }
+    FlightRun run(flight, {}, seed);
+    Random random(100 + seed);
     GpsIns ins(params, {});
     const auto odd_matrix = [&] {
       Eigen::Matrix3d m = Eigen::Matrix3d::Identity();
@@ -574,13 +578,14 @@ TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
       }
       if (was_good_for_10_s || run.time_s() < 70.0) continue;
       was_good_for_10_s = true;
-      // After 10 s of good input the place is no worse than by a single fix. The yaw is seen by changes of the velocity
-      // alone: where the pose began anew, and has not turned since, it says that it does not know it.
+      // After 10 s of good input the place is no worse than by a single fix, and the yaw as good as it says. It is seen
+      // by changes of the velocity alone: where the pose began anew, and has not turned since, it does not know it.
       if (pose.is_ready) {
+        EXPECT_LT(std::abs(yaw_error(run.T_world_base(), pose)), 3.5 * std::sqrt(yaw_variance(pose))) << seed;
         const Eigen::Vector3d error_m = run.T_world_base().translation() - pose.T_world_base.translation();
         EXPECT_LT(mahalanobis2(error_m, run.fix_covariance()), chi_square_quantile(0.9999, 3)) << seed;
       } else {
-        EXPECT_EQ(std::string(pose.reason).rfind("yaw is not known yet", 0), 0u) << seed << ": " << pose.reason;
+        EXPECT_EQ(std::string(pose.reason).rfind("yaw is not known", 0), 0u) << seed << ": " << pose.reason;
       }
     }
     // Good input for 90 s, since a pose that began anew needs turns to know the yaw.

@@ -187,6 +187,7 @@ class GpsIns {
   void align();
   void align_anew();
   void watch_yaw();
+  void widen_by_misfit();
   /// Of the yaws of the filters about the best one's.
   double yaw_variance(bool with_their_own) const;
   /// Counts why not.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -178,6 +179,9 @@ class GpsInsFilter {
   /// Adds to the covariance what is unknown of the motion in a gap of the samples.
   void widen(double velocity_sigma_m_s, double attitude_sigma_rad);
 
+  /// Multiplies the covariance of the motion and of the biases by a factor.
+  void widen_by(double factor);
+
   std::int64_t stamp_ns() const { return now_.stamp_ns; }
   /// The estimate at stamp_ns(), and at a stamp at most a moment's period earlier than the last, from the history.
   Estimate<GpsInsState> estimate() const;
@@ -196,6 +200,9 @@ class GpsInsFilter {
   std::int64_t yaw_shown_ns() const { return now_.yaw_shown_ns; }
   /// About the vertical, at most a moment's period ago.
   double yaw_variance() const { return vertical_variance(now_.estimate.x.motion.q_world_imu, now_.estimate.P); }
+  /// How far the innovations of the fixes of the last seconds are from zero on average: squared, in units of what it is
+  /// if the filter is right, three degrees of freedom.
+  double contradiction() const { return now_.innovation_sum.squaredNorm() / std::max(now_.innovation_variance, 1.0); }
   /// Whether all numbers are finite, and no variance is negative.
   bool is_sound() const { return now_.is_sound; }
 
@@ -220,6 +227,8 @@ class GpsInsFilter {
     double outage_s = 0.0;                                 ///< before those that are rejected
     Eigen::Vector3d rejected_m = Eigen::Vector3d::Zero();  ///< the innovation of the last one
     int recoveries = 0;
+    Eigen::Vector3d innovation_sum = Eigen::Vector3d::Zero();  ///< of the fixes, whitened, with exponential weights
+    double innovation_variance = 0.0;                          ///< of each of its components
     bool is_sound = true;
   };
 
@@ -243,6 +252,8 @@ class GpsInsFilter {
                const std::vector<GpsInsMeasurement>& measurements, const OnMoment& on_moment,
                const OnVerdict& on_verdict) const;
   void keep(const Moment& moment);
+  /// Goes on from now_ alone.
+  void forget_moments();
 
   GpsInsModel model_;
   FixNoise fix_noise_;
