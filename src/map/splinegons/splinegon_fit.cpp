@@ -79,6 +79,9 @@ constexpr double kNoChange_m = 2e-4;
 /// is more than so many of its standard deviations, and what they have in common is at least this (m).
 constexpr double kMisfitSigmas = 4.0;
 constexpr double kLeastMisfit_m = 0.01;
+/// Two neighbours that are off by so many standard deviations, and so far, are not followed either: the tip of a slim
+/// column has few others. One alone is an outlier.
+constexpr double kPairSigmas = 4.0, kLeastPair_m = 0.03;
 /// A residual counts up to so many standard deviations there.
 constexpr double kMostSigmas = 3.0;
 /// Rounds in which biarcs that do not follow the boundary are parted, each into so many at most.
@@ -100,6 +103,8 @@ constexpr std::size_t kNearArcs = 4, kMostSearches = 16;
 constexpr double kPolygonOffset_m = 0.02;
 /// A biarc goes astray if it is longer than the polygon by this factor, or one of its arcs turns by this (rad).
 constexpr double kMostWay = 1.3, kMostTurn_rad = 2.5;
+/// So does a corner that is farther from one of the elements beside it than these are from each other, by this factor.
+constexpr double kMostCornerWay = 1.5;
 
 Eigen::Vector2d unit(double yaw_rad) { return {std::cos(yaw_rad), std::sin(yaw_rad)}; }
 
@@ -148,7 +153,7 @@ struct LineSums {
 double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
 
 /// What residuals have in common, from a sum of elements'.
-bool is_misfit(double products, double elements, double weights) {
+bool have_misfit_in_common(double products, double elements, double weights) {
   if (products < kMisfitSigmas * std::sqrt(elements)) return false;
   const double sigma_m = elements / std::max(weights, 1e-12);
   return std::sqrt(products / elements) * sigma_m > kLeastMisfit_m;
@@ -559,7 +564,7 @@ bool SplinegonFit::is_arc(std::size_t begin, std::size_t end) const {
     weights += weight;
     before = sigmas;
   }
-  return !is_misfit(products, static_cast<double>(end - begin), weights);
+  return !have_misfit_in_common(products, static_cast<double>(end - begin), weights);
 }
 
 /// Corners, and between them the places at which one arc meets the elements no longer, along the polygon of the
@@ -957,7 +962,7 @@ void SplinegonFit::place_at_stations() {
 /// Products of neighbours' residuals of each biarc.
 void SplinegonFit::sum_residuals() {
   residuals_.assign(biarcs(), {});
-  double before = 0.0;
+  double before = 0.0, before_m = 0.0;
   std::size_t biarc_before = biarcs();
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const std::size_t biarc = arc_of_[i] / 2;
@@ -965,21 +970,30 @@ void SplinegonFit::sum_residuals() {
     const double sigmas = std::clamp(distance_m * misfit_weight(weights_[i]), -kMostSigmas, kMostSigmas);
     Residuals& sums = residuals_[biarc];
     if (biarc == biarc_before) sums.products += sigmas * before;
+    const double pair_m = std::min(std::abs(distance_m), before_m);
+    if (i > 0 && pair_m * weights_[i] > kPairSigmas) {
+      for (const std::size_t of : {biarc, biarc_before})
+        residuals_[of].pair_m = std::max(residuals_[of].pair_m, pair_m);
+    }
     sums.elements += 1.0;
     sums.weights += misfit_weight(weights_[i]);
     sums.squares_m2 += distance_m * distance_m;
     if (sums.elements == 1.0) sums.first = i;
     sums.last = i;
     before = sigmas;
+    before_m = std::abs(distance_m);
     biarc_before = biarc;
   }
+}
+
+bool SplinegonFit::is_misfit(const Residuals& sums) {
+  return sums.pair_m > kLeastPair_m || have_misfit_in_common(sums.products, sums.elements, sums.weights);
 }
 
 /// Parts the biarcs that do not follow the boundary and have elements for it; whether there are any.
 bool SplinegonFit::part_misfits() {
   sum_residuals();
-  const auto is_bad = [](const Residuals& sums) { return is_misfit(sums.products, sums.elements, sums.weights); };
-  if (std::none_of(residuals_.begin(), residuals_.end(), is_bad)) return false;
+  if (std::none_of(residuals_.begin(), residuals_.end(), is_misfit)) return false;
   measure();
   const double whole_m = cell_s_m_.back();
   keep_stations();
@@ -992,10 +1006,10 @@ bool SplinegonFit::part_misfits() {
     stations_.push_back(arc_ends_[at]);
     if (!is_whole || at == biarcs_before) continue;
     const Residuals& sums = residuals_[at];
-    if (!is_bad(sums)) continue;
+    if (!is_misfit(sums)) continue;
     const double from_m = arc_ends_[at].s_m;
     const double to_m = at + 1 < arc_ends_.size() ? arc_ends_[at + 1].s_m : whole_m;
-    const double common = std::sqrt(sums.products / sums.elements);
+    const double common = std::sqrt(std::max(sums.products, 0.0) / sums.elements);
     const double most = std::min(kMostParts, std::floor(sums.elements / static_cast<double>(kElementsOfVertex)));
     const double parts = std::min(std::max(std::ceil(std::cbrt(2.0 * common)), 2.0), most);
     for (double part = 1.0; part < parts; part += 1.0) {
@@ -1516,7 +1530,7 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
     const double arcs_m = kJumpRms * std::abs(second.curvature_1pm - first.curvature_1pm) * both_m * both_m;
     const Residuals& sums = residuals_[biarc];
     double misfit_m2 = 0.0;
-    if (is_misfit(sums.products, sums.elements, sums.weights)) misfit_m2 = sums.squares_m2 / sums.elements;
+    if (is_misfit(sums)) misfit_m2 = sums.squares_m2 / sums.elements;
     return std::max(arcs_m * arcs_m, misfit_m2);
   };
   const auto node_vertex = [&](std::size_t k) {
@@ -1599,10 +1613,20 @@ void SplinegonFit::find_polygons() {
     const Residuals& sums = residuals_[k];
     const ArcOfNode& first = arcs_[2 * k];
     const ArcOfNode& second = arcs_[2 * k + 1];
+    // A corner is between the elements beside it.
+    const std::size_t n = points_m_.size();
+    const std::size_t after = residuals_[k].elements > 0.0 ? first_element(k) : (before + 1) % n;
+    if (nodes_[k].corner && (closed_ || k > 0) && after != before) {
+      const Eigen::Vector2d& from_m = points_m_[(after + n - 1) % n];
+      const Eigen::Vector2d& to_m = points_m_[after];
+      const double most_m = kMostCornerWay * (to_m - from_m).norm() + kPolygonOffset_m;
+      if ((nodes_[k].p_m - from_m).norm() > most_m || (nodes_[k].p_m - to_m).norm() > most_m) {
+        is_polygon_[k] = is_polygon_[(k + biarcs() - 1) % biarcs()] = true;
+      }
+    }
     // Along the elements, from that before to that after.
     double way_m = (nodes_[next_node(k)].p_m - nodes_[k].p_m).norm();
     const auto elements = static_cast<std::size_t>(sums.elements);
-    const std::size_t n = points_m_.size();
     const auto edge_m = [&](std::size_t at) { return (points_m_[(at + 1) % n] - points_m_[at]).norm(); };
     if (elements == 0 && (closed_ || before + 1 < n)) way_m = edge_m(before) + kNear_m;
     if (elements > 0 && elements < n) {
@@ -1616,7 +1640,14 @@ void SplinegonFit::find_polygons() {
     const bool is_sound = first.length_m + second.length_m < kMostWay * way_m && turn_rad(first) < kMostTurn_rad &&
                           turn_rad(second) < kMostTurn_rad && first.length_m > kShortestArc_m &&
                           second.length_m > kShortestArc_m;
-    is_polygon_[k] = !is_sound || is_misfit(sums.products, sums.elements, sums.weights);
+    is_polygon_[k] = is_polygon_[k] || !is_sound || is_misfit(sums);
+  }
+  // Beside a polygon a few elements are of it: a biarc of theirs has nothing else to hold it.
+  for (std::size_t step = 0; step < 4 * biarcs(); ++step) {
+    const std::size_t k = (step < 2 * biarcs() ? step : 4 * biarcs() - 1 - step) % biarcs();
+    if (residuals_[k].elements >= static_cast<double>(kElementsOfArc)) continue;
+    is_polygon_[k] = is_polygon_[k] || ((closed_ || k > 0) && is_polygon_[(k + biarcs() - 1) % biarcs()]) ||
+                     ((closed_ || k + 1 < biarcs()) && is_polygon_[next_node(k)]);
   }
 }
 

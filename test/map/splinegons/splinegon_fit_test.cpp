@@ -181,12 +181,15 @@ TEST(SplinegonFit, FollowsBuildingsStreetsAndBanks) {
   std::vector<Outline> outlines = {comb_outline(2, 8.0, 14.0, 14.0), comb_outline(6, 3.0, 2.0, 4.0),
                                    comb_outline(25, 2.0, 1.5, 3.0), stepped_outline(20, 2.0, 1.0),
                                    street_outline(400.0, random)};
-  for (const int columns : {4, 8, 11, 16, 20, 24}) {
-    for (const double width_m : {0.6, 1.0, 2.0}) outlines.push_back(columns_outline(columns, width_m));
+  for (const int columns : {4, 8, 11, 16, 20, 24, 32}) {
+    for (const double width_m : {0.5, 0.6, 1.0, 2.0}) {
+      if (columns < 32 || width_m > 0.6) outlines.push_back(columns_outline(columns, width_m));
+    }
   }
   for (const double length_m : {100.0, 300.0, 1000.0}) outlines.push_back(bank_outline(length_m, random));
   for (const Outline& outline : outlines) {
     OfWall of_wall;
+    double astray_m = 0.0;  // what the boundary has where there is no wall
     for (int seed = 0; seed < 2; ++seed) {
       ObstacleBoundary boundary;
       boundary.closed = outline.closed;
@@ -198,10 +201,14 @@ TEST(SplinegonFit, FollowsBuildingsStreetsAndBanks) {
         ASSERT_EQ(splinegons.boundaries.size(), 1U) << outline.name;
         EXPECT_EQ(splinegons.boundaries[0].closed, outline.closed) << outline.name;
         of_wall.add(outline, splinegons.boundaries[0]);
+        if (outline.closed && stamp_ns == 2) {
+          astray_m = std::max(astray_m, hausdorff_m(outline, splinegons.boundaries[0]));
+        }
       }
     }
     EXPECT_GT(of_wall.inside / of_wall.places, 0.98) << outline.name;
     EXPECT_LT(of_wall.worst_m, 0.1) << outline.name;
+    EXPECT_LT(astray_m, 0.1) << outline.name;
   }
 }
 

@@ -124,6 +124,7 @@ class SplinegonFit {
   /// Of the elements of a biarc.
   struct Residuals {
     double products = 0.0;  ///< of neighbours, in standard deviations
+    double pair_m = 0.0;    ///< by how much two neighbours are off at most that noise does not explain
     double elements = 0.0, weights = 0.0, squares_m2 = 0.0;
     std::size_t first = 0, last = 0;
   };
@@ -191,6 +192,7 @@ class SplinegonFit {
   void share_out_again();
   void place_at_stations();
   void sum_residuals();
+  static bool is_misfit(const Residuals& sums);
   bool part_misfits();
   void thin_out_gaps();
   void compute_arcs();
