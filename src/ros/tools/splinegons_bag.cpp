@@ -180,9 +180,10 @@ class BagNavigation {
   /// Once there is a pose.
   InertialNavigation& operator*() { return *navigation_; }
 
-  /// Why there is no pose at the end, in one sentence; empty if there is.
+  /// Why there is no pose at the end, in one sentence, after what contradicted each other; empty if there is.
   std::string why_not_ready() const {
-    return navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
+    const std::string why = navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
+    return why.empty() || contradiction_.empty() ? why : contradiction_ + "; " + why;
   }
 
   /// Warns of measurements that contradicted each other at any time.
