@@ -38,7 +38,7 @@ constexpr double kSeam_m = 1.0;
 /// What a boundary has twice is cut off its end where that is so near to its begin (m).
 constexpr double kTwice_m = 2.0;
 /// A gap in a boundary is at least so long, and the ends of what is in it are so near to its own (m).
-constexpr double kLeastGap_m = 0.4, kAtGap_m = 0.4;
+constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.4;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
 /// So many elements at least.
@@ -250,8 +250,9 @@ void SplinegonPipeline::take_boundaries() {
   put_into_gaps();
 }
 
-/// A small thing whose ends are those of a gap in a boundary is a part of it: a column in front of a wall, of which
-/// both sides were linked before it was seen well. Elements of what was put somewhere are empty then.
+/// Small things that lead from one end of a gap in a boundary to the other, one or several in a row, are a part of it:
+/// a column in front of a wall, which was linked across its foot before it was seen well. Elements of what was put
+/// somewhere are empty then.
 void SplinegonPipeline::put_into_gaps() {
   for (ObstacleBoundary& boundary : boundaries_) {
     std::vector<SplinegonElement>& elements = boundary.elements;
@@ -260,17 +261,29 @@ void SplinegonPipeline::put_into_gaps() {
       const Eigen::Vector2d from_m = elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m,
                             to_m = elements[i].p_world_m;
       if ((to_m - from_m).norm() < kLeastGap_m) continue;
-      const auto fits = [&](const ObstacleBoundary& other) {
+      parts_.clear();
+      Eigen::Vector2d at_m = from_m;
+      const auto is_next = [&](const ObstacleBoundary& other) {
         return &other != &boundary && !other.closed && !other.elements.empty() &&
-               (other.elements.front().p_world_m - from_m).norm() < kAtGap_m &&
-               (other.elements.back().p_world_m - to_m).norm() < kAtGap_m;
+               other.elements.size() < elements.size() && (other.elements.front().p_world_m - at_m).norm() < kAtGap_m &&
+               std::find(parts_.begin(), parts_.end(), &other) == parts_.end();
       };
-      const auto part = std::find_if(boundaries_.begin(), boundaries_.end(), fits);
-      if (part == boundaries_.end()) continue;
-      elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(i), part->elements.begin(), part->elements.end());
-      boundary.first_seen_ns = std::min(boundary.first_seen_ns, part->first_seen_ns);
-      boundary.last_seen_ns = std::max(boundary.last_seen_ns, part->last_seen_ns);
-      part->elements.clear();
+      while (parts_.empty() || (at_m - to_m).norm() > kAtGap_m) {
+        const auto part = std::find_if(boundaries_.begin(), boundaries_.end(), is_next);
+        if (part == boundaries_.end()) {
+          parts_.clear();
+          break;
+        }
+        parts_.push_back(&*part);
+        at_m = part->elements.back().p_world_m;
+      }
+      for (auto part = parts_.rbegin(); part != parts_.rend(); ++part) {
+        std::vector<SplinegonElement>& of_part = (*part)->elements;
+        elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(i), of_part.begin(), of_part.end());
+        boundary.first_seen_ns = std::min(boundary.first_seen_ns, (*part)->first_seen_ns);
+        boundary.last_seen_ns = std::max(boundary.last_seen_ns, (*part)->last_seen_ns);
+        of_part.clear();
+      }
     }
   }
 }

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "circling_flight.hpp"
@@ -84,15 +85,15 @@ TEST(SplinegonPipelineFlights, MapsSmoothObstaclesToCentimetres) {
   EXPECT_NEAR(area_m2(splinegons.boundaries[0]) / (kPi * 60.0), 1.0, 0.003);
 }
 
-/// A building of 40 m x 20 m with columns of 1 m in front of its wall, this far apart.
-Outline building_with_columns(double apart_m) {
+/// A building of 40 m x 20 m with columns of this width 1 m in front of its wall, this far apart.
+Outline building_with_columns(double width_m, double apart_m) {
   Outline outline;
   const Outline wall = {{20.0, -10.0}, {20.0, 10.0}, {-20.0, 10.0}, {-20.0, -10.0}};
   for (std::size_t i = 0; i < wall.size(); ++i) {
     const Eigen::Vector2d edge = wall[(i + 1) % wall.size()] - wall[i], u = edge.normalized(), out(u.y(), -u.x());
     outline.push_back(wall[i]);
     for (double at_m = 0.5 * apart_m; at_m < edge.norm() - 1.0; at_m += apart_m) {
-      const Eigen::Vector2d from = wall[i] + (at_m - 0.5) * u, to = wall[i] + (at_m + 0.5) * u;
+      const Eigen::Vector2d from = wall[i] + (at_m - 0.5 * width_m) * u, to = wall[i] + (at_m + 0.5 * width_m) * u;
       for (const Eigen::Vector2d& p : {from, Eigen::Vector2d(from + out), Eigen::Vector2d(to + out), to}) {
         outline.push_back(p);
       }
@@ -103,8 +104,8 @@ Outline building_with_columns(double apart_m) {
 
 // Many corners, 76 and 52. Its wall is seen, and linked, before the sides of the columns.
 TEST(SplinegonPipelineFlights, FollowsTheColumnsOfABuilding) {
-  for (const double apart_m : {7.0, 10.0}) {
-    const Outline outline = building_with_columns(apart_m);
+  for (const auto& [width_m, apart_m] : {std::pair(1.0, 7.0), std::pair(1.0, 10.0), std::pair(0.4, 10.0)}) {
+    const Outline outline = building_with_columns(width_m, apart_m);
     SplinegonPipeline pipeline(shipped());
     Random random(11);
     const Eigen::Matrix3d covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-8).asDiagonal();
@@ -127,6 +128,7 @@ TEST(SplinegonPipelineFlights, FollowsTheColumnsOfABuilding) {
       }
       pipeline.process(scan, T, T, covariance);
     }
+    SCOPED_TRACE(width_m);
     SCOPED_TRACE(apart_m);
     double inside = 0.0, places = 0.0, worst_m = 0.0;
     for (std::size_t i = 0; i < outline.size(); ++i) {

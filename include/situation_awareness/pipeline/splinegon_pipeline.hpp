@@ -117,6 +117,7 @@ class SplinegonPipeline {
   Polygons polygons_, polygons_in_world_;
   std::vector<BoundaryElement> elements_;
   std::vector<ObstacleBoundary> boundaries_;
+  std::vector<ObstacleBoundary*> parts_;  ///< of what is in a gap, in order
   Splinegons splinegons_;
   std::vector<std::uint64_t> closed_;  ///< ids of boundaries that were closed, in order
 };
