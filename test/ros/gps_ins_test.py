@@ -197,10 +197,11 @@ class GpsInsTest(unittest.TestCase):
     def count(self, key):
         return self.diagnostics.count(STAGE, key)
 
-    def counts(self, key, run):
-        """How many more there are after `run`."""
+    def counts(self, key, run, at_least=1):
+        """How many more there are after `run`, once there are so many."""
         before = self.count(key)
         run()
+        comes_true(lambda: self.count(key) >= before + at_least, 20.0)
         self.settle()
         return self.count(key) - before
 
@@ -339,7 +340,7 @@ class GpsInsTest(unittest.TestCase):
         for spoil in (unknown, zero, negative):
             before = len(self.odometry.messages)
             self.assertEqual(self.counts("fix without covariance: fix_sigma_m used",
-                                         lambda change=spoil: self.run_for(4.0, change_fix=change)), 20)
+                                         lambda change=spoil: self.run_for(4.0, change_fix=change), 20), 20)
             self.assert_true(self.odometry.messages[before:])
 
     @fault("fixes that cannot be used",
@@ -361,7 +362,7 @@ class GpsInsTest(unittest.TestCase):
                 ("fix ahead of the imu", lambda msg: shift(msg, 20)),
                 ("fix outside its gate", lambda msg: of(msg, "latitude", msg.latitude + 50.0 / 111e3))):
             before = len(self.odometry.messages)
-            self.assertEqual(self.counts(key, lambda change=spoil: self.run_for(1.0, change_fix=change)), 5, key)
+            self.assertEqual(self.counts(key, lambda change=spoil: self.run_for(1.0, change_fix=change), 5), 5, key)
             self.assert_true(self.odometry.messages[before:])
             self.run_and_assert_true()
 
@@ -393,7 +394,8 @@ class GpsInsTest(unittest.TestCase):
             self.run_for(0.01)  # so that the first to be spoilt has one before
             wanted = sum(i % 3 == 0 for i in range(self.i, self.i + 30))
             before = len(self.odometry.messages)
-            dropped = self.counts(f"dropped: {key}", lambda change=every_third: self.run_for(0.3, change_imu=change))
+            dropped = self.counts(f"dropped: {key}", lambda change=every_third: self.run_for(0.3, change_imu=change),
+                                  wanted)
             self.assertEqual(dropped, wanted, key)
             self.assert_true(self.odometry.messages[before:])
         self.run_and_assert_true()
