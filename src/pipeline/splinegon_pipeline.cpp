@@ -38,7 +38,7 @@ constexpr double kSeam_m = 1.0;
 /// What a boundary has twice is cut off its end where that is so near to its begin (m).
 constexpr double kTwice_m = 2.0;
 /// A gap in a boundary is at least so long, and the ends of what is in it are so near to its own (m).
-constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.4;
+constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.5;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
 /// So many elements at least.
@@ -251,41 +251,47 @@ void SplinegonPipeline::take_boundaries() {
 }
 
 /// Small things that lead from one end of a gap in a boundary to the other, one or several in a row, are a part of it:
-/// a column in front of a wall, which was linked across its foot before it was seen well. Elements of what was put
-/// somewhere are empty then.
+/// a column in front of a wall, which was linked across its foot before it was seen well. So is what leads from the end
+/// of an open one to its begin: a wall whose corners were linked to neither side. Elements of what was put somewhere
+/// are empty then.
 void SplinegonPipeline::put_into_gaps() {
   for (ObstacleBoundary& boundary : boundaries_) {
     std::vector<SplinegonElement>& elements = boundary.elements;
-    for (std::size_t i = elements.size(); i-- > (boundary.closed ? 0U : 1U);) {  // those before stay where they are
+    for (std::size_t i = elements.size(); i-- > 0;) {  // those before stay where they are
       if (elements.empty()) break;
       const Eigen::Vector2d from_m = elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m,
                             to_m = elements[i].p_world_m;
-      if ((to_m - from_m).norm() < kLeastGap_m) continue;
-      parts_.clear();
-      Eigen::Vector2d at_m = from_m;
-      const auto is_next = [&](const ObstacleBoundary& other) {
-        return &other != &boundary && !other.closed && !other.elements.empty() &&
-               other.elements.size() < elements.size() && (other.elements.front().p_world_m - at_m).norm() < kAtGap_m &&
-               std::find(parts_.begin(), parts_.end(), &other) == parts_.end();
-      };
-      while (parts_.empty() || (at_m - to_m).norm() > kAtGap_m) {
-        const auto part = std::find_if(boundaries_.begin(), boundaries_.end(), is_next);
-        if (part == boundaries_.end()) {
-          parts_.clear();
-          break;
-        }
-        parts_.push_back(&*part);
-        at_m = part->elements.back().p_world_m;
-      }
+      if ((to_m - from_m).norm() < kLeastGap_m || !find_parts(boundary, from_m, to_m)) continue;
+      const std::size_t at = i > 0 || boundary.closed ? i : elements.size();
       for (auto part = parts_.rbegin(); part != parts_.rend(); ++part) {
         std::vector<SplinegonElement>& of_part = (*part)->elements;
-        elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(i), of_part.begin(), of_part.end());
+        elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(at), of_part.begin(), of_part.end());
         boundary.first_seen_ns = std::min(boundary.first_seen_ns, (*part)->first_seen_ns);
         boundary.last_seen_ns = std::max(boundary.last_seen_ns, (*part)->last_seen_ns);
         of_part.clear();
       }
+      if (i == 0) boundary.closed = boundary.closed || go_around(elements, true);
     }
   }
+}
+
+/// Whether others lead from one place to the other: parts_, in order.
+bool SplinegonPipeline::find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m,
+                                   const Eigen::Vector2d& to_m) {
+  parts_.clear();
+  const auto is_next = [&](const ObstacleBoundary& other) {
+    return &other != &boundary && !other.closed && !other.elements.empty() &&
+           other.elements.size() < boundary.elements.size() &&
+           (other.elements.front().p_world_m - from_m).norm() < kAtGap_m &&
+           std::find(parts_.begin(), parts_.end(), &other) == parts_.end();
+  };
+  do {
+    const auto part = std::find_if(boundaries_.begin(), boundaries_.end(), is_next);
+    if (part == boundaries_.end()) return false;
+    parts_.push_back(&*part);
+    from_m = part->elements.back().p_world_m;
+  } while ((from_m - to_m).norm() > kAtGap_m);
+  return true;
 }
 
 void SplinegonPipeline::reset() {

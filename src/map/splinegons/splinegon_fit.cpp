@@ -226,9 +226,11 @@ void SplinegonFitParams::validate() const { check_bounds(*this, "splinegon_fit")
 SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) { params_.validate(); }
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
-                                      double common_variance_m2, std::vector<SplinegonVertex>& vertices) {
+                                      double common_variance_m2, std::vector<SplinegonVertex>& vertices,
+                                      bool follow_tips) {
   SplinegonFitQuality quality;
   closed_ = closed;
+  follow_tips_ = follow_tips;
   if (!take(elements)) {
     vertices.clear();
     return quality;
@@ -971,7 +973,7 @@ void SplinegonFit::sum_residuals() {
     Residuals& sums = residuals_[biarc];
     if (biarc == biarc_before) sums.products += sigmas * before;
     const double pair_m = std::min(std::abs(distance_m), before_m);
-    if (i > 0 && pair_m * weights_[i] > kPairSigmas) {
+    if (follow_tips_ && i > 0 && pair_m * weights_[i] > kPairSigmas) {
       for (const std::size_t of : {biarc, biarc_before})
         residuals_[of].pair_m = std::max(residuals_[of].pair_m, pair_m);
     }
@@ -1616,7 +1618,7 @@ void SplinegonFit::find_polygons() {
     // A corner is between the elements beside it.
     const std::size_t n = points_m_.size();
     const std::size_t after = residuals_[k].elements > 0.0 ? first_element(k) : (before + 1) % n;
-    if (nodes_[k].corner && (closed_ || k > 0) && after != before) {
+    if (follow_tips_ && nodes_[k].corner && (closed_ || k > 0) && after != before) {
       const Eigen::Vector2d& from_m = points_m_[(after + n - 1) % n];
       const Eigen::Vector2d& to_m = points_m_[after];
       const double most_m = kMostCornerWay * (to_m - from_m).norm() + kPolygonOffset_m;
@@ -1643,7 +1645,7 @@ void SplinegonFit::find_polygons() {
     is_polygon_[k] = is_polygon_[k] || !is_sound || is_misfit(sums);
   }
   // Beside a polygon a few elements are of it: a biarc of theirs has nothing else to hold it.
-  for (std::size_t step = 0; step < 4 * biarcs(); ++step) {
+  for (std::size_t step = 0; follow_tips_ && step < 4 * biarcs(); ++step) {
     const std::size_t k = (step < 2 * biarcs() ? step : 4 * biarcs() - 1 - step) % biarcs();
     if (residuals_[k].elements >= static_cast<double>(kElementsOfArc)) continue;
     is_polygon_[k] = is_polygon_[k] || ((closed_ || k > 0) && is_polygon_[(k + biarcs() - 1) % biarcs()]) ||

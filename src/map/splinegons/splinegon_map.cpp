@@ -112,8 +112,8 @@ SplinegonMap::Outcome SplinegonMap::fit(const ObstacleBoundary& boundary, std::i
     return outcomes_before_[static_cast<std::size_t>(earlier - before_.boundaries.begin())];
   }
   result.last_seen_ns = boundary.last_seen_ns;
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices);
+  for (const bool follow_tips : {true, true, false}) {  // from the fit before, and from nothing
+    const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices, follow_tips);
     if (is_sound(result, boundary.elements)) return quality.as_polygon > 0 ? Outcome::kPolygon : Outcome::kArcs;
     result.vertices.clear();
   }

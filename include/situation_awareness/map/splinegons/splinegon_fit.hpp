@@ -72,9 +72,10 @@ class SplinegonFit {
   /// gaps. `common_variance_m2` is that of an error that all elements share, across the boundary. `vertices` holds an
   /// earlier fit of this boundary, from which a fit begins if it still holds, or nothing; it is overwritten with the
   /// new one as Splinegon has it. With fewer than 6 elements, or if they extend over less than 0.2 m, it is empty
-  /// afterwards.
+  /// afterwards. Without `follow_tips` two neighbours that are off are left out as outliers are: where elements are in
+  /// disorder the boundary would cross itself.
   SplinegonFitQuality fit(const std::vector<SplinegonElement>& elements, bool closed, double common_variance_m2,
-                          std::vector<SplinegonVertex>& vertices);
+                          std::vector<SplinegonVertex>& vertices, bool follow_tips = true);
 
   /// The polygon of the elements instead, as a splinegon of straight arcs, simplified by 2 cm, which its standard
   /// deviations include. It is empty of fewer than 3 places.
@@ -223,7 +224,7 @@ class SplinegonFit {
   void write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices);
 
   SplinegonFitParams params_;
-  bool closed_ = false;
+  bool closed_ = false, follow_tips_ = true;
   Eigen::Vector2d origin_m_ = Eigen::Vector2d::Zero();
   // Of the elements; places are relative to the origin.
   std::vector<Eigen::Vector2d> points_m_, normals_;
