@@ -39,6 +39,8 @@ constexpr double kSeam_m = 1.0;
 constexpr double kTwice_m = 2.0;
 /// A gap in a boundary is at least so long, and the ends of what is in it are so near to its own (m).
 constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.5;
+/// The same where it leads around, as far as elements of one chain may be apart (m).
+constexpr double kAtSeam_m = 1.0;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
 /// So many elements at least.
@@ -65,8 +67,10 @@ bool go_around(std::vector<SplinegonElement>& elements, bool was_closed) {
     turn_rad -= turn_between(elements[count - 2].normal_world, elements[count - 1].normal_world);
     --count;
   }
-  if (was_closed) {
+  // A seam at a corner has its turn.
+  if (was_closed || apart_m() < kAtGap_m)
     turn_rad += turn_between(elements[count - 1].normal_world, first.normal_world);
+  if (was_closed) {
     if (apart_m() > std::max(kTwice_m, kLost * length_m)) return false;
   } else if (apart_m() > kSeam_m) {
     return false;
@@ -261,8 +265,10 @@ void SplinegonPipeline::put_into_gaps() {
       if (elements.empty()) break;
       const Eigen::Vector2d from_m = elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m,
                             to_m = elements[i].p_world_m;
-      if ((to_m - from_m).norm() < kLeastGap_m || !find_parts(boundary, from_m, to_m)) continue;
-      const std::size_t at = i > 0 || boundary.closed ? i : elements.size();
+      const bool is_inside = i > 0 || boundary.closed;
+      if ((to_m - from_m).norm() < kLeastGap_m) continue;
+      if (!find_parts(boundary, from_m, to_m, is_inside ? kAtGap_m : kAtSeam_m)) continue;
+      const std::size_t at = is_inside ? i : elements.size();
       for (auto part = parts_.rbegin(); part != parts_.rend(); ++part) {
         std::vector<SplinegonElement>& of_part = (*part)->elements;
         elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(at), of_part.begin(), of_part.end());
@@ -277,12 +283,12 @@ void SplinegonPipeline::put_into_gaps() {
 
 /// Whether others lead from one place to the other: parts_, in order.
 bool SplinegonPipeline::find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m,
-                                   const Eigen::Vector2d& to_m) {
+                                   const Eigen::Vector2d& to_m, double reach_m) {
   parts_.clear();
   const auto is_next = [&](const ObstacleBoundary& other) {
     return &other != &boundary && !other.closed && !other.elements.empty() &&
            other.elements.size() < boundary.elements.size() &&
-           (other.elements.front().p_world_m - from_m).norm() < kAtGap_m &&
+           (other.elements.front().p_world_m - from_m).norm() < reach_m &&
            std::find(parts_.begin(), parts_.end(), &other) == parts_.end();
   };
   do {
@@ -290,7 +296,7 @@ bool SplinegonPipeline::find_parts(const ObstacleBoundary& boundary, Eigen::Vect
     if (part == boundaries_.end()) return false;
     parts_.push_back(&*part);
     from_m = part->elements.back().p_world_m;
-  } while ((from_m - to_m).norm() > kAtGap_m);
+  } while ((from_m - to_m).norm() > reach_m);
   return true;
 }
 

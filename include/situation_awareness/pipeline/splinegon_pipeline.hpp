@@ -90,7 +90,8 @@ class SplinegonPipeline {
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
   void put_into_gaps();
-  bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m);
+  bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m,
+                  double reach_m);
   const Splinegons& fit_boundaries(std::int64_t stamp_ns);
 
   /// A scan of the begin.
