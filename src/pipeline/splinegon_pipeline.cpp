@@ -68,8 +68,9 @@ bool go_around(std::vector<SplinegonElement>& elements, bool was_closed) {
     --count;
   }
   // A seam at a corner has its turn.
-  if (was_closed || apart_m() < kAtGap_m)
+  if (was_closed || apart_m() < kAtGap_m) {
     turn_rad += turn_between(elements[count - 1].normal_world, first.normal_world);
+  }
   if (was_closed) {
     if (apart_m() > std::max(kTwice_m, kLost * length_m)) return false;
   } else if (apart_m() > kSeam_m) {

@@ -974,8 +974,9 @@ void SplinegonFit::sum_residuals() {
     if (biarc == biarc_before) sums.products += sigmas * before;
     const double pair_m = std::min(std::abs(distance_m), before_m);
     if (follow_tips_ && i > 0 && pair_m * weights_[i] > kPairSigmas) {
-      for (const std::size_t of : {biarc, biarc_before})
+      for (const std::size_t of : {biarc, biarc_before}) {
         residuals_[of].pair_m = std::max(residuals_[of].pair_m, pair_m);
+      }
     }
     sums.elements += 1.0;
     sums.weights += misfit_weight(weights_[i]);
