@@ -39,7 +39,7 @@ constexpr double kSeam_m = 1.0;
 constexpr double kTwice_m = 2.0;
 /// A gap in a boundary is at least so long, and the ends of what is in it are so near to its own (m).
 constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.5;
-/// The same where it leads around, as far as elements of one chain may be apart (m).
+/// The ends of what leads around are so near to those of the boundary (m): elements of one chain may be so far apart.
 constexpr double kAtSeam_m = 1.0;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
@@ -277,7 +277,7 @@ void SplinegonPipeline::put_into_gaps() {
         boundary.last_seen_ns = std::max(boundary.last_seen_ns, (*part)->last_seen_ns);
         of_part.clear();
       }
-      if (i == 0) boundary.closed = boundary.closed || go_around(elements, true);
+      if (!is_inside) boundary.closed = go_around(elements, true);
     }
   }
 }

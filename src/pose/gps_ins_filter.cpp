@@ -36,7 +36,7 @@ constexpr double kDoubtAttitude_rad = 0.2;
 /// What stands: means of blocks of the force that differ by less, as a start by 0.25 m/s would make them, and a rate
 /// that a bias can be.
 constexpr double kStandingForceChange_m_s2 = 0.03, kMostBias_rad_s = 0.05;
-/// Over which innovations of fixes are averaged.
+/// Innovations of fixes are averaged over so long (s).
 constexpr double kContradiction_s = 5.0;
 /// In standard deviations of what noise and walk make of the difference of two means.
 constexpr double kStandingSigmas = 3.0;

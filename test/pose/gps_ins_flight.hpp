@@ -157,7 +157,7 @@ inline double base_yaw(const Eigen::Isometry3d& T_world_base) {
   return yaw_of(Eigen::Quaterniond(T_world_base.linear()));
 }
 
-/// Of the pose's yaw, rad^2: of its attitude's error about the vertical.
+/// Returns the variance of the pose's yaw in rad^2, which is that of its attitude's error about the vertical.
 inline double yaw_variance(const GpsInsPose& pose) {
   const Eigen::RowVector3d up_base = pose.T_world_base.linear().row(2);
   return up_base * pose.covariance.bottomRightCorner<3, 3>() * up_base.transpose();
