@@ -23,12 +23,10 @@ constexpr double kKnownFor_s = 2.0 * InertialNavigation::kBacklog_s;
 constexpr double kLatestFix_s = 2.0;
 /// Fixes and samples that wait until it is known where the sensors are: of 30 s at 20 Hz and 400 Hz.
 constexpr std::size_t kMostFixes = 600, kMostSamples = 12000;
-/// In `odom` biases and tilt are those of the filter when it began, and follow it with this time constant: what a fix
-/// changes in them shows up slowly, and errors of them are nearly constant, so that the map tells them.
+/// In `odom` biases and tilt are those of the filter when the pose became ready, followed back to where `odom` begins,
+/// and follow the filter from then on with this time constant: what a fix changes in them shows up slowly, and errors
+/// of them are nearly constant, so that the map tells them.
 constexpr double kFollow_s = 100.0;
-/// Until the pose is ready, in what is followed back, they are the filter's anew once its tilt has become better by
-/// this, in the variance: after a start in a turn the tilt is off by degrees.
-constexpr double kMuchBetter = 9.0;
 
 Eigen::Matrix3d rotation_about_vertical(double angle_rad) {
   return Eigen::AngleAxisd(angle_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
@@ -54,11 +52,22 @@ void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_worl
   pose.covariance = kept + J * by_map->covariance * J.transpose();
 }
 
-/// Of roll and pitch, together.
-double tilt_variance_of(const GpsInsPose& pose) {
-  const Eigen::Matrix3d P = pose.covariance.bottomRightCorner<3, 3>();
-  const Eigen::RowVector3d up = pose.T_world_base.linear().row(2);
-  return P.trace() - up * P * up.transpose();
+/// As the gyroscope measures it.
+Eigen::Vector3d measured_rate_rad_s(const GpsInsPose& pose) {
+  return pose.angular_velocity_base_rad_s + pose.gyroscope_bias_rad_s;
+}
+
+/// The attitude of `ready`, followed back by the gyroscope to the first of the poses before it.
+Eigen::Quaterniond followed_back(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier) {
+  Eigen::Quaterniond q_world_base(ready.T_world_base.linear());
+  const GpsInsPose* later = &ready;
+  for (auto pose = earlier.rbegin(); pose != earlier.rend(); ++pose) {
+    const Eigen::Vector3d rate_rad_s =
+        0.5 * (measured_rate_rad_s(*pose) + measured_rate_rad_s(*later)) - ready.gyroscope_bias_rad_s;
+    q_world_base = q_world_base * exp_so3(-seconds_between(pose->stamp_ns, later->stamp_ns) * rate_rad_s);
+    later = &*pose;
+  }
+  return q_world_base;
 }
 
 }  // namespace
@@ -101,7 +110,9 @@ void InertialNavigation::follow() {
   if (!pose.is_ready) return;
   if (!is_ready()) {
     ready_since_ns_ = pose.stamp_ns;
-    for (const GpsInsPose& earlier : input_.backlog_poses(pose)) go_on(earlier);
+    const std::vector<GpsInsPose> earlier = input_.backlog_poses(pose);
+    begin(earlier.empty() ? pose : earlier.front(), followed_back(pose, earlier), pose);
+    for (const GpsInsPose& then : earlier) go_on(then);
   }
   go_on(pose);
   place_fixes();
@@ -181,36 +192,35 @@ void InertialNavigation::restart(std::int64_t stamp_ns) {
   placed_fixes_.clear();
 }
 
+/// With the tilt of an attitude at the first pose, and the biases of another pose.
+void InertialNavigation::begin(const GpsInsPose& first, const Eigen::Quaterniond& q_world_base,
+                               const GpsInsPose& biased) {
+  const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(first.T_world_base);
+  q_odom_base_ = rotation_about_vertical(T_odom_base.yaw_rad - yaw_of(q_world_base)) * q_world_base;
+  accelerometer_bias_m_s2_ = biased.accelerometer_bias_m_s2;
+  gyroscope_bias_rad_s_ = biased.gyroscope_bias_rad_s;
+  p_odom_m_.head<2>() = T_odom_base.translation_m;
+  v_odom_m_s_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * first.velocity_world_m_s;
+}
+
 /// The next pose in order.
 void InertialNavigation::go_on(const GpsInsPose& pose) {
   if (!known_.empty() && pose.stamp_ns <= known_.back().stamp_ns) return;
   const Eigen::Matrix3d R_world_base = pose.T_world_base.linear();
   const double yaw_rad = pose2_of(pose.T_world_base).yaw_rad;
   const Eigen::Vector3d force_m_s2 = pose.specific_force_base_m_s2 + pose.accelerometer_bias_m_s2;
-  const Eigen::Vector3d measured_rate_rad_s = pose.angular_velocity_base_rad_s + pose.gyroscope_bias_rad_s;
-  const double tilt_variance = tilt_variance_of(pose);
   double step_s = 0.0;
-  if (known_.empty()) {
-    tilt_variance_ = tilt_variance;
-    const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(pose.T_world_base);
-    q_odom_base_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * R_world_base;
-    accelerometer_bias_m_s2_ = pose.accelerometer_bias_m_s2;
-    gyroscope_bias_rad_s_ = pose.gyroscope_bias_rad_s;
-    p_odom_m_.head<2>() = T_odom_base.translation_m;
-    v_odom_m_s_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * pose.velocity_world_m_s;
-  } else {
+  if (!known_.empty()) {
     step_s = seconds_between(known_.back().stamp_ns, pose.stamp_ns);
-    const bool is_much_better = pose.stamp_ns <= ready_since_ns_ && kMuchBetter * tilt_variance < tilt_variance_;
-    if (is_much_better) tilt_variance_ = tilt_variance;
-    const double part = is_much_better ? 1.0 : std::min(step_s / kFollow_s, 1.0);
+    const double part = pose.stamp_ns > ready_since_ns_ ? std::min(step_s / kFollow_s, 1.0) : 0.0;
     accelerometer_bias_m_s2_ += part * (pose.accelerometer_bias_m_s2 - accelerometer_bias_m_s2_);
     gyroscope_bias_rad_s_ += part * (pose.gyroscope_bias_rad_s - gyroscope_bias_rad_s_);
-    const Eigen::Vector3d rate_rad_s = measured_rate_rad_s - gyroscope_bias_rad_s_;
+    const Eigen::Vector3d rate_rad_s = measured_rate_rad_s(pose) - gyroscope_bias_rad_s_;
     q_odom_base_ = q_odom_base_ * exp_so3(0.5 * step_s * (rate_base_rad_s_ + rate_rad_s));
     const Eigen::Vector3d up = q_odom_base_.toRotationMatrix().row(2).transpose();
     q_odom_base_ = (q_odom_base_ * exp_so3(part * Eigen::Vector3d(R_world_base.row(2)).cross(up))).normalized();
   }
-  rate_base_rad_s_ = measured_rate_rad_s - gyroscope_bias_rad_s_;
+  rate_base_rad_s_ = measured_rate_rad_s(pose) - gyroscope_bias_rad_s_;
   const Eigen::Matrix3d R_odom_base = rotation_about_vertical(yaw_of(q_odom_base_) - yaw_rad) * R_world_base;
   const Eigen::Vector3d a_odom_m_s2 =
       q_odom_base_ * (force_m_s2 - accelerometer_bias_m_s2_) - kStandardGravity_m_s2 * Eigen::Vector3d::UnitZ();

@@ -99,6 +99,55 @@ TEST(InertialNavigation, ChangesOfTheVelocityAreRightSoonAfterAStartInATurn) {
   }
 }
 
+// A straight flight, in which little tells the tilt, and then turns, in which the pose gets ready. A map of the scans
+// until then tells the error of the acceleration, if that goes on as it is: what the fixes teach meanwhile is no jump.
+TEST(InertialNavigation, TheErrorOfTheAccelerationDoesNotJumpWhereThePoseGetsReady) {
+  const GeodeticPosition origin{47.0, 8.0, 400.0};
+  tf2::BufferCore tf;
+  SimulatedFlight flight;
+  flight.legs = {{15.0, 0.0}, {25.0, 0.45}};
+  constexpr double kWindow_s = 2.0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    FlightRun run(flight, {}, seed);
+    const double begin_s = stamp_of(run).toSec() - run.time_s();
+    std::vector<std::pair<std::int64_t, double>> odom_yaws;
+    InertialNavigation navigation({}, tf,
+                                  {[&](const geometry_msgs::TransformStamped& T_odom_base) {
+                                     const auto& q = T_odom_base.transform.rotation;
+                                     odom_yaws.emplace_back(to_nanoseconds(T_odom_base.header.stamp),
+                                                            yaw_of(Eigen::Quaterniond(q.w, q.x, q.y, q.z)));
+                                   },
+                                   [] {}});
+    for (; run.time_s() < 40.0; run.next()) {
+      navigation.add_imu(imu_of(run));
+      if (run.has_fix()) navigation.add_fix(fix_of(run, origin));
+    }
+    ASSERT_FALSE(odom_yaws.empty()) << seed;
+    const std::int64_t first_ns = odom_yaws.front().first;
+    EXPECT_FALSE(navigation.was_ready_at(first_ns + nanoseconds(10.0))) << seed;
+    Eigen::Vector2d v_odom_m_s = Eigen::Vector2d::Zero(), error_world_m_s = Eigen::Vector2d::Zero();
+    int windows = 0;
+    double most_m_s = 0.0;
+    std::int64_t next_ns = first_ns;
+    for (const auto& [stamp_ns, odom_yaw_rad] : odom_yaws) {
+      if (stamp_ns < next_ns) continue;
+      next_ns += nanoseconds(kWindow_s);
+      const Eigen::Isometry3d nowhere = Eigen::Isometry3d::Identity();
+      const InertialPlacement placement = navigation.placement_at(stamp_ns, nowhere, nowhere);
+      const double time_s = 1e-9 * static_cast<double>(stamp_ns) - begin_s;
+      const Eigen::Rotation2Dd R_world_odom(flight.yaw(time_s) - odom_yaw_rad);
+      const Eigen::Vector2d change_m_s = R_world_odom * (placement.v_odom_m_s - v_odom_m_s);
+      const Eigen::Vector2d true_m_s = (flight.velocity(time_s) - flight.velocity(time_s - kWindow_s)).head<2>();
+      if (windows > 1) most_m_s = std::max(most_m_s, (change_m_s - true_m_s - error_world_m_s).norm());
+      if (windows > 0) error_world_m_s = change_m_s - true_m_s;
+      v_odom_m_s = placement.v_odom_m_s;
+      ++windows;
+    }
+    EXPECT_GT(windows, 12) << seed;
+    EXPECT_LT(most_m_s, 0.3) << seed;
+  }
+}
+
 /// A message of a flight, when it comes.
 struct Arriving {
   std::int64_t at_ns;

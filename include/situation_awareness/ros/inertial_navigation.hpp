@@ -119,6 +119,7 @@ class InertialNavigation {
   void use_fix(const Waiting<sensor_msgs::NavSatFix>& fix);
   void place_fixes();
   const Known& known_at(std::int64_t stamp_ns);
+  void begin(const GpsInsPose& first, const Eigen::Quaterniond& q_world_base, const GpsInsPose& biased);
   void go_on(const GpsInsPose& pose);
   void restart(std::int64_t stamp_ns);
 
@@ -134,7 +135,6 @@ class InertialNavigation {
   std::deque<KnownFix<PlacedFix>> placed_fixes_;
   Pose2 T_world_odom_begin_;  ///< where `odom` begins
   Eigen::Quaterniond q_odom_base_ = Eigen::Quaterniond::Identity();
-  double tilt_variance_ = 0.0;  ///< of roll and pitch of the filter when they were last taken whole (rad^2)
   Eigen::Vector3d accelerometer_bias_m_s2_ = Eigen::Vector3d::Zero(), gyroscope_bias_rad_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d rate_base_rad_s_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d p_odom_m_ = Eigen::Vector3d::Zero(), v_odom_m_s_ = p_odom_m_, a_odom_m_s2_ = p_odom_m_;
