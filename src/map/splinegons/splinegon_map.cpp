@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "situation_awareness/common/time.hpp"
+
 namespace situation_awareness {
 namespace {
 
@@ -12,6 +14,8 @@ constexpr double kMostLength = 1.5;
 /// Part of its elements, at least, by which a boundary is within a closed one, and how far (m) they may be before that.
 constexpr double kWithin = 0.9;
 constexpr double kBefore_m = 0.1;
+/// s. Where the ends of slim things made a boundary cross itself they are followed again after so long.
+constexpr double kTipsAgain_s = 1.0;
 
 /// Nobody can have seen anything there: errors of poses put it behind a boundary that was drawn before, or again.
 bool is_within(const ObstacleBoundary& boundary, const Splinegon& closed) {
@@ -59,8 +63,8 @@ bool SplinegonMap::is_sound(const Splinegon& splinegon, const std::vector<Spline
 
 const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries) {
   std::swap(splinegons_, before_);
-  std::swap(outcomes_, outcomes_before_);
-  outcomes_.clear();
+  std::swap(fits_, fits_before_);
+  fits_.clear();
   splinegons_.stamp_ns = stamp_ns;
   std::size_t count = 0;
   for (const bool closed : {true, false}) {
@@ -68,23 +72,24 @@ const Splinegons& SplinegonMap::update(std::int64_t stamp_ns, const std::vector<
       if (boundary.closed != closed || !is_large(boundary) || (!closed && is_inner(boundary, count))) continue;
       if (splinegons_.boundaries.size() == count) splinegons_.boundaries.emplace_back();
       Splinegon& result = splinegons_.boundaries[count];
-      outcomes_.resize(count);
-      outcomes_.push_back(fit(boundary, stamp_ns, result));
+      fits_.resize(count);
+      fits_.push_back(fit(boundary, stamp_ns, result));
       if (!result.vertices.empty()) ++count;
     }
   }
-  outcomes_.resize(count);
+  fits_.resize(count);
   splinegons_.boundaries.resize(count);
   return splinegons_;
 }
 
-std::size_t SplinegonMap::polygons() const {
-  return static_cast<std::size_t>(std::count(outcomes_.begin(), outcomes_.end(), Outcome::kPolygon));
+std::size_t SplinegonMap::count_of(Outcome outcome) const {
+  return static_cast<std::size_t>(
+      std::count_if(fits_.begin(), fits_.end(), [&](const Fit& fit) { return fit.outcome == outcome; }));
 }
 
-std::size_t SplinegonMap::kept() const {
-  return static_cast<std::size_t>(std::count(outcomes_.begin(), outcomes_.end(), Outcome::kKept));
-}
+std::size_t SplinegonMap::polygons() const { return count_of(Outcome::kPolygon); }
+
+std::size_t SplinegonMap::kept() const { return count_of(Outcome::kKept); }
 
 /// Of the first ones of this update.
 bool SplinegonMap::is_inner(const ObstacleBoundary& boundary, std::size_t count) const {
@@ -94,7 +99,7 @@ bool SplinegonMap::is_inner(const ObstacleBoundary& boundary, std::size_t count)
 }
 
 /// Without vertices if there is none.
-SplinegonMap::Outcome SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result) {
+SplinegonMap::Fit SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result) {
   const auto earlier = std::find_if(before_.boundaries.begin(), before_.boundaries.end(),
                                     [&](const Splinegon& other) { return other.id == boundary.id; });
   result.id = boundary.id;
@@ -107,24 +112,41 @@ SplinegonMap::Outcome SplinegonMap::fit(const ObstacleBoundary& boundary, std::i
     result.last_seen_ns = earlier->last_seen_ns;
   };
   const bool is_known = earlier != before_.boundaries.end(), is_same = is_known && earlier->closed == boundary.closed;
-  if (is_same) stay();
-  if (is_same && !boundary.moved && boundary.last_seen_ns != stamp_ns) {
-    return outcomes_before_[static_cast<std::size_t>(earlier - before_.boundaries.begin())];
+  Fit fit;
+  if (is_same) {
+    stay();
+    fit = fits_before_[static_cast<std::size_t>(earlier - before_.boundaries.begin())];
+    if (!boundary.moved && boundary.last_seen_ns != stamp_ns) return fit;
   }
   result.last_seen_ns = boundary.last_seen_ns;
-  for (const bool follow_tips : {true, true, false}) {  // from the fit before, and from nothing
+  const auto is_sound_fit = [&](bool follow_tips) {
     const SplinegonFitQuality quality = fit_.fit(boundary.elements, boundary.closed, 0.0, result.vertices, follow_tips);
-    if (is_sound(result, boundary.elements)) return quality.as_polygon > 0 ? Outcome::kPolygon : Outcome::kArcs;
+    fit.outcome = quality.as_polygon > 0 ? Outcome::kPolygon : Outcome::kArcs;
+    if (is_sound(result, boundary.elements)) return true;
     result.vertices.clear();
+    return false;
+  };
+  const double since_s = seconds_between(fit.tips_failed_ns, stamp_ns);
+  const bool follow_tips = fit.tips_failed_ns == StampOrder::kNone || since_s < 0.0 || since_s >= kTipsAgain_s;
+  // From the fit before, and from nothing.
+  if (is_sound_fit(follow_tips) || is_sound_fit(follow_tips)) {
+    if (follow_tips) fit.tips_failed_ns = StampOrder::kNone;
+    return fit;
   }
+  if (follow_tips) {
+    fit.tips_failed_ns = stamp_ns;
+    if (is_sound_fit(false)) return fit;
+  }
+  fit.outcome = Outcome::kPolygon;
   fit_.fit_polygon(boundary.elements, boundary.closed, 0.0, result.vertices);
-  if (is_sound(result, boundary.elements)) return Outcome::kPolygon;
+  if (is_sound(result, boundary.elements)) return fit;
   if (is_known) {
     stay();
-    return Outcome::kKept;
+    fit.outcome = Outcome::kKept;
+  } else {
+    fit_part(boundary.elements, result);
   }
-  fit_part(boundary.elements, result);
-  return Outcome::kPolygon;
+  return fit;
 }
 
 /// Of elements that cross themselves, of halves of halves of them: the first of the longest that does not.

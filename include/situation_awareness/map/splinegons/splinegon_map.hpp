@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/common/stamp_order.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/splinegons/splinegon_fit.hpp"
 #include "situation_awareness/map/splinegons/splinegons.hpp"
@@ -57,16 +58,21 @@ class SplinegonMap {
 
  private:
   enum class Outcome : std::uint8_t { kArcs, kPolygon, kKept };
+  struct Fit {
+    Outcome outcome = Outcome::kArcs;
+    std::int64_t tips_failed_ns = StampOrder::kNone;  ///< when the ends of slim things made it cross itself
+  };
   bool is_large(const ObstacleBoundary& boundary) const;
   bool is_inner(const ObstacleBoundary& boundary, std::size_t count) const;
-  Outcome fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result);
+  Fit fit(const ObstacleBoundary& boundary, std::int64_t stamp_ns, Splinegon& result);
+  std::size_t count_of(Outcome outcome) const;
   void fit_part(const std::vector<SplinegonElement>& elements, Splinegon& result);
   bool is_sound(const Splinegon& splinegon, const std::vector<SplinegonElement>& elements);
 
   SplinegonMapParams params_;
   SplinegonFit fit_;
   Splinegons splinegons_, before_;
-  std::vector<Outcome> outcomes_, outcomes_before_;
+  std::vector<Fit> fits_, fits_before_;
   std::vector<SplinegonElement> part_;
   std::vector<Eigen::Vector2d> points_m_;  ///< of is_simple
 };
