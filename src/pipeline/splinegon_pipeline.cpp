@@ -39,8 +39,6 @@ constexpr double kSeam_m = 1.0;
 constexpr double kTwice_m = 2.0;
 /// A gap in a boundary is at least so long, and the ends of what is in it are so near to its own (m).
 constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.5;
-/// The ends of what leads around are so near to those of the boundary (m): elements of one chain may be so far apart.
-constexpr double kAtSeam_m = 1.0;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
 /// So many elements at least.
@@ -245,58 +243,115 @@ void SplinegonPipeline::take_boundaries() {
       boundary.elements.push_back(
           {element.p_world_m, {-element.along_world.y(), element.along_world.x()}, element.variance_m2});
     });
-    const bool was_closed = std::binary_search(closed_.begin(), closed_.end(), boundary.id);
-    boundary.closed = boundary.closed || go_around(boundary.elements, was_closed);
-    if (boundary.closed && !was_closed) {
-      closed_.insert(std::upper_bound(closed_.begin(), closed_.end(), boundary.id), boundary.id);
-    }
+    boundary.closed = boundary.closed || go_around(boundary.elements, was_of_closed(boundary.id) != nullptr);
   }
   boundaries_.resize(count);
-  put_into_gaps();
+  closing_.clear();
+  for (ObstacleBoundary& boundary : boundaries_) {
+    const std::size_t first = closing_.size();
+    put_into_gaps(boundary);
+    if (!boundary.closed) lead_around(boundary);
+    if (boundary.closed) {
+      closing_.push_back({boundary.id, boundary.id});
+      name_closed(boundary, first);
+    } else {
+      closing_.resize(first);
+    }
+  }
+  std::sort(closing_.begin(), closing_.end(), [](const OfClosed& a, const OfClosed& b) { return a.chain < b.chain; });
+  closed_.swap(closing_);
+}
+
+const SplinegonPipeline::OfClosed* SplinegonPipeline::was_of_closed(std::uint64_t chain) const {
+  const auto of_closed = std::lower_bound(closed_.begin(), closed_.end(), chain,
+                                          [](const OfClosed& a, std::uint64_t id) { return a.chain < id; });
+  return of_closed != closed_.end() && of_closed->chain == chain ? &*of_closed : nullptr;
+}
+
+/// A closed boundary keeps its id, whichever of its chains is the longest now or has become one with another, unless a
+/// chain of that id is elsewhere again. Its chains are those in closing_ from `first` on.
+void SplinegonPipeline::name_closed(ObstacleBoundary& boundary, std::size_t first) {
+  for (std::size_t i = closing_.size(); i-- > first;) {  // its own chain first
+    const OfClosed* const before = was_of_closed(closing_[i].chain);
+    if (before == nullptr) continue;
+    const bool is_elsewhere = std::any_of(boundaries_.begin(), boundaries_.end(), [&](const ObstacleBoundary& other) {
+      return &other != &boundary && other.id == before->id && !other.elements.empty();
+    });
+    if (is_elsewhere) continue;
+    boundary.id = before->id;
+    break;
+  }
+  for (std::size_t i = first; i < closing_.size(); ++i) closing_[i].id = boundary.id;
 }
 
 /// Small things that lead from one end of a gap in a boundary to the other, one or several in a row, are a part of it:
-/// a column in front of a wall, which was linked across its foot before it was seen well. So is what leads from the end
-/// of an open one to its begin: a wall whose corners were linked to neither side. Elements of what was put somewhere
-/// are empty then.
-void SplinegonPipeline::put_into_gaps() {
-  for (ObstacleBoundary& boundary : boundaries_) {
-    std::vector<SplinegonElement>& elements = boundary.elements;
-    for (std::size_t i = elements.size(); i-- > 0;) {  // those before stay where they are
-      if (elements.empty()) break;
-      const Eigen::Vector2d from_m = elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m,
-                            to_m = elements[i].p_world_m;
-      const bool is_inside = i > 0 || boundary.closed;
-      if ((to_m - from_m).norm() < kLeastGap_m) continue;
-      if (!find_parts(boundary, from_m, to_m, is_inside ? kAtGap_m : kAtSeam_m)) continue;
-      const std::size_t at = is_inside ? i : elements.size();
-      for (auto part = parts_.rbegin(); part != parts_.rend(); ++part) {
-        std::vector<SplinegonElement>& of_part = (*part)->elements;
-        elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(at), of_part.begin(), of_part.end());
-        boundary.first_seen_ns = std::min(boundary.first_seen_ns, (*part)->first_seen_ns);
-        boundary.last_seen_ns = std::max(boundary.last_seen_ns, (*part)->last_seen_ns);
-        of_part.clear();
-      }
-      if (!is_inside) boundary.closed = go_around(elements, true);
-    }
+/// a column in front of a wall, which was linked across its foot before it was seen well. Elements of what was put
+/// somewhere are empty then.
+void SplinegonPipeline::put_into_gaps(ObstacleBoundary& boundary) {
+  std::vector<SplinegonElement>& elements = boundary.elements;
+  for (std::size_t i = elements.size(); i-- > 0;) {  // those before stay where they are
+    if (i == 0 && !boundary.closed) return;
+    const Eigen::Vector2d from_m = elements[i > 0 ? i - 1 : elements.size() - 1].p_world_m,
+                          to_m = elements[i].p_world_m;
+    if ((to_m - from_m).norm() < kLeastGap_m || !find_parts(boundary, from_m, to_m, kAtGap_m)) continue;
+    joined_.clear();
+    join_parts();
+    elements.insert(elements.begin() + static_cast<std::ptrdiff_t>(i), joined_.begin(), joined_.end());
+    give_parts(boundary);
   }
 }
 
-/// Whether others lead from one place to the other: parts_, in order.
+/// What leads from the end of an open boundary to its begin, and turns once around with it, closes it: walls that were
+/// seen from too far away to know that they meet in a corner. They are as far apart as elements of one chain may be.
+void SplinegonPipeline::lead_around(ObstacleBoundary& boundary) {
+  if (boundary.elements.empty()) return;
+  const bool stays = was_of_closed(boundary.id) != nullptr;
+  const double reach_m = stays ? kTwice_m : params_.polygons.max_gap_m + params_.polygons.spacing_m;
+  if (!find_parts(boundary, boundary.elements.back().p_world_m, boundary.elements.front().p_world_m, reach_m)) return;
+  joined_ = boundary.elements;
+  join_parts();
+  if (!go_around(joined_, true)) return;
+  boundary.elements.swap(joined_);
+  boundary.closed = true;
+  give_parts(boundary);
+}
+
+/// Appends the elements of parts_ to joined_.
+void SplinegonPipeline::join_parts() {
+  for (const ObstacleBoundary* const part : parts_) {
+    joined_.insert(joined_.end(), part->elements.begin(), part->elements.end());
+  }
+}
+
+/// After the elements of parts_ were put into a boundary.
+void SplinegonPipeline::give_parts(ObstacleBoundary& boundary) {
+  for (ObstacleBoundary* const part : parts_) {
+    boundary.first_seen_ns = std::min(boundary.first_seen_ns, part->first_seen_ns);
+    boundary.last_seen_ns = std::max(boundary.last_seen_ns, part->last_seen_ns);
+    closing_.push_back({part->id, boundary.id});
+    part->elements.clear();
+  }
+}
+
+/// Whether others lead from one place to the other, each the nearest to what is before it: parts_, in order.
 bool SplinegonPipeline::find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m,
                                    const Eigen::Vector2d& to_m, double reach_m) {
   parts_.clear();
-  const auto is_next = [&](const ObstacleBoundary& other) {
-    return &other != &boundary && !other.closed && !other.elements.empty() &&
-           other.elements.size() < boundary.elements.size() &&
-           (other.elements.front().p_world_m - from_m).norm() < reach_m &&
-           std::find(parts_.begin(), parts_.end(), &other) == parts_.end();
-  };
   do {
-    const auto part = std::find_if(boundaries_.begin(), boundaries_.end(), is_next);
-    if (part == boundaries_.end()) return false;
-    parts_.push_back(&*part);
-    from_m = part->elements.back().p_world_m;
+    ObstacleBoundary* next = nullptr;
+    double least_m = reach_m;
+    for (ObstacleBoundary& other : boundaries_) {
+      if (&other == &boundary || other.closed || other.elements.empty() ||
+          other.elements.size() >= boundary.elements.size() ||
+          std::find(parts_.begin(), parts_.end(), &other) != parts_.end()) {
+        continue;
+      }
+      const double apart_m = (other.elements.front().p_world_m - from_m).norm();
+      if (apart_m < least_m) next = &other, least_m = apart_m;
+    }
+    if (next == nullptr) return false;
+    parts_.push_back(next);
+    from_m = next->elements.back().p_world_m;
   } while ((from_m - to_m).norm() > reach_m);
   return true;
 }

@@ -85,11 +85,21 @@ class SplinegonPipeline {
   void resume(const Splinegons& splinegons);
 
  private:
+  /// A chain of a boundary that is closed, and the boundary's id.
+  struct OfClosed {
+    std::uint64_t chain, id;
+  };
+
   void take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
   void take_boundaries();
-  void put_into_gaps();
+  const OfClosed* was_of_closed(std::uint64_t chain) const;
+  void name_closed(ObstacleBoundary& boundary, std::size_t first);
+  void put_into_gaps(ObstacleBoundary& boundary);
+  void lead_around(ObstacleBoundary& boundary);
+  void join_parts();
+  void give_parts(ObstacleBoundary& boundary);
   bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m,
                   double reach_m);
   const Splinegons& fit_boundaries(std::int64_t stamp_ns);
@@ -119,9 +129,11 @@ class SplinegonPipeline {
   Polygons polygons_, polygons_in_world_;
   std::vector<BoundaryElement> elements_;
   std::vector<ObstacleBoundary> boundaries_;
-  std::vector<ObstacleBoundary*> parts_;  ///< of what is in a gap, in order
+  std::vector<ObstacleBoundary*> parts_;  ///< others that lead from one place to another, in order
+  std::vector<SplinegonElement> joined_;
   Splinegons splinegons_;
-  std::vector<std::uint64_t> closed_;  ///< ids of boundaries that were closed, in order
+  std::vector<OfClosed> closed_;  ///< at the scan before, by chain
+  std::vector<OfClosed> closing_;  ///< the same of this scan
 };
 
 }  // namespace situation_awareness
