@@ -250,7 +250,7 @@ void SplinegonPipeline::take_boundaries() {
   for (ObstacleBoundary& boundary : boundaries_) {
     const std::size_t first = closing_.size();
     put_into_gaps(boundary);
-    if (!boundary.closed) lead_around(boundary);
+    if (!boundary.closed && lead_around(boundary)) put_into_gaps(boundary);  // also of what leads around
     if (boundary.closed) {
       closing_.push_back({boundary.id, boundary.id});
       name_closed(boundary, first);
@@ -303,17 +303,20 @@ void SplinegonPipeline::put_into_gaps(ObstacleBoundary& boundary) {
 
 /// What leads from the end of an open boundary to its begin, and turns once around with it, closes it: walls that were
 /// seen from too far away to know that they meet in a corner. They are as far apart as elements of one chain may be.
-void SplinegonPipeline::lead_around(ObstacleBoundary& boundary) {
-  if (boundary.elements.empty()) return;
+bool SplinegonPipeline::lead_around(ObstacleBoundary& boundary) {
+  if (boundary.elements.empty()) return false;
   const bool stays = was_of_closed(boundary.id) != nullptr;
   const double reach_m = stays ? kTwice_m : params_.polygons.max_gap_m + params_.polygons.spacing_m;
-  if (!find_parts(boundary, boundary.elements.back().p_world_m, boundary.elements.front().p_world_m, reach_m)) return;
+  if (!find_parts(boundary, boundary.elements.back().p_world_m, boundary.elements.front().p_world_m, reach_m)) {
+    return false;
+  }
   joined_ = boundary.elements;
   join_parts();
-  if (!go_around(joined_, true)) return;
+  if (!go_around(joined_, true)) return false;
   boundary.elements.swap(joined_);
   boundary.closed = true;
   give_parts(boundary);
+  return true;
 }
 
 /// Appends the elements of parts_ to joined_.

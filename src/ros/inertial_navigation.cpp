@@ -111,7 +111,7 @@ void InertialNavigation::follow() {
   if (!is_ready()) {
     ready_since_ns_ = pose.stamp_ns;
     const std::vector<GpsInsPose> earlier = input_.backlog_poses(pose);
-    begin(earlier.empty() ? pose : earlier.front(), followed_back(pose, earlier), pose);
+    begin(pose, earlier);
     for (const GpsInsPose& then : earlier) go_on(then);
   }
   go_on(pose);
@@ -192,13 +192,14 @@ void InertialNavigation::restart(std::int64_t stamp_ns) {
   placed_fixes_.clear();
 }
 
-/// With the tilt of an attitude at the first pose, and the biases of another pose.
-void InertialNavigation::begin(const GpsInsPose& first, const Eigen::Quaterniond& q_world_base,
-                               const GpsInsPose& biased) {
+/// At the first of the poses before the ready one, with the tilt and the biases of that.
+void InertialNavigation::begin(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier) {
+  const GpsInsPose& first = earlier.empty() ? ready : earlier.front();
   const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(first.T_world_base);
+  const Eigen::Quaterniond q_world_base = followed_back(ready, earlier);
   q_odom_base_ = rotation_about_vertical(T_odom_base.yaw_rad - yaw_of(q_world_base)) * q_world_base;
-  accelerometer_bias_m_s2_ = biased.accelerometer_bias_m_s2;
-  gyroscope_bias_rad_s_ = biased.gyroscope_bias_rad_s;
+  accelerometer_bias_m_s2_ = ready.accelerometer_bias_m_s2;
+  gyroscope_bias_rad_s_ = ready.gyroscope_bias_rad_s;
   p_odom_m_.head<2>() = T_odom_base.translation_m;
   v_odom_m_s_ = rotation_about_vertical(-T_world_odom_begin_.yaw_rad) * first.velocity_world_m_s;
 }

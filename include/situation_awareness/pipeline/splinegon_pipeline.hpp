@@ -97,7 +97,7 @@ class SplinegonPipeline {
   const OfClosed* was_of_closed(std::uint64_t chain) const;
   void name_closed(ObstacleBoundary& boundary, std::size_t first);
   void put_into_gaps(ObstacleBoundary& boundary);
-  void lead_around(ObstacleBoundary& boundary);
+  bool lead_around(ObstacleBoundary& boundary);
   void join_parts();
   void give_parts(ObstacleBoundary& boundary);
   bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m,
@@ -132,7 +132,7 @@ class SplinegonPipeline {
   std::vector<ObstacleBoundary*> parts_;  ///< others that lead from one place to another, in order
   std::vector<SplinegonElement> joined_;
   Splinegons splinegons_;
-  std::vector<OfClosed> closed_;  ///< at the scan before, by chain
+  std::vector<OfClosed> closed_;   ///< at the scan before, by chain
   std::vector<OfClosed> closing_;  ///< the same of this scan
 };
 

@@ -5,6 +5,7 @@
 #include <deque>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include <geometry_msgs/TransformStamped.h>
 #include <sensor_msgs/Imu.h>
@@ -119,7 +120,7 @@ class InertialNavigation {
   void use_fix(const Waiting<sensor_msgs::NavSatFix>& fix);
   void place_fixes();
   const Known& known_at(std::int64_t stamp_ns);
-  void begin(const GpsInsPose& first, const Eigen::Quaterniond& q_world_base, const GpsInsPose& biased);
+  void begin(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier);
   void go_on(const GpsInsPose& pose);
   void restart(std::int64_t stamp_ns);
 
