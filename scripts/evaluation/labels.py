@@ -337,6 +337,9 @@ def main():
                       "labelled pixel", f"{found:.1f} %", found >= PHOTO_CARS),
                      (f"photos, held-out half, the default network: at most {PHOTO_OUTSIDE:g} % of the labelled pixels "
                       "are outside all boxes", f"{false:.1f} %", false <= PHOTO_OUTSIDE)]
+    with_photos = ("The network that also saw photos was trained on the scenes marked as seen, half of the 73, which are "
+                   "of the same crossing as the held-out sunny video; Munich is another place. It is not shipped. "
+                   if arguments.with_photos else "")
     report = "\n".join((
         "# Labels of images, measured\n",
         introduction(measured, f"Networks label an image at a 16th of its size: ScoutNet, its lighter version v0 and "
@@ -374,10 +377,9 @@ def main():
             "Data Set, CC-BY 3.0), most straight down from about 100 m, which the paper's are not: its FIELD columns, "
             "precision 79.4 and recall 37.9 % for ScoutNet, count pixels of masks. Cars and minibuses count as cars; a "
             "labelled pixel inside a box of any kind of vehicle is not outside. Some cars have no box, and no masks "
-            "exist, so that this is neither precision nor recall. The network that also saw photos was trained on the "
-            "scenes marked as seen, half of the 73, which are of the same crossing as the held-out sunny video; Munich "
-            "is another place. It is not shipped. The scale is that from the photo of 1600 px to the network's input: at "
-            "2 the cars of Munich are as large as rendered ones seen from 40 m."), photos) if photos else "",
+            "exist, so that this is neither precision nor recall. " + with_photos + "The scale is that from the photo of "
+            "1600 px to the network's input: at 2 the cars of Munich are as large as rendered ones seen from 40 m."),
+            photos) if photos else "",
     ))
     write(output, "labels.md", report)
 
