@@ -128,8 +128,9 @@ SplinegonMap::Fit SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64
   };
   const double since_s = seconds_between(fit.tips_failed_ns, stamp_ns);
   const bool follow_tips = fit.tips_failed_ns == StampOrder::kNone || since_s < 0.0 || since_s >= kTipsAgain_s;
-  // From the fit before, and from nothing.
-  if (is_sound_fit(follow_tips) || is_sound_fit(follow_tips)) {
+  // A fit from nothing is tried once, after that from the fit before where there is one.
+  const bool has_before = !result.vertices.empty();
+  if (is_sound_fit(follow_tips) || (has_before && is_sound_fit(follow_tips))) {
     if (follow_tips) fit.tips_failed_ns = StampOrder::kNone;
     return fit;
   }
