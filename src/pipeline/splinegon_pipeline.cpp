@@ -326,7 +326,7 @@ void SplinegonPipeline::join_parts() {
   }
 }
 
-/// After the elements of parts_ were put into a boundary.
+/// Gives the boundary what else is known of parts_, whose elements were put into it, and leaves them empty.
 void SplinegonPipeline::give_parts(ObstacleBoundary& boundary) {
   for (ObstacleBoundary* const part : parts_) {
     boundary.first_seen_ns = std::min(boundary.first_seen_ns, part->first_seen_ns);

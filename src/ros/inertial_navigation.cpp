@@ -52,12 +52,12 @@ void place_by_map(const MapAlignment& alignment, const Eigen::Isometry3d& T_worl
   pose.covariance = kept + J * by_map->covariance * J.transpose();
 }
 
-/// As the gyroscope measures it.
+/// Returns the rate of turn as the gyroscope measures it, with its bias.
 Eigen::Vector3d measured_rate_rad_s(const GpsInsPose& pose) {
   return pose.angular_velocity_base_rad_s + pose.gyroscope_bias_rad_s;
 }
 
-/// The attitude of `ready`, followed back by the gyroscope to the first of the poses before it.
+/// Returns the attitude of `ready`, followed back by the gyroscope to the first of the poses before it.
 Eigen::Quaterniond followed_back(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier) {
   Eigen::Quaterniond q_world_base(ready.T_world_base.linear());
   const GpsInsPose* later = &ready;
@@ -192,7 +192,7 @@ void InertialNavigation::restart(std::int64_t stamp_ns) {
   placed_fixes_.clear();
 }
 
-/// At the first of the poses before the ready one, with the tilt and the biases of that.
+/// Begins `odom` at the first of the poses before the ready one, with the tilt and the biases of the ready one.
 void InertialNavigation::begin(const GpsInsPose& ready, const std::vector<GpsInsPose>& earlier) {
   const GpsInsPose& first = earlier.empty() ? ready : earlier.front();
   const Pose2 T_odom_base = inverse(T_world_odom_begin_) * pose2_of(first.T_world_base);

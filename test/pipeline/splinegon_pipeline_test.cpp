@@ -158,7 +158,8 @@ TEST(SplinegonPipelineFlights, FollowsTheColumnsOfABuilding) {
   }
 }
 
-/// Flies around it. Returns the scans after which it was closed, from the first of these on with one id.
+/// Flies around a building. Returns the number of scans after which it was closed, from the first of these on with one
+/// id.
 int scans_closed_as_one(const Outline& building, SplinegonPipeline& pipeline) {
   std::uint64_t closed_id = 0;
   int closed = 0;
@@ -172,7 +173,7 @@ int scans_closed_as_one(const Outline& building, SplinegonPipeline& pipeline) {
   return closed;
 }
 
-// In inner corners that are seen from afar only, chains are not linked: what leads around closes it.
+// Chains are not linked in inner corners that are seen from afar only: what leads around closes the boundary.
 TEST(SplinegonPipelineFlights, WingsOfABuildingAreOneBoundary) {
   const Outline wings = {{-17.0, -8.0}, {17.0, -8.0}, {17.0, 8.0},  {13.0, 8.0}, {13.0, 3.0}, {7.0, 3.0},
                          {7.0, 8.0},    {3.0, 8.0},   {3.0, 3.0},   {-3.0, 3.0}, {-3.0, 8.0}, {-7.0, 8.0},
@@ -183,7 +184,7 @@ TEST(SplinegonPipelineFlights, WingsOfABuildingAreOneBoundary) {
   EXPECT_LT(hausdorff_m(pipeline.splinegons().boundaries[0], wings), 0.1);
 }
 
-// Of its chains now one has the most elements and now another one.
+// Which of a building's chains has the most elements changes from scan to scan.
 TEST(SplinegonPipelineFlights, ABuildingThatWasClosedKeepsItsId) {
   for (const double apart_m : {6.0, 8.0, 9.0}) {
     SCOPED_TRACE(apart_m);

@@ -130,7 +130,7 @@ class SplinegonPipeline {
   std::vector<BoundaryElement> elements_;
   std::vector<ObstacleBoundary> boundaries_;
   std::vector<ObstacleBoundary*> parts_;  ///< others that lead from one place to another, in order
-  std::vector<SplinegonElement> joined_;
+  std::vector<SplinegonElement> joined_;  ///< of a boundary and of parts_, kept for its memory
   Splinegons splinegons_;
   std::vector<OfClosed> closed_;   ///< at the scan before, by chain
   std::vector<OfClosed> closing_;  ///< the same of this scan
