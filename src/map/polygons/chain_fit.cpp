@@ -28,6 +28,9 @@ constexpr double kLeastHalf_m = 0.005;
 constexpr double kElementSigma_m = 0.017;
 /// m. Poses have errors that repeat: no boundary is known better.
 constexpr double kLeastSigma_m = 0.002;
+/// Standard deviation of an open end along its edge, in parts of the distance of its last two elements: the boundary
+/// ends half of that before or behind its last element at most, anywhere (of a uniform distribution, 1 / sqrt(12)).
+constexpr double kEndSigma = 0.2887;
 
 }  // namespace
 
@@ -177,10 +180,12 @@ void ChainFit::fit(std::vector<BoundaryElement>& elements, bool& closed, double 
   straighten(elements, closed, tolerance_m);
 
   const Eigen::Vector2d origin_m = elements[0].p_world_m;
-  const auto add_end = [&](const FittedLine& line, const BoundaryElement& element, double beyond_m) {
+  const auto add_end = [&](const FittedLine& line, const BoundaryElement& element, const BoundaryElement& beside,
+                           double beyond_m) {
     const Eigen::Vector2d p_m = element.p_world_m - origin_m + beyond_m * element.along_world;
     const Eigen::Vector2d on_line_m = p_m - line.normal * line.normal.dot(p_m - line.through_m);
-    vertices.push_back({origin_m + on_line_m, line.sigma_at(on_line_m)});
+    const double along_sigma_m = kEndSigma * (beside.p_world_m - element.p_world_m).norm();
+    vertices.push_back({origin_m + on_line_m, std::hypot(line.sigma_at(on_line_m), along_sigma_m)});
   };
   const auto add_corner = [&](const FittedLine& right, const FittedLine& left, const BoundaryElement& element) {
     Eigen::Vector2d p_m = element.p_world_m - origin_m;
@@ -192,14 +197,14 @@ void ChainFit::fit(std::vector<BoundaryElement>& elements, bool& closed, double 
     }
     vertices.push_back({origin_m + p_m, std::max(right.sigma_at(p_m), left.sigma_at(p_m))});
   };
-  if (!closed) add_end(lines_.front(), elements.front(), elements.front().low_m);
+  if (!closed) add_end(lines_.front(), elements.front(), elements[1], elements.front().low_m);
   for (std::size_t k = 0; k + 1 < lines_.size(); ++k) {
     add_corner(lines_[k], lines_[k + 1], elements[corners_[k + 1] % elements.size()]);
   }
   if (closed) {
     add_corner(lines_.back(), lines_.front(), elements.front());
   } else {
-    add_end(lines_.back(), elements.back(), elements.back().high_m);
+    add_end(lines_.back(), elements.back(), elements[elements.size() - 2], elements.back().high_m);
   }
 }
 

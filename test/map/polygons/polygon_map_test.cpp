@@ -59,7 +59,7 @@ class World {
       Scan scan = scene.scan(&random_, kSigma_m);
       scan.stamp_ns = stamp_ns_;
       Points points = project_horizontally(scan, Eigen::Isometry3d::Identity());
-      points.T_world_level = T_world_level;
+      points.T_world_level = T_world_level * pose_error();
       update_ = map_.update(extract_polylines(segment(points, {}), {}), Eigen::Matrix3d::Zero(), std::move(update_));
       stamp_ns_ += static_cast<std::int64_t>(kPeriod_s * 1e9);
     }
@@ -70,6 +70,12 @@ class World {
     see(walls, duration_s, [&](double t) { return Pose2{from_m, 0.1 * t}; });
   }
 
+  /// Of the errors of the poses at which scans are said to be, anew in each scan; else they are right.
+  void set_pose_sigma(double sigma_m, double sigma_rad) {
+    pose_sigma_m_ = sigma_m;
+    pose_sigma_rad_ = sigma_rad;
+  }
+
   void wait(double duration_s) { stamp_ns_ += static_cast<std::int64_t>(duration_s * 1e9); }
 
   const Polygons& polygons() const { return polygons_; }
@@ -77,7 +83,13 @@ class World {
   PolygonMap& map() { return map_; }
 
  private:
+  Pose2 pose_error() {
+    if (pose_sigma_m_ == 0.0) return {};  // draws no random numbers
+    return {{pose_sigma_m_ * random_.normal(), pose_sigma_m_ * random_.normal()}, pose_sigma_rad_ * random_.normal()};
+  }
+
   Random random_;
+  double pose_sigma_m_ = 0.0, pose_sigma_rad_ = 0.0;
   PolygonMap map_;
   std::int64_t stamp_ns_ = 1'000'000'000'000;
   PolygonMapUpdate update_;
@@ -136,8 +148,7 @@ TEST(PolygonMap, ARoomIsOneClosedChainOfItsFourCorners) {
   }
 }
 
-// The errors of the walls average out, and are as large as sigma says. Along a wall, at an open end, sigma says
-// nothing.
+// The errors of the walls average out, and are as large as sigma says.
 TEST(PolygonMap, ErrorsAverageOutAndAreAsLargeAsSigmaSays) {
   double squares = 0.0, squares_m2 = 0.0;
   int samples = 0;
@@ -162,6 +173,41 @@ TEST(PolygonMap, ErrorsAverageOutAndAreAsLargeAsSigmaSays) {
   ASSERT_GT(samples, 150);
   EXPECT_LT(std::sqrt(squares_m2 / samples), 0.0015);  // a hit's is 0.01
   EXPECT_LT(std::sqrt(squares / samples), 1.3);  // it has room for errors of poses that repeat, which are none here
+}
+
+TEST(PolygonMap, OpenEndsAreAsFarOffAsSigmaSays) {
+  double squares = 0.0;
+  int ends = 0;
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    Random random(100 + seed);
+    Walls panels;  // one in each direction
+    for (int k = 0; k < 4; ++k) {
+      const Pose2 T_world_panel{{0.0, 0.0}, 0.5 * kPi * k + random.uniform(-0.2, 0.2)};
+      const double x_m = random.uniform(2.0, 8.0), y_m = random.uniform(-0.2, 0.2), half_m = random.uniform(0.4, 0.9);
+      panels.push_back({T_world_panel * Eigen::Vector2d(x_m, y_m - half_m),  //
+                        T_world_panel * Eigen::Vector2d(x_m, y_m + half_m)});
+    }
+    World world(seed);
+    world.set_pose_sigma(0.002, 0.001);
+    world.see(panels, 12.0, [](double t) {
+      return Pose2{{1.5 * std::sin(0.5 * t), 1.5 * std::cos(0.5 * t)}, 0.1 * t};
+    });
+    ASSERT_EQ(world.polygons().chains.size(), panels.size());
+    for (const Chain& chain : world.polygons().chains) {
+      ASSERT_FALSE(chain.closed);
+      for (const ChainVertex* end : {&chain.vertices.front(), &chain.vertices.back()}) {
+        double off_m = std::numeric_limits<double>::infinity();
+        for (const LevelScene::Wall& panel : panels) {
+          off_m = std::min({off_m, (end->p_world_m - panel.from).norm(), (end->p_world_m - panel.to).norm()});
+        }
+        squares += std::pow(off_m / end->sigma_m, 2);
+        ++ends;
+      }
+    }
+  }
+  ASSERT_EQ(ends, 240);
+  EXPECT_GT(std::sqrt(squares / ends), 0.5);
+  EXPECT_LT(std::sqrt(squares / ends), 1.3);
 }
 
 TEST(PolygonMap, WhatWasTakenAwayGoesOnceBeamsPassAndTheWallBehindStays) {

@@ -8,8 +8,8 @@
 
 namespace situation_awareness {
 
-/// A vertex of a chain, with the standard deviation of the boundary there, across it: absolute, the pose's error
-/// included.
+/// A vertex of a chain, with the standard deviation of the boundary there, across it, and at an open end along it, too:
+/// absolute, the pose's error included.
 struct ChainVertex {
   Eigen::Vector2d p_world_m = Eigen::Vector2d::Zero();
   double sigma_m = 0.0;
