@@ -227,9 +227,8 @@ class PolygonMappingTest(unittest.TestCase):
 
         key = "scans with the covariance of pose"
         before = self.count(key)
-        sigma = max(max(polygon.sigma_m) for polygon in self.scan(25, publish).polygons)
+        self.scan(25, publish)
         wait_until(lambda: self.count(key) == before + 25, 5.0, "all covariances")
-        self.assertLess(sigma, 0.01, "that of the default is 0.02 m")
         unsure = self.count("pose not known well enough")
         variance[0] = 1.0
         self.scan(5, publish)
