@@ -227,8 +227,12 @@ class PolygonMappingTest(unittest.TestCase):
 
         key = "scans with the covariance of pose"
         before = self.count(key)
-        self.scan(25, publish)
-        wait_until(lambda: self.count(key) == before + 25, 5.0, "all covariances")
+        least_sigma_m = []
+        for variance[0] in (1e-6, 4e-4):  # the second is that of the default
+            self.assertTrue(self.reset().success)
+            least_sigma_m.append(min(min(polygon.sigma_m) for polygon in self.scan(25, publish).polygons))
+        wait_until(lambda: self.count(key) == before + 50, 5.0, "all covariances")
+        self.assertLess(least_sigma_m[0], 0.99 * least_sigma_m[1])
         unsure = self.count("pose not known well enough")
         variance[0] = 1.0
         self.scan(5, publish)

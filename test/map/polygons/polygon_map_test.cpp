@@ -70,7 +70,7 @@ class World {
     see(walls, duration_s, [&](double t) { return Pose2{from_m, 0.1 * t}; });
   }
 
-  /// Of the errors of the poses at which scans are said to be, anew in each scan; else they are right.
+  /// From now on the map is told poses that are off, by errors of these standard deviations, drawn anew for each scan.
   void set_pose_sigma(double sigma_m, double sigma_rad) {
     pose_sigma_m_ = sigma_m;
     pose_sigma_rad_ = sigma_rad;
