@@ -39,9 +39,9 @@ inline double seconds_of(std::int64_t stamp_ns) { return 1e-9 * static_cast<doub
   throw std::invalid_argument(place + defect);
 }
 
-inline const GeoJson& member_of(const GeoJson& object, const char* name, const std::string& place) {
+inline const GeoJson& member_of(const GeoJson& object, const char* name, std::string_view place) {
   const auto found = object.find(name);
-  if (found == object.end()) refuse_geojson(place, std::string(name) + " is missing");
+  if (found == object.end()) refuse_geojson(std::string(place), std::string(name) + " is missing");
   return *found;
 }
 

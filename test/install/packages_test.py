@@ -1,20 +1,23 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""debian/control asks for every library that scripts/packages.txt lists for the build."""
+"""debian/control asks for every library of the group [use] in scripts/packages.txt."""
 import pathlib
 import re
 import sys
 
 SOURCE = pathlib.Path(__file__).resolve().parents[2]
-TESTS_ONLY = {"libbenchmark-dev", "libclang-rt-14-dev", "libgtest-dev", "libompl-dev"}
 
-wanted = set()
+group, wanted = None, set()
 for line in (SOURCE / "scripts/packages.txt").read_text(encoding="utf-8").splitlines():
     package = line.partition("#")[0].strip()
-    if package.endswith("-dev"):
+    if package.startswith("["):
+        group = package
+    elif group == "[use]" and package.endswith("-dev"):
         wanted.add(package)
 control = (SOURCE / "debian/control").read_text(encoding="utf-8")
 build_depends = re.search(r"^Build-Depends:(.*?)^\S", control, re.MULTILINE | re.DOTALL).group(1)
-missing = wanted - TESTS_ONLY - {entry.split()[0] for entry in build_depends.split(",") if entry.strip()}
+if not wanted:
+    sys.exit("scripts/packages.txt has no library in its group [use]")
+missing = wanted - {entry.split()[0] for entry in build_depends.split(",") if entry.strip()}
 if missing:
     sys.exit("debian/control, Build-Depends, lacks " + ", ".join(sorted(missing)))
