@@ -99,6 +99,33 @@ class PolygonsBagTest(BagToolTest):
         self.check_lines(lines, 0.001)
         self.check_map(lines[-1]["polylines"])
 
+    def test_who_follows_the_changes_has_every_line(self):
+        whole = self.lines_of(self.tf_bag, "--localization", "tf")
+        changes = self.lines_of(self.tf_bag, "--localization", "tf", "--changes", "--full-every", "2")
+        self.assertEqual(len(changes), len(whole))
+        chains, full = {}, []
+        for line, expected in zip(changes, whole):
+            self.assertEqual(line["stamp"], expected["stamp"])
+            self.assertEqual(line["pose"], expected["pose"])
+            for chain in line["changed"]:
+                chains[chain["id"]] = chain
+            for gone in line["gone"]:
+                del chains[gone]
+            self.assertEqual(sorted(chains.values(), key=lambda chain: chain["id"]),
+                             sorted(expected["polylines"], key=lambda chain: chain["id"]))
+            if "polylines" in line:
+                self.assertEqual(line["polylines"], expected["polylines"])
+                full.append(line["stamp"])
+        self.assertEqual(full[0], whole[0]["stamp"])
+        for before_s, after_s in zip(full, full[1:]):
+            self.assertTrue(2.0 <= after_s - before_s < 2.2, (before_s, after_s))
+        self.assertGreater(len(full), 3)
+
+    def test_lines_with_all_polylines_are_of_lines_with_changes(self):
+        done = run_program("polygons_bag", self.tf_bag, "--localization", "tf", "--full-every", "2", "--out", "/dev/null")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("--changes", done.stdout)
+
     def test_a_first_pose_may_begin_with_a_minus(self):
         done = run_program("polygons_bag", self.bag, "--reflectors", self.reflectors, "--initial-pose", "-1.5,-0.2,x", "--out", "/dev/null")
         self.assertEqual(done.returncode, 2)

@@ -54,13 +54,20 @@ void Joints::see(std::uint64_t a, std::uint64_t b, bool meet) {
     at = std::lower_bound(joints_.begin(), joints_.end(), wanted, ByIds());
     at = joints_.insert(at, wanted);
   }
+  if (!at->is_seen) {
+    seen_.reserve(kUsualRoom);
+    seen_.emplace_back(at->low, at->high);
+  }
   at->is_seen = true;
   at->met |= meet;
 }
 
+/// Only what was seen is looked at: how many there are elsewhere says nothing.
 void Joints::decide(double step_s) {
-  for (Joint& joint : joints_) {
-    if (!joint.is_seen) continue;
+  for (const auto& [low, high] : seen_) {
+    const auto at = std::lower_bound(joints_.begin(), joints_.end(), joint_of(low, high), ByIds());
+    if (at == joints_.end() || at->low != low || at->high != high || !at->is_seen) continue;  // forgotten since
+    Joint& joint = *at;
     joint.seen_s = std::min(joint.seen_s + step_s, kMemory_s);
     joint.share += (joint.seen_s > 0.0 ? step_s / joint.seen_s : 1.0) * ((joint.met ? 1.0 : 0.0) - joint.share);
     if (joint.seen_s < kFirst_s) {
@@ -72,14 +79,20 @@ void Joints::decide(double step_s) {
     }
     joint.is_seen = joint.met = false;
   }
+  seen_.clear();
 }
 
-void Joints::keep(const std::vector<std::uint64_t>& ids) {
-  const auto gone = [&](const Joint& joint) {
-    return !std::binary_search(ids.begin(), ids.end(), joint.low) ||
-           !std::binary_search(ids.begin(), ids.end(), joint.high);
+void Joints::forget(const std::vector<std::uint64_t>& ids) {
+  const auto is_gone = [&](const Joint& joint) {
+    return std::binary_search(ids.begin(), ids.end(), joint.low) ||
+           std::binary_search(ids.begin(), ids.end(), joint.high);
   };
-  joints_.erase(std::remove_if(joints_.begin(), joints_.end(), gone), joints_.end());
+  joints_.erase(std::remove_if(joints_.begin(), joints_.end(), is_gone), joints_.end());
+}
+
+void Joints::restore(std::vector<Joint> joints) {
+  joints_ = std::move(joints);
+  seen_.clear();
 }
 
 }  // namespace situation_awareness

@@ -20,8 +20,6 @@ namespace {
 constexpr float kMaxAzimuth_rad = 100.0F;
 /// Of one scan.
 constexpr std::size_t kMaxBeams = 200'000;
-/// Existence of the elements of chains that come without it is at most this, as that of well-known ones.
-constexpr double kMostLogOdds_snapshot = 6.0;
 /// Hits of the elements of chains: as many as make a well-known one.
 constexpr int kHitsOfChain = 100;
 
@@ -198,7 +196,7 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
   PolygonMapSnapshot result;
   if (stamp_ns_ != std::numeric_limits<std::int64_t>::min()) result.stamp_ns = stamp_ns_;
   result.step_s = step_s_;
-  result.next_id = next_id_;
+  result.next_id = chains_.next_id();
   result.free_places.values = surfels_.free_places();
   result.next_watch = static_cast<std::int64_t>(next_watch_);
   for (const Watch& watch : watches_) {
@@ -210,8 +208,8 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
                   {watch.free_space.range_m},
                   watch.free_space.full_circle};
   }
-  if (joined_at_ns_ != std::numeric_limits<std::int64_t>::min()) result.joined_at_ns = joined_at_ns_;
-  result.joints = joints_.joints();
+  if (chains_.joined_at_ns() != std::numeric_limits<std::int64_t>::min()) result.joined_at_ns = chains_.joined_at_ns();
+  result.joints = chains_.joints();
   result.elements.reserve(elements());
   for (const Index i : surfels_.in_order()) {
     PolygonMapElement& element = result.elements.emplace_back();
@@ -229,7 +227,6 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
   stamp_ns_ =
       snapshot.stamp_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min() : snapshot.stamp_ns;
   step_s_ = snapshot.step_s;
-  next_id_ = std::max(next_id_, snapshot.next_id);
   next_watch_ = static_cast<std::size_t>(snapshot.next_watch);
   for (std::size_t i = 0; i < watches_.size(); ++i) {
     Watch& watch = watches_[i];
@@ -239,18 +236,19 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
     watch.stamp_ns = remembered.stamp_ns;
     watch.T_level_world = remembered.T_level_world;
     watch.free_space = {remembered.azimuth_rad.values, remembered.range_m.values, remembered.full_circle};
-    for (const float range_m : watch.free_space.range_m) {
-      watch.most_m = std::max(watch.most_m, static_cast<double>(range_m));
-    }
+    watch.find_ends();
   }
-  joined_at_ns_ = snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
-                                                                        : snapshot.joined_at_ns;
-  joints_.restore(snapshot.joints);
+  chains_.restore(snapshot.next_id,
+                  snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
+                                                                        : snapshot.joined_at_ns,
+                  snapshot.joints);
+  unsettled_.clear();
   surfels_.begin(snapshot.elements.size(), snapshot.free_places.values);
   for (const PolygonMapElement& element : snapshot.elements) {
     Surfel surfel;
     copy_state(element, surfel);
     surfels_.put(static_cast<Index>(element.place), surfel);
+    if (!surfel.confirmed || surfel.log_odds < 0.0) unsettled_.push_back(static_cast<Index>(element.place));
   }
 }
 
@@ -285,7 +283,7 @@ PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m
         element.high_m = 0.5 * length_m / pieces;
         element.low_m = -element.high_m;
         const double odds = chain.p_exists < 1.0 ? chain.p_exists / (1.0 - chain.p_exists) : 1e9;
-        element.log_odds = odds > 0.0 ? std::min(std::log(odds), kMostLogOdds_snapshot) : 0.0;
+        element.log_odds = odds > 0.0 ? std::min(std::log(odds), Surfel::kMostLogOdds) : 0.0;
         element.first_seen_ns = chain.first_seen_ns;
         element.last_seen_ns = chain.last_seen_ns;
         element.hits = kHitsOfChain;

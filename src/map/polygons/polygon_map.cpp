@@ -39,10 +39,9 @@ constexpr double kTurnGain = 0.02;
 /// much it changes with a hit, at least.
 constexpr double kInside = 0.9;
 constexpr double kExtentStep_m = 0.001;
-/// Log-odds of existence: of the first hit, of each other hit, and at most.
+/// Log-odds of existence: of the first hit, and of each other hit.
 constexpr double kFirstHit = 1.0;
 constexpr double kHit = 0.3;
-constexpr double kMostLogOdds = 6.0;
 /// s. Longest time between scans for which passing beams count.
 constexpr double kMaxStep_s = 0.25;
 /// Beams without a return may be lost: they count by so much.
@@ -92,38 +91,37 @@ constexpr double kLeft_m = 0.05;
 constexpr double kNearWatched_m = 0.12;
 /// Elements nearer to each other along the boundary, as a part of their spacing, are one.
 constexpr double kSamePlace = 0.4;
-/// An element that was hit by less than this part of the scans that hit one beside it, within so many m and after so
-/// many s, is no surface: beams over an edge end there now and then.
-constexpr double kRare = 0.2;
-constexpr double kRareReach_m = 0.12;
-constexpr double kRareAfter_s = 5.0;
-/// The same of one that has none beside it, if it was hit for less than this part of its age, and of so many s.
-constexpr double kLonely = 0.03;
-constexpr double kLonely_s = 1.5;
 /// s. An element that was never confirmed is forgotten after so long without a hit.
 constexpr double kForgotten_s = 10.0;
-/// A chain of so few elements, all of them so near to a larger one, is none of its own.
-constexpr std::size_t kFewElements = 3;
-constexpr double kOnChain_m = 0.045;
-
-/// Room for the vertices of a chain.
-constexpr std::size_t kUsualVertices = 32;
-
-/// One that keeps the memory of a spare one, if there is any.
-void add_chain(std::vector<Chain>& chains, std::vector<Chain>& spare) {
-  if (spare.empty()) {
-    chains.emplace_back().vertices.reserve(kUsualVertices);
-  } else {
-    chains.push_back(std::move(spare.back()));
-    spare.pop_back();
-  }
-}
-
 /// rad. Of an element, seen from the sensor: to 1e-8 where a series is enough.
 double small_atan(double x) {
   if (std::abs(x) > 0.1) return std::atan(x);
   const double x2 = x * x;
   return x * (1.0 - x2 * (1.0 / 3.0 - x2 / 5.0));
+}
+
+/// The first of ascending azimuths that is_beyond() holds for; near `about_rad`. Beams are about as far apart as
+/// others: where that tells which one it is, no search is needed.
+template <class IsBeyond>
+std::vector<float>::const_iterator first_beam(const std::vector<float>& azimuth_rad, const IsBeyond& is_beyond,
+                                              double about_rad) {
+  constexpr std::ptrdiff_t kMostSteps = 6;
+  const auto last = static_cast<std::ptrdiff_t>(azimuth_rad.size()) - 1;
+  const double first_rad = azimuth_rad.front(), turn_rad = azimuth_rad.back() - first_rad;
+  if (turn_rad > 0.0) {
+    const double part = std::clamp((about_rad - first_rad) / turn_rad, 0.0, 1.0);
+    auto beam = azimuth_rad.begin() + static_cast<std::ptrdiff_t>(part * static_cast<double>(last));
+    for (std::ptrdiff_t step = 0; step < kMostSteps; ++step) {
+      if (beam != azimuth_rad.end() && !is_beyond(*beam)) {
+        ++beam;
+      } else if (beam != azimuth_rad.begin() && is_beyond(*(beam - 1))) {
+        --beam;
+      } else {
+        return beam;
+      }
+    }
+  }
+  return std::partition_point(azimuth_rad.begin(), azimuth_rad.end(), [&](float a) { return !is_beyond(a); });
 }
 
 /// From one element to another one, along the boundary.
@@ -164,12 +162,23 @@ double close_beams(double apart_m, double thing_m) {
 
 PolygonMap::PolygonMap(const PolygonMapParams& params)
     : params_(params),
-      surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m)) {
+      surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m),
+               MapChains::tile_m(params.max_gap_m)),
+      chains_(params.spacing_m, params.max_gap_m, params.tolerance_m) {
   watches_.resize(kWatches);
-  given_up_.reserve(kUsualRoom);
-  shown_.reserve(kUsualRoom);
-  ids_.reserve(kUsualRoom);
-  spare_.reserve(kUsualRoom);
+  for (std::vector<Index>* list : {&given_up_, &unsettled_, &passed_}) list->reserve(kUsualRoom);
+}
+
+PolygonMap::Index PolygonMap::add(const Surfel& surfel) {
+  const Index index = surfels_.add(surfel);
+  chains_.touch(index);
+  if (!surfel.confirmed) unsettled_.push_back(index);
+  return index;
+}
+
+void PolygonMap::remove(Index index) {
+  chains_.remove(surfels_, index);
+  surfels_.remove(index);
 }
 
 /// The element at the place of a hit, corrected by it; a new one where there is none.
@@ -208,6 +217,7 @@ PolygonMap::Index PolygonMap::fuse(const Eigen::Vector2d& p_world_m, const Eigen
     const Index on_line = of_line(beside);
     if (on_line != kNone) {
       see(surfels_[on_line], true);
+      chains_.touch(on_line);
       return on_line;
     }
   }
@@ -250,7 +260,7 @@ PolygonMap::Index PolygonMap::create(const Eigen::Vector2d& p_world_m, const Eig
   if (beside.right == kNone || beside.left == kNone ||
       surfels_[beside.right].normal_world.dot(surfels_[beside.left].normal_world) < kOneSurface) {
     surfel.watched = was_watched(p_world_m);
-    return surfels_.add(surfel);
+    return add(surfel);
   }
   const Surfel& right = surfels_[beside.right];
   const Surfel& left = surfels_[beside.left];
@@ -267,7 +277,7 @@ PolygonMap::Index PolygonMap::create(const Eigen::Vector2d& p_world_m, const Eig
   const double part = beside.right_m / (beside.right_m + beside.left_m);
   const Eigen::Vector2d on_link_m = right.p_world_m + part * (left.p_world_m - right.p_world_m);
   surfel.p_world_m = on_link_m + gain * (p_world_m - on_link_m);
-  return surfels_.add(surfel);
+  return add(surfel);
 }
 
 void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world,
@@ -295,12 +305,13 @@ void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Ei
   if (of_surface) count_more(surfel.hits);
   see(surfel, of_surface);
   surfels_.move(index, moved_m);
+  chains_.touch(index);
 }
 
 /// That the latest scan hit it.
 void PolygonMap::see(Surfel& surfel, bool of_surface) const {
   if (surfel.last_seen_ns == stamp_ns_) return;
-  surfel.log_odds = std::min(surfel.log_odds + kHit, kMostLogOdds);
+  surfel.log_odds = std::min(surfel.log_odds + kHit, Surfel::kMostLogOdds);
   if (of_surface) surfel.seen_s += step_s_;
   surfel.last_seen_ns = stamp_ns_;
 }
@@ -320,8 +331,9 @@ void PolygonMap::merge_double(Index kept, Index other) {
   surfel.log_odds = std::max(surfel.log_odds, lost.log_odds);
   if (surfel.chain == 0) surfel.chain = lost.chain;
   const Eigen::Vector2d moved_m = surfel.p_world_m + part * surfel.normal_world.dot(d_m) * surfel.normal_world;
-  surfels_.remove(other);
+  remove(other);
   surfels_.move(kept, moved_m);
+  chains_.touch(kept);
 }
 
 /// In the turn of the scan's beams.
@@ -333,10 +345,15 @@ double PolygonMap::azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level
   return azimuth;
 }
 
-Eigen::Vector2d PolygonMap::hit_of(const Watch& watch, std::ptrdiff_t beam) {
-  const auto i = static_cast<std::size_t>(beam);
-  const double range_m = watch.free_space.range_m[i], azimuth_rad = watch.free_space.azimuth_rad[i];
-  return {range_m * std::cos(azimuth_rad), range_m * std::sin(azimuth_rad)};
+/// Once for all places that are looked for among them.
+void PolygonMap::Watch::find_ends() {
+  most_m = 0.0;
+  ends_level_m.clear();
+  for (std::size_t i = 0; i < free_space.range_m.size(); ++i) {
+    const double range_m = free_space.range_m[i], azimuth_rad = free_space.azimuth_rad[i];
+    ends_level_m.emplace_back(range_m * std::cos(azimuth_rad), range_m * std::sin(azimuth_rad));
+    most_m = std::max(most_m, range_m);
+  }
 }
 
 PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& p_level_m, double near_m,
@@ -349,7 +366,8 @@ PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& 
                                      double near_m, double thing_m, double* weight) const {
   const std::vector<float>& azimuth_rad = watch.free_space.azimuth_rad;
   const std::vector<float>& ranges_m = watch.free_space.range_m;
-  const auto above = std::upper_bound(azimuth_rad.begin(), azimuth_rad.end(), static_cast<float>(place_rad));
+  const auto above = first_beam(
+      azimuth_rad, [place = static_cast<float>(place_rad)](float a) { return a > place; }, place_rad);
   if (above == azimuth_rad.begin() || above == azimuth_rad.end()) return View::kUnknown;
   const std::ptrdiff_t left = above - azimuth_rad.begin(), right = left - 1;
   const double range_m = p_level_m.norm();
@@ -361,7 +379,8 @@ PolygonMap::View PolygonMap::view_of(const Watch& watch, const Eigen::Vector2d& 
   for (std::ptrdiff_t i = std::max<std::ptrdiff_t>(right - beside, 0); i <= std::min(left + beside, count - 1); ++i) {
     const double own_m = ranges_m[static_cast<std::size_t>(i)];
     if (own_m <= 0.0 || std::abs(own_m - range_m) > near_m) continue;
-    if ((hit_of(watch, i) - p_level_m).squaredNorm() < near_m * near_m) return View::kHit;
+    if ((watch.ends_level_m[static_cast<std::size_t>(i)] - p_level_m).squaredNorm() < near_m * near_m)
+      return View::kHit;
   }
   const auto [least_m, most_m] =
       std::minmax(ranges_m[static_cast<std::size_t>(right)], ranges_m[static_cast<std::size_t>(left)]);
@@ -388,12 +407,11 @@ void PolygonMap::set_now(const Polylines& polylines) {
   now_.stamp_ns = stamp_ns_;
   now_.T_level_world = inverse(polylines.T_world_level);
   now_.free_space = polylines.free_space;
-  now_.most_m = 0.0;
+  now_.find_ends();
   now_rays_.clear();
   for (const float azimuth_rad : now_.free_space.azimuth_rad) {
     now_rays_.emplace_back(std::cos(azimuth_rad), std::sin(azimuth_rad));
   }
-  for (const float range_m : now_.free_space.range_m) now_.most_m = std::max(now_.most_m, static_cast<double>(range_m));
 }
 
 void PolygonMap::remember() {
@@ -437,7 +455,9 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   if (least_rad < azimuth_rad.front() || most_rad > azimuth_rad.front() + 2.0 * kPi) return 0.0;  // across the seam
   const double beside_m = surfel.hits < kManyHits ? kBeside_m : kBesideKnown_m;
   const double beside_rad = beside_m / distance_m;
-  for (auto beam = std::lower_bound(azimuth_rad.begin(), azimuth_rad.end(), static_cast<float>(least_rad - beside_rad));
+  const double first_rad = least_rad - beside_rad;
+  for (auto beam = first_beam(
+           azimuth_rad, [first = static_cast<float>(first_rad)](float a) { return a >= first; }, first_rad);
        beam != azimuth_rad.end() && *beam <= static_cast<float>(most_rad + beside_rad); ++beam) {
     const auto i = static_cast<std::size_t>(beam - azimuth_rad.begin());
     const double range_m = ranges_m[i];
@@ -456,21 +476,41 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   return weight * close_beams(distance_m * resolution_rad_, surfel.thing_m);
 }
 
-/// Elements whose place beams have passed lose existence, hidden ones never.
+/// Elements whose place beams have passed lose existence, hidden ones never. Beams reach those near the sensor only;
+/// elsewhere only those have to be looked at that do not stay by themselves.
 void PolygonMap::see_through(PolygonMapUpdate& update) {
-  const double rate = std::min(step_s_, kMaxStep_s) * kMostLogOdds / params_.removal_s;
+  const double rate = std::min(step_s_, kMaxStep_s) * Surfel::kMostLogOdds / params_.removal_s;
   const Eigen::Matrix2d R_level_world = now_.T_level_world.rotation();
-  for (Index i = 0; i < surfels_.end(); ++i) {
-    Surfel& surfel = surfels_[i];
-    if (!surfel.alive || surfel.last_seen_ns == stamp_ns_) continue;
-    const char* reason = "";
-    surfel.log_odds -= rate * passing_weight(surfel, R_level_world);
-    if (surfel.log_odds < 0.0) reason = "passed by beams";
-    if (!surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s) reason = "not seen again";
-    if (*reason == '\0') continue;
-    surfels_.remove(i);
+  passed_.clear();
+  const auto is_forgotten = [&](const Surfel& surfel) {
+    return !surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s;
+  };
+  surfels_.for_each_tile(inverse(now_.T_level_world).translation_m, now_.most_m, [&](Surfels::Tile tile) {
+    surfels_.for_each_of(tile, [&](Index i) {
+      Surfel& surfel = surfels_[i];
+      if (surfel.last_seen_ns == stamp_ns_) return;
+      const double weight = passing_weight(surfel, R_level_world);
+      if (weight > 0.0) {
+        surfel.log_odds -= rate * weight;
+        chains_.touch(i);
+      }
+      if (surfel.log_odds < 0.0 || is_forgotten(surfel)) passed_.push_back(i);
+    });
+  });
+  const auto is_settled = [&](Index i) {
+    const Surfel& surfel = surfels_[i];
+    if (!surfel.alive || (surfel.confirmed && surfel.log_odds >= 0.0)) return true;
+    if (surfel.last_seen_ns != stamp_ns_ && (surfel.log_odds < 0.0 || is_forgotten(surfel))) passed_.push_back(i);
+    return false;
+  };
+  unsettled_.erase(std::remove_if(unsettled_.begin(), unsettled_.end(), is_settled), unsettled_.end());
+  std::sort(passed_.begin(), passed_.end());
+  passed_.erase(std::unique(passed_.begin(), passed_.end()), passed_.end());
+  for (const Index i : passed_) {
+    // What was never confirmed and is passed, too, was not seen again.
+    ++update.reasons[is_forgotten(surfels_[i]) ? "not seen again" : "passed by beams"];
+    remove(i);
     ++update.removed;
-    ++update.reasons[reason];
   }
 }
 
@@ -487,7 +527,7 @@ void PolygonMap::give_up(const MoverTrace& trace, PolygonMapUpdate& update) {
     if (view_of(now_, now_.T_level_world * surfel.p_world_m, kLeft_m, kWide_m, &weight) == View::kHit) return;
     given_up_.push_back(index);
   });
-  for (const Index index : given_up_) surfels_.remove(index);
+  for (const Index index : given_up_) remove(index);
   update.removed += static_cast<int>(given_up_.size());
   if (!given_up_.empty()) update.reasons["of a thing that set off"] += given_up_.size();
 }
@@ -557,219 +597,16 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
   return report;
 }
 
-/// An id goes to the chain with most of the elements that were first of it; what is left of a chain gets a new one. A
-/// thing that touches another one now and then has its own id back when they part.
-void PolygonMap::name_chains() {
-  const std::vector<Index>& ordered = links_.ordered();
-  struct Claim {  // of an id by a chain
-    std::size_t elements;
-    std::uint64_t id;
-    std::size_t chain;
-  };
-  thread_local std::vector<Claim> claims;  // kept for its memory
-  claims.clear();
-  for (std::size_t c = 0; c < shown_.size(); ++c) {
-    const std::size_t first = claims.size();
-    for (std::size_t k = shown_[c].first; k < shown_[c].end; ++k) {
-      const std::uint64_t id = surfels_[ordered[k]].chain;
-      if (id == 0) continue;
-      if (claims.size() == first || claims.back().id != id) claims.push_back({0, id, c});
-      ++claims.back().elements;
-    }
-  }
-  std::sort(claims.begin(), claims.end(),
-            [](const Claim& a, const Claim& b) { return a.id != b.id ? a.id < b.id : a.chain < b.chain; });
-  std::size_t different = 0;
-  for (const Claim& claim : claims) {
-    const bool is_same =
-        different > 0 && claims[different - 1].id == claim.id && claims[different - 1].chain == claim.chain;
-    if (is_same) {
-      claims[different - 1].elements += claim.elements;
-    } else {
-      claims[different++] = claim;
-    }
-  }
-  claims.erase(claims.begin() + static_cast<std::ptrdiff_t>(different), claims.end());
-  std::sort(claims.begin(), claims.end(), [](const Claim& a, const Claim& b) {
-    if (a.elements != b.elements) return a.elements > b.elements;
-    return a.id != b.id ? a.id < b.id : a.chain < b.chain;
-  });
-  thread_local std::vector<std::uint64_t> of_chain;
-  thread_local std::vector<std::uint64_t> taken;  // sorted
-  assign_with_room(of_chain, shown_.size(), 0);
-  taken.clear();
-  for (const Claim& claim : claims) {
-    const auto place = std::lower_bound(taken.begin(), taken.end(), claim.id);
-    if (of_chain[claim.chain] != 0 || (place != taken.end() && *place == claim.id)) continue;
-    taken.insert(place, claim.id);
-    of_chain[claim.chain] = claim.id;
-  }
-  ids_.clear();
-  for (std::size_t c = 0; c < shown_.size(); ++c) {
-    const bool is_new = of_chain[c] == 0;
-    if (is_new) of_chain[c] = next_id_++;
-    ids_.push_back(of_chain[c]);
-    name_elements(shown_[c], of_chain[c], is_new);
-    unite_names(shown_[c], of_chain[c]);
-  }
-  // Joints of those that are not there any more are of no use.
-  taken.clear();
-  for (const Index i : ordered) {
-    if (taken.empty() || taken.back() != surfels_[i].chain) taken.push_back(surfels_[i].chain);
-  }
-  std::sort(taken.begin(), taken.end());
-  taken.erase(std::unique(taken.begin(), taken.end()), taken.end());
-  joints_.keep(taken);
-}
-
-/// A new element gets the name of those on its side of the joints, so that what is joined can come apart again.
-void PolygonMap::name_elements(const ChainLinks::Run& run, std::uint64_t id, bool is_new) {
-  const std::vector<Index>& ordered = links_.ordered();
-  std::uint64_t name = is_new ? id : 0;
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    Surfel& surfel = surfels_[ordered[k]];
-    if (is_new || surfel.chain == 0) surfel.chain = name;
-    if (!is_new) name = links_.is_before_joint(k) ? 0 : surfel.chain;
-  }
-  if (is_new) return;
-  for (std::size_t k = run.end; k-- > run.first;) {
-    Surfel& surfel = surfels_[ordered[k]];
-    if (links_.is_before_joint(k)) name = 0;
-    if (surfel.chain == 0) surfel.chain = name;
-    name = surfel.chain;
-  }
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    Surfel& surfel = surfels_[ordered[k]];
-    if (surfel.chain == 0) surfel.chain = id;
-  }
-}
-
-/// Chains that met for long are one: what comes apart later is new. Where pieces of a line have grown together, they
-/// meet.
-void PolygonMap::unite_names(const ChainLinks::Run& run, std::uint64_t id) {
-  const std::vector<Index>& ordered = links_.ordered();
-  std::size_t begin = run.first;  // of the elements with one name on one side of the joints
-  std::size_t before = 0;         // elements of the name before, on the same side
-  std::uint64_t name_before = 0;
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    const std::uint64_t name = surfels_[ordered[k]].chain;
-    const bool ends = k + 1 == run.end || surfels_[ordered[k + 1]].chain != name || links_.is_before_joint(k);
-    if (!ends) continue;
-    const std::size_t count = k + 1 - begin;
-    if (std::min(before, count) >= kFewElements) joints_.see(name_before, name, true);
-    const bool at_joint = links_.is_before_joint(k);
-    before = at_joint ? 0 : count;
-    name_before = name;
-    begin = k + 1;
-  }
-  // From those named so, on both sides.
-  const auto unite = [&](std::size_t from, std::size_t k, std::uint64_t& name_next) {
-    const std::uint64_t name = surfels_[ordered[k]].chain;
-    const bool is_one = surfels_[ordered[from]].chain == id && name != id &&
-                        (joints_.is_firm(name, id) || joints_.is_firm(name, name_next));
-    if (is_one) surfels_[ordered[k]].chain = id;
-    name_next = name;
-  };
-  std::uint64_t original = surfels_[ordered[run.first]].chain;
-  for (std::size_t k = run.first + 1; k < run.end; ++k) unite(k - 1, k, original);
-  original = surfels_[ordered[run.end - 1]].chain;
-  for (std::size_t k = run.end - 1; k-- > run.first;) unite(k + 1, k, original);
-}
-
-/// Whether a chain of few elements lies on a larger one: what is left of a thing that touched a wall.
-bool PolygonMap::is_beside_larger(const ChainLinks::Run& run) const {
-  if (run.end - run.first > kFewElements) return false;
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    const Surfel& surfel = surfels_[links_.ordered()[k]];
-    bool beside = false;
-    surfels_.for_each_near(surfel.p_world_m, kOnChain_m, [&](Index /*index*/, const Surfel& other) {
-      beside |= other.elements_of_chain > static_cast<int>(kFewElements) &&
-                (other.p_world_m - surfel.p_world_m).norm() < kOnChain_m;
-    });
-    if (!beside) return false;
-  }
-  return true;
-}
-
-/// Whether a chain is a single element that was there for long and hardly ever hit: beams over an edge far behind it.
-bool PolygonMap::is_lonely(const ChainLinks::Run& run) const {
-  const Surfel& surfel = surfels_[links_.ordered()[run.first]];
-  const double age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
-  return run.end - run.first == 1 && age_s > kRareAfter_s && surfel.seen_s < std::min(kLonely * age_s, kLonely_s);
-}
-
-/// Compares an element with those beside it. One that was hit seldom since it was first seen is not shown.
-void PolygonMap::look_around(std::size_t element) {
-  LinkElement& own = link_elements_[element];
-  double expected_s = own.seen_s;
-  double elements = 1.0;
-  near_.for_each(static_cast<Index>(element), [&](Index j) {
-    const LinkElement& other = link_elements_[static_cast<std::size_t>(j)];
-    const double part = (other.p_world_m - own.p_world_m).squaredNorm() <= kRareReach_m * kRareReach_m ? 1.0 : 0.0;
-    expected_s += part * std::min(other.seen_s, other.seen_share * own.age_s);
-    elements += part;
-    own.is_crossed |= other.faces_another_way(own);
-  });
-  own.is_shown = own.age_s < kRareAfter_s || own.seen_s >= kRare * expected_s / elements;
-}
-
-void PolygonMap::find_links() {
-  link_elements_.clear();
-  all_links_.clear();
-  for (Index i = 0; i < surfels_.end(); ++i) {
-    const Surfel& surfel = surfels_[i];
-    if (!surfel.alive || !surfel.confirmed) continue;
-    LinkElement& element = link_elements_.emplace_back();
-    element.p_world_m = surfel.p_world_m;
-    element.normal_world = surfel.normal_world;
-    element.sigma_m = std::sqrt(surfel.variance_m2);
-    element.low_m = surfel.low_m;
-    element.high_m = surfel.high_m;
-    element.seen_s = surfel.seen_s;
-    element.age_s = seconds_between(surfel.first_seen_ns, stamp_ns_);
-    element.seen_share = element.seen_s / std::max(element.age_s, kRareAfter_s);
-    element.chain = surfel.chain;
-    element.index = i;
-    element.is_hit = surfel.last_seen_ns == stamp_ns_;
-    all_links_.push_back(static_cast<Index>(all_links_.size()));
-  }
-  near_.find(link_elements_, all_links_, std::max(kRareReach_m, ChainLinks::reach_m(params_.spacing_m)));
-  for (std::size_t k = 0; k < link_elements_.size(); ++k) look_around(k);
-  const ChainLinks::View view{inverse(now_.T_level_world).translation_m, resolution_rad_,
-                              joined_at_ns_ == stamp_ns_ ? 0.0 : step_s_};
-  joined_at_ns_ = stamp_ns_;
-  links_.link(link_elements_, near_, params_.spacing_m, params_.max_gap_m, view, joints_);
+const ChainChanges& PolygonMap::update_chains() {
+  return chains_.update(surfels_, stamp_ns_, {inverse(now_.T_level_world).translation_m, resolution_rad_, step_s_});
 }
 
 Polygons PolygonMap::polygons(Polygons memory) {
+  update_chains();
   Polygons result = std::move(memory);
   result.stamp_ns = stamp_ns_;
-  find_links();
-  for (Index i = 0; i < surfels_.end(); ++i) surfels_[i].elements_of_chain = 0;
-  for (const ChainLinks::Run& run : links_.chains()) measure(run);
-  shown_.clear();
-  for (const ChainLinks::Run& run : links_.chains()) {
-    if (!is_beside_larger(run) && !is_lonely(run)) shown_.push_back(run);
-  }
-  name_chains();
-  while (result.chains.size() < shown_.size()) add_chain(result.chains, spare_);
-  for (; result.chains.size() > shown_.size(); result.chains.pop_back()) {
-    spare_.push_back(std::move(result.chains.back()));
-  }
-  for (std::size_t c = 0; c < shown_.size(); ++c) {
-    make_chain(c, result.chains[c]);
-    result.chains[c].id = ids_[c];
-  }
+  result.chains = chains_.list(std::move(result.chains));
   return result;
-}
-
-/// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
-void PolygonMap::measure(const ChainLinks::Run& run) {
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    Surfel& surfel = surfels_[links_.ordered()[k]];
-    surfel.elements_of_chain = static_cast<int>(run.end - run.first);
-    if (surfel.last_seen_ns == stamp_ns_) surfel.thing_m = std::max(surfel.thing_m, run.size_m);
-  }
 }
 
 std::optional<MappedElement> PolygonMap::find_facing(const Eigen::Vector2d& p_world_m,
@@ -806,6 +643,7 @@ void PolygonMap::deform(const std::function<Pose2(std::int64_t drawn_ns)>& motio
     surfel.normal_world = moved.rotation() * surfel.normal_world;
     surfels_.move(i, moved * surfel.p_world_m);
   }
+  chains_.touch_all();
 }
 
 /// The older one of two is kept.
@@ -833,33 +671,11 @@ void PolygonMap::give_up_behind(const Eigen::Vector2d& p_world_m, const Eigen::V
     if (behind_m < least_m || behind_m > most_m || std::abs(along_m) > params_.spacing_m) return;
     given_up_.push_back(i);
   });
-  for (const Index i : given_up_) surfels_.remove(i);
+  for (const Index i : given_up_) remove(i);
 }
 
 void PolygonMap::elements_of(std::size_t chain, std::vector<BoundaryElement>& elements) const {
-  elements.clear();
-  const ChainLinks::Run& run = shown_[chain];
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    const Surfel& surfel = surfels_[links_.ordered()[k]];
-    elements.push_back({surfel.p_world_m, surfel.along_world(), surfel.variance_m2, surfel.low_m, surfel.high_m});
-  }
-}
-
-void PolygonMap::make_chain(std::size_t chain, Chain& result) {
-  const ChainLinks::Run& run = shown_[chain];
-  elements_of(chain, elements_);
-  double least_log_odds = kMostLogOdds;
-  result.first_seen_ns = std::numeric_limits<std::int64_t>::max();
-  result.last_seen_ns = std::numeric_limits<std::int64_t>::min();
-  for (std::size_t k = run.first; k < run.end; ++k) {
-    const Surfel& surfel = surfels_[links_.ordered()[k]];
-    result.first_seen_ns = std::min(result.first_seen_ns, surfel.first_seen_ns);
-    result.last_seen_ns = std::max(result.last_seen_ns, surfel.last_seen_ns);
-    least_log_odds = std::min(least_log_odds, surfel.log_odds);
-  }
-  result.closed = run.closed;
-  result.p_exists = 1.0 / (1.0 + std::exp(-least_log_odds));
-  chain_fit_.fit(elements_, result.closed, params_.tolerance_m, result.vertices);
+  chains_.elements_of(surfels_, chain, elements);
 }
 
 }  // namespace situation_awareness

@@ -86,12 +86,35 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
   return report;
 }
 
+/// Only chains that changed, and those that are new, can have another state within a transit.
 void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
-  polygons_ = map_.polygons(std::move(polygons_));
+  const ChainChanges& changes = map_.update_chains();
   polygons_.stamp_ns = stamp_ns;
-  std::sort(polygons_.chains.begin(), polygons_.chains.end(),
-            [](const Chain& a, const Chain& b) { return a.id < b.id; });
-  for (Chain& chain : polygons_.chains) chain.state = state_of(chain, stamp_ns, transit_ns_, states_);
+  std::vector<Chain>& chains = polygons_.chains;
+  const auto is_below = [](const Chain& chain, std::uint64_t id) { return chain.id < id; };
+  if (!changes.gone.empty()) {
+    std::size_t left = 0;
+    for (Chain& chain : chains) {
+      const bool is_gone = std::binary_search(changes.gone.begin(), changes.gone.end(), chain.id);
+      if (!is_gone) std::swap(chains[left++], chain);
+    }
+    for (; chains.size() > left; chains.pop_back()) spare_.push_back(std::move(chains.back()));
+  }
+  for (const std::uint64_t id : changes.changed) {
+    auto place = std::lower_bound(chains.begin(), chains.end(), id, is_below);
+    if (place == chains.end() || place->id != id) {
+      if (spare_.empty()) spare_.emplace_back().vertices.reserve(Chain::kUsualVertices);
+      place = chains.insert(place, std::move(spare_.back()));
+      spare_.pop_back();
+    }
+    *place = *map_.chain(id);
+    place->state = state_of(*place, stamp_ns, transit_ns_, states_);
+  }
+  for (Chain& chain : chains) {
+    if (chain.state != ChainState::kNew && judged_transit_ns_ == transit_ns_) continue;
+    chain.state = state_of(chain, stamp_ns, transit_ns_, states_);
+  }
+  judged_transit_ns_ = transit_ns_;
 }
 
 Polygons TimedPolygonMap::at(std::int64_t stamp_ns) const {
@@ -102,6 +125,7 @@ Polygons TimedPolygonMap::at(std::int64_t stamp_ns) const {
 
 void TimedPolygonMap::begin_anew() {
   map_.restore({});
+  map_.update_chains();
   polygons_.chains.clear();
   map_stamp_ns_ = transit_ns_ = kNoStamp;
   resumed_ = false;

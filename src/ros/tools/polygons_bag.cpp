@@ -14,6 +14,7 @@
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/parse_pose2.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/points/point_states.hpp"
@@ -37,7 +38,10 @@ constexpr const char* kDescription =
    "polylines": [{"id": int, "closed": bool, "points": [[x, y], ...], "sigma_m": [one per point],
     "first_seen", "last_seen": s, "p": number}]}
 in m, rad and s, in the world frame: the pose is that of the odometry's child frame at the stamp, the polylines are all
-standing things, walls included. Invalid scans have no line and are counted by reason. Files are written atomically.
+standing things, walls included. With --changes a line has what the scan changed instead, so that lines do not grow with
+the map: "changed": those of the polylines that are new or not as they were, and "gone": the ids of those that are not
+there any more; the first line and one each --full-every seconds have all "polylines", too. Invalid scans have no line
+and are counted by reason. Files are written atomically.
 )";
 
 constexpr double kResetTimeJump_s = 1.0;
@@ -55,6 +59,8 @@ struct Options {
   std::string localization = "reflectors";
   std::string reflectors, initial_pose, out, model_folder;
   bool objects = false;
+  bool changes = false;
+  double full_every_s = 10.0;
 };
 
 void add_options(CLI::App& app, Options& options) {
@@ -70,6 +76,12 @@ void add_options(CLI::App& app, Options& options) {
       ->check(CLI::IsMember({"reflectors", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines")->required();
   app.add_flag("--objects", options.objects, "map what moves, too, and keep it off the polygons");
+  CLI::Option* changes = app.add_flag("--changes", options.changes, "write what each scan changed, not all polylines");
+  app.add_option("--full-every", options.full_every_s, "time between lines with all polylines")
+      ->type_name("S")
+      ->check(CLI::Range(0.0, 1e9))
+      ->needs(changes)
+      ->capture_default_str();
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     if (options.localization == "reflectors" && options.reflectors.empty()) throw CLI::RequiredError("--reflectors");
@@ -81,43 +93,66 @@ void add_options(CLI::App& app, Options& options) {
   });
 }
 
-Json json_of(const Pose2& T_world_base, const Eigen::Matrix3d& covariance, const Polygons& polygons) {
-  Json line;
-  Json& pose = line["pose"] = Json::object();
-  pose["x"] = finite(T_world_base.translation_m.x());
-  pose["y"] = finite(T_world_base.translation_m.y());
-  pose["yaw"] = finite(std::remainder(T_world_base.yaw_rad, 2.0 * M_PI));
-  pose["covariance"] = list_of(9, [&](int i) { return covariance(i / 3, i % 3); });
-  Json& list = line["polylines"] = Json::array();
-  for (const Chain& chain : polygons.chains) {
-    Json& element = add_object(list, 7);
-    element["id"] = chain.id;
-    element["closed"] = chain.closed;
-    Json& points = element["points"] = Json::array();
-    Json& sigma = element["sigma_m"] = Json::array();
-    for (const ChainVertex& vertex : chain.vertices) {
-      points.push_back(list_of(2, [&](int i) { return vertex.p_world_m(i); }));
-      sigma.push_back(finite(vertex.sigma_m));
-    }
-    element["first_seen"] = 1e-9 * static_cast<double>(chain.first_seen_ns);
-    element["last_seen"] = 1e-9 * static_cast<double>(chain.last_seen_ns);
-    element["p"] = finite(chain.p_exists);
+void add_polyline(Json& list, const Chain& chain) {
+  Json& element = add_object(list, 7);
+  element["id"] = chain.id;
+  element["closed"] = chain.closed;
+  Json& points = element["points"] = Json::array();
+  Json& sigma = element["sigma_m"] = Json::array();
+  for (const ChainVertex& vertex : chain.vertices) {
+    points.push_back(list_of(2, [&](int i) { return vertex.p_world_m(i); }));
+    sigma.push_back(finite(vertex.sigma_m));
   }
-  return line;
+  element["first_seen"] = 1e-9 * static_cast<double>(chain.first_seen_ns);
+  element["last_seen"] = 1e-9 * static_cast<double>(chain.last_seen_ns);
+  element["p"] = finite(chain.p_exists);
 }
 
 /// What the program writes and counts.
-struct Output {
-  explicit Output(const std::string& path) : file(path) {}
+class Output {
+ public:
+  explicit Output(const Options& options) : options_(options), file_(options.out) {}
+
   void write(const Scan& scan, const Pose2& T_world_base, const Eigen::Matrix3d& covariance,
              PolygonPipeline& pipeline) {
-    states.add(pipeline.points());
-    polygons = pipeline.map().polygons(std::move(polygons));
-    file.write(json_line(scan.stamp_ns, json_of(T_world_base, covariance, polygons)));
+    states_.add(pipeline.points());
+    Json line;
+    Json& pose = line["pose"] = Json::object();
+    pose["x"] = finite(T_world_base.translation_m.x());
+    pose["y"] = finite(T_world_base.translation_m.y());
+    pose["yaw"] = finite(std::remainder(T_world_base.yaw_rad, 2.0 * M_PI));
+    pose["covariance"] = list_of(9, [&](int i) { return covariance(i / 3, i % 3); });
+    PolygonMap& map = pipeline.map();
+    if (options_.changes) {
+      const ChainChanges& changes = map.update_chains();
+      Json& changed = line["changed"] = Json::array();
+      for (const std::uint64_t id : changes.changed) add_polyline(changed, *map.chain(id));
+      line["gone"] = changes.gone;
+    }
+    if (!options_.changes || is_full_due(scan.stamp_ns)) {
+      polygons_ = map.polygons(std::move(polygons_));
+      Json& list = line["polylines"] = Json::array();
+      for (const Chain& chain : polygons_.chains) add_polyline(list, chain);
+    }
+    file_.write(json_line(scan.stamp_ns, line));
   }
-  LineFile file;
-  Polygons polygons;
-  PointStates states;
+  void finish() { file_.finish(); }
+  const PointStates& states() const { return states_; }
+
+ private:
+  /// Also where a recording begins anew at an earlier time.
+  bool is_full_due(std::int64_t stamp_ns) {
+    const bool is_due =
+        !full_ns_ || stamp_ns < *full_ns_ || seconds_between(*full_ns_, stamp_ns) >= options_.full_every_s;
+    if (is_due) full_ns_ = stamp_ns;
+    return is_due;
+  }
+
+  const Options& options_;
+  LineFile file_;
+  std::optional<std::int64_t> full_ns_;  ///< stamp of the latest line with all polylines
+  Polygons polygons_;
+  PointStates states_;
 };
 
 struct Params {
@@ -165,7 +200,7 @@ void print_movers(const PolygonPipeline& pipeline) {
 
 void map_by_tf(const Options& options, const Params& params, const OdometryFrames& frames) {
   BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
-  Output out(options.out);
+  Output out(options);
   PolygonPipeline pipeline(params.polygons, params.objects);
   const Eigen::Matrix3d covariance =
       Eigen::Vector3d(kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad).asDiagonal();
@@ -179,8 +214,8 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
   player.play();
   player.print_summary();
   print_movers(pipeline);
-  player.check_mapped(out.states.why_no_hit());
-  out.file.finish();
+  player.check_mapped(out.states().why_no_hit());
+  out.finish();
 }
 
 void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
@@ -191,7 +226,7 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   ReflectorLocalization& localization = pipeline.localization();
   // Scans wait for the odometry of their first and last beams.
   BagPlayer player(options.bag, kResetTimeJump_s, {frames.base, true});
-  Output out(options.out);
+  Output out(options);
   bool needs_initial = !options.initial_pose.empty();
   const Pose2 initial = needs_initial ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
   std::size_t known = 0, unknown = 0;
@@ -224,8 +259,8 @@ void map_by_reflectors(const Options& options, const Params& params, const Odome
   for (const auto& [reason, count] : refused) {
     std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
   }
-  player.check_mapped(known == 0 ? pipeline.localization_pipeline().why_unknown() : out.states.why_no_hit());
-  out.file.finish();
+  player.check_mapped(known == 0 ? pipeline.localization_pipeline().why_unknown() : out.states().why_no_hit());
+  out.finish();
 }
 
 int polygons_bag(const Options& options) {

@@ -18,14 +18,15 @@
 
 namespace situation_awareness {
 
-/// Polylines of scans in a room of 6 m x 4 m about the origin with boxes, from a place that moves.
+/// Polylines of scans in a room with boxes, of 6 m x 4 m about the origin by default, from a place that moves.
 class RoomPolylines {
  public:
   static constexpr std::int64_t kPeriod_ns = 40'000'000;
 
-  explicit RoomPolylines(std::uint64_t seed, std::int64_t stamp_ns = 1'000'000'000'000)
+  explicit RoomPolylines(std::uint64_t seed, std::int64_t stamp_ns = 1'000'000'000'000,
+                         const Box& walls = {{0.0, 0.0}, 0.0, 3.0, 2.0})
       : random_(seed), stamp_ns_(stamp_ns) {
-    add_box({{0.0, 0.0}, 0.0, 3.0, 2.0});
+    add_box(walls);
   }
 
   void add_box(const Box& box) {

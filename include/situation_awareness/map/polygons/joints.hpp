@@ -46,15 +46,16 @@ class Joints {
   /// Decides, `step_s` after the scan before.
   void decide(double step_s);
 
-  /// Forgets those of other chains than these; sorted.
-  void keep(const std::vector<std::uint64_t>& ids);
+  /// Forgets those of these chains; sorted.
+  void forget(const std::vector<std::uint64_t>& ids);
 
   const std::vector<Joint>& joints() const { return joints_; }
   /// In the order of joints(), each pair once.
-  void restore(std::vector<Joint> joints) { joints_ = std::move(joints); }
+  void restore(std::vector<Joint> joints);
 
  private:
-  std::vector<Joint> joints_;  ///< sorted by ids
+  std::vector<Joint> joints_;                                  ///< sorted by ids
+  std::vector<std::pair<std::uint64_t, std::uint64_t>> seen_;  ///< ids of those seen in the latest scan
 };
 
 }  // namespace situation_awareness

@@ -15,11 +15,9 @@
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/polygons/chain_fit.hpp"
-#include "situation_awareness/map/polygons/chain_links.hpp"
-#include "situation_awareness/map/polygons/joints.hpp"
+#include "situation_awareness/map/polygons/map_chains.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/movers.hpp"
-#include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
 #include "situation_awareness/polylines/polylines.hpp"
@@ -109,8 +107,15 @@ class PolygonMap {
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
                           PolygonMapUpdate memory = {});
 
-  /// The chains at the time of the latest scan. To be called after each update(): how large things are and which chains
-  /// meet is seen then. `memory`: as for limit_range.
+  /// Makes the chains at the time of the latest scan, and says which are not as they were at the call before. To be
+  /// called after each update(), or polygons() instead: how large things are and which chains meet is seen then. Its
+  /// cost depends on what changed alone.
+  const ChainChanges& update_chains();
+
+  /// A chain, valid until the next update_chains(); null if there is none of this id.
+  const Chain* chain(std::uint64_t id) const { return chains_.find(id); }
+
+  /// All chains, after update_chains(). `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
 
   /// The elements that a chain of the latest polygons() was made of, by its place there, from right to left.
@@ -140,7 +145,7 @@ class PolygonMap {
 
   std::size_t elements() const { return surfels_.count(); }
 
-  /// The whole state, after an update or a call of polygons(), which names new chains.
+  /// The whole state, after an update or a call of update_chains(), which names new chains.
   PolygonMapSnapshot snapshot() const;
 
   /// Continues from that state bit for bit; ids that were used by this map before are not used again, either. Throws
@@ -156,7 +161,11 @@ class PolygonMap {
     std::int64_t stamp_ns = std::numeric_limits<std::int64_t>::min();
     Pose2 T_level_world;
     FreeSpace free_space;
-    double most_m = 0.0;  ///< of its ranges: that of beams without a return
+    std::vector<Eigen::Vector2d> ends_level_m;  ///< of its beams
+    double most_m = 0.0;                        ///< of its ranges: that of beams without a return
+
+    /// By its free space.
+    void find_ends();
   };
 
   /// How a scan saw a place.
@@ -169,8 +178,9 @@ class PolygonMap {
   };
 
   static double azimuth_in(const Watch& watch, const Eigen::Vector2d& p_level_m);
-  static Eigen::Vector2d hit_of(const Watch& watch, std::ptrdiff_t beam);
 
+  Index add(const Surfel& surfel);
+  void remove(Index index);
   Index fuse(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& normal_world, double variance_m2, bool has_normal,
              bool may_create);
   Index of_line(const Neighbours& beside) const;
@@ -192,40 +202,21 @@ class PolygonMap {
   void see_through(PolygonMapUpdate& update);
   void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
-  void name_chains();
-  void name_elements(const ChainLinks::Run& run, std::uint64_t id, bool is_new);
-  void unite_names(const ChainLinks::Run& run, std::uint64_t id);
-  void find_links();
-  void look_around(std::size_t element);
-  bool is_lonely(const ChainLinks::Run& run) const;
-  bool is_beside_larger(const ChainLinks::Run& run) const;
-  void measure(const ChainLinks::Run& run);
-  void make_chain(std::size_t chain, Chain& result);
 
   PolygonMapParams params_;
   std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
   double step_s_ = 0.0;       ///< since the scan before
   double hit_sigma_m_ = 0.0;  ///< of the latest scan's hits, range noise and pose
   double resolution_rad_ = 0.0;
-  std::uint64_t next_id_ = 1;
   Surfels surfels_;
+  MapChains chains_;                       ///< of those confirmed
   Watch now_;                              ///< of the latest scan
   std::vector<Eigen::Vector2d> now_rays_;  ///< unit, of its beams in the level frame
   std::vector<Watch> watches_;
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
-  std::vector<Index> given_up_;
-  std::vector<LinkElement> link_elements_;  ///< those confirmed
-  std::vector<Index> all_links_;            ///< indices of link_elements_
-  NearElements near_;                       ///< of link_elements_
-  ChainLinks links_;
-  Joints joints_;
-  std::int64_t joined_at_ns_ = std::numeric_limits<std::int64_t>::min();  ///< latest scan that they saw
-  std::vector<ChainLinks::Run> shown_;
-  std::vector<std::uint64_t> ids_;  ///< of those shown
-  std::vector<BoundaryElement> elements_;
-  ChainFit chain_fit_;
-  std::vector<Chain> spare_;  ///< for their memory
+  std::vector<Index> given_up_, passed_;
+  std::vector<Index> unsettled_;  ///< those that may go wherever the sensor is
 };
 
 }  // namespace situation_awareness

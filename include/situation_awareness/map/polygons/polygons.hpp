@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -26,6 +27,9 @@ enum class ChainState : std::uint8_t {
 /// The boundary of a standing thing, or of several that touch, as far as it was seen. Its free side lies to the left
 /// of the way from a vertex to the next: seen from there, the vertices go from right to left.
 struct Chain {
+  /// Room that lists of vertices get at first, so that they stop allocating though their size varies.
+  static constexpr std::size_t kUsualVertices = 32;
+
   std::uint64_t id = 0;               ///< never used twice
   bool closed = false;                ///< an edge leads from the last vertex to the first
   std::vector<ChainVertex> vertices;  ///< two at least

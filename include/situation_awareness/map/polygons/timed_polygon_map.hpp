@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -84,9 +85,11 @@ class TimedPolygonMap {
   StampOrder order_;
   PolygonMap map_;
   Polygons polygons_;
-  std::int64_t map_stamp_ns_ = kNoStamp;  ///< of map_
-  std::int64_t transit_ns_ = kNoStamp;    ///< begin of the present transit
-  bool resumed_ = false;                  ///< and not updated since
+  std::vector<Chain> spare_;                   ///< for their memory
+  std::int64_t judged_transit_ns_ = kNoStamp;  ///< transit_ns_ when their states were judged
+  std::int64_t map_stamp_ns_ = kNoStamp;       ///< of map_
+  std::int64_t transit_ns_ = kNoStamp;         ///< begin of the present transit
+  bool resumed_ = false;                       ///< and not updated since
 };
 
 }  // namespace situation_awareness

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/map/polygons/chain_fit.hpp"
+#include "situation_awareness/map/polygons/chain_links.hpp"
+#include "situation_awareness/map/polygons/joints.hpp"
+#include "situation_awareness/map/polygons/near_elements.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/polygons/surfels.hpp"
+
+namespace situation_awareness {
+
+/// Which chains an update changed, by their ids, each list in ascending order.
+struct ChainChanges {
+  std::vector<std::uint64_t> changed;  ///< new ones, and those of which anything is not as it was
+  std::vector<std::uint64_t> gone;
+};
+
+/// The chains of a map's elements (docs/math/polygons.md, "Chains"), kept from scan to scan: only those beside an
+/// element that changed are linked, named and fitted again, each of them as a whole, so that the cost of a scan does
+/// not depend on how large the map is. No allocation after warm-up.
+class MapChains {
+ public:
+  using Index = Surfels::Index;
+
+  /// In m: of the elements along the boundary, between those that are joined at most, and as ChainFit::fit.
+  MapChains(double spacing_m, double max_gap_m, double tolerance_m);
+
+  /// Length of the tiles of the elements' list that these chains need.
+  static double tile_m(double max_gap_m);
+
+  /// That an element was added, hit, moved or has another existence.
+  void touch(Index index);
+  /// That an element is about to be removed.
+  void remove(const Surfels& surfels, Index index);
+  /// That any element may be another one.
+  void touch_all();
+
+  /// The chains at the time of a scan, by its stamp and view; its step since the scan before counts once. The elements
+  /// get the names of their chains, and what chains tell of them.
+  const ChainChanges& update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view);
+
+  /// A chain of the latest update; null if there is none of this id.
+  const Chain* find(std::uint64_t id) const;
+  /// All of them, in the order of their first elements. `memory`: as for limit_range.
+  std::vector<Chain> list(std::vector<Chain> memory);
+  /// The elements of one of the latest list(), from right to left. `elements` is overwritten.
+  void elements_of(const Surfels& surfels, std::size_t place, std::vector<BoundaryElement>& elements) const;
+
+  /// What a file of the map keeps beside the elements.
+  std::uint64_t next_id() const { return next_id_; }
+  std::int64_t joined_at_ns() const { return joined_at_ns_; }
+  const std::vector<Joints::Joint>& joints() const { return joints_.joints(); }
+  /// Goes on with these and other elements. Ids that were used before are not used again.
+  void restore(std::uint64_t next_id, std::int64_t joined_at_ns, std::vector<Joints::Joint> joints);
+
+ private:
+  using Slot = std::int32_t;  ///< place in kept_
+  static constexpr Index kNone = Surfels::kNone;
+
+  /// What is kept of each element.
+  struct Member {
+    Slot slot = kNone;                    ///< of its chain
+    Index before = kNone, after = kNone;  ///< in its chain, from right to left
+    std::uint64_t counted = 0;            ///< name under which it is in names_; 0: it is not
+    bool is_touched = false;
+    bool is_in_window = false;
+    bool is_shown = false, is_crossed = false;  ///< as of LinkElement
+  };
+
+  /// A chain, or what is linked as one and is not shown.
+  struct Kept {
+    Index first = kNone;
+    std::size_t elements = 0;
+    std::pair<bool, Index> rank;  ///< as of ChainLinks::Run
+    bool closed = false;          ///< as linked
+    bool is_alive = false;
+    bool is_in_window = false, is_touched = false;
+    Chain chain;  ///< its id is 0 if it is not shown
+  };
+
+  struct Holder {
+    std::uint64_t id;
+    Slot slot;
+  };
+  struct Named {
+    std::uint64_t name;
+    std::int64_t elements;
+  };
+  struct Claim {  ///< of an id by a chain
+    std::size_t elements;
+    std::uint64_t id;
+    std::size_t chain;  ///< place in shown_
+  };
+  enum class Mark : std::uint8_t { kNone, kBeside, kJudged };
+
+  Member& member(Index index) { return members_[static_cast<std::size_t>(index)]; }
+  Kept& kept(Slot slot) { return kept_[static_cast<std::size_t>(slot)]; }
+  void mark_tiles(const Surfels& surfels);
+  void enter_window(Index index);
+  void enter_window(Slot slot, bool is_touched);
+  void find_window(const Surfels& surfels);
+  void judge(LinkElement& own, std::size_t place) const;
+  void link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view);
+  void measure(Surfels& surfels, std::int64_t stamp_ns) const;
+  bool is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const;
+  bool is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const;
+  void name_chains(Surfels& surfels);
+  void name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) const;
+  void unite_names(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id);
+  void count(std::uint64_t name, std::int64_t more);
+  void count_names(const Surfels& surfels);
+  Slot same_as_before(const ChainLinks::Run& run) const;
+  Slot new_slot();
+  void keep(const ChainLinks::Run& run, Slot slot);
+  void fit(const Surfels& surfels, Kept& kept);
+  void replace(const Surfels& surfels);
+  Holder* holder_of(std::uint64_t id);
+
+  double spacing_m_, max_gap_m_, tolerance_m_;
+  std::uint64_t next_id_ = 1;
+  std::int64_t joined_at_ns_ = std::numeric_limits<std::int64_t>::min();  ///< latest scan that the joints saw
+  Joints joints_;
+
+  std::vector<Member> members_;  ///< by the elements' indices
+  std::vector<Kept> kept_;
+  std::vector<Slot> free_slots_;
+  std::vector<Holder> holders_;  ///< of the ids of those shown, in ascending order
+  std::vector<Named> names_;     ///< of the elements of all chains, in ascending order
+  std::vector<std::uint64_t> lost_names_;
+
+  // Since the latest update.
+  bool is_all_touched_ = false;
+  std::vector<Index> touched_;
+  std::vector<Eigen::Vector2d> removed_world_m_;
+
+  // Of an update.
+  std::vector<Mark> marks_;  ///< of the tiles
+  std::vector<Surfels::Tile> marked_;
+  std::vector<Index> window_;               ///< elements that are linked again, in ascending order
+  std::vector<Slot> window_slots_;          ///< chains that they were of
+  std::vector<LinkElement> link_elements_;  ///< of window_
+  std::vector<NearElements::Index> all_links_;
+  NearElements near_;
+  ChainLinks links_;
+  std::vector<ChainLinks::Run> shown_, hidden_;
+  std::vector<Claim> claims_;
+  std::vector<std::uint64_t> taken_;  ///< ids, in ascending order
+  std::vector<std::uint64_t> ids_;    ///< of shown_
+  std::vector<Slot> slots_;           ///< of shown_
+  std::vector<Holder> was_;           ///< of the ids in the window, before
+  ChainChanges changes_;
+  std::vector<BoundaryElement> elements_;
+  ChainFit chain_fit_;
+
+  std::vector<Slot> listed_;  ///< of the latest list()
+  std::vector<Chain> spare_;  ///< for their memory
+};
+
+}  // namespace situation_awareness

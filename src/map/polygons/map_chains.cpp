@@ -1,0 +1,576 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/polygons/map_chains.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// An element that was hit by less than this part of the scans that hit one beside it, within so many m and after so
+/// many s, is no surface: beams over an edge end there now and then.
+constexpr double kRare = 0.2;
+constexpr double kRareReach_m = 0.12;
+constexpr double kRareAfter_s = 5.0;
+/// The same of one that has none beside it, if it was hit for less than this part of its age, and of so many s.
+constexpr double kLonely = 0.03;
+constexpr double kLonely_s = 1.5;
+/// A chain of so few elements, all of them so near to a larger one, is none of its own.
+constexpr std::size_t kFewElements = 3;
+constexpr double kOnChain_m = 0.045;
+/// m. Least length of the tiles.
+constexpr double kLeastTile_m = 1.0;
+
+bool are_same(const Chain& a, const Chain& b) {
+  const auto are_same_vertices = [](const ChainVertex& v, const ChainVertex& w) {
+    return v.p_world_m == w.p_world_m && v.sigma_m == w.sigma_m;
+  };
+  return a.closed == b.closed && a.first_seen_ns == b.first_seen_ns && a.last_seen_ns == b.last_seen_ns &&
+         a.p_exists == b.p_exists && a.vertices.size() == b.vertices.size() &&
+         std::equal(a.vertices.begin(), a.vertices.end(), b.vertices.begin(), are_same_vertices);
+}
+
+BoundaryElement boundary_of(const Surfel& surfel) {
+  return {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, surfel.low_m, surfel.high_m};
+}
+
+}  // namespace
+
+MapChains::MapChains(double spacing_m, double max_gap_m, double tolerance_m)
+    : spacing_m_(spacing_m), max_gap_m_(max_gap_m), tolerance_m_(tolerance_m) {
+  for (std::vector<ChainLinks::Run>* runs : {&shown_, &hidden_}) runs->reserve(kUsualRoom);
+  for (std::vector<std::uint64_t>* ids : {&ids_, &lost_names_, &changes_.changed, &changes_.gone}) {
+    ids->reserve(kUsualRoom);
+  }
+  for (std::vector<Slot>* slots : {&free_slots_, &window_slots_, &slots_}) slots->reserve(kUsualRoom);
+  removed_world_m_.reserve(kUsualRoom);
+}
+
+/// What is in a tile is farther than any link reaches from what is in one that does not touch it.
+double MapChains::tile_m(double max_gap_m) { return std::max(kLeastTile_m, 1.5 * max_gap_m); }
+
+void MapChains::touch(Index index) {
+  if (static_cast<std::size_t>(index) >= members_.size()) members_.resize(static_cast<std::size_t>(index) + 1);
+  Member& own = member(index);
+  if (own.is_touched) return;
+  own.is_touched = true;
+  touched_.push_back(index);
+}
+
+void MapChains::remove(const Surfels& surfels, Index index) {
+  if (static_cast<std::size_t>(index) >= members_.size()) return;  // added since the latest update
+  Member& own = member(index);
+  if (surfels[index].confirmed) removed_world_m_.push_back(surfels[index].p_world_m);
+  if (own.slot != kNone) {
+    enter_window(own.slot, true);
+    Kept& chain = kept(own.slot);
+    --chain.elements;
+    if (own.after != kNone) member(own.after).before = own.before;
+    (own.before == kNone ? chain.first : member(own.before).after) = own.after;
+  }
+  if (own.counted != 0) count(own.counted, -1);
+  own = Member{};
+}
+
+void MapChains::touch_all() { is_all_touched_ = true; }
+
+void MapChains::restore(std::uint64_t next_id, std::int64_t joined_at_ns, std::vector<Joints::Joint> joints) {
+  next_id_ = std::max(next_id_, next_id);
+  joined_at_ns_ = joined_at_ns;
+  joints_.restore(std::move(joints));
+  for (std::size_t k = 0; k < kept_.size(); ++k) {
+    if (!kept_[k].is_alive) continue;
+    enter_window(static_cast<Slot>(k), true);
+    kept_[k].first = kNone;
+    kept_[k].elements = 0;
+  }
+  members_.clear();
+  names_.clear();
+  lost_names_.clear();
+  touched_.clear();
+  removed_world_m_.clear();
+  touch_all();
+}
+
+/// The tiles of what changed and, around them, of what it may be linked with or compared to.
+void MapChains::mark_tiles(const Surfels& surfels) {
+  marks_.assign(surfels.tiles(), Mark::kNone);
+  marked_.clear();
+  const auto mark = [&](Surfels::Tile tile, Mark as) {
+    Mark& own = marks_[static_cast<std::size_t>(tile)];
+    if (own != Mark::kNone) return;
+    own = as;
+    marked_.push_back(tile);
+  };
+  if (is_all_touched_) {
+    for (std::size_t k = 0; k < marks_.size(); ++k) mark(static_cast<Surfels::Tile>(k), Mark::kJudged);
+    return;
+  }
+  const double reach_m = std::max(kRareReach_m, ChainLinks::reach_m(spacing_m_));
+  const auto mark_near = [&](const Eigen::Vector2d& p_world_m) {
+    surfels.for_each_tile(p_world_m, reach_m, [&](Surfels::Tile tile) { mark(tile, Mark::kJudged); });
+  };
+  for (const Index i : touched_) {
+    if (surfels[i].alive && surfels[i].confirmed && member(i).is_touched) mark_near(surfels[i].p_world_m);
+  }
+  for (const Eigen::Vector2d& p_world_m : removed_world_m_) mark_near(p_world_m);
+  const std::size_t judged = marked_.size();
+  for (std::size_t k = 0; k < judged; ++k) {
+    surfels.for_each_tile_around(marked_[k], [&](Surfels::Tile tile) { mark(tile, Mark::kBeside); });
+  }
+}
+
+void MapChains::enter_window(Index index) {
+  Member& own = member(index);
+  if (own.is_in_window) return;
+  own.is_in_window = true;
+  window_.push_back(index);
+}
+
+void MapChains::enter_window(Slot slot, bool is_touched) {
+  Kept& own = kept(slot);
+  own.is_touched |= is_touched;
+  if (own.is_in_window) return;
+  own.is_in_window = true;
+  window_slots_.push_back(slot);
+}
+
+/// All elements that are linked again: those in the marked tiles, and the whole of the chains that are there.
+void MapChains::find_window(const Surfels& surfels) {
+  if (members_.size() < static_cast<std::size_t>(surfels.end())) {
+    members_.resize(static_cast<std::size_t>(surfels.end()));
+  }
+  mark_tiles(surfels);
+  window_.clear();
+  for (const Index i : touched_) {
+    if (member(i).is_touched && member(i).slot != kNone) enter_window(member(i).slot, true);
+  }
+  for (const Surfels::Tile tile : marked_) {
+    surfels.for_each_of(tile, [&](Index i) {
+      if (!surfels[i].confirmed) return;
+      if (member(i).slot == kNone) enter_window(i);
+      if (member(i).slot != kNone) enter_window(member(i).slot, is_all_touched_);
+    });
+  }
+  for (const Slot slot : window_slots_) {
+    for (Index i = kept(slot).first; i != kNone; i = member(i).after) enter_window(i);
+  }
+  constexpr std::size_t kSparse = 8;
+  if (window_.size() * kSparse < members_.size()) {
+    std::sort(window_.begin(), window_.end());
+    return;
+  }
+  window_.clear();
+  for (std::size_t k = 0; k < members_.size(); ++k) {
+    if (members_[k].is_in_window) window_.push_back(static_cast<Index>(k));
+  }
+}
+
+/// Compares an element with those beside it. One that was hit seldom since it was first seen is not shown.
+void MapChains::judge(LinkElement& own, std::size_t place) const {
+  double expected_s = own.seen_s;
+  double elements = 1.0;
+  own.is_crossed = false;
+  near_.for_each(static_cast<NearElements::Index>(place), [&](NearElements::Index j) {
+    const LinkElement& other = link_elements_[static_cast<std::size_t>(j)];
+    const double part = (other.p_world_m - own.p_world_m).squaredNorm() <= kRareReach_m * kRareReach_m ? 1.0 : 0.0;
+    expected_s += part * std::min(other.seen_s, other.seen_share * own.age_s);
+    elements += part;
+    own.is_crossed |= other.faces_another_way(own);
+  });
+  own.is_shown = own.age_s < kRareAfter_s || own.seen_s >= kRare * expected_s / elements;
+}
+
+void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
+  link_elements_.clear();
+  all_links_.clear();
+  for (const Index i : window_) {
+    const Surfel& surfel = surfels[i];
+    LinkElement& element = link_elements_.emplace_back();
+    element.p_world_m = surfel.p_world_m;
+    element.normal_world = surfel.normal_world;
+    element.sigma_m = std::sqrt(surfel.variance_m2);
+    element.low_m = surfel.low_m;
+    element.high_m = surfel.high_m;
+    element.seen_s = surfel.seen_s;
+    element.age_s = seconds_between(surfel.first_seen_ns, stamp_ns);
+    element.seen_share = element.seen_s / std::max(element.age_s, kRareAfter_s);
+    element.chain = surfel.chain;
+    element.index = i;
+    element.is_hit = surfel.last_seen_ns == stamp_ns;
+    all_links_.push_back(static_cast<NearElements::Index>(all_links_.size()));
+  }
+  near_.find(link_elements_, all_links_, std::max(kRareReach_m, ChainLinks::reach_m(spacing_m_)));
+  for (std::size_t k = 0; k < link_elements_.size(); ++k) {
+    LinkElement& element = link_elements_[k];
+    Member& own = member(element.index);
+    if (marks_[static_cast<std::size_t>(surfels.tile_of(element.index))] == Mark::kJudged) {
+      judge(element, k);
+      own.is_shown = element.is_shown;
+      own.is_crossed = element.is_crossed;
+    } else {  // nothing beside it changed, and not all of it is known here
+      element.is_shown = own.is_shown;
+      element.is_crossed = own.is_crossed;
+    }
+  }
+  ChainLinks::View once = view;
+  if (joined_at_ns_ == stamp_ns) once.step_s = 0.0;
+  joined_at_ns_ = stamp_ns;
+  links_.link(link_elements_, near_, spacing_m_, max_gap_m_, once, joints_);
+}
+
+/// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
+void MapChains::measure(Surfels& surfels, std::int64_t stamp_ns) const {
+  for (const Index i : window_) surfels[i].elements_of_chain = 0;
+  for (const ChainLinks::Run& run : links_.chains()) {
+    for (std::size_t k = run.first; k < run.end; ++k) {
+      Surfel& surfel = surfels[links_.ordered()[k]];
+      surfel.elements_of_chain = static_cast<int>(run.end - run.first);
+      if (surfel.last_seen_ns == stamp_ns) surfel.thing_m = std::max(surfel.thing_m, run.size_m);
+    }
+  }
+}
+
+/// Whether a chain of few elements lies on a larger one: what is left of a thing that touched a wall.
+bool MapChains::is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const {
+  if (run.end - run.first > kFewElements) return false;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    const Surfel& surfel = surfels[links_.ordered()[k]];
+    bool beside = false;
+    surfels.for_each_near(surfel.p_world_m, kOnChain_m, [&](Index /*index*/, const Surfel& other) {
+      beside |= other.elements_of_chain > static_cast<int>(kFewElements) &&
+                (other.p_world_m - surfel.p_world_m).norm() < kOnChain_m;
+    });
+    if (!beside) return false;
+  }
+  return true;
+}
+
+/// Whether a chain is a single element that was there for long and hardly ever hit: beams over an edge far behind it.
+bool MapChains::is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const {
+  const Surfel& surfel = surfels[links_.ordered()[run.first]];
+  const double age_s = seconds_between(surfel.first_seen_ns, stamp_ns);
+  return run.end - run.first == 1 && age_s > kRareAfter_s && surfel.seen_s < std::min(kLonely * age_s, kLonely_s);
+}
+
+MapChains::Holder* MapChains::holder_of(std::uint64_t id) {
+  const auto at = std::lower_bound(holders_.begin(), holders_.end(), id,
+                                   [](const Holder& holder, std::uint64_t wanted) { return holder.id < wanted; });
+  return at == holders_.end() || at->id != id ? nullptr : &*at;
+}
+
+/// An id goes to the chain with most of the elements that were first of it; what is left of a chain gets a new one. A
+/// thing that touches another one now and then has its own id back when they part. Chains out of reach keep theirs.
+void MapChains::name_chains(Surfels& surfels) {
+  const std::vector<Index>& ordered = links_.ordered();
+  claims_.clear();
+  for (std::size_t c = 0; c < shown_.size(); ++c) {
+    const std::size_t first = claims_.size();
+    for (std::size_t k = shown_[c].first; k < shown_[c].end; ++k) {
+      const std::uint64_t id = surfels[ordered[k]].chain;
+      if (id == 0) continue;
+      if (claims_.size() == first || claims_.back().id != id) claims_.push_back({0, id, c});
+      ++claims_.back().elements;
+    }
+  }
+  std::sort(claims_.begin(), claims_.end(),
+            [](const Claim& a, const Claim& b) { return a.id != b.id ? a.id < b.id : a.chain < b.chain; });
+  std::size_t different = 0;
+  for (const Claim& claim : claims_) {
+    const bool is_same =
+        different > 0 && claims_[different - 1].id == claim.id && claims_[different - 1].chain == claim.chain;
+    if (is_same) {
+      claims_[different - 1].elements += claim.elements;
+    } else {
+      claims_[different++] = claim;
+    }
+  }
+  claims_.erase(claims_.begin() + static_cast<std::ptrdiff_t>(different), claims_.end());
+  std::sort(claims_.begin(), claims_.end(), [](const Claim& a, const Claim& b) {
+    if (a.elements != b.elements) return a.elements > b.elements;
+    return a.id != b.id ? a.id < b.id : a.chain < b.chain;
+  });
+  assign_with_room(ids_, shown_.size(), 0);
+  taken_.clear();
+  for (const Claim& claim : claims_) {
+    const auto place = std::lower_bound(taken_.begin(), taken_.end(), claim.id);
+    if (ids_[claim.chain] != 0 || (place != taken_.end() && *place == claim.id)) continue;
+    const Holder* holder = holder_of(claim.id);
+    if (holder != nullptr && !kept(holder->slot).is_in_window) continue;
+    taken_.insert(place, claim.id);
+    ids_[claim.chain] = claim.id;
+  }
+  for (std::size_t c = 0; c < shown_.size(); ++c) {
+    const bool is_new = ids_[c] == 0;
+    if (is_new) ids_[c] = next_id_++;
+    name_elements(surfels, shown_[c], ids_[c], is_new);
+    unite_names(surfels, shown_[c], ids_[c]);
+  }
+}
+
+/// A new element gets the name of those on its side of the joints, so that what is joined can come apart again.
+void MapChains::name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) const {
+  const std::vector<Index>& ordered = links_.ordered();
+  std::uint64_t name = is_new ? id : 0;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Surfel& surfel = surfels[ordered[k]];
+    if (is_new || surfel.chain == 0) surfel.chain = name;
+    if (!is_new) name = links_.is_before_joint(k) ? 0 : surfel.chain;
+  }
+  if (is_new) return;
+  for (std::size_t k = run.end; k-- > run.first;) {
+    Surfel& surfel = surfels[ordered[k]];
+    if (links_.is_before_joint(k)) name = 0;
+    if (surfel.chain == 0) surfel.chain = name;
+    name = surfel.chain;
+  }
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Surfel& surfel = surfels[ordered[k]];
+    if (surfel.chain == 0) surfel.chain = id;
+  }
+}
+
+/// Chains that met for long are one: what comes apart later is new. Where pieces of a line have grown together, they
+/// meet.
+void MapChains::unite_names(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id) {
+  const std::vector<Index>& ordered = links_.ordered();
+  std::size_t begin = run.first;  // of the elements with one name on one side of the joints
+  std::size_t before = 0;         // elements of the name before, on the same side
+  std::uint64_t name_before = 0;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    const std::uint64_t name = surfels[ordered[k]].chain;
+    const bool ends = k + 1 == run.end || surfels[ordered[k + 1]].chain != name || links_.is_before_joint(k);
+    if (!ends) continue;
+    const std::size_t count = k + 1 - begin;
+    if (std::min(before, count) >= kFewElements) joints_.see(name_before, name, true);
+    const bool at_joint = links_.is_before_joint(k);
+    before = at_joint ? 0 : count;
+    name_before = name;
+    begin = k + 1;
+  }
+  // From those named so, on both sides.
+  const auto unite = [&](std::size_t from, std::size_t k, std::uint64_t& name_next) {
+    const std::uint64_t name = surfels[ordered[k]].chain;
+    const bool is_one = surfels[ordered[from]].chain == id && name != id &&
+                        (joints_.is_firm(name, id) || joints_.is_firm(name, name_next));
+    if (is_one) surfels[ordered[k]].chain = id;
+    name_next = name;
+  };
+  std::uint64_t original = surfels[ordered[run.first]].chain;
+  for (std::size_t k = run.first + 1; k < run.end; ++k) unite(k - 1, k, original);
+  original = surfels[ordered[run.end - 1]].chain;
+  for (std::size_t k = run.end - 1; k-- > run.first;) unite(k + 1, k, original);
+}
+
+void MapChains::count(std::uint64_t name, std::int64_t more) {
+  auto at = std::lower_bound(names_.begin(), names_.end(), name,
+                             [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
+  if (at == names_.end() || at->name != name) at = names_.insert(at, {name, 0});
+  at->elements += more;
+  if (at->elements == 0) lost_names_.push_back(name);
+}
+
+/// Joints of names that no element of a chain has any more are of no use.
+void MapChains::count_names(const Surfels& surfels) {
+  for (const Index i : window_) {
+    Member& own = member(i);
+    const std::uint64_t name = own.slot != kNone ? surfels[i].chain : 0;
+    if (own.counted == name) continue;
+    if (own.counted != 0) count(own.counted, -1);
+    if (name != 0) count(name, 1);
+    own.counted = name;
+  }
+  const auto elements_of_name = [&](std::uint64_t name) {
+    const auto at = std::lower_bound(names_.begin(), names_.end(), name,
+                                     [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
+    return at == names_.end() || at->name != name ? 0 : at->elements;
+  };
+  if (is_all_touched_) {  // of a file, perhaps
+    for (const Joints::Joint& joint : joints_.joints()) {
+      for (const std::uint64_t name : {joint.low, joint.high}) lost_names_.push_back(name);
+    }
+  }
+  if (lost_names_.empty()) return;
+  std::sort(lost_names_.begin(), lost_names_.end());
+  lost_names_.erase(std::unique(lost_names_.begin(), lost_names_.end()), lost_names_.end());
+  lost_names_.erase(std::remove_if(lost_names_.begin(), lost_names_.end(),
+                                   [&](std::uint64_t name) { return elements_of_name(name) != 0; }),
+                    lost_names_.end());
+  joints_.forget(lost_names_);
+  names_.erase(std::remove_if(names_.begin(), names_.end(), [](const Named& named) { return named.elements == 0; }),
+               names_.end());
+  lost_names_.clear();
+}
+
+/// The chain that these elements were, in this order, if nothing of it changed; else none.
+MapChains::Slot MapChains::same_as_before(const ChainLinks::Run& run) const {
+  const std::vector<Index>& ordered = links_.ordered();
+  const auto member_of = [&](std::size_t k) -> const Member& { return members_[static_cast<std::size_t>(ordered[k])]; };
+  const Slot slot = member_of(run.first).slot;
+  if (slot == kNone) return kNone;
+  const Kept& before = kept_[static_cast<std::size_t>(slot)];
+  if (before.is_touched || before.first != ordered[run.first] || before.elements != run.end - run.first ||
+      before.closed != run.closed || before.chain.id == 0) {
+    return kNone;
+  }
+  for (std::size_t k = run.first; k + 1 < run.end; ++k) {
+    if (member_of(k).after != ordered[k + 1]) return kNone;
+  }
+  return slot;
+}
+
+MapChains::Slot MapChains::new_slot() {
+  if (free_slots_.empty()) {
+    kept_.emplace_back().chain.vertices.reserve(Chain::kUsualVertices);
+    free_slots_.push_back(static_cast<Slot>(kept_.size() - 1));
+  }
+  const Slot slot = free_slots_.back();
+  free_slots_.pop_back();
+  kept(slot).is_alive = true;
+  return slot;
+}
+
+void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
+  const std::vector<Index>& ordered = links_.ordered();
+  Kept& chain = kept(slot);
+  chain.first = ordered[run.first];
+  chain.elements = run.end - run.first;
+  chain.rank = run.rank;
+  chain.closed = run.closed;
+  chain.is_in_window = chain.is_touched = false;
+  for (std::size_t k = run.first; k < run.end; ++k) {
+    Member& own = member(ordered[k]);
+    own.slot = slot;
+    own.before = k > run.first ? ordered[k - 1] : kNone;
+    own.after = k + 1 < run.end ? ordered[k + 1] : kNone;
+  }
+}
+
+void MapChains::fit(const Surfels& surfels, Kept& kept) {
+  Chain& result = kept.chain;
+  elements_.clear();
+  double least_log_odds = Surfel::kMostLogOdds;
+  result.first_seen_ns = std::numeric_limits<std::int64_t>::max();
+  result.last_seen_ns = std::numeric_limits<std::int64_t>::min();
+  for (Index i = kept.first; i != kNone; i = member(i).after) {
+    const Surfel& surfel = surfels[i];
+    elements_.push_back(boundary_of(surfel));
+    result.first_seen_ns = std::min(result.first_seen_ns, surfel.first_seen_ns);
+    result.last_seen_ns = std::max(result.last_seen_ns, surfel.last_seen_ns);
+    least_log_odds = std::min(least_log_odds, surfel.log_odds);
+  }
+  result.closed = kept.closed;
+  result.p_exists = 1.0 / (1.0 + std::exp(-least_log_odds));
+  chain_fit_.fit(elements_, result.closed, tolerance_m_, result.vertices);
+}
+
+/// Puts the new chains in the places of those that they were made of, and tells what is not as it was.
+void MapChains::replace(const Surfels& surfels) {
+  was_.clear();
+  for (const Slot slot : window_slots_) {
+    const std::uint64_t id = kept(slot).chain.id;
+    if (id == 0) continue;
+    was_.push_back({id, slot});
+    holder_of(id)->slot = kNone;
+  }
+  const auto by_id = [](const Holder& a, const Holder& b) { return a.id < b.id; };
+  std::sort(was_.begin(), was_.end(), by_id);
+  // All are compared with what they were before any is kept: an element's place tells of its chain then.
+  slots_.clear();
+  for (const ChainLinks::Run& run : shown_) slots_.push_back(same_as_before(run));
+  for (const Index i : window_) member(i).slot = kNone;
+  for (std::size_t c = 0; c < shown_.size(); ++c) {
+    const bool is_same = slots_[c] != kNone;
+    const Slot slot = is_same ? slots_[c] : new_slot();
+    keep(shown_[c], slot);
+    Kept& own = kept(slot);
+    if (!is_same) fit(surfels, own);
+    const std::uint64_t id = ids_[c];
+    const auto was = std::lower_bound(was_.begin(), was_.end(), Holder{id, kNone}, by_id);
+    const bool is_known = was != was_.end() && was->id == id;
+    if (!is_known || (was->slot != slot && !are_same(kept(was->slot).chain, own.chain))) changes_.changed.push_back(id);
+    own.chain.id = id;
+    if (is_known) {
+      holder_of(id)->slot = slot;
+    } else {
+      holders_.insert(std::lower_bound(holders_.begin(), holders_.end(), Holder{id, slot}, by_id), {id, slot});
+    }
+  }
+  for (const ChainLinks::Run& run : hidden_) {
+    const Slot slot = new_slot();
+    keep(run, slot);
+    kept(slot).chain.id = 0;
+  }
+  std::sort(changes_.changed.begin(), changes_.changed.end());
+  for (const Holder& was : was_) {
+    if (holder_of(was.id)->slot == kNone) changes_.gone.push_back(was.id);
+  }
+  if (!changes_.gone.empty()) {
+    const auto is_gone = [](const Holder& holder) { return holder.slot == kNone; };
+    holders_.erase(std::remove_if(holders_.begin(), holders_.end(), is_gone), holders_.end());
+  }
+  for (const Slot slot : window_slots_) {
+    if (!kept(slot).is_in_window) continue;  // it goes on
+    kept(slot).is_alive = kept(slot).is_in_window = kept(slot).is_touched = false;
+    free_slots_.push_back(slot);
+  }
+}
+
+const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
+  changes_.changed.clear();
+  changes_.gone.clear();
+  find_window(surfels);
+  link(surfels, stamp_ns, view);
+  measure(surfels, stamp_ns);
+  shown_.clear();
+  hidden_.clear();
+  for (const ChainLinks::Run& run : links_.chains()) {
+    const bool is_hidden = is_beside_larger(surfels, run) || is_lonely(surfels, run, stamp_ns);
+    (is_hidden ? hidden_ : shown_).push_back(run);
+  }
+  name_chains(surfels);
+  replace(surfels);
+  count_names(surfels);
+  for (const Index i : window_) member(i).is_in_window = false;
+  for (const Index i : touched_) member(i).is_touched = false;
+  touched_.clear();
+  removed_world_m_.clear();
+  window_slots_.clear();
+  is_all_touched_ = false;
+  return changes_;
+}
+
+const Chain* MapChains::find(std::uint64_t id) const {
+  const auto at = std::lower_bound(holders_.begin(), holders_.end(), id,
+                                   [](const Holder& holder, std::uint64_t wanted) { return holder.id < wanted; });
+  return at == holders_.end() || at->id != id ? nullptr : &kept_[static_cast<std::size_t>(at->slot)].chain;
+}
+
+std::vector<Chain> MapChains::list(std::vector<Chain> memory) {
+  std::vector<Chain> result = std::move(memory);
+  listed_.clear();
+  for (const Holder& holder : holders_) listed_.push_back(holder.slot);
+  std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).rank < kept(b).rank; });
+  while (result.size() < listed_.size()) {
+    if (spare_.empty()) {
+      result.emplace_back().vertices.reserve(Chain::kUsualVertices);
+    } else {
+      result.push_back(std::move(spare_.back()));
+      spare_.pop_back();
+    }
+  }
+  for (; result.size() > listed_.size(); result.pop_back()) spare_.push_back(std::move(result.back()));
+  for (std::size_t c = 0; c < listed_.size(); ++c) result[c] = kept(listed_[c]).chain;
+  return result;
+}
+
+void MapChains::elements_of(const Surfels& surfels, std::size_t place, std::vector<BoundaryElement>& elements) const {
+  elements.clear();
+  Index i = kept_[static_cast<std::size_t>(listed_[place])].first;
+  for (; i != kNone; i = members_[static_cast<std::size_t>(i)].after) elements.push_back(boundary_of(surfels[i]));
+}
+
+}  // namespace situation_awareness
