@@ -150,19 +150,28 @@ std::vector<int> assign(int rows, int columns, const std::vector<Candidate>& can
       std::sort(indices->begin(), indices->end());
       indices->erase(std::unique(indices->begin(), indices->end()), indices->end());
     }
-    const auto place = [](const std::vector<int>& indices, int value) {
+    const auto index = [](const std::vector<int>& indices, int value) {
       return static_cast<std::size_t>(std::lower_bound(indices.begin(), indices.end(), value) - indices.begin());
     };
 
-    // Pairs that are no candidates, and extra columns, cost nothing: a row assigned to one is unmatched.
-    const std::size_t n = local_rows.size();
-    const std::size_t m = std::max(n, local_columns.size());
+    // Pairs that are no candidates cost nothing: what is assigned to such a one is unmatched. The smaller side is
+    // placed on the larger one.
+    const bool place_columns = local_columns.size() < local_rows.size();
+    const std::vector<int>& placed = place_columns ? local_columns : local_rows;
+    const std::vector<int>& places = place_columns ? local_rows : local_columns;
+    const std::size_t n = placed.size();
+    const std::size_t m = places.size();
     assign_with_room(cost, n * m, 0.0);
-    for (auto c = begin; c != end; ++c) cost[place(local_rows, c->row) * m + place(local_columns, c->column)] = c->cost;
+    for (auto c = begin; c != end; ++c) {
+      const std::size_t i = index(placed, place_columns ? c->column : c->row);
+      cost[i * m + index(places, place_columns ? c->row : c->column)] = c->cost;
+    }
     assign_dense(n, m, work);
     for (std::size_t i = 0; i < n; ++i) {
       const std::size_t j = work.column_of[i];
-      if (cost[i * m + j] < 0.0) result[static_cast<std::size_t>(local_rows[i])] = local_columns[j];
+      if (!(cost[i * m + j] < 0.0)) continue;
+      const int row = place_columns ? places[j] : placed[i];
+      result[static_cast<std::size_t>(row)] = place_columns ? placed[i] : places[j];
     }
     begin = end;
   }

@@ -87,6 +87,26 @@ TEST(Assignment, ASeparateGroupOfRowsAndColumnsChangesNothing) {
   }
 }
 
+TEST(Assignment, IsTheSameOfRowsAndColumnsExchanged) {
+  Random random(9);
+  for (int trial = 0; trial < 200; ++trial) {
+    const int rows = up_to(40, random);
+    const int columns = up_to(6, random);
+    const std::vector<Candidate> candidates = random_candidates(rows, columns, random);
+    std::vector<Candidate> exchanged = candidates;
+    for (Candidate& candidate : exchanged) std::swap(candidate.row, candidate.column);
+    const std::vector<int> column_of = assign(rows, columns, candidates);
+    const std::vector<int> row_of = assign(columns, rows, exchanged);
+    for (int row = 0; row < rows; ++row) {
+      const int column = column_of[static_cast<std::size_t>(row)];
+      if (column < 0) continue;
+      EXPECT_EQ(row_of[static_cast<std::size_t>(column)], row) << trial;
+    }
+    const auto unmatched = [](const std::vector<int>& of) { return std::count(of.begin(), of.end(), -1); };
+    EXPECT_EQ(rows - unmatched(column_of), columns - unmatched(row_of)) << trial;
+  }
+}
+
 TEST(Assignment, IsOptimalAndNotGreedy) {
   // Greedy takes (0, 0) at -9 and leaves row 1 unmatched.
   const std::vector<Candidate> candidates{{0, 0, -9.0}, {0, 1, -8.0}, {1, 0, -8.0}};

@@ -97,8 +97,8 @@ double turn_sigma_rad(const ObjectEstimate& estimate, double dt_s, const Process
 }
 
 /// The world in the level frame: of positions, and of (p, q), which turn twice as far.
-struct LevelFrame {
-  explicit LevelFrame(const Pose2& T_world_level)
+struct MeasuringFrame {
+  explicit MeasuringFrame(const Pose2& T_world_level)
       : R_level_world(T_world_level.rotation().transpose()),
         world_level_m(-(R_level_world * T_world_level.translation_m)),
         axis_turn(turn(-2.0 * T_world_level.yaw_rad)) {}
@@ -136,7 +136,7 @@ struct LevelFrame {
 };
 
 /// Covariance of the measurement noise and of the robot input, of what is expected as `z`.
-Matrix5d noise_covariance(const LevelFrame& level, const Vector5d& z, const Measurement& measurement,
+Matrix5d noise_covariance(const MeasuringFrame& level, const Vector5d& z, const Measurement& measurement,
                           const Eigen::Matrix3d& U) {
   const Matrix53d H_u = level.input_jacobian(z);
   return measurement.R + H_u * U * H_u.transpose();
@@ -192,21 +192,21 @@ Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level) {
 }
 
 Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
-  return LevelFrame(T_world_level).measure(x, offset_s);
+  return MeasuringFrame(T_world_level).measure(x, offset_s);
 }
 
 Matrix58d measurement_jacobian(const Pose2& T_world_level, double offset_s) {
-  return LevelFrame(T_world_level).jacobian(offset_s);
+  return MeasuringFrame(T_world_level).jacobian(offset_s);
 }
 
 Matrix53d measurement_input_jacobian(const Vector8d& x, const Pose2& T_world_level, double offset_s) {
-  const LevelFrame level(T_world_level);
+  const MeasuringFrame level(T_world_level);
   return level.input_jacobian(level.measure(x, offset_s));
 }
 
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U) {
-  const LevelFrame level(T_world_level);
+  const MeasuringFrame level(T_world_level);
   const Vector5d z = level.measure(estimate.x, measurement.time_offset_s);
   return innovation(estimate, Vector5d(measurement.z - z), level.jacobian(measurement.time_offset_s),
                     noise_covariance(level, z, measurement, U));
@@ -214,7 +214,7 @@ Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Me
 
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U) {
-  const LevelFrame level(T_world_level);
+  const MeasuringFrame level(T_world_level);
   const Vector5d z = level.measure(estimate.x, measurement.time_offset_s);
   update(estimate, match, level.jacobian(measurement.time_offset_s), noise_covariance(level, z, measurement, U));
 }
