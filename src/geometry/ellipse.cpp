@@ -127,7 +127,10 @@ double offset_m(const Ellipse& ellipse, const Eigen::Vector2d& point) {
     const double distance_m = (p - center).norm();
     if (!(distance_m > 0.0)) break;  // all points of the circle are equally near
     const Eigen::Vector2d nearest_m = center + radius_m / distance_m * (p - center);
-    t = Eigen::Vector2d(nearest_m.x() / a, nearest_m.y() / b).cwiseMax(0.0).cwiseMin(1.0).normalized();
+    const Eigen::Vector2d next =
+        Eigen::Vector2d(nearest_m.x() / a, nearest_m.y() / b).cwiseMax(0.0).cwiseMin(1.0).normalized();
+    if (next == t) break;  // and so would be all that follow
+    t = next;
   }
   const double distance_m = (p - Eigen::Vector2d(a * t.x(), b * t.y())).norm();
   return contains(ellipse, point) ? -distance_m : distance_m;

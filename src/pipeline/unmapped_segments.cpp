@@ -36,14 +36,24 @@ void MappedAreas::set(const Objects& objects) {
   }
 }
 
+double MappedAreas::offset_from(const Area& area, const Eigen::Vector2d& p_world_m) {
+  if ((p_world_m - area.center_world_m).squaredNorm() > area.reach_m * area.reach_m) {
+    return std::numeric_limits<double>::infinity();
+  }
+  return area.shape == Shape::kBox ? offset_m(area.box_world, p_world_m) : offset_m(area.ellipse_world, p_world_m);
+}
+
+bool MappedAreas::cover(const Eigen::Vector2d& p_world_m) const {
+  return std::any_of(areas_.begin(), areas_.end(),
+                     [&](const Area& area) { return offset_from(area, p_world_m) <= kOnOutline_m; });
+}
+
 std::size_t MappedAreas::object_at(const Eigen::Vector2d& p_world_m) const {
   std::size_t nearest = kNone;
   double nearest_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i < areas_.size(); ++i) {
     const Area& area = areas_[i];
-    if ((p_world_m - area.center_world_m).squaredNorm() > area.reach_m * area.reach_m) continue;
-    const double offset =
-        area.shape == Shape::kBox ? offset_m(area.box_world, p_world_m) : offset_m(area.ellipse_world, p_world_m);
+    const double offset = offset_from(area, p_world_m);
     if (!(offset <= kOnOutline_m) || std::abs(offset) >= nearest_m) continue;
     nearest = i;
     nearest_m = std::abs(offset);
@@ -101,14 +111,17 @@ const Unmapped& UnmappedSegments::add(const Segments& segments, const Objects& o
   mapped_world_m_.clear();
   result_.compact = result_.on_no_map = 0;
   result_.for_s = 0.0;
+  const Eigen::Matrix2d R_world_level = segments.T_world_level.rotation();
+  const auto to_world = [&](const Eigen::Vector2d& p_level_m) {
+    return Eigen::Vector2d(R_world_level * p_level_m + segments.T_world_level.translation_m);
+  };
   for (const Segment& segment : segments.segments) {
     if (segment.kind != SegmentKind::kObject || segment.count < kMinHits) continue;
     ++result_.compact;
     const auto* const first = &segments.points[segment.first];
-    const bool is_mapped = std::any_of(first, first + segment.count, [&](const Point& point) {
-      return areas_.object_at(segments.T_world_level * point.p_level_m) != MappedAreas::kNone;
-    });
-    const Eigen::Vector2d p_world_m = segments.T_world_level * middle_level_m(segments, segment);
+    const bool is_mapped = std::any_of(first, first + segment.count,
+                                       [&](const Point& point) { return areas_.cover(to_world(point.p_level_m)); });
+    const Eigen::Vector2d p_world_m = to_world(middle_level_m(segments, segment));
     if (is_mapped) {
       mapped_world_m_.push_back(p_world_m);
     } else {

@@ -68,10 +68,11 @@ class Reading {
 
   /// The k-th point read; for a full circle k may exceed the size, and azimuths continue to increase.
   Point at(std::size_t k) const {
-    const std::size_t i = start_ + k;
-    const std::size_t turns = i / size();
-    Point point = points_.points[i % size()];
-    point.azimuth_rad += 2.0 * kPi * static_cast<double>(turns);
+    std::size_t i = start_ + k;
+    int turns = 0;
+    for (; i >= size(); i -= size()) ++turns;  // at most three, and faster than a division
+    Point point = points_.points[i];
+    point.azimuth_rad += 2.0 * kPi * turns;
     return point;
   }
 

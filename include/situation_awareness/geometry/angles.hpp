@@ -11,9 +11,13 @@ constexpr double radians(double degrees) { return degrees * (kPi / 180.0); }
 constexpr double degrees(double radians) { return radians * (180.0 / kPi); }
 
 /// The same angle in [-pi, pi].
-inline double wrap_to_pi(double angle_rad) { return std::remainder(angle_rad, 2.0 * kPi); }
+inline double wrap_to_pi(double angle_rad) {
+  return std::abs(angle_rad) <= kPi ? angle_rad : std::remainder(angle_rad, 2.0 * kPi);
+}
 
 /// The same undirected axis in [-pi/2, pi/2].
-inline double wrap_to_half_pi(double angle_rad) { return std::remainder(angle_rad, kPi); }
+inline double wrap_to_half_pi(double angle_rad) {
+  return std::abs(angle_rad) <= 0.5 * kPi ? angle_rad : std::remainder(angle_rad, kPi);
+}
 
 }  // namespace situation_awareness

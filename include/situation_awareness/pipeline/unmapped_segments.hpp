@@ -30,6 +30,9 @@ class MappedAreas {
   /// the nearest outline, kNone if there is none.
   std::size_t object_at(const Eigen::Vector2d& p_world_m) const;
 
+  /// True if the point is on any of them.
+  bool cover(const Eigen::Vector2d& p_world_m) const;
+
  private:
   struct Area {
     Shape shape;
@@ -38,6 +41,9 @@ class MappedAreas {
     Eigen::Vector2d center_world_m;
     double reach_m;  ///< from the centre; a point farther away is not on it
   };
+
+  /// Infinite where the point is out of reach.
+  static double offset_from(const Area& area, const Eigen::Vector2d& p_world_m);
 
   std::vector<Area> areas_;
 };

@@ -35,18 +35,25 @@ std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_w
   const double age_s = seconds_between(map.stamp_ns, stamp_ns);
   if (age_s < 0.0 || age_s > max_age_s) return outlines_level;
   const Pose2 T_level_world = inverse(T_world_level);
+  const Eigen::Matrix2d R_level_world = T_level_world.rotation();
+  const auto to_level = [&](auto& outline) {
+    const Eigen::Vector2d center_level_m = R_level_world * outline.center_m + T_level_world.translation_m;
+    outline.center_m = center_level_m;
+    outline.psi_rad = T_level_world.yaw_rad + outline.psi_rad;
+  };
   outlines_level.reserve(map.objects.size());
   for (const Object& object : map.objects) {
     if (object.object_class == ObjectClass::kPerson) continue;  // its legs have other outlines
-    Ellipse ellipse_world = object.ellipse_world;
-    ellipse_world.center_m += age_s * object.velocity_world_m_s;
-    ellipse_world.psi_rad += age_s * object.angular_velocity_rad_s;
-    ExpectedOutline expected = T_level_world * ellipse_world;
+    ExpectedOutline expected;
     expected.id = object.id;
-    Box box_world = object.box_world;
-    box_world.center_m = ellipse_world.center_m;
-    box_world.psi_rad += age_s * object.angular_velocity_rad_s;
-    expected.box = T_level_world * box_world;
+    expected.ellipse = object.ellipse_world;
+    expected.ellipse.center_m += age_s * object.velocity_world_m_s;
+    expected.ellipse.psi_rad += age_s * object.angular_velocity_rad_s;
+    expected.box = object.box_world;
+    expected.box.center_m = expected.ellipse.center_m;
+    expected.box.psi_rad += age_s * object.angular_velocity_rad_s;
+    to_level(expected.ellipse);
+    to_level(expected.box);
     expected.p_box = object.shape == Shape::kBox ? object.p_shape : 1.0 - object.p_shape;
     outlines_level.push_back(expected);
   }
