@@ -65,25 +65,58 @@ void predict(Estimate<State>& estimate, const State& x_predicted, const ErrorMat
   estimate.x = x_predicted;
 }
 
+/// Lower triangular L with L L^T = S, of which the lower triangle is used; false if S is not positive definite. The
+/// sums are those of Eigen's LLT, which takes its products for matrices of any size inside.
+template <int Size>
+bool cholesky(const Eigen::Matrix<double, Size, Size>& S, Eigen::Matrix<double, Size, Size>& L) {
+  L.setZero();
+  for (int k = 0; k < Size; ++k) {
+    double pivot = S(k, k);
+    if (k > 0) {
+      double sum = L(k, 0) * L(k, 0);
+      for (int j = 1; j < k; ++j) sum += L(k, j) * L(k, j);
+      pivot -= sum;
+    }
+    if (!(pivot > 0.0)) return false;
+    L(k, k) = std::sqrt(pivot);
+    for (int i = k + 1; i < Size; ++i) {
+      double value = S(i, k);
+      if (k > 0) {
+        double sum = L(i, 0) * L(k, 0);
+        for (int j = 1; j < k; ++j) sum += L(i, j) * L(k, j);
+        value -= sum;
+      }
+      L(i, k) = value / L(k, k);
+    }
+  }
+  return true;
+}
+
+/// The innovation `nu` of the covariance S, of which the lower triangle is used. If S is not positive definite or not
+/// finite, mahalanobis2 and log_likelihood are NaN, which passes no gate.
+template <int Size>
+Innovation<Size> innovation(const Eigen::Matrix<double, Size, 1>& nu, const Eigen::Matrix<double, Size, Size>& S) {
+  Innovation<Size> result;
+  result.nu = nu;
+  result.S = S;
+  Eigen::Matrix<double, Size, Size> L;
+  if (!cholesky(S, L)) {
+    result.mahalanobis2 = result.log_likelihood = std::numeric_limits<double>::quiet_NaN();
+    return result;
+  }
+  result.mahalanobis2 = L.template triangularView<Eigen::Lower>().solve(nu).squaredNorm();
+  const double log_det_S = 2.0 * L.diagonal().array().log().sum();
+  result.log_likelihood = -0.5 * (result.mahalanobis2 + log_det_S + Size * std::log(2.0 * kPi));
+  return result;
+}
+
 /// Compare a state with a measurement that differs by `nu` from its prediction. R is the covariance of all errors other
-/// than that of x: of the measurement, and of inputs through their Jacobian. If S is not positive definite (R was no
-/// covariance) or not finite, mahalanobis2 and log_likelihood are NaN, which passes no gate.
+/// than that of x: of the measurement, and of inputs through their Jacobian; NaN as above if it was no covariance.
 template <class State, int Size>
 Innovation<Size> innovation(const Estimate<State>& estimate, const Eigen::Matrix<double, Size, 1>& nu,
                             const Eigen::Matrix<double, Size, Manifold<State>::kDimension>& H,
                             const Eigen::Matrix<double, Size, Size>& R) {
-  Innovation<Size> result;
-  result.nu = nu;
-  result.S = transformed(H, estimate.P) + R;
-  const Eigen::LLT<Eigen::Matrix<double, Size, Size>> llt(result.S);
-  if (llt.info() != Eigen::Success) {
-    result.mahalanobis2 = result.log_likelihood = std::numeric_limits<double>::quiet_NaN();
-    return result;
-  }
-  result.mahalanobis2 = llt.matrixL().solve(nu).squaredNorm();
-  const double log_det_S = 2.0 * llt.matrixLLT().diagonal().array().log().sum();
-  result.log_likelihood = -0.5 * (result.mahalanobis2 + log_det_S + Size * std::log(2.0 * kPi));
-  return result;
+  return innovation(nu, Eigen::Matrix<double, Size, Size>(transformed(H, estimate.P) + R));
 }
 
 /// Whether the measurement is inside the gate: `gate` is chi_square_quantile(probability, Size) for the probability

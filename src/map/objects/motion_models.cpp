@@ -56,10 +56,12 @@ void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) 
   const double stays = (1.0 - p) * std::max(0.0, 1.0 - params.start_rate_1_s * switched_s);
   const double moves = goes_on + starts;
   const double stands = stays + stops;
-  const ObjectEstimate moving =
-      moves > 0.0 ? mixed(estimate.moving, started(estimate.standing, params), starts / moves) : estimate.moving;
-  if (stands > 0.0) estimate.standing = mixed(estimate.standing, stopped(estimate.moving), stops / stands);
-  estimate.moving = moving;
+  if (starts > 0.0 || stops > 0.0) {  // else nothing is mixed
+    const ObjectEstimate moving =
+        moves > 0.0 ? mixed(estimate.moving, started(estimate.standing, params), starts / moves) : estimate.moving;
+    if (stands > 0.0) estimate.standing = mixed(estimate.standing, stopped(estimate.moving), stops / stands);
+    estimate.moving = moving;
+  }
   estimate.p_moving = std::min(moves, 1.0);
   predict(estimate.standing, dt_s, params.standing);
   predict(estimate.moving, dt_s, params.moving, params.course);
@@ -67,8 +69,13 @@ void predict(MotionEstimate& estimate, double dt_s, const MotionParams& params) 
 
 MotionMatch match(const MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
                   const Eigen::Matrix3d& U) {
-  MotionMatch result{match(estimate.standing, T_world_level, measurement, U),
-                     match(estimate.moving, T_world_level, measurement, U), 0.0};
+  return match(estimate, MeasuringFrame(T_world_level), measurement, U);
+}
+
+MotionMatch match(const MotionEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement,
+                  const Eigen::Matrix3d& U) {
+  MotionMatch result{match(estimate.standing, level, measurement, U), match(estimate.moving, level, measurement, U),
+                     0.0};
   const double standing = std::log1p(-estimate.p_moving) + result.standing.log_likelihood;
   const double moving = std::log(estimate.p_moving) + result.moving.log_likelihood;
   const double more = std::max(standing, moving);
@@ -78,8 +85,13 @@ MotionMatch match(const MotionEstimate& estimate, const Pose2& T_world_level, co
 
 void update(MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const MotionMatch& match, const Eigen::Matrix3d& U) {
-  update(estimate.standing, T_world_level, measurement, match.standing, U);
-  update(estimate.moving, T_world_level, measurement, match.moving, U);
+  update(estimate, MeasuringFrame(T_world_level), measurement, match, U);
+}
+
+void update(MotionEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement,
+            const MotionMatch& match, const Eigen::Matrix3d& U) {
+  update(estimate.standing, level, measurement, match.standing, U);
+  update(estimate.moving, level, measurement, match.moving, U);
   estimate.p_moving = std::exp(std::log(estimate.p_moving) + match.moving.log_likelihood - match.log_likelihood);
   // Neither motion is ever impossible: rounding must not make it so.
   estimate.p_moving = std::clamp(estimate.p_moving, 1e-9, 1.0 - 1e-9);
@@ -87,6 +99,17 @@ void update(MotionEstimate& estimate, const Pose2& T_world_level, const Measurem
 
 ObjectEstimate combine(const MotionEstimate& estimate) {
   return mixed(estimate.standing, estimate.moving, estimate.p_moving);
+}
+
+Eigen::Matrix2d combined_position_covariance(const MotionEstimate& estimate) {
+  const double p = estimate.p_moving;
+  const Eigen::Vector2d d = estimate.moving.x.segment<2>(kPosition) - estimate.standing.x.segment<2>(kPosition);
+  return (1.0 - p) * estimate.standing.P.block<2, 2>(kPosition, kPosition) +
+         p * estimate.moving.P.block<2, 2>(kPosition, kPosition) + p * (1.0 - p) * d * d.transpose();
+}
+
+Vector8d combined_state(const MotionEstimate& estimate) {
+  return estimate.standing.x + estimate.p_moving * (estimate.moving.x - estimate.standing.x);
 }
 
 }  // namespace situation_awareness

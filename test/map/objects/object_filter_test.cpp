@@ -55,6 +55,46 @@ Measurement random_measurement(const Vector8d& x, const Pose2& T_world_level, Ra
   return measurement;
 }
 
+/// The same up to rounding.
+template <class A, class B>
+void expect_close(const A& a, const B& b) {
+  EXPECT_LE((a - b).cwiseAbs().maxCoeff(), 1e-13 * (1.0 + b.cwiseAbs().maxCoeff()));
+}
+
+TEST(ObjectFilter, ItsProductsWithoutZerosAreTheFullOnes) {
+  Random random(12);
+  for (int i = 0; i < 200; ++i) {
+    const ObjectEstimate estimate{random_state(random), random_covariance<Matrix8d>(random, 0.1)};
+    const Pose2 T_world_level = random_pose(random);
+    const Eigen::Matrix3d U = random_covariance<Eigen::Matrix3d>(random, 0.01);
+    for (const Course course : {Course::kStraight, Course::kTurning}) {
+      ObjectEstimate predicted = estimate;
+      predict(predicted, 0.1, kNoise, course);
+      ObjectEstimate full = estimate;
+      predict(full, predict(estimate.x, 0.1, course), process_jacobian(estimate.x, 0.1, course),
+              process_covariance(estimate.x, 0.1, kNoise));
+      expect_close(predicted.x, full.x);
+      expect_close(predicted.P, full.P);
+    }
+    const Measurement measurement = random_measurement(estimate.x, T_world_level, random);
+    const Match m = match(estimate, T_world_level, measurement, U);
+    const Matrix58d H = measurement_jacobian(T_world_level, measurement.time_offset_s);
+    const Matrix53d H_u = measurement_input_jacobian(estimate.x, T_world_level, measurement.time_offset_s);
+    const Matrix5d R = measurement.R + H_u * U * H_u.transpose();
+    const Match full = innovation(estimate, m.nu, H, R);
+    expect_close(m.S, full.S);
+    EXPECT_NEAR(m.log_likelihood, full.log_likelihood, 1e-11 * (1.0 + std::abs(full.log_likelihood)));
+    ObjectEstimate corrected = estimate;
+    update(corrected, T_world_level, measurement, m, U);
+    ObjectEstimate by_full = estimate;
+    update(by_full, full, H, R);
+    expect_close(corrected.x, by_full.x);
+    expect_close(corrected.P, by_full.P);
+    const Matrix58d H_now = measurement_jacobian(T_world_level, 0.0);
+    expect_close(state_covariance(measurement.R, T_world_level), Matrix8d(H_now.transpose() * measurement.R * H_now));
+  }
+}
+
 TEST(ObjectFilter, JacobiansEqualNumericalOnes) {
   Random random(2);
   for (int i = 0; i < 50; ++i) {

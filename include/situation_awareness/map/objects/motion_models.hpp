@@ -42,12 +42,20 @@ struct MotionMatch {
 };
 MotionMatch match(const MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
                   const Eigen::Matrix3d& U);
+MotionMatch match(const MotionEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement,
+                  const Eigen::Matrix3d& U);
 
 /// Correct both motions and their probabilities.
 void update(MotionEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const MotionMatch& match, const Eigen::Matrix3d& U);
+void update(MotionEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement,
+            const MotionMatch& match, const Eigen::Matrix3d& U);
 
 /// Mean and covariance of the mixture.
 ObjectEstimate combine(const MotionEstimate& estimate);
+/// Its covariance of the position alone.
+Eigen::Matrix2d combined_position_covariance(const MotionEstimate& estimate);
+/// Its mean alone.
+Vector8d combined_state(const MotionEstimate& estimate);
 
 }  // namespace situation_awareness

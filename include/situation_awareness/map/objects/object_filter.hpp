@@ -79,6 +79,9 @@ Matrix8d process_covariance(const Vector8d& x, double dt_s, const ProcessNoise& 
 /// Predict state and covariance. The uncertainty of the orientation is bounded by that of an unknown axis.
 void predict(ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise, Course course = Course::kStraight);
 
+/// The longest part of `dt_s`, halved as often as needed, over which that bound does not matter.
+double longest_step_s(const ObjectEstimate& estimate, double dt_s, const ProcessNoise& noise);
+
 /// Measurement of the ellipse by a detection.
 struct Measurement {
   Vector5d z = Vector5d::Zero();  ///< smooth_parameters in the level frame
@@ -92,8 +95,26 @@ struct Measurement {
 
 Measurement measurement_of(const Detection& detection);
 
+/// The world in the level frame: of positions, and of (p, q), which turn twice as far. Made once for all elements and
+/// detections of a scan.
+struct MeasuringFrame {
+  explicit MeasuringFrame(const Pose2& T_world_level);
+
+  /// h(x).
+  Vector5d measure(const Vector8d& x, double offset_s) const;
+  /// H.
+  Matrix58d jacobian(double offset_s) const;
+  /// H_u of what is measured as `z`.
+  Matrix53d input_jacobian(const Vector5d& z) const;
+
+  Eigen::Matrix2d R_level_world;
+  Eigen::Vector2d world_level_m;
+  Eigen::Matrix2d axis_turn;
+};
+
 /// R in the coordinates of the state; zero for the velocities.
 Matrix8d state_covariance(const Matrix5d& R, const Pose2& T_world_level);
+Matrix8d state_covariance(const Matrix5d& R, const MeasuringFrame& level);
 
 /// h(x): centre and shape in the level frame (ellipse paper, eqs. 13 to 15), `offset_s` after the time of x.
 Vector5d measure(const Vector8d& x, const Pose2& T_world_level, double offset_s);
@@ -109,9 +130,13 @@ using Match = Innovation<kMeasurementSize>;
 /// Compare an element with a measurement (circle paper, eqs. 24 to 26). `U` is the covariance of the robot input.
 Match match(const ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement,
             const Eigen::Matrix3d& U);
+Match match(const ObjectEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement,
+            const Eigen::Matrix3d& U);
 
 /// Correct state and covariance (circle paper, eqs. 27 to 30).
 void update(ObjectEstimate& estimate, const Pose2& T_world_level, const Measurement& measurement, const Match& match,
+            const Eigen::Matrix3d& U);
+void update(ObjectEstimate& estimate, const MeasuringFrame& level, const Measurement& measurement, const Match& match,
             const Eigen::Matrix3d& U);
 
 /// Keep both radii at or above `min_radius_m`.
