@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Cost of an update of the map: 1,000 elements with 200 detections and the free space of a 270 degree scanner, and its
-// growth with elements and detections, which is linear.
+// growth with elements and detections, which is linear; of 13 elements in view and others at rest, which is constant;
+// and of clutter, detections that match nothing and stay on the map for a second.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -107,6 +108,102 @@ BENCHMARK(by_detections)
     ->Arg(800)
     ->Iterations(200)
     ->Unit(benchmark::kMicrosecond);
+
+/// Standing elements in rooms where the scanner was before, and 13 in view.
+class Rooms {
+ public:
+  explicit Rooms(int elements) : map_(kept()) {
+    constexpr int kScans = 60, kOfRoom = 200;
+    for (int left = elements; left > 0; left -= kOfRoom) {
+      for (int i = 0; i < kScans; ++i) map_.update(scan(std::min(left, kOfRoom)));
+      origin_world_m_.x() += 30.0;
+      stamp_ns_ += kNanosecondsPerSecond;
+    }
+    for (int i = 0; i < kScans; ++i) map_.update(next());
+  }
+
+  Detections next() { return scan(13); }
+  ObjectMap& map() { return map_; }
+
+ private:
+  static ObjectMapParams kept() {
+    ObjectMapParams params;
+    params.max_unseen_s = 1e6;
+    return params;
+  }
+
+  Detections scan(int objects) {
+    Detections detections;
+    detections.stamp_ns = stamp_ns_ += kNanosecondsPerSecond / 20;
+    detections.T_world_level.translation_m = origin_world_m_;
+    for (int i = 0; i < 1081; ++i) {
+      detections.free_space.azimuth_rad.push_back(static_cast<float>(radians(-135.0 + 0.25 * i)));
+      detections.free_space.range_m.push_back(12.0F);
+    }
+    for (int k = 0; k < objects; ++k) {
+      const double azimuth_rad = radians(-130.0 + 260.0 * k / objects);
+      const double range_m = k % 2 == 0 ? 8.0 : 11.0;
+      Detection detection;
+      detection.ellipse_level = {range_m * Eigen::Vector2d(std::cos(azimuth_rad), std::sin(azimuth_rad)) +
+                                     0.01 * Eigen::Vector2d(random_.normal(), random_.normal()),
+                                 0.3, 0.15 + 0.001 * (k % 100), 0.1};
+      detection.covariance = 4e-4 * Matrix5d::Identity();
+      detection.beams = 20;
+      detections.detections.push_back(detection);
+    }
+    return detections;
+  }
+
+  Random random_{1};
+  Eigen::Vector2d origin_world_m_ = Eigen::Vector2d::Zero();
+  std::int64_t stamp_ns_ = 0;
+  ObjectMap map_;
+};
+
+void by_elements_at_rest(benchmark::State& state) {
+  Rooms rooms(static_cast<int>(state.range(0)));
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Detections scan = rooms.next();
+    state.ResumeTiming();
+    benchmark::DoNotOptimize(rooms.map().update(scan));
+  }
+  state.counters["elements"] = static_cast<double>(rooms.map().size());
+}
+BENCHMARK(by_elements_at_rest)->Arg(0)->Arg(1000)->Arg(3000)->Iterations(200)->Unit(benchmark::kMicrosecond);
+
+/// Detections at other places in each scan.
+void clutter(benchmark::State& state) {
+  Random random(1);
+  ObjectMap map{ObjectMapParams{}};
+  std::int64_t stamp_ns = 0;
+  const auto scan = [&] {
+    constexpr double kHalf_m = 20.0;
+    Detections detections;
+    detections.stamp_ns = stamp_ns += kNanosecondsPerSecond / 25;
+    detections.free_space = free_space_among(random);
+    for (int k = 0; k < state.range(0); ++k) {
+      Detection detection;
+      detection.ellipse_level = {{random.uniform(-kHalf_m, kHalf_m), random.uniform(-kHalf_m, kHalf_m)},
+                                 random.uniform(-1.5, 1.5),
+                                 random.uniform(0.2, 0.4),
+                                 random.uniform(0.05, 0.2)};
+      detection.covariance = 4e-4 * Matrix5d::Identity();
+      detection.beams = 20;
+      detections.detections.push_back(detection);
+    }
+    return detections;
+  };
+  for (int i = 0; i < 2 * kWarmUpScans; ++i) map.update(scan());
+  for (auto _ : state) {
+    state.PauseTiming();
+    const Detections detections = scan();
+    state.ResumeTiming();
+    benchmark::DoNotOptimize(map.update(detections));
+  }
+  state.counters["elements"] = static_cast<double>(map.size());
+}
+BENCHMARK(clutter)->Arg(15)->Arg(30)->Arg(60)->Iterations(100)->Unit(benchmark::kMicrosecond);
 
 void at(benchmark::State& state) {
   Field field(kElements, kDetections);

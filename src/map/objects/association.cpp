@@ -8,6 +8,7 @@
 #include <Eigen/LU>
 
 #include "situation_awareness/common/usual_room.hpp"
+#include "situation_awareness/map/objects/re_identification.hpp"
 
 namespace situation_awareness {
 
@@ -15,9 +16,6 @@ using namespace object_state;
 
 namespace {
 
-/// m. An element with a common shape and a position less certain than this matches nothing. No source is recorded. From
-/// 1.0 to 1.4 by re_identification_test; in flights 0.6 and 2.4 change no figure beyond chance.
-constexpr double kMaxSigmaOfCommonShape_m = 1.2;
 /// Factor on max_position_sigma_m. An element less certain than that matches no detection with a hidden end, which does
 /// not identify it. No source is recorded, and no unit test bounds it. In flights half of it
 /// lowers the recall by 0.006 and raises the velocity RMSE of standing objects from 0.2 to 18 mm/s.
@@ -38,6 +36,11 @@ bool hits_elsewhere(const MotionEstimate& estimate, const Eigen::Vector2d& middl
   const ObjectEstimate& likely = likelier(estimate);
   const double reach_m = kElsewhere_m + kElsewhereSigmas * position_sigma_m(likely);
   return offset_m(ellipse_world(likely.x), middle_world_m) > reach_m;
+}
+
+/// True if no detection with a hidden end identifies the element.
+bool is_uncertain(const MapElement& element, const ObjectMapParams& params) {
+  return published_position_sigma_m(element, params) > kMaxSigmaOfPieces * params.max_position_sigma_m;
 }
 
 /// Sum of the variances of the position along two axes.
@@ -99,22 +102,24 @@ void Associator::sort_measurements(const AssociationInput& input) {
   });
 }
 
-void Associator::find_candidates(const AssociationInput& input, std::size_t i, const ObjectMapParams& params,
-                                 double gate) {
+void Associator::find_candidates(const AssociationInput& input, const MeasuringFrame& level, std::size_t i,
+                                 const ObjectMapParams& params, double gate) {
   const MapElement& element = input.elements[i];
   const MotionEstimate& estimate = element.estimate;
   const bool out_of_sight = is_out_of_sight(element, input.stamp_ns);
   const bool stands = !element.mobile && estimate.p_moving < 0.5;
-  const bool uncertain = published_position_sigma_m(element, params) > kMaxSigmaOfPieces * params.max_position_sigma_m;
-  const double detected = log_detection_ratio(input.expected[i], params.detection_probability);
 
-  // The reach of a gate: of either motion, with the robot's errors, until the time of the measurement.
-  const Eigen::Vector2d center_m = position(estimate.moving);
+  // The reach of a gate: with the robot's errors, until the time of the measurement; of either motion, but what stood
+  // when it was last seen is expected only there (match_defect).
+  const bool stood = stands && out_of_sight;
+  const Eigen::Vector2d center_m = position(stood ? estimate.standing : estimate.moving);
   const double lever_m = (center_m - input.T_world_level.translation_m).norm();
-  const double variance_m2 = std::max(position_variance(estimate.standing), position_variance(estimate.moving)) +
+  const double standing_m2 = position_variance(estimate.standing);
+  const double variance_m2 = (stood ? standing_m2 : std::max(standing_m2, position_variance(estimate.moving))) +
                              input.U.topLeftCorner<2, 2>().trace() + lever_m * lever_m * input.U(2, 2);
-  const double fastest_m_s = estimate.moving.x.segment<2>(kVelocity).norm() +
-                             std::sqrt(gate * estimate.moving.P.block<2, 2>(kVelocity, kVelocity).trace());
+  const ObjectEstimate& fastest = stood ? estimate.standing : estimate.moving;
+  const double fastest_m_s =
+      fastest.x.segment<2>(kVelocity).norm() + std::sqrt(gate * fastest.P.block<2, 2>(kVelocity, kVelocity).trace());
   const double apart_m = (center_m - position(estimate.standing)).norm();
   const double reach_m =
       std::sqrt(gate * (variance_m2 + largest_variance_m2_)) + longest_offset_s_ * fastest_m_s + apart_m;
@@ -128,7 +133,7 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
     Rejection& rejection = rejections_[j];
     // A detection on an element in sight belongs to it; a detection with a hidden end does not identify an uncertain
     // element.
-    if ((out_of_sight && on_seen_[j] != 0) || (uncertain && measurement.hidden_end)) {
+    if ((out_of_sight && on_seen_[j] != 0) || (measurement.hidden_end && is_uncertain(element, params))) {
       if (*rejection.reason == '\0') rejection.reason = kOutOfSight;
       continue;
     }
@@ -136,7 +141,7 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
       return position_mahalanobis2(of_motion, near->center_world_m, near->covariance_world_m2,
                                    measurement.time_offset_s, input.T_world_level, input.U) > gate;
     };
-    if (is_out_of_reach(estimate.standing) && is_out_of_reach(estimate.moving)) {
+    if (is_out_of_reach(estimate.standing) && (stood || is_out_of_reach(estimate.moving))) {
       if (*rejection.reason == '\0') rejection.reason = kOutsideGate;
       continue;
     }
@@ -145,8 +150,9 @@ void Associator::find_candidates(const AssociationInput& input, std::size_t i, c
       if (*rejection.reason == '\0') rejection.reason = kHitsElsewhere;
       continue;
     }
-    const MotionMatch candidate = match(estimate, input.T_world_level, measurement, input.U);
-    const double log_ratio = candidate.log_likelihood - kLogNewObjectDensity + detected;
+    const MotionMatch candidate = match(estimate, level, measurement, input.U);
+    const double log_ratio = candidate.log_likelihood - kLogNewObjectDensity +
+                             log_detection_ratio(input.expected[i], params.detection_probability);
     const char* defect = match_defect(element, candidate, gate, input.common_shape[i] != 0, input.stamp_ns);
     if (*defect == '\0' && !(log_ratio > 0.0)) defect = "match rejected: more probably something new";
     if (candidate.log_likelihood > rejection.log_likelihood) {
@@ -165,8 +171,9 @@ void Associator::associate(const AssociationInput& input, const ObjectMapParams&
   associations_.clear();
   assign_with_room(rejections_, input.measurements.size(), {});
   sort_measurements(input);
+  const MeasuringFrame level(input.T_world_level);
   for (std::size_t i = 0; i < input.elements.size(); ++i) {
-    if (!is_person(input.elements[i])) find_candidates(input, i, params, gate);
+    if (!is_person(input.elements[i])) find_candidates(input, level, i, params, gate);
   }
   candidates_.insert(candidates_.end(), input.of_persons.begin(), input.of_persons.end());
   column_of_row_.clear();

@@ -34,9 +34,6 @@ constexpr double kMaxLogOdds = 6.9;
 /// Fraction of p_D, where beams end on the element but nothing was detected: something else may be in its place. Up to
 /// 0.48 an element survives a second of scans that the detector refuses (object_map_test).
 constexpr double kMissedWhereHit = 0.1;
-/// m. Beams that end nearer to the outline than this end on it: ten times the range noise of 1 cm. Half and twice it
-/// change nothing in flights.
-constexpr double kSightMargin_m = 0.1;
 /// s. Timeout of an unseen tentative element: 20 scans at 20 Hz. It may be up to 2 s by
 /// ATentativeElementIsDeletedWithinTwoSeconds.
 constexpr double kMaxTentativeUnseen_s = 1.0;
@@ -116,11 +113,14 @@ const char* deletion_reason(const MapElement& element, std::int64_t stamp_ns, co
 }
 
 double published_position_sigma_m(const MapElement& element, const ObjectMapParams& params) {
-  const double p = element.estimate.p_moving;
+  const MotionEstimate& estimate = element.estimate;
+  const double p = estimate.p_moving;
   const bool ambiguous = p > kAmbiguousMotion && p < 1.0 - kAmbiguousMotion;
-  ObjectEstimate estimate = ambiguous ? combine(element.estimate) : likelier(element.estimate);
-  estimate.P += params.correlated_error_fraction * element.P_view;
-  return position_sigma_m(estimate);
+  constexpr int kPosition = object_state::kPosition;
+  Eigen::Matrix2d P = ambiguous ? combined_position_covariance(estimate)
+                                : Eigen::Matrix2d(likelier(estimate).P.block<2, 2>(kPosition, kPosition));
+  P += params.correlated_error_fraction * element.P_view.block<2, 2>(kPosition, kPosition);
+  return largest_sigma_m(P);
 }
 
 bool is_on_map(const MapElement& element, const ObjectMapParams& params) {

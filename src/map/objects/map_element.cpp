@@ -56,11 +56,14 @@ void take_over_id(std::size_t element, std::size_t heir, std::vector<MapElement>
   dropped[heir] = 1;
 }
 
-double position_sigma_m(const ObjectEstimate& estimate) {
+double largest_sigma_m(const Eigen::Matrix2d& covariance_m2) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d> solver;
-  solver.computeDirect(estimate.P.block<2, 2>(object_state::kPosition, object_state::kPosition),
-                       Eigen::EigenvaluesOnly);
+  solver.computeDirect(covariance_m2, Eigen::EigenvaluesOnly);
   return std::sqrt(std::max(0.0, solver.eigenvalues().maxCoeff()));
+}
+
+double position_sigma_m(const ObjectEstimate& estimate) {
+  return largest_sigma_m(estimate.P.block<2, 2>(object_state::kPosition, object_state::kPosition));
 }
 
 const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& elements) {

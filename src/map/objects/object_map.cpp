@@ -39,9 +39,6 @@ constexpr double kNoiseGain = 0.03;
 constexpr double kMaxNoise = 10.0;
 /// s. Decay time of the rate at which an element that stands begins to move again. No test bounds it.
 constexpr double kRestartDecay_s = 0.7;
-/// s. An element that has stood for longer begins to move at start_rate_1_s. No test bounds it. In flights half of
-/// it raises the false elements per 1,000 scans from 8 to 109.
-constexpr double kSettled_s = 1.5;
 /// Probability of moving from which on an element counts as moving. No test bounds it.
 constexpr double kSurelyMoving = 0.95;
 /// m. An object that has moved this far without a stop is mobile. Below 1.2 m, the way of
@@ -105,6 +102,7 @@ void ObjectMap::set_params(const ObjectMapParams& params) {
     throw std::invalid_argument("objects.shape = " + params.shape + ", but this map is one of the shape " +
                                 params_.shape);
   }
+  wake_all();  // with the parameters of the time until now
   params_ = params;
   order_.set_reset_time_jump_s(params_.reset_time_jump_s);
   gate_ = chi_square_quantile(params_.gate_probability, kMeasurementSize);
@@ -149,8 +147,9 @@ MotionParams ObjectMap::motion_of(const MapElement& element) const {
     motion.course = Course::kTurning;
     motion.moving.angular_acceleration *= kBoxTurns;
   }
-  const bool settled = !element.mobile && element.stood_s > kSettled_s;
-  const double unsettled = settled ? 0.0 : element.mobile ? 1.0 : std::exp(-element.stood_s / kRestartDecay_s);
+  const double unsettled = is_settled(element) ? 0.0
+                           : element.mobile    ? 1.0
+                                               : std::exp(-element.stood_s / kRestartDecay_s);
   motion.start_rate_1_s += unsettled * (params_.restart_rate_1_s - motion.start_rate_1_s);
   return motion;
 }
@@ -180,16 +179,24 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
   report.matches = 0;
   report.mahalanobis2 = 0.0;
   report.log_likelihood = 0.0;
-  if (!advance_to(detections.stamp_ns, report)) return report;
+  const std::int64_t previous_ns = stamp_ns();
+  const Advance advance = advance_to(detections.stamp_ns, report);
+  if (advance == Advance::kRefused) return report;
   height_world_m_ = detections.height_world_m;
   const Eigen::Matrix3d U = robot_covariance(detections);
 
   std::vector<Measurement>& measurements = work_.measurements;
   measurements.clear();
   for (const Detection& detection : detections.detections) measurements.push_back(widened(detection));
+  if (advance == Advance::kOneStep) {
+    settle(detections, U, previous_ns);
+    predict_elements();
+  }
+  for (MapElement& element : elements_) element.beams = 0;
 
   work_.recently_seen = seen_within(kLostAfter_s, std::move(work_.recently_seen));
-  const std::vector<char>& common_shape = work_.common_shapes.find(elements_);
+  const std::vector<char>& common_shape =
+      work_.common_shapes.find(elements_, resting_.shapes(), kMaxSigmaOfCommonShape_m);
   const Pose2 T_level_world = inverse(detections.T_world_level);
   work_.expected.clear();
   for (const MapElement& element : elements_) {
@@ -218,11 +225,12 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
 
 void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
   assign_with_room(work_.used, work_.measurements.size(), 0);
+  const MeasuringFrame level(detections.T_world_level);
   for (const Association& association : work_.associator.associations()) {
     MapElement& element = elements_[association.element];
     const Measurement& measurement = work_.measurements[association.measurement];
     const Detection& detection = detections.detections[association.measurement];
-    situation_awareness::update(element.estimate, detections.T_world_level, measurement, association.match, U);
+    situation_awareness::update(element.estimate, level, measurement, association.match, U);
     bound_radii(element.estimate.standing.x, kMinRadius_m);
     bound_radii(element.estimate.moving.x, kMinRadius_m);
     const double mahalanobis2 =
@@ -270,7 +278,9 @@ void ObjectMap::update_missed() {
 
 /// Unmatched detections create elements, unless they overlap an element seen recently.
 void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
+  if (std::find(work_.used.begin(), work_.used.end(), 0) == work_.used.end()) return;
   work_.recently_seen = seen_within(kLostAfter_s, std::move(work_.recently_seen));
+  find_unseen();
   for (std::size_t j = 0; j < work_.measurements.size(); ++j) {
     if (work_.used[j] != 0) continue;
     const Measurement& measurement = work_.measurements[j];
@@ -295,7 +305,7 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["detection on an element already seen"];
       continue;
     }
-    if (elements_.size() >= map_bounds::kMaxElements) {
+    if (size() >= map_bounds::kMaxElements) {
       ++report.reasons["map is full"];
       continue;
     }
@@ -313,42 +323,83 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
   }
 }
 
-bool ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
+ObjectMap::Advance ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report) {
   if (resumed_) {
     move_stamps_to(stamp_ns);
     resumed_ = false;
     step_s_ = 0.0;
-    for (MapElement& element : elements_) element.beams = 0;
-    return true;
+    return Advance::kNoStep;
   }
   const std::int64_t previous_ns = order_.latest_ns();
   switch (order_.judge(stamp_ns)) {
     case StampOrder::Verdict::kNext:
       step_s_ = previous_ns != kNoStamp ? seconds_between(previous_ns, stamp_ns) : 0.0;
-      for (MapElement& element : elements_) {
-        age(element, stamp_ns);
-        if (is_person(element)) predict_legs(element, step_s_);
-        predict(element.estimate, step_s_, motion_of(element));
-        element.beams = 0;
-      }
-      return true;
+      return Advance::kOneStep;
     case StampOrder::Verdict::kRefused:
       ++report.reasons[order_.doubted() > 0      ? "stamp of another time"
                        : stamp_ns == previous_ns ? "stamp repeats"
                                                  : "stamp goes back"];
-      return false;
+      return Advance::kRefused;
     case StampOrder::Verdict::kRestart:
-      for (const MapElement& element : elements_) report.deleted.push_back(element.id);
+      for_each_element([&](const MapElement& element) { report.deleted.push_back(element.id); });
       ++report.reasons["time jumped back: new map"];
-      if (!elements_.empty()) report.reasons["deleted with the map before"] += elements_.size();
+      if (size() > 0) report.reasons["deleted with the map before"] += size();
       clear();
-      return true;
+      return Advance::kNoStep;
   }
-  return false;
+  return Advance::kRefused;
+}
+
+/// Takes up the elements at rest that this scan needs, and lays those down that may rest and that it does not need.
+/// Which rest depends on the state of the map and on the scan alone, so that a restored map goes on like the saved one.
+void ObjectMap::settle(const Detections& detections, const Eigen::Matrix3d& U, std::int64_t previous_ns) {
+  bool knows_needs = false;
+  const auto set_needs = [&] {
+    if (knows_needs) return;
+    work_.needs.set(detections, work_.measurements, U, gate_, params_.standing_drift_m, elements_);
+    knows_needs = true;
+  };
+  if (!resting_.empty()) {
+    set_needs();
+    work_.needs.mark(resting_);
+    resting_.mark_ended(detections.stamp_ns);
+  }
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    const MapElement& element = elements_[i];
+    const std::int64_t end_ns = end_of_rest_ns(element, previous_ns, params_);
+    if (end_ns > detections.stamp_ns) {
+      set_needs();
+      const RestingPlace place = resting_place(element, previous_ns);
+      if (!work_.needs.needs(place)) {
+        resting_.add(element, place, end_ns);
+        continue;
+      }
+    }
+    if (kept != i) elements_[kept] = element;
+    ++kept;
+  }
+  elements_.resize(kept);
+  resting_.give_marked(previous_ns, motion_at_rest(motion_), elements_);
+}
+
+void ObjectMap::predict_elements() {
+  for (MapElement& element : elements_) {
+    age(element, stamp_ns());
+    if (is_person(element)) predict_legs(element, step_s_);
+    predict(element.estimate, step_s_, motion_of(element));
+  }
+}
+
+void ObjectMap::wake_all() {
+  if (resting_.empty()) return;
+  resting_.mark_all();
+  resting_.give_marked(stamp_ns(), motion_at_rest(motion_), elements_);
 }
 
 void ObjectMap::clear() {
   elements_.clear();
+  resting_.clear();
   noise_ = 1.0;
   step_s_ = 0.0;
   resumed_ = false;
@@ -368,10 +419,12 @@ MapSnapshot ObjectMap::snapshot() const {
   result.height_world_m = height_world_m_;
   result.noise = noise_;
   result.next_id = next_id_;
-  result.elements = elements_;
+  resting_.bring_to(stamp_ns(), motion_at_rest(motion_));
+  result.elements.reserve(size());
+  for_each_element([&](const MapElement& element) { result.elements.push_back(element); });
   // A deleted body is equivalent to none: ids are not reused.
   for (MapElement& element : result.elements) {
-    if (find_element(element.body, elements_) == nullptr) element.body = 0;
+    if (find_element(element.body, result.elements) == nullptr) element.body = 0;
   }
   return result;
 }
@@ -421,20 +474,44 @@ MapElement* ObjectMap::element_to_reinitialize(const Detection& detection, const
     return contains(ellipse, center_world_m) ||
            (detection.shape == Shape::kBox && contains(detected_world, ellipse.center_m));
   };
-  MapElement* nearest = nullptr;
+  constexpr double kRounding_m = 1e-6;
+  const double reach_m = work_.largest_unseen_m + detection.ellipse_level.rx_m + kRounding_m;
+  std::size_t nearest = elements_.size();
   double nearest_m = 0.0;
-  for (MapElement& element : elements_) {
-    if (is_person(element) || element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
+  auto unseen = std::lower_bound(work_.unseen.begin(), work_.unseen.end(), center_world_m.x() - reach_m,
+                                 [](const Unseen& other, double x_m) { return other.x_m < x_m; });
+  for (; unseen != work_.unseen.end() && unseen->x_m <= center_world_m.x() + reach_m; ++unseen) {
+    const MapElement& element = elements_[unseen->element];
+    if (element.last_seen_ns == stamp_ns()) continue;  // by another detection
     // What looks like a box says nothing of what is known to be none: it is more than this element.
     if (detection.log_box_ratio > 0.0 && element.box_log_odds < -kKnownShape) continue;
     const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
     if (!is_on(ellipse)) continue;
     const double distance_m = (ellipse.center_m - center_world_m).norm();
-    if (nearest != nullptr && distance_m >= nearest_m) continue;
-    nearest = &element;
+    const bool is_nearer =
+        nearest == elements_.size() || distance_m < nearest_m || (distance_m == nearest_m && unseen->element < nearest);
+    if (!is_nearer) continue;
+    nearest = unseen->element;
     nearest_m = distance_m;
   }
-  return nearest;
+  return nearest == elements_.size() ? nullptr : &elements_[nearest];
+}
+
+/// Those on which an unmatched detection may lie: in sight, but not detected in this scan.
+void ObjectMap::find_unseen() {
+  work_.unseen.clear();
+  work_.unseen.reserve(kUsualRoom);
+  work_.largest_unseen_m = 0.0;
+  for (std::size_t i = 0; i < elements_.size(); ++i) {
+    const MapElement& element = elements_[i];
+    if (is_person(element) || element.last_seen_ns == stamp_ns() || is_out_of_sight(element, stamp_ns())) continue;
+    const Vector8d& x = likelier(element.estimate).x;
+    work_.unseen.push_back({x(kPosition), i});
+    work_.largest_unseen_m = std::max(work_.largest_unseen_m, x(kShape) + x.segment<2>(kShape + 1).norm());
+  }
+  std::sort(work_.unseen.begin(), work_.unseen.end(), [](const Unseen& a, const Unseen& b) {
+    return std::make_pair(a.x_m, a.element) < std::make_pair(b.x_m, b.element);
+  });
 }
 
 /// The estimate anew from a detection. Another face of a box says nothing against its velocity.
@@ -512,7 +589,7 @@ EllipsesByX ObjectMap::seen_within(double past_s, EllipsesByX memory) const {
   ellipses.clear();
   for (const MapElement& element : elements_) {
     if (unseen_s(element, stamp_ns()) > past_s) continue;
-    ellipses.push_back(ellipse_world(combine(element.estimate).x));
+    ellipses.push_back(ellipse_world(combined_state(element.estimate)));
   }
   return EllipsesByX(std::move(ellipses));
 }
@@ -535,12 +612,14 @@ void ObjectMap::delete_elements(ObjectMapUpdate& report) {
   std::vector<std::size_t>& pieces = work_.pieces;
   pieces.clear();
   pieces.reserve(kUsualRoom);
-  work_.standing = standing(std::move(work_.standing));
+  const auto may_be_piece = [](const MapElement& element) { return is_box(element) && !element.mobile; };
+  if (std::any_of(elements_.begin(), elements_.end(), may_be_piece)) {
+    work_.standing = standing(std::move(work_.standing));
+  }
   for (const MapElement& element : elements_) {
     const char* reason = deletion_reason(element, stamp_ns(), params_);
     // A piece of a surface that lost returns slides along it from scan to scan, onto what is known of it.
-    if (is_box(element) && !element.mobile &&
-        work_.standing.cover_by_larger(ellipse_world(element.estimate.standing.x))) {
+    if (may_be_piece(element) && work_.standing.cover_by_larger(ellipse_world(element.estimate.standing.x))) {
       reason = "piece of a larger object";
       pieces.push_back(dropped.size());
     }
@@ -555,7 +634,8 @@ void ObjectMap::delete_elements(ObjectMapUpdate& report) {
     if (dropped[i] != 0) {
       report.deleted.push_back(elements_[i].id);
     } else {
-      elements_[kept++] = elements_[i];
+      if (kept != i) elements_[kept] = elements_[i];
+      ++kept;
     }
   }
   elements_.resize(kept);
@@ -566,10 +646,11 @@ Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
   result.objects.clear();
   result.stamp_ns = stamp_ns;
   result.height_world_m = height_world_m_;
-  if (elements_.empty()) return result;
+  if (size() == 0) return result;
+  resting_.bring_to(order_.latest_ns(), motion_at_rest(motion_));
   const double dt_s = std::max(0.0, seconds_between(order_.latest_ns(), stamp_ns));
-  for (const MapElement& element : elements_) {
-    if (!is_on_map(element, params_)) continue;
+  for_each_element([&](const MapElement& element) {
+    if (!is_on_map(element, params_)) return;
     MotionEstimate estimate = element.estimate;
     if (dt_s > 0.0) predict(estimate, dt_s, motion_of(element));
     Object object;
@@ -592,7 +673,7 @@ Objects ObjectMap::at(std::int64_t stamp_ns, Objects memory) const {
     object.observations = element.observations;
     object.beams = element.beams;
     result.objects.push_back(object);
-  }
+  });
   return result;
 }
 

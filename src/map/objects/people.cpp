@@ -149,13 +149,15 @@ Measurement middle_at(const Eigen::Vector2d& center_level_m, const Eigen::Matrix
   return middle;
 }
 
+/// m. Larger semi-axis.
+double larger_radius_m(const Vector8d& x) { return x(kShape) + x.segment<2>(kShape + 1).norm(); }
+
 /// True for an element that may be one leg.
 bool is_foot(const MapElement& element, std::int64_t stamp_ns) {
   if (element.state == TrackState::kDeleted || is_person(element) || element.last_seen_ns != stamp_ns) return false;
   if (is_box(element)) return false;
   if (element.state == TrackState::kTentative && element.observations < 2) return false;
-  const Vector8d& x = likelier(element.estimate).x;
-  return x(kShape) + x.segment<2>(kShape + 1).norm() <= kMaxLeg_m;
+  return larger_radius_m(likelier(element.estimate).x) <= kMaxLeg_m;
 }
 
 bool is_standing_leg(const MapElement& element) {
@@ -191,35 +193,36 @@ bool is_something_between(const MapElement& foot, const Eigen::Vector2d& other_m
   return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
     if (is_foot(element, stamp_ns) || is_out_of_sight(element, stamp_ns)) return false;
     if (element.state != TrackState::kConfirmed) return false;
-    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
-    return (ellipse.center_m - middle_m).norm() < ellipse.rx_m + kBetween_m;
+    const Vector8d& x = likelier(element.estimate).x;
+    return (x.segment<2>(kPosition) - middle_m).norm() < larger_radius_m(x) + kBetween_m;
   });
 }
 
-/// True if something confirmed that is larger than a leg, and no person, is there: `is_there` of the element and its
-/// ellipse.
+/// True if something confirmed that is larger than a leg, and no person, is there: `is_there` of the element, its
+/// centre and the larger one of its radii.
 template <class IsThere>
 bool is_larger_there(const std::vector<MapElement>& elements, IsThere&& is_there) {
   return std::any_of(elements.begin(), elements.end(), [&](const MapElement& element) {
     if (is_person(element) || element.state != TrackState::kConfirmed) return false;
-    const Ellipse ellipse = ellipse_world(likelier(element.estimate).x);
-    return ellipse.rx_m > kMaxLeg_m && is_there(element, ellipse);
+    const Vector8d& x = likelier(element.estimate).x;
+    const double radius_m = larger_radius_m(x);
+    return radius_m > kMaxLeg_m && is_there(element, Eigen::Vector2d(x.segment<2>(kPosition)), radius_m);
   });
 }
 
 /// True if something larger than a leg is beside one, such as the torso of which it is an arm.
 bool is_beside_larger(const MapElement& foot, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   const Eigen::Vector2d center_m = position(likelier(foot.estimate));
-  return is_larger_there(elements, [&](const MapElement& element, const Ellipse& ellipse) {
-    return !is_out_of_sight(element, stamp_ns) && (ellipse.center_m - center_m).norm() < ellipse.rx_m + kBeside_m;
+  return is_larger_there(elements, [&](const MapElement& element, const Eigen::Vector2d& there_m, double radius_m) {
+    return !is_out_of_sight(element, stamp_ns) && (there_m - center_m).norm() < radius_m + kBeside_m;
   });
 }
 
 /// True if something larger than a leg is where a person's legs are: a body, and what was taken for legs are its arms.
 bool is_in_body(const MapElement& person, std::int64_t stamp_ns, const std::vector<MapElement>& elements) {
   const Eigen::Vector2d middle_m = position(likelier(person.estimate));
-  return is_larger_there(elements, [&](const MapElement& element, const Ellipse& ellipse) {
-    return element.last_seen_ns == stamp_ns && (ellipse.center_m - middle_m).norm() < kPersonRadius_m;
+  return is_larger_there(elements, [&](const MapElement& element, const Eigen::Vector2d& there_m, double /*radius_m*/) {
+    return element.last_seen_ns == stamp_ns && (there_m - middle_m).norm() < kPersonRadius_m;
   });
 }
 

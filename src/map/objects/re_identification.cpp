@@ -22,53 +22,68 @@ constexpr double kSameShape_m = 0.01;
 /// In flights 2 and 6 change no figure beyond chance.
 constexpr int kManyOfAShape = 3;
 
+/// Number of the sorted shapes that are the same as `shape`, up to `enough`.
+int count_same(const ElementShape& shape, const std::vector<ElementShape>& sorted, int enough) {
+  const auto is_same = [](double a, double b) { return std::abs(a - b) <= kSameShape_m; };
+  const double margin_m = 2.0 * kSameShape_m;  // against rounding
+  auto other = std::lower_bound(sorted.begin(), sorted.end(), ElementShape{shape.first - margin_m, 0.0});
+  int count = 0;
+  for (; count < enough && other != sorted.end() && other->first <= shape.first + margin_m; ++other) {
+    count += is_same(other->first, shape.first) && is_same(other->second, shape.second) ? 1 : 0;
+  }
+  return count;
+}
+
 }  // namespace
 
-const std::vector<char>& CommonShapes::find(const std::vector<MapElement>& elements) {
+ElementShape element_shape(const MapElement& element) {
+  const Vector8d& x = likelier(element.estimate).x;
+  return {x(kShape), x.tail<2>().norm()};
+}
+
+const std::vector<char>& CommonShapes::find(const std::vector<MapElement>& elements,
+                                            const std::vector<ElementShape>& others, double least_sigma_m) {
   assign_with_room(common_, elements.size(), 0);
-  by_mean_radius_m_.clear();
-  by_mean_radius_m_.reserve(kUsualRoom);
+  asked_.clear();
+  asked_.reserve(kUsualRoom);
   for (std::size_t i = 0; i < elements.size(); ++i) {
     if (elements[i].state == TrackState::kTentative) continue;
-    by_mean_radius_m_.emplace_back(likelier(elements[i].estimate).x(kShape), i);
+    const double variance_m2 = likelier(elements[i].estimate).P.block<2, 2>(kPosition, kPosition).trace();
+    // The trace bounds the variance in each direction; NaN is asked for, too.
+    if (least_sigma_m < 0.0 || !(variance_m2 <= least_sigma_m * least_sigma_m)) asked_.push_back(i);
   }
-  std::sort(by_mean_radius_m_.begin(), by_mean_radius_m_.end());
-  const auto mean_radius_m = [&](std::size_t k) { return by_mean_radius_m_[k].first; };
-  const auto half_difference_m = [&](std::size_t k) {
-    return likelier(elements[by_mean_radius_m_[k].second].estimate).x.tail<2>().norm();
-  };
-  for (std::size_t k = 0; k < by_mean_radius_m_.size(); ++k) {
-    const auto same_radius = [&](std::size_t other) {
-      return std::abs(mean_radius_m(other) - mean_radius_m(k)) <= kSameShape_m;
-    };
-    const auto same_shape = [&](std::size_t other) {
-      return std::abs(half_difference_m(other) - half_difference_m(k)) <= kSameShape_m;
-    };
-    int others = 0;
-    for (std::size_t j = k; others < kManyOfAShape && j-- > 0 && same_radius(j);) others += same_shape(j) ? 1 : 0;
-    for (std::size_t j = k + 1; others < kManyOfAShape && j < by_mean_radius_m_.size() && same_radius(j); ++j) {
-      others += same_shape(j) ? 1 : 0;
-    }
-    common_[by_mean_radius_m_[k].second] = others >= kManyOfAShape ? 1 : 0;
+  if (asked_.empty()) return common_;
+  shapes_.clear();
+  shapes_.reserve(kUsualRoom);
+  for (const MapElement& element : elements) {
+    if (element.state != TrackState::kTentative) shapes_.push_back(element_shape(element));
+  }
+  std::sort(shapes_.begin(), shapes_.end());
+  for (const std::size_t i : asked_) {
+    const ElementShape shape = element_shape(elements[i]);
+    constexpr int kEnough = kManyOfAShape + 1;  // with itself
+    const int same = count_same(shape, shapes_, kEnough);
+    common_[i] = same + count_same(shape, others, kEnough - same) >= kEnough ? 1 : 0;
   }
   return common_;
 }
 
 void re_identify(const std::vector<std::size_t>& newly_confirmed, const std::vector<char>& common_shape, double gate,
                  std::int64_t stamp_ns, std::vector<MapElement>& elements) {
+  const MeasuringFrame world(Pose2{});
   for (const std::size_t i : newly_confirmed) {
     MapElement& found = elements[i];
     const ObjectEstimate estimate = combine(found.estimate);
     Measurement as_measurement;
-    const Matrix58d H = measurement_jacobian({}, 0.0);
-    as_measurement.z = measure(estimate.x, {}, 0.0);
+    const Matrix58d H = world.jacobian(0.0);
+    as_measurement.z = world.measure(estimate.x, 0.0);
     as_measurement.R = H * estimate.P * H.transpose();
     MapElement* best = nullptr;
     double most = kLogNewObjectDensity;
     for (std::size_t j = 0; j < i; ++j) {  // ids are ascending: lost elements come first
       MapElement& lost = elements[j];
       if (lost.state != TrackState::kLost || lost.is_part || differ_in_shape(lost, found)) continue;
-      const MotionMatch candidate = match(lost.estimate, {}, as_measurement, Eigen::Matrix3d::Zero());
+      const MotionMatch candidate = match(lost.estimate, world, as_measurement, Eigen::Matrix3d::Zero());
       const bool common = j < common_shape.size() && common_shape[j] != 0;
       if (*match_defect(lost, candidate, gate, common, stamp_ns) != '\0' || !(candidate.log_likelihood > most))
         continue;

@@ -85,7 +85,8 @@ class Associator {
   };
 
   void sort_measurements(const AssociationInput& input);
-  void find_candidates(const AssociationInput& input, std::size_t element, const ObjectMapParams& params, double gate);
+  void find_candidates(const AssociationInput& input, const MeasuringFrame& level, std::size_t element,
+                       const ObjectMapParams& params, double gate);
 
   std::vector<Place> by_x_;    ///< measurements
   std::vector<char> on_seen_;  ///< measurements whose centre is on an element that was seen recently

@@ -21,6 +21,10 @@ namespace situation_awareness {
 /// test ADetectionOnAnElementSeenHalfASecondAgoIsNoNewElement; in flights 0.25 and 1 s change no figure beyond chance.
 constexpr double kLostAfter_s = 0.5;
 
+/// m. Beams that end nearer to the outline than this end on it: ten times the range noise of 1 cm. Half and twice it
+/// change nothing in flights.
+constexpr double kSightMargin_m = 0.1;
+
 /// Natural logarithm of p / (1 - p), and p of it.
 double log_odds(double p);
 double probability(double log_odds);

@@ -140,7 +140,9 @@ const MapElement* find_element(std::uint64_t id, const std::vector<MapElement>& 
 /// is dropped under the other's id.
 void take_over_id(std::size_t element, std::size_t heir, std::vector<MapElement>& elements, std::vector<char>& dropped);
 
-/// Standard deviation of the position in its least certain direction.
+/// Standard deviation of a position with this covariance in its least certain direction.
+double largest_sigma_m(const Eigen::Matrix2d& covariance_m2);
+/// That of the element's position.
 double position_sigma_m(const ObjectEstimate& estimate);
 
 }  // namespace situation_awareness

@@ -21,6 +21,7 @@
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/objects/people.hpp"
 #include "situation_awareness/map/objects/re_identification.hpp"
+#include "situation_awareness/map/objects/resting_elements.hpp"
 
 namespace situation_awareness {
 
@@ -37,7 +38,9 @@ struct ObjectMapUpdate {
 
 /// The semantic map of ellipses: for each element an EKF under two motions (ellipse paper, Sect. V; circle paper,
 /// Sect. V-B) and a probability of existence, written out in docs/math/objects.md. The elements are independent given
-/// the robot's pose, which is an input with a covariance, so the cost is linear in the number of elements.
+/// the robot's pose, which is an input with a covariance, so the cost is linear in the number of elements: of an update
+/// of those near what the scan sees and of those that were seen lately, of at() and snapshot() of all. These two
+/// predict elements that were left out meanwhile, so that no other thread may use the map at the same time.
 class ObjectMap {
  public:
   /// Throws std::invalid_argument naming field and bound.
@@ -58,7 +61,7 @@ class ObjectMap {
   Objects at(std::int64_t stamp_ns, Objects memory = {}) const;
 
   /// Number of elements, on the map or not.
-  std::size_t size() const { return elements_.size(); }
+  std::size_t size() const { return elements_.size() + resting_.size(); }
 
   /// Stamp of the latest update, kNoStamp before the first.
   std::int64_t stamp_ns() const { return order_.latest_ns(); }
@@ -84,8 +87,19 @@ class ObjectMap {
   void resume(const MapSnapshot& snapshot);
 
  private:
+  enum class Advance { kRefused, kNoStep, kOneStep };
+
+  /// An element that was not detected in this scan.
+  struct Unseen {
+    double x_m;
+    std::size_t element;
+  };
+
   /// Reused memory without meaning between updates.
   struct Workspace {
+    ScanNeeds needs;
+    std::vector<Unseen> unseen;     ///< by x
+    double largest_unseen_m = 0.0;  ///< radius
     std::vector<Measurement> measurements;
     std::vector<char> used;  ///< measurements
     EllipsesByX recently_seen;
@@ -101,8 +115,23 @@ class ObjectMap {
     std::vector<std::size_t> pieces;  ///< elements that are pieces of larger ones
   };
 
-  /// False, and the map unchanged, if the stamp is refused (StampOrder).
-  bool advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
+  /// kRefused, and the map unchanged, if the stamp is refused (StampOrder); kNoStep if no time has passed for the
+  /// elements.
+  Advance advance_to(std::int64_t stamp_ns, ObjectMapUpdate& report);
+  void settle(const Detections& detections, const Eigen::Matrix3d& U, std::int64_t previous_ns);
+  void predict_elements();
+  void wake_all();
+  /// By ascending id, those at rest as of their own times.
+  template <class Visit>
+  void for_each_element(Visit&& visit) const {
+    auto resting = resting_.by_id().begin();
+    const auto end = resting_.by_id().end();
+    for (const MapElement& element : elements_) {
+      for (; resting != end && resting->id < element.id; ++resting) visit(resting_.element(*resting));
+      visit(element);
+    }
+    for (; resting != end; ++resting) visit(resting_.element(*resting));
+  }
   void move_stamps_to(std::int64_t stamp_ns);
   void clear();
   Eigen::Matrix3d robot_covariance(const Detections& detections);
@@ -114,6 +143,7 @@ class ObjectMap {
   void map_unmatched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report);
   MapElement* element_to_reinitialize(const Detection& detection, const Measurement& measurement,
                                       const Pose2& T_world_level);
+  void find_unseen();
   void correct(MapElement& element, const Detection& detection, const Measurement& measurement,
                const Eigen::Matrix3d& U, const Pose2& T_world_level) const;
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
@@ -131,7 +161,8 @@ class ObjectMap {
   MotionParams motion_;
   StampOrder order_;
   double gate_;                       ///< of the squared Mahalanobis distance
-  std::vector<MapElement> elements_;  ///< by ascending id
+  std::vector<MapElement> elements_;  ///< by ascending id, but for those at rest
+  mutable RestingElements resting_;   ///< predicted when they are asked for
   Pose2 T_world_level_;               ///< of the latest update
   double noise_ = 1.0;   ///< noise factor: ratio of errors to those of the detections' covariances, squared
   double step_s_ = 0.0;  ///< time between the last two updates

@@ -12,15 +12,26 @@ namespace situation_awareness {
 
 // Lost elements that are detected again elsewhere get their id back (docs/math/objects.md, "Re-identification").
 
+/// (rx + ry) / 2 and |(p, q)| of an element, in m.
+using ElementShape = std::pair<double, double>;
+ElementShape element_shape(const MapElement& element);
+
+/// m. An element with a common shape and a position less certain than this matches nothing. No source is recorded. From
+/// 1.0 to 1.4 by re_identification_test; in flights 0.6 and 2.4 change no figure beyond chance.
+constexpr double kMaxSigmaOfCommonShape_m = 1.2;
+
 /// Finds the confirmed elements whose shape several others have, so that it does not identify them. It has no state but
 /// reusable memory.
 class CommonShapes {
  public:
-  /// Of each element, not zero if its shape is a common one.
-  const std::vector<char>& find(const std::vector<MapElement>& elements);
+  /// Of each element, not zero if its shape is a common one. `others`: sorted shapes of more confirmed elements. Where
+  /// `least_sigma_m` is given, that is told only of elements whose positions are less certain than this.
+  const std::vector<char>& find(const std::vector<MapElement>& elements, const std::vector<ElementShape>& others = {},
+                                double least_sigma_m = -1.0);
 
  private:
-  std::vector<std::pair<double, std::size_t>> by_mean_radius_m_;
+  std::vector<std::size_t> asked_;  ///< elements
+  std::vector<ElementShape> shapes_;
   std::vector<char> common_;
 };
 
