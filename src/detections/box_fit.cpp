@@ -330,7 +330,7 @@ Vector5d state_of(const Box& box) {
 Detection detection_of(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                        const BoxProblem& problem, const Vector5d& x, const Vector5d& at, const Matrix5d& P) {
   const Box box{x.head<2>(), x(2), x(3), x(4)};
-  Detection detection = make_detection(segments, segment, params, smooth_parameters(moment_equal_ellipse(box)));
+  Detection detection = unassessed_detection(segments, segment, params, smooth_parameters(moment_equal_ellipse(box)));
   detection.shape = Shape::kBox;
   detection.box_level = box;
   detection.residual_rms_m = problem.residual_rms_m(x);

@@ -7,7 +7,7 @@
 
 namespace situation_awareness {
 
-Detections Detector::detect(const Segments& segments, Detections memory) {
+Detections Detector::detect(const Segments& segments, Detections memory, const std::vector<char>* not_asked) {
   Detections found = std::move(memory);
   found.stamp_ns = segments.stamp_ns;
   found.T_world_level = segments.T_world_level;
@@ -18,7 +18,9 @@ Detections Detector::detect(const Segments& segments, Detections memory) {
   found.refused.reset();
   found.refused_segments.clear();
   found.refused_segments.reserve(kUsualRoom);
+  not_asked_ = not_asked;
   find(segments, found);
+  not_asked_ = nullptr;
   found.small_segments = small_segments(segments, found, std::move(found.small_segments));
   return found;
 }

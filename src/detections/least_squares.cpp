@@ -58,15 +58,23 @@ class Curve {
   double distance() const { return (a_ - g_) / b_; }
   Eigen::Vector2d normal() const { return w_ / b_; }
 
-  /// Derivative of the distance where d = y - t changes by `dd` and C by `dC`.
-  double derivative(const Eigen::Vector2d& dd, const Eigen::Matrix2d& dC) const {
-    const double da = 2.0 * w_.dot(dd) - w_.dot(dC * w_);
-    const double dg = 0.5 * da / g_;
-    const double db = w_.dot(M_ * (dd - dC * w_)) / b_;
-    return (da - dg) / b_ - (a_ - g_) / (b_ * b_) * db;
+  /// Derivative of the distance by t along one axis: d = y - t changes by its negative.
+  double by_center(int axis) const { return derivative(-2.0 * w_(axis), -w_.dot(M_.col(axis))); }
+
+  /// Derivative of the distance where C changes by `dC`.
+  double by_shape(const Eigen::Matrix2d& dC) const {
+    const Eigen::Vector2d v = dC * w_;
+    return derivative(-w_.dot(v), -w_.dot(M_ * v));
   }
 
  private:
+  /// Where a changes by `da`, and w by what has the product `w_dw` with it.
+  double derivative(double da, double w_dw) const {
+    const double dg = 0.5 * da / g_;
+    const double db = w_dw / b_;
+    return (da - dg) / b_ - (a_ - g_) / (b_ * b_) * db;
+  }
+
   const Eigen::Matrix2d& M_;
   Eigen::Vector2d w_;  ///< M d
   double a_;           ///< d^T M d
@@ -129,17 +137,20 @@ class Problem {
 
     const EllipseShape shape = shape_of(x);
     const Eigen::Matrix2d M = shape.C.inverse();
-    const Eigen::Matrix2d M_weights = shape_of(weights_at).C.inverse();
+    const bool weights_here = &weights_at == &x;
+    const Eigen::Matrix2d M_weights = weights_here ? M : Eigen::Matrix2d(shape_of(weights_at).C.inverse());
     for (std::size_t i = 0; i < count_; ++i) {
       const Curve curve(points_[i], x.head<2>(), M);
-      const double sigma = hit_sigma(points_[i], Curve(points_[i], weights_at.head<2>(), M_weights).normal());
-      Vector5d jacobian;
-      jacobian(0) = curve.derivative(-Eigen::Vector2d::UnitX(), Eigen::Matrix2d::Zero());
-      jacobian(1) = curve.derivative(-Eigen::Vector2d::UnitY(), Eigen::Matrix2d::Zero());
-      jacobian(2) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dm);
-      jacobian(3) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dp);
-      jacobian(4) = curve.derivative(Eigen::Vector2d::Zero(), shape.dC_dq);
-      add(curve.distance() / sigma, jacobian / sigma);
+      const Eigen::Vector2d normal =
+          weights_here ? curve.normal() : Curve(points_[i], weights_at.head<2>(), M_weights).normal();
+      const double sigma = hit_sigma(points_[i], normal);
+      Vector5d jacobian = Vector5d::Zero();
+      if (A != nullptr) {
+        jacobian << curve.by_center(0), curve.by_center(1), curve.by_shape(shape.dC_dm), curve.by_shape(shape.dC_dp),
+            curve.by_shape(shape.dC_dq);
+        jacobian /= sigma;
+      }
+      add(curve.distance() / sigma, jacobian);
     }
 
     // The tangent from the sensor lies between the last hit and the first miss beside it.
@@ -318,9 +329,18 @@ Detection make_detection(const Segments& segments, std::size_t segment, const El
   const Segment& piece = segments.segments[segment];
   Vector5d x = smooth_level;
   bound_radii(x, params.min_radius_m);
+  Detection detection = unassessed_detection(segments, segment, params, smooth_level);
+  detection.residual_rms_m = residual_rms_m(&segments.points[piece.first], piece.count, x);
+  return detection;
+}
+
+Detection unassessed_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                               const Vector5d& smooth_level) {
+  const Segment& piece = segments.segments[segment];
+  Vector5d x = smooth_level;
+  bound_radii(x, params.min_radius_m);
   Detection detection;
   detection.ellipse_level = ellipse_from_smooth_parameters(x);
-  detection.residual_rms_m = residual_rms_m(&segments.points[piece.first], piece.count, x);
   detection.beams = static_cast<int>(piece.count);
   detection.middle_level_m = middle_level_m(segments, piece);
   detection.hidden_end = !is_silhouette(piece.right_end) || !is_silhouette(piece.left_end);

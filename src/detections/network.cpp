@@ -47,14 +47,16 @@ void NetworkDetector::find(const Segments& segments, Detections& found) {
   selected_.clear();
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
     const Segment& segment = segments.segments[i];
-    if (segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0') selected_.push_back(i);
+    if (segment.kind == SegmentKind::kObject && *hidden_defect(segment) == '\0' && is_asked(i)) selected_.push_back(i);
   }
   const std::vector<EllipseEstimate>& estimates =
       network_.infer(segments, selected_, params_.range_sigma_m, params_.prior_max_radius_m);
 
   auto estimate = estimates.begin();
-  detect_each(
-      segments, params_, [&](std::size_t i) { return make_detection(segments, i, params_, *estimate++); }, found);
+  detect_each_asked(
+      segments, params_, [this](std::size_t i) { return is_asked(i); },
+      [&](std::size_t i) { return make_detection(segments, i, params_, *estimate++); },
+      [&](std::size_t i) { return hidden_defect(segments.segments[i]); }, found);
 }
 
 }  // namespace situation_awareness

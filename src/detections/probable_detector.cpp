@@ -27,7 +27,7 @@ double log_box_ratio(const ShapeEstimate& shape) {
 /// The detection of the segment if it is a box.
 Detection box_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& fit,
                         const ShapeEstimate& shape) {
-  Detection detection = make_detection(segments, segment, fit, shape.smooth_level);
+  Detection detection = unassessed_detection(segments, segment, fit, shape.smooth_level);
   detection.covariance = shape.covariance;
   detection.shape = Shape::kBox;
   detection.box_level = moment_equal_box(detection.ellipse_level);
@@ -67,20 +67,38 @@ ProbableDetector::ProbableDetector(std::unique_ptr<Detector> detector, std::uniq
 
 Detections ProbableDetector::detect(const Segments& segments, const std::vector<ExpectedOutline>& known_level,
                                     Detections memory) {
+  if (shapes_ == nullptr || known_level.empty()) {
+    memory = detect(segments, std::move(memory));
+    return refine(std::move(memory), segments, known_level, scan_fit_);
+  }
+  known_objects_.set(segments, known_level);
+  refines_ = true;
   memory = detect(segments, std::move(memory));
-  return refine(std::move(memory), segments, known_level, scan_fit_);
+  refines_ = false;
+  known_objects_.refuse_composites(memory);
+  for (Detection& detection : memory.detections) {
+    if (is_refined_[detection.segment] != 0) continue;
+    Detection refined;
+    if (known_objects_.refined(detection.segment, detection.p_ellipse, detection.log_box_ratio, scan_fit_, refined)) {
+      detection = refined;
+    }
+  }
+  return memory;
 }
 
 void ProbableDetector::find(const Segments& segments, Detections& found) {
   scan_fit_ = fit_;
   scan_fit_.range_sigma_m = std::max(fit_.range_sigma_m, segments.range_sigma_m);
   detector_->set_fit(scan_fit_);
-  found = detector_->detect(segments, std::move(found));
   if (shapes_ == nullptr) {
+    found = detector_->detect(segments, std::move(found));
     refuse_improbable(found);
-  } else {
-    compare_with_boxes(segments, found);
+    return;
   }
+  judge_shapes(segments);
+  refine_known(segments);
+  found = detector_->detect(segments, std::move(found), &is_refined_);
+  compare_with_boxes(found);
 }
 
 void ProbableDetector::refuse_improbable(Detections& found) const {
@@ -96,33 +114,67 @@ void ProbableDetector::refuse_improbable(Detections& found) const {
   detections.resize(kept);
 }
 
-void ProbableDetector::compare_with_boxes(const Segments& segments, Detections& found) {
+/// The detection of each segment if it is a box.
+void ProbableDetector::judge_shapes(const Segments& segments) {
+  objects_.clear();
+  objects_.reserve(kUsualRoom);
+  judged_.clear();
+  judged_.reserve(kUsualRoom);
+  assign_with_room(judged_of_, segments.segments.size(), 0);
+  for (std::size_t i = 0; i < segments.segments.size(); ++i) {
+    if (segments.segments[i].kind != SegmentKind::kObject) continue;
+    judged_of_[i] = objects_.size();
+    objects_.push_back(i);
+  }
+  const std::vector<ShapeEstimate>& shapes =
+      shapes_->infer(segments, objects_, scan_fit_.range_sigma_m, scan_fit_.prior_max_radius_m);
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    Judged judged;
+    judged.as_box = box_detection(segments, objects_[k], scan_fit_, shapes[k]);
+    judged.box_defect = detection_defect(judged.as_box, scan_fit_);
+    judged_.push_back(judged);
+  }
+}
+
+/// A segment that may be a box is detected whatever the other detector says. Where it is refined as a known object,
+/// nothing remains of what that says but the probability of its shape, which is that of the shape network.
+void ProbableDetector::refine_known(const Segments& segments) {
+  assign_with_room(is_refined_, segments.segments.size(), 0);
+  if (!refines_) return;
+  for (std::size_t k = 0; k < objects_.size(); ++k) {
+    Judged& judged = judged_[k];
+    if (*judged.box_defect != '\0') continue;
+    judged.is_refined = known_objects_.refined(objects_[k], judged.as_box.p_ellipse, judged.as_box.log_box_ratio,
+                                               scan_fit_, judged.refined);
+    is_refined_[objects_[k]] = judged.is_refined ? 1 : 0;
+  }
+}
+
+void ProbableDetector::compare_with_boxes(Detections& found) {
   refused_.reserve(kUsualRoom);
   refused_ = found.refused_segments;  // a swap would hand a short memory to the caller
   found.refused_segments.clear();
   found.refused.reset();
-  judged_.clear();
-  judged_.reserve(kUsualRoom);
-  for (const Detection& detection : found.detections) judged_.push_back(detection.segment);
-  for (const RefusedSegment& segment : refused_) judged_.push_back(segment.segment);
-  const std::vector<ShapeEstimate>& shapes =
-      shapes_->infer(segments, judged_, scan_fit_.range_sigma_m, scan_fit_.prior_max_radius_m);
-
-  auto shape = shapes.begin();
-  for (Detection& detection : found.detections) {
-    const Detection box = box_detection(segments, detection.segment, scan_fit_, *shape++);
-    if (*detection_defect(box, scan_fit_) == '\0') detection = mixture(detection, box);
+  std::vector<Detection>& detections = found.detections;
+  const auto is_refined = [this](const Detection& detection) { return is_refined_[detection.segment] != 0; };
+  detections.erase(std::remove_if(detections.begin(), detections.end(), is_refined), detections.end());
+  for (Detection& detection : detections) {
+    const Judged& judged = judged_[judged_of_[detection.segment]];
+    if (*judged.box_defect == '\0') detection = mixture(detection, judged.as_box);
   }
   for (const RefusedSegment& segment : refused_) {
-    const Detection box = box_detection(segments, segment.segment, scan_fit_, *shape++);
-    const char* const defect = detection_defect(box, scan_fit_);
-    if (*defect == '\0') {
-      found.detections.push_back(box);
+    const Judged& judged = judged_[judged_of_[segment.segment]];
+    if (judged.is_refined) continue;
+    if (*judged.box_defect == '\0') {
+      detections.push_back(judged.as_box);
     } else {
-      found.refuse(segment.segment, defect);
+      found.refuse(segment.segment, judged.box_defect);
     }
   }
-  std::sort(found.detections.begin(), found.detections.end(),
+  for (const Judged& judged : judged_) {
+    if (judged.is_refined) detections.push_back(judged.refined);
+  }
+  std::sort(detections.begin(), detections.end(),
             [](const Detection& a, const Detection& b) { return a.segment < b.segment; });
 }
 

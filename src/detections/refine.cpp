@@ -70,16 +70,56 @@ auto overlaps_with(std::size_t segment, const std::vector<Overlap>& overlaps) {
   return std::equal_range(overlaps.begin(), overlaps.end(), segment, BySegment{});
 }
 
-/// Refuse what looks like a box and holds an object that is surely an ellipse: these are two things side by side.
-void refuse_composites(const Segments& segments, const std::vector<ExpectedOutline>& known_level,
-                       const std::vector<Overlap>& overlaps, Detections& found) {
+/// Kept for their memory.
+thread_local KnownObjects known_objects;
+
+}  // namespace
+
+void KnownObjects::set(const Segments& segments, const std::vector<ExpectedOutline>& known_level) {
+  segments_ = &segments;
+  known_level_ = &known_level;
+  overlaps_ = overlaps_of(segments, known_level, std::move(overlaps_));
+}
+
+std::size_t KnownObjects::known_of(std::size_t segment) const {
+  std::size_t result = kNotKnown;
+  double nearest_m = kMaxOffset_m;
+  auto [overlap, last] = overlaps_with(segment, overlaps_);
+  for (; overlap != last; ++overlap) {
+    const Segment& piece = segments_->segments[segment];
+    const ExpectedOutline& known = (*known_level_)[overlap->ellipse];
+    const Outline outline = outline_of(known.ellipse);
+    const double offset =
+        known.p_box > 0.5 ? mean_offset_m(*segments_, piece, known.box) : mean_offset_m(*segments_, piece, outline);
+    if (!(offset < nearest_m) || !on_near_side(*segments_, piece, outline)) continue;
+    nearest_m = offset;
+    result = overlap->ellipse;
+  }
+  return result;
+}
+
+bool KnownObjects::refined(std::size_t segment, double p_ellipse, double log_box_ratio, const EllipseFitParams& params,
+                           Detection& result) const {
+  const std::size_t known = known_of(segment);
+  if (known == kNotKnown) return false;
+  const ExpectedOutline& expected = (*known_level_)[known];
+  const bool is_box = expected.p_box > kSureOfShape;
+  if (!is_box && expected.p_box > 1.0 - kSureOfShape) return false;  // one scan's detection holds for either shape
+  result = is_box ? refined_box(*segments_, segment, params, expected.box)
+                  : refit_ellipse(*segments_, segment, params, expected.ellipse);
+  result.p_ellipse = p_ellipse;
+  result.log_box_ratio = log_box_ratio;
+  return *detection_defect(result, params) == '\0';
+}
+
+void KnownObjects::refuse_composites(Detections& found) const {
   const auto is_composite = [&](const Detection& detection) {
     if (detection.log_box_ratio <= 0.0) return false;
-    const auto [first, last] = overlaps_with(detection.segment, overlaps);
+    const auto [first, last] = overlaps_with(detection.segment, overlaps_);
     return std::any_of(first, last, [&](const Overlap& overlap) {
-      const ExpectedOutline& known = known_level[overlap.ellipse];
+      const ExpectedOutline& known = (*known_level_)[overlap.ellipse];
       return known.p_box < 1.0 - kSureOfShape &&
-             holds_more_than(segments, segments.segments[detection.segment], known.ellipse);
+             holds_more_than(*segments_, segments_->segments[detection.segment], known.ellipse);
     });
   };
   std::size_t kept = 0;
@@ -93,59 +133,28 @@ void refuse_composites(const Segments& segments, const std::vector<ExpectedOutli
   found.detections.resize(kept);
 }
 
-/// Of each detection, as known_of_each.
-std::vector<std::size_t> known_by(const Detections& detections, const Segments& segments,
-                                  const std::vector<ExpectedOutline>& known_level, const std::vector<Overlap>& overlaps,
-                                  std::vector<std::size_t> memory) {
-  std::vector<std::size_t> result = std::move(memory);
-  assign_with_room(result, detections.detections.size(), kNotKnown);
-  for (std::size_t i = 0; i < result.size(); ++i) {
-    const Segment& segment = segments.segments[detections.detections[i].segment];
-    double nearest_m = kMaxOffset_m;
-    auto [overlap, last] = overlaps_with(detections.detections[i].segment, overlaps);
-    for (; overlap != last; ++overlap) {
-      const ExpectedOutline& known = known_level[overlap->ellipse];
-      const Outline outline = outline_of(known.ellipse);
-      const double offset =
-          known.p_box > 0.5 ? mean_offset_m(segments, segment, known.box) : mean_offset_m(segments, segment, outline);
-      if (!(offset < nearest_m) || !on_near_side(segments, segment, outline)) continue;
-      nearest_m = offset;
-      result[i] = overlap->ellipse;
-    }
-  }
-  return result;
-}
-
-/// Kept for their memory.
-thread_local std::vector<Overlap> all_overlaps;
-
-}  // namespace
-
 std::vector<std::size_t> known_of_each(const Detections& detections, const Segments& segments,
                                        const std::vector<ExpectedOutline>& known_level,
                                        std::vector<std::size_t> memory) {
-  all_overlaps = overlaps_of(segments, known_level, std::move(all_overlaps));
-  return known_by(detections, segments, known_level, all_overlaps, std::move(memory));
+  known_objects.set(segments, known_level);
+  std::vector<std::size_t> result = std::move(memory);
+  assign_with_room(result, detections.detections.size(), kNotKnown);
+  for (std::size_t i = 0; i < result.size(); ++i) {
+    result[i] = known_objects.known_of(detections.detections[i].segment);
+  }
+  return result;
 }
 
 Detections refine(Detections detections, const Segments& segments, const std::vector<ExpectedOutline>& known_level,
                   const EllipseFitParams& params) {
   if (known_level.empty()) return detections;
-  all_overlaps = overlaps_of(segments, known_level, std::move(all_overlaps));
-  refuse_composites(segments, known_level, all_overlaps, detections);
-  thread_local std::vector<std::size_t> known;  // kept for its memory
-  known = known_by(detections, segments, known_level, all_overlaps, std::move(known));
-  for (std::size_t i = 0; i < known.size(); ++i) {
-    if (known[i] == kNotKnown) continue;
-    Detection& detection = detections.detections[i];
-    const ExpectedOutline& expected = known_level[known[i]];
-    const bool is_box = expected.p_box > kSureOfShape;
-    if (!is_box && expected.p_box > 1.0 - kSureOfShape) continue;  // one scan's detection holds for either shape
-    Detection refined = is_box ? refined_box(segments, detection.segment, params, expected.box)
-                               : refit_ellipse(segments, detection.segment, params, expected.ellipse);
-    refined.p_ellipse = detection.p_ellipse;
-    refined.log_box_ratio = detection.log_box_ratio;
-    if (*detection_defect(refined, params) == '\0') detection = refined;
+  known_objects.set(segments, known_level);
+  known_objects.refuse_composites(detections);
+  for (Detection& detection : detections.detections) {
+    Detection refined;
+    if (known_objects.refined(detection.segment, detection.p_ellipse, detection.log_box_ratio, params, refined)) {
+      detection = refined;
+    }
   }
   return detections;
 }

@@ -9,12 +9,12 @@ namespace situation_awareness {
 
 /// The common part of all detectors: calls `detect_one(segment index) -> Detection` for each segment of kind kObject
 /// for which `refusal(segment index) -> const char*` is empty, and refuses untrustworthy results. The prior is that of
-/// assess_ellipse's covariance.
-template <class DetectOne, class Refusal>
-void detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one, Refusal&& refusal,
-                 Detections& found) {
+/// assess_ellipse's covariance. Segments for which `is_asked(segment index)` is false are left out.
+template <class IsAsked, class DetectOne, class Refusal>
+void detect_each_asked(const Segments& segments, const EllipseFitParams& params, IsAsked&& is_asked,
+                       DetectOne&& detect_one, Refusal&& refusal, Detections& found) {
   for (std::size_t i = 0; i < segments.segments.size(); ++i) {
-    if (segments.segments[i].kind != SegmentKind::kObject) continue;
+    if (segments.segments[i].kind != SegmentKind::kObject || !is_asked(i)) continue;
     const char* const reason = refusal(i);
     if (*reason != '\0') {
       found.refuse(i, reason);
@@ -28,6 +28,13 @@ void detect_each(const Segments& segments, const EllipseFitParams& params, Detec
       found.refuse(i, defect);
     }
   }
+}
+
+template <class DetectOne, class Refusal>
+void detect_each(const Segments& segments, const EllipseFitParams& params, DetectOne&& detect_one, Refusal&& refusal,
+                 Detections& found) {
+  const auto all = [](std::size_t /*segment*/) { return true; };
+  detect_each_asked(segments, params, all, detect_one, refusal, found);
 }
 
 /// Reason why most detectors cannot use a segment; empty if it shows at least one edge of the object.

@@ -61,6 +61,10 @@ Detection refit_ellipse(const Segments& segments, std::size_t segment, const Ell
 Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Vector5d& smooth_level);
 
+/// The same without its residual.
+Detection unassessed_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
+                               const Vector5d& smooth_level);
+
 /// The detection of `ellipse_level`, from any estimator: its residual, and its covariance from the Hessian of the same
 /// cost (Laplace approximation).
 Detection assess_ellipse(const Segments& segments, std::size_t segment, const EllipseFitParams& params,

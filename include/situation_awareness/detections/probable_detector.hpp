@@ -9,6 +9,7 @@
 #include "situation_awareness/detections/detections.hpp"
 #include "situation_awareness/detections/detector.hpp"
 #include "situation_awareness/detections/least_squares.hpp"
+#include "situation_awareness/detections/refine.hpp"
 #include "situation_awareness/detections/shape_network.hpp"
 #include "situation_awareness/geometry/expected_outline.hpp"
 #include "situation_awareness/segments/segments.hpp"
@@ -26,7 +27,8 @@ class ProbableDetector final : public Detector {
   ProbableDetector(std::unique_ptr<Detector> detector, std::unique_ptr<ShapeNetwork> shapes,
                    const EllipseFitParams& fit);
 
-  /// Detections of one scan, refined about what the map expects in it (`refine`).
+  /// Detections of one scan, refined about what the map expects in it: those of `refine`. The other detector is asked
+  /// only for segments where its result matters.
   Detections detect(const Segments& segments, const std::vector<ExpectedOutline>& known_level, Detections memory = {});
   using Detector::detect;
 
@@ -43,15 +45,30 @@ class ProbableDetector final : public Detector {
  private:
   void find(const Segments& segments, Detections& found) override;
   void refuse_improbable(Detections& found) const;
-  void compare_with_boxes(const Segments& segments, Detections& found);
+  void judge_shapes(const Segments& segments);
+  void refine_known(const Segments& segments);
+  void compare_with_boxes(Detections& found);
 
   std::unique_ptr<Detector> detector_;
   std::unique_ptr<ShapeNetwork> shapes_;  ///< null: only ellipses are expected
   double min_p_ellipse_ = 0.0;
   EllipseFitParams fit_;
-  EllipseFitParams scan_fit_;            ///< with the range noise of the latest scan
-  std::vector<std::size_t> judged_;      ///< segments, kept for its memory
-  std::vector<RefusedSegment> refused_;  ///< by the other detector, kept for its memory
+  EllipseFitParams scan_fit_;  ///< with the range noise of the latest scan
+  /// A segment, and what is known of it before the other detector is asked.
+  struct Judged {
+    Detection as_box;
+    const char* box_defect = "";
+    bool is_refined = false;  ///< as a known object, whatever the other detector would say
+    Detection refined;
+  };
+  bool refines_ = false;  ///< during detect() with known objects
+  KnownObjects known_objects_;
+  // Kept for their memory:
+  std::vector<std::size_t> objects_;     ///< segments
+  std::vector<Judged> judged_;           ///< of objects_
+  std::vector<std::size_t> judged_of_;   ///< of the segments
+  std::vector<char> is_refined_;         ///< of the segments
+  std::vector<RefusedSegment> refused_;  ///< by the other detector
 };
 
 }  // namespace situation_awareness

@@ -19,6 +19,30 @@ std::vector<std::size_t> known_of_each(const Detections& detections, const Segme
                                        const std::vector<ExpectedOutline>& known_level,
                                        std::vector<std::size_t> memory = {});
 
+/// What the map expects of the segments of one scan, for `refine`. It keeps its memory from scan to scan.
+class KnownObjects {
+ public:
+  /// Both are used until the next call.
+  void set(const Segments& segments, const std::vector<ExpectedOutline>& known_level);
+
+  /// Index of the expected outline on which the hits of the segment lie, or kNotKnown.
+  std::size_t known_of(std::size_t segment) const;
+
+  /// The detection of the segment as that of the known object on which it lies, and true; false if it lies on none, may
+  /// be of either shape, or if this detection would be untrustworthy. Of the detection of the segment alone it has
+  /// `p_ellipse` and `log_box_ratio`; nothing else of that counts.
+  bool refined(std::size_t segment, double p_ellipse, double log_box_ratio, const EllipseFitParams& params,
+               Detection& result) const;
+
+  /// Refuses what looks like a box and holds an object that is surely an ellipse: these are two things side by side.
+  void refuse_composites(Detections& found) const;
+
+ private:
+  const Segments* segments_ = nullptr;
+  const std::vector<ExpectedOutline>* known_level_ = nullptr;
+  std::vector<Overlap> overlaps_;
+};
+
 /// Refine detections of known objects about the ellipses that the map predicts (`refit_ellipse`), without the bias of a
 /// detector that uses one scan. `known_level` are the expected outlines in this scan; detections whose hits lie on none
 /// of them are unchanged, and so are those whose refined result would be untrustworthy.
