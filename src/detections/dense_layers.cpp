@@ -18,6 +18,15 @@ namespace {
 
 constexpr int kPanel = 16;  // outputs of a tile
 
+/// Rows of a tile whose inputs are not all used.
+constexpr int kSparseRows = 2;
+
+/// Rows of indices of the inputs that are not zero, as many as the counts say; none where the product uses all.
+struct SparseInputs {
+  const int* used;
+  const int* counts;
+};
+
 struct Product {
   const float* inputs;  ///< rows of n numbers
   int n;
@@ -99,20 +108,116 @@ template <typename Lanes, int kMostRows>
   }
 }
 
-void multiply_portable(const Product& product, int rows) { multiply_rows<Four, 2>(product, rows); }
+/// Half of what a layer with `relu` gives are zeros, which add nothing: the sums are those of the dense product, bit
+/// for bit. Rows of a tile use as many inputs, the shorter ones a zero behind their own.
+template <typename Lanes, int kRows, int kPanels>
+[[gnu::always_inline]] inline void multiply_sparse_tile(const Product& product, const SparseInputs& sparse, int row,
+                                                        int panel) {
+  using Vector = typename Lanes::Vector;
+  constexpr int kWidth = Lanes::kWidth;
+  constexpr int kVectors = kPanel / kWidth;
+  const auto n = static_cast<std::ptrdiff_t>(product.n);
+  const std::ptrdiff_t panel_size = kPanel * (n + 1);
+  const float* const w = product.panels + panel * panel_size;
+  const float* const x = product.inputs + row * n;
+  const int* const used = sparse.used + row * n;
+  Vector sums[kRows][kPanels][kVectors];
+  for (int p = 0; p < kPanels; ++p) {
+    for (int v = 0; v < kVectors; ++v) {
+      Vector bias;
+      std::memcpy(&bias, w + p * panel_size + v * kWidth, sizeof(bias));
+      for (int r = 0; r < kRows; ++r) sums[r][p][v] = bias;
+    }
+  }
+  const int count = sparse.counts[row];
+  for (std::ptrdiff_t k = 0; k < count; ++k) {
+    for (int r = 0; r < kRows; ++r) {
+      const std::ptrdiff_t i = used[r * n + k];
+      const float input = x[r * n + i];
+      const float* const weights_of = w + (i + 1) * kPanel;
+      for (int p = 0; p < kPanels; ++p) {
+        for (int v = 0; v < kVectors; ++v) {
+          Vector weights;
+          std::memcpy(&weights, weights_of + p * panel_size + v * kWidth, sizeof(weights));
+          sums[r][p][v] += weights * input;
+        }
+      }
+    }
+  }
+  for (int p = 0; p < kPanels; ++p) {
+    const int first = (panel + p) * kPanel;
+    const int last = std::min(first + kPanel, product.outputs);
+    for (int r = 0; r < kRows; ++r) {
+      float results[kPanel];
+      std::memcpy(results, sums[r][p], sizeof(results));
+      float* const y = product.results + static_cast<std::ptrdiff_t>(row + r) * product.outputs;
+      for (int j = first; j < last; ++j) {
+        const float sum = results[j - first];
+        y[j] = product.relu && sum < 0.0F ? 0.0F : sum;
+      }
+    }
+  }
+}
+
+template <typename Lanes, int kPanels>
+[[gnu::always_inline]] inline void multiply_sparse_rows(const Product& product, const SparseInputs& sparse, int rows,
+                                                        int panel) {
+  int row = 0;
+  for (; row + kSparseRows <= rows; row += kSparseRows) {
+    multiply_sparse_tile<Lanes, kSparseRows, kPanels>(product, sparse, row, panel);
+  }
+  for (; row < rows; ++row) multiply_sparse_tile<Lanes, 1, kPanels>(product, sparse, row, panel);
+}
+
+template <typename Lanes>
+[[gnu::always_inline]] inline void multiply_sparse(const Product& product, const SparseInputs& sparse, int rows) {
+  const int panels = (product.outputs + kPanel - 1) / kPanel;
+  int panel = 0;
+  for (; panel + 2 <= panels; panel += 2) multiply_sparse_rows<Lanes, 2>(product, sparse, rows, panel);
+  if (panel < panels) multiply_sparse_rows<Lanes, 1>(product, sparse, rows, panel);
+}
+
+void multiply_portable(const Product& product, const SparseInputs& sparse, int rows) {
+  sparse.counts != nullptr ? multiply_sparse<Four>(product, sparse, rows) : multiply_rows<Four, 2>(product, rows);
+}
 
 #if defined(__x86_64__)
-[[gnu::target("avx2,fma")]] void multiply_avx2(const Product& product, int rows) {
-  multiply_rows<Eight, 5>(product, rows);
+[[gnu::target("avx2,fma")]] void multiply_avx2(const Product& product, const SparseInputs& sparse, int rows) {
+  sparse.counts != nullptr ? multiply_sparse<Eight>(product, sparse, rows) : multiply_rows<Eight, 5>(product, rows);
 }
 #endif
 
-void multiply(const Product& product, int rows) {
+void multiply(const Product& product, const SparseInputs& sparse, int rows) {
 #if defined(__x86_64__)
   static const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  if (has_avx2) return multiply_avx2(product, rows);
+  if (has_avx2) return multiply_avx2(product, sparse, rows);
 #endif
-  multiply_portable(product, rows);
+  multiply_portable(product, sparse, rows);
+}
+
+/// The inputs that are not zero, row by row.
+void find_used(const float* inputs, int n, int rows, int* used, int* counts) {
+  for (int row = 0; row < rows; ++row) {
+    const float* const x = inputs + static_cast<std::ptrdiff_t>(row) * n;
+    int* const of_row = used + static_cast<std::ptrdiff_t>(row) * n;
+    int count = 0;
+    for (int i = 0; i < n; ++i) {
+      of_row[count] = i;
+      count += x[i] != 0.0F ? 1 : 0;
+    }
+    counts[row] = count;
+  }
+  for (int row = 0; row + kSparseRows <= rows; row += kSparseRows) {
+    const int most = *std::max_element(counts + row, counts + row + kSparseRows);
+    for (int r = row; r < row + kSparseRows; ++r) {
+      int* const of_row = used + static_cast<std::ptrdiff_t>(r) * n;
+      if (counts[r] == most) continue;
+      int zero = 0;  // the first one that is left out
+      while (zero < counts[r] && of_row[zero] == zero) ++zero;
+      std::fill(of_row + counts[r], of_row + most, zero);
+      counts[r] = most;
+    }
+  }
 }
 
 }  // namespace
@@ -139,10 +244,20 @@ int DenseLayers::inputs() const { return empty() ? 0 : layers_.front().inputs; }
 int DenseLayers::outputs() const { return empty() ? 0 : layers_.back().outputs; }
 
 const float* DenseLayers::forward(const float* inputs, int rows) {
+  bool is_sparse = false;
   for (const Layer& layer : layers_) {
     const auto size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(layer.outputs);
     if (back_.size() < size) assign_with_room(back_, size, 0.0F);
-    multiply({inputs, layer.inputs, layer.panels.data(), layer.outputs, layer.relu, back_.data()}, rows);
+    const auto inputs_size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(layer.inputs);
+    SparseInputs sparse{nullptr, nullptr};
+    if (is_sparse) {
+      if (used_.size() < inputs_size) assign_with_room(used_, inputs_size, 0);
+      if (counts_.size() < static_cast<std::size_t>(rows)) assign_with_room(counts_, static_cast<std::size_t>(rows), 0);
+      find_used(inputs, layer.inputs, rows, used_.data(), counts_.data());
+      sparse = {used_.data(), counts_.data()};
+    }
+    multiply({inputs, layer.inputs, layer.panels.data(), layer.outputs, layer.relu, back_.data()}, sparse, rows);
+    is_sparse = layer.relu;
     std::swap(front_, back_);
     inputs = front_.data();
   }

@@ -38,6 +38,7 @@ class DenseLayers {
   };
 
   std::vector<Layer> layers_;
+  std::vector<int> used_, counts_;   ///< inputs of a layer that are not zero, kept for their memory
   std::vector<float> front_, back_;  ///< outputs of two layers in turn, kept for their memory
 };
 
