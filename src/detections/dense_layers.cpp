@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <stdexcept>
 #include <string>
@@ -48,6 +49,22 @@ struct Eight {
 };
 #endif
 
+/// The sums of one row and panel, as results.
+template <typename Vector, int kVectors>
+[[gnu::always_inline]] inline void store(const Product& product, int row, int panel, Vector (&sums)[kVectors]) {
+  if (product.relu) {
+    const Vector zero{};
+    for (Vector& sum : sums) sum = sum < zero ? zero : sum;
+  }
+  const int first = panel * kPanel;
+  float* const y = product.results + static_cast<std::ptrdiff_t>(row) * product.outputs + first;
+  if (first + kPanel <= product.outputs) {
+    std::memcpy(y, sums, sizeof(sums));
+  } else {
+    std::memcpy(y, sums, static_cast<std::size_t>(product.outputs - first) * sizeof(float));
+  }
+}
+
 template <typename Lanes, int kRows>
 [[gnu::always_inline]] inline void multiply_tile(const Product& product, int row, int panel) {
   using Vector = typename Lanes::Vector;
@@ -70,17 +87,7 @@ template <typename Lanes, int kRows>
       for (int r = 0; r < kRows; ++r) sums[r][v] += weights * x[r * n + i];
     }
   }
-  const int first = panel * kPanel;
-  const int last = std::min(first + kPanel, product.outputs);
-  for (int r = 0; r < kRows; ++r) {
-    float results[kPanel];
-    std::memcpy(results, sums[r], sizeof(results));
-    float* const y = product.results + static_cast<std::ptrdiff_t>(row + r) * product.outputs;
-    for (int j = first; j < last; ++j) {
-      const float sum = results[j - first];
-      y[j] = product.relu && sum < 0.0F ? 0.0F : sum;
-    }
-  }
+  for (int r = 0; r < kRows; ++r) store(product, row + r, panel, sums[r]);
 }
 
 /// A tile of `rows` rows, kMost at most.
@@ -145,17 +152,7 @@ template <typename Lanes, int kRows, int kPanels>
     }
   }
   for (int p = 0; p < kPanels; ++p) {
-    const int first = (panel + p) * kPanel;
-    const int last = std::min(first + kPanel, product.outputs);
-    for (int r = 0; r < kRows; ++r) {
-      float results[kPanel];
-      std::memcpy(results, sums[r][p], sizeof(results));
-      float* const y = product.results + static_cast<std::ptrdiff_t>(row + r) * product.outputs;
-      for (int j = first; j < last; ++j) {
-        const float sum = results[j - first];
-        y[j] = product.relu && sum < 0.0F ? 0.0F : sum;
-      }
-    }
+    for (int r = 0; r < kRows; ++r) store(product, row + r, panel + p, sums[r][p]);
   }
 }
 
@@ -202,8 +199,10 @@ void find_used(const float* inputs, int n, int rows, int* used, int* counts) {
     int* const of_row = used + static_cast<std::ptrdiff_t>(row) * n;
     int count = 0;
     for (int i = 0; i < n; ++i) {
+      std::uint32_t bits = 0;
+      std::memcpy(&bits, x + i, sizeof(bits));
       of_row[count] = i;
-      count += x[i] != 0.0F ? 1 : 0;
+      count += bits << 1U != 0 ? 1 : 0;  // without the sign
     }
     counts[row] = count;
   }
