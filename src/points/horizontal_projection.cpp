@@ -34,10 +34,14 @@ Motion motion_between(const Eigen::Isometry3d& T_world_first, const Eigen::Isome
   return motion;
 }
 
-/// `v` rotated about the unit vector `axis` (Rodrigues).
-Eigen::Vector3d turned(const Eigen::Vector3d& v, const Eigen::Vector3d& axis, double angle_rad) {
+/// The vector (x, y, 0) rotated about the unit vector `axis` (Rodrigues).
+Eigen::Vector3d turned(const Eigen::Vector2d& v, const Eigen::Vector3d& axis, double angle_rad) {
   const double c = std::cos(angle_rad);
-  return c * v + std::sin(angle_rad) * axis.cross(v) + (1.0 - c) * axis.dot(v) * axis;
+  const double s = std::sin(angle_rad);
+  const double along = (1.0 - c) * (axis.x() * v.x() + axis.y() * v.y());
+  return {(c * v.x() - s * (axis.z() * v.y())) + along * axis.x(),
+          (c * v.y() + s * (axis.z() * v.x())) + along * axis.y(),
+          s * (axis.x() * v.y() - axis.y() * v.x()) + along * axis.z()};
 }
 
 /// Unit vectors along the beams of a scan, in the lidar's frame. They are the same from scan to scan, so they are
@@ -192,9 +196,9 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = clockwise ? n - 1 - k : k;
     const double part = static_cast<double>(i) / steps;  // fraction of the motion at the time of this beam
-    const Eigen::Vector3d ray_lidar(rays[i].x(), rays[i].y(), 0.0);
-    const Eigen::Vector2d direction_level =
-        R_level_lidar * (motion.moves ? turned(ray_lidar, motion.axis_lidar, part * motion.turn_rad) : ray_lidar);
+    const Eigen::Vector3d ray_lidar = motion.moves ? turned(rays[i], motion.axis_lidar, part * motion.turn_rad)
+                                                   : Eigen::Vector3d(rays[i].x(), rays[i].y(), 0.0);
+    const Eigen::Vector2d direction_level = R_level_lidar * ray_lidar;
     const Eigen::Vector2d lidar_level_m = part * translation_level_m;
 
     const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
