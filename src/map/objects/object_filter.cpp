@@ -2,12 +2,14 @@
 #include "situation_awareness/map/objects/object_filter.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
 #include <Eigen/LU>
 
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/objects/rates.hpp"
 
 namespace situation_awareness {
 
@@ -205,11 +207,12 @@ Matrix8d of_error_state(const Matrix8d& P, const Eigen::RowVector3d& by_psi,
 }
 
 /// X with L L^T X = B, in the steps of Eigen's solver.
-Eigen::Matrix<double, 5, 8> solve(const Matrix5d& L, const Eigen::Matrix<double, 5, 8>& B) {
-  Eigen::Matrix<double, 5, 8> X = B;
+template <int Columns>
+Eigen::Matrix<double, 5, Columns> solve(const Matrix5d& L, const Eigen::Matrix<double, 5, Columns>& B) {
+  Eigen::Matrix<double, 5, Columns> X = B;
   Vector5d inverse;
   for (int i = 0; i < 5; ++i) inverse(i) = 1.0 / L(i, i);
-  for (int c = 0; c < 8; ++c) {
+  for (int c = 0; c < Columns; ++c) {
     double x0 = X(0, c), x1 = X(1, c), x2 = X(2, c), x3 = X(3, c), x4 = X(4, c);
     x0 *= inverse(0);
     x1 = (x1 - x0 * L(1, 0)) * inverse(1);
@@ -224,6 +227,52 @@ Eigen::Matrix<double, 5, 8> solve(const Matrix5d& L, const Eigen::Matrix<double,
     X.col(c) << x0, x1, x2, x3, x4;
   }
   return X;
+}
+
+/// Rows of the state that are not zero in the covariance of what stands.
+constexpr std::array<int, 5> kPlaceAndShape{kPosition, kPosition + 1, kShape, kAxis, kAxis + 1};
+
+/// A B, each sum in the order of the columns of A.
+Matrix5d product(const Matrix5d& A, const Matrix5d& B) {
+  Matrix5d AB;
+  for (int c = 0; c < 5; ++c) {
+    Vector5d sum = A.col(0) * B(0, c);
+    for (int k = 1; k < 5; ++k) sum += A.col(k) * B(k, c);
+    AB.col(c) = sum;
+  }
+  return AB;
+}
+
+/// A P A^T.
+Matrix5d transformed_in_order(const Matrix5d& A, const Matrix5d& P) { return product(product(A, P), A.transpose()); }
+
+/// The update of what stands, without the zeros of P either.
+void correct_standing(ObjectEstimate& estimate, const Match& match, const MeasuringFrame& level, const Matrix5d& L,
+                      const Eigen::Matrix<double, 5, 8>& HP, const Matrix5d& R) {
+  const Eigen::Matrix2d& A = level.R_level_world;
+  const Eigen::Matrix2d& T = level.axis_turn;
+  Matrix5d HP_of_five, P;
+  for (int c = 0; c < 5; ++c) {
+    const int column = kPlaceAndShape[static_cast<std::size_t>(c)];
+    HP_of_five.col(c) = HP.col(column);
+    for (int r = 0; r < 5; ++r) P(r, c) = estimate.P(kPlaceAndShape[static_cast<std::size_t>(r)], column);
+  }
+  const Matrix5d K = solve(L, HP_of_five).transpose();
+  Matrix5d I_KH = Matrix5d::Identity();
+  for (int c = 0; c < 2; ++c) {
+    I_KH.col(c) -= K.col(0) * A(0, c) + K.col(1) * A(1, c);
+    I_KH.col(3 + c) -= K.col(3) * T(0, c) + K.col(4) * T(1, c);
+  }
+  I_KH.col(2) -= K.col(2);
+  const Matrix5d sum = transformed_in_order(I_KH, P) + transformed_in_order(K, R);
+  const Matrix5d corrected = 0.5 * (sum + sum.transpose());
+  Vector5d e = K.col(0) * match.nu(0);
+  for (int k = 1; k < 5; ++k) e += K.col(k) * match.nu(k);
+  for (int c = 0; c < 5; ++c) {
+    const int column = kPlaceAndShape[static_cast<std::size_t>(c)];
+    estimate.x(column) += e(c);
+    for (int r = 0; r < 5; ++r) estimate.P(kPlaceAndShape[static_cast<std::size_t>(r)], column) = corrected(r, c);
+  }
 }
 
 /// The update of the filter (estimation/error_state_filter.hpp) without the zeros of H.
@@ -243,6 +292,7 @@ void correct(ObjectEstimate& estimate, const Match& match, const MeasuringFrame&
   }
   Matrix5d L;
   if (!cholesky(match.S, L)) L.setConstant(std::numeric_limits<double>::quiet_NaN());
+  if (has_no_rates(estimate)) return correct_standing(estimate, match, level, L, HP, R);
   const Eigen::Matrix<double, 8, 5> K = solve(L, HP).transpose();
   Matrix8d I_KH = Matrix8d::Identity();
   for (int c = 0; c < 2; ++c) {

@@ -9,6 +9,7 @@
 #include "situation_awareness/common/usual_room.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/objects/existence.hpp"
+#include "situation_awareness/map/objects/rates.hpp"
 #include "situation_awareness/map/objects/shape_belief.hpp"
 
 namespace situation_awareness {
@@ -39,13 +40,6 @@ constexpr double kCoverMargin_m = 0.5;
 
 double position_variance_m2(const ObjectEstimate& estimate) {
   return estimate.P.block<2, 2>(kPosition, kPosition).trace();
-}
-
-/// True if the state has no velocities, nor any uncertainty of them.
-bool has_no_rates(const ObjectEstimate& estimate) {
-  constexpr int kRates = 3;  // velocity and angular velocity, side by side
-  return estimate.x.segment<kRates>(kVelocity).isZero(0.0) && estimate.P.middleRows<kRates>(kVelocity).isZero(0.0) &&
-         estimate.P.middleCols<kRates>(kVelocity).isZero(0.0);
 }
 
 /// Azimuth to kRough_rad.
