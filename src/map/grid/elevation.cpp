@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -154,19 +155,58 @@ Eigen::AlignedBox3d Elevation::box_world_m() const {
 }
 
 double Elevation::at(double x_world_m, double y_world_m) const {
-  const double column = (x_world_m - corner_world_m_.x()) / pixel_m_.x() - 0.5;
-  const double row = (corner_world_m_.y() - y_world_m) / pixel_m_.y() - 0.5;
-  if (!(column >= -0.5 && column <= width_ - 0.5 && row >= -0.5 && row <= height_ - 0.5)) return kUnknown;
-  const double u = std::clamp(column, 0.0, width_ - 1.0), v = std::clamp(row, 0.0, height_ - 1.0);
-  const int c = std::min(static_cast<int>(u), std::max(width_ - 2, 0));
-  const int r = std::min(static_cast<int>(v), std::max(height_ - 2, 0));
-  const double right = u - c, down = v - r;
-  const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
-  // A neighbour of weight 0 does not make it unknown.
-  const auto mix = [](double a, double b, double part) {
-    return part == 0.0 ? a : part == 1.0 ? b : (1.0 - part) * a + part * b;
-  };
-  return mix(mix(value(c, r), value(c1, r), right), mix(value(c, r1), value(c1, r1), right), down);
+  double height_m = 0.0;
+  constexpr double kHere = 0.0;
+  along({x_world_m, y_world_m}, Eigen::Vector2d::Zero(), &kHere, 1, &height_m);
+  return height_m;
+}
+
+void Elevation::along(const Eigen::Vector2d& begin_world_m, const Eigen::Vector2d& direction, const double* distances_m,
+                      std::size_t count, double* heights_world_m) const {
+  constexpr std::size_t kAtOnce = 32;
+  std::array<double, kAtOnce> inside, right, down, a, b, c, d;
+  std::array<std::int32_t, kAtOnce> columns, rows;
+  const double x0_m = begin_world_m.x(), y0_m = begin_world_m.y(), dx = direction.x(), dy = direction.y();
+  const double west_m = corner_world_m_.x(), north_m = corner_world_m_.y(), wide_m = pixel_m_.x(),
+               high_m = pixel_m_.y();
+  const double last_column = width_ - 1.0, last_row = height_ - 1.0;
+  const std::int32_t most_column = std::max(width_ - 2, 0), most_row = std::max(height_ - 2, 0);
+  const std::size_t next_column = width_ > 1 ? 1 : 0, next_row = height_ > 1 ? static_cast<std::size_t>(width_) : 0;
+  for (std::size_t first = 0; first < count; first += kAtOnce) {
+    const std::size_t n = std::min(kAtOnce, count - first);
+    const double* const away_m = distances_m + first;
+    double* const heights_m = heights_world_m + first;
+    for (std::size_t i = 0; i < n; ++i) {
+      const double column = (x0_m + away_m[i] * dx - west_m) / wide_m - 0.5;
+      const double row = (north_m - (y0_m + away_m[i] * dy)) / high_m - 0.5;
+      inside[i] = column >= -0.5 && column <= last_column + 0.5 && row >= -0.5 && row <= last_row + 0.5 ? 1.0 : 0.0;
+      const double u = column > 0.0 ? column : 0.0, v = row > 0.0 ? row : 0.0;
+      right[i] = u < last_column ? u : last_column;
+      down[i] = v < last_row ? v : last_row;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      columns[i] = std::min(static_cast<std::int32_t>(right[i]), most_column);
+      rows[i] = std::min(static_cast<std::int32_t>(down[i]), most_row);
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      const float* const pixel = &heights_[static_cast<std::size_t>(rows[i]) * static_cast<std::size_t>(width_) +
+                                           static_cast<std::size_t>(columns[i])];
+      a[i] = static_cast<double>(pixel[0]);
+      b[i] = static_cast<double>(pixel[next_column]);
+      c[i] = static_cast<double>(pixel[next_row]);
+      d[i] = static_cast<double>(pixel[next_row + next_column]);
+    }
+    // A neighbour of weight 0 does not make it unknown.
+    const auto mix = [](double one, double other, double part) {
+      const double mean = (1.0 - part) * one + part * other;
+      return part == 0.0 ? one : part == 1.0 ? other : mean;
+    };
+    for (std::size_t i = 0; i < n; ++i) {
+      const double to_right = right[i] - columns[i], below = down[i] - rows[i];
+      const double height_m = mix(mix(a[i], b[i], to_right), mix(c[i], d[i], to_right), below);
+      heights_m[i] = inside[i] != 0.0 ? height_m : kUnknown;
+    }
+  }
 }
 
 }  // namespace situation_awareness

@@ -7,6 +7,7 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 namespace situation_awareness {
@@ -44,40 +45,71 @@ struct Directions {
   float spread() const { return turned > 0.0F ? std::max(0.0F, 1.0F - (sum / turned).squaredNorm()) : 0.0F; }
 };
 
-/// The same of all images that show a cell.
-struct SeenFrom : Directions {
-  Eigen::Vector3f latest;  ///< of the latest image, if there is one
-};
-
-/// Of a cell by each error of the elevation: sums over images of their weights, and of their evidence times these.
+/// Of a cell on which an image showed something of the class, by each error of the elevation: sums over images of their
+/// weights, and of their evidence times these.
 struct Evidence {
   std::array<float, kOffsets> weight{};
   std::array<float, kOffsets> sharp_sum{};      ///< by the labels as they are
   std::array<float, kOffsets> soft_sum{};       ///< by their means over 3 x 3 pixels
   std::array<Directions, kOffsets> class_seen;  ///< from where images show the class
+  std::int32_t class_images = 0;                ///< with evidence for the class, by any offset
+  std::int32_t class_latest = 0;                ///< the number of the latest by the offset that was believed
 
   float sharp(std::size_t offset) const { return weight[offset] > 0.0F ? sharp_sum[offset] / weight[offset] : 0.0F; }
   float soft(std::size_t offset) const { return weight[offset] > 0.0F ? soft_sum[offset] / weight[offset] : 0.0F; }
 };
 
-/// Evidence on the cells of a square of the world.
+/// What images tell of the cells of a tile. Numbers of a cell are in arrays, as most cells are treated alike, a row at
+/// a time: those that show nothing of the class.
+struct Observed {
+  using Cells = std::array<float, kCellsOfTile>;
+
+  std::array<std::int32_t, kCellsOfTile> images{};
+  Cells seen_x{}, seen_y{}, seen_z{}, turned{};  ///< Directions of all images that show the cell
+  Cells latest_x{}, latest_y{}, latest_z{};      ///< the latest of these directions
+  Cells nothing_weight{};                        ///< of images, until one shows something of the class on the cell
+  std::array<std::uint16_t, kCellsOfTile> number_of{};  ///< from 1 on, of the cell's evidence from then on; 0: none
+  std::vector<Evidence> evidence;
+  bool is_any_known = false;  ///< an image is evidence on a cell
+  bool has_evidence = false;  ///< an image showed something of the class in the tile
+
+  Evidence* find(std::size_t cell) { return number_of[cell] == 0 ? nullptr : &evidence[number_of[cell] - 1U]; }
+  const Evidence* find(std::size_t cell) const {
+    return number_of[cell] == 0 ? nullptr : &evidence[number_of[cell] - 1U];
+  }
+  Directions seen(std::size_t cell) const {
+    return {Eigen::Vector3f(seen_x[cell], seen_y[cell], seen_z[cell]), turned[cell]};
+  }
+};
+
+/// Cells of a square of the world.
 struct Tile {
   std::array<float, kCellsOfTile> ground_world_m;  ///< NaN where it is not known
-  std::array<std::int32_t, kCellsOfTile> images{};
-  std::array<std::int32_t, kCellsOfTile> class_images{};  ///< with evidence for the class, by any offset
-  std::array<std::int32_t, kCellsOfTile> class_latest{};  ///< the number of the latest by the offset that was believed
-  std::array<SeenFrom, kCellsOfTile> seen;
-  std::vector<float> nothing_weight;  ///< of images that show nothing of the class, until one shows something
-  std::vector<Evidence> evidence;     ///< from then on
-  double low_m = 0.0, high_m = 0.0;   ///< of its ground; low_m > high_m where none is known
+  std::unique_ptr<Observed> observed;              ///< null until an image shows the tile
+  double low_m = 0.0, high_m = 0.0;                ///< of its ground; low_m > high_m where none is known
 };
+
+/// Of the cells of a row of a tile.
+template <class Number>
+using Row = std::array<Number, kTileCells>;
+
+/// The same of numbers that are 1 or 0. As wide as the numbers that they are found by, several are found at once.
+using Mask = Row<double>;
+
+bool any_of(const Mask& mask) {
+  return std::any_of(mask.begin(), mask.end(), [](double is) { return is != 0.0; });
+}
 
 /// Labels that are read in between the pixels. Exactly 0.5 is not known, but for a pixel at an edge: one between others
 /// of less and of more, which is half of the class.
 class LabelReader {
  public:
-  explicit LabelReader(const SoftLabels& labels)
-      : width_(labels.camera.width), height_(labels.camera.height), labels_(labels.probability) {
+  /// From now on of these.
+  void read(const SoftLabels& labels) {
+    width_ = labels.camera.width;
+    height_ = labels.camera.height;
+    is_all_known_ = true;
+    labels_ = labels.probability;
     for (int v = 0; v < height_; ++v) {
       for (int u = 0; u < width_; ++u) {
         const std::size_t i = index(u, v);
@@ -104,13 +136,19 @@ class LabelReader {
 
   bool is_all_known() const { return is_all_known_; }
 
+  double right_px() const { return width_ - 0.5; }  ///< of the image
+  double low_px() const { return height_ - 0.5; }
+
   bool contains(double u, double v) const { return u >= -0.5 && v >= -0.5 && u <= width_ - 0.5 && v <= height_ - 0.5; }
 
   /// Bilinear; NaN where a pixel that counts is not known.
-  float value(double u, double v) const { return between(u, v, labels_); }
+  float value(double u, double v) const { return between(place_between(u, v), labels_); }
 
-  /// The same of the means of 3 x 3 pixels; those that are not known count as nothing of the class.
-  float soft_value(double u, double v) const { return between(u, v, means_); }
+  /// The same, and that of the means of 3 x 3 pixels; those that are not known count as nothing of the class.
+  std::pair<float, float> sharp_and_soft(double u, double v) const {
+    const Between at = place_between(u, v);
+    return {between(at, labels_), between(at, means_)};
+  }
 
   /// The greatest of 5 x 5 pixels around: less than 1 where something is thinner than a pixel.
   float peak(double u, double v) const {
@@ -121,17 +159,47 @@ class LabelReader {
 
   /// Whether a pixel that may be of the class is in a rectangle, or beside it.
   bool has_class(double u_min, double u_max, double v_min, double v_max) const {
-    const auto within = [](double edge, int size) {
-      return static_cast<int>(std::clamp(edge, 0.0, static_cast<double>(size)));
+    return has_class_between(begin(u_min, width_), end(u_max, width_), begin(v_min, height_), end(v_max, height_));
+  }
+
+  /// The same of the rectangles between two points each.
+  void find_class(const Row<double>& u_px, const Row<double>& other_u_px, const Row<double>& v_px,
+                  const Row<double>& other_v_px, const Mask& is_asked, Row<std::int32_t>& has) const {
+    Row<std::int32_t> columns, end_columns, rows, end_rows;
+    const auto find_ends = [](const Row<double>& one, const Row<double>& other, int size, Row<std::int32_t>& begins,
+                              Row<std::int32_t>& ends) {
+      for (std::size_t c = 0; c < kTileCells; ++c) {
+        begins[c] = begin(one[c] < other[c] ? one[c] : other[c], size);
+        ends[c] = end(one[c] < other[c] ? other[c] : one[c], size);
+      }
     };
-    const int c0 = within(std::floor(u_min), width_), c1 = within(std::ceil(u_max) + 1.0, width_);
-    const int r0 = within(std::floor(v_min), height_), r1 = within(std::ceil(v_max) + 1.0, height_);
-    if (c0 >= c1 || r0 >= r1) return false;
-    return class_count(c1, r1) - class_count(c0, r1) - class_count(c1, r0) + class_count(c0, r0) > 0;
+    find_ends(u_px, other_u_px, width_, columns, end_columns);
+    find_ends(v_px, other_v_px, height_, rows, end_rows);
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      has[c] = is_asked[c] != 0.0 && has_class_between(columns[c], end_columns[c], rows[c], end_rows[c]) ? 1 : 0;
+    }
   }
 
  private:
   static constexpr int kPeakReach = 2;
+
+  /// The first pixel of an extent, and the one after its last: the integers below and above its ends, in the image.
+  static int begin(double least_px, int size) {
+    const double most = size;
+    const double bounded = least_px < 0.0 ? 0.0 : most < least_px ? most : least_px;
+    return static_cast<int>(bounded);
+  }
+  static int end(double greatest_px, int size) {
+    const double most = size;
+    const double bounded = greatest_px < -1.0 ? -1.0 : most < greatest_px ? most : greatest_px;
+    const int whole = static_cast<int>(bounded);
+    const int after = whole + (static_cast<double>(whole) < bounded ? 2 : 1);
+    return after < size ? after : size;
+  }
+  bool has_class_between(int c0, int c1, int r0, int r1) const {
+    if (c0 >= c1 || r0 >= r1) return false;
+    return class_count(c1, r1) - class_count(c0, r1) - class_count(c1, r0) + class_count(c0, r0) > 0;
+  }
 
   bool is_edge(const std::vector<float>& labels, int u, int v) const {
     bool has_less = false, has_more = false;
@@ -145,7 +213,8 @@ class LabelReader {
   }
 
   void find_peaks() {
-    std::vector<float> along(labels_.size(), 0.0F);
+    std::vector<float>& along = peaks_along_rows_;
+    along.assign(labels_.size(), 0.0F);
     peaks_.assign(labels_.size(), 0.0F);
     for (int v = 0; v < height_; ++v) {
       for (int u = 0; u < width_; ++u) {
@@ -168,7 +237,8 @@ class LabelReader {
   }
 
   void find_means() {
-    std::vector<double> sums(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
+    std::vector<double>& sums = sums_;
+    sums.assign(static_cast<std::size_t>(width_ + 1) * static_cast<std::size_t>(height_ + 1), 0.0);
     for (int v = 0; v < height_; ++v) {
       double row = 0.0;
       for (int u = 0; u < width_; ++u) {
@@ -189,15 +259,22 @@ class LabelReader {
     }
   }
 
-  float between(double u, double v, const std::vector<float>& values) const {
-    const auto value = [&](int column, int row) { return values[index(column, row)]; };
+  /// Four pixels around a place, and where it is between them.
+  struct Between {
+    std::size_t first, right, below, right_below;
+    float a, b;
+  };
+  Between place_between(double u, double v) const {
     const double x = std::clamp(u, 0.0, width_ - 1.0), y = std::clamp(v, 0.0, height_ - 1.0);
     const int c = std::min(static_cast<int>(x), std::max(width_ - 2, 0));
     const int r = std::min(static_cast<int>(y), std::max(height_ - 2, 0));
-    const auto a = static_cast<float>(x - c), b = static_cast<float>(y - r);
     const int c1 = std::min(c + 1, width_ - 1), r1 = std::min(r + 1, height_ - 1);
-    return (1.0F - b) * ((1.0F - a) * value(c, r) + a * value(c1, r)) +
-           b * ((1.0F - a) * value(c, r1) + a * value(c1, r1));
+    return {
+        index(c, r), index(c1, r), index(c, r1), index(c1, r1), static_cast<float>(x - c), static_cast<float>(y - r)};
+  }
+  static float between(const Between& at, const std::vector<float>& values) {
+    return (1.0F - at.b) * ((1.0F - at.a) * values[at.first] + at.a * values[at.right]) +
+           at.b * ((1.0F - at.a) * values[at.below] + at.a * values[at.right_below]);
   }
   std::size_t index(int u, int v) const {
     return static_cast<std::size_t>(v) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(u);
@@ -209,12 +286,13 @@ class LabelReader {
   int& class_count(int u, int v) { return class_counts_[corner(u, v)]; }
   int class_count(int u, int v) const { return class_counts_[corner(u, v)]; }
 
-  int width_, height_;
+  int width_ = 0, height_ = 0;
   bool is_all_known_ = true;
   std::vector<float> labels_;      ///< NaN: not known
   std::vector<float> means_;       ///< of 3 x 3 pixels
   std::vector<int> class_counts_;  ///< of all pixels above and to the left
-  std::vector<float> peaks_;
+  std::vector<float> peaks_, peaks_along_rows_;
+  std::vector<double> sums_;  ///< of the labels above and to the left
 };
 
 /// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
@@ -224,24 +302,54 @@ class Horizon {
     float ground, top;
   };
 
-  /// Uses `memory` while it lives.
-  Horizon(const Elevation& elevation, const Eigen::Vector3d& p_world_camera_m, double reach_m, double step_m,
-          double class_height_m, std::vector<Steepest>& memory)
-      : slopes_(memory),
-        p_(p_world_camera_m),
-        step_m_(step_m),
-        class_height_m_(class_height_m),
-        rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
+  Horizon(const Elevation& elevation, double reach_m, double step_m, double class_height_m)
+      : elevation_(&elevation), step_m_(step_m), rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
     slopes_.resize(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_));
-    for (std::size_t first = 0; first < slopes_.size(); first += static_cast<std::size_t>(rings_)) {
-      slopes_[first].ground = std::numeric_limits<float>::quiet_NaN();
+    for (int ring = 0; ring < rings_; ++ring) {
+      rings_m_.push_back((ring + 0.5) * step_m_);
+      class_slopes_.push_back(class_height_m / rings_m_.back());
     }
-    elevation_ = &elevation;
+    ways_.resize(kDirections);
+  }
+
+  /// From now on that of a camera there.
+  void begin(const Eigen::Vector3d& p_world_camera_m) {
+    p_ = p_world_camera_m;
+    std::fill(ways_.begin(), ways_.end(), Way{});
   }
 
   /// Of the ground before a point, given from the camera on, but for its own surroundings.
   double slope_before(const Eigen::Vector2d& away_m, double range_m) {
     return steepest_before(away_m, range_m, kOwn_m).ground;
+  }
+
+  /// The same of a row of points: at x and y from the camera.
+  void slopes_before(const Row<double>& x_m, double y_m, const Row<double>& range_m, const Mask& is_in,
+                     Row<double>& slopes) {
+    Row<double> turned;
+    const double y_abs_m = std::abs(y_m);
+    if (y_m >= 0.0) {
+      for (std::size_t c = 0; c < kTileCells; ++c) {
+        const double x = x_m[c];
+        turned[c] = (x >= 0.0 ? 0.0 : 1.0) + (x >= 0.0 ? y_m : -x) / (std::abs(x) + y_abs_m);
+      }
+    } else {
+      for (std::size_t c = 0; c < kTileCells; ++c) {
+        const double x = x_m[c];
+        turned[c] = (x < 0.0 ? 2.0 : 3.0) + (x < 0.0 ? -y_m : x) / (std::abs(x) + y_abs_m);
+      }
+    }
+    Row<std::int32_t> directions, rings;
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const double direction = turned[c] * (kDirections / 4) + 0.5;
+      directions[c] = static_cast<std::int32_t>(direction >= 0.0 ? direction : 0.0);  // at the camera itself: NaN
+    }
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      rings[c] = static_cast<std::int32_t>((range_m[c] - kOwn_m) / step_m_);
+    }
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      if (is_in[c] != 0.0) slopes[c] = static_cast<double>(steepest_at(directions[c] % kDirections, rings[c]).ground);
+    }
   }
 
   /// The same of the tops of what may stand on the ground, but for what is as near to the point as its own size.
@@ -255,12 +363,16 @@ class Horizon {
 
   Steepest steepest_before(const Eigen::Vector2d& away_m, double range_m, double own_m) {
     const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
-    const int ring = static_cast<int>((range_m - own_m) / step_m_);
+    return steepest_at(direction, static_cast<int>((range_m - own_m) / step_m_));
+  }
+
+  Steepest steepest_at(int direction, int ring) {
     constexpr float kNone = -std::numeric_limits<float>::infinity();
     if (ring < 0) return {kNone, kNone};
-    Steepest* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
-    if (std::isnan(slopes[0].ground)) march(direction, slopes);
-    return slopes[std::min(ring, rings_ - 1)];
+    const int last = std::min(ring, rings_ - 1);
+    if (last >= ways_[static_cast<std::size_t>(direction)].rings) march(direction, last);
+    return slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_) +
+                   static_cast<std::size_t>(last)];
   }
 
   /// Grows with the angle of a vector, from 0 to 4, without a call of atan2: along the square through the axes at 1.
@@ -279,27 +391,45 @@ class Horizon {
     return v.normalized();
   }
 
-  void march(int direction, Steepest* slopes) const {
+  /// Goes on in a direction to a ring, or a few more.
+  void march(int direction, int to_ring) {
+    Way& way = ways_[static_cast<std::size_t>(direction)];
+    Steepest* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
     const Eigen::Vector2d ahead = unit_vector_at(4.0 * direction / kDirections);
-    double steepest = -1e6, top_steepest = -1e6;
-    for (int ring = 0; ring < rings_; ++ring) {
-      const double range_m = (ring + 0.5) * step_m_;
-      const Eigen::Vector2d at_m = p_.head<2>() + range_m * ahead;
-      const double ground_m = elevation_->at(at_m.x(), at_m.y());
-      if (!std::isnan(ground_m)) {
-        const double slope = (ground_m - p_.z()) / range_m;
-        steepest = std::max(steepest, slope);
-        top_steepest = std::max(top_steepest, slope + class_height_m_ / range_m);
+    while (way.rings <= to_ring) {
+      const auto first = static_cast<std::size_t>(way.rings);
+      const std::size_t count = std::min(kAtOnce, static_cast<std::size_t>(rings_) - first);
+      elevation_->along(p_.head<2>(), ahead, &rings_m_[first], count, heights_m_.data());
+      for (std::size_t i = 0; i < count; ++i) {
+        heights_m_[i] = (heights_m_[i] - p_.z()) / rings_m_[first + i];
+        top_slopes_[i] = heights_m_[i] + class_slopes_[first + i];
       }
-      slopes[ring] = {static_cast<float>(steepest), static_cast<float>(top_steepest)};
+      for (std::size_t i = 0; i < count; ++i) {
+        way.steepest = std::max(way.steepest, heights_m_[i]);  // but for what is not known, NaN
+        way.top_steepest = std::max(way.top_steepest, top_slopes_[i]);
+        slopes[first + i] = {static_cast<float>(way.steepest), static_cast<float>(way.top_steepest)};
+      }
+      way.rings += static_cast<int>(count);
     }
   }
 
-  std::vector<Steepest>& slopes_;  ///< by direction and ring; NaN at the first ring of a direction not marched yet
+  /// How far a direction was marched, and the steepest up to there.
+  struct Way {
+    int rings = 0;
+    double steepest = -1e6, top_steepest = -1e6;
+  };
+
+  static constexpr std::size_t kAtOnce = 32;  ///< rings
+
   const Elevation* elevation_;
-  Eigen::Vector3d p_;
-  double step_m_, class_height_m_;
+  Eigen::Vector3d p_ = Eigen::Vector3d::Zero();
+  double step_m_;
   int rings_;
+  std::vector<Way> ways_;             ///< by direction
+  std::vector<Steepest> slopes_;      ///< by direction and ring
+  std::vector<double> rings_m_;       ///< from the camera, to the rings' middles
+  std::vector<double> class_slopes_;  ///< that the class's height adds there
+  std::array<double, kAtOnce> heights_m_{}, top_slopes_{};
 };
 
 /// One image while it is added.
@@ -331,8 +461,9 @@ double probability_of(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)
 class GridMap::Impl {
  public:
   Impl(const GridMapParams& params, std::shared_ptr<const Elevation> elevation)
-      : params_((params.validate(), params)), elevation_(std::move(elevation)) {
-    if (!elevation_) throw std::invalid_argument("a grid needs an elevation");
+      : params_((params.validate(), params)),
+        elevation_(elevation ? std::move(elevation) : throw std::invalid_argument("a grid needs an elevation")),
+        horizon_(*elevation_, params.reach_m, 2.0 * params.cell_m, params.class_height_m) {
     ground_ = params.smooth_m > 0.0 ? std::make_shared<Elevation>(elevation_->smoothed(params.smooth_m)) : elevation_;
     heights_per_offset_ = std::max(1, static_cast<int>(std::lround(params.class_height_m / kHeightStep_m)));
     height_step_m_ = params.class_height_m / heights_per_offset_;
@@ -351,9 +482,10 @@ class GridMap::Impl {
     K << labels.camera.fx_px, 0.0, labels.camera.cx_px, 0.0, labels.camera.fy_px, labels.camera.cy_px, 0.0, 0.0, 1.0;
     const Eigen::Matrix3d R_camera_world = T_world_camera.linear().transpose();
     const View view{labels.camera, R_camera_world, T_world_camera.translation(), params_.reach_m, K * R_camera_world};
-    const LabelReader reader(labels);
-    Horizon horizon(*elevation_, view.p_world_camera_m, params_.reach_m, 2.0 * params_.cell_m, params_.class_height_m,
-                    horizon_memory_);
+    const LabelReader& reader = reader_;
+    reader_.read(labels);
+    Horizon& horizon = horizon_;
+    horizon.begin(view.p_world_camera_m);
     GridUpdate done;
     stamp_ns_ = labels.stamp_ns;
     ++images_;
@@ -438,15 +570,17 @@ class GridMap::Impl {
           const auto from = static_cast<std::size_t>(r * kTileCells + c);
           const std::size_t to = grid.index((key.column - left) * kTileCells + c, (key.row - low) * kTileCells + r);
           grid.ground_world_m[to] = tile.ground_world_m[from] + static_cast<float>(offset_m(best));
-          grid.images[to] = tile.images[from];
-          grid.class_images[to] = tile.class_images[from];
-          grid.class_latest[to] = tile.class_latest[from];
-          if (tile.images[from] == 0) continue;
-          grid.probability[to] = 0.0F;
-          if (!has_evidence(tile)) continue;
-          const float sharp = tile.evidence[from].sharp(believed), softer = tile.evidence[from].soft(believed);
+          grid.images[to] = tile.observed->images[from];
+          if (grid.images[to] > 0) grid.probability[to] = 0.0F;
+          const Evidence* const evidence = tile.observed->find(from);
+          if (evidence == nullptr) continue;
+          grid.class_images[to] = evidence->class_images;
+          grid.class_latest[to] = evidence->class_latest;
+          if (grid.images[to] == 0) continue;
+          const float sharp = evidence->sharp(believed), softer = evidence->soft(believed);
           if (sharp <= 0.01F && softer <= 0.01F) continue;
-          const float enough = enough_images(tile, from) * enough_directions(tile, from, believed);
+          const float enough = enough_images(*tile.observed, from, *evidence) *
+                               enough_directions(*tile.observed, from, *evidence, believed);
           grid.probability[to] = sharp * enough * enough;
           soft[to] = softer * enough * enough;
           if (soft[to] > 0.01F || grid.probability[to] > 0.01F) of_class.push_back(to);
@@ -536,12 +670,14 @@ class GridMap::Impl {
     const int column = grid.first_column + static_cast<int>(cell) % grid.width;
     const int row = grid.first_row + static_cast<int>(cell) / grid.width;
     const auto [tile, own] = find_cell(column, row);
-    if (tile == nullptr || tile->seen[own].turned < kParallax) return false;
+    if (tile == nullptr || tile->observed->turned[own] < kParallax) return false;
+    const Evidence* const evidence = tile->observed->find(own);
+    if (evidence == nullptr) return false;
     const auto i = static_cast<std::size_t>(believed);
-    const Eigen::Vector3d along = tile->evidence[own].class_seen[i].sum.cast<double>();
+    const Eigen::Vector3d along = evidence->class_seen[i].sum.cast<double>();
     const double flat = along.head<2>().norm();
     if (!(flat > 0.0) || along.z() >= 0.0) return false;
-    const float enough = kBetter * tile->evidence[own].soft(i);
+    const float enough = kBetter * evidence->soft(i);
     for (double m = 2.0 * params_.cell_m; m < kSearch_m; m += params_.cell_m) {
       const Eigen::Vector2d at =
           Eigen::Vector2d(column + 0.5, row + 0.5) - m / (flat * params_.cell_m) * along.head<2>();
@@ -551,30 +687,33 @@ class GridMap::Impl {
           static_cast<double>(tile->ground_world_m[own] - near->ground_world_m[there]) - m * along.z() / flat;
       const int offset = believed + static_cast<int>(std::lround(above_m / offset_m(kOffsets / 2 + 1)));
       if (offset >= kOffsets) return false;
-      if (offset >= believed && near->evidence[there].soft(static_cast<std::size_t>(offset)) > enough) return true;
+      if (offset < believed) continue;
+      const Evidence* const nearer = near->observed->find(there);
+      if (nearer != nullptr && nearer->soft(static_cast<std::size_t>(offset)) > enough) return true;
     }
     return false;
   }
 
   /// 1 where as many images show the class as it takes to believe them. One of the many that a map has is not enough
   /// even where no other shows the cell.
-  float enough_images(const Tile& tile, std::size_t cell) const {
-    const int images = std::clamp(tile.images[cell], std::min(images_, kFew), kEnough);
-    return std::min(1.0F, static_cast<float>(tile.class_images[cell]) / static_cast<float>(images));
+  float enough_images(const Observed& observed, std::size_t cell, const Evidence& evidence) const {
+    const int images = std::clamp(observed.images[cell], std::min(images_, kFew), kEnough);
+    return std::min(1.0F, static_cast<float>(evidence.class_images) / static_cast<float>(images));
   }
 
   /// 1 where images from enough of the directions that the cell was seen from show the class, or from both ends of
   /// them: what is above the ground shows before the cell from a few directions side by side.
-  static float enough_directions(const Tile& tile, std::size_t cell, std::size_t offset) {
-    const Directions& of_class = tile.evidence[cell].class_seen[offset];
-    const Directions& all = tile.seen[cell];
+  static float enough_directions(const Observed& observed, std::size_t cell, const Evidence& evidence,
+                                 std::size_t offset) {
+    const Directions& of_class = evidence.class_seen[offset];
+    const Directions all = observed.seen(cell);
     if (of_class.turned <= 0.0F) return 0.0F;
     return std::min(1.0F, std::max(of_class.turned / (kClassTurned * all.turned),
                                    of_class.spread() / (kClassSpread * std::max(all.spread(), kLeastSpread))));
   }
 
-  static bool has_evidence(const Tile& tile) { return !tile.evidence.empty(); }
-  static bool is_observed(const Tile& tile) { return has_evidence(tile) || !tile.nothing_weight.empty(); }
+  static bool is_observed(const Tile& tile) { return tile.observed && tile.observed->is_any_known; }
+  static bool has_evidence(const Tile& tile) { return tile.observed && tile.observed->has_evidence; }
 
   double max_offset_m() const { return offset_m(kOffsets - 1); }
 
@@ -614,10 +753,21 @@ class GridMap::Impl {
     return tile;
   }
 
-  static bool shows_class(const LabelReader& reader, const Eigen::Vector3d& low, const Eigen::Vector3d& top) {
-    const Eigen::Vector2d a = low.head<2>() / low.z(), b = top.head<2>() / top.z();
-    const Eigen::Vector2d least = a.cwiseMin(b), greatest = a.cwiseMax(b);
-    return reader.has_class(least.x(), greatest.x(), least.y(), greatest.y());
+  /// Which columns of a row may show the class.
+  void find_class(const View& view, const LabelReader& reader, Row<std::int32_t>& sees_class) const {
+    const SeenRow& row = row_;
+    const Eigen::Vector3d up = view.A.col(2);
+    const double below_m = max_offset_m(), above_m = below_m + params_.class_height_m;
+    const Eigen::Vector3d low = below_m * up, top = above_m * up;
+    Row<double> low_u_px, low_v_px, top_u_px, top_v_px;
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const double low_z = row.foot_z[c] - low.z(), top_z = row.foot_z[c] + top.z();
+      low_u_px[c] = (row.foot_x[c] - low.x()) / low_z;
+      low_v_px[c] = (row.foot_y[c] - low.y()) / low_z;
+      top_u_px[c] = (row.foot_x[c] + top.x()) / top_z;
+      top_v_px[c] = (row.foot_y[c] + top.y()) / top_z;
+    }
+    reader.find_class(low_u_px, top_u_px, low_v_px, top_v_px, row.is_in, sees_class);
   }
 
   /// Whether any column of a tile may show the class, by the corners of the box around all of them.
@@ -636,47 +786,201 @@ class GridMap::Impl {
     return reader.has_class(least.x(), greatest.x(), least.y(), greatest.y());
   }
 
+  /// A cell and what an image shows of it.
+  struct Sight {
+    std::size_t cell;
+    Eigen::Vector3d from_camera, foot;
+    double hidden_below_m;  ///< height above the ground from which nearer ground is not in the way
+    Eigen::Vector3f along;  ///< unit vector from the camera
+    float turn;             ///< since the image before, as a weight
+    double seen;            ///< weight of the image by the extent of the column
+  };
+
+  /// The cells of a row of a tile that an image shows.
+  struct SeenRow {
+    Row<double> x_m, z_m;                ///< of the cells' middles from the camera
+    Row<double> foot_x, foot_y, foot_z;  ///< of these places, as View::A says
+    Row<double> u_px, v_px, range_m, hidden_below_m, seen;
+    Row<float> along_x, along_y, along_z, turn;
+    Mask is_in;  ///< 0: not seen
+  };
+
   void add_to(Tile& tile, Place key, const View& view, const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
-    const Eigen::Vector3d up = view.A.col(2);
-    const double below_m = max_offset_m(), above_m = below_m + params_.class_height_m;
     const bool may_show_class = may_see_class(tile, key, view, reader);
-    for (int cell = 0; cell < kCellsOfTile; ++cell) {
-      const auto i = static_cast<std::size_t>(cell);
-      const auto ground_m = static_cast<double>(tile.ground_world_m[i]);
-      if (std::isnan(ground_m)) continue;
-      const Eigen::Vector3d p((key.column * kTileCells + cell % kTileCells + 0.5) * params_.cell_m,
-                              (key.row * kTileCells + cell / kTileCells + 0.5) * params_.cell_m, ground_m);
-      const Eigen::Vector3d from_camera = p - view.p_world_camera_m;
-      const Eigen::Vector3d foot = view.A * from_camera;
-      if (foot.z() < kLeastDepth_m) continue;
-      const Eigen::Vector2d foot_px = foot.head<2>() / foot.z();
-      if (!reader.contains(foot_px.x(), foot_px.y())) continue;
-      const double range_m = from_camera.head<2>().norm();
-      if (range_m > params_.reach_m) continue;
-      // Heights above the ground from which nearer ground is in the way.
-      const double hidden_below_m =
-          horizon.slope_before(from_camera.head<2>(), range_m) * range_m - from_camera.z() - kHiddenMargin_m;
-      if (hidden_below_m > 0.5 * params_.class_height_m) continue;
-      if (foot.z() - below_m * up.z() < kLeastDepth_m || foot.z() + above_m * up.z() < kLeastDepth_m) continue;
-      const bool sees_class = may_show_class && shows_class(reader, foot - below_m * up, foot + above_m * up);
-      const Eigen::Vector3f along =
-          from_camera.cast<float>() /
-          std::sqrt(static_cast<float>(range_m * range_m + from_camera.z() * from_camera.z()));
-      const float turn = tile.images[i] == 0 ? 1.0F : std::min(1.0F, (along - tile.seen[i].latest).norm() / kTurn_rad);
-      if (!sees_class) {
-        if (!reader.is_all_known() && std::isnan(reader.value(foot_px.x(), foot_px.y()))) continue;
-        const Eigen::Vector2d up_px = params_.class_height_m / foot.z() * (up.head<2>() - up.z() * foot_px);
-        const double seen = resolved(up_px.squaredNorm());
-        add_direction(tile, i, along, turn * static_cast<float>(seen));
-        add_nothing(tile, i, params_.negative_weight * seen, static_cast<double>(turn));
-      } else if (is_in_shadow(from_camera, hidden_below_m, view, reader, horizon) ||
-                 !add_column(tile, i, foot, up, along, turn, hidden_below_m, reader, done)) {
+    SeenRow& row = row_;
+    for (int c = 0; c < kTileCells; ++c) {
+      row.x_m[static_cast<std::size_t>(c)] =
+          (key.column * kTileCells + c + 0.5) * params_.cell_m - view.p_world_camera_m.x();
+    }
+    for (int r = 0; r < kTileCells; ++r) {
+      const auto first = static_cast<std::size_t>(r * kTileCells);
+      const double y_m = (key.row * kTileCells + r + 0.5) * params_.cell_m - view.p_world_camera_m.y();
+      if (!find_in_image(&tile.ground_world_m[first], y_m, view, reader)) continue;
+      horizon.slopes_before(row.x_m, y_m, row.range_m, row.is_in, row.hidden_below_m);
+      if (!find_visible(view)) continue;
+      if (!tile.observed) tile.observed = std::make_unique<Observed>();
+      Observed& observed = *tile.observed;
+      find_directions(observed, first, y_m, view);
+      add_row(observed, first, y_m, may_show_class, view, reader, horizon, done);
+    }
+  }
+
+  /// Of a row, which middles are in the image and within reach, and where. False if none is.
+  bool find_in_image(const float* ground_world_m, double y_m, const View& view, const LabelReader& reader) {
+    SeenRow& row = row_;
+    const Eigen::Matrix3d A = view.A;
+    const double camera_z_m = view.p_world_camera_m.z(), right_px = reader.right_px(), low_px = reader.low_px();
+    const double reach_m = params_.reach_m;
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      // What is not known, NaN, is not in the image.
+      const double x_m = row.x_m[c], z_m = static_cast<double>(ground_world_m[c]) - camera_z_m;
+      const double foot_x = A(0, 0) * x_m + (A(0, 1) * y_m + A(0, 2) * z_m);
+      const double foot_y = A(1, 0) * x_m + (A(1, 1) * y_m + A(1, 2) * z_m);
+      const double foot_z = A(2, 0) * x_m + (A(2, 1) * y_m + A(2, 2) * z_m);
+      const double u_px = foot_x / foot_z, v_px = foot_y / foot_z, range_m = std::sqrt(x_m * x_m + y_m * y_m);
+      row.z_m[c] = z_m;
+      row.foot_x[c] = foot_x;
+      row.foot_y[c] = foot_y;
+      row.foot_z[c] = foot_z;
+      row.u_px[c] = u_px;
+      row.v_px[c] = v_px;
+      row.range_m[c] = range_m;
+      row.is_in[c] = (foot_z >= kLeastDepth_m ? 1.0 : 0.0) * (u_px >= -0.5 ? 1.0 : 0.0) * (v_px >= -0.5 ? 1.0 : 0.0) *
+                     (u_px <= right_px ? 1.0 : 0.0) * (v_px <= low_px ? 1.0 : 0.0) * (range_m <= reach_m ? 1.0 : 0.0);
+    }
+    return any_of(row.is_in);
+  }
+
+  /// Of these, which are not hidden by nearer ground, and from which height on; SeenRow::hidden_below_m has the slopes
+  /// of the ground before them. False if all are hidden.
+  bool find_visible(const View& view) {
+    SeenRow& row = row_;
+    const double up_z = view.A(2, 2), below_m = max_offset_m(), above_m = below_m + params_.class_height_m;
+    const double low_z = below_m * up_z, top_z = above_m * up_z, half_m = 0.5 * params_.class_height_m;
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const double hidden_below_m = row.hidden_below_m[c] * row.range_m[c] - row.z_m[c] - kHiddenMargin_m;
+      row.hidden_below_m[c] = hidden_below_m;
+      row.is_in[c] *= (hidden_below_m > half_m ? 0.0 : 1.0) * (row.foot_z[c] - low_z < kLeastDepth_m ? 0.0 : 1.0) *
+                      (row.foot_z[c] + top_z < kLeastDepth_m ? 0.0 : 1.0);
+    }
+    return any_of(row.is_in);
+  }
+
+  /// From where the image looks at the cells of a row, and with which weight.
+  void find_directions(const Observed& observed, std::size_t first, double y_m, const View& view) {
+    SeenRow& row = row_;
+    const double up_x = view.A(0, 2), up_y = view.A(1, 2), up_z = view.A(2, 2);
+    const auto y = static_cast<float>(y_m);
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const float length = std::sqrt(static_cast<float>(row.range_m[c] * row.range_m[c] + row.z_m[c] * row.z_m[c]));
+      row.along_x[c] = static_cast<float>(row.x_m[c]) / length;
+      row.along_y[c] = y / length;
+      row.along_z[c] = static_cast<float>(row.z_m[c]) / length;
+    }
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const std::size_t i = first + c;
+      const float dx = row.along_x[c] - observed.latest_x[i], dy = row.along_y[c] - observed.latest_y[i],
+                  dz = row.along_z[c] - observed.latest_z[i];
+      const float turned = std::sqrt(dx * dx + (dy * dy + dz * dz)) / kTurn_rad;
+      const float turn = turned < 1.0F ? turned : 1.0F;
+      row.turn[c] = observed.images[i] == 0 ? 1.0F : turn;
+    }
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const double up_m = params_.class_height_m / row.foot_z[c];
+      const double u_px = up_m * (up_x - up_z * row.u_px[c]), v_px = up_m * (up_y - up_z * row.v_px[c]);
+      row.seen[c] = resolved(u_px * u_px + v_px * v_px);
+    }
+  }
+
+  void add_row(Observed& observed, std::size_t first, double y_m, bool may_show_class, const View& view,
+               const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
+    SeenRow& row = row_;
+    const Eigen::Vector3d up = view.A.col(2);
+    Row<std::int32_t> shows_nothing, may_show{};
+    for (std::size_t c = 0; c < kTileCells; ++c) shows_nothing[c] = static_cast<std::int32_t>(row.is_in[c]);
+    if (may_show_class) find_class(view, reader, may_show);
+    const bool is_simple = !may_show_class && reader.is_all_known() && !observed.has_evidence;
+    for (std::size_t c = 0; c < kTileCells && !is_simple; ++c) {
+      if (row.is_in[c] == 0.0) continue;
+      const Eigen::Vector3d foot(row.foot_x[c], row.foot_y[c], row.foot_z[c]);
+      const bool sees_class = may_show[c] != 0;
+      if (!sees_class && !reader.is_all_known() && std::isnan(reader.value(row.u_px[c], row.v_px[c]))) {
+        shows_nothing[c] = 0;
         continue;
       }
-      tile.seen[i].latest = along;
-      ++tile.images[i];
+      const std::size_t i = first + c;
+      if (!sees_class && observed.number_of[i] == 0) continue;
+      shows_nothing[c] = 0;
+      const Sight sight{i,
+                        {row.x_m[c], y_m, row.z_m[c]},
+                        foot,
+                        row.hidden_below_m[c],
+                        {row.along_x[c], row.along_y[c], row.along_z[c]},
+                        row.turn[c],
+                        row.seen[c]};
+      if (!sees_class) {
+        add_direction(observed, i, sight.along, sight.turn * static_cast<float>(sight.seen));
+        add_nothing(observed, sight);
+      } else if (is_in_shadow(sight.from_camera, sight.hidden_below_m, view, reader, horizon) ||
+                 !add_column(observed, sight, up, reader, done)) {
+        continue;
+      }
+      observed.latest_x[i] = sight.along.x();
+      observed.latest_y[i] = sight.along.y();
+      observed.latest_z[i] = sight.along.z();
+      ++observed.images[i];
       ++done.observed_cells;
     }
+    add_nothing(observed, first, shows_nothing, done);
+  }
+
+  /// Adds an image that shows nothing of the class to cells of a row on which none did.
+  void add_nothing(Observed& observed, std::size_t first, const Row<std::int32_t>& shows_nothing, GridUpdate& done) {
+    const SeenRow& row = row_;
+    const auto most = static_cast<float>(params_.max_weight);
+    const double negative_weight = params_.negative_weight;
+    Row<float> weights, parts;
+    std::int32_t count = 0;
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const std::size_t i = first + c;
+      const float turn = row.turn[c] * static_cast<float>(row.seen[c]);
+      const float turned = observed.turned[i] + turn, fade = most / turned;
+      weights[c] = turn;
+      parts[c] = turned > most ? fade : 1.0F;  // older directions fade
+    }
+    const auto add = [&](Observed::Cells& sums, const Row<float>& along) {
+      for (std::size_t c = 0; c < kTileCells; ++c) {
+        const float before = sums[first + c], sum = (before + weights[c] * along[c]) * parts[c];
+        sums[first + c] = shows_nothing[c] != 0 ? sum : before;
+      }
+    };
+    add(observed.seen_x, row.along_x);
+    add(observed.seen_y, row.along_y);
+    add(observed.seen_z, row.along_z);
+    const auto take = [&](Observed::Cells& latest, const Row<float>& along) {
+      for (std::size_t c = 0; c < kTileCells; ++c) {
+        const float before = latest[first + c], now = along[c];
+        latest[first + c] = shows_nothing[c] != 0 ? now : before;
+      }
+    };
+    take(observed.latest_x, row.along_x);
+    take(observed.latest_y, row.along_y);
+    take(observed.latest_z, row.along_z);
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const float before = observed.turned[first + c], turned = (before + weights[c]) * parts[c];
+      observed.turned[first + c] = shows_nothing[c] != 0 ? turned : before;
+    }
+    for (std::size_t c = 0; c < kTileCells; ++c) {
+      const std::size_t i = first + c;
+      const float before = observed.nothing_weight[i];
+      const float weight = before + static_cast<float>(negative_weight * row.seen[c]);
+      const float bounded = most < weight ? most : weight;
+      observed.nothing_weight[i] = shows_nothing[c] != 0 ? bounded : before;
+      observed.images[i] += shows_nothing[c];
+      count += shows_nothing[c];
+    }
+    observed.is_any_known = observed.is_any_known || count > 0;
+    done.observed_cells += static_cast<std::size_t>(count);
   }
 
   /// How much of the class a nearer column shows, m metres before a cell: at a part of its height above the lowest that
@@ -726,25 +1030,31 @@ class GridMap::Impl {
   }
 
   /// Older directions fade as older evidence does.
-  void add_direction(Tile& tile, std::size_t cell, const Eigen::Vector3f& along, float turn) const {
-    Directions& seen = tile.seen[cell];
+  void add_direction(Observed& observed, std::size_t cell, const Eigen::Vector3f& along, float turn) const {
+    Directions seen = observed.seen(cell);
     seen.add(along, turn);
     const auto most = static_cast<float>(params_.max_weight);
-    if (seen.turned <= most) return;
-    const float part = most / seen.turned;
-    seen.scale(part);
-    if (!has_evidence(tile)) return;
-    for (Directions& of_class : tile.evidence[cell].class_seen) of_class.scale(part);
+    if (seen.turned > most) {
+      const float part = most / seen.turned;
+      seen.scale(part);
+      if (Evidence* const evidence = observed.find(cell)) {
+        for (Directions& of_class : evidence->class_seen) of_class.scale(part);
+      }
+    }
+    observed.seen_x[cell] = seen.sum.x();
+    observed.seen_y[cell] = seen.sum.y();
+    observed.seen_z[cell] = seen.sum.z();
+    observed.turned[cell] = seen.turned;
   }
 
-  /// Keeps the evidence of a tile in which the class is now seen for each error of the elevation.
-  static void begin_evidence(Tile& tile) {
-    if (has_evidence(tile)) return;
-    tile.evidence.resize(kCellsOfTile);
-    for (std::size_t cell = 0; cell < tile.nothing_weight.size(); ++cell) {
-      tile.evidence[cell].weight.fill(tile.nothing_weight[cell]);
-    }
-    tile.nothing_weight = {};
+  /// Keeps the evidence of a cell on which the class is now seen for each error of the elevation.
+  static Evidence& begin_evidence(Observed& observed, std::size_t cell) {
+    observed.is_any_known = observed.has_evidence = true;
+    if (Evidence* const known = observed.find(cell)) return *known;
+    Evidence& evidence = observed.evidence.emplace_back();
+    observed.number_of[cell] = static_cast<std::uint16_t>(observed.evidence.size());
+    evidence.weight.fill(observed.nothing_weight[cell]);
+    return evidence;
   }
 
   void add(Evidence& evidence, std::size_t offset, double weight, double sharp, double soft) const {
@@ -764,39 +1074,37 @@ class GridMap::Impl {
     return std::clamp(extent_px2 / (kResolved_px * kResolved_px), 0.01, 1.0);
   }
 
-  void add_nothing(Tile& tile, std::size_t cell, double weight, double turn) {
-    if (!has_evidence(tile)) {
-      if (tile.nothing_weight.empty()) tile.nothing_weight.resize(kCellsOfTile);
-      tile.nothing_weight[cell] =
-          std::min(tile.nothing_weight[cell] + static_cast<float>(weight), static_cast<float>(params_.max_weight));
-      return;
-    }
-    Evidence& evidence = tile.evidence[cell];
+  /// Adds an image that shows nothing of the class to a cell on which one did.
+  void add_nothing(Observed& observed, const Sight& sight) {
+    Evidence& evidence = *observed.find(sight.cell);
+    const double weight = params_.negative_weight * sight.seen, turned = static_cast<double>(sight.turn);
     for (std::size_t offset = 0; offset < kOffsets; ++offset) {
-      all_[offset] += turn * weight * static_cast<double>(evidence.soft(offset));
+      all_[offset] += turned * weight * static_cast<double>(evidence.soft(offset));
       add(evidence, offset, weight, 0.0, 0.0);
     }
   }
 
   /// False where nothing is known.
-  bool add_column(Tile& tile, std::size_t cell, const Eigen::Vector3d& foot, const Eigen::Vector3d& up,
-                  const Eigen::Vector3f& along, float turn, double hidden_below_m, const LabelReader& reader,
+  bool add_column(Observed& observed, const Sight& sight, const Eigen::Vector3d& up, const LabelReader& reader,
                   GridUpdate& done) {
+    const Eigen::Vector3d& foot = sight.foot;
     const double below_m = max_offset_m();
     bool any_known = false;
     for (std::size_t step = 0; step < column_.size(); ++step) {
       const double height_m = static_cast<double>(step) * height_step_m_ - below_m;
       const Eigen::Vector3d p = foot + height_m * up;
       const double u = p.x() / p.z(), v = p.y() / p.z();
-      const bool is_in = reader.contains(u, v);
-      column_[step] = is_in ? reader.value(u, v) : std::numeric_limits<float>::quiet_NaN();
-      soft_column_[step] = is_in ? reader.soft_value(u, v) : 0.0F;
+      column_[step] = std::numeric_limits<float>::quiet_NaN();
+      soft_column_[step] = 0.0F;
+      if (!reader.contains(u, v)) continue;
+      std::tie(column_[step], soft_column_[step]) = reader.sharp_and_soft(u, v);
       any_known |= !std::isnan(column_[step]);
     }
     if (!any_known) return false;
-    begin_evidence(tile);
+    Evidence& evidence = begin_evidence(observed, sight.cell);
+    const bool is_first = observed.images[sight.cell] == 0;
     bool any_added = false;
-    const auto turned = static_cast<double>(turn);
+    const auto turned = static_cast<double>(sight.turn);
     bool is_class = false, is_believed = false;  // of the class by any offset, and by the one that is believed
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double seen = resolved((top.head<2>() / top.z() - foot.head<2>() / foot.z()).squaredNorm());
@@ -805,7 +1113,7 @@ class GridMap::Impl {
       float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
       int known = 0;
       for (int h = 0; h <= heights_per_offset_; ++h) {
-        if (h * height_step_m_ < hidden_below_m) continue;
+        if (h * height_step_m_ < sight.hidden_below_m) continue;
         const auto step = static_cast<std::size_t>(offset * steps_per_offset_ + h);
         if (std::isnan(column_[step])) continue;
         ++known;
@@ -817,28 +1125,27 @@ class GridMap::Impl {
       // What is cut off by the image's edge or not known may be anything.
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
       const auto i = static_cast<std::size_t>(offset);
-      Evidence& evidence = tile.evidence[cell];
       any_added = true;
       const double sharp = std::clamp(0.5 + kContrast * (static_cast<double>(least / peak) - 0.5), 0.0, 1.0);
       const double weight = seen * (least > 0.5F * peak      ? 1.0
                                     : greatest > 0.5F * peak ? params_.partial_weight
                                                              : params_.negative_weight);
       const auto soft = static_cast<double>(soft_least), before = static_cast<double>(evidence.soft(i));
-      if (tile.images[cell] > 0) {
+      if (!is_first) {
         shared_[i] += turned * weight * std::min(soft, before);
         all_[i] += turned * weight * std::max(soft, before);
       }
       const bool is_class_here = least > 0.5F * peak || soft_least > kSoftClass;
       is_class |= is_class_here;
-      if (is_class_here) evidence.class_seen[i].add(along, turn * static_cast<float>(seen));
+      if (is_class_here) evidence.class_seen[i].add(sight.along, sight.turn * static_cast<float>(seen));
       is_believed |= is_class_here && offset == believed_;
       add(evidence, i, weight, sharp, soft);
     }
     if (!any_added) return false;
-    add_direction(tile, cell, along, turn * static_cast<float>(seen));
-    if (is_believed) tile.class_latest[cell] = images_;
+    add_direction(observed, sight.cell, sight.along, sight.turn * static_cast<float>(seen));
+    if (is_believed) evidence.class_latest = images_;
     if (is_class) {
-      ++tile.class_images[cell];
+      ++evidence.class_images;
       ++done.class_cells;
     }
     return true;
@@ -856,8 +1163,10 @@ class GridMap::Impl {
   int heights_per_offset_ = 0, steps_per_offset_ = 0;
   double height_step_m_ = 0.0;
   std::map<Place, Tile> tiles_;
+  SeenRow row_;
   std::vector<float> column_, soft_column_;
-  std::vector<Horizon::Steepest> horizon_memory_;
+  Horizon horizon_;
+  LabelReader reader_;
   std::int64_t stamp_ns_ = 0;
   std::int32_t images_ = 0;
   int believed_ = kOffsets / 2;  ///< offset before this image
