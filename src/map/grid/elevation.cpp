@@ -16,6 +16,7 @@
 namespace situation_awareness {
 namespace {
 
+constexpr double kFinest = 16.0;  ///< pixels per standard deviation that smoothing needs
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 [[noreturn]] void refuse_elevation(const std::string& path, const std::string& reason) {
@@ -96,11 +97,42 @@ void Elevation::save(const std::string& path) const {
   file.finish();
 }
 
+/// Means of the known pixels in so many columns and rows of blocks, each as large as the others but for one pixel.
+Elevation Elevation::merged(int columns, int rows) const {
+  std::vector<double> sums(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows), 0.0);
+  std::vector<double> counts(sums.size(), 0.0);
+  for (int row = 0; row < height_; ++row) {
+    const std::int64_t block_row = std::int64_t{row} * rows / height_;
+    for (int column = 0; column < width_; ++column) {
+      const double height_m = value(column, row);
+      if (std::isnan(height_m)) continue;
+      const auto block = static_cast<std::size_t>(block_row * columns + std::int64_t{column} * columns / width_);
+      sums[block] += height_m;
+      counts[block] += 1.0;
+    }
+  }
+  std::vector<float> heights(sums.size());
+  for (std::size_t i = 0; i < sums.size(); ++i) {  // NaN where none is known
+    heights[i] = static_cast<float>(sums[i] / counts[i]);
+  }
+  return {columns, rows, corner_world_m_, {pixel_m_.x() * width_ / columns, pixel_m_.y() * height_ / rows}, heights};
+}
+
 Elevation Elevation::smoothed(double sigma_m) const {
+  const auto pixels = [sigma_m](int count, double pixel_m) {
+    const double at_once = std::floor(sigma_m / (kFinest * pixel_m));
+    return at_once < 2.0 ? count : std::max(1, static_cast<int>(count / at_once));
+  };
+  const int columns = pixels(width_, pixel_m_.x()), rows = pixels(height_, pixel_m_.y());
+  if (columns < width_ || rows < height_) return merged(columns, rows).smoothed_as_is(sigma_m);
+  return smoothed_as_is(sigma_m);
+}
+
+Elevation Elevation::smoothed_as_is(double sigma_m) const {
   // Gaussian along columns, then rows, each over three standard deviations; pixels without data have no weight.
-  const auto kernel_of = [sigma_m](double pixel_m) {
+  const auto kernel_of = [sigma_m](double pixel_m, int count) {
     std::vector<double> kernel;
-    for (int i = 0; i <= static_cast<int>(std::ceil(3.0 * sigma_m / pixel_m)); ++i) {
+    for (int i = 0; i <= std::min(std::ceil(3.0 * sigma_m / pixel_m), 0.5 * count); ++i) {
       kernel.push_back(std::exp(-0.5 * std::pow(i * pixel_m / sigma_m, 2)));
     }
     return kernel;
@@ -113,6 +145,11 @@ Elevation Elevation::smoothed(double sigma_m) const {
   const auto smooth = [&](std::vector<double>& values, int count, int lines, std::size_t step, std::size_t line_step,
                           const std::vector<double>& kernel) {
     std::vector<double> line(static_cast<std::size_t>(count));
+    std::vector<double> all;  // of the kernel's weights, by its reach
+    for (int reach = 0; reach < static_cast<int>(kernel.size()); ++reach) {
+      all.push_back(0.0);
+      for (int j = -reach; j <= reach; ++j) all.back() += kernel[static_cast<std::size_t>(std::abs(j))];
+    }
     for (int k = 0; k < lines; ++k) {
       const std::size_t begin = static_cast<std::size_t>(k) * line_step;
       for (int i = 0; i < count; ++i)
@@ -124,16 +161,14 @@ Elevation Elevation::smoothed(double sigma_m) const {
         for (int j = -reach; j <= reach; ++j) {
           sum += kernel[static_cast<std::size_t>(std::abs(j))] * line[static_cast<std::size_t>(i + j)];
         }
-        double all = 0.0;
-        for (int j = -reach; j <= reach; ++j) all += kernel[static_cast<std::size_t>(std::abs(j))];
-        values[begin + static_cast<std::size_t>(i) * step] = sum / all;
+        values[begin + static_cast<std::size_t>(i) * step] = sum / all[static_cast<std::size_t>(reach)];
       }
     }
   };
   const auto width = static_cast<std::size_t>(width_);
   for (std::vector<double>* const values : {&sums, &weights}) {
-    smooth(*values, width_, height_, 1, width, kernel_of(pixel_m_.x()));
-    smooth(*values, height_, width_, width, 1, kernel_of(pixel_m_.y()));
+    smooth(*values, width_, height_, 1, width, kernel_of(pixel_m_.x(), width_));
+    smooth(*values, height_, width_, width, 1, kernel_of(pixel_m_.y(), height_));
   }
   Elevation result = *this;
   for (std::size_t i = 0; i < heights_.size(); ++i) {

@@ -110,6 +110,54 @@ TEST(Elevation, SmoothingTakesNoiseAsAGaussianDoes) {
   EXPECT_NEAR(std::sqrt(sum / count), 1.0 / (2.0 * std::sqrt(M_PI) * sigma_m), 0.01);  // of white noise
 }
 
+TEST(Elevation, SmoothingTakesMillionsOfPixelsThatAreFarSmallerThanItsGaussian) {
+  constexpr int kPixels = 2000;
+  const std::vector<float> level(static_cast<std::size_t>(kPixels) * kPixels, 7.0F);
+  const Elevation degrees = Elevation(kPixels, kPixels, {10.0, 50.0}, {9e-7, 9e-7}, level).smoothed(2.0);
+  EXPECT_EQ(degrees.at(10.0009, 49.9991), 7.0);
+  EXPECT_TRUE(std::isnan(degrees.at(10.01, 49.9991)));
+}
+
+TEST(Elevation, SmoothingMergesPixelsOnlyWhereTheyAreFine) {
+  // Of a wave a Gaussian leaves exp(-(k sigma)^2 / 2), but for what is beyond three standard deviations.
+  constexpr double sigma_m = 0.5, k_1_m = 2.0;
+  for (const int pixels : {50, 201, 800}) {
+    const double pixel_m = 8.0 / pixels;
+    std::vector<float> heights;
+    for (int row = 0; row < pixels; ++row) {
+      for (int column = 0; column < pixels; ++column) {
+        heights.push_back(static_cast<float>(std::sin(k_1_m * (column + 0.5) * pixel_m)));
+      }
+    }
+    const Elevation smooth = Elevation(pixels, pixels, {0.0, 8.0}, {pixel_m, pixel_m}, heights).smoothed(sigma_m);
+    EXPECT_EQ(smooth.width(), pixels == 800 ? 266 : pixels);
+    for (double x_m = 2.0; x_m < 6.0; x_m += 0.1) {
+      EXPECT_NEAR(smooth.at(x_m, 4.0), std::exp(-0.5 * std::pow(k_1_m * sigma_m, 2)) * std::sin(k_1_m * x_m), 0.02);
+    }
+  }
+}
+
+TEST(Elevation, AlongALineIsThatAtItsPlaces) {
+  std::vector<float> heights = plane_heights();
+  heights[5] = std::numeric_limits<float>::quiet_NaN();
+  const Elevation elevation(4, 3, {10.0, 20.0}, {2.0, 4.0}, heights);
+  std::vector<double> distances_m, found_m(100);
+  for (int i = 0; i < 100; ++i) distances_m.push_back(0.15 * i);
+  const Eigen::Vector2d begin(9.0, 7.5), direction(0.6, 0.8);
+  elevation.along(begin, direction, distances_m.data(), distances_m.size(), found_m.data());
+  int known = 0;
+  for (std::size_t i = 0; i < 100; ++i) {
+    const Eigen::Vector2d p_m = begin + distances_m[i] * direction;
+    const double expected_m = elevation.at(p_m.x(), p_m.y());
+    EXPECT_EQ(std::isnan(found_m[i]), std::isnan(expected_m)) << i;
+    if (std::isnan(expected_m)) continue;
+    EXPECT_EQ(found_m[i], expected_m) << i;
+    ++known;
+  }
+  EXPECT_GT(known, 10);
+  EXPECT_LT(known, 90);
+}
+
 TEST(Elevation, OfOnePixelIsFlat) {
   const Elevation elevation(1, 1, {0.0, 0.0}, {10.0, 10.0}, {7.0F});
   EXPECT_EQ(elevation.at(5.0, -5.0), 7.0);

@@ -29,7 +29,9 @@ class Elevation {
   void save(const std::string& path) const;
 
   /// Without noise of single pixels: Gaussian means with that standard deviation, above 0, of the known pixels. A plane
-  /// stays as it is, and what is not known.
+  /// stays as it is, and what is not known. Pixels that are more than 32 times smaller than the standard deviation are
+  /// merged before, of which the means differ by less than a hundredth of what they vary: time is linear in their
+  /// number.
   Elevation smoothed(double sigma_m) const;
 
   int width() const { return width_; }
@@ -48,6 +50,8 @@ class Elevation {
              std::size_t count, double* heights_world_m) const;
 
  private:
+  Elevation merged(int columns, int rows) const;
+  Elevation smoothed_as_is(double sigma_m) const;
   double value(int column, int row) const {
     return static_cast<double>(
         heights_[static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) + static_cast<std::size_t>(column)]);
