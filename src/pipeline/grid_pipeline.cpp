@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 #include <utility>
@@ -54,7 +55,13 @@ const GridTargets& GridPipeline::process(const SoftLabels& labels, const Eigen::
   if (params_.keep_m > 0.0) map_.keep_around(T_world_camera.translation().head<2>(), params_.keep_m);
   map_.read_class(class_grid_);
   find_clusters(class_grid_, clusters_);
-  const GridTargets& targets = tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera, of_pose);
+  const GridTargets& targets =
+      tracks_.update(labels.stamp_ns, clusters_, labels.camera, T_world_camera, of_pose,
+                     [this](const Eigen::Vector2d& p_world_m) { return map_.is_settled(p_world_m); });
+  if (params_.evidence_m > 0.0) {
+    map_.settle_beyond(T_world_camera.translation().head<2>(), std::max(params_.evidence_m, params_.grid.reach_m),
+                       class_grid_);
+  }
   if (!targets.targets.empty()) ++target_images_;
   return targets;
 }

@@ -49,11 +49,15 @@ struct GridPipelineParams {
   GridTracksParams targets;
   ImageLabellingParams labelling;  ///< of who makes the labels
   double keep_m = 0.0;
+  double evidence_m = 300.0;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     visit("keep_m", self.keep_m, Bounds{0.0, 1e5}, "m",
           "cells farther from the camera along x or y are forgotten: a grid that scrolls; 0: none are");
+    visit("evidence_m", self.evidence_m, Bounds{0.0, 1e5}, "m",
+          "cells farther from the camera along x or y, and out of its reach, stay as they are on the grid without the "
+          "evidence behind, and so do their targets, until images show them again; 0: all keep it");
     visit("pose", self.pose);
     visit("grid", self.grid);
     visit("targets", self.targets);

@@ -89,6 +89,21 @@ struct Tile {
   double low_m = 0.0, high_m = 0.0;                ///< of its ground; low_m > high_m where none is known
 };
 
+/// What the map says of the cells of a tile whose evidence it does not have any more.
+struct SettledTile {
+  static constexpr int kMostImages = 65535;
+
+  /// A cell of which an image showed the class.
+  struct Cell {
+    std::uint16_t cell;
+    float probability;
+    std::int32_t class_images;
+  };
+
+  std::array<std::uint16_t, kCellsOfTile> images{};  ///< with evidence, up to kMostImages; 0: not observed
+  std::vector<Cell> of_class;                        ///< by cell; all others that were observed are not of the class
+};
+
 /// Of the cells of a row of a tile.
 template <class Number>
 using Row = std::array<Number, kTileCells>;
@@ -517,12 +532,33 @@ class GridMap::Impl {
   }
 
   void keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
-    const double edge_m = kTileCells * params_.cell_m;
     for (auto it = tiles_.begin(); it != tiles_.end();) {
-      const Eigen::Vector2d middle_m = Eigen::Vector2d(it->first.column + 0.5, it->first.row + 0.5) * edge_m;
-      const bool is_far = (middle_m - p_world_m).cwiseAbs().maxCoeff() > distance_m + 0.5 * edge_m;
-      it = is_far ? tiles_.erase(it) : std::next(it);
+      it = is_far(it->first, p_world_m, distance_m) ? tiles_.erase(it) : std::next(it);
     }
+    for (auto it = settled_.begin(); it != settled_.end();) {
+      it = is_far(it->first, p_world_m, distance_m) ? settled_.erase(it) : std::next(it);
+    }
+  }
+
+  void settle_beyond(const Eigen::Vector2d& p_world_m, double distance_m, const SemanticGrid& judged) {
+    for (auto it = tiles_.begin(); it != tiles_.end();) {
+      if (!is_far(it->first, p_world_m, distance_m)) {
+        ++it;
+        continue;
+      }
+      if (is_observed(it->second)) settle(it->first, *it->second.observed, judged);
+      it = tiles_.erase(it);
+    }
+  }
+
+  bool is_settled(const Eigen::Vector2d& p_world_m) const {
+    const Eigen::Vector2d at = p_world_m / params_.cell_m;
+    if (!(at.cwiseAbs().maxCoeff() < kFarthest_m / params_.cell_m)) return false;
+    const auto [key, cell] = place_of(static_cast<int>(std::floor(at.x())), static_cast<int>(std::floor(at.y())));
+    const auto settled = settled_.find(key);
+    if (settled == settled_.end() || settled->second.images[cell] == 0) return false;
+    const auto tile = tiles_.find(key);
+    return tile == tiles_.end() || !tile->second.observed || tile->second.observed->images[cell] < kEnough;
   }
 
   int best_offset() const {
@@ -540,12 +576,17 @@ class GridMap::Impl {
     grid.cell_m = params_.cell_m;
     const auto counts = [&](const Tile& tile) { return only_class ? has_evidence(tile) : is_observed(tile); };
     int left = std::numeric_limits<int>::max(), right = std::numeric_limits<int>::min(), low = left, high = right;
-    for (const auto& [key, tile] : tiles_) {
-      if (!counts(tile)) continue;
+    const auto extend = [&](const Place& key) {
       left = std::min(left, key.column);
       right = std::max(right, key.column);
       low = std::min(low, key.row);
       high = std::max(high, key.row);
+    };
+    for (const auto& [key, tile] : tiles_) {
+      if (counts(tile)) extend(key);
+    }
+    for (const auto& [key, settled] : settled_) {
+      if (!only_class) extend(key);
     }
     const bool is_empty = left > right;
     grid.first_column = is_empty ? 0 : left * kTileCells;
@@ -571,12 +612,12 @@ class GridMap::Impl {
           const std::size_t to = grid.index((key.column - left) * kTileCells + c, (key.row - low) * kTileCells + r);
           grid.ground_world_m[to] = tile.ground_world_m[from] + static_cast<float>(offset_m(best));
           grid.images[to] = tile.observed->images[from];
-          if (grid.images[to] > 0) grid.probability[to] = 0.0F;
+          if (grid.images[to] == 0) continue;
+          grid.probability[to] = 0.0F;
           const Evidence* const evidence = tile.observed->find(from);
           if (evidence == nullptr) continue;
           grid.class_images[to] = evidence->class_images;
           grid.class_latest[to] = evidence->class_latest;
-          if (grid.images[to] == 0) continue;
           const float sharp = evidence->sharp(believed), softer = evidence->soft(believed);
           if (sharp <= 0.01F && softer <= 0.01F) continue;
           const float enough = enough_images(*tile.observed, from, *evidence) *
@@ -588,6 +629,9 @@ class GridMap::Impl {
       }
     }
     judge(grid, soft, of_class, best);
+    for (const auto& [key, settled] : settled_) {
+      if (!only_class) add_settled(key, settled, static_cast<float>(offset_m(best)), grid);
+    }
   }
 
   /// From means of evidence to probabilities: something of the class is where the mean is at least half of what it is
@@ -654,14 +698,72 @@ class GridMap::Impl {
   static constexpr double kAsGiven = 50.0;     ///< cells seen from another direction, that agree as without an error
   static constexpr double kLeastGain = 0.025;  ///< in agreement, per step away from the elevation as it is given
 
-  /// A cell of the grid and its tile; null where that has no evidence.
-  std::pair<const Tile*, std::size_t> find_cell(int column, int row) const {
+  bool is_far(const Place& key, const Eigen::Vector2d& p_world_m, double distance_m) const {
+    const double edge_m = kTileCells * params_.cell_m;
+    const Eigen::Vector2d middle_m = Eigen::Vector2d(key.column + 0.5, key.row + 0.5) * edge_m;
+    return (middle_m - p_world_m).cwiseAbs().maxCoeff() > distance_m + 0.5 * edge_m;
+  }
+
+  /// The tile of a cell of the grid, and the cell in it.
+  static std::pair<Place, std::size_t> place_of(int column, int row) {
     const auto tile_of = [](int i) { return i >= 0 ? i / kTileCells : (i + 1) / kTileCells - 1; };
     const Place key{tile_of(column), tile_of(row)};
+    return {key,
+            static_cast<std::size_t>((row - key.row * kTileCells) * kTileCells + column - key.column * kTileCells)};
+  }
+
+  /// What was settled before stays where no image has shown a cell since.
+  void settle(const Place& key, const Observed& observed, const SemanticGrid& judged) {
+    SettledTile& settled = settled_[key];
+    std::vector<SettledTile::Cell> of_class;
+    for (const SettledTile::Cell& before : settled.of_class) {
+      if (observed.images[before.cell] == 0) of_class.push_back(before);
+    }
+    for (std::size_t cell = 0; cell < kCellsOfTile; ++cell) {
+      if (observed.images[cell] == 0) continue;
+      settled.images[cell] = static_cast<std::uint16_t>(std::min(observed.images[cell], SettledTile::kMostImages));
+      const Evidence* const evidence = observed.find(cell);
+      if (evidence == nullptr) continue;
+      const int column = key.column * kTileCells + static_cast<int>(cell) % kTileCells - judged.first_column;
+      const int row = key.row * kTileCells + static_cast<int>(cell) / kTileCells - judged.first_row;
+      if (column < 0 || row < 0 || column >= judged.width || row >= judged.height) continue;
+      of_class.push_back(
+          {static_cast<std::uint16_t>(cell), judged.probability[judged.index(column, row)], evidence->class_images});
+    }
+    of_class.shrink_to_fit();
+    settled.of_class = std::move(of_class);
+  }
+
+  void add_settled(const Place& key, const SettledTile& settled, float offset_m, SemanticGrid& grid) const {
+    const auto found = tiles_.find(key);
+    const Observed* const observed = found == tiles_.end() ? nullptr : found->second.observed.get();
+    const auto is_shown_since = [&](std::size_t cell) { return observed != nullptr && observed->images[cell] > 0; };
+    const auto index_of = [&](std::size_t cell) {
+      return grid.index(key.column * kTileCells + static_cast<int>(cell) % kTileCells - grid.first_column,
+                        key.row * kTileCells + static_cast<int>(cell) / kTileCells - grid.first_row);
+    };
+    Tile ground;
+    if (observed == nullptr) find_ground(key, ground);
+    for (std::size_t cell = 0; cell < kCellsOfTile; ++cell) {
+      const std::size_t to = index_of(cell);
+      if (observed == nullptr) grid.ground_world_m[to] = ground.ground_world_m[cell] + offset_m;
+      if (settled.images[cell] == 0 || is_shown_since(cell)) continue;
+      grid.images[to] = settled.images[cell];
+      grid.probability[to] = static_cast<float>(probability_by(0.0));
+    }
+    for (const SettledTile::Cell& cell : settled.of_class) {
+      if (is_shown_since(cell.cell)) continue;
+      grid.probability[index_of(cell.cell)] = cell.probability;
+      grid.class_images[index_of(cell.cell)] = cell.class_images;
+    }
+  }
+
+  /// A cell of the grid and its tile; null where that has no evidence.
+  std::pair<const Tile*, std::size_t> find_cell(int column, int row) const {
+    const auto [key, cell] = place_of(column, row);
     const auto found = tiles_.find(key);
     if (found == tiles_.end() || !has_evidence(found->second)) return {nullptr, 0};
-    return {&found->second,
-            static_cast<std::size_t>((row - key.row * kTileCells) * kTileCells + column - key.column * kTileCells)};
+    return {&found->second, cell};
   }
 
   /// Whether the images that show the class on a cell agree better on something nearer to them that their sight lines
@@ -735,7 +837,11 @@ class GridMap::Impl {
   Tile& known_tile(Place key) {
     const auto [found, is_new] = tiles_.try_emplace(key);
     Tile& tile = found->second;
-    if (!is_new) return tile;
+    if (is_new) find_ground(key, tile);
+    return tile;
+  }
+
+  void find_ground(Place key, Tile& tile) const {
     tile.low_m = std::numeric_limits<double>::infinity();
     tile.high_m = -tile.low_m;
     for (int r = 0; r < kTileCells; ++r) {
@@ -750,7 +856,6 @@ class GridMap::Impl {
         tile.high_m = std::max(tile.high_m, ground_m);
       }
     }
-    return tile;
   }
 
   /// Which columns of a row may show the class.
@@ -1163,6 +1268,7 @@ class GridMap::Impl {
   int heights_per_offset_ = 0, steps_per_offset_ = 0;
   double height_step_m_ = 0.0;
   std::map<Place, Tile> tiles_;
+  std::map<Place, SettledTile> settled_;  ///< whose evidence was freed; those that images show again are in both
   SeenRow row_;
   std::vector<float> column_, soft_column_;
   Horizon horizon_;
@@ -1186,6 +1292,10 @@ GridUpdate GridMap::update(const SoftLabels& labels, const Eigen::Isometry3d& T_
 void GridMap::keep_around(const Eigen::Vector2d& p_world_m, double distance_m) {
   impl_->keep_around(p_world_m, distance_m);
 }
+void GridMap::settle_beyond(const Eigen::Vector2d& p_world_m, double distance_m, const SemanticGrid& judged) {
+  impl_->settle_beyond(p_world_m, distance_m, judged);
+}
+bool GridMap::is_settled(const Eigen::Vector2d& p_world_m) const { return impl_->is_settled(p_world_m); }
 double GridMap::elevation_offset_m() const { return impl_->offset_m(impl_->best_offset()); }
 SemanticGrid GridMap::grid() const {
   SemanticGrid grid;

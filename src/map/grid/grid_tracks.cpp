@@ -39,17 +39,17 @@ GridTracks::GridTracks(const GridTracksParams& params)
 
 const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
                                       const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
-                                      const CameraPoseCovariance& covariance) {
+                                      const CameraPoseCovariance& covariance, const IsSettled& is_settled) {
   ++updates_;
-  associate(clusters);
+  associate(clusters, is_settled);
   forget_lost();
   note_apart();
   targets_.stamp_ns = stamp_ns;
   targets_.targets.clear();
   images_.clear();
   for (Track& track : tracks_) {
-    if (!track.is_on_map) continue;
-    add_view(track, camera, T_world_camera, covariance);
+    if (!track.is_on_map && !track.is_settled) continue;
+    if (track.is_on_map) add_view(track, camera, T_world_camera, covariance);
     const GridCluster& cluster = track.cluster;
     if (cluster.images < params_.confirm_images) continue;
     track.was_reported = true;
@@ -79,7 +79,7 @@ const GridTargets& GridTracks::update(std::int64_t stamp_ns, const std::vector<G
   return targets_;
 }
 
-void GridTracks::associate(const std::vector<GridCluster>& clusters) {
+void GridTracks::associate(const std::vector<GridCluster>& clusters, const IsSettled& is_settled) {
   std::vector<Candidate> candidates;
   for (std::size_t row = 0; row < clusters.size(); ++row) {
     if (clusters[row].area_m2 < params_.min_area_m2) continue;
@@ -92,26 +92,31 @@ void GridTracks::associate(const std::vector<GridCluster>& clusters) {
   const std::vector<int> track_of =
       assign(static_cast<int>(clusters.size()), static_cast<int>(tracks_.size()), candidates);
   for (Track& track : tracks_) {
-    if (track.is_on_map) track.lost_at = updates_;
+    if (track.is_on_map || track.is_settled) track.lost_at = updates_;
+    track.is_settled = (track.is_on_map || track.is_settled) && track.was_reported && is_settled &&
+                       is_settled(track.cluster.p_world_m);
     track.is_on_map = false;
   }
   for (std::size_t row = 0; row < clusters.size(); ++row) {
     if (clusters[row].area_m2 < params_.min_area_m2) continue;
     if (track_of[row] < 0) tracks_.emplace_back().id = ++last_id_;
     Track& track = track_of[row] < 0 ? tracks_.back() : tracks_[static_cast<std::size_t>(track_of[row])];
+    // What is seen again replaces what was known when enough images show it.
+    if (track.is_settled && clusters[row].images < params_.confirm_images) continue;
     track.cluster = clusters[row];
     track.is_on_map = true;
+    track.is_settled = false;
   }
 }
 
 /// The oldest of those that are lost, as many as there are too many.
 void GridTracks::forget_lost() {
   const auto lost = static_cast<std::size_t>(
-      std::count_if(tracks_.begin(), tracks_.end(), [](const Track& t) { return !t.is_on_map; }));
+      std::count_if(tracks_.begin(), tracks_.end(), [](const Track& t) { return t.is_lost(); }));
   if (lost <= kMostLost) return;
   std::vector<const Track*> oldest;
   for (const Track& track : tracks_) {
-    if (!track.is_on_map) oldest.push_back(&track);
+    if (track.is_lost()) oldest.push_back(&track);
   }
   const auto rank = [](const Track* t) { return std::make_tuple(t->was_reported, t->lost_at, t->id); };
   const auto end = oldest.begin() + static_cast<std::ptrdiff_t>(lost - kMostLost);

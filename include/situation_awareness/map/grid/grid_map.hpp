@@ -84,10 +84,20 @@ class GridMap {
   /// Forgets the cells farther than that from a place: a grid that scrolls with the vehicle.
   void keep_around(const Eigen::Vector2d& p_world_m, double distance_m);
 
+  /// Keeps of the cells farther than that from a place what the map says of them, and frees the evidence behind. Where
+  /// images show them again they are judged by these alone; up to then nothing changes there. `judged`: by read_class,
+  /// after the latest image.
+  void settle_beyond(const Eigen::Vector2d& p_world_m, double distance_m, const SemanticGrid& judged);
+
+  /// Whether what the map says of a place is by evidence that was freed, and too few images have shown the place since
+  /// to say something else.
+  bool is_settled(const Eigen::Vector2d& p_world_m) const;
+
   /// The error of the elevation that is believed: the ground is so much higher than the model says.
   double elevation_offset_m() const;
 
-  /// The cells of the tiles in which something of the class was seen. Overwrites `grid`, whose memory it uses again.
+  /// The cells of the tiles in which something of the class was seen, and which have evidence. Overwrites `grid`, whose
+  /// memory it uses again.
   void read_class(SemanticGrid& grid) const;
 
   /// The cells of all observed tiles.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <utility>
 #include <vector>
@@ -61,10 +62,14 @@ class GridTracks {
   /// Throws std::invalid_argument naming field and bound.
   explicit GridTracks(const GridTracksParams& params);
 
-  /// The clusters after an image. Returns the confirmed targets, valid until the next call.
+  /// Whether what the map says of a place is by evidence that it does not have any more (GridMap::is_settled).
+  using IsSettled = std::function<bool(const Eigen::Vector2d& p_world_m)>;
+
+  /// The clusters after an image. A target that had a cluster stays as it is where its place is settled. Returns the
+  /// confirmed targets, valid until the next call.
   const GridTargets& update(std::int64_t stamp_ns, const std::vector<GridCluster>& clusters,
                             const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
-                            const CameraPoseCovariance& covariance);
+                            const CameraPoseCovariance& covariance, const IsSettled& is_settled = {});
 
   const GridTargets& targets() const { return targets_; }
 
@@ -79,14 +84,17 @@ class GridTracks {
     std::uint64_t id = 0;
     GridCluster cluster;
     bool is_on_map = false, was_reported = false;
-    std::uint64_t lost_at = 0;                                    ///< number of the update that lost it
-    int images = 0;                                               ///< that had it in view
+    bool is_settled = false;    ///< its cluster is as it was when the map had the evidence for it
+    std::uint64_t lost_at = 0;  ///< number of the update that lost it
+    int images = 0;             ///< that had it in view
     Eigen::Matrix2d covariance_sum_m2 = Eigen::Matrix2d::Zero();  ///< of the place by one image, by the camera's pose
     Eigen::Matrix2d ground_sum_m2 = Eigen::Matrix2d::Zero();      ///< by the ground's height
     Eigen::Matrix2d information_sum_1_m2 = Eigen::Matrix2d::Zero();  ///< on the place, by each image
+
+    bool is_lost() const { return !is_on_map && !is_settled; }
   };
 
-  void associate(const std::vector<GridCluster>& clusters);
+  void associate(const std::vector<GridCluster>& clusters, const IsSettled& is_settled);
   void add_view(Track& track, const PinholeCamera& camera, const Eigen::Isometry3d& T_world_camera,
                 const CameraPoseCovariance& covariance) const;
   Eigen::Matrix2d covariance_of(const Track& track) const;
