@@ -474,6 +474,7 @@ MapElement* ObjectMap::element_to_reinitialize(const Detection& detection, const
     return contains(ellipse, center_world_m) ||
            (detection.shape == Shape::kBox && contains(detected_world, ellipse.center_m));
   };
+  /// m. What reaches so near may match, against rounding.
   constexpr double kRounding_m = 1e-6;
   const double reach_m = work_.largest_unseen_m + detection.ellipse_level.rx_m + kRounding_m;
   std::size_t nearest = elements_.size();

@@ -61,9 +61,9 @@ const std::vector<char>& CommonShapes::find(const std::vector<MapElement>& eleme
   std::sort(shapes_.begin(), shapes_.end());
   for (const std::size_t i : asked_) {
     const ElementShape shape = element_shape(elements[i]);
-    constexpr int kEnough = kManyOfAShape + 1;  // with itself
-    const int same = count_same(shape, shapes_, kEnough);
-    common_[i] = same + count_same(shape, others, kEnough - same) >= kEnough ? 1 : 0;
+    const int enough = kManyOfAShape + 1;  // with itself
+    const int same = count_same(shape, shapes_, enough);
+    common_[i] = same + count_same(shape, others, enough - same) >= enough ? 1 : 0;
   }
   return common_;
 }

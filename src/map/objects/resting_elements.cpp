@@ -27,14 +27,15 @@ constexpr double kMaxVariance_m2 = 0.25;
 constexpr double kBeforeDeletion = 0.8;
 /// s. Rest ends by so much before it has to, against rounding.
 constexpr double kBefore_s = 1e-3;
+/// s. No element is kept for so long.
 constexpr double kForEver_s = 1e8;
 
+/// Sectors of azimuth, of each of which the longest beam is looked up.
 constexpr int kSectors = 512;
-constexpr double kSectors_1_rad = kSectors / (2.0 * kPi);
 /// rad. Error of rough_azimuth.
 constexpr double kRough_rad = 0.005;
-/// m. Against rounding.
-constexpr double kRounding_m = 1e-6;
+/// m. What reaches so near is looked at, against rounding.
+constexpr double kRestRounding_m = 1e-6;
 /// m. An element that covers another may move by so much within a scan.
 constexpr double kCoverMargin_m = 0.5;
 
@@ -55,7 +56,9 @@ double rough_azimuth_rad(const Eigen::Vector2d& p) {
   return p.y() < 0.0 ? -azimuth_rad : azimuth_rad;
 }
 
-int sector_of(double azimuth_rad) { return static_cast<int>(std::floor((azimuth_rad + kPi) * kSectors_1_rad)); }
+int sector_of(double azimuth_rad) {
+  return static_cast<int>(std::floor((azimuth_rad + kPi) * (kSectors / (2.0 * kPi))));
+}
 
 std::size_t wrapped(int sector) { return static_cast<std::size_t>(((sector % kSectors) + kSectors) % kSectors); }
 
@@ -247,7 +250,7 @@ void ScanNeeds::set_sectors() {
 
 /// Whether a beam reaches it that look_at counts: a bound, much faster than that.
 bool ScanNeeds::may_see(const RestingPlace& place) const {
-  const double radius_m = place.ellipse_world.rx_m + kSightMargin_m + kRounding_m;
+  const double radius_m = place.ellipse_world.rx_m + kSightMargin_m + kRestRounding_m;
   const Eigen::Vector2d p_m = R_level_world_ * place.ellipse_world.center_m + T_level_world_.translation_m;
   const double distance_m = p_m.norm();
   if (distance_m - radius_m > farthest_m_) return false;
@@ -293,7 +296,7 @@ bool ScanNeeds::needs(const RestingPlace& place) const {
 void ScanNeeds::mark(RestingElements& resting) const {
   if (resting.empty()) return;
   const Eigen::Vector2d& sensor_world_m = detections_->T_world_level.translation_m;
-  resting.mark_within(sensor_world_m.x(), farthest_m_ + resting.largest_radius_m() + kSightMargin_m + kRounding_m,
+  resting.mark_within(sensor_world_m.x(), farthest_m_ + resting.largest_radius_m() + kSightMargin_m + kRestRounding_m,
                       [this](const RestingPlace& place) { return sees(place); });
   for (const Reach& reach : reaches_) {
     const double most_m = std::sqrt(gate_ * ((1.0 + gate_) * reach.variance_m2 + 2.0 * kMaxVariance_m2)) +

@@ -158,6 +158,16 @@ void MapChains::find_window(const Surfels& surfels) {
   for (const Slot slot : window_slots_) {
     for (Index i = kept(slot).first; i != kNone; i = member(i).after) enter_window(i);
   }
+  // An id goes to the chain with most of its elements: all that have some of one are named together.
+  std::uint64_t name = 0;
+  for (std::size_t k = 0; k < window_.size(); ++k) {
+    if (surfels[window_[k]].chain == name) continue;
+    name = surfels[window_[k]].chain;
+    const Holder* holder = holder_of(name);
+    if (holder == nullptr || kept(holder->slot).is_in_window) continue;
+    enter_window(holder->slot, false);
+    for (Index i = kept(holder->slot).first; i != kNone; i = member(i).after) enter_window(i);
+  }
   constexpr std::size_t kSparse = 8;
   if (window_.size() * kSparse < members_.size()) {
     std::sort(window_.begin(), window_.end());
@@ -263,7 +273,7 @@ MapChains::Holder* MapChains::holder_of(std::uint64_t id) {
 }
 
 /// An id goes to the chain with most of the elements that were first of it; what is left of a chain gets a new one. A
-/// thing that touches another one now and then has its own id back when they part. Chains out of reach keep theirs.
+/// thing that touches another one now and then has its own id back when they part.
 void MapChains::name_chains(Surfels& surfels) {
   const std::vector<Index>& ordered = links_.ordered();
   claims_.clear();
@@ -298,8 +308,6 @@ void MapChains::name_chains(Surfels& surfels) {
   for (const Claim& claim : claims_) {
     const auto place = std::lower_bound(taken_.begin(), taken_.end(), claim.id);
     if (ids_[claim.chain] != 0 || (place != taken_.end() && *place == claim.id)) continue;
-    const Holder* holder = holder_of(claim.id);
-    if (holder != nullptr && !kept(holder->slot).is_in_window) continue;
     taken_.insert(place, claim.id);
     ids_[claim.chain] = claim.id;
   }

@@ -108,8 +108,7 @@ class PolygonMap {
                           PolygonMapUpdate memory = {});
 
   /// Makes the chains at the time of the latest scan, and says which are not as they were at the call before. To be
-  /// called after each update(), or polygons() instead: how large things are and which chains meet is seen then. Its
-  /// cost depends on what changed alone.
+  /// called after each update(), or polygons() instead: how large things are and which chains meet is seen then.
   const ChainChanges& update_chains();
 
   /// A chain, valid until the next update_chains(); null if there is none of this id.
