@@ -30,8 +30,7 @@ class Elevation {
 
   /// Without noise of single pixels: Gaussian means with that standard deviation, above 0, of the known pixels. A plane
   /// stays as it is, and what is not known. Pixels that are more than 32 times smaller than the standard deviation are
-  /// merged before, of which the means differ by less than a hundredth of what they vary: time is linear in their
-  /// number.
+  /// merged before: time is linear in their number.
   Elevation smoothed(double sigma_m) const;
 
   int width() const { return width_; }
