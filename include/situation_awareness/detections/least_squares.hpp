@@ -61,7 +61,7 @@ Detection refit_ellipse(const Segments& segments, std::size_t segment, const Ell
 Detection make_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                          const Vector5d& smooth_level);
 
-/// The same without its residual.
+/// The detection as make_detection gives it, but without its residual.
 Detection unassessed_detection(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
                                const Vector5d& smooth_level);
 

@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include "map/polygons/room_polylines.hpp"
+#include "map/polygons/same_chains.hpp"
 #include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
@@ -23,20 +24,7 @@ const Eigen::Matrix3d kCovariance = Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal
 
 Polylines polylines_of(const Points& points) { return extract_polylines(segment(points, {}), {}); }
 
-void expect_same(const Chain& a, const Chain& b) {
-  EXPECT_EQ(a.id, b.id);
-  EXPECT_EQ(a.closed, b.closed);
-  EXPECT_EQ(a.first_seen_ns, b.first_seen_ns);
-  EXPECT_EQ(a.last_seen_ns, b.last_seen_ns);
-  EXPECT_EQ(a.p_exists, b.p_exists);
-  ASSERT_EQ(a.vertices.size(), b.vertices.size());
-  for (std::size_t i = 0; i < a.vertices.size(); ++i) {
-    EXPECT_EQ(a.vertices[i].p_world_m, b.vertices[i].p_world_m);
-    EXPECT_EQ(a.vertices[i].sigma_m, b.vertices[i].sigma_m);
-  }
-}
-
-/// Of the chains of a map, by what it says that each update changed.
+/// A copy of the chains of a map, made of what the map says that each update changed.
 class Mirror {
  public:
   void follow(PolygonMap& map) {

@@ -12,6 +12,7 @@
 #include <gtest/gtest.h>
 
 #include "map/polygons/room_polylines.hpp"
+#include "map/polygons/same_chains.hpp"
 #include "situation_awareness/map/polygons/map_file.hpp"
 
 namespace situation_awareness {
@@ -36,20 +37,7 @@ void expect_same(const Polygons& a, const Polygons& b) {
   EXPECT_EQ(a.stamp_ns, b.stamp_ns);
   EXPECT_EQ(a.height_world_m, b.height_world_m);
   ASSERT_EQ(a.chains.size(), b.chains.size());
-  for (std::size_t i = 0; i < a.chains.size(); ++i) {
-    const Chain &x = a.chains[i], &y = b.chains[i];
-    EXPECT_EQ(x.id, y.id);
-    EXPECT_EQ(x.closed, y.closed);
-    EXPECT_EQ(x.first_seen_ns, y.first_seen_ns);
-    EXPECT_EQ(x.last_seen_ns, y.last_seen_ns);
-    EXPECT_EQ(x.p_exists, y.p_exists);
-    EXPECT_EQ(x.state, y.state);
-    ASSERT_EQ(x.vertices.size(), y.vertices.size());
-    for (std::size_t k = 0; k < x.vertices.size(); ++k) {
-      EXPECT_EQ(x.vertices[k].p_world_m, y.vertices[k].p_world_m);
-      EXPECT_EQ(x.vertices[k].sigma_m, y.vertices[k].sigma_m);
-    }
-  }
+  for (std::size_t i = 0; i < a.chains.size(); ++i) expect_same(a.chains[i], b.chains[i]);
 }
 
 // The whole state goes through the file: with it, the map goes on as if nothing had happened, while a thing disappears,

@@ -142,7 +142,7 @@ void take_over_id(std::size_t element, std::size_t heir, std::vector<MapElement>
 
 /// Standard deviation of a position with this covariance in its least certain direction.
 double largest_sigma_m(const Eigen::Matrix2d& covariance_m2);
-/// That of the element's position.
+/// Standard deviation of the element's position in its least certain direction.
 double position_sigma_m(const ObjectEstimate& estimate);
 
 }  // namespace situation_awareness

@@ -37,11 +37,11 @@ class MapChains {
   /// Length of the tiles of the elements' list that these chains need.
   static double tile_m(double max_gap_m);
 
-  /// That an element was added, hit, moved or has another existence.
+  /// Tells that an element was added, hit, moved or has another existence.
   void touch(Index index);
-  /// That an element is about to be removed.
+  /// Tells that an element is about to be removed.
   void remove(const Surfels& surfels, Index index);
-  /// That any element may be another one.
+  /// Tells that any element may be another one.
   void touch_all();
 
   /// The chains at the time of a scan, by its stamp and view; its step since the scan before counts once. The elements
