@@ -225,6 +225,7 @@ ObjectMapUpdate ObjectMap::update(const Detections& detections, ObjectMapUpdate 
 
 void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix3d& U, ObjectMapUpdate& report) {
   assign_with_room(work_.used, work_.measurements.size(), 0);
+  work_.of_known = 0;
   const MeasuringFrame level(detections.T_world_level);
   for (const Association& association : work_.associator.associations()) {
     MapElement& element = elements_[association.element];
@@ -233,6 +234,7 @@ void ObjectMap::update_matched(const Detections& detections, const Eigen::Matrix
     situation_awareness::update(element.estimate, level, measurement, association.match, U);
     bound_radii(element.estimate.standing.x, kMinRadius_m);
     bound_radii(element.estimate.moving.x, kMinRadius_m);
+    if (element.state != TrackState::kTentative) ++work_.of_known;
     const double mahalanobis2 =
         (element.estimate.p_moving < 0.5 ? association.match.standing : association.match.moving).mahalanobis2;
     adapt_noise(mahalanobis2);
@@ -259,6 +261,7 @@ void ObjectMap::update_persons(const Detections& detections, const Eigen::Matrix
     for (const int column : seen.columns) {
       if (column >= 0 && static_cast<std::size_t>(column) < work_.used.size()) {
         work_.used[static_cast<std::size_t>(column)] = 1;
+        ++work_.of_known;
       }
     }
     report.updated.push_back(person.id);
@@ -281,6 +284,7 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
   if (std::find(work_.used.begin(), work_.used.end(), 0) == work_.used.end()) return;
   work_.recently_seen = seen_within(kLostAfter_s, std::move(work_.recently_seen));
   find_unseen();
+  const bool corrects_what_is_known = explains_most(detections);
   for (std::size_t j = 0; j < work_.measurements.size(); ++j) {
     if (work_.used[j] != 0) continue;
     const Measurement& measurement = work_.measurements[j];
@@ -291,7 +295,8 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["leg of a person already seen"];
       continue;
     }
-    if (MapElement* const element = element_to_reinitialize(detection, measurement, detections.T_world_level)) {
+    MapElement* const element = element_to_reinitialize(detection, measurement, detections.T_world_level);
+    if (element != nullptr && (corrects_what_is_known || element->state == TrackState::kTentative)) {
       correct(*element, detection, measurement, U, detections.T_world_level);
       observe(*element, detection, measurement, detections.T_world_level);
       confirm_if_due(static_cast<std::size_t>(element - elements_.data()), detection);
@@ -309,17 +314,17 @@ void ObjectMap::map_unmatched(const Detections& detections, const Eigen::Matrix3
       ++report.reasons["map is full"];
       continue;
     }
-    MapElement element;
-    element.id = next_id_++;
-    element.estimate = new_estimate(measurement, detections.T_world_level, U);
-    if (detection.shape == Shape::kBox) element.estimate.p_moving = kNewBoxMoves;
-    element.first_seen_ns = stamp_ns();
-    observe(element, detection, measurement, detections.T_world_level);
-    begin_existence(element, params_);
-    if (element.state == TrackState::kConfirmed) work_.newly_confirmed.push_back(elements_.size());
-    report.created.push_back(element.id);
+    MapElement created;
+    created.id = next_id_++;
+    created.estimate = new_estimate(measurement, detections.T_world_level, U);
+    if (detection.shape == Shape::kBox) created.estimate.p_moving = kNewBoxMoves;
+    created.first_seen_ns = stamp_ns();
+    observe(created, detection, measurement, detections.T_world_level);
+    begin_existence(created, params_);
+    if (created.state == TrackState::kConfirmed) work_.newly_confirmed.push_back(elements_.size());
+    report.created.push_back(created.id);
     report.log_likelihood += kLogNewObjectDensity;
-    elements_.push_back(element);
+    elements_.push_back(created);
   }
 }
 
@@ -513,6 +518,20 @@ void ObjectMap::find_unseen() {
   std::sort(work_.unseen.begin(), work_.unseen.end(), [](const Unseen& a, const Unseen& b) {
     return std::make_pair(a.x_m, a.element) < std::make_pair(b.x_m, b.element);
   });
+}
+
+/// Whether known elements explain at least half of the detections. One that lies on a known element and does not match
+/// it counts for the map: the element may be wrong. Where most detections are of nothing known, as in dust or after a
+/// jump of the pose, a detection on a known element is as likely one of these, and says nothing against the element.
+bool ObjectMap::explains_most(const Detections& detections) {
+  std::size_t explained = work_.of_known;
+  for (std::size_t j = 0; j < work_.measurements.size(); ++j) {
+    if (work_.used[j] != 0) continue;
+    const MapElement* const element =
+        element_to_reinitialize(detections.detections[j], work_.measurements[j], detections.T_world_level);
+    if (element != nullptr && element->state != TrackState::kTentative) ++explained;
+  }
+  return 2 * explained >= work_.measurements.size();
 }
 
 /// The estimate anew from a detection. Another face of a box says nothing against its velocity.

@@ -406,6 +406,46 @@ TEST(ObjectMap, ACorrectionByAViewOfOneFaceLeavesTheElementWhereItIs) {
   EXPECT_LT((objects.objects[0].ellipse_world.center_m - smaller.center_m).norm(), 0.5);
 }
 
+// Spray, dust, or a scanner that fails: hundreds of detections at random places. Some lie on what is known.
+TEST(ObjectMap, AScanOfWhichMostIsUnexplainedCorrectsNothingThatIsKnown) {
+  constexpr double kHalfSide_m = 6.0;
+  constexpr int kClutter = 1000;
+  std::vector<Ellipse> things;
+  for (int i = 0; i < 12; ++i) {
+    const double azimuth_rad = 2.0 * kPi * i / 12;
+    things.push_back({4.0 * Eigen::Vector2d(std::cos(azimuth_rad), std::sin(azimuth_rad)), azimuth_rad, 0.5, 0.4});
+  }
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    for (int scans = 1; scans <= 3; ++scans) {
+      ObjectMap map{params()};
+      Random random(seed);
+      int i = 0;
+      for (; i < 30; ++i) map.update(detections_at(i * kScanPeriod_s, things, {}, &random));
+      const Objects before = map.at(map.stamp_ns());
+      ASSERT_EQ(before.objects.size(), things.size());
+      for (const int end = i + scans; i < end; ++i) {
+        std::vector<Ellipse> clutter;
+        for (int k = 0; k < kClutter; ++k) {
+          clutter.push_back({{random.uniform(-kHalfSide_m, kHalfSide_m), random.uniform(-kHalfSide_m, kHalfSide_m)},
+                             random.uniform(0.0, kPi),
+                             0.06,
+                             0.04});
+        }
+        map.update(detections_at(i * kScanPeriod_s, clutter));
+      }
+      const Objects after = map.at(map.stamp_ns());
+      for (const Object& known : before.objects) {
+        const auto found = std::find_if(after.objects.begin(), after.objects.end(),
+                                        [&](const Object& object) { return object.id == known.id; });
+        ASSERT_NE(found, after.objects.end()) << "seed " << seed;
+        const Eigen::Vector2d shift_m = found->ellipse_world.center_m - known.ellipse_world.center_m;
+        EXPECT_LT(shift_m.norm(), 0.05) << "seed " << seed << ", " << scans << " scans";
+        EXPECT_GT(found->ellipse_world.ry_m, 0.3) << "seed " << seed << ", " << scans << " scans";
+      }
+    }
+  }
+}
+
 // A detection with a hidden end may have a centre anywhere, but not its hits.
 TEST(ObjectMap, ADetectionWithAHiddenEndIsNotOfAnElementAwayFromItsHits) {
   for (const bool here : {true, false}) {

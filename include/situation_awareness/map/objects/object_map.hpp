@@ -98,6 +98,7 @@ class ObjectMap {
   /// Reused memory without meaning between updates.
   struct Workspace {
     ScanNeeds needs;
+    std::size_t of_known = 0;       ///< detections of elements that were confirmed before this scan
     std::vector<Unseen> unseen;     ///< by x
     double largest_unseen_m = 0.0;  ///< radius
     std::vector<Measurement> measurements;
@@ -144,6 +145,7 @@ class ObjectMap {
   MapElement* element_to_reinitialize(const Detection& detection, const Measurement& measurement,
                                       const Pose2& T_world_level);
   void find_unseen();
+  bool explains_most(const Detections& detections);
   void correct(MapElement& element, const Detection& detection, const Measurement& measurement,
                const Eigen::Matrix3d& U, const Pose2& T_world_level) const;
   MotionEstimate new_estimate(const Measurement& measurement, const Pose2& T_world_level,
