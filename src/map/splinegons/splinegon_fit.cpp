@@ -63,6 +63,8 @@ constexpr double kCornersApart = 0.3;
 constexpr std::array<double, 3> kCornerWindows = {1.0, 0.5, 1.0 / 3.0};
 /// Elements to either side of a corner, at least, with the window and with a part of it.
 constexpr std::size_t kFewestOfSide = 4, kFewestOfShortSide = 3;
+/// Turn of the lines through all elements of both sides, over the least break of a corner, below which there is none.
+constexpr double kStraightPart = 0.8;
 /// Least break of the tangent of a corner that stays one, over that of a new one.
 constexpr double kLeastBreak = 0.7;
 /// Part of a corner's turn that is within half the window.
@@ -137,10 +139,26 @@ struct LineSums {
     double chi2, turn_variance;
   };
 
+  struct Squares {
+    double xx, xy, yy;
+  };
+
+  /// About the mean.
+  Squares squares(const Eigen::Vector2d& mean) const {
+    return {xx - w * mean.x() * mean.x(), xy - w * mean.x() * mean.y(), yy - w * mean.y() * mean.y()};
+  }
+
+  /// Along the line, of any length: zero where there is none.
+  Eigen::Vector2d along() const {
+    const Squares s = squares({x / w, y / w});
+    const double by_cos = s.xx - s.yy, by_sin = 2.0 * s.xy, both = std::sqrt(by_cos * by_cos + by_sin * by_sin);
+    if (by_cos > 0.0) return {both + by_cos, by_sin};
+    return {std::abs(by_sin), std::copysign(both - by_cos, by_sin)};
+  }
+
   Line line() const {
     const Eigen::Vector2d mean(x / w, y / w);
-    const double sxx = xx - w * mean.x() * mean.x(), syy = yy - w * mean.y() * mean.y();
-    const double sxy = xy - w * mean.x() * mean.y();
+    const auto [sxx, sxy, syy] = squares(mean);
     const Eigen::Vector2d along = unit(0.5 * std::atan2(2.0 * sxy, sxx - syy));
     const Eigen::Vector2d normal = left_of(along);
     const double chi2 =
@@ -148,6 +166,21 @@ struct LineSums {
     return {mean, along, std::max(chi2, 0.0), 1.0 / std::max(sxx + syy - chi2, 1e-9)};
   }
 };
+
+/// Whether a line surely turns by less than an angle to another one, each the way that the elements go; of the angle
+/// the tangent is given. It takes a fraction of the time that the angle itself takes.
+bool is_surely_less(const LineSums& from, const Eigen::Vector2d& from_way_m, const LineSums& to,
+                    const Eigen::Vector2d& to_way_m, double tan_angle) {
+  constexpr double kSure = 1e-9;  // far beyond rounding
+  const Eigen::Vector2d a = from.along(), b = to.along();
+  const double a_ahead = a.dot(from_way_m), b_ahead = b.dot(to_way_m);
+  if (a_ahead * a_ahead <= kSure * a.squaredNorm() * from_way_m.squaredNorm() ||
+      b_ahead * b_ahead <= kSure * b.squaredNorm() * to_way_m.squaredNorm()) {
+    return false;
+  }
+  const double ahead = (a_ahead < 0.0) != (b_ahead < 0.0) ? -a.dot(b) : a.dot(b);
+  return std::abs(left_of(a).dot(b)) < (1.0 - kSure) * tan_angle * ahead;
+}
 
 /// Of an element where misfits are looked for: one that is known better does not make less of one.
 double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
@@ -161,19 +194,29 @@ bool have_misfit_in_common(double products, double elements, double weights) {
 
 }  // namespace
 
-void SplinegonFit::BandMatrix::reset(Eigen::Index size, Eigen::Index below) {
+/// Returns the number of entries.
+Eigen::Index SplinegonFit::BandMatrix::resize(Eigen::Index size, Eigen::Index below) {
   size_ = size;
   below_ = below;
   const Eigen::Index entries = (below + 1) * size;
   if (entries_.size() < entries) entries_.resize(2 * entries);
-  entries_.head(entries).setZero();
+  return entries;
+}
+
+void SplinegonFit::BandMatrix::reset(Eigen::Index size, Eigen::Index below) {
+  entries_.head(resize(size, below)).setZero();
 }
 
 SplinegonFit::BandMatrix& SplinegonFit::BandMatrix::operator=(const BandMatrix& other) {
-  reset(other.size_, other.below_);
-  const Eigen::Index entries = (below_ + 1) * size_;
+  const Eigen::Index entries = resize(other.size_, other.below_);
   entries_.head(entries) = other.entries_.head(entries);
   return *this;
+}
+
+void SplinegonFit::BandMatrix::swap(BandMatrix& other) {
+  std::swap(size_, other.size_);
+  std::swap(below_, other.below_);
+  entries_.swap(other.entries_);
 }
 
 void SplinegonFit::BandMatrix::scale_diagonal(double factor) {
@@ -213,17 +256,24 @@ void SplinegonFit::BandMatrix::invert(BandMatrix& inverse) const {
   for (Eigen::Index j = size_ - 1; j >= 0; --j) {
     const double* const column = &(*this)(j, j);
     const Eigen::Index rows = std::min(below_, size_ - 1 - j);
-    for (Eigen::Index r = rows; r >= 0; --r) {
-      double sum = r == 0 ? 1.0 / column[0] : 0.0;
-      for (Eigen::Index k = 1; k <= rows; ++k) sum -= column[k] * inverse(j + std::max(r, k), j + std::min(r, k));
-      inverse(j + r, j) = sum / column[0];
+    // The sums of all rows at once, as none of them waits for another then: each over k in order.
+    double* const sums = &inverse(j, j);
+    for (Eigen::Index k = 1; k <= rows; ++k) {
+      for (Eigen::Index r = 1; r < k; ++r) sums[r] -= column[k] * inverse(j + k, j + r);
+      const double* const other = &inverse(j + k, j + k);
+      for (Eigen::Index r = k; r <= rows; ++r) sums[r] -= column[k] * other[r - k];
     }
+    for (Eigen::Index r = 1; r <= rows; ++r) sums[r] /= column[0];
+    double sum = 1.0 / column[0];
+    for (Eigen::Index k = 1; k <= rows; ++k) sum -= column[k] * sums[k];
+    sums[0] = sum / column[0];
   }
 }
 
 void SplinegonFitParams::validate() const { check_bounds(*this, "splinegon_fit"); }
 
-SplinegonFit::SplinegonFit(const SplinegonFitParams& params) : params_(params) { params_.validate(); }
+SplinegonFit::SplinegonFit(const SplinegonFitParams& params)
+    : params_((params.validate(), params)), tan_of_straight_(std::tan(kStraightPart * params.corner_angle_rad)) {}
 
 SplinegonFitQuality SplinegonFit::fit(const std::vector<SplinegonElement>& elements, bool closed,
                                       double common_variance_m2, std::vector<SplinegonVertex>& vertices,
@@ -318,26 +368,24 @@ bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
   weights_.clear();
   scratch_.clear();
   for (std::size_t i = 0; i < n; ++i) {
-    // Distances from the lines through one of three neighbours before and one of three after.
-    std::array<double, 9> distances_m{};
-    std::size_t lines = 0;
-    for (std::size_t before = 1; before <= 3; ++before) {
-      for (std::size_t after = 1; after <= 3; ++after) {
-        if (!closed_ && (i < before || i + after >= n)) continue;
-        const Eigen::Vector2d& from = elements[(i + n - before) % n].p_world_m;
-        const Eigen::Vector2d line = elements[(i + after) % n].p_world_m - from;
+    // Of the lines through one of three neighbours before and one of three after a third may be wrong. At a corner, all
+    // are about a spacing away.
+    const double sigma_m = std::sqrt(elements[i].variance_m2);
+    const double most_m = kOutlierSigmas * sigma_m + spacing_m;
+    const std::size_t most_before = closed_ ? 3 : std::min<std::size_t>(i, 3);
+    const std::size_t most_after = closed_ ? 3 : std::min<std::size_t>(n - 1 - i, 3);
+    const std::size_t lines = most_before * most_after;
+    std::size_t near = 0;
+    for (std::size_t before = 1; before <= most_before; ++before) {
+      const Eigen::Vector2d& from = elements[i >= before ? i - before : i + n - before].p_world_m;
+      for (std::size_t after = 1; after <= most_after && near <= lines / 3; ++after) {
+        const Eigen::Vector2d line = elements[i + after < n ? i + after : i + after - n].p_world_m - from;
         const double across_m = std::abs(left_of(line).dot(elements[i].p_world_m - from)) / std::max(line.norm(), 1e-9);
-        distances_m[lines++] = across_m;
+        if (before == 1 && after == 1) scratch_.push_back(across_m / sigma_m);
+        if (!(across_m > most_m)) ++near;
       }
     }
-    const double sigma_m = std::sqrt(elements[i].variance_m2);
-    if (lines > 0) {
-      // Of the lines of neighbouring elements, a third may be wrong. At a corner, all are about a spacing away.
-      scratch_.push_back(distances_m[0] / sigma_m);
-      const auto third = distances_m.begin() + static_cast<std::ptrdiff_t>(lines / 3);
-      std::nth_element(distances_m.begin(), third, distances_m.begin() + static_cast<std::ptrdiff_t>(lines));
-      if (*third > kOutlierSigmas * sigma_m + spacing_m) continue;
-    }
+    if (lines > 0 && near <= lines / 3) continue;
     points_m_.push_back(elements[i].p_world_m - origin_m_);
     normals_.push_back(elements[i].normal_world);
     weights_.push_back(1.0 / sigma_m);
@@ -397,13 +445,16 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
       way_m(start, end) < 0.5 * window_m) {
     return false;
   }
+  const Eigen::Vector2d left_way_m = points_m_[last] - points_m_[first],
+                        right_way_m = points_m_[end] - points_m_[start];
+  if (is_surely_less(left, left_way_m, right, right_way_m, tan_of_straight_)) return false;
   LineSums::Line a = left.line(), b = right.line();
-  if (a.along.dot(points_m_[last] - points_m_[first]) < 0.0) a.along = -a.along;
-  if (b.along.dot(points_m_[end] - points_m_[start]) < 0.0) b.along = -b.along;
+  if (a.along.dot(left_way_m) < 0.0) a.along = -a.along;
+  if (b.along.dot(right_way_m) < 0.0) b.along = -b.along;
   const auto turn_of = [](const LineSums::Line& from, const LineSums::Line& to) {
     return std::atan2(left_of(from.along).dot(to.along), from.along.dot(to.along));
   };
-  if (std::abs(turn_of(a, b)) < 0.8 * params_.corner_angle_rad) return false;
+  if (std::abs(turn_of(a, b)) < kStraightPart * params_.corner_angle_rad) return false;
   // Both lines again, without what is far from them.
   const auto again = [&](LineSums::Line& line, LineSums& near, std::size_t from, std::size_t to) {
     for (int round = 0; round < 2; ++round) {
@@ -616,15 +667,22 @@ void SplinegonFit::find_arcs() {
 /// Stations of `count` nodes from `from_s` to `to_s`, of a closed boundary the same place, between those that are set
 /// in stations_m_: the corners. Equal parts of share_, which is one density for each cell_s_m_.
 void SplinegonFit::share_out(std::size_t count, double from_s, double to_s) {
-  // Share of the boundary up to a place.
+  // Share of the boundary up to a place: of the cells before that where it is, which is the last one that begins before
+  // it, and of a part of that one.
+  const auto begin_of = [&](std::size_t c) { return c == 0 && !closed_ ? -1e9 : cell_s_m_[c]; };
+  const auto share_of = [&](std::size_t c, double s) {
+    const double end = c + 1 == share_.size() && !closed_ ? 1e9 : cell_s_m_[c + 1];
+    return share_[c] * (std::min(s, end) - std::max(begin_of(c), cell_s_m_[0]));
+  };
+  share_before_.assign(1, 0.0);
+  for (std::size_t c = 0; c + 1 < share_.size(); ++c) {
+    share_before_.push_back(share_before_.back() + share_of(c, cell_s_m_[c + 1]));
+  }
   const auto amount = [&](double s) {
-    double sum = 0.0;
-    for (std::size_t c = 0; c < share_.size(); ++c) {
-      const double begin = c == 0 && !closed_ ? -1e9 : cell_s_m_[c];
-      const double end = c + 1 == share_.size() && !closed_ ? 1e9 : cell_s_m_[c + 1];
-      if (s > begin || c == 0) sum += share_[c] * (std::min(s, end) - std::max(begin, cell_s_m_[0]));
-    }
-    return sum;
+    const auto last = cell_s_m_.begin() + static_cast<std::ptrdiff_t>(share_.size());
+    const auto after = static_cast<std::size_t>(std::lower_bound(cell_s_m_.begin(), last, s) - cell_s_m_.begin());
+    const std::size_t c = after > 0 ? after - 1 : 0;
+    return share_before_[c] + share_of(c, s);
   };
   const double whole = closed_ ? amount(to_s) : 0.0;
   const auto amount_wrapped = [&](double s) { return closed_ && s > to_s ? whole + amount(s - to_s) : amount(s); };
@@ -868,7 +926,8 @@ void SplinegonFit::measure() {
   element_s_m_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const ArcOfNode& arc = arcs_[arc_of_[i]];
-    const Eigen::Vector2d v = points_m_[i] - arc.begin_m, along = unit(arc.begin_yaw_rad);
+    const Eigen::Vector2d v = points_m_[i] - arc.begin_m;
+    const Eigen::Vector2d& along = arc_of_[i] % 2 == 0 ? arc.along : arc.begin_along;  // of the arc at its begin
     const double a = along.dot(v), b = left_of(along).dot(v), kappa = arc.curvature_1pm;
     const double foot_m = std::abs(kappa) < 1e-9 ? a : std::atan2(kappa * a, 1.0 - kappa * b) / kappa;
     const double low_m = !closed_ && arc_of_[i] == 0 ? -1e9 : 0.0;
@@ -968,7 +1027,7 @@ void SplinegonFit::sum_residuals() {
   std::size_t biarc_before = biarcs();
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
     const std::size_t biarc = arc_of_[i] / 2;
-    const double distance_m = residual_of(points_m_[i], arc_of_[i]).distance_m;
+    const double distance_m = of_elements_[i].distance_m;
     const double sigmas = std::clamp(distance_m * misfit_weight(weights_[i]), -kMostSigmas, kMostSigmas);
     Residuals& sums = residuals_[biarc];
     if (biarc == biarc_before) sums.products += sigmas * before;
@@ -1058,6 +1117,7 @@ bool SplinegonFit::is_smooth(std::size_t arc) const {
 
 void SplinegonFit::compute_arcs() {
   arcs_.resize(2 * biarcs());
+  Eigen::Vector2d along_out = unit(nodes_[0].yaw_out_rad);
   for (std::size_t k = 0; k < biarcs(); ++k) {
     const Node& from = nodes_[k];
     const Node& to = nodes_[next_node(k)];
@@ -1086,13 +1146,16 @@ void SplinegonFit::compute_arcs() {
     fill(second, B, 0.25, 0.75);
     first.p_m = first.begin_m = from.p_m;
     first.begin_yaw_rad = from.yaw_out_rad;
-    first.along = unit(from.yaw_out_rad);
+    first.along = along_out;
     second.p_m = to.p_m;
     second.along = unit(to.yaw_in_rad);
     second.begin_m = biarc.joint.translation_m;
     second.begin_yaw_rad = biarc.joint.yaw_rad;
-    first.begin_along = unit(0.5 * wrap_to_pi(from.yaw_in_rad - from.yaw_out_rad) + from.yaw_out_rad);
+    first.begin_along = from.yaw_in_rad == from.yaw_out_rad
+                            ? first.along
+                            : unit(0.5 * wrap_to_pi(from.yaw_in_rad - from.yaw_out_rad) + from.yaw_out_rad);
     second.begin_along = unit(biarc.joint.yaw_rad);
+    along_out = to.yaw_in_rad == to.yaw_out_rad ? second.along : unit(to.yaw_out_rad);
   }
 }
 
@@ -1119,7 +1182,12 @@ bool SplinegonFit::assign_nearest() {
     if (i > 0) {
       for (std::size_t k = 0; k <= 2 * kNearArcs; ++k) {
         const std::size_t j = at + count + k;
-        if (closed_ || (j >= count + kNearArcs && j < 2 * count + kNearArcs)) look_at((j - kNearArcs) % count);
+        const bool is_there = j >= count + kNearArcs && j < 2 * count + kNearArcs;
+        if (is_there) {
+          look_at(j - count - kNearArcs);
+        } else if (closed_) {
+          look_at((j - kNearArcs) % count);
+        }
       }
     }
     if (least_m2 > kNear_m * kNear_m) {
@@ -1175,6 +1243,7 @@ void SplinegonFit::expect_jumps(bool first) {
     }
     jump_sigma_[j] = std::sqrt(kJumpShare * sum / std::max(number, 1.0) + least(j) * least(j));
   }
+  compute_residuals();
   if (first) return;
   first_of_.assign(count, points_m_.size());
   last_of_.assign(count, 0);
@@ -1207,7 +1276,9 @@ void SplinegonFit::expect_jumps(bool first) {
 bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
   const std::size_t count = arcs_.size();
   const bool ring = closed_ && arcs == count && is_smooth(begin);
-  const auto is_in = [&](std::size_t i) { return (arc_of_[i] + count - begin) % count < arcs; };
+  const auto is_in = [&](std::size_t i) {
+    return (arc_of_[i] >= begin ? arc_of_[i] - begin : arc_of_[i] + count - begin) < arcs;
+  };
   // y = c0 + c1 x + c2 (x^2 + y^2), x along the piece; of a ring x^2 + y^2 = c0 + c1 x + c2 y. Both are circles.
   const Node& from = nodes_[begin / 2];
   const Eigen::Vector2d way_m = nodes_[(begin + arcs) / 2 % nodes_.size()].p_m - from.p_m;
@@ -1228,7 +1299,7 @@ bool SplinegonFit::is_one_arc(std::size_t begin, std::size_t arcs) const {
   for (std::size_t i = first; i <= last && i < points_m_.size(); ++i) {
     if (!is_in(i)) continue;
     const Eigen::Vector2d p = local(i);
-    const double sigmas = std::abs(residual_of(points_m_[i], arc_of_[i]).distance_m) * weights_[i];
+    const double sigmas = std::abs(of_elements_[i].distance_m) * weights_[i];
     const double weight = weights_[i] * weights_[i] * std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
     const Eigen::Vector3d row =
         ring ? Eigen::Vector3d(1.0, p.x(), p.y()) : Eigen::Vector3d(1.0, p.x(), p.squaredNorm());
@@ -1270,6 +1341,12 @@ SplinegonFit::Residual SplinegonFit::residual_of(const Eigen::Vector2d& p_m, std
   return residual;
 }
 
+/// Of all elements, as the arcs and what is of each of them are now.
+void SplinegonFit::compute_residuals() {
+  of_elements_.resize(points_m_.size());
+  for (std::size_t i = 0; i < points_m_.size(); ++i) of_elements_[i] = residual_of(points_m_[i], arc_of_[i]);
+}
+
 /// Adds what a slope by the places and yaws of a biarc's nodes is by the unknowns.
 void SplinegonFit::add_to_row(const Vector6d& slope, std::size_t biarc) {
   const std::size_t next = next_node(biarc);
@@ -1283,7 +1360,7 @@ void SplinegonFit::add_to_row(const Vector6d& slope, std::size_t biarc) {
   row_(to.first + 2) += slope(5);
 }
 
-/// Normal equations at the nodes; returns the cost.
+/// Normal equations at the nodes, after compute_residuals(); returns the cost.
 double SplinegonFit::build() {
   unknowns_of_.resize(nodes_.size());
   unknowns_ = 0;
@@ -1291,12 +1368,15 @@ double SplinegonFit::build() {
   for (std::size_t at = 0; at < nodes_.size(); ++at) {
     const std::size_t k = !closed_ ? at : at % 2 == 0 ? at / 2 : nodes_.size() - 1 - at / 2;
     const Node& node = nodes_[k];
-    unknowns_of_[k] = {unknowns_, unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
+    const bool has_one_tangent = node.yaw_in_rad == node.yaw_out_rad;
+    unknowns_of_[k] = {unknowns_, has_one_tangent
+                                      ? (k < biarcs() ? arcs_[2 * k] : arcs_[2 * k - 1]).along
+                                      : unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
     unknowns_ += node.corner ? 4 : 3;
   }
   H_.reset(unknowns_, 4 * (closed_ ? 5 : 3) - 1);
-  if (g_.size() < unknowns_ + 4) {
-    g_.resize(2 * unknowns_ + 4);
+  if (g_.size() < unknowns_ + 4) g_.resize(2 * unknowns_ + 4);
+  if (row_.size() < unknowns_ + 4) {
     delta_.resize(2 * unknowns_ + 4);
     row_.setZero(2 * unknowns_ + 4);
   }
@@ -1305,7 +1385,7 @@ double SplinegonFit::build() {
   // The elements' sums by places and yaws of the nodes, for each biarc.
   sums_.assign(biarcs(), {Matrix6d::Zero(), Vector6d::Zero(), 0});
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
-    const Residual residual = residual_of(points_m_[i], arc_of_[i]);
+    const Residual& residual = of_elements_[i];
     const double sigmas = std::abs(residual.distance_m) * weights_[i];
     const double huber = std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
     cost += huber < 1.0 ? params_.huber_sigmas * (2.0 * sigmas - params_.huber_sigmas) : sigmas * sigmas;
@@ -1416,7 +1496,7 @@ void SplinegonFit::add_jump(std::size_t before, std::size_t after, double jump, 
 double SplinegonFit::correlation_factor() const {
   double products = 0.0, squares = 0.0, before = 0.0;
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
-    const double sigmas = residual_of(points_m_[i], arc_of_[i]).distance_m * weights_[i];
+    const double sigmas = of_elements_[i].distance_m * weights_[i];
     const double clipped = std::clamp(sigmas, -3.0, 3.0);
     products += clipped * before;
     squares += clipped * clipped;
@@ -1441,7 +1521,15 @@ void SplinegonFit::hold(BandMatrix& H) const {
   }
 }
 
-/// Levenberg-Marquardt; returns the number of steps.
+void SplinegonFit::swap_with_before() {
+  H_.swap(H_before_);
+  g_.swap(g_before_);
+  unknowns_of_.swap(unknowns_of_before_);
+  arcs_.swap(arcs_before_);
+  of_elements_.swap(of_elements_before_);
+}
+
+/// Levenberg-Marquardt, after expect_jumps(); returns the number of steps.
 int SplinegonFit::iterate(int most) {
   double damping = 1e-4;
   double cost = build();
@@ -1469,14 +1557,15 @@ int SplinegonFit::iterate(int most) {
       largest_m = std::max({largest_m, std::abs(across_m), 0.02 * std::abs(along_m)});
     }
     ++steps;
+    swap_with_before();
     compute_arcs();
     assign_stepwise();
+    compute_residuals();
     const double new_cost = build();
     if (!(new_cost <= cost * (1.0 + 1e-3) + 1.0)) {
-      nodes_ = nodes_before_;
-      arc_of_ = arc_of_before_;
-      compute_arcs();
-      build();
+      nodes_.swap(nodes_before_);
+      arc_of_.swap(arc_of_before_);
+      swap_with_before();
       damping = std::max(10.0 * damping, 0.1);
       continue;
     }
@@ -1504,7 +1593,7 @@ void SplinegonFit::measure_gaps() {
 double SplinegonFit::chi2_per_freedom() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < points_m_.size(); ++i) {
-    const double sigmas = residual_of(points_m_[i], arc_of_[i]).distance_m * weights_[i];
+    const double sigmas = of_elements_[i].distance_m * weights_[i];
     sum += std::min(sigmas * sigmas, kMostChi2);
   }
   const auto elements = static_cast<double>(points_m_.size());

@@ -140,6 +140,7 @@ class SplinegonFit {
     BandMatrix(const BandMatrix&) = default;
     BandMatrix& operator=(const BandMatrix& other);
     void reset(Eigen::Index size, Eigen::Index below);
+    void swap(BandMatrix& other);
     /// row >= column
     double& operator()(Eigen::Index row, Eigen::Index column) { return entries_(column * below_ + row); }
     const double& operator()(Eigen::Index row, Eigen::Index column) const { return entries_(column * below_ + row); }
@@ -151,6 +152,8 @@ class SplinegonFit {
     void invert(BandMatrix& inverse) const;
 
    private:
+    Eigen::Index resize(Eigen::Index size, Eigen::Index below);
+
     Eigen::Index size_ = 0, below_ = 0;
     Eigen::VectorXd entries_;
   };
@@ -202,6 +205,7 @@ class SplinegonFit {
   void assign_stepwise();
   void expect_jumps(bool first);
   Residual residual_of(const Eigen::Vector2d& p_m, std::size_t index) const;
+  void compute_residuals();
   bool is_one_arc(std::size_t begin, std::size_t arcs) const;
   Eigen::Index unknowns_at(std::size_t k) const { return nodes_[k].corner ? 4 : 3; }
   std::array<Eigen::Index, 6> unknowns_of_biarc(std::size_t biarc, Matrix6d& J) const;
@@ -210,6 +214,7 @@ class SplinegonFit {
   double straighten(std::size_t biarc);
   void add_jump(std::size_t before, std::size_t after, double jump, double weight);
   double build();
+  void swap_with_before();
   void hold(BandMatrix& H) const;
   int iterate(int most);
   double chi2_per_freedom() const;
@@ -224,6 +229,7 @@ class SplinegonFit {
   void write(double common_variance_m2, double scale, std::vector<SplinegonVertex>& vertices);
 
   SplinegonFitParams params_;
+  double tan_of_straight_;  ///< of the turn of two lines below which there is no corner
   bool closed_ = false, follow_tips_ = true;
   Eigen::Vector2d origin_m_ = Eigen::Vector2d::Zero();
   // Of the elements; places are relative to the origin.
@@ -253,12 +259,20 @@ class SplinegonFit {
   std::vector<double> gap_m_;  ///< the largest gap of each biarc
   std::vector<Piece> pieces_;
   std::vector<double> cell_s_m_, arc_s_m_, share_, slope_;  ///< what main vertices are placed by
+  std::vector<double> share_before_;                        ///< of the cells before each, in sum
 
   std::vector<Unknowns> unknowns_of_;
   Eigen::Index unknowns_ = 0;
   std::vector<Sums> sums_;
   BandMatrix H_, H_factor_, covariance_;
   Eigen::VectorXd g_, delta_, row_;
+  std::vector<Residual> of_elements_;  ///< as the arcs are
+  /// The same before a step, which is taken back where it is none.
+  BandMatrix H_before_;
+  Eigen::VectorXd g_before_;
+  std::vector<Unknowns> unknowns_of_before_;
+  std::vector<ArcOfNode> arcs_before_;
+  std::vector<Residual> of_elements_before_;
 };
 
 }  // namespace situation_awareness
