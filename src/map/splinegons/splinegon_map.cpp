@@ -2,7 +2,10 @@
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
+
+#include <Eigen/Geometry>
 
 #include "situation_awareness/common/time.hpp"
 
@@ -22,11 +25,20 @@ bool is_within(const ObstacleBoundary& boundary, const Splinegon& closed) {
   const Eigen::Matrix2d R = boundary.motion.rotation();
   const double most_outside = (1.0 - kWithin) * static_cast<double>(boundary.elements.size());
   std::size_t outside = 0;
-  const double around_m = length_m(closed);  // no place of it is farther from another one
+  // Around all of it: no place of an arc is farther from its chord than in its middle.
+  Eigen::AlignedBox2d around_m;
+  double most_height_m = 0.0;
+  for (std::size_t k = 0; k < closed.vertices.size(); ++k) {
+    const SplinegonVertex& from = closed.vertices[k];
+    const SplinegonVertex& to = closed.vertices[k + 1 < closed.vertices.size() ? k + 1 : 0];
+    around_m.extend(from.p_world_m);
+    most_height_m = std::max(most_height_m, 0.5 * std::abs(from.bulge) * (to.p_world_m - from.p_world_m).norm());
+  }
+  const Eigen::Vector2d margin_m = Eigen::Vector2d::Constant(most_height_m + 2.0 * kBefore_m);
+  around_m = Eigen::AlignedBox2d(around_m.min() - margin_m, around_m.max() + margin_m);
   for (const SplinegonElement& element : boundary.elements) {
     const Eigen::Vector2d p_m = R * element.p_world_m + boundary.motion.translation_m;
-    const bool is_far = (p_m - closed.vertices.front().p_world_m).norm() > around_m + kBefore_m;
-    if (!is_far && (contains(closed, p_m) || distance_m(closed, p_m) < kBefore_m)) continue;
+    if (around_m.contains(p_m) && (contains(closed, p_m) || distance_m(closed, p_m) < kBefore_m)) continue;
     if (static_cast<double>(++outside) > most_outside) return false;
   }
   return true;
