@@ -44,17 +44,17 @@ struct Options {
   std::uint64_t seed = 1;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   app.add_option("--kind", options.kind, "of the map")
-      ->required()
-      ->check(CLI::IsMember({"objects", "polygons", "splinegons", "grid"}));
+      .required()
+      .check(one_of({"objects", "polygons", "splinegons", "grid"}));
   app.add_option("--config", options.config, "parameters of the map, such as cfg/objects.yaml")
-      ->required()
-      ->type_name("FILE");
-  app.add_option("--models", options.models, "where a relative model is looked for")->required()->type_name("FOLDER");
-  app.add_option("--hours", options.hours, "of data")->type_name("H")->check(from_to(0.001, 10000.0));
-  app.add_option("--block-s", options.block_s, "of data in a block")->type_name("S")->check(from_to(2.0, 3600.0));
-  app.add_option("--seed", options.seed, "of noise")->type_name("N")->check(from_to(0.0, 1e9));
+      .required()
+      .type_name("FILE");
+  app.add_option("--models", options.models, "where a relative model is looked for").required().type_name("FOLDER");
+  app.add_option("--hours", options.hours, "of data").type_name("H").check(from_to(0.001, 10000.0));
+  app.add_option("--block-s", options.block_s, "of data in a block").type_name("S").check(from_to(2.0, 3600.0));
+  app.add_option("--seed", options.seed, "of noise").type_name("N").check(from_to(0.0, 1e9));
 }
 
 // --- scenes

@@ -43,13 +43,13 @@ struct Options {
   bool networks = false;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   app.add_option("--config", options.config, "parameters of the map, such as cfg/objects.yaml")
-      ->required()
-      ->type_name("FILE");
-  app.add_option("--models", options.models, "where a relative model is looked for")->required()->type_name("FOLDER");
+      .required()
+      .type_name("FILE");
+  app.add_option("--models", options.models, "where a relative model is looked for").required().type_name("FOLDER");
   const auto number = [&app](const char* name, int& value, int low, const char* what) {
-    app.add_option(name, value, what)->type_name("N")->check(from_to(low, 1e8));
+    app.add_option(name, value, what).type_name("N").check(from_to(low, 1e8));
   };
   number("--beams", options.beams, 2, "of the scanner, over 270 degrees");
   number("--objects", options.objects, 1, "in a ring around it");

@@ -43,20 +43,20 @@ struct Options {
   std::uint64_t seed = 1;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   app.add_option("--config", options.config, "parameters of the map, such as cfg/objects.yaml")
-      ->required()
-      ->type_name("FILE");
-  app.add_option("--models", options.models, "where a relative model is looked for")->required()->type_name("FOLDER");
+      .required()
+      .type_name("FILE");
+  app.add_option("--models", options.models, "where a relative model is looked for").required().type_name("FOLDER");
   app.add_option("--scans", options.scans,
                  "recorded scans, as scripts/evaluation/soak.py writes them\n(default: simulated ones alone)")
-      ->type_name("FILE");
-  app.add_option("--hours", options.hours, "of scans")->type_name("H")->check(from_to(0.001, 10000.0));
-  app.add_option("--block-s", options.block_s, "of scans in a block")->type_name("S")->check(from_to(2.0, 3600.0));
+      .type_name("FILE");
+  app.add_option("--hours", options.hours, "of scans").type_name("H").check(from_to(0.001, 10000.0));
+  app.add_option("--block-s", options.block_s, "of scans in a block").type_name("S").check(from_to(2.0, 3600.0));
   app.add_option("--bad-part", options.bad_part, "of the scans, for each kind of bad ones")
-      ->type_name("P")
-      ->check(from_to(0.0, 0.1));
-  app.add_option("--seed", options.seed, "of scene and bad scans")->type_name("N")->check(from_to(0.0, 1e9));
+      .type_name("P")
+      .check(from_to(0.0, 0.1));
+  app.add_option("--seed", options.seed, "of scene and bad scans").type_name("N").check(from_to(0.0, 1e9));
 }
 
 // --- what is sent

@@ -121,8 +121,8 @@ add_library(${PROJECT_NAME}_bag STATIC
   src/ros/bag/progress.cpp
   src/ros/bag/scans.cpp)
 situation_awareness_target(${PROJECT_NAME}_bag)
-target_include_directories(${PROJECT_NAME}_bag PUBLIC tools)
-target_link_libraries(${PROJECT_NAME}_bag PUBLIC ${PROJECT_NAME}_ros CLI11::CLI11 nlohmann_json::nlohmann_json)
+target_link_libraries(${PROJECT_NAME}_bag PUBLIC
+  ${PROJECT_NAME}_ros ${PROJECT_NAME}_command_line nlohmann_json::nlohmann_json)
 target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_nodelets)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)

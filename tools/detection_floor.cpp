@@ -37,16 +37,16 @@ struct Options {
   std::uint64_t effective_samples = 4000;
 };
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option_function<std::string>(
+void add_options(CommandLine& app, Options& options) {
+  app.add_option_function(
          "--case", [&options](const std::string& name) { options.segment_case = segment_case(name); },
          "ellipse, circle, occluded, boxes or faces")
-      ->required()
-      ->type_name("NAME")
-      ->check(CLI::IsMember({"ellipse", "circle", "occluded", "boxes", "faces"}));
-  app.add_option("--out", options.out, "where the lines go")->required()->type_name("FILE.csv");
+      .required()
+      .type_name("NAME")
+      .check(one_of({"ellipse", "circle", "occluded", "boxes", "faces"}));
+  app.add_option("--out", options.out, "where the lines go").required().type_name("FILE.csv");
   const auto number = [&app](const char* name, std::uint64_t& value, double low, const char* what) {
-    app.add_option(name, value, what)->type_name("N")->check(from_to(low, 1e9));
+    app.add_option(name, value, what).type_name("N").check(from_to(low, 1e9));
   };
   number("--samples", options.samples, 1.0, "segments");
   number("--first-seed", options.first_seed, 0.0, "segment k is drawn with the seed N + k");

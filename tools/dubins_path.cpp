@@ -130,12 +130,13 @@ struct Options {
 };
 
 /// The path that the options ask for, or a batch: not both.
-void check_options(const CLI::App& app, Options& options) {
+void check_options(const CommandLine& app, Options& options) {
   check_curvature(options.max_curvature_1_m);
   for (const char* option : {"--from", "--to", "--radius-from", "--radius-to"}) {
     const bool is_given = app.count(option) > 0;
-    if (is_given && !options.batch.empty()) throw CLI::ValidationError(option, "has no place beside --batch");
-    if (!is_given && options.batch.empty()) throw CLI::RequiredError(option);
+    if (is_given && !options.batch.empty())
+      throw CommandLineError(std::string(option) + ": has no place beside --batch");
+    if (!is_given && options.batch.empty()) throw option_required(option);
   }
   if (!options.batch.empty()) return;
   const auto set_pose = [](const std::string& text, const char* source, DubinsEnd& end) {
@@ -148,9 +149,9 @@ void check_options(const CLI::App& app, Options& options) {
   shortest_dubins_path(options.from, options.to);  // refuses what is out of bounds
 }
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   const auto add = [&app](const char* name, auto& value, const char* type, const char* what) {
-    app.add_option(name, value, what)->type_name(type)->default_str("");
+    app.add_option(name, value, what).type_name(type).default_str("");
   };
   add("--from", options.from_text, "X,Y,YAW", "where the path begins");
   add("--to", options.to_text, "X,Y,YAW", "where it ends");

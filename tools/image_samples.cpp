@@ -32,16 +32,16 @@ struct Options {
   double fovy_rad = 1.0;
 };
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option("--world", options.world, "the world")->required()->type_name("FILE");
-  app.add_option("--poses", options.poses, "of the camera")->required()->type_name("FILE");
-  app.add_option("--out", options.out, "where the images go")->required()->type_name("PREFIX");
-  app.add_option("--class", options.label, "begin of the names of its materials")->type_name("CLASS");
-  app.add_option("--width", options.width, "of an image, in pixels")->type_name("N")->check(from_to(16.0, 4096.0));
-  app.add_option("--height", options.height, "of an image, in pixels")->type_name("N")->check(from_to(16.0, 4096.0));
+void add_options(CommandLine& app, Options& options) {
+  app.add_option("--world", options.world, "the world").required().type_name("FILE");
+  app.add_option("--poses", options.poses, "of the camera").required().type_name("FILE");
+  app.add_option("--out", options.out, "where the images go").required().type_name("PREFIX");
+  app.add_option("--class", options.label, "begin of the names of its materials").type_name("CLASS");
+  app.add_option("--width", options.width, "of an image, in pixels").type_name("N").check(from_to(16.0, 4096.0));
+  app.add_option("--height", options.height, "of an image, in pixels").type_name("N").check(from_to(16.0, 4096.0));
   app.add_option("--fovy", options.fovy_rad, "field of view from the lower edge to the upper")
-      ->type_name("RAD")
-      ->check(from_to(0.01, 3.0));
+      .type_name("RAD")
+      .check(from_to(0.01, 3.0));
 }
 
 /// A camera (z ahead, x right, y down) by the direction in which it looks.

@@ -27,13 +27,13 @@ struct Options {
   LabelNetworkParams size;
 };
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option("--model", options.model, "the network")->required()->type_name("FILE.onnx");
-  app.add_option("--out", options.out, "where the labels go")->required()->type_name("FOLDER");
-  app.add_option("--class", options.class_name, "of the network")->type_name("NAME");
-  app.add_option("--width", options.size.width, "to which images are scaled, a multiple of 32")->type_name("N");
-  app.add_option("--height", options.size.height, "to which images are scaled, a multiple of 32")->type_name("N");
-  app.add_option("images", options.images, "to label")->required()->type_name("FILE.ppm");
+void add_options(CommandLine& app, Options& options) {
+  app.add_option("--model", options.model, "the network").required().type_name("FILE.onnx");
+  app.add_option("--out", options.out, "where the labels go").required().type_name("FOLDER");
+  app.add_option("--class", options.class_name, "of the network").type_name("NAME");
+  app.add_option("--width", options.size.width, "to which images are scaled, a multiple of 32").type_name("N");
+  app.add_option("--height", options.size.height, "to which images are scaled, a multiple of 32").type_name("N");
+  app.add_option("images", options.images, "to label").required().type_name("FILE.ppm");
 }
 
 ColorImage read_ppm(const std::string& path) {

@@ -59,26 +59,26 @@ struct Seeds {
 std::optional<Seeds> seeds_of(const std::string& text) {
   const std::size_t dash = text.find('-');
   const std::string last_text = dash == std::string::npos ? text : text.substr(dash + 1);
-  Seeds seeds;
-  if (!CLI::detail::lexical_cast(text.substr(0, dash), seeds.first)) return std::nullopt;
-  if (!CLI::detail::lexical_cast(last_text, seeds.last) || seeds.last < seeds.first) return std::nullopt;
-  return seeds;
+  const std::optional<std::uint64_t> first = whole_number(text.substr(0, dash));
+  const std::optional<std::uint64_t> last = whole_number(last_text);
+  if (!first || !last || *last < *first) return std::nullopt;
+  return Seeds{*first, *last};
 }
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    return app.add_option(name, value, what)->type_name(type);
+    return app.add_option(name, value, what).type_name(type);
   };
   const auto number = [&app](const char* name, double& value, const char* what) {
-    app.add_option(name, value, what)->type_name("S")->check(from_to(0.0, 1e6));
+    app.add_option(name, value, what).type_name("S").check(from_to(0.0, 1e6));
   };
-  text("--world", options.world, "FILE", "the world (models/worlds/README.md)")->required();
-  text("--config", options.config, "FILE", "parameters of the map, such as cfg/objects.yaml")->required();
-  text("--models", options.models, "FOLDER", "where a relative model is looked for")->required();
+  text("--world", options.world, "FILE", "the world (models/worlds/README.md)").required();
+  text("--config", options.config, "FILE", "parameters of the map, such as cfg/objects.yaml").required();
+  text("--models", options.models, "FOLDER", "where a relative model is looked for").required();
   text("--set", options.set, "FILE", "YAML whose keys override those of the configuration");
-  text("--seeds", options.seeds, "A-B", "or one number")->check([](const std::string& seeds) {
+  text("--seeds", options.seeds, "A-B", "or one number").check(Check([](const std::string& seeds) {
     return seeds_of(seeds) ? "" : "needs a whole number, or two as A-B with A not above B, not " + seeds;
-  });
+  }));
   number("--duration", options.duration_s, "length of a flight");
   number("--pose-sigma-m", options.pose_sigma_m, "white noise of the position given to the map, x and y each");
   number("--pose-sigma-rad", options.pose_sigma_rad, "the same of its yaw");

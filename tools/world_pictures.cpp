@@ -24,17 +24,17 @@ struct Options {
   int width = 640, height = 480;
 };
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option("--world", options.world, "the world")->required()->type_name("FILE");
-  app.add_option("--out", options.out, "where the pictures go")->required()->type_name("PREFIX");
-  app.add_option("--camera", options.camera, "of the world")->type_name("NAME");
+void add_options(CommandLine& app, Options& options) {
+  app.add_option("--world", options.world, "the world").required().type_name("FILE");
+  app.add_option("--out", options.out, "where the pictures go").required().type_name("PREFIX");
+  app.add_option("--camera", options.camera, "of the world").type_name("NAME");
   app.add_option("--times", options.times_s, "one picture each")
-      ->type_name("S,S,...")
-      ->delimiter(',')
-      ->take_all()
-      ->check(from_to(0.0, 1e6));
-  app.add_option("--width", options.width, "of a picture, in pixels")->type_name("N")->check(from_to(1.0, 1e5));
-  app.add_option("--height", options.height, "of a picture, in pixels")->type_name("N")->check(from_to(1.0, 1e5));
+      .type_name("S,S,...")
+      .delimiter(',')
+      .take_all()
+      .check(from_to(0.0, 1e6));
+  app.add_option("--width", options.width, "of a picture, in pixels").type_name("N").check(from_to(1.0, 1e5));
+  app.add_option("--height", options.height, "of a picture, in pixels").type_name("N").check(from_to(1.0, 1e5));
 }
 
 void write_ppm(const std::string& path, const Picture& picture) {

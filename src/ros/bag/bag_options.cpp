@@ -6,20 +6,20 @@
 
 namespace situation_awareness {
 
-void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config) {
-  app.add_option("IN.bag", options.bag, "the bag")->required()->type_name("");
+void add_bag_options(CommandLine& app, BagOptions& options, const std::string& default_config) {
+  app.add_option("IN.bag", options.bag, "the bag").required().type_name("");
   app.add_option("--world-frame", options.world_frame, "frame of the map, found among the transforms")
-      ->type_name("NAME");
+      .type_name("NAME");
   app.add_option("--tf-topic", options.tf_topic,
                  "tf2_msgs/TFMessage, such as /robot1/tf; static transforms\nare on TOPIC_static")
-      ->type_name("TOPIC");
+      .type_name("TOPIC");
   app.add_flag("--static-sensor", options.static_sensor, "the sensor is the world: for bags without transforms");
   app.add_option("--tf-timeout", options.tf_timeout_s,
                  "how long a measurement waits for its transforms, by the\ntime of the recording")
-      ->type_name("S")
-      ->check(from_to(0.0, 1e6));
+      .type_name("S")
+      .check(from_to(0.0, 1e6));
   app.add_option("--config", options.config, "parameters (default: cfg/" + default_config + " of this package)")
-      ->type_name("FILE");
+      .type_name("FILE");
 }
 
 std::string config_path(const BagOptions& options, const std::string& default_config) {

@@ -6,6 +6,7 @@
 
 #include <nav_msgs/Odometry.h>
 
+#include "command_line.hpp"
 #include "situation_awareness/ros/bag/messages.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -13,9 +14,9 @@
 
 namespace situation_awareness {
 
-void add_odometry_options(CLI::App& app, OdometryOptions& options) {
+void add_odometry_options(CommandLine& app, OdometryOptions& options) {
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    app.add_option(name, value, what)->type_name(type);
+    app.add_option(name, value, what).type_name(type);
   };
   text("--odom-topic", options.topic, "TOPIC", "nav_msgs/Odometry");
   text("--odom-frame", options.frames.odom, "FRAME", "of odometry (default: the frame_id of its messages)");

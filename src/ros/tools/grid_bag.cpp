@@ -52,21 +52,21 @@ struct Options {
               out, grid_out, model_folder;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    return app.add_option(name, value, what)->type_name(type);
+    return app.add_option(name, value, what).type_name(type);
   };
-  auto* const labels = text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
+  const CommandLineOption labels = text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
   text("--image-topic", options.image_topic, "TOPIC",
        "instead: sensor_msgs/Image, rectified, to be labelled by a network")
-      ->excludes(labels);
+      .excludes(labels);
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   text("--camera-info-topic", options.camera_info_topic, "TOPIC", "sensor_msgs/CameraInfo of these images");
   text("--odom-topic", options.odom_topic, "TOPIC",
        "nav_msgs/Odometry, whose covariance is that of the pose (default: that of the parameters)");
-  text("--dem", options.dem, "FILE", "elevation in the world's metres, such as a GeoTIFF")->required();
-  text("--out", options.out, "FILE", "output file of the lines")->required();
+  text("--dem", options.dem, "FILE", "elevation in the world's metres, such as a GeoTIFF").required();
+  text("--out", options.out, "FILE", "output file of the lines").required();
   text("--grid-out", options.grid_out, "FILE", "output file of the grid, a GeoTIFF");
 }
 

@@ -56,10 +56,10 @@ struct Options {
   std::optional<double> scan_pose_offset_s;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    app.add_option(name, value, what)->type_name(type);
+    app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   text("--out", options.out, "FILE", "output file of the map's lines");
@@ -69,8 +69,8 @@ void add_options(CLI::App& app, Options& options) {
   text("--save-objects", options.save_objects, "FILE", "output file of the map after the last scan");
   text("--detector", options.detector, "NAME", "in place of the configured one, with its own model");
   app.add_option("--scan-pose-offset", options.scan_pose_offset_s, "scan_pose_offset_s in place of the configured one")
-      ->type_name("S")
-      ->check(from_to(-1.0, 1.0));
+      .type_name("S")
+      .check(from_to(-1.0, 1.0));
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
     std::vector<std::string> files;
@@ -78,10 +78,10 @@ void add_options(CLI::App& app, Options& options) {
       if (!file->empty()) files.push_back(*file);
     }
     const std::string outputs = "--out, --detections, --points or --save-objects";
-    if (files.empty()) throw CLI::RequiredError(outputs);
+    if (files.empty()) throw option_required(outputs);
     std::sort(files.begin(), files.end());
     const auto same = std::adjacent_find(files.begin(), files.end());
-    if (same != files.end()) throw CLI::ValidationError(*same + " is given for two of " + outputs);
+    if (same != files.end()) throw CommandLineError(*same + " is given for two of " + outputs);
   });
 }
 

@@ -63,30 +63,30 @@ struct Options {
   double full_every_s = 10.0;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    return app.add_option(name, value, what)->type_name(type);
+    return app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   add_odometry_options(app, options.odometry);
   text("--reflectors", options.reflectors, "FILE", "the reflectors, from which the pose comes");
   text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the start, good to 12 cm and 4 degrees");
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
-      ->check(CLI::IsMember({"reflectors", "tf"}));
-  text("--out", options.out, "FILE", "output file of the lines")->required();
+      .check(one_of({"reflectors", "tf"}));
+  text("--out", options.out, "FILE", "output file of the lines").required();
   app.add_flag("--objects", options.objects, "map what moves, too, and keep it off the polygons");
-  CLI::Option* changes = app.add_flag("--changes", options.changes, "write what each scan changed, not all polylines");
+  const CommandLineOption changes =
+      app.add_flag("--changes", options.changes, "write what each scan changed, not all polylines");
   app.add_option("--full-every", options.full_every_s, "time between lines with all polylines")
-      ->type_name("S")
-      ->check(CLI::Range(0.0, 1e9))
-      ->needs(changes)
-      ->capture_default_str();
+      .type_name("S")
+      .check(in_range(0.0, 1e9))
+      .needs(changes);
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
   app.callback([&options] {
-    if (options.localization == "reflectors" && options.reflectors.empty()) throw CLI::RequiredError("--reflectors");
+    if (options.localization == "reflectors" && options.reflectors.empty()) throw option_required("--reflectors");
     if (options.localization == "tf" && !options.initial_pose.empty()) {
-      throw CLI::ValidationError("--initial-pose is for --reflectors");
+      throw CommandLineError("--initial-pose is for --reflectors");
     }
     if (options.initial_pose.empty()) return;
     check_option([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });

@@ -47,25 +47,25 @@ struct Options {
   ReflectorSurveyParams survey;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    return app.add_option(name, value, what)->type_name(type);
+    return app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   add_odometry_options(app, options.odometry);
   text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the first scan");
   app.add_option("--radius", options.survey.radius_m, "of the reflectors, in m")
-      ->type_name("M")
-      ->check(from_to(0.001, 1.0));
+      .type_name("M")
+      .check(from_to(0.001, 1.0));
   app.add_option("--min-sightings", options.survey.min_sightings, "what was seen at fewer places is left out")
-      ->type_name("N")
-      ->check(from_to(2, 10000));
+      .type_name("N")
+      .check(from_to(2, 10000));
   app.add_option("--max-distance-sigma", options.survey.max_distance_sigma_m,
                  "greatest standard deviation of the distance of two reflectors, in m")
-      ->type_name("M")
-      ->check(from_to(0.001, 100.0));
-  text("--out", options.out, "FILE", "the file of reflectors to write")->required();
+      .type_name("M")
+      .check(from_to(0.001, 100.0));
+  text("--out", options.out, "FILE", "the file of reflectors to write").required();
   app.callback([&options] { check_option([&] { parse_pose2(options.initial_pose, "--initial-pose"); }); });
 }
 

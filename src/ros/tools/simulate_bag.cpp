@@ -57,28 +57,28 @@ std::string scanner_file(const std::string& scanner) {
   return scanner_preset_file(scanner, package_folder() + "/models/scanners");
 }
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option("--world", options.world, "the world (models/worlds/README.md)")->required()->type_name("FILE");
-  app.add_option("--out", options.out, "the bag")->required()->type_name("FILE");
-  app.add_option("--duration", options.duration_s, "length of the flight")->type_name("S")->check(from_to(1e-3, 1e6));
-  app.add_option("--seed", options.seed, "of the ranges' noise")->type_name("N")->check(from_to(0.0, 1e9));
-  app.add_option("--rate", options.lidar.rate_hz, "scans per second")->type_name("HZ")->check(from_to(0.1, 1000.0));
+void add_options(CommandLine& app, Options& options) {
+  app.add_option("--world", options.world, "the world (models/worlds/README.md)").required().type_name("FILE");
+  app.add_option("--out", options.out, "the bag").required().type_name("FILE");
+  app.add_option("--duration", options.duration_s, "length of the flight").type_name("S").check(from_to(1e-3, 1e6));
+  app.add_option("--seed", options.seed, "of the ranges' noise").type_name("N").check(from_to(0.0, 1e9));
+  app.add_option("--rate", options.lidar.rate_hz, "scans per second").type_name("HZ").check(from_to(0.1, 1000.0));
   app.add_option("--resolution-deg", options.resolution_deg, "from beam to beam, over 270 degrees; negative: clockwise")
-      ->type_name("D")
-      ->check(from_to(0.01, 90.0) | from_to(-90.0, -0.01));
+      .type_name("D")
+      .check(from_to(0.01, 90.0) | from_to(-90.0, -0.01));
   app.add_option("--rings", options.rings,
                  "a ring scanner of so many rings from -15 to 15 degrees,\nover 360 degrees; 0: a 2D scanner")
-      ->type_name("N")
-      ->check(from_to(0.0, 256.0));
+      .type_name("N")
+      .check(from_to(0.0, 256.0));
   app.add_option("--sweep-s", options.lidar.sweep_s,
                  "time from the first beam of a scan to the last;\n0: all at one instant")
-      ->type_name("S")
-      ->check(from_to(0.0, 1.0));
+      .type_name("S")
+      .check(from_to(0.0, 1.0));
   app.add_option("--scanner", options.scanner,
                  "a preset of models/scanners, such as utm_30lx, or a YAML\nfile; --rate and --sweep-s have precedence")
-      ->type_name("NAME|FILE")
-      ->excludes("--resolution-deg")
-      ->excludes("--rings");
+      .type_name("NAME|FILE")
+      .excludes("--resolution-deg")
+      .excludes("--rings");
   app.callback([&app, &options] {
     SimulatedScannerParams& lidar = options.lidar;
     if (!options.scanner.empty()) {

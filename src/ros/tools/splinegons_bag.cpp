@@ -55,10 +55,10 @@ struct Options {
   std::string localization = "gps", origin, lidar_frame, base_frame = "base_link", out;
 };
 
-void add_options(CLI::App& app, Options& options) {
+void add_options(CommandLine& app, Options& options) {
   add_bag_options(app, options.bag, kConfig);
   const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
-    return app.add_option(name, value, what)->type_name(type);
+    return app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
   text("--imu-topic", options.imu_topic, "TOPIC", "sensor_msgs/Imu");
@@ -67,8 +67,8 @@ void add_options(CLI::App& app, Options& options) {
   text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
   text("--base-frame", options.base_frame, "FRAME", "whose pose is estimated");
   text("--localization", options.localization, "KIND", "gps, with the IMU, or tf: the pose in the world is that of /tf")
-      ->check(CLI::IsMember({"gps", "tf"}));
-  text("--out", options.out, "FILE", "output file of the lines")->required();
+      .check(one_of({"gps", "tf"}));
+  text("--out", options.out, "FILE", "output file of the lines").required();
   app.callback([&options] {
     if (!options.origin.empty()) check_option([&options] { parse_geodetic_position(options.origin, "--origin"); });
   });

@@ -47,27 +47,27 @@ struct Options {
   std::string only;
 };
 
-void add_options(CLI::App& app, Options& options) {
-  app.add_option("--out", options.out, "where the lines go")->required()->type_name("FILE");
-  app.add_option("--hours", options.hours, "of scans")->type_name("H")->check(from_to(0.0, 10000.0));
+void add_options(CommandLine& app, Options& options) {
+  app.add_option("--out", options.out, "where the lines go").required().type_name("FILE");
+  app.add_option("--hours", options.hours, "of scans").type_name("H").check(from_to(0.0, 10000.0));
   app.add_option("--fault-every-s", options.fault_every_s, "from fault to fault, on average")
-      ->type_name("S")
-      ->check(from_to(kLeastGap_s, 3600.0));
-  app.add_option("--seed", options.seed, "of scene and faults")->type_name("N")->check(from_to(0.0, 1e9));
+      .type_name("S")
+      .check(from_to(kLeastGap_s, 3600.0));
+  app.add_option("--seed", options.seed, "of scene and faults").type_name("N").check(from_to(0.0, 1e9));
   app.add_option("--under-way", options.under_way, "scans that may be sent before the map of the first is back")
-      ->type_name("N")
-      ->check(from_to(1.0, 1000.0));
+      .type_name("N")
+      .check(from_to(1.0, 1000.0));
   app.add_option("--rounds", options.rounds,
                  "of all faults, ends of processes in the first alone;\n0: as many as there is time for")
-      ->type_name("N")
-      ->check(from_to(0.0, 1e6));
+      .type_name("N")
+      .check(from_to(0.0, 1e6));
   app.add_option("--only", options.only, "the fault of that name alone")
-      ->type_name("NAME")
-      ->check([](const std::string& name) {
+      .type_name("NAME")
+      .check(Check([](const std::string& name) {
         const std::vector<Fault> faults = all_faults();
         const bool known = std::any_of(faults.begin(), faults.end(), [&](const Fault& f) { return f.name == name; });
         return known ? "" : "no fault is called " + name;
-      });
+      }));
 }
 
 std::int64_t resident_bytes() {

@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include <CLI/CLI.hpp>
-
 namespace situation_awareness {
+
+class CommandLine;
 
 /// Common options of all programs that read a bag.
 struct BagOptions {
@@ -18,7 +18,7 @@ struct BagOptions {
 };
 
 /// Adds the options for the bag, its frames and parameters. `default_config` is the name of a file in cfg/.
-void add_bag_options(CLI::App& app, BagOptions& options, const std::string& default_config);
+void add_bag_options(CommandLine& app, BagOptions& options, const std::string& default_config);
 
 /// The file of parameters. Throws std::runtime_error where the package is not found.
 std::string config_path(const BagOptions& options, const std::string& default_config);

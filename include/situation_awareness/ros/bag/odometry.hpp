@@ -21,7 +21,7 @@ struct OdometryOptions {
   OdometryFrames frames;
 };
 
-void add_odometry_options(CLI::App& app, OdometryOptions& options);
+void add_odometry_options(CommandLine& app, OdometryOptions& options);
 
 /// The frames of odometry: those of the options, or else those of the first message that names them; empty where there
 /// is no odometry. Throws std::runtime_error naming topic and field where the messages do not name one.
