@@ -119,8 +119,20 @@ Eigen::Vector2d point_on(const Eigen::Vector2d& begin_m, double yaw_rad, double 
   return begin_m + s_m * sinc(half_rad) * unit(yaw_rad + half_rad);
 }
 
+/// Of an element where misfits are looked for: one that is known better does not make less of one.
+double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
+
+/// What residuals have in common, from a sum of elements'.
+bool have_misfit_in_common(double products, double elements, double weights) {
+  if (products < kMisfitSigmas * std::sqrt(elements)) return false;
+  const double sigma_m = elements / std::max(weights, 1e-12);
+  return std::sqrt(products / elements) * sigma_m > kLeastMisfit_m;
+}
+
+}  // namespace
+
 /// A weighted total least squares line.
-struct LineSums {
+struct SplinegonFit::LineSums {
   double w = 0.0, x = 0.0, y = 0.0, xx = 0.0, xy = 0.0, yy = 0.0;
   std::size_t n = 0;
 
@@ -167,10 +179,16 @@ struct LineSums {
   }
 };
 
+/// What is on one side of a corner, up to an element.
+struct SplinegonFit::CornerSide {
+  LineSums sums;
+  std::size_t end = 0;
+};
+
 /// Whether a line surely turns by less than an angle to another one, each the way that the elements go; of the angle
 /// the tangent is given. It takes a fraction of the time that the angle itself takes.
-bool is_surely_less(const LineSums& from, const Eigen::Vector2d& from_way_m, const LineSums& to,
-                    const Eigen::Vector2d& to_way_m, double tan_angle) {
+bool SplinegonFit::is_surely_less(const LineSums& from, const Eigen::Vector2d& from_way_m, const LineSums& to,
+                                  const Eigen::Vector2d& to_way_m, double tan_angle) {
   constexpr double kSure = 1e-9;  // far beyond rounding
   const Eigen::Vector2d a = from.along(), b = to.along();
   const double a_ahead = a.dot(from_way_m), b_ahead = b.dot(to_way_m);
@@ -181,18 +199,6 @@ bool is_surely_less(const LineSums& from, const Eigen::Vector2d& from_way_m, con
   const double ahead = (a_ahead < 0.0) != (b_ahead < 0.0) ? -a.dot(b) : a.dot(b);
   return std::abs(left_of(a).dot(b)) < (1.0 - kSure) * tan_angle * ahead;
 }
-
-/// Of an element where misfits are looked for: one that is known better does not make less of one.
-double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
-
-/// What residuals have in common, from a sum of elements'.
-bool have_misfit_in_common(double products, double elements, double weights) {
-  if (products < kMisfitSigmas * std::sqrt(elements)) return false;
-  const double sigma_m = elements / std::max(weights, 1e-12);
-  return std::sqrt(products / elements) * sigma_m > kLeastMisfit_m;
-}
-
-}  // namespace
 
 /// Returns the number of entries.
 Eigen::Index SplinegonFit::BandMatrix::resize(Eigen::Index size, Eigen::Index below) {
@@ -231,9 +237,8 @@ void SplinegonFit::BandMatrix::factorize() {
     column[0] = root;
     for (Eigen::Index r = 1; r <= rows; ++r) column[r] /= root;
     for (Eigen::Index c = 1; c <= rows; ++c) {
-      double* const other = &(*this)(j + c, j + c);
-      const double factor = column[c];
-      for (Eigen::Index r = c; r <= rows; ++r) other[r - c] -= factor * column[r];
+      Eigen::Map<Eigen::VectorXd> other(&(*this)(j + c, j + c), rows - c + 1);
+      other.noalias() -= column[c] * Eigen::Map<const Eigen::VectorXd>(column + c, rows - c + 1);
     }
   }
 }
@@ -417,29 +422,54 @@ std::size_t SplinegonFit::wanted_nodes() const {
   return std::clamp<std::size_t>(std::min(fitting, determined), 2, most);
 }
 
+/// Along the polygon of the elements, from one to another that is after it.
+double SplinegonFit::way_m(std::size_t from, std::size_t to) const {
+  return to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from];
+}
+
+/// The corner between element `last` and the next, if there is one: in the largest window in which there is.
+bool SplinegonFit::corner_after(std::size_t last, Corner& corner) const {
+  const std::size_t n = points_m_.size();
+  const std::size_t start = last + 1 < n ? last + 1 : 0;
+  std::array<double, kCornerWindows.size()> windows_m{};
+  std::transform(kCornerWindows.begin(), kCornerWindows.end(), windows_m.begin(),
+                 [&](double part) { return part * params_.corner_window_m; });
+  if (way_m(last, start) > windows_m.front()) return false;
+  const Eigen::Vector2d middle_m = points_m_[last];
+  // The sums of a window are a part of those of the next larger one.
+  std::array<CornerSide, kCornerWindows.size()> left, right;
+  const auto sum_up = [&](std::size_t from, bool ahead, auto& sides) {
+    LineSums sums;
+    std::size_t window = sides.size();  // the larger ones are first
+    for (std::size_t i = from;;) {
+      sums.add(points_m_[i] - middle_m, misfit_weight(weights_[i]) * misfit_weight(weights_[i]));
+      const std::size_t next = ahead ? (i + 1 < n ? i + 1 : 0) : (i > 0 ? i - 1 : n - 1);
+      const bool is_last = next == from || (!closed_ && (ahead ? i + 1 == n : i == 0));
+      const double next_m = is_last ? 0.0 : (ahead ? way_m(from, next) : way_m(next, from));
+      for (; window > 0 && (is_last || next_m > windows_m[window - 1]); --window) sides[window - 1] = {sums, i};
+      if (window == 0) return;
+      i = next;
+    }
+  };
+  sum_up(last, false, left);
+  sum_up(start, true, right);
+  for (std::size_t window = 0; window < windows_m.size(); ++window) {
+    if (way_m(last, start) > windows_m[window]) return false;
+    if (corner_between(last, windows_m[window], left[window], right[window], corner)) return true;
+  }
+  return false;
+}
+
 /// Two lines against an arc, for the elements within the window before and after the middle of elements `last` and the
 /// next.
-bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& corner) const {
+bool SplinegonFit::corner_between(std::size_t last, double window_m, const CornerSide& left_side,
+                                  const CornerSide& right_side, Corner& corner) const {
   const std::size_t n = points_m_.size();
   const auto next = [&](std::size_t i) { return i + 1 < n ? i + 1 : 0; };
-  const auto before = [&](std::size_t i) { return i > 0 ? i - 1 : n - 1; };
-  const auto way_m = [&](std::size_t from, std::size_t to) {
-    return to >= from ? s_m_[to] - s_m_[from] : s_m_[to] + perimeter_m_ - s_m_[from];
-  };
-  const std::size_t start = next(last);
-  if (way_m(last, start) > window_m) return false;
-  std::size_t first = last, end = start;
-  LineSums left, right;
+  const std::size_t start = next(last), first = left_side.end, end = right_side.end;
+  const LineSums &left = left_side.sums, &right = right_side.sums;
   const Eigen::Vector2d middle_m = points_m_[last];
   const double near_m = 0.5 * window_m;
-  for (;; first = before(first)) {
-    left.add(points_m_[first] - middle_m, misfit_weight(weights_[first]) * misfit_weight(weights_[first]));
-    if ((!closed_ && first == 0) || before(first) == last || way_m(before(first), last) > window_m) break;
-  }
-  for (;; end = next(end)) {
-    right.add(points_m_[end] - middle_m, misfit_weight(weights_[end]) * misfit_weight(weights_[end]));
-    if ((!closed_ && end + 1 == n) || next(end) == start || way_m(start, next(end)) > window_m) break;
-  }
   const std::size_t fewest = window_m < params_.corner_window_m ? kFewestOfShortSide : kFewestOfSide;
   if (left.n < fewest || right.n < fewest || way_m(first, last) < 0.5 * window_m ||
       way_m(start, end) < 0.5 * window_m) {
@@ -459,26 +489,28 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
   const auto again = [&](LineSums::Line& line, LineSums& near, std::size_t from, std::size_t to) {
     for (int round = 0; round < 2; ++round) {
       LineSums sums;
-      near = LineSums();
       for (std::size_t i = from;; i = next(i)) {
         const Eigen::Vector2d v = points_m_[i] - middle_m;
         const double sigmas = std::abs(left_of(line.along).dot(v - line.mean)) * misfit_weight(weights_[i]);
         const double weight = misfit_weight(weights_[i]) * misfit_weight(weights_[i]) *
                               std::min(1.0, params_.huber_sigmas / std::max(sigmas, 1e-12));
         sums.add(v, weight);
-        if (to == last ? way_m(i, last) < near_m : way_m(start, i) < near_m) near.add(v, weight);
+        if (round > 0 && (to == last ? way_m(i, last) : way_m(start, i)) < near_m) near.add(v, weight);
         if (i == to) break;
       }
       const Eigen::Vector2d along = line.along;
       line = sums.line();
       if (line.along.dot(along) < 0.0) line.along = -line.along;
     }
-    line.chi2 = 0.0;
+  };
+  const auto chi2_of = [&](const LineSums::Line& line, std::size_t from, std::size_t to) {
+    double chi2 = 0.0;
     for (std::size_t i = from;; i = next(i)) {
       const double sigmas = left_of(line.along).dot(points_m_[i] - middle_m - line.mean) * misfit_weight(weights_[i]);
-      line.chi2 += std::min(sigmas * sigmas, kMostChi2);
+      chi2 += std::min(sigmas * sigmas, kMostChi2);
       if (i == to) break;
     }
+    return chi2;
   };
   LineSums near_left, near_right;
   again(a, near_left, first, last);
@@ -493,7 +525,7 @@ bool SplinegonFit::corner_between(std::size_t last, double window_m, Corner& cor
     const double sigma_rad = std::sqrt(near_a.turn_variance + near_b.turn_variance);
     if (std::abs(turn_of(near_a, near_b)) + 2.0 * sigma_rad < kCornerNearTurn * std::abs(turn_rad)) return false;
   }
-  const double lines_chi2 = a.chi2 + b.chi2;
+  const double lines_chi2 = chi2_of(a, first, last) + chi2_of(b, start, end);
   const auto freedom = static_cast<double>(left.n + right.n) - 4.0;
   if (lines_chi2 > freedom + kCornerMisfit * std::sqrt(2.0 * freedom)) return false;
   // The arc y = c0 + c1 x + c2 (x^2 + y^2), x along the chord, which is exact for circles.
@@ -544,11 +576,7 @@ void SplinegonFit::find_corners() {
   candidates_.clear();
   for (std::size_t i = 0; i + (closed_ ? 0 : 1) < points_m_.size(); ++i) {
     Corner corner;
-    for (const double part : kCornerWindows) {
-      if (!corner_between(i, part * params_.corner_window_m, corner)) continue;
-      candidates_.push_back(corner);
-      break;
-    }
+    if (corner_after(i, corner)) candidates_.push_back(corner);
   }
   // The best one, and so on without those near it.
   by_score_.clear();
@@ -1365,8 +1393,11 @@ double SplinegonFit::build() {
   unknowns_of_.resize(nodes_.size());
   unknowns_ = 0;
   // Of a closed boundary in the order 0, n - 1, 1, n - 2 and so on: then what is near is near along both ways.
+  const auto node_at = [&](std::size_t at) {
+    return !closed_ ? at : at % 2 == 0 ? at / 2 : nodes_.size() - 1 - at / 2;
+  };
   for (std::size_t at = 0; at < nodes_.size(); ++at) {
-    const std::size_t k = !closed_ ? at : at % 2 == 0 ? at / 2 : nodes_.size() - 1 - at / 2;
+    const std::size_t k = node_at(at);
     const Node& node = nodes_[k];
     const bool has_one_tangent = node.yaw_in_rad == node.yaw_out_rad;
     unknowns_of_[k] = {unknowns_, has_one_tangent
@@ -1374,7 +1405,12 @@ double SplinegonFit::build() {
                                       : unit(0.5 * wrap_to_pi(node.yaw_out_rad - node.yaw_in_rad) + node.yaw_in_rad)};
     unknowns_ += node.corner ? 4 : 3;
   }
-  H_.reset(unknowns_, 4 * (closed_ ? 5 : 3) - 1);
+  Eigen::Index below = 0;  // a node has to do with those beside it, and with those beside them
+  for (std::size_t at = 0; at < nodes_.size(); ++at) {
+    const std::size_t k = node_at(at), last = node_at(std::min(at + (closed_ ? 4 : 2), nodes_.size() - 1));
+    below = std::max(below, unknowns_of_[last].first + unknowns_at(last) - 1 - unknowns_of_[k].first);
+  }
+  H_.reset(unknowns_, below);
   if (g_.size() < unknowns_ + 4) g_.resize(2 * unknowns_ + 4);
   if (row_.size() < unknowns_ + 4) {
     delta_.resize(2 * unknowns_ + 4);
@@ -1443,8 +1479,21 @@ std::array<Eigen::Index, 6> SplinegonFit::unknowns_of_biarc(std::size_t biarc, M
 void SplinegonFit::add_sums(std::size_t biarc) {
   Matrix6d J;
   const std::array<Eigen::Index, 6> index = unknowns_of_biarc(biarc, J);
-  const Matrix6d H = J.transpose() * sums_[biarc].H * J;
-  const Vector6d g = J.transpose() * sums_[biarc].g;
+  // J^T H J and J^T g: J has a rotation for each node's place, and 1 for its yaw.
+  const Sums& sums = sums_[biarc];
+  Matrix6d rows, H;
+  Vector6d g;
+  for (const Eigen::Index node : {0, 3}) {
+    const Eigen::Matrix2d R = J.block<2, 2>(node, node);
+    rows.middleRows<2>(node).noalias() = R.transpose() * sums.H.middleRows<2>(node);
+    rows.row(node + 2) = sums.H.row(node + 2);
+    g.segment<2>(node).noalias() = R.transpose() * sums.g.segment<2>(node);
+    g(node + 2) = sums.g(node + 2);
+  }
+  for (const Eigen::Index node : {0, 3}) {
+    H.middleCols<2>(node).noalias() = rows.middleCols<2>(node) * J.block<2, 2>(node, node);
+    H.col(node + 2) = rows.col(node + 2);
+  }
   for (std::size_t a = 0; a < 6; ++a) {
     g_(index[a]) += g(static_cast<Eigen::Index>(a));
     for (std::size_t b = 0; b < 6; ++b) {

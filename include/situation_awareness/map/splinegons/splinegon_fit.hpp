@@ -112,6 +112,8 @@ class SplinegonFit {
     double yaw_in_rad, yaw_out_rad, score;
     double window_m;  ///< in which it was found
   };
+  struct LineSums;
+  struct CornerSide;
   struct Residual {
     double distance_m;
     Vector6d slope;  ///< by x, y, yaw of the node before, and of the one after
@@ -182,7 +184,12 @@ class SplinegonFit {
   bool take(const std::vector<SplinegonElement>& elements);
   std::size_t wanted_nodes() const;
   void find_corners();
-  bool corner_between(std::size_t last, double window_m, Corner& corner) const;
+  double way_m(std::size_t from, std::size_t to) const;
+  static bool is_surely_less(const LineSums& from, const Eigen::Vector2d& from_way_m, const LineSums& to,
+                             const Eigen::Vector2d& to_way_m, double tan_angle);
+  bool corner_after(std::size_t last, Corner& corner) const;
+  bool corner_between(std::size_t last, double window_m, const CornerSide& left_side, const CornerSide& right_side,
+                      Corner& corner) const;
   bool is_arc(std::size_t begin, std::size_t end) const;
   void find_arcs();
   void share_out(std::size_t count, double from_s, double to_s);
