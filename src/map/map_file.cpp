@@ -148,14 +148,15 @@ std::string detail::write_sealed(const MapFileHeader& header, const std::functio
 }
 
 void detail::read_sealed(const std::string& yaml, const std::string& source, const MapFileHeader& header,
-                         std::size_t max_elements, const std::function<void(ReadFields& fields)>& read_map,
+                         std::size_t max_elements,
+                         const std::function<void(ReadFields& fields, std::uint64_t version)>& read_map,
                          const std::function<void(ReadFields& fields, std::uint64_t version)>& read_element) {
   try {
     check_size(yaml.size(), kMaxBytes);
     const MapParts parts = parts_of(sealed_content(yaml));
     ReadFields fields(parse(parts.map), "");
     const std::uint64_t version = read_header(fields, header);
-    read_map(fields);
+    read_map(fields, version);
     if (parts.elements.size() > max_elements) {
       throw std::invalid_argument("elements are more than " + std::to_string(max_elements));
     }

@@ -87,6 +87,7 @@ struct ChainFormat {
 
   static MapFileHeader header() { return {"Chains.", "situation_awareness chains", 3, 2}; }
   static std::string comment_on(const Chain& chain) { return chain.closed ? "around" : ""; }
+  static void read(Chains& chains, ReadFields& fields, std::uint64_t /*version*/) { Chains::fields(chains, fields); }
   static void read(Chain& chain, ReadFields& fields, std::uint64_t version, const Chains& /*snapshot*/) {
     if (version == 2) fields.add("certainty", "seen");  // there was no other
     Chain::fields(chain, fields);

@@ -58,6 +58,7 @@ struct PostFormat {
   static constexpr std::size_t kMaxElements = 100;
   static MapFileHeader header() { return {"Posts.", "situation_awareness posts"}; }
   static std::string comment_on(const Post& /*post*/) { return ""; }
+  static void read(Posts& posts, ReadFields& fields, std::uint64_t /*version*/) { Posts::fields(posts, fields); }
   static void read(Post& post, ReadFields& fields, std::uint64_t /*version*/, const Posts& /*snapshot*/) {
     Post::fields(post, fields);
   }

@@ -29,6 +29,7 @@ struct MapFileHeader {
 ///     static constexpr std::size_t kMaxElements = 2000;
 ///     static MapFileHeader header();
 ///     static std::string comment_on(const Element& element);  // for people, before each element
+///     static void read(Snapshot& snapshot, ReadFields& fields, std::uint64_t version);  // its own fields()
 ///     static void read(Element& element, ReadFields& fields, std::uint64_t version, const Snapshot& snapshot);
 ///
 /// In `read`, the snapshot has its own fields, but not all elements yet.
@@ -69,7 +70,8 @@ std::string write_sealed(const MapFileHeader& header, const std::function<void(W
 /// Checks the common parts of all maps, calls `read_map` for the fields after the header, and then `read_element` for
 /// those of each element.
 void read_sealed(const std::string& yaml, const std::string& source, const MapFileHeader& header,
-                 std::size_t max_elements, const std::function<void(ReadFields& fields)>& read_map,
+                 std::size_t max_elements,
+                 const std::function<void(ReadFields& fields, std::uint64_t version)>& read_map,
                  const std::function<void(ReadFields& fields, std::uint64_t version)>& read_element);
 
 FileKind kind_of(const MapFileHeader& header);
@@ -95,7 +97,7 @@ typename MapFile<Format>::Snapshot MapFile<Format>::from_yaml(const std::string&
   Snapshot snapshot;
   detail::read_sealed(
       yaml, source, Format::header(), Format::kMaxElements,
-      [&](ReadFields& fields) { Snapshot::fields(snapshot, fields); },
+      [&](ReadFields& fields, std::uint64_t version) { Format::read(snapshot, fields, version); },
       [&](ReadFields& fields, std::uint64_t version) {
         Format::read(snapshot.elements.emplace_back(), fields, version, snapshot);
       });

@@ -29,6 +29,10 @@ struct ObjectMapFormat {
     return text.data();
   }
 
+  static void read(MapSnapshot& snapshot, ReadFields& fields, std::uint64_t /*version*/) {
+    MapSnapshot::fields(snapshot, fields);
+  }
+
   static void read(MapElement& element, ReadFields& fields, std::uint64_t version, const MapSnapshot& snapshot) {
     if (version < 3) {
       fields.add("class", name_of(ObjectClass::kUnknown));

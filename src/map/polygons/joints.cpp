@@ -93,6 +93,9 @@ void Joints::forget(const std::vector<std::uint64_t>& ids) {
 void Joints::restore(std::vector<Joint> joints) {
   joints_ = std::move(joints);
   seen_.clear();
+  for (const Joint& joint : joints_) {
+    if (joint.is_seen) seen_.emplace_back(joint.low, joint.high);
+  }
 }
 
 }  // namespace situation_awareness

@@ -77,22 +77,115 @@ void MapChains::remove(const Surfels& surfels, Index index) {
 
 void MapChains::touch_all() { is_all_touched_ = true; }
 
-void MapChains::restore(std::uint64_t next_id, std::int64_t joined_at_ns, std::vector<Joints::Joint> joints) {
-  next_id_ = std::max(next_id_, next_id);
-  joined_at_ns_ = joined_at_ns;
-  joints_.restore(std::move(joints));
-  for (std::size_t k = 0; k < kept_.size(); ++k) {
-    if (!kept_[k].is_alive) continue;
-    enter_window(static_cast<Slot>(k), true);
-    kept_[k].first = kNone;
-    kept_[k].elements = 0;
+void MapChains::save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const {
+  snapshot.next_id = next_id_;
+  if (joined_at_ns_ != std::numeric_limits<std::int64_t>::min()) snapshot.joined_at_ns = joined_at_ns_;
+  snapshot.joints = joints_.joints();
+  for (std::size_t k = 0; k < snapshot.joints.size(); ++k) {
+    if (snapshot.joints[k].met) snapshot.met_joints.values.push_back(static_cast<std::int32_t>(k));
   }
-  members_.clear();
+  const bool has_changed = is_all_touched_ || !touched_.empty() || !removed_world_m_.empty() || !window_slots_.empty();
+  if (has_changed) return;
+  std::vector<const Kept*> in_order;
+  for (const Kept& chain : kept_) {
+    if (chain.is_alive) in_order.push_back(&chain);
+  }
+  std::sort(in_order.begin(), in_order.end(), [](const Kept* a, const Kept* b) { return a->first < b->first; });
+  for (const Kept* chain : in_order) {
+    ChainPlaces& places = snapshot.chains.values.emplace_back();
+    places.id = chain->chain.id;
+    places.closed = chain->closed;
+    for (Index i = chain->first; i != kNone; i = members_[static_cast<std::size_t>(i)].after) {
+      places.elements.push_back(i);
+    }
+  }
+  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
+    if (!surfels[i].alive || !surfels[i].confirmed) continue;
+    const Member& own = members_[static_cast<std::size_t>(i)];
+    if (!own.is_shown) snapshot.seldom_hit.values.push_back(i);
+    if (own.is_crossed) snapshot.crossed.values.push_back(i);
+  }
+}
+
+void MapChains::restore(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
+  next_id_ = std::max(next_id_, snapshot.next_id);
+  joined_at_ns_ = snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
+                                                                        : snapshot.joined_at_ns;
+  std::vector<Joints::Joint> joints = snapshot.joints;
+  for (const std::int32_t joint : snapshot.met_joints.values) {
+    joints[static_cast<std::size_t>(joint)].met = joints[static_cast<std::size_t>(joint)].is_seen = true;
+  }
+  joints_.restore(std::move(joints));
+  if (!is_restored_) {
+    for (const Holder& holder : holders_) before_restored_.push_back(kept(holder.slot).chain);
+  }
+  is_restored_ = true;
+  kept_.clear();
+  for (std::vector<Slot>* slots : {&free_slots_, &window_slots_}) slots->clear();
+  holders_.clear();
   names_.clear();
   lost_names_.clear();
   touched_.clear();
   removed_world_m_.clear();
-  touch_all();
+  members_.assign(static_cast<std::size_t>(surfels.end()), Member{});
+  is_all_touched_ = snapshot.chains.values.empty();
+  restore_chains(surfels, snapshot);
+}
+
+void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
+  for (Index i = 0; i < surfels.end(); ++i) member(i).is_shown = surfels[i].alive && surfels[i].confirmed;
+  for (const Index i : snapshot.seldom_hit.values) member(i).is_shown = false;
+  for (const Index i : snapshot.crossed.values) member(i).is_crossed = true;
+  for (const ChainPlaces& places : snapshot.chains.values) {
+    const Slot slot = new_slot();
+    Kept& chain = kept(slot);
+    chain.first = places.elements.front();
+    chain.elements = places.elements.size();
+    chain.closed = places.closed;
+    chain.chain.id = places.id;
+    for (std::size_t k = 0; k < places.elements.size(); ++k) {
+      Member& own = member(places.elements[k]);
+      own.slot = slot;
+      own.before = k > 0 ? places.elements[k - 1] : kNone;
+      own.after = k + 1 < places.elements.size() ? places.elements[k + 1] : kNone;
+      own.counted = surfels[places.elements[k]].chain;
+      if (own.counted != 0) names_.push_back({own.counted, 1});
+    }
+    if (places.id == 0) continue;
+    fit(surfels, chain);
+    holders_.push_back({places.id, slot});
+  }
+  std::sort(holders_.begin(), holders_.end(), [](const Holder& a, const Holder& b) { return a.id < b.id; });
+  std::sort(names_.begin(), names_.end(), [](const Named& a, const Named& b) { return a.name < b.name; });
+  std::size_t different = 0;
+  for (const Named& named : names_) {
+    if (different > 0 && names_[different - 1].name == named.name) {
+      ++names_[different - 1].elements;
+    } else {
+      names_[different++] = named;
+    }
+  }
+  names_.resize(different);
+}
+
+/// To those of the update: what is not as it was before restore().
+void MapChains::add_restored_changes() {
+  is_restored_ = false;
+  changes_.changed.clear();
+  changes_.gone.clear();
+  std::size_t before = 0;
+  for (const Holder& holder : holders_) {
+    for (; before < before_restored_.size() && before_restored_[before].id < holder.id; ++before) {
+      changes_.gone.push_back(before_restored_[before].id);
+    }
+    const bool was_there = before < before_restored_.size() && before_restored_[before].id == holder.id;
+    if (!was_there || !are_same(before_restored_[before], kept(holder.slot).chain)) {
+      changes_.changed.push_back(holder.id);
+    }
+    before += was_there ? 1 : 0;
+  }
+  for (; before < before_restored_.size(); ++before) changes_.gone.push_back(before_restored_[before].id);
+  before_restored_.clear();
 }
 
 /// The tiles of what changed and, around them, of what it may be linked with or compared to.
@@ -320,11 +413,12 @@ void MapChains::name_chains(Surfels& surfels) {
 }
 
 /// A new element gets the name of those on its side of the joints, so that what is joined can come apart again.
-void MapChains::name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) const {
+void MapChains::name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) {
   const std::vector<Index>& ordered = links_.ordered();
   std::uint64_t name = is_new ? id : 0;
   for (std::size_t k = run.first; k < run.end; ++k) {
     Surfel& surfel = surfels[ordered[k]];
+    if (is_new && surfel.chain != 0) lost_names_.push_back(surfel.chain);
     if (is_new || surfel.chain == 0) surfel.chain = name;
     if (!is_new) name = links_.is_before_joint(k) ? 0 : surfel.chain;
   }
@@ -364,7 +458,7 @@ void MapChains::unite_names(Surfels& surfels, const ChainLinks::Run& run, std::u
     const std::uint64_t name = surfels[ordered[k]].chain;
     const bool is_one = surfels[ordered[from]].chain == id && name != id &&
                         (joints_.is_firm(name, id) || joints_.is_firm(name, name_next));
-    if (is_one) surfels[ordered[k]].chain = id;
+    if (is_one) surfels[ordered[k]].chain = id, lost_names_.push_back(name);
     name_next = name;
   };
   std::uint64_t original = surfels[ordered[run.first]].chain;
@@ -396,7 +490,7 @@ void MapChains::count_names(const Surfels& surfels) {
                                      [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
     return at == names_.end() || at->name != name ? 0 : at->elements;
   };
-  if (is_all_touched_) {  // of a file, perhaps
+  if (is_restored_) {
     for (const Joints::Joint& joint : joints_.joints()) {
       for (const std::uint64_t name : {joint.low, joint.high}) lost_names_.push_back(name);
     }
@@ -446,7 +540,6 @@ void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
   Kept& chain = kept(slot);
   chain.first = ordered[run.first];
   chain.elements = run.end - run.first;
-  chain.rank = run.rank;
   chain.closed = run.closed;
   chain.is_in_window = chain.is_touched = false;
   for (std::size_t k = run.first; k < run.end; ++k) {
@@ -542,6 +635,7 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
   name_chains(surfels);
   replace(surfels);
   count_names(surfels);
+  if (is_restored_) add_restored_changes();
   for (const Index i : window_) member(i).is_in_window = false;
   for (const Index i : touched_) member(i).is_touched = false;
   touched_.clear();
@@ -561,7 +655,7 @@ std::vector<Chain> MapChains::list(std::vector<Chain> memory) {
   std::vector<Chain> result = std::move(memory);
   listed_.clear();
   for (const Holder& holder : holders_) listed_.push_back(holder.slot);
-  std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).rank < kept(b).rank; });
+  std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).first < kept(b).first; });
   while (result.size() < listed_.size()) {
     if (spare_.empty()) {
       result.emplace_back().vertices.reserve(Chain::kUsualVertices);

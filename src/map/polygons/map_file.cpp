@@ -15,8 +15,9 @@ struct PolygonMapFormat {
   static constexpr std::size_t kMaxElements = polygon_bounds::kMaxElements;
 
   static MapFileHeader header() {
+    const std::uint64_t version = 2, oldest_version = 1;
     return {"State of a map of polygons after an update; docs/map_file.md describes the fields.",
-            "situation_awareness polygons"};
+            "situation_awareness polygons", version, oldest_version};
   }
 
   static std::string comment_on(const PolygonMapElement& element) {
@@ -24,6 +25,13 @@ struct PolygonMapFormat {
     std::snprintf(text.data(), text.size(), "of chain %llu at (%.2f, %.2f) m",
                   static_cast<unsigned long long>(element.chain), element.p_world_m.x(), element.p_world_m.y());
     return text.data();
+  }
+
+  static void read(PolygonMapSnapshot& snapshot, ReadFields& fields, std::uint64_t version) {
+    if (version == 1) {  // without chains: they are linked anew
+      for (const char* row : {"met_joints", "chains", "seldom_hit", "crossed"}) fields.add(row, "");
+    }
+    PolygonMapSnapshot::fields(snapshot, fields);
   }
 
   static void read(PolygonMapElement& element, ReadFields& fields, std::uint64_t /*version*/,

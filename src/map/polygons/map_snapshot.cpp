@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
+#include <string_view>
 #include <system_error>
 #include <type_traits>
 #include <utility>
@@ -49,6 +50,8 @@ void read_row(const std::string& text, std::vector<Number>& values) {
     at = stop == end ? end : stop + 1;
   }
 }
+
+constexpr std::string_view kBetweenChains = " / ";
 
 /// A place for the state of one element, whatever the types of its integers are.
 class PackedState {
@@ -117,6 +120,37 @@ void check_watch(const PolygonMapWatch& watch, const CheckFields& check) {
   if (!is_free_space(azimuth_rad, range_m)) check.refuse("range_m", "has not one range >= 0 for each azimuth");
 }
 
+/// `on_map`: of each place, whether an element that is confirmed is there.
+void check_chains(const PolygonMapSnapshot& snapshot, std::vector<bool> on_map, const CheckFields& check) {
+  const auto is_on_map = [&](std::int32_t place) {
+    return place >= 0 && static_cast<std::size_t>(place) < on_map.size() && on_map[static_cast<std::size_t>(place)];
+  };
+  const auto check_place = [&](const char* name, std::int32_t place) {
+    if (!is_on_map(place)) {
+      check.refuse(name, "has the place " + std::to_string(place) + " of no element on the map, or twice");
+    }
+  };
+  for (const std::int32_t joint : snapshot.met_joints.values) {
+    if (joint < 0 || static_cast<std::size_t>(joint) >= snapshot.joints.size()) {
+      check.refuse("met_joints", "has " + std::to_string(joint) + " that is none of the joints");
+    }
+  }
+  for (const std::int32_t place : snapshot.seldom_hit.values) check_place("seldom_hit", place);
+  for (const std::int32_t place : snapshot.crossed.values) check_place("crossed", place);
+  std::vector<std::uint64_t> ids;
+  for (const ChainPlaces& chain : snapshot.chains.values) {
+    if (chain.elements.size() < (chain.closed ? 3U : 1U)) check.refuse("chains", "has one of too few elements");
+    if (chain.id >= snapshot.next_id) check.refuse("chains", "has an id that is not below next_id");
+    if (chain.id != 0) ids.push_back(chain.id);
+    for (const std::int32_t place : chain.elements) {
+      check_place("chains", place);
+      on_map[static_cast<std::size_t>(place)] = false;
+    }
+  }
+  std::sort(ids.begin(), ids.end());
+  if (std::adjacent_find(ids.begin(), ids.end()) != ids.end()) check.refuse("chains", "has an id twice");
+}
+
 }  // namespace
 
 bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<float>& range_m) {
@@ -126,8 +160,38 @@ bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<floa
 
 std::string yaml_text(const FloatRow& row) { return row_text(row.values); }
 std::string yaml_text(const PlaceRow& row) { return row_text(row.values); }
+std::string yaml_text(const ChainRows& rows) {
+  if (rows.values.empty()) return "''";
+  std::string text;
+  for (const ChainPlaces& chain : rows.values) {
+    if (!text.empty()) text += kBetweenChains;
+    text += detail::field_text(chain.id) + (chain.closed ? " 1" : " 0");
+    for (const std::int32_t place : chain.elements) text += ' ' + detail::field_text(place);
+  }
+  return text;
+}
 void read_yaml_text(const std::string& text, FloatRow& row) { read_row(text, row.values); }
 void read_yaml_text(const std::string& text, PlaceRow& row) { read_row(text, row.values); }
+void read_yaml_text(const std::string& text, ChainRows& rows) {
+  rows.values.clear();
+  std::vector<std::int64_t> numbers;
+  for (std::size_t begin = 0; !text.empty() && begin <= text.size();) {
+    const std::size_t end = std::min(text.find(kBetweenChains, begin), text.size());
+    read_row(text.substr(begin, end - begin), numbers);
+    begin = end + kBetweenChains.size();
+    const auto is_place = [](std::int64_t place) { return place >= 0 && place < polygon_bounds::kMaxPlace; };
+    if (numbers.size() < 3 || numbers[0] < 0 || (numbers[1] != 0 && numbers[1] != 1) ||
+        !std::all_of(numbers.begin() + 2, numbers.end(), is_place)) {
+      throw std::invalid_argument("must be an id, 0 or 1, and places of each chain");
+    }
+    ChainPlaces& chain = rows.values.emplace_back();
+    chain.id = static_cast<std::uint64_t>(numbers[0]);
+    chain.closed = numbers[1] == 1;
+    for (auto place = numbers.begin() + 2; place != numbers.end(); ++place) {
+      chain.elements.push_back(static_cast<std::int32_t>(*place));
+    }
+  }
+}
 
 void PolygonMapSnapshot::validate() const {
   const CheckFields check;
@@ -158,6 +222,7 @@ void PolygonMapSnapshot::validate() const {
     }
     taken[static_cast<std::size_t>(place)] = true;
   }
+  std::vector<bool> confirmed(static_cast<std::size_t>(places));
   for (std::size_t i = 0; i < elements.size(); ++i) {
     const PolygonMapElement& element = elements[i];
     const CheckFields check_fields("elements[" + std::to_string(i) + "]: ");
@@ -169,12 +234,14 @@ void PolygonMapSnapshot::validate() const {
     if (std::abs(element.normal_world.norm() - 1.0) > 1e-6) check_fields.refuse("normal_world", "is no unit vector");
     if (element.chain >= next_id) check_fields.refuse("chain", "is not below next_id");
     if (!(element.low_m <= element.high_m)) check_fields.refuse("low_m", "is above high_m");
+    if (element.confirmed) confirmed[static_cast<std::size_t>(element.place)] = true;
     for (const auto& [name, seen_ns] :
          {std::pair{"first_seen_ns", element.first_seen_ns}, std::pair{"last_seen_ns", element.last_seen_ns}}) {
       if (seen_ns > stamp_ns) check_fields.refuse(name, "is after stamp_ns");
       if (stamp_ns - seen_ns > polygon_bounds::kMaxAge_ns) check_fields.refuse(name, "is too long before stamp_ns");
     }
   }
+  check_chains(*this, std::move(confirmed), check);
 }
 
 void PolygonMapSnapshot::shift_time(std::int64_t later_ns) {
@@ -196,7 +263,6 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
   PolygonMapSnapshot result;
   if (stamp_ns_ != std::numeric_limits<std::int64_t>::min()) result.stamp_ns = stamp_ns_;
   result.step_s = step_s_;
-  result.next_id = chains_.next_id();
   result.free_places.values = surfels_.free_places();
   result.next_watch = static_cast<std::int64_t>(next_watch_);
   for (const Watch& watch : watches_) {
@@ -208,14 +274,13 @@ PolygonMapSnapshot PolygonMap::snapshot() const {
                   {watch.free_space.range_m},
                   watch.free_space.full_circle};
   }
-  if (chains_.joined_at_ns() != std::numeric_limits<std::int64_t>::min()) result.joined_at_ns = chains_.joined_at_ns();
-  result.joints = chains_.joints();
   result.elements.reserve(elements());
   for (const Index i : surfels_.in_order()) {
     PolygonMapElement& element = result.elements.emplace_back();
     copy_state(surfels_[i], element);
     element.place = i;
   }
+  chains_.save(surfels_, result);
   return result;
 }
 
@@ -238,10 +303,6 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
     watch.free_space = {remembered.azimuth_rad.values, remembered.range_m.values, remembered.full_circle};
     watch.find_ends();
   }
-  chains_.restore(snapshot.next_id,
-                  snapshot.joined_at_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min()
-                                                                        : snapshot.joined_at_ns,
-                  snapshot.joints);
   unsettled_.clear();
   surfels_.begin(snapshot.elements.size(), snapshot.free_places.values);
   for (const PolygonMapElement& element : snapshot.elements) {
@@ -250,6 +311,7 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
     surfels_.put(static_cast<Index>(element.place), surfel);
     if (!surfel.confirmed || surfel.log_odds < 0.0) unsettled_.push_back(static_cast<Index>(element.place));
   }
+  chains_.restore(surfels_, snapshot);
 }
 
 PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m) {

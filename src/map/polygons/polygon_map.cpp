@@ -597,10 +597,7 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
   return report;
 }
 
-/// All are made anew. Where only those near what changed are, a map that is loaded does not yet go on bit for bit as the
-/// one that was saved: joints of chains out of reach see another time.
 const ChainChanges& PolygonMap::update_chains() {
-  if (stamp_ns_ != chains_.joined_at_ns()) chains_.touch_all();
   return chains_.update(surfels_, stamp_ns_, {inverse(now_.T_level_world).translation_m, resolution_rad_, step_s_});
 }
 

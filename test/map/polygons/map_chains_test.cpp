@@ -2,9 +2,12 @@
 #include "situation_awareness/map/polygons/map_chains.hpp"
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <map>
+#include <string>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -12,6 +15,7 @@
 #include "map/polygons/room_polylines.hpp"
 #include "map/polygons/same_chains.hpp"
 #include "situation_awareness/map/polygons/chain_state.hpp"
+#include "situation_awareness/map/polygons/map_file.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
@@ -52,6 +56,59 @@ class Mirror {
  private:
   std::map<std::uint64_t, Chain> chains_;
   std::size_t changed_ = 0, gone_ = 0;
+};
+
+void expect_same_chains(PolygonMap& a, PolygonMap& b, int scan) {
+  const Polygons of_a = a.polygons(), of_b = b.polygons();
+  ASSERT_EQ(of_a.chains.size(), of_b.chains.size()) << "at scan " << scan;
+  for (std::size_t c = 0; c < of_a.chains.size(); ++c) expect_same(of_a.chains[c], of_b.chains[c]);
+}
+
+std::string text_of(const PolygonMap& map) {
+  PolygonMapSnapshot snapshot = map.snapshot();
+  snapshot.world_frame = "map";
+  return polygon_map_to_yaml(snapshot);
+}
+
+/// A map, and copies of it that were made at different scans and go on beside it.
+class WithCopies {
+ public:
+  void update(const Polylines& polylines) {
+    map_.update(polylines, kCovariance);
+    const ChainChanges changes = map_.update_chains();
+    for (Copy& copy : copies_) {
+      copy.map.update(polylines, kCovariance);
+      const ChainChanges& of_copy = copy.map.update_chains();
+      ASSERT_EQ(of_copy.changed, changes.changed) << "at scan " << scan_ << ", of scan " << copy.begun_at;
+      ASSERT_EQ(of_copy.gone, changes.gone) << "at scan " << scan_ << ", of scan " << copy.begun_at;
+      ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
+    }
+    if (!copies_.empty() && copies_.front().begun_at + kFollowed == scan_) {
+      ASSERT_TRUE(text_of(copies_.front().map) == text_of(map_)) << "of scan " << copies_.front().begun_at;
+      copies_.pop_front();
+    }
+    if (++scan_ % kEvery != 0) return;
+    Copy& copy = copies_.emplace_back();
+    copy.begun_at = scan_;
+    if (copies_.size() % 3 != 0) {
+      copy.map.restore(map_.snapshot());
+    } else {
+      copy.map.restore(polygon_map_from_yaml(text_of(map_), "text"));
+    }
+    ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
+  }
+  PolygonMap& map() { return map_; }
+
+ private:
+  static constexpr int kEvery = 13, kFollowed = 30;
+  struct Copy {
+    PolygonMap map{PolygonMapParams{}};
+    int begun_at = 0;
+  };
+
+  PolygonMap map_{PolygonMapParams{}};
+  std::deque<Copy> copies_;
+  int scan_ = 0;
 };
 
 // A motion that moves nothing: every element may be another one then.
@@ -130,6 +187,45 @@ TEST(MapChains, WhoFollowsTheChangesHasTheMap) {
   mirror.follow(map);
   mirror.expect_equals(map);
   EXPECT_FALSE(map.polygons().chains.empty());
+}
+
+// Whatever linking by change goes on with is in the snapshot, and in the file.
+TEST(MapChains, ACopyGoesOnAsTheMapThatWasSaved) {
+  StreetDrive street(6);
+  WithCopies maps;
+  for (int i = 0; i < 260; ++i) {
+    if (i == 110 || i == 190) street.turn_round();
+    ASSERT_NO_FATAL_FAILURE(maps.update(polylines_of(street.next())));
+  }
+  EXPECT_GT(maps.map().polygons().chains.size(), 40U);
+}
+
+TEST(MapChains, ACopyOfARoomInWhichThingsComeAndGoGoesOnAsWell) {
+  RoomPolylines room(7, 1'000'000'000'000, {{0.0, 0.0}, 0.0, 6.0, 4.0});
+  for (int k = 0; k < 4; ++k) room.add_box({{-3.0 + 1.7 * k, k % 2 == 0 ? 1.9 : -1.6}, 0.4 * k, 0.3, 0.2});
+  WithCopies maps;
+  for (int i = 0; i < 400; ++i) {
+    if (i % 80 == 30) room.add_box({{-2.0 + 0.01 * i, 0.8 - 0.005 * i}, 0.02 * i, 0.25, 0.15});
+    if (i % 80 == 70) room.remove_box();
+    ASSERT_NO_FATAL_FAILURE(maps.update(room.next()));
+  }
+  EXPECT_GT(maps.map().polygons().chains.size(), 4U);
+}
+
+// Chains that were not made since elements changed are made by the copy.
+TEST(MapChains, ACopyOfAMapWhoseChainsWereNotMadeMakesThem) {
+  RoomPolylines room(8);
+  room.add_box({{1.5, 1.0}, 0.3, 0.2, 0.15});
+  PolygonMap map({}), copy({});
+  for (int i = 0; i < 40; ++i) {
+    map.update(room.next(), kCovariance);
+    map.update_chains();
+  }
+  map.update(room.next(), kCovariance);
+  copy.restore(map.snapshot());
+  EXPECT_TRUE(map.snapshot().chains.values.empty());
+  ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy, map, 40));
+  EXPECT_FALSE(map.snapshot().chains.values.empty());
 }
 
 TEST(MapChains, WhatIsOutOfReachDoesNotChange) {

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <functional>
 #include <limits>
+#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,6 +16,7 @@
 #include <gtest/gtest.h>
 
 #include "map/polygons/room_polylines.hpp"
+#include "map/polygons/same_chains.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "support/refusal.hpp"
 
@@ -97,6 +99,18 @@ TEST(PolygonMapFile, InvalidStatesAreRefusedNamingTheField) {
       {"azimuth_rad", [](auto& s) { s.watches[0].azimuth_rad.values[3] = 7.0F; }},
       {"azimuth_rad", [](auto& s) { s.watches[0].azimuth_rad.values.back() = 1e30F; }},
       {"level_world", [&](auto& s) { s.watches[0].T_level_world.yaw_rad = nan; }},
+      {"chains", [](auto& s) { s.chains.values[0].elements.push_back(s.free_places.values[0]); }},
+      {"chains", [](auto& s) { s.chains.values[0].elements.push_back(s.chains.values[0].elements[0]); }},
+      {"chains", [](auto& s) { s.chains.values[0].elements.clear(); }},
+      {"chains", [](auto& s) { s.chains.values[0].id = s.next_id; }},
+      {"chains",
+       [](auto& s) {
+         s.chains.values.push_back({s.chains.values[0].id, false, {}});
+       }},
+      {"chains", [](auto& s) { s.chains.values[0].closed = true, s.chains.values[0].elements.resize(2); }},
+      {"seldom_hit", [](auto& s) { s.seldom_hit.values.push_back(1'000'000); }},
+      {"crossed", [](auto& s) { s.crossed.values.push_back(-1); }},
+      {"met_joints", [](auto& s) { s.met_joints.values.push_back(static_cast<std::int32_t>(s.joints.size())); }},
       {"world_frame", [](auto& s) { s.world_frame = "a b"; }}};
   for (const auto& [field, spoil] : faults) {
     PolygonMapSnapshot bad = good;
@@ -124,6 +138,43 @@ TEST(PolygonMapFile, RowsOfNumbersAreThoseOfTheText) {
   read_yaml_text("3 1 2", places);
   EXPECT_EQ(places.values, (std::vector<std::int32_t>{3, 1, 2}));
   EXPECT_THROW(read_yaml_text("3.5", places), std::invalid_argument);
+  ChainRows chains;
+  const std::string two = "7 0 1 2 3 / 0 1 4 5 6";
+  read_yaml_text(two, chains);
+  ASSERT_EQ(chains.values.size(), 2U);
+  EXPECT_EQ(chains.values[0].id, 7U);
+  EXPECT_FALSE(chains.values[0].closed);
+  EXPECT_TRUE(chains.values[1].closed);
+  EXPECT_EQ(chains.values[1].elements, (std::vector<std::int32_t>{4, 5, 6}));
+  EXPECT_EQ(yaml_text(chains), two);
+  read_yaml_text("", chains);
+  EXPECT_TRUE(chains.values.empty());
+  for (const char* text :
+       {"7", "7 0", "-1 0 1", "7 2 1", "7 0 -1", "7 0 1 /", "7 0 1 / ", " / 7 0 1", "7 0 99999999999"}) {
+    EXPECT_THROW(read_yaml_text(text, chains), std::invalid_argument) << text;
+  }
+}
+
+// Of maps that were saved before chains were: they are linked anew.
+TEST(PolygonMapFile, TheFirstVersionIsReadWithoutChains) {
+  PolygonMapSnapshot snapshot = a_snapshot();
+  const std::string yaml = polygon_map_to_yaml(snapshot);
+  std::string old;
+  std::istringstream lines(yaml);
+  for (std::string line; std::getline(lines, line);) {
+    const auto is_of = [&](const char* name) { return line.rfind(std::string(name) + ": ", 0) == 0; };
+    if (is_of("met_joints") || is_of("chains") || is_of("seldom_hit") || is_of("crossed")) continue;
+    old += (is_of("version") ? "version: 1" : is_of("sha256") ? "sha256: edited" : line) + '\n';
+  }
+  const PolygonMapSnapshot read = polygon_map_from_yaml(old, "text");
+  EXPECT_TRUE(read.chains.values.empty());
+  PolygonMap map(PolygonMapParams{}), same(PolygonMapParams{});
+  map.restore(snapshot);
+  same.restore(read);
+  const Polygons a = map.polygons(), b = same.polygons();
+  ASSERT_FALSE(a.chains.empty());
+  ASSERT_EQ(a.chains.size(), b.chains.size());
+  for (std::size_t c = 0; c < a.chains.size(); ++c) expect_same(a.chains[c], b.chains[c]);
 }
 
 }  // namespace

@@ -4,7 +4,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,6 +11,7 @@
 #include "situation_awareness/map/polygons/chain_fit.hpp"
 #include "situation_awareness/map/polygons/chain_links.hpp"
 #include "situation_awareness/map/polygons/joints.hpp"
+#include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/map/polygons/near_elements.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/map/polygons/surfels.hpp"
@@ -55,12 +55,12 @@ class MapChains {
   /// The elements of one of the latest list(), from right to left. `elements` is overwritten.
   void elements_of(const Surfels& surfels, std::size_t place, std::vector<BoundaryElement>& elements) const;
 
-  /// What a file of the map keeps beside the elements.
-  std::uint64_t next_id() const { return next_id_; }
-  std::int64_t joined_at_ns() const { return joined_at_ns_; }
-  const std::vector<Joints::Joint>& joints() const { return joints_.joints(); }
-  /// Goes on with these and other elements. Ids that were used before are not used again.
-  void restore(std::uint64_t next_id, std::int64_t joined_at_ns, std::vector<Joints::Joint> joints);
+  /// Adds what the chains of the latest update are, and what the next one goes on with, to a snapshot of the elements.
+  /// If an element was told to have changed since then, the chains are made anew by who restores it.
+  void save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const;
+  /// Goes on with these elements, which are those of a valid snapshot. The next update tells which chains are not as
+  /// they were before. Ids that were used before are not used again.
+  void restore(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
 
  private:
   using Slot = std::int32_t;  ///< place in kept_
@@ -80,8 +80,7 @@ class MapChains {
   struct Kept {
     Index first = kNone;
     std::size_t elements = 0;
-    std::pair<bool, Index> rank;  ///< as of ChainLinks::Run
-    bool closed = false;          ///< as linked
+    bool closed = false;  ///< as linked
     bool is_alive = false;
     bool is_in_window = false, is_touched = false;
     Chain chain;  ///< its id is 0 if it is not shown
@@ -114,12 +113,14 @@ class MapChains {
   bool is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const;
   bool is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const;
   void name_chains(Surfels& surfels);
-  void name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) const;
+  void name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new);
   void unite_names(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id);
   void count(std::uint64_t name, std::int64_t more);
   void count_names(const Surfels& surfels);
   Slot same_as_before(const ChainLinks::Run& run) const;
   Slot new_slot();
+  void restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
+  void add_restored_changes();
   void keep(const ChainLinks::Run& run, Slot slot);
   void fit(const Surfels& surfels, Kept& kept);
   void replace(const Surfels& surfels);
@@ -133,14 +134,16 @@ class MapChains {
   std::vector<Member> members_;  ///< by the elements' indices
   std::vector<Kept> kept_;
   std::vector<Slot> free_slots_;
-  std::vector<Holder> holders_;  ///< of the ids of those shown, in ascending order
-  std::vector<Named> names_;     ///< of the elements of all chains, in ascending order
-  std::vector<std::uint64_t> lost_names_;
+  std::vector<Holder> holders_;            ///< of the ids of those shown, in ascending order
+  std::vector<Named> names_;               ///< of the elements of all chains, in ascending order
+  std::vector<std::uint64_t> lost_names_;  ///< that no element may have any more
 
   // Since the latest update.
   bool is_all_touched_ = false;
   std::vector<Index> touched_;
   std::vector<Eigen::Vector2d> removed_world_m_;
+  std::vector<Chain> before_restored_;  ///< those of the update before, by their ids
+  bool is_restored_ = false;
 
   // Of an update.
   std::vector<Mark> marks_;  ///< of the tiles

@@ -40,10 +40,22 @@ struct FloatRow {
 struct PlaceRow {
   std::vector<std::int32_t> values;
 };
+/// Elements that are linked, by their places, from right to left.
+struct ChainPlaces {
+  std::uint64_t id = 0;  ///< of their chain; 0: it is not shown
+  bool closed = false;
+  std::vector<std::int32_t> elements;
+};
+/// As a text: the id, 0 or 1 for open or closed, and the places of each, with " / " between them.
+struct ChainRows {
+  std::vector<ChainPlaces> values;
+};
 std::string yaml_text(const FloatRow& row);
 std::string yaml_text(const PlaceRow& row);
+std::string yaml_text(const ChainRows& rows);
 void read_yaml_text(const std::string& text, FloatRow& row);
 void read_yaml_text(const std::string& text, PlaceRow& row);
+void read_yaml_text(const std::string& text, ChainRows& rows);
 
 /// An element of a boundary, as PolygonMap keeps it.
 struct PolygonMapElement {
@@ -124,8 +136,13 @@ struct PolygonMapSnapshot {
   PlaceRow free_places;              ///< of removed elements, in the order of their removal
   std::int64_t next_watch = 0;       ///< which of the watches is overwritten next
   std::vector<PolygonMapWatch> watches;
-  std::int64_t joined_at_ns = kNoStamp;     ///< of the latest scan that the joints saw
-  std::vector<Joints::Joint> joints;        ///< in ascending order
+  std::int64_t joined_at_ns = kNoStamp;  ///< of the latest scan that the joints saw
+  std::vector<Joints::Joint> joints;     ///< in ascending order
+  PlaceRow met_joints;                   ///< those of the joints that met since they were decided
+  /// That the elements make; none: they are linked anew. Each element is of one at most.
+  ChainRows chains;
+  PlaceRow seldom_hit;  ///< places of elements on the map that are not shown, as seldom as they were hit
+  PlaceRow crossed;     ///< the same of those with one near them that faces quite another way
   std::vector<PolygonMapElement> elements;  ///< in an order in which they can be inserted into the map's grid
   Polygons polygons;                        ///< that they make, for users of the snapshot; in no map file
 
@@ -143,12 +160,17 @@ struct PolygonMapSnapshot {
     visit("watches", self.watches, kMaxWatches);
     visit("joined_at_ns", self.joined_at_ns, kNoStamp, kEnd_ns);
     visit("joints", self.joints, kMaxJoints);
+    visit("met_joints", self.met_joints);
+    visit("chains", self.chains);
+    visit("seldom_hit", self.seldom_hit);
+    visit("crossed", self.crossed);
   }
 
   /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or
   /// out of bounds, a normal that is no unit vector, places that are not each of one element or free, a chain that is
-  /// not below `next_id`, joints that are not in ascending order, a stamp after the latest update, free space that is
-  /// not one range for each of ascending azimuths. `world_frame` may be empty.
+  /// not below `next_id`, joints that are not in ascending order, chains that are not of elements on the map, each of
+  /// one at most, or have the same id, a stamp after the latest update, free space that is not one range for each of
+  /// ascending azimuths. `world_frame` may be empty.
   void validate() const;
 
   /// Moves all times by the same.
