@@ -233,12 +233,17 @@ void ChainLinks::link(const Elements& elements, const NearElements& near, double
   chains_.reserve(kUsualRoom);
   open_.clear();
   for (std::size_t k = 0; k < size; ++k) {
-    links_[k] = elements[k].is_shown;
-    if (elements[k].is_shown) open_.push_back(static_cast<Index>(k));
+    links_[k] = elements[k].is_shown && (!elements[k].is_kept || elements[k].is_context);
+    if (links_[k]) open_.push_back(static_cast<Index>(k));
   }
   link_best([&](Index i, const auto& act) { near.for_each(i, act); }, false,
             [&](Index right, Index left) { return next_cost(at(right), at(left), spacing_m); });
   leave_out_crossed(elements, near, spacing_m);
+  keep_lines(elements);
+  assign_with_room(line_right_, size, kNone);
+  assign_with_room(line_left_, size, kNone);
+  std::copy(right_.begin(), right_.end(), line_right_.begin());
+  std::copy(left_.begin(), left_.end(), line_left_.begin());
   find_directions(elements);
 
   const auto along = [&](Index i) -> const Eigen::Vector2d& { return along_[static_cast<std::size_t>(i)]; };
@@ -281,6 +286,31 @@ void ChainLinks::link(const Elements& elements, const NearElements& near, double
   link_best(within(max_gap_m), true, decided(gap));
   link_best(within(corner_m), true, decided(corner));
   walk(elements, near);
+}
+
+/// Of those that are kept, whatever came out.
+void ChainLinks::keep_lines(const Elements& elements) {
+  bool any = false;
+  for (std::size_t k = 0; k < elements.size(); ++k) {
+    if (!elements[k].is_kept) continue;
+    any = true;
+    links_[k] = elements[k].is_linked;
+    right_[k] = elements[k].right;
+    left_[k] = elements[k].left;
+  }
+  if (!any) return;
+  open_.clear();
+  const auto are_linked = [&](Index right, Index left) {
+    const auto r = static_cast<std::size_t>(right), l = static_cast<std::size_t>(left);
+    return links_[r] && links_[l] && left_[r] == left && right_[l] == right;
+  };
+  for (std::size_t k = 0; k < elements.size(); ++k) {
+    if (left_[k] != kNone && !are_linked(static_cast<Index>(k), left_[k])) left_[k] = kNone;
+  }
+  for (std::size_t k = 0; k < elements.size(); ++k) {
+    if (right_[k] != kNone && !are_linked(right_[k], static_cast<Index>(k))) right_[k] = kNone;
+    if (links_[k] && (left_[k] == kNone || right_[k] == kNone)) open_.push_back(static_cast<Index>(k));
+  }
 }
 
 /// Of the ends of chains: where their last elements lie says more than how each is turned.

@@ -62,6 +62,14 @@ void Joints::see(std::uint64_t a, std::uint64_t b, bool meet) {
   at->met |= meet;
 }
 
+/// One that was never decided is as if it had not been seen at all.
+void Joints::unsee(std::uint64_t low, std::uint64_t high) {
+  const auto at = std::lower_bound(joints_.begin(), joints_.end(), joint_of(low, high), ByIds());
+  if (at == joints_.end() || at->low != low || at->high != high) return;  // forgotten since
+  at->is_seen = at->met = false;
+  if (at->seen_s <= 0.0) joints_.erase(at);
+}
+
 /// Only what was seen is looked at: how many there are elsewhere says nothing.
 void Joints::decide(double step_s) {
   for (const auto& [low, high] : seen_) {

@@ -21,6 +21,9 @@ constexpr double kLonely_s = 1.5;
 /// A chain of so few elements, all of them so near to a larger one, is none of its own.
 constexpr std::size_t kFewElements = 3;
 constexpr double kOnChain_m = 0.045;
+/// The links of an element along its line depend on others within so many times their reach: those that are each
+/// other's best, two each of three rounds, one for what crosses them, and one for whether they are shown.
+constexpr double kLineReaches = 8.0;
 /// m. Least length of the tiles.
 constexpr double kLeastTile_m = 1.0;
 
@@ -49,8 +52,11 @@ MapChains::MapChains(double spacing_m, double max_gap_m, double tolerance_m)
   removed_world_m_.reserve(kUsualRoom);
 }
 
-/// What is in a tile is farther than any link reaches from what is in one that does not touch it.
-double MapChains::tile_m(double max_gap_m) { return std::max(kLeastTile_m, 1.5 * max_gap_m); }
+/// What is in a tile is farther than any gap from what is in one that does not touch it, and than whatever the links of
+/// an element along its line depend on.
+double MapChains::tile_m(double spacing_m, double max_gap_m) {
+  return std::max({kLeastTile_m, 1.5 * max_gap_m, kLineReaches * ChainLinks::reach_m(spacing_m)});
+}
 
 void MapChains::touch(Index index) {
   if (static_cast<std::size_t>(index) >= members_.size()) members_.resize(static_cast<std::size_t>(index) + 1);
@@ -71,7 +77,9 @@ void MapChains::remove(const Surfels& surfels, Index index) {
     if (own.after != kNone) member(own.after).before = own.before;
     (own.before == kNone ? chain.first : member(own.before).after) = own.after;
   }
-  if (own.counted != 0) count(own.counted, -1);
+  if (own.line_right != kNone) member(own.line_right).line_left = kNone;
+  if (own.line_left != kNone) member(own.line_left).line_right = kNone;
+  count(index, 0);
   own = Member{};
 }
 
@@ -105,6 +113,30 @@ void MapChains::save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const
     if (!own.is_shown) snapshot.seldom_hit.values.push_back(i);
     if (own.is_crossed) snapshot.crossed.values.push_back(i);
   }
+  snapshot.renamed.values = renamed_;
+  save_lines(snapshot);
+}
+
+/// Each from its right end on; a loop ends with the element that it begins with.
+void MapChains::save_lines(PolygonMapSnapshot& snapshot) const {
+  const auto at = [&](Index index) -> const Member& { return members_[static_cast<std::size_t>(index)]; };
+  std::vector<bool> is_told(members_.size());
+  const auto tell = [&](Index first) {
+    Index i = first;
+    do {
+      snapshot.lines.values.push_back(i);
+      is_told[static_cast<std::size_t>(i)] = true;
+      i = at(i).line_left;
+    } while (i != kNone && !is_told[static_cast<std::size_t>(i)]);
+    if (i != kNone) snapshot.lines.values.push_back(i);
+    snapshot.lines.values.push_back(kNone);
+  };
+  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
+    if (at(i).line_right == kNone && at(i).line_left != kNone) tell(i);
+  }
+  for (Index i = 0; i < static_cast<Index>(members_.size()); ++i) {
+    if (at(i).line_left != kNone && !is_told[static_cast<std::size_t>(i)]) tell(i);
+  }
 }
 
 void MapChains::restore(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
@@ -136,6 +168,13 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
   for (Index i = 0; i < surfels.end(); ++i) member(i).is_shown = surfels[i].alive && surfels[i].confirmed;
   for (const Index i : snapshot.seldom_hit.values) member(i).is_shown = false;
   for (const Index i : snapshot.crossed.values) member(i).is_crossed = true;
+  renamed_ = snapshot.renamed.values;
+  const std::vector<std::int32_t>& lines = snapshot.lines.values;
+  for (std::size_t k = 0; k + 1 < lines.size(); ++k) {
+    if (lines[k] == kNone || lines[k + 1] == kNone) continue;
+    member(lines[k]).line_left = lines[k + 1];
+    member(lines[k + 1]).line_right = lines[k];
+  }
   for (const ChainPlaces& places : snapshot.chains.values) {
     const Slot slot = new_slot();
     Kept& chain = kept(slot);
@@ -148,8 +187,7 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
       own.slot = slot;
       own.before = k > 0 ? places.elements[k - 1] : kNone;
       own.after = k + 1 < places.elements.size() ? places.elements[k + 1] : kNone;
-      own.counted = surfels[places.elements[k]].chain;
-      if (own.counted != 0) names_.push_back({own.counted, 1});
+      names_.emplace_back().name = surfels[places.elements[k]].chain;
     }
     if (places.id == 0) continue;
     fit(surfels, chain);
@@ -157,15 +195,13 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
   }
   std::sort(holders_.begin(), holders_.end(), [](const Holder& a, const Holder& b) { return a.id < b.id; });
   std::sort(names_.begin(), names_.end(), [](const Named& a, const Named& b) { return a.name < b.name; });
-  std::size_t different = 0;
-  for (const Named& named : names_) {
-    if (different > 0 && names_[different - 1].name == named.name) {
-      ++names_[different - 1].elements;
-    } else {
-      names_[different++] = named;
-    }
+  names_.erase(
+      std::unique(names_.begin(), names_.end(), [](const Named& a, const Named& b) { return a.name == b.name; }),
+      names_.end());
+  if (!names_.empty() && names_.front().name == 0) names_.erase(names_.begin());
+  for (Index i = 0; i < surfels.end(); ++i) {
+    if (member(i).slot != kNone) count(i, surfels[i].chain);
   }
-  names_.resize(different);
 }
 
 /// To those of the update: what is not as it was before restore().
@@ -190,7 +226,8 @@ void MapChains::add_restored_changes() {
 
 /// The tiles of what changed and, around them, of what it may be linked with or compared to.
 void MapChains::mark_tiles(const Surfels& surfels) {
-  marks_.assign(surfels.tiles(), Mark::kNone);
+  for (const Surfels::Tile tile : marked_) marks_[static_cast<std::size_t>(tile)] = Mark::kNone;
+  marks_.resize(surfels.tiles(), Mark::kNone);
   marked_.clear();
   const auto mark = [&](Surfels::Tile tile, Mark as) {
     Mark& own = marks_[static_cast<std::size_t>(tile)];
@@ -210,9 +247,15 @@ void MapChains::mark_tiles(const Surfels& surfels) {
     if (surfels[i].alive && surfels[i].confirmed && member(i).is_touched) mark_near(surfels[i].p_world_m);
   }
   for (const Eigen::Vector2d& p_world_m : removed_world_m_) mark_near(p_world_m);
-  const std::size_t judged = marked_.size();
-  for (std::size_t k = 0; k < judged; ++k) {
-    surfels.for_each_tile_around(marked_[k], [&](Surfels::Tile tile) { mark(tile, Mark::kBeside); });
+  for (const Index i : was_renamed_) {
+    if (surfels[i].alive) mark_near(surfels[i].p_world_m);
+  }
+  std::size_t begin = 0;
+  for (const Mark around : {Mark::kBeside, Mark::kContext}) {
+    const std::size_t end = marked_.size();
+    for (; begin < end; ++begin) {
+      surfels.for_each_tile_around(marked_[begin], [&](Surfels::Tile tile) { mark(tile, around); });
+    }
   }
 }
 
@@ -231,6 +274,21 @@ void MapChains::enter_window(Slot slot, bool is_touched) {
   window_slots_.push_back(slot);
 }
 
+/// An id goes to the chain with most of its elements: all that have some of one are named together.
+void MapChains::enter_window_of_name(std::uint64_t name) {
+  const auto enter = [&](Slot slot) {
+    if (slot == kNone || kept(slot).is_in_window) return;
+    enter_window(slot, false);
+    for (Index i = kept(slot).first; i != kNone; i = member(i).after) enter_window(i);
+  };
+  const Holder* holder = holder_of(name);
+  if (holder != nullptr) enter(holder->slot);
+  const auto own = named(name);
+  if (own == names_.end() || own->name != name || own->update == update_) return;
+  own->update = update_;
+  for (Index i = own->first; i != kNone; i = member(i).next_of_name) enter(member(i).slot);
+}
+
 /// All elements that are linked again: those in the marked tiles, and the whole of the chains that are there.
 void MapChains::find_window(const Surfels& surfels) {
   if (members_.size() < static_cast<std::size_t>(surfels.end())) {
@@ -242,6 +300,7 @@ void MapChains::find_window(const Surfels& surfels) {
     if (member(i).is_touched && member(i).slot != kNone) enter_window(member(i).slot, true);
   }
   for (const Surfels::Tile tile : marked_) {
+    if (marks_[static_cast<std::size_t>(tile)] == Mark::kContext) continue;
     surfels.for_each_of(tile, [&](Index i) {
       if (!surfels[i].confirmed) return;
       if (member(i).slot == kNone) enter_window(i);
@@ -251,16 +310,20 @@ void MapChains::find_window(const Surfels& surfels) {
   for (const Slot slot : window_slots_) {
     for (Index i = kept(slot).first; i != kNone; i = member(i).after) enter_window(i);
   }
-  // An id goes to the chain with most of its elements: all that have some of one are named together.
   std::uint64_t name = 0;
   for (std::size_t k = 0; k < window_.size(); ++k) {
     if (surfels[window_[k]].chain == name) continue;
     name = surfels[window_[k]].chain;
-    const Holder* holder = holder_of(name);
-    if (holder == nullptr || kept(holder->slot).is_in_window) continue;
-    enter_window(holder->slot, false);
-    for (Index i = kept(holder->slot).first; i != kNone; i = member(i).after) enter_window(i);
+    enter_window_of_name(name);
   }
+  context_.clear();
+  for (const Surfels::Tile tile : marked_) {
+    if (marks_[static_cast<std::size_t>(tile)] != Mark::kContext) continue;
+    surfels.for_each_of(tile, [&](Index i) {
+      if (surfels[i].confirmed && !member(i).is_in_window) context_.push_back(i);
+    });
+  }
+  std::sort(context_.begin(), context_.end());
   constexpr std::size_t kSparse = 8;
   if (window_.size() * kSparse < members_.size()) {
     std::sort(window_.begin(), window_.end());
@@ -290,8 +353,11 @@ void MapChains::judge(LinkElement& own, std::size_t place) const {
 void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
   link_elements_.clear();
   all_links_.clear();
-  for (const Index i : window_) {
+  to_link_.resize(window_.size() + context_.size());
+  std::merge(window_.begin(), window_.end(), context_.begin(), context_.end(), to_link_.begin());
+  for (const Index i : to_link_) {
     const Surfel& surfel = surfels[i];
+    member(i).place = static_cast<NearElements::Index>(link_elements_.size());
     LinkElement& element = link_elements_.emplace_back();
     element.p_world_m = surfel.p_world_m;
     element.normal_world = surfel.normal_world;
@@ -310,7 +376,10 @@ void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainL
   for (std::size_t k = 0; k < link_elements_.size(); ++k) {
     LinkElement& element = link_elements_[k];
     Member& own = member(element.index);
-    if (marks_[static_cast<std::size_t>(surfels.tile_of(element.index))] == Mark::kJudged) {
+    const Mark mark = mark_of(surfels, element.index);
+    element.is_context = mark == Mark::kContext;
+    if (element.is_context || mark == Mark::kNone) keep_line(element);
+    if (mark == Mark::kJudged) {
       judge(element, k);
       own.is_shown = element.is_shown;
       own.is_crossed = element.is_crossed;
@@ -322,7 +391,37 @@ void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainL
   ChainLinks::View once = view;
   if (joined_at_ns_ == stamp_ns) once.step_s = 0.0;
   joined_at_ns_ = stamp_ns;
+  if (once.step_s > 0.0) {  // time passes for the joints of what is linked now: the others stay as they are
+    const auto is_here = [&](std::uint64_t name) {
+      const auto at = named(name);
+      return at != names_.end() && at->name == name && at->update == update_;
+    };
+    joints_.unsee_unless([&](std::uint64_t low, std::uint64_t high) { return is_here(low) && is_here(high); });
+  }
   links_.link(link_elements_, near_, spacing_m_, max_gap_m_, once, joints_);
+  const auto index_of = [&](NearElements::Index place) {
+    return place == kNone ? kNone : to_link_[static_cast<std::size_t>(place)];
+  };
+  for (std::size_t k = 0; k < link_elements_.size(); ++k) {
+    Member& own = member(to_link_[k]);
+    if (!own.is_in_window) continue;
+    own.line_right = index_of(links_.line_right()[k]);
+    own.line_left = index_of(links_.line_left()[k]);
+  }
+}
+
+/// What is farther from all that changed than any link along a line reaches is linked as before: not all of what is
+/// beside it is known here.
+void MapChains::keep_line(LinkElement& element) {
+  const Member& own = member(element.index);
+  const auto place_of = [&](Index index) {
+    return index != kNone && member(index).is_in_window ? member(index).place : kNone;
+  };
+  element.is_kept = true;
+  if (!own.is_in_window) return;
+  element.is_linked = own.slot != kNone;
+  element.right = place_of(own.line_right);
+  element.left = place_of(own.line_left);
 }
 
 /// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
@@ -412,26 +511,32 @@ void MapChains::name_chains(Surfels& surfels) {
   }
 }
 
+void MapChains::rename(Surfels& surfels, Index index, std::uint64_t name) {
+  std::uint64_t& own = surfels[index].chain;
+  if (own == name) return;
+  if (own != 0) lost_names_.push_back(own);
+  own = name;
+  renamed_.push_back(index);
+}
+
 /// A new element gets the name of those on its side of the joints, so that what is joined can come apart again.
 void MapChains::name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new) {
   const std::vector<Index>& ordered = links_.ordered();
   std::uint64_t name = is_new ? id : 0;
   for (std::size_t k = run.first; k < run.end; ++k) {
     Surfel& surfel = surfels[ordered[k]];
-    if (is_new && surfel.chain != 0) lost_names_.push_back(surfel.chain);
-    if (is_new || surfel.chain == 0) surfel.chain = name;
+    if (is_new || surfel.chain == 0) rename(surfels, ordered[k], name);
     if (!is_new) name = links_.is_before_joint(k) ? 0 : surfel.chain;
   }
   if (is_new) return;
   for (std::size_t k = run.end; k-- > run.first;) {
     Surfel& surfel = surfels[ordered[k]];
     if (links_.is_before_joint(k)) name = 0;
-    if (surfel.chain == 0) surfel.chain = name;
+    if (surfel.chain == 0) rename(surfels, ordered[k], name);
     name = surfel.chain;
   }
   for (std::size_t k = run.first; k < run.end; ++k) {
-    Surfel& surfel = surfels[ordered[k]];
-    if (surfel.chain == 0) surfel.chain = id;
+    if (surfels[ordered[k]].chain == 0) rename(surfels, ordered[k], id);
   }
 }
 
@@ -458,7 +563,7 @@ void MapChains::unite_names(Surfels& surfels, const ChainLinks::Run& run, std::u
     const std::uint64_t name = surfels[ordered[k]].chain;
     const bool is_one = surfels[ordered[from]].chain == id && name != id &&
                         (joints_.is_firm(name, id) || joints_.is_firm(name, name_next));
-    if (is_one) surfels[ordered[k]].chain = id, lost_names_.push_back(name);
+    if (is_one) rename(surfels, ordered[k], id);
     name_next = name;
   };
   std::uint64_t original = surfels[ordered[run.first]].chain;
@@ -467,29 +572,49 @@ void MapChains::unite_names(Surfels& surfels, const ChainLinks::Run& run, std::u
   for (std::size_t k = run.end - 1; k-- > run.first;) unite(k + 1, k, original);
 }
 
-void MapChains::count(std::uint64_t name, std::int64_t more) {
-  auto at = std::lower_bound(names_.begin(), names_.end(), name,
-                             [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
-  if (at == names_.end() || at->name != name) at = names_.insert(at, {name, 0});
-  at->elements += more;
-  if (at->elements == 0) lost_names_.push_back(name);
+/// The first of names_ that is not below it.
+std::vector<MapChains::Named>::iterator MapChains::named(std::uint64_t name) {
+  return std::lower_bound(names_.begin(), names_.end(), name,
+                          [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
+}
+
+bool MapChains::is_used(std::uint64_t name) {
+  const auto at = named(name);
+  return at != names_.end() && at->name == name && at->first != kNone;
+}
+
+/// Puts an element among those of a name; 0: of none.
+void MapChains::count(Index index, std::uint64_t name) {
+  Member& own = member(index);
+  if (own.counted == name) return;
+  if (own.counted != 0) {
+    if (own.next_of_name != kNone) member(own.next_of_name).before_of_name = own.before_of_name;
+    if (own.before_of_name != kNone) {
+      member(own.before_of_name).next_of_name = own.next_of_name;
+    } else {
+      const auto before = named(own.counted);
+      before->first = own.next_of_name;
+      if (before->first == kNone) lost_names_.push_back(own.counted);
+    }
+  }
+  own.counted = name;
+  own.next_of_name = own.before_of_name = kNone;
+  if (name == 0) return;
+  auto at = named(name);
+  if (at == names_.end() || at->name != name) {
+    at = names_.insert(at, Named{});
+    at->name = name;
+  }
+  if (at->first != kNone) member(at->first).before_of_name = index;
+  own.next_of_name = at->first;
+  at->first = index;
 }
 
 /// Joints of names that no element of a chain has any more are of no use.
 void MapChains::count_names(const Surfels& surfels) {
   for (const Index i : window_) {
-    Member& own = member(i);
-    const std::uint64_t name = own.slot != kNone ? surfels[i].chain : 0;
-    if (own.counted == name) continue;
-    if (own.counted != 0) count(own.counted, -1);
-    if (name != 0) count(name, 1);
-    own.counted = name;
+    count(i, member(i).slot != kNone ? surfels[i].chain : 0);
   }
-  const auto elements_of_name = [&](std::uint64_t name) {
-    const auto at = std::lower_bound(names_.begin(), names_.end(), name,
-                                     [](const Named& named, std::uint64_t wanted) { return named.name < wanted; });
-    return at == names_.end() || at->name != name ? 0 : at->elements;
-  };
   if (is_restored_) {
     for (const Joints::Joint& joint : joints_.joints()) {
       for (const std::uint64_t name : {joint.low, joint.high}) lost_names_.push_back(name);
@@ -498,12 +623,14 @@ void MapChains::count_names(const Surfels& surfels) {
   if (lost_names_.empty()) return;
   std::sort(lost_names_.begin(), lost_names_.end());
   lost_names_.erase(std::unique(lost_names_.begin(), lost_names_.end()), lost_names_.end());
-  lost_names_.erase(std::remove_if(lost_names_.begin(), lost_names_.end(),
-                                   [&](std::uint64_t name) { return elements_of_name(name) != 0; }),
-                    lost_names_.end());
+  lost_names_.erase(
+      std::remove_if(lost_names_.begin(), lost_names_.end(), [&](std::uint64_t name) { return is_used(name); }),
+      lost_names_.end());
+  if (lost_names_.empty()) return;
   joints_.forget(lost_names_);
-  names_.erase(std::remove_if(names_.begin(), names_.end(), [](const Named& named) { return named.elements == 0; }),
-               names_.end());
+  names_.erase(
+      std::remove_if(named(lost_names_.front()), names_.end(), [](const Named& own) { return own.first == kNone; }),
+      names_.end());
   lost_names_.clear();
 }
 
@@ -611,7 +738,8 @@ void MapChains::replace(const Surfels& surfels) {
   }
   if (!changes_.gone.empty()) {
     const auto is_gone = [](const Holder& holder) { return holder.slot == kNone; };
-    holders_.erase(std::remove_if(holders_.begin(), holders_.end(), is_gone), holders_.end());
+    const auto first = holders_.begin() + (holder_of(changes_.gone.front()) - holders_.data());
+    holders_.erase(std::remove_if(first, holders_.end(), is_gone), holders_.end());
   }
   for (const Slot slot : window_slots_) {
     if (!kept(slot).is_in_window) continue;  // it goes on
@@ -623,6 +751,9 @@ void MapChains::replace(const Surfels& surfels) {
 const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
   changes_.changed.clear();
   changes_.gone.clear();
+  ++update_;
+  was_renamed_.clear();
+  if (stamp_ns != joined_at_ns_) std::swap(was_renamed_, renamed_);
   find_window(surfels);
   link(surfels, stamp_ns, view);
   measure(surfels, stamp_ns);
@@ -633,6 +764,8 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
     (is_hidden ? hidden_ : shown_).push_back(run);
   }
   name_chains(surfels);
+  std::sort(renamed_.begin(), renamed_.end());
+  renamed_.erase(std::unique(renamed_.begin(), renamed_.end()), renamed_.end());
   replace(surfels);
   count_names(surfels);
   if (is_restored_) add_restored_changes();

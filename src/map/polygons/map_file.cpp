@@ -29,7 +29,7 @@ struct PolygonMapFormat {
 
   static void read(PolygonMapSnapshot& snapshot, ReadFields& fields, std::uint64_t version) {
     if (version == 1) {  // without chains: they are linked anew
-      for (const char* row : {"met_joints", "chains", "seldom_hit", "crossed"}) fields.add(row, "");
+      for (const char* row : {"met_joints", "chains", "seldom_hit", "crossed", "renamed", "lines"}) fields.add(row, "");
     }
     PolygonMapSnapshot::fields(snapshot, fields);
   }

@@ -137,6 +137,19 @@ void check_chains(const PolygonMapSnapshot& snapshot, std::vector<bool> on_map, 
   }
   for (const std::int32_t place : snapshot.seldom_hit.values) check_place("seldom_hit", place);
   for (const std::int32_t place : snapshot.crossed.values) check_place("crossed", place);
+  for (const std::int32_t place : snapshot.renamed.values) check_place("renamed", place);
+  std::vector<bool> has_right(on_map.size()), has_left(on_map.size());
+  const std::vector<std::int32_t>& lines = snapshot.lines.values;
+  for (std::size_t k = 0; k < lines.size(); ++k) {
+    if (lines[k] == -1) continue;
+    check_place("lines", lines[k]);
+    if (k + 1 == lines.size()) check.refuse("lines", "does not end with -1");
+    if (lines[k + 1] == -1) continue;
+    check_place("lines", lines[k + 1]);
+    const auto right = static_cast<std::size_t>(lines[k]), left = static_cast<std::size_t>(lines[k + 1]);
+    if (has_left[right] || has_right[left]) check.refuse("lines", "has an element twice");
+    has_left[right] = has_right[left] = true;
+  }
   std::vector<std::uint64_t> ids;
   for (const ChainPlaces& chain : snapshot.chains.values) {
     if (chain.elements.size() < (chain.closed ? 3U : 1U)) check.refuse("chains", "has one of too few elements");

@@ -163,7 +163,7 @@ double close_beams(double apart_m, double thing_m) {
 PolygonMap::PolygonMap(const PolygonMapParams& params)
     : params_(params),
       surfels_((params.validate(), std::max(params.gate_m, params.spacing_m) + 0.5 * params.spacing_m),
-               MapChains::tile_m(params.max_gap_m)),
+               MapChains::tile_m(params.spacing_m, params.max_gap_m)),
       chains_(params.spacing_m, params.max_gap_m, params.tolerance_m) {
   watches_.resize(kWatches);
   for (std::vector<Index>* list : {&given_up_, &unsettled_, &passed_}) list->reserve(kUsualRoom);

@@ -110,6 +110,15 @@ TEST(PolygonMapFile, InvalidStatesAreRefusedNamingTheField) {
       {"chains", [](auto& s) { s.chains.values[0].closed = true, s.chains.values[0].elements.resize(2); }},
       {"seldom_hit", [](auto& s) { s.seldom_hit.values.push_back(1'000'000); }},
       {"crossed", [](auto& s) { s.crossed.values.push_back(-1); }},
+      {"lines",
+       [](auto& s) {
+         s.lines.values.insert(s.lines.values.begin(), {s.lines.values[0], -1}), s.lines.values.back() = -2;
+       }},
+      {"lines",
+       [](auto& s) {
+         s.lines.values.insert(s.lines.values.begin(), {s.lines.values[1], s.lines.values[2], -1});
+       }},
+      {"renamed", [](auto& s) { s.renamed.values.push_back(s.free_places.values[0]); }},
       {"met_joints", [](auto& s) { s.met_joints.values.push_back(static_cast<std::int32_t>(s.joints.size())); }},
       {"world_frame", [](auto& s) { s.world_frame = "a b"; }}};
   for (const auto& [field, spoil] : faults) {
@@ -163,7 +172,9 @@ TEST(PolygonMapFile, TheFirstVersionIsReadWithoutChains) {
   std::istringstream lines(yaml);
   for (std::string line; std::getline(lines, line);) {
     const auto is_of = [&](const char* name) { return line.rfind(std::string(name) + ": ", 0) == 0; };
-    if (is_of("met_joints") || is_of("chains") || is_of("seldom_hit") || is_of("crossed")) continue;
+    if (is_of("met_joints") || is_of("chains") || is_of("seldom_hit") || is_of("crossed") || is_of("renamed") ||
+        is_of("lines"))
+      continue;
     old += (is_of("version") ? "version: 1" : is_of("sha256") ? "sha256: edited" : line) + '\n';
   }
   const PolygonMapSnapshot read = polygon_map_from_yaml(old, "text");

@@ -46,6 +46,9 @@ class ChainLinks {
   const std::vector<Run>& chains() const { return chains_; }
   /// Whether a chain goes on around a corner or a gap beyond this place of ordered().
   bool is_before_joint(std::size_t place) const { return before_joint_[place]; }
+  /// The next one of each element of the list along its line, without joints; none at an end.
+  const std::vector<NearElements::Index>& line_right() const { return line_right_; }
+  const std::vector<NearElements::Index>& line_left() const { return line_left_; }
 
  private:
   using Index = NearElements::Index;
@@ -55,6 +58,7 @@ class ChainLinks {
   void link_best(const Search& search, bool at_joints, const Cost& cost);
   template <class Search, class Cost>
   void see_joints(const Elements& elements, const Search& search, const View& view, Joints& joints, const Cost& cost);
+  void keep_lines(const Elements& elements);
   void find_directions(const Elements& elements);
   void leave_out_crossed(const Elements& elements, const NearElements& near, double spacing_m);
   void walk(const Elements& elements, const NearElements& near);
@@ -65,6 +69,7 @@ class ChainLinks {
 
   std::vector<Index> right_, left_;  ///< the next element of each
   std::vector<Index> best_right_, best_left_;
+  std::vector<Index> line_right_, line_left_;
   std::vector<Eigen::Vector2d> along_;  ///< of the boundary, at each end of a chain
   std::vector<int> run_;                ///< elements on a line with it, up to those of a wall
   std::vector<std::uint64_t> name_;     ///< of most of these: LinkElement::chain

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -43,6 +44,17 @@ class Joints {
   /// What this scan's elements say. Of several places at which two chains may meet, one is enough.
   void see(std::uint64_t a, std::uint64_t b, bool meet);
 
+  /// Takes back what was seen since the latest decision of joints of which are_here(low, high) does not hold.
+  template <class AreHere>
+  void unsee_unless(const AreHere& are_here) {
+    const auto end = std::remove_if(seen_.begin(), seen_.end(), [&](const auto& ids) {
+      if (are_here(ids.first, ids.second)) return false;
+      unsee(ids.first, ids.second);
+      return true;
+    });
+    seen_.erase(end, seen_.end());
+  }
+
   /// Decides, `step_s` after the scan before.
   void decide(double step_s);
 
@@ -54,6 +66,8 @@ class Joints {
   void restore(std::vector<Joint> joints);
 
  private:
+  void unsee(std::uint64_t low, std::uint64_t high);
+
   std::vector<Joint> joints_;                                  ///< sorted by ids
   std::vector<std::pair<std::uint64_t, std::uint64_t>> seen_;  ///< ids of those seen in the latest scan
 };

@@ -35,7 +35,7 @@ class MapChains {
   MapChains(double spacing_m, double max_gap_m, double tolerance_m);
 
   /// Length of the tiles of the elements' list that these chains need.
-  static double tile_m(double max_gap_m);
+  static double tile_m(double spacing_m, double max_gap_m);
 
   /// Tells that an element was added, hit, moved or has another existence.
   void touch(Index index);
@@ -68,9 +68,12 @@ class MapChains {
 
   /// What is kept of each element.
   struct Member {
-    Slot slot = kNone;                    ///< of its chain
-    Index before = kNone, after = kNone;  ///< in its chain, from right to left
-    std::uint64_t counted = 0;            ///< name under which it is in names_; 0: it is not
+    Slot slot = kNone;                            ///< of its chain
+    Index before = kNone, after = kNone;          ///< in its chain, from right to left
+    Index line_right = kNone, line_left = kNone;  ///< as of ChainLinks
+    NearElements::Index place = 0;                ///< in link_elements_
+    std::uint64_t counted = 0;                    ///< name under which it is in names_; 0: it is not
+    Index next_of_name = kNone, before_of_name = kNone;
     bool is_touched = false;
     bool is_in_window = false;
     bool is_shown = false, is_crossed = false;  ///< as of LinkElement
@@ -91,40 +94,52 @@ class MapChains {
     Slot slot;
   };
   struct Named {
-    std::uint64_t name;
-    std::int64_t elements;
+    std::uint64_t name = 0;
+    Index first = kNone;       ///< of its elements; none: it is not used any more
+    std::uint64_t update = 0;  ///< the latest in whose window its chains are
   };
   struct Claim {  ///< of an id by a chain
     std::size_t elements;
     std::uint64_t id;
     std::size_t chain;  ///< place in shown_
   };
-  enum class Mark : std::uint8_t { kNone, kBeside, kJudged };
+  /// How the elements of a tile are linked along their lines: as before; as before, but those beside them need them;
+  /// anew; anew, and compared with those beside them.
+  enum class Mark : std::uint8_t { kNone, kContext, kBeside, kJudged };
 
   Member& member(Index index) { return members_[static_cast<std::size_t>(index)]; }
   Kept& kept(Slot slot) { return kept_[static_cast<std::size_t>(slot)]; }
   void mark_tiles(const Surfels& surfels);
   void enter_window(Index index);
   void enter_window(Slot slot, bool is_touched);
+  void enter_window_of_name(std::uint64_t name);
   void find_window(const Surfels& surfels);
   void judge(LinkElement& own, std::size_t place) const;
+  Mark mark_of(const Surfels& surfels, Index index) const {
+    return marks_[static_cast<std::size_t>(surfels.tile_of(index))];
+  }
+  void keep_line(LinkElement& element);
   void link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view);
   void measure(Surfels& surfels, std::int64_t stamp_ns) const;
   bool is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const;
   bool is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const;
   void name_chains(Surfels& surfels);
   void name_elements(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id, bool is_new);
+  void rename(Surfels& surfels, Index index, std::uint64_t name);
   void unite_names(Surfels& surfels, const ChainLinks::Run& run, std::uint64_t id);
-  void count(std::uint64_t name, std::int64_t more);
+  void count(Index index, std::uint64_t name);
   void count_names(const Surfels& surfels);
   Slot same_as_before(const ChainLinks::Run& run) const;
   Slot new_slot();
+  void save_lines(PolygonMapSnapshot& snapshot) const;
   void restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
   void add_restored_changes();
   void keep(const ChainLinks::Run& run, Slot slot);
   void fit(const Surfels& surfels, Kept& kept);
   void replace(const Surfels& surfels);
   Holder* holder_of(std::uint64_t id);
+  std::vector<Named>::iterator named(std::uint64_t name);
+  bool is_used(std::uint64_t name);
 
   double spacing_m_, max_gap_m_, tolerance_m_;
   std::uint64_t next_id_ = 1;
@@ -142,15 +157,21 @@ class MapChains {
   bool is_all_touched_ = false;
   std::vector<Index> touched_;
   std::vector<Eigen::Vector2d> removed_world_m_;
+  /// Elements that got another name with the latest scan, and the one before: what they are linked with with the next
+  /// scan may depend on it.
+  std::vector<Index> renamed_, was_renamed_;
   std::vector<Chain> before_restored_;  ///< those of the update before, by their ids
   bool is_restored_ = false;
 
   // Of an update.
-  std::vector<Mark> marks_;  ///< of the tiles
+  std::uint64_t update_ = 0;  ///< its number
+  std::vector<Mark> marks_;   ///< of the tiles
   std::vector<Surfels::Tile> marked_;
   std::vector<Index> window_;               ///< elements that are linked again, in ascending order
   std::vector<Slot> window_slots_;          ///< chains that they were of
-  std::vector<LinkElement> link_elements_;  ///< of window_
+  std::vector<Index> context_;              ///< others beside them, in ascending order
+  std::vector<Index> to_link_;              ///< of both
+  std::vector<LinkElement> link_elements_;  ///< of to_link_
   std::vector<NearElements::Index> all_links_;
   NearElements near_;
   ChainLinks links_;

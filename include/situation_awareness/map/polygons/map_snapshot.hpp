@@ -143,6 +143,8 @@ struct PolygonMapSnapshot {
   ChainRows chains;
   PlaceRow seldom_hit;  ///< places of elements on the map that are not shown, as seldom as they were hit
   PlaceRow crossed;     ///< the same of those with one near them that faces quite another way
+  PlaceRow renamed;     ///< the same of those that got the id of another chain in the latest update
+  PlaceRow lines;  ///< of elements that follow each other along a line, from right to left, each with a -1 behind it
   std::vector<PolygonMapElement> elements;  ///< in an order in which they can be inserted into the map's grid
   Polygons polygons;                        ///< that they make, for users of the snapshot; in no map file
 
@@ -164,6 +166,8 @@ struct PolygonMapSnapshot {
     visit("chains", self.chains);
     visit("seldom_hit", self.seldom_hit);
     visit("crossed", self.crossed);
+    visit("renamed", self.renamed);
+    visit("lines", self.lines);
   }
 
   /// Throws std::invalid_argument naming element and field if the snapshot is invalid: a number that is not finite or

@@ -25,6 +25,11 @@ struct LinkElement {
   bool is_hit = false;                    ///< by the latest scan
   bool is_shown = false;
   bool is_crossed = false;  ///< one near it faces quite another way
+  /// Its links along its line are as they were, whatever is near it: indices in the list, or none.
+  bool is_kept = false;
+  bool is_linked = false;   ///< of one that is kept: it is of a chain
+  bool is_context = false;  ///< of one that is kept: those that are linked anew may be near it
+  std::int32_t right = Surfels::kNone, left = Surfels::kNone;
 
   /// Cosine between the normals of elements of one surface, at least.
   static constexpr double kSameSurface = 0.7;
