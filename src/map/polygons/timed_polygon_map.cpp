@@ -93,10 +93,12 @@ void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
   std::vector<Chain>& chains = polygons_.chains;
   const auto is_below = [](const Chain& chain, std::uint64_t id) { return chain.id < id; };
   if (!changes.gone.empty()) {
-    std::size_t left = 0;
-    for (Chain& chain : chains) {
-      const bool is_gone = std::binary_search(changes.gone.begin(), changes.gone.end(), chain.id);
-      if (!is_gone) std::swap(chains[left++], chain);
+    // New ids are the greatest, and what goes is mostly new.
+    const auto first = std::lower_bound(chains.begin(), chains.end(), changes.gone.front(), is_below);
+    auto left = static_cast<std::size_t>(first - chains.begin());
+    for (std::size_t k = left; k < chains.size(); ++k) {
+      const bool is_gone = std::binary_search(changes.gone.begin(), changes.gone.end(), chains[k].id);
+      if (!is_gone) std::swap(chains[left++], chains[k]);
     }
     for (; chains.size() > left; chains.pop_back()) spare_.push_back(std::move(chains.back()));
   }
@@ -109,12 +111,22 @@ void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
     }
     *place = *map_.chain(id);
     place->state = state_of(*place, stamp_ns, transit_ns_, states_);
+    if (place->state == ChainState::kNew) new_.push_back(id);
   }
-  for (Chain& chain : chains) {
-    if (chain.state != ChainState::kNew && judged_transit_ns_ == transit_ns_) continue;
-    chain.state = state_of(chain, stamp_ns, transit_ns_, states_);
+  if (judged_transit_ns_ != transit_ns_) {
+    new_.clear();
+    for (const Chain& chain : chains) new_.push_back(chain.id);
+    judged_transit_ns_ = transit_ns_;
   }
-  judged_transit_ns_ = transit_ns_;
+  std::sort(new_.begin(), new_.end());
+  new_.erase(std::unique(new_.begin(), new_.end()), new_.end());
+  const auto is_not_new = [&](std::uint64_t id) {
+    const auto place = std::lower_bound(chains.begin(), chains.end(), id, is_below);
+    if (place == chains.end() || place->id != id) return true;
+    place->state = state_of(*place, stamp_ns, transit_ns_, states_);
+    return place->state != ChainState::kNew;
+  };
+  new_.erase(std::remove_if(new_.begin(), new_.end(), is_not_new), new_.end());
 }
 
 Polygons TimedPolygonMap::at(std::int64_t stamp_ns) const {

@@ -87,6 +87,7 @@ class TimedPolygonMap {
   Polygons polygons_;
   std::vector<Chain> spare_;                   ///< for their memory
   std::int64_t judged_transit_ns_ = kNoStamp;  ///< transit_ns_ when their states were judged
+  std::vector<std::uint64_t> new_;             ///< ids of those that are new, in ascending order
   std::int64_t map_stamp_ns_ = kNoStamp;       ///< of map_
   std::int64_t transit_ns_ = kNoStamp;         ///< begin of the present transit
   bool resumed_ = false;                       ///< and not updated since
