@@ -779,7 +779,7 @@ class WholeEvaluation(unittest.TestCase):
             self.assertNotIn(str(folder), text.replace("--output " + folder, ""))
             self.assertRegex(text, r'"updated" saves at least 15 % .* \| 8.3 % \| \*\*no\*\*')
             self.assertRegex(text, r"objects, 40 chains, .* \| 0.59 ms, 3.30 ms \| \*\*no\*\*")
-            self.assertRegex(text, r"linear up to 500 chains: .* \| 3.60 µs beyond, 3.60 µs before \| yes")
+            self.assertRegex(text, r"does not grow with the map: with 500 chains, .* \| 3.79 \| \*\*no\*\*")
             self.assertRegex(text, r"reflector EKF at most .* \| 0.020 ms \| yes")
             self.assertRegex(text, r"changes: recall at least 0.97 \| 1.000 .* \| yes")
             for name in [line.split("](")[1].rstrip(")") for line in text.splitlines() if line.startswith("![")]:
