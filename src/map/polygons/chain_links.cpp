@@ -374,6 +374,7 @@ void ChainLinks::leave_out_crossed(const Elements& elements, const NearElements&
 
 void ChainLinks::walk_from(const Elements& elements, Index first, bool closed) {
   const std::size_t begin = walked_in_order_.size();
+  const std::pair<bool, Surfels::Index> rank(closed, elements[static_cast<std::size_t>(first)].index);
   for (Index i = first; i != kNone && !walked_[static_cast<std::size_t>(i)]; i = left_[static_cast<std::size_t>(i)]) {
     walked_[static_cast<std::size_t>(i)] = true;
     walked_in_order_.push_back(i);
@@ -385,7 +386,7 @@ void ChainLinks::walk_from(const Elements& elements, Index first, bool closed) {
   }
   constexpr std::size_t kFewestOfClosed = 3;
   const double size_m = size_of(elements, walked_in_order_, begin, walked_in_order_.size());
-  chains_.push_back({begin, walked_in_order_.size(), closed && count >= kFewestOfClosed, size_m});
+  chains_.push_back({begin, walked_in_order_.size(), closed && count >= kFewestOfClosed, size_m, rank});
 }
 
 void ChainLinks::walk(const Elements& elements, const NearElements& near) {
@@ -459,7 +460,7 @@ void ChainLinks::join_small(const Elements& elements, const NearElements& near) 
     const bool is_one = m - begin == 1;
     const double size_m = is_one ? chains_[group].size_m : size_of(elements, reordered_, first, reordered_.size());
     const bool closed = is_one ? chains_[group].closed : order_around(elements, first, size_m);
-    rejoined_.push_back({first, reordered_.size(), closed, size_m});
+    rejoined_.push_back({first, reordered_.size(), closed, size_m, chains_[group].rank});
   }
   std::swap(walked_in_order_, reordered_);
   std::swap(chains_, rejoined_);

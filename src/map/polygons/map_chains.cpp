@@ -98,11 +98,13 @@ void MapChains::save(const Surfels& surfels, PolygonMapSnapshot& snapshot) const
   for (const Kept& chain : kept_) {
     if (chain.is_alive) in_order.push_back(&chain);
   }
-  std::sort(in_order.begin(), in_order.end(), [](const Kept* a, const Kept* b) { return a->first < b->first; });
+  std::sort(in_order.begin(), in_order.end(), [](const Kept* a, const Kept* b) { return a->rank < b->rank; });
   for (const Kept* chain : in_order) {
     ChainPlaces& places = snapshot.chains.values.emplace_back();
     places.id = chain->chain.id;
     places.closed = chain->closed;
+    places.loop = chain->rank.first;
+    places.begun_at = chain->rank.second;
     for (Index i = chain->first; i != kNone; i = members_[static_cast<std::size_t>(i)].after) {
       places.elements.push_back(i);
     }
@@ -180,6 +182,7 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
     Kept& chain = kept(slot);
     chain.first = places.elements.front();
     chain.elements = places.elements.size();
+    chain.rank = {places.loop, places.begun_at};
     chain.closed = places.closed;
     chain.chain.id = places.id;
     for (std::size_t k = 0; k < places.elements.size(); ++k) {
@@ -667,6 +670,7 @@ void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
   Kept& chain = kept(slot);
   chain.first = ordered[run.first];
   chain.elements = run.end - run.first;
+  chain.rank = run.rank;
   chain.closed = run.closed;
   chain.is_in_window = chain.is_touched = false;
   for (std::size_t k = run.first; k < run.end; ++k) {
@@ -788,7 +792,7 @@ std::vector<Chain> MapChains::list(std::vector<Chain> memory) {
   std::vector<Chain> result = std::move(memory);
   listed_.clear();
   for (const Holder& holder : holders_) listed_.push_back(holder.slot);
-  std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).first < kept(b).first; });
+  std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).rank < kept(b).rank; });
   while (result.size() < listed_.size()) {
     if (spare_.empty()) {
       result.emplace_back().vertices.reserve(Chain::kUsualVertices);

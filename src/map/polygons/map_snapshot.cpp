@@ -178,7 +178,8 @@ std::string yaml_text(const ChainRows& rows) {
   std::string text;
   for (const ChainPlaces& chain : rows.values) {
     if (!text.empty()) text += kBetweenChains;
-    text += detail::field_text(chain.id) + (chain.closed ? " 1" : " 0");
+    text += detail::field_text(chain.id) + (chain.closed ? " 1" : " 0") + (chain.loop ? " 1 " : " 0 ") +
+            detail::field_text(chain.begun_at);
     for (const std::int32_t place : chain.elements) text += ' ' + detail::field_text(place);
   }
   return text;
@@ -193,14 +194,17 @@ void read_yaml_text(const std::string& text, ChainRows& rows) {
     read_row(text.substr(begin, end - begin), numbers);
     begin = end + kBetweenChains.size();
     const auto is_place = [](std::int64_t place) { return place >= 0 && place < polygon_bounds::kMaxPlace; };
-    if (numbers.size() < 3 || numbers[0] < 0 || (numbers[1] != 0 && numbers[1] != 1) ||
-        !std::all_of(numbers.begin() + 2, numbers.end(), is_place)) {
-      throw std::invalid_argument("must be an id, 0 or 1, and places of each chain");
+    const auto is_flag = [](std::int64_t number) { return number == 0 || number == 1; };
+    if (numbers.size() < 5 || numbers[0] < 0 || !is_flag(numbers[1]) || !is_flag(numbers[2]) ||
+        !std::all_of(numbers.begin() + 3, numbers.end(), is_place)) {
+      throw std::invalid_argument("must be an id, 0 or 1 twice, and places of each chain");
     }
     ChainPlaces& chain = rows.values.emplace_back();
     chain.id = static_cast<std::uint64_t>(numbers[0]);
     chain.closed = numbers[1] == 1;
-    for (auto place = numbers.begin() + 2; place != numbers.end(); ++place) {
+    chain.loop = numbers[2] == 1;
+    chain.begun_at = static_cast<std::int32_t>(numbers[3]);
+    for (auto place = numbers.begin() + 4; place != numbers.end(); ++place) {
       chain.elements.push_back(static_cast<std::int32_t>(*place));
     }
   }

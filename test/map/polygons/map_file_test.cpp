@@ -105,7 +105,7 @@ TEST(PolygonMapFile, InvalidStatesAreRefusedNamingTheField) {
       {"chains", [](auto& s) { s.chains.values[0].id = s.next_id; }},
       {"chains",
        [](auto& s) {
-         s.chains.values.push_back({s.chains.values[0].id, false, {}});
+         s.chains.values.push_back({s.chains.values[0].id, false, false, 0, {}});
        }},
       {"chains", [](auto& s) { s.chains.values[0].closed = true, s.chains.values[0].elements.resize(2); }},
       {"seldom_hit", [](auto& s) { s.seldom_hit.values.push_back(1'000'000); }},
@@ -148,7 +148,7 @@ TEST(PolygonMapFile, RowsOfNumbersAreThoseOfTheText) {
   EXPECT_EQ(places.values, (std::vector<std::int32_t>{3, 1, 2}));
   EXPECT_THROW(read_yaml_text("3.5", places), std::invalid_argument);
   ChainRows chains;
-  const std::string two = "7 0 1 2 3 / 0 1 4 5 6";
+  const std::string two = "7 0 0 1 1 2 3 / 0 1 1 4 4 5 6";
   read_yaml_text(two, chains);
   ASSERT_EQ(chains.values.size(), 2U);
   EXPECT_EQ(chains.values[0].id, 7U);
@@ -158,8 +158,8 @@ TEST(PolygonMapFile, RowsOfNumbersAreThoseOfTheText) {
   EXPECT_EQ(yaml_text(chains), two);
   read_yaml_text("", chains);
   EXPECT_TRUE(chains.values.empty());
-  for (const char* text :
-       {"7", "7 0", "-1 0 1", "7 2 1", "7 0 -1", "7 0 1 /", "7 0 1 / ", " / 7 0 1", "7 0 99999999999"}) {
+  for (const char* text : {"7", "7 0 0 1", "-1 0 0 1 1", "7 2 0 1 1", "7 0 2 1 1", "7 0 0 1 -1", "7 0 0 1 1 /",
+                           "7 0 0 1 1 / ", " / 7 0 0 1 1", "7 0 0 1 99999999999"}) {
     EXPECT_THROW(read_yaml_text(text, chains), std::invalid_argument) << text;
   }
 }

@@ -28,6 +28,9 @@ class ChainLinks {
     std::size_t first = 0, end = 0;
     bool closed = false;
     double size_m = 0.0;  ///< diagonal of the box, along the axes of the world, around its elements
+    /// Of its first element, after all that are not of a loop: ascending from chain to chain, with any other elements
+    /// in the list.
+    std::pair<bool, Surfels::Index> rank;
   };
 
   /// Each element goes on with the nearest one ahead of it on its line, of those that agree; then, where neither goes

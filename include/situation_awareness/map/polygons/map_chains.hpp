@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -83,7 +84,8 @@ class MapChains {
   struct Kept {
     Index first = kNone;
     std::size_t elements = 0;
-    bool closed = false;  ///< as linked
+    std::pair<bool, Index> rank;  ///< as of ChainLinks::Run
+    bool closed = false;          ///< as linked
     bool is_alive = false;
     bool is_in_window = false, is_touched = false;
     Chain chain;  ///< its id is 0 if it is not shown

@@ -44,9 +44,11 @@ struct PlaceRow {
 struct ChainPlaces {
   std::uint64_t id = 0;  ///< of their chain; 0: it is not shown
   bool closed = false;
+  bool loop = false;          ///< each of them follows another one: it is listed after those that are not
+  std::int32_t begun_at = 0;  ///< place of the element by which it is listed
   std::vector<std::int32_t> elements;
 };
-/// As a text: the id, 0 or 1 for open or closed, and the places of each, with " / " between them.
+/// As a text: the id, closed and loop as 0 or 1, begun_at, and the places of each, with " / " between them.
 struct ChainRows {
   std::vector<ChainPlaces> values;
 };
