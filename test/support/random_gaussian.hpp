@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
 #include "situation_awareness/common/random.hpp"
@@ -16,23 +15,20 @@ Eigen::Matrix<double, Size, 1> normal_vector(Random& random) {
   return v;
 }
 
+// Compiled once, for matrices of any size: for each fixed size they take the compiler three seconds.
+Eigen::MatrixXd random_covariance(int size, Random& random, double sigma);
+Eigen::VectorXd draw_from(const Eigen::MatrixXd& covariance, Random& random);
+
 /// Some covariance without structure, its standard deviations around `sigma` times the square root of its size.
 template <class Matrix>
 Matrix random_covariance(Random& random, double sigma) {
-  Matrix L;
-  for (int i = 0; i < L.rows(); ++i) {
-    for (int j = 0; j < L.cols(); ++j) L(i, j) = sigma * random.normal();
-  }
-  return L * L.transpose() + 0.1 * sigma * sigma * Matrix::Identity();
+  return random_covariance(Matrix::RowsAtCompileTime, random, sigma);
 }
 
 /// A draw from the normal distribution of mean zero; `covariance` may be singular.
 template <int Size>
 Eigen::Matrix<double, Size, 1> draw(const Eigen::Matrix<double, Size, Size>& covariance, Random& random) {
-  const Eigen::LDLT<Eigen::Matrix<double, Size, Size>> ldlt(covariance);
-  const Eigen::Matrix<double, Size, 1> scaled =
-      ldlt.vectorD().cwiseMax(0.0).cwiseSqrt().cwiseProduct(normal_vector<Size>(random));
-  return ldlt.transpositionsP().transpose() * (ldlt.matrixL() * scaled);
+  return draw_from(covariance, random);
 }
 
 }  // namespace situation_awareness
