@@ -75,12 +75,14 @@ target_include_directories(${PROJECT_NAME}_ros SYSTEM PUBLIC ${catkin_INCLUDE_DI
 find_package(PCL REQUIRED COMPONENTS common)
 find_path(PCL_CONVERSIONS_INCLUDE_DIR pcl_conversions/pcl_conversions.h REQUIRED)
 target_include_directories(${PROJECT_NAME}_ros SYSTEM PRIVATE ${PCL_INCLUDE_DIRS} ${PCL_CONVERSIONS_INCLUDE_DIR})
-target_link_libraries(${PROJECT_NAME}_ros PRIVATE pcl_common)
+# The file, not the target: that has definitions for Boost, with which no other library can use the precompiled headers.
+target_link_libraries(${PROJECT_NAME}_ros PRIVATE $<TARGET_LINKER_FILE:pcl_common>)
 target_link_libraries(${PROJECT_NAME}_ros PUBLIC ${PROJECT_NAME}_core ${catkin_LIBRARIES} ${roslib_LIBRARIES}
   PRIVATE ${GeographicLib_LIBRARIES})
 add_dependencies(${PROJECT_NAME}_ros ${PROJECT_NAME}_generate_messages_cpp ${catkin_EXPORTED_TARGETS})
 set(situation_awareness_ros_headers ${situation_awareness_headers} <ros/ros.h> <sensor_msgs/PointCloud2.h>
   <tf2_ros/buffer.h> <visualization_msgs/MarkerArray.h>)
+# Precompiled once, in 15 s, for all that has the same options and definitions: libraries and programs.
 target_precompile_headers(${PROJECT_NAME}_ros PRIVATE ${situation_awareness_ros_headers})
 
 add_library(${PROJECT_NAME}_nodelets
@@ -100,12 +102,14 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/splinegon_mapping_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
-target_precompile_headers(${PROJECT_NAME}_nodelets PRIVATE ${situation_awareness_ros_headers})
+target_precompile_headers(${PROJECT_NAME}_nodelets REUSE_FROM ${PROJECT_NAME}_ros)
 
 # situation_awareness_node(NAME SOURCE LIBRARY...): a program for rosrun.
 function(situation_awareness_node name source)
   add_executable(${name} ${source})
   situation_awareness_target(${name})
+  target_compile_options(${name} PRIVATE -fPIC)  # as the library whose precompiled headers it uses
+  target_precompile_headers(${name} REUSE_FROM ${PROJECT_NAME}_ros)
   target_link_libraries(${name} PRIVATE ${PROJECT_NAME}_ros ${ARGN})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
   install(TARGETS ${name} RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
@@ -123,7 +127,7 @@ add_library(${PROJECT_NAME}_bag STATIC
 situation_awareness_target(${PROJECT_NAME}_bag)
 target_link_libraries(${PROJECT_NAME}_bag PUBLIC
   ${PROJECT_NAME}_ros ${PROJECT_NAME}_command_line nlohmann_json::nlohmann_json)
-target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_nodelets)
+target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_ros)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(grid_bag src/ros/tools/grid_bag.cpp ${PROJECT_NAME}_bag)

@@ -15,7 +15,7 @@ add_library(${PROJECT_NAME}_rviz_logic STATIC
   src/ros/rviz/stage_board.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz_logic)
 target_link_libraries(${PROJECT_NAME}_rviz_logic PUBLIC ${PROJECT_NAME}_ros)
-target_precompile_headers(${PROJECT_NAME}_rviz_logic REUSE_FROM ${PROJECT_NAME}_nodelets)
+target_precompile_headers(${PROJECT_NAME}_rviz_logic REUSE_FROM ${PROJECT_NAME}_ros)
 
 add_library(${PROJECT_NAME}_rviz
   src/ros/rviz/object_map_display.cpp
