@@ -524,14 +524,15 @@ void ObjectMap::find_unseen() {
 /// it counts for the map: the element may be wrong. Where most detections are of nothing known, as in dust or after a
 /// jump of the pose, a detection on a known element is as likely one of these, and says nothing against the element.
 bool ObjectMap::explains_most(const Detections& detections) {
+  const std::size_t all = work_.measurements.size();
   std::size_t explained = work_.of_known;
-  for (std::size_t j = 0; j < work_.measurements.size(); ++j) {
+  for (std::size_t j = 0; j < all && 2 * explained < all; ++j) {
     if (work_.used[j] != 0) continue;
     const MapElement* const element =
         element_to_reinitialize(detections.detections[j], work_.measurements[j], detections.T_world_level);
     if (element != nullptr && element->state != TrackState::kTentative) ++explained;
   }
-  return 2 * explained >= work_.measurements.size();
+  return 2 * explained >= all;
 }
 
 /// The estimate anew from a detection. Another face of a box says nothing against its velocity.
