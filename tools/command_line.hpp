@@ -38,7 +38,7 @@ class Check {
 
 /// A number in this range; NaN is in none.
 Check from_to(double low, double high);
-/// The same, except that NaN passes, and help shows the range.
+/// A number in this range, which help shows; unlike with from_to, NaN passes.
 Check in_range(double low, double high);
 /// One of these names, which help shows.
 Check one_of(const std::vector<std::string>& names);

@@ -288,7 +288,8 @@ void ChainLinks::link(const Elements& elements, const NearElements& near, double
   walk(elements, near);
 }
 
-/// Of those that are kept, whatever came out.
+/// Elements that are kept get the lines of before back, whatever the search gave them, and links to others that these
+/// contradict are cut.
 void ChainLinks::keep_lines(const Elements& elements) {
   bool any = false;
   for (std::size_t k = 0; k < elements.size(); ++k) {

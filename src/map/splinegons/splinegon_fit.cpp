@@ -119,7 +119,8 @@ Eigen::Vector2d point_on(const Eigen::Vector2d& begin_m, double yaw_rad, double 
   return begin_m + s_m * sinc(half_rad) * unit(yaw_rad + half_rad);
 }
 
-/// Of an element where misfits are looked for: one that is known better does not make less of one.
+/// The weight of an element in a search for misfits. It is bounded, so that an element that is known better does not
+/// hide a misfit.
 double misfit_weight(double weight) { return std::min(weight, 1.0 / kLeastMisfit_m); }
 
 /// What residuals have in common, from a sum of elements'.
@@ -373,8 +374,8 @@ bool SplinegonFit::take(const std::vector<SplinegonElement>& elements) {
   weights_.clear();
   scratch_.clear();
   for (std::size_t i = 0; i < n; ++i) {
-    // Of the lines through one of three neighbours before and one of three after a third may be wrong. At a corner, all
-    // are about a spacing away.
+    // An element is an outlier if it is far from at least two thirds of the lines through one of three neighbours
+    // before and one of three after it. At a corner, all lines are about a spacing away.
     const double sigma_m = std::sqrt(elements[i].variance_m2);
     const double most_m = kOutlierSigmas * sigma_m + spacing_m;
     const std::size_t most_before = closed_ ? 3 : std::min<std::size_t>(i, 3);
@@ -1369,7 +1370,7 @@ SplinegonFit::Residual SplinegonFit::residual_of(const Eigen::Vector2d& p_m, std
   return residual;
 }
 
-/// Of all elements, as the arcs and what is of each of them are now.
+/// The residuals of all elements are set to those of the present arcs, each element at the arc that it is assigned to.
 void SplinegonFit::compute_residuals() {
   of_elements_.resize(points_m_.size());
   for (std::size_t i = 0; i < points_m_.size(); ++i) of_elements_[i] = residual_of(points_m_[i], arc_of_[i]);

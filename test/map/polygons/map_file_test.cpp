@@ -164,7 +164,7 @@ TEST(PolygonMapFile, RowsOfNumbersAreThoseOfTheText) {
   }
 }
 
-// Of maps that were saved before chains were: they are linked anew.
+// Files of the first version have no chains, so all elements are linked anew.
 TEST(PolygonMapFile, TheFirstVersionIsReadWithoutChains) {
   PolygonMapSnapshot snapshot = a_snapshot();
   const std::string yaml = polygon_map_to_yaml(snapshot);

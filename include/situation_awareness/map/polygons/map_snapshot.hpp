@@ -141,7 +141,7 @@ struct PolygonMapSnapshot {
   std::int64_t joined_at_ns = kNoStamp;  ///< of the latest scan that the joints saw
   std::vector<Joints::Joint> joints;     ///< in ascending order
   PlaceRow met_joints;                   ///< those of the joints that met since they were decided
-  /// That the elements make; none: they are linked anew. Each element is of one at most.
+  /// The chains that the elements make, each element of one at most. If there are none, elements are linked anew.
   ChainRows chains;
   PlaceRow seldom_hit;  ///< places of elements on the map that are not shown, as seldom as they were hit
   PlaceRow crossed;     ///< the same of those with one near them that faces quite another way

@@ -274,7 +274,7 @@ class SplinegonFit {
   BandMatrix H_, H_factor_, covariance_;
   Eigen::VectorXd g_, delta_, row_;
   std::vector<Residual> of_elements_;  ///< as the arcs are
-  /// The same before a step, which is taken back where it is none.
+  /// Equations, arcs and residuals before a step, which are swapped back if the step makes the fit worse.
   BandMatrix H_before_;
   Eigen::VectorXd g_before_;
   std::vector<Unknowns> unknowns_of_before_;
