@@ -99,9 +99,11 @@ CommandLineOption CommandLine::add_option(const std::string& name, Value& value,
 
 template CommandLineOption CommandLine::add_option(const std::string&, double&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, int&, const std::string&);
+template CommandLineOption CommandLine::add_option(const std::string&, std::uint32_t&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, std::uint64_t&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, std::string&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, std::optional<double>&, const std::string&);
+template CommandLineOption CommandLine::add_option(const std::string&, std::vector<int>&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, std::vector<double>&, const std::string&);
 template CommandLineOption CommandLine::add_option(const std::string&, std::vector<std::string>&, const std::string&);
 

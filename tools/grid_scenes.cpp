@@ -5,7 +5,6 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <filesystem>
 #include <fstream>
 #include <limits>
@@ -14,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "command_line.hpp"
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/evaluation/paper_grid.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -216,23 +215,19 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   using namespace situation_awareness;
   Options options;
-  CLI::App app("Semantic grids of analytic scenes against their truth, or what a camera sees of these scenes",
-               "grid_scenes");
-  app.add_option("--scenes", options.scenes, "their names")->check(CLI::IsMember(grid_case_names()));
-  app.add_option("--sizes", options.sizes, "pixels across the label images")->check(CLI::Range(8, 2048));
+  CommandLine app("grid_scenes",
+                  "Semantic grids of analytic scenes against their truth, or what a camera sees of these scenes");
+  app.add_option("--scenes", options.scenes, "their names").take_all().check(one_of(grid_case_names()));
+  app.add_option("--sizes", options.sizes, "pixels across the label images").take_all().check(in_range(8, 2048));
   app.add_option("--first-seed", options.first_seed, "the first seed");
   app.add_option("--seeds", options.seeds, "number of seeds");
   app.add_option("--method", options.method, "of the grid; all but ours are the ScoutNet paper's")
-      ->check(CLI::IsMember({"ours", "full", "projection", "rays"}));
+      .check(one_of({"ours", "full", "projection", "rays"}));
   app.add_option("--grids", options.grids, "save each grid in this folder, a GeoTIFF");
   app.add_flag("--json", options.json, "one line of JSON per scene and size");
   app.add_option("--write", options.folder, "write label images, poses, elevation and truth into this folder instead");
-  CLI11_PARSE(app, argc, argv);
-  try {
+  return run_program(app, argc, argv, [&options] {
     run(options);
     return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "grid_scenes: %s\n", error.what());
-    return 1;
-  }
+  });
 }

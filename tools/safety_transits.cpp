@@ -4,14 +4,13 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <map>
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "command_line.hpp"
 #include "situation_awareness/evaluation/safety_transits.hpp"
 
 namespace situation_awareness {
@@ -143,49 +142,44 @@ Json of_faults(int first, int runs) {
           {"stood_late", late}, {"by_fault", by_fault}, {"out_of_hiding", out_of_hiding}};
 }
 
+Json of_policies(int boxes, int walkers, int hidden, double slow_speed_m_s) {
+  Json result;
+  for (const SafetyPolicy policy : kPolicies) {
+    result[name_of(policy)] = {{"boxes", of_boxes(policy, boxes, slow_speed_m_s)},
+                               {"walkers", of_walkers(policy, walkers, false)},
+                               {"walkers_behind_a_box", of_walkers(policy, hidden, true)}};
+  }
+  const double conservative_s = result["conservative"]["boxes"]["mean_s"];
+  for (const SafetyPolicy policy : kPolicies) {
+    Json& boxes_of = result[name_of(policy)]["boxes"];
+    boxes_of["saved"] = 1.0 - boxes_of["mean_s"].get<double>() / conservative_s;
+  }
+  return result;
+}
+
 }  // namespace
 }  // namespace situation_awareness
 
 int main(int argc, char** argv) {
   using namespace situation_awareness;
-  CLI::App app("Simulates transits under the policies of the safety areas and prints a JSON object.");
+  CommandLine app("safety_transits",
+                  "Simulates transits under the policies of the safety areas and prints a JSON object.");
   int boxes = 20, walkers = 1000, hidden = 200;
-  app.add_option("--boxes", boxes, "transits with three boxes beside the way, per policy")
-      ->check(CLI::Range(1, 100000));
+  app.add_option("--boxes", boxes, "transits with three boxes beside the way, per policy").check(in_range(1, 100000));
   app.add_option("--walkers", walkers, "transits with someone who steps into the way, per policy")
-      ->check(CLI::Range(1, 1000000));
-  app.add_option("--hidden", hidden, "those with someone who steps out from behind a box")
-      ->check(CLI::Range(1, 1000000));
+      .check(in_range(1, 1000000));
+  app.add_option("--hidden", hidden, "those with someone who steps out from behind a box").check(in_range(1, 1000000));
   int faults = 0;
   app.add_option("--faults", faults, "of transits with someone who steps into the way and a fault at some time, alone")
-      ->check(CLI::Range(1, 1000000));
+      .check(in_range(1, 1000000));
   int first = 1;
-  app.add_option("--first", first, "seed of those with a fault; the policies take turns")
-      ->check(CLI::Range(1, 1000000));
+  app.add_option("--first", first, "seed of those with a fault; the policies take turns").check(in_range(1, 1000000));
   double slow_speed_m_s = SafetyParams().slow_speed_m_s;
   app.add_option("--slow-speed", slow_speed_m_s, "beside standing things in the warning area, in m/s")
-      ->check(CLI::Range(0.01, 0.5));
-  CLI11_PARSE(app, argc, argv);
-  try {
-    Json result;
-    if (faults > 0) {
-      std::printf("%s\n", of_faults(first, faults).dump(2).c_str());
-      return std::fflush(stdout) == 0 ? 0 : 1;
-    }
-    for (const SafetyPolicy policy : kPolicies) {
-      result[name_of(policy)] = {{"boxes", of_boxes(policy, boxes, slow_speed_m_s)},
-                                 {"walkers", of_walkers(policy, walkers, false)},
-                                 {"walkers_behind_a_box", of_walkers(policy, hidden, true)}};
-    }
-    const double conservative_s = result["conservative"]["boxes"]["mean_s"];
-    for (const SafetyPolicy policy : kPolicies) {
-      Json& boxes_of = result[name_of(policy)]["boxes"];
-      boxes_of["saved"] = 1.0 - boxes_of["mean_s"].get<double>() / conservative_s;
-    }
+      .check(in_range(0.01, 0.5));
+  return run_program(app, argc, argv, [&] {
+    const Json result = faults > 0 ? of_faults(first, faults) : of_policies(boxes, walkers, hidden, slow_speed_m_s);
     std::printf("%s\n", result.dump(2).c_str());
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "safety_transits: %s\n", error.what());
-    return 1;
-  }
-  return std::fflush(stdout) == 0 ? 0 : 1;
+    return std::fflush(stdout) == 0 ? 0 : 1;
+  });
 }

@@ -4,15 +4,14 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
-#include <exception>
 #include <fstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
-#include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "command_line.hpp"
 #include "situation_awareness/evaluation/scout_missions.hpp"
 
 namespace situation_awareness {
@@ -136,22 +135,18 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   using namespace situation_awareness;
   Options options;
-  CLI::App app("Scouting missions of a simulated multirotor, against a lawnmower", "scout_missions");
+  CommandLine app("scout_missions", "Scouting missions of a simulated multirotor, against a lawnmower");
   app.add_option("--first-seed", options.first_seed, "the first seed");
-  app.add_option("--seeds", options.seeds, "number of seeds")->check(CLI::Range(1, 100000));
-  app.add_option("--label-px", options.label_px, "along the edge of the label images")->check(CLI::Range(16, 1024));
+  app.add_option("--seeds", options.seeds, "number of seeds").check(in_range(1, 100000));
+  app.add_option("--label-px", options.label_px, "along the edge of the label images").check(in_range(16, 1024));
   app.add_flag("--hills", options.hills, "gentle hills, and an elevation with errors");
   app.add_flag("!--no-lawnmower", options.lawnmower, "fly only the scouting");
   app.add_flag("--ways", options.ways, "with places and the ways flown in the JSON object");
-  app.add_option("--lane", options.lane_m, "between the lawnmower's lanes, in m")->check(CLI::Range(1.0, 1000.0));
-  app.add_option("--budget", options.budget_s, "in s")->check(CLI::Range(30.0, 1e5));
+  app.add_option("--lane", options.lane_m, "between the lawnmower's lanes, in m").check(in_range(1.0, 1000.0));
+  app.add_option("--budget", options.budget_s, "in s").check(in_range(30.0, 1e5));
   app.add_option("--json", options.json, "write a JSON object into this file");
-  CLI11_PARSE(app, argc, argv);
-  try {
+  return run_program(app, argc, argv, [&options] {
     run(options);
     return 0;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "scout_missions: %s\n", error.what());
-    return 1;
-  }
+  });
 }
