@@ -314,7 +314,9 @@ TEST_F(FileTest, AFileOfFewBytesTakesLittleMemory) {
   }
 }
 
-TEST_F(FileTest, TheLargestMapsAreReadAsTheyWereWritten) {
+using FileTestLong = FileTest;
+
+TEST_F(FileTestLong, TheLargestMapsAreReadAsTheyWereWritten) {
   MapSnapshot objects;
   objects.world_frame = "odom";
   objects.stamp_ns = 1;

@@ -208,7 +208,7 @@ Drawn draw(SegmentCase which, std::uint64_t seed) {
   return drawn;
 }
 
-TEST(BoxPosterior, TruthsHaveUniformRanksAndTheExpectedLoss) {
+TEST(BoxPosteriorLong, TruthsHaveUniformRanksAndTheExpectedLoss) {
   constexpr int kSegments = 300;
   for (const bool one_face : {false, true}) {
     SCOPED_TRACE(one_face);

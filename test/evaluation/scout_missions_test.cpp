@@ -16,7 +16,7 @@ ScoutMission small_mission(std::uint64_t seed, bool hills) {
 }
 
 // docs/benchmarks/grid.md has 20 of them, with larger labels.
-TEST(ScoutMissionFlights, CarsAreFoundSoonerThanByALawnmower) {
+TEST(ScoutMissionFlightsLong, CarsAreFoundSoonerThanByALawnmower) {
   const ScoutMission mission = small_mission(1, false);
   const ScoutMissionOutcome scouting = fly_scouting(mission, 1), lawnmower = fly_lawnmower(mission, 40.0, 1);
   EXPECT_TRUE(scouting.home_in_time);

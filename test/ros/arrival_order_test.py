@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""What is made of a recording depends on what its messages say, not on when they came: each tool, of ten orders in which
+"""What is made of a recording depends on what its messages say, not on when they came: each tool, of three orders in which
 the messages of a recording may come within the patience of the stage that joins them, writes the same, bit for bit. The
 nodelets wait by the same code, and there is no clock here to depend on. No roscore."""
 import pathlib
@@ -14,7 +14,7 @@ import rosbag
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from bag_tools import ROOT, BagToolTest, grid_bags, part_of  # noqa: E402
 
-ORDERS = 10
+ORDERS = 3
 PATIENCE_S = 0.19  # InertialNavigation::kPatience_s is 0.2 s
 
 
