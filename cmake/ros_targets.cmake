@@ -103,6 +103,7 @@ add_library(${PROJECT_NAME}_nodelets
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
 target_precompile_headers(${PROJECT_NAME}_nodelets REUSE_FROM ${PROJECT_NAME}_ros)
+set_target_properties(${PROJECT_NAME}_nodelets PROPERTIES UNITY_BUILD_BATCH_SIZE 4)  # eight take 1.5 GB of memory
 
 # situation_awareness_node(NAME SOURCE LIBRARY...): a program for rosrun.
 function(situation_awareness_node name source)

@@ -16,7 +16,7 @@ constexpr double kFarthest_m = 1e6;
 /// rad. A yaw of so many turns is no yaw of a sensor.
 constexpr double kMostYaw_rad = 1e6;
 /// The length of a unit vector may be off by so much.
-constexpr double kRounding = 1e-6;
+constexpr double kLengthError = 1e-6;
 
 bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {
   const Pose2& T = polylines.T_world_level;
@@ -33,7 +33,7 @@ bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covaria
   const Eigen::Matrix2d R_world_level = T.rotation();
   return std::all_of(polylines.hits.begin(), polylines.hits.end(), [&](const PolylineHit& hit) {
     return is_near(hit.p_level_m) && is_near(R_world_level * hit.p_level_m + T.translation_m) &&
-           std::abs(hit.normal_level.norm() - 1.0) < kRounding && hit.sigma_m > 0.0 && is_size(hit.sigma_m);
+           std::abs(hit.normal_level.norm() - 1.0) < kLengthError && hit.sigma_m > 0.0 && is_size(hit.sigma_m);
   });
 }
 
