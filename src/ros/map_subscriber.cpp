@@ -2,6 +2,7 @@
 #include "situation_awareness/ros/map_subscriber.hpp"
 
 #include <exception>
+#include <utility>
 
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -28,14 +29,16 @@ void MapSubscriber::on_map(const MappedObjectArrayConstPtr& msg) {
   }
 }
 
-std::vector<ExpectedOutline> MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
+const std::vector<ExpectedOutline>& MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {
   if (!map_.objects.empty() && map_.stamp_ns > stamp_ns) {
     context_.diagnostics().counted({{"map of a later time", 1}});
     clear();
   }
   if (map_.stamp_ns < latest_scan_ns_) context_.diagnostics().counted({{"map of the scan before not there yet", 1}});
   latest_scan_ns_ = stamp_ns;
-  return situation_awareness::outlines_at(stamp_ns, T_world_level, map_);
+  outlines_level_ =
+      situation_awareness::outlines_at(stamp_ns, T_world_level, map_, kMaxMapAge_s, std::move(outlines_level_));
+  return outlines_level_;
 }
 
 }  // namespace situation_awareness

@@ -43,12 +43,16 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
                         [this](const nav_msgs::OdometryConstPtr& msg, const ros::SteadyTime&) { add(*msg); });
   });
   // Where the scanner is may be known after its scans, and waits end without odometry, too.
-  context.every(0.005, [this] { release(); });
+  release_later_ = context.poll([this] {
+    release();
+    return !scans_.is_empty();
+  });
 }
 
 void OdometryInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
   if (scans_.add({msg, arrival}) == StampOrder::Verdict::kRestart) context_.drop_enqueued(drop_reason::kRestart);
   release();
+  if (!scans_.is_empty()) release_later_();
 }
 
 std::string OdometryInput::defect_of(const nav_msgs::Odometry& msg) const {

@@ -53,6 +53,7 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
         }
         waiting_.push_back({msg, arrival});
         release();
+        if (!waiting_.empty()) release_later_();
       },
       [this] { return waiting_.size(); });
   context.when_made([this] {
@@ -61,7 +62,10 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
     objects_subscriber_.emplace(context_.node(), "objects",
                                 [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { take(*msg); });
   });
-  context.every(0.005, [this] { release(); });
+  release_later_ = context.poll([this] {
+    release();
+    return !waiting_.empty();
+  });
 }
 
 void PoseCovarianceInput::take(const geometry_msgs::PoseWithCovarianceStamped& msg) {

@@ -6,6 +6,11 @@
 #include <ros/console.h>
 
 namespace situation_awareness {
+namespace {
+
+const ros::WallDuration kPollPeriod(0.005);
+
+}  // namespace
 
 StageContextBase::StageContextBase(ros::NodeHandle& node, const ros::NodeHandle& private_node, const std::string& name)
     : node_(node), private_node_(private_node), name_(name), master_(private_node), diagnostics_(name) {
@@ -17,6 +22,24 @@ void StageContextBase::every(double period_s, std::function<void()> act) {
     timers_.push_back(
         node_.createSteadyTimer(ros::WallDuration(period_s), [act](const ros::SteadyTimerEvent&) { act(); }));
   });
+}
+
+std::function<void()> StageContextBase::poll(std::function<bool()> act) {
+  Poll& poll = polls_.emplace_back();
+  when_made([this, &poll, act = std::move(act)] {
+    const bool oneshot = false, autostart = false;
+    poll.timer = node_.createSteadyTimer(
+        kPollPeriod,
+        [&poll, act](const ros::SteadyTimerEvent&) {
+          if (act()) return;
+          poll.timer.stop();
+          poll.runs = false;
+        },
+        oneshot, autostart);
+  });
+  return [&poll] {
+    if (!std::exchange(poll.runs, true)) poll.timer.start();
+  };
 }
 
 void StageContextBase::begin_calls() {
@@ -44,6 +67,7 @@ void StageContextBase::begin() {
 void StageContextBase::end_calls() {
   begin_.stop();
   for (ros::SteadyTimer& timer : timers_) timer.stop();
+  for (Poll& poll : polls_) poll.timer.stop();
   live_.reset();
   diagnostics_.stop();
 }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -67,6 +68,7 @@ class InertialInput {
   Context& context_;
   double max_stamp_ahead_s_;
   ScansOnBase scans_;
+  std::function<void()> release_later_;
   InertialNavigation navigation_;
   GpsInsReport report_;
   Refusals refusals_;

@@ -22,8 +22,8 @@ class MapSubscriber {
   MapSubscriber(StageContextBase& context, const std::string& world_frame);
 
   /// The expected outlines in a scan, in its level frame. A map of a later time is not used: time was reset. Counts
-  /// scans that come before the map of the previous one.
-  std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
+  /// scans that come before the map of the previous one. The result is overwritten by the next call.
+  const std::vector<ExpectedOutline>& outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level);
 
   const Objects& latest() const { return map_; }
 
@@ -40,6 +40,7 @@ class MapSubscriber {
   StageContextBase& context_;
   Objects map_;
   std::int64_t latest_scan_ns_ = 0;
+  std::vector<ExpectedOutline> outlines_level_;  ///< kept for its memory
   ros::Subscriber subscriber_;
 };
 

@@ -69,7 +69,10 @@ class PosedInput {
                        [this] { return queue_.waiting(); });
     // Transforms may arrive after their measurement, so checking only on its arrival would leave the latest one
     // waiting.
-    context.every(0.005, [this] { release(); });
+    release_later_ = context.poll([this] {
+      release();
+      return !queue_.is_empty();
+    });
   }
   PosedInput(const PosedInput&) = delete;
   PosedInput& operator=(const PosedInput&) = delete;
@@ -95,6 +98,7 @@ class PosedInput {
     }
     if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
     release();
+    if (!queue_.is_empty()) release_later_();
   }
 
   /// Enqueues the measurements that have their transforms. Does not throw.
@@ -118,6 +122,7 @@ class PosedInput {
   tf2_ros::Buffer tf_;
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;
+  std::function<void()> release_later_;
   tf2_ros::TransformListener listener_;
 };
 

@@ -70,6 +70,8 @@ class ScansOnBase {
   std::optional<ScanOnBase> next();
 
   std::size_t waiting() const { return queue_.waiting(); }
+  /// Whether no scan waits for its poses or is held.
+  bool is_empty() const { return queue_.is_empty(); }
 
   /// For places of other sensors on the base.
   const tf2::BufferCore& tf() const { return tf_; }

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <deque>
 #include <exception>
 #include <functional>
 #include <memory>
@@ -56,6 +57,10 @@ class StageContextBase {
   /// Calls `act` periodically, by the steady clock. `act` must not throw.
   void every(double period_s, std::function<void()> act);
 
+  /// Returns a function that has `act` called every 5 ms, by the steady clock, until it returns false: for what waits.
+  /// `act` must not throw.
+  std::function<void()> poll(std::function<bool()> act);
+
   /// Makes the live fields of `yaml` changeable while the stage runs: LiveParams.
   template <class Use, class... Params>
   void serve_live(Use use, const Params&... yaml) {
@@ -74,6 +79,12 @@ class StageContextBase {
   void end_calls();
 
  private:
+  /// Calls that repeat while something waits: a timer that runs always takes three changes of threads each time.
+  struct Poll {
+    ros::SteadyTimer timer;
+    bool runs = false;
+  };
+
   void begin();
 
   ros::NodeHandle node_, private_node_;
@@ -85,6 +96,7 @@ class StageContextBase {
   ros::SteadyTimer begin_;
   bool has_begun_ = false;
   std::vector<ros::SteadyTimer> timers_;
+  std::deque<Poll> polls_;  ///< keeps their addresses
 };
 
 /// The same with the input: its subscription, the backlog before it, and the latency of the message being processed.

@@ -163,6 +163,8 @@ class TransformQueue {
   }
 
   std::size_t waiting() const { return waiting_.size(); }
+  /// Whether no measurement waits for transforms or is held.
+  bool is_empty() const { return waiting_.empty() && in_order_.held() == 0; }
 
  private:
   struct Waiting {

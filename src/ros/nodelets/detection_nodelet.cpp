@@ -61,14 +61,14 @@ class DetectionStage {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
     follow_unmapped();
-    const std::vector<ExpectedOutline> known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
-    const Detections detections = detector_->detect(segments, known_level);
-    context_.publish(publisher_, detections_to_msg(detections, msg.header.frame_id));
+    const std::vector<ExpectedOutline>& known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
+    detections_ = detector_->detect(segments, known_level, std::move(detections_));
+    context_.publish(publisher_, detections_to_msg(detections_, msg.header.frame_id));
     if (labels_publisher_.getNumSubscribers() > 0) {
-      labels_ = label_hits(segments, detections, map_.latest(), std::move(labels_));
+      labels_ = label_hits(segments, detections_, map_.latest(), std::move(labels_));
       context_.publish(labels_publisher_, hit_labels_to_cloud(segments, labels_, msg.header.frame_id));
     }
-    context_.diagnostics().counted(detections.refused);
+    context_.diagnostics().counted(detections_.refused);
     segments_ = std::move(segments);
     return true;
   }
@@ -87,7 +87,8 @@ class DetectionStage {
   std::unique_ptr<ProbableDetector> detector_;
   ros::Publisher publisher_, labels_publisher_;
   MapSubscriber map_;
-  std::vector<HitLabel> labels_;  // kept for its memory
+  Detections detections_;         // kept for its memory
+  std::vector<HitLabel> labels_;  // the same
   Segments segments_;             // of the latest scan
   UnmappedSegments unmapped_;
   Unmapped worst_;  // since the latest report

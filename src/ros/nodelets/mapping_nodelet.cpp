@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // detections  ->  objects, object_markers (for display), downlink/objects (for other hosts)
 #include <string>
+#include <utility>
 
 #include <pluginlib/class_list_macros.hpp>
 
@@ -45,11 +46,12 @@ class MappingStage {
     } catch (const std::exception& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
-    const ObjectMapUpdate update = map_.update(detections);
-    context_.diagnostics().counted(update.reasons);
-    nis_.add(update.matches, update.mahalanobis2);
+    update_ = map_.update(detections, std::move(update_));
+    context_.diagnostics().counted(update_.reasons);
+    nis_.add(update_.matches, update_.mahalanobis2);
     if (map_.stamp_ns() != detections.stamp_ns) return context_.drop(drop_reason::kStamp);
-    publisher_.publish(map_.at(detections.stamp_ns));
+    objects_ = map_.at(detections.stamp_ns, std::move(objects_));
+    publisher_.publish(objects_);
     return true;
   }
 
@@ -60,6 +62,8 @@ class MappingStage {
   NisMonitor nis_{kMeasurementSize};
   MapPublisher<ObjectKind> publisher_;
   MapServices<ObjectKind> services_;
+  ObjectMapUpdate update_;  // kept for its memory
+  Objects objects_;         // the same
 };
 
 using MappingNodelet = StageNodelet<MappingStage>;

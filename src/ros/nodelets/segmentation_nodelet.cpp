@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // scan, TF world -> lidar, objects  ->  segments
 #include <string>
+#include <utility>
 
 #include <sensor_msgs/LaserScan.h>
 #include <sensor_msgs/PointCloud2.h>
@@ -62,17 +63,18 @@ class SegmentationStage {
       context_.diagnostics().counted({{"time increment ignored", 1}});
     }
 
-    const Scan limited = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan);
-    const Points points = project_horizontally(limited, posed.T_world_sensor, posed.T_world_sensor_end);
-    const Segments segments =
-        with_straight_pieces(divide(segment(points, params_.pipeline.segments),
-                                    map_.outlines_at(points.stamp_ns, points.T_world_level), params_.pipeline.segments),
-                             params_.pipeline.segments, params_.pipeline.detections.fit.range_sigma_m);
+    limited_ = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan, std::move(limited_));
+    points_ = project_horizontally(limited_, posed.T_world_sensor, posed.T_world_sensor_end, std::move(points_));
+    segments_ = segment(points_, params_.pipeline.segments, std::move(segments_));
+    segments_ = divide(std::move(segments_), map_.outlines_at(points_.stamp_ns, points_.T_world_level),
+                       params_.pipeline.segments);
+    segments_ = with_straight_pieces(std::move(segments_), params_.pipeline.segments,
+                                     params_.pipeline.detections.fit.range_sigma_m);
 
-    context_.diagnostics().counted(segments.refused);
-    context_.publish(publisher_, segments_to_msg(segments, params_.nodelet.world_frame));
-    states_.add(points);
-    pose_offset_.add(points);  // after the output, which does not wait for it
+    context_.diagnostics().counted(segments_.refused);
+    context_.publish(publisher_, segments_to_msg(segments_, params_.nodelet.world_frame));
+    states_.add(points_);
+    pose_offset_.add(points_);  // after the output, which does not wait for it
     return true;
   }
 
@@ -84,6 +86,10 @@ class SegmentationStage {
   PoseOffsetEstimator pose_offset_;
   PointStates states_;
   Input input_;
+  // Kept for their memory:
+  Scan limited_;
+  Points points_;
+  Segments segments_;
 };
 
 using SegmentationNodelet = StageNodelet<SegmentationStage>;
