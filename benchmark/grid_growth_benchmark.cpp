@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What an image costs the semantic grid: of 224 x 224 and of 56 x 56 labels over one place, and on lanes of 1.8 km side
 // by side, where the map grows and what is in view does not.
-#include <malloc.h>
+#include <benchmark/benchmark.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
-#include <cstring>
-#include <ctime>
 #include <memory>
+#include <numeric>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "measures.hpp"
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "support/thread_cpu.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -26,57 +26,43 @@ constexpr double kLane_m = 1800.0, kBetweenLanes_m = 160.0, kStep_m = 10.0, kUp_
 constexpr int kLanes = 8;
 constexpr int kRounds = 8;  ///< of the 40 images of an orbit
 
-/// Time of the processor that this thread has taken (ms).
-double cpu_ms() {
-  timespec time{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return 1e3 * static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_nsec);
-}
-
-/// Memory of the heap that is in use (MB).
-double heap_MB() {
-  const auto heap = mallinfo2();
-  return 1e-6 * static_cast<double>(heap.uordblks + heap.hblkhd);
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 PinholeCamera camera_of(int size_px) {
   const double f_px = 0.5 * size_px / std::tan(radians(30.0)), middle_px = 0.5 * (size_px - 1);
   return {size_px, size_px, f_px, f_px, middle_px, middle_px};
 }
 
-/// Of the map alone, and of all from labels to targets, by the second round of an orbit on.
-void orbit(int size_px) {
+/// Of the map alone, and of all from labels to targets, from the second round of an orbit on.
+void orbit(benchmark::State& state) {
+  const auto size_px = static_cast<int>(state.range(0));
   const GridCase given = make_grid_case("orbit", 1);
   std::vector<SoftLabels> labels;
   for (std::size_t i = 0; i < given.T_world_camera.size(); ++i) {
     labels.push_back(labels_of(given, camera_of(size_px), i, 1));
   }
   const auto elevation = std::make_shared<Elevation>(elevation_of(given, 1.0, 1));
-  GridMap map(GridMapParams{}, elevation);
-  GridPipeline pipeline(GridPipelineParams{}, elevation);
-  std::vector<double> map_ms, pipeline_ms;
-  std::int64_t stamp_ns = 0;
-  for (int round = 0; round < kRounds; ++round) {
-    for (std::size_t i = 0; i < labels.size(); ++i) {
-      labels[i].stamp_ns = stamp_ns += 500'000'000;
-      const double begin_ms = cpu_ms();
-      map.update(labels[i], given.T_world_camera[i]);
-      const double between_ms = cpu_ms();
-      pipeline.process(labels[i], given.T_world_camera[i]);
-      const double end_ms = cpu_ms();
-      if (round == 0) continue;
-      map_ms.push_back(between_ms - begin_ms);
-      pipeline_ms.push_back(end_ms - between_ms);
+  for (auto _ : state) {
+    GridMap map(GridMapParams{}, elevation);
+    GridPipeline pipeline(GridPipelineParams{}, elevation);
+    std::vector<double> map_us, pipeline_us;
+    std::int64_t stamp_ns = 0;
+    for (int round = 0; round < kRounds; ++round) {
+      for (std::size_t i = 0; i < labels.size(); ++i) {
+        labels[i].stamp_ns = stamp_ns += 500'000'000;
+        const double begin_us = thread_cpu_us();
+        map.update(labels[i], given.T_world_camera[i]);
+        const double between_us = thread_cpu_us();
+        pipeline.process(labels[i], given.T_world_camera[i]);
+        const double end_us = thread_cpu_us();
+        if (round == 0) continue;
+        map_us.push_back(between_us - begin_us);
+        pipeline_us.push_back(end_us - between_us);
+      }
     }
+    state.counters["update_us"] = median(map_us);
+    state.counters["pipeline_us"] = median(pipeline_us);
   }
-  std::printf("update_%d_ms %.4f\npipeline_%d_ms %.4f\n", size_px, median(map_ms), size_px, median(pipeline_ms));
 }
+BENCHMARK(orbit)->Arg(56)->Arg(112)->Arg(224)->Iterations(1)->Unit(benchmark::kMillisecond);
 
 double ground_m(double x_m, double y_m) { return 3.0 * std::sin(x_m / 90.0) + 2.0 * std::cos(y_m / 70.0); }
 
@@ -127,54 +113,45 @@ SoftLabels labels_of_cars(const std::vector<Eigen::Vector2d>& cars_m, const Pinh
 }
 
 /// Lanes to and fro over cars, two in each hundred metres of a lane.
-void lanes() {
+void lanes(benchmark::State& state) {
   std::vector<Eigen::Vector2d> cars_m;
   for (int lane = 0; lane < kLanes; ++lane) {
     for (int i = 0; i < 36; ++i) {
       cars_m.emplace_back(50.0 * i + 7.0 * (i % 5), lane * kBetweenLanes_m + 23.0 * ((i + lane) % 5 - 2));
     }
   }
-  const double without_MB = heap_MB();
-  GridPipeline pipeline(GridPipelineParams{}, std::make_shared<Elevation>(relief()));
   const PinholeCamera camera = camera_of(112);
-  std::int64_t stamp_ns = 0;
-  double first_ms = 0.0, first_MB = 0.0;
-  for (int lane = 0; lane < kLanes; ++lane) {
-    std::vector<double> image_ms;
-    double most_MB = 0.0;
-    for (double along_m = 0.0; along_m <= kLane_m; along_m += kStep_m) {
-      const bool is_to = lane % 2 == 0;
-      const Eigen::Vector2d p_m(is_to ? along_m : kLane_m - along_m, lane * kBetweenLanes_m);
-      const Eigen::Isometry3d T = camera_pose({p_m.x(), p_m.y(), ground_m(p_m.x(), p_m.y()) + kUp_m},
-                                              is_to ? 0.0 : radians(180.0), radians(-25.0));
-      SoftLabels labels = labels_of_cars(cars_m, camera, T);
-      labels.stamp_ns = stamp_ns += 500'000'000;
-      const double begin_ms = cpu_ms();
-      pipeline.process(labels, T);
-      image_ms.push_back(cpu_ms() - begin_ms);
-      most_MB = std::max(most_MB, heap_MB() - without_MB);
+  for (auto _ : state) {
+    const std::int64_t without_bytes = memory().heap_bytes;
+    GridPipeline pipeline(GridPipelineParams{}, std::make_shared<Elevation>(relief()));
+    std::int64_t stamp_ns = 0;
+    std::vector<double> lane_us, lane_MB;
+    for (int lane = 0; lane < kLanes; ++lane) {
+      std::vector<double> image_us;
+      std::int64_t most_bytes = 0;
+      for (double along_m = 0.0; along_m <= kLane_m; along_m += kStep_m) {
+        const bool is_to = lane % 2 == 0;
+        const Eigen::Vector2d p_m(is_to ? along_m : kLane_m - along_m, lane * kBetweenLanes_m);
+        const Eigen::Isometry3d T = camera_pose({p_m.x(), p_m.y(), ground_m(p_m.x(), p_m.y()) + kUp_m},
+                                                is_to ? 0.0 : radians(180.0), radians(-25.0));
+        SoftLabels labels = labels_of_cars(cars_m, camera, T);
+        labels.stamp_ns = stamp_ns += 500'000'000;
+        const double begin_us = thread_cpu_us();
+        pipeline.process(labels, T);
+        image_us.push_back(thread_cpu_us() - begin_us);
+        most_bytes = std::max(most_bytes, memory().heap_bytes - without_bytes);
+      }
+      lane_us.push_back(std::accumulate(image_us.begin(), image_us.end(), 0.0) / static_cast<double>(image_us.size()));
+      lane_MB.push_back(1e-6 * static_cast<double>(most_bytes));
+      state.counters["lane_" + std::to_string(lane + 1) + "_us"] = lane_us.back();
+      state.counters["lane_" + std::to_string(lane + 1) + "_MB"] = lane_MB.back();
     }
-    double sum_ms = 0.0;
-    for (const double ms : image_ms) sum_ms += ms;
-    const double mean_ms = sum_ms / static_cast<double>(image_ms.size());
-    if (lane == 0) {
-      first_ms = mean_ms;
-      first_MB = most_MB;
-    }
-    std::printf("lane_%d_ms %.4f\nlane_%d_MB %.1f\nlane_%d_targets %zu\n", lane + 1, mean_ms, lane + 1, most_MB,
-                lane + 1, pipeline.targets().targets.size());
-    if (lane == kLanes - 1)
-      std::printf("lanes_time_ratio %.3f\nlanes_memory_ratio %.3f\n", mean_ms / first_ms, most_MB / first_MB);
+    state.counters["time_growth"] = lane_us.back() / lane_us.front();
+    state.counters["memory_growth"] = lane_MB.back() / lane_MB.front();
+    state.counters["targets"] = static_cast<double>(pipeline.targets().targets.size());
   }
 }
+BENCHMARK(lanes)->Iterations(1)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace situation_awareness
-
-int main(int argc, char** argv) {
-  const bool is_short = argc > 1 && std::strcmp(argv[1], "--updates") == 0;
-  situation_awareness::orbit(224);
-  situation_awareness::orbit(56);
-  if (!is_short) situation_awareness::lanes();
-  return EXIT_SUCCESS;
-}

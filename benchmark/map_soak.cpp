@@ -16,6 +16,7 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line.hpp"
+#include "measures.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/common/time.hpp"
@@ -26,7 +27,6 @@
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
-#include "soak_measures.hpp"
 
 namespace situation_awareness {
 namespace {

@@ -17,12 +17,12 @@
 #include <nlohmann/json.hpp>
 
 #include "command_line.hpp"
+#include "measures.hpp"
 #include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
-#include "soak_measures.hpp"
 #include "synthetic_scene.hpp"
 
 namespace situation_awareness {

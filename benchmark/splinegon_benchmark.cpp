@@ -1,15 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Time of one fit of a splinegon to 500 elements, from nothing and from the fit before, of a smooth outline and a box;
-// and processor's time of a scan by inertial navigation after 5 minutes, on a circle around an obstacle.
+// and processor's time of a scan by inertial navigation, minute by minute, on a circle around an obstacle.
 #include <benchmark/benchmark.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <numeric>
 #include <string>
 #include <vector>
 
+#include "measures.hpp"
 #include "pipeline/circling_flight.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/random.hpp"
@@ -77,7 +77,7 @@ struct Obstacle {
 
 /// Odom is of a gyroscope and accelerations that are a little wrong.
 void by_inertial_navigation(benchmark::State& state, const Obstacle& obstacle) {
-  constexpr double kAfter_s = 300.0, kFor_s = 60.0, kYawRateError_rad_s = 0.002;
+  constexpr double kFor_s = 360.0, kYawRateError_rad_s = 0.002;
   constexpr int kSteps = 20;  // of odom from a scan to the next
   const std::string path = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/cfg/splinegons.yaml";
   const auto params =
@@ -92,9 +92,9 @@ void by_inertial_navigation(benchmark::State& state, const Obstacle& obstacle) {
     Flight flight(obstacle.outline);
     flight.add_movers(obstacle.movers);
     SplinegonPipeline pipeline(params);
-    std::vector<double> times_us;
+    std::vector<std::vector<double>> minutes_us;
     Eigen::Vector2d p_odom_m = Flight::pose2_at(0.0).translation_m, v_odom_m_s = velocity_m_s(0.0) + velocity_error_m_s;
-    for (double t_s = 0.0; t_s < kAfter_s + kFor_s; t_s += Flight::kPeriod_s) {
+    for (double t_s = 0.0; t_s < kFor_s; t_s += Flight::kPeriod_s) {
       const Scan scan = flight.scan_at(t_s);
       const Pose2 begin{p_odom_m, yaw_rad(t_s)};
       const Pose2 end{p_odom_m + Flight::kSweep_s * v_odom_m_s, yaw_rad(t_s + Flight::kSweep_s)};
@@ -106,7 +106,9 @@ void by_inertial_navigation(benchmark::State& state, const Obstacle& obstacle) {
       placement.velocity_sigma_m_s = 0.7;
       const double before_us = thread_cpu_us();
       benchmark::DoNotOptimize(pipeline.process(scan, Flight::banked(begin), Flight::banked(end), placement));
-      if (t_s >= kAfter_s) times_us.push_back(thread_cpu_us() - before_us);
+      const double scan_us = thread_cpu_us() - before_us;
+      if (t_s >= 60.0 * static_cast<double>(minutes_us.size())) minutes_us.emplace_back();
+      minutes_us.back().push_back(scan_us);
       for (int i = 0; i < kSteps; ++i) {
         const double dt_s = Flight::kPeriod_s / kSteps;
         const Eigen::Vector2d a_m_s2 =
@@ -115,10 +117,12 @@ void by_inertial_navigation(benchmark::State& state, const Obstacle& obstacle) {
         v_odom_m_s += dt_s * a_m_s2;
       }
     }
-    std::sort(times_us.begin(), times_us.end());
-    const auto scans = static_cast<double>(times_us.size());
-    state.counters["p50_us"] = times_us[times_us.size() / 2];
-    state.counters["mean_us"] = std::accumulate(times_us.begin(), times_us.end(), 0.0) / scans;
+    for (std::size_t i = 0; i < minutes_us.size(); ++i) {
+      state.counters["minute_" + std::to_string(i + 1) + "_us"] = median(minutes_us[i]);
+    }
+    const std::vector<double>& last_us = minutes_us.back();
+    state.counters["mean_us"] =
+        std::accumulate(last_us.begin(), last_us.end(), 0.0) / static_cast<double>(last_us.size());
     state.counters["boundaries"] = static_cast<double>(pipeline.splinegons().boundaries.size());
   }
 }

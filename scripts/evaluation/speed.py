@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Cost of a scan from scan to map (docs/benchmarks/speed.md): runs pipeline_speed over beams, objects, threads and
-elements of the map. Run by scripts/evaluate."""
+elements of the map, and the benchmarks of all maps. Run by scripts/evaluate."""
 
 import argparse
 import json
@@ -10,6 +10,7 @@ import statistics
 import subprocess
 import time
 
+import speed_of_maps
 from pictures import clean, images_folder, pyplot, save
 from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
                     targets_section, write)
@@ -66,7 +67,7 @@ def run(arguments, tool, of):
 def run_all(arguments):
     """{key of a case: (lines of this build, lines of the baseline)}, round by round, the two builds in turns."""
     wanted, results, begin, done = list(cases()), {}, time.monotonic(), 0
-    tools = [arguments.tool, *([arguments.baseline] if arguments.baseline else [])]
+    tools = [folder / "pipeline_speed" for folder in arguments.builds]
     total = arguments.rounds * len(wanted)
     for round_ in range(arguments.rounds):
         for of in wanted:
@@ -375,34 +376,27 @@ is faster.
 """
 
 
-def report_of(arguments, results, measured):
+def report_of(arguments, results, maps, measured):
     parts = ["# Time from scan to map\n", introduction(measured, INTRODUCTION.format(
         scans=arguments.scans, warm_up=1200, rounds=arguments.rounds))]
     if not arguments.full:
         parts.append("**A quick look**: fewer scans or rounds than are published.\n")
     picture = lambda name, text: f"![{text}](images/{name})\n"
-    parts.append(targets_section(list(targets(results))))
+    parts.append(targets_section([*targets(results), *speed_of_maps.targets(maps)]))
     parts.append(section("Where the time goes", picture("speed_stages.png", "Stages, and time per segment"),
                          stages_table(results)))
     parts.append(section("How it grows", picture("speed_growth.png", "Cost against objects, beams and elements"),
                          prose(WHOLE_TEXT.format(rate=RATE_HZ)), whole_table(results)))
     parts.append(section("A large map", prose(ELEMENTS_TEXT.format(objects=USUAL_OBJECTS)),
                          elements_table(results)))
+    parts.append(speed_of_maps.report_section(maps, arguments.baseline, picture(
+        "speed_maps.png", "Cost of each map against what grows")))
     parts.append(section("Beside the paper's network",
                          prose(NETWORKS_TEXT.format(papers=PAPERS_MS_PER_SEGMENT)), networks_table(results)))
     if results.ratios:
-        parts.append(section("Against an older build", prose(RATIOS_TEXT.format(baseline=arguments.baseline_name)),
+        parts.append(section("Against an older build", prose(RATIOS_TEXT.format(baseline=arguments.baseline)),
                              ratios_table(results)))
     return "\n".join(parts)
-
-
-def baseline_tool(text):
-    """The program in a folder that it was built in, or the program itself."""
-    path = pathlib.Path(text)
-    for tool in (path, path / "pipeline_speed", path / "benchmark/pipeline_speed"):
-        if tool.is_file():
-            return tool.resolve()
-    raise argparse.ArgumentTypeError(f"there is no pipeline_speed in {text}")
 
 
 def at_least_one(text):
@@ -415,9 +409,8 @@ def at_least_one(text):
 def main():
     parser = arguments_parser(__doc__, "docs/benchmarks", "a quick look")
     parser.add_argument("--tool", required=True)
-    parser.add_argument("--baseline", type=baseline_tool, metavar="BUILD",
-                        help="folder of an older build, or its pipeline_speed, to run in turns with this one")
-    parser.add_argument("--baseline-name", default="older", help="what the report calls it, such as its commit")
+    parser.add_argument("--programs", required=True, type=pathlib.Path, help="folder of the build")
+    parser.add_argument("--baseline", metavar="COMMIT", help="an older one, to be built and run in turns with this one")
     parser.add_argument("--rounds", type=at_least_one, default=ROUNDS)
     parser.add_argument("--scans", type=at_least_one, default=SCANS)
     parser.add_argument("--core", type=int, default=0, help="that runs what has one thread (default 0)")
@@ -426,16 +419,23 @@ def main():
     output = output_folder(arguments, arguments.full)
     images = images_folder(output)
 
-    # The path of the older build is of no interest to others.
-    measured = {**facts(arguments, {"--baseline": arguments.baseline_name}), "scans": arguments.scans,
-                "rounds": arguments.rounds}
+    arguments.builds = [arguments.programs / "benchmark"]
+    map_builds = [arguments.programs / "benchmark"]
+    if arguments.baseline:
+        older = speed_of_maps.built_of(arguments.baseline, ROOT / "build/evaluation/older" / arguments.baseline)
+        arguments.builds.append(older / "benchmark")
+        map_builds.append(older / "growth")
+    measured = {**facts(arguments), "scans": arguments.scans, "rounds": arguments.rounds}
     results = Results(run_all(arguments))
+    maps = speed_of_maps.run_all(map_builds, arguments.rounds, arguments.core)
+    speed_of_maps.draw(maps, images / "speed_maps.png")
     draw_growth(results, images / "speed_growth.png")
     draw_stages(results, images / "speed_stages.png")
     head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in measured.items())
     lines = ",\n".join(json.dumps(line) for line in results.json())
-    (output / "speed_baseline.json").write_text(f"{{\n{head},\n\"cases\": [\n{lines}\n]}}\n")
-    write(output, "speed.md", report_of(arguments, results, measured))
+    (output / "speed_baseline.json").write_text(f"{{\n{head},\n\"cases\": [\n{lines}\n],\n\"maps\": "
+                                               f"{json.dumps([rounded(one) for one in speed_of_maps.figures(maps)])}}}\n")
+    write(output, "speed.md", report_of(arguments, results, maps, measured))
     print(f"wrote {output / 'speed_baseline.json'}")
 
 

@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Cost of each kind of map as what it has to do grows (docs/benchmarks/speed.md): runs the benchmarks of the maps, and
+those of an older commit in turns with them. Part of speed.py."""
+
+import json
+import math
+import pathlib
+import re
+import statistics
+import subprocess
+import time
+
+from pictures import clean, pyplot, save
+from report import ROOT, print_progress, prose, section, table
+
+PROGRAMS = ("object_map_benchmark", "polygon_map_benchmark", "polygon_growth_benchmark", "splinegon_benchmark",
+            "grid_growth_benchmark", "reflector_search_benchmark")
+NEW, OLD = "#0b6e4f", "#999999"
+
+
+class Growth:
+    """What is measured at each of some points: `pattern` finds the point in the name of a benchmark, the value is its
+    CPU time or a counter; or in the name of a counter of `benchmark`."""
+
+    def __init__(self, map_, what, program, benchmark, pattern, counter=None, unit="µs", most=None):
+        self.map, self.what, self.program, self.benchmark = map_, what, program, benchmark
+        self.pattern, self.counter, self.unit, self.most = re.compile(pattern), counter, unit, most
+
+    def points(self, lines):
+        """{point: value} of the lines of a run of the program."""
+        found = {}
+        for line in lines:
+            if line["name"].split("/")[0] != self.benchmark.split("/")[0] or self.benchmark not in line["name"]:
+                continue
+            if self.pattern.groups and (match := self.pattern.search(line["name"])):
+                found[int(match.group(1))] = line[self.counter] if self.counter else line["cpu_time"]
+            for name, value in line.items():
+                if match := self.pattern.fullmatch(name):
+                    found[int(match.group(1))] = value
+        return dict(sorted(found.items()))
+
+
+ARGUMENT = r"^\w+/(\d+)/"
+GROWTHS = (
+    Growth("objects", "elements at rest elsewhere, 13 in view", "object_map_benchmark", "by_elements_at_rest", ARGUMENT,
+           most=1.5),
+    Growth("objects", "detections in each scan that match nothing", "object_map_benchmark", "clutter", ARGUMENT),
+    Growth("objects", "elements in view, 200 detections", "object_map_benchmark", "by_elements", ARGUMENT),
+    Growth("objects", "detections, 1,000 elements in view", "object_map_benchmark", "by_detections", ARGUMENT),
+    Growth("polygons", "chains, 40 in view", "polygon_map_benchmark", "from_scan_to_map", ARGUMENT, most=1.2),
+    Growth("polygons", "kilometres of a street", "polygon_growth_benchmark", "street", r"km_(\d+)_us", most=1.2),
+    Growth("polygons", "m of a hall, all of it in view", "polygon_growth_benchmark", "hall", r"hall/(\d+)/", "p50_us"),
+    Growth("splinegons", "minutes around a building and six movers", "splinegon_benchmark",
+           "by_inertial_navigation/movers", r"minute_(\d+)_us", most=1.2),
+    Growth("splinegons", "minutes around an ellipse", "splinegon_benchmark", "by_inertial_navigation/ellipse",
+           r"minute_(\d+)_us", most=1.2),
+    Growth("grid", "pixels along the edge of the labels", "grid_growth_benchmark", "orbit", ARGUMENT, "update_us"),
+    Growth("grid", "lanes of 1.8 km", "grid_growth_benchmark", "lanes", r"lane_(\d+)_us", most=1.2),
+    Growth("grid", "lanes of 1.8 km, memory", "grid_growth_benchmark", "lanes", r"lane_(\d+)_MB", unit="MB", most=2.0),
+    Growth("reflectors", "reflectors on the map, first pose", "reflector_search_benchmark", "first_pose", ARGUMENT,
+           "p50_us"),
+)
+
+
+# --- running
+
+
+def built_of(commit, folder):
+    """The folder of an older commit's programs: its own pipeline_speed, and the benchmarks of this tree with its
+    libraries. They are built once."""
+    source, build = folder / "source", folder / "build"
+    if not source.exists():
+        source.mkdir(parents=True)
+        archive = subprocess.run(["git", "-C", ROOT, "archive", commit], check=True, stdout=subprocess.PIPE).stdout
+        subprocess.run(["tar", "-x", "-C", source], check=True, input=archive)
+        lines = [f'add_library(growth_support STATIC "{ROOT}/test/support/random_gaussian.cpp")',
+                 "situation_awareness_target(growth_support)",
+                 f'target_include_directories(growth_support PUBLIC "{ROOT}/benchmark" "{ROOT}/test")',
+                 "target_link_libraries(growth_support PUBLIC ${PROJECT_NAME}_core)"]
+        for program in PROGRAMS:
+            target = f"growth_{program}"
+            lines += [f'add_executable({target} "{ROOT}/benchmark/{program}.cpp")',
+                      f"situation_awareness_target({target})",
+                      f'target_compile_definitions({target} PRIVATE SITUATION_AWARENESS_SOURCE_DIR="{source}")',
+                      f"target_link_libraries({target} PRIVATE growth_support ${{PROJECT_NAME}}_evaluation "
+                      "benchmark::benchmark_main)",
+                      f"set_target_properties({target} PROPERTIES OUTPUT_NAME {program} "
+                      "RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/growth)"]
+        with open(source / "benchmark/CMakeLists.txt", "a", encoding="utf-8") as file:
+            file.write("\n".join(lines) + "\n")
+    subprocess.run(["cmake", "-S", source, "-B", build, "-DCMAKE_BUILD_TYPE=Release", "-DCMAKE_UNITY_BUILD=ON",
+                    "-DSITUATION_AWARENESS_ROS=OFF", "-DSITUATION_AWARENESS_SIM=OFF", "-DSITUATION_AWARENESS_TESTS=OFF",
+                    "-DSITUATION_AWARENESS_BENCHMARKS=ON"], check=True, stdout=subprocess.DEVNULL)
+    targets = ["pipeline_speed", *(f"growth_{program}" for program in PROGRAMS)]
+    subprocess.run(["cmake", "--build", build, "--parallel", "2", "--target", *targets], check=True,
+                   stdout=subprocess.DEVNULL)
+    return build
+
+
+def run(folder, program, core):
+    """The lines of a run of the program's benchmarks that are wanted here."""
+    wanted = sorted({growth.benchmark for growth in GROWTHS if growth.program == program})
+    command = ["taskset", "-c", str(core), folder / program, "--benchmark_format=json",
+               f"--benchmark_filter=^({'|'.join(wanted)})(/|$)"]
+    return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)["benchmarks"]
+
+
+def run_all(folders, rounds, core):
+    """{growth: [{point: value} of each round] of each folder}: the builds in turns."""
+    results, begin, done = {growth: [[] for _ in folders] for growth in GROWTHS}, time.monotonic(), 0
+    for round_ in range(rounds):
+        for program in PROGRAMS:
+            order = range(len(folders)) if round_ % 2 == 0 else reversed(range(len(folders)))
+            for i in order:
+                lines = run(folders[i], program, core)
+                for growth in GROWTHS:
+                    if growth.program == program:
+                        results[growth][i].append(growth.points(lines))
+            done += 1
+            print_progress(done / (rounds * len(PROGRAMS)), begin, f"{done} of {rounds * len(PROGRAMS)} runs of maps")
+    print()
+    return results
+
+
+# --- figures
+
+
+def medians(rounds):
+    return {point: statistics.median(one[point] for one in rounds) for point in rounds[0]}
+
+
+def growth_of(rounds):
+    """The last point's value against the first's, the median of the rounds."""
+    return statistics.median(list(one.values())[-1] / list(one.values())[0] for one in rounds)
+
+
+def ratios(rounds):
+    """{point: new / old}, each within its round; medians."""
+    new, old = rounds
+    return {point: statistics.median(a[point] / b[point] for a, b in zip(new, old)) for point in new[0]}
+
+
+def targets(results):
+    """(sentence, figure, met)"""
+    for growth, rounds in results.items():
+        if growth.most is None:
+            continue
+        points, factor = list(rounds[0][0]), growth_of(rounds[0])
+        yield (f"{growth.map}, {growth.what}: {points[-1]:,} take at most {growth.most} times what {points[0]:,} take",
+               f"{factor:.2f}", factor <= growth.most)
+
+
+def figures(results):
+    """For the file with all figures."""
+    return [{"map": growth.map, "what": growth.what, "unit": growth.unit, "values": medians(rounds[0]),
+             **({"ratios_to_baseline": ratios(rounds)} if len(rounds) == 2 else {})}
+            for growth, rounds in results.items()]
+
+
+def number(value):
+    return f"{value:,.0f}" if value >= 100.0 else f"{value:.3g}"
+
+
+def growth_table(results):
+    with_older = len(next(iter(results.values()))) == 2
+    rows = []
+    for growth, rounds in results.items():
+        values = medians(rounds[0])
+        cells = [growth.map, growth.what, ", ".join(f"{point:,}: {number(value)}" for point, value in values.items()),
+                 growth.unit, f"{growth_of(rounds[0]):.2f}" if len(values) > 1 else ""]
+        if with_older:
+            cells += [f"{growth_of(rounds[1]):.2f}" if len(values) > 1 else "",
+                      ", ".join(f"{point:,}: {ratio:.2f}" for point, ratio in ratios(rounds).items())]
+        rows.append(cells)
+    header = ("map", "of what there are more", "cost", "unit", "last / first")
+    return table((*header, "the older build's", "ratio to it") if with_older else header, rows)
+
+
+def draw(results, path):
+    """Each cost against what grows."""
+    growths = [growth for growth in results if len(results[growth][0][0]) > 1]
+    columns = 4
+    figure, axes = pyplot.subplots(math.ceil(len(growths) / columns), columns, figsize=(16, 9.5), layout="constrained")
+    for ax in axes.flat[len(growths):]:
+        ax.remove()
+    for ax, growth in zip(axes.flat, growths):
+        for rounds, color, width in reversed(list(zip(results[growth], (NEW, OLD), (2.4, 1.6)))):
+            values = medians(rounds)
+            scale = 1.0 if growth.unit == "MB" else 1e-3
+            ax.plot(values.keys(), [scale * value for value in values.values()], "o-", color=color, lw=width, ms=4.5)
+        ax.set_ylim(bottom=0.0)
+        ax.set_xlabel(growth.what)
+        ax.set_title(f"{growth.map}, {'MB' if growth.unit == 'MB' else 'ms of CPU'}", fontsize=10)
+        clean(ax)
+    with_older = len(results[growths[0]]) == 2
+    handles = [pyplot.Line2D([], [], color=NEW, lw=2.4, marker="o", label="this build")]
+    handles += [pyplot.Line2D([], [], color=OLD, lw=1.6, marker="o", label="the older build")] * with_older
+    save(figure, path, handles)
+
+
+TEXT = """
+Processor's time of one thread for one scan (grid: one image; reflectors: until the first pose is known), each kind of
+map alone, as what is on the map, in view, or in the past grows: [object_map_benchmark](../../benchmark/object_map_benchmark.cpp),
+[polygon_map_benchmark](../../benchmark/polygon_map_benchmark.cpp),
+[polygon_growth_benchmark](../../benchmark/polygon_growth_benchmark.cpp),
+[splinegon_benchmark](../../benchmark/splinegon_benchmark.cpp),
+[grid_growth_benchmark](../../benchmark/grid_growth_benchmark.cpp) and
+[reflector_search_benchmark](../../benchmark/reflector_search_benchmark.cpp), on one core; medians of the rounds. What
+does not grow is what a scan that sees the same has to cost.
+"""
+OLDER_TEXT = """
+Below 1 in the last column is faster than `{older}`, whose libraries the same benchmarks were linked with; both ran in
+turns.
+"""
+
+
+def report_section(results, older, picture):
+    text = prose(TEXT) + ("\n" + prose(OLDER_TEXT.format(older=older)) if older else "")
+    return section("All maps", picture, text, growth_table(results))
