@@ -36,6 +36,17 @@ bool are_same(const Chain& a, const Chain& b) {
          std::equal(a.vertices.begin(), a.vertices.end(), b.vertices.begin(), are_same_vertices);
 }
 
+/// Part of its age for which an element was hit.
+double seen_share(double seen_s, double age_s) { return seen_s / std::max(age_s, kRareAfter_s); }
+
+/// s. An element as old as `own_age_s` would have been hit for so long, if it was hit as one beside it.
+double expected_by(double other_seen_s, double other_share, double own_age_s) {
+  return std::min(other_seen_s, other_share * own_age_s);
+}
+
+/// Of a heap with the earliest first.
+constexpr auto kIsLater = [](const auto& a, const auto& b) { return a.at_ns > b.at_ns; };
+
 BoundaryElement boundary_of(const Surfel& surfel) {
   return {surfel.p_world_m, surfel.along_world(), surfel.variance_m2, surfel.low_m, surfel.high_m};
 }
@@ -50,6 +61,8 @@ MapChains::MapChains(double spacing_m, double max_gap_m, double tolerance_m)
   }
   for (std::vector<Slot>* slots : {&free_slots_, &window_slots_, &slots_}) slots->reserve(kUsualRoom);
   removed_world_m_.reserve(kUsualRoom);
+  for (std::vector<Index>* list : {&ageing_, &were_ageing_}) list->reserve(kUsualRoom);
+  due_.reserve(kUsualRoom);
 }
 
 /// What is in a tile is farther than any gap from what is in one that does not touch it, and than whatever the links of
@@ -160,6 +173,8 @@ void MapChains::restore(const Surfels& surfels, const PolygonMapSnapshot& snapsh
   names_.clear();
   lost_names_.clear();
   touched_.clear();
+  for (std::vector<Index>* list : {&ageing_, &were_ageing_}) list->clear();
+  due_.clear();
   removed_world_m_.clear();
   members_.assign(static_cast<std::size_t>(surfels.end()), Member{});
   is_all_touched_ = snapshot.chains.values.empty();
@@ -204,6 +219,7 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
   if (!names_.empty() && names_.front().name == 0) names_.erase(names_.begin());
   for (Index i = 0; i < surfels.end(); ++i) {
     if (member(i).slot != kNone) count(i, surfels[i].chain);
+    if (member(i).is_shown) plan(surfels, i);
   }
 }
 
@@ -340,17 +356,97 @@ void MapChains::find_window(const Surfels& surfels) {
 
 /// Compares an element with those beside it. One that was hit seldom since it was first seen is not shown.
 void MapChains::judge(LinkElement& own, std::size_t place) const {
-  double expected_s = own.seen_s;
+  double expected_s = own.seen_s, seen_s = own.seen_s;
   double elements = 1.0;
   own.is_crossed = false;
   near_.for_each(static_cast<NearElements::Index>(place), [&](NearElements::Index j) {
     const LinkElement& other = link_elements_[static_cast<std::size_t>(j)];
     const double part = (other.p_world_m - own.p_world_m).squaredNorm() <= kRareReach_m * kRareReach_m ? 1.0 : 0.0;
-    expected_s += part * std::min(other.seen_s, other.seen_share * own.age_s);
+    expected_s += part * expected_by(other.seen_s, other.seen_share, own.age_s);
+    seen_s += part * other.seen_s;
     elements += part;
     own.is_crossed |= other.faces_another_way(own);
   });
   own.is_shown = own.age_s < kRareAfter_s || own.seen_s >= kRare * expected_s / elements;
+  own.is_ageing = own.is_shown && own.seen_s < kRare * seen_s / elements;
+}
+
+/// The stamp from which on an element that is shown is not, if nothing beside it changes: judge() and is_lonely()
+/// depend on its age.
+std::int64_t MapChains::hidden_from_ns(const Surfels& surfels, Index index) {
+  constexpr std::int64_t kStep_ns = 1'000'000;
+  constexpr std::int64_t kLongest_ns = 1'000'000 * kNanosecondsPerSecond;
+  const Surfel& own = surfels[index];
+  const Slot slot = member(index).slot;
+  std::int64_t result_ns = kNever;
+  if (slot != kNone && kept(slot).elements == 1 && kept(slot).chain.id != 0 && own.seen_s < kLonely_s) {
+    result_ns = own.first_seen_ns + nanoseconds(std::max(kRareAfter_s, own.seen_s / kLonely)) + kStep_ns;
+  }
+  beside_.clear();
+  double seen_s = own.seen_s;
+  surfels.for_each_near(own.p_world_m, kRareReach_m, [&](Index i, const Surfel& other) {
+    const double distance_m2 = (other.p_world_m - own.p_world_m).squaredNorm();
+    if (i == index || !other.confirmed || distance_m2 > kRareReach_m * kRareReach_m) return;
+    beside_.push_back({other.seen_s, other.first_seen_ns});
+    seen_s += other.seen_s;
+  });
+  const double elements = 1.0 + static_cast<double>(beside_.size());
+  if (own.seen_s >= kRare * seen_s / elements) return result_ns;
+  const auto is_rare = [&](std::int64_t stamp_ns) {
+    const double age_s = seconds_between(own.first_seen_ns, stamp_ns);
+    double expected_s = own.seen_s;
+    for (const Beside& other : beside_) {
+      const double share = seen_share(other.seen_s, seconds_between(other.first_seen_ns, stamp_ns));
+      expected_s += expected_by(other.seen_s, share, age_s);
+    }
+    return own.seen_s < kRare * expected_s / elements;
+  };
+  std::int64_t low_ns = own.first_seen_ns + nanoseconds(kRareAfter_s);
+  if (is_rare(low_ns)) return std::min(result_ns, low_ns);
+  std::int64_t way_ns = kNanosecondsPerSecond;
+  while (way_ns < kLongest_ns && !is_rare(low_ns + way_ns)) way_ns *= 2;
+  if (way_ns >= kLongest_ns) return result_ns;
+  std::int64_t high_ns = low_ns + way_ns;
+  while (high_ns - low_ns > kStep_ns) {
+    const std::int64_t middle_ns = low_ns + (high_ns - low_ns) / 2;
+    (is_rare(middle_ns) ? high_ns : low_ns) = middle_ns;
+  }
+  return std::min(result_ns, high_ns);
+}
+
+/// An entry that is earlier than it has to be plans the next one.
+void MapChains::plan(const Surfels& surfels, Index index) {
+  const std::int64_t at_ns = hidden_from_ns(surfels, index);
+  if (at_ns >= member(index).due_ns) return;
+  member(index).due_ns = at_ns;
+  due_.push_back({at_ns, index});
+  std::push_heap(due_.begin(), due_.end(), kIsLater);
+}
+
+/// Plans those that the update before judged and this one does not: in between each scan judges them.
+void MapChains::plan_unjudged(const Surfels& surfels) {
+  for (const Index i : were_ageing_) {
+    if (surfels[i].alive && surfels[i].confirmed && mark_of(surfels, i) != Mark::kJudged) plan(surfels, i);
+  }
+  std::swap(ageing_, were_ageing_);
+  ageing_.clear();
+}
+
+void MapChains::touch_due(const Surfels& surfels, std::int64_t stamp_ns) {
+  while (!due_.empty() && due_.front().at_ns <= stamp_ns) {
+    const Due due = due_.front();
+    std::pop_heap(due_.begin(), due_.end(), kIsLater);
+    due_.pop_back();
+    if (member(due.index).due_ns != due.at_ns) continue;
+    member(due.index).due_ns = kNever;
+    const Surfel& surfel = surfels[due.index];
+    if (!surfel.alive || !surfel.confirmed || !member(due.index).is_shown) continue;
+    if (hidden_from_ns(surfels, due.index) <= stamp_ns) {
+      touch(due.index);
+    } else {
+      plan(surfels, due.index);
+    }
+  }
 }
 
 void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
@@ -369,7 +465,7 @@ void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainL
     element.high_m = surfel.high_m;
     element.seen_s = surfel.seen_s;
     element.age_s = seconds_between(surfel.first_seen_ns, stamp_ns);
-    element.seen_share = element.seen_s / std::max(element.age_s, kRareAfter_s);
+    element.seen_share = seen_share(element.seen_s, element.age_s);
     element.chain = surfel.chain;
     element.index = i;
     element.is_hit = surfel.last_seen_ns == stamp_ns;
@@ -386,6 +482,7 @@ void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainL
       judge(element, k);
       own.is_shown = element.is_shown;
       own.is_crossed = element.is_crossed;
+      if (element.is_ageing) ageing_.push_back(element.index);
     } else {  // nothing beside it changed, and not all of it is known here
       element.is_shown = own.is_shown;
       element.is_crossed = own.is_crossed;
@@ -758,6 +855,7 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
   ++update_;
   was_renamed_.clear();
   if (stamp_ns != joined_at_ns_) std::swap(was_renamed_, renamed_);
+  touch_due(surfels, stamp_ns);
   find_window(surfels);
   link(surfels, stamp_ns, view);
   measure(surfels, stamp_ns);
@@ -766,12 +864,15 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
   for (const ChainLinks::Run& run : links_.chains()) {
     const bool is_hidden = is_beside_larger(surfels, run) || is_lonely(surfels, run, stamp_ns);
     (is_hidden ? hidden_ : shown_).push_back(run);
+    const Index first = links_.ordered()[run.first];
+    if (!is_hidden && run.end - run.first == 1 && surfels[first].seen_s < kLonely_s) ageing_.push_back(first);
   }
   name_chains(surfels);
   std::sort(renamed_.begin(), renamed_.end());
   renamed_.erase(std::unique(renamed_.begin(), renamed_.end()), renamed_.end());
   replace(surfels);
   count_names(surfels);
+  plan_unjudged(surfels);
   if (is_restored_) add_restored_changes();
   for (const Index i : window_) member(i).is_in_window = false;
   for (const Index i : touched_) member(i).is_touched = false;

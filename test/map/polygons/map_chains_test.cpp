@@ -142,35 +142,25 @@ TEST(MapChains, AreThoseOfLinkingAllAgainWhereAllIsInView) {
   }
 }
 
-// Nothing is lost or doubled where linking by tiles begins and ends: after a drive to and fro the chains of a street
-// are those that its elements make if all are linked again. What depends on the time since an element was seen is
-// judged again then: single elements may go, and one of a long chain.
+// Nothing is lost or doubled where linking by tiles begins and ends, and what is hit seldom goes when it is old enough,
+// though nothing beside it changes: on a drive to and fro through a street a scan makes the chains that linking all
+// again makes from the same state.
 TEST(MapChains, OfAStreetAreThoseOfLinkingAllAgain) {
   StreetDrive street(1);
-  PolygonMap map({});
+  PolygonMap map({}), anew({});
   for (int i = 0; i < 200; ++i) {
     if (i == 120) street.turn_round();
-    map.update(polylines_of(street.next()), kCovariance);
+    const bool is_compared = i % 7 == 6;
+    const Polylines polylines = polylines_of(street.next());
+    if (is_compared) anew.restore(map.snapshot());
+    map.update(polylines, kCovariance);
     map.update_chains();
+    if (!is_compared) continue;
+    anew.update(polylines, kCovariance);
+    touch_all(anew);
+    ASSERT_NO_FATAL_FAILURE(expect_same_chains(map, anew, i));
   }
-  const Polygons kept = map.polygons();
-  touch_all(map);
-  const Polygons anew = map.polygons();
-  EXPECT_LE(anew.chains.size(), kept.chains.size());
-  const auto large_of = [](const Polygons& polygons) {
-    std::map<std::uint64_t, double> extents_m;
-    for (const Chain& chain : polygons.chains) {
-      if (extent_m(chain) > 1.0) extents_m[chain.id] = extent_m(chain);
-    }
-    return extents_m;
-  };
-  const std::map<std::uint64_t, double> before_m = large_of(kept), after_m = large_of(anew);
-  EXPECT_GT(before_m.size(), 25U);
-  ASSERT_EQ(before_m.size(), after_m.size());
-  for (const auto& [id, length_m] : before_m) {
-    ASSERT_EQ(after_m.count(id), 1U) << id;
-    EXPECT_NEAR(after_m.at(id), length_m, 0.01) << id;
-  }
+  EXPECT_GT(map.polygons().chains.size(), 100U);
 }
 
 /// Scans of a drive along a corridor full of small boxes, of which those within 4 m are in view, with poses that err.

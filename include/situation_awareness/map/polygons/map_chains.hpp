@@ -66,6 +66,7 @@ class MapChains {
  private:
   using Slot = std::int32_t;  ///< place in kept_
   static constexpr Index kNone = Surfels::kNone;
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::max();
 
   /// What is kept of each element.
   struct Member {
@@ -75,6 +76,7 @@ class MapChains {
     NearElements::Index place = 0;                ///< in link_elements_
     std::uint64_t counted = 0;                    ///< name under which it is in names_; 0: it is not
     Index next_of_name = kNone, before_of_name = kNone;
+    std::int64_t due_ns = kNever;  ///< of its entry in due_
     bool is_touched = false;
     bool is_in_window = false;
     bool is_shown = false, is_crossed = false;  ///< as of LinkElement
@@ -89,6 +91,16 @@ class MapChains {
     bool is_alive = false;
     bool is_in_window = false, is_touched = false;
     Chain chain;  ///< its id is 0 if it is not shown
+  };
+
+  /// An element is judged again at this stamp, though nothing beside it changes: it has got older.
+  struct Due {
+    std::int64_t at_ns;
+    Index index;
+  };
+  struct Beside {  ///< an element beside another one
+    double seen_s;
+    std::int64_t first_seen_ns;
   };
 
   struct Holder {
@@ -117,6 +129,10 @@ class MapChains {
   void enter_window_of_name(std::uint64_t name);
   void find_window(const Surfels& surfels);
   void judge(LinkElement& own, std::size_t place) const;
+  std::int64_t hidden_from_ns(const Surfels& surfels, Index index);
+  void plan(const Surfels& surfels, Index index);
+  void plan_unjudged(const Surfels& surfels);
+  void touch_due(const Surfels& surfels, std::int64_t stamp_ns);
   Mark mark_of(const Surfels& surfels, Index index) const {
     return marks_[static_cast<std::size_t>(surfels.tile_of(index))];
   }
@@ -154,6 +170,7 @@ class MapChains {
   std::vector<Holder> holders_;            ///< of the ids of those shown, in ascending order
   std::vector<Named> names_;               ///< of the elements of all chains, in ascending order
   std::vector<std::uint64_t> lost_names_;  ///< that no element may have any more
+  std::vector<Due> due_;                   ///< a heap, the earliest first
 
   // Since the latest update.
   bool is_all_touched_ = false;
@@ -162,12 +179,15 @@ class MapChains {
   /// Elements that got another name with the latest scan, and the one before: what they are linked with with the next
   /// scan may depend on it.
   std::vector<Index> renamed_, was_renamed_;
+  std::vector<Index> ageing_;           ///< elements that the latest update judged and that age alone may hide
   std::vector<Chain> before_restored_;  ///< those of the update before, by their ids
   bool is_restored_ = false;
 
   // Of an update.
-  std::uint64_t update_ = 0;  ///< its number
-  std::vector<Mark> marks_;   ///< of the tiles
+  std::uint64_t update_ = 0;        ///< its number
+  std::vector<Index> were_ageing_;  ///< ageing_ of the update before
+  std::vector<Beside> beside_;
+  std::vector<Mark> marks_;  ///< of the tiles
   std::vector<Surfels::Tile> marked_;
   std::vector<Index> window_;               ///< elements that are linked again, in ascending order
   std::vector<Slot> window_slots_;          ///< chains that they were of

@@ -25,6 +25,7 @@ struct LinkElement {
   bool is_hit = false;                    ///< by the latest scan
   bool is_shown = false;
   bool is_crossed = false;  ///< one near it faces quite another way
+  bool is_ageing = false;   ///< shown, and age alone may end that
   /// Its links along its line are as they were, whatever is near it: indices in the list, or none.
   bool is_kept = false;
   bool is_linked = false;   ///< of one that is kept: it is of a chain
