@@ -31,7 +31,7 @@ PinholeCamera camera_of(int size_px) {
   return {size_px, size_px, f_px, f_px, middle_px, middle_px};
 }
 
-/// Of the map alone, and of all from labels to targets, from the second round of an orbit on.
+/// An image costs the map alone so much, and all from labels to targets, from the second round of an orbit on.
 void orbit(benchmark::State& state) {
   const auto size_px = static_cast<int>(state.range(0));
   const GridCase given = make_grid_case("orbit", 1);

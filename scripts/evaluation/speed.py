@@ -420,7 +420,7 @@ def main():
     images = images_folder(output)
 
     arguments.builds = [arguments.programs / "benchmark"]
-    map_builds = [arguments.programs / "benchmark"]
+    map_builds = list(arguments.builds)
     if arguments.baseline:
         older = speed_of_maps.built_of(arguments.baseline, ROOT / "build/evaluation/older" / arguments.baseline)
         arguments.builds.append(older / "benchmark")

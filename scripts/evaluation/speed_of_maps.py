@@ -4,6 +4,7 @@ those of an older commit in turns with them. Part of speed.py."""
 
 import json
 import math
+import os
 import pathlib
 import re
 import statistics
@@ -32,7 +33,7 @@ class Growth:
         for line in lines:
             if line["name"].split("/")[0] != self.benchmark.split("/")[0] or self.benchmark not in line["name"]:
                 continue
-            if self.pattern.groups and (match := self.pattern.search(line["name"])):
+            if match := self.pattern.search(line["name"]):
                 found[int(match.group(1))] = line[self.counter] if self.counter else line["cpu_time"]
             for name, value in line.items():
                 if match := self.pattern.fullmatch(name):
@@ -92,7 +93,7 @@ def built_of(commit, folder):
                     "-DSITUATION_AWARENESS_ROS=OFF", "-DSITUATION_AWARENESS_SIM=OFF", "-DSITUATION_AWARENESS_TESTS=OFF",
                     "-DSITUATION_AWARENESS_BENCHMARKS=ON"], check=True, stdout=subprocess.DEVNULL)
     targets = ["pipeline_speed", *(f"growth_{program}" for program in PROGRAMS)]
-    subprocess.run(["cmake", "--build", build, "--parallel", "2", "--target", *targets], check=True,
+    subprocess.run(["cmake", "--build", build, "--parallel", str(os.cpu_count()), "--target", *targets], check=True,
                    stdout=subprocess.DEVNULL)
     return build
 

@@ -44,7 +44,7 @@ double expected_by(double other_seen_s, double other_share, double own_age_s) {
   return std::min(other_seen_s, other_share * own_age_s);
 }
 
-/// Of a heap with the earliest first.
+/// This order makes a heap with the earliest first.
 constexpr auto kIsLater = [](const auto& a, const auto& b) { return a.at_ns > b.at_ns; };
 
 BoundaryElement boundary_of(const Surfel& surfel) {
@@ -219,7 +219,7 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
   if (!names_.empty() && names_.front().name == 0) names_.erase(names_.begin());
   for (Index i = 0; i < surfels.end(); ++i) {
     if (member(i).slot != kNone) count(i, surfels[i].chain);
-    if (member(i).is_shown) plan(surfels, i);
+    if (member(i).is_shown) plan(i, hidden_from_ns(surfels, i));
   }
 }
 
@@ -415,8 +415,7 @@ std::int64_t MapChains::hidden_from_ns(const Surfels& surfels, Index index) {
 }
 
 /// An entry that is earlier than it has to be plans the next one.
-void MapChains::plan(const Surfels& surfels, Index index) {
-  const std::int64_t at_ns = hidden_from_ns(surfels, index);
+void MapChains::plan(Index index, std::int64_t at_ns) {
   if (at_ns >= member(index).due_ns) return;
   member(index).due_ns = at_ns;
   due_.push_back({at_ns, index});
@@ -426,7 +425,9 @@ void MapChains::plan(const Surfels& surfels, Index index) {
 /// Plans those that the update before judged and this one does not: in between each scan judges them.
 void MapChains::plan_unjudged(const Surfels& surfels) {
   for (const Index i : were_ageing_) {
-    if (surfels[i].alive && surfels[i].confirmed && mark_of(surfels, i) != Mark::kJudged) plan(surfels, i);
+    if (surfels[i].alive && surfels[i].confirmed && mark_of(surfels, i) != Mark::kJudged) {
+      plan(i, hidden_from_ns(surfels, i));
+    }
   }
   std::swap(ageing_, were_ageing_);
   ageing_.clear();
@@ -441,10 +442,11 @@ void MapChains::touch_due(const Surfels& surfels, std::int64_t stamp_ns) {
     member(due.index).due_ns = kNever;
     const Surfel& surfel = surfels[due.index];
     if (!surfel.alive || !surfel.confirmed || !member(due.index).is_shown) continue;
-    if (hidden_from_ns(surfels, due.index) <= stamp_ns) {
+    const std::int64_t at_ns = hidden_from_ns(surfels, due.index);
+    if (at_ns <= stamp_ns) {
       touch(due.index);
     } else {
-      plan(surfels, due.index);
+      plan(due.index, at_ns);
     }
   }
 }

@@ -130,7 +130,7 @@ class MapChains {
   void find_window(const Surfels& surfels);
   void judge(LinkElement& own, std::size_t place) const;
   std::int64_t hidden_from_ns(const Surfels& surfels, Index index);
-  void plan(const Surfels& surfels, Index index);
+  void plan(Index index, std::int64_t at_ns);
   void plan_unjudged(const Surfels& surfels);
   void touch_due(const Surfels& surfels, std::int64_t stamp_ns);
   Mark mark_of(const Surfels& surfels, Index index) const {
