@@ -63,11 +63,14 @@ class PathFollowingStage {
     context.every(kPeriod_s, [this] { command(); });
   }
 
-  /// A vehicle keeps the last command that it got.
+  /// A vehicle keeps the last command that it got. roscpp drops what its own thread has not sent when the publisher
+  /// ends, and on a busy computer that thread waits for its turn.
   ~PathFollowingStage() {
     if (!drives_) return;
-    command_.publish(geometry_msgs::Twist());
-    ros::WallDuration(kSending_s).sleep();  // roscpp drops what another thread has not sent when the publisher ends
+    for (int i = 0; i < kLastCommands; ++i) {
+      command_.publish(geometry_msgs::Twist());
+      ros::WallDuration(kSending_s).sleep();
+    }
   }
 
   bool process(const SafetyVerdict& msg) {
@@ -86,7 +89,8 @@ class PathFollowingStage {
 
  private:
   static constexpr double kPeriod_s = 0.02;
-  static constexpr double kSending_s = 0.1;
+  static constexpr int kLastCommands = 10;
+  static constexpr double kSending_s = 0.05;  ///< from one of them to the next
 
   bool is_fresh(std::int64_t stamp_ns, std::int64_t now_ns) const {
     return std::abs(seconds_between(stamp_ns, now_ns)) <= following_.params().timeout_s;
