@@ -8,6 +8,7 @@
 #include <exception>
 #include <iostream>
 #include <map>
+#include <memory>
 #include <string>
 #include <thread>
 #include <utility>
@@ -53,10 +54,11 @@ class StageManager {
     });
   }
 
-  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got.
+  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got. A stage whose callback
+  /// runs now ends on that callback's thread, which the end of the loader waits for; its clear() does not.
   void end_stages() {
     timer_.stop();
-    loader_.clear();
+    loader_.reset();
   }
 
  private:
@@ -83,19 +85,19 @@ class StageManager {
   }
 
   void load_missing() {
-    const std::vector<std::string> loaded = loader_.listLoadedNodelets();
+    const std::vector<std::string> loaded = loader_->listLoadedNodelets();
     for (const std::string& stage : stages_) {
       const std::string name = ros::names::resolve(stage);
       if (std::find(loaded.begin(), loaded.end(), name) != loaded.end()) continue;
       try {
-        loader_.load(name, "situation_awareness/" + stage, {}, {});
+        loader_->load(name, "situation_awareness/" + stage, {}, {});
       } catch (const std::exception&) {  // StageNodelet has logged the reason
       }
     }
   }
 
   std::vector<std::string> stages_;
-  nodelet::Loader loader_;  // with the services of a nodelet manager
+  std::unique_ptr<nodelet::Loader> loader_ = std::make_unique<nodelet::Loader>();  // with a nodelet manager's services
   ros::NodeHandle node_;
   MasterWatch master_{ros::NodeHandle("~")};
   std::map<std::string, std::string> processed_;  ///< by the stage's name on /diagnostics: its latest count
@@ -146,6 +148,6 @@ int main(int argc, char** argv) {
   const ros::WallDuration period(situation_awareness::kLookForSignal_s);
   while (ros::ok() && !situation_awareness::is_told_to_end) ros::getGlobalCallbackQueue()->callAvailable(period);
   if (ros::ok()) manager.end_stages();
-  ros::shutdown();  // before the loader ends, as in the program nodelet
+  ros::shutdown();  // before the rest of the manager ends, and the loader if it did not, as in the program nodelet
   return 0;
 }
