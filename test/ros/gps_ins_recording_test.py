@@ -16,7 +16,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Diagnostics, Latest, wait_until  # noqa: E402
 
 BAG = pathlib.Path(__file__).resolve().parents[3] / "shared" / "data" / "husky_gps_imu.bag"
-TIMES_REAL_TIME = 40.0
+TIMES_REAL_TIME = 20.0
 AHEAD_S = 4.0  # of stamps, that the recording may be ahead of the odometry
 
 
