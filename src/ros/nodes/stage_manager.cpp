@@ -54,8 +54,8 @@ class StageManager {
     });
   }
 
-  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got. A stage whose callback
-  /// runs now ends on that callback's thread, which the end of the loader waits for; its clear() does not.
+  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got. A stage whose
+  /// callback runs now ends on that callback's thread, which the end of the loader waits for; its clear() does not.
   void end_stages() {
     timer_.stop();
     loader_.reset();
