@@ -326,6 +326,7 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
     Surfel surfel;
     copy_state(element, surfel);
     surfels_.put(static_cast<Index>(element.place), surfel);
+    most_extent_m_ = std::max({most_extent_m_, surfel.high_m, -surfel.low_m});
     if (!surfel.confirmed || surfel.log_odds < 0.0) unsettled_.push_back(static_cast<Index>(element.place));
   }
   chains_.restore(surfels_, snapshot);

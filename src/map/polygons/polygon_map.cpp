@@ -294,6 +294,7 @@ void PolygonMap::correct(Index index, const Eigen::Vector2d& p_world_m, const Ei
     const double step_m = std::max(kExtentStep_m, params_.spacing_m / (surfel.hits + 1));
     surfel.high_m = std::max(surfel.high_m + (along_m > surfel.high_m ? kInside : kInside - 1.0) * step_m, 0.0);
     surfel.low_m = std::min(surfel.low_m - (along_m < surfel.low_m ? kInside : kInside - 1.0) * step_m, 0.0);
+    most_extent_m_ = std::max({most_extent_m_, surfel.high_m, -surfel.low_m});
   }
   surfel.variance_m2 = std::max((1.0 - gain) * surfel.variance_m2, kLeastVariance_m2);
   const Eigen::Vector2d moved_m = surfel.p_world_m + gain * surfel.normal_world.dot(d_m) * surfel.normal_world;
@@ -476,6 +477,27 @@ double PolygonMap::passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R
   return weight * close_beams(distance_m * resolution_rad_, surfel.thing_m);
 }
 
+/// Whether all beams of the latest scan towards a tile end before it, so that passing_weight() of what is in it is 0.
+bool PolygonMap::is_hidden(Surfels::Tile tile) const {
+  const std::vector<float>& azimuth_rad = now_.free_space.azimuth_rad;
+  const std::vector<float>& ranges_m = now_.free_space.range_m;
+  if (azimuth_rad.size() < 2) return true;
+  const Eigen::Vector2d middle_level_m = now_.T_level_world * surfels_.middle_world_m(tile);
+  const double radius_m = surfels_.tile_radius_m() + most_extent_m_ + kMostWithin_m, distance_m = middle_level_m.norm();
+  if (distance_m <= radius_m) return false;
+  const double middle_rad = azimuth_in(now_, middle_level_m), half_rad = std::asin(radius_m / distance_m);
+  const double first_rad = middle_rad - half_rad, last_rad = middle_rad + half_rad;
+  if (first_rad < azimuth_rad.front() || last_rad > azimuth_rad.front() + 2.0 * kPi) return false;  // across the seam
+  const auto first = static_cast<float>(first_rad), last = static_cast<float>(last_rad);
+  auto beam = first_beam(azimuth_rad, [first](float a) { return a >= first; }, first_rad);
+  if (beam != azimuth_rad.begin()) --beam;  // what is between two beams is seen by both
+  for (; beam != azimuth_rad.end(); ++beam) {
+    if (ranges_m[static_cast<std::size_t>(beam - azimuth_rad.begin())] > distance_m - radius_m) return false;
+    if (*beam > last) break;
+  }
+  return true;
+}
+
 /// Elements whose place beams have passed lose existence, hidden ones never. Beams reach those near the sensor only;
 /// elsewhere only those have to be looked at that do not stay by themselves.
 void PolygonMap::see_through(PolygonMapUpdate& update) {
@@ -486,6 +508,7 @@ void PolygonMap::see_through(PolygonMapUpdate& update) {
     return !surfel.confirmed && seconds_between(surfel.last_seen_ns, stamp_ns_) > kForgotten_s;
   };
   surfels_.for_each_tile(inverse(now_.T_level_world).translation_m, now_.most_m, [&](Surfels::Tile tile) {
+    if (is_hidden(tile)) return;
     surfels_.for_each_of(tile, [&](Index i) {
       Surfel& surfel = surfels_[i];
       if (surfel.last_seen_ns == stamp_ns_) return;

@@ -198,6 +198,7 @@ class PolygonMap {
   bool was_watched(const Eigen::Vector2d& p_world_m) const;
   void set_now(const Polylines& polylines);
   double passing_weight(const Surfel& surfel, const Eigen::Matrix2d& R_level_world) const;
+  bool is_hidden(Surfels::Tile tile) const;
   void see_through(PolygonMapUpdate& update);
   void give_up(const MoverTrace& trace, PolygonMapUpdate& update);
   void remember();
@@ -215,6 +216,7 @@ class PolygonMap {
   std::size_t next_watch_ = 0;
   std::vector<Index> of_hit_;  ///< element of each hit of the scan
   std::vector<Index> given_up_, passed_;
+  double most_extent_m_ = 0.0;    ///< of an element to either side, that any had
   std::vector<Index> unsettled_;  ///< those that may go wherever the sensor is
 };
 

@@ -89,6 +89,13 @@ class Surfels {
   std::size_t tiles() const { return tiles_.size(); }
   Tile tile_of(Index index) const { return places_[static_cast<std::size_t>(index)].tile; }
 
+  Eigen::Vector2d middle_world_m(Tile tile) const {
+    const TileList& own = tiles_[static_cast<std::size_t>(tile)];
+    return tile_m_ * Eigen::Vector2d(own.x + 0.5, own.y + 0.5);
+  }
+  /// From the middle of a tile to its corners.
+  double tile_radius_m() const { return std::sqrt(0.5) * tile_m_; }
+
   /// act(tile) for each that is within `radius_m` of a place, in any order.
   template <class Act>
   void for_each_tile(const Eigen::Vector2d& p_world_m, double radius_m, const Act& act) const {
