@@ -125,6 +125,18 @@ void touch_all(PolygonMap& map) {
   map.deform([](std::int64_t /*drawn_ns*/) { return Pose2{}; });
 }
 
+/// Updates a map and its chains, and where it `is_compared`, linking all again from the same state has to make the same.
+void update(PolygonMap& map, const Polylines& polylines, int scan, bool is_compared) {
+  PolygonMap anew({});
+  if (is_compared) anew.restore(map.snapshot());
+  map.update(polylines, kCovariance);
+  map.update_chains();
+  if (!is_compared) return;
+  anew.update(polylines, kCovariance);
+  touch_all(anew);
+  expect_same_chains(map, anew, scan);
+}
+
 TEST(MapChains, AreThoseOfLinkingAllAgainWhereAllIsInView) {
   RoomPolylines room(3);
   room.add_box({{1.5, 1.0}, 0.3, 0.2, 0.15});
@@ -136,9 +148,7 @@ TEST(MapChains, AreThoseOfLinkingAllAgainWhereAllIsInView) {
     by_change.update(polylines, kCovariance);
     anew.update(polylines, kCovariance);
     touch_all(anew);
-    const Polygons a = by_change.polygons(), b = anew.polygons();
-    ASSERT_EQ(a.chains.size(), b.chains.size()) << "after " << i;
-    for (std::size_t c = 0; c < a.chains.size(); ++c) expect_same(a.chains[c], b.chains[c]);
+    ASSERT_NO_FATAL_FAILURE(expect_same_chains(by_change, anew, i));
   }
 }
 
@@ -147,18 +157,10 @@ TEST(MapChains, AreThoseOfLinkingAllAgainWhereAllIsInView) {
 // again makes from the same state.
 TEST(MapChains, OfAStreetAreThoseOfLinkingAllAgain) {
   StreetDrive street(1);
-  PolygonMap map({}), anew({});
+  PolygonMap map({});
   for (int i = 0; i < 200; ++i) {
     if (i == 120) street.turn_round();
-    const bool is_compared = i % 7 == 6;
-    const Polylines polylines = polylines_of(street.next());
-    if (is_compared) anew.restore(map.snapshot());
-    map.update(polylines, kCovariance);
-    map.update_chains();
-    if (!is_compared) continue;
-    anew.update(polylines, kCovariance);
-    touch_all(anew);
-    ASSERT_NO_FATAL_FAILURE(expect_same_chains(map, anew, i));
+    ASSERT_NO_FATAL_FAILURE(update(map, polylines_of(street.next()), i, i % 7 == 6));
   }
   EXPECT_GT(map.polygons().chains.size(), 100U);
 }
@@ -212,17 +214,9 @@ TEST(MapChains, EachScanMakesTheSameAsLinkingAllAgain) {
   PolygonMap map({});
   std::size_t compared = 0;
   for (int i = 0; i < 480; ++i) {
-    const Polylines polylines = drive.next();
-    PolygonMap anew({});
     const bool is_compared = i % 5 == 0;
-    if (is_compared) anew.restore(map.snapshot());
-    map.update(polylines, kCovariance);
-    map.update_chains();
-    if (!is_compared) continue;
-    anew.update(polylines, kCovariance);
-    touch_all(anew);
-    ASSERT_NO_FATAL_FAILURE(expect_same_chains(map, anew, i));
-    compared += map.polygons().chains.size();
+    ASSERT_NO_FATAL_FAILURE(update(map, drive.next(), i, is_compared));
+    if (is_compared) compared += map.polygons().chains.size();
   }
   EXPECT_GT(compared, 5000U);
 }
