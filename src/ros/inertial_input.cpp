@@ -48,7 +48,7 @@ InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params
     fix_.emplace(context_.node(), "fix", [this](const auto& msg, const ros::SteadyTime&) { add(*msg); });
   });
   // Where the scanner is may be known after its scans, and waits end without samples, too.
-  release_later_ = context.poll([this] {
+  release_waiting_ = context.poll([this] {
     release();
     return !scans_.is_empty();
   });
@@ -56,8 +56,7 @@ InertialInput::InertialInput(Context& context, const GpsInsNodeletParams& params
 
 void InertialInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
   if (scans_.add({msg, arrival}) == StampOrder::Verdict::kRestart) context_.drop_enqueued(drop_reason::kRestart);
-  release();
-  if (!scans_.is_empty()) release_later_();
+  release_waiting_();
 }
 
 void InertialInput::add(const sensor_msgs::Imu& msg) {

@@ -43,7 +43,7 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
                         [this](const nav_msgs::OdometryConstPtr& msg, const ros::SteadyTime&) { add(*msg); });
   });
   // Where the scanner is may be known after its scans, and waits end without odometry, too.
-  release_later_ = context.poll([this] {
+  release_waiting_ = context.poll([this] {
     release();
     return !scans_.is_empty();
   });
@@ -51,8 +51,7 @@ OdometryInput::OdometryInput(Context& context, const NodeletParams& params, cons
 
 void OdometryInput::take(const sensor_msgs::LaserScanConstPtr& msg, const ros::SteadyTime& arrival) {
   if (scans_.add({msg, arrival}) == StampOrder::Verdict::kRestart) context_.drop_enqueued(drop_reason::kRestart);
-  release();
-  if (!scans_.is_empty()) release_later_();
+  release_waiting_();
 }
 
 std::string OdometryInput::defect_of(const nav_msgs::Odometry& msg) const {

@@ -52,8 +52,7 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
           waiting_.pop_back();
         }
         waiting_.push_back({msg, arrival});
-        release();
-        if (!waiting_.empty()) release_later_();
+        release_waiting_();
       },
       [this] { return waiting_.size(); });
   context.when_made([this] {
@@ -62,7 +61,7 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
     objects_subscriber_.emplace(context_.node(), "objects",
                                 [this](const auto& msg, const ros::SteadyTime& /*arrival*/) { take(*msg); });
   });
-  release_later_ = context.poll([this] {
+  release_waiting_ = context.poll([this] {
     release();
     return !waiting_.empty();
   });

@@ -26,19 +26,20 @@ void StageContextBase::every(double period_s, std::function<void()> act) {
 
 std::function<void()> StageContextBase::poll(std::function<bool()> act) {
   Poll& poll = polls_.emplace_back();
-  when_made([this, &poll, act = std::move(act)] {
+  poll.act = std::move(act);
+  when_made([this, &poll] {
     const bool oneshot = false, autostart = false;
     poll.timer = node_.createSteadyTimer(
         kPollPeriod,
-        [&poll, act](const ros::SteadyTimerEvent&) {
-          if (act()) return;
+        [&poll](const ros::SteadyTimerEvent&) {
+          if (poll.act()) return;
           poll.timer.stop();
           poll.runs = false;
         },
         oneshot, autostart);
   });
   return [&poll] {
-    if (!std::exchange(poll.runs, true)) poll.timer.start();
+    if (poll.act() && !std::exchange(poll.runs, true)) poll.timer.start();
   };
 }
 

@@ -68,7 +68,7 @@ class InertialInput {
   Context& context_;
   double max_stamp_ahead_s_;
   ScansOnBase scans_;
-  std::function<void()> release_later_;
+  std::function<void()> release_waiting_;
   InertialNavigation navigation_;
   GpsInsReport report_;
   Refusals refusals_;

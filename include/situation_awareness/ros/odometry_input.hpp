@@ -68,7 +68,7 @@ class OdometryInput {
   double max_stamp_ahead_s_;
   Use use_;
   ScansOnBase scans_;
-  std::function<void()> release_later_;
+  std::function<void()> release_waiting_;
   std::int64_t latest_ns_ = 0;  ///< odometry
   Refusals refusals_;
   std::uint64_t received_ = 0, reported_received_ = 0;

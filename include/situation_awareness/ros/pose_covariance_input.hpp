@@ -67,7 +67,7 @@ class PoseCovarianceInput {
   double timeout_s_;
   std::size_t queue_size_;
   std::deque<Waiting> waiting_;
-  std::function<void()> release_later_;
+  std::function<void()> release_waiting_;
   PoseCovariances poses_;
   std::map<std::uint64_t, Objects> objects_;  ///< by their stamp in ns
   std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> pose_subscriber_;

@@ -69,7 +69,7 @@ class PosedInput {
                        [this] { return queue_.waiting(); });
     // Transforms may arrive after their measurement, so checking only on its arrival would leave the latest one
     // waiting.
-    release_later_ = context.poll([this] {
+    release_waiting_ = context.poll([this] {
       release();
       return !queue_.is_empty();
     });
@@ -97,8 +97,7 @@ class PosedInput {
       use_.restarted();
     }
     if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
-    release();
-    if (!queue_.is_empty()) release_later_();
+    release_waiting_();
   }
 
   /// Enqueues the measurements that have their transforms. Does not throw.
@@ -122,7 +121,7 @@ class PosedInput {
   tf2_ros::Buffer tf_;
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;
-  std::function<void()> release_later_;
+  std::function<void()> release_waiting_;
   tf2_ros::TransformListener listener_;
 };
 

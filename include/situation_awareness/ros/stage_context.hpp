@@ -57,8 +57,8 @@ class StageContextBase {
   /// Calls `act` periodically, by the steady clock. `act` must not throw.
   void every(double period_s, std::function<void()> act);
 
-  /// Returns a function that has `act` called every 5 ms, by the steady clock, until it returns false: for what waits.
-  /// `act` must not throw.
+  /// Returns a function that calls `act`, and again every 5 ms, by the steady clock, until it returns false: for what
+  /// waits. `act` must not throw.
   std::function<void()> poll(std::function<bool()> act);
 
   /// Makes the live fields of `yaml` changeable while the stage runs: LiveParams.
@@ -81,6 +81,7 @@ class StageContextBase {
  private:
   /// Calls that repeat while something waits: a timer that runs always takes three changes of threads each time.
   struct Poll {
+    std::function<bool()> act;
     ros::SteadyTimer timer;
     bool runs = false;
   };
