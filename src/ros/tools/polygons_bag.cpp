@@ -40,8 +40,9 @@ constexpr const char* kDescription =
 in m, rad and s, in the world frame: the pose is that of the odometry's child frame at the stamp, the polylines are all
 standing things, walls included. With --changes a line has what the scan changed instead, so that lines do not grow with
 the map: "changed": those of the polylines that are new or not as they were, and "gone": the ids of those that are not
-there any more; the first line and one each --full-every seconds have all "polylines", too. Invalid scans have no line
-and are counted by reason. Files are written atomically.
+there any more; the first line and one each --full-every seconds have all "polylines", too. Numbers of polylines are
+then to 1e-6, as most of those in view change a little with each scan. Invalid scans have no line and are counted by
+reason. Files are written atomically.
 )";
 
 constexpr double kResetTimeJump_s = 1.0;
@@ -93,19 +94,23 @@ void add_options(CommandLine& app, Options& options) {
   });
 }
 
-void add_polyline(Json& list, const Chain& chain) {
+/// Of the numbers of a polyline: as they are, or to 1e-6 m, 1e-6 s and 1e-6.
+enum class Digits { kAll, kSix };
+
+void add_polyline(Json& list, const Chain& chain, Digits digits) {
+  const auto number = [digits](double value) { return digits == Digits::kAll ? value : std::round(1e6 * value) / 1e6; };
   Json& element = add_object(list, 7);
   element["id"] = chain.id;
   element["closed"] = chain.closed;
   Json& points = element["points"] = Json::array();
   Json& sigma = element["sigma_m"] = Json::array();
   for (const ChainVertex& vertex : chain.vertices) {
-    points.push_back(list_of(2, [&](int i) { return vertex.p_world_m(i); }));
-    sigma.push_back(finite(vertex.sigma_m));
+    points.push_back(list_of(2, [&](int i) { return number(vertex.p_world_m(i)); }));
+    sigma.push_back(finite(number(vertex.sigma_m)));
   }
-  element["first_seen"] = 1e-9 * static_cast<double>(chain.first_seen_ns);
-  element["last_seen"] = 1e-9 * static_cast<double>(chain.last_seen_ns);
-  element["p"] = finite(chain.p_exists);
+  element["first_seen"] = number(1e-9 * static_cast<double>(chain.first_seen_ns));
+  element["last_seen"] = number(1e-9 * static_cast<double>(chain.last_seen_ns));
+  element["p"] = finite(number(chain.p_exists));
 }
 
 /// What the program writes and counts.
@@ -123,16 +128,17 @@ class Output {
     pose["yaw"] = finite(std::remainder(T_world_base.yaw_rad, 2.0 * M_PI));
     pose["covariance"] = list_of(9, [&](int i) { return covariance(i / 3, i % 3); });
     PolygonMap& map = pipeline.map();
+    const Digits digits = options_.changes ? Digits::kSix : Digits::kAll;
     if (options_.changes) {
       const ChainChanges& changes = map.update_chains();
       Json& changed = line["changed"] = Json::array();
-      for (const std::uint64_t id : changes.changed) add_polyline(changed, *map.chain(id));
+      for (const std::uint64_t id : changes.changed) add_polyline(changed, *map.chain(id), digits);
       line["gone"] = changes.gone;
     }
     if (!options_.changes || is_full_due(scan.stamp_ns)) {
       polygons_ = map.polygons(std::move(polygons_));
       Json& list = line["polylines"] = Json::array();
-      for (const Chain& chain : polygons_.chains) add_polyline(list, chain);
+      for (const Chain& chain : polygons_.chains) add_polyline(list, chain, digits);
     }
     file_.write(json_line(scan.stamp_ns, line));
   }
