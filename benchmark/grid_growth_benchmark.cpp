@@ -43,23 +43,25 @@ void orbit(benchmark::State& state) {
   for (auto _ : state) {
     GridMap map(GridMapParams{}, elevation);
     GridPipeline pipeline(GridPipelineParams{}, elevation);
-    std::vector<double> map_us, pipeline_us;
+    std::vector<double> map_us, pipeline_us, cells;
     std::int64_t stamp_ns = 0;
     for (int round = 0; round < kRounds; ++round) {
       for (std::size_t i = 0; i < labels.size(); ++i) {
         labels[i].stamp_ns = stamp_ns += 500'000'000;
         const double begin_us = thread_cpu_us();
-        map.update(labels[i], given.T_world_camera[i]);
+        const GridUpdate update = map.update(labels[i], given.T_world_camera[i]);
         const double between_us = thread_cpu_us();
         pipeline.process(labels[i], given.T_world_camera[i]);
         const double end_us = thread_cpu_us();
         if (round == 0) continue;
+        cells.push_back(static_cast<double>(update.observed_cells));
         map_us.push_back(between_us - begin_us);
         pipeline_us.push_back(end_us - between_us);
       }
     }
     state.counters["update_us"] = median(map_us);
     state.counters["pipeline_us"] = median(pipeline_us);
+    state.counters["cells"] = median(cells);
   }
 }
 BENCHMARK(orbit)->Arg(56)->Arg(112)->Arg(224)->Iterations(1)->Unit(benchmark::kMillisecond);

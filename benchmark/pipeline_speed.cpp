@@ -244,8 +244,8 @@ struct Result {
 
   Costs whole;
   StageCosts stages;
-  std::size_t hit = 0, segments = 0, detections = 0;  ///< sums over the scans
-  std::size_t elements = 0;                           ///< on the map at last
+  std::size_t hit = 0, hits = 0, segments = 0, detections = 0;  ///< sums over the scans: objects with hits, hits, ...
+  std::size_t elements = 0;                                     ///< on the map at last
   Json networks;
 };
 
@@ -302,6 +302,7 @@ class Run {
 
       result_.hit += static_cast<std::size_t>(
           std::count_if(scan.hits.begin(), scan.hits.end(), [](int hits) { return hits > 0; }));
+      result_.hits += static_cast<std::size_t>(std::accumulate(scan.hits.begin(), scan.hits.end(), 0));
       result_.segments += static_cast<std::size_t>(
           std::count_if(values.segments.segments.begin(), values.segments.segments.end(),
                         [](const Segment& segment) { return segment.kind == SegmentKind::kObject; }));
@@ -401,6 +402,7 @@ Json run_case(const Options& options) {
     all.whole.add(run->result().whole);
     all.stages.add(run->result().stages);
     all.hit += run->result().hit;
+    all.hits += run->result().hits;
     all.segments += run->result().segments;
     all.detections += run->result().detections;
     all.elements += run->result().elements;
@@ -413,6 +415,7 @@ Json run_case(const Options& options) {
                {"scans", options.scans},
                {"rate_hz", options.rate_hz},
                {"hit", static_cast<double>(all.hit) / scans},
+               {"hits", static_cast<double>(all.hits) / scans},
                {"segments", static_cast<double>(all.segments) / scans},
                {"detections", static_cast<double>(all.detections) / scans},
                {"elements", static_cast<double>(all.elements) / options.threads},

@@ -3,6 +3,7 @@
 elements of the map, and the benchmarks of all maps. Run by scripts/evaluate."""
 
 import argparse
+import dataclasses
 import json
 import math
 import pathlib
@@ -10,6 +11,7 @@ import statistics
 import subprocess
 import time
 
+import speed_limits
 import speed_of_maps
 from pictures import clean, images_folder, pyplot, save
 from report import (ROOT, arguments_parser, facts, introduction, output_folder, print_progress, prose, section, table,
@@ -21,6 +23,7 @@ USUAL_BEAMS, USUAL_OBJECTS, FINE_BEAMS = 1081, 12, 3600
 RATE_HZ = 40
 SCANS, ROUNDS = 600, 2
 LINEAR_EXPONENT = 1.15  # of the cost, from the last point but one to the last
+MOST_OF_OLDER = 0.5  # of the older build's time, where there is one
 PAPERS_MS_PER_SEGMENT = 33  # Keras predict, as the papers ran theirs, measured once; not by this command
 COLORS = {"limit": "#7f95b2", "project": "#3d5a80", "expect": "#b9cbe3", "segment": "#5fb49c", "divide": "#a7d3c4",
           "lines": "#cfe8df",
@@ -29,6 +32,12 @@ WHOLE, OTHER = "#0b6e4f", "#999999"
 
 
 # --- running
+
+
+@dataclasses.dataclass(frozen=True)
+class Build:
+    of_objects: pathlib.Path  # folder of pipeline_speed
+    of_maps: pathlib.Path  # folder of the benchmarks of the maps
 
 
 def case(beams=USUAL_BEAMS, objects=USUAL_OBJECTS, threads=1, elements=0, rate_hz=0, networks=False):
@@ -67,7 +76,7 @@ def run(arguments, tool, of):
 def run_all(arguments):
     """{key of a case: (lines of this build, lines of the baseline)}, round by round, the two builds in turns."""
     wanted, results, begin, done = list(cases()), {}, time.monotonic(), 0
-    tools = [folder / "pipeline_speed" for folder in arguments.builds]
+    tools = [build.of_objects / "pipeline_speed" for build in arguments.builds]
     total = arguments.rounds * len(wanted)
     for round_ in range(arguments.rounds):
         for of in wanted:
@@ -178,6 +187,17 @@ def targets(results):
            f"{100 * others:.2f} %", others < 0.01)
 
 
+def ratio_targets(results):
+    """(sentence, figure, met), to the older build."""
+    if not results.ratios:
+        return
+    for objects in (12, 60):
+        ratios = results.ratios[key(case(objects=objects))]
+        for name, quantile in (("p50", "p50_us"), ("p99", "p99_us")):
+            yield (f"{objects} objects in {USUAL_BEAMS} beams: {name} at most {MOST_OF_OLDER} times the older build's",
+                   f"{ratios[quantile]:.3f}", ratios[quantile] <= MOST_OF_OLDER)
+
+
 # --- tables
 
 
@@ -227,6 +247,29 @@ def stages_table(results):
         f"{line['whole']['cpu_us']:.1f}", f"{line['whole']['allocations']:.1f}"))))
     return table(("µs per scan", *(f"{what}, {n}" for n in (12, 60) for what in
                                    ("p50", "p99", "max", "CPU", "allocations"))), rows)
+
+
+def limits_table(results, machine):
+    rows, sums = [], {12: 0.0, 60: 0.0}
+    lines = {objects: results.of(objects=objects) for objects in sums}
+    works = {objects: speed_limits.of_stages(line) for objects, line in lines.items()}
+    for name in works[12]:
+        row = [name]
+        for objects, line in lines.items():
+            limit_us = works[objects][name].limit_us(machine)
+            sums[objects] += limit_us
+            row += limit_cells(works[objects][name], limit_us, line["stages"][name]["cpu_p50_us"])
+        rows.append(row)
+    total = {objects: sum(work.values(), speed_limits.Work(0, 0)) for objects, work in works.items()}
+    rows.append(["**whole**", *(text for objects, line in lines.items() for text in limit_cells(
+        total[objects], sums[objects], line["whole"]["cpu_p50_us"]))])
+    return table(("", *(f"{what}, {n}" for n in sums for what in
+                        ("operations", "KiB", "limit, µs", "taken, µs", "times"))), rows)
+
+
+def limit_cells(work, limit_us, taken_us):
+    return (f"{work.operations:,.0f}", f"{work.bytes / 1024:,.0f}", f"{limit_us:.2f}", f"{taken_us:.1f}",
+            f"{taken_us / limit_us:.0f}")
 
 
 def networks_table(results):
@@ -370,26 +413,36 @@ at a time as the papers did and all segments of a scan in one batch; the two det
 and the whole pipeline from scan to map, divided by its segments. Keras, as used in the papers, took {papers} ms per
 segment in an earlier measurement.
 """
+LIMITS_TEXT = """
+What the machine can do: in this run one core made {operations:,.0f} multiplications and additions of double precision
+and moved {bytes:,.0f} bytes to or from its caches in each µs
+([machine_benchmark](../../benchmark/machine_benchmark.cpp)). The limit is the longer of both for the operations and
+bytes that the equations ask for, counted in [speed_limits.py](../../scripts/evaluation/speed_limits.py): every number
+in a vector register, no decision, nothing looked for. A product and a sum of the networks in single precision are one
+operation. "taken" is the median of the CPU time, for 12 objects and for 60.
+"""
 RATIOS_TEXT = """
 This build / the older build `{baseline}`, both in this run and in turns: medians of the ratios of the rounds. Below 1
 is faster.
 """
 
 
-def report_of(arguments, results, maps, measured):
+def report_of(arguments, results, maps, limits_us, machine, measured):
     parts = ["# Time from scan to map\n", introduction(measured, INTRODUCTION.format(
         scans=arguments.scans, warm_up=1200, rounds=arguments.rounds))]
     if not arguments.full:
         parts.append("**A quick look**: fewer scans or rounds than are published.\n")
     picture = lambda name, text: f"![{text}](images/{name})\n"
-    parts.append(targets_section([*targets(results), *speed_of_maps.targets(maps)]))
+    parts.append(targets_section([*targets(results), *ratio_targets(results), *speed_of_maps.targets(maps)]))
     parts.append(section("Where the time goes", picture("speed_stages.png", "Stages, and time per segment"),
                          stages_table(results)))
+    parts.append(section("Beside what the machine can do", prose(LIMITS_TEXT.format(
+        operations=machine["operations_per_us"], bytes=machine["bytes_per_us"])), limits_table(results, machine)))
     parts.append(section("How it grows", picture("speed_growth.png", "Cost against objects, beams and elements"),
                          prose(WHOLE_TEXT.format(rate=RATE_HZ)), whole_table(results)))
     parts.append(section("A large map", prose(ELEMENTS_TEXT.format(objects=USUAL_OBJECTS)),
                          elements_table(results)))
-    parts.append(speed_of_maps.report_section(maps, arguments.baseline, picture(
+    parts.append(speed_of_maps.report_section(maps, limits_us, arguments.baseline, picture(
         "speed_maps.png", "Cost of each map against what grows")))
     parts.append(section("Beside the paper's network",
                          prose(NETWORKS_TEXT.format(papers=PAPERS_MS_PER_SEGMENT)), networks_table(results)))
@@ -419,23 +472,25 @@ def main():
     output = output_folder(arguments, arguments.full)
     images = images_folder(output)
 
-    arguments.builds = [arguments.programs / "benchmark"]
-    map_builds = list(arguments.builds)
+    arguments.builds = [Build(arguments.programs / "benchmark", arguments.programs / "benchmark")]
     if arguments.baseline:
         older = speed_of_maps.built_of(arguments.baseline, ROOT / "build/evaluation/older" / arguments.baseline)
-        arguments.builds.append(older / "benchmark")
-        map_builds.append(older / "growth")
+        arguments.builds.append(Build(older / "benchmark", older / "growth"))
     measured = {**facts(arguments), "scans": arguments.scans, "rounds": arguments.rounds}
+    machine = speed_limits.rates(arguments.programs / "benchmark/machine_benchmark", arguments.core)
     results = Results(run_all(arguments))
-    maps = speed_of_maps.run_all(map_builds, arguments.rounds, arguments.core)
+    maps, limits_us = speed_of_maps.run_all([build.of_maps for build in arguments.builds], arguments.rounds,
+                                            arguments.core, machine)
     speed_of_maps.draw(maps, images / "speed_maps.png")
     draw_growth(results, images / "speed_growth.png")
     draw_stages(results, images / "speed_stages.png")
-    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}" for name, value in measured.items())
-    lines = ",\n".join(json.dumps(line) for line in results.json())
-    (output / "speed_baseline.json").write_text(f"{{\n{head},\n\"cases\": [\n{lines}\n],\n\"maps\": "
-                                               f"{json.dumps([rounded(one) for one in speed_of_maps.figures(maps)])}}}\n")
-    write(output, "speed.md", report_of(arguments, results, maps, measured))
+    head = ",\n".join(f"{json.dumps(name)}: {json.dumps(value)}"
+                      for name, value in {**measured, "one_core": rounded(machine)}.items())
+    cases_text, maps_text = (",\n".join(json.dumps(line) for line in lines) for lines in (
+        results.json(), map(rounded, speed_of_maps.figures(maps, limits_us))))
+    (output / "speed_baseline.json").write_text(
+        f"{{\n{head},\n\"cases\": [\n{cases_text}\n],\n\"maps\": [\n{maps_text}\n]}}\n")
+    write(output, "speed.md", report_of(arguments, results, maps, limits_us, machine, measured))
     print(f"wrote {output / 'speed_baseline.json'}")
 
 
