@@ -3,7 +3,9 @@
 if(NOT rviz_FOUND)
   message(FATAL_ERROR "SITUATION_AWARENESS_RVIZ is ON, but rviz was not found")
 endif()
-find_package(Qt5 REQUIRED COMPONENTS Widgets)
+# A plugin that is built with another Qt than rviz ends it: rviz loads it all the same.
+string(REGEX MATCH "^[0-9]+" qt_major "${rviz_QT_VERSION}")
+find_package(Qt${qt_major} REQUIRED COMPONENTS Widgets)
 
 add_library(${PROJECT_NAME}_rviz_logic STATIC
   src/ros/rviz/drawable_objects.cpp
@@ -28,7 +30,7 @@ situation_awareness_target(${PROJECT_NAME}_rviz)
 set_target_properties(${PROJECT_NAME}_rviz PROPERTIES AUTOMOC ON)
 target_compile_definitions(${PROJECT_NAME}_rviz PRIVATE QT_NO_KEYWORDS)  # Boost has signals of its own
 target_include_directories(${PROJECT_NAME}_rviz SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
-target_link_libraries(${PROJECT_NAME}_rviz PRIVATE ${PROJECT_NAME}_rviz_logic Qt5::Widgets ${rviz_LIBRARIES})
+target_link_libraries(${PROJECT_NAME}_rviz PRIVATE ${PROJECT_NAME}_rviz_logic Qt${qt_major}::Widgets ${rviz_LIBRARIES})
 
 install(TARGETS ${PROJECT_NAME}_rviz LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION}
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})

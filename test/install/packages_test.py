@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""debian/control asks for every library of the group [use] in scripts/packages.txt."""
+"""debian/control asks for every library of the groups [use] and [use, ...] in scripts/packages.txt."""
 import pathlib
 import re
 import sys
@@ -12,12 +12,12 @@ for line in (SOURCE / "scripts/packages.txt").read_text(encoding="utf-8").splitl
     package = line.partition("#")[0].strip()
     if package.startswith("["):
         group = package
-    elif group == "[use]" and package.endswith("-dev"):
+    elif group and group.startswith("[use") and package.endswith("-dev"):
         wanted.add(package)
 control = (SOURCE / "debian/control").read_text(encoding="utf-8")
 build_depends = re.search(r"^Build-Depends:(.*?)^\S", control, re.MULTILINE | re.DOTALL).group(1)
 if not wanted:
     sys.exit("scripts/packages.txt has no library in its group [use]")
-missing = wanted - {entry.split()[0] for entry in build_depends.split(",") if entry.strip()}
+missing = wanted - {entry.split()[0] for entry in re.split("[,|]", build_depends) if entry.strip()}
 if missing:
     sys.exit("debian/control, Build-Depends, lacks " + ", ".join(sorted(missing)))
