@@ -19,6 +19,8 @@ from speed_limits import (CELL, COMPARED_PAIR, CORRIDOR_BEAMS, FLIGHT_BEAMS, FUS
 
 PROGRAMS = ("object_map_benchmark", "polygon_map_benchmark", "polygon_growth_benchmark", "splinegon_benchmark",
             "grid_growth_benchmark", "reflector_search_benchmark")
+# In one round: an older build takes minutes for one, and each figure is a median over many scans or images.
+ONCE = ("street", "lanes")
 NEW, OLD = "#0b6e4f", "#999999"
 
 
@@ -130,31 +132,33 @@ def built_of(commit, folder):
     return build
 
 
-def run(folder, program, core):
-    """The lines of a run of the program's benchmarks that are wanted here."""
-    wanted = sorted({growth.benchmark for growth in GROWTHS if growth.program == program})
+def run(folder, program, benchmark, core):
+    """The lines of a run of one of the program's benchmarks."""
     command = ["taskset", "-c", str(core), folder / program, "--benchmark_format=json",
-               f"--benchmark_filter=^({'|'.join(wanted)})(/|$)"]
+               f"--benchmark_filter=^{benchmark}(/|$)"]
     return json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout)["benchmarks"]
 
 
 def run_all(folders, rounds, core, machine):
     """{growth: [{point: value} of each round] of each folder}, the builds in turns; and {growth: limit in µs of the
     first folder's last point, None where there is none}."""
-    results, begin, done = {growth: [[] for _ in folders] for growth in GROWTHS}, time.monotonic(), 0
+    results, begin = {growth: [[] for _ in folders] for growth in GROWTHS}, time.monotonic()
     limits_us = {}
-    for round_ in range(rounds):
-        for program in PROGRAMS:
+    benchmarks = list(dict.fromkeys((growth.program, growth.benchmark) for growth in GROWTHS))
+    of_rounds = [[of for of in benchmarks if round_ == 0 or of[1] not in ONCE] for round_ in range(rounds)]
+    done, total = 0, sum(map(len, of_rounds))
+    for round_, of_round in enumerate(of_rounds):
+        for program, benchmark in of_round:
             order = range(len(folders)) if round_ % 2 == 0 else reversed(range(len(folders)))
             for i in order:
-                lines = run(folders[i], program, core)
+                lines = run(folders[i], program, benchmark, core)
                 for growth in GROWTHS:
-                    if growth.program == program:
+                    if (growth.program, growth.benchmark) == (program, benchmark):
                         results[growth][i].append(growth.points(lines))
                         if i == 0:
                             limits_us[growth] = growth.limit_us(lines, machine)
             done += 1
-            print_progress(done / (rounds * len(PROGRAMS)), begin, f"{done} of {rounds * len(PROGRAMS)} runs of maps")
+            print_progress(done / total, begin, f"{done} of {total} runs of maps")
     print()
     return results, limits_us
 
@@ -254,8 +258,9 @@ map alone, as what is on the map, in view, or in the past grows:
 [polygon_growth_benchmark](../../benchmark/polygon_growth_benchmark.cpp),
 [splinegon_benchmark](../../benchmark/splinegon_benchmark.cpp),
 [grid_growth_benchmark](../../benchmark/grid_growth_benchmark.cpp) and
-[reflector_search_benchmark](../../benchmark/reflector_search_benchmark.cpp), on one core; medians of the rounds. What
-does not grow is what a scan that sees the same has to cost. The limit is that of the last point, as above.
+[reflector_search_benchmark](../../benchmark/reflector_search_benchmark.cpp), on one core; medians of the rounds; kilometres
+and lanes in one of them. What does not grow is what a scan that sees the same has to cost. The limit is that of the
+last point, as above.
 """
 OLDER_TEXT = """
 Below 1 in the last column is faster than `{older}`, whose libraries the same benchmarks were linked with; both ran in
