@@ -19,8 +19,8 @@ from speed_limits import (CELL, COMPARED_PAIR, CORRIDOR_BEAMS, FLIGHT_BEAMS, FUS
 
 PROGRAMS = ("object_map_benchmark", "polygon_map_benchmark", "polygon_growth_benchmark", "splinegon_benchmark",
             "grid_growth_benchmark", "reflector_search_benchmark")
-# In one round: an older build takes minutes for one, and each figure is a median over many scans or images.
-ONCE = ("street", "lanes")
+# In one round: an older build takes minutes for one, and each figure is a median over many scans, images or halls.
+ONCE = ("street", "lanes", "first_pose")
 NEW, OLD = "#0b6e4f", "#999999"
 
 
@@ -259,7 +259,7 @@ map alone, as what is on the map, in view, or in the past grows:
 [splinegon_benchmark](../../benchmark/splinegon_benchmark.cpp),
 [grid_growth_benchmark](../../benchmark/grid_growth_benchmark.cpp) and
 [reflector_search_benchmark](../../benchmark/reflector_search_benchmark.cpp), on one core; medians of the rounds, of
-which one has kilometres and lanes. What does not grow is what a scan that sees the same has to cost. The limit is that
+which one has kilometres, lanes and first poses. What does not grow is what a scan that sees the same has to cost. The limit is that
 of the last point, as above.
 """
 OLDER_TEXT = """
