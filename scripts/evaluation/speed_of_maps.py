@@ -259,8 +259,8 @@ map alone, as what is on the map, in view, or in the past grows:
 [splinegon_benchmark](../../benchmark/splinegon_benchmark.cpp),
 [grid_growth_benchmark](../../benchmark/grid_growth_benchmark.cpp) and
 [reflector_search_benchmark](../../benchmark/reflector_search_benchmark.cpp), on one core; medians of the rounds, of
-which one has kilometres, lanes and first poses. What does not grow is what a scan that sees the same has to cost. The limit is that
-of the last point, as above.
+which one has kilometres, lanes and first poses. What does not grow is what a scan that sees the same has to cost. The
+limit is that of the last point, as above.
 """
 OLDER_TEXT = """
 Below 1 in the last column is faster than `{older}`, whose libraries the same benchmarks were linked with; both ran in

@@ -94,7 +94,7 @@ void add_options(CommandLine& app, Options& options) {
   });
 }
 
-/// Of the numbers of a polyline: as they are, or to 1e-6 m, 1e-6 s and 1e-6.
+/// A polyline's numbers are written as they are, or rounded to six decimals.
 enum class Digits { kAll, kSix };
 
 void add_polyline(Json& list, const Chain& chain, Digits digits) {
