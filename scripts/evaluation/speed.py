@@ -474,7 +474,8 @@ def main():
 
     arguments.builds = [Build(arguments.programs / "benchmark", arguments.programs / "benchmark")]
     if arguments.baseline:
-        older = speed_of_maps.built_of(arguments.baseline, ROOT / "build/evaluation/older" / arguments.baseline)
+        # roslaunch finds launch files in folders not hidden.
+        older = speed_of_maps.built_of(arguments.baseline, ROOT / "build/.older" / arguments.baseline)
         arguments.builds.append(Build(older / "benchmark", older / "growth"))
     measured = {**facts(arguments), "scans": arguments.scans, "rounds": arguments.rounds}
     machine = speed_limits.rates(arguments.programs / "benchmark/machine_benchmark", arguments.core)
