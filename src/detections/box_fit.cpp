@@ -11,6 +11,7 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/detections/outline_errors.hpp"
+#include "situation_awareness/estimation/cholesky.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -361,7 +362,7 @@ Detection fit_box(const Segments& segments, std::size_t segment, const EllipseFi
   Matrix5d A;
   Vector5d b;
   problem.evaluate(x, &prior, &A, &b);
-  return detection_of(segments, segment, params, problem, x, x, A.llt().solve(Matrix5d::Identity()));
+  return detection_of(segments, segment, params, problem, x, x, inverse_of_positive_definite(A));
 }
 
 Detection refit_box(const Segments& segments, std::size_t segment, const EllipseFitParams& params,
@@ -383,7 +384,7 @@ Detection refit_box(const Segments& segments, std::size_t segment, const Ellipse
   Matrix5d A;
   Vector5d b;
   problem.evaluate(at, &prior, &A, &b);
-  return detection_of(segments, segment, params, problem, x, at, A.llt().solve(Matrix5d::Identity()));
+  return detection_of(segments, segment, params, problem, x, at, inverse_of_positive_definite(A));
 }
 
 double box_cost(const Segments& segments, std::size_t segment, const EllipseFitParams& params, const Box& box_level) {

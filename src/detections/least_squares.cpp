@@ -10,6 +10,7 @@
 #include <Eigen/Cholesky>
 
 #include "situation_awareness/detections/detect_each.hpp"
+#include "situation_awareness/estimation/cholesky.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
 namespace situation_awareness {
@@ -279,7 +280,7 @@ Matrix5d laplace_covariance(const Problem& problem, const Vector5d& x) {
   Matrix5d A;
   Vector5d b;
   problem.evaluate(x, x, &A, &b);
-  return A.llt().solve(Matrix5d::Identity());
+  return inverse_of_positive_definite(A);
 }
 
 }  // namespace

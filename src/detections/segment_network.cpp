@@ -6,7 +6,8 @@
 #include <stdexcept>
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
+
+#include "situation_awareness/estimation/cholesky.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -50,7 +51,7 @@ SegmentPosterior posterior_of(const float* answer, const SegmentEncoding& encodi
   J.topLeftCorner<2, 2>() = Eigen::Rotation2Dd(encoding.azimuth_rad).toRotationMatrix();
   J.bottomRightCorner<2, 2>() = Eigen::Rotation2Dd(2.0 * encoding.azimuth_rad).toRotationMatrix();
   // The covariance is L L^T with L = J A^-1, times what makes its 90 % region hold 90 %.
-  const Matrix5d L = J * A.triangularView<Eigen::Lower>().solve(Matrix5d::Identity());
+  const Matrix5d L = J * inverse_of_lower(A);
   const double scale = R * R * bounded_exp(o[kPoint + kFactor]);
 
   SegmentPosterior posterior;

@@ -58,15 +58,15 @@ constexpr double kCancelled = 1e-7;
 template <int Size>
 void update_sparsely(Estimate<GpsInsState>& estimate, const Innovation<Size>& innovation,
                      const Eigen::Matrix<double, Size, 18>& H, const Eigen::Matrix<double, Size, Size>& R) {
-  const Eigen::LLT<Eigen::Matrix<double, Size, Size>> llt(innovation.S);
+  const Eigen::Matrix<double, Size, Size> L = factor_of(innovation.S);
   const Eigen::Matrix<double, Size, 18> HP = H.lazyProduct(estimate.P);
-  const Eigen::Matrix<double, Size, 18> W = llt.matrixL().solve(HP);
-  const Eigen::Matrix<double, Size, 1> whitened = llt.matrixL().solve(innovation.nu);
+  const Eigen::Matrix<double, Size, 18> W = solve_lower(L, HP);
+  const Eigen::Matrix<double, Size, 1> whitened = solve_lower(L, innovation.nu);
   const ErrorVector<GpsInsState> e = W.transpose() * whitened;
   const ErrorVector<GpsInsState> before = estimate.P.diagonal();
   const ErrorMatrix<GpsInsState> lower = estimate.P - W.transpose().lazyProduct(W);
   if ((lower.diagonal().array() < kCancelled * before.array()).any()) {
-    const Eigen::Matrix<double, 18, Size> K = llt.solve(HP).transpose();
+    const Eigen::Matrix<double, 18, Size> K = solve_cholesky(L, HP).transpose();
     const ErrorMatrix<GpsInsState> I_KH = ErrorMatrix<GpsInsState>::Identity() - K * H;
     estimate.P = transformed(I_KH, estimate.P) + transformed(K, R);
   } else {
@@ -412,7 +412,7 @@ bool GpsInsFilter::is_doubted(Moment& moment, const Eigen::Vector3d& nu, const E
   // What the filter is off by grew with the time of the outage, and goes on so.
   const Eigen::Vector3d drift_m = 2.0 * seconds_between(before_ns, moment.stamp_ns) / moment.outage_s * nu;
   const Eigen::Matrix3d S = 2.0 * R + Eigen::Matrix3d(drift_m.cwiseAbs2().asDiagonal());
-  return apart_m.dot(S.llt().solve(apart_m)) <= gates_[3];
+  return innovation(apart_m, S).mahalanobis2 <= gates_[3];
 }
 
 void GpsInsFilter::doubt(Moment& moment, const Eigen::Vector3d& nu) const {
@@ -460,7 +460,7 @@ GpsInsVerdict GpsInsFilter::correct(Moment& moment, const Eigen::Matrix<double, 
     if (since_s > kOutage_s) moment.outage_s = since_s;
     if (verdict.is_accepted) {
       const double kept = std::exp(-since_s / kContradiction_s);
-      moment.innovation_sum = kept * moment.innovation_sum + compared.S.llt().matrixL().solve(nu);
+      moment.innovation_sum = kept * moment.innovation_sum + solve_lower(factor_of(compared.S), nu);
       moment.innovation_variance = kept * kept * moment.innovation_variance + 1.0;
       moment.rejected = 0;
       moment.outage_s = 0.0;

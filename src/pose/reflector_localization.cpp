@@ -583,7 +583,7 @@ void ReflectorLocalization::try_sighting(std::size_t k, const Estimate<Reflector
       compared = innovation(estimate, Eigen::Vector2d(nu + H * e), H, possible.R_gate);
       nis = compared.mahalanobis2;
       if (!(nis < 4.0 * gate_)) break;  // also NaN
-      const Vector6 next = estimate.P * H.transpose() * compared.S.llt().solve(compared.nu);
+      const Vector6 next = estimate.P * H.transpose() * solve_cholesky(factor_of(compared.S), compared.nu);
       const double change = (next - e).norm();
       e = next;
       if (change < kRelinearise) break;
@@ -1052,7 +1052,7 @@ void ReflectorLocalization::search(const OdometryTrack::Entry& now) {
     // Only doubted: another pose replaces it, the same one is none.
     const Eigen::Vector3d off = Manifold<Pose2>::local_coordinates(T_world_base.x, at_stamp_.x);
     const Eigen::Matrix3d P = T_world_base.P + at_stamp_.P;
-    if (off.dot(P.llt().solve(off)) < chi_square_quantile(kSamePose, 3)) return;
+    if (innovation(off, P).mahalanobis2 < chi_square_quantile(kSamePose, 3)) return;
     contradicted_ = 1;
   }
   ++counters_[is_known_ ? "pose replaced" : "pose found"];

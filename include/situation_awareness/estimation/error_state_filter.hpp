@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 
+#include "situation_awareness/estimation/cholesky.hpp"
 #include "situation_awareness/estimation/manifold.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -65,33 +65,6 @@ void predict(Estimate<State>& estimate, const State& x_predicted, const ErrorMat
   estimate.x = x_predicted;
 }
 
-/// Lower triangular L with L L^T = S, of which the lower triangle is used; false if S is not positive definite. The
-/// sums are those of Eigen's LLT, which takes its products for matrices of any size inside.
-template <int Size>
-bool cholesky(const Eigen::Matrix<double, Size, Size>& S, Eigen::Matrix<double, Size, Size>& L) {
-  L.setZero();
-  for (int k = 0; k < Size; ++k) {
-    double pivot = S(k, k);
-    if (k > 0) {
-      double sum = L(k, 0) * L(k, 0);
-      for (int j = 1; j < k; ++j) sum += L(k, j) * L(k, j);
-      pivot -= sum;
-    }
-    if (!(pivot > 0.0)) return false;
-    L(k, k) = std::sqrt(pivot);
-    for (int i = k + 1; i < Size; ++i) {
-      double value = S(i, k);
-      if (k > 0) {
-        double sum = L(i, 0) * L(k, 0);
-        for (int j = 1; j < k; ++j) sum += L(i, j) * L(k, j);
-        value -= sum;
-      }
-      L(i, k) = value / L(k, k);
-    }
-  }
-  return true;
-}
-
 /// The innovation `nu` of the covariance S, of which the lower triangle is used. If S is not positive definite or not
 /// finite, mahalanobis2 and log_likelihood are NaN, which passes no gate.
 template <int Size>
@@ -104,7 +77,7 @@ Innovation<Size> innovation(const Eigen::Matrix<double, Size, 1>& nu, const Eige
     result.mahalanobis2 = result.log_likelihood = std::numeric_limits<double>::quiet_NaN();
     return result;
   }
-  result.mahalanobis2 = L.template triangularView<Eigen::Lower>().solve(nu).squaredNorm();
+  result.mahalanobis2 = solve_lower(L, nu).squaredNorm();
   const double log_det_S = 2.0 * L.diagonal().array().log().sum();
   result.log_likelihood = -0.5 * (result.mahalanobis2 + log_det_S + Size * std::log(2.0 * kPi));
   return result;
@@ -133,8 +106,9 @@ template <class State, int Size>
 void update(Estimate<State>& estimate, const Innovation<Size>& innovation,
             const Eigen::Matrix<double, Size, Manifold<State>::kDimension>& H,
             const Eigen::Matrix<double, Size, Size>& R) {
+  const Eigen::Matrix<double, Size, Manifold<State>::kDimension> HP = H.lazyProduct(estimate.P);
   const Eigen::Matrix<double, Manifold<State>::kDimension, Size> K =
-      innovation.S.llt().solve(H * estimate.P).transpose();
+      solve_cholesky(factor_of(innovation.S), HP).transpose();
   const ErrorMatrix<State> I_KH = ErrorMatrix<State>::Identity() - K * H;
   ErrorMatrix<State> P = transformed(I_KH, estimate.P) + transformed(K, R);
   const ErrorVector<State> e = K * innovation.nu;
