@@ -34,53 +34,165 @@ Motion motion_between(const Eigen::Isometry3d& T_world_first, const Eigen::Isome
   return motion;
 }
 
-/// The vector (x, y, 0) rotated about the unit vector `axis` (Rodrigues).
-Eigen::Vector3d turned(const Eigen::Vector2d& v, const Eigen::Vector3d& axis, double angle_rad) {
-  const double c = std::cos(angle_rad);
-  const double s = std::sin(angle_rad);
-  const double along = (1.0 - c) * (axis.x() * v.x() + axis.y() * v.y());
-  return {(c * v.x() - s * (axis.z() * v.y())) + along * axis.x(),
-          (c * v.y() + s * (axis.z() * v.x())) + along * axis.y(),
-          s * (axis.x() * v.y() - axis.y() * v.x()) + along * axis.z()};
-}
+/// The beams of a scan in the lidar's frame: the same from scan to scan.
+struct Rays {
+  double angle_min_rad = 0.0;
+  double angle_increment_rad = 0.0;
+  std::vector<double> angle_rad, cosine, sine;
+  std::vector<double> part;  ///< of the sweep before the beam
+};
 
-/// Unit vectors along the beams of a scan, in the lidar's frame. They are the same from scan to scan, so they are
-/// cached until angles or their number change, which saves a twelfth of the projection's time
-/// (benchmark/stages_benchmark.cpp).
-const std::vector<Eigen::Vector2d>& rays_lidar(const Scan& scan) {
-  struct Kept {
-    double angle_min_rad = 0.0;
-    double angle_increment_rad = 0.0;
-    std::vector<Eigen::Vector2d> rays;
-  };
-  thread_local Kept kept;
-  const bool same = kept.rays.size() == scan.beams.size() && kept.angle_min_rad == scan.angle_min_rad &&
-                    kept.angle_increment_rad == scan.angle_increment_rad;
-  if (same) return kept.rays;
-  kept.angle_min_rad = scan.angle_min_rad;
-  kept.angle_increment_rad = scan.angle_increment_rad;
-  kept.rays.resize(scan.beams.size());
-  for (std::size_t i = 0; i < kept.rays.size(); ++i) {
-    const double angle_rad = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
-    kept.rays[i] = {std::cos(angle_rad), std::sin(angle_rad)};
+/// Kept until angles or their number change.
+const Rays& rays_lidar(const Scan& scan) {
+  thread_local Rays rays;
+  const std::size_t n = scan.beams.size();
+  const bool same = rays.part.size() == n && rays.angle_min_rad == scan.angle_min_rad &&
+                    rays.angle_increment_rad == scan.angle_increment_rad;
+  if (same) return rays;
+  rays.angle_min_rad = scan.angle_min_rad;
+  rays.angle_increment_rad = scan.angle_increment_rad;
+  for (std::vector<double>* const values : {&rays.angle_rad, &rays.cosine, &rays.sine, &rays.part}) values->resize(n);
+  const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    rays.angle_rad[i] = scan.angle_min_rad + static_cast<double>(i) * scan.angle_increment_rad;
+    rays.cosine[i] = std::cos(rays.angle_rad[i]);
+    rays.sine[i] = std::sin(rays.angle_rad[i]);
+    rays.part[i] = static_cast<double>(i) / steps;
   }
-  return kept.rays;
+  return rays;
 }
 
-/// azimuth_rad + atan2(across, along), to the last bit of the sum: the parallax of most points is so small that a
-/// series decides it, much faster than atan2.
-double turned_azimuth_rad(double azimuth_rad, double across, double along) {
-  constexpr double kSmall = 0.02;  // the first term that is left out is below the margin
-  constexpr double kMargin_rad = 2e-17;
-  if (along > 0.0 && std::abs(across) < kSmall * along) {
-    const double t = across / along;
+/// Numbers of each beam, one behind the other, so that the compiler can make loops over them of vector instructions.
+struct Beams {
+  std::vector<double> x, y;          ///< direction in the level frame
+  std::vector<double> turned_rad;    ///< azimuth of the direction, less that of the beam in the lidar's frame
+  std::vector<double> range_m;       ///< 0 where there is no hit
+  std::vector<double> p_x_m, p_y_m;  ///< of the hit in the level frame
+  std::vector<double> distance_m;    ///< of the hit
+  std::vector<double> parallax_rad;  ///< azimuth of the hit less that of the direction
+  std::vector<double> across, along;
+
+  void resize(std::size_t n) {
+    for (std::vector<double>* const values :
+         {&x, &y, &turned_rad, &range_m, &p_x_m, &p_y_m, &distance_m, &parallax_rad, &across, &along}) {
+      values->resize(n);
+    }
+  }
+};
+
+/// Sine of an angle, and its cosine less 1, by their series. The first terms that are left out are below 1e-17 for all
+/// that a lidar may turn during a sweep.
+static_assert(kMaxTurnOfSweep * 2.0 * kPi < 0.65);
+
+double sine_of_turn(double angle_rad) {
+  const double a2 = angle_rad * angle_rad;
+  double sum = -1.0 / 1307674368000.0;
+  sum = 1.0 / 6227020800.0 + a2 * sum;
+  sum = -1.0 / 39916800.0 + a2 * sum;
+  sum = 1.0 / 362880.0 + a2 * sum;
+  sum = -1.0 / 5040.0 + a2 * sum;
+  sum = 1.0 / 120.0 + a2 * sum;
+  sum = -1.0 / 6.0 + a2 * sum;
+  return angle_rad + angle_rad * (a2 * sum);
+}
+
+double cosine_less_1_of_turn(double angle_rad) {
+  const double a2 = angle_rad * angle_rad;
+  double sum = 1.0 / 20922789888000.0;
+  sum = -1.0 / 87178291200.0 + a2 * sum;
+  sum = 1.0 / 479001600.0 + a2 * sum;
+  sum = -1.0 / 3628800.0 + a2 * sum;
+  sum = 1.0 / 40320.0 + a2 * sum;
+  sum = -1.0 / 720.0 + a2 * sum;
+  sum = 1.0 / 24.0 + a2 * sum;
+  return a2 * (-0.5 + a2 * sum);
+}
+
+/// Directions in the level frame: R_level_lidar R(t), by Rodrigues' formula the sum of three matrices times 1, sine and
+/// cosine of what the lidar has turned, of which rays in its plane need two columns.
+void find_directions(const Rays& rays, const Eigen::Matrix<double, 2, 3>& R_level_lidar, const Motion& motion,
+                     Beams& beams) {
+  const std::size_t n = rays.part.size();
+  const Eigen::Matrix2d at_rest = R_level_lidar.leftCols<2>();
+  const double* const cosine = rays.cosine.data();
+  const double* const sine = rays.sine.data();
+  double* const x = beams.x.data();
+  double* const y = beams.y.data();
+  if (!motion.moves) {
+    for (std::size_t i = 0; i < n; ++i) {
+      x[i] = at_rest(0, 0) * cosine[i] + at_rest(0, 1) * sine[i];
+      y[i] = at_rest(1, 0) * cosine[i] + at_rest(1, 1) * sine[i];
+    }
+    return;
+  }
+  const Eigen::Vector3d& axis = motion.axis_lidar;
+  Eigen::Matrix3d hat;
+  hat << 0.0, -axis.z(), axis.y(), axis.z(), 0.0, -axis.x(), -axis.y(), axis.x(), 0.0;
+  const Eigen::Matrix2d by_sine = (R_level_lidar * hat).leftCols<2>();
+  const Eigen::Matrix2d by_cosine = -(R_level_lidar * hat * hat).leftCols<2>();
+  const double* const part = rays.part.data();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double angle_rad = part[i] * motion.turn_rad;
+    const double s = sine_of_turn(angle_rad);
+    const double c = cosine_less_1_of_turn(angle_rad);
+    x[i] = (at_rest(0, 0) + s * by_sine(0, 0) + c * by_cosine(0, 0)) * cosine[i] +
+           (at_rest(0, 1) + s * by_sine(0, 1) + c * by_cosine(0, 1)) * sine[i];
+    y[i] = (at_rest(1, 0) + s * by_sine(1, 0) + c * by_cosine(1, 0)) * cosine[i] +
+           (at_rest(1, 1) + s * by_sine(1, 1) + c * by_cosine(1, 1)) * sine[i];
+  }
+}
+
+/// atan2(across, along): small for most beams, so that a series decides it, which is much faster.
+void find_angles(const std::vector<double>& across, const std::vector<double>& along, std::vector<double>& angle_rad) {
+  constexpr double kSmall = 0.1;  // the first term that is left out is below 1e-18
+  const std::size_t n = across.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    const double t = across[i] / along[i];
     const double t2 = t * t;
-    const double tail = t2 * (-1.0 / 3.0 + t2 * (1.0 / 5.0 + t2 * (-1.0 / 7.0 + t2 * (1.0 / 9.0 - t2 / 11.0))));
-    const double angle_rad = t + t * tail;
-    const double low_rad = azimuth_rad + (angle_rad - kMargin_rad);
-    if (low_rad == azimuth_rad + (angle_rad + kMargin_rad)) return low_rad;
+    double sum = -1.0 / 15.0;
+    sum = 1.0 / 13.0 + t2 * sum;
+    sum = -1.0 / 11.0 + t2 * sum;
+    sum = 1.0 / 9.0 + t2 * sum;
+    sum = -1.0 / 7.0 + t2 * sum;
+    sum = 1.0 / 5.0 + t2 * sum;
+    sum = -1.0 / 3.0 + t2 * sum;
+    angle_rad[i] = t + t * (t2 * sum);
   }
-  return azimuth_rad + std::atan2(across, along);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!(std::abs(across[i]) < kSmall * along[i])) angle_rad[i] = std::atan2(across[i], along[i]);
+  }
+}
+
+/// By how much tilt and turn of the lidar change the angles of the beams. `side`: -1 below a lidar that is upside down.
+void find_turned(const Rays& rays, double side, Beams& beams) {
+  for (std::size_t i = 0; i < rays.part.size(); ++i) {
+    const double y = side * rays.sine[i];
+    beams.across[i] = rays.cosine[i] * beams.y[i] - y * beams.x[i];
+    beams.along[i] = rays.cosine[i] * beams.x[i] + y * beams.y[i];
+  }
+  find_angles(beams.across, beams.along, beams.turned_rad);
+}
+
+/// The hits, and their azimuths as seen from the lidar's place at the first beam.
+void find_hits(const Rays& rays, const Eigen::Vector2d& translation_level_m, bool moves, Beams& beams) {
+  const std::size_t n = rays.part.size();
+  const double shift_x_m = moves ? translation_level_m.x() : 0.0;
+  const double shift_y_m = moves ? translation_level_m.y() : 0.0;
+  for (std::size_t i = 0; i < n; ++i) {
+    const double shifted_x_m = rays.part[i] * shift_x_m;
+    const double shifted_y_m = rays.part[i] * shift_y_m;
+    const double p_x_m = beams.range_m[i] * beams.x[i] + shifted_x_m;
+    const double p_y_m = beams.range_m[i] * beams.y[i] + shifted_y_m;
+    const bool hit = beams.range_m[i] > 0.0;
+    beams.p_x_m[i] = p_x_m;
+    beams.p_y_m[i] = p_y_m;
+    beams.distance_m[i] = std::sqrt(p_x_m * p_x_m + p_y_m * p_y_m);
+    const double across = beams.x[i] * shifted_y_m - beams.y[i] * shifted_x_m;
+    const double along = beams.x[i] * p_x_m + beams.y[i] * p_y_m;
+    beams.across[i] = hit ? across : 0.0;
+    beams.along[i] = hit ? along : 1.0;
+  }
+  if (moves) find_angles(beams.across, beams.along, beams.parallax_rad);
 }
 
 double distance_m(const Point& point) {
@@ -175,7 +287,6 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   const Eigen::Vector2d translation_level_m = (R_level_world * motion.translation_world_m).head<2>();
 
   Points result = std::move(memory);
-  result.points.clear();
   result.full_circle = false;
   result.resolution_rad = 0.0;
   result.stamp_ns = scan.stamp_ns;
@@ -183,53 +294,58 @@ Points project_horizontally(const Scan& scan, const Eigen::Isometry3d& T_world_l
   result.height_world_m = T_world_lidar.translation().z();
   result.time_increment_s = scan.time_increment_s;
   const std::size_t n = scan.beams.size();
-  result.points.reserve(n);
+  result.points.resize(n);
   if (n == 0) return result;
 
   // A lidar turned upside down, or one with a negative increment, sweeps clockwise seen from above: read it in reverse.
   const bool clockwise = (R_world_lidar(2, 2) < 0.0) != (scan.angle_increment_rad < 0.0);
   const double increment_rad = std::abs(scan.angle_increment_rad);
-  const double steps = n > 1 ? static_cast<double>(n - 1) : 1.0;
-  const std::vector<Eigen::Vector2d>& rays = rays_lidar(scan);
+  // The x axis stays where it is but for the tilt, y points the other way below a lidar that is upside down.
+  const double side = R_world_lidar(2, 2) < 0.0 ? -1.0 : 1.0;
+  const Rays& rays = rays_lidar(scan);
+  thread_local Beams beams;  // kept for its memory
+  beams.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    beams.range_m[i] = is_hit(scan.beams[i].state) ? static_cast<double>(scan.beams[i].range_m) : 0.0;
+  }
+  find_directions(rays, R_level_lidar, motion, beams);
+  find_turned(rays, side, beams);
+  find_hits(rays, translation_level_m, motion.moves, beams);
   double first_rad = 0.0;
   double previous_rad = 0.0;
+  double turns_rad = 0.0;  // from the angles of the scan to azimuths
+  std::size_t count = 0;
   for (std::size_t k = 0; k < n; ++k) {
     const std::size_t i = clockwise ? n - 1 - k : k;
-    const double part = static_cast<double>(i) / steps;  // fraction of the motion at the time of this beam
-    const Eigen::Vector3d ray_lidar = motion.moves ? turned(rays[i], motion.axis_lidar, part * motion.turn_rad)
-                                                   : Eigen::Vector3d(rays[i].x(), rays[i].y(), 0.0);
-    const Eigen::Vector2d direction_level = R_level_lidar * ray_lidar;
-    const Eigen::Vector2d lidar_level_m = part * translation_level_m;
-
-    const double wrapped_rad = std::atan2(direction_level.y(), direction_level.x());
-    double step_rad = wrap_to_pi(wrapped_rad - previous_rad);
+    const double direction_rad = side * rays.angle_rad[i] + turns_rad + beams.turned_rad[i];
+    double step_rad = wrap_to_pi(direction_rad - previous_rad);
     if (step_rad < increment_rad - kPi) step_rad += 2.0 * kPi;  // more than half a turn to the next beam
-    const double azimuth_rad = k == 0 ? wrapped_rad : previous_rad + step_rad;
-    if (k == 0) first_rad = azimuth_rad;
+    const double azimuth_rad = k == 0 ? wrap_to_pi(direction_rad) : previous_rad + step_rad;
+    if (k == 0) {
+      first_rad = azimuth_rad;
+      turns_rad = azimuth_rad - direction_rad;
+    }
     if (azimuth_rad > first_rad + 2.0 * kPi) break;  // beyond a full circle: seen already
     previous_rad = azimuth_rad;
 
-    Point point;
+    // Filled where it stays: a point that is copied right after its members were set waits for them.
+    Point& point = result.points[count++];
     point.beam = static_cast<int>(i);
     point.state = scan.beams[i].state;
     point.intensity = scan.beams[i].intensity;
     point.azimuth_rad = azimuth_rad;
     if (is_hit(point.state)) {
-      point.p_level_m = scan.beams[i].range_m * direction_level;
-      if (motion.moves) {
-        point.p_level_m += lidar_level_m;
-        const double across = direction_level.x() * lidar_level_m.y() - direction_level.y() * lidar_level_m.x();
-        // As seen from the origin.
-        point.azimuth_rad = turned_azimuth_rad(azimuth_rad, across, direction_level.dot(point.p_level_m));
-      }
-      point.range_m = point.p_level_m.norm();
-    } else if (point.state == BeamState::kFree) {
-      point.range_m = scan.beams[i].range_m * direction_level.norm();
+      point.p_level_m = {beams.p_x_m[i], beams.p_y_m[i]};
+      point.range_m = beams.distance_m[i];
+      if (motion.moves) point.azimuth_rad += beams.parallax_rad[i];
+    } else {
+      point.p_level_m.setZero();
+      const bool free = point.state == BeamState::kFree;
+      point.range_m = free ? scan.beams[i].range_m * Eigen::Vector2d(beams.x[i], beams.y[i]).norm() : 0.0;
     }
-    result.points.push_back(point);
   }
+  result.points.resize(count);
 
-  const std::size_t count = result.points.size();
   result.resolution_rad = count > 1 ? (previous_rad - first_rad) / static_cast<double>(count - 1) : increment_rad;
   result.full_circle = increment_rad * (static_cast<double>(n) + 0.5) >= 2.0 * kPi;
   if (motion.moves) order_azimuths(result);
