@@ -1,7 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/detections/dense_layers.hpp"
 
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
 #include <algorithm>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -47,6 +52,11 @@ struct Eight {
   static constexpr int kWidth = 8;
   using Vector = float __attribute__((vector_size(kWidth * sizeof(float))));
 };
+
+struct Sixteen {
+  static constexpr int kWidth = 16;
+  using Vector = float __attribute__((vector_size(kWidth * sizeof(float))));
+};
 #endif
 
 /// The sums of one row and panel, as results.
@@ -65,54 +75,66 @@ template <typename Vector, int kVectors>
   }
 }
 
-template <typename Lanes, int kRows>
+template <typename Lanes, int kRows, int kPanels>
 [[gnu::always_inline]] inline void multiply_tile(const Product& product, int row, int panel) {
   using Vector = typename Lanes::Vector;
   constexpr int kWidth = Lanes::kWidth;
   constexpr int kVectors = kPanel / kWidth;
   const auto n = static_cast<std::ptrdiff_t>(product.n);
+  const std::ptrdiff_t panel_size = kPanel * (n + 1);
   const float* const x = product.inputs + row * n;
-  const float* w = product.panels + panel * kPanel * (n + 1);
-  Vector sums[kRows][kVectors];
-  for (int v = 0; v < kVectors; ++v) {
-    Vector bias;
-    std::memcpy(&bias, w + v * kWidth, sizeof(bias));
-    for (int r = 0; r < kRows; ++r) sums[r][v] = bias;
+  const float* w = product.panels + panel * panel_size;
+  Vector sums[kRows][kPanels][kVectors];
+  for (int p = 0; p < kPanels; ++p) {
+    for (int v = 0; v < kVectors; ++v) {
+      Vector bias;
+      std::memcpy(&bias, w + p * panel_size + v * kWidth, sizeof(bias));
+      for (int r = 0; r < kRows; ++r) sums[r][p][v] = bias;
+    }
   }
   for (std::ptrdiff_t i = 0; i < n; ++i) {
     w += kPanel;
-    for (int v = 0; v < kVectors; ++v) {
-      Vector weights;
-      std::memcpy(&weights, w + v * kWidth, sizeof(weights));
-      for (int r = 0; r < kRows; ++r) sums[r][v] += weights * x[r * n + i];
+    for (int p = 0; p < kPanels; ++p) {
+      for (int v = 0; v < kVectors; ++v) {
+        Vector weights;
+        std::memcpy(&weights, w + p * panel_size + v * kWidth, sizeof(weights));
+        for (int r = 0; r < kRows; ++r) sums[r][p][v] += weights * x[r * n + i];
+      }
     }
   }
-  for (int r = 0; r < kRows; ++r) store(product, row + r, panel, sums[r]);
+  for (int p = 0; p < kPanels; ++p) {
+    for (int r = 0; r < kRows; ++r) store(product, row + r, panel + p, sums[r][p]);
+  }
 }
 
 /// A tile of `rows` rows, kMost at most.
-template <typename Lanes, int kMost>
+template <typename Lanes, int kMost, int kPanels>
 [[gnu::always_inline]] inline void multiply_up_to(const Product& product, int row, int rows, int panel) {
   if constexpr (kMost > 1) {
-    if (rows < kMost) return multiply_up_to<Lanes, kMost - 1>(product, row, rows, panel);
+    if (rows < kMost) return multiply_up_to<Lanes, kMost - 1, kPanels>(product, row, rows, panel);
   }
-  multiply_tile<Lanes, kMost>(product, row, panel);
+  multiply_tile<Lanes, kMost, kPanels>(product, row, panel);
 }
 
 /// In tiles of about the same size: one of a single row takes as long as one of four, for each of its sums waits for
 /// the one before.
-template <typename Lanes, int kMostRows>
-[[gnu::always_inline]] inline void multiply_rows(const Product& product, int rows) {
-  const int panels = (product.outputs + kPanel - 1) / kPanel;
+template <typename Lanes, int kMostRows, int kPanels>
+[[gnu::always_inline]] inline void multiply_rows(const Product& product, int rows, int panel) {
   const int tiles = (rows + kMostRows - 1) / kMostRows;
-  for (int panel = 0; panel < panels; ++panel) {
-    int row = 0;
-    for (int tile = 0; tile < tiles; ++tile) {
-      const int count = (rows - row) / (tiles - tile);
-      multiply_up_to<Lanes, kMostRows>(product, row, count, panel);
-      row += count;
-    }
+  int row = 0;
+  for (int tile = 0; tile < tiles; ++tile) {
+    const int count = (rows - row) / (tiles - tile);
+    multiply_up_to<Lanes, kMostRows, kPanels>(product, row, count, panel);
+    row += count;
   }
+}
+
+template <typename Lanes, int kMostRows, int kPanels>
+[[gnu::always_inline]] inline void multiply_dense(const Product& product, int rows) {
+  const int panels = (product.outputs + kPanel - 1) / kPanel;
+  int panel = 0;
+  for (; panel + kPanels <= panels; panel += kPanels) multiply_rows<Lanes, kMostRows, kPanels>(product, rows, panel);
+  for (; panel < panels; ++panel) multiply_rows<Lanes, kMostRows, 1>(product, rows, panel);
 }
 
 /// Half of what a layer with `relu` gives are zeros, which add nothing: the sums are those of the dense product, bit
@@ -175,36 +197,112 @@ template <typename Lanes>
 }
 
 void multiply_portable(const Product& product, const SparseInputs& sparse, int rows) {
-  sparse.counts != nullptr ? multiply_sparse<Four>(product, sparse, rows) : multiply_rows<Four, 2>(product, rows);
+  sparse.counts != nullptr ? multiply_sparse<Four>(product, sparse, rows) : multiply_dense<Four, 2, 1>(product, rows);
 }
 
 #if defined(__x86_64__)
 [[gnu::target("avx2,fma")]] void multiply_avx2(const Product& product, const SparseInputs& sparse, int rows) {
-  sparse.counts != nullptr ? multiply_sparse<Eight>(product, sparse, rows) : multiply_rows<Eight, 5>(product, rows);
+  sparse.counts != nullptr ? multiply_sparse<Eight>(product, sparse, rows) : multiply_dense<Eight, 5, 1>(product, rows);
+}
+
+[[gnu::target("avx512f")]] void multiply_avx512(const Product& product, int rows) {
+  multiply_dense<Sixteen, 8, 2>(product, rows);
+}
+
+bool has_avx2() {
+  static const bool has = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+  return has;
+}
+
+bool has_avx512() {
+  static const bool has = __builtin_cpu_supports("avx512f");
+  return has;
 }
 #endif
 
+/// From this number of rows on the dense product is faster with AVX-512 than that of the inputs that are not zero,
+/// whose weights do not come as fast from the processor's cache. With fewer rows it is, too, but the processor's clock
+/// is then slower for a while, and what follows takes a tenth longer.
+constexpr int kDenseRows = 32;
+
+bool is_dense_faster([[maybe_unused]] int rows) {
+#if defined(__x86_64__)
+  return has_avx512() && rows >= kDenseRows;
+#else
+  return false;
+#endif
+}
+
 void multiply(const Product& product, const SparseInputs& sparse, int rows) {
 #if defined(__x86_64__)
-  static const bool has_avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-  if (has_avx2) return multiply_avx2(product, sparse, rows);
+  if (is_dense_faster(rows)) return multiply_avx512(product, rows);
+  if (has_avx2()) return multiply_avx2(product, sparse, rows);
 #endif
   multiply_portable(product, sparse, rows);
 }
 
-/// The inputs that are not zero, row by row.
+/// Indices of the numbers of a row that are not zero; their count.
+int find_used_portable(const float* x, int n, int* used) {
+  int count = 0;
+  for (int i = 0; i < n; ++i) {
+    std::uint32_t bits = 0;
+    std::memcpy(&bits, x + i, sizeof(bits));
+    used[count] = i;
+    count += bits << 1U != 0 ? 1 : 0;  // without the sign
+  }
+  return count;
+}
+
+#if defined(__x86_64__)
+constexpr int kBlock = Eight::kWidth;
+
+/// For each set of eight numbers, as bits, the indices of its members as bytes, the lowest first.
+constexpr std::array<std::uint64_t, 1 << kBlock> members_of_sets() {
+  std::array<std::uint64_t, 1 << kBlock> members{};
+  for (std::uint64_t set = 0; set < members.size(); ++set) {
+    unsigned shift = 0;
+    for (std::uint64_t i = 0; i < kBlock; ++i) {
+      if ((set >> i & 1U) == 0) continue;
+      members[set] |= i << shift;
+      shift += 8;
+    }
+  }
+  return members;
+}
+
+/// As the portable one, eight numbers at once: writes up to eight indices behind those that count.
+[[gnu::target("avx2,popcnt")]] int find_used_avx2(const float* x, int n, int* used) {
+  static constexpr auto kMembers = members_of_sets();
+  int count = 0;
+  int i = 0;
+  for (; i + kBlock <= n; i += kBlock) {
+    const __m256 is_used = _mm256_cmp_ps(_mm256_loadu_ps(x + i), _mm256_setzero_ps(), _CMP_NEQ_UQ);
+    const auto set = static_cast<unsigned>(_mm256_movemask_ps(is_used));
+    const __m128i members = _mm_cvtsi64_si128(static_cast<long long>(kMembers[set]));
+    const __m256i indices = _mm256_add_epi32(_mm256_cvtepu8_epi32(members), _mm256_set1_epi32(i));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(used + count), indices);
+    count += __builtin_popcount(set);
+  }
+  const int rest = find_used_portable(x + i, n - i, used + count);
+  for (int k = 0; k < rest; ++k) used[count + k] += i;
+  return count + rest;
+}
+#endif
+
+int find_used_of_row(const float* x, int n, int* used) {
+#if defined(__x86_64__)
+  if (has_avx2()) return find_used_avx2(x, n, used);
+#endif
+  return find_used_portable(x, n, used);
+}
+
+/// The inputs that are not zero, row by row; `used` has room for kUsedRoom more.
+constexpr std::size_t kUsedRoom = 8;
+
 void find_used(const float* inputs, int n, int rows, int* used, int* counts) {
   for (int row = 0; row < rows; ++row) {
-    const float* const x = inputs + static_cast<std::ptrdiff_t>(row) * n;
-    int* const of_row = used + static_cast<std::ptrdiff_t>(row) * n;
-    int count = 0;
-    for (int i = 0; i < n; ++i) {
-      std::uint32_t bits = 0;
-      std::memcpy(&bits, x + i, sizeof(bits));
-      of_row[count] = i;
-      count += bits << 1U != 0 ? 1 : 0;  // without the sign
-    }
-    counts[row] = count;
+    const std::ptrdiff_t first = static_cast<std::ptrdiff_t>(row) * n;
+    counts[row] = find_used_of_row(inputs + first, n, used + first);
   }
   for (int row = 0; row + kSparseRows <= rows; row += kSparseRows) {
     const int most = *std::max_element(counts + row, counts + row + kSparseRows);
@@ -249,9 +347,12 @@ const float* DenseLayers::forward(const float* inputs, int rows) {
     if (back_.size() < size) assign_with_room(back_, size, 0.0F);
     const auto inputs_size = static_cast<std::size_t>(rows) * static_cast<std::size_t>(layer.inputs);
     SparseInputs sparse{nullptr, nullptr};
-    if (is_sparse) {
-      if (used_.size() < inputs_size) assign_with_room(used_, inputs_size, 0);
+    if (is_sparse) {  // room for them is kept whatever the number of rows, so that fewer rows allocate nothing
+      const std::size_t used_size = inputs_size + kUsedRoom;
+      if (used_.size() < used_size) assign_with_room(used_, used_size, 0);
       if (counts_.size() < static_cast<std::size_t>(rows)) assign_with_room(counts_, static_cast<std::size_t>(rows), 0);
+    }
+    if (is_sparse && !is_dense_faster(rows)) {
       find_used(inputs, layer.inputs, rows, used_.data(), counts_.data());
       sparse = {used_.data(), counts_.data()};
     }

@@ -54,7 +54,7 @@ TEST(DenseLayers, AreTheProductsOfTheirMatrices) {
   ASSERT_EQ(network.inputs(), 7);
   ASSERT_EQ(network.outputs(), 5);
   Random random(2);
-  for (const int rows : {1, 3, 4, 11, 2}) {
+  for (const int rows : {1, 3, 4, 11, 2, 43}) {
     const Rows inputs = random_rows(rows, 7, random);
     Eigen::MatrixXd expected = inputs.cast<double>();
     for (const auto& [A, b, relu] : layers) {
@@ -69,7 +69,7 @@ TEST(DenseLayers, AreTheProductsOfTheirMatrices) {
 TEST(DenseLayers, ARowDoesNotDependOnTheOthers) {
   DenseLayers network = built_of(three_layers());
   Random random(3);
-  constexpr int kRows = 11;
+  constexpr int kRows = 43;  // large enough for all products that a processor may have
   const Rows inputs = random_rows(kRows, 7, random);
   const Rows together = Eigen::Map<const Rows>(network.forward(inputs.data(), kRows), kRows, 5);
   for (int row = 0; row < kRows; ++row) {
