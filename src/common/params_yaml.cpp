@@ -7,6 +7,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "situation_awareness/common/file.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -165,7 +166,7 @@ void read_yaml(const std::vector<Parameter>& parameters, const std::string& yaml
   try {
     root = YAML::Load(yaml);
   } catch (const YAML::Exception& error) {
-    reader.fail(std::string("not valid YAML: ") + error.what());
+    reader.fail(yaml_defect(error));
   }
   reader.read(root, "");
 }

@@ -10,6 +10,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -105,7 +106,7 @@ ReadFields element_fields(std::string_view text, std::size_t i) {
   try {
     return {parse(std::string(text))[0], place};
   } catch (const YAML::Exception& error) {
-    throw std::invalid_argument(place + "not valid YAML: " + error.what());
+    throw std::invalid_argument(place + yaml_defect(error));
   }
 }
 
@@ -169,7 +170,7 @@ void detail::read_sealed(const std::string& yaml, const std::string& source, con
       element.refuse_rest();
     }
   } catch (const YAML::Exception& error) {
-    throw std::invalid_argument(source + ": not valid YAML: " + error.what());
+    throw std::invalid_argument(source + ": " + yaml_defect(error));
   } catch (const std::invalid_argument& error) {
     throw std::invalid_argument(source + ": " + error.what());
   }

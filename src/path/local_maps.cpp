@@ -13,6 +13,7 @@
 
 #include "situation_awareness/common/file.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
 namespace situation_awareness {
@@ -192,7 +193,7 @@ std::vector<LocalMap> read_local_maps(const std::string& yaml, std::size_t segme
   try {
     root = YAML::Load(yaml);
   } catch (const YAML::Exception& error) {
-    refuse_local_maps(source, std::string("not valid YAML: ") + error.what());
+    refuse_local_maps(source, yaml_defect(error));
   }
   check_local_map_keys(root, {"local_maps"}, "the file", source);
   if (!root["local_maps"].IsSequence()) refuse_local_maps(source, "local_maps must be a list");

@@ -9,6 +9,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -95,7 +96,7 @@ Path read_path(const std::string& yaml, const std::string& source) {
   try {
     root = YAML::Load(yaml);
   } catch (const YAML::Exception& error) {
-    refuse_path(source, std::string("not valid YAML: ") + error.what());
+    refuse_path(source, yaml_defect(error));
   }
   if (!root.IsMap() || !root["path"].IsDefined()) refuse_path(source, "must be a map with the key path");
   Path path;

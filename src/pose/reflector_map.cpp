@@ -13,6 +13,7 @@
 
 #include "situation_awareness/common/file.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -97,7 +98,7 @@ ReflectorMap read_reflector_map(const std::string& yaml, const std::string& sour
   try {
     root = YAML::Load(yaml);
   } catch (const YAML::Exception& error) {
-    fail(source, std::string("not valid YAML: ") + error.what());
+    fail(source, yaml_defect(error));
   }
   if (!root.IsMap() || !root["reflectors"].IsDefined()) fail(source, "must be a map with the key reflectors");
   if (root.size() != 1) fail(source, "reflectors must be the only key");

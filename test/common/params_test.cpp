@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/yaml_defect.hpp"
 
 #include <gtest/gtest.h>
 
@@ -242,6 +243,11 @@ TEST(TextFile, IsReadOrRefusedByName) {
   for (const std::string& bad : {path, testing::TempDir()}) {
     EXPECT_EQ(refusal_of([&] { read_text_file(bad); }).rfind(bad, 0), 0U);
   }
+}
+
+TEST(YamlDefect, IsOneLine) {
+  EXPECT_EQ(yaml_defect(std::runtime_error("unknown escape character: \n")),
+            "not valid YAML: unknown escape character:  ");
 }
 
 }  // namespace
