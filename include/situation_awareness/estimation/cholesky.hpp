@@ -37,7 +37,7 @@ bool cholesky(const Eigen::Matrix<double, Size, Size>& S, Eigen::Matrix<double, 
   return true;
 }
 
-/// The same L; NaN if S is not positive definite.
+/// factor_of() returns the L of cholesky(), or NaN if S is not positive definite.
 template <int Size>
 Eigen::Matrix<double, Size, Size> factor_of(const Eigen::Matrix<double, Size, Size>& S) {
   Eigen::Matrix<double, Size, Size> L;
@@ -45,7 +45,7 @@ Eigen::Matrix<double, Size, Size> factor_of(const Eigen::Matrix<double, Size, Si
   return L;
 }
 
-/// X with L X = B, L lower triangular.
+/// solve_lower() returns the X with L X = B, where L is lower triangular.
 template <int Size, int Columns>
 Eigen::Matrix<double, Size, Columns> solve_lower(const Eigen::Matrix<double, Size, Size>& L,
                                                  const Eigen::Matrix<double, Size, Columns>& B) {
@@ -61,7 +61,7 @@ Eigen::Matrix<double, Size, Columns> solve_lower(const Eigen::Matrix<double, Siz
   return X;
 }
 
-/// X with L L^T X = B, L lower triangular: S^-1 B by the L of S.
+/// solve_cholesky() returns the X with L L^T X = B, where L is lower triangular: S^-1 B by the L of S.
 template <int Size, int Columns>
 Eigen::Matrix<double, Size, Columns> solve_cholesky(const Eigen::Matrix<double, Size, Size>& L,
                                                     const Eigen::Matrix<double, Size, Columns>& B) {
@@ -77,13 +77,14 @@ Eigen::Matrix<double, Size, Columns> solve_cholesky(const Eigen::Matrix<double, 
   return X;
 }
 
-/// The inverse of a lower triangular L.
+/// inverse_of_lower() returns the inverse of a lower triangular L.
 template <int Size>
 Eigen::Matrix<double, Size, Size> inverse_of_lower(const Eigen::Matrix<double, Size, Size>& L) {
   return solve_lower(L, Eigen::Matrix<double, Size, Size>(Eigen::Matrix<double, Size, Size>::Identity()));
 }
 
-/// S^-1 of a positive definite S, of which the lower triangle is used; NaN if it is not positive definite.
+/// inverse_of_positive_definite() returns S^-1 by the lower triangle of S, or NaN if S is not positive
+/// definite.
 template <int Size>
 Eigen::Matrix<double, Size, Size> inverse_of_positive_definite(const Eigen::Matrix<double, Size, Size>& S) {
   const Eigen::Matrix<double, Size, Size> inverse = inverse_of_lower(factor_of(S));
