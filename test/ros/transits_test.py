@@ -6,6 +6,7 @@ import math
 import pathlib
 import subprocess
 import sys
+import threading
 import unittest
 
 import rospy
@@ -25,11 +26,14 @@ SIGMA_M, SIGMA_RAD = 0.001, 0.0005
 
 class Vehicle:
     """Steers to the dock ahead along the corridor's middle; publishes the true pose as the estimate, 1 mm off, and the
-    truth as the map."""
+    truth as the map.
+
+    It does so in a thread of its own, at the latest pose: subscribers of a topic in one process share a queue, so poses
+    that come while it is busy wait for it, whatever the queue_size of its own."""
 
     def __init__(self):
+        self.pose, self.has_pose = None, threading.Event()
         self.transit = None
-        self.may_drive = False
         self.commands = rospy.Publisher("cmd_vel", Twist, queue_size=1)
         self.estimates = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=50)
         self.maps = rospy.Publisher("polygons", PolygonArray, queue_size=5)
@@ -41,8 +45,17 @@ class Vehicle:
         self.transit = message
 
     def on_pose(self, message):
-        if self.transit is None or not self.may_drive:
-            return
+        self.pose = message
+        self.has_pose.set()
+
+    def drive(self):
+        while not rospy.is_shutdown():
+            self.has_pose.wait()
+            self.has_pose.clear()
+            if self.transit is not None:
+                self.steer(self.pose)
+
+    def steer(self, message):
         x, y = message.pose.position.x, message.pose.position.y
         yaw = 2.0 * math.atan2(message.pose.orientation.z, message.pose.orientation.w)
         goal = DOCKS[self.transit.number % 2]
@@ -100,7 +113,7 @@ class TransitsTest(unittest.TestCase):
         right, wrong = self.evaluator("right"), self.evaluator("wrong", "polygons:=wrong/polygons")
         wait_until(lambda: vehicle.wrong_maps.get_num_connections() > 0 and vehicle.maps.get_num_connections() > 0
                    and poses.messages, 60.0, "the evaluators")
-        vehicle.may_drive = True
+        threading.Thread(target=vehicle.drive, daemon=True).start()
         output, _ = right.communicate(timeout=120)
         self.assertEqual(right.returncode, 0, output)
         self.assertIn("16 of 16", output)
