@@ -14,7 +14,7 @@
 #     after calls 42 first age 0.00 s, last age 5.33 s
 set -euo pipefail
 folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
+trap 'kill $(jobs -p) 2> /dev/null || true; rm -rf "$folder"' EXIT
 cd "$folder"
 packages=(python3-rospy=1.15.15+ds-2 python3-rosgraph=1.15.15+ds-2 python3-rosmaster=1.15.15+ds-2
   python3-roslib=1.15.8-3 python3-genpy=0.6.16-2 python3-genmsg=0.6.0-1 python3-rospkg=1.4.0-2
@@ -27,8 +27,6 @@ export PYTHONPATH="$folder/root/usr/lib/python3/dist-packages" ROS_MASTER_URI=ht
 export ROS_HOME="$folder/home" ROS_LOG_DIR="$folder/home"
 PATH=/usr/bin:/bin
 python3 -c 'import rosmaster; rosmaster.rosmaster_main(["rosmaster", "--core", "-p", "23971"])' > master.log 2>&1 &
-master=$!
-trap 'kill $master; rm -rf "$folder"' EXIT
 cat > sender.py <<'P'
 import time, rospy
 from std_msgs.msg import Header
