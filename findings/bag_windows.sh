@@ -29,6 +29,7 @@ packages=(python3-rosbag=1.15.15+ds-2 python3-roslz4=1.15.15+ds-2 python3-genpy=
 apt-get download -q "${packages[@]}" > log 2>&1 || { cat log >&2; exit 1; }
 for deb in *.deb; do dpkg -x "$deb" root; done
 cat > others.py <<'P'
+import json
 import sys
 import warnings
 
@@ -38,7 +39,7 @@ from rosbags.rosbag1 import Reader, Writer
 from rosbags.typesys import Stores, get_typestore
 
 warnings.simplefilter("ignore")
-stamps_s, store, kind, ns = eval(sys.argv[1]), get_typestore(Stores.ROS1_NOETIC), "std_msgs/msg/String", 10**9
+stamps_s, store, kind, ns = json.loads(sys.argv[1]), get_typestore(Stores.ROS1_NOETIC), "std_msgs/msg/String", 10**9
 with Writer("out.bag") as bag:
     connection = bag.add_connection("/topic", kind, typestore=store)
     for stamp_s in stamps_s:
@@ -63,6 +64,7 @@ print(f"mcap {seen[0]}, from 2 to 4: {seen[1]}")
 assert seen == [[1, 2, 3, 4, 5], [2, 3]]
 P
 cat > own.py <<'P'
+import json
 import sys
 
 import genpy
@@ -72,7 +74,7 @@ bag = rosbag.Bag("out.bag")
 seen = [[stamp.secs for _, _, stamp in bag.read_messages(start_time=first, end_time=last)]
         for first, last in ((None, None), (genpy.Time(2), genpy.Time(4)))]
 print(f"rosbag {seen[0]}, from 2 to 4: {seen[1]}")
-assert seen == [eval(sys.argv[1]), [2, 3, 4] if seen[0] == sorted(seen[0]) else [2, 3]]
+assert seen == [json.loads(sys.argv[1]), [2, 3, 4] if seen[0] == sorted(seen[0]) else [2, 3]]
 P
 for stamps in "[1, 2, 3, 4, 5]" "[1, 2, 3, 5, 4]"; do
   rm -f out.bag

@@ -1,12 +1,10 @@
 #!/bin/bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Guess: evo makes each pose of the truth and of the estimate part of one pair at most, and pairs of as much as are
-# near.
+# Guess: evo makes each pose of the truth, and each of the estimate, part of one pair at most.
 #
 # Seen with evo 1.38.1: it goes over the trajectory with fewer poses and gives each its nearest, also one that has been
-# given: five estimates within 40 ms are compared with one true pose, and count five times. That the other one has more
-# poses in all does not make them denser there, as where the truth has a gap. Remedy: count different stamps of the
-# pairs, and keep `max_diff` below half of the truth's period.
+# given: five estimates within 40 ms are compared with one true pose, and count five times. Remedy: count different
+# stamps of the pairs, and keep `max_diff` below half of the estimate's period.
 #
 # Output, of a truth at 10 Hz and an estimate with five poses around 0.5 s:
 #     max_diff 0.05 s: 5 pairs, of 1 true pose

@@ -5,8 +5,8 @@
 #
 # Seen with mujoco 2.3.7 and 4.0.0, the same in both:
 # - a plane carries without end, but is seen within its `size` alone, which is meant for drawing;
-# - a geom, or its material, with alpha 0 is not seen, though it is hit; one with alpha 0.01 is;
-# - a geom without contacts (contype = conaffinity = 0) is seen, though nothing can hit it;
+# - a geom with alpha 0 is not seen; one with alpha 0.01 is;
+# - a geom without contacts (contype = conaffinity = 0) is seen;
 # - a concave mesh is seen as it is, but hit as its convex hull: a robot collides with a notch that the sensor sees
 #   free;
 # - a hit beyond `cutoff` reads as a hit at `cutoff`, no hit as -1.

@@ -1,7 +1,7 @@
 #!/bin/bash
 # SPDX-License-Identifier: BSD-3-Clause
-# Guess: the columns of an Ouster scan turn as the beams of a LaserScan do, against the clock, all pixels of a column
-# look the same way, and a range is the distance of the point from the sensor's origin.
+# Guess: the columns of an Ouster scan turn as the beams of a LaserScan do, against the clock, and a range is the
+# distance of the point from the sensor's origin.
 #
 # Seen with ouster-sdk 1.0.1, of the OS-1-64 that it makes by default: columns turn with the clock, by .3516 degrees at
 # 1,024 of them, and begin behind the sensor; the sensor's frame is turned by half a turn against the lidar's and 36 mm

@@ -4,8 +4,8 @@
 #
 # Seen with rasterio 1.4.4: `sample` answers the file's number for no data, and 0 where the file names none, which is
 # sea level: a drone that asks beside the model is told to fly at 0 m. What is inside is the pixel's number, not one
-# between pixels. The upper and the left edge are inside, the lower and the right edge are not. Remedy: compare the
-# place with `bounds` first, or ask for a mask (`masked=True`).
+# between pixels. The upper edge is inside, the right one is not. Remedy: compare the place with `bounds` first, or ask
+# for a mask (`masked=True`).
 #
 # Output, of a model of 5 m x 5 m with heights 101 to 125 m:
 #     no number for no data: outside 0, left of a pixel's middle 113, right of it 113, right edge 0, upper edge 103
