@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstring>
 #include <limits>
 #include <map>
 #include <stdexcept>
@@ -112,7 +113,13 @@ using Row = std::array<Number, kTileCells>;
 using Mask = Row<double>;
 
 bool any_of(const Mask& mask) {
-  return std::any_of(mask.begin(), mask.end(), [](double is) { return is != 0.0; });
+  std::uint64_t any = 0;
+  for (const double is : mask) {  // several at once: no comparison of each
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &is, sizeof bits);
+    any |= bits;
+  }
+  return any != 0;
 }
 
 /// Labels that are read in between the pixels. Exactly 0.5 is not known, but for a pixel at an edge: one between others
@@ -511,11 +518,12 @@ class GridMap::Impl {
     const int reach = static_cast<int>(std::ceil(params_.reach_m / edge_m)) + 1;
     const auto tile_of = [&](double coordinate_m) { return static_cast<int>(std::floor(coordinate_m / edge_m)); };
     const int column = tile_of(view.p_world_camera_m.x()), row = tile_of(view.p_world_camera_m.y());
+    auto next = tiles_.begin();
     for (int r = row - reach; r <= row + reach; ++r) {
       for (int c = column - reach; c <= column + reach; ++c) {
         const Eigen::Vector2d middle_m = Eigen::Vector2d(c + 0.5, r + 0.5) * edge_m;
         if ((middle_m - view.p_world_camera_m.head<2>()).norm() > params_.reach_m + edge_m) continue;
-        Tile& tile = known_tile({c, r});
+        Tile& tile = known_tile({c, r}, next);
         if (tile.low_m > tile.high_m) continue;
         const double radius_m =
             std::hypot(0.71 * edge_m, 0.5 * (tile.high_m - tile.low_m) + params_.class_height_m + max_offset_m());
@@ -834,11 +842,13 @@ class GridMap::Impl {
     return std::isnan(slope) ? 0.0 : slope;
   }
 
-  Tile& known_tile(Place key) {
-    const auto [found, is_new] = tiles_.try_emplace(key);
-    Tile& tile = found->second;
-    if (is_new) find_ground(key, tile);
-    return tile;
+  /// `next`: the one that comes after it, or where it may be. It is set to the one after it.
+  Tile& known_tile(Place key, std::map<Place, Tile>::iterator& next) {
+    const std::size_t before = tiles_.size();
+    const auto found = tiles_.try_emplace(next, key);
+    if (tiles_.size() > before) find_ground(key, found->second);
+    next = std::next(found);
+    return found->second;
   }
 
   void find_ground(Place key, Tile& tile) const {
