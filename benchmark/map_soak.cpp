@@ -225,7 +225,8 @@ class PolygonDay : public Day {
   void advance() override { rounds_.advance(); }
   void map() override {
     pipeline_.process(rounds_.scan(), rounds_.T_world_lidar(), rounds_.T_world_lidar(), Rounds::covariance());
-    polygons_ = pipeline_.map().polygons(std::move(polygons_));
+    pipeline_.map().update_due_chains();
+    polygons_ = pipeline_.map().latest_polygons(std::move(polygons_));
     elements_ = pipeline_.map().elements();
   }
   std::pair<std::size_t, std::size_t> size() const override { return {polygons_.chains.size(), elements_}; }

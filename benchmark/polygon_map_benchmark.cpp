@@ -164,7 +164,8 @@ void from_scan_to_both_maps(benchmark::State& state) {
   Polygons polygons;
   const auto one = [&](const Scan& scan, const Eigen::Isometry3d& T_world_lidar) {
     pipeline.process(scan, T_world_lidar, T_world_lidar, kCovariance);
-    polygons = pipeline.map().polygons(std::move(polygons));
+    pipeline.map().update_due_chains();
+    polygons = pipeline.map().latest_polygons(std::move(polygons));
   };
   for (int i = 0; i < 300; ++i) {
     const Scan scan = drive.next();

@@ -168,6 +168,7 @@ bool SplinegonPipeline::begin(FirstScan scan) {
   if (passes_ == kPasses) {
     alignment_.begin_with(first_velocity_m_s_, kFirstVelocitySigma_m_s);
     map_first_scans(chains_, alignment_, true);
+    are_taken_ = false;
     first_scans_.clear();
     begins_ = passes_ = 0;
     return true;
@@ -200,15 +201,28 @@ void SplinegonPipeline::take_polylines(const Scan& scan, const Eigen::Isometry3d
 
 const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2) {
   update_ = chains_.update(polylines_, covariance, std::move(update_));
-  polygons_ = chains_.polygons(std::move(polygons_));
   common_variance_m2_ = common_variance_m2;
+  const ChainChanges& changes = chains_.update_due_chains();
+  if (are_taken_ && changes.changed.empty() && changes.gone.empty()) {
+    polygons_.stamp_ns = polylines_.stamp_ns;
+    return place_boundaries(polylines_.stamp_ns);
+  }
+  polygons_ = chains_.latest_polygons(std::move(polygons_));
   take_boundaries();
+  are_taken_ = true;
   return fit_boundaries(polylines_.stamp_ns);
 }
 
-/// In the map, and where that is in the world now: all of it, whatever the scan hit.
+/// In the map.
 const Splinegons& SplinegonPipeline::fit_boundaries(std::int64_t stamp_ns) {
-  splinegons_ = map_.update(stamp_ns, boundaries_);
+  map_.update(stamp_ns, boundaries_);
+  return place_boundaries(stamp_ns);
+}
+
+/// Where the map is in the world now: all of it, whatever the scan hit.
+const Splinegons& SplinegonPipeline::place_boundaries(std::int64_t stamp_ns) {
+  splinegons_ = map_.splinegons();
+  splinegons_.stamp_ns = stamp_ns;
   for (Splinegon& splinegon : splinegons_.boundaries) {
     place_in_world(alignment_.T_world_map(), common_variance_m2_, splinegon.vertices);
   }

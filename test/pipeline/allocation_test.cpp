@@ -127,7 +127,8 @@ TEST(Allocation, NoneFromScanToBothMapsAfterWarmUp) {
       scan.stamp_ns = stamp_ns += 50'000'000;
       const Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
       on_movers += pipeline.process(scan, T, T, 1e-8 * Eigen::Matrix3d::Identity()).update.on_movers;
-      polygons = pipeline.map().polygons(std::move(polygons));
+      pipeline.map().update_due_chains();
+      polygons = pipeline.map().latest_polygons(std::move(polygons));
     }
     asked = allocations().count - before;
   }

@@ -233,7 +233,7 @@ class PolygonStage {
     }
     map_.update(odd, covariance);
   }
-  void expect_sound() const {
+  void expect_sound() {
     for (const Chain& chain : map_.polygons().chains) {
       for (const ChainVertex& vertex : chain.vertices) {
         EXPECT_TRUE(vertex.p_world_m.allFinite());

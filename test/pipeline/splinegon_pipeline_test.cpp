@@ -345,6 +345,42 @@ TEST(SplinegonPipelineFlights, SweepsWithTheVelocityThatTheMapTells) {
   EXPECT_NEAR(area_m2(boundary) / (kPi * 60.0), 1.0, 0.01);
 }
 
+// Between two refreshes of the chains the boundaries stay as they are; then they are as if there had been none.
+TEST(SplinegonPipeline, BoundariesThatWaitAreThoseOfEachScan) {
+  Flight flight(ellipse({10.0, 6.0}));
+  SplinegonPipelineParams params = shipped();
+  SplinegonPipeline waiting(params);
+  params.polygons.refresh_s = 0.0;
+  SplinegonPipeline each(params);
+  const Eigen::Matrix3d covariance = Eigen::Vector3d(1e-4, 1e-4, 4e-6).asDiagonal();
+  int kept = 0;
+  std::vector<SplinegonVertex> before;
+  for (double t_s = 0.0; t_s < 1.2 * Flight::lap_s(); t_s += Flight::kPeriod_s) {
+    const Scan scan = flight.scan_at(t_s);
+    for (SplinegonPipeline* const pipeline : {&waiting, &each}) {
+      pipeline->process(scan, Flight::banked(Flight::pose2_at(t_s)),
+                        Flight::banked(Flight::pose2_at(t_s + Flight::kSweep_s)), covariance);
+      EXPECT_EQ(pipeline->splinegons().stamp_ns, scan.stamp_ns);
+    }
+    if (waiting.splinegons().boundaries.empty()) continue;
+    const std::vector<SplinegonVertex>& now = waiting.splinegons().boundaries[0].vertices;
+    kept += now.size() == before.size() && std::equal(now.begin(), now.end(), before.begin(),
+                                                      [](const SplinegonVertex& a, const SplinegonVertex& b) {
+                                                        return a.p_world_m == b.p_world_m;
+                                                      })
+                ? 1
+                : 0;
+    before = now;
+  }
+  EXPECT_GT(kept, 50);
+  expect_one_closed_boundary(waiting.splinegons());
+  expect_one_closed_boundary(each.splinegons());
+  EXPECT_EQ(waiting.splinegons().boundaries[0].id, each.splinegons().boundaries[0].id);
+  for (const SplinegonPoint& point : sampled(waiting.splinegons().boundaries[0], 0.05)) {
+    EXPECT_LT(distance_m(each.splinegons().boundaries[0], point.p_world_m), 0.02);
+  }
+}
+
 TEST(SplinegonPipeline, SmallThingsAreNoLargeObstacles) {
   Flight flight(box(1.0, 1.0));
   SplinegonPipeline pipeline(shipped());

@@ -13,6 +13,7 @@ import genpy
 import rosbag
 import rospy
 import rostest
+import yaml
 from sensor_msgs.msg import LaserScan
 from tf2_msgs.msg import TFMessage
 
@@ -44,26 +45,31 @@ def polylines_of(message):
 
 
 class PolygonsLiveOfflineTest(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-        name = polygon_worlds.write_world(self.folder, "corridor", 1, sweep=True, transits=1)
-        self.bag = self.folder / f"{name}_tf.bag"
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        name = polygon_worlds.write_world(cls.folder, "corridor", 1, sweep=True, transits=1)
+        cls.bag = cls.folder / f"{name}_tf.bag"
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.temporary.cleanup()
+
+    def expected(self, *arguments):
         lines = self.folder / "out.jsonl"
         subprocess.run(["rosrun", "situation_awareness", "polygons_bag", str(self.bag), "--localization", "tf",
-                        "--world-frame", "map", "--out", str(lines)], check=True, timeout=120)
+                        "--world-frame", "map", "--out", str(lines), *arguments], check=True, timeout=120)
         maps = [json.loads(line, parse_float=Text) for line in lines.read_text().splitlines()]
-        self.expected = {genpy.Time(*map(int, line["stamp"].text.split("."))): line["polylines"] for line in maps}
+        return {genpy.Time(*map(int, line["stamp"].text.split("."))): line["polylines"] for line in maps}
 
-    def test_the_maps_are_the_same(self):
-        maps = Latest("polygons", PolygonArray)
-        scans = rospy.Publisher("scan", LaserScan, queue_size=100, tcp_nodelay=True)
-        tf = rospy.Publisher("/tf", TFMessage, queue_size=1000, tcp_nodelay=True)
-        tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
-        save = rospy.ServiceProxy("polygon_mapping/save_polygons", SavePolygons)
-        load = rospy.ServiceProxy("polygon_mapping/load_polygons", LoadPolygons)
-        save.wait_for_service(60.0)
+    def compare(self, namespace, expected, after_scan=lambda compared, maps: None):
+        """`after_scan`: is called with the number of scans that were compared and the maps that have come."""
+        maps = Latest(f"/{namespace}/polygons", PolygonArray)
+        scans = rospy.Publisher(f"/{namespace}/scan", LaserScan, queue_size=100, tcp_nodelay=True)
+        tf = rospy.Publisher(f"/{namespace}/tf", TFMessage, queue_size=1000, tcp_nodelay=True)
+        tf_static = rospy.Publisher(f"/{namespace}/tf_static", TFMessage, queue_size=10, latch=True)
+        rospy.wait_for_service(f"/{namespace}/polygon_mapping/save_polygons", 60.0)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (scans, tf, tf_static, maps.subscriber)),
                    60.0, "the nodelets")
         time.sleep(1.0)  # the connections among the nodelets
@@ -88,20 +94,37 @@ class PolygonsLiveOfflineTest(unittest.TestCase):
                     message = maps.messages[-1]
                     self.assertEqual(message.header.stamp, stamp)
                     self.assertEqual([p.id for p in message.polygons], sorted(p.id for p in message.polygons))
-                    self.assertEqual(polylines_of(message), {line["id"]: line for line in self.expected[stamp]},
+                    self.assertEqual(polylines_of(message), {line["id"]: line for line in expected[stamp]},
                                      f"at {stamp}")
                     compared += 1
                     chains += len(message.polygons)
-                    if compared % 200 == 100:  # saved and loaded at once: it goes on as if it had not been
-                        path = str(self.folder / "map.yaml")
-                        self.assertTrue(save(path).success)
-                        answer = load(path)
-                        self.assertTrue(answer.success, answer.message)
-                        wait_until(lambda: len(maps.messages) > compared + compared // 200, 10.0, "the loaded map")
+                    after_scan(compared, maps)
                 if compared >= SCANS:
                     break
-        self.assertGreaterEqual(compared, min(SCANS, len(self.expected)))
+        self.assertGreaterEqual(compared, min(SCANS, len(expected)))
         self.assertGreater(chains, compared)
+
+    def test_the_maps_are_the_same(self):
+        self.compare("as_shipped", self.expected())
+
+    def test_a_map_that_is_saved_and_loaded_at_once_goes_on_as_if_it_had_not_been(self):
+        config = yaml.safe_load((HERE.parents[2] / "cfg/polygons.yaml").read_text()) or {}
+        config.setdefault("polygons", {})["refresh_s"] = 0.0
+        with_each_scan = self.folder / "with_each_scan.yaml"
+        with_each_scan.write_text(yaml.safe_dump(config))
+        save = rospy.ServiceProxy("/with_each_scan/polygon_mapping/save_polygons", SavePolygons)
+        load = rospy.ServiceProxy("/with_each_scan/polygon_mapping/load_polygons", LoadPolygons)
+
+        def save_and_load(compared, maps):
+            if compared % 200 != 100:
+                return
+            path = str(self.folder / "map.yaml")
+            self.assertTrue(save(path).success)
+            answer = load(path)
+            self.assertTrue(answer.success, answer.message)
+            wait_until(lambda: len(maps.messages) > compared + compared // 200, 10.0, "the loaded map")
+
+        self.compare("with_each_scan", self.expected("--config", str(with_each_scan)), save_and_load)
 
 
 if __name__ == "__main__":

@@ -126,7 +126,8 @@ class Drive {
     };
     evaluation_.add_scan(sample.scan, in_plane(sample.T_world_lidar), in_plane(sample.T_world_lidar_end));
     if (!is_known) return;
-    polygons_ = pipeline_.pipeline().map().polygons(std::move(polygons_));
+    pipeline_.pipeline().map().update_due_chains();
+    polygons_ = pipeline_.pipeline().map().latest_polygons(std::move(polygons_));
     const LocalizedPose pose = pipeline_.localization().pose();
     evaluation_.add_pose(pose.T_world_base.x, pose.covariance_world, true_base(seconds_between(0, stamp_ns)));
     steer(pose.T_world_base.x);

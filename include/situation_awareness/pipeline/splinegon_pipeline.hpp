@@ -103,6 +103,7 @@ class SplinegonPipeline {
   bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m,
                   double reach_m);
   const Splinegons& fit_boundaries(std::int64_t stamp_ns);
+  const Splinegons& place_boundaries(std::int64_t stamp_ns);
 
   /// A scan of the begin.
   struct FirstScan {
@@ -131,6 +132,7 @@ class SplinegonPipeline {
   std::vector<ObstacleBoundary> boundaries_;
   std::vector<ObstacleBoundary*> parts_;  ///< others that lead from one place to another, in order
   std::vector<SplinegonElement> joined_;  ///< of a boundary and of parts_, kept for its memory
+  bool are_taken_ = true;                 ///< boundaries, of all changes of the chains
   Splinegons splinegons_;
   std::vector<OfClosed> closed_;   ///< at the scan before, by chain
   std::vector<OfClosed> closing_;  ///< the same of this scan

@@ -80,7 +80,7 @@ class MapServices {
   std::string reset();
   std::string pause(bool paused);
   typename Kind::Message map_at(const ros::Time& stamp) const;
-  std::string save(const std::string& file) const;
+  std::string save(const std::string& file);
   std::string load(const std::string& file);
 
   StageContextBase& context_;
@@ -154,7 +154,7 @@ typename Kind::Message MapServices<Kind>::map_at(const ros::Time& stamp) const {
 }
 
 template <class Kind>
-std::string MapServices<Kind>::save(const std::string& file) const {
+std::string MapServices<Kind>::save(const std::string& file) {
   detail::check_absolute(file);
   if (map_.stamp_ns() == Map::kNoStamp) throw std::runtime_error("there is no map yet");
   auto snapshot = map_.snapshot();

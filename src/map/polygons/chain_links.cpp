@@ -225,7 +225,7 @@ void ChainLinks::link(const Elements& elements, const NearElements& near, double
   assign_with_room(along_, size, Eigen::Vector2d::UnitX());
   for (std::vector<double>* list : {&cost_right_, &cost_left_}) assign_with_room(*list, size, kNoLink);
   assign_with_room(name_, size, 0);
-  for (std::vector<unsigned char>* list : {&links_, &joint_}) list->assign(size, 0);
+  for (std::vector<unsigned char>* list : {&links_, &joint_}) assign_with_room(*list, size, 0);
   // Ends of chains that are taken apart come back: room for all.
   for (std::vector<Index>* list : {&open_, &crossed_, &walked_in_order_}) {
     if (list->capacity() < 2 * size) list->reserve(3 * size + kUsualRoom);
@@ -393,7 +393,7 @@ void ChainLinks::walk_from(const Elements& elements, Index first, bool closed) {
 void ChainLinks::walk(const Elements& elements, const NearElements& near) {
   walked_in_order_.clear();
   chains_.clear();
-  walked_.assign(links_.size(), 0);
+  assign_with_room(walked_, links_.size(), 0);
   for (std::size_t k = 0; k < links_.size(); ++k) {
     if (links_[k] && right_[k] == kNone) walk_from(elements, static_cast<Index>(k), false);
   }

@@ -77,7 +77,8 @@ void Joints::decide(double step_s) {
     if (at == joints_.end() || at->low != low || at->high != high || !at->is_seen) continue;  // forgotten since
     Joint& joint = *at;
     joint.seen_s = std::min(joint.seen_s + step_s, kMemory_s);
-    joint.share += (joint.seen_s > 0.0 ? step_s / joint.seen_s : 1.0) * ((joint.met ? 1.0 : 0.0) - joint.share);
+    const double part = step_s < joint.seen_s ? step_s / joint.seen_s : 1.0;
+    joint.share += part * ((joint.met ? 1.0 : 0.0) - joint.share);
     if (joint.seen_s < kFirst_s) {
       joint.joined = joint.share > 0.5;
     } else if (joint.share > kJoined) {

@@ -24,6 +24,8 @@ constexpr double kOnChain_m = 0.045;
 /// The links of an element along its line depend on others within so many times their reach: those that are each
 /// other's best, two each of three rounds, one for what crosses them, and one for whether they are shown.
 constexpr double kLineReaches = 8.0;
+/// Vertices that a chain of a list gets room for, whichever chain has its place there.
+constexpr std::size_t kUsualVertices = 32;
 /// m. Least length of the tiles.
 constexpr double kLeastTile_m = 1.0;
 
@@ -44,6 +46,11 @@ double expected_by(double other_seen_s, double other_share, double own_age_s) {
   return std::min(other_seen_s, other_share * own_age_s);
 }
 
+/// s. A chain that no scan hit for so long is told at once when one does.
+constexpr double kSeenAgain_s = 1.0;
+/// Log-odds of existence below which a chain that beams pass is told at once, each time that they fell by so much.
+constexpr double kDoubted = 3.0, kDoubtStep = 0.75;
+
 /// This order makes a heap with the earliest first.
 constexpr auto kIsLater = [](const auto& a, const auto& b) { return a.at_ns > b.at_ns; };
 
@@ -61,6 +68,7 @@ MapChains::MapChains(double spacing_m, double max_gap_m, double tolerance_m)
   }
   for (std::vector<Slot>* slots : {&free_slots_, &window_slots_, &slots_}) slots->reserve(kUsualRoom);
   removed_world_m_.reserve(kUsualRoom);
+  rooms_.reserve(kUsualRoom);
   for (std::vector<Index>* list : {&ageing_, &were_ageing_}) list->reserve(kUsualRoom);
   due_.reserve(kUsualRoom);
 }
@@ -71,8 +79,15 @@ double MapChains::tile_m(double spacing_m, double max_gap_m) {
   return std::max({kLeastTile_m, 1.5 * max_gap_m, kLineReaches * ChainLinks::reach_m(spacing_m)});
 }
 
+/// At least so many members.
+void MapChains::room_for(std::size_t members) {
+  if (members_.size() >= members) return;
+  make_room(members_, members);
+  members_.resize(members);
+}
+
 void MapChains::touch(Index index) {
-  if (static_cast<std::size_t>(index) >= members_.size()) members_.resize(static_cast<std::size_t>(index) + 1);
+  room_for(static_cast<std::size_t>(index) + 1);
   Member& own = member(index);
   if (own.is_touched) return;
   own.is_touched = true;
@@ -182,7 +197,9 @@ void MapChains::restore(const Surfels& surfels, const PolygonMapSnapshot& snapsh
 }
 
 void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot) {
-  for (Index i = 0; i < surfels.end(); ++i) member(i).is_shown = surfels[i].alive && surfels[i].confirmed;
+  for (Index i = 0; i < surfels.end(); ++i) {
+    member(i).is_shown = member(i).is_known = surfels[i].alive && surfels[i].confirmed;
+  }
   for (const Index i : snapshot.seldom_hit.values) member(i).is_shown = false;
   for (const Index i : snapshot.crossed.values) member(i).is_crossed = true;
   renamed_ = snapshot.renamed.values;
@@ -208,7 +225,8 @@ void MapChains::restore_chains(const Surfels& surfels, const PolygonMapSnapshot&
       names_.emplace_back().name = surfels[places.elements[k]].chain;
     }
     if (places.id == 0) continue;
-    fit(surfels, chain);
+    copy_with_room(fitted(surfels, chain), chain.chain);
+    chain.chain.id = places.id;
     holders_.push_back({places.id, slot});
   }
   std::sort(holders_.begin(), holders_.end(), [](const Holder& a, const Holder& b) { return a.id < b.id; });
@@ -310,9 +328,7 @@ void MapChains::enter_window_of_name(std::uint64_t name) {
 
 /// All elements that are linked again: those in the marked tiles, and the whole of the chains that are there.
 void MapChains::find_window(const Surfels& surfels) {
-  if (members_.size() < static_cast<std::size_t>(surfels.end())) {
-    members_.resize(static_cast<std::size_t>(surfels.end()));
-  }
+  room_for(static_cast<std::size_t>(surfels.end()));
   mark_tiles(surfels);
   window_.clear();
   for (const Index i : touched_) {
@@ -451,7 +467,8 @@ void MapChains::touch_due(const Surfels& surfels, std::int64_t stamp_ns) {
   }
 }
 
-void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
+void MapChains::link(const Surfels& surfels, std::int64_t since_ns, std::int64_t stamp_ns,
+                     const ChainLinks::View& view) {
   link_elements_.clear();
   all_links_.clear();
   to_link_.resize(window_.size() + context_.size());
@@ -470,7 +487,7 @@ void MapChains::link(const Surfels& surfels, std::int64_t stamp_ns, const ChainL
     element.seen_share = seen_share(element.seen_s, element.age_s);
     element.chain = surfel.chain;
     element.index = i;
-    element.is_hit = surfel.last_seen_ns == stamp_ns;
+    element.is_hit = surfel.last_seen_ns > since_ns;
     all_links_.push_back(static_cast<NearElements::Index>(all_links_.size()));
   }
   near_.find(link_elements_, all_links_, std::max(kRareReach_m, ChainLinks::reach_m(spacing_m_)));
@@ -527,13 +544,13 @@ void MapChains::keep_line(LinkElement& element) {
 }
 
 /// What is left of a thing that goes piece by piece is as large as the thing was: only what is hit is measured.
-void MapChains::measure(Surfels& surfels, std::int64_t stamp_ns) const {
+void MapChains::measure(Surfels& surfels, std::int64_t since_ns) const {
   for (const Index i : window_) surfels[i].elements_of_chain = 0;
   for (const ChainLinks::Run& run : links_.chains()) {
     for (std::size_t k = run.first; k < run.end; ++k) {
       Surfel& surfel = surfels[links_.ordered()[k]];
       surfel.elements_of_chain = static_cast<int>(run.end - run.first);
-      if (surfel.last_seen_ns == stamp_ns) surfel.thing_m = std::max(surfel.thing_m, run.size_m);
+      if (surfel.last_seen_ns > since_ns) surfel.thing_m = std::max(surfel.thing_m, run.size_m);
     }
   }
 }
@@ -755,13 +772,32 @@ MapChains::Slot MapChains::same_as_before(const ChainLinks::Run& run) const {
 
 MapChains::Slot MapChains::new_slot() {
   if (free_slots_.empty()) {
-    kept_.emplace_back().chain.vertices.reserve(Chain::kUsualVertices);
+    kept_.emplace_back();
     free_slots_.push_back(static_cast<Slot>(kept_.size() - 1));
   }
   const Slot slot = free_slots_.back();
   free_slots_.pop_back();
   kept(slot).is_alive = true;
   return slot;
+}
+
+/// A list of vertices: the one of least room that has enough, or the one of most. Rooms of all sizes find their use
+/// again, and none has to grow once there are enough.
+std::vector<ChainVertex> MapChains::take_room(std::size_t vertices) {
+  const auto is_better = [&](const std::vector<ChainVertex>& a, const std::vector<ChainVertex>& b) {
+    const bool fits = a.capacity() >= vertices;
+    return fits != (b.capacity() >= vertices) ? fits : fits == (a.capacity() < b.capacity());
+  };
+  const auto best = std::min_element(rooms_.begin(), rooms_.end(), is_better);
+  if (best == rooms_.end()) return {};
+  std::vector<ChainVertex> result = std::move(*best);
+  *best = std::move(rooms_.back());
+  rooms_.pop_back();
+  return result;
+}
+
+void MapChains::give_room(std::vector<ChainVertex> vertices) {
+  if (vertices.capacity() > 0) rooms_.push_back(std::move(vertices));
 }
 
 void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
@@ -780,8 +816,9 @@ void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
   }
 }
 
-void MapChains::fit(const Surfels& surfels, Kept& kept) {
-  Chain& result = kept.chain;
+/// What a chain is, but for its id. Valid until the next call.
+const Chain& MapChains::fitted(const Surfels& surfels, const Kept& kept) {
+  Chain& result = fitted_;
   elements_.clear();
   double least_log_odds = Surfel::kMostLogOdds;
   result.first_seen_ns = std::numeric_limits<std::int64_t>::max();
@@ -796,6 +833,7 @@ void MapChains::fit(const Surfels& surfels, Kept& kept) {
   result.closed = kept.closed;
   result.p_exists = 1.0 / (1.0 + std::exp(-least_log_odds));
   chain_fit_.fit(elements_, result.closed, tolerance_m_, result.vertices);
+  return result;
 }
 
 /// Puts the new chains in the places of those that they were made of, and tells what is not as it was.
@@ -818,11 +856,17 @@ void MapChains::replace(const Surfels& surfels) {
     const Slot slot = is_same ? slots_[c] : new_slot();
     keep(shown_[c], slot);
     Kept& own = kept(slot);
-    if (!is_same) fit(surfels, own);
     const std::uint64_t id = ids_[c];
     const auto was = std::lower_bound(was_.begin(), was_.end(), Holder{id, kNone}, by_id);
     const bool is_known = was != was_.end() && was->id == id;
-    if (!is_known || (was->slot != slot && !are_same(kept(was->slot).chain, own.chain))) changes_.changed.push_back(id);
+    const Chain& now = is_same ? own.chain : fitted(surfels, own);
+    if (!is_known || (was->slot != slot && !are_same(kept(was->slot).chain, now))) changes_.changed.push_back(id);
+    if (!is_same) {
+      // What had the id is free already if it does not go on under another one.
+      if (is_known && kept(was->slot).is_touched) give_room(std::move(kept(was->slot).chain.vertices));
+      own.chain.vertices = take_room(now.vertices.size());
+      copy_with_room(now, own.chain);
+    }
     own.chain.id = id;
     if (is_known) {
       holder_of(id)->slot = slot;
@@ -847,20 +891,64 @@ void MapChains::replace(const Surfels& surfels) {
   for (const Slot slot : window_slots_) {
     if (!kept(slot).is_in_window) continue;  // it goes on
     kept(slot).is_alive = kept(slot).is_in_window = kept(slot).is_touched = false;
+    give_room(std::move(kept(slot).chain.vertices));
     free_slots_.push_back(slot);
   }
 }
 
-const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
+/// Whether an element is on the surface of a chain, within a gap from its elements, so that it fills or prolongs it.
+bool MapChains::is_beside_chain(const Surfels& surfels, Index index) const {
+  const Surfel& own = surfels[index];
+  bool any = false;
+  surfels.for_each_near(own.p_world_m, max_gap_m_, [&](Index i, const Surfel& other) {
+    if (static_cast<std::size_t>(i) >= members_.size() || member(i).slot == kNone) return;
+    const Eigen::Vector2d d_m = other.p_world_m - own.p_world_m;
+    any |= kept(member(i).slot).chain.id != 0 && d_m.squaredNorm() <= max_gap_m_ * max_gap_m_ &&
+           other.normal_world.dot(own.normal_world) > LinkElement::kSameSurface &&
+           std::abs(own.normal_world.dot(d_m)) < kOnChain_m;
+  });
+  return any;
+}
+
+bool MapChains::is_due(const Surfels& surfels, Index index, std::int64_t stamp_ns) const {
+  const Surfel& own = surfels[index];
+  if (!own.alive || !own.confirmed) return false;
+  if (!member(index).is_known) return !is_beside_chain(surfels, index);
+  if (member(index).slot == kNone || kept(member(index).slot).chain.id == 0) return false;
+  const Chain& chain = kept(member(index).slot).chain;
+  if (own.last_seen_ns == stamp_ns) return seconds_between(chain.last_seen_ns, stamp_ns) > kSeenAgain_s;
+  return own.log_odds < kDoubted && own.log_odds + kDoubtStep < std::log(chain.p_exists / (1.0 - chain.p_exists));
+}
+
+bool MapChains::are_due(const Surfels& surfels, std::int64_t stamp_ns) const {
+  if (is_all_touched_ || is_restored_ || !removed_world_m_.empty() || !window_slots_.empty()) return true;
+  return std::any_of(touched_.begin(), touched_.end(), [&](Index i) { return is_due(surfels, i, stamp_ns); });
+}
+
+/// What was hit after that was hit since the joints saw a scan. Where they saw none, or this one, it is what this one
+/// hit.
+std::int64_t MapChains::hit_since_ns(std::int64_t stamp_ns) const {
+  constexpr std::int64_t kNone_ns = std::numeric_limits<std::int64_t>::min();
+  if (stamp_ns == kNone_ns) return kNone_ns;
+  return joined_at_ns_ == kNone_ns || joined_at_ns_ == stamp_ns ? stamp_ns - 1 : joined_at_ns_;
+}
+
+const ChainChanges& MapChains::keep() {
   changes_.changed.clear();
   changes_.gone.clear();
+  return changes_;
+}
+
+const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
+  keep();
   ++update_;
   was_renamed_.clear();
   if (stamp_ns != joined_at_ns_) std::swap(was_renamed_, renamed_);
   touch_due(surfels, stamp_ns);
   find_window(surfels);
-  link(surfels, stamp_ns, view);
-  measure(surfels, stamp_ns);
+  const std::int64_t since_ns = hit_since_ns(stamp_ns);
+  link(surfels, since_ns, stamp_ns, view);
+  measure(surfels, since_ns);
   shown_.clear();
   hidden_.clear();
   for (const ChainLinks::Run& run : links_.chains()) {
@@ -876,7 +964,10 @@ const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, c
   count_names(surfels);
   plan_unjudged(surfels);
   if (is_restored_) add_restored_changes();
-  for (const Index i : window_) member(i).is_in_window = false;
+  for (const Index i : window_) {
+    member(i).is_in_window = false;
+    member(i).is_known = true;
+  }
   for (const Index i : touched_) member(i).is_touched = false;
   touched_.clear();
   removed_world_m_.clear();
@@ -898,7 +989,7 @@ std::vector<Chain> MapChains::list(std::vector<Chain> memory) {
   std::sort(listed_.begin(), listed_.end(), [&](Slot a, Slot b) { return kept(a).rank < kept(b).rank; });
   while (result.size() < listed_.size()) {
     if (spare_.empty()) {
-      result.emplace_back().vertices.reserve(Chain::kUsualVertices);
+      result.emplace_back().vertices.reserve(kUsualVertices);
     } else {
       result.push_back(std::move(spare_.back()));
       spare_.pop_back();

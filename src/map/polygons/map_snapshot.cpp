@@ -279,7 +279,7 @@ void PolygonMapSnapshot::shift_time(std::int64_t later_ns) {
 PolygonMapSnapshot PolygonMap::snapshot() const {
   PolygonMapSnapshot result;
   if (stamp_ns_ != std::numeric_limits<std::int64_t>::min()) result.stamp_ns = stamp_ns_;
-  result.step_s = step_s_;
+  result.step_s = waited_s_;
   result.free_places.values = surfels_.free_places();
   result.next_watch = static_cast<std::int64_t>(next_watch_);
   for (const Watch& watch : watches_) {
@@ -308,7 +308,8 @@ void PolygonMap::restore(const PolygonMapSnapshot& snapshot) {
   }
   stamp_ns_ =
       snapshot.stamp_ns == PolygonMapSnapshot::kNoStamp ? std::numeric_limits<std::int64_t>::min() : snapshot.stamp_ns;
-  step_s_ = snapshot.step_s;
+  waited_s_ = snapshot.joined_at_ns == snapshot.stamp_ns ? 0.0 : snapshot.step_s;
+  made_ns_ = stamp_ns_;
   next_watch_ = static_cast<std::size_t>(snapshot.next_watch);
   for (std::size_t i = 0; i < watches_.size(); ++i) {
     Watch& watch = watches_[i];

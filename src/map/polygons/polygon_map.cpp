@@ -489,7 +489,8 @@ bool PolygonMap::is_hidden(Surfels::Tile tile) const {
   const double first_rad = middle_rad - half_rad, last_rad = middle_rad + half_rad;
   if (first_rad < azimuth_rad.front() || last_rad > azimuth_rad.front() + 2.0 * kPi) return false;  // across the seam
   const auto first = static_cast<float>(first_rad), last = static_cast<float>(last_rad);
-  auto beam = first_beam(azimuth_rad, [first](float a) { return a >= first; }, first_rad);
+  auto beam = first_beam(
+      azimuth_rad, [first](float a) { return a >= first; }, first_rad);
   if (beam != azimuth_rad.begin()) --beam;  // what is between two beams is seen by both
   for (; beam != azimuth_rad.end(); ++beam) {
     if (ranges_m[static_cast<std::size_t>(beam - azimuth_rad.begin())] > distance_m - radius_m) return false;
@@ -577,6 +578,7 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
     ++report.reasons["pose not known well enough"];
     return report;
   }
+  waited_s_ += step_s_;
   resolution_rad_ = polylines.resolution_rad;
   hit_sigma_m_ = std::sqrt(polylines.range_sigma_m * polylines.range_sigma_m + pose_variance_m2);
 
@@ -621,11 +623,23 @@ PolygonMapUpdate PolygonMap::update(const Polylines& polylines, const Eigen::Mat
 }
 
 const ChainChanges& PolygonMap::update_chains() {
-  return chains_.update(surfels_, stamp_ns_, {inverse(now_.T_level_world).translation_m, resolution_rad_, step_s_});
+  made_ns_ = stamp_ns_;
+  const double step_s = std::exchange(waited_s_, 0.0);
+  return chains_.update(surfels_, stamp_ns_, {inverse(now_.T_level_world).translation_m, resolution_rad_, step_s});
+}
+
+const ChainChanges& PolygonMap::update_due_chains() {
+  const bool are_old =
+      made_ns_ == std::numeric_limits<std::int64_t>::min() || stamp_ns_ - made_ns_ >= nanoseconds(params_.refresh_s);
+  return are_old || chains_.are_due(surfels_, stamp_ns_) ? update_chains() : chains_.keep();
 }
 
 Polygons PolygonMap::polygons(Polygons memory) {
   update_chains();
+  return latest_polygons(std::move(memory));
+}
+
+Polygons PolygonMap::latest_polygons(Polygons memory) {
   Polygons result = std::move(memory);
   result.stamp_ns = stamp_ns_;
   result.chains = chains_.list(std::move(result.chains));

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "situation_awareness/common/usual_room.hpp"
+
 namespace situation_awareness {
 namespace {
 
@@ -99,6 +101,8 @@ Surfels::Index Surfels::add(const Surfel& surfel) {
   Index index = kNone;
   if (free_.empty()) {
     index = static_cast<Index>(surfels_.size());
+    make_room(surfels_, surfels_.size() + 1);
+    make_room(places_, surfels_.size() + 1);
     surfels_.push_back(surfel);
     places_.emplace_back();
     if (surfels_.size() > buckets_.size()) grow_buckets();

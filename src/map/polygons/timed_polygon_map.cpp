@@ -82,13 +82,12 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
   if (restarted) ++report.reasons["time jumped back: new map"];
   map_stamp_ns_ = polylines.stamp_ns;
   polygons_.height_world_m = polylines.height_world_m;
-  make_polygons(polylines.stamp_ns);
+  make_polygons(polylines.stamp_ns, map_.update_due_chains());
   return report;
 }
 
 /// Only chains that changed, and those that are new, can have another state within a transit.
-void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
-  const ChainChanges& changes = map_.update_chains();
+void TimedPolygonMap::make_polygons(std::int64_t stamp_ns, const ChainChanges& changes) {
   polygons_.stamp_ns = stamp_ns;
   std::vector<Chain>& chains = polygons_.chains;
   const auto is_below = [](const Chain& chain, std::uint64_t id) { return chain.id < id; };
@@ -105,11 +104,11 @@ void TimedPolygonMap::make_polygons(std::int64_t stamp_ns) {
   for (const std::uint64_t id : changes.changed) {
     auto place = std::lower_bound(chains.begin(), chains.end(), id, is_below);
     if (place == chains.end() || place->id != id) {
-      if (spare_.empty()) spare_.emplace_back().vertices.reserve(Chain::kUsualVertices);
+      if (spare_.empty()) spare_.emplace_back();
       place = chains.insert(place, std::move(spare_.back()));
       spare_.pop_back();
     }
-    *place = *map_.chain(id);
+    copy_with_room(*map_.chain(id), *place);
     place->state = state_of(*place, stamp_ns, transit_ns_, states_);
     if (place->state == ChainState::kNew) new_.push_back(id);
   }
@@ -148,7 +147,8 @@ void TimedPolygonMap::reset() {
   order_.reset();
 }
 
-PolygonMapSnapshot TimedPolygonMap::snapshot() const {
+PolygonMapSnapshot TimedPolygonMap::snapshot() {
+  if (map_stamp_ns_ != kNoStamp) make_polygons(polygons_.stamp_ns, map_.update_chains());
   PolygonMapSnapshot result = map_.snapshot();
   result.height_world_m = polygons_.height_world_m;
   result.polygons = polygons_;
@@ -166,7 +166,7 @@ void TimedPolygonMap::resume(const PolygonMapSnapshot& snapshot) {
   polygons_.height_world_m = moved.height_world_m;
   // All of it is from before the next transit.
   transit_ns_ = std::numeric_limits<std::int64_t>::max();
-  make_polygons(stamp_ns() == kNoStamp ? 0 : stamp_ns());
+  make_polygons(stamp_ns() == kNoStamp ? 0 : stamp_ns(), map_.update_chains());
 }
 
 void TimedPolygonMap::shift_to(std::int64_t stamp_ns) {

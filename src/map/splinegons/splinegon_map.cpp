@@ -128,7 +128,8 @@ SplinegonMap::Fit SplinegonMap::fit(const ObstacleBoundary& boundary, std::int64
   if (is_same) {
     stay();
     fit = fits_before_[static_cast<std::size_t>(earlier - before_.boundaries.begin())];
-    if (!boundary.moved && boundary.last_seen_ns != stamp_ns) return fit;
+    const bool was_seen = boundary.last_seen_ns == stamp_ns || boundary.last_seen_ns > before_.stamp_ns;
+    if (!boundary.moved && !was_seen) return fit;
   }
   result.last_seen_ns = boundary.last_seen_ns;
   const auto is_sound_fit = [&](bool follow_tips) {

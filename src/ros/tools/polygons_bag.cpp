@@ -129,14 +129,14 @@ class Output {
     pose["covariance"] = list_of(9, [&](int i) { return covariance(i / 3, i % 3); });
     PolygonMap& map = pipeline.map();
     const Digits digits = options_.changes ? Digits::kSix : Digits::kAll;
+    const ChainChanges& changes = map.update_due_chains();
     if (options_.changes) {
-      const ChainChanges& changes = map.update_chains();
       Json& changed = line["changed"] = Json::array();
       for (const std::uint64_t id : changes.changed) add_polyline(changed, *map.chain(id), digits);
       line["gone"] = changes.gone;
     }
     if (!options_.changes || is_full_due(scan.stamp_ns)) {
-      polygons_ = map.polygons(std::move(polygons_));
+      polygons_ = map.latest_polygons(std::move(polygons_));
       Json& list = line["polylines"] = Json::array();
       for (const Chain& chain : polygons_.chains) add_polyline(list, chain, digits);
     }

@@ -17,11 +17,13 @@
 #include "map/polygons/room_polylines.hpp"
 #include "map/polygons/same_chains.hpp"
 #include "situation_awareness/common/random.hpp"
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/map_file.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
+#include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
@@ -35,11 +37,15 @@ const Eigen::Matrix3d kCovariance = Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal
 
 Polylines polylines_of(const Points& points) { return extract_polylines(segment(points, {}), {}); }
 
+using UpdateChains = const ChainChanges& (PolygonMap::*)();
+
 /// A copy of the chains of a map, made of what the map says that each update changed.
 class Mirror {
  public:
+  explicit Mirror(UpdateChains update_chains = &PolygonMap::update_chains) : update_chains_(update_chains) {}
+
   void follow(PolygonMap& map) {
-    const ChainChanges& changes = map.update_chains();
+    const ChainChanges& changes = (map.*update_chains_)();
     EXPECT_TRUE(std::is_sorted(changes.changed.begin(), changes.changed.end()));
     for (const std::uint64_t id : changes.gone) EXPECT_EQ(chains_.erase(id), 1U) << id << " was not there";
     for (const std::uint64_t id : changes.changed) {
@@ -50,7 +56,7 @@ class Mirror {
     gone_ += changes.gone.size();
   }
   void expect_equals(PolygonMap& map) const {
-    const Polygons polygons = map.polygons();
+    const Polygons polygons = map.latest_polygons();
     ASSERT_EQ(polygons.chains.size(), chains_.size());
     for (const Chain& chain : polygons.chains) {
       ASSERT_EQ(chains_.count(chain.id), 1U);
@@ -61,14 +67,21 @@ class Mirror {
   std::size_t gone() const { return gone_; }
 
  private:
+  UpdateChains update_chains_;
   std::map<std::uint64_t, Chain> chains_;
   std::size_t changed_ = 0, gone_ = 0;
 };
 
-void expect_same_chains(PolygonMap& a, PolygonMap& b, int scan) {
-  const Polygons of_a = a.polygons(), of_b = b.polygons();
+void expect_same_latest_chains(PolygonMap& a, PolygonMap& b, int scan) {
+  const Polygons of_a = a.latest_polygons(), of_b = b.latest_polygons();
   ASSERT_EQ(of_a.chains.size(), of_b.chains.size()) << "at scan " << scan;
   for (std::size_t c = 0; c < of_a.chains.size(); ++c) expect_same(of_a.chains[c], of_b.chains[c]);
+}
+
+void expect_same_chains(PolygonMap& a, PolygonMap& b, int scan) {
+  a.update_chains();
+  b.update_chains();
+  expect_same_latest_chains(a, b, scan);
 }
 
 std::string text_of(const PolygonMap& map) {
@@ -80,15 +93,17 @@ std::string text_of(const PolygonMap& map) {
 /// A map, and copies of it that were made at different scans and go on beside it.
 class WithCopies {
  public:
+  explicit WithCopies(UpdateChains update_chains = &PolygonMap::update_chains) : update_chains_(update_chains) {}
+
   void update(const Polylines& polylines) {
     map_.update(polylines, kCovariance);
-    const ChainChanges changes = map_.update_chains();
+    const ChainChanges changes = (map_.*update_chains_)();
     for (Copy& copy : copies_) {
       copy.map.update(polylines, kCovariance);
-      const ChainChanges& of_copy = copy.map.update_chains();
+      const ChainChanges& of_copy = (copy.map.*update_chains_)();
       ASSERT_EQ(of_copy.changed, changes.changed) << "at scan " << scan_ << ", of scan " << copy.begun_at;
       ASSERT_EQ(of_copy.gone, changes.gone) << "at scan " << scan_ << ", of scan " << copy.begun_at;
-      ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
+      ASSERT_NO_FATAL_FAILURE(expect_same_latest_chains(copy.map, map_, scan_));
     }
     if (!copies_.empty() && copies_.front().begun_at + kFollowed == scan_) {
       if (copies_.front().begun_at % 2 == 0) {
@@ -97,6 +112,8 @@ class WithCopies {
       copies_.pop_front();
     }
     if (++scan_ % kEvery != 0) return;
+    map_.update_chains();  // for what is saved, and so for all
+    for (Copy& copy : copies_) ASSERT_NO_FATAL_FAILURE(expect_same_chains(copy.map, map_, scan_));
     Copy& copy = copies_.emplace_back();
     copy.begun_at = scan_;
     if (scan_ != 5 * kEvery) {
@@ -115,6 +132,7 @@ class WithCopies {
     int begun_at = 0;
   };
 
+  UpdateChains update_chains_;
   PolygonMap map_{PolygonMapParams{}};
   std::deque<Copy> copies_;
   int scan_ = 0;
@@ -125,7 +143,8 @@ void touch_all(PolygonMap& map) {
   map.deform([](std::int64_t /*drawn_ns*/) { return Pose2{}; });
 }
 
-/// Updates a map and its chains, and where it `is_compared`, linking all again from the same state has to make the same.
+/// Updates a map and its chains, and where it `is_compared`, linking all again from the same state has to make the
+/// same.
 void update(PolygonMap& map, const Polylines& polylines, int scan, bool is_compared) {
   PolygonMap anew({});
   if (is_compared) anew.restore(map.snapshot());
@@ -221,11 +240,11 @@ TEST(MapChains, EachScanMakesTheSameAsLinkingAllAgain) {
   EXPECT_GT(compared, 5000U);
 }
 
-TEST(MapChains, WhoFollowsTheChangesHasTheMap) {
+void follow_a_room(UpdateChains update_chains) {
   RoomPolylines room(5);
   room.add_box({{1.5, 1.0}, 0.3, 0.2, 0.15});
   PolygonMap map({});
-  Mirror mirror;
+  Mirror mirror(update_chains);
   for (int i = 0; i < 150; ++i) {
     if (i == 60) room.remove_box();
     if (i == 100) room.add_box({{-1.0, -0.8}, 0.7, 0.3, 0.1});
@@ -246,6 +265,10 @@ TEST(MapChains, WhoFollowsTheChangesHasTheMap) {
   EXPECT_FALSE(map.polygons().chains.empty());
 }
 
+TEST(MapChains, WhoFollowsTheChangesHasTheMap) { follow_a_room(&PolygonMap::update_chains); }
+
+TEST(MapChains, WhoFollowsTheChangesThatAreDueHasTheMap) { follow_a_room(&PolygonMap::update_due_chains); }
+
 // Whatever linking by change goes on with is in the snapshot, and in the file.
 TEST(MapChains, ACopyGoesOnAsTheMapThatWasSaved) {
   StreetDrive street(6);
@@ -265,6 +288,169 @@ TEST(MapChains, ACopyOfARoomInWhichThingsComeAndGoGoesOnAsWell) {
     if (i % 80 == 30) room.add_box({{-2.0 + 0.01 * i, 0.8 - 0.005 * i}, 0.02 * i, 0.25, 0.15});
     if (i % 80 == 70) room.remove_box();
     ASSERT_NO_FATAL_FAILURE(maps.update(room.next()));
+  }
+  EXPECT_GT(maps.map().polygons().chains.size(), 4U);
+}
+
+/// A room with chains that are made when they are due, beside those that are made with each scan.
+class DueChains : public testing::Test {
+ protected:
+  static PolygonMapParams with_refresh(double refresh_s) {
+    PolygonMapParams params;
+    params.refresh_s = refresh_s;
+    return params;
+  }
+
+  void update(PolygonMap& due) {
+    const Polylines polylines = room_.next();
+    each_.update(polylines, kCovariance);
+    each_.update_chains();
+    due.update(polylines, kCovariance);
+    changes_ = due.update_due_chains();
+  }
+  std::int64_t latest_ns() const { return room_.stamp_ns() - RoomPolylines::kPeriod_ns; }
+
+  /// Whether a chain has all of its places within half a metre of one.
+  static bool is_at(const Eigen::Vector2d& middle_m, PolygonMap& map) {
+    const std::vector<Chain> chains = map.latest_polygons().chains;
+    return std::any_of(chains.begin(), chains.end(), [&](const Chain& chain) {
+      return std::all_of(chain.vertices.begin(), chain.vertices.end(),
+                         [&](const ChainVertex& vertex) { return (vertex.p_world_m - middle_m).norm() < 0.5; });
+    });
+  }
+
+  RoomPolylines room_{11, 1'000'000'000'000, {{0.0, 0.0}, 0.0, 6.0, 4.0}};
+  PolygonMap each_{PolygonMapParams{}};
+  ChainChanges changes_;
+};
+
+// The walls stay as they are in most scans, by millimetres beside those that are made with each scan, but for what
+// these are longer by; a corner between two of its elements may be at one or the other.
+TEST_F(DueChains, WaitWhereElementsOnlyMove) {
+  room_.add_box({{1.5, 1.0}, 0.3, 0.3, 0.2});
+  PolygonMap due({});
+  int made = 0, compared = 0;
+  double sum_m = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    update(due);
+    made += changes_.changed.empty() ? 0 : 1;
+    if (i < 150) continue;
+    Obstacles made_now;
+    for (const Chain& chain : each_.latest_polygons().chains) made_now.add(chain);
+    for (const Chain& chain : due.latest_polygons().chains) {
+      EXPECT_LE(latest_ns() - chain.last_seen_ns, nanoseconds(PolygonMapParams{}.refresh_s)) << chain.id;
+      for (const ChainVertex& vertex : chain.vertices) {
+        const double off_m = distance_m(made_now, vertex.p_world_m);
+        EXPECT_LT(off_m, PolygonMapParams{}.spacing_m) << chain.id << " at scan " << i;
+        sum_m += off_m;
+        ++compared;
+      }
+    }
+  }
+  EXPECT_LT(made, 100);
+  EXPECT_LT(sum_m / compared, 0.001);
+  EXPECT_EQ(each_.polygons().chains.size(), due.polygons().chains.size());
+}
+
+TEST_F(DueChains, TellAtOnceWhatComesAndWhatGoes) {
+  PolygonMap due(with_refresh(0.5));
+  const Eigen::Vector2d middle_m(1.5, 1.0);
+  bool was_there = false;
+  for (int i = 0; i < 260; ++i) {
+    if (i == 100) {
+      room_.set_stamp(room_.stamp_ns() + 60'000'000'000);  // what comes unseen is not parked
+      room_.add_box({middle_m, 0.3, 0.3, 0.2});
+    }
+    if (i == 200) room_.remove_box();
+    update(due);
+    const bool is_there = is_at(middle_m, each_);
+    EXPECT_EQ(is_at(middle_m, due), is_there) << "at scan " << i;
+    was_there |= is_there;
+  }
+  EXPECT_TRUE(was_there);
+  EXPECT_FALSE(is_at(middle_m, each_));
+}
+
+// While beams pass where a thing was, its log-odds are told as they fall, not once in a period.
+TEST_F(DueChains, AreDoubtedAtOnce) {
+  const Eigen::Vector2d middle_m(1.5, 1.0);
+  room_.add_box({middle_m, 0.3, 0.3, 0.2});
+  PolygonMap due(with_refresh(0.5));
+  for (int i = 0; i < 100; ++i) update(due);
+  room_.remove_box();
+  const auto least_log_odds = [&](PolygonMap& map) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const Chain& chain : map.latest_polygons().chains) {
+      if ((chain.vertices[0].p_world_m - middle_m).norm() > 0.5) continue;
+      least = std::min(least, std::log(chain.p_exists / (1.0 - chain.p_exists)));
+    }
+    return least;
+  };
+  int doubted = 0;
+  for (int i = 0; i < 40; ++i) {
+    update(due);
+    const double is = least_log_odds(each_);
+    if (is > 3.0) continue;
+    ++doubted;
+    EXPECT_LT(least_log_odds(due), is + 0.8) << "at scan " << i;
+  }
+  EXPECT_GT(doubted, 5);
+}
+
+TEST_F(DueChains, WithoutAPeriodAreThoseOfEachScan) {
+  PolygonMap due(with_refresh(0.0));
+  for (int i = 0; i < 120; ++i) {
+    if (i == 40) room_.add_box({{1.5, 1.0}, 0.3, 0.3, 0.2});
+    update(due);
+    const Polygons of_each = each_.latest_polygons(), of_due = due.latest_polygons();
+    ASSERT_EQ(of_due.chains.size(), of_each.chains.size());
+    for (std::size_t c = 0; c < of_due.chains.size(); ++c) expect_same(of_due.chains[c], of_each.chains[c]);
+  }
+}
+
+TEST_F(DueChains, SeenAgainAfterAWhileAreToldAtOnce) {
+  const Eigen::Vector2d middle_m(1.5, 1.0);
+  room_.add_box({middle_m, 0.3, 0.3, 0.2});
+  PolygonMap due(with_refresh(0.5));
+  for (int i = 0; i < 60; ++i) update(due);
+  ASSERT_TRUE(is_at(middle_m, due));
+  room_.look(radians(-180.0), 300);  // not at the box
+  for (int i = 0; i < 50; ++i) update(due);
+  while (changes_.changed.empty()) update(due);  // so that chains would wait now
+  room_.look(radians(-180.0), 720);
+  update(due);
+  const std::vector<Chain> chains = due.latest_polygons().chains;
+  const auto box = std::find_if(chains.begin(), chains.end(), [&](const Chain& chain) {
+    return (chain.vertices[0].p_world_m - middle_m).norm() < 0.5;
+  });
+  ASSERT_NE(box, chains.end());
+  EXPECT_EQ(box->last_seen_ns, latest_ns());
+}
+
+// Also those of a map that takes no more scans, as the pose is not known well enough.
+TEST_F(DueChains, AreMadeInTimeWhateverTheScans) {
+  PolygonMap due({});
+  for (int i = 0; i < 60; ++i) update(due);
+  do update(due);
+  while (!changes_.changed.empty());
+  for (const Chain& chain : due.latest_polygons().chains) EXPECT_LT(chain.last_seen_ns, latest_ns()) << "none waits";
+  const Eigen::Matrix3d lost = Eigen::Matrix3d::Identity();
+  for (int i = 0; i < 6; ++i) {
+    due.update(room_.next(), lost);
+    due.update_due_chains();
+  }
+  const Polygons waiting = due.latest_polygons(), made = due.polygons();
+  ASSERT_EQ(waiting.chains.size(), made.chains.size());
+  for (std::size_t c = 0; c < made.chains.size(); ++c) expect_same(waiting.chains[c], made.chains[c]);
+}
+
+TEST_F(DueChains, ACopyGoesOnAsTheMapThatWasSaved) {
+  for (int k = 0; k < 4; ++k) room_.add_box({{-3.0 + 1.7 * k, k % 2 == 0 ? 1.9 : -1.6}, 0.4 * k, 0.3, 0.2});
+  WithCopies maps(&PolygonMap::update_due_chains);
+  for (int i = 0; i < 250; ++i) {
+    if (i % 80 == 30) room_.add_box({{-2.0 + 0.01 * i, 0.8 - 0.005 * i}, 0.02 * i, 0.25, 0.15});
+    if (i % 80 == 70) room_.remove_box();
+    ASSERT_NO_FATAL_FAILURE(maps.update(room_.next()));
   }
   EXPECT_GT(maps.map().polygons().chains.size(), 4U);
 }

@@ -36,6 +36,12 @@ class RoomPolylines {
 
   void remove_box() { walls_.resize(walls_.size() - 4); }
 
+  /// From now on of so many beams, half a degree apart, to the left of an azimuth.
+  void look(double from_rad, int beams) {
+    from_rad_ = from_rad;
+    beams_ = beams;
+  }
+
   void set_stamp(std::int64_t stamp_ns) { stamp_ns_ = stamp_ns; }
   std::int64_t stamp_ns() const { return stamp_ns_; }
 
@@ -44,9 +50,9 @@ class RoomPolylines {
     const double t_s = 0.04 * scans_++;
     const Pose2 T_world_level{{0.3 + 0.1 * t_s, 0.2 - 0.05 * t_s}, 0.1 * t_s};
     LevelScene scene;
-    scene.angle_min_rad = -kPi;
-    scene.beams = 720;
-    scene.angle_increment_rad = 2.0 * kPi / scene.beams;
+    scene.angle_min_rad = from_rad_;
+    scene.beams = beams_;
+    scene.angle_increment_rad = 2.0 * kPi / 720;
     const Pose2 T_level_world = inverse(T_world_level);
     for (const LevelScene::Wall& wall : walls_) {
       scene.walls.push_back({T_level_world * wall.from, T_level_world * wall.to});
@@ -71,6 +77,8 @@ class RoomPolylines {
   Random random_;
   std::int64_t stamp_ns_;
   std::vector<LevelScene::Wall> walls_;
+  double from_rad_ = -kPi;
+  int beams_ = 720;
   int scans_ = 0;
 };
 

@@ -49,6 +49,13 @@ class MapChains {
   /// get the names of their chains, and what chains tell of them.
   const ChainChanges& update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view);
 
+  /// Whether what update() makes may differ from the chains of the latest one by more than elements have moved since
+  /// then, or chains got longer, at the time of a scan: an element of a chain went or is passed by beams, one came that
+  /// is on no chain's surface, or the scan hit a chain that was not hit for a while.
+  bool are_due(const Surfels& surfels, std::int64_t stamp_ns) const;
+  /// Instead of update(): the chains stay as they are.
+  const ChainChanges& keep();
+
   /// A chain of the latest update; null if there is none of this id.
   const Chain* find(std::uint64_t id) const;
   /// All of them, in the order of their first elements. `memory`: as for limit_range.
@@ -79,6 +86,7 @@ class MapChains {
     std::int64_t due_ns = kNever;  ///< of its entry in due_
     bool is_touched = false;
     bool is_in_window = false;
+    bool is_known = false;                      ///< it was in a window
     bool is_shown = false, is_crossed = false;  ///< as of LinkElement
   };
 
@@ -122,7 +130,10 @@ class MapChains {
   enum class Mark : std::uint8_t { kNone, kContext, kBeside, kJudged };
 
   Member& member(Index index) { return members_[static_cast<std::size_t>(index)]; }
+  const Member& member(Index index) const { return members_[static_cast<std::size_t>(index)]; }
   Kept& kept(Slot slot) { return kept_[static_cast<std::size_t>(slot)]; }
+  const Kept& kept(Slot slot) const { return kept_[static_cast<std::size_t>(slot)]; }
+  void room_for(std::size_t members);
   void mark_tiles(const Surfels& surfels);
   void enter_window(Index index);
   void enter_window(Slot slot, bool is_touched);
@@ -137,8 +148,9 @@ class MapChains {
     return marks_[static_cast<std::size_t>(surfels.tile_of(index))];
   }
   void keep_line(LinkElement& element);
-  void link(const Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view);
-  void measure(Surfels& surfels, std::int64_t stamp_ns) const;
+  std::int64_t hit_since_ns(std::int64_t stamp_ns) const;
+  void link(const Surfels& surfels, std::int64_t since_ns, std::int64_t stamp_ns, const ChainLinks::View& view);
+  void measure(Surfels& surfels, std::int64_t since_ns) const;
   bool is_lonely(const Surfels& surfels, const ChainLinks::Run& run, std::int64_t stamp_ns) const;
   bool is_beside_larger(const Surfels& surfels, const ChainLinks::Run& run) const;
   void name_chains(Surfels& surfels);
@@ -149,11 +161,15 @@ class MapChains {
   void count_names(const Surfels& surfels);
   Slot same_as_before(const ChainLinks::Run& run) const;
   Slot new_slot();
+  std::vector<ChainVertex> take_room(std::size_t vertices);
+  void give_room(std::vector<ChainVertex> vertices);
   void save_lines(PolygonMapSnapshot& snapshot) const;
   void restore_chains(const Surfels& surfels, const PolygonMapSnapshot& snapshot);
   void add_restored_changes();
   void keep(const ChainLinks::Run& run, Slot slot);
-  void fit(const Surfels& surfels, Kept& kept);
+  const Chain& fitted(const Surfels& surfels, const Kept& kept);
+  bool is_beside_chain(const Surfels& surfels, Index index) const;
+  bool is_due(const Surfels& surfels, Index index, std::int64_t stamp_ns) const;
   void replace(const Surfels& surfels);
   Holder* holder_of(std::uint64_t id);
   std::vector<Named>::iterator named(std::uint64_t name);
@@ -167,10 +183,11 @@ class MapChains {
   std::vector<Member> members_;  ///< by the elements' indices
   std::vector<Kept> kept_;
   std::vector<Slot> free_slots_;
-  std::vector<Holder> holders_;            ///< of the ids of those shown, in ascending order
-  std::vector<Named> names_;               ///< of the elements of all chains, in ascending order
-  std::vector<std::uint64_t> lost_names_;  ///< that no element may have any more
-  std::vector<Due> due_;                   ///< a heap, the earliest first
+  std::vector<std::vector<ChainVertex>> rooms_;  ///< of chains that are gone, for their memory
+  std::vector<Holder> holders_;                  ///< of the ids of those shown, in ascending order
+  std::vector<Named> names_;                     ///< of the elements of all chains, in ascending order
+  std::vector<std::uint64_t> lost_names_;        ///< that no element may have any more
+  std::vector<Due> due_;                         ///< a heap, the earliest first
 
   // Since the latest update.
   bool is_all_touched_ = false;
@@ -206,6 +223,7 @@ class MapChains {
   ChainChanges changes_;
   std::vector<BoundaryElement> elements_;
   ChainFit chain_fit_;
+  Chain fitted_;  ///< of the latest call
 
   std::vector<Slot> listed_;  ///< of the latest list()
   std::vector<Chain> spare_;  ///< for their memory

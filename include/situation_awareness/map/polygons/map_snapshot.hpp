@@ -132,7 +132,7 @@ struct PolygonMapSnapshot {
 
   std::string world_frame;           ///< for users of the snapshot: the map itself has no names of frames
   std::int64_t stamp_ns = kNoStamp;  ///< of the latest update
-  double step_s = 0.0;               ///< time between the last two updates
+  double step_s = 0.0;               ///< time for which scans were added since the chains were made
   double height_world_m = 0.0;       ///< of the scans, for users of the snapshot
   std::uint64_t next_id = 1;         ///< id of the next new chain: larger than all used before
   PlaceRow free_places;              ///< of removed elements, in the order of their removal

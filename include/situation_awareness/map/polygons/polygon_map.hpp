@@ -38,6 +38,7 @@ struct PolygonMapParams {
   double removal_s = 0.8;
   double absence_s = 2.0;
   double tolerance_m = 0.012;
+  double refresh_s = 0.2;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -60,6 +61,9 @@ struct PolygonMapParams {
           "after a longer gap between scans nothing is known of what was watched");
     visit("tolerance_m", self.tolerance_m, Bounds{0.001, 1.0}, "m",
           "maximum distance of the elements from the chain's edges, in addition to twice their standard deviations");
+    visit("refresh_s", self.refresh_s, Bounds{0.0, 0.5}, "s",
+          "chains are made anew after so long, and at once where something comes beside them, goes, or is doubted; 0: "
+          "with each scan. Less than the safety areas' `max_polygons_age_s`");
   }
 
   /// Throws std::invalid_argument naming field and bound.
@@ -108,14 +112,23 @@ class PolygonMap {
                           PolygonMapUpdate memory = {});
 
   /// Makes the chains at the time of the latest scan, and says which are not as they were at the call before. To be
-  /// called after each update(), or polygons() instead: how large things are and which chains meet is seen then.
+  /// called after each update(), or update_due_chains() or polygons() instead: how large things are and which chains
+  /// meet is seen then.
   const ChainChanges& update_chains();
 
-  /// A chain, valid until the next update_chains(); null if there is none of this id.
+  /// The same, but all chains stay as they are until `refresh_s` after they were made, unless with this scan something
+  /// came beside them, went, or is doubted: most of the cost of a scan whose surroundings are known. What the last
+  /// scans of all changed shows with update_chains().
+  const ChainChanges& update_due_chains();
+
+  /// A chain of the latest of these calls, valid until the next one; null if there is none of this id.
   const Chain* chain(std::uint64_t id) const { return chains_.find(id); }
 
   /// All chains, after update_chains(). `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
+
+  /// All chains as they are since the latest of these calls, with the stamp of the latest scan.
+  Polygons latest_polygons(Polygons memory = {});
 
   /// The elements that a chain of the latest polygons() was made of, by its place there, from right to left.
   /// `elements` is overwritten.
@@ -144,7 +157,8 @@ class PolygonMap {
 
   std::size_t elements() const { return surfels_.count(); }
 
-  /// The whole state, after an update or a call of update_chains(), which names new chains.
+  /// The whole state, after an update or a call of update_chains(), which names new chains. Chains that are not up to
+  /// date are made anew by who restores it.
   PolygonMapSnapshot snapshot() const;
 
   /// Continues from that state bit for bit; ids that were used by this map before are not used again, either. Throws
@@ -205,7 +219,9 @@ class PolygonMap {
 
   PolygonMapParams params_;
   std::int64_t stamp_ns_ = std::numeric_limits<std::int64_t>::min();
-  double step_s_ = 0.0;       ///< since the scan before
+  double step_s_ = 0.0;                                              ///< since the scan before
+  double waited_s_ = 0.0;                                            ///< of such steps, since the chains were made
+  std::int64_t made_ns_ = std::numeric_limits<std::int64_t>::min();  ///< when they were
   double hit_sigma_m_ = 0.0;  ///< of the latest scan's hits, range noise and pose
   double resolution_rad_ = 0.0;
   Surfels surfels_;

@@ -27,9 +27,6 @@ enum class ChainState : std::uint8_t {
 /// The boundary of a standing thing, or of several that touch, as far as it was seen. Its free side lies to the left
 /// of the way from a vertex to the next: seen from there, the vertices go from right to left.
 struct Chain {
-  /// Room that lists of vertices get at first, so that they stop allocating though their size varies.
-  static constexpr std::size_t kUsualVertices = 32;
-
   std::uint64_t id = 0;               ///< never used twice
   bool closed = false;                ///< an edge leads from the last vertex to the first
   std::vector<ChainVertex> vertices;  ///< two at least
@@ -38,6 +35,15 @@ struct Chain {
   double p_exists = 0.0;  ///< probability, of its least certain part
   ChainState state = ChainState::kNew;
 };
+
+/// As `to = from`, with room for some more vertices where there was too little: a chain that is copied again and again
+/// stops allocating though its vertices come and go.
+inline void copy_with_room(const Chain& from, Chain& to) {
+  constexpr std::size_t kMore = 4;
+  const std::size_t size = from.vertices.size();
+  if (to.vertices.capacity() < size) to.vertices.reserve(size + size / 2 + kMore);
+  to = from;
+}
 
 /// All standing things, walls included.
 struct Polygons {

@@ -49,7 +49,8 @@ class TimedPolygonMap {
   PolygonMapUpdate update(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance, const Movers& movers,
                           PolygonMapUpdate memory = {});
 
-  /// The chains as of the latest update, by ascending id.
+  /// The chains as of the latest update, by ascending id; those that PolygonMap::update_due_chains() leaves as they are
+  /// as of an earlier one.
   const Polygons& polygons() const { return polygons_; }
 
   /// Stamp of the latest update, kNoStamp before the first.
@@ -67,18 +68,18 @@ class TimedPolygonMap {
   /// Deletes the map and its time. Ids are not used again.
   void reset();
 
-  /// The whole state; `world_frame` is left empty.
-  PolygonMapSnapshot snapshot() const;
+  /// The whole state, for which all chains are made; `world_frame` is left empty.
+  PolygonMapSnapshot snapshot();
 
   /// Continues from a state that may be of another time: a scan that comes within `absence_s` after it goes on bit for
-  /// bit as if nothing had been saved. Times of a state that is later than the running map's, or than the next scan,
+  /// bit as in the map that was saved. Times of a state that is later than the running map's, or than the next scan,
   /// are moved to before that. Throws std::invalid_argument as PolygonMap::restore; the map is then unchanged.
   void resume(const PolygonMapSnapshot& snapshot);
 
  private:
   void begin_anew();
   void shift_to(std::int64_t stamp_ns);
-  void make_polygons(std::int64_t stamp_ns);
+  void make_polygons(std::int64_t stamp_ns, const ChainChanges& changes);
 
   PolygonMapParams params_;
   ChainStateParams states_;
