@@ -37,9 +37,8 @@ void floating_point(benchmark::State& state) {
     multiply_and_add(sums, factor, term);
     benchmark::DoNotOptimize(sums);
   }
-  state.counters["operations_per_us"] =
-      benchmark::Counter(1e-6 * 2.0 * kTimes * kSums * kLanes * static_cast<double>(state.iterations()),
-                         benchmark::Counter::kIsRate);
+  state.counters["operations_per_us"] = benchmark::Counter(
+      1e-6 * 2.0 * kTimes * kSums * kLanes * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
 }
 BENCHMARK(floating_point);
 
@@ -53,8 +52,8 @@ void copy(benchmark::State& state) {
     benchmark::DoNotOptimize(to.data());
     benchmark::ClobberMemory();
   }
-  state.counters["bytes_per_us"] = benchmark::Counter(1e-6 * 2.0 * kBytes * static_cast<double>(state.iterations()),
-                                                      benchmark::Counter::kIsRate);
+  state.counters["bytes_per_us"] =
+      benchmark::Counter(1e-6 * 2.0 * kBytes * static_cast<double>(state.iterations()), benchmark::Counter::kIsRate);
 }
 BENCHMARK(copy);
 

@@ -28,8 +28,8 @@ class ChainLinks {
     std::size_t first = 0, end = 0;
     bool closed = false;
     double size_m = 0.0;  ///< diagonal of the box, along the axes of the world, around its elements
-    /// Chains are listed in ascending order of it: whether the elements make a loop, and the index of the first one. The
-    /// order does not depend on which other elements are linked.
+    /// Chains are listed in ascending order of it: whether the elements make a loop, and the index of the first one.
+    /// The order does not depend on which other elements are linked.
     std::pair<bool, Surfels::Index> rank;
   };
 
