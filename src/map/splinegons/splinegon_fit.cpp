@@ -73,6 +73,10 @@ constexpr double kCornerNearTurn = 0.75;
 constexpr double kMostCorrelation = 0.7;
 /// m. Least length of an arc.
 constexpr double kShortestArc_m = 1e-6;
+/// Part of the chord of a biarc that is left in a step, at least.
+constexpr double kLeastOfChord = 0.1;
+/// m. Least length of an edge of a polygon.
+constexpr double kShortestEdge_m = 1e-4;
 /// Of the factorization of normal equations, whose entries are of 1 / m^2 and 1 / rad^2.
 constexpr double kLeastPivot = 1e-6;
 /// m. A step that moves no main vertex further is the last.
@@ -946,6 +950,15 @@ void SplinegonFit::place_again() {
   place_at_stations();
 }
 
+/// Along an arc from its begin to the point of its circle that is nearest to a place.
+double SplinegonFit::way_to_foot_m(const Eigen::Vector2d& p_m, std::size_t index) const {
+  const ArcOfNode& arc = arcs_[index];
+  const Eigen::Vector2d v = p_m - arc.begin_m;
+  const Eigen::Vector2d& along = index % 2 == 0 ? arc.along : arc.begin_along;  // of the arc at its begin
+  const double a = along.dot(v), b = left_of(along).dot(v), kappa = arc.curvature_1pm;
+  return std::abs(kappa) < 1e-9 ? a : std::atan2(kappa * a, 1.0 - kappa * b) / kappa;
+}
+
 /// Stations of the arcs, and of the elements.
 void SplinegonFit::measure() {
   const std::size_t count = arcs_.size();
@@ -955,10 +968,7 @@ void SplinegonFit::measure() {
   element_s_m_.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     const ArcOfNode& arc = arcs_[arc_of_[i]];
-    const Eigen::Vector2d v = points_m_[i] - arc.begin_m;
-    const Eigen::Vector2d& along = arc_of_[i] % 2 == 0 ? arc.along : arc.begin_along;  // of the arc at its begin
-    const double a = along.dot(v), b = left_of(along).dot(v), kappa = arc.curvature_1pm;
-    const double foot_m = std::abs(kappa) < 1e-9 ? a : std::atan2(kappa * a, 1.0 - kappa * b) / kappa;
+    const double foot_m = way_to_foot_m(points_m_[i], arc_of_[i]);
     const double low_m = !closed_ && arc_of_[i] == 0 ? -1e9 : 0.0;
     const double high_m = !closed_ && arc_of_[i] + 1 == count ? 1e9 : arc.length_m;
     element_s_m_[i] = cell_s_m_[arc_of_[i]] + std::clamp(foot_m, low_m, high_m);
@@ -1579,6 +1589,20 @@ void SplinegonFit::swap_with_before() {
   of_elements_.swap(of_elements_before_);
 }
 
+/// Main vertices that would pass each other stay where they were before the step.
+void SplinegonFit::keep_order() {
+  for (std::size_t k = 0; k < biarcs(); ++k) {
+    Node& from = nodes_[k];
+    Node& to = nodes_[next_node(k)];
+    const Eigen::Vector2d& from_before_m = nodes_before_[k].p_m;
+    const Eigen::Vector2d& to_before_m = nodes_before_[next_node(k)].p_m;
+    const Eigen::Vector2d chord_m = to_before_m - from_before_m;
+    if (chord_m.dot(to.p_m - from.p_m) >= kLeastOfChord * chord_m.squaredNorm()) continue;
+    from.p_m = from_before_m;
+    to.p_m = to_before_m;
+  }
+}
+
 /// Levenberg-Marquardt, after expect_jumps(); returns the number of steps.
 int SplinegonFit::iterate(int most) {
   double damping = 1e-4;
@@ -1606,6 +1630,7 @@ int SplinegonFit::iterate(int most) {
       node.yaw_out_rad = node.corner ? node.yaw_out_rad + std::clamp(delta_(of.first + 3), -0.5, 0.5) : node.yaw_in_rad;
       largest_m = std::max({largest_m, std::abs(across_m), 0.02 * std::abs(along_m)});
     }
+    keep_order();
     ++steps;
     swap_with_before();
     compute_arcs();
@@ -1656,6 +1681,8 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
   H_factor_.scale_diagonal(1.0 + 1e-9);
   H_factor_.factorize();
   H_factor_.invert(covariance_);
+  assign_nearest();  // stepwise, elements are behind where a main vertex has moved far
+  compute_residuals();
   measure_gaps();
   sum_residuals();
   double turn_rad = 0.0, length_m = 0.0;
@@ -1692,10 +1719,10 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
     if (node.corner) of_fit_m2 = std::max(of_fit_m2, across(node.yaw_out_rad));
     const double of_model_m2 = 0.5 * (before_m2 + after_m2);
     SplinegonVertex vertex;
-    vertex.p_world_m = node.p_m + origin_m_;
+    vertex.p_world_m = (has_out ? begin_of(k) : node.p_m) + origin_m_;
     vertex.sigma_m = std::sqrt(of_fit_m2 + of_model_m2 + common_variance_m2);
     vertex.corner = node.corner;
-    if (has_out) vertex.bulge = std::tan(0.25 * arcs_[2 * k].curvature_1pm * arcs_[2 * k].length_m);
+    if (has_out) vertex.bulge = std::tan(0.25 * arcs_[2 * k].curvature_1pm * (arcs_[2 * k].length_m - cut_m_[2 * k]));
     return vertex;
   };
   const auto joint_vertex = [&](std::size_t k) {
@@ -1703,7 +1730,7 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
     const ArcOfNode& second = arcs_[2 * k + 1];
     SplinegonVertex joint;
     joint.p_world_m = second.begin_m + origin_m_;
-    joint.bulge = std::tan(0.25 * second.curvature_1pm * second.length_m);
+    joint.bulge = std::tan(0.25 * second.curvature_1pm * (second.length_m - cut_m_[2 * k + 1]));
     Matrix6d J;
     const std::array<Eigen::Index, 6> index = unknowns_of_biarc(k, J);
     const Vector6d row = J.transpose() * residual_of(second.begin_m, 2 * k).slope;
@@ -1723,6 +1750,8 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
     return joint;
   };
   find_polygons();
+  while (!cut_beside_polygons()) {
+  }
   const std::size_t count = biarcs();
   std::size_t start = 0;
   while (closed_ && start < count && is_polygon_[(start + count - 1) % count]) ++start;
@@ -1802,26 +1831,89 @@ std::size_t SplinegonFit::first_element(std::size_t biarc) const {
   return first % points_m_.size();
 }
 
-/// Appends the polygon of the elements of some biarcs in a row but for its last vertex, which is the node after them.
+/// The elements of some biarcs in a row.
+SplinegonFit::Run SplinegonFit::elements_of(std::size_t biarc, std::size_t count) const {
+  Run run;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t of = (biarc + k) % biarcs();
+    if (residuals_[of].elements == 0.0) continue;
+    if (run.elements == 0) run.first = first_element(of);
+    run.elements += static_cast<std::size_t>(residuals_[of].elements);
+  }
+  return run;
+}
+
+/// Where a biarc begins and ends that is given as arcs.
+Eigen::Vector2d SplinegonFit::begin_of(std::size_t biarc) const {
+  const ArcOfNode& first = arcs_[2 * biarc];
+  if (cut_m_[2 * biarc] == 0.0) return nodes_[biarc].p_m;
+  return point_on(first.begin_m, first.begin_yaw_rad, first.curvature_1pm, cut_m_[2 * biarc]);
+}
+Eigen::Vector2d SplinegonFit::end_of(std::size_t biarc) const {
+  const ArcOfNode& second = arcs_[2 * biarc + 1];
+  if (cut_m_[2 * biarc + 1] == 0.0) return nodes_[next_node(biarc)].p_m;
+  return point_on(second.begin_m, second.begin_yaw_rad, second.curvature_1pm, second.length_m - cut_m_[2 * biarc + 1]);
+}
+
+/// A biarc beside a polygon begins or ends where the polygon does: what lies beyond is cut off, else the boundary would
+/// go there and back. False where all of an arc would be: then its biarc is of the polygon, and others may be.
+bool SplinegonFit::cut_beside_polygons() {
+  const std::size_t count = biarcs();
+  cut_m_.assign(arcs_.size(), 0.0);
+  bool is_done = true;
+  for (std::size_t k = 0; k < count; ++k) {
+    const std::size_t before = (k + count - 1) % count;
+    if (!is_polygon_[k] || ((closed_ || k > 0) && is_polygon_[before])) continue;  // no begin of a polygon
+    std::size_t run = 1;
+    while (run < count && (closed_ || k + run < count) && is_polygon_[(k + run) % count]) ++run;
+    if (run == count) continue;
+    const Run elements = elements_of(k, run);
+    const std::size_t after = (k + run) % count, n = points_m_.size();
+    const auto cut = [&](std::size_t arc, double beyond_m) {
+      if (beyond_m <= 0.0) return;
+      cut_m_[arc] = beyond_m;
+      if (arcs_[arc].length_m - beyond_m > kShortestEdge_m) return;
+      is_polygon_[arc / 2] = true;
+      is_done = false;
+    };
+    if (closed_ || k > 0) {
+      const std::size_t arc = 2 * before + 1;
+      const Eigen::Vector2d& first_m = elements.elements > 0 ? points_m_[elements.first] : nodes_[after].p_m;
+      cut(arc, arcs_[arc].length_m - way_to_foot_m(first_m, arc));
+    }
+    if (closed_ || k + run < count) {
+      const Eigen::Vector2d& last_m =
+          elements.elements > 0 ? points_m_[(elements.first + elements.elements - 1) % n] : nodes_[k].p_m;
+      cut(2 * after, way_to_foot_m(last_m, 2 * after));
+    }
+  }
+  return is_done;
+}
+
+/// Appends the polygon of the elements of some biarcs in a row but for its last vertex, which is the begin of what is
+/// after them.
 void SplinegonFit::add_polygon(std::size_t biarc, std::size_t count, double common_variance_m2,
                                std::vector<SplinegonVertex>& vertices) {
   corners_m_.clear();
   const bool is_begin = !closed_ && biarc == 0, is_end = !closed_ && biarc + count == biarcs();
   const bool is_whole = closed_ && count == biarcs();
-  std::size_t elements = 0, first = points_m_.size();
-  for (std::size_t k = 0; k < count; ++k) {
-    const std::size_t of = (biarc + k) % biarcs();
-    if (residuals_[of].elements == 0.0) continue;
-    if (elements == 0) first = first_element(of);
-    elements += static_cast<std::size_t>(residuals_[of].elements);
-  }
+  const auto add = [&](const Eigen::Vector2d& p_m, double sigma_m) {
+    if (corners_m_.empty() || (p_m - corners_m_.back().p_m).norm() > kShortestEdge_m) {
+      corners_m_.push_back({p_m, sigma_m});
+    }
+  };
   const double node_m = vertices.empty() ? kPolygonOffset_m : vertices.back().sigma_m;
-  if (!is_begin && !is_whole) corners_m_.push_back({nodes_[biarc].p_m, node_m});
-  for (std::size_t i = 0; i < elements; ++i) {
-    const std::size_t element = (first + i) % points_m_.size();
-    corners_m_.push_back({points_m_[element], 1.0 / weights_[element]});
+  if (!is_begin && !is_whole) add(end_of((biarc + biarcs() - 1) % biarcs()), node_m);
+  const Run run = elements_of(biarc, count);
+  for (std::size_t i = 0; i < run.elements; ++i) {
+    const std::size_t element = (run.first + i) % points_m_.size();
+    add(points_m_[element], 1.0 / weights_[element]);
   }
-  if (!is_end && !is_whole) corners_m_.push_back({nodes_[(biarc + count) % nodes_.size()].p_m, kPolygonOffset_m});
+  if (!is_end && !is_whole) {
+    const Eigen::Vector2d end_m = begin_of((biarc + count) % biarcs());
+    while (!corners_m_.empty() && (end_m - corners_m_.back().p_m).norm() <= kShortestEdge_m) corners_m_.pop_back();
+    add(end_m, kPolygonOffset_m);
+  }
   if (!is_begin && !is_whole) vertices.pop_back();
   append_corners(is_end, is_whole, common_variance_m2, vertices);
 }

@@ -378,6 +378,32 @@ TEST(SplinegonFit, OfDisorderThereIsNothingInvalid) {
   }
 }
 
+/// Where elements are missing here and there, main vertices and polygons meet at places that hardly any element tells.
+TEST(SplinegonFit, GoesNowhereThereAndBack) {
+  for (const double missing : {0.3, 0.6}) {
+    for (const double sigma_m : {0.003, 0.01}) {
+      for (const Outline& outline : cornered_outlines()) {
+        for (int seed = 0; seed < 30; ++seed) {
+          Random random(static_cast<std::uint64_t>(seed));
+          std::vector<SplinegonElement> elements;
+          for (const SplinegonElement& element : elements_of(outline, 0.15, sigma_m, random)) {
+            if (random.uniform() >= missing) elements.push_back(element);
+          }
+          const std::vector<SplinegonVertex> vertices = fitted(elements, true).vertices;
+          ASSERT_GE(vertices.size(), 4U);
+          for (std::size_t k = 0; k < vertices.size(); ++k) {
+            const Eigen::Vector2d& at = vertices[k].p_world_m;
+            const Eigen::Vector2d before = at - vertices[(k + vertices.size() - 1) % vertices.size()].p_world_m;
+            const Eigen::Vector2d after = vertices[(k + 1) % vertices.size()].p_world_m - at;
+            EXPECT_GT(before.dot(after), -0.5 * before.norm() * after.norm())
+                << outline.name << " " << seed << " at " << at.transpose();
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST(SplinegonFit, RefusesBadParameters) {
   SplinegonFitParams params;
   params.vertices = 3;

@@ -131,6 +131,10 @@ class SplinegonFit {
     double elements = 0.0, weights = 0.0, squares_m2 = 0.0;
     std::size_t first = 0, last = 0;
   };
+  /// Elements in a row.
+  struct Run {
+    std::size_t first = 0, elements = 0;
+  };
   struct PolygonCorner {
     Eigen::Vector2d p_m;
     double sigma_m;
@@ -198,6 +202,7 @@ class SplinegonFit {
   std::size_t element_after(const Corner& corner) const;
   void add_missing_corners();
   void place_again();
+  double way_to_foot_m(const Eigen::Vector2d& p_m, std::size_t index) const;
   void measure();
   void keep_stations();
   void share_out_again();
@@ -223,12 +228,17 @@ class SplinegonFit {
   double build();
   void swap_with_before();
   void hold(BandMatrix& H) const;
+  void keep_order();
   int iterate(int most);
   double chi2_per_freedom() const;
   double correlation_factor() const;
   void measure_gaps();
   void find_polygons();
   std::size_t first_element(std::size_t biarc) const;
+  Run elements_of(std::size_t biarc, std::size_t count) const;
+  Eigen::Vector2d begin_of(std::size_t biarc) const;
+  Eigen::Vector2d end_of(std::size_t biarc) const;
+  bool cut_beside_polygons();
   void append_corners(bool is_end, bool is_whole, double common_variance_m2, std::vector<SplinegonVertex>& vertices);
   void remove_if_degenerate(std::vector<SplinegonVertex>& vertices) const;
   void add_polygon(std::size_t biarc, std::size_t count, double common_variance_m2,
@@ -262,6 +272,7 @@ class SplinegonFit {
   Simplification simplification_;
   std::vector<std::size_t> kept_;
   std::vector<bool> is_polygon_;  ///< of biarcs
+  std::vector<double> cut_m_;     ///< of each arc, beside a polygon: at a biarc's begin or end
   std::vector<PolygonCorner> corners_m_;
   std::vector<double> gap_m_;  ///< the largest gap of each biarc
   std::vector<Piece> pieces_;
