@@ -888,8 +888,16 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
     if (has_out) node.yaw_out_rad = yaw_rad(2 * k, -1.0);
     node.yaw_in_rad = has_in ? yaw_rad(k > 0 ? 2 * k - 1 : vertices.size() - 1, 1.0) : node.yaw_out_rad;
     if (!has_out || !node.corner) node.yaw_out_rad = node.yaw_in_rad;
+    // The corners of a polygon may be beside each other where there is one.
+    Node* const before = nodes_.empty() ? nullptr : &nodes_.back();
+    if (before != nullptr && before->corner && node.corner &&
+        (node.p_m - before->p_m).norm() < kCornersApart * params_.corner_window_m) {
+      before->yaw_out_rad = node.yaw_out_rad;
+      continue;
+    }
     nodes_.push_back(node);
   }
+  if (nodes_.size() < wanted_nodes()) return false;
   compute_arcs();
   if (!assign_nearest()) return false;
   missing_.clear();
@@ -902,13 +910,13 @@ bool SplinegonFit::place_on_earlier(const std::vector<SplinegonVertex>& vertices
   }
   const auto corners = static_cast<std::size_t>(
       std::count_if(nodes_.begin(), nodes_.end(), [](const Node& node) { return node.corner; }));
-  if (count == wanted_nodes() ? !missing_.empty() || corners > corners_.size()
-                              : 4 * missing_.size() > corners_.size()) {
+  if (nodes_.size() == wanted_nodes() ? !missing_.empty() || corners > corners_.size()
+                                      : 4 * missing_.size() > corners_.size()) {
     return false;
   }
   if (!closed_) {
     // It must reach about as far as the elements.
-    const double mean_m = perimeter_m_ / static_cast<double>(count);
+    const double mean_m = perimeter_m_ / static_cast<double>(nodes_.size());
     if ((points_m_.front() - nodes_.front().p_m).norm() > mean_m ||
         (points_m_.back() - nodes_.back().p_m).norm() > mean_m) {
       return false;
@@ -1750,8 +1758,9 @@ void SplinegonFit::write(double common_variance_m2, double scale, std::vector<Sp
     return joint;
   };
   find_polygons();
-  while (!cut_beside_polygons()) {
-  }
+  do {
+    spread_polygons();
+  } while (!cut_beside_polygons());
   const std::size_t count = biarcs();
   std::size_t start = 0;
   while (closed_ && start < count && is_polygon_[(start + count - 1) % count]) ++start;
@@ -1813,7 +1822,10 @@ void SplinegonFit::find_polygons() {
                           second.length_m > kShortestArc_m;
     is_polygon_[k] = is_polygon_[k] || !is_sound || is_misfit(sums);
   }
-  // Beside a polygon a few elements are of it: a biarc of theirs has nothing else to hold it.
+}
+
+/// Beside a polygon a few elements are of it: a biarc of theirs has nothing else to hold it.
+void SplinegonFit::spread_polygons() {
   for (std::size_t step = 0; follow_tips_ && step < 4 * biarcs(); ++step) {
     const std::size_t k = (step < 2 * biarcs() ? step : 4 * biarcs() - 1 - step) % biarcs();
     if (residuals_[k].elements >= static_cast<double>(kElementsOfArc)) continue;

@@ -12,7 +12,7 @@ namespace situation_awareness {
 namespace {
 
 /// m. Largest distance of an arc from the polygon that is_simple takes for it.
-constexpr double kFlat_m = 1e-3;
+constexpr double kFlat_m = 1e-4;
 
 /// An arc that may be straight, by its begin.
 struct Way {

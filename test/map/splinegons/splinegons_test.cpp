@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -150,6 +151,20 @@ TEST(Splinegons, TheEnvelopeIsOffsetToBothSides) {
   for (const Eigen::Vector2d& p : envelope.obstacle_side_world_m) {
     EXPECT_NEAR((p - Eigen::Vector2d(1.0, 2.0)).norm(), 4.0 - 0.1 * kSigmasOf99Percent, 1e-12);
   }
+}
+
+// Half a millimetre: of an arc that is 2.3 mm from its chord.
+TEST(Splinegons, MeetsItselfWhereAVertexIsBeyondAnArc) {
+  Splinegon splinegon;
+  splinegon.closed = true;
+  for (const auto& [x, y, bulge] :
+       {std::tuple(0.0, 0.0, -0.0092), std::tuple(0.5, 0.0, 0.0), std::tuple(1.0, 0.0, 0.0), std::tuple(1.0, 1.0, 0.0),
+        std::tuple(0.125, 0.0012, 0.0), std::tuple(0.0, 1.0, 0.0)}) {
+    splinegon.vertices.push_back({{x, y}, bulge, 0.01, true});
+  }
+  EXPECT_FALSE(is_simple(splinegon));
+  splinegon.vertices[4].p_world_m.y() = 0.0020;
+  EXPECT_TRUE(is_simple(splinegon));
 }
 
 }  // namespace

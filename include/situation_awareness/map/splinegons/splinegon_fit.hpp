@@ -234,6 +234,7 @@ class SplinegonFit {
   double correlation_factor() const;
   void measure_gaps();
   void find_polygons();
+  void spread_polygons();
   std::size_t first_element(std::size_t biarc) const;
   Run elements_of(std::size_t biarc, std::size_t count) const;
   Eigen::Vector2d begin_of(std::size_t biarc) const;

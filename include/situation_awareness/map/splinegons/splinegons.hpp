@@ -70,7 +70,7 @@ bool contains(const Splinegon& splinegon, const Eigen::Vector2d& p_world_m);
 /// Points in order, no further apart than `spacing_m` > 0 along the boundary, among them all vertices, each once.
 std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m);
 
-/// The boundary does not meet itself, its arcs taken for polygons that are off by 1 mm at most.
+/// The boundary does not meet itself, its arcs taken for polygons that are off by 0.1 mm at most.
 bool is_simple(const Splinegon& splinegon);
 /// The same without allocation after warm-up; `points_m` is overwritten.
 bool is_simple(const Splinegon& splinegon, std::vector<Eigen::Vector2d>& points_m);
