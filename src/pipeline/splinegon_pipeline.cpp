@@ -213,13 +213,13 @@ const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covari
   return fit_boundaries(polylines_.stamp_ns);
 }
 
-/// In the map.
+/// Fits the boundaries in the map, and places them in the world.
 const Splinegons& SplinegonPipeline::fit_boundaries(std::int64_t stamp_ns) {
   map_.update(stamp_ns, boundaries_);
   return place_boundaries(stamp_ns);
 }
 
-/// Where the map is in the world now: all of it, whatever the scan hit.
+/// Places all boundaries where the map is in the world now, whatever the scan hit.
 const Splinegons& SplinegonPipeline::place_boundaries(std::int64_t stamp_ns) {
   splinegons_ = map_.splinegons();
   splinegons_.stamp_ns = stamp_ns;

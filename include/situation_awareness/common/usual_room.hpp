@@ -18,8 +18,8 @@ void assign_with_room(List& list, std::size_t size, const typename List::value_t
   list.assign(size, value);
 }
 
-/// Before a list that grows with a map gets so long: by a quarter at a time, as doubling it would leave up to half of
-/// its memory empty.
+/// Reserves room for a list that grows with a map, before it gets so long: by a quarter at a time, as doubling it would
+/// leave up to half of its memory empty.
 template <class List>
 void make_room(List& list, std::size_t size) {
   if (list.capacity() < size) list.reserve(size + size / 4 + kUsualRoom);

@@ -842,7 +842,7 @@ class GridMap::Impl {
     return std::isnan(slope) ? 0.0 : slope;
   }
 
-  /// `next`: the one that comes after it, or where it may be. It is set to the one after it.
+  /// The tile is looked for at `next` first, which is then set to the one after it: tiles in order take no search.
   Tile& known_tile(Place key, std::map<Place, Tile>::iterator& next) {
     const std::size_t before = tiles_.size();
     const auto found = tiles_.try_emplace(next, key);

@@ -79,7 +79,7 @@ double MapChains::tile_m(double spacing_m, double max_gap_m) {
   return std::max({kLeastTile_m, 1.5 * max_gap_m, kLineReaches * ChainLinks::reach_m(spacing_m)});
 }
 
-/// At least so many members.
+/// Makes the members at least so many.
 void MapChains::room_for(std::size_t members) {
   if (members_.size() >= members) return;
   make_room(members_, members);
@@ -816,7 +816,7 @@ void MapChains::keep(const ChainLinks::Run& run, Slot slot) {
   }
 }
 
-/// What a chain is, but for its id. Valid until the next call.
+/// What a chain is, but for its id. The result is valid until the next call.
 const Chain& MapChains::fitted(const Surfels& surfels, const Kept& kept) {
   Chain& result = fitted_;
   elements_.clear();
@@ -933,14 +933,14 @@ std::int64_t MapChains::hit_since_ns(std::int64_t stamp_ns) const {
   return joined_at_ns_ == kNone_ns || joined_at_ns_ == stamp_ns ? stamp_ns - 1 : joined_at_ns_;
 }
 
-const ChainChanges& MapChains::keep() {
+const ChainChanges& MapChains::no_changes() {
   changes_.changed.clear();
   changes_.gone.clear();
   return changes_;
 }
 
 const ChainChanges& MapChains::update(Surfels& surfels, std::int64_t stamp_ns, const ChainLinks::View& view) {
-  keep();
+  no_changes();
   ++update_;
   was_renamed_.clear();
   if (stamp_ns != joined_at_ns_) std::swap(was_renamed_, renamed_);

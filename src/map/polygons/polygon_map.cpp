@@ -631,7 +631,7 @@ const ChainChanges& PolygonMap::update_chains() {
 const ChainChanges& PolygonMap::update_due_chains() {
   const bool are_old =
       made_ns_ == std::numeric_limits<std::int64_t>::min() || stamp_ns_ - made_ns_ >= nanoseconds(params_.refresh_s);
-  return are_old || chains_.are_due(surfels_, stamp_ns_) ? update_chains() : chains_.keep();
+  return are_old || chains_.are_due(surfels_, stamp_ns_) ? update_chains() : chains_.no_changes();
 }
 
 Polygons PolygonMap::polygons(Polygons memory) {

@@ -53,8 +53,8 @@ class MapChains {
   /// then, or chains got longer, at the time of a scan: an element of a chain went or is passed by beams, one came that
   /// is on no chain's surface, or the scan hit a chain that was not hit for a while.
   bool are_due(const Surfels& surfels, std::int64_t stamp_ns) const;
-  /// Instead of update(): the chains stay as they are.
-  const ChainChanges& keep();
+  /// Instead of update(): the chains stay as they are, and nothing has changed.
+  const ChainChanges& no_changes();
 
   /// A chain of the latest update; null if there is none of this id.
   const Chain* find(std::uint64_t id) const;
@@ -223,7 +223,7 @@ class MapChains {
   ChainChanges changes_;
   std::vector<BoundaryElement> elements_;
   ChainFit chain_fit_;
-  Chain fitted_;  ///< of the latest call
+  Chain fitted_;  ///< by the latest call of fitted()
 
   std::vector<Slot> listed_;  ///< of the latest list()
   std::vector<Chain> spare_;  ///< for their memory

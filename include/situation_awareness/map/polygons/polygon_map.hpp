@@ -116,18 +116,18 @@ class PolygonMap {
   /// meet is seen then.
   const ChainChanges& update_chains();
 
-  /// The same, but all chains stay as they are until `refresh_s` after they were made, unless with this scan something
-  /// came beside them, went, or is doubted: most of the cost of a scan whose surroundings are known. What the last
-  /// scans of all changed shows with update_chains().
+  /// Makes the chains as update_chains() does, but only `refresh_s` after they were made, or where with this scan
+  /// something came beside them, went, or is doubted: to make them is most of the cost of a scan whose surroundings are
+  /// known. What the last scans of all changed shows with update_chains().
   const ChainChanges& update_due_chains();
 
-  /// A chain of the latest of these calls, valid until the next one; null if there is none of this id.
+  /// A chain as update_chains() or update_due_chains() left it, valid until the next such call; null without this id.
   const Chain* chain(std::uint64_t id) const { return chains_.find(id); }
 
   /// All chains, after update_chains(). `memory`: as for limit_range.
   Polygons polygons(Polygons memory = {});
 
-  /// All chains as they are since the latest of these calls, with the stamp of the latest scan.
+  /// All chains as update_chains() or update_due_chains() left them, with the stamp of the latest scan.
   Polygons latest_polygons(Polygons memory = {});
 
   /// The elements that a chain of the latest polygons() was made of, by its place there, from right to left.

@@ -51,7 +51,7 @@ class SplinegonMap {
   /// in them.
   const Splinegons& update(std::int64_t stamp_ns, const std::vector<ObstacleBoundary>& boundaries);
 
-  /// Those of the latest update.
+  /// The boundaries of the latest update.
   const Splinegons& splinegons() const { return splinegons_; }
 
   /// Number of boundaries of the latest update that are polygons, all or in part, as arcs do not follow their elements;
