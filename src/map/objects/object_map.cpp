@@ -94,6 +94,7 @@ void pass_id_on(std::size_t piece, std::vector<MapElement>& elements, std::vecto
 
 ObjectMap::ObjectMap(const ObjectMapParams& params) : params_(params), order_(params.reset_time_jump_s) {
   set_params(params);
+  work_.standing = standing({});  // has its room before any scan needs it
 }
 
 void ObjectMap::set_params(const ObjectMapParams& params) {
