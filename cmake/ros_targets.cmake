@@ -119,8 +119,11 @@ endfunction()
 # Common code of the programs that read a bag; not installed.
 add_library(${PROJECT_NAME}_bag STATIC
   src/ros/bag/line_file.cpp
+  src/ros/bag/localization.cpp
+  src/ros/bag/navigation.cpp
   src/ros/bag/bag_options.cpp
   src/ros/bag/bag_player.cpp
+  src/ros/bag/images.cpp
   src/ros/bag/json_line.cpp
   src/ros/bag/odometry.cpp
   src/ros/bag/progress.cpp

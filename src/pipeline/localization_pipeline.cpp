@@ -28,6 +28,20 @@ const ReflectorUpdate& LocalizationPipeline::process(const Scan& scan, const Eig
   return update;
 }
 
+std::optional<PlacedScan> LocalizationPipeline::place(const Scan& scan, const OdometryScan& placed) {
+  if (!process(scan, placed.T_base_lidar).is_known) return std::nullopt;
+  const LocalizedPose pose = localization_.pose();
+  const Pose2& T_world_base = pose.T_world_base.x;
+  const Pose2 T_world_base_end = T_world_base * (inverse(placed.T_odom_base) * placed.T_odom_base_end);
+  // An error of the yaw moves the lidar, which is not at the base's origin.
+  const Eigen::Vector2d lever_m = T_world_base.rotation() * T_base_level().translation_m;
+  Eigen::Matrix3d J_lidar_base = Eigen::Matrix3d::Identity();
+  J_lidar_base.topRightCorner<2, 1>() << -lever_m.y(), lever_m.x();
+  return PlacedScan{isometry_in_plane(T_world_base) * placed.T_base_lidar,
+                    isometry_in_plane(T_world_base_end) * placed.T_base_lidar,
+                    J_lidar_base * pose.covariance_world * J_lidar_base.transpose()};
+}
+
 std::string LocalizationPipeline::why_unknown() const {
   if (*reason_ == '\0') return "";
   const std::string none = evidence_.why_none();

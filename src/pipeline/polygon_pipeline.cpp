@@ -8,17 +8,6 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
-namespace {
-
-Eigen::Isometry3d in_plane(const Pose2& T_a_b) {
-  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
-  T.translation().head<2>() = T_a_b.translation_m;
-  T.linear() = Eigen::AngleAxisd(T_a_b.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  return T;
-}
-
-}  // namespace
-
 PolygonPipeline::PolygonPipeline(const PolygonPipelineParams& params,
                                  const std::optional<ObjectPipelineParams>& objects)
     : params_(params),
@@ -67,18 +56,9 @@ ReflectorPolygonPipeline::ReflectorPolygonPipeline(const ReflectorMap& reflector
     : localization_(reflectors, params.reflectors, params.localization), pipeline_(params, objects) {}
 
 bool ReflectorPolygonPipeline::process(const Scan& scan, const OdometryScan& placed) {
-  if (!localization_.process(scan, placed.T_base_lidar).is_known) return false;
-
-  const LocalizedPose pose = localization().pose();
-  const Pose2& T_world_base = pose.T_world_base.x;
-  const Pose2 T_world_base_end = T_world_base * (inverse(placed.T_odom_base) * placed.T_odom_base_end);
-  // An error of the yaw moves the lidar, which is not at the base's origin.
-  const Eigen::Vector2d lever_m = T_world_base.rotation() * localization_.T_base_level().translation_m;
-  Eigen::Matrix3d J_lidar_base = Eigen::Matrix3d::Identity();
-  J_lidar_base.topRightCorner<2, 1>() << -lever_m.y(), lever_m.x();
-  const Eigen::Matrix3d covariance = J_lidar_base * pose.covariance_world * J_lidar_base.transpose();
-  pipeline_.process(scan, in_plane(T_world_base) * placed.T_base_lidar,
-                    in_plane(T_world_base_end) * placed.T_base_lidar, covariance);
+  const std::optional<PlacedScan> in_world = localization_.place(scan, placed);
+  if (!in_world) return false;
+  pipeline_.process(scan, in_world->T_world_lidar, in_world->T_world_lidar_end, in_world->covariance);
   return true;
 }
 

@@ -26,6 +26,14 @@ inline Pose2 inverse(const Pose2& T_a_b) {
   return {-(T_a_b.rotation().transpose() * T_a_b.translation_m), -T_a_b.yaw_rad};
 }
 
+/// The same in space: heights stay as they are.
+inline Eigen::Isometry3d isometry_in_plane(const Pose2& T_a_b) {
+  Eigen::Isometry3d T = Eigen::Isometry3d::Identity();
+  T.translation().head<2>() = T_a_b.translation_m;
+  T.linear() = Eigen::AngleAxisd(T_a_b.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
+  return T;
+}
+
 /// The motion that turns by a yaw (rad) about a place, and moves that by x and y (m).
 inline Pose2 motion_about(const Eigen::Vector2d& center_m, const Eigen::Vector3d& motion) {
   Pose2 T = {Eigen::Vector2d::Zero(), motion(2)};

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 
+#include <Eigen/Core>
 #include <Eigen/Geometry>
 
 #include "situation_awareness/geometry/pose2.hpp"
@@ -16,6 +18,20 @@
 #include "situation_awareness/scan/scan.hpp"
 
 namespace situation_awareness {
+
+/// A scan with the poses that it is placed by.
+struct OdometryScan {
+  Pose2 T_odom_base;      ///< by odometry, at the stamp
+  Pose2 T_odom_base_end;  ///< at the last beam
+  Eigen::Isometry3d T_base_lidar = Eigen::Isometry3d::Identity();
+};
+
+/// Where a scan is in the world.
+struct PlacedScan {
+  Eigen::Isometry3d T_world_lidar = Eigen::Isometry3d::Identity();
+  Eigen::Isometry3d T_world_lidar_end = Eigen::Isometry3d::Identity();  ///< at the last beam
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  ///< of the lidar's x, y (m) and yaw (rad), axes of the world
+};
 
 /// From scan and odometry to the pose of a base that moves in the plane, without ROS: the same live and offline.
 class LocalizationPipeline {
@@ -33,6 +49,9 @@ class LocalizationPipeline {
   /// Localises by a scan; the odometry up to its last beam has been added. Throws std::invalid_argument if the scan
   /// cannot be used. The result is overwritten by the next call. No allocation after warm-up.
   const ReflectorUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_base_lidar);
+
+  /// The same, and where the scan is by the pose; none where that is not known.
+  std::optional<PlacedScan> place(const Scan& scan, const OdometryScan& placed);
 
   ReflectorLocalization& localization() { return localization_; }
   const ReflectorLocalization& localization() const { return localization_; }

@@ -107,13 +107,6 @@ class PolygonPipeline {
   PolygonPipelineResult result_;
 };
 
-/// A scan with the poses that it is placed by.
-struct OdometryScan {
-  Pose2 T_odom_base;      ///< by odometry, at the stamp
-  Pose2 T_odom_base_end;  ///< at the last beam
-  Eigen::Isometry3d T_base_lidar = Eigen::Isometry3d::Identity();
-};
-
 /// The same with the pose by reflectors and odometry, for a base that moves in the plane.
 class ReflectorPolygonPipeline {
  public:
@@ -122,6 +115,7 @@ class ReflectorPolygonPipeline {
                            const std::optional<ObjectPipelineParams>& objects = std::nullopt);
 
   ReflectorLocalization& localization() { return localization_.localization(); }
+  LocalizationPipeline& localization_pipeline() { return localization_; }
   const LocalizationPipeline& localization_pipeline() const { return localization_; }
   PolygonPipeline& pipeline() { return pipeline_; }
 

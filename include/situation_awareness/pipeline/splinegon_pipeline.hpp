@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,6 +12,9 @@
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
 #include "situation_awareness/pipeline/map_alignment.hpp"
+#include "situation_awareness/pipeline/moving_objects.hpp"
+#include "situation_awareness/pipeline/object_pipeline.hpp"
+#include "situation_awareness/pipeline/obstacle_boundaries.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -39,12 +44,23 @@ struct SplinegonPipelineParams {
   }
 };
 
+/// What a SplinegonPipeline makes besides objects.
+enum class StandingThings : std::uint8_t {
+  kNone,  ///< nothing; by inertial navigation chains nevertheless, which keep the scans together
+  kChains,
+  kBoundaries,  ///< of these chains
+};
+
 /// From scan to the boundaries of large obstacles in one thread, without ROS: chains of the map of polygons, with
-/// elements as coarse as the scans are, whose extent is large, are fitted by splinegons.
+/// elements as coarse as the scans are, whose extent is large, are fitted by splinegons. With `objects` to the map of
+/// objects, too, and what that follows is kept off the chains.
 class SplinegonPipeline {
  public:
-  /// Throws std::invalid_argument naming field and bound.
-  explicit SplinegonPipeline(const SplinegonPipelineParams& params);
+  /// Throws std::invalid_argument naming field and bound, and as ObjectPipeline. With `objects`, their parameters hold
+  /// for the scan and its segments where the pose is known well.
+  explicit SplinegonPipeline(const SplinegonPipelineParams& params,
+                             const std::optional<ObjectPipelineParams>& objects = std::nullopt,
+                             const MoverParams& movers = {}, StandingThings standing = StandingThings::kBoundaries);
 
   /// With a pose that is known well. Throws std::invalid_argument if the scan or the pose cannot be used; the maps are
   /// then unchanged. `pose_covariance`: of the error of the pose in x, y (m) and yaw (rad), in the axes of the world.
@@ -63,7 +79,20 @@ class SplinegonPipeline {
 
   const Splinegons& splinegons() const { return splinegons_; }
   /// How the boundaries were fitted.
-  const SplinegonMap& map() const { return map_; }
+  const SplinegonMap& map() const { return boundaries_.map(); }
+
+  /// The map of objects and what its latest scan was to it, in the frame of the map; null without one, and before the
+  /// first.
+  const ObjectPipelineResult* objects() const { return latest_; }
+  const MovingObjects& movers() const { return movers_; }
+
+  /// Which chains are not as they were at the scan before; a chain by its id, and how boundaries were fitted to them:
+  /// in the frame of the map.
+  const ChainChanges& chain_changes() const { return changes_; }
+  const Chain* chain(std::uint64_t id) const { return chains_.chain(id); }
+  const ObstacleBoundaries& boundaries() const { return boundaries_; }
+  /// Of a place of the map in the world, in any direction.
+  double common_variance_m2() const { return common_variance_m2_; }
 
   /// In the frame of the map: the chains of boundaries and other things, and the polylines of the latest scan; and
   /// where the map is in the world.
@@ -85,23 +114,12 @@ class SplinegonPipeline {
   void resume(const Splinegons& splinegons);
 
  private:
-  /// A chain of a boundary that is closed, and the boundary's id.
-  struct OfClosed {
-    std::uint64_t chain, id;
-  };
-
   void take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                       const Eigen::Isometry3d& T_world_lidar_end);
   const Splinegons& map_polylines(const Eigen::Matrix3d& covariance, double common_variance_m2);
+  void follow_objects(const Scan& scan, const Eigen::Isometry3d& T_map_lidar, const Eigen::Isometry3d& T_map_lidar_end);
+  void tell_all_chains();
   void take_boundaries();
-  const OfClosed* was_of_closed(std::uint64_t chain) const;
-  void name_closed(ObstacleBoundary& boundary, std::size_t first);
-  void put_into_gaps(ObstacleBoundary& boundary);
-  bool lead_around(ObstacleBoundary& boundary);
-  void join_parts();
-  void give_parts(ObstacleBoundary& boundary);
-  bool find_parts(const ObstacleBoundary& boundary, Eigen::Vector2d from_m, const Eigen::Vector2d& to_m,
-                  double reach_m);
   const Splinegons& fit_boundaries(std::int64_t stamp_ns);
   const Splinegons& place_boundaries(std::int64_t stamp_ns);
 
@@ -119,8 +137,13 @@ class SplinegonPipeline {
   int passes_ = 0;                                                ///< over the first scans, one with each later scan
   Eigen::Vector2d first_velocity_m_s_ = Eigen::Vector2d::Zero();  ///< in the map, that the latest pass ended with
   PolygonMap chains_;
+  std::unique_ptr<ObjectPipeline> objects_;
+  const ObjectPipelineResult* latest_ = nullptr;
+  MovingObjects movers_;
+  StandingThings standing_;
+  ChainChanges changes_;
   MapAlignment alignment_;
-  SplinegonMap map_;  ///< in the map's frame, without the error of its place
+  ObstacleBoundaries boundaries_;  ///< in the map's frame, without the error of its place
   Scan limited_;
   Points points_;
   Segments segments_;
@@ -128,14 +151,8 @@ class SplinegonPipeline {
   PolygonMapUpdate update_;
   double common_variance_m2_ = 0.0;
   Polygons polygons_, polygons_in_world_;
-  std::vector<BoundaryElement> elements_;
-  std::vector<ObstacleBoundary> boundaries_;
-  std::vector<ObstacleBoundary*> parts_;  ///< others that lead from one place to another, in order
-  std::vector<SplinegonElement> joined_;  ///< of a boundary and of parts_, kept for its memory
-  bool are_taken_ = true;                 ///< boundaries, of all changes of the chains
+  bool are_taken_ = true;  ///< boundaries, of all changes of the chains
   Splinegons splinegons_;
-  std::vector<OfClosed> closed_;   ///< at the scan before, by chain
-  std::vector<OfClosed> closing_;  ///< the same of this scan
 };
 
 }  // namespace situation_awareness

@@ -86,13 +86,6 @@ Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose)
   return covariance;
 }
 
-Eigen::Isometry3d isometry_in_plane(const Pose2& T) {
-  Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
-  result.translation().head<2>() = T.translation_m;
-  result.linear() = Eigen::AngleAxisd(T.yaw_rad, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  return result;
-}
-
 geometry_msgs::PoseWithCovarianceStamped pose_to_msg(const LocalizedPose& pose, const std::string& world_frame) {
   geometry_msgs::PoseWithCovarianceStamped msg;
   msg.header.stamp = to_ros_time(pose.stamp_ns);

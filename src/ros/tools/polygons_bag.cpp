@@ -22,6 +22,7 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/line_file.hpp"
+#include "situation_awareness/ros/bag/localization.hpp"
 #include "situation_awareness/ros/bag/odometry.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
@@ -46,9 +47,6 @@ reason. Files are written atomically.
 )";
 
 constexpr double kResetTimeJump_s = 1.0;
-/// Of an initial pose.
-constexpr double kInitialSigma_m = 0.12;
-constexpr double kInitialSigma_rad = 0.07;
 /// Of poses from /tf, which have no covariance: those of a good SLAM.
 constexpr double kTfSigma_m = 0.02;
 constexpr double kTfSigma_rad = 0.01;
@@ -56,9 +54,9 @@ constexpr double kTfSigma_rad = 0.01;
 struct Options {
   BagOptions bag;
   std::string scan_topic = "/scan";
-  OdometryOptions odometry;
+  ReflectorOptions reflectors;
   std::string localization = "reflectors";
-  std::string reflectors, initial_pose, out, model_folder;
+  std::string out, model_folder;
   bool objects = false;
   bool changes = false;
   double full_every_s = 10.0;
@@ -70,9 +68,7 @@ void add_options(CommandLine& app, Options& options) {
     return app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  add_odometry_options(app, options.odometry);
-  text("--reflectors", options.reflectors, "FILE", "the reflectors, from which the pose comes");
-  text("--initial-pose", options.initial_pose, "X,Y,YAW", "of the base at the start, good to 12 cm and 4 degrees");
+  add_reflector_options(app, options.reflectors);
   text("--localization", options.localization, "KIND", "reflectors, or tf: the pose in the world is that of /tf")
       .check(one_of({"reflectors", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines").required();
@@ -84,14 +80,7 @@ void add_options(CommandLine& app, Options& options) {
       .check(in_range(0.0, 1e9))
       .needs(changes);
   text("--model-folder", options.model_folder, "DIR", "folder of relative models (default: models/ of this package)");
-  app.callback([&options] {
-    if (options.localization == "reflectors" && options.reflectors.empty()) throw option_required("--reflectors");
-    if (options.localization == "tf" && !options.initial_pose.empty()) {
-      throw CommandLineError("--initial-pose is for --reflectors");
-    }
-    if (options.initial_pose.empty()) return;
-    check_option([&options] { parse_pose2(options.initial_pose, "--initial-pose"); });
-  });
+  app.callback([&options] { check_reflector_options(options.reflectors, options.localization == "reflectors"); });
 }
 
 /// A polyline's numbers are written as they are, or rounded to six decimals.
@@ -189,15 +178,6 @@ Params read_params(const Options& options) {
   return params;
 }
 
-/// Where reflectors did not suffice the pose is that of odometry.
-void print_coverage(const ReflectorCoverage& coverage) {
-  std::printf(
-      "reflectors: fewer than %zu matched for %.1f s of %.1f s, %.1f s at a stretch; standard deviation of the pose up "
-      "to %.3f m, %.4f rad\n",
-      ReflectorCoverage::kNeeded, coverage.too_few_s, coverage.all_s, coverage.longest_s, coverage.largest_sigma_m,
-      coverage.largest_sigma_rad);
-}
-
 /// What the map of objects made of the drive.
 void print_movers(const PolygonPipeline& pipeline) {
   if (pipeline.objects() == nullptr) return;
@@ -225,53 +205,29 @@ void map_by_tf(const Options& options, const Params& params, const OdometryFrame
 }
 
 void map_by_reflectors(const Options& options, const Params& params, const OdometryFrames& frames) {
-  if (frames.odom.empty()) {
-    throw std::runtime_error(options.bag.bag + ": no nav_msgs/Odometry on " + options.odometry.topic);
-  }
-  ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors), params.polygons, params.objects);
-  ReflectorLocalization& localization = pipeline.localization();
-  // Scans wait for the odometry of their first and last beams.
-  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base, true});
+  ReflectorPolygonPipeline pipeline(load_reflector_map(options.reflectors.reflectors), params.polygons, params.objects);
+  BagPlayer player = player_by_odometry(options.bag, kResetTimeJump_s, frames);
   Output out(options);
-  bool needs_initial = !options.initial_pose.empty();
-  const Pose2 initial = needs_initial ? parse_pose2(options.initial_pose, "--initial-pose") : Pose2{};
-  std::size_t known = 0, unknown = 0;
-  Counters refused;
-  UseOdometry use;
-  use.add = [&](std::int64_t stamp_ns, const Pose2& T_odom_base, std::int64_t received_ns) {
-    const auto verdict = localization.add_odometry(stamp_ns, T_odom_base, received_ns);
-    if (needs_initial && verdict != OdometryTrack::Verdict::kRefused) {
-      localization.initial_pose(stamp_ns, initial, kInitialSigma_m, kInitialSigma_rad);
-      needs_initial = false;
-    }
-    return verdict;
-  };
-  localization.trust_scan_stamps();
   player.on_restart([&pipeline] { pipeline.pipeline().begin_anew(); });
-  use.use = [&](const Scan& scan, const OdometryScan& placed) {
-    const bool is_known = player.timed([&] { return pipeline.process(scan, placed); });
-    ++(is_known ? known : unknown);
-    if (!is_known) return;
-    const LocalizedPose pose = localization.pose();
-    out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline());
-  };
-  subscribe_odometry_scans(player, options.odometry.topic, options.scan_topic, frames, refused, std::move(use));
+  BagLocalization localization(player, options.bag, options.reflectors, frames, options.scan_topic,
+                               pipeline.localization_pipeline(), [&](const Scan& scan, const OdometryScan& placed) {
+                                 if (!player.timed([&] { return pipeline.process(scan, placed); })) return false;
+                                 const LocalizedPose pose = pipeline.localization().pose();
+                                 out.write(scan, pose.T_world_base.x, pose.covariance_world, pipeline.pipeline());
+                                 return true;
+                               });
   player.play();
   player.print_summary();
   print_movers(pipeline.pipeline());
-  std::printf("pose known at %zu scans, unknown at %zu\n", known, unknown);
-  print_coverage(localization.coverage());
-  for (const auto& [reason, count] : localization.counters()) refused[reason] += count;
-  for (const auto& [reason, count] : refused) {
-    std::printf("localization: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
-  }
-  player.check_mapped(known == 0 ? pipeline.localization_pipeline().why_unknown() : out.states().why_no_hit());
+  localization.print_summary();
+  const std::string why_unknown = localization.why_unknown();
+  player.check_mapped(why_unknown.empty() ? out.states().why_no_hit() : why_unknown);
   out.finish();
 }
 
 int polygons_bag(const Options& options) {
   const Params params = read_params(options);
-  const OdometryFrames frames = odometry_frames(options.bag, options.odometry);
+  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   if (options.localization == "tf") {
     map_by_tf(options, params, frames);
   } else {

@@ -1,17 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a recorded bag to the boundaries of large obstacles, without a roscore, as fast as possible.
-#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
-#include <optional>
 #include <string>
 
-#include <sensor_msgs/Imu.h>
-#include <sensor_msgs/NavSatFix.h>
-
 #include "command_line.hpp"
-#include "situation_awareness/common/counters.hpp"
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/points/point_states.hpp"
@@ -20,13 +14,10 @@
 #include "situation_awareness/ros/bag/bag_player.hpp"
 #include "situation_awareness/ros/bag/json_line.hpp"
 #include "situation_awareness/ros/bag/line_file.hpp"
-#include "situation_awareness/ros/bag/messages.hpp"
+#include "situation_awareness/ros/bag/navigation.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
-#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
-#include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -51,8 +42,9 @@ constexpr double kTfSigma_rad = 0.002;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", imu_topic = "/imu", fix_topic = "/fix";
-  std::string localization = "gps", origin, lidar_frame, base_frame = "base_link", out;
+  std::string scan_topic = "/scan";
+  NavigationOptions navigation;
+  std::string localization = "gps", lidar_frame, base_frame = "base_link", out;
 };
 
 void add_options(CommandLine& app, Options& options) {
@@ -61,17 +53,13 @@ void add_options(CommandLine& app, Options& options) {
     return app.add_option(name, value, what).type_name(type);
   };
   text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
-  text("--imu-topic", options.imu_topic, "TOPIC", "sensor_msgs/Imu");
-  text("--fix-topic", options.fix_topic, "TOPIC", "sensor_msgs/NavSatFix");
-  text("--origin", options.origin, "LAT,LON,ALT", "of the world, in degrees and m (default: the first good fix)");
+  add_navigation_options(app, options.navigation);
   text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
   text("--base-frame", options.base_frame, "FRAME", "whose pose is estimated");
   text("--localization", options.localization, "KIND", "gps, with the IMU, or tf: the pose in the world is that of /tf")
       .check(one_of({"gps", "tf"}));
   text("--out", options.out, "FILE", "output file of the lines").required();
-  app.callback([&options] {
-    if (!options.origin.empty()) check_option([&options] { parse_geodetic_position(options.origin, "--origin"); });
-  });
+  app.callback([&options] { check_origin(options.navigation); });
 }
 
 /// R = Rz(yaw) Ry(pitch) Rx(roll).
@@ -140,117 +128,12 @@ void map_by_tf(const Options& options, const BagParams& params) {
   out.finish();
 }
 
-/// Of the first message; empty where there is none.
-template <class Message>
-std::string frame_of(const Options& options, const std::string& topic) {
-  std::string frame;
-  for_each_message<Message>(options.bag.bag, topic, [&frame](const auto& msg) {
-    frame = tf2_frame(msg->header.frame_id);
-    return false;
-  });
-  return frame;
-}
-
-void add_to(Counters& sum, const Counters& counters) {
-  for (const auto& [reason, count] : counters) sum[reason] += count;
-}
-
-/// Inertial navigation while a bag is played, in the player's transforms.
-class BagNavigation {
- public:
-  BagNavigation(BagPlayer& player, const Options& options, const GpsInsParams& params)
-      : player_(player),
-        imu_topic_(options.imu_topic),
-        fix_topic_(options.fix_topic),
-        imu_frame_(frame_of<sensor_msgs::Imu>(options, options.imu_topic)),
-        fix_frame_(frame_of<sensor_msgs::NavSatFix>(options, options.fix_topic)) {
-    params.validate();
-    params_.base_frame = tf2_frame(options.base_frame);
-    params_.origin = options.origin;
-    params_.gps_ins = params;
-    player.subscribe<sensor_msgs::Imu>(
-        options.imu_topic, [this](const auto& msg, const ros::Time& recorded) { add(*msg, to_nanoseconds(recorded)); });
-    player.subscribe<sensor_msgs::NavSatFix>(options.fix_topic, [this](const auto& msg, const ros::Time& recorded) {
-      begin();
-      navigation_->add_fix(*msg, to_nanoseconds(recorded));
-      if (contradiction_.empty()) contradiction_ = navigation_->input().contradiction();
-    });
-  }
-
-  /// Once there is a pose.
-  InertialNavigation& operator*() { return *navigation_; }
-
-  /// Why there is no pose at the end, in one sentence, after what contradicted each other; empty if there is.
-  std::string why_not_ready() const {
-    const std::string why = navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
-    return why.empty() || contradiction_.empty() ? why : contradiction_ + "; " + why;
-  }
-
-  /// Warns of measurements that contradicted each other at any time.
-  void print_summary() {
-    if (!contradiction_.empty()) std::fprintf(stderr, "%s: warning: %s\n", kName, contradiction_.c_str());
-    const std::string why_not = why_not_ready();
-    if (!why_not.empty()) std::printf("gps_ins: not ready: %s\n", why_not.c_str());
-    Counters all = refused_;
-    if (navigation_) add_to(all, navigation_->input().counters());
-    GpsIns* const filter = navigation_ ? navigation_->input().filter() : nullptr;
-    if (filter != nullptr) {
-      add_to(all, filter->counters());
-      const NisMonitor::Summary nis = filter->nis(GpsInsSensor::kFix).summarise();
-      if (nis.matches > 0) {
-        std::printf("gps_ins: NIS of fixes %.2f, 95 %% bounds %.2f to %.2f\n", nis.mean, nis.low, nis.high);
-      }
-    }
-    if (navigation_ && navigation_->late_fixes() > 0)
-      all["fixes later than their patience"] = navigation_->late_fixes();
-    for (const auto& [reason, count] : all) {
-      std::printf("gps_ins: %llu %s\n", static_cast<unsigned long long>(count), reason.c_str());
-    }
-  }
-
- private:
-  /// The frame itself, if its place on the base is known, else the base.
-  std::string known(const std::string& frame, const std::string& topic) const {
-    const std::string& base_frame = params_.base_frame;
-    const Taken now{frame, ros::Time(), ros::Time()};
-    if (frame == base_frame || (!frame.empty() && has_transforms(player_.tf(), base_frame, now))) return frame;
-    const std::string why = frame.empty() ? "has no frame_id" : missing_transform(player_.tf(), base_frame, now);
-    std::fprintf(stderr, "%s: %s %s: taken for %s\n", kName, topic.c_str(), why.c_str(), base_frame.c_str());
-    return base_frame;
-  }
-
-  /// With the transforms that the bag has from the beginning.
-  void begin() {
-    if (navigation_) return;
-    params_.imu_frame = known(imu_frame_, imu_topic_);
-    params_.fix_frame = known(fix_frame_, fix_topic_);
-    navigation_.emplace(params_, player_.tf(),
-                        InertialNavigation::Use{[this](const auto& T_odom_base) { player_.add_pose(T_odom_base); },
-                                                [this] { player_.forget_poses(); }});
-  }
-
-  void add(const sensor_msgs::Imu& msg, std::int64_t recorded_ns) {
-    begin();
-    const std::string reason = navigation_->add_imu(msg, recorded_ns);
-    if (!reason.empty()) ++refused_[reason];
-  }
-
-  BagPlayer& player_;
-  GpsInsNodeletParams params_;
-  std::string imu_topic_, fix_topic_, imu_frame_, fix_frame_;
-  std::optional<InertialNavigation> navigation_;
-  Counters refused_;
-  std::string contradiction_;
-};
-
 void map_by_gps(const Options& options, const BagParams& params) {
-  BagOptions bag = options.bag;
-  bag.tf_timeout_s = std::max(bag.tf_timeout_s, InertialNavigation::kBacklog_s);
-  BagPlayer player(bag, kResetTimeJump_s, {options.base_frame, true});
+  BagPlayer player(with_backlog(options.bag), kResetTimeJump_s, {options.base_frame, true});
   LineFile out(options.out);
   SplinegonPipeline pipeline(params.pipeline);
   player.on_restart([&pipeline] { pipeline.reset(); });
-  BagNavigation bag_navigation(player, options, params.gps_ins);
+  BagNavigation bag_navigation(kName, player, options.bag, options.navigation, options.base_frame, params.gps_ins);
   PointStates states;
   std::size_t mapped = 0, lines = 0;
   subscribe_scans(

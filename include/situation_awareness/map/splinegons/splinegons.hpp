@@ -36,6 +36,11 @@ struct Splinegons {
   double height_world_m = 0.0;  ///< of the scans, for display
 };
 
+/// A chain of the map of polygons that a boundary was fitted to, alone or with others.
+struct ChainOfBoundary {
+  std::uint64_t chain = 0, boundary = 0;  ///< their ids
+};
+
 /// Standard deviations to either side of a boundary that contain 99 % of a normal distribution.
 constexpr double kSigmasOf99Percent = 2.5758293035489004;
 

@@ -69,7 +69,7 @@ class BagPlayer {
       ++measurements_;
       take(msg, recorded);
     });
-    noun_ = noun;
+    noun_ += (noun_.empty() ? "" : " and ") + noun;
     measured_topic_ = find_topic(topic, ros::message_traits::datatype<Message>());
   }
 

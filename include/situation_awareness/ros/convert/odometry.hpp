@@ -38,7 +38,6 @@ Pose2 pose2_of(const Eigen::Isometry3d& T);
 Pose2 pose2_of(const geometry_msgs::Pose& pose);
 /// Of x, y and yaw, out of that of all six; neither checked.
 Eigen::Matrix3d planar_covariance(const geometry_msgs::PoseWithCovariance& pose);
-Eigen::Isometry3d isometry_in_plane(const Pose2& T);
 
 /// Height, roll and pitch are those of the plane, with no variance.
 geometry_msgs::PoseWithCovarianceStamped pose_to_msg(const LocalizedPose& pose, const std::string& world_frame);

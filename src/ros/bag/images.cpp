@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/bag/images.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <map>
+#include <optional>
+#include <utility>
+
+#include <nav_msgs/Odometry.h>
+#include <sensor_msgs/CameraInfo.h>
+#include <sensor_msgs/Image.h>
+
+#include "command_line.hpp"
+#include "situation_awareness/pipeline/image_labelling.hpp"
+#include "situation_awareness/ros/bag/messages.hpp"
+#include "situation_awareness/ros/convert/labels.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/odometry_covariances.hpp"
+#include "situation_awareness/ros/params/package.hpp"
+#include "situation_awareness/ros/transform_queue.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// The cameras of a bag, read before its images: a message may come after the image that it is of.
+class CameraInfos {
+ public:
+  CameraInfos(const std::string& bag_path, const std::string& topic) {
+    for_each_message<sensor_msgs::CameraInfo>(bag_path, topic, [this](const auto& info) {
+      infos_[to_nanoseconds(info->header.stamp)] = info;
+      return true;
+    });
+  }
+
+  /// That of the image's stamp; else the latest before it, or the first after it, of its size; else null.
+  sensor_msgs::CameraInfoConstPtr of(const sensor_msgs::Image& image) const {
+    const auto after = infos_.upper_bound(to_nanoseconds(image.header.stamp));
+    sensor_msgs::CameraInfoConstPtr other;
+    for (auto it = after; it != infos_.begin();) {
+      --it;
+      if (it->second->header.stamp == image.header.stamp || is_of(*it->second, image)) return it->second;
+      other = it->second;
+    }
+    for (auto it = after; it != infos_.end(); ++it) {
+      if (is_of(*it->second, image)) return it->second;
+      other = it->second;
+    }
+    return other;
+  }
+
+ private:
+  static bool is_of(const sensor_msgs::CameraInfo& info, const sensor_msgs::Image& image) {
+    return info.width == image.width && info.height == image.height;
+  }
+
+  std::map<std::int64_t, sensor_msgs::CameraInfoConstPtr> infos_;
+};
+
+/// Empty where the bag has labels.
+std::optional<ImageLabelling> labelling_of(const ImageOptions& options, const GridPipelineParams& params) {
+  if (options.image_topic.empty()) return std::nullopt;
+  const std::string folder = options.model_folder.empty() ? package_folder() + "/models" : options.model_folder;
+  return std::optional<ImageLabelling>(std::in_place, params.labelling, folder);
+}
+
+}  // namespace
+
+void add_image_options(CommandLine& app, ImageOptions& options) {
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what).type_name(type);
+  };
+  const CommandLineOption labels = text("--labels-topic", options.labels_topic, "TOPIC", "sensor_msgs/Image, 32FC1");
+  text("--image-topic", options.image_topic, "TOPIC",
+       "instead: sensor_msgs/Image, rectified, to be labelled by a network")
+      .excludes(labels);
+  text("--camera-info-topic", options.camera_info_topic, "TOPIC", "sensor_msgs/CameraInfo of these images");
+}
+
+void add_model_folder_option(CommandLine& app, ImageOptions& options) {
+  app.add_option("--model-folder", options.model_folder, "folder of relative models (default: models/ of this package)")
+      .type_name("DIR");
+}
+
+CommandLineOption add_dem_option(CommandLine& app, ImageOptions& options) {
+  return app.add_option("--dem", options.dem, "elevation in the world's metres, such as a GeoTIFF").type_name("FILE");
+}
+
+struct BagImages::Work {
+  Work(const BagOptions& bag, const ImageOptions& options, const GridPipelineParams& params)
+      : pipeline(params, std::make_shared<Elevation>(Elevation::load(options.dem))),
+        infos(bag.bag, options.camera_info_topic),
+        labelling(labelling_of(options, params)) {
+    pipeline.trust_stamps();  // the player has judged them
+  }
+
+  GridPipeline pipeline;
+  CameraInfos infos;
+  std::optional<ImageLabelling> labelling;
+  OdometryCovariances covariances;
+  std::size_t out_of_range = 0;
+
+  /// Maps an image. Returns why it could not be, or an empty text.
+  std::string map(BagPlayer& player, const sensor_msgs::Image& msg, const Eigen::Isometry3d& T_world_camera) {
+    const sensor_msgs::CameraInfoConstPtr info = infos.of(msg);
+    if (!info) return "no camera_info";
+    const std::string defect = camera_info_msg_defect(*info, msg);
+    if (!defect.empty()) return defect;
+    player.timed([&] {
+      SoftLabels labels = labelling ? labelling->label(image_from_msg(msg, *info)) : labels_from_msg(msg, *info);
+      out_of_range += drop_out_of_range(labels);
+      pipeline.process(labels, T_world_camera, covariances.at(to_nanoseconds(msg.header.stamp)));
+    });
+    return pipeline.is_pose_known() ? "" : "pose not known well enough";
+  }
+};
+
+BagImages::BagImages(BagPlayer& player, const BagOptions& bag, const ImageOptions& options,
+                     const GridPipelineParams& params, std::function<void(const GridTargets& targets)> use)
+    : work_(std::make_unique<Work>(bag, options, params)) {
+  player.subscribe<sensor_msgs::CameraInfo>(options.camera_info_topic,
+                                            [](const auto& /*msg*/, const ros::Time& /*recorded*/) {});  // is it there?
+  if (!options.odom_topic.empty()) {
+    player.subscribe<nav_msgs::Odometry>(
+        options.odom_topic, [&covariances = work_->covariances](const auto& msg, const ros::Time& recorded) {
+          covariances.add(*msg, to_nanoseconds(recorded));
+        });
+  }
+  const bool are_labels = options.image_topic.empty();
+  player.subscribe_measurements<sensor_msgs::Image>(
+      are_labels ? options.labels_topic : options.image_topic, "images",
+      [&player, &work = *work_, are_labels, use = std::move(use)](const sensor_msgs::ImageConstPtr& msg,
+                                                                  const ros::Time& recorded) {
+        const std::string image_defect = are_labels ? labels_msg_defect(*msg) : image_msg_defect(*msg);
+        if (!image_defect.empty()) return player.drop(image_defect);
+        const Taken taken{tf2_frame(msg->header.frame_id), msg->header.stamp, msg->header.stamp};
+        player.use_when_posed(
+            taken, recorded,
+            [&player, &work, msg, &use](const Eigen::Isometry3d& T_world_camera, const Eigen::Isometry3d& /*end*/) {
+              std::string defect = work.map(player, *msg, T_world_camera);
+              if (defect.empty()) use(work.pipeline.targets());
+              return defect;
+            });
+      });
+}
+
+BagImages::~BagImages() = default;
+
+GridPipeline& BagImages::pipeline() { return work_->pipeline; }
+
+void BagImages::print_summary() const {
+  std::printf("the ground is %+.2f m off the elevation; %zu labels out of [0, 1] not used\n",
+              work_->pipeline.map().elevation_offset_m(), work_->out_of_range);
+  const OdometryCovariances& covariances = work_->covariances;
+  if (covariances.unknown() > 0) std::printf("%zu odometry messages without covariance\n", covariances.unknown());
+  if (covariances.refused() > 0) std::printf("%zu odometry messages not in order\n", covariances.refused());
+}
+
+}  // namespace situation_awareness
