@@ -135,6 +135,7 @@ target_precompile_headers(${PROJECT_NAME}_bag REUSE_FROM ${PROJECT_NAME}_ros)
 
 situation_awareness_node(ground_map src/ros/nodes/ground_map.cpp)
 situation_awareness_node(grid_bag src/ros/tools/grid_bag.cpp ${PROJECT_NAME}_bag)
+situation_awareness_node(map_bag src/ros/tools/map_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)

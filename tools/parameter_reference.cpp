@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
@@ -47,7 +48,8 @@ Each nodelet reads the same private parameters, so that one file and one line of
     roslaunch situation_awareness grid.launch config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
 The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
-`objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`. A value out of its bounds, or of
+`objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one
+that may have the sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
 another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
 ([ros.md](ros.md#live-parameters)).
 )";
@@ -128,6 +130,9 @@ void print_all() {
   std::vector<Parameter> before = of_polygons;
   before.insert(before.end(), of_gps_ins.begin(), of_gps_ins.end());
   print_sections(of_splinegons, before);
+  before.insert(before.end(), of_splinegons.begin(), of_splinegons.end());
+  MapPipelineParams map_params;
+  print_sections(parameters_of(map_params), before);
   CircumnavigateNodeletParams mission_params;
   const std::vector<Parameter> of_mission = parameters_of(mission_params);
   print_section(of_mission, "", "The nodelet circumnavigate", of_objects);

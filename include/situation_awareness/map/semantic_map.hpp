@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "situation_awareness/common/params.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
+#include "situation_awareness/map/id_source.hpp"
+#include "situation_awareness/map/map.hpp"
+
+namespace situation_awareness {
+
+/// When a layer hands a thing over to another one.
+struct HandOverParams {
+  double parked_after_s = 10.0;
+  double margin_m = 0.1;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("parked_after_s", self.parked_after_s, Bounds{0.0, 1e6}, "s",
+          "an object that has stood for so long, and of which there is a chain, is that chain");
+    visit("margin_m", self.margin_m, Bounds{0.0, 1.0}, "m",
+          "a chain that is so near to the outline of an object is of it, in addition to two standard deviations");
+  }
+
+  /// Throws std::invalid_argument naming field and bound.
+  void validate() const { check_bounds(*this, "hand_over"); }
+};
+
+/// What the chains of the map of polygons are like now: those that changed, and the ids of those that are gone.
+struct PolygonChanges {
+  std::vector<const Chain*> changed;  ///< by ascending id
+  std::vector<std::uint64_t> gone;    ///< by ascending id
+};
+
+/// The boundaries of large obstacles as they are now: all of them, and which chains each was fitted to.
+struct BoundaryChanges {
+  const Splinegons* boundaries = nullptr;
+  const std::vector<ChainOfBoundary>* chains = nullptr;  ///< by ascending chain
+};
+
+/// What the layers have after a scan or an image. A layer that is null has not changed.
+struct LayerUpdates {
+  std::int64_t stamp_ns = 0;
+  std::optional<double> height_world_m;
+  const Objects* objects = nullptr;
+  const PolygonChanges* polygons = nullptr;
+  const BoundaryChanges* boundaries = nullptr;  ///< of these chains
+  const GridTargets* targets = nullptr;         ///< all of them, after an image
+};
+
+/// One map of what the layers follow each on its own (docs/math/semantic_map.md): a thing is on it once, under one id,
+/// in the kind that fits it, though several layers see it and one hands it over to another. The ids of the layers are
+/// handles here.
+class SemanticMap {
+ public:
+  /// Throws std::invalid_argument naming field and bound. `ids` lives longer than the map. Without `with_chains` chains
+  /// are on the map where they are of a boundary of a large obstacle, and not else.
+  SemanticMap(const HandOverParams& params, IdSource& ids, bool with_chains = true);
+
+  /// What has changed, valid until the next call.
+  const MapUpdate& update(const LayerUpdates& layers);
+
+  /// Another map, of which nothing is known yet: its layers begin anew, too. Its ids were not used before. The next
+  /// update is full.
+  void begin_anew();
+
+  /// The whole map. `memory`: a result no longer needed, whose memory this one reuses.
+  Map map(Map memory = {}) const;
+
+  std::size_t size() const { return on_map_; }
+
+ private:
+  using Handle = std::uint64_t;  ///< id of a layer's; 0: none
+  static constexpr std::int64_t kNever = std::numeric_limits<std::int64_t>::min();
+
+  /// What an object is on the map as.
+  enum class As : std::uint8_t {
+    kItself,
+    kOwnChain,     ///< the chain of its boundary
+    kPartOfChain,  ///< of a larger thing
+  };
+  /// An object of its layer.
+  struct ObjectEntry {
+    Handle handle = 0;
+    FeatureId id = 0;
+    As as = As::kItself;
+    Handle chain = 0;  ///< of kOwnChain and kPartOfChain
+    std::int64_t stood_since_ns = kNever;
+    bool has_moved = false;
+    std::vector<Handle> chains;  ///< that are its boundary
+    std::uint64_t update = 0;    ///< number of the latest update that listed it
+    Object latest;
+  };
+  /// A chain of its layer.
+  struct ChainEntry {
+    Handle handle = 0;
+    FeatureId id = 0;
+    Handle of_object = 0;               ///< whose boundary it is
+    Handle beside = 0;                  ///< the chain that shows its surface, if it does not itself
+    double begin_m = 0.0, end_m = 0.0;  ///< along it, what it shows
+    Handle of_boundary = 0;             ///< of which it is a part, if that is on the map
+    std::uint64_t boundary_update = 0;  ///< number of the latest update of boundaries that listed it
+    double length_m = 0.0;
+    Eigen::AlignedBox2d box_world_m;
+    Chain latest;
+  };
+  /// How many steps along a chain another one covers.
+  struct Double {
+    Handle chain = 0;
+    int steps = 0;
+  };
+  /// A boundary of a large obstacle of its layer.
+  struct BoundaryEntry {
+    Handle handle = 0;
+    Handle main = 0;  ///< chain whose id it has
+    bool is_boundary = false;
+    std::int64_t explains_since_ns = kNever;
+    std::size_t numbers_of_chains = 0;
+    std::uint64_t update = 0;  ///< number of the latest one that listed it
+    Splinegon latest;
+  };
+  /// An object that is part of a larger thing, and that its layer does not follow any more: what drives off from there
+  /// is it.
+  struct Parked {
+    FeatureId id = 0;
+    Object object;
+    std::int64_t bare_since_ns = kNever;  ///< when it was first on no chain any more
+  };
+  /// A target of its layer.
+  struct TargetEntry {
+    Handle handle = 0;
+    FeatureId id = 0;
+    FeatureId candidate = 0;  ///< another feature that it may be one with
+    int agreed = 0;           ///< images in turn that said so
+    int contradicted = 0;     ///< images in turn after which it is not where the feature is that it is one with
+    std::int64_t first_seen_ns = 0, last_seen_ns = 0;
+    std::uint64_t update = 0;
+    GridTarget latest;
+  };
+  /// A target beside a feature of vehicle size.
+  struct Pair {
+    double apart_m;
+    Handle target;
+    FeatureId feature;
+  };
+  /// Who has an id.
+  struct Owner {
+    Handle object = 0, chain = 0, target = 0;
+    bool is_on_map = false;
+    GoneReason reason = GoneReason::kSeenThrough;  ///< if it goes
+    FeatureId into = 0;                            ///< of kMerged
+  };
+  /// How much of a chain is on an object.
+  struct Cover {
+    Handle chain = 0;
+    double on_object_m = 0.0;
+    bool is_of_object = false;
+  };
+
+  void take_chains(const PolygonChanges& changes);
+  ChainEntry* heir_of(const ChainEntry& gone);
+  void merge_chains(FeatureId id, ChainEntry& heir);
+  void unsettle_near(const ChainEntry& chain);
+  bool is_before(const ChainEntry& a, const ChainEntry& b) const;
+  void settle_doubles();
+  void settle(ChainEntry& chain);
+  void take_boundaries(const BoundaryChanges& changes);
+  void judge(BoundaryEntry& boundary) const;
+  void enter_boundary(ChainEntry& chain, Handle handle);
+  void leave_boundary(ChainEntry& chain);
+  FeatureId id_on_map(const ChainEntry& chain) const;
+  void take_targets(const GridTargets& targets);
+  void find_pairs(const TargetEntry& target);
+  bool is_one(const TargetEntry& target) const;
+  void make_one(TargetEntry& target, FeatureId id);
+  void part(TargetEntry& target);
+  void take_objects(const Objects& objects);
+  void hand_over(ObjectEntry& object);
+  void find_covers(const Object& object);
+  As as_what(const ObjectEntry& object, Handle& chain) const;
+  void watch_parked(const PolygonChanges& changes);
+  void forget_parked(FeatureId id);
+  FeatureId id_of_new(const Object& object);
+  void release(ObjectEntry& object);
+  void own(ChainEntry& chain, FeatureId id);
+  void merge(FeatureId id, FeatureId into);
+  template <class Visit>
+  void for_each_cell(const Eigen::AlignedBox2d& box_world_m, Visit&& visit) const;
+  template <class Visit>
+  void for_each_cell(const Chain& chain, Visit&& visit) const;
+  void find_near(const Eigen::AlignedBox2d& box_world_m);
+  void find_near(const Chain& chain);
+  void add_near(std::uint64_t cell);
+  void sort_near();
+  void place(const ChainEntry& chain);
+  void remove(const ChainEntry& chain);
+  ObjectEntry* find_object(Handle handle);
+  const ObjectEntry* find_object(Handle handle) const;
+  ChainEntry* find_chain(Handle handle);
+  const ChainEntry* find_chain(Handle handle) const;
+  TargetEntry* find_target(Handle handle);
+  const TargetEntry* find_target(Handle handle) const;
+  BoundaryEntry* find_boundary(Handle handle);
+  const BoundaryEntry* find_boundary(Handle handle) const;
+  bool is_shown(const ChainEntry& chain) const;
+  bool feature_of(FeatureId id, const Owner& owner, Feature& feature) const;
+  void tell();
+
+  HandOverParams params_;
+  IdSource* ids_;
+  bool with_chains_;
+  bool is_new_ = true;
+  std::uint64_t maps_ = 0;  ///< that were begun before
+  std::uint64_t updates_ = 0;
+  std::int64_t stamp_ns_ = kNever;
+  double height_world_m_ = 0.0;
+  std::vector<ObjectEntry> objects_;       ///< by handle
+  std::vector<ChainEntry> chains_;         ///< by handle
+  std::vector<BoundaryEntry> boundaries_;  ///< by handle
+  std::vector<TargetEntry> targets_;       ///< by handle
+  std::vector<Pair> pairs_;
+  std::vector<Parked> parked_;
+  std::unordered_map<std::uint64_t, std::vector<Handle>> chains_in_;  ///< cells of the world
+  std::unordered_map<FeatureId, Owner> owners_;
+  std::size_t on_map_ = 0;
+  std::vector<FeatureId> touched_;
+  std::vector<Handle> new_;  ///< chains
+  std::vector<Handle> near_;
+  std::vector<Handle> unsettled_;  ///< chains of which, or beside which, one changed
+  std::vector<Handle> joined_;     ///< chains that have begun to be shown by another one
+  std::vector<Double> others_;
+  std::vector<Cover> covers_;
+  MapUpdate update_;
+};
+
+}  // namespace situation_awareness

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/semantic_map.hpp"
+
+#include <algorithm>
+
+#include "chain_cover.hpp"
+#include "semantic_map_parts.hpp"
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// Part of a chain that is on an object whose boundary it becomes, and of one that it stays.
+constexpr double kIsOfObject = 0.8, kStaysOfObject = 0.6;
+/// Length of chain on an object from which on that is covered, over the lesser width of the object: any side shows as
+/// much; and from which on it stays so.
+constexpr double kCovered = 0.5, kStaysCovered = 0.25;
+/// s. What has been on no chain for longer did not drive off just now.
+constexpr double kJustNow_s = 5.0;
+/// Objects that are remembered though they are part of larger things.
+constexpr std::size_t kMostParked = 1000;
+
+}  // namespace
+
+/// Forgets what is not on a chain any more for so long that it cannot have driven off just now. A chain that was one of
+/// these and is of more now is another thing.
+void SemanticMap::watch_parked(const PolygonChanges& changes) {
+  if (parked_.empty()) return;
+  Eigen::AlignedBox2d changed_m;
+  for (const Chain* chain : changes.changed) {
+    for (const ChainVertex& vertex : chain->vertices) changed_m.extend(vertex.p_world_m);
+  }
+  for (Parked& parked : parked_) {
+    const bool is_near = !changes.gone.empty() || changed_m.intersects(box_around(parked.object, 0.0));
+    if (!is_near && parked.bare_since_ns == kNever) continue;
+    find_covers(parked.object);
+    double on_m = 0.0;
+    for (const Cover& cover : covers_) {
+      on_m += cover.on_object_m;
+      ChainEntry& chain = *find_chain(cover.chain);
+      if (chain.id != parked.id || cover.on_object_m >= kStaysOfObject * chain.length_m) continue;
+      own(chain, ids_->next());
+      merge(parked.id, chain.id);
+    }
+    if (on_m >= kStaysCovered * lesser_width_of(parked.object)) {
+      parked.bare_since_ns = kNever;
+    } else if (parked.bare_since_ns == kNever) {
+      parked.bare_since_ns = stamp_ns_;
+    }
+  }
+  parked_.erase(std::remove_if(parked_.begin(), parked_.end(),
+                               [this](const Parked& parked) {
+                                 return parked.bare_since_ns != kNever &&
+                                        seconds_between(parked.bare_since_ns, stamp_ns_) > kJustNow_s;
+                               }),
+                parked_.end());
+}
+
+void SemanticMap::forget_parked(FeatureId id) {
+  parked_.erase(std::remove_if(parked_.begin(), parked_.end(), [id](const Parked& parked) { return parked.id == id; }),
+                parked_.end());
+}
+
+/// That of what drives off from a larger thing, or was a chain until it was detected; else a new one.
+FeatureId SemanticMap::id_of_new(const Object& object) {
+  const auto was = std::find_if(parked_.begin(), parked_.end(), [&](const Parked& parked) {
+    // While it stands its own chain has its id.
+    if (!is_moving(object) && owners_[parked.id].chain != 0) return false;
+    return covers(parked.object, object.ellipse_world.center_m, 0.0) &&
+           (parked.object.object_class == object.object_class || object.object_class == ObjectClass::kUnknown ||
+            parked.object.object_class == ObjectClass::kUnknown);
+  });
+  if (was != parked_.end()) {
+    const FeatureId id = was->id;
+    if (ChainEntry* stays = find_chain(owners_[id].chain)) own(*stays, ids_->next());
+    return id;
+  }
+  find_covers(object);
+  for (const Cover& cover : covers_) {
+    const ChainEntry& chain = *find_chain(cover.chain);
+    if (cover.is_of_object && chain.of_object == 0 && chain.id != 0) return chain.id;
+  }
+  return ids_->next();
+}
+
+void SemanticMap::take_objects(const Objects& objects) {
+  for (const Object& object : objects.objects) {
+    ObjectEntry* known = find_object(object.id);
+    if (known == nullptr) {
+      const FeatureId id = id_of_new(object);
+      known = &add_at_handle(objects_, object.id);
+      known->id = id;
+      forget_parked(id);
+      known->stood_since_ns = object.first_seen_ns;
+      owners_[id].object = object.id;
+    }
+    known->latest = object;
+    known->update = updates_;
+    if (is_moving(object)) {
+      known->has_moved = true;
+      known->stood_since_ns = kNever;
+    } else if (known->stood_since_ns == kNever) {
+      known->stood_since_ns = stamp_ns_;
+    }
+    if (known->as == As::kItself) touched_.push_back(known->id);
+  }
+  for (ObjectEntry& object : objects_) {
+    if (object.update != updates_) release(object);
+  }
+  objects_.erase(std::remove_if(objects_.begin(), objects_.end(),
+                                [this](const ObjectEntry& object) { return object.update != updates_; }),
+                 objects_.end());
+}
+
+/// An object that its layer does not follow any more is its chain, if there is one.
+void SemanticMap::release(ObjectEntry& object) {
+  Owner& owner = owners_[object.id];
+  owner.object = 0;
+  owner.reason = is_moving(object.latest) ? GoneReason::kLeft : GoneReason::kSeenThrough;
+  touched_.push_back(object.id);
+  if (object.as != As::kItself) {
+    if (parked_.size() == kMostParked) parked_.erase(parked_.begin());
+    parked_.push_back({object.id, object.latest, kNever});
+  }
+  for (const Handle handle : object.chains) {
+    ChainEntry& chain = *find_chain(handle);
+    chain.of_object = 0;
+    if (owners_[object.id].chain == 0) own(chain, object.id);
+    if (chain.id == 0) own(chain, ids_->next());
+    touched_.push_back(chain.id);
+  }
+}
+
+void SemanticMap::find_covers(const Object& object) {
+  const double margin_m = margin_of(object, params_.margin_m);
+  const Eigen::AlignedBox2d box = box_around(object, margin_m);
+  find_near(box);
+  covers_.clear();
+  for (const Handle handle : near_) {
+    const ChainEntry& chain = *find_chain(handle);
+    if (!chain.box_world_m.intersects(box) || (!with_chains_ && chain.of_boundary == 0)) continue;
+    const double on_m = length_on(object, chain.latest, margin_m);
+    if (on_m <= 0.0) continue;
+    const double least = chain.of_object == object.id ? kStaysOfObject : kIsOfObject;
+    covers_.push_back({handle, on_m, on_m >= least * chain.length_m});
+  }
+}
+
+/// After find_covers(). Gives the chain that has most of it, too.
+SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) const {
+  if (object.stood_since_ns == kNever) return As::kItself;
+  double own_m = 0.0, part_m = 0.0, most_own_m = 0.0, most_part_m = 0.0;
+  Handle own = 0, part = 0;
+  for (const Cover& cover : covers_) {
+    double& sum_m = cover.is_of_object ? own_m : part_m;
+    double& most_m = cover.is_of_object ? most_own_m : most_part_m;
+    sum_m += cover.on_object_m;
+    if (cover.on_object_m <= most_m) continue;
+    most_m = cover.on_object_m;
+    (cover.is_of_object ? own : part) = cover.chain;
+  }
+  const double width_m = lesser_width_of(object.latest);
+  const auto is_covered = [&](double by_m, As as) {
+    return by_m > 0.0 && by_m >= (object.as == as ? kStaysCovered : kCovered) * width_m;
+  };
+  const bool is_parked = seconds_between(object.stood_since_ns, stamp_ns_) >= params_.parked_after_s;
+  if (part_m > own_m && (is_parked || !object.has_moved) && is_covered(part_m, As::kPartOfChain)) {
+    chain = part;
+    return As::kPartOfChain;
+  }
+  if (is_parked && is_covered(own_m, As::kOwnChain)) {
+    chain = own;
+    return As::kOwnChain;
+  }
+  return As::kItself;
+}
+
+void SemanticMap::hand_over(ObjectEntry& object) {
+  find_covers(object.latest);
+  // Chains that are its boundary, from now on or no longer.
+  for (const Handle handle : object.chains) {
+    const auto cover = std::find_if(covers_.begin(), covers_.end(), [&](const Cover& c) { return c.chain == handle; });
+    if (cover != covers_.end() && cover->is_of_object) continue;
+    ChainEntry& chain = *find_chain(handle);
+    chain.of_object = 0;
+    if (chain.id == 0 || chain.id == object.id) own(chain, ids_->next());
+    touched_.push_back(chain.id);
+  }
+  object.chains.clear();
+  for (Cover& cover : covers_) {
+    ChainEntry& chain = *find_chain(cover.chain);
+    if (chain.of_object != 0 && chain.of_object != object.handle) {
+      cover.is_of_object = false;
+      cover.on_object_m = 0.0;
+      continue;
+    }
+    if (!cover.is_of_object) continue;
+    object.chains.push_back(cover.chain);
+    if (chain.of_object == object.handle) continue;
+    chain.of_object = object.handle;
+    if (chain.id != 0 && chain.id != object.id) merge(chain.id, object.id);
+  }
+  Handle chain = 0;
+  const As as = as_what(object, chain);
+  if (as != object.as || chain != object.chain) {
+    touched_.push_back(object.id);
+    for (const Handle handle : object.chains) {
+      if (find_chain(handle)->id != 0) touched_.push_back(find_chain(handle)->id);
+    }
+  }
+  object.as = as;
+  object.chain = chain;
+  if (as == As::kOwnChain) {
+    own(*find_chain(chain), object.id);
+    for (const Handle handle : object.chains) {
+      if (find_chain(handle)->id == 0) own(*find_chain(handle), ids_->next());
+    }
+  }
+  if (as == As::kPartOfChain) {
+    ChainEntry& of = *find_chain(chain);
+    if (id_on_map(of) == 0) own(of, ids_->next());
+    if (id_on_map(of) != object.id) merge(object.id, id_on_map(of));
+  }
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,396 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/semantic_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "chain_cover.hpp"
+#include "semantic_map_parts.hpp"
+#include "situation_awareness/common/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// m. Edge of a cell that chains are looked up by.
+constexpr double kCell_m = 2.0;
+/// s. What stands for so long, and was never seen to move, is fixed.
+constexpr double kFixed_s = 60.0;
+
+}  // namespace
+
+SemanticMap::SemanticMap(const HandOverParams& params, IdSource& ids, bool with_chains)
+    : params_(params), ids_(&ids), with_chains_(with_chains) {
+  params_.validate();
+}
+
+SemanticMap::TargetEntry* SemanticMap::find_target(Handle handle) { return at_handle(targets_, handle); }
+const SemanticMap::TargetEntry* SemanticMap::find_target(Handle handle) const { return at_handle(targets_, handle); }
+SemanticMap::BoundaryEntry* SemanticMap::find_boundary(Handle handle) { return at_handle(boundaries_, handle); }
+const SemanticMap::BoundaryEntry* SemanticMap::find_boundary(Handle handle) const {
+  return at_handle(boundaries_, handle);
+}
+SemanticMap::ObjectEntry* SemanticMap::find_object(Handle handle) { return at_handle(objects_, handle); }
+const SemanticMap::ObjectEntry* SemanticMap::find_object(Handle handle) const { return at_handle(objects_, handle); }
+SemanticMap::ChainEntry* SemanticMap::find_chain(Handle handle) { return at_handle(chains_, handle); }
+const SemanticMap::ChainEntry* SemanticMap::find_chain(Handle handle) const { return at_handle(chains_, handle); }
+
+const MapUpdate& SemanticMap::update(const LayerUpdates& layers) {
+  ++updates_;
+  stamp_ns_ = layers.stamp_ns;
+  if (layers.height_world_m) height_world_m_ = *layers.height_world_m;
+  touched_.clear();
+  if (layers.polygons != nullptr) {
+    take_chains(*layers.polygons);
+    settle_doubles();
+    watch_parked(*layers.polygons);
+  }
+  if (layers.boundaries != nullptr) take_boundaries(*layers.boundaries);
+  if (layers.objects != nullptr) take_objects(*layers.objects);
+  for (ObjectEntry& object : objects_) hand_over(object);
+  if (layers.targets != nullptr) take_targets(*layers.targets);
+  tell();
+  return update_;
+}
+
+void SemanticMap::begin_anew() {
+  objects_.clear();
+  chains_.clear();
+  boundaries_.clear();
+  targets_.clear();
+  parked_.clear();
+  chains_in_.clear();
+  owners_.clear();
+  new_.clear();
+  unsettled_.clear();
+  joined_.clear();
+  on_map_ = 0;
+  is_new_ = true;
+  ++maps_;
+}
+
+template <class Visit>
+void SemanticMap::for_each_cell(const Eigen::AlignedBox2d& box_world_m, Visit&& visit) const {
+  const auto cell = [](double m) { return static_cast<std::int64_t>(std::floor(m / kCell_m)); };
+  for (std::int64_t y = cell(box_world_m.min().y()); y <= cell(box_world_m.max().y()); ++y) {
+    for (std::int64_t x = cell(box_world_m.min().x()); x <= cell(box_world_m.max().x()); ++x) {
+      visit((static_cast<std::uint64_t>(y) << 32) ^ (static_cast<std::uint64_t>(x) & 0xffffffffU));
+    }
+  }
+}
+
+/// The cells that its edges may cross; some of them more than once.
+template <class Visit>
+void SemanticMap::for_each_cell(const Chain& chain, Visit&& visit) const {
+  for_each_edge(chain, [&](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+    const double steps = std::max(1.0, std::ceil((to - from).norm() / kCell_m));
+    for (double step = 0.0; step < steps; step += 1.0) {
+      Eigen::AlignedBox2d part(Eigen::Vector2d(from + step / steps * (to - from)));
+      part.extend(from + (step + 1.0) / steps * (to - from));
+      for_each_cell(part, visit);
+    }
+  });
+}
+
+void SemanticMap::place(const ChainEntry& chain) {
+  for_each_cell(chain.latest, [&](std::uint64_t cell) {
+    std::vector<Handle>& there = chains_in_[cell];
+    if (std::find(there.begin(), there.end(), chain.handle) == there.end()) there.push_back(chain.handle);
+  });
+}
+
+void SemanticMap::remove(const ChainEntry& chain) {
+  for_each_cell(chain.latest, [&](std::uint64_t cell) {
+    const auto there = chains_in_.find(cell);
+    if (there == chains_in_.end()) return;
+    there->second.erase(std::remove(there->second.begin(), there->second.end(), chain.handle), there->second.end());
+    if (there->second.empty()) chains_in_.erase(there);
+  });
+}
+
+/// near_: the chains that may be there, each once.
+void SemanticMap::find_near(const Eigen::AlignedBox2d& box_world_m) {
+  near_.clear();
+  for_each_cell(box_world_m, [&](std::uint64_t cell) { add_near(cell); });
+  sort_near();
+}
+
+void SemanticMap::find_near(const Chain& chain) {
+  near_.clear();
+  for_each_cell(chain, [&](std::uint64_t cell) { add_near(cell); });
+  sort_near();
+}
+
+void SemanticMap::add_near(std::uint64_t cell) {
+  const auto there = chains_in_.find(cell);
+  if (there != chains_in_.end()) near_.insert(near_.end(), there->second.begin(), there->second.end());
+}
+
+void SemanticMap::sort_near() {
+  std::sort(near_.begin(), near_.end());
+  near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
+}
+
+/// Gives a chain an id, in the place of the one that it had. Another chain that had it gets a new one, if it is shown.
+void SemanticMap::own(ChainEntry& chain, FeatureId id) {
+  Owner& owner = owners_[id];
+  if (owner.chain == chain.handle) return;
+  if (ChainEntry* const other = find_chain(owner.chain)) {
+    other->id = 0;
+    new_.push_back(other->handle);
+  }
+  if (chain.id != 0) {
+    owners_[chain.id].chain = 0;
+    touched_.push_back(chain.id);
+  }
+  chain.id = id;
+  owner.chain = chain.handle;
+  touched_.push_back(id);
+}
+
+/// What had the first id has the second one now.
+void SemanticMap::merge(FeatureId id, FeatureId into) {
+  Owner& owner = owners_[id];
+  owner.reason = GoneReason::kMerged;
+  owner.into = into;
+  touched_.push_back(id);
+}
+
+void SemanticMap::take_chains(const PolygonChanges& changes) {
+  for (const Chain* chain : changes.changed) {
+    ChainEntry* known = find_chain(chain->id);
+    if (known != nullptr) {
+      unsettle_near(*known);
+      remove(*known);
+    } else {
+      known = &add_at_handle(chains_, chain->id);
+      new_.push_back(chain->id);
+    }
+    known->latest = *chain;
+    known->length_m = length_of(*chain);
+    known->box_world_m.setEmpty();
+    for (const ChainVertex& vertex : chain->vertices) known->box_world_m.extend(vertex.p_world_m);
+    known->end_m = known->length_m;
+    known->begin_m = 0.0;
+    place(*known);
+    unsettle_near(*known);
+    if (known->id != 0) touched_.push_back(known->id);
+  }
+  for (const Handle handle : changes.gone) {
+    ChainEntry* gone = find_chain(handle);
+    if (gone == nullptr) continue;
+    remove(*gone);
+    unsettle_near(*gone);
+    if (ObjectEntry* of = find_object(gone->of_object)) {
+      of->chains.erase(std::remove(of->chains.begin(), of->chains.end(), handle), of->chains.end());
+    }
+    if (gone->id != 0) {
+      Owner& owner = owners_[gone->id];
+      owner.chain = 0;
+      owner.reason = GoneReason::kSeenThrough;
+      touched_.push_back(gone->id);
+      if (ChainEntry* const heir = heir_of(*gone)) merge_chains(gone->id, *heir);
+    }
+    if (BoundaryEntry* const boundary = find_boundary(gone->of_boundary);
+        boundary != nullptr && boundary->main == handle)
+      boundary->main = 0;
+    chains_.erase(chains_.begin() + (gone - chains_.data()));
+  }
+}
+
+/// What is beside it may show, or not show, its surface now.
+void SemanticMap::unsettle_near(const ChainEntry& chain) {
+  find_near(chain.latest);
+  unsettled_.insert(unsettled_.end(), near_.begin(), near_.end());
+}
+
+/// The chain that has the id of one that is gone: one of the same boundary, or that most of it is part of now.
+SemanticMap::ChainEntry* SemanticMap::heir_of(const ChainEntry& gone) {
+  if (gone.of_boundary != 0) {
+    ChainEntry* longest = nullptr;
+    for (ChainEntry& other : chains_) {
+      const bool is_part = other.of_boundary == gone.of_boundary && other.handle != gone.handle;
+      if (is_part && (longest == nullptr || other.length_m > longest->length_m)) longest = &other;
+    }
+    if (longest != nullptr) {
+      if (BoundaryEntry& boundary = *find_boundary(gone.of_boundary); boundary.main == gone.handle)
+        boundary.main = longest->handle;
+      return longest;
+    }
+  }
+  find_near(gone.latest);
+  ChainEntry* heir = nullptr;
+  double most = 0.5;
+  for (const Handle handle : near_) {
+    ChainEntry& other = *find_chain(handle);
+    const double part = part_beside(gone.latest, other.latest);
+    if (part <= most) continue;
+    most = part;
+    heir = &other;
+  }
+  return heir;
+}
+
+/// Of two chains that are one the older id stays.
+void SemanticMap::merge_chains(FeatureId id, ChainEntry& heir) {
+  const FeatureId other = heir.id;
+  if (other == 0 || id < other) {
+    own(heir, id);
+    if (other != 0) merge(other, id);
+  } else {
+    merge(id, other);
+  }
+}
+
+/// The id under which a chain is on the map.
+FeatureId SemanticMap::id_on_map(const ChainEntry& chain) const {
+  if (const BoundaryEntry* const boundary = find_boundary(chain.of_boundary)) return find_chain(boundary->main)->id;
+  const ChainEntry* const other = find_chain(chain.beside);
+  return other != nullptr ? id_on_map(*other) : chain.id;
+}
+
+bool SemanticMap::is_shown(const ChainEntry& chain) const {
+  if (chain.beside != 0 && chain.of_boundary == 0) return false;
+  if (chain.of_object != 0 && find_object(chain.of_object)->as != As::kOwnChain) return false;
+  const BoundaryEntry* const boundary = find_boundary(chain.of_boundary);
+  return boundary != nullptr ? boundary->main == chain.handle : with_chains_;
+}
+
+namespace {
+
+void seen_between(std::int64_t first_ns, std::int64_t last_ns, Feature& feature) {
+  feature.first_seen_ns = std::min(feature.first_seen_ns, first_ns);
+  feature.last_seen_ns = std::max(feature.last_seen_ns, last_ns);
+}
+
+/// Where both know a class both say so independently of each other.
+void add_class(ObjectClass object_class, double p_class, Feature& feature) {
+  if (object_class == feature.object_class) {
+    feature.p_class = 1.0 - (1.0 - feature.p_class) * (1.0 - p_class);
+  } else if (p_class > feature.p_class) {
+    feature.object_class = object_class;
+    feature.p_class = p_class;
+  }
+}
+
+void add_target(const GridTarget& target, Feature& feature) {
+  feature.seen_by.camera = true;
+  add_class(ObjectClass::kVehicle, target.probability, feature);
+  feature.motion = Motion::kStanding;
+  feature.shape = FootprintShape{target.p_world_m, target.covariance_m2, target.area_m2};
+}
+
+void add_object(const Object& object, Feature& feature) {
+  add_class(object.object_class, object.p_class, feature);
+  seen_between(object.first_seen_ns, object.last_seen_ns, feature);
+  feature.p_moving = object.p_moving;
+  feature.p_exists = object.p_exists;
+  feature.motion = is_moving(object) ? Motion::kMoving : Motion::kStanding;
+  const BodyState state{object.velocity_world_m_s, object.angular_velocity_rad_s, object.covariance};
+  if (object.shape == Shape::kBox) {
+    feature.shape = BoxShape{object.box_world, state};
+  } else {
+    feature.shape = EllipseShape{object.ellipse_world, state};
+  }
+}
+
+}  // namespace
+
+/// False if nothing of that id is on the map.
+bool SemanticMap::feature_of(FeatureId id, const Owner& owner, Feature& feature) const {
+  const ChainEntry* const chain = find_chain(owner.chain);
+  const ObjectEntry* const object = find_object(owner.object);
+  const TargetEntry* const target = find_target(owner.target);
+  const bool is_chain = chain != nullptr && is_shown(*chain),
+             is_object = object != nullptr && object->as == As::kItself;
+  if (!is_chain && !is_object && target == nullptr) return false;
+  feature.id = id;
+  feature.first_seen_ns = std::numeric_limits<std::int64_t>::max();
+  feature.seen_by.scan = is_chain || is_object;
+  if (target != nullptr) {
+    add_target(target->latest, feature);
+    seen_between(target->first_seen_ns, target->last_seen_ns, feature);
+  }
+  if (!is_chain && !is_object) return true;
+  if (object != nullptr) add_object(object->latest, feature);
+  if (!is_chain) return true;
+  const Chain& latest = chain->latest;
+  feature.p_exists = latest.p_exists;
+  seen_between(latest.first_seen_ns, latest.last_seen_ns, feature);
+  const bool has_moved = object != nullptr && object->has_moved;
+  const bool is_old = seconds_between(feature.first_seen_ns, stamp_ns_) >= kFixed_s;
+  feature.motion = is_old && !has_moved ? Motion::kFixed : Motion::kStanding;
+  if (const BoundaryEntry* const boundary = find_boundary(chain->of_boundary)) {
+    seen_between(boundary->latest.first_seen_ns, boundary->latest.last_seen_ns, feature);
+    feature.shape = ArcShape{boundary->latest.vertices, boundary->latest.closed};
+  } else {
+    feature.shape = PolylineShape{part_of(latest, chain->begin_m, chain->end_m), latest.closed};
+  }
+  return true;
+}
+
+void SemanticMap::tell() {
+  for (const Handle handle : new_) {
+    ChainEntry* const chain = find_chain(handle);
+    if (chain != nullptr && chain->id == 0 && is_shown(*chain)) own(*chain, ids_->next());
+  }
+  new_.clear();
+  for (const Handle handle : joined_) {
+    const ChainEntry* const chain = find_chain(handle);
+    if (chain == nullptr || is_shown(*chain)) continue;
+    const FeatureId into = id_on_map(*chain);
+    if (into != 0 && into != chain->id) merge(chain->id, into);
+  }
+  joined_.clear();
+  std::sort(touched_.begin(), touched_.end());
+  touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+  update_.stamp_ns = stamp_ns_;
+  update_.map = maps_;
+  update_.full = is_new_;
+  update_.base = is_new_ ? 0 : update_.version;
+  ++update_.version;
+  is_new_ = false;
+  update_.changed.clear();
+  update_.gone.clear();
+  for (const FeatureId id : touched_) {
+    if (id == 0) continue;  // of what was not on the map yet
+    Owner& owner = owners_[id];
+    Feature feature;
+    if (feature_of(id, owner, feature)) {
+      update_.changed.push_back(std::move(feature));
+      on_map_ += owner.is_on_map ? 0 : 1;
+      owner.is_on_map = true;
+      owner.into = 0;
+      continue;
+    }
+    if (owner.is_on_map) {
+      Gone gone;
+      gone.id = id;
+      gone.reason = owner.reason;
+      if (owner.into != 0) {
+        gone.reason = GoneReason::kMerged;
+        gone.into = owner.into;
+      }
+      update_.gone.push_back(gone);
+      --on_map_;
+      owner.is_on_map = false;
+    }
+    if (owner.object == 0 && owner.chain == 0 && owner.target == 0) owners_.erase(id);
+  }
+}
+
+Map SemanticMap::map(Map memory) const {
+  std::vector<FeatureId> ids;
+  for (const auto& [id, owner] : owners_) {
+    if (owner.is_on_map) ids.push_back(id);
+  }
+  std::sort(ids.begin(), ids.end());
+  Map result = std::move(memory);
+  result.stamp_ns = stamp_ns_;
+  result.height_world_m = height_world_m_;
+  result.features.clear();
+  for (const FeatureId id : ids) feature_of(id, owners_.at(id), result.features.emplace_back());
+  return result;
+}
+
+}  // namespace situation_awareness

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "situation_awareness/map/objects/objects.hpp"
+
+// Common to the sources of SemanticMap.
+namespace situation_awareness {
+
+inline bool is_moving(const Object& object) { return object.p_moving > 0.5; }
+
+/// In a list by ascending handle; null if it is not there.
+template <class List>
+auto at_handle(List& list, std::uint64_t handle) {
+  const auto place = std::lower_bound(list.begin(), list.end(), handle,
+                                      [](const auto& entry, std::uint64_t wanted) { return entry.handle < wanted; });
+  return place != list.end() && place->handle == handle ? &*place : nullptr;
+}
+
+/// At its place in such a list, a new one.
+template <class List>
+auto& add_at_handle(List& list, std::uint64_t handle) {
+  auto place = std::lower_bound(list.begin(), list.end(), handle,
+                                [](const auto& entry, std::uint64_t wanted) { return entry.handle < wanted; });
+  place = list.emplace(place);
+  place->handle = handle;
+  return *place;
+}
+
+}  // namespace situation_awareness

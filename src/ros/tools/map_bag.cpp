@@ -1,0 +1,477 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From a recorded bag to one map of all that is around, without a roscore, as fast as possible.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <variant>
+#include <vector>
+
+#include "command_line.hpp"
+#include "situation_awareness/common/params_yaml.hpp"
+#include "situation_awareness/common/sha256.hpp"
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/box.hpp"
+#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/pipeline/grid_pipeline.hpp"
+#include "situation_awareness/pipeline/localization_pipeline.hpp"
+#include "situation_awareness/pipeline/map_pipeline.hpp"
+#include "situation_awareness/points/point_states.hpp"
+#include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/ros/bag/bag_options.hpp"
+#include "situation_awareness/ros/bag/bag_player.hpp"
+#include "situation_awareness/ros/bag/images.hpp"
+#include "situation_awareness/ros/bag/json_line.hpp"
+#include "situation_awareness/ros/bag/line_file.hpp"
+#include "situation_awareness/ros/bag/localization.hpp"
+#include "situation_awareness/ros/bag/navigation.hpp"
+#include "situation_awareness/ros/bag/odometry.hpp"
+#include "situation_awareness/ros/bag/scans.hpp"
+#include "situation_awareness/ros/convert/odometry.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
+#include "situation_awareness/ros/inertial_navigation.hpp"
+#include "situation_awareness/ros/params/package.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr const char* kName = "map_bag";
+constexpr const char* kConfig = "map.yaml";
+constexpr const char* kConfigOutdoor = "map_outdoor.yaml";
+constexpr const char* kDescription =
+    R"(Reads laser scans, images and what the pose comes from out of a bag and writes one map of all that is around: one line
+of JSON for each update, with what has changed:
+  {"stamp": s, "map": UUID, "base", "version": int, "full": bool,
+   "pose": {"x", "y", "yaw": number, "covariance": [9 numbers, row by row]},
+   "changed": [FEATURE], "gone": [{"id": int, "reason": text, "into": int, if "merged"}]}
+FEATURE: {"id": int, "kind": "ellipse", "box", "polyline", "boundary" or "target", "class": text,
+   "p_class", "p_exists", "p_moving": number, "motion": "moving", "standing" or "fixed", "first_seen", "last_seen": s,
+   "seen_by": [texts], "outline": [[x, y, bulge], ...], "closed": bool, "sigma_m": number, or one per vertex, "x", "y",
+   and of an ellipse or box "psi", "rx", "ry", "vx", "vy", "wz", "covariance": [64 numbers, row by row], of a target
+   "area_m2" and "z"}
+in m, rad and s, in the world frame. An update changes the version `base` of a map into `version`; a full one, the first
+and one each --full-every seconds, has all features. A bulge is tan(arc angle / 4) of the arc to the next point, and is
+left out of straight outlines. The pose is that of the base, or of the scanner where no --base-frame is known. A bag that
+begins anew makes another map. Invalid scans and images have no line and are counted by reason. Files are written
+atomically.
+)";
+
+constexpr double kResetTimeJump_s = 1.0;
+/// Of poses from /tf, which have no covariance: those of a good SLAM.
+constexpr double kTfSigma_m = 0.02;
+constexpr double kTfSigma_rad = 0.01;
+
+struct Options {
+  BagOptions bag;
+  std::string scan_topic = "/scan", lidar_frame, pose = "tf", out;
+  std::vector<std::string> kinds = {"objects", "polygons", "splinegons"};
+  ReflectorOptions reflectors;
+  NavigationOptions navigation;
+  ImageOptions images;
+  double full_every_s = 10.0;
+
+  bool has(const std::string& kind) const { return std::find(kinds.begin(), kinds.end(), kind) != kinds.end(); }
+  bool has_scans() const { return has("objects") || has("polygons") || has("splinegons"); }
+};
+
+void add_options(CommandLine& app, Options& options) {
+  add_bag_options(app, options.bag, kConfig);
+  const auto text = [&app](const char* name, std::string& value, const char* type, const char* what) {
+    return app.add_option(name, value, what).type_name(type);
+  };
+  text("--out", options.out, "FILE", "output file of the lines").required();
+  app.add_option("--kinds", options.kinds, "what is mapped; grid: the targets of a camera's images, with --dem")
+      .type_name("KIND,...")
+      .check(one_of({"objects", "polygons", "splinegons", "grid"}))
+      .delimiter(',')
+      .take_all();
+  text("--pose", options.pose, "SOURCE", "tf, reflectors with odometry, or gps with an IMU")
+      .check(one_of({"tf", "reflectors", "gps"}));
+  text("--scan-topic", options.scan_topic, "TOPIC", "sensor_msgs/LaserScan");
+  text("--lidar-frame", options.lidar_frame, "FRAME", "of the scanner (default: that of its messages)");
+  add_reflector_options(app, options.reflectors);
+  add_navigation_options(app, options.navigation);
+  add_image_options(app, options.images);
+  add_dem_option(app, options.images);
+  add_model_folder_option(app, options.images);
+  app.add_option("--full-every", options.full_every_s, "time between lines with all features")
+      .type_name("S")
+      .check(in_range(0.0, 1e9));
+  app.callback([&options] {
+    check_reflector_options(options.reflectors, options.pose == "reflectors");
+    check_origin(options.navigation);
+    if (options.has("grid") && options.images.dem.empty()) throw option_required("--dem");
+    if (options.has("grid") && options.pose != "tf") {
+      throw CommandLineError("images are mapped with --pose tf: their poses are those of /tf");
+    }
+  });
+}
+
+// --- lines ----------------------------------------------------------------------------------------------------------
+
+double seconds(std::int64_t stamp_ns) { return 1e-9 * static_cast<double>(stamp_ns); }
+
+void add_point(Json& outline, const Eigen::Vector2d& p_m) {
+  outline.push_back(list_of(2, [&](int i) { return p_m(i); }));
+}
+
+/// Its centroid: of the area of a closed outline, else of the line.
+Eigen::Vector2d middle_of(const std::vector<Eigen::Vector2d>& points_m, bool closed) {
+  const std::size_t n = points_m.size();
+  double area_m2 = 0.0, length_m = 0.0;
+  Eigen::Vector2d of_area = Eigen::Vector2d::Zero(), of_line = Eigen::Vector2d::Zero();
+  for (std::size_t k = 0; k + (closed ? 0 : 1) < n; ++k) {
+    const Eigen::Vector2d from_m = points_m[k] - points_m[0], to_m = points_m[(k + 1) % n] - points_m[0];
+    const double cross_m2 = from_m.x() * to_m.y() - from_m.y() * to_m.x(), edge_m = (to_m - from_m).norm();
+    area_m2 += 0.5 * cross_m2;
+    of_area += cross_m2 / 6.0 * (from_m + to_m);
+    length_m += edge_m;
+    of_line += 0.5 * edge_m * (from_m + to_m);
+  }
+  if (closed && std::abs(area_m2) > 1e-9) return points_m[0] + of_area / area_m2;
+  return length_m > 0.0 ? Eigen::Vector2d(points_m[0] + of_line / length_m) : points_m[0];
+}
+
+void add_place(const Eigen::Vector2d& p_m, Json& element) {
+  element["x"] = finite(p_m.x());
+  element["y"] = finite(p_m.y());
+}
+
+/// Members of a feature that its shape decides.
+struct AddShape {
+  Json& element;
+
+  void operator()(const EllipseShape& shape) const { add_body(shape.ellipse_world, Shape::kEllipse, {}, shape.body); }
+  void operator()(const BoxShape& shape) const {
+    add_body(moment_equal_ellipse(shape.box_world), Shape::kBox, shape.box_world, shape.body);
+  }
+  void add_body(const Ellipse& ellipse, Shape kind, const Box& box, const BodyState& body) const {
+    Object object;
+    object.shape = kind;
+    object.ellipse_world = ellipse;
+    object.box_world = box;
+    Json& outline = element["outline"] = Json::array();
+    for (const Eigen::Vector2d& p_world_m : outline_world(object)) add_point(outline, p_world_m);
+    element["closed"] = true;
+    const auto P = body.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition);
+    element["sigma_m"] = finite(std::sqrt(std::max(0.5 * P.trace(), 0.0)));
+    add_place(ellipse.center_m, element);
+    element["psi"] = finite(ellipse.psi_rad);
+    element["rx"] = finite(ellipse.rx_m);
+    element["ry"] = finite(ellipse.ry_m);
+    element["vx"] = finite(body.velocity_world_m_s.x());
+    element["vy"] = finite(body.velocity_world_m_s.y());
+    element["wz"] = finite(body.angular_velocity_rad_s);
+    element["covariance"] = list_of(64, [&](int i) { return body.covariance(i / 8, i % 8); });
+  }
+
+  void operator()(const PolylineShape& shape) const {
+    std::vector<Eigen::Vector2d> points_m;
+    Json& outline = element["outline"] = Json::array();
+    Json sigma = Json::array();
+    for (const ChainVertex& vertex : shape.vertices) {
+      points_m.push_back(vertex.p_world_m);
+      add_point(outline, vertex.p_world_m);
+      sigma.push_back(finite(vertex.sigma_m));
+    }
+    element["closed"] = shape.closed;
+    element["sigma_m"] = std::move(sigma);
+    add_place(middle_of(points_m, shape.closed), element);
+  }
+
+  void operator()(const ArcShape& shape) const {
+    Splinegon splinegon;
+    splinegon.closed = shape.closed;
+    splinegon.vertices = shape.vertices;
+    Json& outline = element["outline"] = Json::array();
+    Json sigma = Json::array();
+    for (const SplinegonVertex& vertex : shape.vertices) {
+      outline.push_back(list_of(3, [&](int i) { return i < 2 ? vertex.p_world_m(i) : vertex.bulge; }));
+      sigma.push_back(finite(vertex.sigma_m));
+    }
+    element["closed"] = shape.closed;
+    element["sigma_m"] = std::move(sigma);
+    constexpr double kSpacing_m = 0.2;
+    std::vector<Eigen::Vector2d> points_m;
+    for (const SplinegonPoint& point : sampled(splinegon, kSpacing_m)) points_m.push_back(point.p_world_m);
+    add_place(middle_of(points_m, shape.closed), element);
+  }
+
+  /// The outline is the circle of its area, of two arcs.
+  void operator()(const FootprintShape& shape) const {
+    const Eigen::Vector2d p_m = shape.p_world_m.head<2>();
+    const double radius_m = std::sqrt(shape.area_m2 / kPi);
+    Json& outline = element["outline"] = Json::array();
+    for (const double side : {-1.0, 1.0}) {
+      outline.push_back(Json::array({finite(p_m.x() + side * radius_m), finite(p_m.y()), 1.0}));
+    }
+    element["closed"] = true;
+    element["sigma_m"] = finite(std::sqrt(std::max(0.5 * shape.covariance_m2.trace(), 0.0)));
+    add_place(p_m, element);
+    element["area_m2"] = finite(shape.area_m2);
+    element["z"] = finite(shape.p_world_m.z());
+  }
+};
+
+void add_feature(Json& list, const Feature& feature) {
+  Json& element = add_object(list, 26);
+  element["id"] = feature.id;
+  element["kind"] = kind_of(feature.shape);
+  element["class"] = name_of(feature.object_class);
+  element["p_class"] = finite(feature.p_class);
+  element["p_exists"] = finite(feature.p_exists);
+  element["p_moving"] = finite(feature.p_moving);
+  element["motion"] = name_of(feature.motion);
+  element["first_seen"] = seconds(feature.first_seen_ns);
+  element["last_seen"] = seconds(feature.last_seen_ns);
+  if (feature.last_absent_ns) element["last_absent"] = seconds(*feature.last_absent_ns);
+  if (feature.first_absent_ns) element["first_absent"] = seconds(*feature.first_absent_ns);
+  Json& seen_by = element["seen_by"] = Json::array();
+  if (feature.seen_by.scan) seen_by.push_back("scan");
+  if (feature.seen_by.cloud) seen_by.push_back("cloud");
+  if (feature.seen_by.camera) seen_by.push_back("camera");
+  std::visit(AddShape{element}, feature.shape);
+}
+
+/// The name of the n-th map of a recording: the same each time that it is played.
+std::string uuid_of(std::int64_t first_stamp_ns, std::uint64_t n) {
+  std::string digits = sha256("map " + std::to_string(first_stamp_ns) + " " + std::to_string(n)).substr(0, 32);
+  digits[12] = '8';  // a UUID of a form of one's own (RFC 9562)
+  digits[16] = '8';
+  return digits.substr(0, 8) + "-" + digits.substr(8, 4) + "-" + digits.substr(12, 4) + "-" + digits.substr(16, 4) +
+         "-" + digits.substr(20);
+}
+
+struct Pose {
+  Pose2 T_world_base;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+/// What the program writes.
+class Output {
+ public:
+  explicit Output(const Options& options) : full_every_s_(options.full_every_s), file_(options.out) {}
+
+  void write(const MapUpdate& update, const Pose& pose, const MapPipeline& pipeline) {
+    if (!map_ || *map_ != update.map) {
+      map_ = update.map;
+      full_ns_.reset();
+      name_ = uuid_of(update.stamp_ns, update.map);
+    }
+    const bool is_full = update.full || !full_ns_ || seconds_between(*full_ns_, update.stamp_ns) >= full_every_s_;
+    if (is_full) full_ns_ = update.stamp_ns;
+    Json line;
+    line["map"] = name_;
+    line["base"] = update.base;
+    line["version"] = update.version;
+    line["full"] = is_full;
+    const Pose2& T = pose.T_world_base;
+    line["pose"] = {{"x", finite(T.translation_m.x())}, {"y", finite(T.translation_m.y())}, {"yaw", finite(T.yaw_rad)}};
+    line["pose"]["covariance"] = list_of(9, [&](int i) { return pose.covariance(i / 3, i % 3); });
+    Json& changed = line["changed"] = Json::array();
+    if (is_full) all_ = pipeline.map(std::move(all_));
+    for (const Feature& feature : is_full ? all_.features : update.changed) add_feature(changed, feature);
+    Json& list = line["gone"] = Json::array();
+    for (const Gone& gone : update.gone) {
+      Json& element = add_object(list, 3);
+      element["id"] = gone.id;
+      element["reason"] = name_of(gone.reason);
+      if (gone.into) element["into"] = *gone.into;
+    }
+    file_.write(json_line(update.stamp_ns, line));
+  }
+  void finish() { file_.finish(); }
+
+ private:
+  double full_every_s_;
+  LineFile file_;
+  std::optional<std::uint64_t> map_;     ///< number of the map of the latest line
+  std::string name_;                     ///< of that map
+  std::optional<std::int64_t> full_ns_;  ///< stamp of its latest full line
+  Map all_;
+};
+
+// --- from the bag to the map ----------------------------------------------------------------------------------------
+
+/// Of all kinds and sources of the pose; each uses its own.
+struct BagParams {
+  MapPipelineParams map;
+  ReflectorDetectionParams reflectors;
+  ReflectorLocalizationParams localization;
+  GpsInsParams gps_ins;
+  GridPipelineParams grid;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    MapPipelineParams::fields(self.map, visit);
+    visit("reflectors", self.reflectors);
+    visit("localization", self.localization);
+    visit("gps_ins", self.gps_ins);
+    visit("grid", self.grid);
+  }
+};
+
+struct Params {
+  BagParams bag;
+  ObjectPipelineParams objects;
+};
+
+/// Boundaries of large obstacles alone need no detail, and a pose by GPS has none to give.
+std::string config_of(const Options& options) {
+  const bool is_coarse = options.pose == "gps" || (options.has("splinegons") && !options.has("polygons"));
+  return config_path(options.bag, is_coarse ? kConfigOutdoor : kConfig);
+}
+
+/// Objects and the other kinds read the same file: a key is unknown where neither knows it.
+Params read_params(const Options& options) {
+  const std::string path = config_of(options);
+  const std::string yaml = read_text_file(path);
+  std::vector<UnknownKey> unknown;
+  std::vector<std::string> unknown_to_objects;
+  Params params;
+  params.bag = params_from_yaml<BagParams>(yaml, path, [&unknown](const UnknownKey& key) { unknown.push_back(key); });
+  std::string folder = options.images.model_folder;
+  if (folder.empty() && options.has("objects")) folder = package_folder() + "/models";
+  params.objects = parse_object_pipeline_params(yaml, path, folder,
+                                                [&](const UnknownKey& key) { unknown_to_objects.push_back(key.path); });
+  for (const UnknownKey& key : unknown) {
+    const bool known = std::none_of(
+        unknown_to_objects.begin(), unknown_to_objects.end(),
+        [&key](const std::string& other) { return key.path == other || key.path.rfind(other + ".", 0) == 0; });
+    if (!known) print_warning(key);
+  }
+  return params;
+}
+
+MapPipeline pipeline_of(const Options& options, const Params& params) {
+  return {params.bag.map, params.objects, {options.has("objects"), options.has("polygons"), options.has("splinegons")}};
+}
+
+void map_by_tf(const Options& options, const Params& params) {
+  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
+  BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
+  Output out(options);
+  MapPipeline pipeline = pipeline_of(options, params);
+  PointStates states;
+  Pose pose;
+  pose.covariance.diagonal() << kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad;
+  player.on_restart([&pipeline] { pipeline.begin_anew(); });
+  if (options.has_scans()) {
+    subscribe_scans(
+        player, options.scan_topic,
+        [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
+          const MapUpdate& update = player.timed(
+              [&]() -> const MapUpdate& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
+          states.add(pipeline.points());
+          const bool has_base = !frames.base.empty();
+          pose.T_world_base =
+              pose2_of(has_base ? player.T_world_base_at(scan.stamp_ns) : Eigen::Isometry3d(T_world_lidar));
+          out.write(update, pose, pipeline);
+        },
+        options.lidar_frame);
+  }
+  std::optional<BagImages> images;
+  if (options.has("grid")) {
+    images.emplace(player, options.bag, options.images, params.bag.grid, [&](const GridTargets& targets) {
+      if (!frames.base.empty()) pose.T_world_base = pose2_of(player.T_world_base_at(targets.stamp_ns));
+      out.write(pipeline.take(targets), pose, pipeline);
+    });
+  }
+  player.play();
+  player.print_summary();
+  if (images) images->print_summary();
+  player.check_mapped(options.has_scans() ? states.why_no_hit() : images->pipeline().why_nothing());
+  out.finish();
+}
+
+void map_by_reflectors(const Options& options, const Params& params) {
+  const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
+  LocalizationPipeline localization(load_reflector_map(options.reflectors.reflectors), params.bag.reflectors,
+                                    params.bag.localization);
+  MapPipeline pipeline = pipeline_of(options, params);
+  BagPlayer player = player_by_odometry(options.bag, kResetTimeJump_s, frames);
+  Output out(options);
+  PointStates states;
+  player.on_restart([&pipeline] { pipeline.begin_anew(); });
+  BagLocalization bag_localization(player, options.bag, options.reflectors, frames, options.scan_topic, localization,
+                                   [&](const Scan& scan, const OdometryScan& placed) {
+                                     const MapUpdate* const update = player.timed([&]() -> const MapUpdate* {
+                                       const std::optional<PlacedScan> in_world = localization.place(scan, placed);
+                                       if (!in_world) return nullptr;
+                                       return &pipeline.process(scan, in_world->T_world_lidar,
+                                                                in_world->T_world_lidar_end, in_world->covariance);
+                                     });
+                                     if (update == nullptr) return false;
+                                     const LocalizedPose pose = localization.localization().pose();
+                                     states.add(pipeline.points());
+                                     out.write(*update, {pose.T_world_base.x, pose.covariance_world}, pipeline);
+                                     return true;
+                                   });
+  player.play();
+  player.print_summary();
+  bag_localization.print_summary();
+  const std::string why_unknown = bag_localization.why_unknown();
+  player.check_mapped(why_unknown.empty() ? states.why_no_hit() : why_unknown);
+  out.finish();
+}
+
+void map_by_gps(const Options& options, const Params& params) {
+  const std::string base_frame =
+      options.reflectors.odometry.frames.base.empty() ? "base_link" : options.reflectors.odometry.frames.base;
+  BagPlayer player(with_backlog(options.bag), kResetTimeJump_s, {base_frame, true});
+  Output out(options);
+  MapPipeline pipeline = pipeline_of(options, params);
+  player.on_restart([&pipeline] { pipeline.begin_anew(); });
+  BagNavigation bag_navigation(kName, player, options.bag, options.navigation, base_frame, params.bag.gps_ins);
+  PointStates states;
+  std::size_t mapped = 0, lines = 0;
+  subscribe_scans(
+      player, options.scan_topic,
+      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
+        InertialNavigation& navigation = *bag_navigation;
+        const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);
+        const InertialPlacement placement = navigation.placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
+        const MapUpdate& update = player.timed(
+            [&]() -> const MapUpdate& { return pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+        states.add(pipeline.points());
+        ++mapped;
+        if (!navigation.was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
+        const WorldPose pose = navigation.pose_at(scan.stamp_ns, T_odom_base, pipeline.layers().alignment());
+        out.write(update, {pose2_of(pose.T_world_base), planar_covariance(pose)}, pipeline);
+        ++lines;
+      },
+      options.lidar_frame);
+  player.play();
+  player.print_summary();
+  bag_navigation.print_summary();
+  std::string why_not = lines > 0 ? states.why_no_hit() : bag_navigation.why_not_ready();
+  if (lines == 0 && mapped > 0 && why_not.empty()) why_not = "the pose was not known before the last scan";
+  player.check_mapped(why_not);
+  out.finish();
+}
+
+int map_bag(const Options& options) {
+  const Params params = read_params(options);
+  if (options.pose == "tf") {
+    map_by_tf(options, params);
+  } else if (options.pose == "reflectors") {
+    map_by_reflectors(options, params);
+  } else {
+    map_by_gps(options, params);
+  }
+  return 0;
+}
+
+}  // namespace
+}  // namespace situation_awareness
+
+int main(int argc, char** argv) {
+  using namespace situation_awareness;
+  return run_program<Options>(kName, kDescription, argc, argv, add_options, map_bag);
+}

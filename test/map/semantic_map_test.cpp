@@ -1,0 +1,569 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/map/semantic_map.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+
+namespace situation_awareness {
+namespace {
+
+/// What two layers see, and the map of it, at 10 Hz. What the updates tell is what the map says.
+class Scene {
+ public:
+  Object& box(std::uint64_t handle, const Eigen::Vector2d& center_m, double half_length_m = 2.0,
+              double half_width_m = 0.9) {
+    for (Object& object : objects_.objects) {
+      if (object.id == handle) return place(object, center_m);
+    }
+    Object object;
+    object.id = handle;
+    object.shape = Shape::kBox;
+    object.box_world = {center_m, 0.0, half_length_m, half_width_m};
+    object.covariance = 1e-4 * Matrix8d::Identity();
+    object.first_seen_ns = stamp_ns_;
+    objects_.objects.push_back(object);
+    return place(objects_.objects.back(), center_m);
+  }
+  void lose(std::uint64_t handle) {
+    objects_.objects.erase(std::remove_if(objects_.objects.begin(), objects_.objects.end(),
+                                          [&](const Object& object) { return object.id == handle; }),
+                           objects_.objects.end());
+  }
+  void chain(std::uint64_t handle, const std::vector<Eigen::Vector2d>& points_m) {
+    Chain& chain = chains_[handle];
+    if (chain.id == 0) chain.first_seen_ns = stamp_ns_;
+    chain.id = handle;
+    chain.last_seen_ns = stamp_ns_;
+    chain.p_exists = 0.99;
+    chain.vertices.clear();
+    for (const Eigen::Vector2d& p_m : points_m) chain.vertices.push_back({p_m, 0.01});
+    changed_.insert(handle);
+  }
+  void drop(std::uint64_t handle) {
+    chains_.erase(handle);
+    changed_.erase(handle);
+    gone_.insert(handle);
+  }
+
+  /// A boundary, given by its middle, radius and the chains that it was fitted to; as `n` arcs.
+  void boundary(std::uint64_t handle, const Eigen::Vector2d& center_m, double radius_m,
+                const std::vector<std::uint64_t>& chains, int n = 8) {
+    Splinegon splinegon;
+    splinegon.id = handle;
+    splinegon.closed = true;
+    for (int k = 0; k < n; ++k) {
+      const double angle_rad = 2.0 * kPi * k / n;
+      splinegon.vertices.push_back({center_m + radius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)),
+                                    std::tan(0.5 * kPi / n), 0.01, false});
+    }
+    leave_boundary(handle);
+    boundaries_.boundaries.push_back(splinegon);
+    for (const std::uint64_t chain : chains) of_boundaries_[chain] = handle;
+  }
+  void leave_boundary(std::uint64_t handle) {
+    auto& all = boundaries_.boundaries;
+    all.erase(std::remove_if(all.begin(), all.end(), [&](const Splinegon& other) { return other.id == handle; }),
+              all.end());
+  }
+  void target(std::uint64_t handle, const Eigen::Vector2d& p_world_m) {
+    GridTarget target;
+    target.id = handle;
+    target.p_world_m << p_world_m, 0.0;
+    target.covariance_m2 = 0.04 * Eigen::Matrix2d::Identity();
+    target.area_m2 = 7.0;
+    target.probability = 0.8;
+    targets_.targets.push_back(target);
+  }
+  /// With what target() said since the image before.
+  void image() {
+    targets_.stamp_ns = stamp_ns_;
+    LayerUpdates layers;
+    layers.stamp_ns = stamp_ns_;
+    layers.targets = &targets_;
+    follow(map_.update(layers));
+    targets_.targets.clear();
+  }
+  void begin_anew() {
+    map_.begin_anew();
+    objects_.objects.clear();
+    chains_.clear();
+    changed_.clear();
+    gone_.clear();
+    boundaries_.boundaries.clear();
+    of_boundaries_.clear();
+    listener_.clear();
+  }
+
+  void scan(double duration_s = 0.1) {
+    for (double spent_s = 0.0; spent_s < duration_s - 1e-6; spent_s += 0.1) {
+      stamp_ns_ += 100'000'000;
+      objects_.stamp_ns = stamp_ns_;
+      for (Object& object : objects_.objects) object.last_seen_ns = stamp_ns_;
+      PolygonChanges changes;
+      for (const std::uint64_t handle : changed_) changes.changed.push_back(&chains_[handle]);
+      changes.gone.assign(gone_.begin(), gone_.end());
+      changed_.clear();
+      gone_.clear();
+      std::vector<ChainOfBoundary> chains;
+      for (const auto& [chain, boundary] : of_boundaries_) {
+        if (chains_.count(chain) > 0) chains.push_back({chain, boundary});
+      }
+      const BoundaryChanges boundaries{&boundaries_, &chains};
+      follow(map_.update({stamp_ns_, 0.0, &objects_, &changes, &boundaries, nullptr}));
+    }
+  }
+
+  /// "id kind" of each feature, by id.
+  std::vector<std::string> features() const {
+    std::vector<std::string> result;
+    for (const Feature& feature : map_.map().features) {
+      result.push_back(std::to_string(feature.id) + " " + kind_of(feature.shape));
+    }
+    return result;
+  }
+  const std::vector<Gone>& gone() const { return told_gone_; }
+  Map map() const { return map_.map(); }
+  FeatureId upcoming() const { return ids_.upcoming(); }
+
+ private:
+  static Object& place(Object& object, const Eigen::Vector2d& center_m) {
+    object.box_world.center_m = center_m;
+    object.ellipse_world = moment_equal_ellipse(object.box_world);
+    return object;
+  }
+  /// A listener that has the updates alone has the map.
+  void follow(const MapUpdate& update) {
+    EXPECT_EQ(update.base, update.full ? 0 : version_);
+    version_ = update.version;
+    for (const Feature& feature : update.changed) listener_[feature.id] = kind_of(feature.shape);
+    for (const Gone& gone : update.gone) {
+      EXPECT_EQ(listener_.erase(gone.id), 1U) << gone.id;
+      told_gone_.push_back(gone);
+    }
+    std::map<FeatureId, std::string> there;
+    for (const Feature& feature : map_.map().features) there[feature.id] = kind_of(feature.shape);
+    EXPECT_EQ(listener_, there);
+    EXPECT_EQ(map_.size(), there.size());
+  }
+
+  IdSource ids_;
+  SemanticMap map_{HandOverParams{}, ids_};
+  std::int64_t stamp_ns_ = 1'000'000'000'000;
+  Objects objects_;
+  std::map<std::uint64_t, Chain> chains_;
+  std::set<std::uint64_t> changed_, gone_;
+  Splinegons boundaries_;
+  std::map<std::uint64_t, std::uint64_t> of_boundaries_;  ///< by chain
+  GridTargets targets_;
+  std::map<FeatureId, std::string> listener_;
+  std::vector<Gone> told_gone_;
+  std::uint64_t version_ = 0;
+};
+
+using Features = std::vector<std::string>;
+
+/// The sides of a box of 4 m x 1.8 m that are seen from the south-west.
+std::vector<Eigen::Vector2d> sides_at(double x, double y) {
+  return {{x - 2.0, y + 0.9}, {x - 2.0, y - 0.9}, {x + 2.0, y - 0.9}};
+}
+
+TEST(SemanticMap, AThingThatBothLayersSeeIsThereOnce) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(9.0);
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+  scene.scan(2.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  EXPECT_TRUE(scene.gone().empty());
+}
+
+TEST(SemanticMap, AChainThatIsDetectedLaterKeepsItsId) {
+  Scene scene;
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  scene.box(7, {5.0, 0.0});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+  scene.lose(7);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  EXPECT_TRUE(scene.gone().empty());
+}
+
+// Where an object is nothing but a part of a wall.
+TEST(SemanticMap, AnObjectOnALargerChainIsPartOfIt) {
+  Scene scene;
+  scene.chain(3, {{0.0, -0.9}, {20.0, -0.9}});
+  scene.scan();
+  scene.box(7, {5.0, 0.0});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+}
+
+TEST(SemanticMap, ACarKeepsItsIdWhileItParksIsWalledInAndLeaves) {
+  for (const bool is_lost : {false, true}) {
+    Scene scene;
+    for (double x = 0.0; x < 5.0; x += 0.5) {
+      scene.box(7, {x, 0.0}).p_moving = 1.0;
+      scene.scan();
+    }
+    EXPECT_EQ(scene.features(), Features({"1 box"}));
+    scene.box(7, {5.0, 0.0}).p_moving = 0.0;
+    scene.scan(1.0);
+    scene.chain(3, sides_at(5.0, 0.0));
+    scene.scan(12.0);
+    EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+    // Another one parks beside it, and both are one chain.
+    scene.chain(3, {{3.0, 0.9}, {3.0, -0.9}, {7.0, -0.9}, {12.0, -0.9}});
+    scene.scan(1.0);
+    EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+    ASSERT_EQ(scene.gone().size(), 1U);
+    EXPECT_EQ(scene.gone()[0].id, 1U);
+    EXPECT_EQ(scene.gone()[0].reason, GoneReason::kMerged);
+    EXPECT_EQ(scene.gone()[0].into, FeatureId{2});
+    if (is_lost) {
+      scene.lose(7);
+      scene.scan(1.0);
+    }
+    const std::uint64_t handle = is_lost ? 8 : 7;
+    for (double x = 5.0; x > 0.0; x -= 0.5) {
+      scene.box(handle, {x, 0.0}).p_moving = 1.0;
+      if (x < 4.0) scene.chain(3, {{7.0, -0.9}, {12.0, -0.9}});
+      scene.scan();
+    }
+    EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline"}));
+  }
+}
+
+TEST(SemanticMap, ACarThatIsLostWhileItIsWalledInIsTheSameWhenItIsSeenAgain) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, {{3.0, 0.9}, {3.0, -0.9}, {7.0, -0.9}, {12.0, -0.9}});
+  scene.scan(12.0);
+  for (std::uint64_t handle = 8; handle < 10; ++handle) {
+    scene.lose(handle - 1);
+    scene.scan(1.0);
+    scene.box(handle, {5.0, 0.0});
+    scene.scan(1.0);
+    EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+  }
+  scene.box(9, {4.5, 0.0}).p_moving = 1.0;
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline"}));
+  // Another one that comes by while it is still there.
+  scene.box(10, {5.1, 0.0}).p_moving = 1.0;
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline", "3 box"}));
+}
+
+TEST(SemanticMap, ACarThatIsLostBeforeItIsWalledInIsTheSameWhenItLeaves) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(12.0);
+  scene.lose(7);
+  scene.scan(1.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  // Others park on both sides, and all are one chain.
+  scene.chain(3, {{-3.0, -0.9}, {3.0, -0.9}, {7.0, -0.9}, {13.0, -0.9}});
+  scene.scan(30.0);
+  EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+  scene.box(8, {5.0, 0.0});
+  scene.scan(1.0);
+  EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+  scene.box(8, {5.0, -2.0}).p_moving = 1.0;
+  scene.chain(3, {{-3.0, -0.9}, {3.0, -0.9}});
+  scene.scan(1.0);
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline"}));
+}
+
+TEST(SemanticMap, WhoStandsAtAWallForAMomentIsNoPartOfIt) {
+  Scene scene;
+  scene.chain(3, {{0.0, -0.2}, {20.0, -0.2}});
+  scene.box(7, {4.0, 0.0}, 0.25, 0.2).p_moving = 1.0;
+  scene.scan();
+  scene.box(7, {5.0, 0.0}).p_moving = 0.0;
+  scene.scan(3.0);
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline"}));
+  scene.scan(9.0);
+  EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+}
+
+TEST(SemanticMap, WhoDrivesPastLaterIsNotWhoParkedThere) {
+  for (const double later_s : {1.0, 20.0}) {
+    Scene scene;
+    scene.box(7, {5.0, 0.0});
+    scene.chain(3, {{3.0, 0.9}, {3.0, -0.9}, {7.0, -0.9}, {12.0, -0.9}});
+    scene.scan(12.0);
+    ASSERT_EQ(scene.features(), Features({"2 polyline"}));
+    scene.lose(7);
+    scene.scan();
+    scene.chain(3, {{7.0, -0.9}, {12.0, -0.9}});
+    scene.scan(later_s);
+    scene.box(8, {5.0, 0.0}).p_moving = 1.0;
+    scene.scan();
+    EXPECT_EQ(scene.features(), later_s < 5.0 ? Features({"1 box", "2 polyline"}) : Features({"2 polyline", "3 box"}));
+  }
+}
+
+// The chain that shows an object may be another one from scan to scan.
+TEST(SemanticMap, EachChainOfAParkedThingIsShown) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, {{3.0, -0.9}, {4.9, -0.9}});
+  scene.chain(4, {{5.1, -0.9}, {7.0, -0.9}});
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 polyline"}));
+  scene.chain(3, {{3.0, -0.9}, {4.0, -0.9}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+  scene.chain(3, {{3.0, -0.9}, {5.0, -0.9}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+}
+
+// Noise drew a wall twice.
+TEST(SemanticMap, ASurfaceIsThereOnce) {
+  Scene scene;
+  scene.chain(3, {{0.0, 0.0}, {10.0, 0.0}});
+  scene.chain(4, {{4.0, 0.05}, {6.0, 0.05}});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  // One that goes on beside the end shows what is beyond.
+  scene.chain(4, {{8.0, 0.05}, {14.0, 0.05}});
+  scene.scan();
+  ASSERT_EQ(scene.features(), Features({"1 polyline", "2 polyline"}));
+  const auto part = std::get<PolylineShape>(scene.map().features[1].shape).vertices;
+  ASSERT_EQ(part.size(), 2U);
+  EXPECT_NEAR(part.front().p_world_m.x(), 10.0, 0.06);
+  EXPECT_NEAR(part.back().p_world_m.x(), 14.0, 1e-9);
+  // The back of a thin wall is another surface.
+  scene.chain(5, {{6.0, 0.08}, {4.0, 0.08}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 3U);
+  // The wall goes, and what was beside it is what is there.
+  scene.chain(4, {{4.0, 0.05}, {6.0, 0.05}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+  scene.drop(3);
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+}
+
+TEST(SemanticMap, WhoStandsForAMomentIsNoChain) {
+  Scene scene;
+  Object& walker = scene.box(7, {5.0, 0.0}, 0.25, 0.2);
+  walker.object_class = ObjectClass::kPerson;
+  walker.p_moving = 1.0;
+  scene.scan();
+  scene.box(7, {5.0, 0.0}).p_moving = 0.0;
+  scene.chain(3, {{4.75, -0.2}, {5.25, -0.2}});
+  scene.scan(3.0);
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+  scene.scan(27.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  scene.box(7, {5.5, 0.0}).p_moving = 1.0;
+  scene.scan();
+  scene.drop(3);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+}
+
+TEST(SemanticMap, OfTwoChainsThatMeetTheOlderIdStays) {
+  for (const bool older_goes : {false, true}) {
+    Scene scene;
+    scene.chain(3, {{0.0, 0.0}, {5.0, 0.0}});
+    scene.scan();
+    scene.chain(4, {{6.0, 0.0}, {10.0, 0.0}});
+    scene.scan();
+    scene.chain(older_goes ? 4 : 3, {{0.0, 0.0}, {10.0, 0.0}});
+    scene.drop(older_goes ? 3 : 4);
+    scene.scan();
+    EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+    ASSERT_EQ(scene.gone().size(), 1U);
+    EXPECT_EQ(scene.gone()[0].id, 2U);
+    EXPECT_EQ(scene.gone()[0].into, FeatureId{1});
+  }
+}
+
+/// Corners of a polygon around a round thing.
+std::vector<Eigen::Vector2d> around(const Eigen::Vector2d& center_m, double radius_m, double from_rad, double to_rad,
+                                    int n) {
+  std::vector<Eigen::Vector2d> points_m;
+  for (int k = 0; k < n; ++k) {
+    const double angle_rad = from_rad + (to_rad - from_rad) * k / (n - 1);
+    points_m.emplace_back(center_m + radius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)));
+  }
+  return points_m;
+}
+
+TEST(SemanticMap, AChainAroundABuildingBecomesABoundaryUnderOneId) {
+  Scene scene;
+  const Eigen::Vector2d middle(0.0, 20.0);
+  scene.chain(3, around(middle, 5.0, 0.0, -3.0, 15));
+  scene.boundary(3, middle, 5.0, {3});
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  scene.scan(1.0);
+  EXPECT_EQ(scene.features(), Features({"1 boundary"}));
+  // The other side is another chain until the corner is seen.
+  scene.chain(4, around(middle, 5.0, 3.0, 0.5, 15));
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 boundary", "2 polyline"}));
+  scene.boundary(3, middle, 5.0, {3, 4});
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 boundary"}));
+  ASSERT_EQ(scene.gone().size(), 1U);
+  EXPECT_EQ(scene.gone()[0].id, 2U);
+  EXPECT_EQ(scene.gone()[0].reason, GoneReason::kMerged);
+  EXPECT_EQ(scene.gone()[0].into, FeatureId{1});
+  // The chain that it began with is the smaller part of it at last, and goes.
+  scene.drop(3);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 boundary"}));
+  // It splits.
+  scene.leave_boundary(3);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  EXPECT_EQ(scene.gone().size(), 1U);
+}
+
+// Of four walls arcs explain nothing that their corners do not.
+TEST(SemanticMap, ARoomStaysAChain) {
+  Scene scene;
+  scene.chain(3, {{0.0, 0.0}, {0.0, 6.0}, {8.0, 6.0}, {8.0, 0.0}, {0.1, 0.0}});
+  scene.boundary(3, {4.0, 3.0}, 4.0, {3});
+  scene.scan(5.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+}
+
+TEST(SemanticMap, ACarThatACameraAndALaserSeeIsOne) {
+  for (const bool camera_first : {false, true}) {
+    Scene scene;
+    if (camera_first) {
+      scene.scan();
+      scene.target(9, {5.2, 0.4});
+      scene.image();
+      EXPECT_EQ(scene.features(), Features({"1 target"}));
+    }
+    // A laser sees one side of it, half a car beside its middle.
+    scene.chain(3, {{3.0, -0.9}, {7.0, -0.9}});
+    scene.scan();
+    for (int i = 0; i < 3; ++i) {
+      scene.target(9, {5.2, 0.1});
+      scene.image();
+      scene.scan();
+    }
+    EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+    const Feature feature = scene.map().features.front();
+    EXPECT_TRUE(feature.seen_by.scan && feature.seen_by.camera);
+    EXPECT_EQ(feature.object_class, ObjectClass::kVehicle);
+    EXPECT_NEAR(feature.p_class, 0.8, 1e-12);
+    ASSERT_EQ(scene.gone().size(), 1U);
+    EXPECT_EQ(scene.gone()[0].into, FeatureId{1});
+    // The camera sees it elsewhere: they were two.
+    for (int i = 0; i < 3; ++i) {
+      EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+      scene.target(9, {5.2, 8.0});
+      scene.image();
+    }
+    EXPECT_EQ(scene.features(), Features({"1 polyline", "3 target"}));
+  }
+}
+
+TEST(SemanticMap, TwoCarsSideBySideAreTwo) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.box(8, {5.0, 3.0});
+  scene.scan();
+  for (int i = 0; i < 5; ++i) {
+    scene.target(1, {5.3, 0.5});
+    scene.target(2, {5.3, 2.4});
+    scene.image();
+    scene.scan();
+  }
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 box"}));
+  EXPECT_TRUE(scene.map().features[0].seen_by.camera);
+  EXPECT_TRUE(scene.map().features[1].seen_by.camera);
+}
+
+TEST(SemanticMap, OfTwoTargetsAtACarOneIsIt) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.scan();
+  for (int i = 0; i < 5; ++i) {
+    scene.target(1, {5.1, 1.5});
+    scene.target(2, {5.1, 0.3});
+    scene.image();
+  }
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 target"}));
+}
+
+TEST(SemanticMap, AMapThatBeginsAnewGivesNoIdTwice) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, {{0.0, 10.0}, {20.0, 10.0}});
+  scene.scan();
+  const FeatureId upcoming = scene.upcoming();
+  scene.begin_anew();
+  EXPECT_TRUE(scene.map().features.empty());
+  scene.box(8, {5.0, 10.0});
+  scene.chain(4, {{0.0, 12.0}, {20.0, 12.0}});
+  scene.scan();
+  const Map map = scene.map();
+  ASSERT_EQ(map.features.size(), 2U);
+  EXPECT_GE(map.features.front().id, upcoming);
+}
+
+TEST(SemanticMap, WhatGoesSaysWhy) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0}).p_moving = 1.0;
+  scene.chain(3, {{0.0, 10.0}, {20.0, 10.0}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+  scene.lose(7);
+  scene.drop(3);
+  scene.scan();
+  ASSERT_EQ(scene.gone().size(), 2U);
+  std::set<GoneReason> reasons = {scene.gone()[0].reason, scene.gone()[1].reason};
+  EXPECT_EQ(reasons, std::set<GoneReason>({GoneReason::kLeft, GoneReason::kSeenThrough}));
+}
+
+TEST(IdSource, GivesNoneTwice) {
+  IdSource ids(5);
+  const FeatureId first = ids.next();
+  EXPECT_EQ(IdSource::robot_of(first), 5U);
+  EXPECT_LT(first, std::uint64_t{1} << 53);
+  EXPECT_GT(ids.next(), first);
+  const FeatureId saved = ids.upcoming();
+  IdSource later(5);
+  later.resume(saved);
+  EXPECT_EQ(later.next(), saved);
+  later.resume(first);
+  EXPECT_EQ(later.next(), saved + 1);
+  IdSource other(6);
+  other.resume(saved);
+  EXPECT_EQ(IdSource::robot_of(other.next()), 6U);
+  EXPECT_THROW(IdSource(IdSource::kMostRobot + 1), std::invalid_argument);
+  IdSource last(0);
+  last.resume((FeatureId{1} << IdSource::kCounterBits) - 1);
+  EXPECT_THROW(last.next(), std::length_error);
+}
+
+}  // namespace
+}  // namespace situation_awareness
