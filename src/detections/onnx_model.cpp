@@ -85,6 +85,31 @@ Manifest read_manifest(const ModelFile& file) {
   return manifest;
 }
 
+/// Whether the layer multiplies rows by a matrix, of which it has the transpose, and adds a vector: an InnerProduct of
+/// OpenCV, or a Gemm, as which versions since 4.9 read what ONNX calls so.
+bool is_fully_connected(const cv::Ptr<cv::dnn::Layer>& layer) {
+  if (layer->blobs.size() != 2) return false;
+#if CV_VERSION_MAJOR > 4 || CV_VERSION_MINOR >= 9
+  if (const auto gemm = layer.dynamicCast<cv::dnn::GemmLayer>()) {
+    return !gemm->trans_a && gemm->trans_b && gemm->alpha == 1.0F && gemm->beta == 1.0F;
+  }
+#endif
+  return !layer.dynamicCast<cv::dnn::InnerProductLayer>().empty();
+}
+
+/// In one line, without the indents of OpenCV's messages.
+std::string one_line(const std::string& text) {
+  std::string line;
+  for (const char c : text) {
+    if (c != '\n') {
+      line += c;
+    } else if (!line.empty() && line.back() != ' ') {
+      line += ' ';
+    }
+  }
+  return line.substr(0, line.find_last_not_of(' ') + 1);
+}
+
 /// The layers of `net` if they are a chain of fully connected ones, with or without a ReLU behind each; else none.
 DenseLayers dense_layers_of(const cv::dnn::Net& net) {
   struct Layer {
@@ -101,7 +126,7 @@ DenseLayers dense_layers_of(const cv::dnn::Net& net) {
     if (inputs.size() != 1 || (previous && inputs.front() != previous)) return {};
     const auto relu = layer.dynamicCast<cv::dnn::ReLULayer>();
     const bool flattens_rows = chain.empty() && layer.dynamicCast<cv::dnn::FlattenLayer>();
-    if (layer.dynamicCast<cv::dnn::InnerProductLayer>() && layer->blobs.size() == 2) {
+    if (is_fully_connected(layer)) {
       chain.push_back({layer->blobs[0], layer->blobs[1].reshape(1, 1).clone(), false});
     } else if (relu && relu->negativeSlope == 0.0F && !chain.empty()) {
       chain.back().relu = true;
@@ -143,7 +168,7 @@ class OnnxModel::Impl {
       net_ = cv::dnn::Net();
       check_golden(manifest.golden);
     } catch (const cv::Exception& error) {  // its what() is too long for a message
-      throw std::runtime_error(onnx_path + ": not usable as a network (" + error.err + ")");
+      throw std::runtime_error(onnx_path + ": not usable as a network (" + one_line(error.err) + ")");
     } catch (const std::exception& error) {
       throw std::runtime_error(onnx_path + ": not usable as a network (" + error.what() + ")");
     }
