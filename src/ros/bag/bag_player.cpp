@@ -55,10 +55,8 @@ BagPlayer::BagPlayer(const BagOptions& options, double reset_time_jump_s, const 
       source_({tf2_frame(poses.base_frame), poses.are_given, poses.offset_s}),
       tf_(transform_cache_time(options.tf_timeout_s)),
       given_(transform_cache_time(options.tf_timeout_s)),
-      queue_(source_.are_given ? given_ : tf_,
-             {source_.are_given ? kWorld : tf2_frame(options.world_frame), options.tf_timeout_s, kMaxWaiting,
-              reset_time_jump_s, source_.offset_s, source_.are_given ? "" : source_.base_frame},
-             [this](const char* reason, const std::string& detail) { dropped(reason, detail); }) {
+      reset_time_jump_s_(reset_time_jump_s) {
+  queues_.push_back(make_queue());
   options_.world_frame = tf2_frame(options_.world_frame);
   if (!std::filesystem::is_regular_file(options_.bag)) throw std::runtime_error(options_.bag + ": no such bag");
   reading(options_.bag, [this] { bag_.open(options_.bag, rosbag::bagmode::Read); });
@@ -140,10 +138,10 @@ void BagPlayer::use_when_posed(const Taken& taken, const ros::Time& recorded, Us
   }
   sensor_frame_ = taken.frame;
   if (!source_.are_given) {
-    queue_.add(std::move(use), taken, to_nanoseconds(recorded));
+    queue_of(taken.frame).add(std::move(use), taken, to_nanoseconds(recorded));
     return;
   }
-  queue_.add(std::move(use), {kSensor, taken.first, taken.last}, to_nanoseconds(recorded));
+  queue_of(kSensor).add(std::move(use), {kSensor, taken.first, taken.last}, to_nanoseconds(recorded));
   mount();  // it may have changed
 }
 
@@ -193,11 +191,41 @@ void BagPlayer::play_all() {
   release(kEndOfTime_ns);
 }
 
+std::unique_ptr<BagPlayer::SensorQueue> BagPlayer::make_queue() {
+  const TransformQueueParams params{source_.are_given ? kWorld : tf2_frame(options_.world_frame),
+                                    options_.tf_timeout_s,
+                                    kMaxWaiting,
+                                    reset_time_jump_s_,
+                                    source_.offset_s,
+                                    source_.are_given ? "" : source_.base_frame};
+  const auto on_drop = [this](const char* reason, const std::string& detail) { dropped(reason, detail); };
+  return std::make_unique<SensorQueue>(
+      SensorQueue{{}, TransformQueue<Use>(source_.are_given ? given_ : tf_, params, on_drop)});
+}
+
+TransformQueue<BagPlayer::Use>& BagPlayer::queue_of(const std::string& frame) {
+  for (const auto& of : queues_) {
+    if (of->frame.empty()) of->frame = frame;
+    if (of->frame == frame) return of->queue;
+  }
+  queues_.push_back(make_queue());
+  queues_.back()->frame = frame;
+  return queues_.back()->queue;
+}
+
 void BagPlayer::release(std::int64_t now_ns) {
   if (source_.are_given && !is_mounted_ && !sensor_frame_.empty()) mount();
-  if (now_ns != kEndOfTime_ns) queue_.receive(now_ns, now_ns);
-  while (const auto ready = queue_.next(now_ns)) {
-    if (ready->begins_anew) restart_();
+  for (const auto& of : queues_) release(*of, now_ns);
+}
+
+void BagPlayer::release(SensorQueue& of, std::int64_t now_ns) {
+  if (now_ns != kEndOfTime_ns) of.queue.receive(now_ns, now_ns);
+  while (const auto ready = of.queue.next(now_ns)) {
+    // The first sensor of which a measurement is used after a restart tells it for all.
+    if (ready->begins_anew && ++of.restarts > restarts_) {
+      restarts_ = of.restarts;
+      restart_();
+    }
     try {
       const std::string reason = ready->item(ready->T_world_sensor, ready->T_world_sensor_end);
       if (reason.empty()) {

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <utility>
@@ -121,6 +122,13 @@ class BagPlayer {
     std::chrono::steady_clock::time_point start = std::chrono::steady_clock::now();
   };
 
+  /// The measurements of one sensor: those of another one may be earlier, and come later.
+  struct SensorQueue {
+    std::string frame;  ///< empty: it has none yet
+    TransformQueue<Use> queue;
+    std::size_t restarts = 0;
+  };
+
   template <class Message>
   static boost::shared_ptr<const Message> read(const rosbag::MessageInstance& instance) {
     const boost::shared_ptr<const Message> msg = instance.instantiate<Message>();
@@ -138,6 +146,9 @@ class BagPlayer {
   std::string transforms_hint() const;
   void play_all();
   void release(std::int64_t now_ns);
+  void release(SensorQueue& of, std::int64_t now_ns);
+  std::unique_ptr<SensorQueue> make_queue();
+  TransformQueue<Use>& queue_of(const std::string& frame);
 
   BagOptions options_;
   rosbag::Bag bag_;
@@ -152,7 +163,9 @@ class BagPlayer {
   std::string why_not_mounted_;
   std::string why_no_transform_;      ///< of the latest measurement without one
   ros::Time first_pose_, last_pose_;  ///< given
-  TransformQueue<Use> queue_;
+  std::vector<std::unique_ptr<SensorQueue>> queues_;
+  std::size_t restarts_ = 0;  ///< of the queue with most
+  double reset_time_jump_s_;
   std::function<void()> restart_ = [] {};
   std::size_t measurements_ = 0, used_ = 0;
   Counters dropped_;
