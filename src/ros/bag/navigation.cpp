@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <utility>
 
 #include <sensor_msgs/NavSatFix.h>
 
 #include "command_line.hpp"
 #include "situation_awareness/ros/bag/messages.hpp"
+#include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
@@ -72,6 +74,30 @@ BagNavigation::BagNavigation(const std::string& program, BagPlayer& player, cons
   });
 }
 
+void BagNavigation::subscribe_scans(const std::string& topic, const std::string& lidar_frame, Map map, Use use) {
+  situation_awareness::subscribe_scans(
+      player_, topic,
+      [this, map = std::move(map), use = std::move(use)](const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
+                                                         const Eigen::Isometry3d& T_odom_lidar_end) {
+        const Eigen::Isometry3d T_odom_base = player_.T_world_base_at(scan.stamp_ns);
+        const InertialPlacement placement = navigation_->placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
+        const MapAlignment& alignment = player_.timed(
+            [&]() -> const MapAlignment& { return map(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+        ++mapped_;
+        if (!navigation_->was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
+        use(scan, navigation_->pose_at(scan.stamp_ns, T_odom_base, alignment));
+        ++used_;
+      },
+      lidar_frame);
+}
+
+std::string BagNavigation::why_nothing(const std::string& why_no_hit) const {
+  if (used_ > 0) return why_no_hit;
+  const std::string why_not = why_not_ready();
+  return mapped_ > 0 && why_not.empty() ? "the pose was not known before the last scan" : why_not;
+}
+
+/// Why there is no pose at the end, in one sentence, after what contradicted each other; empty if there is.
 std::string BagNavigation::why_not_ready() const {
   const std::string why = navigation_ ? navigation_->input().why_not_ready() : "there is no sample of the IMU";
   return why.empty() || contradiction_.empty() ? why : contradiction_ + "; " + why;

@@ -264,8 +264,11 @@ class Output {
       full_ns_.reset();
       name_ = uuid_of(update.stamp_ns, update.map);
     }
-    const bool is_full = update.full || !full_ns_ || seconds_between(*full_ns_, update.stamp_ns) >= full_every_s_;
+    const bool is_due = !full_ns_ || seconds_between(*full_ns_, update.stamp_ns) >= full_every_s_;
+    // Updates while the pose was not known are not written.
+    const bool is_full = update.full || is_due || update.base != version_;
     if (is_full) full_ns_ = update.stamp_ns;
+    version_ = update.version;
     Json line;
     line["map"] = name_;
     line["base"] = update.base;
@@ -294,6 +297,7 @@ class Output {
   std::optional<std::uint64_t> map_;     ///< number of the map of the latest line
   std::string name_;                     ///< of that map
   std::optional<std::int64_t> full_ns_;  ///< stamp of its latest full line
+  std::uint64_t version_ = 0;            ///< of that line
   Map all_;
 };
 
@@ -430,29 +434,22 @@ void map_by_gps(const Options& options, const Params& params) {
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   BagNavigation bag_navigation(kName, player, options.bag, options.navigation, base_frame, params.bag.gps_ins);
   PointStates states;
-  std::size_t mapped = 0, lines = 0;
-  subscribe_scans(
-      player, options.scan_topic,
-      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
-        InertialNavigation& navigation = *bag_navigation;
-        const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);
-        const InertialPlacement placement = navigation.placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
-        const MapUpdate& update = player.timed(
-            [&]() -> const MapUpdate& { return pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+  const MapUpdate* update = nullptr;
+  bag_navigation.subscribe_scans(
+      options.scan_topic, options.lidar_frame,
+      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
+          const InertialPlacement& placement) -> const MapAlignment& {
+        update = &pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
         states.add(pipeline.points());
-        ++mapped;
-        if (!navigation.was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
-        const WorldPose pose = navigation.pose_at(scan.stamp_ns, T_odom_base, pipeline.layers().alignment());
-        out.write(update, {pose2_of(pose.T_world_base), planar_covariance(pose)}, pipeline);
-        ++lines;
+        return pipeline.layers().alignment();
       },
-      options.lidar_frame);
+      [&](const Scan& /*scan*/, const WorldPose& pose) {
+        out.write(*update, {pose2_of(pose.T_world_base), planar_covariance(pose)}, pipeline);
+      });
   player.play();
   player.print_summary();
   bag_navigation.print_summary();
-  std::string why_not = lines > 0 ? states.why_no_hit() : bag_navigation.why_not_ready();
-  if (lines == 0 && mapped > 0 && why_not.empty()) why_not = "the pose was not known before the last scan";
-  player.check_mapped(why_not);
+  player.check_mapped(bag_navigation.why_nothing(states.why_no_hit()));
   out.finish();
 }
 

@@ -135,28 +135,21 @@ void map_by_gps(const Options& options, const BagParams& params) {
   player.on_restart([&pipeline] { pipeline.reset(); });
   BagNavigation bag_navigation(kName, player, options.bag, options.navigation, options.base_frame, params.gps_ins);
   PointStates states;
-  std::size_t mapped = 0, lines = 0;
-  subscribe_scans(
-      player, options.scan_topic,
-      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end) {
-        InertialNavigation& navigation = *bag_navigation;
-        const Eigen::Isometry3d T_odom_base = player.T_world_base_at(scan.stamp_ns);
-        const InertialPlacement placement = navigation.placement_at(scan.stamp_ns, T_odom_base, T_odom_lidar);
-        player.timed([&] { pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement); });
+  bag_navigation.subscribe_scans(
+      options.scan_topic, options.lidar_frame,
+      [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,
+          const InertialPlacement& placement) -> const MapAlignment& {
+        pipeline.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
         states.add(pipeline.points());
-        ++mapped;
-        if (!navigation.was_ready_at(scan.stamp_ns)) return;  // mapped, but the pose was not known then
-        const WorldPose pose = navigation.pose_at(scan.stamp_ns, T_odom_base, pipeline.alignment());
-        out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
-        ++lines;
+        return pipeline.alignment();
       },
-      options.lidar_frame);
+      [&](const Scan& scan, const WorldPose& pose) {
+        out.write(json_line(scan.stamp_ns, json_of(pose, pipeline.splinegons())));
+      });
   player.play();
   player.print_summary();
   bag_navigation.print_summary();
-  std::string why_not = lines > 0 ? states.why_no_hit() : bag_navigation.why_not_ready();
-  if (lines == 0 && mapped > 0 && why_not.empty()) why_not = "the pose was not known before the last scan";
-  player.check_mapped(why_not);
+  player.check_mapped(bag_navigation.why_nothing(states.why_no_hit()));
   out.finish();
 }
 

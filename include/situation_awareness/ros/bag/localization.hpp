@@ -41,6 +41,8 @@ class BagLocalization {
   BagLocalization(BagPlayer& player, const BagOptions& bag, const ReflectorOptions& options,
                   const OdometryFrames& frames, const std::string& scan_topic, LocalizationPipeline& localization,
                   Use use);
+  BagLocalization(const BagLocalization&) = delete;
+  BagLocalization& operator=(const BagLocalization&) = delete;
 
   /// Prints at how many scans the pose was known, and what was refused.
   void print_summary();
