@@ -15,8 +15,8 @@ constexpr double kFewerNumbers = 0.75;
 /// For so long (s) before it is a boundary.
 constexpr double kExplains_s = 1.0;
 
-/// That a boundary is made of: x, y and tangent of a main vertex, or two tangents where it breaks; of a corner between
-/// straight parts x and y.
+/// Number of the parameters that describe a splinegon: x, y and the tangent of a main vertex, or two tangents where it
+/// breaks; x and y of a corner between straight parts.
 std::size_t numbers_of(const Splinegon& splinegon) {
   std::size_t numbers = 0;
   const std::size_t n = splinegon.vertices.size();
@@ -98,6 +98,7 @@ void SemanticMap::judge(BoundaryEntry& boundary) const {
 void SemanticMap::enter_boundary(ChainEntry& chain, Handle handle) {
   BoundaryEntry& boundary = *find_boundary(handle);
   chain.of_boundary = handle;
+  ++boundary.chains;
   touched_.push_back(chain.id);
   ChainEntry* const main = find_chain(boundary.main);
   if (main == nullptr) {
@@ -105,36 +106,33 @@ void SemanticMap::enter_boundary(ChainEntry& chain, Handle handle) {
     new_.push_back(chain.handle);
   } else if (chain.id != 0 && (main->id == 0 || chain.id < main->id)) {
     boundary.main = chain.handle;
-    if (main->id != 0) merge(main->id, chain.id);
-  } else if (chain.id != 0) {
+    merge(main->id, chain.id);
+  } else {
     merge(chain.id, main->id);
   }
 }
 
-/// The larger part keeps the id.
+/// Of the chain that leaves and those that stay the largest keeps the id.
 void SemanticMap::leave_boundary(ChainEntry& chain) {
   if (chain.of_boundary == 0) return;
   BoundaryEntry& boundary = *find_boundary(chain.of_boundary);
   chain.of_boundary = 0;
+  --boundary.chains;
   touched_.push_back(chain.id);
   new_.push_back(chain.handle);
   if (boundary.main != chain.handle) return;
-  boundary.main = 0;
-  ChainEntry* longest = nullptr;
-  for (ChainEntry& other : chains_) {
-    if (other.of_boundary == boundary.handle && (longest == nullptr || other.length_m > longest->length_m))
-      longest = &other;
-  }
+  lead(boundary);
+  ChainEntry* const main = find_chain(boundary.main);
+  if (main != nullptr && chain.id != 0 && main->length_m > chain.length_m) own(*main, chain.id);
+}
+
+/// Gives a boundary the id of its longest chain.
+void SemanticMap::lead(BoundaryEntry& boundary) {
+  const ChainEntry* const longest = longest_of(boundary.handle, 0);
+  boundary.main = longest != nullptr ? longest->handle : 0;
   if (longest == nullptr) return;
-  boundary.main = longest->handle;
   new_.push_back(longest->handle);
-  if (longest->length_m <= chain.length_m) {
-    owners_[longest->id].into = 0;
-    return;
-  }
-  const FeatureId id = chain.id;
-  chain.id = 0;
-  own(*longest, id);
+  touched_.push_back(longest->id);
 }
 
 }  // namespace situation_awareness

@@ -12,11 +12,15 @@ namespace {
 
 /// Part of a chain that others cover from which on it is no feature of its own, and down to which it stays none.
 constexpr double kDoubled = 0.6, kStaysDoubled = 0.45;
+/// m. So much of it may be beside none.
+constexpr double kBare_m = 0.3, kStaysBare_m = 0.5;
+/// What is settled may unsettle what is beside it, so often at most.
+constexpr int kMostRounds = 5;
 /// A chain that was the longer one stays it until the other is so many times as long.
 constexpr double kLonger = 1.25;
 /// m. Steps in which it is found what is covered.
 constexpr double kCoverStep_m = 0.05;
-/// m. Less than this of an end stays covered.
+/// m. A covered end that is shorter is shown.
 constexpr double kLeastEnd_m = 0.05;
 
 }  // namespace
@@ -31,17 +35,21 @@ bool SemanticMap::is_before(const ChainEntry& a, const ChainEntry& b) const {
 /// The rule of surfaces: where noise or drift drew one twice, the longer chain shows it. A shorter one that is beside
 /// it almost everywhere is a part of it; else its ends that are beside it are left out. To be called for those chains
 /// (unsettled_) that changed, or beside which one changed.
-void SemanticMap::settle_doubles() {
-  std::sort(unsettled_.begin(), unsettled_.end());
-  unsettled_.erase(std::unique(unsettled_.begin(), unsettled_.end()), unsettled_.end());
-  unsettled_.erase(std::remove_if(unsettled_.begin(), unsettled_.end(),
-                                  [this](Handle handle) { return find_chain(handle) == nullptr; }),
-                   unsettled_.end());
-  std::sort(unsettled_.begin(), unsettled_.end(), [this](Handle a, Handle b) {
-    const ChainEntry &line_a = *find_chain(a), &line_b = *find_chain(b);
-    return line_a.length_m != line_b.length_m ? line_a.length_m > line_b.length_m : a < b;
-  });
-  for (const Handle handle : unsettled_) settle(*find_chain(handle));
+void SemanticMap::settle_overlaps() {
+  for (int round = 0; round < kMostRounds && !unsettled_.empty(); ++round) {
+    settling_.clear();
+    settling_.swap(unsettled_);
+    std::sort(settling_.begin(), settling_.end());
+    settling_.erase(std::unique(settling_.begin(), settling_.end()), settling_.end());
+    settling_.erase(std::remove_if(settling_.begin(), settling_.end(),
+                                   [this](Handle handle) { return find_chain(handle) == nullptr; }),
+                    settling_.end());
+    std::sort(settling_.begin(), settling_.end(), [this](Handle a, Handle b) {
+      const ChainEntry &chain_a = *find_chain(a), &chain_b = *find_chain(b);
+      return chain_a.length_m != chain_b.length_m ? chain_a.length_m > chain_b.length_m : a < b;
+    });
+    for (const Handle handle : settling_) settle(*find_chain(handle));
+  }
   unsettled_.clear();
 }
 
@@ -58,7 +66,7 @@ void SemanticMap::settle(ChainEntry& chain) {
   for_each_step(chain.latest, kCoverStep_m,
                 [&](const Eigen::Vector2d& p_m, const Eigen::Vector2d& along, double step_m) {
                   at_m += step_m;
-                  const auto other = std::find_if(others_.begin(), others_.end(), [&](const Double& candidate) {
+                  const auto other = std::find_if(others_.begin(), others_.end(), [&](const Overlap& candidate) {
                     return is_beside(p_m, along, find_chain(candidate.chain)->latest);
                   });
                   if (other == others_.end()) {
@@ -72,9 +80,11 @@ void SemanticMap::settle(ChainEntry& chain) {
                 });
   const bool was_beside = chain.beside != 0;
   const auto most = std::max_element(others_.begin(), others_.end(),
-                                     [](const Double& a, const Double& b) { return a.steps < b.steps; });
+                                     [](const Overlap& a, const Overlap& b) { return a.steps < b.steps; });
   const double least = was_beside ? kStaysDoubled : kDoubled;
-  const Handle beside = most != others_.end() && covered_m >= least * chain.length_m ? most->chain : 0;
+  const double bare_m = chain.length_m - covered_m;
+  const bool is_covered = covered_m >= least * chain.length_m && bare_m <= (was_beside ? kStaysBare_m : kBare_m);
+  const Handle beside = most != others_.end() && is_covered ? most->chain : 0;
   if (beside != 0 || chain.latest.closed || begin_m < kLeastEnd_m) begin_m = 0.0;
   if (beside != 0 || chain.latest.closed || chain.length_m - end_m < kLeastEnd_m) end_m = chain.length_m;
   const bool is_same = beside == chain.beside && begin_m == chain.begin_m && end_m == chain.end_m;
@@ -82,10 +92,11 @@ void SemanticMap::settle(ChainEntry& chain) {
   chain.begin_m = begin_m;
   chain.end_m = end_m;
   if (is_same) return;
+  if (was_beside != (beside != 0)) unsettle_near(chain);
   touched_.push_back(chain.id);
   if (beside == 0) {
     new_.push_back(chain.handle);
-  } else if (chain.id != 0) {
+  } else {
     joined_.push_back(chain.handle);
   }
 }

@@ -12,8 +12,8 @@ namespace {
 
 /// Part of a chain that is on an object whose boundary it becomes, and of one that it stays.
 constexpr double kIsOfObject = 0.8, kStaysOfObject = 0.6;
-/// Length of chain on an object from which on that is covered, over the lesser width of the object: any side shows as
-/// much; and from which on it stays so.
+/// An object is covered by chains if the length of these that it covers is that part of its lesser width, as any side
+/// of it that is seen is as long; it stays covered down to the second one.
 constexpr double kCovered = 0.5, kStaysCovered = 0.25;
 /// s. What has been on no chain for longer did not drive off just now.
 constexpr double kJustNow_s = 5.0;
@@ -24,14 +24,9 @@ constexpr std::size_t kMostParked = 1000;
 
 /// Forgets what is not on a chain any more for so long that it cannot have driven off just now. A chain that was one of
 /// these and is of more now is another thing.
-void SemanticMap::watch_parked(const PolygonChanges& changes) {
-  if (parked_.empty()) return;
-  Eigen::AlignedBox2d changed_m;
-  for (const Chain* chain : changes.changed) {
-    for (const ChainVertex& vertex : chain->vertices) changed_m.extend(vertex.p_world_m);
-  }
+void SemanticMap::watch_parked() {
   for (Parked& parked : parked_) {
-    const bool is_near = !changes.gone.empty() || changed_m.intersects(box_around(parked.object, 0.0));
+    const bool is_near = changed_world_m_.intersects(box_around(parked.object, 0.0));
     if (!is_near && parked.bare_since_ns == kNever) continue;
     find_covers(parked.object);
     double on_m = 0.0;
@@ -61,11 +56,13 @@ void SemanticMap::forget_parked(FeatureId id) {
                 parked_.end());
 }
 
-/// That of what drives off from a larger thing, or was a chain until it was detected; else a new one.
+/// The id of an object that its layer did not list before: that of what had parked there, or that of the chain that it
+/// was until now, or a new one.
 FeatureId SemanticMap::id_of_new(const Object& object) {
   const auto was = std::find_if(parked_.begin(), parked_.end(), [&](const Parked& parked) {
     // While it stands its own chain has its id.
-    if (!is_moving(object) && owners_[parked.id].chain != 0) return false;
+    const auto owner = owners_.find(parked.id);
+    if (!is_moving(object) && owner != owners_.end() && owner->second.chain != 0) return false;
     return covers(parked.object, object.ellipse_world.center_m, 0.0) &&
            (parked.object.object_class == object.object_class || object.object_class == ObjectClass::kUnknown ||
             parked.object.object_class == ObjectClass::kUnknown);
@@ -78,7 +75,8 @@ FeatureId SemanticMap::id_of_new(const Object& object) {
   find_covers(object);
   for (const Cover& cover : covers_) {
     const ChainEntry& chain = *find_chain(cover.chain);
-    if (cover.is_of_object && chain.of_object == 0 && chain.id != 0) return chain.id;
+    const bool is_free = cover.is_of_object && chain.of_object == 0 && chain.id != 0;
+    if (is_free && owners_[chain.id].object == 0) return chain.id;
   }
   return ids_->next();
 }
@@ -102,7 +100,7 @@ void SemanticMap::take_objects(const Objects& objects) {
     } else if (known->stood_since_ns == kNever) {
       known->stood_since_ns = stamp_ns_;
     }
-    if (known->as == As::kItself) touched_.push_back(known->id);
+    touched_.push_back(known->id);
   }
   for (ObjectEntry& object : objects_) {
     if (object.update != updates_) release(object);
@@ -142,11 +140,15 @@ void SemanticMap::find_covers(const Object& object) {
     const double on_m = length_on(object, chain.latest, margin_m);
     if (on_m <= 0.0) continue;
     const double least = chain.of_object == object.id ? kStaysOfObject : kIsOfObject;
-    covers_.push_back({handle, on_m, on_m >= least * chain.length_m});
+    // What other chains are of, too, is more than the object.
+    const BoundaryEntry* const boundary = find_boundary(chain.of_boundary);
+    const bool is_one = boundary == nullptr || boundary->chains == 1;
+    covers_.push_back({handle, on_m, is_one && on_m >= least * chain.length_m});
   }
 }
 
-/// After find_covers(). Gives the chain that has most of it, too.
+/// What an object is on the map as, after find_covers(). `chain` is set to the chain that has most of it, unless it is
+/// itself.
 SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) const {
   if (object.stood_since_ns == kNever) return As::kItself;
   double own_m = 0.0, part_m = 0.0, most_own_m = 0.0, most_part_m = 0.0;
@@ -168,7 +170,8 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
     chain = part;
     return As::kPartOfChain;
   }
-  if (is_parked && is_covered(own_m, As::kOwnChain)) {
+  const bool is_boundary = own != 0 && find_chain(own)->of_boundary != 0;
+  if ((is_parked || is_boundary) && is_covered(own_m, As::kOwnChain)) {
     chain = own;
     return As::kOwnChain;
   }
@@ -200,6 +203,11 @@ void SemanticMap::hand_over(ObjectEntry& object) {
     chain.of_object = object.handle;
     if (chain.id != 0 && chain.id != object.id) merge(chain.id, object.id);
   }
+  // What else had its id is another thing now.
+  if (ChainEntry* const other = find_chain(owners_[object.id].chain);
+      other != nullptr && other->of_object != object.handle) {
+    own(*other, ids_->next());
+  }
   Handle chain = 0;
   const As as = as_what(object, chain);
   if (as != object.as || chain != object.chain) {
@@ -210,16 +218,16 @@ void SemanticMap::hand_over(ObjectEntry& object) {
   }
   object.as = as;
   object.chain = chain;
-  if (as == As::kOwnChain) {
-    own(*find_chain(chain), object.id);
-    for (const Handle handle : object.chains) {
-      if (find_chain(handle)->id == 0) own(*find_chain(handle), ids_->next());
-    }
+  if (ChainEntry* const other = find_chain(owners_[object.id].chain);
+      as == As::kItself && other != nullptr && is_shown(*other)) {
+    own(*other, ids_->next());  // what drives off from its boundary has its id
   }
+  if (as == As::kOwnChain) own(*find_chain(chain), object.id);
+  if (as != As::kItself) new_.insert(new_.end(), object.chains.begin(), object.chains.end());
   if (as == As::kPartOfChain) {
     ChainEntry& of = *find_chain(chain);
     if (id_on_map(of) == 0) own(of, ids_->next());
-    if (id_on_map(of) != object.id) merge(object.id, id_on_map(of));
+    merge(object.id, id_on_map(of));
   }
 }
 

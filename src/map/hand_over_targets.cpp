@@ -19,7 +19,7 @@ constexpr double kHalfVehicle_m = 1.2, kLeastVehicle_m = 1.2, kMostVehicle_m = 9
 /// Of the place of a target.
 constexpr double kPlaceSigmas = 2.0;
 
-/// From a target to what a laser saw of a vehicle, whose seen side is half a vehicle beside its middle.
+/// Distance of a target from what a laser saw of a vehicle, 0 within its extent.
 double apart_m(const GridTarget& target, const Eigen::AlignedBox2d& box_world_m) {
   return std::sqrt(box_world_m.squaredExteriorDistance(Eigen::Vector2d(target.p_world_m.head<2>())));
 }
@@ -136,6 +136,9 @@ void SemanticMap::make_one(TargetEntry& target, FeatureId id) {
     Owner& to = owners_[target.id];
     if (ObjectEntry* const object = find_object(from.object)) object->id = target.id;
     if (ChainEntry* const chain = find_chain(from.chain)) chain->id = target.id;
+    for (Parked& parked : parked_) {
+      if (parked.id == id) parked.id = target.id;
+    }
     to.object = std::exchange(from.object, 0);
     to.chain = std::exchange(from.chain, 0);
     merge(id, target.id);

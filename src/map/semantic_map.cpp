@@ -14,6 +14,8 @@ namespace {
 
 /// m. Edge of a cell that chains are looked up by.
 constexpr double kCell_m = 2.0;
+/// m. A chain is looked for so far beside another one.
+constexpr double kBesideMargin_m = 0.15;
 /// s. What stands for so long, and was never seen to move, is fixed.
 constexpr double kFixed_s = 60.0;
 
@@ -42,8 +44,8 @@ const MapUpdate& SemanticMap::update(const LayerUpdates& layers) {
   touched_.clear();
   if (layers.polygons != nullptr) {
     take_chains(*layers.polygons);
-    settle_doubles();
-    watch_parked(*layers.polygons);
+    settle_overlaps();
+    watch_parked();
   }
   if (layers.boundaries != nullptr) take_boundaries(*layers.boundaries);
   if (layers.objects != nullptr) take_objects(*layers.objects);
@@ -79,28 +81,29 @@ void SemanticMap::for_each_cell(const Eigen::AlignedBox2d& box_world_m, Visit&& 
   }
 }
 
-/// The cells that its edges may cross; some of them more than once.
+/// The cells that its edges may come so near to; some of them more than once.
 template <class Visit>
-void SemanticMap::for_each_cell(const Chain& chain, Visit&& visit) const {
+void SemanticMap::for_each_cell(const Chain& chain, double margin_m, Visit&& visit) const {
   for_each_edge(chain, [&](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
     const double steps = std::max(1.0, std::ceil((to - from).norm() / kCell_m));
     for (double step = 0.0; step < steps; step += 1.0) {
       Eigen::AlignedBox2d part(Eigen::Vector2d(from + step / steps * (to - from)));
       part.extend(from + (step + 1.0) / steps * (to - from));
-      for_each_cell(part, visit);
+      const Eigen::Vector2d margin = Eigen::Vector2d::Constant(margin_m);
+      for_each_cell(Eigen::AlignedBox2d(part.min() - margin, part.max() + margin), visit);
     }
   });
 }
 
 void SemanticMap::place(const ChainEntry& chain) {
-  for_each_cell(chain.latest, [&](std::uint64_t cell) {
+  for_each_cell(chain.latest, 0.0, [&](std::uint64_t cell) {
     std::vector<Handle>& there = chains_in_[cell];
     if (std::find(there.begin(), there.end(), chain.handle) == there.end()) there.push_back(chain.handle);
   });
 }
 
 void SemanticMap::remove(const ChainEntry& chain) {
-  for_each_cell(chain.latest, [&](std::uint64_t cell) {
+  for_each_cell(chain.latest, 0.0, [&](std::uint64_t cell) {
     const auto there = chains_in_.find(cell);
     if (there == chains_in_.end()) return;
     there->second.erase(std::remove(there->second.begin(), there->second.end(), chain.handle), there->second.end());
@@ -117,7 +120,7 @@ void SemanticMap::find_near(const Eigen::AlignedBox2d& box_world_m) {
 
 void SemanticMap::find_near(const Chain& chain) {
   near_.clear();
-  for_each_cell(chain, [&](std::uint64_t cell) { add_near(cell); });
+  for_each_cell(chain, kBesideMargin_m, [&](std::uint64_t cell) { add_near(cell); });
   sort_near();
 }
 
@@ -148,18 +151,19 @@ void SemanticMap::own(ChainEntry& chain, FeatureId id) {
   touched_.push_back(id);
 }
 
-/// What had the first id has the second one now.
+/// Tells that the feature with the first id is part of that with the second one, if it is not shown any more.
 void SemanticMap::merge(FeatureId id, FeatureId into) {
-  Owner& owner = owners_[id];
-  owner.reason = GoneReason::kMerged;
-  owner.into = into;
+  if (id == 0 || into == 0 || id == into) return;
+  owners_[id].into = into;
   touched_.push_back(id);
 }
 
 void SemanticMap::take_chains(const PolygonChanges& changes) {
+  changed_world_m_.setEmpty();
   for (const Chain* chain : changes.changed) {
     ChainEntry* known = find_chain(chain->id);
     if (known != nullptr) {
+      changed_world_m_.extend(known->box_world_m);
       unsettle_near(*known);
       remove(*known);
     } else {
@@ -172,29 +176,37 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     for (const ChainVertex& vertex : chain->vertices) known->box_world_m.extend(vertex.p_world_m);
     known->end_m = known->length_m;
     known->begin_m = 0.0;
+    changed_world_m_.extend(known->box_world_m);
     place(*known);
     unsettle_near(*known);
-    if (known->id != 0) touched_.push_back(known->id);
+    touched_.push_back(known->id);
   }
-  for (const Handle handle : changes.gone) {
-    ChainEntry* gone = find_chain(handle);
-    if (gone == nullptr) continue;
-    remove(*gone);
-    unsettle_near(*gone);
-    if (ObjectEntry* of = find_object(gone->of_object)) {
-      of->chains.erase(std::remove(of->chains.begin(), of->chains.end(), handle), of->chains.end());
-    }
-    if (gone->id != 0) {
-      Owner& owner = owners_[gone->id];
-      owner.chain = 0;
-      owner.reason = GoneReason::kSeenThrough;
-      touched_.push_back(gone->id);
-      if (ChainEntry* const heir = heir_of(*gone)) merge_chains(gone->id, *heir);
-    }
-    if (BoundaryEntry* const boundary = find_boundary(gone->of_boundary);
-        boundary != nullptr && boundary->main == handle)
-      boundary->main = 0;
-    chains_.erase(chains_.begin() + (gone - chains_.data()));
+  for (const Handle handle : changes.gone) drop_chain(handle);
+}
+
+void SemanticMap::drop_chain(Handle handle) {
+  ChainEntry* const gone = find_chain(handle);
+  if (gone == nullptr) return;
+  changed_world_m_.extend(gone->box_world_m);
+  remove(*gone);
+  unsettle_near(*gone);
+  if (ObjectEntry* const of = find_object(gone->of_object)) {
+    of->chains.erase(std::remove(of->chains.begin(), of->chains.end(), handle), of->chains.end());
+  }
+  if (gone->id != 0) {
+    Owner& owner = owners_[gone->id];
+    owner.chain = 0;
+    owner.reason = GoneReason::kSeenThrough;
+    touched_.push_back(gone->id);
+    // An object keeps its id.
+    ChainEntry* const heir = owner.object == 0 ? heir_of(*gone) : nullptr;
+    if (heir != nullptr) merge_chains(gone->id, *heir);
+  }
+  const Handle of_boundary = gone->of_boundary;
+  chains_.erase(chains_.begin() + (gone - chains_.data()));
+  if (BoundaryEntry* const boundary = find_boundary(of_boundary)) {
+    --boundary->chains;
+    if (boundary->main == handle) lead(*boundary);
   }
 }
 
@@ -204,20 +216,10 @@ void SemanticMap::unsettle_near(const ChainEntry& chain) {
   unsettled_.insert(unsettled_.end(), near_.begin(), near_.end());
 }
 
-/// The chain that has the id of one that is gone: one of the same boundary, or that most of it is part of now.
+/// The chain that gets the id of one that is gone: the longest other one of its boundary, or else that beside which
+/// most of it was.
 SemanticMap::ChainEntry* SemanticMap::heir_of(const ChainEntry& gone) {
-  if (gone.of_boundary != 0) {
-    ChainEntry* longest = nullptr;
-    for (ChainEntry& other : chains_) {
-      const bool is_part = other.of_boundary == gone.of_boundary && other.handle != gone.handle;
-      if (is_part && (longest == nullptr || other.length_m > longest->length_m)) longest = &other;
-    }
-    if (longest != nullptr) {
-      if (BoundaryEntry& boundary = *find_boundary(gone.of_boundary); boundary.main == gone.handle)
-        boundary.main = longest->handle;
-      return longest;
-    }
-  }
+  if (ChainEntry* const longest = longest_of(gone.of_boundary, gone.handle)) return longest;
   find_near(gone.latest);
   ChainEntry* heir = nullptr;
   double most = 0.5;
@@ -231,6 +233,17 @@ SemanticMap::ChainEntry* SemanticMap::heir_of(const ChainEntry& gone) {
   return heir;
 }
 
+/// The longest chain of a boundary but that of a handle; null if there is none.
+SemanticMap::ChainEntry* SemanticMap::longest_of(Handle boundary, Handle but) {
+  ChainEntry* longest = nullptr;
+  if (boundary == 0) return longest;
+  for (ChainEntry& chain : chains_) {
+    if (chain.of_boundary != boundary || chain.handle == but) continue;
+    if (longest == nullptr || chain.length_m > longest->length_m) longest = &chain;
+  }
+  return longest;
+}
+
 /// Of two chains that are one the older id stays.
 void SemanticMap::merge_chains(FeatureId id, ChainEntry& heir) {
   const FeatureId other = heir.id;
@@ -239,21 +252,27 @@ void SemanticMap::merge_chains(FeatureId id, ChainEntry& heir) {
     if (other != 0) merge(other, id);
   } else {
     merge(id, other);
+    touched_.push_back(other);
   }
 }
 
-/// The id under which a chain is on the map.
+/// The id under which a chain is on the map; 0 if it has none yet.
 FeatureId SemanticMap::id_on_map(const ChainEntry& chain) const {
-  if (const BoundaryEntry* const boundary = find_boundary(chain.of_boundary)) return find_chain(boundary->main)->id;
+  if (const BoundaryEntry* const boundary = find_boundary(chain.of_boundary)) {
+    const ChainEntry* const main = find_chain(boundary->main);
+    return main != nullptr ? main->id : 0;
+  }
+  if (const ObjectEntry* const object = find_object(chain.of_object); object != nullptr && object->as == As::kItself) {
+    return object->id;
+  }
   const ChainEntry* const other = find_chain(chain.beside);
   return other != nullptr ? id_on_map(*other) : chain.id;
 }
 
 bool SemanticMap::is_shown(const ChainEntry& chain) const {
-  if (chain.beside != 0 && chain.of_boundary == 0) return false;
-  if (chain.of_object != 0 && find_object(chain.of_object)->as != As::kOwnChain) return false;
-  const BoundaryEntry* const boundary = find_boundary(chain.of_boundary);
-  return boundary != nullptr ? boundary->main == chain.handle : with_chains_;
+  if (const BoundaryEntry* const boundary = find_boundary(chain.of_boundary)) return boundary->main == chain.handle;
+  if (chain.beside != 0 || !with_chains_) return false;
+  return chain.of_object == 0 || find_object(chain.of_object)->as != As::kItself;
 }
 
 namespace {
@@ -318,7 +337,7 @@ bool SemanticMap::feature_of(FeatureId id, const Owner& owner, Feature& feature)
   feature.p_exists = latest.p_exists;
   seen_between(latest.first_seen_ns, latest.last_seen_ns, feature);
   const bool has_moved = object != nullptr && object->has_moved;
-  const bool is_old = seconds_between(feature.first_seen_ns, stamp_ns_) >= kFixed_s;
+  const bool is_old = seconds_between(feature.first_seen_ns, feature.last_seen_ns) >= kFixed_s;
   feature.motion = is_old && !has_moved ? Motion::kFixed : Motion::kStanding;
   if (const BoundaryEntry* const boundary = find_boundary(chain->of_boundary)) {
     seen_between(boundary->latest.first_seen_ns, boundary->latest.last_seen_ns, feature);
@@ -344,6 +363,7 @@ void SemanticMap::tell() {
   joined_.clear();
   std::sort(touched_.begin(), touched_.end());
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+  touched_.erase(touched_.begin(), std::upper_bound(touched_.begin(), touched_.end(), 0));  // of what has no id yet
   update_.stamp_ns = stamp_ns_;
   update_.map = maps_;
   update_.full = is_new_;
@@ -353,7 +373,6 @@ void SemanticMap::tell() {
   update_.changed.clear();
   update_.gone.clear();
   for (const FeatureId id : touched_) {
-    if (id == 0) continue;  // of what was not on the map yet
     Owner& owner = owners_[id];
     Feature feature;
     if (feature_of(id, owner, feature)) {
@@ -361,22 +380,34 @@ void SemanticMap::tell() {
       on_map_ += owner.is_on_map ? 0 : 1;
       owner.is_on_map = true;
       owner.into = 0;
-      continue;
-    }
-    if (owner.is_on_map) {
-      Gone gone;
-      gone.id = id;
-      gone.reason = owner.reason;
-      if (owner.into != 0) {
-        gone.reason = GoneReason::kMerged;
-        gone.into = owner.into;
-      }
-      update_.gone.push_back(gone);
+    } else if (owner.is_on_map) {
       --on_map_;
       owner.is_on_map = false;
+      update_.gone.push_back({id, owner.reason, {}});
     }
+  }
+  for (Gone& gone : update_.gone) {
+    const FeatureId into = heir_on_map(owners_[gone.id].into);
+    if (into == 0) continue;
+    gone.reason = GoneReason::kMerged;
+    gone.into = into;
+  }
+  for (const FeatureId id : touched_) {
+    const Owner& owner = owners_[id];
     if (owner.object == 0 && owner.chain == 0 && owner.target == 0) owners_.erase(id);
   }
+}
+
+/// The feature on the map that one was told to be part of, at last; 0 if there is none.
+FeatureId SemanticMap::heir_on_map(FeatureId into) const {
+  constexpr int kMostSteps = 10;
+  for (int step = 0; step < kMostSteps && into != 0; ++step) {
+    const auto owner = owners_.find(into);
+    if (owner == owners_.end()) return 0;
+    if (owner->second.is_on_map) return into;
+    into = owner->second.into;
+  }
+  return 0;
 }
 
 Map SemanticMap::map(Map memory) const {

@@ -6,12 +6,16 @@
 #include <optional>
 #include <utility>
 
+#include "situation_awareness/geometry/angles.hpp"
+
 namespace situation_awareness {
 namespace {
 
 /// Of the standard deviation of the map's place in the world, and m, at least: when it has moved by more all features
 /// have changed.
 constexpr double kMovedSigmas = 0.25, kLeastMoved_m = 0.005;
+/// The same when the standard deviation of its place is so many times as large or as small.
+constexpr double kOtherSigma = 1.25;
 
 std::optional<ObjectPipelineParams> objects_of(const ObjectPipelineParams& objects, const MapKinds& kinds) {
   if (!kinds.objects) return std::nullopt;
@@ -21,20 +25,6 @@ std::optional<ObjectPipelineParams> objects_of(const ObjectPipelineParams& objec
 StandingThings standing_of(const MapKinds& kinds) {
   if (kinds.boundaries) return StandingThings::kBoundaries;
   return kinds.polygons ? StandingThings::kChains : StandingThings::kNone;
-}
-
-/// By how much a place of the map has moved in the world, at most, for those within this distance of its origin.
-double moved_m(const Pose2& T_a, const Pose2& T_b, double reach_m) {
-  return (T_a.translation_m - T_b.translation_m).norm() + std::abs(T_a.yaw_rad - T_b.yaw_rad) * reach_m;
-}
-
-double reach_of(const Map& map) {
-  double reach_m = 0.0;
-  for (const Feature& feature : map.features) {
-    const Eigen::AlignedBox2d box = box_around(feature.shape);
-    reach_m = std::max({reach_m, box.min().norm(), box.max().norm()});
-  }
-  return reach_m;
 }
 
 }  // namespace
@@ -56,16 +46,30 @@ const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d&
 const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                                       const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement) {
   layers_.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
-  const MapUpdate& update = tell(scan, T_odom_lidar.translation().z());
-  all_ = map_.map(std::move(all_));
-  const double least_m = std::max(kLeastMoved_m, kMovedSigmas * std::sqrt(layers_.common_variance_m2()));
-  if (moved_m(T_world_map_, layers_.T_world_map(), reach_of(all_)) > least_m) {
+  tell(scan, T_odom_lidar.translation().z());
+  for (const Feature& feature : update_.changed) {
+    const Eigen::AlignedBox2d box = box_around(feature.shape);
+    reach_m_ = std::max({reach_m_, box.min().norm(), box.max().norm()});
+  }
+  if (is_elsewhere()) {
     T_world_map_ = layers_.T_world_map();
     variance_m2_ = layers_.common_variance_m2();
+    all_ = map_.map(std::move(all_));
     update_.changed = all_.features;
   }
-  for (Feature& feature : update_.changed) move(feature, T_world_map_, variance_m2_);
-  return update;
+  for (Feature& feature : update_.changed) move(feature, *T_world_map_, variance_m2_);
+  return update_;
+}
+
+/// Whether the map is known to be elsewhere in the world than all features were told to be.
+bool MapPipeline::is_elsewhere() const {
+  if (!T_world_map_) return true;
+  const Pose2& T = layers_.T_world_map();
+  const double moved_m = (T.translation_m - T_world_map_->translation_m).norm() +
+                         std::abs(wrap_to_pi(T.yaw_rad - T_world_map_->yaw_rad)) * reach_m_;
+  const double sigma_m = std::sqrt(layers_.common_variance_m2()), told_m = std::sqrt(variance_m2_);
+  return moved_m > std::max(kLeastMoved_m, kMovedSigmas * sigma_m) || sigma_m > kOtherSigma * told_m ||
+         told_m > kOtherSigma * sigma_m;
 }
 
 /// In the map, what the layers have after a scan.
@@ -98,13 +102,14 @@ const MapUpdate& MapPipeline::take(const GridTargets& targets) {
 void MapPipeline::begin_anew() {
   layers_.reset();
   map_.begin_anew();
-  T_world_map_ = {};
-  variance_m2_ = 0.0;
+  T_world_map_.reset();
+  variance_m2_ = reach_m_ = 0.0;
 }
 
 Map MapPipeline::map(Map memory) const {
   Map result = map_.map(std::move(memory));
-  for (Feature& feature : result.features) move(feature, T_world_map_, variance_m2_);
+  if (!T_world_map_) return result;
+  for (Feature& feature : result.features) move(feature, *T_world_map_, variance_m2_);
   return result;
 }
 

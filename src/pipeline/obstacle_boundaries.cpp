@@ -25,8 +25,8 @@ constexpr double kTwice_m = 2.0;
 constexpr double kLeastGap_m = 0.3, kAtGap_m = 0.5;
 /// One that was closed stays so while no more than this part of it has gone.
 constexpr double kLost = 0.15;
-/// So many elements at least.
-constexpr std::size_t kFewestChainOfBoundary = 20;
+/// Elements of a closed boundary, at least.
+constexpr std::size_t kFewestOfClosed = 20;
 
 double turn_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
   return std::atan2(a.x() * b.y() - a.y() * b.x(), a.dot(b));
@@ -35,7 +35,7 @@ double turn_between(const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
 /// Whether the elements, counter-clockwise, go once around an obstacle; what they have twice is then cut off their end.
 bool go_around(std::vector<SplinegonElement>& elements, bool was_closed) {
   std::size_t count = elements.size();
-  if (count < kFewestChainOfBoundary) return false;
+  if (count < kFewestOfClosed) return false;
   double turn_rad = 0.0, length_m = 0.0;
   for (std::size_t i = 1; i < count; ++i) {
     turn_rad += turn_between(elements[i - 1].normal_world, elements[i].normal_world);
@@ -45,7 +45,7 @@ bool go_around(std::vector<SplinegonElement>& elements, bool was_closed) {
   const Eigen::Vector2d along(-first.normal_world.y(), first.normal_world.x());
   const auto ahead_m = [&] { return along.dot(elements[count - 1].p_world_m - first.p_world_m); };
   const auto apart_m = [&] { return (elements[count - 1].p_world_m - first.p_world_m).norm(); };
-  while (count > kFewestChainOfBoundary && ahead_m() > 0.0 && apart_m() < kTwice_m) {
+  while (count > kFewestOfClosed && ahead_m() > 0.0 && apart_m() < kTwice_m) {
     turn_rad -= turn_between(elements[count - 2].normal_world, elements[count - 1].normal_world);
     --count;
   }

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <set>
+#include <sstream>
 #include <string>
 #include <variant>
 #include <vector>
@@ -17,6 +18,19 @@
 
 namespace situation_awareness {
 namespace {
+
+/// All of a feature, to compare it.
+std::string text_of(const Feature& feature) {
+  std::ostringstream text;
+  text << feature.id << ' ' << kind_of(feature.shape) << ' ' << name_of(feature.object_class) << ' ' << feature.p_class
+       << ' ' << feature.p_exists << ' ' << feature.p_moving << ' ' << name_of(feature.motion) << ' '
+       << feature.first_seen_ns << ' ' << feature.last_seen_ns << ' ' << feature.seen_by.scan << feature.seen_by.camera;
+  if (const auto* line = std::get_if<PolylineShape>(&feature.shape)) {
+    for (const ChainVertex& vertex : line->vertices) text << ' ' << vertex.p_world_m.transpose();
+  }
+  if (const auto* box = std::get_if<BoxShape>(&feature.shape)) text << ' ' << box->box_world.center_m.transpose();
+  return text.str();
+}
 
 /// What two layers see, and the map of it, at 10 Hz. What the updates tell is what the map says.
 class Scene {
@@ -71,6 +85,8 @@ class Scene {
     boundaries_.boundaries.push_back(splinegon);
     for (const std::uint64_t chain : chains) of_boundaries_[chain] = handle;
   }
+  /// The chain is of no boundary any more.
+  void leave_chain(std::uint64_t chain) { of_boundaries_.erase(chain); }
   void leave_boundary(std::uint64_t handle) {
     auto& all = boundaries_.boundaries;
     all.erase(std::remove_if(all.begin(), all.end(), [&](const Splinegon& other) { return other.id == handle; }),
@@ -146,13 +162,15 @@ class Scene {
   void follow(const MapUpdate& update) {
     EXPECT_EQ(update.base, update.full ? 0 : version_);
     version_ = update.version;
-    for (const Feature& feature : update.changed) listener_[feature.id] = kind_of(feature.shape);
+    for (const Feature& feature : update.changed) listener_[feature.id] = text_of(feature);
+    std::map<FeatureId, std::string> there;
+    for (const Feature& feature : map_.map().features) there[feature.id] = text_of(feature);
     for (const Gone& gone : update.gone) {
       EXPECT_EQ(listener_.erase(gone.id), 1U) << gone.id;
+      EXPECT_EQ(gone.into.has_value(), gone.reason == GoneReason::kMerged);
+      EXPECT_EQ(there.count(gone.into.value_or(0)), gone.into ? 1U : 0U) << gone.id;
       told_gone_.push_back(gone);
     }
-    std::map<FeatureId, std::string> there;
-    for (const Feature& feature : map_.map().features) there[feature.id] = kind_of(feature.shape);
     EXPECT_EQ(listener_, there);
     EXPECT_EQ(map_.size(), there.size());
   }
@@ -271,6 +289,64 @@ TEST(SemanticMap, ACarThatIsLostWhileItIsWalledInIsTheSameWhenItIsSeenAgain) {
   EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline", "3 box"}));
 }
 
+TEST(SemanticMap, ACarThatDrivesOffFromARowIsThere) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(12.0);
+  scene.chain(4, {{7.3, -0.9}, {14.0, -0.9}});
+  scene.scan(1.0);
+  // Its chain becomes a part of another one.
+  scene.drop(3);
+  scene.chain(4, {{3.0, -0.9}, {14.0, -0.9}});
+  scene.scan(1.0);
+  EXPECT_EQ(scene.features(), Features({"2 polyline"}));
+  scene.box(7, {5.0, -3.0}).p_moving = 1.0;
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 polyline"}));
+}
+
+TEST(SemanticMap, TwoThingsAtAChainHaveTwoIds) {
+  Scene scene;
+  scene.chain(3, {{4.8, 0.0}, {5.2, 0.0}});
+  scene.scan();
+  scene.box(7, {5.0, 0.2}, 0.3, 0.3);
+  scene.box(8, {5.0, -0.2}, 0.3, 0.3);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 box"}));
+  scene.lose(7);
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 1U);
+}
+
+// The end of a car that stands along a wall is not what the wall shows.
+TEST(SemanticMap, WhatStandsFreeBesideAPartOfAWallIsShown) {
+  Scene scene;
+  scene.chain(3, {{0.0, -1.0}, {20.0, -1.0}});
+  scene.box(7, {5.0, 0.0}).p_moving = 1.0;
+  scene.scan();
+  scene.box(7, {5.0, 0.0}).p_moving = 0.0;
+  scene.chain(4, {{3.0, 0.9}, {3.0, -0.5}});
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features().size(), 2U);
+}
+
+TEST(SemanticMap, WhoDrivesByAfterAChainHasShrunkIsAnother) {
+  for (const double begin_m : {6.9, 8.0}) {
+    Scene scene;
+    scene.box(7, {5.0, 0.0});
+    scene.chain(3, {{3.0, -0.9}, {20.0, -0.9}});
+    scene.scan(12.0);
+    scene.lose(7);
+    scene.scan();
+    scene.chain(3, {{begin_m, -0.9}, {20.0, -0.9}});
+    scene.scan(60.0);
+    scene.box(8, {5.0, 0.0}).p_moving = 1.0;
+    scene.scan();
+    EXPECT_EQ(scene.features(), Features({"2 polyline", "3 box"}));
+  }
+}
+
 TEST(SemanticMap, ACarThatIsLostBeforeItIsWalledInIsTheSameWhenItLeaves) {
   Scene scene;
   scene.box(7, {5.0, 0.0});
@@ -365,6 +441,37 @@ TEST(SemanticMap, ASurfaceIsThereOnce) {
   EXPECT_EQ(scene.features().size(), 2U);
 }
 
+TEST(SemanticMap, ASurfaceIsThereOnceWhereverItIs) {
+  for (const double y_m : {3.0, 3.98, -0.02}) {
+    Scene scene;
+    scene.chain(3, {{0.0, y_m}, {10.0, y_m}});
+    scene.chain(4, {{4.0, y_m + 0.05}, {6.0, y_m + 0.05}});
+    scene.scan();
+    EXPECT_EQ(scene.features(), Features({"1 polyline"})) << y_m;
+  }
+}
+
+// What showed a surface is itself shown by another chain now.
+TEST(SemanticMap, NoSurfaceIsHiddenByOneThatIsNotShown) {
+  Scene scene;
+  scene.chain(3, {{28.0, 0.0}, {60.0, 0.0}});
+  scene.chain(4, {{0.0, 0.05}, {30.0, 0.05}});
+  scene.chain(5, {{2.0, 0.0}, {6.0, 0.0}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 2U);
+  scene.chain(3, {{0.2, 0.0}, {60.0, 0.0}});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 1U);
+  // Metres that no other one is beside are shown.
+  scene.chain(3, {{11.0, 0.0}, {60.0, 0.0}});
+  scene.scan();
+  double least_m = 60.0;
+  for (const Feature& feature : scene.map().features) {
+    least_m = std::min(least_m, std::get<PolylineShape>(feature.shape).vertices.front().p_world_m.x());
+  }
+  EXPECT_EQ(least_m, 0.0);
+}
+
 TEST(SemanticMap, WhoStandsForAMomentIsNoChain) {
   Scene scene;
   Object& walker = scene.box(7, {5.0, 0.0}, 0.25, 0.2);
@@ -441,6 +548,36 @@ TEST(SemanticMap, AChainAroundABuildingBecomesABoundaryUnderOneId) {
   scene.scan();
   EXPECT_EQ(scene.features(), Features({"1 polyline"}));
   EXPECT_EQ(scene.gone().size(), 1U);
+}
+
+TEST(SemanticMap, ABoundaryStaysWhileItsChainsComeAndGo) {
+  const std::vector<Eigen::Vector2d> first = around({0.0, 20.0}, 5.0, 0.0, -4.0, 20),
+                                     second = around({0.0, 20.0}, 5.0, 2.2, 0.5, 15);
+  Scene scene;
+  scene.chain(3, first);
+  scene.chain(4, second);
+  scene.boundary(3, {0.0, 20.0}, 5.0, {3, 4});
+  scene.scan(2.0);
+  ASSERT_EQ(scene.features(), Features({"1 boundary"}));
+  // The longer one leaves it.
+  scene.leave_chain(3);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 boundary"}));
+  // The chain that it has its id of is not on the map yet, and goes.
+  Scene other;
+  other.box(7, {5.0, 20.0}, 6.0, 6.0).p_moving = 1.0;
+  other.chain(3, first);
+  other.boundary(3, {0.0, 20.0}, 5.0, {3, 4});
+  other.scan(2.0);
+  other.chain(4, second);
+  other.scan();
+  other.drop(3);
+  other.lose(7);
+  other.scan();
+  other.box(8, {3.5, 23.5}, 0.5, 0.5);
+  other.scan(1.0);
+  ASSERT_EQ(other.features().size(), 1U);
+  EXPECT_EQ(other.features()[0].substr(2), "boundary");
 }
 
 // Of four walls arcs explain nothing that their corners do not.

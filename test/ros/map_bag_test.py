@@ -7,6 +7,9 @@ import pathlib
 import sys
 import unittest
 
+from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
+
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from bag_tools import ROOT, BagToolTest, grid_bags  # noqa: E402
 
@@ -181,6 +184,26 @@ class MapBagTest(BagToolTest):
         self.assertEqual({feature["kind"] for feature in features}, {"target"})
         self.assertEqual([(f["x"], f["y"], f["z"], f["area_m2"], f["p_class"], f["seen_by"]) for f in features],
                          [(t["x"], t["y"], t["z"], t["area_m2"], t["p"], ["camera"]) for t in lines[-1]["targets"]])
+
+    def test_images_that_come_after_later_scans_are_mapped(self):
+        def with_scans(messages):
+            scans = []
+            for time, topic, _ in messages:
+                if topic == "/tf":
+                    scan = LaserScan(header=Header(stamp=time, frame_id="base_link"), angle_min=-3.0, angle_max=3.0,
+                                     angle_increment=0.1, range_min=0.1, range_max=30.0, ranges=[3.0] * 61)
+                    scans.append((time, "/scan", scan))
+            return messages + scans
+
+        folder = self.orbit()
+        bag = grid_bags.write_bag(folder, with_scans)
+        dem = ["--dem", folder / "dem.tif"]
+        images = {json.loads(line)["stamp"] for line in self.written("grid_bag", bag, *dem)[0].splitlines()}
+        maps = self.maps_of(bag, "--kinds", "polygons,grid", *dem)
+        stamps = [line["stamp"] for line, _ in maps]
+        self.assertGreater(len(stamps), 2 * len(images))
+        self.assertLessEqual(images, set(stamps))
+        self.assertIn("target", {feature["kind"] for feature in maps[-1][1].values()})
 
     def test_what_cannot_be_asked_for(self):
         for arguments, words in ((["--kinds", "grid"], "--dem"), (["--pose", "reflectors"], "--reflectors"),

@@ -114,7 +114,7 @@ class SemanticMap {
     Chain latest;
   };
   /// How many steps along a chain another one covers.
-  struct Double {
+  struct Overlap {
     Handle chain = 0;
     int steps = 0;
   };
@@ -124,8 +124,9 @@ class SemanticMap {
     Handle main = 0;  ///< chain whose id it has
     bool is_boundary = false;
     std::int64_t explains_since_ns = kNever;
-    std::size_t numbers_of_chains = 0;
-    std::uint64_t update = 0;  ///< number of the latest one that listed it
+    std::size_t chains = 0;             ///< number of those that it consists of, if it is on the map
+    std::size_t numbers_of_chains = 0;  ///< that the vertices of those are
+    std::uint64_t update = 0;           ///< number of the latest one that listed it
     Splinegon latest;
   };
   /// An object that is part of a larger thing, and that its layer does not follow any more: what drives off from there
@@ -152,12 +153,12 @@ class SemanticMap {
     Handle target;
     FeatureId feature;
   };
-  /// Who has an id.
+  /// What the layers have of the feature with an id, and what is told of it once it is not on the map any more.
   struct Owner {
     Handle object = 0, chain = 0, target = 0;
     bool is_on_map = false;
-    GoneReason reason = GoneReason::kSeenThrough;  ///< if it goes
-    FeatureId into = 0;                            ///< of kMerged
+    GoneReason reason = GoneReason::kSeenThrough;  ///< if it is part of no other one
+    FeatureId into = 0;                            ///< of which it is a part
   };
   /// How much of a chain is on an object.
   struct Cover {
@@ -167,16 +168,20 @@ class SemanticMap {
   };
 
   void take_chains(const PolygonChanges& changes);
+  void drop_chain(Handle handle);
+  ChainEntry* longest_of(Handle boundary, Handle but);
+  FeatureId heir_on_map(FeatureId into) const;
   ChainEntry* heir_of(const ChainEntry& gone);
   void merge_chains(FeatureId id, ChainEntry& heir);
   void unsettle_near(const ChainEntry& chain);
   bool is_before(const ChainEntry& a, const ChainEntry& b) const;
-  void settle_doubles();
+  void settle_overlaps();
   void settle(ChainEntry& chain);
   void take_boundaries(const BoundaryChanges& changes);
   void judge(BoundaryEntry& boundary) const;
   void enter_boundary(ChainEntry& chain, Handle handle);
   void leave_boundary(ChainEntry& chain);
+  void lead(BoundaryEntry& boundary);
   FeatureId id_on_map(const ChainEntry& chain) const;
   void take_targets(const GridTargets& targets);
   void find_pairs(const TargetEntry& target);
@@ -187,7 +192,7 @@ class SemanticMap {
   void hand_over(ObjectEntry& object);
   void find_covers(const Object& object);
   As as_what(const ObjectEntry& object, Handle& chain) const;
-  void watch_parked(const PolygonChanges& changes);
+  void watch_parked();
   void forget_parked(FeatureId id);
   FeatureId id_of_new(const Object& object);
   void release(ObjectEntry& object);
@@ -196,7 +201,7 @@ class SemanticMap {
   template <class Visit>
   void for_each_cell(const Eigen::AlignedBox2d& box_world_m, Visit&& visit) const;
   template <class Visit>
-  void for_each_cell(const Chain& chain, Visit&& visit) const;
+  void for_each_cell(const Chain& chain, double margin_m, Visit&& visit) const;
   void find_near(const Eigen::AlignedBox2d& box_world_m);
   void find_near(const Chain& chain);
   void add_near(std::uint64_t cell);
@@ -235,9 +240,11 @@ class SemanticMap {
   std::vector<FeatureId> touched_;
   std::vector<Handle> new_;  ///< chains
   std::vector<Handle> near_;
-  std::vector<Handle> unsettled_;  ///< chains of which, or beside which, one changed
-  std::vector<Handle> joined_;     ///< chains that have begun to be shown by another one
-  std::vector<Double> others_;
+  std::vector<Handle> unsettled_;        ///< chains that changed, or beside which one changed
+  std::vector<Handle> settling_;         ///< of these, those of a round
+  Eigen::AlignedBox2d changed_world_m_;  ///< around the chains that changed with the latest scan, before and after
+  std::vector<Handle> joined_;           ///< chains that have begun to be shown by another one
+  std::vector<Overlap> others_;          ///< chains before one, and how much of it each covers
   std::vector<Cover> covers_;
   MapUpdate update_;
 };

@@ -80,15 +80,17 @@ class MapPipeline {
 
  private:
   const MapUpdate& tell(const Scan& scan, double height_world_m);
+  bool is_elsewhere() const;
 
   IdSource ids_;
   MapKinds kinds_;
   SplinegonPipeline layers_;
   SemanticMap map_;
   PolygonChanges chains_;
-  Pose2 T_world_map_;         ///< by which all features were told
-  double variance_m2_ = 0.0;  ///< of that place
-  MapUpdate update_;          ///< in the world
+  std::optional<Pose2> T_world_map_;  ///< by which all features were told, by inertial navigation
+  double variance_m2_ = 0.0;          ///< of that place
+  double reach_m_ = 0.0;              ///< of the features from the origin of the map, at most
+  MapUpdate update_;                  ///< in the world
   Map all_;
 };
 
