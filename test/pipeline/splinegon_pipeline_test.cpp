@@ -7,7 +7,6 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -329,8 +328,12 @@ TEST(SplinegonPipelineFlights, NoScanOfTheBeginTakesTheTimeOfAll) {
                                  });
       EXPECT_TRUE(pipeline.alignment().has_begun());
     }
-    const double all_us = std::accumulate(least_us.begin(), least_us.end(), 0.0);
-    EXPECT_LT(*std::max_element(least_us.begin(), least_us.end()), 0.33 * all_us);
+    // Three passes over the first scans and the map of them are the work of four scans, which take most of the time of
+    // all: the first pass up to .45 of theirs. If one scan took all of it, that would be nearly 1.
+    std::sort(least_us.begin(), least_us.end(), std::greater<>());
+    ASSERT_GT(least_us.size(), 4U);
+    EXPECT_LT(least_us[0], 0.6 * (least_us[0] + least_us[1] + least_us[2] + least_us[3]));
+    EXPECT_LT(least_us[4], 0.25 * least_us[0]);
   }
 }
 
