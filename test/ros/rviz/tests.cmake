@@ -5,14 +5,14 @@ foreach(name drawable_objects knobs map_history map_mesh object_mesh polygon_mes
 endforeach()
 
 # rostest finds a program where rosrun does; these are not installed.
-find_package(Qt5 REQUIRED COMPONENTS Test Widgets)
+find_package(Qt${qt_major} REQUIRED COMPONENTS Test Widgets)
 foreach(name display kind_display panel panel_live)
   add_executable(rviz_${name}_test rviz/${name}_test.cpp)
   situation_awareness_target(rviz_${name}_test)
   target_compile_options(rviz_${name}_test PRIVATE ${test_options})  # Qt wants -fPIC: no precompiled headers of others
   target_compile_definitions(rviz_${name}_test PRIVATE QT_NO_KEYWORDS)
   target_include_directories(rviz_${name}_test SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
-  target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt5::Test Qt5::Widgets ${rviz_LIBRARIES}
+  target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt${qt_major}::Test Qt${qt_major}::Widgets ${rviz_LIBRARIES}
     GTest::gtest)
   set_target_properties(rviz_${name}_test PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
   add_dependencies(rviz_${name}_test ${PROJECT_NAME}_rviz)  # loaded by its name, as rviz does
