@@ -2,6 +2,7 @@
 #include "situation_awareness/map/semantic_map.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "chain_cover.hpp"
 #include "semantic_map_parts.hpp"
@@ -19,6 +20,35 @@ constexpr double kCovered = 0.5, kStaysCovered = 0.25;
 constexpr double kJustNow_s = 5.0;
 /// Objects that are remembered though they are part of larger things.
 constexpr std::size_t kMostParked = 1000;
+
+/// Whether two estimates of an object say the same of a feature that is its chain.
+bool are_same_as_chain(const Object& a, const Object& b) {
+  return a.object_class == b.object_class && a.p_class == b.p_class && a.p_moving == b.p_moving &&
+         a.first_seen_ns == b.first_seen_ns && a.last_seen_ns == b.last_seen_ns;
+}
+
+/// Whether they say the same of a feature that is the object.
+bool are_same(const Object& a, const Object& b) {
+  const auto numbers = [](const Object& object) {
+    const Ellipse& ellipse = object.ellipse_world;
+    const Box& box = object.box_world;
+    return std::array<double, 14>{ellipse.center_m.x(),
+                                  ellipse.center_m.y(),
+                                  ellipse.psi_rad,
+                                  ellipse.rx_m,
+                                  ellipse.ry_m,
+                                  box.center_m.x(),
+                                  box.center_m.y(),
+                                  box.psi_rad,
+                                  box.half_length_m,
+                                  box.half_width_m,
+                                  object.p_exists,
+                                  object.velocity_world_m_s.x(),
+                                  object.velocity_world_m_s.y(),
+                                  object.angular_velocity_rad_s};
+  };
+  return are_same_as_chain(a, b) && a.shape == b.shape && numbers(a) == numbers(b) && a.covariance == b.covariance;
+}
 
 }  // namespace
 
@@ -92,6 +122,11 @@ void SemanticMap::take_objects(const Objects& objects) {
       known->stood_since_ns = object.first_seen_ns;
       owners_[id].object = object.id;
     }
+    const bool is_new = known->update == 0;
+    const bool is_told = known->as == As::kItself     ? are_same(object, known->latest)
+                         : known->as == As::kOwnChain ? are_same_as_chain(object, known->latest)
+                                                      : true;
+    if (is_new || !is_told) touched_.push_back(known->id);
     known->latest = object;
     known->update = updates_;
     if (is_moving(object)) {
@@ -100,7 +135,6 @@ void SemanticMap::take_objects(const Objects& objects) {
     } else if (known->stood_since_ns == kNever) {
       known->stood_since_ns = stamp_ns_;
     }
-    touched_.push_back(known->id);
   }
   for (ObjectEntry& object : objects_) {
     if (object.update != updates_) release(object);

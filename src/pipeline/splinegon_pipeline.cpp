@@ -177,26 +177,27 @@ const Splinegons& SplinegonPipeline::map_polylines(const Eigen::Matrix3d& covari
   update_ = chains_.update(polylines_, covariance, movers_.at(polylines_.stamp_ns), std::move(update_));
   common_variance_m2_ = common_variance_m2;
   const ChainChanges& changes = chains_.update_due_chains();
+  if (are_taken_ && changes.changed.empty() && changes.gone.empty()) {
+    changes_ = changes;
+    polygons_.stamp_ns = polylines_.stamp_ns;
+    return place_boundaries(polylines_.stamp_ns);
+  }
+  polygons_ = chains_.latest_polygons(std::move(polygons_));
   if (are_taken_) {
     changes_ = changes;
   } else {
     tell_all_chains();
   }
-  if (are_taken_ && changes.changed.empty() && changes.gone.empty()) {
-    polygons_.stamp_ns = polylines_.stamp_ns;
-    return place_boundaries(polylines_.stamp_ns);
-  }
-  polygons_ = chains_.latest_polygons(std::move(polygons_));
   are_taken_ = true;
   if (standing_ != StandingThings::kBoundaries) return splinegons_;
   take_boundaries();
   return fit_boundaries(polylines_.stamp_ns);
 }
 
-/// Of a map whose changes have been read.
+/// Tells of all chains that they changed, where those that did before were not told.
 void SplinegonPipeline::tell_all_chains() {
   changes_ = {};
-  for (const Chain& chain : chains_.polygons().chains) changes_.changed.push_back(chain.id);
+  for (const Chain& chain : polygons_.chains) changes_.changed.push_back(chain.id);
   std::sort(changes_.changed.begin(), changes_.changed.end());
 }
 
