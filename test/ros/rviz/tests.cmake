@@ -12,8 +12,8 @@ foreach(name display kind_display panel panel_live)
   target_compile_options(rviz_${name}_test PRIVATE ${test_options})  # Qt wants -fPIC: no precompiled headers of others
   target_compile_definitions(rviz_${name}_test PRIVATE QT_NO_KEYWORDS)
   target_include_directories(rviz_${name}_test SYSTEM PRIVATE ${rviz_INCLUDE_DIRS})
-  target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt${qt_major}::Test Qt${qt_major}::Widgets ${rviz_LIBRARIES}
-    GTest::gtest)
+  target_link_libraries(rviz_${name}_test PRIVATE ${PROJECT_NAME}_ros Qt${qt_major}::Test Qt${qt_major}::Widgets
+    ${rviz_LIBRARIES} GTest::gtest)
   set_target_properties(rviz_${name}_test PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${situation_awareness_node_dir})
   add_dependencies(rviz_${name}_test ${PROJECT_NAME}_rviz)  # loaded by its name, as rviz does
   situation_awareness_ros_test(rviz/${name}_test xvfb-run -a -s "-screen 0 1280x800x24 +extension GLX +render -noreset"
