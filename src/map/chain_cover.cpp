@@ -16,7 +16,7 @@ constexpr double kStep_m = 0.02;
 constexpr double kSamePlace_m = 0.1, kSameStep_m = 0.1;
 /// Cosine of the angle between two surfaces that face the same way.
 constexpr double kSameWay = 0.5;
-/// Of the position, in addition to the margin; and m, at most.
+/// A margin is larger by so many standard deviations of the object's position, and is kMostMargin_m at most.
 constexpr double kMarginSigmas = 2.0, kMostMargin_m = 0.3;
 
 double reach_of(const Object& object) {
@@ -43,10 +43,10 @@ double margin_of(const Object& object, double margin_m) {
 
 bool covers(const Object& object, const Eigen::Vector2d& p_world_m, double margin_m) {
   if (object.shape == Shape::kBox) return offset_m(object.box_world, p_world_m) <= margin_m;
-  const Ellipse& ellipse = object.ellipse_world;
-  const Eigen::Vector2d p = Eigen::Rotation2Dd(-ellipse.psi_rad) * (p_world_m - ellipse.center_m);
-  const double x = p.x() / (ellipse.rx_m + margin_m), y = p.y() / (ellipse.ry_m + margin_m);
-  return x * x + y * y <= 1.0;
+  Ellipse ellipse = object.ellipse_world;
+  ellipse.rx_m += margin_m;
+  ellipse.ry_m += margin_m;
+  return contains(ellipse, p_world_m);
 }
 
 double lesser_width_of(const Object& object) {

@@ -112,7 +112,7 @@ void SemanticMap::enter_boundary(ChainEntry& chain, Handle handle) {
   }
 }
 
-/// Of the chain that leaves and those that stay the largest keeps the id.
+/// The largest chain, of that which leaves and those that stay, keeps the id.
 void SemanticMap::leave_boundary(ChainEntry& chain) {
   if (chain.of_boundary == 0) return;
   BoundaryEntry& boundary = *find_boundary(chain.of_boundary);

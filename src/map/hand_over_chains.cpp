@@ -25,7 +25,7 @@ constexpr double kLeastEnd_m = 0.05;
 
 }  // namespace
 
-/// Of two chains of one surface, the one that shows it.
+/// Whether the first of two chains of one surface is the one that shows it.
 bool SemanticMap::is_before(const ChainEntry& a, const ChainEntry& b) const {
   const double bonus_a = b.beside == a.handle ? kLonger : 1.0, bonus_b = a.beside == b.handle ? kLonger : 1.0;
   const double length_a_m = bonus_a * a.length_m, length_b_m = bonus_b * b.length_m;

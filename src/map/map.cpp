@@ -10,15 +10,6 @@ namespace situation_awareness {
 
 namespace {
 
-template <class Vertices>
-void move_vertices(Vertices& vertices, const Pose2& T, double variance_m2) {
-  const Eigen::Matrix2d R = T.rotation();
-  for (auto& vertex : vertices) {
-    vertex.p_world_m = R * vertex.p_world_m + T.translation_m;
-    vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + variance_m2);
-  }
-}
-
 void move_body(BodyState& body, const Pose2& T, double variance_m2) {
   const Eigen::Matrix2d R = T.rotation();
   body.velocity_world_m_s = R * body.velocity_world_m_s;

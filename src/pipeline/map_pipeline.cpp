@@ -46,7 +46,7 @@ const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d&
 const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                                       const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement) {
   layers_.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
-  tell(scan, T_odom_lidar.translation().z());
+  update_ = tell(scan, T_odom_lidar.translation().z());
   for (const Feature& feature : update_.changed) {
     const Eigen::AlignedBox2d box = box_around(feature.shape);
     reach_m_ = std::max({reach_m_, box.min().norm(), box.max().norm()});
@@ -72,7 +72,7 @@ bool MapPipeline::is_elsewhere() const {
          told_m > kOtherSigma * sigma_m;
 }
 
-/// In the map, what the layers have after a scan.
+/// Tells the map what the layers have after a scan, and returns what has changed, in the frame of the layers.
 const MapUpdate& MapPipeline::tell(const Scan& scan, double height_world_m) {
   LayerUpdates layers;
   layers.stamp_ns = scan.stamp_ns;
@@ -87,16 +87,14 @@ const MapUpdate& MapPipeline::tell(const Scan& scan, double height_world_m) {
     layers.polygons = &chains_;
     if (kinds_.boundaries && !(changes.changed.empty() && changes.gone.empty())) layers.boundaries = &boundaries;
   }
-  update_ = map_.update(layers);
-  return update_;
+  return map_.update(layers);
 }
 
 const MapUpdate& MapPipeline::take(const GridTargets& targets) {
   LayerUpdates layers;
   layers.stamp_ns = targets.stamp_ns;
   layers.targets = &targets;
-  update_ = map_.update(layers);
-  return update_;
+  return map_.update(layers);
 }
 
 void MapPipeline::begin_anew() {

@@ -11,6 +11,7 @@
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
@@ -35,16 +36,6 @@ Eigen::Isometry3d swept(const MapAlignment& alignment, const Scan& scan, const E
   Eigen::Isometry3d T = T_odom_lidar_end;
   T.translation().head<2>() += sweep_s * alignment.velocity_correction_m_s(placement);
   return T;
-}
-
-/// Vertices of chains or splinegons, from the map, with the variance of its place.
-template <class Vertices>
-void place_in_world(const Pose2& T_world_map, double variance_m2, Vertices& vertices) {
-  const Eigen::Matrix2d R_world_map = T_world_map.rotation();
-  for (auto& vertex : vertices) {
-    vertex.p_world_m = R_world_map * vertex.p_world_m + T_world_map.translation_m;
-    vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + variance_m2);
-  }
 }
 
 /// Of the map's variance at its boundaries.
@@ -218,7 +209,7 @@ const Splinegons& SplinegonPipeline::place_boundaries(std::int64_t stamp_ns) {
   splinegons_ = map().splinegons();
   splinegons_.stamp_ns = stamp_ns;
   for (Splinegon& splinegon : splinegons_.boundaries) {
-    place_in_world(alignment_.T_world_map(), common_variance_m2_, splinegon.vertices);
+    move_vertices(splinegon.vertices, alignment_.T_world_map(), common_variance_m2_);
   }
   return splinegons_;
 }
@@ -226,7 +217,7 @@ const Splinegons& SplinegonPipeline::place_boundaries(std::int64_t stamp_ns) {
 const Polygons& SplinegonPipeline::polygons_in_world() {
   polygons_in_world_ = polygons_;
   for (Chain& chain : polygons_in_world_.chains) {
-    place_in_world(alignment_.T_world_map(), common_variance_m2_, chain.vertices);
+    move_vertices(chain.vertices, alignment_.T_world_map(), common_variance_m2_);
   }
   return polygons_in_world_;
 }

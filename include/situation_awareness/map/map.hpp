@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -94,6 +95,17 @@ struct Feature {
   Sensors seen_by;
   FeatureShape shape;
 };
+
+/// Moves vertices of chains or splinegons by a motion in the plane, whose place is known with this variance in any
+/// direction.
+template <class Vertices>
+void move_vertices(Vertices& vertices, const Pose2& T, double variance_m2) {
+  const Eigen::Matrix2d R = T.rotation();
+  for (auto& vertex : vertices) {
+    vertex.p_world_m = R * vertex.p_world_m + T.translation_m;
+    vertex.sigma_m = std::sqrt(vertex.sigma_m * vertex.sigma_m + variance_m2);
+  }
+}
 
 /// Moves a feature by a motion in the plane, whose place is known with this variance in any direction.
 void move(Feature& feature, const Pose2& T, double variance_m2);

@@ -58,9 +58,9 @@ class MapPipeline {
   const MapUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                            const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
 
-  /// The same by inertial navigation. All calls are of one of these two kinds. Where GPS and INS have learned meanwhile
-  /// that the map is elsewhere in the world, by more than a part of the standard deviation of its place, all features
-  /// have changed.
+  /// Maps a scan by inertial navigation. All calls are of one of these two kinds. Where GPS and INS have learned
+  /// meanwhile that the map is elsewhere in the world, by more than a part of the standard deviation of its place, all
+  /// features have changed.
   const MapUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                            const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
 
@@ -74,7 +74,7 @@ class MapPipeline {
   Map map(Map memory = {}) const;
   std::size_t size() const { return map_.size(); }
 
-  /// Of the latest scan, limited to what is of interest.
+  /// The points of the latest scan, limited to what is of interest.
   const Points& points() const;
   const SplinegonPipeline& layers() const { return layers_; }
 
@@ -90,7 +90,7 @@ class MapPipeline {
   std::optional<Pose2> T_world_map_;  ///< by which all features were told, by inertial navigation
   double variance_m2_ = 0.0;          ///< of that place
   double reach_m_ = 0.0;              ///< of the features from the origin of the map, at most
-  MapUpdate update_;                  ///< in the world
+  MapUpdate update_;                  ///< in the world, by inertial navigation
   Map all_;
 };
 

@@ -2,18 +2,14 @@
 // From a recorded bag to one map of all that is around, without a roscore, as fast as possible.
 #include <algorithm>
 #include <cmath>
-#include <cstddef>
 #include <cstdint>
-#include <cstdio>
 #include <optional>
-#include <stdexcept>
 #include <string>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "command_line.hpp"
-#include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/sha256.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
@@ -32,11 +28,11 @@
 #include "situation_awareness/ros/bag/localization.hpp"
 #include "situation_awareness/ros/bag/navigation.hpp"
 #include "situation_awareness/ros/bag/odometry.hpp"
+#include "situation_awareness/ros/bag/params_with_objects.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/inertial_navigation.hpp"
-#include "situation_awareness/ros/params/package.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -332,24 +328,10 @@ std::string config_of(const Options& options) {
   return config_path(options.bag, is_coarse ? kConfigOutdoor : kConfig);
 }
 
-/// Objects and the other kinds read the same file: a key is unknown where neither knows it.
 Params read_params(const Options& options) {
-  const std::string path = config_of(options);
-  const std::string yaml = read_text_file(path);
-  std::vector<UnknownKey> unknown;
-  std::vector<std::string> unknown_to_objects;
   Params params;
-  params.bag = params_from_yaml<BagParams>(yaml, path, [&unknown](const UnknownKey& key) { unknown.push_back(key); });
-  std::string folder = options.images.model_folder;
-  if (folder.empty() && options.has("objects")) folder = package_folder() + "/models";
-  params.objects = parse_object_pipeline_params(yaml, path, folder,
-                                                [&](const UnknownKey& key) { unknown_to_objects.push_back(key.path); });
-  for (const UnknownKey& key : unknown) {
-    const bool known = std::none_of(
-        unknown_to_objects.begin(), unknown_to_objects.end(),
-        [&key](const std::string& other) { return key.path == other || key.path.rfind(other + ".", 0) == 0; });
-    if (!known) print_warning(key);
-  }
+  params.bag = params_with_objects<BagParams>(config_of(options), options.images.model_folder, options.has("objects"),
+                                              params.objects);
   return params;
 }
 

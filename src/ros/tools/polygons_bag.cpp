@@ -13,7 +13,6 @@
 
 #include "command_line.hpp"
 #include "situation_awareness/common/counters.hpp"
-#include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/parse_pose2.hpp"
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
@@ -24,9 +23,9 @@
 #include "situation_awareness/ros/bag/line_file.hpp"
 #include "situation_awareness/ros/bag/localization.hpp"
 #include "situation_awareness/ros/bag/odometry.hpp"
+#include "situation_awareness/ros/bag/params_with_objects.hpp"
 #include "situation_awareness/ros/bag/scans.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/params/package.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -155,25 +154,11 @@ struct Params {
   std::optional<ObjectPipelineParams> objects;
 };
 
-/// Both kinds of map read the same file: a key is unknown where neither knows it.
 Params read_params(const Options& options) {
-  const std::string path = config_path(options.bag, kConfig);
-  const std::string yaml = read_text_file(path);
-  std::vector<UnknownKey> unknown;
-  std::vector<std::string> unknown_to_objects;
   Params params;
-  params.polygons = params_from_yaml<PolygonPipelineParams>(
-      yaml, path, [&unknown](const UnknownKey& key) { unknown.push_back(key); });
-  std::string folder = options.model_folder;
-  if (folder.empty() && options.objects) folder = package_folder() + "/models";
-  const ObjectPipelineParams objects = parse_object_pipeline_params(
-      yaml, path, folder, [&](const UnknownKey& key) { unknown_to_objects.push_back(key.path); });
-  for (const UnknownKey& key : unknown) {
-    const bool known = std::none_of(
-        unknown_to_objects.begin(), unknown_to_objects.end(),
-        [&key](const std::string& other) { return key.path == other || key.path.rfind(other + ".", 0) == 0; });
-    if (!known) print_warning(key);
-  }
+  ObjectPipelineParams objects;
+  params.polygons = params_with_objects<PolygonPipelineParams>(config_path(options.bag, kConfig), options.model_folder,
+                                                               options.objects, objects);
   if (options.objects) params.objects = objects;
   return params;
 }
