@@ -19,6 +19,8 @@ from situation_awareness.msg import DetectionArray, MappedObjectArray, SegmentAr
 STAGES = ("segmentation", "detection", "mapping")
 PATIENCE_S = 60.0
 LATE_S = 0.1  # the transform, in wall time
+STEP_S = 0.05  # of the clock, between scans
+COUNTED_S = 0.05  # in wall time, from the map to the next step of the clock: a stage publishes before it takes the age
 LATENCY_S = 0.5 * LATE_S  # at least: on a busy machine the scan itself takes part of it to arrive
 
 
@@ -35,12 +37,13 @@ class SimulatedTimeTest(unittest.TestCase):
                                (cls.segments, cls.detections, cls.map, cls.diagnostics))
                    and cls.clock.get_num_connections() >= 2, PATIENCE_S, "the nodelets")
         for i in range(40):
-            stamp = rospy.Time.from_sec(1000.0 + 0.05 * i)
+            stamp = rospy.Time.from_sec(1000.0 + STEP_S * i)
             cls.clock.publish(Clock(clock=stamp))
             cls.robot.scans.publish(scan_msg(stamp))
             time.sleep(LATE_S)
             cls.robot.tf.publish(transform_msg(stamp))
             wait_until(lambda: stamp in cls.map.stamps(), PATIENCE_S, "the map")
+            time.sleep(COUNTED_S)
         wait_until(lambda: stamp in cls.segments.stamps() and stamp in cls.detections.stamps(), 5.0, "the last messages")
         wait_until(lambda: cls.diagnostics.count("mapping", "processed") == 40, 5.0, "what is said of the last scan")
 
@@ -67,8 +70,10 @@ class SimulatedTimeTest(unittest.TestCase):
 
     def test_age_is_by_the_clock_of_the_stamps(self):
         for stage in STAGES:
-            for status in self.worked(stage):
-                self.assertEqual(float(status["age p50 [ms]"]), 0.0, stage)
+            ages_ms = [float(status["age p50 [ms]"]) for status in self.worked(stage)]
+            # Not each: where other programs take the processor, the clock may step before a stage takes the age.
+            self.assertEqual(statistics.median(ages_ms), 0.0, (stage, ages_ms))
+            self.assertLessEqual(max(ages_ms), 1e3 * STEP_S, (stage, ages_ms))
 
     def test_messages_carry_it_on(self):
         for segments in self.segments.messages:
