@@ -37,10 +37,11 @@ const SemanticMap::ObjectEntry* SemanticMap::find_object(Handle handle) const { 
 SemanticMap::ChainEntry* SemanticMap::find_chain(Handle handle) { return at_handle(chains_, handle); }
 const SemanticMap::ChainEntry* SemanticMap::find_chain(Handle handle) const { return at_handle(chains_, handle); }
 
-const MapUpdate& SemanticMap::update(const LayerUpdates& layers) {
+const MapDelta& SemanticMap::update(const LayerUpdates& layers) {
   ++updates_;
   stamp_ns_ = layers.stamp_ns;
   if (layers.height_world_m) height_world_m_ = *layers.height_world_m;
+  if (layers.sight) sights_.add(layers.stamp_ns, layers.sight->T_world_level, *layers.sight->free_space);
   touched_.clear();
   if (layers.polygons != nullptr) {
     take_chains(*layers.polygons);
@@ -52,7 +53,7 @@ const MapUpdate& SemanticMap::update(const LayerUpdates& layers) {
   for (ObjectEntry& object : objects_) hand_over(object);
   if (layers.targets != nullptr) take_targets(*layers.targets);
   tell();
-  return update_;
+  return delta_;
 }
 
 void SemanticMap::begin_anew() {
@@ -66,6 +67,7 @@ void SemanticMap::begin_anew() {
   new_.clear();
   unsettled_.clear();
   joined_.clear();
+  sights_.clear();
   on_map_ = 0;
   is_new_ = true;
   ++maps_;
@@ -317,6 +319,14 @@ void add_object(const Object& object, Feature& feature) {
 
 /// False if nothing of that id is on the map.
 bool SemanticMap::feature_of(FeatureId id, const Owner& owner, Feature& feature) const {
+  if (!shape_of(id, owner, feature)) return false;
+  // What became one with something older was there then.
+  if (owner.last_absent_ns < feature.first_seen_ns) feature.last_absent_ns = owner.last_absent_ns;
+  return true;
+}
+
+/// The same but for its absence.
+bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) const {
   const ChainEntry* const chain = find_chain(owner.chain);
   const ObjectEntry* const object = find_object(owner.object);
   const TargetEntry* const target = find_target(owner.target);
@@ -364,29 +374,34 @@ void SemanticMap::tell() {
   std::sort(touched_.begin(), touched_.end());
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
   touched_.erase(touched_.begin(), std::upper_bound(touched_.begin(), touched_.end(), 0));  // of what has no id yet
-  update_.stamp_ns = stamp_ns_;
-  update_.map = maps_;
-  update_.full = is_new_;
-  update_.base = is_new_ ? 0 : update_.version;
-  ++update_.version;
+  delta_.stamp_ns = stamp_ns_;
+  delta_.map = maps_;
+  delta_.full = is_new_;
+  delta_.base = is_new_ ? 0 : delta_.version;
+  ++delta_.version;
+  delta_.height_world_m = height_world_m_;
   is_new_ = false;
-  update_.changed.clear();
-  update_.gone.clear();
+  delta_.changed.clear();
+  delta_.gone.clear();
   for (const FeatureId id : touched_) {
     Owner& owner = owners_[id];
     Feature feature;
     if (feature_of(id, owner, feature)) {
-      update_.changed.push_back(std::move(feature));
+      if (!owner.is_on_map && !owner.last_absent_ns) {
+        owner.last_absent_ns = sights_.last_free_ns(points_along(feature.shape), feature.first_seen_ns);
+        feature.last_absent_ns = owner.last_absent_ns;
+      }
+      delta_.changed.push_back(std::move(feature));
       on_map_ += owner.is_on_map ? 0 : 1;
       owner.is_on_map = true;
       owner.into = 0;
     } else if (owner.is_on_map) {
       --on_map_;
       owner.is_on_map = false;
-      update_.gone.push_back({id, owner.reason, {}});
+      delta_.gone.push_back({id, owner.reason, {}});
     }
   }
-  for (Gone& gone : update_.gone) {
+  for (Gone& gone : delta_.gone) {
     const FeatureId into = heir_on_map(owners_[gone.id].into);
     if (into == 0) continue;
     gone.reason = GoneReason::kMerged;

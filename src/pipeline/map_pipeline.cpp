@@ -4,6 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <sstream>
+#include <stdexcept>
+#include <string>
 #include <utility>
 
 #include "situation_awareness/geometry/angles.hpp"
@@ -29,25 +32,61 @@ StandingThings standing_of(const MapKinds& kinds) {
 
 }  // namespace
 
-MapPipeline::MapPipeline(const MapPipelineParams& params, const ObjectPipelineParams& objects, const MapKinds& kinds,
-                         std::uint64_t robot)
-    : ids_(robot),
-      kinds_(kinds),
-      layers_(params.layers, objects_of(objects, kinds), params.movers, standing_of(kinds)),
-      map_(params.hand_over, ids_, kinds.polygons) {}
-
-const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                                      const Eigen::Isometry3d& T_world_lidar_end,
-                                      const Eigen::Matrix3d& pose_covariance) {
-  layers_.process(scan, T_world_lidar, T_world_lidar_end, pose_covariance);
-  return tell(scan, T_world_lidar.translation().z());
+MapKinds map_kinds_of(const std::string& names) {
+  MapKinds kinds{false, false, false, false};
+  std::istringstream stream(names);
+  for (std::string name; std::getline(stream, name, ',');) {
+    if (name == "objects") {
+      kinds.objects = true;
+    } else if (name == "polygons") {
+      kinds.polygons = true;
+    } else if (name == "splinegons") {
+      kinds.boundaries = true;
+    } else if (name == "grid") {
+      kinds.targets = true;
+    } else {
+      throw std::invalid_argument("'" + name + "' is not objects, polygons, splinegons or grid");
+    }
+  }
+  if (!kinds.are_of_scans() && !kinds.targets) throw std::invalid_argument("nothing is to be mapped");
+  return kinds;
 }
 
-const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
-                                      const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement) {
+MapPipeline::MapPipeline(const MapPipelineParams& params, const ObjectPipelineParams& objects, const MapKinds& kinds,
+                         std::uint64_t robot)
+    : MapPipeline(params, objects_of(objects, kinds), kinds, robot) {}
+
+MapPipeline::MapPipeline(const MapPipelineParams& params, const MapKinds& kinds, std::uint64_t robot)
+    : MapPipeline(params, std::optional<ObjectPipelineParams>(), kinds, robot) {}
+
+MapPipeline::MapPipeline(const MapPipelineParams& params, const std::optional<ObjectPipelineParams>& objects,
+                         const MapKinds& kinds, std::uint64_t robot)
+    : ids_(robot),
+      kinds_(kinds),
+      layers_(params.layers, objects, params.movers, standing_of(kinds)),
+      map_(params.hand_over, ids_, kinds.polygons) {}
+
+const MapDelta& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                                     const Eigen::Isometry3d& T_world_lidar_end,
+                                     const Eigen::Matrix3d& pose_covariance) {
+  layers_.process(scan, T_world_lidar, T_world_lidar_end, pose_covariance);
+  return tell(scan.stamp_ns, T_world_lidar.translation().z(), own_objects(), own_sight());
+}
+
+const MapDelta& MapPipeline::process(const Segments& segments, const Objects* objects,
+                                     const Eigen::Matrix3d& pose_covariance) {
+  layers_.process(segments, objects, pose_covariance);
+  return tell(segments.stamp_ns, segments.height_world_m, kinds_.objects ? objects : nullptr,
+              SightOfScan{segments.T_world_level, &segments.free_space});
+}
+
+const MapDelta& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
+                                     const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement) {
   layers_.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
-  update_ = tell(scan, T_odom_lidar.translation().z());
-  for (const Feature& feature : update_.changed) {
+  const std::optional<SightOfScan> sight =
+      layers_.alignment().has_begun() ? std::optional(own_sight()) : std::nullopt;  // else it is in the frame of odom
+  delta_ = tell(scan.stamp_ns, T_odom_lidar.translation().z(), own_objects(), sight);
+  for (const Feature& feature : delta_.changed) {
     const Eigen::AlignedBox2d box = box_around(feature.shape);
     reach_m_ = std::max({reach_m_, box.min().norm(), box.max().norm()});
   }
@@ -55,10 +94,10 @@ const MapUpdate& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d&
     T_world_map_ = layers_.T_world_map();
     variance_m2_ = layers_.common_variance_m2();
     all_ = map_.map(std::move(all_));
-    update_.changed = all_.features;
+    delta_.changed = all_.features;
   }
-  for (Feature& feature : update_.changed) move(feature, *T_world_map_, variance_m2_);
-  return update_;
+  for (Feature& feature : delta_.changed) move(feature, *T_world_map_, variance_m2_);
+  return delta_;
 }
 
 /// Whether the map is known to be elsewhere in the world than all features were told to be.
@@ -73,11 +112,13 @@ bool MapPipeline::is_elsewhere() const {
 }
 
 /// Tells the map what the layers have after a scan, and returns what has changed, in the frame of the layers.
-const MapUpdate& MapPipeline::tell(const Scan& scan, double height_world_m) {
+const MapDelta& MapPipeline::tell(std::int64_t stamp_ns, double height_world_m, const Objects* objects,
+                                  const std::optional<SightOfScan>& sight) {
   LayerUpdates layers;
-  layers.stamp_ns = scan.stamp_ns;
+  layers.sight = sight;
+  layers.stamp_ns = stamp_ns;
   layers.height_world_m = height_world_m;
-  if (layers_.objects() != nullptr) layers.objects = &layers_.objects()->objects;
+  layers.objects = objects;
   const ChainChanges& changes = layers_.chain_changes();
   const BoundaryChanges boundaries{&layers_.boundaries().map().splinegons(), &layers_.boundaries().chains()};
   if (kinds_.polygons || kinds_.boundaries) {
@@ -90,7 +131,20 @@ const MapUpdate& MapPipeline::tell(const Scan& scan, double height_world_m) {
   return map_.update(layers);
 }
 
-const MapUpdate& MapPipeline::take(const GridTargets& targets) {
+/// Of the scan that the layers took last, in their frame.
+SightOfScan MapPipeline::own_sight() const {
+  if (layers_.objects() != nullptr) {
+    const Segments& segments = layers_.objects()->segments;
+    return {segments.T_world_level, &segments.free_space};
+  }
+  return {layers_.polylines().T_world_level, &layers_.polylines().free_space};
+}
+
+const Objects* MapPipeline::own_objects() const {
+  return layers_.objects() != nullptr ? &layers_.objects()->objects : nullptr;
+}
+
+const MapDelta& MapPipeline::take(const GridTargets& targets) {
   LayerUpdates layers;
   layers.stamp_ns = targets.stamp_ns;
   layers.targets = &targets;
@@ -108,6 +162,18 @@ Map MapPipeline::map(Map memory) const {
   Map result = map_.map(std::move(memory));
   if (!T_world_map_) return result;
   for (Feature& feature : result.features) move(feature, *T_world_map_, variance_m2_);
+  return result;
+}
+
+MapDelta MapPipeline::whole() const {
+  MapDelta result;
+  Map all = map();
+  result.stamp_ns = all.stamp_ns;
+  result.map = map_.number();
+  result.version = map_.version();
+  result.full = true;
+  result.height_world_m = all.height_world_m;
+  result.changed = std::move(all.features);
   return result;
 }
 

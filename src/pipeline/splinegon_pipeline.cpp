@@ -13,6 +13,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
+#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
@@ -74,6 +75,17 @@ const Splinegons& SplinegonPipeline::process(const Scan& scan, const Eigen::Isom
   } else {
     take_polylines(scan, T_world_lidar, T_world_lidar_end);
   }
+  return map_polylines(pose_covariance, std::max(pose_covariance(0, 0), pose_covariance(1, 1)));
+}
+
+const Splinegons& SplinegonPipeline::process(const Segments& segments, const Objects* objects,
+                                             const Eigen::Matrix3d& pose_covariance) {
+  if (standing_ == StandingThings::kNone) return splinegons_;
+  polylines_ = extract_polylines(segments, params_.polylines, std::move(polylines_));
+  if (!can_be_mapped(polylines_, pose_covariance)) {
+    throw std::invalid_argument("numbers that are no place near the world's origin");
+  }
+  if (objects != nullptr) movers_.add(*objects, segments.free_space, segments.T_world_level);
   return map_polylines(pose_covariance, std::max(pose_covariance(0, 0), pose_covariance(1, 1)));
 }
 

@@ -15,6 +15,7 @@
 
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/map_replica.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -24,7 +25,8 @@ std::string text_of(const Feature& feature) {
   std::ostringstream text;
   text << feature.id << ' ' << kind_of(feature.shape) << ' ' << name_of(feature.object_class) << ' ' << feature.p_class
        << ' ' << feature.p_exists << ' ' << feature.p_moving << ' ' << name_of(feature.motion) << ' '
-       << feature.first_seen_ns << ' ' << feature.last_seen_ns << ' ' << feature.seen_by.scan << feature.seen_by.camera;
+       << feature.first_seen_ns << ' ' << feature.last_seen_ns << ' ' << feature.last_absent_ns.value_or(-1) << ' '
+       << feature.seen_by.scan << feature.seen_by.camera;
   if (const auto* line = std::get_if<PolylineShape>(&feature.shape)) {
     for (const ChainVertex& vertex : line->vertices) text << ' ' << vertex.p_world_m.transpose();
   }
@@ -136,8 +138,20 @@ class Scene {
         if (chains_.count(chain) > 0) chains.push_back({chain, boundary});
       }
       const BoundaryChanges boundaries{&boundaries_, &chains};
-      follow(map_.update({stamp_ns_, 0.0, &objects_, &changes, &boundaries, nullptr}));
+      LayerUpdates layers{stamp_ns_, 0.0, &objects_, &changes, &boundaries, nullptr, {}};
+      if (!free_space_.azimuth_rad.empty()) layers.sight = {{}, &free_space_};
+      follow(map_.update(layers));
     }
+  }
+
+  /// From now on the scans say that all is free around the origin, up to there.
+  void see(double range_m) {
+    free_space_ = {};
+    for (int i = -180; i < 180; ++i) {
+      free_space_.azimuth_rad.push_back(static_cast<float>(kPi * i / 180.0));
+      free_space_.range_m.push_back(static_cast<float>(range_m));
+    }
+    free_space_.full_circle = true;
   }
 
   /// "id kind" of each feature, by id.
@@ -159,7 +173,7 @@ class Scene {
     return object;
   }
   /// A listener that has the updates alone has the map.
-  void follow(const MapUpdate& update) {
+  void follow(const MapDelta& update) {
     EXPECT_EQ(update.base, update.full ? 0 : version_);
     version_ = update.version;
     for (const Feature& feature : update.changed) listener_[feature.id] = text_of(feature);
@@ -173,6 +187,12 @@ class Scene {
     }
     EXPECT_EQ(listener_, there);
     EXPECT_EQ(map_.size(), there.size());
+    EXPECT_EQ(replica_.apply(update), MapReplica::Verdict::kTaken);
+    std::map<FeatureId, std::string> copied;
+    for (const Feature& feature : replica_.map().features) copied[feature.id] = text_of(feature);
+    EXPECT_EQ(copied, there);
+    EXPECT_EQ(replica_.map().features.size(), there.size());
+    EXPECT_EQ(replica_.apply(update), MapReplica::Verdict::kKnown);
   }
 
   IdSource ids_;
@@ -184,12 +204,52 @@ class Scene {
   Splinegons boundaries_;
   std::map<std::uint64_t, std::uint64_t> of_boundaries_;  ///< by chain
   GridTargets targets_;
+  FreeSpace free_space_;
   std::map<FeatureId, std::string> listener_;
+  MapReplica replica_;
   std::vector<Gone> told_gone_;
   std::uint64_t version_ = 0;
 };
 
 using Features = std::vector<std::string>;
+
+MapDelta delta_of(std::uint64_t base, std::uint64_t version, bool full, const std::vector<FeatureId>& changed,
+                  const std::vector<FeatureId>& gone = {}, std::uint64_t map = 1) {
+  MapDelta delta;
+  delta.map = map;
+  delta.base = base;
+  delta.version = version;
+  delta.full = full;
+  for (const FeatureId id : changed) delta.changed.emplace_back().id = id;
+  for (const FeatureId id : gone) delta.gone.push_back({id, GoneReason::kLeft, {}});
+  return delta;
+}
+
+TEST(MapReplica, TakesWhatFitsAndAwaitsAFullUpdateWhereOneWasMissed) {
+  MapReplica replica;
+  const auto ids = [&] {
+    std::vector<FeatureId> result;
+    for (const Feature& feature : replica.map().features) result.push_back(feature.id);
+    return result;
+  };
+  using Verdict = MapReplica::Verdict;
+  EXPECT_EQ(replica.apply(delta_of(3, 4, false, {7})), Verdict::kMissed);
+  EXPECT_FALSE(replica.has_map());
+  EXPECT_EQ(replica.apply(delta_of(0, 4, true, {2, 7})), Verdict::kTaken);
+  EXPECT_EQ(replica.apply(delta_of(4, 5, false, {1, 5, 9}, {2, 8})), Verdict::kTaken);
+  EXPECT_EQ(ids(), std::vector<FeatureId>({1, 5, 7, 9}));
+  EXPECT_EQ(replica.find(5)->id, 5U);
+  EXPECT_EQ(replica.find(2), nullptr);
+  EXPECT_EQ(replica.apply(delta_of(4, 5, false, {}, {1})), Verdict::kKnown);
+  EXPECT_EQ(replica.apply(delta_of(0, 5, true, {})), Verdict::kKnown);
+  EXPECT_EQ(replica.apply(delta_of(6, 7, false, {}, {1})), Verdict::kMissed);
+  EXPECT_EQ(replica.apply(delta_of(5, 6, false, {}, {1}, 2)), Verdict::kMissed) << "another map";
+  EXPECT_EQ(ids(), std::vector<FeatureId>({1, 5, 7, 9}));
+  EXPECT_EQ(replica.apply(delta_of(0, 7, true, {3})), Verdict::kTaken);
+  EXPECT_EQ(ids(), std::vector<FeatureId>({3}));
+  EXPECT_EQ(replica.apply(delta_of(0, 1, true, {4}, {}, 2)), Verdict::kTaken);
+  EXPECT_EQ(ids(), std::vector<FeatureId>({4}));
+}
 
 /// The sides of a box of 4 m x 1.8 m that are seen from the south-west.
 std::vector<Eigen::Vector2d> sides_at(double x, double y) {
@@ -207,6 +267,28 @@ TEST(SemanticMap, AThingThatBothLayersSeeIsThereOnce) {
   scene.scan(2.0);
   EXPECT_EQ(scene.features(), Features({"1 polyline"}));
   EXPECT_TRUE(scene.gone().empty());
+}
+
+TEST(SemanticMap, TellsWhenAThingWasNotThereYet) {
+  Scene scene;
+  scene.see(8.0);
+  scene.scan(3.0);
+  scene.box(7, {5.0, 0.0});
+  scene.box(8, {12.0, 0.0});
+  scene.see(3.0);
+  scene.scan(3.0);
+  const Map map = scene.map();
+  ASSERT_EQ(map.features.size(), 2U);
+  ASSERT_TRUE(map.features[0].last_absent_ns);
+  EXPECT_LT(*map.features[0].last_absent_ns, map.features[0].first_seen_ns);
+  EXPECT_LT(seconds_between(*map.features[0].last_absent_ns, map.features[0].first_seen_ns), 0.6);
+  EXPECT_FALSE(map.features[1].last_absent_ns) << "no beam went there before";
+
+  // It is still the same thing when it parks, and what is older than that was there.
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 box"}));
+  EXPECT_EQ(scene.map().features[0].last_absent_ns, map.features[0].last_absent_ns);
 }
 
 TEST(SemanticMap, AChainThatIsDetectedLaterKeepsItsId) {

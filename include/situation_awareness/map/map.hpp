@@ -15,6 +15,7 @@
 #include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/id_source.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
@@ -81,6 +82,9 @@ const char* kind_of(const FeatureShape& shape);
 /// Around a shape, or a little more.
 Eigen::AlignedBox2d box_around(const FeatureShape& shape);
 
+/// Points along an outline, 16 at most, at the same distance from each to the next; none of a target.
+std::vector<Eigen::Vector2d> points_along(const FeatureShape& shape);
+
 /// A thing on the map, whatever it is seen by and whatever shape it has.
 struct Feature {
   FeatureId id = 0;
@@ -117,6 +121,17 @@ struct Map {
   std::vector<Feature> features;
 };
 
+/// The features of a map in the types of the layers that follow them, each under its id.
+struct MapLayers {
+  Objects objects;
+  Polygons polygons;
+  Splinegons boundaries;
+  GridTargets targets;
+};
+
+/// Chains are walls where they are fixed, else known.
+MapLayers layers_of(const Map& map);
+
 /// Why a feature is not on the map any more.
 enum class GoneReason : std::uint8_t {
   kLeft,         ///< it moved out of sight
@@ -135,11 +150,12 @@ struct Gone {
 };
 
 /// What has changed on the map between two of its versions.
-struct MapUpdate {
+struct MapDelta {
   std::int64_t stamp_ns = 0;
   std::uint64_t map = 0;                ///< number of the map, of those that one program makes: ids of two never mix
   std::uint64_t base = 0, version = 0;  ///< from this one to that; with `full` from nothing
   bool full = false;
+  double height_world_m = 0.0;   ///< of the latest scan
   std::vector<Feature> changed;  ///< new ones, and all that are not as they were; by ascending id
   std::vector<Gone> gone;        ///< by ascending id
 };

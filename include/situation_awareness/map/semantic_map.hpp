@@ -12,9 +12,12 @@
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/params.hpp"
+#include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/id_source.hpp"
 #include "situation_awareness/map/map.hpp"
+#include "situation_awareness/points/free_space_memory.hpp"
+#include "situation_awareness/points/points.hpp"
 
 namespace situation_awareness {
 
@@ -47,6 +50,12 @@ struct BoundaryChanges {
   const std::vector<ChainOfBoundary>* chains = nullptr;  ///< by ascending chain
 };
 
+/// What a scan saw as free, by which it is told when a feature was not there yet.
+struct SightOfScan {
+  Pose2 T_world_level;
+  const FreeSpace* free_space = nullptr;
+};
+
 /// What the layers have after a scan or an image. A layer that is null has not changed.
 struct LayerUpdates {
   std::int64_t stamp_ns = 0;
@@ -55,6 +64,7 @@ struct LayerUpdates {
   const PolygonChanges* polygons = nullptr;
   const BoundaryChanges* boundaries = nullptr;  ///< of these chains
   const GridTargets* targets = nullptr;         ///< all of them, after an image
+  std::optional<SightOfScan> sight;             ///< none: not known
 };
 
 /// One map of what the layers follow each on its own (docs/math/semantic_map.md): a thing is on it once, under one id,
@@ -67,7 +77,7 @@ class SemanticMap {
   SemanticMap(const HandOverParams& params, IdSource& ids, bool with_chains = true);
 
   /// What has changed, valid until the next call.
-  const MapUpdate& update(const LayerUpdates& layers);
+  const MapDelta& update(const LayerUpdates& layers);
 
   /// Another map, of which nothing is known yet: its layers begin anew, too. Its ids were not used before. The next
   /// update is full.
@@ -77,6 +87,13 @@ class SemanticMap {
   Map map(Map memory = {}) const;
 
   std::size_t size() const { return on_map_; }
+
+  /// Whether there was an update since the map began.
+  bool has_begun() const { return !is_new_; }
+
+  /// Of the map, and of the latest update, as it tells them.
+  std::uint64_t number() const { return maps_; }
+  std::uint64_t version() const { return delta_.version; }
 
  private:
   using Handle = std::uint64_t;  ///< id of a layer's; 0: none
@@ -159,6 +176,7 @@ class SemanticMap {
     bool is_on_map = false;
     GoneReason reason = GoneReason::kSeenThrough;  ///< if it is part of no other one
     FeatureId into = 0;                            ///< of which it is a part
+    std::optional<std::int64_t> last_absent_ns;    ///< Feature
   };
   /// How much of a chain is on an object.
   struct Cover {
@@ -218,6 +236,7 @@ class SemanticMap {
   const BoundaryEntry* find_boundary(Handle handle) const;
   bool is_shown(const ChainEntry& chain) const;
   bool feature_of(FeatureId id, const Owner& owner, Feature& feature) const;
+  bool shape_of(FeatureId id, const Owner& owner, Feature& feature) const;
   void tell();
 
   HandOverParams params_;
@@ -246,7 +265,8 @@ class SemanticMap {
   std::vector<Handle> joined_;           ///< chains that have begun to be shown by another one
   std::vector<Overlap> others_;          ///< chains before one, and how much of it each covers
   std::vector<Cover> covers_;
-  MapUpdate update_;
+  FreeSpaceMemory sights_;
+  MapDelta delta_;
 };
 
 }  // namespace situation_awareness

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,12 +14,14 @@
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/id_source.hpp"
 #include "situation_awareness/map/map.hpp"
+#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/semantic_map.hpp"
 #include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/points/points.hpp"
 #include "situation_awareness/scan/scan.hpp"
+#include "situation_awareness/segments/segments.hpp"
 
 namespace situation_awareness {
 
@@ -36,10 +39,16 @@ struct MapPipelineParams {
   }
 };
 
-/// What is mapped: bodies that move or may, chains of what stands, and boundaries of large obstacles.
+/// What is mapped: bodies that move or may, chains of what stands, boundaries of large obstacles, and targets of
+/// images.
 struct MapKinds {
-  bool objects = true, polygons = true, boundaries = true;
+  bool objects = true, polygons = true, boundaries = true, targets = false;
+
+  bool are_of_scans() const { return objects || polygons || boundaries; }
 };
+
+/// Of "objects,polygons,splinegons,grid" or a part of it. Throws std::invalid_argument naming what is no kind.
+MapKinds map_kinds_of(const std::string& names);
 
 /// From scans, and the targets of images, to one map of all that is around, in one thread, without ROS
 /// (docs/math/semantic_map.md).
@@ -50,28 +59,38 @@ class MapPipeline {
   /// given.
   MapPipeline(const MapPipelineParams& params, const ObjectPipelineParams& objects, const MapKinds& kinds,
               std::uint64_t robot = 0);
+  /// The same without objects of its own: for segments that another made, and its map of objects.
+  MapPipeline(const MapPipelineParams& params, const MapKinds& kinds, std::uint64_t robot = 0);
   MapPipeline(const MapPipeline&) = delete;
   MapPipeline& operator=(const MapPipeline&) = delete;
 
   /// Maps a scan at a pose that is known well, as SplinegonPipeline::process. The result, in the world, is valid until
   /// the next call.
-  const MapUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
-                           const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
+  const MapDelta& process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
+                          const Eigen::Isometry3d& T_world_lidar_end, const Eigen::Matrix3d& pose_covariance);
 
   /// Maps a scan by inertial navigation. All calls are of one of these two kinds. Where GPS and INS have learned
   /// meanwhile that the map is elsewhere in the world, by more than a part of the standard deviation of its place, all
   /// features have changed.
-  const MapUpdate& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
-                           const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
+  const MapDelta& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
+                          const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
+
+  /// Maps the segments of a scan at a pose that is known well, as SplinegonPipeline::process. `objects`: the map of
+  /// objects after the scan; null if it is not known, or none are mapped.
+  const MapDelta& process(const Segments& segments, const Objects* objects, const Eigen::Matrix3d& pose_covariance);
 
   /// Takes the targets of images over, which are in the world. With poses that are known well only.
-  const MapUpdate& take(const GridTargets& targets);
+  const MapDelta& take(const GridTargets& targets);
 
   /// Another map, of another time. Ids are not used again.
   void begin_anew();
 
+  /// Whether there was an update since the map began.
+  bool has_map() const { return map_.has_begun(); }
   /// The whole map in the world. `memory`: as for limit_range.
   Map map(Map memory = {}) const;
+  /// The same as an update to the version of the latest one, whatever was there before.
+  MapDelta whole() const;
   std::size_t size() const { return map_.size(); }
 
   /// The points of the latest scan, limited to what is of interest.
@@ -79,7 +98,12 @@ class MapPipeline {
   const SplinegonPipeline& layers() const { return layers_; }
 
  private:
-  const MapUpdate& tell(const Scan& scan, double height_world_m);
+  MapPipeline(const MapPipelineParams& params, const std::optional<ObjectPipelineParams>& objects,
+              const MapKinds& kinds, std::uint64_t robot);
+  const MapDelta& tell(std::int64_t stamp_ns, double height_world_m, const Objects* objects,
+                       const std::optional<SightOfScan>& sight);
+  SightOfScan own_sight() const;
+  const Objects* own_objects() const;
   bool is_elsewhere() const;
 
   IdSource ids_;
@@ -90,7 +114,7 @@ class MapPipeline {
   std::optional<Pose2> T_world_map_;  ///< by which all features were told, by inertial navigation
   double variance_m2_ = 0.0;          ///< of that place
   double reach_m_ = 0.0;              ///< of the features from the origin of the map, at most
-  MapUpdate update_;                  ///< in the world, by inertial navigation
+  MapDelta delta_;                    ///< in the world, by inertial navigation
   Map all_;
 };
 

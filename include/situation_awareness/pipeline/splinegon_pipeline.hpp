@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "situation_awareness/map/objects/objects.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
 #include "situation_awareness/pipeline/map_alignment.hpp"
@@ -73,6 +74,11 @@ class SplinegonPipeline {
   /// which GPS and INS know badly then. If they do not, later ones are.
   const Splinegons& process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                             const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement);
+
+  /// With a pose that is known well, of segments that another made, and of its map of objects after their scan, if
+  /// there is one: for a pipeline without objects of its own. Throws std::invalid_argument if a number cannot be used;
+  /// the maps are then unchanged.
+  const Splinegons& process(const Segments& segments, const Objects* objects, const Eigen::Matrix3d& pose_covariance);
 
   /// How the scans are placed in the map and that in the world, of the second kind.
   const MapAlignment& alignment() const { return alignment_; }

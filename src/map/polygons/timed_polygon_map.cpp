@@ -18,7 +18,9 @@ constexpr double kMostYaw_rad = 1e6;
 /// The length of a unit vector may be off by so much.
 constexpr double kLengthError = 1e-6;
 
-bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {
+}  // namespace
+
+bool can_be_mapped(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance) {
   const Pose2& T = polylines.T_world_level;
   const auto is_size = [](double value) { return value >= 0.0 && value < kFarthest_m; };
   const auto is_near = [](const Eigen::Vector2d& p_m) {
@@ -37,8 +39,6 @@ bool can_be_used(const Polylines& polylines, const Eigen::Matrix3d& pose_covaria
   });
 }
 
-}  // namespace
-
 TimedPolygonMap::TimedPolygonMap(const PolygonMapParams& params, const ChainStateParams& states,
                                  double reset_time_jump_s)
     : params_(params), states_(states), order_(reset_time_jump_s), map_(params) {
@@ -50,7 +50,7 @@ PolygonMapUpdate TimedPolygonMap::update(const Polylines& polylines, const Eigen
   PolygonMapUpdate report = std::move(memory);
   report.fused = report.created = report.removed = report.on_movers = 0;
   report.reasons.reset();
-  if (!can_be_used(polylines, pose_covariance)) {
+  if (!can_be_mapped(polylines, pose_covariance)) {
     ++report.reasons[kCannotBeUsed];
     return report;
   }

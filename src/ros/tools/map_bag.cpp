@@ -254,7 +254,7 @@ class Output {
  public:
   explicit Output(const Options& options) : full_every_s_(options.full_every_s), file_(options.out) {}
 
-  void write(const MapUpdate& update, const Pose& pose, const MapPipeline& pipeline) {
+  void write(const MapDelta& update, const Pose& pose, const MapPipeline& pipeline) {
     if (!map_ || *map_ != update.map) {
       map_ = update.map;
       full_ns_.reset();
@@ -352,8 +352,8 @@ void map_by_tf(const Options& options, const Params& params) {
     subscribe_scans(
         player, options.scan_topic,
         [&](const Scan& scan, const auto& T_world_lidar, const auto& T_end) {
-          const MapUpdate& update = player.timed(
-              [&]() -> const MapUpdate& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
+          const MapDelta& update = player.timed(
+              [&]() -> const MapDelta& { return pipeline.process(scan, T_world_lidar, T_end, pose.covariance); });
           states.add(pipeline.points());
           const bool has_base = !frames.base.empty();
           pose.T_world_base =
@@ -387,7 +387,7 @@ void map_by_reflectors(const Options& options, const Params& params) {
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   BagLocalization bag_localization(player, options.bag, options.reflectors, frames, options.scan_topic, localization,
                                    [&](const Scan& scan, const OdometryScan& placed) {
-                                     const MapUpdate* const update = player.timed([&]() -> const MapUpdate* {
+                                     const MapDelta* const update = player.timed([&]() -> const MapDelta* {
                                        const std::optional<PlacedScan> in_world = localization.place(scan, placed);
                                        if (!in_world) return nullptr;
                                        return &pipeline.process(scan, in_world->T_world_lidar,
@@ -416,7 +416,7 @@ void map_by_gps(const Options& options, const Params& params) {
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   BagNavigation bag_navigation(kName, player, options.bag, options.navigation, base_frame, params.bag.gps_ins);
   PointStates states;
-  const MapUpdate* update = nullptr;
+  const MapDelta* update = nullptr;
   bag_navigation.subscribe_scans(
       options.scan_topic, options.lidar_frame,
       [&](const Scan& scan, const auto& T_odom_lidar, const auto& T_odom_lidar_end,

@@ -18,6 +18,9 @@
 
 namespace situation_awareness {
 
+/// Whether all numbers are finite and of a place within 1000 km of the world's origin.
+bool can_be_mapped(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance);
+
 /// The map of polygons of a program that runs for long: a PolygonMap with the states of its chains, with restarts of
 /// time, transits, reset and loaded maps. A transit is what lies between two gaps of `absence_s` in the scans, and
 /// after loading a map.

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/points/points.hpp"
+
+namespace situation_awareness {
+
+/// The free space of earlier scans, by which it is known when a place was last seen to be free. One scan is kept in
+/// kStep_s, for kStep_s * kScans.
+class FreeSpaceMemory {
+ public:
+  static constexpr double kStep_s = 0.5;
+  static constexpr std::size_t kScans = 240;
+  /// A beam that passes a place so near beside it, or ends so near to it, may not be of that place: by the noise of
+  /// ranges and of poses.
+  static constexpr double kMargin_m = 0.15;
+
+  /// A scan, later than those before. Its memory is reused after kScans.
+  void add(std::int64_t stamp_ns, const Pose2& T_world_level, const FreeSpace& free_space);
+
+  /// Stamp of the latest of the scans before `before_ns` of which beams pass at least half of these places: what has
+  /// them on its outline was not there. None: no scan that is remembered saw that.
+  std::optional<std::int64_t> last_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,
+                                           std::int64_t before_ns) const;
+
+  /// Forgets all scans.
+  void clear();
+
+ private:
+  struct Remembered {
+    std::int64_t stamp_ns = 0;
+    Pose2 T_level_world;
+    FreeSpace free_space;
+  };
+
+  static bool passes(const Remembered& scan, const Eigen::Vector2d& p_world_m);
+
+  std::vector<Remembered> scans_;  ///< a ring, `next_` is the oldest once it is full
+  std::size_t next_ = 0;
+  std::int64_t latest_ns_ = std::numeric_limits<std::int64_t>::min();
+};
+
+}  // namespace situation_awareness
