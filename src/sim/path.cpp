@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <iterator>
 #include <limits>
 #include <map>
 #include <sstream>
@@ -264,6 +265,39 @@ ScriptedPath loop(PathText& text, double height_m) {
   };
 }
 
+/// From place to place, at rest at each: position and yaw go by the polynomial whose first three derivatives are zero
+/// at both ends. Before the first and after the last one the body stands.
+ScriptedPath stops(PathText& text, double height_m) {
+  std::vector<Row> places = text.take_rows("places");
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i].size() != 4) throw std::invalid_argument("needs places of 4 numbers each (x y yaw time)");
+    if (i == 0) continue;
+    if (!(places[i][3] > places[i - 1][3])) throw std::invalid_argument("needs places at times that increase");
+    places[i][2] = places[i - 1][2] + wrap_to_pi(places[i][2] - places[i - 1][2]);
+  }
+  return [=](double time_s) {
+    const auto next = std::find_if(places.begin(), places.end(), [=](const Row& place) { return place[3] > time_s; });
+    const Row& to = next == places.end() ? places.back() : *next;
+    const Row& from = next == places.begin() ? to : *std::prev(next);
+    const double duration_s = to[3] - from[3];
+    PathState state;
+    state.position_m = in_plane(from[0], from[1], height_m);
+    state.yaw_rad = from[2];
+    if (!(duration_s > 0.0)) return state;
+    const double s = (time_s - from[3]) / duration_s, r = 1.0 - s;
+    const Eigen::Vector3d way = in_plane(to[0] - from[0], to[1] - from[1]);
+    const double part = s * s * s * s * (35.0 + s * (-84.0 + s * (70.0 - 20.0 * s)));
+    const double rate = 140.0 * s * s * s * r * r * r / duration_s;
+    state.position_m += part * way;
+    state.velocity_m_s = rate * way;
+    state.acceleration_m_s2 = 420.0 * s * s * r * r * (r - s) / (duration_s * duration_s) * way;
+    state.jerk_m_s3 = 840.0 * s * r * (1.0 - 5.0 * s * r) / (duration_s * duration_s * duration_s) * way;
+    state.yaw_rad += part * (to[2] - from[2]);
+    state.yaw_rate_rad_s = rate * (to[2] - from[2]);
+    return state;
+  };
+}
+
 /// The same path with an additional rotation about the vertical at a constant rate.
 ScriptedPath spinning(const ScriptedPath& path, double yaw_rad, double rate_rad_s) {
   return [=](double time_s) {
@@ -331,6 +365,9 @@ ScriptedPath parse_path(const std::string& text, const Eigen::Vector3d& position
     has_yaw = rows[0].size() == 4;
     moves_on = true;
     path = loop(words, position_m.z());
+  } else if (kind == "stops") {
+    has_yaw = true;
+    path = stops(words, position_m.z());
   } else if (kind == "with") {
     const ScriptedPath body = path_of_body ? path_of_body(words.body()) : ScriptedPath();
     if (!body) {
@@ -339,7 +376,8 @@ ScriptedPath parse_path(const std::string& text, const Eigen::Vector3d& position
     }
     path = words.has("steps") ? foot_of_body(words, position_m.z(), body) : with_body(words, position_m.z(), body);
   } else {
-    throw std::invalid_argument("starts with '" + kind + "' instead of stand, circle, line, straight, loop or with");
+    throw std::invalid_argument("starts with '" + kind +
+                                "' instead of stand, circle, line, straight, loop, stops or with");
   }
 
   if (has_yaw && (words.has("spin") || words.has("tangent"))) {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <gtest/gtest.h>
@@ -31,6 +32,7 @@ TEST(Path, DerivativesAgreeForEveryKind) {
       "loop speed 0.9 points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5",
       "loop speed 0.9 tangent points 0 0; 2 0.3; 3 2; 1 2.5; -1 1.5;",
       "loop speed 1.3 points 0 0 1 0; 2 0.3 1.2 2; 3 2 1.4 4; 1 2.5 1 6; -1 1.5 1 5",
+      "stops places 0 0 0 1; 2 0.3 3 6; 2 0.3 3 9; -1 1.5 -3 15",
   };
   constexpr double h = 1e-4;
   for (const std::string& text : paths) {
@@ -141,6 +143,24 @@ TEST(Path, IsThatOfTheManual) {
   EXPECT_NEAR(straight.yaw_rad, 0.75 * kPi + 0.2, 1e-12);
 }
 
+TEST(Path, StopsAtEachPlaceAtItsTime) {
+  const ScriptedPath path = parse_path("stops places 0 1 3 2; 4 1 -3 6; 4 1 -3 9; 4 5 -3 12", {5, 6, 7}, 0.2);
+  const std::vector<std::pair<double, Eigen::Vector4d>> places = {{-5.0, {0, 1, 7, 3}},  {2.0, {0, 1, 7, 3}},
+                                                                  {6.0, {4, 1, 7, -3}},  {7.5, {4, 1, 7, -3}},
+                                                                  {12.0, {4, 5, 7, -3}}, {99.0, {4, 5, 7, -3}}};
+  for (const auto& [time_s, place] : places) {
+    const PathState state = path(time_s);
+    EXPECT_LT((state.position_m - place.head<3>()).norm(), 1e-12) << time_s;
+    EXPECT_NEAR(wrap_to_pi(state.yaw_rad - place.w()), 0.0, 1e-12) << time_s;
+    EXPECT_LT(state.velocity_m_s.norm() + state.acceleration_m_s2.norm() + std::abs(state.yaw_rate_rad_s), 1e-12);
+  }
+  // In the middle of a way it is halfway, the shorter way around, at 35/16 of the mean speed.
+  EXPECT_LT((path(4.0).position_m - Eigen::Vector3d(2, 1, 7)).norm(), 1e-12);
+  EXPECT_NEAR(std::abs(wrap_to_pi(path(4.0).yaw_rad)), kPi, 1e-12);
+  EXPECT_NEAR(path(4.0).velocity_m_s.x(), 35.0 / 16.0, 1e-12);
+  EXPECT_NEAR(path(10.5).velocity_m_s.y(), 35.0 / 16.0 * 4.0 / 3.0, 1e-12);
+}
+
 TEST(Path, GivesThePresenceOfTheBody) {
   const PathFacts always = facts_of_path("stand");
   EXPECT_TRUE(always.presence.always() && always.presence.at(-1e9) && always.presence.at(1e9) && always.stands);
@@ -172,6 +192,10 @@ TEST(Path, NamesTheErrorInItsText) {
   EXPECT_TRUE(names(path_error("loop speed 1 points 1 1; 1 1; 1 1"), {"points"}));
   EXPECT_TRUE(names(path_error("loop speed 1 spin 1 points 0 0 0 0; 1 0 0 0; 1 1 0 0"), {"yaw", "spin", "tangent"}));
   EXPECT_TRUE(names(path_error("straight from 0 0 velocity 0 0 tangent"), {"tangent"}));
+  EXPECT_TRUE(names(path_error("stops"), {"places"}));
+  EXPECT_TRUE(names(path_error("stops places 0 0 0"), {"places", "4"}));
+  EXPECT_TRUE(names(path_error("stops places 0 0 0 1; 1 0 0 1"), {"times"}));
+  EXPECT_TRUE(names(path_error("stops places 0 0 0 1 spin 1"), {"yaw", "spin", "tangent"}));
   EXPECT_TRUE(names(path_error("with"), {"body"}));
   const PathOfBody path_of_body = [](const std::string& body) {
     return body == "it" ? parse_path("stand", Eigen::Vector3d::Zero(), 0.0) : ScriptedPath();

@@ -40,13 +40,16 @@ using PathOfBody = std::function<ScriptedPath(const std::string& body)>;
 ///     loop speed V points X Y; X Y; X Y ...             closed and smooth, at this mean speed
 ///     loop speed V points X Y Z YAW; ...                the same with height and yaw
 ///
+///     stops places X Y YAW T; X Y YAW T; ...            at rest at each place at its time, the straight way between
+///
 ///     with BODY at X Y [swing A period T [phase P]]     carried by another body, (X, Y) in its axes
 ///     with BODY at X Y steps T [phase P]                a foot of another body, two steps of which take T
 ///
-/// and for all but the loop with yaw the rotation: `spin W` (default 0), or `tangent` for a body that keeps its angle
-/// to the direction of motion; and the time of presence: `appears T`, `goes T`, `transits N N ...` (facts_of_path).
-/// `position_m` and `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the path of BODY,
-/// and without it the body may not move with another. Throws std::invalid_argument with the error in the text.
+/// and for all but the loop with yaw, and stops, the rotation: `spin W` (default 0), or `tangent` for a body that keeps
+/// its angle to the direction of motion; and the time of presence: `appears T`, `goes T`, `transits N N ...`
+/// (facts_of_path). `position_m` and `yaw_rad`, the body's pose in the file, are the defaults; `path_of_body` finds the
+/// path of BODY, and without it the body may not move with another. Throws std::invalid_argument with the error in the
+/// text.
 ScriptedPath parse_path(const std::string& text, const Eigen::Vector3d& position_m, double yaw_rad,
                         const PathOfBody& path_of_body = {});
 
