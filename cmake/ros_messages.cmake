@@ -7,11 +7,14 @@ find_package(roslib REQUIRED)
 add_message_files(DIRECTORY msg FILES
   DetectionArray.msg
   EllipseDetection.msg
+  GoneFeature.msg
   LaserRefusedRun.msg
   LaserSegment.msg
   LaserSmallSegment.msg
   LaserStraightPiece.msg
   LevelFrame.msg
+  MapFeature.msg
+  MapUpdate.msg
   MappedObject.msg
   MappedObjectArray.msg
   MappedPolygon.msg

@@ -6,6 +6,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/hit_labels.cpp
   src/ros/convert/images.cpp
   src/ros/convert/labels.cpp
+  src/ros/convert/map.cpp
   src/ros/convert/mission.cpp
   src/ros/convert/motion_sensors.cpp
   src/ros/convert/navigation_sensors.cpp
@@ -23,10 +24,12 @@ add_library(${PROJECT_NAME}_ros
   src/ros/inertial_input.cpp
   src/ros/inertial_navigation.cpp
   src/ros/map_inputs.cpp
+  src/ros/map_output.cpp
   src/ros/mission_memory.cpp
   src/ros/map_services.cpp
   src/ros/map_subscriber.cpp
   src/ros/markers/grid_markers.cpp
+  src/ros/markers/map_markers.cpp
   src/ros/markers/object_markers.cpp
   src/ros/markers/object_shapes.cpp
   src/ros/markers/polygon_markers.cpp
@@ -50,6 +53,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/grid_nodelet_params.cpp
   src/ros/params/image_labelling_nodelet_params.cpp
   src/ros/params/localization_nodelet_params.cpp
+  src/ros/params/map_nodelet_params.cpp
   src/ros/params/nodelet_params.cpp
   src/ros/params/object_nodelet_params.cpp
   src/ros/params/package.cpp
@@ -91,6 +95,7 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/grid_mapping_nodelet.cpp
   src/ros/nodelets/gps_ins_nodelet.cpp
   src/ros/nodelets/image_labelling_nodelet.cpp
+  src/ros/nodelets/inertial_semantic_map_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
   src/ros/nodelets/path_following_nodelet.cpp
   src/ros/nodelets/polygon_mapping_nodelet.cpp
@@ -98,6 +103,7 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/safety_areas_nodelet.cpp
   src/ros/nodelets/scout_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
+  src/ros/nodelets/semantic_map_nodelet.cpp
   src/ros/nodelets/slicing_nodelet.cpp
   src/ros/nodelets/splinegon_mapping_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)

@@ -7,13 +7,13 @@
 #include <vector>
 
 #include "situation_awareness/common/params.hpp"
-#include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/params/image_labelling_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
+#include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
@@ -42,12 +42,13 @@ Each nodelet reads the same private parameters, so that one file and one line of
 [the boundaries of large obstacles](#the-boundaries-of-large-obstacles), [cfg/grid.yaml](../cfg/grid.yaml) those after
 [the semantic grid](#the-semantic-grid). Omitted parameters keep their defaults:
 
+    roslaunch situation_awareness map.launch config:=/path/to/my.yaml
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
     roslaunch situation_awareness polygons.launch config:=/path/to/my.yaml
     roslaunch situation_awareness splinegons.launch config:=/path/to/my.yaml
     roslaunch situation_awareness grid.launch config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
-The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
+[cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
 `objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one
 that may have the sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
 another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
@@ -131,8 +132,10 @@ void print_all() {
   before.insert(before.end(), of_gps_ins.begin(), of_gps_ins.end());
   print_sections(of_splinegons, before);
   before.insert(before.end(), of_splinegons.begin(), of_splinegons.end());
-  MapPipelineParams map_params;
-  print_sections(parameters_of(map_params), before);
+  MapNodeletParams map_params;
+  const std::vector<Parameter> of_map = parameters_of(map_params);
+  print_section(of_map, "", "The one map", of_objects);
+  print_sections(of_map, before);
   CircumnavigateNodeletParams mission_params;
   const std::vector<Parameter> of_mission = parameters_of(mission_params);
   print_section(of_mission, "", "The nodelet circumnavigate", of_objects);

@@ -39,15 +39,11 @@ Eigen::Matrix3d covariance_at(const Eigen::Vector2d& p_world_m, const BasePose& 
   return J_sensor_base * base.covariance_world * J_sensor_base.transpose();
 }
 
-PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletParams& params)
-    : context_(context),
-      world_frame_(params.nodelet.world_frame),
-      timeout_s_(params.pose_timeout_s),
-      queue_size_(static_cast<std::size_t>(params.nodelet.queue_size)),
-      poses_(params.pipeline.safety.max_pose_age_s) {
+PoseCovarianceInput::PoseCovarianceInput(Context& context, Params params)
+    : context_(context), params_(std::move(params)), poses_(params_.max_pose_age_s) {
   context.on_arrival(
       [this](const SegmentArrayConstPtr& msg, const ros::SteadyTime& arrival) {
-        if (waiting_.size() >= queue_size_) {
+        if (waiting_.size() >= params_.queue_size) {
           context_.drop(drop_reason::kQueueFull);
           waiting_.pop_back();
         }
@@ -69,7 +65,7 @@ PoseCovarianceInput::PoseCovarianceInput(Context& context, const PolygonNodeletP
 
 void PoseCovarianceInput::take(const geometry_msgs::PoseWithCovarianceStamped& msg) {
   const auto stamp_ns = static_cast<std::int64_t>(msg.header.stamp.toNSec());
-  if (tf2_frame(msg.header.frame_id) != world_frame_) {
+  if (tf2_frame(msg.header.frame_id) != params_.world_frame) {
     poses_.refuse(stamp_ns);
     context_.diagnostics().counted({{"pose in another frame", 1}});
   } else if (!poses_.add(stamp_ns, base_pose_from_msg(msg))) {
@@ -80,7 +76,7 @@ void PoseCovarianceInput::take(const geometry_msgs::PoseWithCovarianceStamped& m
 
 void PoseCovarianceInput::take(const MappedObjectArray& msg) {
   try {
-    if (tf2_frame(msg.header.frame_id) != world_frame_) {
+    if (tf2_frame(msg.header.frame_id) != params_.world_frame) {
       return context_.diagnostics().counted({{"objects in another frame", 1}});
     }
     // After a restart of time the first ones are those of the time before.
@@ -104,7 +100,7 @@ void PoseCovarianceInput::release() {
       const bool waits_for_pose = !poses_.has(static_cast<std::int64_t>(stamp_ns)) && is_published(pose_subscriber_);
       const bool waits_for_objects = objects == objects_.end() && is_published(objects_subscriber_);
       if (waits_for_pose || waits_for_objects) {
-        if ((ros::SteadyTime::now() - first.arrival).toSec() < timeout_s_) return;
+        if ((ros::SteadyTime::now() - first.arrival).toSec() < params_.pose_timeout_s) return;
         if (waits_for_pose) context_.diagnostics().counted({{"no pose of that stamp", 1}});
         if (waits_for_objects) context_.diagnostics().counted({{"no objects of that stamp", 1}});
       }

@@ -15,6 +15,7 @@
 #include "situation_awareness/ros/convert/cloud.hpp"
 #include "situation_awareness/ros/convert/detections.hpp"
 #include "situation_awareness/ros/convert/hit_labels.hpp"
+#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/mission.hpp"
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
@@ -863,6 +864,130 @@ TEST(ConvertSplinegons, TimesBeforeTheClocksZeroAreZero) {
   Splinegons splinegons = some_splinegons();
   splinegons.boundaries[0].first_seen_ns = -3'600'000'000'000;
   EXPECT_TRUE(splinegons_to_msg(splinegons, "map").splinegons[0].first_seen.isZero());
+}
+
+BodyState some_body() {
+  BodyState body;
+  body.velocity_world_m_s = {0.3, -1.25};
+  body.angular_velocity_rad_s = 0.7;
+  for (int i = 0; i < 64; ++i) body.covariance(i / 8, i % 8) = 1e-3 * i;
+  return body;
+}
+
+/// A feature of each kind.
+MapDelta some_delta() {
+  MapDelta delta;
+  delta.stamp_ns = kStamp_ns;
+  delta.map = 3;
+  delta.base = 41;
+  delta.version = 42;
+  delta.height_world_m = 0.25;
+  const std::vector<FeatureShape> shapes{
+      EllipseShape{{{1.1, -2.2}, 0.3, 0.5, 0.25}, some_body()}, BoxShape{{{7.0, 2.5}, -1.2, 2.25, 0.9}, some_body()},
+      PolylineShape{{{{0.1, 0.2}, 0.01}, {{3.3, 0.4}, 0.02}}, false},
+      ArcShape{some_splinegons().boundaries[0].vertices, true},
+      FootprintShape{{12.5, -3.25, 408.125}, (Eigen::Matrix2d() << 0.04, 0.01, 0.01, 0.09).finished(), 7.5}};
+  for (std::size_t i = 0; i < shapes.size(); ++i) {
+    Feature& feature = delta.changed.emplace_back();
+    feature.id = (FeatureId{5} << IdSource::kCounterBits) + i;
+    feature.object_class = ObjectClass::kVehicle;
+    feature.p_class = 0.9;
+    feature.p_exists = 0.75;
+    feature.p_moving = 0.125;
+    feature.motion = static_cast<Motion>(i % 3);
+    feature.first_seen_ns = kStamp_ns - 9;
+    feature.last_seen_ns = kStamp_ns - 2;
+    if (i == 1) feature.last_absent_ns = kStamp_ns - 20;
+    if (i == 2) feature.first_absent_ns = kStamp_ns - 1;
+    feature.seen_by = {i != 4, i == 0, i == 4, i == 1, i == 2};
+    feature.shape = shapes[i];
+  }
+  delta.gone = {{2, GoneReason::kLeft, {}}, {3, GoneReason::kMerged, FeatureId{7}}};
+  return delta;
+}
+
+TEST(ConvertMap, UpdatesSurviveTheRoundTripExactly) {
+  const MapDelta delta = some_delta();
+  const MapUpdate msg = map_delta_to_msg(delta, "9b2c", "map");
+  EXPECT_EQ(msg.header.frame_id, "map");
+  EXPECT_EQ(msg.changed[2].outline[0].z, 0.25);
+  const MapDelta back = map_delta_from_msg(msg);
+  EXPECT_EQ(back.stamp_ns, kStamp_ns);
+  EXPECT_EQ(back.base, 41U);
+  EXPECT_EQ(back.version, 42U);
+  EXPECT_FALSE(back.full);
+  EXPECT_EQ(back.height_world_m, 0.25);
+  EXPECT_EQ(back.map, map_delta_from_msg(map_delta_to_msg({}, "9b2c", "map")).map);
+  EXPECT_NE(back.map, map_delta_from_msg(map_delta_to_msg({}, "9b2d", "map")).map);
+  ASSERT_EQ(back.changed.size(), 5U);
+  for (std::size_t i = 0; i < 5; ++i) {
+    const Feature &feature = back.changed[i], &before = delta.changed[i];
+    EXPECT_EQ(feature.id, before.id);
+    EXPECT_EQ(feature.object_class, ObjectClass::kVehicle);
+    EXPECT_EQ(std::tie(feature.p_class, feature.p_exists, feature.p_moving),
+              std::tie(before.p_class, before.p_exists, before.p_moving));
+    EXPECT_EQ(feature.motion, before.motion);
+    EXPECT_EQ(std::tie(feature.first_seen_ns, feature.last_seen_ns, feature.last_absent_ns, feature.first_absent_ns),
+              std::tie(before.first_seen_ns, before.last_seen_ns, before.last_absent_ns, before.first_absent_ns));
+    const Sensors &by = feature.seen_by, &by_before = before.seen_by;
+    EXPECT_EQ(std::tie(by.scan, by.cloud, by.camera, by.robot, by.file),
+              std::tie(by_before.scan, by_before.cloud, by_before.camera, by_before.robot, by_before.file));
+    EXPECT_STREQ(kind_of(feature.shape), kind_of(before.shape));
+  }
+  // What the message of the copy has, that of the original has: no number is lost in between.
+  const MapUpdate again = map_delta_to_msg(back, "9b2c", "map");
+  for (std::size_t i = 0; i < 5; ++i) EXPECT_EQ(again.changed[i], msg.changed[i]) << i;
+  EXPECT_EQ(std::get<BoxShape>(back.changed[1].shape).box_world.half_length_m, 2.25);
+  EXPECT_EQ(std::get<EllipseShape>(back.changed[0].shape).body.covariance, some_body().covariance);
+  EXPECT_EQ(std::get<ArcShape>(back.changed[3].shape).vertices[1].bulge, -0.3);
+  EXPECT_EQ(std::get<FootprintShape>(back.changed[4].shape).covariance_m2(1, 1), 0.09);
+  ASSERT_EQ(back.gone.size(), 2U);
+  EXPECT_EQ(back.gone[0].reason, GoneReason::kLeft);
+  EXPECT_FALSE(back.gone[0].into);
+  EXPECT_EQ(back.gone[1].into, FeatureId{7});
+}
+
+TEST(ConvertMap, RefusesWhatIsNoFeature) {
+  const MapUpdate good = map_delta_to_msg(some_delta(), "9b2c", "map");
+  EXPECT_NO_THROW(map_delta_from_msg(good));
+  const double nan = std::nan("");
+  const std::vector<std::function<void(MapUpdate&)>> faults{
+      [](MapUpdate& m) { m.map.clear(); },
+      [&](MapUpdate& m) { m.height = nan; },
+      [](MapUpdate& m) { m.changed[0].id = 0; },
+      [](MapUpdate& m) { std::swap(m.changed[0], m.changed[1]); },
+      [](MapUpdate& m) { m.changed[1].id = m.changed[0].id; },
+      [](MapUpdate& m) { m.changed[0].kind = 5; },
+      [](MapUpdate& m) { m.changed[0].object_class = 4; },
+      [](MapUpdate& m) { m.changed[0].motion = 3; },
+      [](MapUpdate& m) { m.changed[0].p_exists = 1.01; },
+      [&](MapUpdate& m) { m.changed[0].p_moving = nan; },
+      [](MapUpdate& m) { m.changed[0].rx = 0.0; },
+      [&](MapUpdate& m) { m.changed[1].ry = nan; },
+      [&](MapUpdate& m) { m.changed[1].center.y = nan; },
+      [&](MapUpdate& m) { m.changed[1].twist.z = nan; },
+      [](MapUpdate& m) { m.changed[1].covariance.pop_back(); },
+      [&](MapUpdate& m) { m.changed[1].covariance[63] = nan; },
+      [](MapUpdate& m) { m.changed[2].outline.resize(1), m.changed[2].sigma.resize(1); },
+      [](MapUpdate& m) { m.changed[2].sigma.pop_back(); },
+      [](MapUpdate& m) { m.changed[2].sigma[0] = -0.1; },
+      [&](MapUpdate& m) { m.changed[2].outline[1].x = nan; },
+      [](MapUpdate& m) { m.changed[3].bulge.pop_back(); },
+      [](MapUpdate& m) { m.changed[3].corner.pop_back(); },
+      [&](MapUpdate& m) { m.changed[3].bulge[0] = nan; },
+      [&](MapUpdate& m) { m.changed[4].center.z = nan; },
+      [](MapUpdate& m) { m.changed[4].area = -1.0; },
+      [](MapUpdate& m) { m.changed[4].covariance.clear(); },
+      [](MapUpdate& m) { m.gone[0].id = 0; },
+      [](MapUpdate& m) { m.gone[0].reason = 4; },
+      [](MapUpdate& m) { m.gone[0].into = 9; },
+      [](MapUpdate& m) { m.gone[1].into = 0; },
+      [](MapUpdate& m) { std::swap(m.gone[0], m.gone[1]); }};
+  for (std::size_t i = 0; i < faults.size(); ++i) {
+    MapUpdate msg = good;
+    faults[i](msg);
+    EXPECT_THROW(map_delta_from_msg(msg), std::invalid_argument) << i;
+  }
 }
 
 TEST(ConvertPoses, IsometriesSurviveAndInvalidOnesAreRefused) {

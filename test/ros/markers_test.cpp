@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cmath>
 #include <set>
+#include <variant>
 
 #include <gtest/gtest.h>
 
+#include "situation_awareness/map/map.hpp"
+#include "situation_awareness/ros/markers/map_markers.hpp"
 #include "situation_awareness/ros/markers/object_markers.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 #include "situation_awareness/ros/markers/splinegon_markers.hpp"
@@ -240,6 +243,26 @@ TEST(LocalPolygonMarkers, DrawTheScansPolylinesInTheWorld) {
   EXPECT_NEAR(local.points[0].y, 3.0, 1e-9);
   EXPECT_NEAR(local.points[3].x, 10.0, 1e-9);
   EXPECT_NEAR(local.points[3].y, 4.0, 1e-9);
+}
+
+TEST(MapMarkers, AThingThatBecomesOneOfAnotherKindKeepsItsLabel) {
+  Feature body, wall;
+  body.id = 7;
+  body.shape = EllipseShape{{{1.0, 2.0}, 0.5, 0.4, 0.2}, {}};
+  wall.id = 8;
+  wall.shape = PolylineShape{{{{-3.0, -2.0}, 0.01}, {{3.0, -2.0}, 0.01}}, false};
+  Feature parked = body;
+  parked.shape = PolylineShape{{{{0.6, 2.0}, 0.01}, {{1.4, 2.0}, 0.01}}, false};
+  MapMarkers markers;
+  Viewer viewer;
+  for (const Feature& seven : {body, parked, body}) {
+    viewer.receive(markers.update({1'000'000'000, 1.0, {seven, wall}}, "world"));
+    EXPECT_EQ(viewer.ids("id"), std::set<int>({7, 8}));
+    EXPECT_EQ(viewer.ids("object").count(7), std::holds_alternative<EllipseShape>(seven.shape) ? 1U : 0U);
+  }
+  viewer.receive(markers.update({1'100'000'000, 1.0, {}}, "world"));
+  EXPECT_TRUE(viewer.shown.empty());
+  EXPECT_EQ(viewer.clears, 1);
 }
 
 }  // namespace

@@ -1,38 +1,25 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: BSD-3-Clause
 """The nodelets and polygons_bag make the same map of polygons of the same drive, scan by scan and bit for bit."""
-import json
 import pathlib
-import subprocess
 import sys
 import tempfile
-import time
 import unittest
 
-import genpy
-import rosbag
 import rospy
 import rostest
 import yaml
-from sensor_msgs.msg import LaserScan
-from tf2_msgs.msg import TFMessage
 
 HERE = pathlib.Path(__file__).resolve()
 sys.path.insert(0, str(HERE.parent))
 sys.path.insert(0, str(HERE.parents[2] / "scripts" / "evaluation"))
 import polygon_worlds  # noqa: E402
+from live_offline import BY_TF, lines_of, play_in_step  # noqa: E402
 from ros_support import Latest, wait_until  # noqa: E402
 from situation_awareness.msg import PolygonArray  # noqa: E402
 from situation_awareness.srv import LoadPolygons, SavePolygons  # noqa: E402
 
 SCANS = 500
-
-
-class Text(float):
-    """A number as text: a stamp has more digits than a float."""
-
-    def __init__(self, text):
-        self.text = text
 
 
 def polylines_of(message):
@@ -56,56 +43,29 @@ class PolygonsLiveOfflineTest(unittest.TestCase):
     def tearDownClass(cls):
         cls.temporary.cleanup()
 
-    def expected(self, *arguments):
-        lines = self.folder / "out.jsonl"
-        subprocess.run(["rosrun", "situation_awareness", "polygons_bag", str(self.bag), "--localization", "tf",
-                        "--world-frame", "map", "--out", str(lines), *arguments], check=True, timeout=120)
-        maps = [json.loads(line, parse_float=Text) for line in lines.read_text().splitlines()]
-        return {genpy.Time(*map(int, line["stamp"].text.split("."))): line["polylines"] for line in maps}
-
-    def compare(self, namespace, expected, after_scan=lambda compared, maps: None):
+    def compare(self, namespace, arguments=(), after_scan=lambda compared, maps: None):
         """`after_scan`: is called with the number of scans that were compared and the maps that have come."""
+        lines = lines_of("polygons_bag", self.bag, self.folder / "out.jsonl", "--localization", "tf", "--world-frame",
+                         "map", *arguments)
         maps = Latest(f"/{namespace}/polygons", PolygonArray)
-        scans = rospy.Publisher(f"/{namespace}/scan", LaserScan, queue_size=100, tcp_nodelay=True)
-        tf = rospy.Publisher(f"/{namespace}/tf", TFMessage, queue_size=1000, tcp_nodelay=True)
-        tf_static = rospy.Publisher(f"/{namespace}/tf_static", TFMessage, queue_size=10, latch=True)
         rospy.wait_for_service(f"/{namespace}/polygon_mapping/save_polygons", 60.0)
-        wait_until(lambda: all(link.get_num_connections() > 0 for link in (scans, tf, tf_static, maps.subscriber)),
-                   60.0, "the nodelets")
-        time.sleep(1.0)  # the connections among the nodelets
         compared = chains = 0
-        waiting, transformed = [], genpy.Time()
-        with rosbag.Bag(str(self.bag)) as recording:
-            for topic, msg, _ in recording.read_messages():
-                if topic == "/tf_static":
-                    tf_static.publish(msg)
-                    time.sleep(0.3)
-                elif topic == "/tf":
-                    tf.publish(msg)
-                    transformed = max(transformed, max(t.header.stamp for t in msg.transforms))
-                elif topic == "/scan":
-                    scans.publish(msg)
-                    waiting.append(msg)
-                while waiting and waiting[0].header.stamp + genpy.Duration(
-                        nsecs=round(1e9 * waiting[0].time_increment * (len(waiting[0].ranges) - 1))) <= transformed:
-                    stamp = waiting.pop(0).header.stamp
-                    wait_until(lambda: maps.messages and maps.messages[-1].header.stamp >= stamp, 20.0,
-                               f"the map of {stamp}")
-                    message = maps.messages[-1]
-                    self.assertEqual(message.header.stamp, stamp)
-                    self.assertEqual([p.id for p in message.polygons], sorted(p.id for p in message.polygons))
-                    self.assertEqual(polylines_of(message), {line["id"]: line for line in expected[stamp]},
-                                     f"at {stamp}")
-                    compared += 1
-                    chains += len(message.polygons)
-                    after_scan(compared, maps)
-                if compared >= SCANS:
-                    break
-        self.assertGreaterEqual(compared, min(SCANS, len(expected)))
+        for stamp in play_in_step(self.bag, namespace, maps, lines, BY_TF):
+            message = maps.messages[-1]
+            self.assertEqual(message.header.stamp, stamp)
+            self.assertEqual([p.id for p in message.polygons], sorted(p.id for p in message.polygons))
+            self.assertEqual(polylines_of(message), {line["id"]: line for line in lines[stamp]["polylines"]},
+                             f"at {stamp}")
+            compared += 1
+            chains += len(message.polygons)
+            after_scan(compared, maps)
+            if compared >= SCANS:
+                break
+        self.assertGreaterEqual(compared, min(SCANS, len(lines)))
         self.assertGreater(chains, compared)
 
     def test_the_maps_are_the_same(self):
-        self.compare("as_shipped", self.expected())
+        self.compare("as_shipped")
 
     def test_a_map_that_is_saved_and_loaded_at_once_goes_on_as_if_it_had_not_been(self):
         config = yaml.safe_load((HERE.parents[2] / "cfg/polygons.yaml").read_text()) or {}
@@ -124,7 +84,7 @@ class PolygonsLiveOfflineTest(unittest.TestCase):
             self.assertTrue(answer.success, answer.message)
             wait_until(lambda: len(maps.messages) > compared + compared // 200, 10.0, "the loaded map")
 
-        self.compare("with_each_scan", self.expected("--config", str(with_each_scan)), save_and_load)
+        self.compare("with_each_scan", ["--config", str(with_each_scan)], save_and_load)
 
 
 if __name__ == "__main__":

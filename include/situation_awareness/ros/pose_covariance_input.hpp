@@ -18,7 +18,6 @@
 #include "situation_awareness/SegmentArray.h"
 #include "situation_awareness/estimation/pose_covariances.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
 
@@ -47,7 +46,14 @@ class PoseCovarianceInput {
  public:
   using Context = StageContext<SegmentArray, CovariedSegments>;
 
-  PoseCovarianceInput(Context& context, const PolygonNodeletParams& params);
+  struct Params {
+    std::string world_frame;
+    double pose_timeout_s;
+    std::size_t queue_size;
+    double max_pose_age_s;  ///< PoseCovariances
+  };
+
+  PoseCovarianceInput(Context& context, Params params);
   PoseCovarianceInput(const PoseCovarianceInput&) = delete;
   PoseCovarianceInput& operator=(const PoseCovarianceInput&) = delete;
 
@@ -63,9 +69,7 @@ class PoseCovarianceInput {
   void enqueue_first(std::optional<Objects> objects);
 
   Context& context_;
-  std::string world_frame_;
-  double timeout_s_;
-  std::size_t queue_size_;
+  Params params_;
   std::deque<Waiting> waiting_;
   std::function<void()> release_waiting_;
   PoseCovariances poses_;

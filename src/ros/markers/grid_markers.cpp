@@ -56,7 +56,7 @@ Marker label_of(const std_msgs::Header& header, const GridTarget& target) {
 
 }  // namespace
 
-visualization_msgs::MarkerArray GridMarkers::update(const GridTargets& targets, const std::string& world_frame) {
+std::vector<visualization_msgs::Marker> markers_of(const GridTargets& targets, const std::string& world_frame) {
   const std_msgs::Header header = make_header(world_frame, targets.stamp_ns);
   std::vector<Marker> markers;
   for (const GridTarget& target : targets.targets) {
@@ -64,7 +64,11 @@ visualization_msgs::MarkerArray GridMarkers::update(const GridTargets& targets, 
     markers.push_back(region_of(header, target));
     markers.push_back(label_of(header, target));
   }
-  return shown_.update(header, std::move(markers));
+  return markers;
+}
+
+visualization_msgs::MarkerArray GridMarkers::update(const GridTargets& targets, const std::string& world_frame) {
+  return shown_.update(make_header(world_frame, targets.stamp_ns), markers_of(targets, world_frame));
 }
 
 }  // namespace situation_awareness

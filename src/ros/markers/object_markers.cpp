@@ -57,7 +57,7 @@ Marker uncertainty(const std_msgs::Header& header, const Object& object, double 
 
 }  // namespace
 
-visualization_msgs::MarkerArray ObjectMarkers::update(const Objects& objects, const std::string& world_frame) {
+std::vector<visualization_msgs::Marker> markers_of(const Objects& objects, const std::string& world_frame) {
   const std_msgs::Header header = make_header(world_frame, objects.stamp_ns);
   std::vector<Marker> markers;
   for (const Object& object : objects.objects) {
@@ -66,7 +66,11 @@ visualization_msgs::MarkerArray ObjectMarkers::update(const Objects& objects, co
     markers.push_back(number(header, object, objects.height_world_m));
     markers.push_back(uncertainty(header, object, objects.height_world_m));
   }
-  return shown_.update(header, std::move(markers));
+  return markers;
+}
+
+visualization_msgs::MarkerArray ObjectMarkers::update(const Objects& objects, const std::string& world_frame) {
+  return shown_.update(make_header(world_frame, objects.stamp_ns), markers_of(objects, world_frame));
 }
 
 }  // namespace situation_awareness

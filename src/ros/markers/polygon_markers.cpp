@@ -96,7 +96,7 @@ Color color_of(ChainState state) {
   return kNoIdColor;
 }
 
-visualization_msgs::MarkerArray PolygonMarkers::update(const Polygons& polygons, const std::string& world_frame) {
+std::vector<visualization_msgs::Marker> markers_of(const Polygons& polygons, const std::string& world_frame) {
   const std_msgs::Header header = make_header(world_frame, polygons.stamp_ns);
   std::vector<Marker> markers;
   markers.reserve(polygons.chains.size() + 5);
@@ -109,7 +109,11 @@ visualization_msgs::MarkerArray PolygonMarkers::update(const Polygons& polygons,
   }
   Marker bars = bars_of(header, polygons);
   if (!bars.points.empty()) markers.push_back(std::move(bars));
-  return shown_.update(header, std::move(markers));
+  return markers;
+}
+
+visualization_msgs::MarkerArray PolygonMarkers::update(const Polygons& polygons, const std::string& world_frame) {
+  return shown_.update(make_header(world_frame, polygons.stamp_ns), markers_of(polygons, world_frame));
 }
 
 }  // namespace situation_awareness

@@ -84,7 +84,7 @@ Marker vertices_of(const std_msgs::Header& header, const Splinegons& splinegons,
 
 }  // namespace
 
-visualization_msgs::MarkerArray SplinegonMarkers::update(const Splinegons& splinegons, const std::string& world_frame) {
+std::vector<visualization_msgs::Marker> markers_of(const Splinegons& splinegons, const std::string& world_frame) {
   const std_msgs::Header header = make_header(world_frame, splinegons.stamp_ns);
   std::vector<Marker> markers;
   const auto add = [&markers](Marker marker) {
@@ -98,7 +98,11 @@ visualization_msgs::MarkerArray SplinegonMarkers::update(const Splinegons& splin
                                  splinegon.vertices.front().p_world_m, splinegons.height_world_m + 1.0));
     markers.back().scale.z = kLabelHeight_m;
   }
-  return shown_.update(header, std::move(markers));
+  return markers;
+}
+
+visualization_msgs::MarkerArray SplinegonMarkers::update(const Splinegons& splinegons, const std::string& world_frame) {
+  return shown_.update(make_header(world_frame, splinegons.stamp_ns), markers_of(splinegons, world_frame));
 }
 
 visualization_msgs::MarkerArray LocalPolygonMarkers::update(const Polylines& polylines, const Pose2& T_world_map,

@@ -35,7 +35,8 @@ class PolygonMappingStage {
         map_(params.pipeline.polygons, params.pipeline.chain_states, params.reset_time_jump_s),
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Polygons& polygons) { publisher_.publish(polygons); }),
-        input_(context, params) {
+        input_(context, {world_frame_, params.pose_timeout_s, static_cast<std::size_t>(params.nodelet.queue_size),
+                         params.pipeline.safety.max_pose_age_s}) {
     polyline_params_.validate();
     map_.trust_stamps();  // segmentation has judged them
     const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;

@@ -10,6 +10,7 @@
 #include "situation_awareness/ros/params/grid_nodelet_params.hpp"
 #include "situation_awareness/ros/params/image_labelling_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
+#include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
@@ -47,6 +48,7 @@ void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownK
   forget_known_to<SplinegonNodeletParams>(reader, unknown);
   forget_known_to<CircumnavigateNodeletParams>(reader, unknown);
   forget_known_to<GridNodeletParams>(reader, unknown);
+  forget_known_to<MapNodeletParams>(reader, unknown);
   forget_known_to<ImageLabellingNodeletParams>(reader, unknown);
   forget_known_to<ScoutNodeletParams>(reader, unknown);
 }

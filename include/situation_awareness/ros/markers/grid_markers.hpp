@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <visualization_msgs/MarkerArray.h>
 
@@ -9,6 +10,9 @@
 #include "situation_awareness/ros/markers/shown_markers.hpp"
 
 namespace situation_awareness {
+
+/// The markers that show it.
+std::vector<visualization_msgs::Marker> markers_of(const GridTargets& targets, const std::string& world_frame);
 
 /// Markers of the targets of a semantic grid. Namespaces: target (a post over it), region (its 99 % region on the
 /// ground), label (id and probability).

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <visualization_msgs/MarkerArray.h>
 
@@ -9,6 +10,9 @@
 #include "situation_awareness/ros/markers/shown_markers.hpp"
 
 namespace situation_awareness {
+
+/// The markers that show it.
+std::vector<visualization_msgs::Marker> markers_of(const Objects& objects, const std::string& world_frame);
 
 /// Markers of successive maps, each element in its own colour; deletes those of removed elements. Namespaces: object
 /// (the ellipse or box), velocity (its motion in 1 s, if it moves), id (with the class, if it is known),

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <visualization_msgs/MarkerArray.h>
 
@@ -13,6 +14,9 @@ namespace situation_awareness {
 
 /// Wall dark grey, known blue, new green, doubted magenta: the areas before a vehicle are yellow and red.
 Color color_of(ChainState state);
+
+/// The markers that show it.
+std::vector<visualization_msgs::Marker> markers_of(const Polygons& polygons, const std::string& world_frame);
 
 /// Markers of successive maps of polygons; deletes what is gone. Namespaces: wall, known, new, doubted (one marker each
 /// with all edges of such chains, since a viewer draws few large markers much faster than many small ones), id (at the

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include <visualization_msgs/MarkerArray.h>
 
@@ -11,6 +12,9 @@
 #include "situation_awareness/ros/markers/shown_markers.hpp"
 
 namespace situation_awareness {
+
+/// The markers that show it.
+std::vector<visualization_msgs::Marker> markers_of(const Splinegons& splinegons, const std::string& world_frame);
 
 /// Markers of successive maps of boundaries; deletes what is gone. Namespaces: closed, open (one marker each with all
 /// such boundaries), envelope (the band that contains the boundary with 99 % at any place), vertices (main ones larger

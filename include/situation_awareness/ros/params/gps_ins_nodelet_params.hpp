@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "situation_awareness/pose/gps_ins.hpp"
+#include "situation_awareness/pose/local_world.hpp"
+#include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -52,6 +55,29 @@ struct GpsInsNodeletParams {
     visit("gps_ins", self.gps_ins);
   }
 };
+
+/// Checks what a nodelet that places something by GPS and INS has in common with gps_ins, and makes its frames those of
+/// tf2. Throws std::invalid_argument naming the parameter.
+template <class Params>
+void check_inertial_params(Params& params, const std::string& source) {
+  for (std::string* frame : {&params.base_frame, &params.imu_frame, &params.fix_frame}) *frame = tf2_frame(*frame);
+  if (params.base_frame.empty()) throw std::invalid_argument(source + ": base_frame is empty");
+  if (!params.origin.empty()) parse_geodetic_position(params.origin, source + ": origin");
+}
+
+/// Those of the pose by GPS and INS, of such a nodelet.
+template <class Params>
+GpsInsNodeletParams gps_ins_params_of(const Params& params) {
+  GpsInsNodeletParams result;
+  result.nodelet = params.nodelet;
+  result.base_frame = params.base_frame;
+  result.imu_frame = params.imu_frame;
+  result.fix_frame = params.fix_frame;
+  result.origin = params.origin;
+  result.fix_sigma_m = params.fix_sigma_m;
+  result.gps_ins = params.gps_ins;
+  return result;
+}
 
 /// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
 GpsInsNodeletParams read_gps_ins_nodelet_params(const ParamReader& reader);

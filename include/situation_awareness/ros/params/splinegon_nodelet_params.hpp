@@ -6,7 +6,6 @@
 
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "situation_awareness/pose/gps_ins.hpp"
-#include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 
 namespace situation_awareness {
@@ -49,9 +48,6 @@ struct SplinegonNodeletParams {
     visit("gps_ins", self.gps_ins);
   }
 };
-
-/// Those of the pose by GPS and INS.
-GpsInsNodeletParams gps_ins_params_of(const SplinegonNodeletParams& params);
 
 /// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
 SplinegonNodeletParams read_splinegon_nodelet_params(const ParamReader& reader);

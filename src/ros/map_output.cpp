@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "situation_awareness/ros/map_output.hpp"
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+
+#include <ros/console.h>
+#include <std_srvs/SetBool.h>
+#include <std_srvs/Trigger.h>
+#include <visualization_msgs/MarkerArray.h>
+#include <boost/make_shared.hpp>
+#include <boost/uuid/random_generator.hpp>
+#include <boost/uuid/uuid_io.hpp>
+
+#include "situation_awareness/ros/convert/map.hpp"
+#include "situation_awareness/ros/convert/time.hpp"
+
+namespace situation_awareness {
+namespace {
+
+constexpr double kWhole_hz = 1.0;
+/// Of whole maps among the updates, for who missed one.
+constexpr double kRepair_hz = 0.5;
+
+std::string new_uuid() { return to_string(boost::uuids::random_generator()()); }
+
+}  // namespace
+
+MapOutput::MapOutput(StageContextBase& context, const NodeletParams& params, MapPipeline& pipeline, Publish publish)
+    : context_(context),
+      world_frame_(params.world_frame),
+      pipeline_(pipeline),
+      publish_(std::move(publish)),
+      uuid_(new_uuid()),
+      whole_limit_(kWhole_hz),
+      repair_limit_(kRepair_hz),
+      whole_publisher_(context.node().advertise<MapUpdate>("semantic_map", 1, true)),
+      // Who comes later begins with the whole map.
+      updates_publisher_(context.node().advertise<MapUpdate>("semantic_map/updates", 20,
+                                                             [this](const ros::SingleSubscriberPublisher& subscriber) {
+                                                               if (pipeline_.has_map()) subscriber.publish(whole());
+                                                             })),
+      markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("semantic_map_markers", 5)) {
+  context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
+  context.when_made([this] {
+    servers_.push_back(context_.node().advertiseService<std_srvs::TriggerRequest, std_srvs::TriggerResponse>(
+        "semantic_map/reset", [this](std_srvs::TriggerRequest& /*request*/, std_srvs::TriggerResponse& response) {
+          response.success = 1;
+          response.message = "the map begins anew: " + std::to_string(pipeline_.size()) + " features forgotten";
+          begin_anew();
+          ROS_INFO_STREAM(context_.name() << ": " << response.message);
+          return true;
+        }));
+    servers_.push_back(context_.node().advertiseService<std_srvs::SetBoolRequest, std_srvs::SetBoolResponse>(
+        "semantic_map/pause", [this](std_srvs::SetBoolRequest& request, std_srvs::SetBoolResponse& response) {
+          paused_ = request.data != 0;
+          context_.diagnostics().pause(paused_);
+          response.success = 1;
+          response.message = paused_ ? "the map is paused" : "the map goes on";
+          ROS_INFO_STREAM(context_.name() << ": " << response.message);
+          return true;
+        }));
+  });
+}
+
+bool MapOutput::passes_over() {
+  if (paused_) context_.diagnostics().counted({{"passed over while paused", 1}});
+  return paused_;
+}
+
+bool MapOutput::is_next(StampOrder::Verdict verdict) {
+  if (verdict == StampOrder::Verdict::kRefused) return context_.drop(drop_reason::kStamp);
+  if (verdict == StampOrder::Verdict::kRestart) {
+    begin_anew();
+    context_.diagnostics().counted({{"time jumped back: new map", 1}});
+  }
+  return true;
+}
+
+void MapOutput::publish(const MapDelta& delta) {
+  const std::int64_t now_ns = steady_now_ns();
+  if (whole_limit_.passes(now_ns) || delta.full) publish_(whole_publisher_, whole());
+  if (updates_publisher_.getNumSubscribers() > 0) {
+    MapUpdate msg = map_delta_to_msg(delta, uuid_, world_frame_);
+    if (repair_limit_.passes(now_ns)) {
+      const std::vector<GoneFeature> gone = std::move(msg.gone);
+      msg = whole();
+      msg.gone = gone;
+    }
+    publish_(updates_publisher_, std::move(msg));
+  }
+  if (markers_publisher_.getNumSubscribers() > 0) {
+    markers_publisher_.publish(
+        boost::make_shared<const visualization_msgs::MarkerArray>(markers_.update(pipeline_.map(), world_frame_)));
+  }
+}
+
+/// Another map with another UUID.
+void MapOutput::begin_anew() {
+  pipeline_.begin_anew();
+  uuid_ = new_uuid();
+}
+
+MapUpdate MapOutput::whole() const { return map_delta_to_msg(pipeline_.whole(), uuid_, world_frame_); }
+
+void MapOutput::report(StageDiagnostics::Status& status) const {
+  std::map<std::string, std::size_t> counts = {{"moving", 0},   {"ellipse", 0},  {"box", 0},
+                                               {"polyline", 0}, {"boundary", 0}, {"target", 0}};
+  const Map map = pipeline_.map();
+  for (const Feature& feature : map.features) {
+    ++counts[kind_of(feature.shape)];
+    if (feature.motion == Motion::kMoving) ++counts["moving"];
+  }
+  status.add("features", map.features.size());
+  for (const auto& [what, count] : counts) status.add(what, count);
+}
+
+}  // namespace situation_awareness
