@@ -9,6 +9,7 @@ find_package(Qt${qt_major} REQUIRED COMPONENTS Widgets)
 
 add_library(${PROJECT_NAME}_rviz_logic STATIC
   src/ros/rviz/drawable_objects.cpp
+  src/ros/rviz/feature_mesh.cpp
   src/ros/rviz/knobs.cpp
   src/ros/rviz/map_history.cpp
   src/ros/rviz/map_mesh.cpp
@@ -24,6 +25,7 @@ add_library(${PROJECT_NAME}_rviz
   src/ros/rviz/knob_form.cpp
   src/ros/rviz/map_scene.cpp
   src/ros/rviz/polygon_map_display.cpp
+  src/ros/rviz/semantic_map_display.cpp
   src/ros/rviz/service_caller.cpp
   src/ros/rviz/status_panel.cpp)
 situation_awareness_target(${PROJECT_NAME}_rviz)

@@ -32,11 +32,12 @@ namespace situation_awareness {
 ///     using Map = DrawableObjects;              // the data of a message
 ///     static constexpr const char* kColorings[] = {"id", "standing or moving"};  // by MapStyle::coloring
 ///     static constexpr const char* kColoringsHelp = "A colour for each element, or ...";
-///     explicit Drawing(rviz::Property& parent); // adds its own properties, if any static Map map_of(const Message&
-///     msg); // throws std::exception if it cannot be drawn static std::vector<MapPosition> positions_of(const Map&);
-///     // of elements with a path static std::vector<MapLabel> labels_of(const Map&, const MapStyle&); void
-///     draw(const Map&, const MapHistory&, const MapStyle&, MapMesh&) const; // refills an earlier mesh static
-///     std::size_t size_of(const Map&); // number of elements
+///     explicit Drawing(rviz::Property& parent);      // adds its own properties, if any
+///     Map map_of(const Message&);                    // throws std::exception if it cannot be drawn
+///     static std::vector<MapPosition> positions_of(const Map&);  // of elements with a path
+///     static std::vector<MapLabel> labels_of(const Map&, const MapStyle&);
+///     void draw(const Map&, const MapHistory&, const MapStyle&, MapMesh&) const;  // refills an earlier mesh
+///     static std::size_t size_of(const Map&);        // number of elements
 ///
 /// Moc does not support templates, so properties are connected without slots.
 template <class Drawing>
@@ -95,7 +96,7 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
 
   void processMessage(const typename Drawing::Message::ConstPtr& msg) override {
     try {
-      typename Drawing::Map map = Drawing::map_of(*msg);
+      typename Drawing::Map map = drawing_->map_of(*msg);
       const std::string frame = tf2_frame(msg->header.frame_id);
       Ogre::Vector3 position;
       Ogre::Quaternion orientation;

@@ -90,12 +90,18 @@ Color class_color(ObjectClass object_class) {
 
 Color color_of(const Object& object, ObjectStyle::Coloring coloring) {
   if (coloring == ObjectStyle::kId) return color_of(object.id);
-  if (coloring == ObjectStyle::kClass) return class_color(object.object_class);
+  const bool by_motion = coloring == ObjectStyle::kMotion ||
+                         (coloring == ObjectStyle::kClassOrMotion && object.object_class == ObjectClass::kUnknown);
+  if (!by_motion) return class_color(object.object_class);
   return object.p_moving > 0.5 ? kMovingColor : kStandingColor;
 }
 
 void draw(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
   clear(mesh);
+  add(map, history, style, mesh);
+}
+
+void add(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
   if (map.objects.empty()) return;
   const auto coloring = static_cast<ObjectStyle::Coloring>(style.coloring);
   const std::size_t sides = std::clamp(kSidesOfAll / map.objects.size(), kMinSides, kMaxSides);

@@ -54,18 +54,22 @@ Polygons drawable_polygons(const PolygonArray& msg) {
 
 void draw(const Polygons& map, const PolygonStyle& style, MapMesh& mesh) {
   clear(mesh);
-  const double top = top_of(map, style);
   for (const Chain& chain : map.chains) {
-    const Color color = style.coloring == PolygonStyle::kId ? color_of(chain.id) : color_of(chain.state);
-    const Polyline line = line_of(chain);
-    const Polyline free_side = right_of(line, -kLineWidth_m);  // which is on the left
-    add_wall(mesh.translucent, line, free_side, top - style.body_height_m, top,
-             {color, static_cast<float>(style.alpha * chain.p_exists)});
-    add_band(mesh.solid, line, free_side, top, {shaded(color, 0.8), 1.0F});
-    if (!style.uncertainty) continue;
-    add_band(mesh.translucent, beside(chain, line, -2.0), beside(chain, line, 2.0), top + kLayer_m,
-             {kUncertaintyColor, 0.5F});
+    add(chain, style.coloring == PolygonStyle::kId ? color_of(chain.id) : color_of(chain.state), map.height_world_m,
+        style, mesh);
   }
+}
+
+void add(const Chain& chain, const Color& color, double height_m, const PolygonStyle& style, MapMesh& mesh) {
+  const double top = height_m + 0.5 * style.body_height_m;
+  const Polyline line = line_of(chain);
+  const Polyline free_side = right_of(line, -style.line_m);  // which is on the left
+  add_wall(mesh.translucent, line, free_side, top - style.body_height_m, top,
+           {color, static_cast<float>(style.alpha * chain.p_exists)});
+  add_band(mesh.solid, line, free_side, top, {shaded(color, 0.8), 1.0F});
+  if (!style.uncertainty) return;
+  add_band(mesh.translucent, beside(chain, line, -2.0), beside(chain, line, 2.0), top + kLayer_m,
+           {kUncertaintyColor, 0.5F});
 }
 
 std::vector<MapLabel> labels_of(const Polygons& map, const MapStyle& style) {

@@ -30,9 +30,17 @@ constexpr double kScale = 80.0;  // pixels per metre
 
 /// An invisible window with one display, seen from above; the origin of the frame odom is at (0, 1) m in world.
 class DisplayFixture : public testing::Test {
+ public:
+  /// After all suites.
+  static void end() {
+    delete panel_;
+    delete manager_;
+  }
+
  protected:
-  // Ogre can be started only once per process.
+  // Ogre can be started only once per process: by the first suite.
   static void SetUpTestSuite() {
+    if (panel_ != nullptr) return;
     panel_ = new rviz::RenderPanel;
     panel_->resize(800, 600);
     panel_->show();
@@ -43,11 +51,6 @@ class DisplayFixture : public testing::Test {
     manager_->setFixedFrame("world");
     manager_->getViewManager()->setCurrentViewControllerType("rviz/TopDownOrtho");
     manager_->getViewManager()->getCurrent()->subProp("Scale")->setValue(kScale);
-  }
-
-  static void TearDownTestSuite() {
-    delete panel_;
-    delete manager_;
   }
 
   void SetUp() override {
@@ -161,7 +164,9 @@ inline int run_display_tests(int argc, char** argv, const char* name) {
   QApplication app(argc, argv);
   ros::init(argc, argv, name);
   ros::NodeHandle node;  // keeps ROS up between the tests
-  return RUN_ALL_TESTS();
+  const int result = RUN_ALL_TESTS();
+  DisplayFixture::end();
+  return result;
 }
 
 }  // namespace situation_awareness

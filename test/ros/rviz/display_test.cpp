@@ -6,8 +6,12 @@
 #include <vector>
 
 #include "display_fixture.hpp"
+#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/MappedObjectArray.h"
+#include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/map/map.hpp"
+#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
 
@@ -158,6 +162,112 @@ TEST_F(DisplayTest, DrawsAndRemovesHundreds) {
     }
   }
   EXPECT_EQ(drawn, 0U);
+}
+
+/// The display of the one map.
+class SemanticMapDisplayTest : public DisplayFixture {
+ protected:
+  void SetUp() override {
+    DisplayFixture::SetUp();
+    connect(manager_->createDisplay("situation_awareness/SemanticMap", "Map", true),
+            node_.advertise<MapUpdate>("semantic_map/updates", 10));
+    display_->subProp("Uncertainty")->setValue(false);
+    display_->subProp("Color")->setValue("id");
+  }
+
+  static Feature feature(FeatureId id, const FeatureShape& shape) {
+    Feature feature;
+    feature.id = id;
+    feature.shape = shape;
+    return feature;
+  }
+
+  void publish(const MapDelta& delta) { maps_.publish(map_delta_to_msg(delta, "9b2c", "world")); }
+
+  MapDelta delta(std::uint64_t base, const std::vector<Feature>& changed, const std::vector<Gone>& gone = {}) {
+    MapDelta delta;
+    delta.stamp_ns = stamp_ns_ += 100'000'000;
+    delta.base = base;
+    delta.version = base + 1;
+    delta.full = base == 0;
+    delta.changed = changed;
+    delta.gone = gone;
+    return delta;
+  }
+
+  /// A later version of the map, which has this alone.
+  MapDelta whole(const Feature& feature) {
+    MapDelta result = delta(0, {feature});
+    result.version = static_cast<std::uint64_t>(stamp_ns_);
+    return result;
+  }
+
+  /// Of the line on top of a wall.
+  static Color line_color(std::uint64_t id) {
+    const Color body = color_of(id);
+    return {0.8F * body.r, 0.8F * body.g, 0.8F * body.b};
+  }
+
+  Color color(const Eigen::Vector2d& p_m) const { return color_at(picture(), p_m); }
+
+  std::int64_t stamp_ns_ = 10'000'000'000;
+};
+
+TEST_F(SemanticMapDisplayTest, DrawsEachKindWhereItIsAndFollowsTheUpdates) {
+  const double quarter = std::tan(kPi / 8.0);  // bulge of a quarter of a circle
+  const Eigen::Vector2d circle_m(2.5, 1.5);
+  std::vector<SplinegonVertex> arcs;
+  for (const Eigen::Vector2d& way :
+       {Eigen::Vector2d(1.0, 0.0), Eigen::Vector2d(0.0, 1.0), Eigen::Vector2d(-1.0, 0.0), Eigen::Vector2d(0.0, -1.0)}) {
+    arcs.push_back({circle_m + way, quarter, 0.01, false});
+  }
+  const Feature body = feature(1, EllipseShape{{{-2.0, 0.0}, 0.0, 0.5, 0.5}, {}});
+  const Feature box = feature(2, BoxShape{{{0.0, 1.5}, 0.0, 0.8, 0.4}, {}});
+  const Feature wall = feature(3, PolylineShape{{{{-3.0, -2.0}, 0.01}, {{3.0, -2.0}, 0.01}}, false});
+  const Feature boundary = feature(4, ArcShape{arcs, true});
+  const Feature target = feature(5, FootprintShape{{2.5, -0.5, 0.0}, 1e-6 * Eigen::Matrix2d::Identity(), 1.0});
+  publish(delta(0, {body, box, wall, boundary, target}));
+  ASSERT_TRUE(until([this] { return status() == "5 elements"; })) << status().toStdString();
+  const Ogre::Image image = picture();
+  const Color background = color_at(image, {0.0, 0.0});
+  EXPECT_TRUE(alike(color_at(image, {-2.0, 0.0}), color_of(std::uint64_t{1})));
+  EXPECT_TRUE(alike(color_at(image, {0.6, 1.7}), color_of(std::uint64_t{2})));
+  EXPECT_GT(blob_of(image, line_color(3)).area_m2, 0.5 * 6.0 * 0.03);
+  EXPECT_NEAR(blob_of(image, line_color(4)).center_m.x(), circle_m.x(), 0.1);
+  EXPECT_TRUE(alike(color_at(image, circle_m), background)) << "a boundary is a line";
+  EXPECT_FALSE(alike(color_at(image, {2.5, -0.5}), background)) << "the target";
+
+  // The body moves, the box becomes a line under the same id, and the target is gone.
+  const Feature moved = feature(1, EllipseShape{{{-2.0, 1.0}, 0.0, 0.5, 0.5}, {}});
+  const Feature line = feature(2, PolylineShape{{{{-1.0, 1.5}, 0.01}, {{1.0, 1.5}, 0.01}}, false});
+  publish(delta(1, {moved, line}, {{5, GoneReason::kLeft, {}}}));
+  ASSERT_TRUE(until([this] { return status() == "4 elements"; })) << status().toStdString();
+  EXPECT_TRUE(alike(color({-2.0, 1.0}), color_of(std::uint64_t{1})));
+  EXPECT_TRUE(alike(color({-2.0, -0.2}), background));
+  EXPECT_TRUE(alike(color({0.6, 1.7}), background));
+  EXPECT_TRUE(alike(color({2.5, -0.5}), background));
+
+  // An update that was missed is mended by a whole map.
+  publish(delta(7, {body}));
+  ASSERT_TRUE(until([this] { return status().startsWith("not drawn: an update was missed"); }));
+  EXPECT_TRUE(alike(color({-2.0, 1.0}), color_of(std::uint64_t{1})));
+  publish(whole(body));
+  ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
+  EXPECT_TRUE(alike(color({-2.0, 0.0}), color_of(std::uint64_t{1})));
+}
+
+TEST_F(SemanticMapDisplayTest, RefusesWhatARendererCannotTakeAndContinues) {
+  const Feature wall = feature(3, PolylineShape{{{{-3.0, -2.0}, 0.01}, {{3.0, -2.0}, 0.01}}, false});
+  Feature far = wall, vague = wall;
+  std::get<PolylineShape>(far.shape).vertices[1].p_world_m.x() = 1e300;
+  std::get<PolylineShape>(vague.shape).vertices[1].sigma_m = 1e12;
+  for (const Feature& bad : {far, vague}) {
+    publish(whole(bad));
+    ASSERT_TRUE(until([this] { return status().startsWith("not drawn: feature 3: "); })) << status().toStdString();
+    publish(whole(wall));
+    ASSERT_TRUE(until([this] { return status() == "1 elements"; })) << status().toStdString();
+    display_->reset();
+  }
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace situation_awareness {
 
 /// Style of a map of objects.
 struct ObjectStyle : MapStyle {
-  enum Coloring { kId, kMotion, kClass };
+  enum Coloring { kId, kMotion, kClass, kClassOrMotion };
 
   bool velocity = true;
   bool covariance = true;
@@ -23,6 +23,9 @@ struct ObjectStyle : MapStyle {
 /// for half a second), an arrow from its edge for its motion in 1 s, if it moves, the 95 % ellipse of its centre, and
 /// its path, which fades with age. `mesh` is the previous one: its memory is reused.
 void draw(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
+
+/// The same beside what the mesh has already.
+void add(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
 
 /// The colour of an element.
 Color color_of(const Object& object, ObjectStyle::Coloring coloring);
