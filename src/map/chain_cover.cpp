@@ -82,15 +82,20 @@ double length_on(const Object& object, const Chain& chain, double margin_m) {
   return on_m;
 }
 
-bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, const Chain& chain) {
+bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, const Chain& chain, double begin_m,
+               double end_m) {
   bool result = false;
+  double before_m = 0.0;
   for_each_edge(chain, [&](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
     const Eigen::Vector2d edge = to - from, way = p_world_m - from;
     const double length_m = edge.norm();
-    if (result || !(along.dot(edge) > kSameWay * length_m)) return;
-    const double at_m = way.dot(edge) / length_m;
-    const double across_m = std::abs(edge.x() * way.y() - edge.y() * way.x()) / length_m;
-    result = across_m <= kSamePlace_m && at_m >= 0.0 && at_m <= length_m;
+    if (!result && along.dot(edge) > kSameWay * length_m) {
+      const double at_m = way.dot(edge) / length_m;
+      const double across_m = std::abs(edge.x() * way.y() - edge.y() * way.x()) / length_m;
+      result = across_m <= kSamePlace_m && at_m >= std::max(0.0, begin_m - before_m) &&
+               at_m <= std::min(length_m, end_m - before_m);
+    }
+    before_m += length_m;
   });
   return result;
 }

@@ -51,8 +51,10 @@ void for_each_step(const Chain& chain, double most_m, Visit&& visit) {
   });
 }
 
-/// Whether a chain goes past a place by .1 m at most, in that direction: so it is a surface that faces the same way.
-bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, const Chain& chain);
+/// Whether a chain, between two places along it, in m, goes past a place by .1 m at most, in that direction: so it is a
+/// surface that faces the same way.
+bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, const Chain& chain, double begin_m,
+               double end_m);
 
 /// Vertices of that of an open chain between two places along it, in m; all if that is its length.
 std::vector<ChainVertex> part_of(const Chain& chain, double begin_m, double end_m);

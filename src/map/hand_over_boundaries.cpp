@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <vector>
 
+#include "chain_cover.hpp"
 #include "semantic_map_parts.hpp"
 #include "situation_awareness/common/time.hpp"
 
@@ -12,6 +14,8 @@ namespace {
 
 /// Numbers of a boundary of arcs over those of its chains' vertices, at most: then arcs are what explains it.
 constexpr double kFewerNumbers = 0.75;
+/// m. Between the points of its outline along arcs.
+constexpr double kSampled_m = 0.25;
 /// For so long (s) before it is a boundary.
 constexpr double kExplains_s = 1.0;
 
@@ -49,6 +53,7 @@ void SemanticMap::take_boundaries(const BoundaryChanges& changes) {
     boundary->numbers_of_chains = 0;
     if (is_same(splinegon, boundary->latest)) continue;
     boundary->latest = splinegon;
+    if (boundary->is_boundary) draw(*boundary);
     if (const ChainEntry* const main = find_chain(boundary->main)) touched_.push_back(main->id);
   }
   const auto current = [this](Handle handle) {
@@ -76,12 +81,30 @@ void SemanticMap::take_boundaries(const BoundaryChanges& changes) {
   for (ChainEntry& chain : chains_) {
     if (chain.boundary_update != updates_) leave_boundary(chain);
   }
+  for (const BoundaryEntry& boundary : boundaries_) {
+    if (boundary.update != updates_) unsettle_near(boundary.outline);
+  }
   boundaries_.erase(std::remove_if(boundaries_.begin(), boundaries_.end(),
                                    [this](const BoundaryEntry& boundary) { return boundary.update != updates_; }),
                     boundaries_.end());
 }
 
-void SemanticMap::judge(BoundaryEntry& boundary) const {
+/// Makes the outline anew; chains beside it may show something else now.
+void SemanticMap::draw(BoundaryEntry& boundary) {
+  unsettle_near(boundary.outline);
+  boundary.outline.closed = boundary.latest.closed;
+  boundary.outline.vertices.clear();
+  boundary.box_world_m.setEmpty();
+  const std::vector<SplinegonPoint> points = sampled(boundary.latest, kSampled_m);
+  std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
+    boundary.outline.vertices.push_back({point.p_world_m, point.sigma_m});
+    boundary.box_world_m.extend(point.p_world_m);
+  });
+  boundary.length_m = length_of(boundary.outline);
+  unsettle_near(boundary.outline);
+}
+
+void SemanticMap::judge(BoundaryEntry& boundary) {
   if (boundary.is_boundary) return;
   const auto most = kFewerNumbers * static_cast<double>(boundary.numbers_of_chains);
   if (!with_chains_) {
@@ -93,11 +116,13 @@ void SemanticMap::judge(BoundaryEntry& boundary) const {
   } else {
     boundary.is_boundary = seconds_between(boundary.explains_since_ns, stamp_ns_) >= kExplains_s;
   }
+  if (boundary.is_boundary) draw(boundary);
 }
 
 void SemanticMap::enter_boundary(ChainEntry& chain, Handle handle) {
   BoundaryEntry& boundary = *find_boundary(handle);
   chain.of_boundary = handle;
+  unsettle_near(chain.latest);
   ++boundary.chains;
   touched_.push_back(chain.id);
   ChainEntry* const main = find_chain(boundary.main);
@@ -117,6 +142,7 @@ void SemanticMap::leave_boundary(ChainEntry& chain) {
   if (chain.of_boundary == 0) return;
   BoundaryEntry& boundary = *find_boundary(chain.of_boundary);
   chain.of_boundary = 0;
+  unsettle_near(chain.latest);
   --boundary.chains;
   touched_.push_back(chain.id);
   new_.push_back(chain.handle);

@@ -19,22 +19,29 @@ constexpr int kMostRounds = 5;
 /// A chain that was the longer one stays it until the other is so many times as long.
 constexpr double kLonger = 1.25;
 /// m. Steps in which it is found what is covered.
-constexpr double kCoverStep_m = 0.05;
-/// m. A covered end that is shorter is shown.
-constexpr double kLeastEnd_m = 0.05;
+constexpr double kCoverStep_m = 0.025;
+/// m. A shorter run of what is beside none is no end that is shown: two chains that meet at a corner are apart there.
+constexpr double kShortRun_m = 0.06;
+/// m. Of a shorter chain, from its ends that are shown: what is beside these are its own to leave out.
+constexpr double kMiddle_m = 0.05;
+/// m. A covered end that is shorter is shown, and so is all of what would be left of a chain.
+constexpr double kLeastEnd_m = 0.02;
 
 }  // namespace
 
-/// Whether the first of two chains of one surface is the one that shows it.
+/// Whether the first of two chains of one surface is the one that shows it: what a boundary is drawn of is shown by
+/// that.
 bool SemanticMap::is_before(const ChainEntry& a, const ChainEntry& b) const {
+  if ((a.of_boundary != 0) != (b.of_boundary != 0)) return a.of_boundary != 0;
   const double bonus_a = b.beside == a.handle ? kLonger : 1.0, bonus_b = a.beside == b.handle ? kLonger : 1.0;
   const double length_a_m = bonus_a * a.length_m, length_b_m = bonus_b * b.length_m;
   return length_a_m != length_b_m ? length_a_m > length_b_m : a.handle < b.handle;
 }
 
 /// The rule of surfaces: where noise or drift drew one twice, the longer chain shows it. A shorter one that is beside
-/// it almost everywhere is a part of it; else its ends that are beside it are left out. To be called for those chains
-/// (unsettled_) that changed, or beside which one changed.
+/// it almost everywhere is a part of it; else its ends that are beside it are left out, and so are the ends of the
+/// longer one that are beside the middle of the shorter one. To be called for those chains (unsettled_) that changed,
+/// or beside which one changed.
 void SemanticMap::settle_overlaps() {
   for (int round = 0; round < kMostRounds && !unsettled_.empty(); ++round) {
     settling_.clear();
@@ -56,26 +63,42 @@ void SemanticMap::settle_overlaps() {
 void SemanticMap::settle(ChainEntry& chain) {
   find_near(chain.latest);
   others_.clear();
-  for (const Handle handle : near_) {
-    const ChainEntry& other = *find_chain(handle);
-    if (handle == chain.handle || other.beside != 0 || !is_before(other, chain)) continue;
-    others_.push_back({handle, 0});
+  // A boundary may be drawn farther than its chains go now.
+  for (const BoundaryEntry& boundary : boundaries_) {
+    if (!boundary.is_boundary || boundary.main == 0 || chain.of_boundary == boundary.handle) continue;
+    if (!boundary.box_world_m.intersects(chain.box_world_m)) continue;
+    others_.push_back({boundary.main, 0, true, &boundary.outline, 0.0, boundary.length_m});
   }
-  double covered_m = 0.0, at_m = 0.0, begin_m = 0.0, end_m = chain.length_m;
+  for (const bool before : {true, false}) {
+    for (const Handle handle : near_) {
+      const ChainEntry& other = *find_chain(handle);
+      if (handle == chain.handle || other.beside != 0 || is_before(other, chain) != before) continue;
+      const double begin_m = before ? 0.0 : other.begin_m + kMiddle_m;
+      const double end_m = before ? other.length_m : other.end_m - kMiddle_m;
+      others_.push_back({handle, 0, before, &other.latest, begin_m, end_m});
+    }
+  }
+  // What it shows ends with the last run of steps that is beside none.
+  double covered_m = 0.0, at_m = 0.0, begin_m = 0.0, end_m = 0.0, run_m = 0.0;
   bool is_at_begin = true;
   for_each_step(chain.latest, kCoverStep_m,
                 [&](const Eigen::Vector2d& p_m, const Eigen::Vector2d& along, double step_m) {
                   at_m += step_m;
                   const auto other = std::find_if(others_.begin(), others_.end(), [&](const Overlap& candidate) {
-                    return is_beside(p_m, along, find_chain(candidate.chain)->latest);
+                    return is_beside(p_m, along, *candidate.line, candidate.begin_m, candidate.end_m);
                   });
                   if (other == others_.end()) {
+                    run_m += step_m;
+                    if (run_m <= kShortRun_m) return;
                     is_at_begin = false;
                     end_m = at_m;
                     return;
                   }
-                  ++other->steps;
-                  covered_m += step_m;
+                  run_m = 0.0;
+                  if (other->is_before) {
+                    ++other->steps;
+                    covered_m += step_m;
+                  }
                   if (is_at_begin) begin_m = at_m;
                 });
   const bool was_beside = chain.beside != 0;
@@ -85,14 +108,15 @@ void SemanticMap::settle(ChainEntry& chain) {
   const double bare_m = chain.length_m - covered_m;
   const bool is_covered = covered_m >= least * chain.length_m && bare_m <= (was_beside ? kStaysBare_m : kBare_m);
   const Handle beside = most != others_.end() && is_covered ? most->chain : 0;
-  if (beside != 0 || chain.latest.closed || begin_m < kLeastEnd_m) begin_m = 0.0;
-  if (beside != 0 || chain.latest.closed || chain.length_m - end_m < kLeastEnd_m) end_m = chain.length_m;
+  const bool is_whole = beside != 0 || chain.latest.closed || end_m - begin_m < kLeastEnd_m;
+  if (is_whole || begin_m < kLeastEnd_m) begin_m = 0.0;
+  if (is_whole || chain.length_m - end_m < kLeastEnd_m) end_m = chain.length_m;
   const bool is_same = beside == chain.beside && begin_m == chain.begin_m && end_m == chain.end_m;
   chain.beside = beside;
   chain.begin_m = begin_m;
   chain.end_m = end_m;
   if (is_same) return;
-  if (was_beside != (beside != 0)) unsettle_near(chain);
+  unsettle_near(chain.latest);
   touched_.push_back(chain.id);
   if (beside == 0) {
     new_.push_back(chain.handle);

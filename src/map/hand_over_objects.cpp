@@ -228,7 +228,8 @@ void SemanticMap::hand_over(ObjectEntry& object) {
     ChainEntry& chain = *find_chain(cover.chain);
     if (chain.of_object != 0 && chain.of_object != object.handle) {
       cover.is_of_object = false;
-      cover.on_object_m = 0.0;
+      // Else the other object is the feature, and the chain is none.
+      if (find_object(chain.of_object)->as == As::kItself) cover.on_object_m = 0.0;
       continue;
     }
     if (!cover.is_of_object) continue;

@@ -166,7 +166,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     ChainEntry* known = find_chain(chain->id);
     if (known != nullptr) {
       changed_world_m_.extend(known->box_world_m);
-      unsettle_near(*known);
+      unsettle_near(known->latest);
       remove(*known);
     } else {
       known = &add_at_handle(chains_, chain->id);
@@ -180,7 +180,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     known->begin_m = 0.0;
     changed_world_m_.extend(known->box_world_m);
     place(*known);
-    unsettle_near(*known);
+    unsettle_near(known->latest);
     touched_.push_back(known->id);
   }
   for (const Handle handle : changes.gone) drop_chain(handle);
@@ -191,7 +191,7 @@ void SemanticMap::drop_chain(Handle handle) {
   if (gone == nullptr) return;
   changed_world_m_.extend(gone->box_world_m);
   remove(*gone);
-  unsettle_near(*gone);
+  unsettle_near(gone->latest);
   if (ObjectEntry* const of = find_object(gone->of_object)) {
     of->chains.erase(std::remove(of->chains.begin(), of->chains.end(), handle), of->chains.end());
   }
@@ -213,8 +213,8 @@ void SemanticMap::drop_chain(Handle handle) {
 }
 
 /// What is beside it may show, or not show, its surface now.
-void SemanticMap::unsettle_near(const ChainEntry& chain) {
-  find_near(chain.latest);
+void SemanticMap::unsettle_near(const Chain& line) {
+  find_near(line);
   unsettled_.insert(unsettled_.end(), near_.begin(), near_.end());
 }
 

@@ -610,8 +610,8 @@ TEST(SemanticMap, AChainAroundABuildingBecomesABoundaryUnderOneId) {
   EXPECT_EQ(scene.features(), Features({"1 polyline"}));
   scene.scan(1.0);
   EXPECT_EQ(scene.features(), Features({"1 boundary"}));
-  // The other side is another chain until the corner is seen.
-  scene.chain(4, around(middle, 5.0, 3.0, 0.5, 15));
+  // The other side, which the boundary is not drawn along yet, is another chain until the corner is seen.
+  scene.chain(4, around(middle, 5.3, 3.0, 0.5, 15));
   scene.scan(0.5);
   EXPECT_EQ(scene.features(), Features({"1 boundary", "2 polyline"}));
   scene.boundary(3, middle, 5.0, {3, 4});
@@ -630,6 +630,46 @@ TEST(SemanticMap, AChainAroundABuildingBecomesABoundaryUnderOneId) {
   scene.scan();
   EXPECT_EQ(scene.features(), Features({"1 polyline"}));
   EXPECT_EQ(scene.gone().size(), 1U);
+}
+
+// Where a boundary is drawn farther than its chains go, another chain there is the same surface.
+TEST(SemanticMap, WhatABoundaryIsDrawnAlongIsNotThereTwice) {
+  Scene scene;
+  const Eigen::Vector2d middle(0.0, 20.0);
+  scene.chain(3, around(middle, 5.0, 0.0, -3.0, 15));
+  scene.boundary(3, middle, 5.0, {3});
+  scene.scan(2.0);
+  scene.chain(4, around(middle, 5.03, 3.0, 0.5, 15));
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 boundary"}));
+  scene.leave_chain(3);
+  scene.leave_boundary(3);
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 polyline"}));
+}
+
+TEST(SemanticMap, AnObjectOnTheChainOfAnotherOneIsPartOfIt) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  scene.box(8, {5.0, -0.9}, 1.5, 0.05);
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+}
+
+TEST(SemanticMap, TheEndOfALongerChainBesideTheMiddleOfAShorterOneIsLeftOut) {
+  Scene scene;
+  scene.chain(3, {{0.0, 0.0}, {10.0, 0.0}});
+  scene.chain(4, {{9.0, 1.5}, {9.7, 0.05}, {10.5, 0.05}, {12.0, 2.0}});
+  scene.scan();
+  const Map map = scene.map();
+  ASSERT_EQ(map.features.size(), 2U);
+  const auto& longer = std::get<PolylineShape>(map.features[0].shape).vertices;
+  EXPECT_EQ(longer.front().p_world_m, Eigen::Vector2d::Zero());
+  EXPECT_NEAR(longer.back().p_world_m.x(), 9.72, 0.06);
+  EXPECT_EQ(std::get<PolylineShape>(map.features[1].shape).vertices.size(), 4U);
 }
 
 TEST(SemanticMap, ABoundaryStaysWhileItsChainsComeAndGo) {

@@ -130,10 +130,13 @@ class SemanticMap {
     Eigen::AlignedBox2d box_world_m;
     Chain latest;
   };
-  /// How many steps along a chain another one covers.
+  /// How many steps along a chain another one, or a boundary, covers, that is the one to show them.
   struct Overlap {
-    Handle chain = 0;
+    Handle chain = 0;  ///< of a boundary: the one whose id that has
     int steps = 0;
+    bool is_before = false;
+    const Chain* line = nullptr;
+    double begin_m = 0.0, end_m = 0.0;  ///< along that, what covers
   };
   /// A boundary of a large obstacle of its layer.
   struct BoundaryEntry {
@@ -145,6 +148,9 @@ class SemanticMap {
     std::size_t numbers_of_chains = 0;  ///< that the vertices of those are
     std::uint64_t update = 0;           ///< number of the latest one that listed it
     Splinegon latest;
+    Chain outline;                    ///< the same as a chain, its free side to the left
+    double length_m = 0.0;            ///< of that
+    Eigen::AlignedBox2d box_world_m;  ///< around it
   };
   /// An object that is part of a larger thing, and that its layer does not follow any more: what drives off from there
   /// is it.
@@ -191,12 +197,13 @@ class SemanticMap {
   FeatureId heir_on_map(FeatureId into) const;
   ChainEntry* heir_of(const ChainEntry& gone);
   void merge_chains(FeatureId id, ChainEntry& heir);
-  void unsettle_near(const ChainEntry& chain);
+  void unsettle_near(const Chain& line);
   bool is_before(const ChainEntry& a, const ChainEntry& b) const;
   void settle_overlaps();
   void settle(ChainEntry& chain);
   void take_boundaries(const BoundaryChanges& changes);
-  void judge(BoundaryEntry& boundary) const;
+  void draw(BoundaryEntry& boundary);
+  void judge(BoundaryEntry& boundary);
   void enter_boundary(ChainEntry& chain, Handle handle);
   void leave_boundary(ChainEntry& chain);
   void lead(BoundaryEntry& boundary);
@@ -263,7 +270,7 @@ class SemanticMap {
   std::vector<Handle> settling_;         ///< of these, those of a round
   Eigen::AlignedBox2d changed_world_m_;  ///< around the chains that changed with the latest scan, before and after
   std::vector<Handle> joined_;           ///< chains that have begun to be shown by another one
-  std::vector<Overlap> others_;          ///< chains before one, and how much of it each covers
+  std::vector<Overlap> others_;          ///< chains beside one, and how much of it each covers
   std::vector<Cover> covers_;
   FreeSpaceMemory sights_;
   MapDelta delta_;
