@@ -146,15 +146,15 @@ situation_awareness_node(objects_bag src/ros/tools/objects_bag.cpp ${PROJECT_NAM
 situation_awareness_node(polygons_bag src/ros/tools/polygons_bag.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(record_reflectors src/ros/tools/record_reflectors.cpp ${PROJECT_NAME}_bag)
 situation_awareness_node(splinegons_bag src/ros/tools/splinegons_bag.cpp ${PROJECT_NAME}_bag)
-situation_awareness_node(transit_evaluator src/ros/nodes/transit_evaluator.cpp ${PROJECT_NAME}_evaluation)
+situation_awareness_node(transit_evaluator src/ros/nodes/transit_evaluator.cpp ${PROJECT_NAME}_metrics)
 situation_awareness_node(stage_manager src/ros/nodes/stage_manager.cpp)
 if(SITUATION_AWARENESS_SIM)
   set(situation_awareness_sensors ${PROJECT_NAME}_sim $<TARGET_NAME_IF_EXISTS:${PROJECT_NAME}_camera>)
   situation_awareness_node(simulator src/ros/nodes/simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(aircraft_simulator src/ros/nodes/aircraft_simulator.cpp ${situation_awareness_sensors})
-  situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_evaluation
+  situation_awareness_node(boundary_evaluator src/ros/nodes/boundary_evaluator.cpp ${PROJECT_NAME}_metrics
     ${PROJECT_NAME}_sim)
-  situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_evaluation
+  situation_awareness_node(map_evaluator src/ros/nodes/map_evaluator.cpp ${PROJECT_NAME}_metrics
     ${PROJECT_NAME}_sim)
   situation_awareness_node(multirotor_simulator src/ros/nodes/multirotor_simulator.cpp ${situation_awareness_sensors})
   situation_awareness_node(target_evaluator src/ros/nodes/target_evaluator.cpp ${PROJECT_NAME}_sim)
