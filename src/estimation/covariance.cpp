@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 
 namespace situation_awareness {
 
@@ -19,8 +19,9 @@ bool is_positive_semidefinite(const SmallCovariance& C) {
     scaled.col(i) *= scale;
   }
   if (!scaled.allFinite() || (scaled - scaled.transpose()).cwiseAbs().maxCoeff() > kRounding) return false;
-  const Eigen::SelfAdjointEigenSolver<SmallCovariance> solver(scaled, Eigen::EigenvaluesOnly);
-  return solver.info() == Eigen::Success && solver.eigenvalues().minCoeff() >= -kRounding;
+  // No eigenvalue is below -kRounding where all are positive with that added.
+  scaled.diagonal().array() += kRounding;
+  return Eigen::LLT<SmallCovariance>(scaled).info() == Eigen::Success;
 }
 
 }  // namespace situation_awareness
