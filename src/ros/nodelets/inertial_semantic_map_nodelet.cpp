@@ -34,7 +34,7 @@ class InertialSemanticMapStage {
         output_(
             context, params.nodelet, pipeline_,
             [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); }),
-        input_(context, gps_ins_params_of(params), params.reset_time_jump_s) {
+        input_(context, gps_ins_params_of(params.nodelet, params.inertial), params.reset_time_jump_s) {
     order_.trust();  // the input has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { warn_of_no_hit(states_, status); });
   }

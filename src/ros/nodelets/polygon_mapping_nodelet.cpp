@@ -31,17 +31,15 @@ class PolygonMappingStage {
       : context_(context),
         world_frame_(params.nodelet.world_frame),
         polyline_params_(params.pipeline.polylines),
+        pose_covariance_(params.scan_pose.covariance()),
         movers_(params.pipeline.movers),
         map_(params.pipeline.polygons, params.pipeline.chain_states, params.reset_time_jump_s),
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Polygons& polygons) { publisher_.publish(polygons); }),
-        input_(context, {world_frame_, params.pose_timeout_s, static_cast<std::size_t>(params.nodelet.queue_size),
-                         params.pipeline.safety.max_pose_age_s}) {
+        input_(context, {world_frame_, params.scan_pose.pose_timeout_s,
+                         static_cast<std::size_t>(params.nodelet.queue_size), params.pipeline.safety.max_pose_age_s}) {
     polyline_params_.validate();
     map_.trust_stamps();  // segmentation has judged them
-    const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;
-    pose_covariance_ =
-        Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
   }
 

@@ -30,17 +30,15 @@ class SemanticMapStage {
       : context_(context),
         world_frame_(params.nodelet.world_frame),
         kinds_(map_kinds_of(params.kinds)),
+        pose_covariance_(params.scan_pose.covariance()),
         order_(params.reset_time_jump_s),
         pipeline_(params.pipeline, kinds_),
         output_(
             context, params.nodelet, pipeline_,
             [&context](const ros::Publisher& publisher, MapUpdate msg) { context.publish(publisher, std::move(msg)); }),
-        input_(context, {world_frame_, params.pose_timeout_s, static_cast<std::size_t>(params.nodelet.queue_size),
-                         params.max_pose_age_s}) {
+        input_(context, {world_frame_, params.scan_pose.pose_timeout_s,
+                         static_cast<std::size_t>(params.nodelet.queue_size), params.max_pose_age_s}) {
     order_.trust();  // segmentation has judged them
-    const double variance_m2 = params.pose_sigma_m * params.pose_sigma_m;
-    pose_covariance_ =
-        Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     if (!kinds_.targets) return;
     context.when_made([this] {

@@ -50,7 +50,7 @@ class SplinegonMappingStage {
     pose_covariance_ =
         Eigen::Vector3d(variance_m2, variance_m2, params.pose_sigma_rad * params.pose_sigma_rad).asDiagonal();
     if (params.localization == "gps") {
-      by_gps_.emplace(context, gps_ins_params_of(params), params.reset_time_jump_s);
+      by_gps_.emplace(context, gps_ins_params_of(params.nodelet, params.inertial), params.reset_time_jump_s);
     } else {
       by_tf_.emplace(
           context, params.nodelet, params.reset_time_jump_s, 0.0,

@@ -23,7 +23,7 @@ MapNodeletParams read_map_nodelet_params(const ParamReader& reader) {
 
 MapNodeletParams read_inertial_map_nodelet_params(const ParamReader& reader) {
   MapNodeletParams params = read_map_nodelet_params(reader);
-  check_inertial_params(params, reader.source());
+  check_inertial_params(params.inertial, reader.source());
   const MapKinds kinds = map_kinds_of(params.kinds);
   if (kinds.targets) {
     throw std::invalid_argument(reader.source() + ": kinds: grid needs poses that TF knows to centimetres");

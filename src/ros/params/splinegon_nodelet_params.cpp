@@ -11,7 +11,7 @@ namespace situation_awareness {
 SplinegonNodeletParams read_splinegon_nodelet_params(const ParamReader& reader) {
   auto params = read_nodelet_params<SplinegonNodeletParams>(reader);
   forget_keys_of_other_stages(reader, params.unknown);
-  check_inertial_params(params, reader.source());
+  check_inertial_params(params.inertial, reader.source());
   if (params.localization != "gps" && params.localization != "tf") {
     throw std::invalid_argument(reader.source() + ": localization = " + params.localization + " is not gps or tf");
   }

@@ -65,19 +65,29 @@ void check_inertial_params(Params& params, const std::string& source) {
   if (!params.origin.empty()) parse_geodetic_position(params.origin, source + ": origin");
 }
 
-/// Those of the pose by GPS and INS, of such a nodelet.
-template <class Params>
-GpsInsNodeletParams gps_ins_params_of(const Params& params) {
-  GpsInsNodeletParams result;
-  result.nodelet = params.nodelet;
-  result.base_frame = params.base_frame;
-  result.imu_frame = params.imu_frame;
-  result.fix_frame = params.fix_frame;
-  result.origin = params.origin;
-  result.fix_sigma_m = params.fix_sigma_m;
-  result.gps_ins = params.gps_ins;
-  return result;
-}
+/// Parameters of a nodelet that places scans by a filter of its own, which is as that of gps_ins is told to be.
+struct InertialParams {
+  std::string base_frame = "base_link";
+  std::string imu_frame;
+  std::string fix_frame;
+  std::string origin;
+  double fix_sigma_m = 2.0;
+  GpsInsParams gps_ins;
+
+  template <class Self, class Visit>
+  static void fields(Self& self, Visit&& visit) {
+    visit("base_frame", self.base_frame, "frame of the vehicle, whose pose is that by GPS and INS");
+    visit("imu_frame", self.imu_frame, "as that of gps_ins");
+    visit("fix_frame", self.fix_frame, "as that of gps_ins");
+    visit("origin", self.origin,
+          "as that of gps_ins; where both run give it to both, since their first good fixes may differ");
+    visit("fix_sigma_m", self.fix_sigma_m, Bounds{0.001, 1000.0}, "m", "as that of gps_ins");
+    visit("gps_ins", self.gps_ins);
+  }
+};
+
+/// The same as those of gps_ins are.
+GpsInsNodeletParams gps_ins_params_of(const NodeletParams& nodelet, const InertialParams& inertial);
 
 /// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.
 GpsInsNodeletParams read_gps_ins_nodelet_params(const ParamReader& reader);
