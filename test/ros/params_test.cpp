@@ -6,6 +6,7 @@
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/params/gps_ins_nodelet_params.hpp"
 #include "situation_awareness/ros/params/localization_nodelet_params.hpp"
+#include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
@@ -196,7 +197,8 @@ TEST(NodeletParams, OfEachKindDeclareAllTheirMembers) {
             aggregate_size<GpsInsNodeletParams>() - 2 + declared_size<NodeletParams>());
   const std::size_t others = 3;  // as above
   const std::size_t shared = declared_size<NodeletParams>() + declared_size<PolygonPipelineParams>();
-  EXPECT_EQ(declared_size<PolygonNodeletParams>(), aggregate_size<PolygonNodeletParams>() - others + shared);
+  EXPECT_EQ(declared_size<PolygonNodeletParams>(),
+            aggregate_size<PolygonNodeletParams>() - others - 1 + shared + declared_size<ScanPoseParams>());
   EXPECT_EQ(declared_size<LocalizationNodeletParams>(), aggregate_size<LocalizationNodeletParams>() - others + shared);
   EXPECT_EQ(declared_size<PathNodeletParams>(), aggregate_size<PathNodeletParams>() - others + shared);
 }
@@ -228,10 +230,10 @@ TEST(NodeletParams, AreReadWithThoseOfAnyKindOfMap) {
 }
 
 TEST(SplinegonNodeletParams, DeclareAllTheirMembers) {
-  const std::size_t others = 3;  // what was unknown; and the two whose fields are declared in their places
-  EXPECT_EQ(declared_size<SplinegonNodeletParams>(), aggregate_size<SplinegonNodeletParams>() - others +
-                                                         declared_size<NodeletParams>() +
-                                                         declared_size<SplinegonPipelineParams>());
+  const std::size_t others = 4;  // what was unknown; and the three whose fields are declared in their places
+  EXPECT_EQ(declared_size<SplinegonNodeletParams>(),
+            aggregate_size<SplinegonNodeletParams>() - others + declared_size<NodeletParams>() +
+                declared_size<InertialParams>() + declared_size<SplinegonPipelineParams>());
 }
 
 TEST(CircumnavigateNodeletParams, DeclareAllTheirMembers) {
@@ -269,7 +271,7 @@ TEST(SplinegonNodeletParams, AreReadAndRefused) {
     EXPECT_TRUE(params.unknown.empty());
     return params;
   };
-  EXPECT_EQ(read("base_frame", "/base").base_frame, "base");
+  EXPECT_EQ(read("base_frame", "/base").inertial.base_frame, "base");
   EXPECT_EQ(read("localization", "tf").localization, "tf");
   const auto refused = [&](const char* name, const XmlRpcValue& value) {
     return refusal_of([&] { read(name, value); });
@@ -277,6 +279,37 @@ TEST(SplinegonNodeletParams, AreReadAndRefused) {
   EXPECT_TRUE(names(refused("localization", "slam"), {"here", "localization", "slam", "gps", "tf"}));
   EXPECT_TRUE(names(refused("base_frame", ""), {"here", "base_frame", "empty"}));
   EXPECT_TRUE(names(refused("pose_sigma_m", -1.0), {"here", "pose_sigma_m", "-1"}));
+}
+
+TEST(MapNodeletParams, DeclareAllTheirMembers) {
+  // What was unknown and the objects', which are read apart; and the four whose fields are declared in their places.
+  const std::size_t others = 6;
+  EXPECT_EQ(declared_size<MapNodeletParams>(),
+            aggregate_size<MapNodeletParams>() - others + declared_size<NodeletParams>() +
+                declared_size<ScanPoseParams>() + declared_size<InertialParams>() + declared_size<MapPipelineParams>());
+}
+
+TEST(MapNodeletParams, KnowTheKindsAndThoseOfOtherStages) {
+  const auto read = [](const char* name, const XmlRpcValue& value) {
+    XmlRpcValue tree;
+    tree[name] = value;
+    tree["objects"]["gate_probability"] = 0.99;  // of another stage
+    const MapNodeletParams params = read_map_nodelet_params(ParamReader(tree, "here"));
+    EXPECT_TRUE(params.unknown.empty());
+    return params;
+  };
+  EXPECT_EQ(read("pose_sigma_m", 0.5).scan_pose.covariance()(1, 1), 0.25);
+  const MapKinds kinds = map_kinds_of(read("kinds", "polygons,grid").kinds);
+  EXPECT_TRUE(!kinds.objects && kinds.polygons && !kinds.boundaries && kinds.targets);
+  const auto refused = [&](const char* name, const XmlRpcValue& value) {
+    return refusal_of([&] { read(name, value); });
+  };
+  EXPECT_TRUE(names(refused("kinds", "polygons,walls"), {"here", "kinds", "walls", "objects", "grid"}));
+  EXPECT_TRUE(names(refused("kinds", ""), {"here", "kinds", "nothing"}));
+  XmlRpcValue tree;
+  tree["kinds"] = "objects,grid";
+  EXPECT_TRUE(names(refusal_of([&] { read_inertial_map_nodelet_params(ParamReader(tree, "here")); }),
+                    {"here", "kinds", "grid", "TF"}));
 }
 
 }  // namespace
