@@ -14,6 +14,8 @@ namespace {
 constexpr double kStep_m = 0.02;
 /// m. A place is beside a chain that is so near; it is found in such steps how much is.
 constexpr double kSamePlace_m = 0.1, kSameStep_m = 0.1;
+/// m. The same of chains one of which comes in the place of the other: elements may be as far apart.
+constexpr double kSameThing_m = 0.25;
 /// Cosine of the angle between two surfaces that face the same way.
 constexpr double kSameWay = 0.5;
 /// A margin is larger by so many standard deviations of the object's position, and is kMostMargin_m at most.
@@ -53,6 +55,8 @@ double lesser_width_of(const Object& object) {
   if (object.shape != Shape::kBox) return 2.0 * object.ellipse_world.ry_m;
   return 2.0 * std::min(object.box_world.half_length_m, object.box_world.half_width_m);
 }
+
+double extent_of(const Object& object) { return 2.0 * reach_of(object); }
 
 Eigen::AlignedBox2d box_around(const Object& object, double margin_m) {
   const Eigen::Vector2d half_m = Eigen::Vector2d::Constant(reach_of(object) + margin_m);
@@ -127,7 +131,7 @@ double part_beside(const Chain& chain, const Chain& other) {
     const double steps = std::max(1.0, std::ceil((to - from).norm() / kSameStep_m));
     for (double step = 0.5; step < steps; step += 1.0) {
       all += 1.0;
-      if (distance_to(other, from + step / steps * (to - from)) <= kSamePlace_m) beside += 1.0;
+      if (distance_to(other, from + step / steps * (to - from)) <= kSameThing_m) beside += 1.0;
     }
   });
   return all > 0.0 ? beside / all : 0.0;

@@ -33,6 +33,9 @@ Eigen::AlignedBox2d box_around(const Object& object, double margin_m);
 
 double lesser_width_of(const Object& object);
 
+/// Of the outline of an object, its greatest.
+double extent_of(const Object& object);
+
 /// Whether a place is within the outline of an object, or beside it by the margin at most.
 bool covers(const Object& object, const Eigen::Vector2d& p_world_m, double margin_m);
 
@@ -59,7 +62,7 @@ bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, c
 /// Vertices of that of an open chain between two places along it, in m; all if that is its length.
 std::vector<ChainVertex> part_of(const Chain& chain, double begin_m, double end_m);
 
-/// Part of a chain that is beside another one by .1 m at most.
+/// Part of a chain that is beside another one by .25 m at most: so it may be of the same thing.
 double part_beside(const Chain& chain, const Chain& other);
 
 }  // namespace situation_awareness

@@ -13,13 +13,19 @@ namespace {
 
 /// Part of a chain that is on an object whose boundary it becomes, and of one that it stays.
 constexpr double kIsOfObject = 0.8, kStaysOfObject = 0.6;
+/// A chain whose extent is at most so many times that of the object is of nothing larger: these parts are enough then.
+constexpr double kAsLarge = 1.25, kIsOfAsLarge = 0.5, kStaysOfAsLarge = 0.3;
+/// A chain that is at most so many times as long as when it became of an object stays of it down to this part: a box of
+/// which one side is seen may be shorter in the next scan.
+constexpr double kSameLength = 1.2, kStaysOfSameLength = 0.2;
 /// An object is covered by chains if the length of these that it covers is that part of its lesser width, as any side
 /// of it that is seen is as long; it stays covered down to the second one.
 constexpr double kCovered = 0.5, kStaysCovered = 0.25;
 /// s. What has been on no chain for longer did not drive off just now.
 constexpr double kJustNow_s = 5.0;
-/// Objects that are remembered though they are part of larger things.
-constexpr std::size_t kMostParked = 1000;
+/// Objects that are remembered though they are part of larger things; and those that are, as their layer may find them
+/// again.
+constexpr std::size_t kMostParked = 1000, kMostLost = 1000;
 
 /// Whether two estimates of an object say the same of a feature that is its chain.
 bool are_same_as_chain(const Object& a, const Object& b) {
@@ -111,11 +117,31 @@ FeatureId SemanticMap::id_of_new(const Object& object) {
   return ids_->next();
 }
 
+/// The id of an object that its layer lists anew: its own where it was lost for a while.
+FeatureId SemanticMap::id_of_lost(const Object& object) {
+  const auto lost =
+      std::find_if(lost_.begin(), lost_.end(), [&](const Lost& each) { return each.handle == object.id; });
+  if (lost == lost_.end()) return id_of_new(object);
+  const FeatureId id = lost->id;
+  lost_.erase(lost);
+  // Its chain, or another object, may have the id now.
+  const auto owner = owners_.find(id);
+  const bool is_free = owner == owners_.end() || (owner->second.object == 0 && owner->second.chain == 0);
+  return is_free ? id : id_of_new(object);
+}
+
+/// Whether beams pass where an object was since it was seen last.
+bool SemanticMap::is_seen_through(const Object& object) const {
+  if (is_moving(object)) return false;
+  const std::optional<std::int64_t> free_ns = sights_.last_free_ns(outline_world(object), stamp_ns_ + 1);
+  return free_ns && *free_ns > object.last_seen_ns;
+}
+
 void SemanticMap::take_objects(const Objects& objects) {
   for (const Object& object : objects.objects) {
     ObjectEntry* known = find_object(object.id);
     if (known == nullptr) {
-      const FeatureId id = id_of_new(object);
+      const FeatureId id = id_of_lost(object);
       known = &add_at_handle(objects_, object.id);
       known->id = id;
       forget_parked(id);
@@ -148,7 +174,9 @@ void SemanticMap::take_objects(const Objects& objects) {
 void SemanticMap::release(ObjectEntry& object) {
   Owner& owner = owners_[object.id];
   owner.object = 0;
-  owner.reason = is_moving(object.latest) ? GoneReason::kLeft : GoneReason::kSeenThrough;
+  owner.reason = is_seen_through(object.latest) ? GoneReason::kSeenThrough : GoneReason::kLeft;
+  if (lost_.size() == kMostLost) lost_.erase(lost_.begin());
+  lost_.push_back({object.handle, object.id});
   touched_.push_back(object.id);
   if (object.as != As::kItself) {
     if (parked_.size() == kMostParked) parked_.erase(parked_.begin());
@@ -173,7 +201,12 @@ void SemanticMap::find_covers(const Object& object) {
     if (!chain.box_world_m.intersects(box) || (!with_chains_ && chain.of_boundary == 0)) continue;
     const double on_m = length_on(object, chain.latest, margin_m);
     if (on_m <= 0.0) continue;
-    const double least = chain.of_object == object.id ? kStaysOfObject : kIsOfObject;
+    const bool is_as_large = chain.box_world_m.diagonal().norm() <= kAsLarge * extent_of(object) + margin_m;
+    double least = is_as_large ? kIsOfAsLarge : kIsOfObject;
+    if (chain.of_object == object.id) {
+      const bool is_same = chain.length_m <= kSameLength * chain.length_of_object_m;
+      least = is_same ? kStaysOfSameLength : is_as_large ? kStaysOfAsLarge : kStaysOfObject;
+    }
     // What other chains are of, too, is more than the object.
     const BoundaryEntry* const boundary = find_boundary(chain.of_boundary);
     const bool is_one = boundary == nullptr || boundary->chains == 1;
@@ -234,6 +267,8 @@ void SemanticMap::hand_over(ObjectEntry& object) {
     }
     if (!cover.is_of_object) continue;
     object.chains.push_back(cover.chain);
+    const bool is_whole = cover.on_object_m >= kIsOfObject * chain.length_m;
+    if (is_whole || chain.of_object != object.handle) chain.length_of_object_m = chain.length_m;
     if (chain.of_object == object.handle) continue;
     chain.of_object = object.handle;
     if (chain.id != 0 && chain.id != object.id) merge(chain.id, object.id);
@@ -253,6 +288,10 @@ void SemanticMap::hand_over(ObjectEntry& object) {
   }
   object.as = as;
   object.chain = chain;
+  for (const Handle handle : object.chains) {
+    const FeatureId of_chain = find_chain(handle)->id;
+    if (as == As::kItself && of_chain != 0 && of_chain != object.id) merge(of_chain, object.id);
+  }
   if (ChainEntry* const other = find_chain(owners_[object.id].chain);
       as == As::kItself && other != nullptr && is_shown(*other)) {
     own(*other, ids_->next());  // what drives off from its boundary has its id

@@ -62,6 +62,7 @@ void SemanticMap::begin_anew() {
   boundaries_.clear();
   targets_.clear();
   parked_.clear();
+  lost_.clear();
   chains_in_.clear();
   owners_.clear();
   new_.clear();

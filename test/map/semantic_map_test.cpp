@@ -659,6 +659,75 @@ TEST(SemanticMap, AnObjectOnTheChainOfAnotherOneIsPartOfIt) {
   EXPECT_EQ(scene.features(), Features({"1 polyline"}));
 }
 
+TEST(SemanticMap, AnObjectThatItsLayerFindsAgainKeepsItsId) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0}).p_moving = 1.0;
+  scene.scan();
+  scene.lose(7);
+  scene.scan(2.0);
+  EXPECT_TRUE(scene.features().empty());
+  ASSERT_EQ(scene.gone().size(), 1U);
+  EXPECT_EQ(scene.gone()[0].reason, GoneReason::kLeft);
+  scene.box(8, {9.0, 5.0});
+  scene.box(7, {7.0, 0.0});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box", "2 box"}));
+}
+
+// What stood is seen through if beams pass where it was, and else not seen any more.
+TEST(SemanticMap, TellsWhatIsNotThereFromWhatIsNotSeen) {
+  for (const bool passes : {true, false}) {
+    Scene scene;
+    scene.see(3.0);
+    scene.box(7, {5.0, 0.0});
+    scene.scan(1.0);
+    scene.see(passes ? 9.0 : 3.0);
+    scene.lose(7);
+    scene.scan(1.0);
+    ASSERT_EQ(scene.gone().size(), 1U);
+    EXPECT_EQ(scene.gone()[0].reason, passes ? GoneReason::kSeenThrough : GoneReason::kLeft);
+  }
+}
+
+TEST(SemanticMap, AChainHardlyLargerThanAnObjectIsIt) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.scan();
+  scene.chain(3, {{2.0, -0.9}, {6.4, -0.9}});
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  EXPECT_TRUE(scene.gone().empty());
+}
+
+// Of a box of which one side is seen the length may be anything.
+TEST(SemanticMap, AnObjectStaysItsChainWhileItsBoxShrinksAndGrows) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(12.0);
+  for (const double half_length_m : {0.6, 2.0, 0.9, 1.4, 2.0}) {
+    scene.box(7, {5.0, 0.0}).box_world.half_length_m = half_length_m;
+    scene.scan(0.3);
+    EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  }
+  EXPECT_TRUE(scene.gone().empty());
+}
+
+TEST(SemanticMap, TheOtherSidesOfWhatIsOneAgainAreMergedIntoIt) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, {{3.0, -0.9}, {7.0, -0.9}});
+  scene.chain(4, {{3.0, 0.9}, {3.0, -0.7}});
+  scene.scan(12.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 polyline"}));
+  scene.box(7, {5.0, 0.0}).p_moving = 1.0;
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"1 box"}));
+  ASSERT_EQ(scene.gone().size(), 1U);
+  EXPECT_EQ(scene.gone()[0].reason, GoneReason::kMerged);
+  EXPECT_EQ(scene.gone()[0].into, FeatureId{1});
+}
+
 TEST(SemanticMap, TheEndOfALongerChainBesideTheMiddleOfAShorterOneIsLeftOut) {
   Scene scene;
   scene.chain(3, {{0.0, 0.0}, {10.0, 0.0}});

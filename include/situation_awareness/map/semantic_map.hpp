@@ -13,10 +13,10 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/free_space_memory.hpp"
 #include "situation_awareness/map/grid/grid.hpp"
 #include "situation_awareness/map/id_source.hpp"
 #include "situation_awareness/map/map.hpp"
-#include "situation_awareness/points/free_space_memory.hpp"
 #include "situation_awareness/points/points.hpp"
 
 namespace situation_awareness {
@@ -122,6 +122,7 @@ class SemanticMap {
     Handle handle = 0;
     FeatureId id = 0;
     Handle of_object = 0;               ///< whose boundary it is
+    double length_of_object_m = 0.0;    ///< of the chain, when it began to be, or last was as a whole
     Handle beside = 0;                  ///< the chain that shows its surface, if it does not itself
     double begin_m = 0.0, end_m = 0.0;  ///< along it, what it shows
     Handle of_boundary = 0;             ///< of which it is a part, if that is on the map
@@ -158,6 +159,11 @@ class SemanticMap {
     FeatureId id = 0;
     Object object;
     std::int64_t bare_since_ns = kNever;  ///< when it was first on no chain any more
+  };
+  /// An object that its layer does not list any more.
+  struct Lost {
+    Handle handle = 0;
+    FeatureId id = 0;
   };
   /// A target of its layer.
   struct TargetEntry {
@@ -220,6 +226,8 @@ class SemanticMap {
   void watch_parked();
   void forget_parked(FeatureId id);
   FeatureId id_of_new(const Object& object);
+  FeatureId id_of_lost(const Object& object);
+  bool is_seen_through(const Object& object) const;
   void release(ObjectEntry& object);
   void own(ChainEntry& chain, FeatureId id);
   void merge(FeatureId id, FeatureId into);
@@ -260,6 +268,7 @@ class SemanticMap {
   std::vector<TargetEntry> targets_;       ///< by handle
   std::vector<Pair> pairs_;
   std::vector<Parked> parked_;
+  std::vector<Lost> lost_;
   std::unordered_map<std::uint64_t, std::vector<Handle>> chains_in_;  ///< cells of the world
   std::unordered_map<FeatureId, Owner> owners_;
   std::size_t on_map_ = 0;

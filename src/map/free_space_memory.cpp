@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "situation_awareness/points/free_space_memory.hpp"
+#include "situation_awareness/map/free_space_memory.hpp"
 
 #include <algorithm>
 #include <cmath>
