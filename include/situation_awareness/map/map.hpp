@@ -134,7 +134,7 @@ MapLayers layers_of(const Map& map);
 
 /// Why a feature is not on the map any more.
 enum class GoneReason : std::uint8_t {
-  kLeft,         ///< it moved out of sight
+  kLeft,         ///< it moved out of sight, or is not seen any more
   kSeenThrough,  ///< beams pass where it was
   kMerged,       ///< it is part of another one
   kForgotten,    ///< the map begins anew
