@@ -88,7 +88,7 @@ class MapLiveOfflineTest(unittest.TestCase):
             self.assertEqual(own, other, where)
 
     def compare(self, namespace, bag, arguments, by):
-        """The follower after SCANS scans, all of which were compared, the kinds that it had, and the rest of the play."""
+        """The follower after SCANS scans, each of which was compared, its kinds, and the rest of the play."""
         lines = lines_of("map_bag", bag, self.folder / "out.jsonl", "--full-every", "0", *arguments)
         maps = Follower(f"/{namespace}/semantic_map/updates")
         compared, kinds = 0, set()
@@ -115,7 +115,8 @@ class MapLiveOfflineTest(unittest.TestCase):
 
     def test_by_tf(self):
         maps, kinds, play = self.compare("by_tf", DEMO, [], BY_TF)
-        self.assertEqual(maps.missed, 0)  # by GPS all scans come at once that waited for the pose: more than a queue has
+        # By GPS all scans come at once that waited for the pose: more than a queue has.
+        self.assertEqual(maps.missed, 0)
         self.assertLessEqual({MapFeature.ELLIPSE, MapFeature.POLYLINE}, kinds)
 
         # Who comes later begins with the whole map, whichever topic it takes. One process has one connection for a topic.

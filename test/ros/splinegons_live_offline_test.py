@@ -43,8 +43,8 @@ class SplinegonsLiveOfflineTest(unittest.TestCase):
         lines = lines_of("splinegons_bag", bag, pathlib.Path(self.folder.name) / "out.jsonl", *arguments)
         maps = Latest(f"/{namespace}/splinegons", SplinegonArray)
         compared = boundaries = 0
-        for stamp in play_in_step(bag, namespace, maps, lines, by, None if by is BY_TF else lambda: self.diagnostics.count(
-                f"{namespace}/splinegon_mapping", "fixes received")):
+        fixes = None if by is BY_TF else lambda: self.diagnostics.count(f"{namespace}/splinegon_mapping", "fixes received")
+        for stamp in play_in_step(bag, namespace, maps, lines, by, fixes):
             message = maps.messages[-1]
             self.assertEqual(message.header.stamp, stamp)
             self.assertEqual([own.id for own in message.splinegons], sorted(own.id for own in message.splinegons))
