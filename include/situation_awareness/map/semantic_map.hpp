@@ -91,7 +91,7 @@ class SemanticMap {
   /// Whether there was an update since the map began.
   bool has_begun() const { return !is_new_; }
 
-  /// Of the map, and of the latest update, as it tells them.
+  /// The number of the map and the version of the latest update, as MapDelta tells them.
   std::uint64_t number() const { return maps_; }
   std::uint64_t version() const { return delta_.version; }
 

@@ -59,7 +59,8 @@ class MapPipeline {
   /// given.
   MapPipeline(const MapPipelineParams& params, const ObjectPipelineParams& objects, const MapKinds& kinds,
               std::uint64_t robot = 0);
-  /// The same without objects of its own: for segments that another made, and its map of objects.
+  /// Builds a pipeline that tracks no objects itself: it takes segments, and the map of objects, from its caller.
+  /// Throws std::invalid_argument naming field and bound.
   MapPipeline(const MapPipelineParams& params, const MapKinds& kinds, std::uint64_t robot = 0);
   MapPipeline(const MapPipeline&) = delete;
   MapPipeline& operator=(const MapPipeline&) = delete;
@@ -89,7 +90,7 @@ class MapPipeline {
   bool has_map() const { return map_.has_begun(); }
   /// The whole map in the world. `memory`: as for limit_range.
   Map map(Map memory = {}) const;
-  /// The same as an update to the version of the latest one, whatever was there before.
+  /// The whole map as a full update, with the version of the latest one.
   MapDelta whole() const;
   std::size_t size() const { return map_.size(); }
 

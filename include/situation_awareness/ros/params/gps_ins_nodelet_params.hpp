@@ -86,7 +86,7 @@ struct InertialParams {
   }
 };
 
-/// The same as those of gps_ins are.
+/// The parameters of the nodelet gps_ins that say what `nodelet` and `inertial` do.
 GpsInsNodeletParams gps_ins_params_of(const NodeletParams& nodelet, const InertialParams& inertial);
 
 /// As read_nodelet_params; keys of other stages, which may read the same file, are not unknown.

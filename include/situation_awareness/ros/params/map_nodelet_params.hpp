@@ -46,7 +46,8 @@ struct MapNodeletParams {
 /// std::invalid_argument if a kind is unknown, too.
 MapNodeletParams read_map_nodelet_params(const ParamReader& reader);
 
-/// The same with those of the objects that the nodelet follows itself, and of GPS and INS.
+/// Reads what read_map_nodelet_params reads, and the parameters of the objects, which the nodelet tracks itself, and of
+/// GPS and INS. Throws as read_map_nodelet_params.
 MapNodeletParams read_inertial_map_nodelet_params(const ParamReader& reader);
 
 }  // namespace situation_awareness

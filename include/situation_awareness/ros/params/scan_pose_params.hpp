@@ -23,7 +23,7 @@ struct ScanPoseParams {
           "time, where `pose` or `objects` has a publisher");
   }
 
-  /// Of x, y (m) and yaw (rad), by the standard deviations.
+  /// The covariance of x, y (m) and yaw (rad), which is that of independent errors with these standard deviations.
   Eigen::Matrix3d covariance() const {
     return Eigen::Array3d(pose_sigma_m, pose_sigma_m, pose_sigma_rad).square().matrix().asDiagonal();
   }

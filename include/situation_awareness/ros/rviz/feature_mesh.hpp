@@ -31,7 +31,7 @@ std::size_t size_of(const DrawableMap& map);
 /// in the region in which its centre lies with 99 %. `mesh` is the previous one: its memory is reused.
 void draw(const DrawableMap& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
 
-/// Of what has a path.
+/// The positions of the objects; no other feature has a path.
 std::vector<MapPosition> positions_of(const DrawableMap& map);
 
 /// The ids, of bodies with their class.

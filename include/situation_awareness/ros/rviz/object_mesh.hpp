@@ -24,7 +24,7 @@ struct ObjectStyle : MapStyle {
 /// its path, which fades with age. `mesh` is the previous one: its memory is reused.
 void draw(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
 
-/// The same beside what the mesh has already.
+/// Adds to `mesh` what draw() draws, and keeps what the mesh has already.
 void add(const Objects& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
 
 /// The colour of an element.
