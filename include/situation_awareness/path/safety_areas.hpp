@@ -242,6 +242,10 @@ class SafetyAreas {
   void reset();
 
  private:
+  static constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+  static constexpr double kStep_m = 0.05;          ///< between the poses on the way; contacts are interpolated
+  static constexpr std::size_t kMostPasses = 512;  ///< of beams through chains that are remembered
+
   /// How much something counts.
   enum class Weight : std::uint8_t {
     kMayMove,
