@@ -44,6 +44,7 @@ MapOutput::MapOutput(StageContextBase& context, const NodeletParams& params, Map
                                                                if (pipeline_.has_map()) subscriber.publish(whole());
                                                              })),
       markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("semantic_map_markers", 5)) {
+  count({});
   context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
   context.when_made([this] {
     servers_.push_back(context_.node().advertiseService<std_srvs::TriggerRequest, std_srvs::TriggerResponse>(
@@ -82,15 +83,20 @@ bool MapOutput::is_next(StampOrder::Verdict verdict) {
 
 void MapOutput::publish(const MapDelta& delta) {
   const std::int64_t now_ns = steady_now_ns();
-  if (whole_limit_.passes(now_ns) || delta.full) publish_(whole_publisher_, whole());
-  if (updates_publisher_.getNumSubscribers() > 0) {
-    MapUpdate msg = map_delta_to_msg(delta, uuid_, world_frame_);
-    if (repair_limit_.passes(now_ns)) {
-      const std::vector<GoneFeature> gone = std::move(msg.gone);
-      msg = whole();
-      msg.gone = gone;
-    }
-    publish_(updates_publisher_, std::move(msg));
+  const bool is_whole_due = whole_limit_.passes(now_ns) || delta.full;
+  const bool is_followed = updates_publisher_.getNumSubscribers() > 0;
+  const bool is_repair_due = is_followed && repair_limit_.passes(now_ns);
+  MapUpdate all;
+  if (is_whole_due || is_repair_due) {
+    all = whole();
+    count(all);
+  }
+  if (is_whole_due) publish_(whole_publisher_, all);
+  if (is_repair_due) {
+    all.gone = gone_to_msg(delta.gone);
+    publish_(updates_publisher_, std::move(all));
+  } else if (is_followed) {
+    publish_(updates_publisher_, map_delta_to_msg(delta, uuid_, world_frame_));
   }
   if (markers_publisher_.getNumSubscribers() > 0) {
     markers_publisher_.publish(
@@ -106,16 +112,23 @@ void MapOutput::begin_anew() {
 
 MapUpdate MapOutput::whole() const { return map_delta_to_msg(pipeline_.whole(), uuid_, world_frame_); }
 
-void MapOutput::report(StageDiagnostics::Status& status) const {
-  std::map<std::string, std::size_t> counts = {{"moving", 0},   {"ellipse", 0},  {"box", 0},
-                                               {"polyline", 0}, {"boundary", 0}, {"target", 0}};
-  const Map map = pipeline_.map();
-  for (const Feature& feature : map.features) {
-    ++counts[kind_of(feature.shape)];
-    if (feature.motion == Motion::kMoving) ++counts["moving"];
+void MapOutput::count(const MapUpdate& all) {
+  static const std::map<std::uint8_t, const char*> kKinds = {{MapFeature::ELLIPSE, "ellipse"},
+                                                             {MapFeature::BOX, "box"},
+                                                             {MapFeature::POLYLINE, "polyline"},
+                                                             {MapFeature::BOUNDARY, "boundary"},
+                                                             {MapFeature::TARGET, "target"}};
+  counts_ = {{"moving", 0}};
+  for (const auto& [kind, name] : kKinds) counts_[name] = 0;
+  for (const MapFeature& feature : all.changed) {
+    ++counts_[kKinds.at(feature.kind)];
+    if (feature.motion == MapFeature::MOVING) ++counts_["moving"];
   }
-  status.add("features", map.features.size());
-  for (const auto& [what, count] : counts) status.add(what, count);
+}
+
+void MapOutput::report(StageDiagnostics::Status& status) const {
+  status.add("features", pipeline_.size());
+  for (const auto& [what, number] : counts_) status.add(what, number);
 }
 
 }  // namespace situation_awareness

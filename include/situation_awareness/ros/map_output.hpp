@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <cstddef>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -46,6 +48,7 @@ class MapOutput {
  private:
   void begin_anew();
   MapUpdate whole() const;
+  void count(const MapUpdate& all);
   void report(StageDiagnostics::Status& status) const;
 
   StageContextBase& context_;
@@ -54,6 +57,7 @@ class MapOutput {
   Publish publish_;
   std::string uuid_;
   bool paused_ = false;
+  std::map<std::string, std::size_t> counts_;  ///< of the features when the whole map was told last, by kind
   RateLimit whole_limit_, repair_limit_;
   MapMarkers markers_;
   ros::Publisher whole_publisher_, updates_publisher_, markers_publisher_;

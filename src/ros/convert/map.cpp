@@ -264,13 +264,18 @@ MapUpdate map_delta_to_msg(const MapDelta& delta, const std::string& uuid, const
   msg.height = delta.height_world_m;
   msg.changed.reserve(delta.changed.size());
   for (const Feature& feature : delta.changed) msg.changed.push_back(feature_to_msg(feature, delta.height_world_m));
-  for (const Gone& gone : delta.gone) {
-    GoneFeature& element = msg.gone.emplace_back();
-    element.id = gone.id;
-    element.reason = static_cast<std::uint8_t>(gone.reason);
-    element.into = gone.into.value_or(0);
-  }
+  msg.gone = gone_to_msg(delta.gone);
   return msg;
+}
+
+std::vector<GoneFeature> gone_to_msg(const std::vector<Gone>& gone) {
+  std::vector<GoneFeature> msgs(gone.size());
+  for (std::size_t i = 0; i < gone.size(); ++i) {
+    msgs[i].id = gone[i].id;
+    msgs[i].reason = static_cast<std::uint8_t>(gone[i].reason);
+    msgs[i].into = gone[i].into.value_or(0);
+  }
+  return msgs;
 }
 
 MapDelta map_delta_from_msg(const MapUpdate& msg) {
