@@ -34,6 +34,8 @@ constexpr int kShowPeriod_ms = 500;
 // Another kind of map has services of the same fields, and so of the same checksum: these types call them, too.
 using SaveMap = SaveObjects;
 using LoadMap = LoadObjects;
+/// The one map, whatever stage keeps it. It has no file.
+constexpr const char* kOneMap = "semantic_map";
 
 const char* const kMapFiles = "Maps (*.yaml);;All files (*)";
 
@@ -87,7 +89,8 @@ StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
   auto* header = new QFormLayout;
   namespace_field_ = add_field(*header, "namespace", "Namespace", "", "that of rviz; or /robot1");
   stages_field_ = add_field(*header, "stage_names", "Stages", "segmentation detection mapping", "along the data path");
-  map_field_ = add_field(*header, "map", "Map", "objects", "content of the last stage's map");
+  map_field_ = add_field(*header, "map", "Map", "objects",
+                         "objects, polygons or splinegons, of the last stage; or semantic_map");
 
   answer_ = new QLabel;
   answer_->setObjectName("answer");
@@ -163,15 +166,23 @@ QWidget* StatusPanel::make_buttons() {
     button->setObjectName(name);
     button->setToolTip(tip);
     connect(button, &QPushButton::clicked, this, slot);
-    connect(&caller_, &ServiceCaller::busy_changed, button, &QPushButton::setDisabled);
     layout->addWidget(button);
     return button;
   };
-  add("reset", "Reset", "Delete the map and start a new one", &StatusPanel::reset_map);
+  reset_ = add("reset", "Reset", "Delete the map and start a new one", &StatusPanel::reset_map);
   pause_ = add("pause", "Pause", "Freeze the map, or continue", &StatusPanel::toggle_pause);
-  add("save", "Save map…", "Write the map to a file on the host of the node", &StatusPanel::save_map);
-  add("load", "Load map…", "Replace the map by one of a file on the host of the node", &StatusPanel::load_map);
+  save_ = add("save", "Save map…", "Write the map to a file on the host of the node", &StatusPanel::save_map);
+  load_ = add("load", "Load map…", "Replace the map by one of a file on the host of the node", &StatusPanel::load_map);
+  connect(&caller_, &ServiceCaller::busy_changed, this, &StatusPanel::enable_buttons);
   return part;
+}
+
+bool StatusPanel::shows_one_map() const { return map_field_->text().trimmed() == kOneMap; }
+
+void StatusPanel::enable_buttons() {
+  const bool idle = !caller_.busy();
+  for (QPushButton* button : {reset_, pause_}) button->setEnabled(idle);
+  for (QPushButton* button : {save_, load_}) button->setEnabled(idle && !shows_one_map());
 }
 
 QWidget* StatusPanel::make_knobs() {
@@ -223,6 +234,7 @@ void StatusPanel::connect_to_stages() {
     show_rows_of(stages);
     for (KnobForm* form : forms_) form->connect_to(node_);
     paused_ = false;
+    enable_buttons();
     show_answer(true, "");
   } catch (const std::exception& error) {
     show_answer(false, error.what());
@@ -315,7 +327,8 @@ template <class Service>
 void StatusPanel::call_map(const std::string& service, const typename Service::Request& request,
                            std::function<void()> succeeded) {
   if (shown_stages_.empty()) return;  // the error in the fields is shown
-  const std::string name = shown_stages_.back().toStdString() + '/' + service;
+  const std::string keeper = shows_one_map() ? kOneMap : shown_stages_.back().toStdString();
+  const std::string name = keeper + '/' + service;
   show_answer(true, QString::fromStdString(name) + " …");
   caller_.call<Service>(node_, name, request,
                         [this, name, succeeded](const typename Service::Response* response, const QString& error) {

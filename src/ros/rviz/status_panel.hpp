@@ -33,8 +33,9 @@ class QTreeWidget;
 namespace situation_awareness {
 
 /// Status of the stages, buttons for the services of the map, and the live parameters. Stages and map are given by
-/// fields that are saved with rviz's configuration; the last stage keeps the map. It does not block: callbacks of ROS
-/// run from a timer in the GUI's thread, services in another thread.
+/// fields that are saved with rviz's configuration; the last stage keeps the map, unless it is semantic_map, whose
+/// services have its name. It does not block: callbacks of ROS run from a timer in the GUI's thread, services in another
+/// thread.
 class StatusPanel : public rviz::Panel {
   Q_OBJECT
 
@@ -66,13 +67,15 @@ class StatusPanel : public rviz::Panel {
   void show_values(const StageStatus& stage);
   void show_pause(const StageStatus& mapping);
   void show_answer(bool good, const QString& text);
+  bool shows_one_map() const;
+  void enable_buttons();
 
   void reset_map();
   void toggle_pause();
   void save_map();
   void load_map();
 
-  /// A service of the stage that keeps the map: the last.
+  /// A service of the map: of semantic_map if that is shown, else of the last stage.
   template <class Service>
   void call_map(const std::string& service, const typename Service::Request& request,
                 std::function<void()> succeeded = {});
@@ -92,7 +95,7 @@ class StatusPanel : public rviz::Panel {
   QLineEdit* map_field_;
   QTreeWidget* stages_;
   QTreeWidget* values_;
-  QPushButton* pause_;
+  QPushButton *reset_, *pause_, *save_, *load_;
   QLabel* answer_;
   QTabWidget* tabs_;
   QStringList shown_stages_;

@@ -287,6 +287,30 @@ TEST_F(PanelTest, UsesItsNamespaceAndSavesItInTheConfig) {
   EXPECT_NE(answer(), "") << "no name";
 }
 
+// The services of the one map have its name, whichever stage keeps it; there is no file of it.
+TEST_F(PanelTest, ResetsTheOneMap) {
+  std::atomic<int> reset = 0;
+  ros::NodeHandle node;
+  const boost::function<bool(std_srvs::TriggerRequest&, std_srvs::TriggerResponse&)> serve =
+      [&reset](std_srvs::TriggerRequest&, std_srvs::TriggerResponse& response) {
+        response.success = true;
+        response.message = "the map begins anew";
+        ++reset;
+        return true;
+      };
+  const ros::ServiceServer server = node.advertiseService("semantic_map/reset", serve);
+  rviz::Config config;
+  config.mapSetValue("Stages", "gps_ins inertial_semantic_map");
+  config.mapSetValue("Map", "semantic_map");
+  panel_->load(config);
+  for (const char* name : {"save", "load"}) EXPECT_FALSE(part<QPushButton>(name).isEnabled()) << name;
+  click("reset");
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset: the map begins anew"; })) << answer();
+  EXPECT_EQ(reset, 1);
+  ASSERT_TRUE(until([this] { return part<QPushButton>("reset").isEnabled(); }));
+  for (const char* name : {"save", "load"}) EXPECT_FALSE(part<QPushButton>(name).isEnabled()) << name;
+}
+
 TEST_F(PanelTest, ShowsTheStagesOfAnotherMap) {
   const FakeMapping mapping;
   std::atomic<int> saved = 0;
