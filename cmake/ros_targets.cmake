@@ -23,7 +23,6 @@ add_library(${PROJECT_NAME}_ros
   src/ros/gps_ins_report.cpp
   src/ros/inertial_input.cpp
   src/ros/inertial_navigation.cpp
-  src/ros/map_inputs.cpp
   src/ros/map_output.cpp
   src/ros/mission_memory.cpp
   src/ros/map_services.cpp
@@ -67,6 +66,7 @@ add_library(${PROJECT_NAME}_ros
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/scans_on_base.cpp
+  src/ros/semantic_map_input.cpp
   src/ros/simulation.cpp
   src/ros/stage_context.cpp
   src/ros/stage_diagnostics.cpp

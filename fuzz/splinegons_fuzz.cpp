@@ -25,7 +25,9 @@ void check_boundary(const Splinegon& boundary) {
   }
   require(boundary.closed || boundary.vertices.back().bulge == 0.0, "an open one ends");
   Obstacles obstacles;
-  obstacles.add(boundary);
+  Feature feature;
+  feature.shape = ArcShape{boundary.vertices, boundary.closed};
+  obstacles.add(feature);
   const double away_m = distance_m(obstacles, boundary.vertices[0].p_world_m);
   require(!(away_m > 1e-6 * (1.0 + boundary.vertices[0].p_world_m.norm())), "a vertex is on its boundary");
 }

@@ -22,12 +22,10 @@ STAGES = {
                      "manager": "process", "master": "process"},
     "path_following": {"verdict": "bare message", "TF": "bare message", "parameters": "parameters",
                        "manager": "process", "master": "process"},
-    "circumnavigate": {"scan": "message", "objects": "message", "polygons": "message", "splinegons": "message",
-                       "odometry": "bare message", "TF": "bare message", "parameters": "parameters",
-                       "manager": "process", "master": "process"},
-    "scout": {"targets": "message", "grid": "message", "splinegons": "message", "polygons": "message",
-              "objects": "message", "odometry": "bare message", "parameters": "parameters", "manager": "process",
-              "master": "process"},
+    "circumnavigate": {"scan": "message", "map": "message", "odometry": "bare message", "TF": "bare message",
+                       "parameters": "parameters", "manager": "process", "master": "process"},
+    "scout": {"targets": "message", "grid": "message", "map": "message", "odometry": "bare message",
+              "parameters": "parameters", "manager": "process", "master": "process"},
 }
 SHIFTS_S = (-3600.0, -5.0, -0.2, 0.2, 2.0, 5.0, 3600.0)
 STAMPED = {

@@ -2,8 +2,11 @@
 #include "situation_awareness/path/obstacles.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <type_traits>
+#include <variant>
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
@@ -21,6 +24,14 @@ constexpr int kEllipseEdges = 32;
 constexpr std::size_t kRun = 8;
 /// Of the radii: an ellipse that differs less from a circle is one.
 constexpr double kRound = 1e-3;
+
+/// Of its place, in its worst direction, and of its larger radius.
+double outline_sigma_m(const BodyState& body) {
+  const Eigen::Matrix2d place = body.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition);
+  const double variance_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1] +
+                             body.covariance(object_error::kRadii, object_error::kRadii);
+  return std::sqrt(std::max(variance_m2, 0.0));
+}
 
 }  // namespace
 
@@ -50,7 +61,7 @@ void Obstacles::reserve(std::size_t pieces) {
   runs_.reserve(pieces);
 }
 
-void Obstacles::begin(ObstacleKind kind, std::uint64_t id, bool closed) {
+void Obstacles::begin(ObstacleKind kind, FeatureId id, bool closed) {
   obstacles_.push_back({kind, id, closed, pieces_.size(), 0, 0.0});
 }
 
@@ -97,43 +108,51 @@ void Obstacles::end() {
   }
 }
 
-void Obstacles::add(const Splinegon& boundary) {
-  const std::size_t count = boundary.vertices.size();
+void Obstacles::add(const Feature& feature) {
+  std::visit(
+      [&](const auto& shape) {
+        if constexpr (!std::is_same_v<std::decay_t<decltype(shape)>, FootprintShape>) add(shape, feature.id);
+      },
+      feature.shape);
+}
+
+void Obstacles::add(const ArcShape& shape, FeatureId id) {
+  const std::size_t count = shape.vertices.size();
   if (count < 2) return;
-  begin(ObstacleKind::kBoundary, boundary.id, boundary.closed);
-  for (std::size_t i = 0; i + (boundary.closed ? 0U : 1U) < count; ++i) {
-    const SplinegonVertex& from = boundary.vertices[i];
-    const SplinegonVertex& to = boundary.vertices[i + 1 < count ? i + 1 : 0];
+  begin(ObstacleKind::kBoundary, id, shape.closed);
+  for (std::size_t i = 0; i + (shape.closed ? 0U : 1U) < count; ++i) {
+    const SplinegonVertex& from = shape.vertices[i];
+    const SplinegonVertex& to = shape.vertices[i + 1 < count ? i + 1 : 0];
     add_piece(curve_with_bulge(from.p_world_m, to.p_world_m, from.bulge), std::max(from.sigma_m, to.sigma_m));
   }
   end();
 }
 
-void Obstacles::add(const Chain& chain) {
-  const std::size_t count = chain.vertices.size();
+void Obstacles::add(const PolylineShape& shape, FeatureId id) {
+  const std::size_t count = shape.vertices.size();
   if (count < 2) return;
-  begin(ObstacleKind::kChain, chain.id, chain.closed);
-  for (std::size_t i = 0; i + (chain.closed ? 0U : 1U) < count; ++i) {
-    const ChainVertex& from = chain.vertices[i];
-    const ChainVertex& to = chain.vertices[i + 1 < count ? i + 1 : 0];
+  begin(ObstacleKind::kChain, id, shape.closed);
+  for (std::size_t i = 0; i + (shape.closed ? 0U : 1U) < count; ++i) {
+    const ChainVertex& from = shape.vertices[i];
+    const ChainVertex& to = shape.vertices[i + 1 < count ? i + 1 : 0];
     add_piece(straight_curve(from.p_world_m, to.p_world_m), std::max(from.sigma_m, to.sigma_m));
   }
   end();
 }
 
-void Obstacles::add(const Object& object) {
-  const Eigen::Matrix2d place = object.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition);
-  const double variance_m2 = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>().computeDirect(place).eigenvalues()[1] +
-                             object.covariance(object_error::kRadii, object_error::kRadii);
-  const double sigma_m = std::sqrt(std::max(variance_m2, 0.0));
-  if (object.shape != Shape::kBox) return add(object.ellipse_world, sigma_m, object.id);
-  const std::array<Eigen::Vector2d, 4> corners_m = corners(object.box_world);
-  begin(ObstacleKind::kObject, object.id, true);
+void Obstacles::add(const BoxShape& shape, FeatureId id) {
+  const double sigma_m = outline_sigma_m(shape.body);
+  const std::array<Eigen::Vector2d, 4> corners_m = corners(shape.box_world);
+  begin(ObstacleKind::kObject, id, true);
   for (std::size_t i = 0; i < 4; ++i) add_piece(straight_curve(corners_m[i], corners_m[(i + 1) % 4]), sigma_m);
   end();
 }
 
-void Obstacles::add(const Ellipse& ellipse_world, double sigma_m, std::uint64_t id) {
+void Obstacles::add(const EllipseShape& shape, FeatureId id) {
+  add(shape.ellipse_world, outline_sigma_m(shape.body), id);
+}
+
+void Obstacles::add(const Ellipse& ellipse_world, double sigma_m, FeatureId id) {
   begin(ObstacleKind::kObject, id, true);
   const double rx_m = ellipse_world.rx_m, ry_m = ellipse_world.ry_m;
   if (std::abs(rx_m - ry_m) < kRound * std::max(rx_m, ry_m)) {
@@ -157,7 +176,7 @@ void Obstacles::add(const Ellipse& ellipse_world, double sigma_m, std::uint64_t 
 }
 
 void Obstacles::add(const std::vector<Eigen::Vector2d>& polyline_world_m, bool closed, double sigma_m,
-                    ObstacleKind kind, std::uint64_t id) {
+                    ObstacleKind kind, FeatureId id) {
   const std::size_t count = polyline_world_m.size();
   if (count < 2) return;
   begin(kind, id, closed);

@@ -98,14 +98,16 @@ TEST(Allocation, NoneForAvoidanceAfterWarmUp) {
 TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
   CircumnavigationParams params;
   params.max_laps = 100.0;
-  Splinegons boundaries;
-  Splinegon& box = boundaries.boundaries.emplace_back();
-  box.id = 1;
+  Map map;
+  map.features.resize(1);
+  map.features[0].id = 1;
+  ArcShape box;
   const std::vector<Eigen::Vector2d> corners{{6.0, -4.0}, {6.0, 4.0}, {-6.0, 4.0}, {-6.0, -4.0}};
   for (std::size_t i = 0; i < corners.size(); ++i) {
     box.vertices.push_back({corners[i], 0.0, 0.05, true});
     if (i < 3) box.vertices.push_back({0.5 * (corners[i] + corners[i + 1]), 0.0, 0.05, false});
   }
+  map.features[0].shape = box;
   FreeBeams beams;
   beams.from_rad = -3.0;
   beams.step_rad = 0.01;
@@ -128,13 +130,13 @@ TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
   MissionInput input;
   input.T_world_base = {{-60.0, 2.0}, 0.0};
   input.speed_m_s = kSpeed_m_s;
-  input.boundaries = &boundaries;
+  input.map = &map;
   input.sight = &beams;
   std::int64_t after = 0;
   double laps = 0.0, warm_laps = 0.0;
   for (int i = 0; i < 1300; ++i) {
     input.stamp_ns += 100'000'000;
-    boundaries.stamp_ns = input.stamp_ns;
+    map.stamp_ns = input.stamp_ns;
     beams.T_world_sensor = input.T_world_base;
     look();
     const std::int64_t before = allocations().count;

@@ -27,9 +27,8 @@ Obstacles random_scene(Random& random, int count, double size_m) {
                 id);
       continue;
     }
-    Splinegon boundary;
-    Chain chain;
-    boundary.id = chain.id = id;
+    ArcShape boundary;
+    PolylineShape chain;
     boundary.closed = chain.closed = random.uniform() < 0.5;
     for (int k = 0; k < 8; ++k) {
       const double t = 2.0 * kPi * k / 8.0;
@@ -38,8 +37,11 @@ Obstacles random_scene(Random& random, int count, double size_m) {
       boundary.vertices.push_back({p, random.uniform(-0.4, 0.4), sigma_m, false});
       chain.vertices.push_back({p, sigma_m});
     }
-    if (i % 3 == 1) scene.add(boundary);
-    if (i % 3 == 2) scene.add(chain);
+    Feature feature;
+    feature.id = id;
+    if (i % 3 == 1) feature.shape = boundary;
+    if (i % 3 == 2) feature.shape = chain;
+    scene.add(feature);
   }
   return scene;
 }
@@ -168,18 +170,18 @@ TEST(Avoidance, AnEllipseIsWithinItsPolygon) {
 }
 
 TEST(Avoidance, OfAnObjectItIsTheEllipseOrTheBox) {
-  Object object;
-  object.ellipse_world = {{10.0, 0.0}, 0.0, 2.0, 2.0};
-  object.covariance(object_error::kPosition, object_error::kPosition) = 0.09;
-  object.covariance(object_error::kRadii, object_error::kRadii) = 0.16;
+  BodyState body;
+  body.covariance(object_error::kPosition, object_error::kPosition) = 0.09;
+  body.covariance(object_error::kRadii, object_error::kRadii) = 0.16;
+  Feature feature;
+  feature.shape = EllipseShape{{{10.0, 0.0}, 0.0, 2.0, 2.0}, body};
   Obstacles scene;
-  scene.add(object);
+  scene.add(feature);
   EXPECT_NEAR(distance_m(scene, {5.0, 0.0}), 3.0, 1e-9);
   EXPECT_NEAR(scene.obstacles()[0].sigma_m, 0.5, 1e-9);
-  object.shape = Shape::kBox;
-  object.box_world = {{10.0, 0.0}, 0.0, 3.0, 1.0};
+  feature.shape = BoxShape{{{10.0, 0.0}, 0.0, 3.0, 1.0}, body};
   scene.clear();
-  scene.add(object);
+  scene.add(feature);
   EXPECT_NEAR(distance_m(scene, {5.0, 0.0}), 2.0, 1e-9);
   EXPECT_EQ(scene.pieces().size(), 4U);
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "path/mission_flight.hpp"
+#include "situation_awareness/path/large_obstacles.hpp"
 #include "support/fault_cell.hpp"
 #include "support/refusal.hpp"
 
@@ -30,14 +31,14 @@ class Stepped {
     input.T_world_base = T;
     input.covariance_world = 1e-4 * Eigen::Matrix3d::Identity();
     input.speed_m_s = 5.0;
-    boundaries.stamp_ns = stamp_ns;
-    input.boundaries = &boundaries;
+    const Map map = map_of(boundaries, stamp_ns);
+    input.map = &map;
     look();
     input.sight = sees_m > 0.0 ? &sight : nullptr;
     const MissionStep& told = mission.step(input);
     const double turn_rad = told.curvature_1_m * kStep_m;
     T = T * Pose2{{kStep_m * std::cos(0.5 * turn_rad), kStep_m * std::sin(0.5 * turn_rad)}, turn_rad};
-    for (const Splinegon& boundary : boundaries.boundaries) {
+    for (const Splinegon& boundary : boundaries) {
       least_m = std::min(least_m, distance_m(boundary, T.translation_m));
     }
     greatest_1_m = std::max(greatest_1_m, std::abs(told.curvature_1_m));
@@ -45,7 +46,7 @@ class Stepped {
   }
 
   Circumnavigation mission;
-  Splinegons boundaries;
+  std::vector<Splinegon> boundaries;
   Pose2 T;
   std::vector<Eigen::Vector2d> wall_m;  ///< two ends of one that is on no map
   bool wall_is_hit = true;              ///< else nothing is known behind it
@@ -63,7 +64,7 @@ class Stepped {
     for (std::size_t i = 0; i < sight.free_m.size(); ++i) {
       const double angle_rad = T.yaw_rad + sight.from_rad + sight.step_rad * static_cast<double>(i);
       const Curve ray{T.translation_m, {std::cos(angle_rad), std::sin(angle_rad)}, 0.0, sees_m};
-      for (const Splinegon& boundary : boundaries.boundaries) {
+      for (const Splinegon& boundary : boundaries) {
         for (std::size_t k = 0; k < arcs_of(boundary); ++k) {
           const SplinegonVertex& from = boundary.vertices[k];
           const SplinegonVertex& to = boundary.vertices[(k + 1) % boundary.vertices.size()];
@@ -145,20 +146,20 @@ TEST(Circumnavigation, DoesNotEnterTheUnknown) {
 // The state says what is missing: first the rest of the boundary, then its certainty.
 TEST(Circumnavigation, IsAroundABoundaryUntilItIsClosedAndCertain) {
   Stepped stepped({}, {});
-  stepped.boundaries.boundaries = {splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.1, false)};
+  stepped.boundaries = {splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.1, false)};
   MissionStep told;
   for (int i = 0; i < 300; ++i) told = stepped.step();
   EXPECT_EQ(told.state, MissionState::kAround) << told.reason;
   EXPECT_EQ(told.target, 7U);
   EXPECT_EQ(told.reason, "boundary 7 is open");
   EXPECT_GT(told.laps, 0.3);
-  stepped.boundaries.boundaries[0] = splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.5, true);
+  stepped.boundaries[0] = splinegon_of(placed({{45.0, 0.0}, 0.4}, tower(TowerShape::kKidney)), 7, 0.5, true);
   for (int i = 0; i < 30; ++i) told = stepped.step();
   EXPECT_EQ(told.state, MissionState::kAround);
   EXPECT_EQ(told.reason, "boundary 7 is closed and known to 0.50 m, not yet to 0.30 m");
-  for (SplinegonVertex& vertex : stepped.boundaries.boundaries[0].vertices) vertex.sigma_m = 0.2;
+  for (SplinegonVertex& vertex : stepped.boundaries[0].vertices) vertex.sigma_m = 0.2;
   // That for a while, without a scan that opens it.
-  Splinegon& boundary = stepped.boundaries.boundaries[0];
+  Splinegon& boundary = stepped.boundaries[0];
   for (int i = 0; i < 55; ++i) {
     boundary.closed = i != 20;
     told = stepped.step();
@@ -178,8 +179,7 @@ TEST(Circumnavigation, IsAroundABoundaryUntilItIsClosedAndCertain) {
 
 TEST(Circumnavigation, GivesUpWhatDoesNotClose) {
   Stepped stepped({}, {});
-  stepped.boundaries.boundaries = {
-      splinegon_of(placed({{40.0, 0.0}, 0.4}, tower(TowerShape::kEllipse)), 7, 0.1, false)};
+  stepped.boundaries = {splinegon_of(placed({{40.0, 0.0}, 0.4}, tower(TowerShape::kEllipse)), 7, 0.1, false)};
   for (int i = 0; i < 1500 && stepped.step().state != MissionState::kDone; ++i) {
   }
   const MissionStep& told = stepped.step();
@@ -194,7 +194,7 @@ TEST(Circumnavigation, CountsLapsAroundAllThatItGoesAround) {
     Stepped stepped({}, {});
     for (int i = 0; i < count; ++i) {
       const Pose2 T{{40.0 + 13.0 * (i % 2), -12.0 * i}, 0.4};
-      stepped.boundaries.boundaries.push_back(
+      stepped.boundaries.push_back(
           splinegon_of(placed(T, tower(TowerShape::kBox)), static_cast<std::uint64_t>(i + 1), 0.1, false));
     }
     double way_m = 0.0, orbit_m = 0.0;
@@ -213,12 +213,11 @@ TEST(Circumnavigation, CountsLapsAroundAllThatItGoesAround) {
 // A boundary that changes its name at each lap is given up, too.
 TEST(Circumnavigation, GivesUpWhatIsNamedAnewAgainAndAgain) {
   Stepped stepped({}, {});
-  stepped.boundaries.boundaries = {
-      splinegon_of(placed({{40.0, 0.0}, 0.4}, tower(TowerShape::kEllipse)), 7, 0.1, false)};
+  stepped.boundaries = {splinegon_of(placed({{40.0, 0.0}, 0.4}, tower(TowerShape::kEllipse)), 7, 0.1, false)};
   MissionStep told;
   for (int i = 0; i < 1500 && told.state != MissionState::kDone; ++i) {
     told = stepped.step();
-    if (told.laps > 0.5 && i % 100 == 0) ++stepped.boundaries.boundaries[0].id;
+    if (told.laps > 0.5 && i % 100 == 0) ++stepped.boundaries[0].id;
   }
   EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
 }
@@ -227,17 +226,17 @@ TEST(Circumnavigation, GivesUpWhatIsNamedAnewAgainAndAgain) {
 TEST(Circumnavigation, DoesNotGoAroundTheSameAgain) {
   Stepped stepped({}, {});
   const auto outline = tower(TowerShape::kPeanut);
-  stepped.boundaries.boundaries = {splinegon_of(placed({{45.0, 0.0}, 0.4}, outline), 7, 0.2)};
+  stepped.boundaries = {splinegon_of(placed({{45.0, 0.0}, 0.4}, outline), 7, 0.2)};
   MissionStep told;
   for (int i = 0; i < 60; ++i) told = stepped.step();
   ASSERT_EQ(told.state, MissionState::kDone) << told.reason;
-  stepped.boundaries.boundaries.push_back(splinegon_of(placed({{45.2, 0.3}, 0.4}, outline), 9, 0.3, false));
+  stepped.boundaries.push_back(splinegon_of(placed({{45.2, 0.3}, 0.4}, outline), 9, 0.3, false));
   for (int i = 0; i < 60; ++i) told = stepped.step();
   EXPECT_EQ(told.state, MissionState::kDone) << told.reason;
   EXPECT_EQ(told.reason,
             "all boundaries are closed and certain, but for 0 given up and 1 along others; all places were visited");
   // Another one beside it is not.
-  stepped.boundaries.boundaries.push_back(splinegon_of(placed({{45.0, 24.0}, 0.4}, outline), 10, 0.3, false));
+  stepped.boundaries.push_back(splinegon_of(placed({{45.0, 24.0}, 0.4}, outline), 10, 0.3, false));
   told = stepped.step();
   EXPECT_EQ(told.state, MissionState::kAround) << told.reason;
   EXPECT_EQ(told.target, 10U);
@@ -246,7 +245,7 @@ TEST(Circumnavigation, DoesNotGoAroundTheSameAgain) {
 // On the way to a place it goes around what it knows already, and leaves out a place that is within.
 TEST(Circumnavigation, PassesBoundariesThatAreDone) {
   Stepped stepped({}, {place(60.0, 0.0), place(130.0, 0.0)});
-  stepped.boundaries.boundaries = {splinegon_of(placed({{60.0, 0.0}, 1.5}, tower(TowerShape::kPeanut)), 3, 0.05)};
+  stepped.boundaries = {splinegon_of(placed({{60.0, 0.0}, 1.5}, tower(TowerShape::kPeanut)), 3, 0.05)};
   MissionStep told;
   for (int i = 0; i < 1000; ++i) {
     told = stepped.step();
@@ -258,22 +257,42 @@ TEST(Circumnavigation, PassesBoundariesThatAreDone) {
   EXPECT_GT(stepped.least_m, 3.0);
 }
 
-// What was seen since a boundary was fitted is on its chain alone.
-TEST(Circumnavigation, KeepsAwayFromTheChainOfABoundaryThatIsOlder) {
-  Splinegons boundaries;
-  boundaries.boundaries = {splinegon_of(placed({{60.0, 0.0}, 1.5}, tower(TowerShape::kPeanut)), 3, 0.05)};
-  Polygons polygons;
-  polygons.chains.resize(1);
-  polygons.chains[0].id = 3;
-  polygons.chains[0].vertices = {{{30.0, -5.0}, 0.02}, {{30.0, 5.0}, 0.02}};
-  MissionInput input;
-  input.boundaries = &boundaries;
-  input.polygons = &polygons;
-  for (const bool older : {false, true}) {
-    polygons.chains[0].last_seen_ns = boundaries.boundaries[0].last_seen_ns + (older ? 1 : 0);
+// Whatever shape a thing has on the map, it is kept away from; what is large and stands is gone around.
+TEST(Circumnavigation, GoesAroundLargeOutlinesOfLines) {
+  Stepped stepped({}, {place(60.0, 0.0)});
+  const std::vector<Eigen::Vector2d> corners = placed({{60.0, 0.0}, 0.3}, tower(TowerShape::kBox));
+  PolylineShape lines;
+  // Its free side is to the left of the way from a vertex to the next.
+  for (auto corner = corners.rbegin(); corner != corners.rend(); ++corner) lines.vertices.push_back({*corner, 0.1});
+  for (const bool closed : {false, true}) {
+    lines.closed = closed;
+    Map map;
+    map.features.resize(4);
+    for (std::size_t i = 0; i < map.features.size(); ++i) map.features[i].id = i + 3;
+    map.features[0].shape = lines;
+    PolylineShape post{{{{20.0, 30.0}, 0.02}, {{20.5, 30.0}, 0.02}}, false};
+    map.features[1].shape = post;
+    map.features[2].shape = BoxShape{{{20.0, -30.0}, 0.0, 2.2, 0.9}, {}};
+    map.features[3].shape = FootprintShape{{30.0, 30.0, 0.0}, Eigen::Matrix2d::Identity(), 8.0};
+    const std::vector<Splinegon> outlines = outlines_of_large_obstacles(map, 2.5);
+    ASSERT_EQ(outlines.size(), 1U);
+    EXPECT_EQ(outlines[0].id, 3U);
+    EXPECT_EQ(outlines[0].closed, closed);
+    EXPECT_EQ(outlines[0].vertices.size() % 2 == 0, closed);
+    EXPECT_EQ(contains(outlines[0], {60.0, 0.0}), closed);
+    if (closed) {
+      EXPECT_NEAR(area_m2(outlines[0]), 12.0 * 7.0, 1e-9);
+    }
+    EXPECT_TRUE(outlines_of_large_obstacles(map, 20.0).empty());
+
     Circumnavigation mission({}, {});
+    MissionInput input;
+    input.map = &map;
     mission.step(input);
-    EXPECT_EQ(distance_m(mission.obstacles(), {30.0, 0.0}) < 1e-9, older);
+    for (const Eigen::Vector2d& p_m : {corners[0], Eigen::Vector2d(20.2, 30.0), Eigen::Vector2d(22.2, -30.0)}) {
+      EXPECT_LT(distance_m(mission.obstacles(), p_m), 1e-9);
+    }
+    EXPECT_GT(distance_m(mission.obstacles(), {30.0, 30.0}), 5.0) << "a target is on the ground";
   }
 }
 
@@ -384,8 +403,7 @@ TEST(Circumnavigation, TheSameInputGivesTheSameOutput) {
   std::vector<double> commands[2];
   for (std::vector<double>& each : commands) {
     Stepped stepped({}, {place(100.0, 0.0)});
-    stepped.boundaries.boundaries = {
-        splinegon_of(placed({{50.0, 3.0}, 0.4}, tower(TowerShape::kLobes)), 1, 0.1, false)};
+    stepped.boundaries = {splinegon_of(placed({{50.0, 3.0}, 0.4}, tower(TowerShape::kLobes)), 1, 0.1, false)};
     for (int i = 0; i < 150; ++i) each.push_back(stepped.step().curvature_1_m);
   }
   EXPECT_EQ(commands[0], commands[1]);
@@ -490,14 +508,13 @@ PoleFlight fly_among_poles(std::uint64_t seed, const Outage& mapping, const Outa
   const std::vector<Outline> poles = random_poles(random, 40);
   MissionSimulation simulation(poles, params, seed + 1'000);
   PoleFlight result;
-  Splinegons before;
+  Map before;
   bool has_pose = true;
   simulation.spoil = [&](double t_s, MissionInput& input, const FreeBeams& sight_of_base) {
     if (mapping.holds(t_s)) {
-      input.boundaries = &before;
-      input.polygons = nullptr;
+      input.map = &before;
     } else {
-      before = *input.boundaries;
+      before = *input.map;
     }
     if (scans.holds(t_s)) input.sight = nullptr;
     has_pose = !odometry.holds(t_s);
@@ -561,8 +578,7 @@ TEST(CircumnavigationPoles, AreNotTouchedWhateverStops) {
 }
 
 TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {
-  MissionFlightParams params;
-  params.pipeline = shipped_splinegons();
+  MissionFlightParams params = shipped_mission_flight();
   params.beams = 361;
   params.scan_every = 4;
   const Worlds sum = fly_in_worlds(201, 10, 1, params);
@@ -574,8 +590,7 @@ TEST(CircumnavigationStatistics, GoesAroundUnknownObstacles) {
 // Sides that face each other, 4 to 6 m apart, are seen from 20 m and more, at an angle: with indoor gaps between hits
 // they were not mapped.
 TEST(CircumnavigationStatistics, ClosesWhatFacesOthers) {
-  MissionFlightParams params;
-  params.pipeline = shipped_splinegons();
+  MissionFlightParams params = shipped_mission_flight();
   const Worlds sum = fly_in_worlds(6, 2, 4, params);
   EXPECT_EQ(sum.ended, 2);
   EXPECT_EQ(sum.around, sum.towers);
@@ -585,15 +600,13 @@ TEST(CircumnavigationStatistics, ClosesWhatFacesOthers) {
 // With the wind, turns to the way out left the path by 0.9 m: the vehicle was told to turn its course, not its heading,
 // and not ahead of its lag.
 TEST(CircumnavigationStatistics, KeepsTheClearanceInWind) {
-  MissionFlightParams params;
-  params.pipeline = shipped_splinegons();
+  MissionFlightParams params = shipped_mission_flight();
   for (const std::uint64_t seed : {25, 27}) fly_in_worlds(seed, 1, 4, params);
 }
 
 // Loops were closed on what a few hits of a scan met: the map came off by metres, and obstacles were mapped many times.
 TEST(CircumnavigationStatistics, MapsWhatItComesBackToOnce) {
-  MissionFlightParams params;
-  params.pipeline = shipped_splinegons();
+  MissionFlightParams params = shipped_mission_flight();
   for (const std::uint64_t seed : {74, 97, 98}) {
     const Worlds world = fly_in_worlds(seed, 1, 4, params);
     EXPECT_EQ(world.closed, world.towers) << seed;
@@ -601,8 +614,7 @@ TEST(CircumnavigationStatistics, MapsWhatItComesBackToOnce) {
 }
 
 TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {
-  MissionFlightParams params;
-  params.pipeline = shipped_splinegons();
+  MissionFlightParams params = shipped_mission_flight();
   const Worlds sum = fly_in_worlds(1, 100, 4, params);
   // docs/math/circumnavigation.md says which do not, and why.
   EXPECT_EQ(sum.ended, 100);

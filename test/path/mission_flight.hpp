@@ -14,7 +14,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
 #include "situation_awareness/path/circumnavigation.hpp"
-#include "situation_awareness/pipeline/splinegon_pipeline.hpp"
+#include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "support/thread_cpu.hpp"
 
 namespace situation_awareness {
@@ -100,7 +100,9 @@ struct MissionFlightParams {
   double longest_s = 1500.0;  ///< of the flight
   bool is_mapped = true;      ///< else the map has nothing on it, and is of now
   CircumnavigationParams mission;
-  SplinegonPipelineParams pipeline;
+  MapPipelineParams map;
+  ObjectPipelineParams objects;
+  MapKinds kinds{false, true, true, false};
 
   MissionFlightParams() {
     mission.following.airspeed_m_s = kMissionSpeed_m_s;
@@ -108,9 +110,14 @@ struct MissionFlightParams {
   }
 };
 
-inline SplinegonPipelineParams shipped_splinegons() {
-  const std::string path = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/cfg/splinegons.yaml";
-  return params_from_yaml<SplinegonPipelineParams>(read_text_file(path), path, [](const UnknownKey&) {});
+/// With the map as it is shipped, of all kinds.
+inline MissionFlightParams shipped_mission_flight() {
+  const std::string source = SITUATION_AWARENESS_SOURCE_DIR, path = source + "/cfg/map_outdoor.yaml";
+  MissionFlightParams params;
+  params.map = params_from_yaml<MapPipelineParams>(read_text_file(path), path, [](const UnknownKey&) {});
+  params.objects = load_object_pipeline_params(path, source + "/models", [](const UnknownKey&) {});
+  params.kinds.objects = true;
+  return params;
 }
 
 /// A vehicle that flies on at 5 m/s through the air, turns on 6 m at least and sees 270 degrees and 30 m ahead, among
@@ -132,7 +139,7 @@ class MissionSimulation {
     flight.towers = static_cast<int>(towers_.size());
     turned_rad_.assign(towers_.size(), 0.0);
     Circumnavigation mission(params_.mission, search);
-    SplinegonPipeline pipeline(params_.pipeline);
+    MapPipeline pipeline(params_.map, params_.objects, params_.kinds);
     Eigen::Vector2d p_m = start.translation_m, error_m = Eigen::Vector2d::Zero();
     double heading_rad = start.yaw_rad, curvature_1_m = 0.0, told_1_m = 0.0;
     Eigen::Vector2d velocity(kMissionSpeed_m_s * std::cos(heading_rad), kMissionSpeed_m_s * std::sin(heading_rad));
@@ -172,9 +179,9 @@ class MissionSimulation {
           const Eigen::Isometry3d T_odom_lidar = in_space(T_odom_base);
           if (params_.is_mapped) {
             pipeline.process(scan_, T_odom_lidar, T_odom_lidar, placement);
-            polygons_ = pipeline.polygons_in_world();
+            map_ = pipeline.map(std::move(map_));
           }
-          blank_.stamp_ns = polygons_.stamp_ns = input.stamp_ns;
+          map_.stamp_ns = input.stamp_ns;
           sight_.T_world_sensor = T;
           sight_.hits_world_m.clear();
           for (std::size_t k = 0; k < ranges_m_.size(); ++k) {
@@ -189,8 +196,7 @@ class MissionSimulation {
           input.sight = &sight_;
         }
         input.heading_rad = heading_rad + yaw_error_rad;
-        input.boundaries = params_.is_mapped ? &pipeline.splinegons() : &blank_;
-        input.polygons = &polygons_;
+        input.map = &map_;
         if (spoil) spoil(t_s, input, sight_of_base_);
         const double begin_us = thread_cpu_us();
         const MissionStep& step = mission.step(input);
@@ -205,7 +211,7 @@ class MissionSimulation {
         if (on_step) on_step(t_s, input, mission, step, p_m);
         if (step.state == MissionState::kDone) {
           flight.ended = true;
-          count(pipeline.splinegons(), flight);
+          count(mission.boundaries(), flight);
           break;
         }
       }
@@ -243,11 +249,11 @@ class MissionSimulation {
   }
 
   /// Towers along all of whose outline there is a closed boundary.
-  void count(const Splinegons& boundaries, MissionFlight& flight) const {
+  void count(const std::vector<Splinegon>& boundaries, MissionFlight& flight) const {
     for (std::size_t i = 0; i < towers_.size(); ++i) {
       const Outline& tower = towers_[i];
       bool is_closed = false;
-      for (const Splinegon& boundary : boundaries.boundaries) {
+      for (const Splinegon& boundary : boundaries) {
         if (!boundary.closed) continue;
         double greatest_m = 0.0;
         for (const Eigen::Vector2d& p : tower) greatest_m = std::max(greatest_m, distance_m(boundary, p));
@@ -301,8 +307,7 @@ class MissionSimulation {
   Eigen::Vector2d wind_;
   Scan scan_;
   FreeBeams sight_, sight_of_base_;
-  Splinegons blank_;
-  Polygons polygons_;
+  Map map_;
   std::vector<double> ranges_m_;
   std::vector<double> turned_rad_;  ///< around each tower
 };

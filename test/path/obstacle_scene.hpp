@@ -9,6 +9,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/biarc.hpp"
 #include "situation_awareness/path/obstacles.hpp"
+#include "support/features.hpp"
 
 namespace situation_awareness {
 
@@ -74,6 +75,14 @@ inline Splinegon splinegon_of(const std::vector<Eigen::Vector2d>& outline, std::
     boundary.vertices.back().bulge = 0.0;
   }
   return boundary;
+}
+
+/// A map of these boundaries.
+inline Map map_of(const std::vector<Splinegon>& boundaries, std::int64_t stamp_ns) {
+  Map map;
+  map.stamp_ns = stamp_ns;
+  for (const Splinegon& boundary : boundaries) map.features.push_back(feature_of(boundary));
+  return map;
 }
 
 }  // namespace situation_awareness

@@ -88,7 +88,7 @@ TEST(StandoffOrbit, LeadsAroundOpenEnds) {
   bow.vertices = {{{10.0, 0.0}, std::tan(0.25 * 0.5 * kPi), 0.0, false},
                   {{0.0, 10.0}, std::tan(0.25 * 0.5 * kPi), 0.0, false},
                   {{-10.0, 0.0}, 0.0, 0.0, false}};
-  scene.add(bow);
+  scene.add(feature_of(bow));
   ASSERT_TRUE(orbits.trace(scene, 0, 1.0, kStandoff_m, kRadius_m, {0.0, 40.0}, orbit));
   expect_orbit(scene, 1.0, orbit, {0.0, 9.0});
 }
@@ -107,8 +107,8 @@ TEST(StandoffOrbit, AroundOneOrMoreObstaclesOfAnyShape) {
                     random.uniform(-kPi, kPi)};
       const auto outline = placed(T, tower(static_cast<TowerShape>((i / 4 + k) % 5)));
       const bool closed = random.uniform() < 0.6;
-      scene.add(splinegon_of(outline, static_cast<std::uint64_t>(k + 1), 0.05, closed));
-      moved_scene.add(splinegon_of(placed(move, outline), static_cast<std::uint64_t>(k + 1), 0.05, closed));
+      scene.add(feature_of(splinegon_of(outline, static_cast<std::uint64_t>(k + 1), 0.05, closed)));
+      moved_scene.add(feature_of(splinegon_of(placed(move, outline), static_cast<std::uint64_t>(k + 1), 0.05, closed)));
     }
     const double side = i % 2 == 0 ? 1.0 : -1.0;
     const std::size_t target = static_cast<std::size_t>(i) % scene.obstacles().size();
@@ -141,7 +141,7 @@ TEST(StandoffOrbit, AroundOutlinesThatCrossEachOther) {
       const auto outline = placed(T, tower(shape));
       const auto id = static_cast<std::uint64_t>(k + 1);
       if (k % 2 == 0) {
-        scene.add(splinegon_of(outline, id, 0.05, k == 0));
+        scene.add(feature_of(splinegon_of(outline, id, 0.05, k == 0)));
       } else {
         const auto from = static_cast<std::ptrdiff_t>(random.uniform(0.0, 0.5) * static_cast<double>(outline.size()));
         scene.add({outline.begin() + from, outline.end()}, false, 0.05, ObstacleKind::kChain, id);

@@ -22,6 +22,7 @@
 #include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "support/covariance.hpp"
+#include "support/features.hpp"
 #include "support/grid_ground.hpp"
 #include "support/lively_scene.hpp"
 #include "support/odd_number.hpp"
@@ -252,7 +253,7 @@ class PolygonStage {
     const Chain& room = *std::find_if(chains.begin(), chains.end(), is_in_sight);
     EXPECT_TRUE(room.closed);
     Obstacles edges;
-    edges.add(room);
+    edges.add(feature_of(room));
     for (double part = -0.9; part < 1.0; part += 0.1) {
       for (const double side : {-1.0, 1.0}) {
         EXPECT_LT(distance_m(edges, {3.0 * side, 2.0 * part}), 0.02);

@@ -11,7 +11,7 @@ import unittest
 
 import rospy
 import rostest
-from geometry_msgs.msg import Point, Pose2D, Twist
+from geometry_msgs.msg import Pose2D, Twist
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
@@ -21,10 +21,10 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
-from mission_faults import cells_of, common, numbers, set_number  # noqa: E402
+from mission_faults import (cells_of, common, ellipse_feature, map_update, numbers, outline_feature,  # noqa: E402
+                            set_number)
 from ros_support import Diagnostics, Latest, comes_true, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MissionStatus,  # noqa: E402
-                                     PolygonArray, SplinegonArray)
+from situation_awareness.msg import MapUpdate, MissionStatus  # noqa: E402
 from situation_awareness.srv import PlanDubins  # noqa: E402
 
 STAGE = "circumnavigate"
@@ -34,15 +34,12 @@ SPEED, PERIOD = 5.0, 0.1
 def square(boundary_id, closed, sigma):
     """A box of 10 m around (60, 0): main vertices at the corners, joints between them; open: three of its sides."""
     corners = [(65, -5), (65, 5), (55, 5), (55, -5)]
-    msg = MappedSplinegon(id=boundary_id, closed=closed, first_seen=rospy.Time(1), last_seen=rospy.Time(2))
+    points = []
     for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1]):
-        msg.vertices += [Point(ax, ay, 0), Point(0.5 * (ax + bx), 0.5 * (ay + by), 0)]
-        msg.corner += [True, False]
+        points += [(ax, ay), (0.5 * (ax + bx), 0.5 * (ay + by))]
     if not closed:
-        del msg.vertices[7:], msg.corner[7:]
-    msg.bulge = [0.0] * len(msg.vertices)
-    msg.sigma_m = [sigma] * len(msg.vertices)
-    return msg
+        del points[7:]
+    return outline_feature(boundary_id, points, sigma, closed, bulge=[0.0] * len(points))
 
 
 class CircumnavigateTest(unittest.TestCase):
@@ -54,10 +51,8 @@ class CircumnavigateTest(unittest.TestCase):
         cls.path = Latest("path", Path)
         cls.markers = Latest("mission_markers", MarkerArray)
         cls.odometry = rospy.Publisher("odometry", Odometry, queue_size=100, tcp_nodelay=True)
-        cls.splinegons = rospy.Publisher("splinegons", SplinegonArray, queue_size=10, tcp_nodelay=True)
+        cls.maps = rospy.Publisher("semantic_map/updates", MapUpdate, queue_size=10, tcp_nodelay=True)
         cls.scans = rospy.Publisher("scan", LaserScan, queue_size=10, tcp_nodelay=True)
-        cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10, tcp_nodelay=True)
-        cls.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10, tcp_nodelay=True)
         cls.clock = rospy.Publisher("/clock", Clock, queue_size=10, tcp_nodelay=True)
         cls.start = rospy.ServiceProxy("circumnavigate/start", Trigger)
         cls.tf_static = rospy.Publisher("/tf_static", TFMessage, queue_size=10, latch=True)
@@ -65,12 +60,13 @@ class CircumnavigateTest(unittest.TestCase):
         cls.plan = rospy.ServiceProxy("plan_dubins", PlanDubins)
         cls.plan.wait_for_service(60.0)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (
-            cls.odometry, cls.splinegons, cls.scans, cls.polygons, cls.objects, cls.clock, cls.tf_static,
-            cls.status.subscriber, cls.command.subscriber)),
+            cls.odometry, cls.maps, cls.scans, cls.clock, cls.tf_static, cls.status.subscriber,
+            cls.command.subscriber)),
                    60.0, "the nodelet")
         cls.x = cls.y = cls.yaw = 0.0
         cls.t = 10000.0
         cls.boundaries = []
+        cls.version = 0
 
     def odometry_msg(self):
         msg = Odometry(child_frame_id="base_link")
@@ -105,22 +101,15 @@ class CircumnavigateTest(unittest.TestCase):
             near, far = max(near, ends[0]), min(far, ends[1])
         return near if near < far else math.inf
 
-    def map_msg(self, kind):
-        msg = kind()
-        msg.header.frame_id, msg.header.stamp = "map", rospy.Time.from_sec(self.t)
-        return msg
+    def map_msg(self, *features, frame="map"):
+        type(self).version += 1
+        return map_update(rospy.Time.from_sec(self.t), self.version, features, frame)
 
     def send(self, spoil=None):
         """All inputs of a step, but for what `spoil` makes of them, by name; what was published."""
         type(self).t += PERIOD
         self.clock.publish(Clock(rospy.Time.from_sec(self.t)))
-        splinegons = self.map_msg(SplinegonArray)
-        splinegons.splinegons = list(self.boundaries)
-        messages = {"scan": (self.scans, self.scan_msg()), "splinegons": (self.splinegons, splinegons)}
-        for name, (publisher, kind) in {"polygons": (self.polygons, PolygonArray),
-                                        "objects": (self.objects, MappedObjectArray)}.items():
-            if name in self.others:
-                messages[name] = (publisher, self.map_msg(kind))
+        messages = {"scan": (self.scans, self.scan_msg()), "map": (self.maps, self.map_msg(*self.boundaries))}
         messages["odometry"] = (self.odometry, self.odometry_msg())
         sent = []
         for name, (publisher, msg) in messages.items():
@@ -140,8 +129,6 @@ class CircumnavigateTest(unittest.TestCase):
             for publisher, msg in sent:
                 publisher.publish(msg)
         self.fail("no step")
-
-    others = ()
 
     def move(self, turn_rate):
         cls = type(self)
@@ -173,15 +160,9 @@ class CircumnavigateTest(unittest.TestCase):
         act()
         wait_until(lambda: self.count(key) > before, 20.0, key)
 
-    def maps(self, *boundaries):
+    def set_map(self, *boundaries):
         """Published from now on."""
         type(self).boundaries = boundaries
-
-    def publish(self, *boundaries, frame="map"):
-        msg = SplinegonArray(splinegons=list(boundaries))
-        msg.header.frame_id = frame
-        msg.header.stamp = rospy.Time.from_sec(self.t)
-        self.splinegons.publish(msg)
 
     def test_1_plans_dubins_paths(self):
         answer = self.plan(start=Pose2D(0, 0, 0), goal=Pose2D(10, 0, 0), start_radius=2.0, goal_radius=3.0, step=0.5,
@@ -212,7 +193,7 @@ class CircumnavigateTest(unittest.TestCase):
             self.assertEqual((self.command.messages[-1].linear.x, self.command.messages[-1].angular.z), (0.0, 0.45))
         status = self.step_until(MissionStatus.SEARCH, 20)
         self.assertEqual(status.reason, "on the way to place 1 of 1")
-        self.maps(square(5, False, 0.1))
+        self.set_map(square(5, False, 0.1))
         states = set()
         for _ in range(150):
             status = self.step()
@@ -221,7 +202,7 @@ class CircumnavigateTest(unittest.TestCase):
         self.assertEqual(status.target, 5)
         self.assertEqual(status.reason, "boundary 5 is open")
         self.assertGreater(status.clearance, 3.0)
-        self.maps(square(5, True, 0.1))
+        self.set_map(square(5, True, 0.1))
         # Done when it stays so for 3 s; its place of the search is within the boundary.
         for _ in range(20):
             status = self.step()
@@ -272,15 +253,18 @@ class CircumnavigateTest(unittest.TestCase):
         self.assertEqual(self.status.messages[-1].header.stamp, before)
         self.assertEqual(self.step().done, 1)
 
-    @fault("maps that cannot be used", "boundaries, polygons and objects in another frame, boundaries with NaN",
-           "each is dropped: bad map; the one before counts on", times=4)
+    @fault("maps that cannot be used", "a map in another frame, a boundary with NaN, an update of a version that is not "
+           "known", "each is counted by its reason; the map before counts on", times=3)
     def test_4_drops_maps_that_cannot_be_used(self):
-        self.counts("dropped: bad map", lambda: self.publish(square(9, True, 0.1), frame="elsewhere"))
-        self.counts("dropped: bad map", lambda: self.publish(square(9, True, math.nan)))
-        for publisher, kind in ((self.polygons, PolygonArray), (self.objects, MappedObjectArray)):
-            msg = kind()
-            msg.header.frame_id = "elsewhere"
-            self.counts("dropped: bad map", lambda publisher=publisher, msg=msg: publisher.publish(msg))
+        self.counts("dropped: bad map", lambda: self.maps.publish(self.map_msg(frame="elsewhere")))
+        self.counts("dropped: bad map", lambda: self.maps.publish(self.map_msg(square(9, True, math.nan))))
+
+        def missed():
+            msg = self.map_msg()
+            msg.full, msg.base = False, self.version + 7
+            self.maps.publish(msg)
+
+        self.counts("updates of a map that is not known", missed)
         self.assertEqual(self.step().done, 1)
 
     @fault("scans that cannot be used", "no beam, a stamp without odometry, one 5 s ahead, no mounting in TF",
@@ -314,7 +298,7 @@ class CircumnavigateTest(unittest.TestCase):
         """A new mission, all of whose inputs but those of `spoil` are there."""
         cls = type(self)
         cls.x, cls.y, cls.yaw = pose
-        cls.boundaries, cls.others = list(boundaries), ("polygons", "objects")
+        cls.boundaries = list(boundaries)
         for _ in range(25 if spoil else 0):  # what came before is old by then
             self.send(spoil)
         self.assertTrue(self.start().success)
@@ -401,47 +385,32 @@ class CircumnavigateTest(unittest.TestCase):
         self.check("scan", "contradicts another input", sees_nothing, *holds, pose=(30.0, 0.0, 0.0),
                    boundaries=[square(5, False, 0.1)])
 
-    def test_7_faults_of_splinegons(self):
-        holds = ("no boundaries", "holds after 2 s, on a circle that was seen to be free; hits count")
+    def test_7_faults_of_maps(self):
+        holds = ("no map", "holds after 2 s, on a circle that was seen to be free; hits count")
         goes_on = ("goes on", "flies on; hits on no map count, however few")
 
-        def first(msg):
-            return set_number(msg, "splinegons", [square(5, True, 0.1)])
+        def wall(x):
+            return outline_feature(6, [(x, 9), (x, -9)], 0.05)
+
+        def with_all(msg):
+            return set_number(msg, "changed", [square(5, True, 0.1), wall(25.0), ellipse_feature(7, 200.0, 0.0, 2.0, 2.0)])
 
         faults = common(30)
-        for name, act in numbers("splinegons[0].vertices[0].x", ("NaN", "inf")).items():
-            faults[name] = lambda msg, act=act: act(first(msg))
-        faults["-1"] = lambda msg: numbers("splinegons[0].sigma_m[0]")["-1"](first(msg))
+        # One of each kind.
+        faults["NaN"] = lambda msg: set_number(with_all(msg), "changed[0].outline[0].x", math.nan)
+        faults["inf"] = lambda msg: set_number(with_all(msg), "changed[1].outline[0].x", math.inf)
+        faults["-1"] = lambda msg: set_number(with_all(msg), "changed[2].rx", -1.0)
         faults["empty"] = lambda msg: msg
         outcomes = dict.fromkeys(faults, holds)
-        outcomes.update({"frozen": goes_on, "empty": goes_on,
-                         "restarted": ("on again", "holds after 2 s, until the next map"),
+        outcomes.update({"empty": goes_on, "restarted": ("on again", "holds after 2 s, until the next map"),
                          "late by 1 s": ("goes on", "flies on: not older than 2 s")})
-        self.check_all("splinegons", faults, outcomes)
-        self.check("splinegons", "contradicts another input",
-                   lambda msg: set_number(msg, "splinegons", [square(5, False, 0.1)]), "no scan that can be used",
-                   "holds: scans that go on behind a boundary are not used", pose=(30.0, 0.0, 0.0))
-
-    def test_7_faults_of_polygons(self):
-        holds = ("no polygons", "holds after 2 s, on a circle that was seen to be free; hits count")
-        goes_on = ("goes on", "flies on; hits on no map count, however few")
-
-        def wall(msg, x=25.0):
-            return set_number(msg, "polygons", [MappedPolygon(id=3, vertices=[Point(x, -9, 0), Point(x, 9, 0)],
-                                                              sigma_m=[0.05, 0.05], p_exists=1.0)])
-
-        faults = common(30)
-        for name, act in numbers("polygons[0].vertices[0].x", ("NaN", "inf")).items():
-            faults[name] = lambda msg, act=act: act(wall(msg))
-        faults["-1"] = lambda msg: numbers("polygons[0].sigma_m[0]")["-1"](wall(msg))
-        faults["empty"] = lambda msg: msg
-        outcomes = dict.fromkeys(faults, holds)
-        outcomes.update({"never came": goes_on, "frozen": goes_on, "empty": goes_on,
-                         "restarted": ("on again", "holds after 2 s, until the next map"),
-                         "late by 1 s": ("goes on", "flies on: not older than 2 s")})
-        self.check_all("polygons", faults, outcomes)
-        self.check("polygons", "contradicts another input", wall, "no scan that can be used",
-                   "holds: scans that go on behind a chain are not used")
+        self.check_all("map", faults, outcomes)
+        behind = "no scan that can be used"
+        self.check("map", "contradicts another input", lambda msg: set_number(msg, "changed", [square(5, False, 0.1)]),
+                   behind, "holds: scans that go on behind what is mapped are not used", pose=(30.0, 0.0, 0.0))
+        for thing in (wall(25.0), ellipse_feature(7, 28.0, 0.0, 2.0, 2.0)):
+            self.fly_with("map", "contradicts another input", lambda msg, thing=thing: set_number(msg, "changed", [thing]),
+                          behind, 40)
 
     def test_7_faults_of_tf(self):
         """The mounting, which is static: each fault has a frame of its own."""
@@ -491,25 +460,6 @@ class CircumnavigateTest(unittest.TestCase):
             finally:
                 other.terminate()
                 other.wait()
-
-    def test_7_faults_of_objects(self):
-        stays = ("goes on", "flies on; what was mapped stays an obstacle, hits on no map count")
-
-        def column(msg, x=200.0):
-            thing = MappedObject(id=4, rx=2.0, ry=2.0, p_exists=1.0)
-            thing.pose.position.x, thing.pose.orientation.w = x, 1.0
-            for i in range(8):
-                thing.covariance[9 * i] = 0.01
-            return set_number(msg, "objects", [thing])
-
-        faults = common(30)
-        for name, act in numbers("objects[0].rx").items():
-            faults[name] = lambda msg, act=act: act(column(msg))
-        faults["empty"] = lambda msg: msg
-        self.check_all("objects", faults, dict.fromkeys(faults, stays))
-        self.check("objects", "contradicts another input",
-                   lambda msg: set_number(column(msg, 28.0), "objects[0].ry", 2.0), "no scan that can be used",
-                   "holds: scans that go on behind an object are not used")
 
     def test_7_faults_of_odometry(self):
         lost = ("no odometry", "after .3 s a circle by dead reckoning, away from what the scans hit; holds until it is back")

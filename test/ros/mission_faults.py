@@ -4,6 +4,30 @@ from the message that should be sent to that which is sent, None for none."""
 import copy
 
 import rospy
+from geometry_msgs.msg import Point
+from situation_awareness.msg import MapFeature, MapUpdate
+
+
+def outline_feature(feature_id, points, sigma=0.1, closed=False, bulge=None):
+    """A polyline of the map; with bulges a boundary, all of whose main vertices are corners."""
+    msg = MapFeature(id=feature_id, kind=MapFeature.POLYLINE, motion=MapFeature.FIXED, p_exists=1.0, closed=closed,
+                     outline=[Point(x, y, 0) for x, y in points], sigma=[sigma] * len(points))
+    if bulge is not None:
+        msg.kind, msg.bulge, msg.corner = MapFeature.BOUNDARY, list(bulge), [i % 2 == 0 for i in range(len(points))]
+    return msg
+
+
+def ellipse_feature(feature_id, x, y, rx, ry):
+    """One that stands."""
+    return MapFeature(id=feature_id, kind=MapFeature.ELLIPSE, motion=MapFeature.STANDING, p_exists=1.0,
+                      center=Point(x, y, 0), rx=rx, ry=ry, covariance=[0.01 * (i % 9 == 0) for i in range(64)])
+
+
+def map_update(stamp, version, features=(), frame="map"):
+    """A whole map."""
+    msg = MapUpdate(map="fixed", version=version, full=True, changed=sorted(features, key=lambda one: one.id))
+    msg.header.frame_id, msg.header.stamp = frame, stamp
+    return msg
 
 
 def set_number(msg, path, value):

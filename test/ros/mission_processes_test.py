@@ -28,17 +28,19 @@ VEHICLES = """
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
-from situation_awareness.msg import MissionStatus, ScoutStatus, SplinegonArray, TargetArray
+from situation_awareness.msg import MapUpdate, MissionStatus, ScoutStatus, TargetArray
 from tf2_msgs.msg import TFMessage
 from ros_support import transform_msg
 rospy.Subscriber("go_to", PoseStamped, lambda msg: say("go_to", msg.pose.position.x, msg.pose.position.y))
 rospy.Subscriber("scout", ScoutStatus, lambda msg: say("scout", msg.state, msg.elapsed, msg.header.stamp.to_sec()))
 rospy.Subscriber("mission", MissionStatus, lambda msg: say("mission", msg.state))
 out = {kind: rospy.Publisher(topic, kind, queue_size=10) for topic, kind in (
-    ("odometry", Odometry), ("scan", LaserScan), ("splinegons", SplinegonArray), ("targets", TargetArray))}
+    ("odometry", Odometry), ("scan", LaserScan), ("semantic_map/updates", MapUpdate),
+    ("targets", TargetArray))}
 tf = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
 tf.publish(transform_msg(rospy.Time.now(), parent="base_link"))
 begin = time.monotonic()
+version = 0
 while True:
     since = time.monotonic() - begin
     now = rospy.Time.now()
@@ -48,6 +50,9 @@ while True:
         if kind is LaserScan:
             msg.header.frame_id, msg.angle_min, msg.angle_increment = "lidar", -math.pi, math.pi / 180
             msg.range_min, msg.range_max, msg.ranges = 0.1, 30.0, [math.inf] * 361
+        if kind is MapUpdate:
+            version += 1
+            msg.map, msg.version, msg.full = "empty", version, True
         if kind is Odometry:
             msg.child_frame_id = "base_link"
             angle = 0.5 * since

@@ -20,10 +20,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
-from mission_faults import cells_of, common, numbers, set_number  # noqa: E402
+from mission_faults import (cells_of, common, ellipse_feature, map_update, numbers, outline_feature,  # noqa: E402
+                            set_number)
 from ros_support import Diagnostics, Latest, comes_true, wait_until  # noqa: E402
-from situation_awareness.msg import (MappedObject, MappedObjectArray, MappedPolygon, MappedSplinegon, MappedTarget,  # noqa: E402
-                                     PolygonArray, ScoutStatus, SplinegonArray, TargetArray)
+from situation_awareness.msg import MapUpdate, MappedTarget, ScoutStatus, TargetArray  # noqa: E402
 
 STAGE = "scout"
 SPEED, YAW_RATE, PERIOD = 6.0, 0.6, 0.25
@@ -42,18 +42,16 @@ class ScoutTest(unittest.TestCase):
         cls.odometry = rospy.Publisher("odometry", Odometry, queue_size=100, tcp_nodelay=True)
         cls.targets = rospy.Publisher("targets", TargetArray, queue_size=100, tcp_nodelay=True)
         cls.grid = rospy.Publisher("grid", OccupancyGrid, queue_size=10, tcp_nodelay=True)
-        cls.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10, tcp_nodelay=True)
-        cls.splinegons = rospy.Publisher("splinegons", SplinegonArray, queue_size=10, tcp_nodelay=True)
-        cls.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10, tcp_nodelay=True)
+        cls.maps = rospy.Publisher("semantic_map/updates", MapUpdate, queue_size=10, tcp_nodelay=True)
         cls.clock = rospy.Publisher("/clock", Clock, queue_size=10, tcp_nodelay=True)
         cls.start = rospy.ServiceProxy("scout/start", Trigger)
         cls.go_home = rospy.ServiceProxy("scout/go_home", Trigger)
         cls.start.wait_for_service(60.0)
         wait_until(lambda: all(link.get_num_connections() > 0 for link in (
-            cls.odometry, cls.targets, cls.grid, cls.polygons, cls.splinegons, cls.objects, cls.clock,
-            cls.status.subscriber, cls.go_to.subscriber)),
+            cls.odometry, cls.targets, cls.grid, cls.maps, cls.clock, cls.status.subscriber, cls.go_to.subscriber)),
                    60.0, "the nodelet")
         cls.t = 10000.0
+        cls.version = 0
         cls.p, cls.yaw = list(HOME), 0.0
         cls.seen = [0] * len(CARS)
         cls.flown = []
@@ -179,12 +177,8 @@ class ScoutTest(unittest.TestCase):
         self.assertEqual(shown, {"region", "way", "route", "views", "budget"})
 
     def test_3_starts_again_around_a_wall_and_goes_home_when_told(self):
-        wall = MappedPolygon(id=3, vertices=[Point(-120, -30, 0), Point(30, -30, 0)], sigma_m=[0.05, 0.05],
-                             p_exists=1.0)  # around its other end it is far
-        polygons = PolygonArray(polygons=[wall])
-        polygons.header.frame_id, polygons.header.stamp = "map", rospy.Time.from_sec(self.t)
-        self.polygons.publish(polygons)
-        self.knows(polygons, self.polygons)  # before it begins
+        wall = outline_feature(3, [(30, -30), (-120, -30)], 0.05)  # around its other end it is far
+        self.knows(self.features_msg(wall), self.maps)  # before it begins
         self.assertTrue(self.start().success)
         first = len(self.flown)
         crossed = False
@@ -231,7 +225,7 @@ class ScoutTest(unittest.TestCase):
 
     @fault("targets, grids and maps that cannot be used by a scouting mission", "another frame, NaN, an id of zero, a "
            "grid with too few cells, off its lattice or with a cell above 100 %", "each is dropped: bad map; the one "
-           "before counts on", times=9)
+           "before counts on", times=8)
     def test_5_drops_maps_that_cannot_be_used(self):
         def targets(spoil):
             msg = self.targets_msg()
@@ -254,10 +248,7 @@ class ScoutTest(unittest.TestCase):
                     grid(lambda msg: setattr(msg.info.origin.position, "x", 0.2)),
                     grid(lambda msg: msg.data.__setitem__(1, 101))):
             self.counts("dropped: bad map", act)
-        for publisher, kind in ((self.objects, MappedObjectArray), (self.splinegons, SplinegonArray)):
-            msg = kind()
-            msg.header.frame_id = "elsewhere"
-            self.counts("dropped: bad map", lambda publisher=publisher, msg=msg: publisher.publish(msg))
+        self.counts("dropped: bad map", lambda: self.maps.publish(self.features_msg(frame="elsewhere")))
         grid(lambda msg: None)()
         self.assertEqual(self.step().targets, 2)
 
@@ -336,9 +327,7 @@ class ScoutTest(unittest.TestCase):
                 self.odometry.publish(odometry)
                 comes_true(lambda: len(self.status.messages) > before, 0.2)
         kinds = {"targets": (self.targets, self.targets_msg), "grid": (self.grid, self.grid_msg),
-                 "splinegons": (self.splinegons, lambda: self.map_msg(SplinegonArray)),
-                 "polygons": (self.polygons, lambda: self.map_msg(PolygonArray)),
-                 "objects": (self.objects, lambda: self.map_msg(MappedObjectArray))}
+                 "map": (self.maps, self.features_msg)}
         for name, (publisher, make) in kinds.items():
             if name != "targets" and name not in others:
                 continue
@@ -351,6 +340,10 @@ class ScoutTest(unittest.TestCase):
             self.fly(self.go_to.messages[-1].pose)
         return self.status.messages[-1]
 
+    def features_msg(self, *features, frame="map"):
+        type(self).version += 1
+        return map_update(rospy.Time.from_sec(self.t), self.version, features, frame)
+
     def map_msg(self, kind):
         msg = kind()
         msg.header.frame_id, msg.header.stamp = "map", rospy.Time.from_sec(self.t)
@@ -362,42 +355,45 @@ class ScoutTest(unittest.TestCase):
         msg.info.resolution, msg.info.width, msg.info.height, msg.info.origin.orientation.w = 0.5, 2, 2, 1.0
         return msg
 
-    def check(self, input_, name, act, expected, does, steps=40, from_home_m=0.0):
-        """The fault is there for some steps of a mission, which is so far from home then: the vehicle `holds`, for the
-        expected reason, or `goes on`; then it goes on, and home is where it was."""
+    def check(self, input_, name, act, expected, does, **flight):
         try:
             with contextlib.ExitStack() as cells:
                 for one in cells_of(name):
                     cells.enter_context(cell("scout", input_, one, does))
-                others, spoil = (input_,), {input_: act}
-                self.begin()
-                for _ in range(80):
-                    if math.dist(self.p[:2], HOME[:2]) >= from_home_m:
-                        break
-                    self.step()
-                self.assertGreaterEqual(math.dist(self.p[:2], HOME[:2]), from_home_m)
-                elapsed, begin = self.status.messages[-1].elapsed, self.t
-                states = [self.reacts(spoil, others) for _ in range(steps)]
-                if expected == "goes on":
-                    self.assertNotIn(ScoutStatus.HOLD, [status.state for status in states], states[-1].reason)
-                elif expected == "on again":
-                    if input_ == "odometry":
-                        self.assertLess(len({status.header.stamp for status in states}), steps / 2)
-                    self.assertNotEqual(states[-1].state, ScoutStatus.HOLD, states[-1].reason)
-                elif expected == "nothing":
-                    self.assertEqual(len({status.header.stamp for status in states}), 1)
-                else:
-                    self.assertEqual(states[-1].state, ScoutStatus.HOLD)
-                    self.assertIn(expected, states[-1].reason)
-                on_again = self.t + MAP_PERIOD + 2.0
-                status = self.reacts({}, others)
-                while self.t < on_again and (self.t < on_again - MAP_PERIOD or status.state == ScoutStatus.HOLD):
-                    status = self.reacts({}, others)
-                self.assertNotEqual(status.state, ScoutStatus.HOLD, status.reason)
-                self.assertAlmostEqual(status.elapsed - elapsed, self.t - begin, delta=0.6)
-                self.heads_home()
+                self.fly_with(input_, act, expected, **flight)
         except AssertionError as error:
             self.failed.append(f"{input_}, {name}: {error}")
+
+    def fly_with(self, input_, act, expected, steps=40, from_home_m=0.0):
+        """The fault is there for some steps of a mission, which is so far from home then: the vehicle `holds`, for the
+        expected reason, or `goes on`; then it goes on, and home is where it was."""
+        others, spoil = (input_,), {input_: act}
+        self.begin()
+        for _ in range(80):
+            if math.dist(self.p[:2], HOME[:2]) >= from_home_m:
+                break
+            self.step()
+        self.assertGreaterEqual(math.dist(self.p[:2], HOME[:2]), from_home_m)
+        elapsed, begin = self.status.messages[-1].elapsed, self.t
+        states = [self.reacts(spoil, others) for _ in range(steps)]
+        if expected == "goes on":
+            self.assertNotIn(ScoutStatus.HOLD, [status.state for status in states], states[-1].reason)
+        elif expected == "on again":
+            if input_ == "odometry":
+                self.assertLess(len({status.header.stamp for status in states}), steps / 2)
+            self.assertNotEqual(states[-1].state, ScoutStatus.HOLD, states[-1].reason)
+        elif expected == "nothing":
+            self.assertEqual(len({status.header.stamp for status in states}), 1)
+        else:
+            self.assertEqual(states[-1].state, ScoutStatus.HOLD)
+            self.assertIn(expected, states[-1].reason)
+        on_again = self.t + MAP_PERIOD + 2.0
+        status = self.reacts({}, others)
+        while self.t < on_again and (self.t < on_again - MAP_PERIOD or status.state == ScoutStatus.HOLD):
+            status = self.reacts({}, others)
+        self.assertNotEqual(status.state, ScoutStatus.HOLD, status.reason)
+        self.assertAlmostEqual(status.elapsed - elapsed, self.t - begin, delta=0.6)
+        self.heads_home()
 
     def check_all(self, input_, faults, outcomes, **arguments):
         for name, act in faults.items():
@@ -450,47 +446,37 @@ class ScoutTest(unittest.TestCase):
     def test_7_faults_of_maps(self):
         goes_on = ("goes on", "flies on; what was mapped stays an obstacle")
 
-        def boundary(msg):
-            points = [Point(x, y, 0) for x, y in ((400, 0), (410, 0), (410, 10), (400, 10))]
-            return set_number(msg, "splinegons", [MappedSplinegon(id=5, closed=True, vertices=points, bulge=[0.0] * 4,
-                                                                  sigma_m=[0.1] * 4, corner=[True] * 4)])
+        corners = ((400, 0), (410, 0), (410, 10), (400, 10))
 
-        def wall(msg):
-            return set_number(msg, "polygons", [MappedPolygon(id=3, vertices=[Point(400, -9, 0), Point(400, 9, 0)],
-                                                              sigma_m=[0.05, 0.05], p_exists=1.0)])
+        def with_all(msg):
+            return set_number(msg, "changed", [outline_feature(3, [(400, 9), (400, -9)], 0.05),
+                                               ellipse_feature(4, 400.0, 0.0, 2.0, 2.0),
+                                               outline_feature(5, corners, closed=True, bulge=[0.0] * 4)])
 
-        def column(msg):
-            thing = MappedObject(id=4, rx=2.0, ry=2.0, p_exists=1.0)
-            thing.pose.position.x, thing.pose.orientation.w = 400.0, 1.0
-            for i in range(8):
-                thing.covariance[9 * i] = 0.01
-            return set_number(msg, "objects", [thing])
+        faults = {fault_: lambda msg, act=act: act(with_all(msg)) for fault_, act in common(28).items()}
+        # One of each kind.
+        faults["NaN"] = lambda msg: set_number(with_all(msg), "changed[0].outline[0].x", math.nan)
+        faults["inf"] = lambda msg: set_number(with_all(msg), "changed[1].rx", math.inf)
+        faults["-1"] = lambda msg: set_number(with_all(msg), "changed[2].sigma[0]", -1.0)
+        faults["empty"] = lambda msg: msg
+        self.check_all("map", faults, dict.fromkeys(faults, goes_on))
 
-        for name, fill, number, minus in (
-                ("splinegons", boundary, "splinegons[0].vertices[0].x", "splinegons[0].sigma_m[0]"),
-                ("polygons", wall, "polygons[0].vertices[0].x", "polygons[0].sigma_m[0]"),
-                ("objects", column, "objects[0].rx", "objects[0].rx")):
-            faults = {fault_: lambda msg, act=act, fill=fill: act(fill(msg)) for fault_, act in common(28).items()}
-            for fault_, act in {**numbers(number, ("NaN", "inf")), **numbers(minus, ("-1",))}.items():
-                faults[fault_] = lambda msg, act=act, fill=fill: act(fill(msg))
-            faults["empty"] = lambda msg: msg
-            self.check_all(name, faults, dict.fromkeys(faults, goes_on))
-            # On the map something stands all around the vehicle, wherever it went until the map came, and nearer than the
-            # clearance of 5 m: else a view from within may be the next stop. Shut in at home it would be done.
-            def around(msg, fill=fill, name=name):
+        # On the map something stands all around the vehicle, wherever it went until the map came, and nearer than the
+        # clearance of 5 m: else a view from within may be the next stop. Shut in at home it would be done.
+        def shut_in(bulge):
+            def around(msg):
                 x, y = self.p[:2]
-                if name == "objects":
-                    msg = set_number(fill(msg), "objects[0].pose.position.x", x)
-                    msg.objects[0].pose.position.y, msg.objects[0].rx, msg.objects[0].ry = y, 4.0, 4.0
-                    return msg
-                msg = fill(msg)
-                thing = getattr(msg, name)[0]
-                thing.closed = True
-                thing.vertices = [Point(x + dx, y + dy, 0) for dx, dy in ((-4, -4), (4, -4), (4, 4), (-4, 4))]
-                thing.sigma_m = [0.1] * 4
-                return msg
-            self.check(name, "contradicts another input", around, "there is no free way",
-                       "a map on which the vehicle is shut in: holds, and says so", from_home_m=15.0)
+                corners = [(x + dx, y + dy) for dx, dy in ((-4, -4), (4, -4), (4, 4), (-4, 4))]
+                return set_number(msg, "changed", [outline_feature(3, corners, closed=True, bulge=bulge)])
+            return around
+
+        def in_an_ellipse(msg):
+            return set_number(msg, "changed", [ellipse_feature(3, self.p[0], self.p[1], 4.0, 4.0)])
+
+        self.check("map", "contradicts another input", shut_in(None), "there is no free way",
+                   "a map on which the vehicle is shut in: holds, and says so", from_home_m=15.0)
+        for around in (shut_in([0.0] * 4), in_an_ellipse):
+            self.fly_with("map", around, "there is no free way", from_home_m=15.0)
 
     def test_7_faults_of_odometry(self):
         stays = ("nothing", "nothing is told: the autopilot holds its last goal; the budget goes on")

@@ -16,7 +16,7 @@ from std_msgs.msg import Empty
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, wait_until, yaw_of  # noqa: E402
-from situation_awareness.msg import SplinegonArray  # noqa: E402
+from situation_awareness.msg import MapFeature, MapUpdate  # noqa: E402
 
 SEMI_AXES, YAW = (10.0, 6.0), 0.5  # of the ellipse at the origin, models/worlds/towers.xml
 CIRCLE = 17.0
@@ -44,7 +44,7 @@ class TowersTest(unittest.TestCase):
     def test_the_first_building_is_mapped(self):
         truths, poses = Latest("true_pose", PoseStamped), Latest("odometry", Odometry)
         imu, fixes, scans = Latest("imu", Imu), Latest("fix", NavSatFix), Latest("scan", LaserScan)
-        maps, paths, done = Latest("splinegons", SplinegonArray), Latest("path", Path), Latest("flight_done", Empty)
+        maps, paths, done = Latest("semantic_map", MapUpdate), Latest("path", Path), Latest("flight_done", Empty)
         wait_until(lambda: done.messages, 180.0, "the end of the round")
         flown = seconds(truths.messages[-1]) - seconds(truths.messages[0])
 
@@ -73,17 +73,17 @@ class TowersTest(unittest.TestCase):
         self.assertLess(math.sqrt(sum(error**2 for error in errors) / len(errors)), 3.0)
 
         # The building: where GPS says that it is, and of its shape.
-        near = [own for own in maps.messages[-1].splinegons
-                if max(math.hypot(p.x, p.y) for p in own.vertices) < CIRCLE]
+        near = [own for own in maps.messages[-1].changed if own.kind == MapFeature.BOUNDARY
+                and max(math.hypot(p.x, p.y) for p in own.outline) < CIRCLE]
         self.assertTrue(near)
-        own = max(near, key=lambda boundary: len(boundary.vertices))
+        own = max(near, key=lambda boundary: len(boundary.outline))
         outline = ellipse_points()
-        offsets = [min(math.hypot(p.x - x, p.y - y) for x, y in outline) for p in own.vertices]
+        offsets = [min(math.hypot(p.x - x, p.y - y) for x, y in outline) for p in own.outline]
         self.assertLess(sum(offsets) / len(offsets), 2.5)
         self.assertLess(max(offsets), 4.0)
-        self.assertGreater(min(own.sigma_m), 0.3, "GPS's error is part of it")
-        extent = [max(p.x for p in own.vertices) - min(p.x for p in own.vertices),
-                  max(p.y for p in own.vertices) - min(p.y for p in own.vertices)]
+        self.assertGreater(min(own.sigma), 0.3, "GPS's error is part of it")
+        extent = [max(p.x for p in own.outline) - min(p.x for p in own.outline),
+                  max(p.y for p in own.outline) - min(p.y for p in own.outline)]
         expected = [max(p[axis] for p in outline) - min(p[axis] for p in outline) for axis in (0, 1)]
         for is_, should in zip(extent, expected):
             self.assertAlmostEqual(is_, should, delta=1.5)

@@ -12,8 +12,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/common/stamp_order.hpp"
-#include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/splinegons/splinegons.hpp"
 #include "situation_awareness/path/avoidance.hpp"
 #include "situation_awareness/path/dubins_following.hpp"
@@ -32,6 +31,7 @@ struct CircumnavigationParams {
   AvoidanceParams avoidance;
   DubinsFollowingParams following;
   double standoff_m = 8.0;
+  double min_extent_m = 2.5;
   double max_sigma_m = 0.3;
   double max_laps = 2.0;
   double arrive_m = 6.0;
@@ -50,6 +50,8 @@ struct CircumnavigationParams {
     visit("standoff_m", self.standoff_m, Bounds{0.1, 1000.0}, "m",
           "distance from an obstacle at which it is gone around: more than the clearance, avoidance.turn_radius_m at "
           "least");
+    visit("min_extent_m", self.min_extent_m, Bounds{0.1, 1000.0}, "m",
+          "an outline of lines is that of a large obstacle from this diagonal of the box around it on");
     visit("max_sigma_m", self.max_sigma_m, Bounds{0.001, 100.0}, "m",
           "a closed boundary whose standard deviation is at most this everywhere is done");
     visit("max_laps", self.max_laps, Bounds{1.0, 100.0}, "",
@@ -61,8 +63,7 @@ struct CircumnavigationParams {
           "around");
     visit("start_free_m", self.start_free_m, Bounds{0.0, 10000.0}, "m",
           "radius around the first pose that is known to be free: the vehicle turns there");
-    visit("max_map_age_s", self.max_map_age_s, Bounds{0.1, 100.0}, "s",
-          "the vehicle holds where boundaries, or polygons that have come, are older");
+    visit("max_map_age_s", self.max_map_age_s, Bounds{0.1, 100.0}, "s", "the vehicle holds where the map is older");
     visit("max_scan_age_s", self.max_scan_age_s, Bounds{0.1, 100.0}, "s", "the vehicle holds where scans are older");
     visit("sight_spacing_m", self.sight_spacing_m, Bounds{0.1, 100.0}, "m",
           "distance of the places of which it is remembered what was seen from there");
@@ -83,13 +84,9 @@ struct MissionInput {
   double heading_rad = std::numeric_limits<double>::quiet_NaN();  ///< of its body; NaN: the course
   Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();     ///< of x, y (m) and yaw (rad)
   double speed_m_s = 0.0;                                         ///< over ground, >= 0
-  const Splinegons* boundaries = nullptr;
-  /// A chain counts where no boundary has its id, or that is of earlier scans only, or a part of it much less certain
-  /// than the rest.
-  const Polygons* polygons = nullptr;
-  const Objects* objects = nullptr;
-  /// Of a scan since the last step. Hits that are on none of these maps are obstacles, as HitMemory says: a map may be
-  /// old, or elsewhere.
+  const Map* map = nullptr;
+  /// Of a scan since the last step. Hits that are not on the map are obstacles, as HitMemory says: the map may be old,
+  /// or elsewhere.
   const FreeBeams* sight = nullptr;
 };
 
@@ -136,8 +133,8 @@ struct MissionStep {
 /// nearer than that way, and a path's end is never without a way out. Every path has the curvature of
 /// avoidance.turn_radius_m at most.
 ///
-/// It also turns there while what it needs is missing: odometry, or odometry that moves as it says; boundaries; scans;
-/// polygons, once they have come. Without a pose it goes on by dead reckoning, with the wind that it had before, and
+/// It also turns there while what it needs is missing: odometry, or odometry that moves as it says; the map; scans.
+/// Without a pose it goes on by dead reckoning, with the wind that it had before, and
 /// keeps away from what the scans hit beside it: more a vehicle that cannot stop cannot do.
 class Circumnavigation {
  public:
@@ -154,8 +151,10 @@ class Circumnavigation {
   const SegmentPath& way_out() const { return way_out_; }  ///< that is followed if the path's next part is not safe
   const SegmentPath& orbit() const { return orbit_; }      ///< around the target; empty without one
   const Obstacles& obstacles() const { return obstacles_; }
+  const std::vector<Splinegon>& boundaries() const { return boundaries_; }  ///< of the large obstacles on the map
 
  private:
+  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
   static constexpr std::size_t kUsualPieces = 2048;  ///< of all obstacles, for which there is memory
 
   /// When something that comes now and then was made, by the mission's clock.
@@ -171,7 +170,6 @@ class Circumnavigation {
   bool is_trusted(const FreeBeams& sight);
   void find_missing(const MissionInput& input);
   void gather(const MissionInput& input);
-  void add_maps(const MissionInput& input);
   void take_sight(const MissionInput& input);
   void choose_task(const MissionInput& input);
   void begin_task(std::uint64_t target);
@@ -179,13 +177,13 @@ class Circumnavigation {
   void look_for_places(const MissionInput& input);
   void lose_patience();
   bool is_done(const Splinegon& boundary) const;
-  void watch_boundaries(const MissionInput& input);
+  void watch_boundaries();
   bool is_given_up(std::uint64_t id) const;
-  bool is_known_already(const std::vector<Splinegon>& boundaries, const Splinegon& boundary) const;
-  bool is_left(const std::vector<Splinegon>& boundaries, const Splinegon& boundary);
+  bool is_known_already(const Splinegon& boundary) const;
+  bool is_left(const Splinegon& boundary);
   bool is_together(std::uint64_t id) const;
   void count_turn(double turn_rad);
-  bool is_occupied(const MissionInput& input, const Eigen::Vector2d& p_world_m) const;
+  bool is_occupied(const Eigen::Vector2d& p_world_m) const;
   bool is_free(const SegmentPath& path) const;
 
   bool plan(const MissionInput& input);
@@ -221,13 +219,14 @@ class Circumnavigation {
   std::vector<std::uint64_t> together_;  ///< boundaries that are gone around on the present orbit
   std::size_t places_given_up_ = 0;
 
+  std::vector<Splinegon> boundaries_;  ///< of the large obstacles
   Obstacles obstacles_;
   SeenArea seen_;
   HitMemory hits_, known_hits_;  ///< and those from before the pose was lost
   double pose_sigma_m_ = 0.0;
 
   MissionClock clock_;
-  Made boundaries_made_, polygons_made_, scan_made_;
+  Made map_made_, scan_made_;
   std::vector<double> free_before_m_;  ///< of the scan before
   int same_scans_ = 0;                 ///< in a row, that say exactly the same
   std::string missing_;                ///< what is, in a few words; empty: nothing

@@ -9,14 +9,17 @@
 
 #include "situation_awareness/geometry/curve.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
-#include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/map/polygons/polygons.hpp"
-#include "situation_awareness/map/splinegons/splinegons.hpp"
+#include "situation_awareness/map/map.hpp"
 
 namespace situation_awareness {
 
-/// What an obstacle was on its map, or hits of a scan that are on none.
-enum class ObstacleKind : std::uint8_t { kBoundary, kChain, kObject, kHits };
+/// What an obstacle is on the map as, or hits of a scan that are not on it.
+enum class ObstacleKind : std::uint8_t {
+  kBoundary,  ///< a boundary of arcs
+  kChain,     ///< a polyline
+  kObject,    ///< an ellipse or a box
+  kHits,
+};
 
 const char* name_of(ObstacleKind kind);  ///< "boundary", "chain", "object", "hits"
 
@@ -35,7 +38,7 @@ struct ObstaclePiece {
 
 struct Obstacle {
   ObstacleKind kind = ObstacleKind::kBoundary;
-  std::uint64_t id = 0;  ///< of its kind
+  FeatureId id = 0;  ///< on the map; 0 of hits
   bool closed = false;
   std::size_t first = 0;   ///< piece
   std::size_t pieces = 0;  ///< number of them
@@ -60,23 +63,25 @@ class Obstacles {
   /// Memory for so many pieces.
   void reserve(std::size_t pieces);
 
-  /// Without pieces shorter than 1 um; with fewer than two vertices nothing is added.
-  void add(const Splinegon& boundary);
-  void add(const Chain& chain);
-  /// Its ellipse or box, as of the map's time. Its standard deviation is that of its place, in its worst direction, and
-  /// of its larger radius.
-  void add(const Object& object);
+  /// Adds the outline of a feature, without pieces shorter than 1 um. Of a target nothing is added: it is on the
+  /// ground, and the map has no outline of it. The standard deviation of an ellipse or a box is that of its place, in
+  /// its worst direction, and of its larger radius.
+  void add(const Feature& feature);
   /// By a polygon of 32 edges about it: larger by half a percent at most; a circle exactly. Radii > 0.
-  void add(const Ellipse& ellipse_world, double sigma_m, std::uint64_t id);
+  void add(const Ellipse& ellipse_world, double sigma_m, FeatureId id);
   void add(const std::vector<Eigen::Vector2d>& polyline_world_m, bool closed, double sigma_m, ObstacleKind kind,
-           std::uint64_t id);
+           FeatureId id);
 
   const std::vector<Obstacle>& obstacles() const { return obstacles_; }
   const std::vector<ObstaclePiece>& pieces() const { return pieces_; }
   const std::vector<PieceRun>& runs() const { return runs_; }  ///< all pieces, in order
 
  private:
-  void begin(ObstacleKind kind, std::uint64_t id, bool closed);
+  void add(const EllipseShape& shape, FeatureId id);
+  void add(const BoxShape& shape, FeatureId id);
+  void add(const PolylineShape& shape, FeatureId id);
+  void add(const ArcShape& shape, FeatureId id);
+  void begin(ObstacleKind kind, FeatureId id, bool closed);
   void add_piece(const Curve& curve, double sigma_m);
   void end();
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// odometry, splinegons, polygons, objects, scan, TF base -> lidar  ->  cmd_vel, mission, path, mission_markers
+// odometry, semantic_map/updates, scan, TF base -> lidar  ->  cmd_vel, mission, path, mission_markers
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -33,11 +33,11 @@
 #include "situation_awareness/ros/convert/mission.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
-#include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/mission_memory.hpp"
 #include "situation_awareness/ros/params/circumnavigate_nodelet_params.hpp"
 #include "situation_awareness/ros/receipt.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
+#include "situation_awareness/ros/semantic_map_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
@@ -53,7 +53,7 @@ class CircumnavigateStage {
         params_(params),
         begin_(mission_begin_from(params.resume)),
         order_(params.reset_time_jump_s),
-        maps_(context, params.nodelet.world_frame),
+        map_(context, params.nodelet.world_frame),
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
         status_(context.node().advertise<MissionStatus>("mission", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
@@ -122,9 +122,7 @@ class CircumnavigateStage {
 
   void step(MissionInput& input) {
     stepped_at_ = ros::SteadyTime::now();
-    input.boundaries = maps_.splinegons();
-    input.polygons = maps_.polygons();
-    input.objects = maps_.objects();
+    input.map = map_.map();
     if (has_beams_ && are_beams_of_base_ == !input.has_pose) input.sight = &beams_;
     has_beams_ = false;
     const MissionStep& step = mission_->step(input);
@@ -313,9 +311,7 @@ class CircumnavigateStage {
     status.add("state", name_of(state_));
     status.add("reason", reason_);
     status.add("clearance [m]", clearance_m_);
-    static const std::vector<Splinegon> kNone;
-    const Splinegons* splinegons = maps_.splinegons();
-    const std::vector<Splinegon>& boundaries = splinegons != nullptr ? splinegons->boundaries : kNone;
+    const std::vector<Splinegon>& boundaries = mission_->boundaries();
     status.add("boundaries", boundaries.size());
     status.add("closed", std::count_if(boundaries.begin(), boundaries.end(),
                                        [](const Splinegon& boundary) { return boundary.closed; }));
@@ -323,10 +319,11 @@ class CircumnavigateStage {
     const auto warn = [&status](const std::string& text) {
       status.mergeSummary(diagnostic_msgs::DiagnosticStatus::WARN, text);
     };
-    if (splinegons == nullptr) {
-      warn("no boundaries yet");
-    } else if (seconds_between(splinegons->stamp_ns, *last_ns_) > params_.mission.max_map_age_s) {
-      warn("boundaries are old");
+    const Map* map = map_.map();
+    if (map == nullptr) {
+      warn("no map yet");
+    } else if (seconds_between(map->stamp_ns, *last_ns_) > params_.mission.max_map_age_s) {
+      warn("the map is old");
     }
     if (seconds_between(scan_ns_, *last_ns_) > params_.mission.max_scan_age_s)
       warn("no scan: nothing more is seen to be free");
@@ -340,7 +337,7 @@ class CircumnavigateStage {
   StampOrder order_;
   std::array<StampedPose, 64> poses_;
   std::size_t latest_pose_ = 0;
-  MapInputs maps_;
+  SemanticMapInput map_;
   FreeBeams beams_;
   bool has_beams_ = false, are_beams_of_base_ = false;  ///< in its frame, for want of a pose
   std::optional<std::int64_t> last_ns_;                 ///< of the latest step with a pose

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// odometry, targets, grid, splinegons, polygons, objects  ->  go_to, scout, scout_markers, flight_done
+// odometry, targets, grid, semantic_map/updates  ->  go_to, scout, scout_markers, flight_done
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -35,11 +35,11 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scouting.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
-#include "situation_awareness/ros/map_inputs.hpp"
 #include "situation_awareness/ros/markers/scout_markers.hpp"
 #include "situation_awareness/ros/mission_memory.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
 #include "situation_awareness/ros/receipt.hpp"
+#include "situation_awareness/ros/semantic_map_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 
 namespace situation_awareness {
@@ -55,7 +55,7 @@ class ScoutStage {
         params_(params),
         before_(mission_begin_from(params.resume)),
         order_(params.reset_time_jump_s),
-        maps_(context, params.nodelet.world_frame),
+        map_(context, params.nodelet.world_frame),
         go_to_(context.node().advertise<geometry_msgs::PoseStamped>("go_to", 5)),
         status_(context.node().advertise<ScoutStatus>("scout", 20)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("scout_markers", 5)),
@@ -232,22 +232,14 @@ class ScoutStage {
   /// Whether there are other obstacles than before.
   bool takes_obstacles(std::int64_t stamp_ns) {
     if (obstacles_ns_ &&
-        (maps_.taken() == maps_taken_ || seconds_between(*obstacles_ns_, stamp_ns) < params_.map_period_s)) {
+        (map_.taken() == updates_taken_ || seconds_between(*obstacles_ns_, stamp_ns) < params_.map_period_s)) {
       return false;
     }
-    if (!obstacles_ns_ && maps_.taken() == 0) return false;
+    if (!obstacles_ns_ && map_.taken() == 0) return false;
     obstacles_ns_ = stamp_ns;
-    maps_taken_ = maps_.taken();
+    updates_taken_ = map_.taken();
     obstacles_.clear();
-    if (maps_.splinegons() != nullptr) {
-      for (const Splinegon& boundary : maps_.splinegons()->boundaries) obstacles_.add(boundary);
-    }
-    if (maps_.polygons() != nullptr) {
-      for (const Chain& chain : maps_.polygons()->chains) obstacles_.add(chain);
-    }
-    if (maps_.objects() != nullptr) {
-      for (const Object& object : maps_.objects()->objects) obstacles_.add(object);
-    }
+    for (const Feature& feature : map_.map()->features) obstacles_.add(feature);
     return true;
   }
 
@@ -301,13 +293,13 @@ class ScoutStage {
   StampOrder order_;
   std::array<StampedPose, 256> poses_;
   std::size_t latest_pose_ = 0;
-  MapInputs maps_;
+  SemanticMapInput map_;
   GridTargets targets_;
   SemanticGrid grid_;
   Obstacles obstacles_;
   bool has_targets_ = false, has_new_grid_ = false, is_done_ = false;
   std::optional<std::int64_t> last_ns_, obstacles_ns_;
-  std::uint64_t maps_taken_ = 0;  ///< by the obstacles
+  std::uint64_t updates_taken_ = 0;  ///< by the obstacles
   ros::SteadyTime odometry_at_;   ///< the latest that was used
   ScoutingStep step_;
   ros::Publisher go_to_, status_, markers_, done_;

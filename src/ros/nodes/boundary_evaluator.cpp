@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `splinegons`, `odometry` and `fix` with the truth of aircraft_simulator and its world, and prints a table;
+// Compares `semantic_map`, `odometry` and `fix` with the truth of aircraft_simulator and its world, and prints a table;
 // the exit code tells whether the bounds were met. A flight ends by `flight_done`, or when its `mission` is done.
 #include <algorithm>
 #include <cmath>
@@ -20,16 +20,18 @@
 #include <sensor_msgs/NavSatFix.h>
 #include <std_msgs/Empty.h>
 
+#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/MissionStatus.h"
-#include "situation_awareness/SplinegonArray.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/boundary_evaluation.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
+#include "situation_awareness/map/map_replica.hpp"
+#include "situation_awareness/path/large_obstacles.hpp"
 #include "situation_awareness/pose/local_world.hpp"
+#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
-#include "situation_awareness/ros/convert/splinegons.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/simulation.hpp"
@@ -39,6 +41,7 @@ namespace situation_awareness {
 namespace {
 
 constexpr double kLastMap_s = 0.5;        ///< after the end of the flight: the map of its last scan has come
+constexpr double kLarge_m = 2.5;          ///< diagonal from which on outlines of lines are judged, too
 constexpr std::size_t kEveryPose = 10;    ///< so many poses per one that is compared
 constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
 constexpr std::size_t kMaxTruths = 2000;
@@ -93,7 +96,7 @@ class BoundaryEvaluator {
     true_pose_ = node_.subscribe("true_pose", 500, &BoundaryEvaluator::on_true_pose, this);
     odometry_ = node_.subscribe("odometry", 500, &BoundaryEvaluator::on_odometry, this);
     fix_ = node_.subscribe("fix", 100, &BoundaryEvaluator::on_fix, this);
-    splinegons_ = node_.subscribe("splinegons", 20, &BoundaryEvaluator::on_splinegons, this);
+    updates_ = node_.subscribe("semantic_map/updates", 20, &BoundaryEvaluator::on_update, this);
     done_ = node_.subscribe<std_msgs::Empty>("flight_done", 1, [this](const std_msgs::EmptyConstPtr&) {
       if (params_.duration_s == 0.0) end_after(kLastMap_s);
     });
@@ -161,8 +164,9 @@ class BoundaryEvaluator {
  private:
   /// The boundaries that are of these: where all are flown around, every one counts.
   Splinegons near(const std::vector<TrueObstacle>& obstacles) const {
-    if (params_.rounds == 0) return map_;
-    Splinegons result = map_;
+    Splinegons result;
+    result.boundaries = outlines_of_large_obstacles(map_.map(), kLarge_m);
+    if (params_.rounds == 0) return result;
     const auto is_elsewhere = [&](const Splinegon& boundary) {
       constexpr double kNear_m = 5.0;
       return std::none_of(obstacles.begin(), obstacles.end(), [&](const TrueObstacle& obstacle) {
@@ -228,12 +232,12 @@ class BoundaryEvaluator {
     if (waiting_fixes_.size() > kMaxWaiting) waiting_fixes_.pop_front();
   }
 
-  void on_splinegons(const SplinegonArrayConstPtr& msg) {
+  void on_update(const MapUpdateConstPtr& msg) {
     if (finished_) return;
     try {
-      map_ = splinegons_from_msg(*msg);
+      map_.apply(map_delta_from_msg(*msg));
     } catch (const std::exception& error) {
-      ROS_ERROR_STREAM_THROTTLE(5.0, "boundary_evaluator: the boundaries are not used: " << error.what());
+      ROS_ERROR_STREAM_THROTTLE(5.0, "boundary_evaluator: the map is not used: " << error.what());
     }
   }
 
@@ -286,7 +290,7 @@ class BoundaryEvaluator {
   World world_;
   ros::Time begin_;
   bool finished_ = false;
-  Splinegons map_;
+  MapReplica map_;
   std::map<std::int64_t, Pose2> truths_;
   std::deque<nav_msgs::OdometryConstPtr> poses_;
   std::deque<sensor_msgs::NavSatFixConstPtr> waiting_fixes_;
@@ -295,7 +299,7 @@ class BoundaryEvaluator {
   std::vector<TrueOutline> things_;
   double least_clearance_m_ = std::numeric_limits<double>::infinity();
   MissionStatusConstPtr latest_mission_;
-  ros::Subscriber true_pose_, odometry_, fix_, splinegons_, done_, mission_;
+  ros::Subscriber true_pose_, odometry_, fix_, updates_, done_, mission_;
   ros::Timer end_;
 };
 

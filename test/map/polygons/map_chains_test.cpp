@@ -27,6 +27,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "situation_awareness/segments/segmentation.hpp"
+#include "support/features.hpp"
 #include "support/level_scene.hpp"
 #include "support/street.hpp"
 
@@ -336,7 +337,7 @@ TEST_F(DueChains, WaitWhereElementsOnlyMove) {
     made += changes_.changed.empty() ? 0 : 1;
     if (i < 150) continue;
     Obstacles made_now;
-    for (const Chain& chain : each_.latest_polygons().chains) made_now.add(chain);
+    for (const Chain& chain : each_.latest_polygons().chains) made_now.add(feature_of(chain));
     for (const Chain& chain : due.latest_polygons().chains) {
       EXPECT_LE(latest_ns() - chain.last_seen_ns, nanoseconds(PolygonMapParams{}.refresh_s)) << chain.id;
       for (const ChainVertex& vertex : chain.vertices) {
