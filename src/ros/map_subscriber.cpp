@@ -12,21 +12,40 @@ namespace situation_awareness {
 
 MapSubscriber::MapSubscriber(StageContextBase& context, const std::string& world_frame)
     : world_frame_(world_frame), context_(context) {
+  context_.diagnostics().on_report([this](StageDiagnostics::Status&) { receive(); });
   context_.when_made([this] {
-    subscriber_ =
-        context_.node().subscribe("objects", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay());
+    ros::NodeHandle node = context_.node();
+    node.setCallbackQueue(&queue_);
+    subscriber_ = node.subscribe("objects", 1, &MapSubscriber::on_map, this, ros::TransportHints().tcpNoDelay());
   });
 }
 
 void MapSubscriber::on_map(const MappedObjectArrayConstPtr& msg) {
+  std::string defect;
   try {
-    if (tf2_frame(msg->header.frame_id) != world_frame_) {
-      return context_.diagnostics().dropped(drop_reason::kBadMap, "a map in the frame " + msg->header.frame_id);
+    if (tf2_frame(msg->header.frame_id) == world_frame_) {
+      Objects map = objects_from_msg(*msg);
+      const std::lock_guard<std::mutex> lock(mutex_);
+      arrived_ = std::move(map);
+      return;
     }
-    map_ = objects_from_msg(*msg);
+    defect = "a map in the frame " + msg->header.frame_id;
   } catch (const std::exception& error) {
-    context_.diagnostics().dropped(drop_reason::kBadMap, error.what());
+    defect = error.what();
   }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  defects_.push_back(std::move(defect));
+}
+
+void MapSubscriber::receive() {
+  std::vector<std::string> defects;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (arrived_) std::swap(map_, *arrived_);
+    arrived_.reset();
+    defects.swap(defects_);
+  }
+  for (const std::string& defect : defects) context_.diagnostics().dropped(drop_reason::kBadMap, defect);
 }
 
 const std::vector<ExpectedOutline>& MapSubscriber::outlines_at(std::int64_t stamp_ns, const Pose2& T_world_level) {

@@ -28,7 +28,7 @@ ScansOnBase::ScansOnBase(ros::NodeHandle& node, const Params& params, Use use)
       poses_(transform_cache_time(params.timeout_s)),
       queue_(poses_, {kOdom, params.timeout_s, params.max_waiting, params.reset_time_jump_s, 0.0},
              [this](const std::string& reason, const std::string& detail) { dropped(reason, detail); }),
-      listener_(tf_, node, true, ros::TransportHints().tcpNoDelay()) {}  // on its own thread
+      transform_input_(tf_, node) {}
 
 void ScansOnBase::dropped(const std::string& reason, const std::string& detail) {
   if (reason != drop_reason::kNoTransform) return use_.drop(reason, detail);

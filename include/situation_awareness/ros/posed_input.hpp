@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <exception>
 #include <functional>
@@ -12,7 +13,6 @@
 #include <ros/transport_hints.h>
 #include <std_msgs/Header.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <Eigen/Geometry>
 #include <boost/make_shared.hpp>
 #include <boost/shared_ptr.hpp>
@@ -23,6 +23,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 #include "situation_awareness/ros/transform_age.hpp"
+#include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -63,12 +64,11 @@ class PosedInput {
                {params.world_frame, params.tf_timeout_s, static_cast<std::size_t>(params.queue_size), reset_time_jump_s,
                 pose_offset_s},
                [this](const char* reason, const std::string& detail) { context_.drop(reason, detail); }),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on its own thread
+        transform_input_(tf_, context.node(), [this] { on_transforms(); }) {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
     context.on_arrival([this](const ConstPtr& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                        [this] { return queue_.waiting(); });
-    // Transforms may arrive after their measurement, so checking only on its arrival would leave the latest one
-    // waiting.
+    // Transforms may arrive after their measurement, and it may wait in vain.
     release_waiting_ = context.poll([this] {
       release();
       return !queue_.is_empty();
@@ -81,6 +81,16 @@ class PosedInput {
   struct Arrived {
     ConstPtr msg;
     ros::SteadyTime at;
+  };
+
+  struct Turn : ros::CallbackInterface {
+    explicit Turn(PosedInput& input) : input(input) {}
+    CallResult call() override {
+      input.is_queued_ = false;
+      input.release();
+      return Success;
+    }
+    PosedInput& input;
   };
 
   void take(const ConstPtr& msg, const ros::SteadyTime& arrival) {
@@ -97,7 +107,14 @@ class PosedInput {
       use_.restarted();
     }
     if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
+    waits_ = true;
     release_waiting_();
+  }
+
+  /// On any thread.
+  void on_transforms() {
+    if (!waits_ || is_queued_.exchange(true)) return;
+    context_.node().getCallbackQueue()->addCallback(boost::make_shared<Turn>(*this));
   }
 
   /// Enqueues the measurements that have their transforms. Does not throw.
@@ -113,6 +130,7 @@ class PosedInput {
     } catch (const std::exception& error) {
       context_.drop(drop_reason::kError, error.what());
     }
+    waits_ = !queue_.is_empty();
   }
 
   Context& context_;
@@ -122,7 +140,9 @@ class PosedInput {
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;
   std::function<void()> release_waiting_;
-  tf2_ros::TransformListener listener_;
+  std::atomic<bool> waits_{false};      ///< a measurement waits for transforms or is held
+  std::atomic<bool> is_queued_{false};  ///< a call of release()
+  TransformInput transform_input_;
 };
 
 }  // namespace situation_awareness

@@ -13,9 +13,9 @@
 #include <sensor_msgs/LaserScan.h>
 #include <tf2/buffer_core.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <Eigen/Geometry>
 
+#include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/ros/transform_queue.hpp"
 
 namespace situation_awareness {
@@ -89,7 +89,7 @@ class ScansOnBase {
   std::string mounted_;          ///< the frame whose place on the base is known; empty: none is
   std::string why_not_mounted_;  ///< tf2's reason
   TransformQueue<ArrivedScan> queue_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
 };
 
 }  // namespace situation_awareness

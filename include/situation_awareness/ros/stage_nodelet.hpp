@@ -9,12 +9,13 @@
 
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
+#include "situation_awareness/ros/stage_queue.hpp"
 
 namespace situation_awareness {
 
-/// The nodelet of a stage. It reads the parameters, constructs the stage, passes it one message at a time, and reports
-/// the results on /diagnostics. If parameters or stage throw, it refuses to start with one message; its manager and the
-/// other nodelets keep running (stage_manager retries). A stage is a class with
+/// The nodelet of a stage. It reads the parameters, constructs the stage, passes it one message at a time on a thread
+/// of its own, and reports the results on /diagnostics. If parameters or stage throw, it refuses to start with one
+/// message; its manager and the other nodelets keep running (stage_manager retries). A stage is a class with
 ///
 ///     using Context = StageContext<SegmentArray>;              // of the message that it takes
 ///     static constexpr const char* kInput = "segments";        // and its topic
@@ -32,7 +33,10 @@ class StageNodelet : public nodelet::Nodelet {
   void onInit() final {
     try {
       const auto params = Stage::kReadParams(ParamReader(getPrivateNodeHandle()));
-      context_.emplace(getNodeHandle(), getPrivateNodeHandle(), getName());  // one callback at a time
+      ros::NodeHandle node = getNodeHandle(), private_node = getPrivateNodeHandle();
+      node.setCallbackQueue(&queue_.emplace().callbacks());
+      private_node.setCallbackQueue(&queue_->callbacks());
+      context_.emplace(node, private_node, getName());
       stage_ = std::make_unique<Stage>(*context_, params);
       context_->diagnostics().unknown_parameters(params.unknown);
       context_->start(Stage::kInput, [this](const auto& msg) { return stage_->process(msg); });
@@ -44,11 +48,13 @@ class StageNodelet : public nodelet::Nodelet {
   }
 
   void end() {
+    if (queue_) queue_->end();
     if (context_) context_->stop();
     stage_.reset();
     context_.reset();
   }
 
+  std::optional<StageQueue> queue_;
   std::optional<typename Stage::Context> context_;
   std::unique_ptr<Stage> stage_;  // not optional: a stage, whose callbacks hold `this`, is never copied nor moved
 };

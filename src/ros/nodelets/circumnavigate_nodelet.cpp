@@ -23,7 +23,6 @@
 #include <sensor_msgs/LaserScan.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -39,6 +38,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/semantic_map_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/transform_input.hpp"
 
 namespace situation_awareness {
 
@@ -58,7 +58,7 @@ class CircumnavigateStage {
         status_(context.node().advertise<MissionStatus>("mission", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("mission_markers", 5)),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
+        transform_input_(tf_, context.node()) {
     if (params.lost_turn_rate_rad_s == 0.0) throw std::invalid_argument("lost_turn_rate_rad_s must not be 0");
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     begin_mission();
@@ -353,7 +353,7 @@ class CircumnavigateStage {
   ros::Subscriber scan_sub_;
   ros::ServiceServer plan_, start_;
   tf2_ros::Buffer tf_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
 };
 
 using CircumnavigateNodelet = StageNodelet<CircumnavigateStage>;

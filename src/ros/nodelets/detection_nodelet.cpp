@@ -60,6 +60,7 @@ class DetectionStage {
     } catch (const std::exception& error) {
       return context_.drop(drop_reason::kBadMessage, error.what());
     }
+    map_.receive();
     follow_unmapped();
     const std::vector<ExpectedOutline>& known_level = map_.outlines_at(segments.stamp_ns, segments.T_world_level);
     detections_ = detector_->detect(segments, known_level, std::move(detections_));

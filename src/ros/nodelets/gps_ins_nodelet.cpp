@@ -15,7 +15,6 @@
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_broadcaster.h>
-#include <tf2_ros/transform_listener.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/common/time.hpp"
@@ -28,6 +27,7 @@
 #include "situation_awareness/ros/scan_check.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/timed_subscriber.hpp"
+#include "situation_awareness/ros/transform_input.hpp"
 
 namespace situation_awareness {
 
@@ -44,7 +44,7 @@ class GpsInsStage {
         report_(context.name(), input_),
         odometry_(context.node().advertise<nav_msgs::Odometry>("odometry", 50)),
         pose_(context.node().advertise<geometry_msgs::PoseWithCovarianceStamped>("pose", 50)),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {  // on its own thread
+        transform_input_(tf_, context.node()) {
     context.keep_all();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report_.report(status); });
     context.when_made([this] {
@@ -126,7 +126,7 @@ class GpsInsStage {
   std::int64_t due_ns_ = 0;
   ros::Publisher odometry_, pose_;
   tf2_ros::TransformBroadcaster broadcaster_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
   std::optional<TimedSubscriber<sensor_msgs::NavSatFix>> fix_;
   std::optional<TimedSubscriber<geometry_msgs::PoseWithCovarianceStamped>> altitude_;
   std::optional<TimedSubscriber<sensor_msgs::Imu>> heading_;

@@ -13,7 +13,6 @@
 #include <ros/service_server.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <pluginlib/class_list_macros.hpp>
 
 #include "situation_awareness/common/time.hpp"
@@ -23,6 +22,7 @@
 #include "situation_awareness/ros/convert/safety.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/transform_input.hpp"
 
 namespace situation_awareness {
 
@@ -52,7 +52,7 @@ class PathFollowingStage {
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
         error_(context.node().advertise<PathError>("path_error", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()) {
+        transform_input_(tf_, context.node()) {
     if (params.start_at_once) start_at_once();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
@@ -225,7 +225,7 @@ class PathFollowingStage {
   ros::Publisher command_, error_, path_;
   ros::ServiceServer start_, stop_;
   tf2_ros::Buffer tf_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
 };
 
 using PathFollowingNodelet = StageNodelet<PathFollowingStage>;

@@ -19,7 +19,6 @@
 #include <situation_awareness/PolygonArray.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
 #include <visualization_msgs/MarkerArray.h>
 #include <pluginlib/class_list_macros.hpp>
 
@@ -39,6 +38,7 @@
 #include "situation_awareness/ros/pose_covariance_input.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
+#include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
 
 namespace situation_awareness {
@@ -59,7 +59,7 @@ class SafetyAreasStage {
         publisher_(context.node().advertise<SafetyVerdict>("safety", 20)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("safety_areas", 5)),
         objects_(context, params.nodelet.world_frame),
-        listener_(tf_, context.node(), true, ros::TransportHints().tcpNoDelay()),
+        transform_input_(tf_, context.node()),
         input_(
             context, params.nodelet, params.reset_time_jump_s, 0.0,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
@@ -92,6 +92,7 @@ class SafetyAreasStage {
     }
     limited_ = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan, std::move(limited_));
     points_ = project_horizontally(limited_, posed.T_world_sensor, posed.T_world_sensor_end, std::move(points_));
+    objects_.receive();
     const SafetyDecision& decision = areas_.update(points_, vehicle_at(posed.T_world_sensor * T_sensor_base), polygons_,
                                                    objects_.latest(), posed.msg->ranges);
     for (const SafetyInput input : decision.missing) {
@@ -242,7 +243,7 @@ class SafetyAreasStage {
   ros::ServiceServer save_;
   MapSubscriber objects_;
   tf2_ros::Buffer tf_;
-  tf2_ros::TransformListener listener_;
+  TransformInput transform_input_;
   Input input_;
 };
 

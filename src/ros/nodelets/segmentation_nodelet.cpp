@@ -66,6 +66,7 @@ class SegmentationStage {
     limited_ = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan, std::move(limited_));
     points_ = project_horizontally(limited_, posed.T_world_sensor, posed.T_world_sensor_end, std::move(points_));
     segments_ = segment(points_, params_.pipeline.segments, std::move(segments_));
+    map_.receive();
     segments_ = divide(std::move(segments_), map_.outlines_at(points_.stamp_ns, points_.T_world_level),
                        params_.pipeline.segments);
     segments_ = with_straight_pieces(std::move(segments_), params_.pipeline.segments,

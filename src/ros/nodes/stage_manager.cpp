@@ -4,13 +4,11 @@
 //     stage_manager STAGE ... nodelets of this package, each named as its type
 #include <algorithm>
 #include <csignal>
-#include <cstddef>
 #include <exception>
 #include <iostream>
 #include <map>
 #include <memory>
 #include <string>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -54,8 +52,8 @@ class StageManager {
     });
   }
 
-  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got. A stage whose
-  /// callback runs now ends on that callback's thread, which the end of the loader waits for; its clear() does not.
+  /// Ends the stages, while they can still publish: a vehicle keeps the last command that it got. A stage waits
+  /// for its callback that runs now.
   void end_stages() {
     timer_.stop();
     loader_.reset();
@@ -106,15 +104,6 @@ class StageManager {
   ros::SteadyTimer timer_;
 };
 
-/// nodelet gives a callback that finds no idle worker to a busy one, and the nodelet's next callbacks follow: with
-/// fewer workers than stages a stage could wait behind a slow one again and again, while another worker is idle. With
-/// one per stage, and one for a driver's nodelet, a worker is always idle.
-void set_worker_threads(std::size_t stages) {
-  const std::string parameter = "~num_worker_threads";  // read by nodelet::Loader
-  if (ros::param::has(parameter)) return;
-  ros::param::set(parameter, static_cast<int>(std::max<std::size_t>(std::thread::hardware_concurrency(), stages + 1)));
-}
-
 /// Messages are allocated on one thread and freed on another. By default glibc gives every thread an arena of its own,
 /// and each would keep the memory of the largest message that it ever met.
 void share_one_arena() { mallopt(M_ARENA_MAX, 1); }
@@ -143,7 +132,6 @@ int main(int argc, char** argv) {
     std::cerr << "usage: stage_manager STAGE ..., such as: stage_manager segmentation detection mapping\n";
     return 2;
   }
-  situation_awareness::set_worker_threads(stages.size());
   situation_awareness::StageManager manager(stages);
   const ros::WallDuration period(situation_awareness::kLookForSignal_s);
   while (ros::ok() && !situation_awareness::is_told_to_end) ros::getGlobalCallbackQueue()->callAvailable(period);
