@@ -3,6 +3,9 @@
 
 #include <chrono>
 #include <exception>
+#include <mutex>
+#include <optional>
+#include <string>
 
 #include <ros/console.h>
 #include <ros/master.h>
@@ -23,6 +26,21 @@ std::string run_id() {
   const bool wait_for_master = false;
   if (!ros::master::execute("getParam", request, response, payload, wait_for_master)) return "";
   return payload.getType() == XmlRpc::XmlRpcValue::TypeString ? static_cast<std::string>(payload) : "";
+}
+
+/// The same for all watches of this process: asked again where the latest answer is older than half their period.
+std::string latest_run_id() {
+  using Clock = std::chrono::steady_clock;
+  static std::mutex mutex;
+  static std::string latest;
+  static std::optional<Clock::time_point> asked_at;
+  const std::lock_guard<std::mutex> lock(mutex);
+  const Clock::time_point now = Clock::now();
+  if (!asked_at || now - *asked_at > std::chrono::duration<double>(0.5 * MasterWatch::kPeriod_s)) {
+    latest = run_id();
+    asked_at = now;
+  }
+  return latest;
 }
 
 }  // namespace
@@ -54,7 +72,7 @@ void MasterWatch::watch() {
   while (!stop_.wait_for(lock, period, [this] { return stopped_; })) {
     lock.unlock();
     try {
-      const std::string id = run_id();
+      const std::string id = latest_run_id();
       if (!id.empty() && run_id_.empty()) run_id_ = id;
       if (!id.empty() && id != run_id_) {
         restore_parameters();
