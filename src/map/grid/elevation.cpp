@@ -6,11 +6,13 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <stdexcept>
 #include <utility>
 
 #include "gdal_dataset.hpp"
+#include "several_at_once.hpp"
 #include "situation_awareness/common/file.hpp"
 
 namespace situation_awareness {
@@ -18,6 +20,71 @@ namespace {
 
 constexpr double kFinest = 16.0;  ///< pixels per standard deviation that smoothing needs
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+constexpr std::size_t kAtOnce = 32;
+
+/// Places in a raster, each right of a pixel's middle and below it.
+struct Places {
+  std::array<std::int32_t, kAtOnce> columns, rows;
+  std::array<double, kAtOnce> to_right, below;  ///< of the way to the next pixels
+};
+
+/// A line through a raster.
+struct Line {
+  double x_m, y_m, west_m, north_m, ahead_x, ahead_y, columns_per_m, rows_per_m;
+
+  double column(double away_m) const { return (x_m + away_m * ahead_x - west_m) * columns_per_m - 0.5; }
+  double row(double away_m) const { return (north_m - (y_m + away_m * ahead_y)) * rows_per_m - 0.5; }
+};
+
+/// Two pixels side by side.
+using Pair = std::array<float, 2>;
+
+SITUATION_AWARENESS_SEVERAL_AT_ONCE
+void find_places(const Line& on, const double* away_m, std::size_t count, Places& at) {
+  const Line line = on;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < count; ++i) {
+    const double column = line.column(away_m[i]), row = line.row(away_m[i]);
+    const auto whole_column = static_cast<std::int32_t>(column), whole_row = static_cast<std::int32_t>(row);
+    at.columns[i] = whole_column;
+    at.rows[i] = whole_row;
+    at.to_right[i] = column - static_cast<double>(whole_column);
+    at.below[i] = row - static_cast<double>(whole_row);
+  }
+}
+
+/// Interpolates between four pixels of each place. False if any of them is not known.
+SITUATION_AWARENESS_SEVERAL_AT_ONCE
+bool interpolate(const std::array<Pair, kAtOnce>& above, const std::array<Pair, kAtOnce>& under, const Places& at,
+                 std::size_t count, double* heights_m) {
+  std::int32_t unknown = 0;
+#pragma GCC ivdep
+  for (std::size_t i = 0; i < count; ++i) {
+    const double right = at.to_right[i], left = 1.0 - right, below = at.below[i];
+    const double upper_m = left * static_cast<double>(above[i][0]) + right * static_cast<double>(above[i][1]);
+    const double lower_m = left * static_cast<double>(under[i][0]) + right * static_cast<double>(under[i][1]);
+    const double height_m = (1.0 - below) * upper_m + below * lower_m;
+    heights_m[i] = height_m;
+    unknown |= std::isnan(height_m) ? 1 : 0;
+  }
+  return unknown == 0;
+}
+
+/// The same where all places of the line are between four pixels of the raster: rows of so many pixels.
+bool find_between(const Line& line, const float* heights, std::size_t width, const double* away_m, std::size_t count,
+                  double* heights_m) {
+  Places at;
+  std::array<Pair, kAtOnce> above, under;
+  find_places(line, away_m, count, at);
+  for (std::size_t i = 0; i < count; ++i) {
+    const float* const pixel =
+        heights + static_cast<std::size_t>(at.rows[i]) * width + static_cast<std::size_t>(at.columns[i]);
+    std::memcpy(&above[i], pixel, sizeof(Pair));
+    std::memcpy(&under[i], pixel + width, sizeof(Pair));
+  }
+  return interpolate(above, under, at, count, heights_m);
+}
 
 [[noreturn]] void refuse_elevation(const std::string& path, const std::string& reason) {
   throw std::runtime_error(path + ": no elevation: " + reason);
@@ -198,22 +265,28 @@ double Elevation::at(double x_world_m, double y_world_m) const {
 
 void Elevation::along(const Eigen::Vector2d& begin_world_m, const Eigen::Vector2d& direction, const double* distances_m,
                       std::size_t count, double* heights_world_m) const {
-  constexpr std::size_t kAtOnce = 32;
   std::array<double, kAtOnce> inside, right, down, a, b, c, d;
   std::array<std::int32_t, kAtOnce> columns, rows;
-  const double x0_m = begin_world_m.x(), y0_m = begin_world_m.y(), dx = direction.x(), dy = direction.y();
-  const double west_m = corner_world_m_.x(), north_m = corner_world_m_.y(), wide_m = pixel_m_.x(),
-               high_m = pixel_m_.y();
+  const Line line{begin_world_m.x(), begin_world_m.y(), corner_world_m_.x(), corner_world_m_.y(),
+                  direction.x(),     direction.y(),     1.0 / pixel_m_.x(),  1.0 / pixel_m_.y()};
   const double last_column = width_ - 1.0, last_row = height_ - 1.0;
   const std::int32_t most_column = std::max(width_ - 2, 0), most_row = std::max(height_ - 2, 0);
   const std::size_t next_column = width_ > 1 ? 1 : 0, next_row = height_ > 1 ? static_cast<std::size_t>(width_) : 0;
+  const auto is_between = [&](double away_m) {
+    const double column = line.column(away_m), row = line.row(away_m);
+    return column >= 0.0 && row >= 0.0 && column < last_column && row < last_row;
+  };
   for (std::size_t first = 0; first < count; first += kAtOnce) {
     const std::size_t n = std::min(kAtOnce, count - first);
     const double* const away_m = distances_m + first;
     double* const heights_m = heights_world_m + first;
+    if (is_between(away_m[0]) && is_between(away_m[n - 1]) &&
+        find_between(line, heights_.data(), static_cast<std::size_t>(width_), away_m, n, heights_m)) {
+      continue;
+    }
     for (std::size_t i = 0; i < n; ++i) {
-      const double column = (x0_m + away_m[i] * dx - west_m) / wide_m - 0.5;
-      const double row = (north_m - (y0_m + away_m[i] * dy)) / high_m - 0.5;
+      const double column = line.column(away_m[i]);
+      const double row = line.row(away_m[i]);
       inside[i] = column >= -0.5 && column <= last_column + 0.5 && row >= -0.5 && row <= last_row + 0.5 ? 1.0 : 0.0;
       const double u = column > 0.0 ? column : 0.0, v = row > 0.0 ? row : 0.0;
       right[i] = u < last_column ? u : last_column;

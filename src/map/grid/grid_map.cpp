@@ -8,15 +8,15 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
-#include <tuple>
 #include <utility>
+
+#include "seen_row.hpp"
+#include "several_at_once.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr int kOffsets = GridMap::kOffsets;
-constexpr int kTileCells = 32;  ///< along an edge
-constexpr int kCellsOfTile = kTileCells * kTileCells;
 constexpr double kLeastDepth_m = 0.1;
 constexpr float kLeastLabel = 0.2F;  ///< columns that see no pixel above it are not of the class
 constexpr double kHeightStep_m = 0.25;
@@ -74,6 +74,10 @@ struct Observed {
   bool is_any_known = false;  ///< an image is evidence on a cell
   bool has_evidence = false;  ///< an image showed something of the class in the tile
 
+  KnownRow row(std::size_t first) {
+    return {&seen_x[first],   &seen_y[first],   &seen_z[first],         &turned[first], &latest_x[first],
+            &latest_y[first], &latest_z[first], &nothing_weight[first], &images[first]};
+  }
   Evidence* find(std::size_t cell) { return number_of[cell] == 0 ? nullptr : &evidence[number_of[cell] - 1U]; }
   const Evidence* find(std::size_t cell) const {
     return number_of[cell] == 0 ? nullptr : &evidence[number_of[cell] - 1U];
@@ -104,23 +108,6 @@ struct SettledTile {
   std::array<std::uint16_t, kCellsOfTile> images{};  ///< with evidence, up to kMostImages; 0: not observed
   std::vector<Cell> of_class;                        ///< by cell; all others that were observed are not of the class
 };
-
-/// Of the cells of a row of a tile.
-template <class Number>
-using Row = std::array<Number, kTileCells>;
-
-/// The same of numbers that are 1 or 0. As wide as the numbers that they are found by, several are found at once.
-using Mask = Row<double>;
-
-bool any_of(const Mask& mask) {
-  std::uint64_t any = 0;
-  for (const double is : mask) {  // several at once: no comparison of each
-    std::uint64_t bits = 0;
-    std::memcpy(&bits, &is, sizeof bits);
-    any |= bits;
-  }
-  return any != 0;
-}
 
 /// Labels that are read in between the pixels. Exactly 0.5 is not known, but for a pixel at an edge: one between others
 /// of less and of more, which is half of the class.
@@ -166,10 +153,53 @@ class LabelReader {
   /// Bilinear; NaN where a pixel that counts is not known.
   float value(double u, double v) const { return between(place_between(u, v), labels_); }
 
-  /// The same, and that of the means of 3 x 3 pixels; those that are not known count as nothing of the class.
-  std::pair<float, float> sharp_and_soft(double u, double v) const {
-    const Between at = place_between(u, v);
-    return {between(at, labels_), between(at, means_)};
+  /// The same, and that of the means of 3 x 3 pixels, of places above each other, from a height above the foot on;
+  /// both are as ImageExtent::A says. What is not known counts in means as nothing of the class. NaN and 0
+  /// where they are outside the image. False if none is known.
+  SITUATION_AWARENESS_SEVERAL_AT_ONCE
+  bool read_column(const Eigen::Vector3d& foot, const Eigen::Vector3d& up, double first_m, double step_m,
+                   std::vector<float>& sharp, std::vector<float>& soft) const {
+    const double right_px = this->right_px(), low_px = this->low_px(), most_u = width_ - 1.0, most_v = height_ - 1.0;
+    const std::int32_t most_column = std::max(width_ - 2, 0), most_row = std::max(height_ - 2, 0);
+    const std::size_t next_column = width_ > 1 ? 1 : 0, next_row = height_ > 1 ? static_cast<std::size_t>(width_) : 0;
+    const double x = foot.x(), y = foot.y(), z = foot.z(), up_x = up.x(), up_y = up.y(), up_z = up.z();
+    std::int32_t any_known = 0;
+    for (std::size_t begin = 0; begin < sharp.size(); begin += kTileCells) {
+      Row<std::int32_t> is_in, columns, rows;
+      Row<float> a, b;
+      Row<std::array<std::array<float, 2>, 4>> pixels;
+      const std::size_t count = std::min(sharp.size() - begin, static_cast<std::size_t>(kTileCells));
+      for (std::size_t i = 0; i < count; ++i) {
+        const double height_m = static_cast<double>(static_cast<std::int32_t>(begin + i)) * step_m + first_m;
+        const double per_z = 1.0 / (z + height_m * up_z);
+        const double u = (x + height_m * up_x) * per_z, v = (y + height_m * up_y) * per_z;
+        const bool contains = (u >= -0.5) & (v >= -0.5) & (u <= right_px) & (v <= low_px);
+        const double u0 = contains & (u > 0.0) ? u : 0.0, v0 = contains & (v > 0.0) ? v : 0.0;
+        const double u1 = u0 < most_u ? u0 : most_u, v1 = v0 < most_v ? v0 : most_v;
+        const auto whole_u = static_cast<std::int32_t>(u1), whole_v = static_cast<std::int32_t>(v1);
+        columns[i] = whole_u < most_column ? whole_u : most_column;
+        rows[i] = whole_v < most_row ? whole_v : most_row;
+        a[i] = static_cast<float>(u1 - static_cast<double>(columns[i]));
+        b[i] = static_cast<float>(v1 - static_cast<double>(rows[i]));
+        is_in[i] = contains ? 1 : 0;
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        const std::size_t first = index(columns[i], rows[i]);
+        pixels[i] = {sharp_and_soft_[first], sharp_and_soft_[first + next_column], sharp_and_soft_[first + next_row],
+                     sharp_and_soft_[first + next_row + next_column]};
+      }
+      for (std::size_t i = 0; i < count; ++i) {
+        std::array<float, 2> mean;
+        for (std::size_t k = 0; k < 2; ++k) {
+          mean[k] = (1.0F - b[i]) * ((1.0F - a[i]) * pixels[i][0][k] + a[i] * pixels[i][1][k]) +
+                    b[i] * ((1.0F - a[i]) * pixels[i][2][k] + a[i] * pixels[i][3][k]);
+        }
+        sharp[begin + i] = is_in[i] != 0 ? mean[0] : std::numeric_limits<float>::quiet_NaN();
+        soft[begin + i] = is_in[i] != 0 ? mean[1] : 0.0F;
+        any_known |= is_known(sharp[begin + i]) ? 1 : 0;
+      }
+    }
+    return any_known != 0;
   }
 
   /// The greatest of 5 x 5 pixels around: less than 1 where something is thinner than a pixel.
@@ -269,14 +299,13 @@ class LabelReader {
         sums[corner(u + 1, v + 1)] = sums[corner(u + 1, v)] + row;
       }
     }
-    means_.resize(labels_.size());
+    sharp_and_soft_.resize(labels_.size());
     for (int v = 0; v < height_; ++v) {
       const int r0 = std::max(v - 1, 0), r1 = std::min(v + 2, height_);
       for (int u = 0; u < width_; ++u) {
         const int c0 = std::max(u - 1, 0), c1 = std::min(u + 2, width_);
-        means_[index(u, v)] = static_cast<float>(
-            (sums[corner(c1, r1)] - sums[corner(c0, r1)] - sums[corner(c1, r0)] + sums[corner(c0, r0)]) /
-            ((c1 - c0) * (r1 - r0)));
+        const double sum = sums[corner(c1, r1)] - sums[corner(c0, r1)] - sums[corner(c1, r0)] + sums[corner(c0, r0)];
+        sharp_and_soft_[index(u, v)] = {at(u, v), static_cast<float>(sum / ((c1 - c0) * (r1 - r0)))};
       }
     }
   }
@@ -310,9 +339,9 @@ class LabelReader {
 
   int width_ = 0, height_ = 0;
   bool is_all_known_ = true;
-  std::vector<float> labels_;      ///< NaN: not known
-  std::vector<float> means_;       ///< of 3 x 3 pixels
-  std::vector<int> class_counts_;  ///< of all pixels above and to the left
+  std::vector<float> labels_;                         ///< NaN: not known
+  std::vector<std::array<float, 2>> sharp_and_soft_;  ///< labels, and their means of 3 x 3 pixels
+  std::vector<int> class_counts_;                     ///< of all pixels above and to the left
   std::vector<float> peaks_, peaks_along_rows_;
   std::vector<double> sums_;  ///< of the labels above and to the left
 };
@@ -320,81 +349,65 @@ class LabelReader {
 /// Which ground and how much above it the camera sees past nearer ground: the steepest sight line so far, outwards.
 class Horizon {
  public:
-  struct Steepest {
-    float ground, top;
-  };
-
   Horizon(const Elevation& elevation, double reach_m, double step_m, double class_height_m)
-      : elevation_(&elevation), step_m_(step_m), rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
-    slopes_.resize(static_cast<std::size_t>(kDirections) * static_cast<std::size_t>(rings_));
+      : elevation_(&elevation), rings_per_m_(1.0 / step_m), rings_(static_cast<int>(std::ceil(reach_m / step_m)) + 1) {
+    ground_slopes_.assign(first_place(kDirections), -std::numeric_limits<float>::infinity());
+    top_slopes_ = ground_slopes_;
     for (int ring = 0; ring < rings_; ++ring) {
-      rings_m_.push_back((ring + 0.5) * step_m_);
+      rings_m_.push_back((ring + 0.5) * step_m);
+      per_ring_m_.push_back(1.0 / rings_m_.back());
       class_slopes_.push_back(class_height_m / rings_m_.back());
     }
-    ways_.resize(kDirections);
+    steepest_.resize(kDirections);
+    marched_.resize(kDirections);
   }
 
   /// From now on that of a camera there.
   void begin(const Eigen::Vector3d& p_world_camera_m) {
     p_ = p_world_camera_m;
-    std::fill(ways_.begin(), ways_.end(), Way{});
+    std::fill(steepest_.begin(), steepest_.end(), Steepest{});
+    std::fill(marched_.begin(), marched_.end(), 0);
   }
 
   /// Of the ground before a point, given from the camera on, but for its own surroundings.
   double slope_before(const Eigen::Vector2d& away_m, double range_m) {
-    return steepest_before(away_m, range_m, kOwn_m).ground;
+    return static_cast<double>(ground_slopes_[place_before(away_m, range_m, kOwn_m)]);
   }
 
-  /// The same of a row of points: at x and y from the camera.
-  void slopes_before(const Row<double>& x_m, double y_m, const Row<double>& range_m, const Mask& is_in,
-                     Row<double>& slopes) {
-    Row<double> turned;
-    const double y_abs_m = std::abs(y_m);
-    if (y_m >= 0.0) {
-      for (std::size_t c = 0; c < kTileCells; ++c) {
-        const double x = x_m[c];
-        turned[c] = (x >= 0.0 ? 0.0 : 1.0) + (x >= 0.0 ? y_m : -x) / (std::abs(x) + y_abs_m);
-      }
-    } else {
-      for (std::size_t c = 0; c < kTileCells; ++c) {
-        const double x = x_m[c];
-        turned[c] = (x < 0.0 ? 2.0 : 3.0) + (x < 0.0 ? -y_m : x) / (std::abs(x) + y_abs_m);
-      }
-    }
+  /// The same of the cells of a row that are in the image, in SeenRow::hidden_below_m.
+  void find_slopes_before(double y_m, SeenRow& row) {
     Row<std::int32_t> directions, rings;
+    find_rings(row, y_m, kDirections, kOwn_m, rings_per_m_, directions, rings);
+    Row<std::size_t> places;
     for (std::size_t c = 0; c < kTileCells; ++c) {
-      const double direction = turned[c] * (kDirections / 4) + 0.5;
-      directions[c] = static_cast<std::int32_t>(direction >= 0.0 ? direction : 0.0);  // at the camera itself: NaN
+      places[c] = row.is_in[c] != 0.0 ? place_of(directions[c], rings[c]) : 0;
     }
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      rings[c] = static_cast<std::int32_t>((range_m[c] - kOwn_m) / step_m_);
-    }
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      if (is_in[c] != 0.0) slopes[c] = static_cast<double>(steepest_at(directions[c] % kDirections, rings[c]).ground);
-    }
+    for (std::size_t c = 0; c < kTileCells; ++c) row.hidden_below_m[c] = static_cast<double>(ground_slopes_[places[c]]);
   }
 
   /// The same of the tops of what may stand on the ground, but for what is as near to the point as its own size.
   double top_slope_before(const Eigen::Vector2d& away_m, double range_m, double size_m) {
-    return steepest_before(away_m, range_m, size_m).top;
+    return static_cast<double>(top_slopes_[place_before(away_m, range_m, size_m)]);
   }
 
  private:
   static constexpr int kDirections = 2048;
   static constexpr double kOwn_m = 1.5;
 
-  Steepest steepest_before(const Eigen::Vector2d& away_m, double range_m, double own_m) {
+  std::size_t place_before(const Eigen::Vector2d& away_m, double range_m, double own_m) {
     const int direction = static_cast<int>(quarters(away_m) * (kDirections / 4) + 0.5) % kDirections;
-    return steepest_at(direction, static_cast<int>((range_m - own_m) / step_m_));
+    return place_of(direction, static_cast<int>((range_m - own_m) * rings_per_m_));
   }
 
-  Steepest steepest_at(int direction, int ring) {
-    constexpr float kNone = -std::numeric_limits<float>::infinity();
-    if (ring < 0) return {kNone, kNone};
+  /// Of the slopes up to a ring in a direction, which is marched to it; before the first ring there is none.
+  std::size_t place_of(int direction, int ring) {
     const int last = std::min(ring, rings_ - 1);
-    if (last >= ways_[static_cast<std::size_t>(direction)].rings) march(direction, last);
-    return slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_) +
-                   static_cast<std::size_t>(last)];
+    if (last >= marched_[static_cast<std::size_t>(direction)]) march(direction, last);
+    return first_place(direction) + static_cast<std::size_t>(std::max(last + 1, 0));
+  }
+
+  std::size_t first_place(int direction) const {
+    return static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_ + 1);
   }
 
   /// Grows with the angle of a vector, from 0 to 4, without a call of atan2: along the square through the axes at 1.
@@ -415,43 +428,47 @@ class Horizon {
 
   /// Goes on in a direction to a ring, or a few more.
   void march(int direction, int to_ring) {
-    Way& way = ways_[static_cast<std::size_t>(direction)];
-    Steepest* const slopes = &slopes_[static_cast<std::size_t>(direction) * static_cast<std::size_t>(rings_)];
+    std::int32_t& marched = marched_[static_cast<std::size_t>(direction)];
+    Steepest& steepest = steepest_[static_cast<std::size_t>(direction)];
     const Eigen::Vector2d ahead = unit_vector_at(4.0 * direction / kDirections);
-    while (way.rings <= to_ring) {
-      const auto first = static_cast<std::size_t>(way.rings);
+    const double camera_z_m = p_.z();
+    while (marched <= to_ring) {
+      const auto first = static_cast<std::size_t>(marched);
       const std::size_t count = std::min(kAtOnce, static_cast<std::size_t>(rings_) - first);
-      elevation_->along(p_.head<2>(), ahead, &rings_m_[first], count, heights_m_.data());
+      float* const ground_slopes = &ground_slopes_[first_place(direction) + 1 + first];
+      float* const top_slopes = &top_slopes_[first_place(direction) + 1 + first];
+      std::array<double, kAtOnce> slopes;
+      elevation_->along(p_.head<2>(), ahead, &rings_m_[first], count, slopes.data());
+      for (std::size_t i = 0; i < count; ++i) slopes[i] = (slopes[i] - camera_z_m) * per_ring_m_[first + i];
+      Steepest so_far = steepest;
       for (std::size_t i = 0; i < count; ++i) {
-        heights_m_[i] = (heights_m_[i] - p_.z()) / rings_m_[first + i];
-        top_slopes_[i] = heights_m_[i] + class_slopes_[first + i];
+        so_far.ground = std::max(so_far.ground, slopes[i]);  // but for what is not known, NaN
+        so_far.top = std::max(so_far.top, slopes[i] + class_slopes_[first + i]);
+        ground_slopes[i] = static_cast<float>(so_far.ground);
+        top_slopes[i] = static_cast<float>(so_far.top);
       }
-      for (std::size_t i = 0; i < count; ++i) {
-        way.steepest = std::max(way.steepest, heights_m_[i]);  // but for what is not known, NaN
-        way.top_steepest = std::max(way.top_steepest, top_slopes_[i]);
-        slopes[first + i] = {static_cast<float>(way.steepest), static_cast<float>(way.top_steepest)};
-      }
-      way.rings += static_cast<int>(count);
+      steepest = so_far;
+      marched += static_cast<std::int32_t>(count);
     }
   }
 
-  /// How far a direction was marched, and the steepest up to there.
-  struct Way {
-    int rings = 0;
-    double steepest = -1e6, top_steepest = -1e6;
+  /// Up to where a direction was marched.
+  struct Steepest {
+    double ground = -1e6, top = -1e6;
   };
 
   static constexpr std::size_t kAtOnce = 32;  ///< rings
 
   const Elevation* elevation_;
   Eigen::Vector3d p_ = Eigen::Vector3d::Zero();
-  double step_m_;
+  double rings_per_m_;
   int rings_;
-  std::vector<Way> ways_;             ///< by direction
-  std::vector<Steepest> slopes_;      ///< by direction and ring
-  std::vector<double> rings_m_;       ///< from the camera, to the rings' middles
-  std::vector<double> class_slopes_;  ///< that the class's height adds there
-  std::array<double, kAtOnce> heights_m_{}, top_slopes_{};
+  std::vector<std::int32_t> marched_;              ///< rings, by direction
+  std::vector<Steepest> steepest_;                 ///< by direction
+  std::vector<float> ground_slopes_, top_slopes_;  ///< by direction and ring; before the first ring there is none
+  std::vector<double> rings_m_;                    ///< from the camera, to the rings' middles
+  std::vector<double> per_ring_m_;                 ///< 1 by each of these
+  std::vector<double> class_slopes_;               ///< that the class's height adds there
 };
 
 /// One image while it is added.
@@ -461,20 +478,24 @@ struct View {
   Eigen::Vector3d p_world_camera_m;
   double reach_m;
   Eigen::Matrix3d A;  ///< of a point relative to the camera along the world's axes to (u z, v z, z)
+  std::array<Eigen::Vector3d, 4> outwards;  ///< unit vectors away from the planes through the image's edges
 
   /// Whether a sphere may be in the image.
   bool may_see(const Eigen::Vector3d& middle_world_m, double radius_m) const {
     const Eigen::Vector3d p = R_camera_world * (middle_world_m - p_world_camera_m);
     if (p.norm() > reach_m + radius_m || p.z() < -radius_m) return false;
-    const auto beyond = [&](double along, double focal_px, double edge_px) {  // of the plane through an edge
-      return (focal_px * along - edge_px * p.z()) / std::hypot(focal_px, edge_px);
-    };
-    return beyond(p.x(), camera.fx_px, camera.width - 0.5 - camera.cx_px) < radius_m &&
-           beyond(-p.x(), camera.fx_px, camera.cx_px + 0.5) < radius_m &&
-           beyond(p.y(), camera.fy_px, camera.height - 0.5 - camera.cy_px) < radius_m &&
-           beyond(-p.y(), camera.fy_px, camera.cy_px + 0.5) < radius_m;
+    return std::all_of(outwards.begin(), outwards.end(),
+                       [&](const Eigen::Vector3d& outward) { return outward.dot(p) < radius_m; });
   }
 };
+
+/// View::outwards, along the camera's axes.
+std::array<Eigen::Vector3d, 4> outwards_of(const PinholeCamera& camera) {
+  return {Eigen::Vector3d(camera.fx_px, 0.0, -(camera.width - 0.5 - camera.cx_px)).normalized(),
+          Eigen::Vector3d(-camera.fx_px, 0.0, -(camera.cx_px + 0.5)).normalized(),
+          Eigen::Vector3d(0.0, camera.fy_px, -(camera.height - 0.5 - camera.cy_px)).normalized(),
+          Eigen::Vector3d(0.0, -camera.fy_px, -(camera.cy_px + 0.5)).normalized()};
+}
 
 double probability_of(double log_odds) { return 1.0 / (1.0 + std::exp(-log_odds)); }
 
@@ -491,7 +512,10 @@ class GridMap::Impl {
     height_step_m_ = params.class_height_m / heights_per_offset_;
     steps_per_offset_ = std::max(1, static_cast<int>(std::lround(params.offset_step_m / height_step_m_)));
     soft_column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
-    column_.resize(static_cast<std::size_t>((kOffsets - 1) * steps_per_offset_ + heights_per_offset_ + 1));
+    for (std::vector<float>* const values : {&column_, &least_, &greatest_, &soft_least_}) {
+      values->resize(soft_column_.size());
+    }
+    known_.resize(soft_column_.size());
   }
 
   GridUpdate update(const SoftLabels& labels, const Eigen::Isometry3d& T_world_camera) {
@@ -503,7 +527,8 @@ class GridMap::Impl {
     Eigen::Matrix3d K;
     K << labels.camera.fx_px, 0.0, labels.camera.cx_px, 0.0, labels.camera.fy_px, labels.camera.cy_px, 0.0, 0.0, 1.0;
     const Eigen::Matrix3d R_camera_world = T_world_camera.linear().transpose();
-    const View view{labels.camera, R_camera_world, T_world_camera.translation(), params_.reach_m, K * R_camera_world};
+    const View view{labels.camera,   R_camera_world,     T_world_camera.translation(),
+                    params_.reach_m, K * R_camera_world, outwards_of(labels.camera)};
     const LabelReader& reader = reader_;
     reader_.read(labels);
     Horizon& horizon = horizon_;
@@ -911,17 +936,14 @@ class GridMap::Impl {
     double seen;            ///< weight of the image by the extent of the column
   };
 
-  /// The cells of a row of a tile that an image shows.
-  struct SeenRow {
-    Row<double> x_m, z_m;                ///< of the cells' middles from the camera
-    Row<double> foot_x, foot_y, foot_z;  ///< of these places, as View::A says
-    Row<double> u_px, v_px, range_m, hidden_below_m, seen;
-    Row<float> along_x, along_y, along_z, turn;
-    Mask is_in;  ///< 0: not seen
-  };
-
   void add_to(Tile& tile, Place key, const View& view, const LabelReader& reader, Horizon& horizon, GridUpdate& done) {
     const bool may_show_class = may_see_class(tile, key, view, reader);
+    const double up_z = view.A(2, 2), below_m = max_offset_m();
+    const ImageExtent image{view.A,          view.p_world_camera_m.z(), reader.right_px(),
+                            reader.low_px(), params_.reach_m,           kLeastDepth_m};
+    const Hiding hiding{kHiddenMargin_m, 0.5 * params_.class_height_m, below_m * up_z,
+                        (below_m + params_.class_height_m) * up_z, kLeastDepth_m};
+    const Eigen::Vector3d up = params_.class_height_m * view.A.col(2);
     SeenRow& row = row_;
     for (int c = 0; c < kTileCells; ++c) {
       row.x_m[static_cast<std::size_t>(c)] =
@@ -930,80 +952,13 @@ class GridMap::Impl {
     for (int r = 0; r < kTileCells; ++r) {
       const auto first = static_cast<std::size_t>(r * kTileCells);
       const double y_m = (key.row * kTileCells + r + 0.5) * params_.cell_m - view.p_world_camera_m.y();
-      if (!find_in_image(&tile.ground_world_m[first], y_m, view, reader)) continue;
-      horizon.slopes_before(row.x_m, y_m, row.range_m, row.is_in, row.hidden_below_m);
-      if (!find_visible(view)) continue;
+      if (!find_in_image(&tile.ground_world_m[first], y_m, image, row)) continue;
+      horizon.find_slopes_before(y_m, row);
+      if (!find_visible(hiding, row)) continue;
       if (!tile.observed) tile.observed = std::make_unique<Observed>();
       Observed& observed = *tile.observed;
-      find_directions(observed, first, y_m, view);
+      find_directions(observed.row(first), y_m, up, kTurn_rad, kResolved_px, row);
       add_row(observed, first, y_m, may_show_class, view, reader, horizon, done);
-    }
-  }
-
-  /// Of a row, which middles are in the image and within reach, and where. False if none is.
-  bool find_in_image(const float* ground_world_m, double y_m, const View& view, const LabelReader& reader) {
-    SeenRow& row = row_;
-    const Eigen::Matrix3d A = view.A;
-    const double camera_z_m = view.p_world_camera_m.z(), right_px = reader.right_px(), low_px = reader.low_px();
-    const double reach_m = params_.reach_m;
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      // What is not known, NaN, is not in the image.
-      const double x_m = row.x_m[c], z_m = static_cast<double>(ground_world_m[c]) - camera_z_m;
-      const double foot_x = A(0, 0) * x_m + (A(0, 1) * y_m + A(0, 2) * z_m);
-      const double foot_y = A(1, 0) * x_m + (A(1, 1) * y_m + A(1, 2) * z_m);
-      const double foot_z = A(2, 0) * x_m + (A(2, 1) * y_m + A(2, 2) * z_m);
-      const double u_px = foot_x / foot_z, v_px = foot_y / foot_z, range_m = std::sqrt(x_m * x_m + y_m * y_m);
-      row.z_m[c] = z_m;
-      row.foot_x[c] = foot_x;
-      row.foot_y[c] = foot_y;
-      row.foot_z[c] = foot_z;
-      row.u_px[c] = u_px;
-      row.v_px[c] = v_px;
-      row.range_m[c] = range_m;
-      row.is_in[c] = (foot_z >= kLeastDepth_m ? 1.0 : 0.0) * (u_px >= -0.5 ? 1.0 : 0.0) * (v_px >= -0.5 ? 1.0 : 0.0) *
-                     (u_px <= right_px ? 1.0 : 0.0) * (v_px <= low_px ? 1.0 : 0.0) * (range_m <= reach_m ? 1.0 : 0.0);
-    }
-    return any_of(row.is_in);
-  }
-
-  /// Of these, which are not hidden by nearer ground, and from which height on; SeenRow::hidden_below_m has the slopes
-  /// of the ground before them. False if all are hidden.
-  bool find_visible(const View& view) {
-    SeenRow& row = row_;
-    const double up_z = view.A(2, 2), below_m = max_offset_m(), above_m = below_m + params_.class_height_m;
-    const double low_z = below_m * up_z, top_z = above_m * up_z, half_m = 0.5 * params_.class_height_m;
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const double hidden_below_m = row.hidden_below_m[c] * row.range_m[c] - row.z_m[c] - kHiddenMargin_m;
-      row.hidden_below_m[c] = hidden_below_m;
-      row.is_in[c] *= (hidden_below_m > half_m ? 0.0 : 1.0) * (row.foot_z[c] - low_z < kLeastDepth_m ? 0.0 : 1.0) *
-                      (row.foot_z[c] + top_z < kLeastDepth_m ? 0.0 : 1.0);
-    }
-    return any_of(row.is_in);
-  }
-
-  /// From where the image looks at the cells of a row, and with which weight.
-  void find_directions(const Observed& observed, std::size_t first, double y_m, const View& view) {
-    SeenRow& row = row_;
-    const double up_x = view.A(0, 2), up_y = view.A(1, 2), up_z = view.A(2, 2);
-    const auto y = static_cast<float>(y_m);
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const float length = std::sqrt(static_cast<float>(row.range_m[c] * row.range_m[c] + row.z_m[c] * row.z_m[c]));
-      row.along_x[c] = static_cast<float>(row.x_m[c]) / length;
-      row.along_y[c] = y / length;
-      row.along_z[c] = static_cast<float>(row.z_m[c]) / length;
-    }
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const std::size_t i = first + c;
-      const float dx = row.along_x[c] - observed.latest_x[i], dy = row.along_y[c] - observed.latest_y[i],
-                  dz = row.along_z[c] - observed.latest_z[i];
-      const float turned = std::sqrt(dx * dx + (dy * dy + dz * dz)) / kTurn_rad;
-      const float turn = turned < 1.0F ? turned : 1.0F;
-      row.turn[c] = observed.images[i] == 0 ? 1.0F : turn;
-    }
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const double up_m = params_.class_height_m / row.foot_z[c];
-      const double u_px = up_m * (up_x - up_z * row.u_px[c]), v_px = up_m * (up_y - up_z * row.v_px[c]);
-      row.seen[c] = resolved(u_px * u_px + v_px * v_px);
     }
   }
 
@@ -1046,54 +1001,8 @@ class GridMap::Impl {
       ++observed.images[i];
       ++done.observed_cells;
     }
-    add_nothing(observed, first, shows_nothing, done);
-  }
-
-  /// Adds an image that shows nothing of the class to cells of a row on which none did.
-  void add_nothing(Observed& observed, std::size_t first, const Row<std::int32_t>& shows_nothing, GridUpdate& done) {
-    const SeenRow& row = row_;
-    const auto most = static_cast<float>(params_.max_weight);
-    const double negative_weight = params_.negative_weight;
-    Row<float> weights, parts;
-    std::int32_t count = 0;
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const std::size_t i = first + c;
-      const float turn = row.turn[c] * static_cast<float>(row.seen[c]);
-      const float turned = observed.turned[i] + turn, fade = most / turned;
-      weights[c] = turn;
-      parts[c] = turned > most ? fade : 1.0F;  // older directions fade
-    }
-    const auto add = [&](Observed::Cells& sums, const Row<float>& along) {
-      for (std::size_t c = 0; c < kTileCells; ++c) {
-        const float before = sums[first + c], sum = (before + weights[c] * along[c]) * parts[c];
-        sums[first + c] = shows_nothing[c] != 0 ? sum : before;
-      }
-    };
-    add(observed.seen_x, row.along_x);
-    add(observed.seen_y, row.along_y);
-    add(observed.seen_z, row.along_z);
-    const auto take = [&](Observed::Cells& latest, const Row<float>& along) {
-      for (std::size_t c = 0; c < kTileCells; ++c) {
-        const float before = latest[first + c], now = along[c];
-        latest[first + c] = shows_nothing[c] != 0 ? now : before;
-      }
-    };
-    take(observed.latest_x, row.along_x);
-    take(observed.latest_y, row.along_y);
-    take(observed.latest_z, row.along_z);
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const float before = observed.turned[first + c], turned = (before + weights[c]) * parts[c];
-      observed.turned[first + c] = shows_nothing[c] != 0 ? turned : before;
-    }
-    for (std::size_t c = 0; c < kTileCells; ++c) {
-      const std::size_t i = first + c;
-      const float before = observed.nothing_weight[i];
-      const float weight = before + static_cast<float>(negative_weight * row.seen[c]);
-      const float bounded = most < weight ? most : weight;
-      observed.nothing_weight[i] = shows_nothing[c] != 0 ? bounded : before;
-      observed.images[i] += shows_nothing[c];
-      count += shows_nothing[c];
-    }
+    const int count = situation_awareness::add_nothing(row, shows_nothing, params_.negative_weight,
+                                                       static_cast<float>(params_.max_weight), observed.row(first));
     observed.is_any_known = observed.is_any_known || count > 0;
     done.observed_cells += static_cast<std::size_t>(count);
   }
@@ -1193,9 +1102,43 @@ class GridMap::Impl {
   void add_nothing(Observed& observed, const Sight& sight) {
     Evidence& evidence = *observed.find(sight.cell);
     const double weight = params_.negative_weight * sight.seen, turned = static_cast<double>(sight.turn);
+    const auto most = static_cast<float>(params_.max_weight), added = static_cast<float>(weight);
     for (std::size_t offset = 0; offset < kOffsets; ++offset) {
-      all_[offset] += turned * weight * static_cast<double>(evidence.soft(offset));
-      add(evidence, offset, weight, 0.0, 0.0);
+      const float before = evidence.weight[offset], sum = evidence.soft_sum[offset] / before;
+      all_[offset] += turned * weight * static_cast<double>(before > 0.0F ? sum : 0.0F);
+    }
+    std::array<float, kOffsets> parts;
+    for (std::size_t offset = 0; offset < kOffsets; ++offset) {
+      const float after = evidence.weight[offset] + added, part = most / after;
+      parts[offset] = after > most ? part : 1.0F;
+      evidence.weight[offset] = after > most ? most : after;
+    }
+    for (std::size_t offset = 0; offset < kOffsets; ++offset) evidence.sharp_sum[offset] *= parts[offset];
+    for (std::size_t offset = 0; offset < kOffsets; ++offset) evidence.soft_sum[offset] *= parts[offset];
+  }
+
+  /// Of what is known of the column that is as high as the class, from each step of all heights on: but for what is
+  /// hidden below a height above its foot. From the last foot on it is not of use.
+  void find_extremes(double hidden_below_m) {
+    const std::size_t count = column_.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      least_[i] = soft_least_[i] = 1.0F;
+      greatest_[i] = 0.0F;
+      known_[i] = 0;
+    }
+    for (int h = 0; h <= heights_per_offset_; ++h) {
+      if (h * height_step_m_ < hidden_below_m) continue;
+      const float *const sharp = column_.data() + h, *const soft = soft_column_.data() + h;
+      float *const least = least_.data(), *const greatest = greatest_.data(), *const soft_least = soft_least_.data();
+      std::int32_t* const known = known_.data();
+#pragma GCC ivdep
+      for (std::size_t i = 0; i < count - static_cast<std::size_t>(h); ++i) {
+        const float value = sharp[i], soft_value = std::isnan(value) ? 1.0F : soft[i];
+        least[i] = value < least[i] ? value : least[i];
+        greatest[i] = greatest[i] < value ? value : greatest[i];
+        soft_least[i] = soft_value < soft_least[i] ? soft_value : soft_least[i];
+        known[i] += std::isnan(value) ? 0 : 1;
+      }
     }
   }
 
@@ -1204,18 +1147,7 @@ class GridMap::Impl {
                   GridUpdate& done) {
     const Eigen::Vector3d& foot = sight.foot;
     const double below_m = max_offset_m();
-    bool any_known = false;
-    for (std::size_t step = 0; step < column_.size(); ++step) {
-      const double height_m = static_cast<double>(step) * height_step_m_ - below_m;
-      const Eigen::Vector3d p = foot + height_m * up;
-      const double u = p.x() / p.z(), v = p.y() / p.z();
-      column_[step] = std::numeric_limits<float>::quiet_NaN();
-      soft_column_[step] = 0.0F;
-      if (!reader.contains(u, v)) continue;
-      std::tie(column_[step], soft_column_[step]) = reader.sharp_and_soft(u, v);
-      any_known |= !std::isnan(column_[step]);
-    }
-    if (!any_known) return false;
+    if (!reader.read_column(foot, up, -below_m, height_step_m_, column_, soft_column_)) return false;
     Evidence& evidence = begin_evidence(observed, sight.cell);
     const bool is_first = observed.images[sight.cell] == 0;
     bool any_added = false;
@@ -1224,18 +1156,11 @@ class GridMap::Impl {
     const Eigen::Vector3d top = foot + params_.class_height_m * up, middle = foot + 0.5 * params_.class_height_m * up;
     const double seen = resolved((top.head<2>() / top.z() - foot.head<2>() / foot.z()).squaredNorm());
     const float peak = std::max(reader.peak(middle.x() / middle.z(), middle.y() / middle.z()), kLeastPeak);
+    find_extremes(sight.hidden_below_m);
     for (int offset = 0; offset < kOffsets; ++offset) {
-      float least = 1.0F, greatest = 0.0F, soft_least = 1.0F;
-      int known = 0;
-      for (int h = 0; h <= heights_per_offset_; ++h) {
-        if (h * height_step_m_ < sight.hidden_below_m) continue;
-        const auto step = static_cast<std::size_t>(offset * steps_per_offset_ + h);
-        if (std::isnan(column_[step])) continue;
-        ++known;
-        least = std::min(least, column_[step]);
-        greatest = std::max(greatest, column_[step]);
-        soft_least = std::min(soft_least, soft_column_[step]);
-      }
+      const auto first = static_cast<std::size_t>(offset * steps_per_offset_);
+      const float least = least_[first], greatest = greatest_[first], soft_least = soft_least_[first];
+      const int known = known_[first];
       if (known == 0) continue;
       // What is cut off by the image's edge or not known may be anything.
       if (2 * known <= heights_per_offset_ && least > 0.5F) continue;
@@ -1280,7 +1205,9 @@ class GridMap::Impl {
   std::map<Place, Tile> tiles_;
   std::map<Place, SettledTile> settled_;  ///< whose evidence was freed; those that images show again are in both
   SeenRow row_;
-  std::vector<float> column_, soft_column_;
+  std::vector<float> column_, soft_column_;           ///< from the lowest foot on
+  std::vector<float> least_, greatest_, soft_least_;  ///< of the columns that begin there
+  std::vector<std::int32_t> known_;
   Horizon horizon_;
   LabelReader reader_;
   std::int64_t stamp_ns_ = 0;
