@@ -290,6 +290,7 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
   parts_.clear();
   parts_.reserve(kUsualRoom);
   persons_.clear();
+  persons_.reserve(kUsualRoom);
   first_row_ = elements.size();
   for (std::size_t i = 0; i < elements.size(); ++i) {
     if (is_person(elements[i])) persons_.push_back(i);
@@ -340,6 +341,7 @@ void People::find_candidates(const std::vector<MapElement>& elements, const std:
 /// The rows that the assignment gave each column, and the columns of each person.
 void People::find_owners(const std::vector<int>& column_of_row) {
   assign_with_room(row_of_column_, legs_.size(), -1);
+  columns_of_person_.reserve(kUsualRoom);  // before the first person is there
   assign_with_room(columns_of_person_, persons_.size(), {-1, -1});
   for (std::size_t row = 0; row < column_of_row.size(); ++row) {
     const int column = column_of_row[row];
@@ -412,6 +414,7 @@ const std::vector<SeenLegs>& People::update_legs(const std::vector<int>& column_
                                                  std::int64_t stamp_ns, double step_s,
                                                  std::vector<MapElement>& elements) {
   seen_.clear();
+  seen_.reserve(kUsualRoom);
   find_owners(column_of_row);
   find_missing_legs(stamp_ns, elements);
   for (std::size_t k = 0; k < persons_.size(); ++k) {
