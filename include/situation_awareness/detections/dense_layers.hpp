@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <vector>
 
 #include <Eigen/Core>
@@ -28,13 +30,19 @@ class DenseLayers {
   const float* forward(const float* inputs, int rows);
 
  private:
+  static constexpr std::size_t kPanel = 16;  ///< outputs of a panel
+  /// Biases or the weights of one input: a line of the processor's cache, of which each is loaded at once.
+  struct alignas(kPanel * sizeof(float)) PanelLine {
+    std::array<float, kPanel> of_outputs;
+  };
+
   struct Layer {
     int inputs = 0;
     int outputs = 0;
     bool relu = false;
-    /// For each panel of kPanel outputs, the last one filled with zeros: the biases, then the weights of one input
-    /// after the other.
-    std::vector<float> panels;
+    /// For each panel of outputs, the last one filled with zeros: the biases, then the weights of one input after the
+    /// other.
+    std::vector<PanelLine> panels;
   };
 
   std::vector<Layer> layers_;
