@@ -359,6 +359,7 @@ ObjectMap::Advance ObjectMap::advance_to(std::int64_t stamp_ns, ObjectMapUpdate&
 /// Takes up the elements at rest that this scan needs, and lays those down that may rest and that it does not need.
 /// Which rest depends on the state of the map and on the scan alone, so that a restored map goes on like the saved one.
 void ObjectMap::settle(const Detections& detections, const Eigen::Matrix3d& U, std::int64_t previous_ns) {
+  work_.needs.make_room(work_.measurements.size(), elements_.size());
   bool knows_needs = false;
   const auto set_needs = [&] {
     if (knows_needs) return;

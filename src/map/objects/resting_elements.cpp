@@ -206,6 +206,12 @@ void RestingElements::give_marked(std::int64_t stamp_ns, const MotionParams& mot
   }
 }
 
+void ScanNeeds::make_room(std::size_t detections, std::size_t elements) {
+  sectors_m_.reserve(kSectors);
+  situation_awareness::make_room(reaches_, detections);
+  situation_awareness::make_room(covers_, elements);
+}
+
 void ScanNeeds::set(const Detections& detections, const std::vector<Measurement>& measurements,
                     const Eigen::Matrix3d& U, double gate, double drift_m, const std::vector<MapElement>& elements) {
   detections_ = &detections;
@@ -213,9 +219,9 @@ void ScanNeeds::set(const Detections& detections, const std::vector<Measurement>
   R_level_world_ = T_level_world_.rotation();
   gate_ = gate;
   drift_m_ = drift_m;
+  make_room(measurements.size(), elements.size());
   set_sectors();
   reaches_.clear();
-  reaches_.reserve(kUsualRoom);
   for (std::size_t j = 0; j < measurements.size(); ++j) {
     const Eigen::Vector2d center_level_m = measurements[j].z.head<2>();
     const double variance_m2 = measurements[j].R.topLeftCorner<2, 2>().trace() + U.topLeftCorner<2, 2>().trace() +
@@ -224,7 +230,6 @@ void ScanNeeds::set(const Detections& detections, const std::vector<Measurement>
         {detections.T_world_level * center_level_m, variance_m2, detections.detections[j].ellipse_level.rx_m});
   }
   covers_.clear();
-  covers_.reserve(kUsualRoom);
   for (const MapElement& element : elements) {
     if (element.state != TrackState::kConfirmed || element.mobile) continue;
     const Vector8d& x = element.estimate.standing.x;

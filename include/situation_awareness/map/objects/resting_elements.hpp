@@ -117,6 +117,9 @@ class ScanNeeds {
   void set(const Detections& detections, const std::vector<Measurement>& measurements, const Eigen::Matrix3d& U,
            double gate, double drift_m, const std::vector<MapElement>& elements);
 
+  /// Room for so many detections and elements, and some more: the first element may rest long after warm-up.
+  void make_room(std::size_t detections, std::size_t elements);
+
   bool needs(const RestingPlace& place) const;
 
   /// Marks the elements at rest that the scan needs: those for which needs() is true.
