@@ -1435,7 +1435,7 @@ FIGURE_5 = """
 The errors of one transit, in one and two of the sigmas that the pose has; the paper's Fig. 5 has the filter's
 corrections in their place, without a truth. Along the bottom: when fewer than three reflectors are in sight. Whether
 errors are what the covariance says, over 50 seeds with three in sight, is also tested
-(`build/test/pose_reflector_localization_test --gtest_filter=ReflectorPoseStatistics.*`).
+(`build/test/pose_tests --gtest_filter=ReflectorPoseStatistics.*`).
 """
 PARTS = ("map", "changes", "associations", "policies", "cost")
 

@@ -9,7 +9,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::counters_test {
 namespace {
 
 TEST(Counters, CountAsAMapDoes) {
@@ -50,4 +50,4 @@ TEST(Counters, AreEqualAfterAResetForAnyHistory) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::counters_test

@@ -33,7 +33,7 @@
 #include "situation_awareness/pose/reflector_map.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::file_test {
 namespace {
 
 class FileTest : public testing::Test {
@@ -343,4 +343,4 @@ TEST_F(FileTestLong, TheLargestMapsAreReadAsTheyWereWritten) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::file_test

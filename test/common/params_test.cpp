@@ -11,7 +11,7 @@
 
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::params_test {
 namespace {
 
 /// A user-defined type with YAML text: [low, high].
@@ -251,4 +251,4 @@ TEST(YamlDefect, IsOneLine) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::params_test

@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::rate_limit_test {
 namespace {
 
 std::vector<double> passed(RateLimit limit, const std::vector<double>& times_s) {
@@ -48,4 +48,4 @@ TEST(RateLimit, NeverPassesMoreThanItsRate) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::rate_limit_test

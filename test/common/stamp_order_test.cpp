@@ -11,7 +11,7 @@
 #include "situation_awareness/common/in_order.hpp"
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::stamp_order_test {
 namespace {
 
 using Verdict = StampOrder::Verdict;
@@ -229,4 +229,4 @@ TEST_F(InOrderTest, AReceiptThatExplainsItLater) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::stamp_order_test

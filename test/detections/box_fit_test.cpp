@@ -13,7 +13,7 @@
 #include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::box_fit_test {
 namespace {
 
 const EllipseFitParams kParams;
@@ -182,4 +182,4 @@ TEST(BoxFit, MeanOffsetIsTheDistanceFromTheVisibleFaces) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::box_fit_test

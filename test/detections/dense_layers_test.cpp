@@ -14,7 +14,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/detections/onnx_model.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::dense_layers_test {
 namespace {
 
 using Rows = DenseLayers::Rows;
@@ -109,4 +109,4 @@ TEST(DenseLayers, AnswerAsOpenCvDoes) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::dense_layers_test

@@ -8,7 +8,7 @@
 
 #include "situation_awareness/detections/least_squares.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::detections_test {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -54,4 +54,4 @@ TEST(DetectionDefect, IsOneForEveryDetector) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::detections_test

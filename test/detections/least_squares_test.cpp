@@ -15,7 +15,7 @@
 #include "support/covariance.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::least_squares_test {
 namespace {
 
 Segments segments_of(const Scan& scan) {
@@ -195,4 +195,4 @@ TEST(EllipseFitParams, RefusesWrongValuesByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::least_squares_test

@@ -14,7 +14,7 @@
 #include "support/covariance.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::network_test {
 namespace {
 
 const std::string kModels = SITUATION_AWARENESS_SOURCE_DIR "/models/";
@@ -198,4 +198,4 @@ TEST(EllipseNetwork, RefusesANetworkOfAnotherShape) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::network_test

@@ -13,7 +13,7 @@
 #include "support/affine_model.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::onnx_model_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -226,4 +226,4 @@ TEST(OnnxModel, StaysOnTheCallingThread) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::onnx_model_test

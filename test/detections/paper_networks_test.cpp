@@ -13,7 +13,7 @@
 #include "support/lone_segments.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::paper_networks_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -441,4 +441,4 @@ INSTANTIATE_TEST_SUITE_P(EveryKind, PaperNetworkDetectorTest,
                          testing::Values(Kind::kEllipse, Kind::kCircle, Kind::kPolarEllipse));
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::paper_networks_test

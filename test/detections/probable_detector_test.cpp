@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace situation_awareness {
+namespace situation_awareness::probable_detector_test {
 namespace {
 
 /// Detects an ellipse of the given probability in each segment.
@@ -65,4 +65,4 @@ TEST(ProbableDetector, CountsOnlyRefusals) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::probable_detector_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::refine_test {
 namespace {
 
 const EllipseFitParams kParams;
@@ -198,4 +198,4 @@ TEST(Refine, IgnoresOutlinesWithTheHitsOnTheirFarSide) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::refine_test

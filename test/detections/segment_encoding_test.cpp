@@ -10,7 +10,7 @@
 #include "situation_awareness/evaluation/synthetic_segments.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::segment_encoding_test {
 namespace {
 
 constexpr double kMaxRadiusM = 0.5;
@@ -160,4 +160,4 @@ TEST(SegmentEncoding, DistinguishesHiddenEnds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::segment_encoding_test

@@ -19,7 +19,7 @@
 #include "support/covariance.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::shape_network_test {
 namespace {
 
 const std::string kModels = SITUATION_AWARENESS_SOURCE_DIR "/models/";
@@ -252,4 +252,4 @@ TEST(ShapeNetwork, RefusesANetworkOfAnotherShape) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::shape_network_test

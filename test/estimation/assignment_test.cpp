@@ -10,7 +10,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::assignment_test {
 namespace {
 
 /// Sum of the costs of the matched pairs; infinite if one is no candidate of negative cost.
@@ -126,4 +126,4 @@ TEST(Assignment, MatchesNoPairThatIsNoBetterThanNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::assignment_test

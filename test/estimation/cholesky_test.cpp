@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::cholesky_test {
 namespace {
 
 using Matrix5d = Eigen::Matrix<double, 5, 5>;
@@ -77,4 +77,4 @@ TEST(Cholesky, HasNoInverseOfWhatIsNotPositiveDefinite) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::cholesky_test

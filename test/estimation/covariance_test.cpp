@@ -9,7 +9,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::covariance_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
@@ -90,4 +90,4 @@ TEST(Covariance, OfAPoseOrNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::covariance_test

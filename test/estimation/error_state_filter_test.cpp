@@ -15,7 +15,7 @@
 #include "support/covariance.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::error_state_filter_test {
 namespace {
 
 using Vector4d = Eigen::Vector4d;
@@ -199,4 +199,4 @@ TEST(ErrorStateFilter, CovarianceIsThatOfTheErrorAboutTheCorrectedState) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::error_state_filter_test

@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::gating_test {
 namespace {
 
 TEST(ChiSquareQuantile, WithTwoDegreesOfFreedomIsTheExponentialOne) {
@@ -31,4 +31,4 @@ TEST(ChiSquareQuantile, ContainsItsProbabilityOfSumsOfSquaredNormals) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::gating_test

@@ -19,7 +19,7 @@
 #include "support/manifold_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::inertial_navigation_test {
 namespace {
 
 using namespace navigation_error;
@@ -259,4 +259,4 @@ TEST(InertialNavigationStatistics, CovarianceStaysSymmetricPositiveDefiniteOverA
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::inertial_navigation_test

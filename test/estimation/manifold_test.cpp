@@ -14,7 +14,7 @@
 #include "support/manifold_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::manifold_test {
 namespace {
 
 template <class State>
@@ -162,4 +162,4 @@ TEST(ManifoldOfNavigationState, TheAttitudeStaysOfUnitLength) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::manifold_test

@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::nis_monitor_test {
 namespace {
 
 constexpr int kDegrees = 5;
@@ -54,4 +54,4 @@ TEST(NisMonitor, OnlyAPersistentDeviationIsInconsistent) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::nis_monitor_test

@@ -21,7 +21,7 @@
 #include "support/manifold_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::planar_localisation_test {
 namespace {
 
 using Matrix23d = Eigen::Matrix<double, 2, 3>;
@@ -220,4 +220,4 @@ TEST(PlanarLocalisationStatistics, CovarianceStaysSymmetricPositiveDefiniteOverA
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::planar_localisation_test

@@ -8,7 +8,7 @@
 
 #include <Eigen/Geometry>
 
-namespace situation_awareness {
+namespace situation_awareness::pose_covariances_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
@@ -91,4 +91,4 @@ TEST(PoseCovariances, KeepTheLatestWhateverStampsComeBetween) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pose_covariances_test

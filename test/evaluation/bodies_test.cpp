@@ -7,7 +7,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::bodies_test {
 namespace {
 
 TEST(Bodies, AreObjectsOfTheSameNameBeforeTheSlash) {
@@ -74,4 +74,4 @@ TEST(SeparateParts, HaveSeparateSegments) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::bodies_test

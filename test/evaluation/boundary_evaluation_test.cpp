@@ -8,7 +8,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::boundary_evaluation_test {
 namespace {
 
 Splinegon circle(const Eigen::Vector2d& center_m, double radius_m, double sigma_m, std::uint64_t id = 1) {
@@ -89,4 +89,4 @@ TEST(BoundaryEvaluation, AnOpenBoundaryHasNoArea) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::boundary_evaluation_test

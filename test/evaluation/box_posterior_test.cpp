@@ -15,7 +15,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/box.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::box_posterior_test {
 namespace {
 
 double azimuth(const SegmentModel& model, int beam) { return model.first_azimuth_rad + beam * model.resolution_rad; }
@@ -267,4 +267,4 @@ TEST(BoxPosterior, RefusesWhatTheModelCannotGive) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::box_posterior_test

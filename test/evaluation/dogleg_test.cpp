@@ -14,7 +14,7 @@
 #include "support/degenerate_segments.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::dogleg_test {
 namespace {
 
 /// Points of an arc of the curve, its first point at `first_deg` of the ellipse's own frame, off it by up to
@@ -193,4 +193,4 @@ TEST(DoglegParams, RefusesWrongValuesByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::dogleg_test

@@ -12,7 +12,7 @@
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::ellipse_posterior_test {
 namespace {
 
 SegmentModel circle_model() {
@@ -517,4 +517,4 @@ TEST(SegmentModel, RefusesImpossibleObservations) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::ellipse_posterior_test

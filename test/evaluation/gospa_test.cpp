@@ -11,7 +11,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::gospa_test {
 namespace {
 
 using Points = std::vector<Eigen::Vector2d>;
@@ -71,4 +71,4 @@ TEST(Gospa, RefusesCutOffsAndPowersThatMakeNoMetric) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::gospa_test

@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace situation_awareness {
+namespace situation_awareness::grid_scenes_test {
 namespace {
 
 GridCase cars_at(const std::vector<Eigen::Vector2d>& places_m) {
@@ -59,4 +59,4 @@ TEST(GridScores, TargetsAreGivenToAsManyCarsAsCanBe) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_scenes_test

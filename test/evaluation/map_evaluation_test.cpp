@@ -10,7 +10,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_evaluation_test {
 namespace {
 
 Object object_at(std::uint64_t id, double x_m, int beams = 20) {
@@ -335,4 +335,4 @@ TEST(MapEvaluation, TheTableNamesEachObject) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_evaluation_test

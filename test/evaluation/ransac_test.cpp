@@ -15,7 +15,7 @@
 #include "support/degenerate_segments.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::ransac_test {
 namespace {
 
 constexpr std::size_t kOnCurve = 40;
@@ -115,4 +115,4 @@ TEST(RansacParams, RefusesWrongValuesByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::ransac_test

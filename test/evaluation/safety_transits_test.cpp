@@ -9,7 +9,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::safety_transits_test {
 namespace {
 
 constexpr SafetyPolicy kPolicies[] = {SafetyPolicy::kConservative, SafetyPolicy::kUpdated, SafetyPolicy::kIgnoreKnown};
@@ -230,4 +230,4 @@ TEST(SafetyTransitsLong, UpdatedAreasSaveTime) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::safety_transits_test

@@ -5,7 +5,7 @@
 
 #include <cstdint>
 
-namespace situation_awareness {
+namespace situation_awareness::scout_missions_test {
 namespace {
 
 ScoutMission small_mission(std::uint64_t seed, bool hills) {
@@ -60,4 +60,4 @@ TEST(ScoutMissions, TheSameSeedGivesTheSame) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scout_missions_test

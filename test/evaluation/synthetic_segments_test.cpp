@@ -11,7 +11,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::synthetic_segments_test {
 namespace {
 
 constexpr double kResolutionRad = radians(0.25);
@@ -278,4 +278,4 @@ TEST(SyntheticSegments, CasesHaveNames) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::synthetic_segments_test

@@ -13,7 +13,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::transit_evaluation_test {
 namespace {
 
 using Outline = std::vector<Eigen::Vector2d>;
@@ -196,4 +196,4 @@ TEST(TransitEvaluation, RefusesOtherThings) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::transit_evaluation_test

@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::arc_test {
 namespace {
 
 TEST(Arc, AHalfCircleHasBulgeOne) {
@@ -52,4 +52,4 @@ TEST(Arc, HeadsAlongItsWay) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::arc_test

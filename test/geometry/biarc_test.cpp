@@ -7,7 +7,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::biarc_test {
 namespace {
 
 /// The pose after an arc from a pose.
@@ -96,4 +96,4 @@ TEST(Biarc, BackwardsIsTheSame) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::biarc_test

@@ -11,7 +11,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::box_test {
 namespace {
 
 Box random_box(Random& random) {
@@ -108,4 +108,4 @@ TEST(Box, OffsetIsThatOfTheNearestSide) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::box_test

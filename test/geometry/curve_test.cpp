@@ -11,7 +11,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::curve_test {
 namespace {
 
 /// Lines and arcs, of up to nearly a full turn.
@@ -119,4 +119,4 @@ TEST(Curve, FirstNearerAgreesWithASearch) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::curve_test

@@ -17,7 +17,7 @@
 #include "support/numerical_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::ellipse_test {
 namespace {
 
 Ellipse random_ellipse(Random& random) {
@@ -102,7 +102,7 @@ TEST(Ellipse, OffsetOfThePointsOfSymmetry) {
     EXPECT_NEAR(offset_m(ellipse, end + 0.3 * out), 0.3, 1e-6);
     EXPECT_NEAR(offset_m(ellipse, end - 0.05 * out), -0.05, 1e-6);
   }
-  EXPECT_NEAR(offset_m({{0.0, 0.0}, 0.0, 0.3, 0.3}, {0.0, 0.0}), -0.3, 1e-9);
+  EXPECT_NEAR(offset_m(Ellipse{{0.0, 0.0}, 0.0, 0.3, 0.3}, {0.0, 0.0}), -0.3, 1e-9);
 }
 
 TEST(Ellipse, ShapeMatrixDescribesTheCurve) {
@@ -301,4 +301,4 @@ TEST(SmoothParameters, TheVarianceOfAnUnknownAxisIsThatOfUniformDraws) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::ellipse_test

@@ -13,7 +13,7 @@
 #include "support/numerical_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::lie_groups_test {
 namespace {
 
 /// A tangent vector that turns by less than half a turn; every third by next to nothing.
@@ -143,4 +143,4 @@ TEST(So3, RightJacobianEqualsTheNumericalOne) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::lie_groups_test

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <string>
 
-namespace situation_awareness {
+namespace situation_awareness::parse_pose2_test {
 namespace {
 
 TEST(ParsePose2, ReadsThreeNumbersAndNothingElse) {
@@ -25,4 +25,4 @@ TEST(ParsePose2, ReadsThreeNumbersAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::parse_pose2_test

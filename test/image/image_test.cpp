@@ -8,7 +8,7 @@
 
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::image_test {
 namespace {
 
 PinholeCamera camera() {
@@ -56,4 +56,4 @@ TEST(ColorImage, HasThreeNumbersForEachPixel) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::image_test

@@ -17,7 +17,7 @@
 #include "support/onnx_proto.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::label_network_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -244,4 +244,4 @@ TEST_F(LabelNetworkTest, RefusesAWrongGoldenAnswer) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::label_network_test

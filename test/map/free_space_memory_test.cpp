@@ -9,7 +9,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::free_space_memory_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -87,4 +87,4 @@ TEST(FreeSpaceMemory, ForgetsTheOldest) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::free_space_memory_test

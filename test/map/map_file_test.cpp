@@ -15,7 +15,7 @@
 
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_file_test {
 namespace {
 
 constexpr std::uint64_t kMaxId = 1000;
@@ -233,4 +233,4 @@ TEST(MapFileOfAKind, ReplacesNoFileOfAnotherKind) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_file_test

@@ -17,7 +17,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/map_replica.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::semantic_map_test {
 namespace {
 
 /// All of a feature, to compare it.
@@ -894,4 +894,4 @@ TEST(IdSource, GivesNoneTwice) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::semantic_map_test

@@ -12,7 +12,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::avoidance_test {
 namespace {
 
 /// Everything of a random scene: boundaries of arcs, chains, circles and ellipses.
@@ -216,4 +216,4 @@ TEST(Avoidance, NamesWhatIsOutOfBounds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::avoidance_test

@@ -15,7 +15,7 @@
 #include "support/fault_cell.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::circumnavigation_test {
 namespace {
 
 constexpr double kStep_m = 0.5;  // at 5 m/s, 10 Hz
@@ -623,4 +623,4 @@ TEST(CircumnavigationLong, GoesAroundAllObstaclesOfAHundredWorlds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::circumnavigation_test

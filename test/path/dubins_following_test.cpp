@@ -11,7 +11,7 @@
 #include "situation_awareness/path/segment_path.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::dubins_following_test {
 namespace {
 
 constexpr double kStep_m = 0.05;  // of a vehicle at 5 m/s, commanded at 100 Hz
@@ -218,4 +218,4 @@ TEST(DubinsFollowing, KnowsWhichPathItMayFollow) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::dubins_following_test

@@ -14,7 +14,7 @@
 #include "path/dubins_paths.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::dubins_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -374,4 +374,4 @@ TEST(Dubins, RefusesWhatIsNoEnd) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::dubins_test

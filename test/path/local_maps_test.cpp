@@ -8,7 +8,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::local_maps_test {
 namespace {
 
 Path way() { return {false, {{{0.0, 0.0}, {}}, {{4.0, 0.5}, {}}, {{8.0, 0.0}, {}}, {{12.0, -0.5}, {}}}}; }
@@ -101,4 +101,4 @@ TEST(LocalMaps, RefusalsNameSourcePlaceAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::local_maps_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/geometry/lie_groups.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::path_following_test {
 namespace {
 
 using State = PathFollowingResult::State;
@@ -323,4 +323,4 @@ TEST(PathFollowing, GoesOnFromStandingWhereItWasToldToHalt) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::path_following_test

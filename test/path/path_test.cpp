@@ -9,7 +9,7 @@
 #include "situation_awareness/path/spline_path.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::path_test {
 namespace {
 
 std::string refused(const std::string& yaml) {
@@ -96,4 +96,4 @@ TEST(Path, RefusalsNameSourceIndexFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::path_test

@@ -21,7 +21,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::safety_areas_test {
 namespace {
 
 using Verdict = SafetyDecision::Verdict;
@@ -1027,4 +1027,4 @@ TEST(SafetyAreas, PoliciesAreNamed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::safety_areas_test

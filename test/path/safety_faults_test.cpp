@@ -22,7 +22,7 @@
 #include "situation_awareness/scan/scan.hpp"
 #include "support/fault_cell.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::safety_faults_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInf = std::numeric_limits<double>::infinity();
@@ -427,4 +427,4 @@ TEST(SafetyFaultsParameters, AreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::safety_faults_test

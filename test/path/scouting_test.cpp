@@ -18,7 +18,7 @@
 #include "support/fault_cell.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scouting_test {
 namespace {
 
 constexpr double kStep_s = 0.25;
@@ -583,4 +583,4 @@ TEST(FreeWays, KeepTheirDistanceInRandomScenes) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scouting_test

@@ -10,7 +10,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::spline_path_test {
 namespace {
 
 Path winding(bool closed, std::uint64_t seed = 1) {
@@ -148,4 +148,4 @@ TEST(SplinePath, RefusesToTurnBackOnTheSpot) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::spline_path_test

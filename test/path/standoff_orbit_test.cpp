@@ -10,7 +10,7 @@
 #include "situation_awareness/geometry/vectors.hpp"
 #include "situation_awareness/path/avoidance.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::standoff_orbit_test {
 namespace {
 
 constexpr double kStandoff_m = 8.0, kRadius_m = 7.5;
@@ -206,4 +206,4 @@ TEST(StandoffOrbit, PassesOnlyWhereThereIsRoomToTurn) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::standoff_orbit_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/geometry/box.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::vehicle_test {
 namespace {
 
 std::string refused(const std::string& yaml) {
@@ -51,4 +51,4 @@ TEST(Vehicle, ClearanceIsThatOfABox) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::vehicle_test

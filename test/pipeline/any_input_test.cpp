@@ -27,7 +27,7 @@
 #include "support/lively_scene.hpp"
 #include "support/odd_number.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::any_input_test {
 namespace {
 
 constexpr std::int64_t kBegin_ns = 1'000'000'000'000'000;
@@ -458,4 +458,4 @@ TEST(GridPipeline, LearnsNothingByAPoseThatIsNotKnown) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::any_input_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::box_tracks_test {
 namespace {
 
 constexpr double kPeriod_s = 0.05;
@@ -206,4 +206,4 @@ TEST(BoxTracks, AnEllipseIsNoBox) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::box_tracks_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/grid_ground.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::grid_pipeline_test {
 namespace {
 
 const Eigen::Vector2d kCar_m(1.0, 2.0);
@@ -143,4 +143,4 @@ TEST(GridPipeline, AGridThatScrollsForgetsTargets) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_pipeline_test

@@ -11,7 +11,7 @@
 
 #include <gtest/gtest.h>
 
-namespace situation_awareness {
+namespace situation_awareness::ground_in_view_test {
 namespace {
 
 std::shared_ptr<const Elevation> level(double height_m, double west_m = -100.0) {
@@ -127,4 +127,4 @@ TEST(GroundInView, KnowsNoLabel) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::ground_in_view_test

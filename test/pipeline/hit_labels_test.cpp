@@ -12,7 +12,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::hit_labels_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -188,4 +188,4 @@ TEST_F(HitLabelsTest, RefusesDetectionsOfOtherSegments) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::hit_labels_test

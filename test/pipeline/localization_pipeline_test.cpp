@@ -11,7 +11,7 @@
 #include "situation_awareness/pipeline/polygon_pipeline.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::localization_pipeline_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -102,4 +102,4 @@ TEST(LocalizationPipeline, RefusesWhatCannotBeUsed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::localization_pipeline_test

@@ -19,7 +19,7 @@
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::loop_search_test {
 namespace {
 
 using Walls = std::vector<LevelScene::Wall>;
@@ -155,4 +155,4 @@ TEST(LoopSearch, ForeseesMoreOfTheMotionForWhatWasDrawnLater) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::loop_search_test

@@ -10,7 +10,7 @@
 #include "support/lone_segments.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::make_detector_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -116,4 +116,4 @@ TEST_F(MakeDetectorTest, ParametersOutOfBoundsAreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::make_detector_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_place_test {
 namespace {
 
 constexpr double kSlow_m = 1.4, kWhite_m = 0.54, kPeriod_s = 0.2;
@@ -119,4 +119,4 @@ TEST(MapPlace, LeavesOutAFixThatIsFarOff) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_place_test

@@ -10,7 +10,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::moving_objects_test {
 namespace {
 
 constexpr double kPeriod_s = 0.04;
@@ -340,4 +340,4 @@ TEST(MovingObjects, RefusesParametersNamingFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::moving_objects_test

@@ -14,7 +14,7 @@
 #include "support/moving_lidar.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::object_pipeline_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -297,4 +297,4 @@ TEST(ObjectPipeline, AnythingASensorMaySendIsHandled) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::object_pipeline_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/pose/reflector_survey.hpp"
 #include "support/aggregate_size.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::params_declared_test {
 namespace {
 
 struct Two {
@@ -60,4 +60,4 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::params_declared_test

@@ -18,7 +18,7 @@
 #include "situation_awareness/pipeline/splinegon_pipeline.hpp"
 #include "support/covariance.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::place_by_map_test {
 namespace {
 
 SplinegonPipelineParams with_the_pipeline_alone() {
@@ -201,4 +201,4 @@ TEST(PlaceByMapLong, IsNoWorseThanGpsAndIns) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::place_by_map_test

@@ -17,7 +17,7 @@
 #include "support/level_scene.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::polygon_pipeline_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -206,4 +206,4 @@ TEST(PolygonPipeline, RefusesAScanThatIsNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::polygon_pipeline_test

@@ -16,7 +16,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::pose_graph_test {
 namespace {
 
 /// Of a scan's hits, and of a loop's (1 / m^2).
@@ -296,4 +296,4 @@ TEST(PoseGraph, IsExactForThePosesThatAreKept) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pose_graph_test

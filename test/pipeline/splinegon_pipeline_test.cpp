@@ -18,7 +18,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/thread_cpu.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::splinegon_pipeline_test {
 namespace {
 
 /// Also keys of what the tool reads beside these.
@@ -400,4 +400,4 @@ TEST(SplinegonPipeline, RefusesAScanThatCannotBeUsed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::splinegon_pipeline_test

@@ -9,7 +9,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::timed_splinegon_map_test {
 namespace {
 
 using Verdict = StampOrder::Verdict;
@@ -162,4 +162,4 @@ TEST(TimedSplinegonMap, AScanThatCannotBeUsedLeavesItAsItWas) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::timed_splinegon_map_test

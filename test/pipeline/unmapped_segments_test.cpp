@@ -12,7 +12,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::unmapped_segments_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -218,4 +218,4 @@ TEST(UnmappedSegments, WhatTheDetectorRefusesIsOnNoMap) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::unmapped_segments_test

@@ -30,7 +30,7 @@
 #include "support/lively_scene.hpp"
 #include "support/wrong_stamp.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::wrong_stamp_test {
 namespace {
 
 constexpr std::int64_t kBegin_ns = 1'000'000'000'000'000;
@@ -240,4 +240,4 @@ INSTANTIATE_TEST_SUITE_P(Stages, WrongStampTest,
                                            Case{"reflector localisation", "odometry", 300, reflector_localisation}));
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::wrong_stamp_test

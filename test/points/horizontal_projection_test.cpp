@@ -9,7 +9,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::horizontal_projection_test {
 namespace {
 
 Scan random_scan(Random& random, double increment_rad = radians(0.25), int beams = 1081) {
@@ -186,4 +186,4 @@ TEST(HorizontalProjection, RefusesAScanPlaneOnEdge) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::horizontal_projection_test

@@ -12,7 +12,7 @@
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/moving_lidar.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::motion_test {
 namespace {
 
 Eigen::Isometry3d pose(const Eigen::Vector3d& position_m, double yaw_deg, double pitch_deg = 0.0,
@@ -250,4 +250,4 @@ TEST(Motion, RefusesMotionThatSwapsBeams) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::motion_test

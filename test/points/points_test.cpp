@@ -10,7 +10,7 @@
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::points_test {
 namespace {
 
 TEST(FreeSpace, ReachesAsFarAsEachBeam) {
@@ -55,4 +55,4 @@ TEST(FreeSpace, IsFree) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::points_test

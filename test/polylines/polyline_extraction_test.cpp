@@ -14,7 +14,7 @@
 #include "support/level_scene.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::polyline_extraction_test {
 namespace {
 
 constexpr double kSigma_m = 0.012;
@@ -152,4 +152,4 @@ TEST(PolylineExtraction, NamesFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::polyline_extraction_test

@@ -12,7 +12,7 @@
 #include "pose/gps_ins_flight.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::gps_ins_backlog_test {
 namespace {
 
 const GeodeticPosition kOrigin = {47.0, 8.0, 400.0};
@@ -105,4 +105,4 @@ TEST(GpsInsBacklog, HasNothingWithoutAPose) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::gps_ins_backlog_test

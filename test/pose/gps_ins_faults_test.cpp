@@ -16,7 +16,7 @@
 #include "support/covariance.hpp"
 #include "support/odd_number.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::gps_ins_faults_test {
 namespace {
 
 double yaw_error(const Eigen::Isometry3d& truth, const GpsInsPose& pose) {
@@ -597,4 +597,4 @@ TEST(GpsInsFaults, WhateverComesTheEstimateStaysOneAndIsGoodAgainAfterwards) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::gps_ins_faults_test

@@ -16,7 +16,7 @@
 #include "support/manifold_jacobian.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::gps_ins_test {
 namespace {
 
 using namespace navigation_error;
@@ -705,4 +705,4 @@ TEST(GpsInsStatistics, ComesThroughAnOutage) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::gps_ins_test

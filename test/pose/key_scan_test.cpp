@@ -9,7 +9,7 @@
 
 #include "room_drive.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::key_scan_test {
 namespace {
 
 /// A robot that stands at these places, one after the other.
@@ -57,4 +57,4 @@ TEST(KeyScan, RefusesAnotherRoom) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::key_scan_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/pose/reflector_localization.hpp"
 #include "support/numerical_jacobian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::moved_reflectors_test {
 namespace {
 
 const Eigen::Vector2d kAway_m(0.24, 0.18);
@@ -189,4 +189,4 @@ TEST(MovedReflectorsStatistics, APersonAndAPillarAreNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::moved_reflectors_test

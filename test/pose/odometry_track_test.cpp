@@ -11,7 +11,7 @@
 #include "situation_awareness/geometry/lie_groups.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::odometry_track_test {
 namespace {
 
 constexpr std::int64_t kStep_ns = 20'000'000;
@@ -89,4 +89,4 @@ TEST(OdometryTrack, RefusesParamsNamingThem) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::odometry_track_test

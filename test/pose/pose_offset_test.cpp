@@ -12,7 +12,7 @@
 #include "room_drive.hpp"
 #include "situation_awareness/geometry/lie_groups.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::pose_offset_test {
 namespace {
 
 constexpr double kPeriod_s = 0.08;
@@ -192,4 +192,4 @@ TEST(PoseOffset, IsOutOfStepBySigmasAndMilliseconds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pose_offset_test

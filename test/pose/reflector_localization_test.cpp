@@ -21,7 +21,7 @@
 #include "support/random_gaussian.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::reflector_localization_test {
 namespace {
 
 Pose2 random_pose(Random& random) {
@@ -729,4 +729,4 @@ TEST(ReflectorLocalizationParams, RefusalsNameFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::reflector_localization_test

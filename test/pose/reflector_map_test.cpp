@@ -8,7 +8,7 @@
 #include "situation_awareness/common/random.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::reflector_map_test {
 namespace {
 
 std::string refused(const std::string& yaml) {
@@ -70,4 +70,4 @@ TEST(ReflectorMap, RefusalsNameSourceIndexFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::reflector_map_test

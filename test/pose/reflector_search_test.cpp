@@ -18,7 +18,7 @@
 #include "support/reflector_hall.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::reflector_search_test {
 namespace {
 
 Pose2 random_pose(Random& random) {
@@ -237,4 +237,4 @@ TEST(ReflectorSearch, RefusesParamsAndMapsNamingThem) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::reflector_search_test

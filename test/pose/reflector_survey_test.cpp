@@ -15,7 +15,7 @@
 #include "support/consistency.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::reflector_survey_test {
 namespace {
 
 const std::vector<Eigen::Vector2d> kPlaces_m = {{4.0, 1.0}, {-2.5, 3.2}, {-1.5, -3.0}, {3.0, -2.8}, {-4.3, -0.6}};
@@ -267,4 +267,4 @@ TEST(ReflectorSurvey, RefusalsNameFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::reflector_survey_test

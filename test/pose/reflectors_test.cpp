@@ -12,7 +12,7 @@
 #include "pose/reflector_world.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::reflectors_test {
 namespace {
 
 /// A cylinder far before the walls of a hall, the scanner in its middle.
@@ -218,4 +218,4 @@ TEST(ReflectorDetectionParams, RefusalsNameFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::reflectors_test

@@ -10,7 +10,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::standing_place_test {
 namespace {
 
 constexpr double kSigma_m = 0.012;
@@ -75,4 +75,4 @@ TEST(StandingPlace, TimeOutOfViewDoesNotCount) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::standing_place_test

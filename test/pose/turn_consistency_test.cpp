@@ -11,7 +11,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::turn_consistency_test {
 namespace {
 
 struct Motion {
@@ -120,4 +120,4 @@ TEST(TurnConsistency, BeginsAnewWhereTimeDoes) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::turn_consistency_test

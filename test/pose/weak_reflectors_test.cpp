@@ -12,7 +12,7 @@
 #include "pose/reflector_drive.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::weak_reflectors_test {
 namespace {
 
 constexpr double kSpeed_m_s = 0.8;
@@ -239,4 +239,4 @@ TEST(WeakReflectorsStatistics, CarriedOnOutOfSight) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::weak_reflectors_test

@@ -30,7 +30,7 @@
 #include "situation_awareness/ros/markers/colors.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::convert_test {
 namespace {
 
 constexpr float kInf = std::numeric_limits<float>::infinity();
@@ -1166,4 +1166,4 @@ TEST(FreeBeams, AreTheSameHoweverTheScannerIsMounted) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::convert_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/ros/convert/labels.hpp"
 #include "situation_awareness/ros/odometry_covariances.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::grid_messages_test {
 namespace {
 
 constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
@@ -164,4 +164,4 @@ TEST(OdometryCovariances, AreNoneWhereTheMessageHasNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_messages_test

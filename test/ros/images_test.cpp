@@ -10,7 +10,7 @@
 #include "situation_awareness/ros/convert/images.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::images_test {
 namespace {
 
 using RowMatrix3d = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
@@ -77,4 +77,4 @@ TEST(PictureMessage, HasThePictureRowByRow) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::images_test

@@ -18,7 +18,7 @@
 #include "support/fault_cell.hpp"
 #include "support/wrong_stamp.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::inertial_navigation_test {
 namespace {
 
 ros::Time stamp_of(const FlightRun& run) {
@@ -245,4 +245,4 @@ TEST(InertialNavigation, TheOrderInWhichFixesComeAmongTheSamplesDoesNotMatter) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::inertial_navigation_test

@@ -22,7 +22,7 @@
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/sensors.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::label_camera_test {
 namespace {
 
 const std::string kTestFolder = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/test/ros/";
@@ -213,4 +213,4 @@ TEST(LabelCameraTopics, AreNoneWhereTheWorldAsksForNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::label_camera_test

@@ -15,7 +15,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::live_params_test {
 namespace {
 
 using dynamic_reconfigure::Config;
@@ -185,4 +185,4 @@ TEST(LiveConfig, ThatCannotBeReadIsRefusedByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::live_params_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 #include "situation_awareness/ros/markers/splinegon_markers.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::markers_test {
 namespace {
 
 using visualization_msgs::Marker;
@@ -266,4 +266,4 @@ TEST(MapMarkers, AThingThatBecomesOneOfAnotherKindKeepsItsLabel) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::markers_test

@@ -18,7 +18,7 @@
 #include "situation_awareness/ros/simulation.hpp"
 #include "situation_awareness/sim/sensors.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::motion_sensors_test {
 namespace {
 
 const std::string kWorldFile = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/test/ros/motion.xml";
@@ -177,4 +177,4 @@ TEST(SimulateBag, RecordsWhatTheCoresSensorsMeasureAtTheSameSeed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::motion_sensors_test

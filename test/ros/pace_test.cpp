@@ -6,7 +6,7 @@
 
 #include <gtest/gtest.h>
 
-namespace situation_awareness {
+namespace situation_awareness::pace_test {
 namespace {
 
 constexpr std::int64_t kMillisecond_ns = 1'000'000;
@@ -111,4 +111,4 @@ TEST(Pace, OnlyTheNewestWhereStampsRepeatOrGoBack) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pace_test

@@ -17,7 +17,7 @@
 #include "support/aggregate_size.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::params_test {
 namespace {
 
 using XmlRpc::XmlRpcValue;
@@ -313,4 +313,4 @@ TEST(MapNodeletParams, KnowTheKindsAndThoseOfOtherStages) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::params_test

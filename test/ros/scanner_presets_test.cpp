@@ -20,7 +20,7 @@
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "situation_awareness/sim/scanner_presets.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scanner_presets_test {
 namespace {
 
 // Where the package is.
@@ -88,4 +88,4 @@ TEST(SimulateBag, RefusesWhatTheScannerOfAPresetHasAlready) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scanner_presets_test

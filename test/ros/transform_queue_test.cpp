@@ -13,7 +13,7 @@
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::transform_queue_test {
 namespace {
 
 constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'000;
@@ -335,4 +335,4 @@ TEST(TransformQueue, RefusesInvalidParameters) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::transform_queue_test

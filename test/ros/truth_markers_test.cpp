@@ -11,7 +11,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/ros/markers/truth_markers.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::truth_markers_test {
 namespace {
 
 using visualization_msgs::Marker;
@@ -154,4 +154,4 @@ TEST_F(TruthOfAYard, NamesThoseThatAreThereAndDeletesThoseThatHaveGone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::truth_markers_test

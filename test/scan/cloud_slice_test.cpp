@@ -13,7 +13,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::cloud_slice_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -165,7 +165,7 @@ void expect_same(const Scan& a, const Scan& b) {
 TEST(CloudSlice, OfALevelRingScannerIsTheScanOfA2dScanner) {
   const Scene scene = some_cylinders();
   const Eigen::Isometry3d T_world_sensor = pose(0.2, -0.1, 1.5, 0.0, 0.0, 0.3);
-  const CloudSlice slice = situation_awareness::slice(ring_cloud(scene, still(T_world_sensor)), T_world_sensor);
+  const CloudSlice slice = cloud_slice_test::slice(ring_cloud(scene, still(T_world_sensor)), T_world_sensor);
   ASSERT_EQ(slice.scan.beams.size(), kColumns);
   EXPECT_EQ(slice.scan.stamp_ns, 5'000'000'000);
   EXPECT_EQ(slice.scan.time_increment_s, 0.0);
@@ -201,7 +201,7 @@ TEST(CloudSlice, OfADepthCameraSeesWhatIsAheadAndKnowsNothingOfTheRest) {
     const Eigen::Isometry3d T_world_camera = pose(0.0, 0.0, 1.2, 0.0, pitch_rad, 0.1) * T_robot_camera;
     CloudSliceParams params;
     params.angle_increment_rad = radians(0.6);
-    const CloudSlice slice = situation_awareness::slice(camera_cloud(scene, T_world_camera), T_world_camera, params);
+    const CloudSlice slice = cloud_slice_test::slice(camera_cloud(scene, T_world_camera), T_world_camera, params);
     int hits = 0, free = 0;
     for (std::size_t i = 0; i < slice.scan.beams.size(); ++i) {
       const Beam& beam = slice.scan.beams[i];
@@ -255,7 +255,7 @@ TEST(CloudSlice, SeesVerticalThingsTheSameHoweverTheSensorTilts) {
   const Scene scene = some_cylinders();
   for (const auto& [roll_rad, pitch_rad] : {std::pair{0.1, 0.0}, {0.0, -0.15}, {0.12, 0.12}, {kPi, 0.1}}) {
     const Eigen::Isometry3d T_world_sensor = pose(0.2, -0.1, 1.5, roll_rad, pitch_rad, 0.3);
-    const CloudSlice slice = situation_awareness::slice(ring_cloud(scene, still(T_world_sensor)), T_world_sensor);
+    const CloudSlice slice = cloud_slice_test::slice(ring_cloud(scene, still(T_world_sensor)), T_world_sensor);
     EXPECT_NEAR(slice.T_world_level.linear()(2, 2), 1.0, 1e-12);
     int hits = 0, free = 0;
     for (std::size_t i = 0; i < kColumns; ++i) {
@@ -337,11 +337,11 @@ TEST(CloudSlice, WithoutASweepHasNoTimes) {
   const Eigen::Isometry3d T_world_sensor = pose(0.0, 0.0, 1.5);
   Cloud cloud = ring_cloud(scene, still(T_world_sensor));
   for (CloudPoint& point : cloud.points) point.time_s = static_cast<float>(random.uniform(0.0, 0.1));
-  const CloudSlice slice = situation_awareness::slice(cloud, T_world_sensor);
+  const CloudSlice slice = cloud_slice_test::slice(cloud, T_world_sensor);
   EXPECT_EQ(slice.scan.time_increment_s, 0.0);
   for (CloudPoint& point : cloud.points) point.time_s = std::nanf("");
   EXPECT_FALSE(times_of(cloud));
-  const CloudSlice ignored = situation_awareness::slice(cloud, T_world_sensor);
+  const CloudSlice ignored = cloud_slice_test::slice(cloud, T_world_sensor);
   EXPECT_TRUE(slice.times_valid);
   EXPECT_FALSE(ignored.times_valid);
   expect_same(ignored.scan, slice.scan);
@@ -367,7 +367,7 @@ TEST(CloudSlice, TakesTheNearestSurfaceBetweenItsHeights) {
   cloud.points.push_back(point_at(2.0, 5.0, -1.5));   // the floor: not looked at level
   cloud.points.push_back(point_at(-1.0, 0.05, 0.0));  // the robot itself
   cloud.columns = cloud.points.size();
-  const CloudSlice slice = situation_awareness::slice(cloud, Eigen::Isometry3d::Identity());
+  const CloudSlice slice = cloud_slice_test::slice(cloud, Eigen::Isometry3d::Identity());
   const auto beam_at = [&](double angle_rad) {
     const double at = (angle_rad - slice.scan.angle_min_rad) / slice.scan.angle_increment_rad;
     return slice.scan.beams[static_cast<std::size_t>(std::lround(at))];
@@ -391,7 +391,7 @@ TEST(CloudSlice, WhatIsInTheMiddleOfABearingCountsAtAnEdge) {
     cloud.points.push_back(point_at(-beside_rad, 3.0, -0.2));
     cloud.points.push_back(post_in_middle ? point_at(radians(0.05), 3.0, 0.0) : point_at(radians(0.05), 8.0, 0.0));
     cloud.columns = cloud.points.size();
-    const CloudSlice slice = situation_awareness::slice(cloud, Eigen::Isometry3d::Identity());
+    const CloudSlice slice = cloud_slice_test::slice(cloud, Eigen::Isometry3d::Identity());
     const Beam& beam = slice.scan.beams[kColumns / 2];
     EXPECT_EQ(beam.state, BeamState::kHit);
     EXPECT_NEAR(beam.range_m, post_in_middle ? 3.0 : 8.0, 1e-6);
@@ -438,7 +438,7 @@ TEST(CloudSlice, KnowsDirectionsByRowAndColumn) {
 TEST(CloudSlice, OfNothingKnowsNothing) {
   for (Cloud cloud :
        {Cloud{}, Cloud{0, 4, 5, std::vector<CloudPoint>(20)}, Cloud{0, 1, 3, std::vector<CloudPoint>(3)}}) {
-    const CloudSlice slice = situation_awareness::slice(cloud, Eigen::Isometry3d::Identity());
+    const CloudSlice slice = cloud_slice_test::slice(cloud, Eigen::Isometry3d::Identity());
     EXPECT_EQ(slice.scan.beams.size(), kColumns);
     for (const Beam& beam : slice.scan.beams) EXPECT_EQ(beam.state, BeamState::kInvalid);
   }
@@ -485,4 +485,4 @@ TEST(CloudSliceParams, AreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::cloud_slice_test

@@ -13,7 +13,7 @@
 #include "situation_awareness/scan/range_limiter.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scan_test {
 namespace {
 
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
@@ -186,4 +186,4 @@ TEST(Volume, IsNothingButAListOfFours) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scan_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::divide_test {
 namespace {
 
 SegmentationParams params() {
@@ -272,4 +272,4 @@ TEST(Divide, HasNoSeam) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::divide_test

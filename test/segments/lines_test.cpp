@@ -13,7 +13,7 @@
 #include "support/level_scene.hpp"
 #include "support/segment_scan.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::lines_test {
 namespace {
 
 constexpr double kSigma_m = 0.01;
@@ -303,4 +303,4 @@ TEST(StraightPieces, AreOfStructuresOnly) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::lines_test

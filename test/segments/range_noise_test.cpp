@@ -11,7 +11,7 @@
 #include "situation_awareness/segments/segmentation.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::range_noise_test {
 namespace {
 
 /// A room with things in it.
@@ -59,4 +59,4 @@ TEST(RangeNoise, IsUnknownFromFewHits) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::range_noise_test

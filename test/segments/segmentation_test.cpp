@@ -12,7 +12,7 @@
 #include "support/refusal.hpp"
 #include "support/segment_scan.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::segmentation_test {
 namespace {
 
 std::set<int> beams_of(const Segments& segments, const Segment& segment) {
@@ -451,4 +451,4 @@ TEST(Segmentation, HitsBehindAnEndThatAreNotOnOneLineWithItBelongToOtherThings) 
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::segmentation_test

@@ -8,7 +8,7 @@
 #include "support/level_scene.hpp"
 #include "support/segment_scan.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::structure_test {
 namespace {
 
 TEST(Structure, PiecesOfAWallBehindPostsAreStructure) {
@@ -293,4 +293,4 @@ TEST(Structure, IsInvariantUnderRotation) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::structure_test

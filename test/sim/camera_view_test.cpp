@@ -11,7 +11,7 @@
 
 #include "sim/world_file.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::camera_view_test {
 namespace {
 
 /// A red post that moves, a red flag that only cameras see, a blue robot at a given pose, on a green floor; one camera
@@ -93,4 +93,4 @@ TEST(CameraView, NamesTheCauseOfErrors) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::camera_view_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::fixed_wing_test {
 namespace {
 
 constexpr double kHeight_m = 15.0;
@@ -128,4 +128,4 @@ TEST(FixedWing, RefusesParamsOutOfBounds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::fixed_wing_test

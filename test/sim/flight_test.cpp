@@ -13,7 +13,7 @@
 #include "situation_awareness/sim/flight_controller.hpp"
 #include "situation_awareness/sim/world.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::flight_test {
 namespace {
 
 const std::string kExactRobot = R"(<body name="robot" mocap="true" pos="0 0 1.3"> <site name="lidar"/> </body>)";
@@ -273,4 +273,4 @@ TEST(Flight, RefusesBadRobots) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::flight_test

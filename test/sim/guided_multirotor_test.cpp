@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-namespace situation_awareness {
+namespace situation_awareness::guided_multirotor_test {
 namespace {
 
 double yaw_of(const RobotState& state) {
@@ -74,4 +74,4 @@ TEST(GuidedMultirotor, IgnoresGoalsThatAreNotFinite) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::guided_multirotor_test

@@ -13,7 +13,7 @@
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scanner.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::intensity_test {
 namespace {
 
 SimulatedScannerParams with_intensity(double sigma = 0.0) {
@@ -180,4 +180,4 @@ TEST(Intensity, OfARingScannerIsTheSame) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::intensity_test

@@ -12,7 +12,7 @@
 #include "situation_awareness/sim/sensors.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::label_camera_test {
 namespace {
 
 /// Two posts of other materials, one with a hat, among grass and a wall without a material; the camera looks ahead, a
@@ -154,4 +154,4 @@ TEST_F(LabelCamera, RefusesBadParamsNamingFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::label_camera_test

@@ -13,7 +13,7 @@
 #include "support/consistency.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::motion_sensors_test {
 namespace {
 
 SimulatedImuParams exact_imu() {
@@ -336,4 +336,4 @@ TEST(MotionSensors, GiveTheSameWithTheSameSeedIndependentOfOthers) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::motion_sensors_test

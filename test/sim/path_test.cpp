@@ -13,7 +13,7 @@
 #include "situation_awareness/sim/periodic_spline.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::path_test {
 namespace {
 
 std::string path_error(const std::string& path, const PathOfBody& path_of_body = {}) {
@@ -226,4 +226,4 @@ TEST(PeriodicSpline, PassesItsPointsWithFourContinuousDerivatives) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::path_test

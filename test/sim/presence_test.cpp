@@ -10,7 +10,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::presence_test {
 namespace {
 
 /// A wall 6 m ahead, and before it a post that appears at 0.5 s and goes at 1 s, a crate that is scenery and goes at
@@ -94,4 +94,4 @@ TEST(Presence, WorldsNameTheirErrors) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::presence_test

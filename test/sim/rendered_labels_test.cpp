@@ -13,7 +13,7 @@
 #include "situation_awareness/sim/label_camera.hpp"
 #include "situation_awareness/sim/world.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::rendered_labels_test {
 namespace {
 
 const std::string kModels = SITUATION_AWARENESS_SOURCE_DIR "/models/";
@@ -94,4 +94,4 @@ TEST(RenderedLabels, LieOnTheCarsOfAWorldThatTheNetworkHasNotSeen) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::rendered_labels_test

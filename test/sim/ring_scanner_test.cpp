@@ -11,7 +11,7 @@
 #include "sim/world_file.hpp"
 #include "situation_awareness/common/time.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::ring_scanner_test {
 namespace {
 
 SimulatedRingScannerParams without_noise() {
@@ -237,4 +237,4 @@ TEST(SimulatedRingScanner, RefusesBadParamsNamingFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::ring_scanner_test

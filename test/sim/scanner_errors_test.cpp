@@ -18,7 +18,7 @@
 #include "situation_awareness/sim/scanner.hpp"
 #include "support/aggregate_size.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scanner_errors_test {
 namespace {
 
 SimulatedScannerParams without_noise() {
@@ -568,4 +568,4 @@ TEST(ScannerErrors, RefuseBadParamsNamingFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scanner_errors_test

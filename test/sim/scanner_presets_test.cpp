@@ -14,7 +14,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scanner_presets_test {
 namespace {
 
 const std::string kScanners = std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/scanners";
@@ -143,4 +143,4 @@ TEST(ScannerPresets, BadOnesAreRefusedNamingFileFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scanner_presets_test

@@ -15,7 +15,7 @@
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "support/aggregate_size.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::scanner_test {
 namespace {
 
 SimulatedScannerParams without_noise() {
@@ -305,4 +305,4 @@ TEST(SimulatedScanner, RefusesBadParamsNamingFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::scanner_test

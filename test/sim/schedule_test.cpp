@@ -8,7 +8,7 @@
 
 #include <gtest/gtest.h>
 
-namespace situation_awareness {
+namespace situation_awareness::schedule_test {
 namespace {
 
 TEST(Schedule, RunsSensorsInTheOrderOfTheirTimes) {
@@ -39,4 +39,4 @@ TEST(Schedule, RepeatsAtMultiplesOfAPeriod) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::schedule_test

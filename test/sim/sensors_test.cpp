@@ -11,7 +11,7 @@
 
 #include "sim/world_file.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::sensors_test {
 namespace {
 
 std::string robot_with(const std::string& sites) {
@@ -127,4 +127,4 @@ TEST(Sensors, EachHasItsOwnSeed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::sensors_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/sim/ring_scanner.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::shapes_test {
 namespace {
 
 using Polygon = std::vector<Eigen::Vector2d>;
@@ -273,4 +273,4 @@ TEST(Shapes, ShapesWithoutAFootprintAreRefused) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::shapes_test

@@ -17,7 +17,7 @@
 #include "situation_awareness/sim/sensors.hpp"
 #include "situation_awareness/sim/world.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::towers_test {
 namespace {
 
 World towers() { return World(std::string(SITUATION_AWARENESS_SOURCE_DIR) + "/models/worlds/towers.xml"); }
@@ -108,4 +108,4 @@ TEST(TowersWorld, ItsRoundsStayClear) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::towers_test

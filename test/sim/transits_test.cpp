@@ -18,7 +18,7 @@
 #include "situation_awareness/sim/sensors.hpp"
 #include "situation_awareness/sim/wheel_odometry.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::transits_test {
 namespace {
 
 const std::string kVehicle = R"(<body name="robot" mocap="true" pos="0 0 0.2"> <site name="lidar" pos="0.1 0 0.1"/>
@@ -287,4 +287,4 @@ TEST(Transits, WorldsNameTheirErrors) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::transits_test

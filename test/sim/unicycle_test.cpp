@@ -10,7 +10,7 @@
 
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::unicycle_test {
 namespace {
 
 /// Commands at 20 Hz until then.
@@ -124,4 +124,4 @@ TEST(Unicycle, NamesParametersOutOfBounds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::unicycle_test

@@ -15,7 +15,7 @@
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "situation_awareness/sim/truth.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::world_test {
 namespace {
 
 // --- motion ---------------------------------------------------------------------------------------------------------
@@ -297,4 +297,4 @@ TEST(DemoWorld, ShowsStandingAndMovingObjectsAndHidesThePoleForAWhile) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::world_test

@@ -16,7 +16,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::worlds_test {
 namespace {
 
 constexpr double kClearance_m = 0.4;
@@ -163,4 +163,4 @@ INSTANTIATE_TEST_SUITE_P(Worlds, WorldOfTheLibrary,
                          [](const auto& info) { return std::string(info.param.name); });
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::worlds_test

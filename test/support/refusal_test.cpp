@@ -5,7 +5,7 @@
 
 #include <stdexcept>
 
-namespace situation_awareness {
+namespace situation_awareness::refusal_test {
 namespace {
 
 const std::string kMessage = "/a/my.yaml: scan.max_range_m = -1 is outside [0, 1000] m, see 'ranges'.";
@@ -41,4 +41,4 @@ TEST(Refusal, IsTheMessageOfTheErrorThatIsAskedFor) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::refusal_test

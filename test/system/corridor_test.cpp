@@ -24,7 +24,7 @@
 #include "situation_awareness/sim/wheel_odometry.hpp"
 #include "situation_awareness/sim/world.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::corridor_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -176,4 +176,4 @@ TEST(Corridor, PoseAndMapAreTheTruthWhileThingsComeAndGo) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::corridor_test

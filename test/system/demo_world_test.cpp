@@ -17,7 +17,7 @@
 #include "situation_awareness/sim/sensors.hpp"
 #include "situation_awareness/sim/truth.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::demo_world_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -156,4 +156,4 @@ INSTANTIATE_TEST_SUITE_P(Seeds, DemoFromRings, testing::Values(1));
 INSTANTIATE_TEST_SUITE_P(SeedsLong, DemoFromRings, testing::Values(2));
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::demo_world_test

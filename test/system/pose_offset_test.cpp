@@ -19,7 +19,7 @@
 #include "situation_awareness/sim/scan_simulation.hpp"
 #include "situation_awareness/sim/scanner_presets.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::pose_offset_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -125,4 +125,4 @@ TEST(FoundOffset, MakesTheMapAsGoodAsThatOfScansInTime) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pose_offset_test

@@ -14,7 +14,7 @@
 #include "situation_awareness/pipeline/object_pipeline.hpp"
 #include "situation_awareness/sim/scan_simulation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::single_world_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -65,4 +65,4 @@ TEST(SingleWorld, IsEstimatedBetterThanInThePaper) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::single_world_test

@@ -16,7 +16,7 @@
 
 #include <gdal.h>
 
-namespace situation_awareness {
+namespace situation_awareness::elevation_test {
 namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
@@ -211,4 +211,4 @@ TEST(Elevation, RefusesNumbersThatDoNotFit) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::elevation_test

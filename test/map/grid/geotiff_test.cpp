@@ -14,7 +14,7 @@
 
 #include "situation_awareness/map/grid/elevation.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::geotiff_test {
 namespace {
 
 std::string path_of(const std::string& name) {
@@ -85,4 +85,4 @@ TEST(GridGeoTiff, RefusesWhatIsNoGrid) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::geotiff_test

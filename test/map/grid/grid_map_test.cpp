@@ -16,7 +16,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "support/grid_ground.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::grid_map_test {
 namespace {
 
 GridMap map_of(const GridCase& given, int size, std::shared_ptr<const Elevation> elevation) {
@@ -300,4 +300,4 @@ TEST(DropOutOfRange, MakesThemUnknownAndCountsThem) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_map_test

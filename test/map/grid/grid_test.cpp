@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-namespace situation_awareness {
+namespace situation_awareness::grid_test {
 namespace {
 
 /// Rows from the north, as one reads them: '#' of the class, '.' not, ' ' not observed.
@@ -89,4 +89,4 @@ TEST(FindClusters, OfNothingAreNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_test

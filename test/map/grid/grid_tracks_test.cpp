@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-namespace situation_awareness {
+namespace situation_awareness::grid_tracks_test {
 namespace {
 
 const PinholeCamera kCamera{101, 101, 90.0, 80.0, 50.0, 50.0};
@@ -228,4 +228,4 @@ TEST(GridTracks, RefuseParametersOutOfBounds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::grid_tracks_test

@@ -20,7 +20,7 @@
 #include "support/level_scene.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::association_test {
 namespace {
 
 using namespace object_state;
@@ -213,4 +213,4 @@ TEST(Association, AGroupElsewhereChangesNothing) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::association_test

@@ -8,7 +8,7 @@
 
 #include "situation_awareness/common/time.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::bodies_test {
 namespace {
 
 using namespace object_state;
@@ -202,4 +202,4 @@ TEST(Bodies, WithoutPartsTheIdIsNotTransferred) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::bodies_test

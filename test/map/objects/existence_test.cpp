@@ -12,7 +12,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::existence_test {
 namespace {
 
 using namespace object_state;
@@ -264,4 +264,4 @@ TEST(Existence, AnAmbiguousMotionMakesThePositionUncertain) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::existence_test

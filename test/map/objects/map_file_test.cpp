@@ -23,7 +23,7 @@
 #include "support/lively_scene.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_file_test {
 namespace {
 
 constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'123;
@@ -542,4 +542,4 @@ TEST_F(MapFileOnDisk, NamesTheFileThatCannotBeRead) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_file_test

@@ -15,7 +15,7 @@
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "support/lively_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_snapshot_test {
 namespace {
 
 constexpr std::int64_t kStart_ns = 1'700'000'000'000'000'000;
@@ -225,4 +225,4 @@ TEST(ObjectMapReset, DeletesLoadedElementsToo) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_snapshot_test

@@ -13,7 +13,7 @@
 #include "support/covariance.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::motion_models_test {
 namespace {
 
 using namespace object_state;
@@ -312,4 +312,4 @@ TEST(MotionModels, AMixtureLiesBetweenTheTwo) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::motion_models_test

@@ -17,7 +17,7 @@
 #include "support/numerical_jacobian.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::object_filter_test {
 namespace {
 
 using namespace object_state;
@@ -618,4 +618,4 @@ TEST(ObjectFilter, ANegativeVarianceByRoundingDoesNotLengthenAnAxis) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::object_filter_test

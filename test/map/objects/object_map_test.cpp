@@ -24,7 +24,7 @@
 #include "support/random_gaussian.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::object_map_test {
 namespace {
 
 using namespace object_error;
@@ -1228,4 +1228,4 @@ TEST(ObjectMapParams, RefusesWrongValuesByName) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::object_map_test

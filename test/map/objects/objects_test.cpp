@@ -9,7 +9,7 @@
 
 #include "situation_awareness/geometry/outline.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::objects_test {
 namespace {
 
 TEST(Objects, AnObjectIsAnEllipseOfUnknownClassUnlessSaidOtherwise) {
@@ -47,4 +47,4 @@ TEST(Objects, TheOutlineOfAnythingElseIsOnItsEllipse) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::objects_test

@@ -16,7 +16,7 @@
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::people_test {
 namespace {
 
 constexpr double kPeriod_s = 0.05;
@@ -425,4 +425,4 @@ TEST(People, SmallSegmentsAloneMakeNoElement) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::people_test

@@ -10,7 +10,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/estimation/gating.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::re_identification_test {
 namespace {
 
 using namespace object_state;
@@ -152,4 +152,4 @@ TEST(CommonShapes, AreThoseThatThreeOthersHaveWithinACentimetre) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::re_identification_test

@@ -17,7 +17,7 @@
 #include "situation_awareness/map/objects/object_map.hpp"
 #include "support/random_gaussian.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::resting_elements_test {
 namespace {
 
 constexpr int kPerRoom = 8;
@@ -265,4 +265,4 @@ TEST(ScanNeeds, MissesNothingThatBeamsReach) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::resting_elements_test

@@ -10,7 +10,7 @@
 #include "situation_awareness/detections/box_fit.hpp"
 #include "situation_awareness/map/objects/object_filter.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::shape_belief_test {
 namespace {
 
 using namespace object_state;
@@ -118,4 +118,4 @@ TEST(ShapeBelief, ErrorsThatRepeatAreThoseOfWhatTheViewShows) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::shape_belief_test

@@ -8,7 +8,7 @@
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::visibility_test {
 namespace {
 
 constexpr double kMargin_m = 0.1;
@@ -128,4 +128,4 @@ TEST(Visibility, TurnsWithTheScene) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::visibility_test

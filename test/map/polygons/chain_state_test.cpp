@@ -10,7 +10,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::chain_state_test {
 namespace {
 
 constexpr std::int64_t kSecond_ns = 1'000'000'000;
@@ -79,4 +79,4 @@ TEST(ChainState, RefusesParametersOutOfBounds) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::chain_state_test

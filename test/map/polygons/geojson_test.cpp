@@ -18,7 +18,7 @@
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::geojson_test {
 namespace {
 
 constexpr std::int64_t kStamp_ns = 1'700'000'000'123'456'789;
@@ -194,4 +194,4 @@ TEST(GeoJson, AMapBeginsWithItsChains) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::geojson_test

@@ -8,7 +8,7 @@
 
 #include "situation_awareness/common/random.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::joints_test {
 namespace {
 
 constexpr double kStep_s = 0.04;
@@ -82,4 +82,4 @@ TEST(Joints, ForgetsWhatIsGoneAndContinuesWhereItWasSaved) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::joints_test

@@ -31,7 +31,7 @@
 #include "support/level_scene.hpp"
 #include "support/street.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_chains_test {
 namespace {
 
 const Eigen::Matrix3d kCovariance = Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal();
@@ -525,4 +525,4 @@ TEST(MapChains, AnIdStaysWithItsChainWhereverTheOthersGo) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_chains_test

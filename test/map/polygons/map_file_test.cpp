@@ -20,7 +20,7 @@
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_file_test {
 namespace {
 
 PolygonMapSnapshot a_snapshot() {
@@ -189,4 +189,4 @@ TEST(PolygonMapFile, TheFirstVersionIsReadWithoutChains) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_file_test

@@ -19,7 +19,7 @@
 #include "support/level_scene.hpp"
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::polygon_map_test {
 namespace {
 
 constexpr double kPeriod_s = 0.04;
@@ -511,4 +511,4 @@ TEST(PolygonMap, NamesFieldAndBound) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::polygon_map_test

@@ -16,7 +16,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/map/polygons/map_file.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::timed_polygon_map_test {
 namespace {
 
 constexpr double kJump_s = 1.0;
@@ -247,4 +247,4 @@ TEST(TimedPolygonMap, RefusesScansThatHaveNoPlace) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::timed_polygon_map_test

@@ -13,7 +13,7 @@
 
 #include "map/splinegons/outlines.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::geojson_test {
 namespace {
 
 constexpr std::int64_t kStamp_ns = 1'700'000'000'123'456'000;
@@ -100,4 +100,4 @@ TEST(SplinegonGeoJson, RefusesWhatIsNone) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::geojson_test

@@ -16,7 +16,7 @@
 #include "situation_awareness/geometry/pose2.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::splinegon_fit_test {
 namespace {
 
 Splinegon fitted(const std::vector<SplinegonElement>& elements, bool closed, int vertices = 16,
@@ -450,4 +450,4 @@ TEST(SplinegonFitStatistics, ErrorsAreSmallAndAsTheyAreSaidToBe) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::splinegon_fit_test

@@ -12,7 +12,7 @@
 
 #include "map/splinegons/outlines.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::splinegon_map_test {
 namespace {
 
 SplinegonMap make_map() { return {SplinegonMapParams(), SplinegonFitParams()}; }
@@ -163,4 +163,4 @@ TEST(SplinegonMap, GivesSoundBoundariesOfAnyElements) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::splinegon_map_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/arc.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::splinegons_test {
 namespace {
 
 Splinegon circle(const Eigen::Vector2d& center_m, double radius_m, int arcs) {
@@ -168,4 +168,4 @@ TEST(Splinegons, MeetsItselfWhereAVertexIsBeyondAnArc) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::splinegons_test

@@ -9,7 +9,7 @@
 
 #include "support/refusal.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::drawable_objects_test {
 namespace {
 
 MappedObjectArray good_map() {
@@ -81,4 +81,4 @@ TEST(DrawableObjects, RefusesMapsThatCannotBeDrawnWithTheReason) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::drawable_objects_test

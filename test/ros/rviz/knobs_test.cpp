@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace situation_awareness {
+namespace situation_awareness::knobs_test {
 namespace {
 
 using dynamic_reconfigure::Config;
@@ -57,4 +57,4 @@ TEST(Knobs, AreWrittenWithTheDigitsTheyNeed) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::knobs_test

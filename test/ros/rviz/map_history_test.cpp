@@ -5,7 +5,7 @@
 
 #include "situation_awareness/common/time.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_history_test {
 namespace {
 
 void add(MapHistory& history, double stamp_s, const std::vector<std::pair<std::uint64_t, double>>& ids_and_x,
@@ -61,4 +61,4 @@ TEST(MapHistory, IsBoundedHoweverLongItIs) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_history_test

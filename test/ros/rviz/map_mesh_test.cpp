@@ -6,7 +6,7 @@
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-namespace situation_awareness {
+namespace situation_awareness::map_mesh_test {
 namespace {
 
 const Polyline kSquare{{1.0, 1.0}, {-1.0, 1.0}, {-1.0, -1.0}, {1.0, -1.0}, {1.0, 1.0}};  // counter-clockwise
@@ -64,4 +64,4 @@ TEST(MapMesh, LabelsAreShortAndPrintable) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_mesh_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::object_mesh_test {
 namespace {
 
 Object element(std::uint64_t id, const Ellipse& ellipse) {
@@ -178,4 +178,4 @@ TEST(ObjectMesh, StaysBoundedWithThousandsOfElements) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::object_mesh_test

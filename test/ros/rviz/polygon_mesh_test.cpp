@@ -13,7 +13,7 @@
 #include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::polygon_mesh_test {
 namespace {
 
 /// A wall of 4 m seen from below, and a square of 1 m seen from outside.
@@ -113,4 +113,4 @@ TEST(PolygonMesh, WhatCannotBeDrawnIsRefused) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::polygon_mesh_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace situation_awareness {
+namespace situation_awareness::stage_board_test {
 namespace {
 
 using diagnostic_msgs::DiagnosticArray;
@@ -116,4 +116,4 @@ TEST(StageBoard, MarksDropsThatGrow) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::stage_board_test

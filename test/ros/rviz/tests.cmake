@@ -1,7 +1,6 @@
 # Tests of what rviz loads: its logic, and the plugins themselves without a screen.
 foreach(name drawable_objects knobs map_history map_mesh object_mesh polygon_mesh stage_board)
-  situation_awareness_ros_gtest(rviz/${name}_test)
-  target_link_libraries(ros_rviz_${name}_test PRIVATE ${PROJECT_NAME}_rviz_logic)
+  situation_awareness_ros_gtest(ros_rviz_tests rviz/${name}_test ${PROJECT_NAME}_rviz_logic)
 endforeach()
 
 # rostest finds a program where rosrun does; these are not installed.
