@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/common/usual_room.hpp"
 
 namespace situation_awareness {
 
@@ -41,7 +42,7 @@ std::vector<ExpectedOutline> outlines_at(std::int64_t stamp_ns, const Pose2& T_w
     outline.center_m = center_level_m;
     outline.psi_rad = T_level_world.yaw_rad + outline.psi_rad;
   };
-  outlines_level.reserve(map.objects.size());
+  make_room(outlines_level, map.objects.size());
   for (const Object& object : map.objects) {
     if (object.object_class == ObjectClass::kPerson) continue;  // its legs have other outlines
     ExpectedOutline expected;
