@@ -9,6 +9,7 @@
 #include <map>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -67,11 +68,11 @@ class PathText {
   }
 
   Row take(const std::string& word, std::size_t count) {
-    const std::vector<Row> rows = take_rows(word);
+    std::vector<Row> rows = take_rows(word);
     if (rows.size() != 1 || rows[0].size() != count) {
       throw std::invalid_argument("needs " + std::to_string(count) + " number(s) after '" + word + "'");
     }
-    return rows[0];
+    return std::move(rows[0]);
   }
 
   double take_number(const std::string& word) { return take(word, 1)[0]; }
