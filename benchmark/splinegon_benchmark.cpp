@@ -117,12 +117,13 @@ void by_inertial_navigation(benchmark::State& state, const Obstacle& obstacle) {
         v_odom_m_s += dt_s * a_m_s2;
       }
     }
-    for (std::size_t i = 0; i < minutes_us.size(); ++i) {
-      state.counters["minute_" + std::to_string(i + 1) + "_us"] = median(minutes_us[i]);
+    // Half of the scans have a chain that is due, and take three times as long as the others: the median is of one or
+    // of the other half by chance. In the first minute the vehicle has not seen all of the outline for 20 s.
+    for (std::size_t i = 1; i < minutes_us.size(); ++i) {
+      const std::vector<double>& minute_us = minutes_us[i];
+      state.counters["minute_" + std::to_string(i + 1) + "_us"] =
+          std::accumulate(minute_us.begin(), minute_us.end(), 0.0) / static_cast<double>(minute_us.size());
     }
-    const std::vector<double>& last_us = minutes_us.back();
-    state.counters["mean_us"] =
-        std::accumulate(last_us.begin(), last_us.end(), 0.0) / static_cast<double>(last_us.size());
     state.counters["boundaries"] = static_cast<double>(pipeline.splinegons().boundaries.size());
   }
 }
