@@ -11,7 +11,7 @@
 #include "situation_awareness/detections/shape_network.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::detections_allocation_test {
 namespace {
 
 /// Faces square on, of 5 to 24 hits, each at another distance.
@@ -52,4 +52,4 @@ TEST(Allocation, NoneForShapesAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::detections_allocation_test

@@ -7,7 +7,7 @@
 #include "situation_awareness/estimation/error_state_filter.hpp"
 #include "situation_awareness/estimation/navigation_state.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::estimation_allocation_test {
 namespace {
 
 template <class State, int Size>
@@ -40,4 +40,4 @@ TEST(ErrorStateFilter, AllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::estimation_allocation_test

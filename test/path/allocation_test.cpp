@@ -15,7 +15,7 @@
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::path_allocation_test {
 namespace {
 
 // Among unknown and known things and movers, there and back.
@@ -156,4 +156,4 @@ TEST(Allocation, NoneForCircumnavigationAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::path_allocation_test

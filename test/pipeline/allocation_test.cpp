@@ -18,7 +18,7 @@
 #include "situation_awareness/scan/cloud_slice.hpp"
 #include "support/level_scene.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::pipeline_allocation_test {
 namespace {
 
 const std::string kSource = SITUATION_AWARENESS_SOURCE_DIR;
@@ -207,4 +207,4 @@ TEST(Allocation, NoneFromScanToPoseByReflectorsAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pipeline_allocation_test

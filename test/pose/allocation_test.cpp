@@ -13,7 +13,7 @@
 #include "situation_awareness/pose/gps_ins.hpp"
 #include "situation_awareness/pose/pose_offset.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::pose_allocation_test {
 namespace {
 
 TEST(Allocation, NoneForTheOffsetOfPosesAfterWarmUp) {
@@ -99,4 +99,4 @@ TEST(Allocation, NoneForGpsInsAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::pose_allocation_test

@@ -10,7 +10,7 @@
 #include "map/polygons/room_polylines.hpp"
 #include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_polygons_allocation_test {
 namespace {
 
 // Of what an update, the chains and their states need, while the same scans come again.
@@ -37,4 +37,4 @@ TEST(Allocation, NoneForTheMapOfPolygonsAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_polygons_allocation_test

@@ -11,7 +11,7 @@
 #include "situation_awareness/map/splinegons/splinegon_fit.hpp"
 #include "situation_awareness/map/splinegons/splinegon_map.hpp"
 
-namespace situation_awareness {
+namespace situation_awareness::map_splinegons_allocation_test {
 namespace {
 
 // One fit for all boundaries: smooth, with corners, open and closed, from nothing and from the fit before.
@@ -67,4 +67,4 @@ TEST(Allocation, NoneForAMapOfSplinegonsAfterWarmUp) {
 }
 
 }  // namespace
-}  // namespace situation_awareness
+}  // namespace situation_awareness::map_splinegons_allocation_test
