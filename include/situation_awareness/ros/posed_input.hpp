@@ -9,6 +9,7 @@
 #include <string>
 #include <utility>
 
+#include <ros/steady_timer.h>
 #include <ros/time.h>
 #include <ros/transport_hints.h>
 #include <std_msgs/Header.h>
@@ -68,16 +69,20 @@ class PosedInput {
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { transform_age_.report(status); });
     context.on_arrival([this](const ConstPtr& msg, const ros::SteadyTime& arrival) { take(msg, arrival); },
                        [this] { return queue_.waiting(); });
-    // Transforms may arrive after their measurement, and it may wait in vain.
-    release_waiting_ = context.poll([this] {
-      release();
-      return !queue_.is_empty();
+    // A measurement may wait in vain.
+    context.when_made([this] {
+      const bool oneshot = false, autostart = false;
+      timer_ = context_.node().createSteadyTimer(
+          ros::WallDuration(kLookAgain_s), [this](const ros::SteadyTimerEvent&) { look_again(); }, oneshot, autostart);
     });
   }
   PosedInput(const PosedInput&) = delete;
   PosedInput& operator=(const PosedInput&) = delete;
 
  private:
+  /// So much later than its time a measurement may be dropped; transforms release it when they come.
+  static constexpr double kLookAgain_s = 0.05;
+
   struct Arrived {
     ConstPtr msg;
     ros::SteadyTime at;
@@ -108,13 +113,21 @@ class PosedInput {
     }
     if (verdict != StampOrder::Verdict::kRefused) transform_age_.scan_arrived(taken.frame);
     waits_ = true;
-    release_waiting_();
+    release();
+    if (waits_ && !std::exchange(looks_again_, true)) timer_.start();
   }
 
   /// On any thread.
   void on_transforms() {
     if (!waits_ || is_queued_.exchange(true)) return;
     context_.node().getCallbackQueue()->addCallback(boost::make_shared<Turn>(*this));
+  }
+
+  void look_again() {
+    release();
+    if (waits_) return;
+    timer_.stop();
+    looks_again_ = false;
   }
 
   /// Enqueues the measurements that have their transforms. Does not throw.
@@ -139,7 +152,8 @@ class PosedInput {
   tf2_ros::Buffer tf_;
   TransformAge transform_age_;
   TransformQueue<Arrived> queue_;
-  std::function<void()> release_waiting_;
+  ros::SteadyTimer timer_;
+  bool looks_again_ = false;            ///< the timer runs
   std::atomic<bool> waits_{false};      ///< a measurement waits for transforms or is held
   std::atomic<bool> is_queued_{false};  ///< a call of release()
   TransformInput transform_input_;
