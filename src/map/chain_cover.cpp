@@ -16,6 +16,8 @@ constexpr double kStep_m = 0.02;
 constexpr double kSamePlace_m = 0.1, kSameStep_m = 0.1;
 /// m. The same of chains one of which comes in the place of the other: elements may be as far apart.
 constexpr double kSameThing_m = 0.25;
+/// m. Extent of a thing of which a part may be detected inside, and how far behind its surface, at most.
+constexpr double kMostThing_m = 7.0, kMostInside_m = 1.5;
 /// Cosine of the angle between two surfaces that face the same way.
 constexpr double kSameWay = 0.5;
 /// A margin is larger by so many standard deviations of the object's position, and is kMostMargin_m at most.
@@ -86,6 +88,28 @@ double length_on(const Object& object, const Chain& chain, double margin_m) {
   return on_m;
 }
 
+bool is_inside(const Object& object, const Chain& chain) {
+  const Eigen::Vector2d p_m = object.ellipse_world.center_m;
+  Eigen::AlignedBox2d box;
+  double least_m = std::min(extent_of(object), kMostInside_m);
+  bool result = false;
+  for_each_edge(chain, [&](const Eigen::Vector2d& from, const Eigen::Vector2d& to) {
+    box.extend(from);
+    box.extend(to);
+    const Eigen::Vector2d edge = to - from, way = p_m - from;
+    const double length_m = edge.norm();
+    if (!(length_m > 0.0)) return;
+    const double at_m = way.dot(edge) / length_m;
+    const double left_m = (edge.x() * way.y() - edge.y() * way.x()) / length_m;
+    const double beyond_m = std::max({0.0, -at_m, at_m - length_m});
+    const double apart_m = std::hypot(left_m, beyond_m);
+    if (apart_m >= least_m) return;
+    least_m = apart_m;
+    result = left_m < 0.0 && beyond_m == 0.0;
+  });
+  return result && box.diagonal().norm() <= kMostThing_m;
+}
+
 bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, const Chain& chain, double begin_m,
                double end_m) {
   bool result = false;
@@ -123,6 +147,11 @@ std::vector<ChainVertex> part_of(const Chain& chain, double begin_m, double end_
     at_m += edge_m;
   }
   return vertices;
+}
+
+bool is_all_beside(const Chain& chain, const Chain& other, double most_m) {
+  return std::all_of(chain.vertices.begin(), chain.vertices.end(),
+                     [&](const ChainVertex& vertex) { return distance_to(other, vertex.p_world_m) <= most_m; });
 }
 
 double part_beside(const Chain& chain, const Chain& other) {

@@ -42,6 +42,10 @@ bool covers(const Object& object, const Eigen::Vector2d& p_world_m, double margi
 /// Length (m) of that of a chain that an object covers.
 double length_on(const Object& object, const Chain& chain, double margin_m);
 
+/// Whether the middle of an object is behind the surface of a chain that may be of something as large as a vehicle, and
+/// not farther than its own greatest extent: so it is inside of that thing.
+bool is_inside(const Object& object, const Chain& chain);
+
 /// Calls visit(p_m, along, step_m) with the middle of each step along a chain, its direction (unit) and its length (m).
 template <class Visit>
 void for_each_step(const Chain& chain, double most_m, Visit&& visit) {
@@ -61,6 +65,9 @@ bool is_beside(const Eigen::Vector2d& p_world_m, const Eigen::Vector2d& along, c
 
 /// Vertices of that of an open chain between two places along it, in m; all if that is its length.
 std::vector<ChainVertex> part_of(const Chain& chain, double begin_m, double end_m);
+
+/// Whether no place on a chain is farther from another one than that.
+bool is_all_beside(const Chain& chain, const Chain& other, double most_m);
 
 /// Part of a chain that is beside another one by .25 m at most: so it may be of the same thing.
 double part_beside(const Chain& chain, const Chain& other);

@@ -26,6 +26,9 @@ constexpr double kShortRun_m = 0.06;
 constexpr double kMiddle_m = 0.05;
 /// m. A covered end that is shorter is shown, and so is all of what would be left of a chain.
 constexpr double kLeastEnd_m = 0.02;
+/// m. A chain that is at most so long, and all of which is so near to one that is so many times as long, is noise of
+/// that, whichever way it faces.
+constexpr double kPiece_m = 0.35, kPieceBeside_m = 0.15, kStaysPieceBeside_m = 0.2, kLongerThanPiece = 2.0;
 
 }  // namespace
 
@@ -60,6 +63,17 @@ void SemanticMap::settle_overlaps() {
   unsettled_.clear();
 }
 
+/// The longer chain of which a short one is a piece that noise drew in another direction, or 0.
+SemanticMap::Handle SemanticMap::whole_of(const ChainEntry& chain) const {
+  if (chain.length_m > kPiece_m) return 0;
+  const double most_m = chain.beside != 0 ? kStaysPieceBeside_m : kPieceBeside_m;
+  for (const Overlap& other : others_) {
+    if (!other.is_before || other.length_m < kLongerThanPiece * chain.length_m) continue;
+    if (is_all_beside(chain.latest, *other.line, most_m)) return other.chain;
+  }
+  return 0;
+}
+
 void SemanticMap::settle(ChainEntry& chain) {
   find_near(chain.latest);
   others_.clear();
@@ -67,15 +81,16 @@ void SemanticMap::settle(ChainEntry& chain) {
   for (const BoundaryEntry& boundary : boundaries_) {
     if (!boundary.is_boundary || boundary.main == 0 || chain.of_boundary == boundary.handle) continue;
     if (!boundary.box_world_m.intersects(chain.box_world_m)) continue;
-    others_.push_back({boundary.main, 0, true, &boundary.outline, 0.0, boundary.length_m});
+    others_.push_back({boundary.main, 0, true, &boundary.outline, 0.0, boundary.length_m, boundary.length_m});
   }
   for (const bool before : {true, false}) {
     for (const Handle handle : near_) {
       const ChainEntry& other = *find_chain(handle);
-      if (handle == chain.handle || other.beside != 0 || is_before(other, chain) != before) continue;
+      if (handle == chain.handle || other.beside != 0 || other.trace_of != 0 || is_before(other, chain) != before)
+        continue;
       const double begin_m = before ? 0.0 : other.begin_m + kMiddle_m;
       const double end_m = before ? other.length_m : other.end_m - kMiddle_m;
-      others_.push_back({handle, 0, before, &other.latest, begin_m, end_m});
+      others_.push_back({handle, 0, before, &other.latest, begin_m, end_m, other.length_m});
     }
   }
   // What it shows ends with the last run of steps that is beside none.
@@ -107,7 +122,8 @@ void SemanticMap::settle(ChainEntry& chain) {
   const double least = was_beside ? kStaysDoubled : kDoubled;
   const double bare_m = chain.length_m - covered_m;
   const bool is_covered = covered_m >= least * chain.length_m && bare_m <= (was_beside ? kStaysBare_m : kBare_m);
-  const Handle beside = most != others_.end() && is_covered ? most->chain : 0;
+  Handle beside = most != others_.end() && is_covered ? most->chain : 0;
+  if (beside == 0) beside = whole_of(chain);
   const bool is_whole = beside != 0 || chain.latest.closed || end_m - begin_m < kLeastEnd_m;
   if (is_whole || begin_m < kLeastEnd_m) begin_m = 0.0;
   if (is_whole || chain.length_m - end_m < kLeastEnd_m) end_m = chain.length_m;

@@ -23,6 +23,12 @@ constexpr double kSameLength = 1.2, kStaysOfSameLength = 0.2;
 constexpr double kCovered = 0.5, kStaysCovered = 0.25;
 /// s. What has been on no chain for longer did not drive off just now.
 constexpr double kJustNow_s = 5.0;
+/// s. What its layer does not list for so long is still on the map, unless beams pass where it was.
+constexpr double kMissing_s = 1.0;
+/// m. A chain may be so much farther beside what moves.
+constexpr double kBesideMoving_m = 0.2;
+/// Part of a chain that an object covered that is what the chain is of.
+constexpr double kMostOfChain = 0.5;
 /// Objects that are remembered though they are part of larger things; and those that are, as their layer may find them
 /// again.
 constexpr std::size_t kMostParked = 1000, kMostLost = 1000;
@@ -58,8 +64,8 @@ bool are_same(const Object& a, const Object& b) {
 
 }  // namespace
 
-/// Forgets what is not on a chain any more for so long that it cannot have driven off just now. A chain that was one of
-/// these and is of more now is another thing.
+/// Forgets what is not on a chain any more for so long that it cannot have driven off just now. A chain that has become
+/// what one of these is, as what was beside it is gone, is that again.
 void SemanticMap::watch_parked() {
   for (Parked& parked : parked_) {
     const bool is_near = changed_world_m_.intersects(box_around(parked.object, 0.0));
@@ -69,9 +75,12 @@ void SemanticMap::watch_parked() {
     for (const Cover& cover : covers_) {
       on_m += cover.on_object_m;
       ChainEntry& chain = *find_chain(cover.chain);
-      if (chain.id != parked.id || cover.on_object_m >= kStaysOfObject * chain.length_m) continue;
-      own(chain, ids_->next());
-      merge(parked.id, chain.id);
+      if (chain.id <= parked.id || chain.of_object != 0 || cover.on_object_m < kIsOfObject * chain.length_m) continue;
+      const Owner& owner = owners_[parked.id];
+      if (owner.object != 0 || owner.chain != 0) continue;
+      const FeatureId before = chain.id;
+      own(chain, parked.id);
+      merge(before, parked.id);
     }
     if (on_m >= kStaysCovered * lesser_width_of(parked.object)) {
       parked.bare_since_ns = kNever;
@@ -92,22 +101,22 @@ void SemanticMap::forget_parked(FeatureId id) {
                 parked_.end());
 }
 
-/// The id of an object that its layer did not list before: that of what had parked there, or that of the chain that it
-/// was until now, or a new one.
-FeatureId SemanticMap::id_of_new(const Object& object) {
+/// The id of what had parked where an object is, if no other object has it; else 0.
+FeatureId SemanticMap::id_of_parked(const Object& object) const {
   const auto was = std::find_if(parked_.begin(), parked_.end(), [&](const Parked& parked) {
-    // While it stands its own chain has its id.
     const auto owner = owners_.find(parked.id);
-    if (!is_moving(object) && owner != owners_.end() && owner->second.chain != 0) return false;
+    if (owner != owners_.end() && owner->second.object != 0) return false;
     return covers(parked.object, object.ellipse_world.center_m, 0.0) &&
            (parked.object.object_class == object.object_class || object.object_class == ObjectClass::kUnknown ||
             parked.object.object_class == ObjectClass::kUnknown);
   });
-  if (was != parked_.end()) {
-    const FeatureId id = was->id;
-    if (ChainEntry* stays = find_chain(owners_[id].chain)) own(*stays, ids_->next());
-    return id;
-  }
+  return was != parked_.end() ? was->id : 0;
+}
+
+/// The id of an object that its layer did not list before: that of what had parked there, or that of the chain that it
+/// was until now, or a new one.
+FeatureId SemanticMap::id_of_new(const Object& object) {
+  if (const FeatureId parked = id_of_parked(object)) return parked;
   find_covers(object);
   for (const Cover& cover : covers_) {
     const ChainEntry& chain = *find_chain(cover.chain);
@@ -119,10 +128,9 @@ FeatureId SemanticMap::id_of_new(const Object& object) {
 
 /// The id of an object that its layer lists anew: its own where it was lost for a while.
 FeatureId SemanticMap::id_of_lost(const Object& object) {
-  const auto lost =
-      std::find_if(lost_.begin(), lost_.end(), [&](const Lost& each) { return each.handle == object.id; });
+  const auto lost = lost_.find(object.id);
   if (lost == lost_.end()) return id_of_new(object);
-  const FeatureId id = lost->id;
+  const FeatureId id = lost->second;
   lost_.erase(lost);
   // Its chain, or another object, may have the id now.
   const auto owner = owners_.find(id);
@@ -144,8 +152,9 @@ void SemanticMap::take_objects(const Objects& objects) {
       const FeatureId id = id_of_lost(object);
       known = &add_at_handle(objects_, object.id);
       known->id = id;
-      forget_parked(id);
       known->stood_since_ns = object.first_seen_ns;
+      known->largest = object;
+      known->is_id_of_chain = owners_[id].chain != 0;
       owners_[id].object = object.id;
     }
     const bool is_new = known->update == 0;
@@ -155,19 +164,51 @@ void SemanticMap::take_objects(const Objects& objects) {
     if (is_new || !is_told) touched_.push_back(known->id);
     known->latest = object;
     known->update = updates_;
+    known->missing_ns = kNever;
+    known->predicted_ns = stamp_ns_;
     if (is_moving(object)) {
       known->has_moved = true;
       known->stood_since_ns = kNever;
     } else if (known->stood_since_ns == kNever) {
-      known->stood_since_ns = stamp_ns_;
+      known->stood_since_ns = known->came_ns = stamp_ns_;
     }
+    const bool is_larger =
+        is_moving(object) ? known->as == As::kItself : extent_of(object) >= extent_of(known->largest);
+    if (is_larger) known->largest = object;
   }
+  miss_objects();
+}
+
+/// What moves and is not seen goes on as it did.
+void SemanticMap::go_on(ObjectEntry& object) {
+  const double dt_s = seconds_between(object.predicted_ns, stamp_ns_);
+  object.predicted_ns = stamp_ns_;
+  Object& latest = object.latest;
+  latest.ellipse_world.center_m += dt_s * latest.velocity_world_m_s;
+  latest.box_world.center_m += dt_s * latest.velocity_world_m_s;
+  Matrix8d F = Matrix8d::Identity();
+  F.block<2, 2>(object_error::kPosition, object_error::kVelocity) = dt_s * Eigen::Matrix2d::Identity();
+  latest.covariance = (F * latest.covariance * F.transpose()).eval();
+  touched_.push_back(object.id);
+}
+
+/// What its layer does not list any more is gone, but for what may be listed again just now.
+void SemanticMap::miss_objects() {
   for (ObjectEntry& object : objects_) {
-    if (object.update != updates_) release(object);
+    if (object.update == updates_) continue;
+    if (object.missing_ns == kNever) object.missing_ns = stamp_ns_;
+    const bool stays = object.as == As::kItself && object.chains.empty() && !is_seen_through(object.latest) &&
+                       seconds_between(object.missing_ns, stamp_ns_) < kMissing_s;
+    if (stays) {
+      if (is_moving(object.latest)) go_on(object);
+      continue;
+    }
+    release(object);
+    object.handle = 0;
   }
-  objects_.erase(std::remove_if(objects_.begin(), objects_.end(),
-                                [this](const ObjectEntry& object) { return object.update != updates_; }),
-                 objects_.end());
+  objects_.erase(
+      std::remove_if(objects_.begin(), objects_.end(), [](const ObjectEntry& object) { return object.handle == 0; }),
+      objects_.end());
 }
 
 /// An object that its layer does not follow any more is its chain, if there is one.
@@ -175,12 +216,17 @@ void SemanticMap::release(ObjectEntry& object) {
   Owner& owner = owners_[object.id];
   owner.object = 0;
   owner.reason = is_seen_through(object.latest) ? GoneReason::kSeenThrough : GoneReason::kLeft;
-  if (lost_.size() == kMostLost) lost_.erase(lost_.begin());
-  lost_.push_back({object.handle, object.id});
+  if (lost_handles_.size() == kMostLost) {
+    lost_.erase(lost_handles_.front());
+    lost_handles_.pop_front();
+  }
+  lost_handles_.push_back(object.handle);
+  lost_[object.handle] = object.id;
   touched_.push_back(object.id);
   if (object.as != As::kItself) {
+    forget_parked(object.id);
     if (parked_.size() == kMostParked) parked_.erase(parked_.begin());
-    parked_.push_back({object.id, object.latest, kNever});
+    parked_.push_back({object.id, object.largest, object.came_ns, kNever});
   }
   for (const Handle handle : object.chains) {
     ChainEntry& chain = *find_chain(handle);
@@ -189,16 +235,29 @@ void SemanticMap::release(ObjectEntry& object) {
     if (chain.id == 0) own(chain, ids_->next());
     touched_.push_back(chain.id);
   }
+  if (owners_[object.id].chain != 0) return;
+  // What it was thought to have driven off from is it after all.
+  find_covers(object.latest);
+  for (const Cover& cover : covers_) {
+    ChainEntry& chain = *find_chain(cover.chain);
+    if (chain.left_with != object.id || chain.of_object != 0) continue;
+    const FeatureId before = chain.id;
+    own(chain, object.id);
+    merge(before, object.id);
+    return;
+  }
 }
 
 void SemanticMap::find_covers(const Object& object) {
-  const double margin_m = margin_of(object, params_.margin_m);
+  // What moves is drawn beside its estimate.
+  const double margin_m = margin_of(object, params_.margin_m + (is_moving(object) ? kBesideMoving_m : 0.0));
   const Eigen::AlignedBox2d box = box_around(object, margin_m);
   find_near(box);
   covers_.clear();
   for (const Handle handle : near_) {
     const ChainEntry& chain = *find_chain(handle);
     if (!chain.box_world_m.intersects(box) || (!with_chains_ && chain.of_boundary == 0)) continue;
+    if (chain.trace_of != 0) continue;
     const double on_m = length_on(object, chain.latest, margin_m);
     if (on_m <= 0.0) continue;
     const bool is_as_large = chain.box_world_m.diagonal().norm() <= kAsLarge * extent_of(object) + margin_m;
@@ -232,7 +291,11 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
   const auto is_covered = [&](double by_m, As as) {
     return by_m > 0.0 && by_m >= (object.as == as ? kStaysCovered : kCovered) * width_m;
   };
-  const bool is_parked = seconds_between(object.stood_since_ns, stamp_ns_) >= params_.parked_after_s;
+  std::int64_t stood_since_ns = object.stood_since_ns;
+  if (own != 0 && !object.has_moved) {
+    stood_since_ns = std::min(stood_since_ns, find_chain(own)->latest.first_seen_ns);
+  }
+  const bool is_parked = seconds_between(stood_since_ns, stamp_ns_) >= params_.parked_after_s;
   if (part_m > own_m && (is_parked || !object.has_moved) && is_covered(part_m, As::kPartOfChain)) {
     chain = part;
     return As::kPartOfChain;
@@ -245,15 +308,36 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
   return As::kItself;
 }
 
-void SemanticMap::hand_over(ObjectEntry& object) {
-  find_covers(object.latest);
-  // Chains that are its boundary, from now on or no longer.
+/// Whether a chain was there before an object came: then it is of something else.
+bool SemanticMap::was_there_before(const ChainEntry& chain, const ObjectEntry& object) const {
+  if (!object.has_moved) return false;
+  const std::int64_t came_ns = object.stood_since_ns != kNever ? object.stood_since_ns : stamp_ns_;
+  return seconds_between(chain.latest.first_seen_ns, came_ns) > kJustNow_s;
+}
+
+/// Gives an object another id, of a feature that it is one with.
+void SemanticMap::give_id(ObjectEntry& object, FeatureId id) {
+  const FeatureId before = object.id;
+  owners_[before].object = 0;
+  owners_[id].object = object.handle;
+  if (TargetEntry* const target = find_target(owners_[before].target); target != nullptr && owners_[id].target == 0) {
+    owners_[before].target = 0;
+    owners_[id].target = target->handle;
+    target->id = id;
+  }
+  object.id = id;
+  touched_.push_back(before);
+  touched_.push_back(id);
+}
+
+/// The chains that are the boundary of an object, from now on or no longer, after find_covers().
+void SemanticMap::find_chains_of(ObjectEntry& object) {
   for (const Handle handle : object.chains) {
     const auto cover = std::find_if(covers_.begin(), covers_.end(), [&](const Cover& c) { return c.chain == handle; });
     if (cover != covers_.end() && cover->is_of_object) continue;
     ChainEntry& chain = *find_chain(handle);
     chain.of_object = 0;
-    if (chain.id == 0 || chain.id == object.id) own(chain, ids_->next());
+    if (chain.id == 0) own(chain, ids_->next());
     touched_.push_back(chain.id);
   }
   object.chains.clear();
@@ -265,44 +349,122 @@ void SemanticMap::hand_over(ObjectEntry& object) {
       if (find_object(chain.of_object)->as == As::kItself) cover.on_object_m = 0.0;
       continue;
     }
+    if (chain.of_object != object.handle && was_there_before(chain, object)) cover.is_of_object = false;
     if (!cover.is_of_object) continue;
     object.chains.push_back(cover.chain);
     const bool is_whole = cover.on_object_m >= kIsOfObject * chain.length_m;
     if (is_whole || chain.of_object != object.handle) chain.length_of_object_m = chain.length_m;
     if (chain.of_object == object.handle) continue;
     chain.of_object = object.handle;
-    if (chain.id != 0 && chain.id != object.id) merge(chain.id, object.id);
+    if (chain.id == 0 || chain.id == object.id) continue;
+    if (!object.has_moved && chain.id < object.id && owners_[chain.id].object == 0) {
+      merge(object.id, chain.id);
+      give_id(object, chain.id);
+      object.is_id_of_chain = true;
+    } else {
+      merge(chain.id, object.id);
+    }
   }
-  // What else had its id is another thing now.
-  if (ChainEntry* const other = find_chain(owners_[object.id].chain);
-      other != nullptr && other->of_object != object.handle) {
-    own(*other, ids_->next());
+}
+
+/// Whether what leaves the chain that has its id is what that chain was of.
+bool SemanticMap::takes_id_along(const ObjectEntry& object) const {
+  if (!object.is_id_of_chain) return true;
+  const bool had_parked =
+      std::any_of(parked_.begin(), parked_.end(), [&](const Parked& parked) { return parked.id == object.id; });
+  return object.has_moved && (had_parked || object.covered >= kMostOfChain);
+}
+
+/// It is the feature, and its chains are none.
+void SemanticMap::make_itself(ObjectEntry& object, Handle was_part_of) {
+  // What drives off from a chain that was of nothing else is that.
+  const ChainEntry* const was = find_chain(was_part_of);
+  if (was != nullptr && is_moving(object.latest) && object.covered >= kMostOfChain && was->id != 0 &&
+      was->id < object.id && owners_[was->id].object == 0) {
+    merge(object.id, was->id);
+    give_id(object, was->id);
+    object.is_id_of_chain = true;
   }
+  for (const Handle handle : object.chains) {
+    const FeatureId of_chain = find_chain(handle)->id;
+    if (of_chain != 0 && of_chain != object.id) merge(of_chain, object.id);
+  }
+  if (ChainEntry* const other = find_chain(owners_[object.id].chain); other != nullptr && is_shown(*other)) {
+    if (takes_id_along(object)) {
+      const FeatureId id = object.id;
+      own(*other, ids_->next());
+      other->left_with = id;
+      object.is_id_of_chain = false;
+    } else {
+      give_id(object, ids_->next());
+      object.is_id_of_chain = false;
+    }
+  }
+  if (is_moving(object.latest)) object.covered = 0.0;
+}
+
+/// It is on the map as a part of a chain: under the older id, unless the chain is of something that was there before.
+void SemanticMap::make_part_of(ObjectEntry& object, ChainEntry& chain) {
+  if (!object.has_moved && chain.length_m > 0.0) {
+    const double on_m = length_on(object.latest, chain.latest, margin_of(object.latest, params_.margin_m));
+    object.covered = std::max(object.covered, on_m / chain.length_m);
+  }
+  if (id_on_map(chain) == 0) own(chain, ids_->next());
+  const FeatureId id = id_on_map(chain);
+  if (id == object.id) return;
+  const bool is_older = object.id < id && !was_there_before(chain, object);
+  ChainEntry* const shown = find_chain(owners_[id].chain);
+  const ChainEntry* const own_chain = find_chain(owners_[object.id].chain);
+  const bool is_free = shown != nullptr && (own_chain == nullptr || !is_shown(*own_chain));
+  if (is_free && (is_older || shown->left_with == object.id)) {
+    own(*shown, object.id);
+    merge(id, object.id);
+  } else {
+    merge(object.id, id);
+  }
+}
+
+void SemanticMap::hand_over(ObjectEntry& object) {
+  find_covers(object.latest);
+  find_chains_of(object);
   Handle chain = 0;
-  const As as = as_what(object, chain);
+  As as = as_what(object, chain);
+  if (as == As::kItself && !object.has_moved && object.chains.empty()) {
+    const auto around = std::find_if(near_.begin(), near_.end(), [&](Handle handle) {
+      const ChainEntry& candidate = *find_chain(handle);
+      return is_shown(candidate) && candidate.of_boundary == 0 && is_inside(object.latest, candidate.latest);
+    });
+    if (around != near_.end()) {
+      as = As::kPartOfChain;
+      chain = *around;
+    }
+  }
   if (as != object.as || chain != object.chain) {
     touched_.push_back(object.id);
     for (const Handle handle : object.chains) {
       if (find_chain(handle)->id != 0) touched_.push_back(find_chain(handle)->id);
     }
   }
+  const As was = object.as;
+  if (!is_moving(object.latest)) forget_trace(object);
+  const Handle was_part_of = object.as == As::kPartOfChain ? object.chain : 0;
   object.as = as;
   object.chain = chain;
-  for (const Handle handle : object.chains) {
-    const FeatureId of_chain = find_chain(handle)->id;
-    if (as == As::kItself && of_chain != 0 && of_chain != object.id) merge(of_chain, object.id);
+  if (as == As::kItself) {
+    make_itself(object, was_part_of);
+    if (was != As::kItself && is_moving(object.latest)) leave_parked(object);
+    if (is_moving(object.latest)) {
+      forget_parked(object.id);
+      object.largest = object.latest;
+    }
+    return;
   }
-  if (ChainEntry* const other = find_chain(owners_[object.id].chain);
-      as == As::kItself && other != nullptr && is_shown(*other)) {
-    own(*other, ids_->next());  // what drives off from its boundary has its id
+  if (as == As::kOwnChain) {
+    if (!object.has_moved) object.covered = 1.0;
+    own(*find_chain(chain), object.id);
   }
-  if (as == As::kOwnChain) own(*find_chain(chain), object.id);
-  if (as != As::kItself) new_.insert(new_.end(), object.chains.begin(), object.chains.end());
-  if (as == As::kPartOfChain) {
-    ChainEntry& of = *find_chain(chain);
-    if (id_on_map(of) == 0) own(of, ids_->next());
-    merge(object.id, id_on_map(of));
-  }
+  new_.insert(new_.end(), object.chains.begin(), object.chains.end());
+  if (as == As::kPartOfChain) make_part_of(object, *find_chain(chain));
 }
 
 }  // namespace situation_awareness

@@ -51,6 +51,7 @@ const MapDelta& SemanticMap::update(const LayerUpdates& layers) {
   if (layers.boundaries != nullptr) take_boundaries(*layers.boundaries);
   if (layers.objects != nullptr) take_objects(*layers.objects);
   for (ObjectEntry& object : objects_) hand_over(object);
+  if (layers.objects != nullptr) leave_traces();
   if (layers.targets != nullptr) take_targets(*layers.targets);
   tell();
   return delta_;
@@ -62,7 +63,9 @@ void SemanticMap::begin_anew() {
   boundaries_.clear();
   targets_.clear();
   parked_.clear();
+  traces_.clear();
   lost_.clear();
+  lost_handles_.clear();
   chains_in_.clear();
   owners_.clear();
   new_.clear();
@@ -183,6 +186,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     place(*known);
     unsettle_near(known->latest);
     touched_.push_back(known->id);
+    look_at_traces(*known);
   }
   for (const Handle handle : changes.gone) drop_chain(handle);
 }
@@ -268,13 +272,14 @@ FeatureId SemanticMap::id_on_map(const ChainEntry& chain) const {
   if (const ObjectEntry* const object = find_object(chain.of_object); object != nullptr && object->as == As::kItself) {
     return object->id;
   }
+  if (chain.trace_of != 0) return chain.trace_of;
   const ChainEntry* const other = find_chain(chain.beside);
   return other != nullptr ? id_on_map(*other) : chain.id;
 }
 
 bool SemanticMap::is_shown(const ChainEntry& chain) const {
   if (const BoundaryEntry* const boundary = find_boundary(chain.of_boundary)) return boundary->main == chain.handle;
-  if (chain.beside != 0 || !with_chains_) return false;
+  if (chain.beside != 0 || chain.trace_of != 0 || !with_chains_) return false;
   return chain.of_object == 0 || find_object(chain.of_object)->as != As::kItself;
 }
 
@@ -342,7 +347,8 @@ bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) c
     seen_between(target->first_seen_ns, target->last_seen_ns, feature);
   }
   if (!is_chain && !is_object) return true;
-  if (object != nullptr) add_object(object->latest, feature);
+  // What a larger thing has its id of is only a part of that.
+  if (object != nullptr && object->as != As::kPartOfChain) add_object(object->latest, feature);
   if (!is_chain) return true;
   const Chain& latest = chain->latest;
   feature.p_exists = latest.p_exists;

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <limits>
 #include <optional>
 #include <unordered_map>
@@ -113,9 +114,15 @@ class SemanticMap {
     Handle chain = 0;  ///< of kOwnChain and kPartOfChain
     std::int64_t stood_since_ns = kNever;
     bool has_moved = false;
-    std::vector<Handle> chains;  ///< that are its boundary
-    std::uint64_t update = 0;    ///< number of the latest update that listed it
+    std::int64_t came_ns = kNever;       ///< to where it stands, or last stood; kNever: it always stood there
+    bool is_id_of_chain = false;         ///< its id was one of a chain before
+    double covered = 0.0;                ///< part of that chain that it covered, at most, before it moved
+    std::vector<Handle> chains;          ///< that are its boundary
+    std::uint64_t update = 0;            ///< number of the latest update that listed it
+    std::int64_t missing_ns = kNever;    ///< since when its layer does not list it
+    std::int64_t predicted_ns = kNever;  ///< to when `latest` is predicted
     Object latest;
+    Object largest;  ///< the same with the greatest extent since it stands
   };
   /// A chain of its layer.
   struct ChainEntry {
@@ -123,6 +130,8 @@ class SemanticMap {
     FeatureId id = 0;
     Handle of_object = 0;               ///< whose boundary it is
     double length_of_object_m = 0.0;    ///< of the chain, when it began to be, or last was as a whole
+    FeatureId trace_of = 0;             ///< what was there and has moved on
+    FeatureId left_with = 0;            ///< the id that it had and with which an object drove off from it
     Handle beside = 0;                  ///< the chain that shows its surface, if it does not itself
     double begin_m = 0.0, end_m = 0.0;  ///< along it, what it shows
     Handle of_boundary = 0;             ///< of which it is a part, if that is on the map
@@ -138,6 +147,7 @@ class SemanticMap {
     bool is_before = false;
     const Chain* line = nullptr;
     double begin_m = 0.0, end_m = 0.0;  ///< along that, what covers
+    double length_m = 0.0;              ///< of that
   };
   /// A boundary of a large obstacle of its layer.
   struct BoundaryEntry {
@@ -158,12 +168,15 @@ class SemanticMap {
   struct Parked {
     FeatureId id = 0;
     Object object;
+    std::int64_t came_ns = kNever;        ///< there
     std::int64_t bare_since_ns = kNever;  ///< when it was first on no chain any more
   };
-  /// An object that its layer does not list any more.
-  struct Lost {
-    Handle handle = 0;
+  /// Where something was that has moved on: chains that were drawn of it there, and that no later hit is of, are none.
+  struct Trace {
     FeatureId id = 0;
+    Object object;
+    std::int64_t from_ns = kNever, until_ns = kNever;  ///< of the hits that were of it
+    bool is_parked = false;                            ///< it had parked there
   };
   /// A target of its layer.
   struct TargetEntry {
@@ -206,6 +219,7 @@ class SemanticMap {
   void unsettle_near(const Chain& line);
   bool is_before(const ChainEntry& a, const ChainEntry& b) const;
   void settle_overlaps();
+  Handle whole_of(const ChainEntry& chain) const;
   void settle(ChainEntry& chain);
   void take_boundaries(const BoundaryChanges& changes);
   void draw(BoundaryEntry& boundary);
@@ -220,11 +234,26 @@ class SemanticMap {
   void make_one(TargetEntry& target, FeatureId id);
   void part(TargetEntry& target);
   void take_objects(const Objects& objects);
+  void miss_objects();
+  void go_on(ObjectEntry& object);
   void hand_over(ObjectEntry& object);
+  void find_chains_of(ObjectEntry& object);
+  bool was_there_before(const ChainEntry& chain, const ObjectEntry& object) const;
+  bool takes_id_along(const ObjectEntry& object) const;
+  void leave_traces();
+  void add_trace(const Trace& trace);
+  void forget_trace(const ObjectEntry& object);
+  void look_at_traces_near(const Object& object);
+  void leave_parked(const ObjectEntry& object);
+  void look_at_traces(ChainEntry& chain);
+  void make_itself(ObjectEntry& object, Handle was_part_of);
+  void make_part_of(ObjectEntry& object, ChainEntry& chain);
+  void give_id(ObjectEntry& object, FeatureId id);
   void find_covers(const Object& object);
   As as_what(const ObjectEntry& object, Handle& chain) const;
   void watch_parked();
   void forget_parked(FeatureId id);
+  FeatureId id_of_parked(const Object& object) const;
   FeatureId id_of_new(const Object& object);
   FeatureId id_of_lost(const Object& object);
   bool is_seen_through(const Object& object) const;
@@ -268,7 +297,8 @@ class SemanticMap {
   std::vector<TargetEntry> targets_;       ///< by handle
   std::vector<Pair> pairs_;
   std::vector<Parked> parked_;
-  std::vector<Lost> lost_;
+  std::unordered_map<Handle, FeatureId> lost_;  ///< ids of objects that their layer does not list any more
+  std::deque<Handle> lost_handles_;             ///< in the order in which they were lost
   std::unordered_map<std::uint64_t, std::vector<Handle>> chains_in_;  ///< cells of the world
   std::unordered_map<FeatureId, Owner> owners_;
   std::size_t on_map_ = 0;
@@ -281,6 +311,7 @@ class SemanticMap {
   std::vector<Handle> joined_;           ///< chains that have begun to be shown by another one
   std::vector<Overlap> others_;          ///< chains beside one, and how much of it each covers
   std::vector<Cover> covers_;
+  std::vector<Trace> traces_;
   FreeSpaceMemory sights_;
   MapDelta delta_;
 };
