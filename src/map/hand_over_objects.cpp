@@ -280,12 +280,13 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
   double own_m = 0.0, part_m = 0.0, most_own_m = 0.0, most_part_m = 0.0;
   Handle own = 0, part = 0;
   for (const Cover& cover : covers_) {
-    double& sum_m = cover.is_of_object ? own_m : part_m;
-    double& most_m = cover.is_of_object ? most_own_m : most_part_m;
+    const bool is_own = cover.is_of_object && !was_there_before(*find_chain(cover.chain), object);
+    double& sum_m = is_own ? own_m : part_m;
+    double& most_m = is_own ? most_own_m : most_part_m;
     sum_m += cover.on_object_m;
     if (cover.on_object_m <= most_m) continue;
     most_m = cover.on_object_m;
-    (cover.is_of_object ? own : part) = cover.chain;
+    (is_own ? own : part) = cover.chain;
   }
   const double width_m = lesser_width_of(object.latest);
   const auto is_covered = [&](double by_m, As as) {
@@ -349,7 +350,6 @@ void SemanticMap::find_chains_of(ObjectEntry& object) {
       if (find_object(chain.of_object)->as == As::kItself) cover.on_object_m = 0.0;
       continue;
     }
-    if (chain.of_object != object.handle && was_there_before(chain, object)) cover.is_of_object = false;
     if (!cover.is_of_object) continue;
     object.chains.push_back(cover.chain);
     const bool is_whole = cover.on_object_m >= kIsOfObject * chain.length_m;
