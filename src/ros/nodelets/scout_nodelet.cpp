@@ -300,7 +300,7 @@ class ScoutStage {
   bool has_targets_ = false, has_new_grid_ = false, is_done_ = false;
   std::optional<std::int64_t> last_ns_, obstacles_ns_;
   std::uint64_t updates_taken_ = 0;  ///< by the obstacles
-  ros::SteadyTime odometry_at_;   ///< the latest that was used
+  ros::SteadyTime odometry_at_;      ///< the latest that was used
   ScoutingStep step_;
   ros::Publisher go_to_, status_, markers_, done_;
   ros::Subscriber targets_sub_, grid_sub_;

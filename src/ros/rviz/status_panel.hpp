@@ -34,8 +34,8 @@ namespace situation_awareness {
 
 /// Status of the stages, buttons for the services of the map, and the live parameters. Stages and map are given by
 /// fields that are saved with rviz's configuration; the last stage keeps the map, unless it is semantic_map, whose
-/// services have its name. It does not block: callbacks of ROS run from a timer in the GUI's thread, services in another
-/// thread.
+/// services have its name. It does not block: callbacks of ROS run from a timer in the GUI's thread, services in
+/// another thread.
 class StatusPanel : public rviz::Panel {
   Q_OBJECT
 
