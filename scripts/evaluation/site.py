@@ -45,7 +45,7 @@ SEEDS, QUICK_SEEDS = 50, 3
 CONFIG = ROOT / "cfg/map_outdoor.yaml"
 MOST_RANGE_M = 20.0
 
-# What is compared.
+# These bounds and names say what is compared.
 ON_M = 0.3  # an outline is on another one that is so near
 HIT_M = 0.1  # a hit is of the thing whose outline is so near
 VISIBLE_HITS = 5
@@ -339,7 +339,7 @@ class Scene:
 
         until_placed(attempt, tries)
 
-    # What there is.
+    # The things of the scene.
 
     def add_hall(self):
         x0, x1 = self.uniform(-20.5, -19.5), -4.0

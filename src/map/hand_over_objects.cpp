@@ -394,11 +394,10 @@ void SemanticMap::make_itself(ObjectEntry& object, Handle was_part_of) {
       const FeatureId id = object.id;
       own(*other, ids_->next());
       other->left_with = id;
-      object.is_id_of_chain = false;
     } else {
       give_id(object, ids_->next());
-      object.is_id_of_chain = false;
     }
+    object.is_id_of_chain = false;
   }
   if (is_moving(object.latest)) object.covered = 0.0;
 }

@@ -2,7 +2,6 @@
 #include "situation_awareness/path/safety_areas.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <utility>

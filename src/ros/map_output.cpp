@@ -88,8 +88,9 @@ void MapOutput::publish(const MapDelta& delta) {
   const bool is_repair_due = is_followed && repair_limit_.passes(now_ns);
   MapUpdate all;
   if (is_whole_due || is_repair_due) {
-    all = whole();
-    count(all);
+    const MapDelta map = pipeline_.whole();
+    count(map.changed);
+    all = map_delta_to_msg(map, uuid_, world_frame_);
   }
   if (is_whole_due) publish_(whole_publisher_, all);
   if (is_repair_due) {
@@ -112,17 +113,11 @@ void MapOutput::begin_anew() {
 
 MapUpdate MapOutput::whole() const { return map_delta_to_msg(pipeline_.whole(), uuid_, world_frame_); }
 
-void MapOutput::count(const MapUpdate& all) {
-  static const std::map<std::uint8_t, const char*> kKinds = {{MapFeature::ELLIPSE, "ellipse"},
-                                                             {MapFeature::BOX, "box"},
-                                                             {MapFeature::POLYLINE, "polyline"},
-                                                             {MapFeature::BOUNDARY, "boundary"},
-                                                             {MapFeature::TARGET, "target"}};
-  counts_ = {{"moving", 0}};
-  for (const auto& [kind, name] : kKinds) counts_[name] = 0;
-  for (const MapFeature& feature : all.changed) {
-    ++counts_[kKinds.at(feature.kind)];
-    if (feature.motion == MapFeature::MOVING) ++counts_["moving"];
+void MapOutput::count(const std::vector<Feature>& features) {
+  counts_ = {{"moving", 0}, {"ellipse", 0}, {"box", 0}, {"polyline", 0}, {"boundary", 0}, {"target", 0}};
+  for (const Feature& feature : features) {
+    ++counts_[kind_of(feature.shape)];
+    if (feature.motion == Motion::kMoving) ++counts_["moving"];
   }
 }
 

@@ -28,7 +28,8 @@ std::string run_id() {
   return payload.getType() == XmlRpc::XmlRpcValue::TypeString ? static_cast<std::string>(payload) : "";
 }
 
-/// The same for all watches of this process: asked again where the latest answer is older than half their period.
+/// The run of the master for all watches of this process, which ask it again only where the latest answer is older than
+/// half their period.
 std::string latest_run_id() {
   using Clock = std::chrono::steady_clock;
   static std::mutex mutex;

@@ -85,8 +85,8 @@ struct MissionInput {
   Eigen::Matrix3d covariance_world = Eigen::Matrix3d::Zero();     ///< of x, y (m) and yaw (rad)
   double speed_m_s = 0.0;                                         ///< over ground, >= 0
   const Map* map = nullptr;
-  /// Of a scan since the last step. Hits that are not on the map are obstacles, as HitMemory says: the map may be old,
-  /// or elsewhere.
+  /// What a scan since the last step saw. Hits that are not on the map are obstacles, as HitMemory says: the map may be
+  /// old, or elsewhere.
   const FreeBeams* sight = nullptr;
 };
 

@@ -48,7 +48,7 @@ class MapOutput {
  private:
   void begin_anew();
   MapUpdate whole() const;
-  void count(const MapUpdate& all);
+  void count(const std::vector<Feature>& features);
   void report(StageDiagnostics::Status& status) const;
 
   StageContextBase& context_;

@@ -71,7 +71,8 @@ bool interpolate(const std::array<Pair, kAtOnce>& above, const std::array<Pair, 
   return unknown == 0;
 }
 
-/// The same where all places of the line are between four pixels of the raster: rows of so many pixels.
+/// Finds the heights of places of a line, all of which are between four pixels of the raster, whose rows have `width`
+/// pixels.
 bool find_between(const Line& line, const float* heights, std::size_t width, const double* away_m, std::size_t count,
                   double* heights_m) {
   Places at;

@@ -153,9 +153,9 @@ class LabelReader {
   /// Bilinear; NaN where a pixel that counts is not known.
   float value(double u, double v) const { return between(place_between(u, v), labels_); }
 
-  /// The same, and that of the means of 3 x 3 pixels, of places above each other, from a height above the foot on;
-  /// both are as ImageExtent::A says. What is not known counts in means as nothing of the class. NaN and 0
-  /// where they are outside the image. False if none is known.
+  /// Reads the bilinear value of the labels, and that of their means over 3 x 3 pixels, at places above each other,
+  /// from a height above the foot on; both are as ImageExtent::A says. What is not known counts in means as nothing of
+  /// the class. NaN and 0 where they are outside the image. False if none is known.
   SITUATION_AWARENESS_SEVERAL_AT_ONCE
   bool read_column(const Eigen::Vector3d& foot, const Eigen::Vector3d& up, double first_m, double step_m,
                    std::vector<float>& sharp, std::vector<float>& soft) const {
@@ -374,7 +374,7 @@ class Horizon {
     return static_cast<double>(ground_slopes_[place_before(away_m, range_m, kOwn_m)]);
   }
 
-  /// The same of the cells of a row that are in the image, in SeenRow::hidden_below_m.
+  /// Writes the slope before each cell of a row that is in the image to SeenRow::hidden_below_m.
   void find_slopes_before(double y_m, SeenRow& row) {
     Row<std::int32_t> directions, rings;
     find_rings(row, y_m, kDirections, kOwn_m, rings_per_m_, directions, rings);
@@ -399,7 +399,7 @@ class Horizon {
     return place_of(direction, static_cast<int>((range_m - own_m) * rings_per_m_));
   }
 
-  /// Of the slopes up to a ring in a direction, which is marched to it; before the first ring there is none.
+  /// The index of the slopes up to a ring in a direction, which is marched to it; before the first ring there is none.
   std::size_t place_of(int direction, int ring) {
     const int last = std::min(ring, rings_ - 1);
     if (last >= marched_[static_cast<std::size_t>(direction)]) march(direction, last);

@@ -44,7 +44,7 @@ class Elevation {
   /// NaN where it is not known.
   double at(double x_world_m, double y_world_m) const;
 
-  /// The same of as many places along a straight line, at these distances from its begin, which ascend.
+  /// The heights of `count` places along a straight line, as at() has them. Their distances from its begin ascend.
   void along(const Eigen::Vector2d& begin_world_m, const Eigen::Vector2d& direction, const double* distances_m,
              std::size_t count, double* heights_world_m) const;
 
