@@ -140,7 +140,8 @@ void SemanticMap::sort_near() {
   near_.erase(std::unique(near_.begin(), near_.end()), near_.end());
 }
 
-/// Gives a chain an id, in the place of the one that it had. Another chain that had it gets a new one, if it is shown.
+/// Gives a chain an id, in the place of the one that it had, which is part of that now unless something else has it.
+/// Another chain that had it gets a new one, if it is shown.
 void SemanticMap::own(ChainEntry& chain, FeatureId id) {
   Owner& owner = owners_[id];
   if (owner.chain == chain.handle) return;
@@ -150,10 +151,10 @@ void SemanticMap::own(ChainEntry& chain, FeatureId id) {
   }
   if (chain.id != 0) {
     owners_[chain.id].chain = 0;
-    touched_.push_back(chain.id);
+    merge(chain.id, id);
   }
   chain.id = id;
-  owner.chain = chain.handle;
+  owners_[id].chain = chain.handle;
   touched_.push_back(id);
 }
 

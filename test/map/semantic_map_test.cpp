@@ -974,6 +974,25 @@ TEST(SemanticMap, AMapThatBeginsAnewGivesNoIdTwice) {
   EXPECT_GE(map.features.front().id, upcoming);
 }
 
+// A chain that takes over an id is what it was before, too.
+TEST(SemanticMap, WhatTakesOverAnIdIsToldAsMergedIntoIt) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.chain(3, {{3.0, -0.9}, {6.0, -0.9}});
+  scene.scan(12.0);
+  scene.chain(4, {{7.0, -0.8}, {7.0, 0.9}});
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 polyline"}));
+  scene.chain(3, {{3.0, -0.9}, {3.5, -0.9}});
+  scene.chain(4, {{5.0, -0.9}, {7.0, -0.9}, {7.0, 0.9}});
+  scene.scan(0.5);
+  for (const Gone& gone : scene.gone()) {
+    EXPECT_EQ(gone.reason, GoneReason::kMerged) << gone.id;
+    EXPECT_EQ(gone.into, FeatureId{1});
+  }
+  EXPECT_FALSE(scene.gone().empty());
+}
+
 TEST(SemanticMap, WhatGoesSaysWhy) {
   Scene scene;
   scene.box(7, {5.0, 0.0}).p_moving = 1.0;
