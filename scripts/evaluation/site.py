@@ -1149,10 +1149,14 @@ class Comparison:
             if not event.get("found"):
                 continue
             # A thing that drives off under its id tells nothing of its former place.
-            if event["ids"] and all(self.ended.get(found) not in ("seen through", "left") for found in event["ids"]):
+            place = cKDTree(placed(thing.samples(), event["pose"]))
+            gone = [found for found in event["ids"] if self.ended.get(found) in ("seen through", "left")]
+            told = [told for told in (self.last_told[found] for found in gone) if np.isfinite(
+                place.query(Feature(told).samples, distance_upper_bound=ON_M)[0]).mean() > 0.5]
+            if event["ids"] and not told:
                 self.score.counts["time of going not to be told"] += 1
                 continue
-            told = next((self.last_told[found] for found in reversed(event["ids"]) if found in self.last_told), {})
+            told = told[-1] if told else {}
             leaves_s = thing.leaves_s if not math.isnan(thing.leaves_s) else thing.goes_s
             self.judge_time(leaves_s, told.get("last_seen"), told.get("first_absent"), "going", thing.name)
 

@@ -51,16 +51,30 @@ bool FreeSpaceMemory::passes(const Remembered& scan, const Eigen::Vector2d& p_wo
   return true;
 }
 
+bool FreeSpaceMemory::passes_half(const Remembered& scan, const std::vector<Eigen::Vector2d>& places_world_m) {
+  const auto passed = std::count_if(places_world_m.begin(), places_world_m.end(),
+                                    [&](const Eigen::Vector2d& p_world_m) { return passes(scan, p_world_m); });
+  return passed > 0 && 2 * static_cast<std::size_t>(passed) >= places_world_m.size();
+}
+
 std::optional<std::int64_t> FreeSpaceMemory::last_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,
                                                           std::int64_t before_ns) const {
   for (std::size_t back = 1; back <= scans_.size(); ++back) {
-    const Remembered& scan = scans_[(next_ + kScans - back) % kScans];
-    if (scan.stamp_ns >= before_ns) continue;
-    const auto passed = std::count_if(places_world_m.begin(), places_world_m.end(),
-                                      [&](const Eigen::Vector2d& p_world_m) { return passes(scan, p_world_m); });
-    if (passed > 0 && 2 * static_cast<std::size_t>(passed) >= places_world_m.size()) return scan.stamp_ns;
+    const Remembered& scan = latest(back);
+    if (scan.stamp_ns < before_ns && passes_half(scan, places_world_m)) return scan.stamp_ns;
   }
   return std::nullopt;
+}
+
+std::optional<std::int64_t> FreeSpaceMemory::first_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,
+                                                           std::int64_t after_ns) const {
+  std::optional<std::int64_t> first_ns;
+  for (std::size_t back = 1; back <= scans_.size(); ++back) {
+    const Remembered& scan = latest(back);
+    if (scan.stamp_ns <= after_ns) break;
+    if (passes_half(scan, places_world_m)) first_ns = scan.stamp_ns;
+  }
+  return first_ns;
 }
 
 }  // namespace situation_awareness

@@ -213,6 +213,7 @@ void SemanticMap::miss_objects() {
 
 /// An object that its layer does not follow any more is its chain, if there is one.
 void SemanticMap::release(ObjectEntry& object) {
+  remember_last(object.id);
   Owner& owner = owners_[object.id];
   owner.object = 0;
   owner.reason = is_seen_through(object.latest) ? GoneReason::kSeenThrough : GoneReason::kLeft;

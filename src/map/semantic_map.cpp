@@ -72,6 +72,7 @@ void SemanticMap::begin_anew() {
   unsettled_.clear();
   joined_.clear();
   sights_.clear();
+  last_.clear();
   on_map_ = 0;
   is_new_ = true;
   ++maps_;
@@ -195,6 +196,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
 void SemanticMap::drop_chain(Handle handle) {
   ChainEntry* const gone = find_chain(handle);
   if (gone == nullptr) return;
+  remember_last(gone->id);
   changed_world_m_.extend(gone->box_world_m);
   remove(*gone);
   unsettle_near(gone->latest);
@@ -322,6 +324,14 @@ void add_object(const Object& object, Feature& feature) {
   }
 }
 
+/// That with an id; null if it is not there.
+template <class Features>
+auto feature_in(Features& features, FeatureId id) {
+  const auto place =
+      std::find_if(features.begin(), features.end(), [id](const Feature& feature) { return feature.id == id; });
+  return place != features.end() ? &*place : nullptr;
+}
+
 }  // namespace
 
 /// False if nothing of that id is on the map.
@@ -366,7 +376,51 @@ bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) c
   return true;
 }
 
+/// Keeps what a feature is on the map as, which a layer is about to lose.
+void SemanticMap::remember_last(FeatureId id) {
+  const auto owner = owners_.find(id);
+  if (owner == owners_.end() || !owner->second.is_on_map || feature_in(last_, id) != nullptr) return;
+  Feature feature;
+  if (feature_of(id, owner->second, feature)) last_.push_back(std::move(feature));
+}
+
+/// Tells of a feature that is gone when its place was free after it was seen, if that is known: it is on the map for
+/// one more update.
+bool SemanticMap::tell_absence(FeatureId id) {
+  Feature* const last = feature_in(last_, id);
+  Owner& owner = owners_[id];
+  if (last == nullptr || owner.is_leaving) return false;
+  last->first_absent_ns = sights_.first_free_ns(points_along(last->shape), last->last_seen_ns);
+  if (!last->first_absent_ns && owner.reason == GoneReason::kSeenThrough) last->first_absent_ns = stamp_ns_;
+  if (!last->first_absent_ns) return false;
+  owner.is_leaving = owner.is_on_map = true;
+  ++on_map_;
+  delta_.changed.push_back(*last);
+  return true;
+}
+
+/// Tells when what is gone was not there any more, in the place of that it is gone, where that was not told yet.
+void SemanticMap::tell_absences() {
+  const auto end = std::remove_if(delta_.gone.begin(), delta_.gone.end(), [this](const Gone& gone) {
+    return gone.reason != GoneReason::kMerged && tell_absence(gone.id);
+  });
+  if (end != delta_.gone.end()) {
+    delta_.gone.erase(end, delta_.gone.end());
+    std::sort(delta_.changed.begin(), delta_.changed.end(),
+              [](const Feature& a, const Feature& b) { return a.id < b.id; });
+  }
+  last_.erase(std::remove_if(last_.begin(), last_.end(),
+                             [this](const Feature& last) {
+                               const auto owner = owners_.find(last.id);
+                               return owner == owners_.end() || !owner->second.is_leaving || !owner->second.is_on_map;
+                             }),
+              last_.end());
+}
+
 void SemanticMap::tell() {
+  for (const Feature& last : last_) {
+    if (owners_[last.id].is_leaving) touched_.push_back(last.id);
+  }
   for (const Handle handle : new_) {
     ChainEntry* const chain = find_chain(handle);
     if (chain != nullptr && chain->id == 0 && is_shown(*chain)) own(*chain, ids_->next());
@@ -402,6 +456,7 @@ void SemanticMap::tell() {
       delta_.changed.push_back(std::move(feature));
       on_map_ += owner.is_on_map ? 0 : 1;
       owner.is_on_map = true;
+      owner.is_leaving = false;
       owner.into = 0;
     } else if (owner.is_on_map) {
       --on_map_;
@@ -415,9 +470,10 @@ void SemanticMap::tell() {
     gone.reason = GoneReason::kMerged;
     gone.into = into;
   }
+  tell_absences();
   for (const FeatureId id : touched_) {
     const Owner& owner = owners_[id];
-    if (owner.object == 0 && owner.chain == 0 && owner.target == 0) owners_.erase(id);
+    if (owner.object == 0 && owner.chain == 0 && owner.target == 0 && !owner.is_on_map) owners_.erase(id);
   }
 }
 
@@ -443,7 +499,10 @@ Map SemanticMap::map(Map memory) const {
   result.stamp_ns = stamp_ns_;
   result.height_world_m = height_world_m_;
   result.features.clear();
-  for (const FeatureId id : ids) feature_of(id, owners_.at(id), result.features.emplace_back());
+  for (const FeatureId id : ids) {
+    Feature& feature = result.features.emplace_back();
+    if (!feature_of(id, owners_.at(id), feature)) feature = *feature_in(last_, id);
+  }
   return result;
 }
 

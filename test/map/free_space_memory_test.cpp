@@ -47,6 +47,10 @@ TEST(FreeSpaceMemory, KnowsTheLatestScanThatPassedAPlaceWhereverTheScannerWas) {
     EXPECT_EQ(memory.last_free_ns(thing_at({9.0, 1.0}), 20 * kSecond_ns), 9 * kSecond_ns);
     EXPECT_FALSE(memory.last_free_ns(thing_at({0.0, 30.0}), 9 * kSecond_ns));
     EXPECT_FALSE(memory.last_free_ns({}, 9 * kSecond_ns)) << "nowhere";
+    EXPECT_EQ(memory.first_free_ns(thing_at({0.0, 6.0}), 1 * kSecond_ns), 2 * kSecond_ns);
+    EXPECT_FALSE(memory.first_free_ns(thing_at({0.0, 6.0}), 4 * kSecond_ns));
+    EXPECT_EQ(memory.first_free_ns(thing_at({9.0, 1.0}), 5 * kSecond_ns), 8 * kSecond_ns);
+    EXPECT_FALSE(memory.first_free_ns({}, -kSecond_ns)) << "nowhere";
   }
 }
 

@@ -26,7 +26,7 @@ std::string text_of(const Feature& feature) {
   text << feature.id << ' ' << kind_of(feature.shape) << ' ' << name_of(feature.object_class) << ' ' << feature.p_class
        << ' ' << feature.p_exists << ' ' << feature.p_moving << ' ' << name_of(feature.motion) << ' '
        << feature.first_seen_ns << ' ' << feature.last_seen_ns << ' ' << feature.last_absent_ns.value_or(-1) << ' '
-       << feature.seen_by.scan << feature.seen_by.camera;
+       << feature.first_absent_ns.value_or(-1) << ' ' << feature.seen_by.scan << feature.seen_by.camera;
   if (const auto* line = std::get_if<PolylineShape>(&feature.shape)) {
     for (const ChainVertex& vertex : line->vertices) text << ' ' << vertex.p_world_m.transpose();
   }
@@ -163,6 +163,9 @@ class Scene {
     return result;
   }
   const std::vector<Gone>& gone() const { return told_gone_; }
+  /// What the updates said last of a feature.
+  const Feature& last(FeatureId id) const { return last_.at(id); }
+  std::int64_t stamp_ns() const { return stamp_ns_; }
   Map map() const { return map_.map(); }
   FeatureId upcoming() const { return ids_.upcoming(); }
 
@@ -176,7 +179,10 @@ class Scene {
   void follow(const MapDelta& update) {
     EXPECT_EQ(update.base, update.full ? 0 : version_);
     version_ = update.version;
-    for (const Feature& feature : update.changed) listener_[feature.id] = text_of(feature);
+    for (const Feature& feature : update.changed) {
+      listener_[feature.id] = text_of(feature);
+      last_[feature.id] = feature;
+    }
     std::map<FeatureId, std::string> there;
     for (const Feature& feature : map_.map().features) there[feature.id] = text_of(feature);
     for (const Gone& gone : update.gone) {
@@ -206,6 +212,7 @@ class Scene {
   GridTargets targets_;
   FreeSpace free_space_;
   std::map<FeatureId, std::string> listener_;
+  std::map<FeatureId, Feature> last_;
   MapReplica replica_;
   std::vector<Gone> told_gone_;
   std::uint64_t version_ = 0;
@@ -517,7 +524,7 @@ TEST(SemanticMap, ASurfaceIsThereOnce) {
   scene.scan();
   EXPECT_EQ(scene.features().size(), 2U);
   scene.drop(3);
-  scene.scan();
+  scene.scan(0.2);
   EXPECT_EQ(scene.features().size(), 2U);
 }
 
@@ -802,6 +809,41 @@ TEST(SemanticMap, TellsWhatIsNotThereFromWhatIsNotSeen) {
     scene.scan(2.0);
     ASSERT_EQ(scene.gone().size(), 1U);
     EXPECT_EQ(scene.gone()[0].reason, passes ? GoneReason::kSeenThrough : GoneReason::kLeft);
+  }
+}
+
+// It went between the time when it was seen last and that when its place was seen to be free.
+TEST(SemanticMap, TellsWhenAThingWasNotThereAnyMoreBeforeItIsGone) {
+  for (const bool is_chain : {true, false}) {
+    Scene scene;
+    scene.see(3.0);
+    if (is_chain) {
+      scene.chain(3, {{5.0, -0.4}, {5.0, 0.4}});
+    } else {
+      scene.box(7, {5.0, 0.0}, 0.5, 0.5);
+    }
+    scene.scan(2.0);
+    const std::int64_t last_seen_ns = scene.map().features.at(0).last_seen_ns;
+    scene.see(9.0);
+    const std::int64_t free_from_ns = scene.stamp_ns();
+    if (!is_chain) scene.lose(7);
+    scene.scan();
+    if (is_chain) {
+      scene.scan(0.9);
+      scene.drop(3);
+    }
+    while (scene.gone().empty() && scene.stamp_ns() < free_from_ns + 3'000'000'000) {
+      EXPECT_EQ(scene.features().size(), 1U);
+      scene.scan();
+    }
+    EXPECT_TRUE(scene.features().empty());
+    ASSERT_EQ(scene.gone().size(), 1U);
+    EXPECT_EQ(scene.gone()[0].reason, GoneReason::kSeenThrough);
+    const Feature& last = scene.last(1);
+    EXPECT_EQ(last.last_seen_ns, last_seen_ns);
+    ASSERT_TRUE(last.first_absent_ns);
+    EXPECT_GT(*last.first_absent_ns, free_from_ns);
+    EXPECT_LE(*last.first_absent_ns, free_from_ns + 600'000'000) << "a scan in .5 s is remembered";
   }
 }
 

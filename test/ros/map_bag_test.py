@@ -100,6 +100,8 @@ class MapBagTest(BagToolTest):
             for gone in line["gone"]:
                 self.assertIn(gone["reason"], ["left", "seen through", "merged", "forgotten"])
                 self.assertEqual("into" in gone, gone["reason"] == "merged")
+                if is_next and gone["reason"] == "seen through":
+                    self.assertLessEqual(before[gone["id"]]["first_absent"], line["stamp"])
                 if is_next:
                     del features[gone["id"]]
             for feature in line["changed"]:
@@ -112,8 +114,10 @@ class MapBagTest(BagToolTest):
         return result
 
     def check_feature(self, feature, stamp_s):
-        self.assertEqual([key for key in feature if key != "last_absent"], ALWAYS + MORE[feature["kind"]])
+        self.assertEqual([key for key in feature if key not in ("last_absent", "first_absent")],
+                         ALWAYS + MORE[feature["kind"]])
         self.assertLess(feature.get("last_absent", -math.inf), feature["first_seen"])
+        self.assertGreater(feature.get("first_absent", math.inf), feature["last_seen"])
         self.assertLess(feature["id"], 2**53)
         self.assertIn(feature["motion"], ["moving", "standing", "fixed"])
         self.assertLessEqual(feature["first_seen"], feature["last_seen"])

@@ -32,6 +32,10 @@ class FreeSpaceMemory {
   std::optional<std::int64_t> last_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,
                                            std::int64_t before_ns) const;
 
+  /// Stamp of the first of the scans after `after_ns` of which that is true.
+  std::optional<std::int64_t> first_free_ns(const std::vector<Eigen::Vector2d>& places_world_m,
+                                            std::int64_t after_ns) const;
+
   /// Forgets all scans.
   void clear();
 
@@ -42,7 +46,10 @@ class FreeSpaceMemory {
     FreeSpace free_space;
   };
 
+  /// The one that was added as the `back`-th from the latest, which is the first.
+  const Remembered& latest(std::size_t back) const { return scans_[(next_ + kScans - back) % kScans]; }
   static bool passes(const Remembered& scan, const Eigen::Vector2d& p_world_m);
+  static bool passes_half(const Remembered& scan, const std::vector<Eigen::Vector2d>& places_world_m);
 
   std::vector<Remembered> scans_;  ///< a ring, `next_` is the oldest once it is full
   std::size_t next_ = 0;

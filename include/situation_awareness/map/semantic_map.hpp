@@ -199,6 +199,7 @@ class SemanticMap {
   struct Owner {
     Handle object = 0, chain = 0, target = 0;
     bool is_on_map = false;
+    bool is_leaving = false;                       ///< it is on the map for one more update, as what it was last
     GoneReason reason = GoneReason::kSeenThrough;  ///< if it is part of no other one
     FeatureId into = 0;                            ///< of which it is a part
     std::optional<std::int64_t> last_absent_ns;    ///< Feature
@@ -281,6 +282,9 @@ class SemanticMap {
   bool is_shown(const ChainEntry& chain) const;
   bool feature_of(FeatureId id, const Owner& owner, Feature& feature) const;
   bool shape_of(FeatureId id, const Owner& owner, Feature& feature) const;
+  void remember_last(FeatureId id);
+  bool tell_absence(FeatureId id);
+  void tell_absences();
   void tell();
 
   HandOverParams params_;
@@ -313,6 +317,7 @@ class SemanticMap {
   std::vector<Cover> covers_;
   std::vector<Trace> traces_;
   FreeSpaceMemory sights_;
+  std::vector<Feature> last_;  ///< of features that a layer may have lost with this update, and those that are leaving
   MapDelta delta_;
 };
 
