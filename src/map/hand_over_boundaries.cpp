@@ -135,6 +135,7 @@ void SemanticMap::enter_boundary(ChainEntry& chain, Handle handle) {
   } else {
     merge(chain.id, main->id);
   }
+  touch_boundary(handle);
 }
 
 /// The largest chain, of that which leaves and those that stay, keeps the id.
@@ -146,10 +147,18 @@ void SemanticMap::leave_boundary(ChainEntry& chain) {
   --boundary.chains;
   touched_.push_back(chain.id);
   new_.push_back(chain.handle);
+  touch_boundary(boundary.handle);
   if (boundary.main != chain.handle) return;
   lead(boundary);
   ChainEntry* const main = find_chain(boundary.main);
   if (main != nullptr && chain.id != 0 && main->length_m > chain.length_m) own(*main, chain.id);
+}
+
+/// What it is on the map as has changed: how certain its chains are, or which.
+void SemanticMap::touch_boundary(Handle handle) {
+  const BoundaryEntry* const boundary = find_boundary(handle);
+  const ChainEntry* const main = boundary != nullptr ? find_chain(boundary->main) : nullptr;
+  if (main != nullptr) touched_.push_back(main->id);
 }
 
 /// Gives a boundary the id of its longest chain.

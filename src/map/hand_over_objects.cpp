@@ -29,6 +29,8 @@ constexpr double kMissing_s = 1.0;
 constexpr double kBesideMoving_m = 0.2;
 /// Part of a chain that an object covered that is what the chain is of.
 constexpr double kMostOfChain = 0.5;
+/// s. What is seen for less, at a chain that has stood for long without it, may be somebody who has come.
+constexpr double kJustCame_s = 2.0;
 /// Objects that are remembered though they are part of larger things; and those that are, as their layer may find them
 /// again.
 constexpr std::size_t kMostParked = 1000, kMostLost = 1000;
@@ -60,6 +62,16 @@ bool are_same(const Object& a, const Object& b) {
                                   object.angular_velocity_rad_s};
   };
   return are_same_as_chain(a, b) && a.shape == b.shape && numbers(a) == numbers(b) && a.covariance == b.covariance;
+}
+
+/// Until when a map of objects says what is there: one that has hits on what it has not seen for a while is an older one
+/// that is repeated with new stamps.
+std::int64_t seen_until_ns(const Objects& objects) {
+  std::int64_t until_ns = objects.stamp_ns;
+  for (const Object& object : objects.objects) {
+    if (object.beams > 0) until_ns = std::min(until_ns, object.last_seen_ns);
+  }
+  return until_ns;
 }
 
 }  // namespace
@@ -146,6 +158,7 @@ bool SemanticMap::is_seen_through(const Object& object) const {
 }
 
 void SemanticMap::take_objects(const Objects& objects) {
+  objects_stamp_ns_ = seen_until_ns(objects);
   for (const Object& object : objects.objects) {
     ObjectEntry* known = find_object(object.id);
     if (known == nullptr) {
@@ -298,7 +311,8 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
     stood_since_ns = std::min(stood_since_ns, find_chain(own)->latest.first_seen_ns);
   }
   const bool is_parked = seconds_between(stood_since_ns, stamp_ns_) >= params_.parked_after_s;
-  if (part_m > own_m && (is_parked || !object.has_moved) && is_covered(part_m, As::kPartOfChain)) {
+  if (part_m > own_m && (is_parked || !object.has_moved) && is_covered(part_m, As::kPartOfChain) &&
+      may_be_part_of(object, *find_chain(part))) {
     chain = part;
     return As::kPartOfChain;
   }
@@ -308,6 +322,15 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
     return As::kOwnChain;
   }
   return As::kItself;
+}
+
+/// Whether who drives by the map may take an object for a part of what a chain is of: never a person, nor what has just
+/// come to a chain that has stood for long.
+bool SemanticMap::may_be_part_of(const ObjectEntry& object, const ChainEntry& chain) const {
+  if (object.latest.object_class == ObjectClass::kPerson) return false;
+  const bool has_just_come =
+      !object.has_moved && seconds_between(object.latest.first_seen_ns, stamp_ns_) < kJustCame_s;
+  return object.as == As::kPartOfChain || !has_just_come || !has_stood_long(chain.latest);
 }
 
 /// Whether a chain was there before an object came: then it is of something else.
@@ -432,7 +455,8 @@ void SemanticMap::hand_over(ObjectEntry& object) {
   if (as == As::kItself && !object.has_moved && object.chains.empty()) {
     const auto around = std::find_if(near_.begin(), near_.end(), [&](Handle handle) {
       const ChainEntry& candidate = *find_chain(handle);
-      return is_shown(candidate) && candidate.of_boundary == 0 && is_inside(object.latest, candidate.latest);
+      return is_shown(candidate) && candidate.of_boundary == 0 && is_inside(object.latest, candidate.latest) &&
+             may_be_part_of(object, candidate);
     });
     if (around != near_.end()) {
       as = As::kPartOfChain;

@@ -13,6 +13,7 @@ MapReplica::Verdict MapReplica::apply(const MapDelta& update) {
   map_ = update.map;
   version_ = update.version;
   all_.stamp_ns = update.stamp_ns;
+  all_.objects_stamp_ns = update.objects_stamp_ns;
   all_.height_world_m = update.height_world_m;
   if (update.full) {
     all_.features = update.changed;

@@ -16,8 +16,6 @@ namespace {
 constexpr double kCell_m = 2.0;
 /// m. A chain is looked for so far beside another one.
 constexpr double kBesideMargin_m = 0.15;
-/// s. What stands for so long, and was never seen to move, is fixed.
-constexpr double kFixed_s = 60.0;
 
 }  // namespace
 
@@ -74,6 +72,7 @@ void SemanticMap::begin_anew() {
   sights_.clear();
   last_.clear();
   on_map_ = 0;
+  objects_stamp_ns_ = 0;
   is_new_ = true;
   ++maps_;
 }
@@ -178,6 +177,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
       known = &add_at_handle(chains_, chain->id);
       new_.push_back(chain->id);
     }
+    if (known->latest.p_exists != chain->p_exists) touch_boundary(known->of_boundary);
     known->latest = *chain;
     known->length_m = length_of(*chain);
     known->box_world_m.setEmpty();
@@ -217,6 +217,7 @@ void SemanticMap::drop_chain(Handle handle) {
   if (BoundaryEntry* const boundary = find_boundary(of_boundary)) {
     --boundary->chains;
     if (boundary->main == handle) lead(*boundary);
+    touch_boundary(of_boundary);
   }
 }
 
@@ -362,11 +363,11 @@ bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) c
   if (object != nullptr && object->as != As::kPartOfChain) add_object(object->latest, feature);
   if (!is_chain) return true;
   const Chain& latest = chain->latest;
-  feature.p_exists = latest.p_exists;
+  feature.p_exists = least_p_exists(*chain);
   seen_between(latest.first_seen_ns, latest.last_seen_ns, feature);
   const bool has_moved = object != nullptr && object->has_moved;
-  const bool is_old = seconds_between(feature.first_seen_ns, feature.last_seen_ns) >= kFixed_s;
-  feature.motion = is_old && !has_moved ? Motion::kFixed : Motion::kStanding;
+  // What an object or a target was before its chain was drawn says nothing of how long that has stood.
+  feature.motion = has_stood_long(latest) && !has_moved ? Motion::kFixed : Motion::kStanding;
   if (const BoundaryEntry* const boundary = find_boundary(chain->of_boundary)) {
     seen_between(boundary->latest.first_seen_ns, boundary->latest.last_seen_ns, feature);
     feature.shape = ArcShape{boundary->latest.vertices, boundary->latest.closed};
@@ -417,6 +418,16 @@ void SemanticMap::tell_absences() {
               last_.end());
 }
 
+/// Of the least certain part of what a chain is on the map as: of a boundary that of all its chains.
+double SemanticMap::least_p_exists(const ChainEntry& chain) const {
+  double p = chain.latest.p_exists;
+  if (chain.of_boundary == 0) return p;
+  for (const ChainEntry& other : chains_) {
+    if (other.of_boundary == chain.of_boundary) p = std::min(p, other.latest.p_exists);
+  }
+  return p;
+}
+
 void SemanticMap::tell() {
   for (const Feature& last : last_) {
     if (owners_[last.id].is_leaving) touched_.push_back(last.id);
@@ -437,6 +448,7 @@ void SemanticMap::tell() {
   touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
   touched_.erase(touched_.begin(), std::upper_bound(touched_.begin(), touched_.end(), 0));  // of what has no id yet
   delta_.stamp_ns = stamp_ns_;
+  delta_.objects_stamp_ns = objects_stamp_ns_;
   delta_.map = maps_;
   delta_.full = is_new_;
   delta_.base = is_new_ ? 0 : delta_.version;
@@ -497,6 +509,7 @@ Map SemanticMap::map(Map memory) const {
   std::sort(ids.begin(), ids.end());
   Map result = std::move(memory);
   result.stamp_ns = stamp_ns_;
+  result.objects_stamp_ns = objects_stamp_ns_;
   result.height_world_m = height_world_m_;
   result.features.clear();
   for (const FeatureId id : ids) {

@@ -4,12 +4,21 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "situation_awareness/common/time.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/polygons/polygons.hpp"
 
 // Common to the sources of SemanticMap.
 namespace situation_awareness {
 
 inline bool is_moving(const Object& object) { return object.p_moving > 0.5; }
+
+/// s. What stands for so long, and was never seen to move, is fixed.
+constexpr double kFixed_s = 60.0;
+
+inline bool has_stood_long(const Chain& chain) {
+  return seconds_between(chain.first_seen_ns, chain.last_seen_ns) >= kFixed_s;
+}
 
 /// In a list by ascending handle; null if it is not there.
 template <class List>

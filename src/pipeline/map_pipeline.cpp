@@ -169,6 +169,7 @@ MapDelta MapPipeline::whole() const {
   MapDelta result;
   Map all = map();
   result.stamp_ns = all.stamp_ns;
+  result.objects_stamp_ns = all.objects_stamp_ns;
   result.map = map_.number();
   result.version = map_.version();
   result.full = true;

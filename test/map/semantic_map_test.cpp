@@ -66,6 +66,11 @@ class Scene {
     for (const Eigen::Vector2d& p_m : points_m) chain.vertices.push_back({p_m, 0.01});
     changed_.insert(handle);
   }
+  /// Beams have passed a part of a chain.
+  void doubt(std::uint64_t handle) {
+    chains_[handle].p_exists = 0.4;
+    changed_.insert(handle);
+  }
   void drop(std::uint64_t handle) {
     chains_.erase(handle);
     changed_.erase(handle);
@@ -127,7 +132,9 @@ class Scene {
     for (double spent_s = 0.0; spent_s < duration_s - 1e-6; spent_s += 0.1) {
       stamp_ns_ += 100'000'000;
       objects_.stamp_ns = stamp_ns_;
-      for (Object& object : objects_.objects) object.last_seen_ns = stamp_ns_;
+      for (Object& object : objects_.objects) {
+        if (objects_go_on) object.last_seen_ns = stamp_ns_;
+      }
       PolygonChanges changes;
       for (const std::uint64_t handle : changed_) changes.changed.push_back(&chains_[handle]);
       changes.gone.assign(gone_.begin(), gone_.end());
@@ -138,7 +145,7 @@ class Scene {
         if (chains_.count(chain) > 0) chains.push_back({chain, boundary});
       }
       const BoundaryChanges boundaries{&boundaries_, &chains};
-      LayerUpdates layers{stamp_ns_, 0.0, &objects_, &changes, &boundaries, nullptr, {}};
+      LayerUpdates layers{stamp_ns_, 0.0, with_objects ? &objects_ : nullptr, &changes, &boundaries, nullptr, {}};
       if (!free_space_.azimuth_rad.empty()) layers.sight = {{}, &free_space_};
       follow(map_.update(layers));
     }
@@ -169,6 +176,9 @@ class Scene {
   Map map() const { return map_.map(); }
   FeatureId upcoming() const { return ids_.upcoming(); }
 
+  bool with_objects = true;   ///< else their layer does not tell of them any more
+  bool objects_go_on = true;  ///< else it repeats them, with new stamps
+
  private:
   static Object& place(Object& object, const Eigen::Vector2d& center_m) {
     object.box_world.center_m = center_m;
@@ -198,6 +208,7 @@ class Scene {
     for (const Feature& feature : replica_.map().features) copied[feature.id] = text_of(feature);
     EXPECT_EQ(copied, there);
     EXPECT_EQ(replica_.map().features.size(), there.size());
+    EXPECT_EQ(replica_.map().objects_stamp_ns, map_.map().objects_stamp_ns);
     EXPECT_EQ(replica_.apply(update), MapReplica::Verdict::kKnown);
   }
 
@@ -1047,6 +1058,106 @@ TEST(SemanticMap, WhatGoesSaysWhy) {
   ASSERT_EQ(scene.gone().size(), 2U);
   std::set<GoneReason> reasons = {scene.gone()[0].reason, scene.gone()[1].reason};
   EXPECT_EQ(reasons, std::set<GoneReason>({GoneReason::kLeft, GoneReason::kSeenThrough}));
+}
+
+// --- what who drives by the map relies on
+
+/// A wall that has stood for long, which the scans still see.
+void stand_for_long(Scene& scene) {
+  scene.chain(3, {{0.0, -0.9}, {20.0, -0.9}});
+  scene.scan(61.0);
+  scene.chain(3, {{0.0, -0.9}, {20.0, -0.9}});
+  scene.scan();
+  EXPECT_EQ(scene.map().features.at(0).motion, Motion::kFixed);
+}
+
+TEST(SemanticMap, WhatHasJustComeToAnOldWallIsNotTheWall) {
+  Scene scene;
+  stand_for_long(scene);
+  scene.box(7, {5.0, -0.5}, 0.3, 0.3);
+  scene.scan(1.9);
+  EXPECT_EQ(scene.features(), Features({"1 polyline", "2 box"}));
+  scene.scan(0.5);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+  scene.scan(10.0);
+  EXPECT_EQ(scene.features(), Features({"1 polyline"}));
+}
+
+TEST(SemanticMap, APersonIsNeverAPartOfAWall) {
+  for (const bool has_walked : {true, false}) {
+    Scene scene;
+    stand_for_long(scene);
+    for (double x_m = 3.0; x_m < 5.0 && has_walked; x_m += 0.1) {
+      scene.box(7, {x_m, -0.6}, 0.3, 0.3).p_moving = 1.0;
+      scene.scan();
+    }
+    Object& person = scene.box(7, {5.0, -0.6}, 0.3, 0.3);
+    person.p_moving = 0.0;
+    person.object_class = ObjectClass::kPerson;
+    person.p_class = 0.9;
+    scene.scan(30.0);
+    ASSERT_EQ(scene.features(), Features({"1 polyline", "2 box"}));
+    EXPECT_EQ(scene.map().features[1].object_class, ObjectClass::kPerson);
+  }
+}
+
+TEST(SemanticMap, AChainIsFixedByItsOwnAge) {
+  Scene scene;
+  scene.box(7, {5.0, 0.0});
+  scene.scan(100.0);
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan(10.0);
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan();
+  ASSERT_EQ(scene.features(), Features({"1 polyline"}));
+  EXPECT_EQ(scene.map().features[0].motion, Motion::kStanding);
+  scene.scan(60.0);
+  scene.chain(3, sides_at(5.0, 0.0));
+  scene.scan();
+  EXPECT_EQ(scene.map().features[0].motion, Motion::kFixed);
+}
+
+TEST(SemanticMap, ABoundaryIsAsCertainAsTheLeastOfItsChains) {
+  Scene scene;
+  scene.chain(3, around({0.0, 20.0}, 5.0, 0.0, -4.0, 20));
+  scene.chain(4, around({0.0, 20.0}, 5.0, 2.2, 0.5, 15));
+  scene.boundary(3, {0.0, 20.0}, 5.0, {3, 4});
+  scene.scan(2.0);
+  ASSERT_EQ(scene.features(), Features({"1 boundary"}));
+  EXPECT_EQ(scene.map().features[0].p_exists, 0.99);
+  scene.doubt(4);
+  scene.scan();
+  EXPECT_EQ(scene.map().features[0].p_exists, 0.4);
+  // It leaves, and what is left is certain again.
+  scene.leave_chain(4);
+  scene.scan();
+  EXPECT_EQ(scene.map().features[0].p_exists, 0.99);
+}
+
+TEST(SemanticMap, TellsByWhichScanItsObjectsAreKnown) {
+  Scene scene;
+  EXPECT_EQ(scene.map().objects_stamp_ns, 0);
+  scene.with_objects = false;
+  scene.scan();
+  EXPECT_EQ(scene.map().objects_stamp_ns, 0);
+  scene.with_objects = true;
+  scene.scan();
+  EXPECT_EQ(scene.map().objects_stamp_ns, scene.stamp_ns()) << "that there are none is known, too";
+  scene.box(7, {5.0, 0.0}).beams = 20;
+  scene.scan();
+  const std::int64_t seen_ns = scene.stamp_ns();
+  EXPECT_EQ(scene.map().objects_stamp_ns, seen_ns);
+  scene.objects_go_on = false;
+  scene.scan(3.0);
+  EXPECT_EQ(scene.map().objects_stamp_ns, seen_ns);
+  scene.objects_go_on = true;
+  scene.scan();
+  scene.with_objects = false;
+  const std::int64_t latest_ns = scene.stamp_ns();
+  scene.image();
+  scene.scan();
+  EXPECT_EQ(scene.map().objects_stamp_ns, latest_ns);
+  EXPECT_EQ(scene.map().stamp_ns, scene.stamp_ns());
 }
 
 TEST(IdSource, GivesNoneTwice) {

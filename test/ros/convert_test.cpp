@@ -878,6 +878,7 @@ BodyState some_body() {
 MapDelta some_delta() {
   MapDelta delta;
   delta.stamp_ns = kStamp_ns;
+  delta.objects_stamp_ns = kStamp_ns - 3;
   delta.map = 3;
   delta.base = 41;
   delta.version = 42;
@@ -913,6 +914,8 @@ TEST(ConvertMap, UpdatesSurviveTheRoundTripExactly) {
   EXPECT_EQ(msg.changed[2].outline[0].z, 0.25);
   const MapDelta back = map_delta_from_msg(msg);
   EXPECT_EQ(back.stamp_ns, kStamp_ns);
+  EXPECT_EQ(back.objects_stamp_ns, kStamp_ns - 3);
+  EXPECT_EQ(map_delta_from_msg(map_delta_to_msg({}, "9b2c", "map")).objects_stamp_ns, 0);
   EXPECT_EQ(back.base, 41U);
   EXPECT_EQ(back.version, 42U);
   EXPECT_FALSE(back.full);

@@ -256,11 +256,11 @@ TEST(MapMarkers, AThingThatBecomesOneOfAnotherKindKeepsItsLabel) {
   MapMarkers markers;
   Viewer viewer;
   for (const Feature& seven : {body, parked, body}) {
-    viewer.receive(markers.update({1'000'000'000, 1.0, {seven, wall}}, "world"));
+    viewer.receive(markers.update({1'000'000'000, 0, 1.0, {seven, wall}}, "world"));
     EXPECT_EQ(viewer.ids("id"), std::set<int>({7, 8}));
     EXPECT_EQ(viewer.ids("object").count(7), std::holds_alternative<EllipseShape>(seven.shape) ? 1U : 0U);
   }
-  viewer.receive(markers.update({1'100'000'000, 1.0, {}}, "world"));
+  viewer.receive(markers.update({1'100'000'000, 0, 1.0, {}}, "world"));
   EXPECT_TRUE(viewer.shown.empty());
   EXPECT_EQ(viewer.clears, 1);
 }

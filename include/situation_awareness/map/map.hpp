@@ -117,6 +117,7 @@ void move(Feature& feature, const Pose2& T, double variance_m2);
 /// All that is around, at one time, by ascending id.
 struct Map {
   std::int64_t stamp_ns = 0;
+  std::int64_t objects_stamp_ns = 0;  ///< of the scan that its bodies are known by; 0: none, as without objects
   double height_world_m = 0.0;
   std::vector<Feature> features;
 };
@@ -152,6 +153,7 @@ struct Gone {
 /// What has changed on the map between two of its versions.
 struct MapDelta {
   std::int64_t stamp_ns = 0;
+  std::int64_t objects_stamp_ns = 0;    ///< Map
   std::uint64_t map = 0;                ///< number of the map, of those that one program makes: ids of two never mix
   std::uint64_t base = 0, version = 0;  ///< from this one to that; with `full` from nothing
   bool full = false;

@@ -227,6 +227,7 @@ class SemanticMap {
   void judge(BoundaryEntry& boundary);
   void enter_boundary(ChainEntry& chain, Handle handle);
   void leave_boundary(ChainEntry& chain);
+  void touch_boundary(Handle handle);
   void lead(BoundaryEntry& boundary);
   FeatureId id_on_map(const ChainEntry& chain) const;
   void take_targets(const GridTargets& targets);
@@ -239,6 +240,7 @@ class SemanticMap {
   void go_on(ObjectEntry& object);
   void hand_over(ObjectEntry& object);
   void find_chains_of(ObjectEntry& object);
+  bool may_be_part_of(const ObjectEntry& object, const ChainEntry& chain) const;
   bool was_there_before(const ChainEntry& chain, const ObjectEntry& object) const;
   bool takes_id_along(const ObjectEntry& object) const;
   void leave_traces();
@@ -280,6 +282,7 @@ class SemanticMap {
   BoundaryEntry* find_boundary(Handle handle);
   const BoundaryEntry* find_boundary(Handle handle) const;
   bool is_shown(const ChainEntry& chain) const;
+  double least_p_exists(const ChainEntry& chain) const;
   bool feature_of(FeatureId id, const Owner& owner, Feature& feature) const;
   bool shape_of(FeatureId id, const Owner& owner, Feature& feature) const;
   void remember_last(FeatureId id);
@@ -294,6 +297,7 @@ class SemanticMap {
   std::uint64_t maps_ = 0;  ///< that were begun before
   std::uint64_t updates_ = 0;
   std::int64_t stamp_ns_ = kNever;
+  std::int64_t objects_stamp_ns_ = 0;
   double height_world_m_ = 0.0;
   std::vector<ObjectEntry> objects_;       ///< by handle
   std::vector<ChainEntry> chains_;         ///< by handle

@@ -262,6 +262,7 @@ MapUpdate map_delta_to_msg(const MapDelta& delta, const std::string& uuid, const
   msg.version = delta.version;
   msg.full = static_cast<std::uint8_t>(delta.full);
   msg.height = delta.height_world_m;
+  msg.objects_stamp = time_or_zero(delta.objects_stamp_ns);
   msg.changed.reserve(delta.changed.size());
   for (const Feature& feature : delta.changed) msg.changed.push_back(feature_to_msg(feature, delta.height_world_m));
   msg.gone = gone_to_msg(delta.gone);
@@ -283,6 +284,7 @@ MapDelta map_delta_from_msg(const MapUpdate& msg) {
   check_feature(std::isfinite(msg.height), "the height is not finite");
   MapDelta delta;
   delta.stamp_ns = to_nanoseconds(msg.header.stamp);
+  delta.objects_stamp_ns = to_nanoseconds(msg.objects_stamp);
   delta.map = std::hash<std::string>()(msg.map);
   delta.base = msg.base;
   delta.version = msg.version;
