@@ -46,7 +46,7 @@ void follow(const Path& path) {
   state.T_world_base = spline.at(0.4 * spline.length_m()).pose();
   for (int i = 0; i < 3; ++i) {
     points.stamp_ns += 40'000'000;
-    const SafetyDecision& decision = areas.update(points, state, {}, {});
+    const SafetyDecision& decision = areas.update(points, state, {});
     require(decision.verdict == SafetyDecision::Verdict::kStop, "nothing that is not seen is free");
     const PathFollowingResult& result = following.update(points.stamp_ns, state.T_world_base, {1.0, true});
     require(std::isfinite(result.command.speed_m_s) && std::isfinite(result.command.turn_rate_rad_s),

@@ -121,7 +121,9 @@ void print_all() {
   print_section(of_polygons, "", "The map of polygons", of_objects);
   print_sections(of_polygons, of_objects);
   print_section(parameters_of(localization_params), "", "reflector_localization", of_objects);
-  print_section(parameters_of(path_params), "", "safety_areas and path_following", of_objects);
+  const std::vector<Parameter> of_path = parameters_of(path_params);
+  print_section(of_path, "", "safety_areas and path_following", of_objects);
+  print_sections(of_path, of_objects);
   const std::vector<Parameter> of_gps_ins = parameters_of(gps_ins_params);
   print_section(of_gps_ins, "", "The nodelet gps_ins", of_objects);
   print_sections(of_gps_ins, of_objects);

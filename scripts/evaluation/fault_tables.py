@@ -17,9 +17,8 @@ FAULTS = {
     "process": ("never came", "stopped", "killed", "restarted"),
 }
 STAGES = {
-    "safety_areas": {"scan": "message", "objects": "message", "polygons": "message", "pose covariance": "bare message",
-                     "odometry": "bare message", "TF": "bare message", "parameters": "parameters",
-                     "manager": "process", "master": "process"},
+    "safety_areas": {"scan": "message", "map": "message", "pose covariance": "bare message", "odometry": "bare message",
+                     "TF": "bare message", "parameters": "parameters", "manager": "process", "master": "process"},
     "path_following": {"verdict": "bare message", "TF": "bare message", "parameters": "parameters",
                        "manager": "process", "master": "process"},
     "circumnavigate": {"scan": "message", "map": "message", "odometry": "bare message", "TF": "bare message",

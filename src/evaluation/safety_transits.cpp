@@ -112,44 +112,43 @@ class WalkerMotion {
   bool goes_back_ = false;
 };
 
-Chain chain_of(const Box& box, std::uint64_t id) {
-  Chain chain;
-  chain.id = id;
-  chain.closed = true;
-  for (const Eigen::Vector2d& corner : corners(box)) chain.vertices.push_back({corner, 0.005});
-  chain.state = ChainState::kKnown;
-  chain.p_exists = 0.99;
-  return chain;
+/// What has stood there for long, along these places.
+Feature known_outline(FeatureId id, const std::vector<Eigen::Vector2d>& places_m, bool closed) {
+  PolylineShape outline;
+  outline.closed = closed;
+  for (const Eigen::Vector2d& place_m : places_m) outline.vertices.push_back({place_m, 0.005});
+  Feature feature;
+  feature.id = id;
+  feature.p_exists = 0.99;
+  feature.motion = Motion::kFixed;
+  feature.shape = outline;
+  return feature;
 }
 
-/// What the maps have, and by what the areas are updated.
+/// What the map has, and by what the areas are updated.
 struct Senses {
-  Polygons polygons;
-  Objects objects;
+  Map map;  ///< the person, where it has one, is the last feature
   VehicleState vehicle;
   std::vector<float> ranges_m;
 };
 
-Polygons map_of(const TransitScene& scene) {
-  Polygons map;
+constexpr FeatureId kWrongWall = 1000, kPerson = 2000;
+
+Map map_of(const TransitScene& scene) {
+  Map map;
   map.stamp_ns = kBegin_ns;
-  std::uint64_t id = 1;
+  FeatureId id = 1;
   for (const double side : {-1.0, 1.0}) {
-    Chain wall;
-    wall.id = id++;
-    wall.vertices = {{{-3.0, side * scene.half_width_m}, 0.005},
-                     {{scene.length_m + 3.0, side * scene.half_width_m}, 0.005}};
-    wall.state = ChainState::kWall;
-    wall.p_exists = 0.99;
-    map.chains.push_back(wall);
+    const double y_m = side * scene.half_width_m;
+    map.features.push_back(known_outline(id++, {{-3.0, y_m}, {scene.length_m + 3.0, y_m}}, false));
   }
   for (const double x_m : {-3.0, scene.length_m + 3.0}) {
-    Chain wall = map.chains.front();
-    wall.id = id++;
-    wall.vertices = {{{x_m, -scene.half_width_m}, 0.005}, {{x_m, scene.half_width_m}, 0.005}};
-    map.chains.push_back(wall);
+    map.features.push_back(known_outline(id++, {{x_m, -scene.half_width_m}, {x_m, scene.half_width_m}}, false));
   }
-  for (const Box& box : scene.known_boxes) map.chains.push_back(chain_of(box, id++));
+  for (const Box& box : scene.known_boxes) {
+    const auto places_m = corners(box);
+    map.features.push_back(known_outline(id++, {places_m.begin(), places_m.end()}, true));
+  }
   return map;
 }
 
@@ -203,7 +202,7 @@ bool overlaps(const Footprint& footprint, const Pose2& T_world_base, const std::
 const char* name_of(TransitFault fault) {
   static constexpr std::array<const char*, kTransitFaults> kNames = {
       "none",          "no scan",        "frozen scan",    "late scan",     "no return",
-      "NaN scan",      "no objects",     "frozen objects", "no polygons",   "wrong polygons",
+      "NaN scan",      "no objects",     "frozen map",     "no map",        "wrong map",
       "no covariance", "NaN covariance", "inf covariance", "-1 covariance", "large covariance",
       "no odometry",   "NaN odometry",   "no pose",        "no verdict",    "crash"};
   return kNames.at(static_cast<std::size_t>(fault));
@@ -213,9 +212,9 @@ bool has_to_stop(TransitFault fault) {
   switch (fault) {
     case TransitFault::kNone:
     case TransitFault::kNoObjects:
-    case TransitFault::kFrozenObjects:
-    case TransitFault::kNoPolygons:
-    case TransitFault::kWrongPolygons:
+    case TransitFault::kFrozenMap:
+    case TransitFault::kNoMap:
+    case TransitFault::kWrongMap:
     case TransitFault::kNoOdometry:
     case TransitFault::kNanOdometry:
       return false;
@@ -245,7 +244,7 @@ class Transit {
     }
     for (const Box& box : scene.known_boxes) add_edges(box, edges_);
     for (const Box& box : scene.new_boxes) add_edges(box, edges_);
-    senses_.polygons = map_of(scene);
+    senses_.map = map_of(scene);
     if (scene.walker) walker_.emplace(*scene.walker);
   }
 
@@ -271,41 +270,49 @@ class Transit {
   bool fails(TransitFault fault) const { return params_.fault == fault && time_s_ >= params_.fault_s; }
   bool has_failed() const { return params_.fault != TransitFault::kNone && time_s_ >= params_.fault_s; }
 
-  /// What the maps have of the scan before.
+  /// What the map has of the scan before.
   void map_what_is_seen(std::int64_t stamp_ns) {
-    const bool is_seen = !fails(TransitFault::kNoReturn) && !fails(TransitFault::kNanScan);
-    if (!fails(TransitFault::kNoPolygons)) {
-      senses_.polygons.stamp_ns = stamp_ns;
-      for (Chain& chain : senses_.polygons.chains) {
-        if (is_seen) chain.last_seen_ns = stamp_ns;
-      }
-      const bool forgets = fails(TransitFault::kNoReturn) && time_s_ - params_.fault_s > kRemoval_s;
-      if (forgets) senses_.polygons.chains.clear();
+    if (fails(TransitFault::kNoMap)) return;
+    Map& map = senses_.map;
+    map.stamp_ns = stamp_ns;
+    if (fails(TransitFault::kFrozenMap)) {
+      map.objects_stamp_ns = stamp_ns;
+      return;
     }
-    if (fails(TransitFault::kWrongPolygons) && !is_wrong_ && scene_.walker) {
-      Chain chain;
-      chain.id = 1000;
-      chain.vertices = {{scene_.walker->from_m, 0.005}, {scene_.walker->to_m, 0.005}};
-      chain.state = ChainState::kKnown;
-      chain.p_exists = 0.99;
-      chain.last_seen_ns = stamp_ns;
-      senses_.polygons.chains.push_back(chain);
+    const bool is_seen = !fails(TransitFault::kNoReturn) && !fails(TransitFault::kNanScan);
+    std::optional<Feature> person;
+    if (!map.features.empty() && map.features.back().id == kPerson) {
+      person = map.features.back();
+      map.features.pop_back();
+    }
+    for (Feature& feature : map.features) {
+      if (is_seen) feature.last_seen_ns = stamp_ns;
+    }
+    const bool forgets = fails(TransitFault::kNoReturn) && time_s_ - params_.fault_s > kRemoval_s;
+    if (forgets) map.features.clear();
+    if (fails(TransitFault::kWrongMap) && !is_wrong_ && scene_.walker) {
+      map.features.push_back(known_outline(kWrongWall, {scene_.walker->from_m, scene_.walker->to_m}, false));
+      map.features.back().last_seen_ns = stamp_ns;
       is_wrong_ = true;
     }
-    if (fails(TransitFault::kNoObjects)) return;
-    senses_.objects.stamp_ns = stamp_ns;
-    if (fails(TransitFault::kFrozenObjects) || !is_seen) return;
-    senses_.objects.objects.clear();
-    if (!walker_ || !sees_walker()) return;
-    Object person;
-    person.id = 1;
-    person.ellipse_world = {walker_->center_m(), 0.0, 0.2, 0.2};
-    person.velocity_world_m_s = walker_velocity_m_s_;
+    if (!fails(TransitFault::kNoObjects) && is_seen) person = person_on_map(stamp_ns);
+    // A person that no scan sees any more is not known by it.
+    if (!fails(TransitFault::kNoObjects) && (is_seen || !person)) map.objects_stamp_ns = stamp_ns;
+    if (person) map.features.push_back(*person);
+  }
+
+  std::optional<Feature> person_on_map(std::int64_t stamp_ns) const {
+    if (!walker_ || !sees_walker()) return std::nullopt;
+    Feature person;
+    person.id = kPerson;
     person.object_class = ObjectClass::kPerson;
-    person.beams = 10;
+    person.motion = Motion::kStanding;
     person.first_seen_ns = kBegin_ns;
     person.last_seen_ns = stamp_ns;
-    senses_.objects.objects.push_back(person);
+    EllipseShape shape{{walker_->center_m(), 0.0, 0.2, 0.2}, {}};
+    shape.body.velocity_world_m_s = walker_velocity_m_s_;
+    person.shape = shape;
+    return person;
   }
 
   bool sees_walker() const {
@@ -365,8 +372,7 @@ class Transit {
                             !fails(TransitFault::kNoVerdict) && !fails(TransitFault::kNoPose);
     bool is_named = false;
     if (is_scanned) {
-      const SafetyDecision& decision =
-          areas_.update(points_, state, senses_.polygons, senses_.objects, senses_.ranges_m);
+      const SafetyDecision& decision = areas_.update(points_, state, senses_.map, senses_.ranges_m);
       allowed_ = {decision.allowed_speed_m_s, decision.may_turn};
       allowed_s_ = time_s_;
       using Kind = SafetyDecision::Kind;

@@ -5,9 +5,11 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <set>
 #include <stdexcept>
 #include <utility>
+#include <variant>
 
 #include <yaml-cpp/yaml.h>
 
@@ -15,11 +17,13 @@
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/yaml_defect.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
+#include "situation_awareness/map/polygons/chain_state.hpp"
 
 namespace situation_awareness {
 namespace {
 
-constexpr double kReachStep_m = 0.1;  // between the places of a segment whose distance counts
+constexpr double kReachStep_m = 0.1;   // between the places of a segment whose distance counts
+constexpr double kArcSpacing_m = 0.1;  // of the lines that a boundary is cut into
 constexpr double kMostPlace_m = 1e6;
 constexpr double kMostSigma_m = 100.0;
 constexpr std::size_t kMostVertices = 1'000'000;  // of all maps, which YAML may repeat by aliases
@@ -48,6 +52,32 @@ double chain_distance_m(const Chain& chain, const Eigen::Vector2d& p_m) {
 
 Chain chain_by(Chain chain, const Pose2& T) {
   for (ChainVertex& vertex : chain.vertices) vertex.p_world_m = T * vertex.p_world_m;
+  return chain;
+}
+
+/// The lines of what stands; without vertices of what has none.
+Chain chain_of_feature(const Feature& feature) {
+  Chain chain;
+  if (const auto* const lines = std::get_if<PolylineShape>(&feature.shape)) {
+    chain.closed = lines->closed;
+    chain.vertices = lines->vertices;
+  } else if (const auto* const arcs = std::get_if<ArcShape>(&feature.shape)) {
+    Splinegon boundary;
+    boundary.closed = chain.closed = arcs->closed;
+    boundary.vertices = arcs->vertices;
+    for (const SplinegonPoint& point : sampled(boundary, kArcSpacing_m)) {
+      chain.vertices.push_back({point.p_world_m, point.sigma_m});
+    }
+  }
+  chain.id = feature.id;
+  chain.first_seen_ns = feature.first_seen_ns;
+  chain.last_seen_ns = feature.last_seen_ns;
+  chain.p_exists = feature.p_exists;
+  const ChainStateParams params;
+  chain.state = feature.p_exists < params.doubted_p                            ? ChainState::kDoubted
+                : feature.motion != Motion::kFixed                             ? ChainState::kNew
+                : extent_m(chain, params.wall_extent_m) > params.wall_extent_m ? ChainState::kWall
+                                                                               : ChainState::kKnown;
   return chain;
 }
 
@@ -108,38 +138,52 @@ Chain read_local_chain(const YAML::Node& node, const std::string& place, const s
 
 }  // namespace
 
-std::vector<LocalMap> local_maps(const SplinePath& path, const Polygons& polygons, double reach_m) {
+std::vector<LocalMap> local_maps(const SplinePath& path, const Map& map, double reach_m) {
+  std::vector<Chain> chains;
+  for (const Feature& feature : map.features) {
+    chains.push_back(chain_of_feature(feature));
+    if (chains.back().vertices.empty()) chains.pop_back();
+  }
   std::vector<LocalMap> maps;
   for (std::size_t i = 0; i < path.segments(); ++i) {
     const double begin_m = path.begin_m(i);
     const double end_m = i + 1 < path.segments() ? path.begin_m(i + 1) : path.length_m();
     const auto steps = std::max(1, static_cast<int>(std::ceil((end_m - begin_m) / kReachStep_m)));
-    LocalMap map{i, {}};
-    for (const Chain& chain : polygons.chains) {
+    LocalMap local{i, {}};
+    for (const Chain& chain : chains) {
       bool is_near = false;
       for (int k = 0; k <= steps && !is_near; ++k) {
         const double way_m = begin_m + (end_m - begin_m) * k / steps;
         is_near = chain_distance_m(chain, path.at(way_m).p_world_m) <= reach_m;
       }
-      if (is_near) map.chains.push_back(chain_by(chain, inverse(path.at(begin_m).pose())));
+      if (is_near) local.chains.push_back(chain_by(chain, inverse(path.at(begin_m).pose())));
     }
-    maps.push_back(std::move(map));
+    maps.push_back(std::move(local));
   }
   return maps;
 }
 
-Polygons polygons_of(const std::vector<LocalMap>& maps, const SplinePath& path) {
-  Polygons polygons;
-  std::set<std::uint64_t> ids;
-  for (const LocalMap& map : maps) {
-    const Pose2 T_world_segment = path.at(path.begin_m(map.segment)).pose();
-    for (const Chain& chain : map.chains) {
-      if (!ids.insert(chain.id).second) continue;
-      polygons.chains.push_back(chain_by(chain, T_world_segment));
-      polygons.stamp_ns = std::max(polygons.stamp_ns, chain.last_seen_ns);
+Map map_of(const std::vector<LocalMap>& maps, const SplinePath& path) {
+  std::map<FeatureId, Chain> chains;
+  for (const LocalMap& local : maps) {
+    const Pose2 T_world_segment = path.at(path.begin_m(local.segment)).pose();
+    for (const Chain& chain : local.chains) {
+      if (chains.count(chain.id) == 0) chains.emplace(chain.id, chain_by(chain, T_world_segment));
     }
   }
-  return polygons;
+  Map map;
+  for (auto& [id, chain] : chains) {
+    Feature& feature = map.features.emplace_back();
+    feature.id = id;
+    feature.p_exists = chain.p_exists;
+    const bool is_fixed = chain.state == ChainState::kWall || chain.state == ChainState::kKnown;
+    feature.motion = is_fixed ? Motion::kFixed : Motion::kStanding;
+    feature.first_seen_ns = chain.first_seen_ns;
+    feature.last_seen_ns = chain.last_seen_ns;
+    feature.seen_by.file = true;
+    feature.shape = PolylineShape{std::move(chain.vertices), chain.closed};
+  }
+  return map;
 }
 
 void check_local_maps(const std::vector<LocalMap>& maps, std::size_t segments, const std::string& source) {

@@ -118,10 +118,8 @@ bool has_place(DecidedKind kind) {
 
 const char* name_of(SafetyInput input) {
   switch (input) {
-    case SafetyInput::kObjects:
-      return "objects";
-    case SafetyInput::kPolygons:
-      return "polygons";
+    case SafetyInput::kMap:
+      return "map";
     case SafetyInput::kCovariance:
       return "covariance of the pose";
     case SafetyInput::kSpeed:
@@ -181,12 +179,8 @@ bool SafetyAreas::is_fresh(std::int64_t stamp_ns, double max_age_s) const {
   return stamp_ns > 0 && std::abs(seconds_between(stamp_ns, decision_.stamp_ns)) <= max_age_s;
 }
 
-/// One that says of hits in its scan, and did not see what they are on for long, is repeated with new stamps.
-bool SafetyAreas::are_fresh(const Objects& objects) const {
-  const double age_s = params_.max_objects_age_s;
-  return is_fresh(objects.stamp_ns, age_s) &&
-         std::all_of(objects.objects.begin(), objects.objects.end(),
-                     [&](const Object& object) { return object.beams == 0 || is_fresh(object.last_seen_ns, age_s); });
+bool SafetyAreas::is_fresh(const Map& map) const {
+  return is_fresh(map.stamp_ns, params_.max_map_age_s) && is_fresh(map.objects_stamp_ns, params_.max_map_age_s);
 }
 
 /// What is not measured may be as fast as the vehicle can.
@@ -468,8 +462,8 @@ bool SafetyAreas::may_turn() {
   });
 }
 
-const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
-                                          const Objects& objects, const std::vector<float>& ranges_m) {
+const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleState& vehicle, const Map& map,
+                                          const std::vector<float>& ranges_m) {
   decision_.stamp_ns = points.stamp_ns;
   decision_.policy = params_.policy;
   decision_.verdict = DecidedVerdict::kStop;
@@ -484,9 +478,10 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   decision_.warning_world_m.clear();
   decision_.protective_world_m.clear();
 
-  if (!are_fresh(objects)) decision_.missing.push_back(SafetyInput::kObjects);
-  if (!is_fresh(polygons.stamp_ns, params_.max_polygons_age_s)) decision_.missing.push_back(SafetyInput::kPolygons);
-  if (!decision_.missing.empty()) decision_.policy = SafetyPolicy::kConservative;
+  if (!is_fresh(map)) {
+    decision_.missing.push_back(SafetyInput::kMap);
+    decision_.policy = SafetyPolicy::kConservative;
+  }
   const double present_m_s = known_speed_m_s(vehicle);
   const bool is_known_well = take_covariance(vehicle.covariance_world);
   const bool is_finite = vehicle.T_world_base.translation_m.allFinite() && std::isfinite(vehicle.T_world_base.yaw_rad);
@@ -496,7 +491,8 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   const bool is_frozen = repeated_.add(ranges_m, points);
   if (!is_known_well || pose_is_frozen) return decision_;
   T_world_base_ = vehicle.T_world_base;
-  view_chains(points, polygons);
+  find_outlines(map);
+  view_chains(points, map);
   const bool contradicts = blind_.add(points, view_, T_world_base_.yaw_rad);
   const bool is_blind_scanner = contradicts || (params_.must_see_ahead && !blind_.has_seen_ahead());
   const bool heads_along = place_on_path(vehicle);
@@ -511,8 +507,8 @@ const SafetyDecision& SafetyAreas::update(const Points& points, const VehicleSta
   set_full_speed();
   make_way(vehicle);
   things_.clear();
-  gather_edges(polygons);
-  gather_movers(objects, points.stamp_ns);
+  gather_edges(map);
+  gather_movers(map);
   gather_things(points);
   count_neighbours();
   recall(points);

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What SafetyAreas finds in and near the areas: hits, chains, objects, and places that are hidden.
+// What SafetyAreas finds in and near the areas: hits, outlines, objects, and places that are hidden.
 #include "situation_awareness/path/safety_areas.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <variant>
 
 #include <Eigen/Geometry>
 
 #include "situation_awareness/common/time.hpp"
+#include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
 
 namespace situation_awareness {
@@ -28,18 +31,18 @@ constexpr double kPassSpacing_m = 0.1;
 constexpr double kContradiction_s = 10.0;
 constexpr double kChainSpacing_m = 0.05;
 
-bool is_known_chain(const Chain& chain, double min_p_exists) {
-  return (chain.state == ChainState::kWall || chain.state == ChainState::kKnown) && chain.p_exists >= min_p_exists;
+// An outline of which a part is less certain is doubted: beams passed there.
+constexpr double kLeastKnown = 0.75;
+constexpr double kWall_m = 1.6;             // as large as this, what is fixed is no thing that is taken away at once
+constexpr double kBoundarySpacing_m = 0.1;  // lines in the place of arcs; of a radius of 0.5 m they are 2.5 mm off
+
+/// It is sure to have stood for long.
+bool has_stood_long(const Feature& feature, double min_p_exists) {
+  return feature.motion == Motion::kFixed && feature.p_exists >= std::max(min_p_exists, kLeastKnown);
 }
 
-/// The diagonal of a box about a chain.
-double extent_m(const Chain& chain) {
-  Eigen::Vector2d low_m = chain.vertices.front().p_world_m, high_m = low_m;
-  for (const ChainVertex& vertex : chain.vertices) {
-    low_m = low_m.cwiseMin(vertex.p_world_m);
-    high_m = high_m.cwiseMax(vertex.p_world_m);
-  }
-  return (high_m - low_m).norm();
+bool may_move(const Feature& feature) {
+  return feature.p_moving >= 0.5 || feature.motion == Motion::kMoving || feature.object_class == ObjectClass::kPerson;
 }
 
 /// A hit on an edge is so near to it.
@@ -49,43 +52,73 @@ double reach_of_m(const ChainVertex& from, const ChainVertex& to, const SafetyPa
 
 }  // namespace
 
-void SafetyAreas::gather_edges(const Polygons& polygons) {
+/// The lines of what stands: polylines, and boundaries, whose arcs are cut into lines.
+void SafetyAreas::find_outlines(const Map& map) {
+  outlines_.clear();
+  lines_.clear();
+  for (const Feature& feature : map.features) {
+    if (const auto* const lines = std::get_if<PolylineShape>(&feature.shape)) {
+      outlines_.push_back(
+          {&feature, lines->vertices.data(), 0, lines->vertices.size(), lines->closed, may_move(feature)});
+    }
+    const auto* const arcs = std::get_if<ArcShape>(&feature.shape);
+    if (arcs == nullptr || arcs->vertices.empty()) continue;
+    boundary_.closed = arcs->closed;
+    boundary_.vertices.assign(arcs->vertices.begin(), arcs->vertices.end());
+    points_ = sampled(boundary_, kBoundarySpacing_m, std::move(points_));
+    outlines_.push_back({&feature, nullptr, lines_.size(), points_.size(), arcs->closed, may_move(feature)});
+    for (const SplinegonPoint& point : points_) lines_.push_back({point.p_world_m, point.sigma_m});
+  }
+  for (Outline& outline : outlines_) {
+    if (outline.vertices == nullptr) outline.vertices = lines_.data() + outline.first;
+  }
+}
+
+/// A boundary may lead over gaps that nobody saw, and what a camera sees may drive off.
+bool SafetyAreas::is_known(const Outline& outline) const {
+  const Feature& feature = *outline.feature;
+  return has_stood_long(feature, params_.min_p_exists) && !outline.may_move && !feature.seen_by.camera &&
+         std::holds_alternative<PolylineShape>(feature.shape);
+}
+
+void SafetyAreas::gather_edges(const Map& map) {
   edges_.clear();
-  const bool map_is_fresh = is_fresh(polygons.stamp_ns, params_.max_polygons_age_s);
-  for (const Chain& chain : polygons.chains) {
-    const bool is_known = is_known_chain(chain, params_.min_p_exists);
-    const bool explains = map_is_fresh && is_fresh(chain.last_seen_ns, params_.max_polygons_age_s);
-    const bool stands = seconds_between(chain.first_seen_ns, decision_.stamp_ns) >= params_.standing_s;
-    const Weight weight = is_known ? Weight::kKnown : stands ? Weight::kStands : Weight::kMayMove;
-    const std::size_t count = chain.vertices.size();
-    for (std::size_t i = 0; i < count; ++i) {
-      if (i + 1 == count && !chain.closed) break;
-      const ChainVertex& from = chain.vertices[i];
-      const ChainVertex& to = chain.vertices[(i + 1) % count];
+  const bool map_is_fresh = is_fresh(map.stamp_ns, params_.max_map_age_s);
+  for (const Outline& outline : outlines_) {
+    const Feature& feature = *outline.feature;
+    const bool explains = map_is_fresh && is_fresh(feature.last_seen_ns, params_.max_map_age_s);
+    const bool stands =
+        !outline.may_move && seconds_between(feature.first_seen_ns, decision_.stamp_ns) >= params_.standing_s;
+    const Weight weight = is_known(outline) ? Weight::kKnown : stands ? Weight::kStands : Weight::kMayMove;
+    for (std::size_t i = 0; i < outline.count; ++i) {
+      if (i + 1 == outline.count && !outline.closed) break;
+      const ChainVertex& from = outline.vertices[i];
+      const ChainVertex& to = outline.vertices[(i + 1) % outline.count];
       const Eigen::Vector2d low_m = from.p_world_m.cwiseMin(to.p_world_m),
                             high_m = from.p_world_m.cwiseMax(to.p_world_m);
       const bool beside =
           ((low_m - high_m_).array() > kMostExplain_m).any() || ((low_m_ - high_m).array() > kMostExplain_m).any();
       if (beside) continue;
-      edges_.push_back({from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), weight, chain.id, explains});
+      edges_.push_back({from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), weight, feature.id, explains,
+                        outline.may_move});
     }
   }
 }
 
-/// What the scan should see of the chains, near and far, and which of them it sees through.
-void SafetyAreas::view_chains(const Points& points, const Polygons& polygons) {
+/// What the scan should see of the outlines, near and far, and which of them it sees through.
+void SafetyAreas::view_chains(const Points& points, const Map& map) {
   view_.begin(points, params_.reliable_range_m, params_.sigmas * sigma_m_, params_.sigmas * sigma_rad_);
-  const bool map_is_fresh = is_fresh(polygons.stamp_ns, kContradiction_s);
-  for (const Chain& chain : polygons.chains) {
-    if (chain.vertices.empty()) continue;
-    const bool was_seen = map_is_fresh && is_fresh(chain.last_seen_ns, kContradiction_s);
-    const bool is_known = is_known_chain(chain, params_.min_p_exists);
-    const bool is_fixed = chain.state == ChainState::kWall || extent_m(chain) >= ChainView::kFixed_m;
-    const std::size_t count = chain.vertices.size();
-    for (std::size_t i = 0; i + 1 < count + (chain.closed ? 1 : 0); ++i) {
-      const ChainVertex& from = chain.vertices[i];
-      const ChainVertex& to = chain.vertices[(i + 1) % count];
-      view_.add(from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), chain.id, is_known, is_fixed, was_seen);
+  const bool map_is_fresh = is_fresh(map.stamp_ns, kContradiction_s);
+  for (const Outline& outline : outlines_) {
+    const Feature& feature = *outline.feature;
+    const bool was_seen = map_is_fresh && is_fresh(feature.last_seen_ns, kContradiction_s);
+    const bool is_sure = has_stood_long(feature, params_.min_p_exists);
+    const double least_m = feature.motion == Motion::kFixed ? kWall_m : ChainView::kFixed_m;
+    const bool is_fixed = outline.count > 0 && box_around(feature.shape).diagonal().norm() >= least_m;
+    for (std::size_t i = 0; i + 1 < outline.count + (outline.closed ? 1 : 0); ++i) {
+      const ChainVertex& from = outline.vertices[i];
+      const ChainVertex& to = outline.vertices[(i + 1) % outline.count];
+      view_.add(from.p_world_m, to.p_world_m, reach_of_m(from, to, params_), feature.id, is_sure, is_fixed, was_seen);
     }
   }
   view_.judge();
@@ -112,33 +145,60 @@ bool SafetyAreas::is_seen_through(const Edge& edge, const Eigen::Vector2d& p_wor
   });
 }
 
-void SafetyAreas::gather_movers(const Objects& objects, std::int64_t stamp_ns) {
+/// Bodies, and what else of the map counts by itself.
+void SafetyAreas::gather_movers(const Map& map) {
   movers_.clear();
-  if (!are_fresh(objects)) return;
-  const double age_s = seconds_between(objects.stamp_ns, stamp_ns);
-  for (const Object& object : objects.objects) {
-    if (object.p_exists < params_.min_p_exists) continue;
-    Ellipse ellipse = object.ellipse_world;
-    ellipse.center_m += age_s * object.velocity_world_m_s;
-    if (!is_near(ellipse.center_m, std::max(ellipse.rx_m, ellipse.ry_m))) continue;
-    const bool moves = object.p_moving >= 0.5 || object.object_class == ObjectClass::kPerson;
-    const bool stands = seconds_between(object.first_seen_ns, stamp_ns) >= params_.standing_s;
-    movers_.push_back({ellipse, moves || !stands ? Weight::kMayMove : Weight::kStands, object.id});
-    if (!moves) continue;
-    // It counts itself, also where the scan does not see it.
-    for (int i = 0; i < kMoverPoints; ++i) {
-      const double angle_rad = 2.0 * kPi * i / kMoverPoints;
-      const Eigen::Vector2d p_ellipse_m(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad));
-      const Eigen::Vector2d p_world_m = ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) * p_ellipse_m;
+  for (const Outline& outline : outlines_) {
+    if (!outline.may_move || !is_fresh(map.stamp_ns, params_.max_map_age_s)) continue;
+    for (std::size_t i = 0; i < outline.count; ++i) {
+      const Eigen::Vector2d& p_world_m = outline.vertices[i].p_world_m;
       if (is_near(p_world_m))
-        things_.push_back({p_world_m, Weight::kMayMove, SafetyDecision::Kind::kObject, object.id});
+        things_.push_back({p_world_m, Weight::kMayMove, SafetyDecision::Kind::kObject, outline.feature->id});
     }
+  }
+  const bool are_fresh = is_fresh(map);
+  const double age_s = seconds_between(map.objects_stamp_ns, decision_.stamp_ns);
+  for (const Feature& feature : map.features) {
+    if (const auto* const target = std::get_if<FootprintShape>(&feature.shape)) gather_target(feature, *target);
+    if (!are_fresh || feature.p_exists < params_.min_p_exists) continue;
+    if (const auto* const ellipse = std::get_if<EllipseShape>(&feature.shape))
+      gather_mover(feature, ellipse->ellipse_world, ellipse->body, age_s);
+    if (const auto* const box = std::get_if<BoxShape>(&feature.shape))
+      gather_mover(feature, moment_equal_ellipse(box->box_world), box->body, age_s);
   }
 }
 
-/// What a hit is on. Movers come first: where they are beside a wall, the wall explains nothing.
+void SafetyAreas::gather_mover(const Feature& feature, Ellipse ellipse, const BodyState& body, double age_s) {
+  ellipse.center_m += age_s * body.velocity_world_m_s;
+  if (!is_near(ellipse.center_m, std::max(ellipse.rx_m, ellipse.ry_m))) return;
+  const bool moves = may_move(feature);
+  const bool stands = seconds_between(feature.first_seen_ns, decision_.stamp_ns) >= params_.standing_s;
+  movers_.push_back({ellipse, moves || !stands ? Weight::kMayMove : Weight::kStands, feature.id});
+  // It counts itself, also where the scan does not see it.
+  if (moves) gather_rim(ellipse, Weight::kMayMove, feature.id);
+}
+
+/// What an image shows and no scan, such as a car that is too low for them. Where the vehicle is it is the vehicle.
+void SafetyAreas::gather_target(const Feature& feature, const FootprintShape& target) {
+  const double radius_m = std::sqrt(target.area_m2 / kPi);
+  const Ellipse circle{target.p_world_m.head<2>(), 0.0, radius_m, radius_m};
+  if (!is_near(circle.center_m, radius_m)) return;
+  if (clearance_m(vehicle_.footprint, inverse(T_world_base_) * circle.center_m) <= radius_m) return;
+  gather_rim(circle, Weight::kStands, feature.id);
+}
+
+void SafetyAreas::gather_rim(const Ellipse& ellipse, Weight weight, FeatureId id) {
+  for (int i = 0; i < kMoverPoints; ++i) {
+    const double angle_rad = 2.0 * kPi * i / kMoverPoints;
+    const Eigen::Vector2d p_ellipse_m(ellipse.rx_m * std::cos(angle_rad), ellipse.ry_m * std::sin(angle_rad));
+    const Eigen::Vector2d p_world_m = ellipse.center_m + Eigen::Rotation2Dd(ellipse.psi_rad) * p_ellipse_m;
+    if (is_near(p_world_m)) things_.push_back({p_world_m, weight, SafetyDecision::Kind::kObject, id});
+  }
+}
+
+/// What a hit is on. What may move comes first: where it is beside a wall, the wall explains nothing.
 void SafetyAreas::explain(Thing& thing) const {
-  const auto take = [&thing](Weight weight, SafetyDecision::Kind kind, std::uint64_t id) {
+  const auto take = [&thing](Weight weight, SafetyDecision::Kind kind, FeatureId id) {
     thing.weight = weight;
     thing.kind = kind;
     thing.id = id;
@@ -157,6 +217,7 @@ void SafetyAreas::explain(Thing& thing) const {
     if (!edge.explains) continue;
     const double d_m = distance_from_segment_m(thing.p_world_m, edge.from_m, edge.to_m);
     if (d_m > edge.reach_m || is_seen_through(edge, thing.p_world_m)) continue;
+    if (edge.may_move) return take(edge.weight, SafetyDecision::Kind::kObject, edge.id);
     // A known chain explains it rather than one that is not; of several alike the nearest does.
     if (nearest != nullptr && std::pair(nearest->weight, -nearest_m) >= std::pair(edge.weight, -d_m)) continue;
     nearest = &edge;

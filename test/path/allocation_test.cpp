@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "allocations.hpp"
@@ -25,12 +26,16 @@ TEST(Allocation, NoneForSafetyAreasAndPathFollowingAfterWarmUp) {
   Random random(1);
   for (int i = 0; i < 12; ++i) {
     scene.boxes.push_back({{0.5 * i, i % 2 == 0 ? 0.9 : -0.8}, 0.3 * i, 0.2, 0.1});
-    if (i % 3 != 0) scene.know(scene.boxes.back(), static_cast<std::uint64_t>(i + 1), ChainState::kKnown);
+    if (i % 3 != 0) scene.know(scene.boxes.back(), static_cast<FeatureId>(i + 1));
   }
-  Object person;
-  person.id = 1;
-  person.p_moving = 1.0;
-  scene.objects.objects.assign(3, person);
+  ArcShape pillar;
+  pillar.closed = true;
+  for (const auto& [x_m, y_m] : {std::pair{3.4, 1.0}, {3.0, 1.4}, {2.6, 1.0}, {3.0, 0.6}}) {
+    pillar.vertices.push_back({{x_m, y_m}, 0.4142, 0.003, false});
+  }
+  scene.add(20, pillar, Motion::kFixed);
+  const std::size_t persons = scene.map.features.size();
+  for (FeatureId id = 21; id < 24; ++id) scene.add(id, EllipseShape()).p_moving = 1.0;
   SafetyAreas areas(scene.path, {}, {});
   PathFollowing following(scene.path, {}, {});
   following.start();
@@ -39,18 +44,18 @@ TEST(Allocation, NoneForSafetyAreasAndPathFollowingAfterWarmUp) {
   std::size_t counted = 0;
   for (int i = 0; i < 300; ++i) {
     const double way_m = spline.length_m() * (0.5 - 0.5 * std::cos(0.05 * i));
-    scene.stamp_ns += 40'000'000;
+    scene.advance(40'000'000);
     scene.T_world_base = spline.at(way_m).pose() * Pose2{{0.0, 0.05}, std::sin(0.05 * i) > 0.0 ? 0.1 : 3.1};
-    scene.objects.stamp_ns = scene.stamp_ns;
-    for (Object& object : scene.objects.objects) {
-      object.ellipse_world = {{random.uniform(0.0, 6.0), random.uniform(-1.0, 1.0)}, 0.0, 0.2, 0.15};
+    for (std::size_t k = persons; k < scene.map.features.size(); ++k) {
+      const Eigen::Vector2d center_m(random.uniform(0.0, 6.0), random.uniform(-1.0, 1.0));
+      scene.map.features[k].shape = EllipseShape{{center_m, 0.0, 0.2, 0.15}, {}};
     }
     const Points points = scene.points();
     VehicleState state;
     state.T_world_base = scene.T_world_base;
     state.speed_m_s = random.uniform(0.0, 0.5);
     before = allocations().count;
-    const SafetyDecision& decision = areas.update(points, state, scene.polygons, scene.objects);
+    const SafetyDecision& decision = areas.update(points, state, scene.map);
     following.update(scene.stamp_ns, scene.T_world_base, {decision.allowed_speed_m_s, decision.may_turn});
     if (i > 150) after += allocations().count - before;
     counted += decision.counted;

@@ -8,6 +8,7 @@
 #include <functional>
 #include <limits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include <boost/geometry.hpp>
@@ -33,7 +34,7 @@ SafetyDecision decide(const SafetyScene& scene, double speed_m_s = 0.5, SafetyPa
   VehicleState state;
   state.T_world_base = scene.T_world_base;
   state.speed_m_s = speed_m_s;
-  return areas.update(scene.points(), state, scene.polygons, scene.objects);
+  return areas.update(scene.points(), state, scene.map);
 }
 
 SafetyDecision decide(const SafetyScene& scene, SafetyPolicy policy, double speed_m_s = 0.5) {
@@ -53,7 +54,7 @@ const SafetyDecision& drive_up(SafetyAreas& areas, const SafetyScene& scene, Veh
     before.T_world_base = scene.T_world_base * Pose2{{-0.02 * k, 0.0}, 0.0};
     before.advance(-40'000'000 * std::int64_t{k});
     state.T_world_base = before.T_world_base;
-    decision = &areas.update(before.points(), state, before.polygons, before.objects);
+    decision = &areas.update(before.points(), state, before.map);
   }
   return *decision;
 }
@@ -96,7 +97,7 @@ TEST(SafetyAreas, AScanWithoutBeamsHidesTheWay) {
   SafetyAreas areas(scene.path, {}, {});
   Points none;
   none.stamp_ns = scene.stamp_ns;
-  const SafetyDecision& decision = areas.update(none, {}, {}, {});
+  const SafetyDecision& decision = areas.update(none, {}, {});
   EXPECT_EQ(decision.verdict, Verdict::kStop);
   EXPECT_EQ(decision.kind, Kind::kHidden);
   EXPECT_EQ(decision.allowed_speed_m_s, 0.0);
@@ -109,7 +110,7 @@ TEST(SafetyAreas, AScannerThatSaysNothingLetsTheVehicleStand) {
     SafetyAreas areas(scene.path, {}, {});
     Points points = scene.points();
     for (Point& point : points.points) point.state = state;
-    const SafetyDecision& decision = areas.update(points, {}, {}, {});
+    const SafetyDecision& decision = areas.update(points, {}, {});
     EXPECT_EQ(decision.verdict, Verdict::kStop);
     EXPECT_EQ(decision.allowed_speed_m_s, 0.0);
     EXPECT_FALSE(decision.may_turn);
@@ -123,7 +124,7 @@ TEST(SafetyAreas, LostBeamsDoNotKeepTheVehicleFromTurning) {
   scene.advance(40'000'000);
   Points points = scene.points();
   for (std::size_t i = 0; i < points.points.size(); i += 3) points.points[i].state = BeamState::kInvalid;
-  EXPECT_TRUE(areas.update(points, {}, {}, {}).may_turn);
+  EXPECT_TRUE(areas.update(points, {}, {}).may_turn);
 }
 
 TEST(SafetyAreas, StopsBeforeAnUnknownThing) {
@@ -148,18 +149,13 @@ TEST(SafetyAreas, StopsBeforeAnUnknownThing) {
 TEST(SafetyAreas, NamesTheChainOrObject) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.9, 0.0}, 0.0, 0.1, 0.2}};
-  scene.know(scene.boxes.front(), 17, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 17);
   SafetyDecision decision = decide(scene, SafetyPolicy::kConservative);
   EXPECT_EQ(decision.kind, Kind::kChain);
   EXPECT_EQ(decision.id, 17U);
   EXPECT_NEAR(decision.distance_m, 0.8 - 0.215 - 0.12, 0.01);
-  scene.polygons.chains.clear();
-  Object object;
-  object.id = 5;
-  object.ellipse_world = {{0.9, 0.0}, 0.0, 0.2, 0.2};
-  object.p_moving = 0.9;
-  scene.objects.stamp_ns = scene.stamp_ns;
-  scene.objects.objects = {object};
+  scene.map.features.clear();
+  scene.add(5, EllipseShape{{{0.9, 0.0}, 0.0, 0.2, 0.2}, {}}).p_moving = 0.9;
   decision = decide(scene, SafetyPolicy::kIgnoreKnown);
   EXPECT_EQ(decision.kind, Kind::kObject);
   EXPECT_EQ(decision.id, 5U);
@@ -167,30 +163,25 @@ TEST(SafetyAreas, NamesTheChainOrObject) {
 
 TEST(SafetyAreas, AMoverCountsWithoutAHit) {
   SafetyScene scene = SafetyScene::straight();
-  Object person;
-  person.id = 5;
-  person.ellipse_world = {{0.8, 0.7}, 0.0, 0.2, 0.15};
-  person.object_class = ObjectClass::kPerson;
-  scene.objects.stamp_ns = scene.stamp_ns;
-  scene.objects.objects = {person};
+  scene.add(5, EllipseShape{{{0.8, 0.7}, 0.0, 0.2, 0.15}, {}}).object_class = ObjectClass::kPerson;
   for (const SafetyPolicy policy : kPolicies) {
     EXPECT_LT(decide(scene, policy).allowed_speed_m_s, 0.3);
     EXPECT_EQ(decide(scene, policy).kind, Kind::kObject);
   }
   // A map too old to say where it is now does not count, and says that it is missing.
-  scene.objects.stamp_ns -= 3'000'000'000;
+  scene.map.objects_stamp_ns -= 3'000'000'000;
   EXPECT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
-  EXPECT_TRUE(lacks(decide(scene), SafetyInput::kObjects));
+  EXPECT_TRUE(lacks(decide(scene), SafetyInput::kMap));
 }
 
 TEST(SafetyAreas, PoliciesDifferBesideAndOnTheWay) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};  // 0.31 m beside the vehicle
   EXPECT_LT(decide(scene).allowed_speed_m_s, 0.15) << "an unknown thing may come nearer";
-  scene.know(scene.boxes.front(), 3, ChainState::kNew);
+  scene.know(scene.boxes.front(), 3, Motion::kStanding);
   EXPECT_EQ(decide(scene).allowed_speed_m_s, SafetyParams().slow_speed_m_s) << "a standing one is passed";
-  scene.polygons.chains.clear();
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.map.features.clear();
+  scene.know(scene.boxes.front(), 3);
   EXPECT_EQ(decide(scene, SafetyPolicy::kConservative).allowed_speed_m_s, SafetyParams().slow_speed_m_s);
   EXPECT_EQ(decide(scene, SafetyPolicy::kUpdated).allowed_speed_m_s, 0.5);
   EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s, 0.5);
@@ -199,7 +190,7 @@ TEST(SafetyAreas, PoliciesDifferBesideAndOnTheWay) {
   // On the way, the areas cannot shrink beside it.
   scene = SafetyScene::straight();
   scene.boxes = {{{0.75, 0.0}, 0.0, 0.1, 0.2}};
-  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  scene.know(scene.boxes.front(), 3);
   const double updated_m_s = decide(scene, SafetyPolicy::kUpdated, 0.2).allowed_speed_m_s;
   const double ignore_m_s = decide(scene, SafetyPolicy::kIgnoreKnown, 0.2).allowed_speed_m_s;
   EXPECT_LT(updated_m_s, 0.45);
@@ -209,7 +200,7 @@ TEST(SafetyAreas, PoliciesDifferBesideAndOnTheWay) {
 TEST(SafetyAreas, AKnownChainDoesNotExplainWhoStandsBesideIt) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}, {{0.6, 0.3}, 0.0, 0.05, 0.05}};
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 3);
   for (const SafetyPolicy policy : kPolicies) {
     const SafetyDecision decision = decide(scene, policy);
     EXPECT_EQ(decision.verdict, Verdict::kStop);
@@ -220,11 +211,103 @@ TEST(SafetyAreas, AKnownChainDoesNotExplainWhoStandsBesideIt) {
 TEST(SafetyAreas, DoubtedAndUncertainChainsAreNotKnown) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
-  scene.know(scene.boxes.front(), 3, ChainState::kDoubted);
-  EXPECT_LT(decide(scene).allowed_speed_m_s, 0.5);
-  scene.polygons.chains.front().state = ChainState::kKnown;
-  scene.polygons.chains.front().p_exists = 0.5;
-  EXPECT_LT(decide(scene).allowed_speed_m_s, 0.5);
+  scene.know(scene.boxes.front(), 3);
+  SafetyParams params;
+  EXPECT_EQ(decide(scene, 0.5, params).allowed_speed_m_s, 0.5);
+  scene.map.features.front().p_exists = 0.79;
+  EXPECT_EQ(decide(scene, 0.5, params).allowed_speed_m_s, params.slow_speed_m_s);
+  // What beams have passed a part of is not known, whatever the parameter is.
+  params.min_p_exists = 0.0;
+  EXPECT_EQ(decide(scene, 0.5, params).allowed_speed_m_s, 0.5);
+  scene.map.features.front().p_exists = 0.74;
+  EXPECT_EQ(decide(scene, 0.5, params).allowed_speed_m_s, params.slow_speed_m_s);
+}
+
+// Things that drive off, and lines over gaps that nobody saw, are passed slowly.
+TEST(SafetyAreas, WhatACameraSeesAndBoundariesAreNotKnown) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
+  scene.know(scene.boxes.front(), 3).seen_by.camera = true;
+  EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s, SafetyParams().slow_speed_m_s);
+  EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).kind, Kind::kChain);
+
+  scene.map.features.clear();
+  ArcShape outline;
+  outline.closed = true;
+  const auto corner = corners(scene.boxes.front());
+  for (std::size_t i = 0; i < 4; ++i) {
+    outline.vertices.push_back({corner[i], 0.0, 0.003, true});
+    outline.vertices.push_back({0.5 * (corner[i] + corner[(i + 1) % 4]), 0.0, 0.003, false});
+  }
+  scene.add(4, outline, Motion::kFixed);
+  const SafetyDecision decision = decide(scene, SafetyPolicy::kIgnoreKnown);
+  EXPECT_EQ(decision.allowed_speed_m_s, SafetyParams().slow_speed_m_s);
+  EXPECT_EQ(decision.kind, Kind::kChain);
+  EXPECT_EQ(decision.id, 4U);
+}
+
+// Hits on a round thing are between its vertices, far from their chords.
+TEST(SafetyAreas, HitsOnArcsAreOnTheirBoundary) {
+  SafetyScene scene = SafetyScene::straight();
+  const Eigen::Vector2d center_m(1.0, 1.2);
+  constexpr double kRadius_m = 0.8;
+  ArcShape pillar;
+  pillar.closed = true;
+  const double bulge = std::tan(0.125 * kPi);  // quarters
+  for (int i = 0; i < 4; ++i) {
+    const double angle_rad = 0.5 * kPi * i;
+    pillar.vertices.push_back(
+        {center_m + kRadius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)), bulge, 0.003, false});
+  }
+  scene.add(4, pillar, Motion::kFixed);
+  for (int i = 0; i < 200; ++i) {
+    const double angle_rad = -kPi + kPi * i / 200.0;
+    scene.lone_hits.push_back(center_m + kRadius_m * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad)));
+  }
+  const SafetyDecision decision = decide(scene);
+  EXPECT_EQ(decision.kind, Kind::kChain);
+  EXPECT_EQ(decision.allowed_speed_m_s, SafetyParams().slow_speed_m_s);
+}
+
+// Who has stood still for a while is on the map as a line, and may walk on.
+TEST(SafetyAreas, APersonThatIsALineMayMoveAlsoAtAWall) {
+  SafetyScene scene = SafetyScene::straight();
+  scene.boxes = {{{3.0, 0.65}, 0.0, 5.0, 0.1}, {{0.7, 0.53}, 0.0, 0.2, 0.05}};
+  scene.know(scene.boxes.front(), 3);
+  const double without_m_s = decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s;
+  scene.know(scene.boxes.back(), 5).object_class = ObjectClass::kPerson;
+  for (const SafetyPolicy policy : kPolicies) {
+    const SafetyDecision decision = decide(scene, policy);
+    EXPECT_LT(decision.allowed_speed_m_s, 0.1);
+    EXPECT_EQ(decision.kind, Kind::kObject);
+    EXPECT_EQ(decision.id, 5U);
+  }
+  EXPECT_GT(without_m_s, 0.4);
+  scene.boxes.pop_back();
+  EXPECT_EQ(decide(scene, SafetyPolicy::kIgnoreKnown).kind, Kind::kObject) << "seen or not";
+}
+
+TEST(SafetyAreas, ATargetOfImagesStandsInTheWay) {
+  SafetyScene scene = SafetyScene::straight();
+  FootprintShape car;
+  car.p_world_m = {2.5, 0.0, 0.0};
+  car.area_m2 = 4.0;
+  scene.add(7, car);
+  for (const SafetyPolicy policy : kPolicies) {
+    const SafetyDecision decision = decide(scene, policy);
+    EXPECT_EQ(decision.kind, Kind::kObject);
+    EXPECT_EQ(decision.id, 7U);
+    EXPECT_LT(decision.allowed_speed_m_s, 0.5);
+  }
+  scene.T_world_base.translation_m.x() = 1.0;
+  EXPECT_EQ(decide(scene, 0.2).verdict, Verdict::kStop);
+  scene.T_world_base.translation_m.x() = 2.3;
+  EXPECT_EQ(decide(scene).verdict, Verdict::kFullSpeed) << "it is the vehicle";
+  // It explains no hit.
+  scene.T_world_base.translation_m.x() = 0.0;
+  scene.map.features.front().shape = FootprintShape{{0.6, 0.6, 0.0}, Eigen::Matrix2d::Zero(), 0.1};
+  scene.boxes = {{{0.6, 0.6}, 0.0, 0.1, 0.1}};
+  EXPECT_EQ(decide(scene).kind, Kind::kUnknownHit);
 }
 
 TEST(SafetyAreas, ALoneHitCountsInTheHardFloorAlone) {
@@ -243,7 +326,7 @@ TEST(SafetyAreas, DrivesWithinSight) {
     scene.path.way_points.push_back({{x, y}, {}});
   }
   scene.boxes = {{{0.0, 1.35}, 0.0, 1.15, 1.0}};
-  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  scene.know(scene.boxes.front(), 3);
   scene.T_world_base = {{0.4, 0.0}, 0.0};
   SafetyParams params;
   params.policy = SafetyPolicy::kIgnoreKnown;
@@ -252,7 +335,7 @@ TEST(SafetyAreas, DrivesWithinSight) {
   SafetyAreas areas(scene.path, fast, params);
   VehicleState state;
   state.T_world_base = scene.T_world_base;
-  const SafetyDecision hidden = areas.update(scene.points(), state, scene.polygons, scene.objects);
+  const SafetyDecision hidden = areas.update(scene.points(), state, scene.map);
   EXPECT_EQ(hidden.kind, Kind::kHidden);
   EXPECT_GT(hidden.allowed_speed_m_s, 0.5);
   EXPECT_LT(hidden.allowed_speed_m_s, 2.0);
@@ -263,23 +346,23 @@ TEST(SafetyAreas, WhatCountedAndGotOutOfViewStillCounts) {
   scene.boxes = {{{0.5, 0.5}, 0.0, 0.1, 0.1}};
   SafetyAreas areas(scene.path, {}, {});
   VehicleState state;
-  EXPECT_LT(areas.update(scene.points(), state, scene.polygons, scene.objects).allowed_speed_m_s, 0.1);
+  EXPECT_LT(areas.update(scene.points(), state, scene.map).allowed_speed_m_s, 0.1);
   // Gone, and seen to be gone.
   SafetyAreas other = areas;
   SafetyScene gone = scene;
   gone.boxes.clear();
   gone.advance(40'000'000);
-  EXPECT_EQ(other.update(gone.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
+  EXPECT_EQ(other.update(gone.points(), state, {}).verdict, Verdict::kFullSpeed);
   // Behind something in between, until it is forgotten.
   SafetyScene behind = scene;
   behind.boxes = {{{0.36, 0.36}, 0.25 * kPi, 0.01, 0.13}};
-  behind.know(behind.boxes.front(), 3, ChainState::kKnown);
+  behind.know(behind.boxes.front(), 3);
   behind.advance(40'000'000);
-  const SafetyDecision& decision = areas.update(behind.points(), state, behind.polygons, behind.objects);
+  const SafetyDecision& decision = areas.update(behind.points(), state, behind.map);
   EXPECT_LT(decision.allowed_speed_m_s, 0.1);
   EXPECT_EQ(decision.kind, Kind::kUnknownHit);
   behind.advance(4'000'000'000);
-  EXPECT_GT(areas.update(behind.points(), state, behind.polygons, behind.objects).allowed_speed_m_s, 0.2);
+  EXPECT_GT(areas.update(behind.points(), state, behind.map).allowed_speed_m_s, 0.2);
 }
 
 TEST(SafetyAreas, WithoutAPoseTheyStop) {
@@ -287,10 +370,10 @@ TEST(SafetyAreas, WithoutAPoseTheyStop) {
   SafetyAreas areas(scene.path, {}, {});
   VehicleState state;
   state.covariance_world.diagonal() << 0.3, 0.01, 0.001;
-  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).kind, Kind::kPose);
+  EXPECT_EQ(areas.update(scene.points(), state, {}).kind, Kind::kPose);
   state = {};
   state.T_world_base.translation_m.y() = 1.5;
-  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).kind, Kind::kPose);
+  EXPECT_EQ(areas.update(scene.points(), state, {}).kind, Kind::kPose);
   state = {};
   SafetyScene aside = scene;
   aside.T_world_base.yaw_rad = 1.4;
@@ -299,9 +382,9 @@ TEST(SafetyAreas, WithoutAPoseTheyStop) {
   EXPECT_EQ(decision.kind, Kind::kPose);
   EXPECT_TRUE(decision.may_turn);
   state.T_world_base.yaw_rad = std::nan("");
-  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kStop);
+  EXPECT_EQ(areas.update(scene.points(), state, {}).verdict, Verdict::kStop);
   state = {};
-  EXPECT_EQ(areas.update(scene.points(), state, {}, {}).verdict, Verdict::kFullSpeed);
+  EXPECT_EQ(areas.update(scene.points(), state, {}).verdict, Verdict::kFullSpeed);
 }
 
 // --- what is missing, broken or contradictory
@@ -310,52 +393,46 @@ TEST(SafetyAreas, WithoutAPoseTheyStop) {
 SafetyScene back_to_the_wall() {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{3.0, 0.65}, 0.0, 5.0, 0.1}, {{0.7, 0.53}, 0.0, 0.2, 0.05}};
-  scene.know(scene.boxes.front(), 3, ChainState::kWall);
+  scene.know(scene.boxes.front(), 3);
   return scene;
 }
 
-TEST(SafetyAreas, AreConservativeWithoutAFreshMapOfObjects) {
+TEST(SafetyAreas, AreConservativeWithoutFreshObjectsOnTheMap) {
   const SafetyScene scene = back_to_the_wall();
   EXPECT_GT(decide(scene, SafetyPolicy::kIgnoreKnown).allowed_speed_m_s, 0.4) << "the map has nobody there";
   std::vector<SafetyScene> lacking;
   for (const double age_s : {1.1, 2.5, 3600.0, -2.0, -3600.0}) {
     lacking.push_back(scene);
-    lacking.back().objects.stamp_ns -= nanoseconds(age_s);
+    lacking.back().map.objects_stamp_ns -= nanoseconds(age_s);
   }
   lacking.push_back(scene);
-  lacking.back().objects.stamp_ns = 0;  // never came
-  lacking.push_back(scene);             // a driver that repeats it with new stamps
-  Object object;
-  object.ellipse_world = {{9.0, 5.0}, 0.0, 0.2, 0.2};
-  object.beams = 20;
-  object.last_seen_ns = scene.stamp_ns - 5'000'000'000;
-  lacking.back().objects.objects = {object};
+  lacking.back().map.objects_stamp_ns = 0;  // a map without objects
   for (const SafetyScene& lack : lacking) {
     for (const SafetyPolicy policy : kPolicies) {
       const SafetyDecision decision = decide(lack, policy);
       EXPECT_LE(decision.allowed_speed_m_s, SafetyParams().slow_speed_m_s);
       EXPECT_EQ(decision.policy, SafetyPolicy::kConservative);
-      EXPECT_TRUE(lacks(decision, SafetyInput::kObjects));
+      EXPECT_TRUE(lacks(decision, SafetyInput::kMap));
       EXPECT_EQ(decision.missing.size(), 1U);
       EXPECT_EQ(decision.ignored, 0U);
     }
   }
 }
 
-TEST(SafetyAreas, AMapOfPolygonsThatIsNotFreshExplainsNothing) {
+TEST(SafetyAreas, AMapThatIsNotFreshExplainsNothing) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 3);
   EXPECT_EQ(decide(scene).allowed_speed_m_s, 0.5);
   for (const double age_s : {1.1, 3600.0, -2.0, -3600.0, 100.0}) {  // the last: a stamp of 0, never came
     SafetyScene lack = scene;
-    lack.polygons.stamp_ns -= nanoseconds(age_s);
+    lack.map.stamp_ns -= nanoseconds(age_s);
     for (const SafetyPolicy policy : kPolicies) {
       const SafetyDecision decision = decide(lack, policy);
       EXPECT_EQ(decision.kind, Kind::kUnknownHit) << age_s;
       EXPECT_LT(decision.allowed_speed_m_s, 0.15);
       EXPECT_EQ(decision.policy, SafetyPolicy::kConservative);
-      EXPECT_TRUE(lacks(decision, SafetyInput::kPolygons));
+      EXPECT_TRUE(lacks(decision, SafetyInput::kMap));
     }
   }
 }
@@ -364,9 +441,9 @@ TEST(SafetyAreas, AMapOfPolygonsThatIsNotFreshExplainsNothing) {
 TEST(SafetyAreas, AChainThatTheMapDoesNotSeeExplainsNothing) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 3);
   for (const double age_s : {5.0, 100.0, -50.0}) {
-    scene.polygons.chains.front().last_seen_ns = scene.stamp_ns - nanoseconds(age_s);
+    scene.map.features.front().last_seen_ns = scene.stamp_ns - nanoseconds(age_s);
     EXPECT_EQ(decide(scene).kind, Kind::kUnknownHit) << age_s;
     EXPECT_LT(decide(scene).allowed_speed_m_s, 0.15);
   }
@@ -375,7 +452,7 @@ TEST(SafetyAreas, AChainThatTheMapDoesNotSeeExplainsNothing) {
 TEST(SafetyAreas, AChainThatTheScanSeesThroughExplainsNothing) {
   SafetyScene scene = SafetyScene::straight();
   const Box gone{{0.7, 0.75}, 0.0, 0.5, 0.2};
-  scene.know(gone, 3, ChainState::kKnown);
+  scene.know(gone, 3);
   for (const bool with_wall_behind : {false, true}) {
     scene.boxes = {{{0.7, 0.6}, 0.0, 0.15, 0.04}};  // who stands where its face was
     if (with_wall_behind) scene.boxes.push_back({{0.7, 3.0}, 0.0, 6.0, 0.1});
@@ -408,7 +485,7 @@ TEST(SafetyAreas, ACovarianceThatIsNoneIsAStop) {
     SafetyAreas areas(scene.path, {}, {});
     VehicleState state;
     state.covariance_world = P;
-    const SafetyDecision& decision = areas.update(scene.points(), state, scene.polygons, scene.objects);
+    const SafetyDecision& decision = areas.update(scene.points(), state, scene.map);
     EXPECT_EQ(decision.verdict, Verdict::kStop) << P;
     EXPECT_EQ(decision.kind, Kind::kPose);
     EXPECT_FALSE(decision.may_turn);
@@ -425,7 +502,7 @@ TEST(SafetyAreas, TheAllowedSpeedFallsWithTheCovariance) {
     SafetyAreas areas(scene.path, {}, {});
     VehicleState state;
     state.covariance_world.diagonal() << sigma_m * sigma_m, 0.0, 1e-4;
-    const double allowed_m_s = areas.update(scene.points(), state, scene.polygons, scene.objects).allowed_speed_m_s;
+    const double allowed_m_s = areas.update(scene.points(), state, scene.map).allowed_speed_m_s;
     EXPECT_LE(allowed_m_s, before_m_s) << sigma_m;
     before_m_s = allowed_m_s;
   }
@@ -433,13 +510,13 @@ TEST(SafetyAreas, TheAllowedSpeedFallsWithTheCovariance) {
   SafetyAreas areas(scene.path, {}, {});
   VehicleState state;
   state.covariance_world.diagonal() << 1e-6, 1e-6, 1.0;
-  EXPECT_EQ(areas.update(scene.points(), state, scene.polygons, scene.objects).kind, Kind::kPose);
+  EXPECT_EQ(areas.update(scene.points(), state, scene.map).kind, Kind::kPose);
 }
 
 TEST(SafetyAreas, ASpeedThatIsNotKnownIsTheGreatest) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{0.85, 0.0}, 0.0, 0.1, 0.2}};
-  scene.know(scene.boxes.front(), 3, ChainState::kNew);
+  scene.know(scene.boxes.front(), 3, Motion::kStanding);
   const SafetyDecision fastest = decide(scene, 0.5);
   ASSERT_EQ(fastest.verdict, Verdict::kStop);
   ASSERT_NE(decide(scene, 0.05).verdict, Verdict::kStop);
@@ -450,7 +527,7 @@ TEST(SafetyAreas, ASpeedThatIsNotKnownIsTheGreatest) {
   inf.speed_m_s = std::numeric_limits<double>::infinity();
   for (const VehicleState& state : {late, ahead, nan, inf}) {
     SafetyAreas areas(scene.path, {}, {});
-    const SafetyDecision& decision = areas.update(scene.points(), state, scene.polygons, scene.objects);
+    const SafetyDecision& decision = areas.update(scene.points(), state, scene.map);
     EXPECT_EQ(decision.verdict, Verdict::kStop);
     EXPECT_EQ(decision.allowed_speed_m_s, fastest.allowed_speed_m_s);
     EXPECT_TRUE(lacks(decision, SafetyInput::kSpeed));
@@ -460,7 +537,7 @@ TEST(SafetyAreas, ASpeedThatIsNotKnownIsTheGreatest) {
 SafetyScene corridor() {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{5.0, 1.8}, 0.0, 9.0, 0.1}, {{5.0, -1.8}, 0.0, 9.0, 0.1}, {{14.1, 0.0}, 0.0, 0.1, 1.7}};
-  for (std::size_t i = 0; i < 3; ++i) scene.know(scene.boxes[i], i + 1, ChainState::kWall);
+  for (std::size_t i = 0; i < 3; ++i) scene.know(scene.boxes[i], i + 1);
   return scene;
 }
 
@@ -482,23 +559,23 @@ TEST(SafetyAreas, AScannerThatSeesNothingBetweenKnownWallsIsAStop) {
     // The map forgets walls that the scanner does not see: it is as blind as before.
     for (int i = 0; i < 100; ++i) {
       blind.stamp_ns += 40'000'000;
-      blind.polygons.stamp_ns = blind.objects.stamp_ns = blind.stamp_ns;
-      if (i == 20) blind.polygons.chains.clear();
+      blind.map.stamp_ns = blind.map.objects_stamp_ns = blind.stamp_ns;
+      if (i == 20) blind.map.features.clear();
       VehicleState state;
-      const SafetyDecision& decision = areas.update(blind.points(), state, blind.polygons, blind.objects);
+      const SafetyDecision& decision = areas.update(blind.points(), state, blind.map);
       ASSERT_EQ(decision.verdict, Verdict::kStop) << i;
       ASSERT_EQ(decision.kind, Kind::kContradiction);
       ASSERT_FALSE(decision.may_turn);
     }
     scene.advance(blind.stamp_ns + 40'000'000 - scene.stamp_ns);
-    EXPECT_EQ(areas.update(scene.points(), {}, scene.polygons, scene.objects).verdict, Verdict::kFullSpeed);
+    EXPECT_EQ(areas.update(scene.points(), {}, scene.map).verdict, Verdict::kFullSpeed);
   }
 }
 
 TEST(SafetyAreas, AScannerThatIsBlindAheadOrFromTheBeginningIsAStop) {
   SafetyScene scene = corridor();
   scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});  // the end, so that there is something to see ahead
-  scene.know(scene.boxes.back(), 3, ChainState::kWall);
+  scene.know(scene.boxes.back(), 3);
   scene.path.way_points = {{{-2.0, 0.0}, {}}, {{5.0, 0.0}, {}}};
   ASSERT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
   Points points = scene.points();
@@ -508,7 +585,7 @@ TEST(SafetyAreas, AScannerThatIsBlindAheadOrFromTheBeginningIsAStop) {
     point.range_m = 20.0;
   }
   SafetyAreas areas(scene.path, {}, {});
-  EXPECT_EQ(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+  EXPECT_EQ(areas.update(points, {}, scene.map).kind, Kind::kContradiction);
   // Hits beyond the walls, as of another place.
   points = scene.points();
   for (Point& point : points.points) {
@@ -516,7 +593,7 @@ TEST(SafetyAreas, AScannerThatIsBlindAheadOrFromTheBeginningIsAStop) {
     point.p_level_m *= 15.0 / std::max(point.p_level_m.norm(), 1e-9);
   }
   SafetyAreas elsewhere(scene.path, {}, {});
-  EXPECT_EQ(elsewhere.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+  EXPECT_EQ(elsewhere.update(points, {}, scene.map).kind, Kind::kContradiction);
 }
 
 // Its scans are those of an empty place, of whatever the maps have: a file that nobody has seen yet, or nothing.
@@ -529,11 +606,11 @@ TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
         params.policy = policy;
         SafetyAreas areas(scene.path, {}, params);
         SafetyScene blind = without_return(scene);
-        if (!has_file) blind.polygons.chains.clear();
+        if (!has_file) blind.map.features.clear();
         for (int i = 0; i < 100; ++i) {
           blind.advance(40'000'000);
-          for (Chain& chain : blind.polygons.chains) chain.last_seen_ns = 0;
-          if (map_age_ns < 0) blind.polygons.stamp_ns = blind.objects.stamp_ns = 0;
+          for (Feature& feature : blind.map.features) feature.last_seen_ns = 0;
+          if (map_age_ns < 0) blind.map.stamp_ns = blind.map.objects_stamp_ns = 0;
           Points points = blind.points();
           // Some returns, as of dust, show nothing.
           for (std::size_t k = 0; k < 10; ++k) {
@@ -542,7 +619,7 @@ TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
             point.range_m = 15.0;
             point.p_level_m = 15.0 * Eigen::Vector2d(std::cos(point.azimuth_rad), std::sin(point.azimuth_rad));
           }
-          const SafetyDecision& decision = areas.update(points, {}, blind.polygons, blind.objects);
+          const SafetyDecision& decision = areas.update(points, {}, blind.map);
           ASSERT_EQ(decision.verdict, Verdict::kStop) << name_of(policy) << ", scan " << i;
           ASSERT_EQ(decision.kind, Kind::kContradiction);
           ASSERT_EQ(decision.allowed_speed_m_s, 0.0);
@@ -550,7 +627,7 @@ TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
         }
         SafetyScene sees = scene;
         sees.advance(blind.stamp_ns + 40'000'000 - scene.stamp_ns);
-        EXPECT_EQ(areas.update(sees.points(), {}, sees.polygons, sees.objects).verdict, Verdict::kFullSpeed);
+        EXPECT_EQ(areas.update(sees.points(), {}, sees.map).verdict, Verdict::kFullSpeed);
         EXPECT_TRUE(areas.scanner_has_seen());
       }
     }
@@ -561,10 +638,10 @@ TEST(SafetyAreas, AScannerThatWasNotShownToSeeIsAStop) {
 TEST(SafetyAreas, AQuarterThatSeesNothingOfAFileIsAStop) {
   SafetyScene scene = corridor();
   scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
-  scene.know(scene.boxes.back(), 4, ChainState::kWall);
-  for (Chain& chain : scene.polygons.chains) chain.last_seen_ns = 0;
+  scene.know(scene.boxes.back(), 4);
+  for (Feature& feature : scene.map.features) feature.last_seen_ns = 0;
   for (const bool is_fresh : {true, false}) {
-    if (!is_fresh) scene.polygons.stamp_ns = 0;
+    if (!is_fresh) scene.map.stamp_ns = 0;
     ASSERT_EQ(decide(scene).verdict, Verdict::kFullSpeed);
     Points points = scene.points();
     for (Point& point : points.points) {
@@ -575,20 +652,20 @@ TEST(SafetyAreas, AQuarterThatSeesNothingOfAFileIsAStop) {
     SafetyAreas areas(scene.path, {}, {});
     for (int i = 0; i < 3; ++i) {
       points.stamp_ns += 40'000'000;
-      EXPECT_EQ(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
-      scene.polygons.chains.clear();  // the map forgets what it does not see
+      EXPECT_EQ(areas.update(points, {}, scene.map).kind, Kind::kContradiction);
+      scene.map.features.clear();  // the map forgets what it does not see
     }
     scene = corridor();
     scene.boxes.push_back({{6.0, 0.0}, 0.0, 0.1, 1.6});
-    scene.know(scene.boxes.back(), 4, ChainState::kWall);
-    for (Chain& chain : scene.polygons.chains) chain.last_seen_ns = 0;
+    scene.know(scene.boxes.back(), 4);
+    for (Feature& feature : scene.map.features) feature.last_seen_ns = 0;
   }
 }
 
 // Ahead, where nothing is on a map, a covered scanner is like one in an open place.
 TEST(SafetyAreas, AQuarterAheadThatWasNotShownToSeeIsAStopWhereItMustBe) {
   SafetyScene scene = corridor();
-  scene.polygons.chains.clear();
+  scene.map.features.clear();
   const auto covered = [&scene] {
     Points points = scene.points();
     for (Point& point : points.points) {
@@ -603,7 +680,7 @@ TEST(SafetyAreas, AQuarterAheadThatWasNotShownToSeeIsAStopWhereItMustBe) {
     params.must_see_ahead = must_see_ahead;
     SafetyAreas areas(scene.path, {}, params);
     const auto decide_next = [&](const Points& points) {
-      const SafetyDecision& decision = areas.update(points, {}, scene.polygons, scene.objects);
+      const SafetyDecision& decision = areas.update(points, {}, scene.map);
       scene.advance(40'000'000);
       return std::pair(decision.verdict == Verdict::kStop && decision.kind == Kind::kContradiction, decision.may_turn);
     };
@@ -626,7 +703,7 @@ TEST(SafetyAreas, AQuarterAheadThatWasNotShownToSeeIsAStopWhereItMustBe) {
 
 TEST(SafetyAreas, AScannerThatGetsBlindWithoutAnyMapIsAStop) {
   SafetyScene scene = corridor();
-  scene.polygons.chains.clear();
+  scene.map.features.clear();
   SafetyAreas areas(scene.path, {}, {});
   VehicleState state;
   const auto next = [&](const SafetyScene& seen, std::int64_t after_ns) {
@@ -636,7 +713,7 @@ TEST(SafetyAreas, AScannerThatGetsBlindWithoutAnyMapIsAStop) {
     SafetyScene now = seen;
     now.T_world_base = scene.T_world_base;
     now.stamp_ns = scene.stamp_ns;
-    return areas.update(now.points(), state, scene.polygons, scene.objects);
+    return areas.update(now.points(), state, scene.map);
   };
   const SafetyScene sees = scene, blind = without_return(scene);
   for (int i = 0; i < 5; ++i) EXPECT_EQ(next(sees, 40'000'000).verdict, Verdict::kFullSpeed);
@@ -657,14 +734,14 @@ TEST(SafetyAreas, AScannerThatSeesLessAndLessIsNotBlind) {
     scene.advance(40'000'000);
     scene.T_world_base.translation_m.x() += 0.02;
     state.T_world_base = scene.T_world_base;
-    ASSERT_EQ(hall.update(scene.points(), state, scene.polygons, scene.objects).verdict, Verdict::kFullSpeed) << i;
+    ASSERT_EQ(hall.update(scene.points(), state, scene.map).verdict, Verdict::kFullSpeed) << i;
   }
   scene = SafetyScene::straight();
   SafetyAreas place(scene.path, {}, {});
   for (int i = 0; i < 200; ++i) {
     scene.advance(100'000'000);
     scene.boxes = {{{-1.0, 4.0 - 0.2 * i}, 0.0, 0.25, 0.25}};
-    EXPECT_NE(place.update(scene.points(), {}, scene.polygons, scene.objects).kind, Kind::kContradiction) << i;
+    EXPECT_NE(place.update(scene.points(), {}, scene.map).kind, Kind::kContradiction) << i;
     scene.far_off.clear();
   }
 }
@@ -681,7 +758,7 @@ TEST(SafetyAreas, ScanAndMapAgreeWhereSomeOfItIsGone) {
     points.points[i].range_m = 20.0;
   }
   SafetyAreas areas(scene.path, {}, {});
-  EXPECT_NE(areas.update(points, {}, scene.polygons, scene.objects).kind, Kind::kContradiction);
+  EXPECT_NE(areas.update(points, {}, scene.map).kind, Kind::kContradiction);
 }
 
 std::vector<float> ranges_of(const Points& points, Random* noise) {
@@ -711,7 +788,7 @@ TEST(SafetyAreas, ADriverThatRepeatsItselfIsAStop) {
       }
       points.stamp_ns = scene.stamp_ns;
       points.T_world_level = scene.T_world_base;
-      return areas.update(points, state, scene.polygons, scene.objects, ranges_m).kind;
+      return areas.update(points, state, scene.map, ranges_m).kind;
     };
     std::vector<float> ranges_m;
     // Standing, then driving, they differ; without noise those of a vehicle that stands are alike, and no fault.
@@ -744,7 +821,7 @@ TEST(SafetyAreas, ADriverThatRepeatsItsFirstScanIsFoundOnce) {
     Points points = first;
     points.stamp_ns = scene.stamp_ns;
     points.T_world_level = state.T_world_base;
-    const SafetyDecision& decision = areas.update(points, state, scene.polygons, scene.objects, ranges_m);
+    const SafetyDecision& decision = areas.update(points, state, scene.map, ranges_m);
     const bool was_found = is_found;
     is_found = decision.kind == Kind::kFrozenScan;
     found += is_found && !was_found ? 1 : 0;
@@ -765,8 +842,7 @@ TEST(SafetyAreas, EmptyPlacesMayLookAlike) {
     scene.T_world_base.translation_m.x() += 0.02;
     state.T_world_base = scene.T_world_base;
     const Points points = scene.points();
-    EXPECT_EQ(areas.update(points, state, scene.polygons, scene.objects, ranges_of(points, nullptr)).verdict,
-              Verdict::kFullSpeed);
+    EXPECT_EQ(areas.update(points, state, scene.map, ranges_of(points, nullptr)).verdict, Verdict::kFullSpeed);
     scene.far_off.clear();  // the scanner was shown to see
   }
 }
@@ -784,10 +860,10 @@ TEST(SafetyAreas, TurnOnlyWhereAllOfTheCircleWasSeenFree) {
   const VehicleParams vehicle = with_a_tail();
   SafetyAreas areas(scene.path, vehicle, {});
   VehicleState state;
-  EXPECT_FALSE(areas.update(scene.points(), state, scene.polygons, scene.objects).may_turn) << "never seen";
+  EXPECT_FALSE(areas.update(scene.points(), state, scene.map).may_turn) << "never seen";
   EXPECT_TRUE(drive_up(areas, scene).may_turn);
   scene.advance(static_cast<std::int64_t>((SafetyParams().turn_memory_s + 1.0) * 1e9));
-  EXPECT_FALSE(areas.update(scene.points(), state, scene.polygons, scene.objects).may_turn) << "too long ago";
+  EXPECT_FALSE(areas.update(scene.points(), state, scene.map).may_turn) << "too long ago";
 }
 
 TEST(SafetyAreas, TurnOnlyWhereTheMapsHaveNothing) {
@@ -800,19 +876,16 @@ TEST(SafetyAreas, TurnOnlyWhereTheMapsHaveNothing) {
       scene.advance(40'000'000);
       // Not in the scan: behind, or so low that it is not seen.
       const Box box{Eigen::Vector2d(0.7 * std::cos(from_rad), 0.7 * std::sin(from_rad)), from_rad, 0.1, 0.1};
-      scene.know(box, 3, ChainState::kKnown);
-      if (!is_fresh) scene.polygons.stamp_ns = 0;  // of a file
-      EXPECT_FALSE(areas.update(scene.points(), {}, scene.polygons, scene.objects).may_turn) << from_rad;
+      scene.know(box, 3);
+      if (!is_fresh) scene.map.stamp_ns = 0;  // of a file
+      EXPECT_FALSE(areas.update(scene.points(), {}, scene.map).may_turn) << from_rad;
     }
     SafetyScene scene = SafetyScene::straight();
     SafetyAreas areas(scene.path, vehicle, {});
     drive_up(areas, scene);
     scene.advance(40'000'000);
-    Object post;
-    post.id = 1;
-    post.ellipse_world = {0.75 * Eigen::Vector2d(std::cos(from_rad), std::sin(from_rad)), 0.0, 0.15, 0.15};
-    scene.objects.objects = {post};
-    EXPECT_FALSE(areas.update(scene.points(), {}, scene.polygons, scene.objects).may_turn) << from_rad;
+    scene.add(1, EllipseShape{{0.75 * Eigen::Vector2d(std::cos(from_rad), std::sin(from_rad)), 0.0, 0.15, 0.15}, {}});
+    EXPECT_FALSE(areas.update(scene.points(), {}, scene.map).may_turn) << from_rad;
   }
 }
 
@@ -828,9 +901,9 @@ TEST(SafetyAreas, AChainBehindStopsTheTailThatSwingsToIt) {
   state.T_world_base = scene.T_world_base;
   for (const double side : {-1.0, 1.0}) {
     SafetyScene beside = scene;
-    beside.know(scene.T_world_base * Box{{-0.5, side * 0.32}, 0.0, 0.1, 0.05}, 3, ChainState::kKnown);
+    beside.know(scene.T_world_base * Box{{-0.5, side * 0.32}, 0.0, 0.1, 0.05}, 3);
     SafetyAreas areas(scene.path, with_a_tail(), {});
-    const SafetyDecision& decision = areas.update(beside.points(), state, beside.polygons, beside.objects);
+    const SafetyDecision& decision = areas.update(beside.points(), state, beside.map);
     EXPECT_EQ(decision.kind, side < 0.0 ? Kind::kChain : Kind::kNone);
     EXPECT_EQ(decision.allowed_speed_m_s < 0.4, side < 0.0);
   }
@@ -843,7 +916,7 @@ TEST(SafetyAreas, AreThoseOfTheWayBack) {
   const SafetyDecision decision = decide(scene, 0.1);
   EXPECT_EQ(decision.kind, Kind::kUnknownHit);
   scene.boxes = {{{3.9, 0.0}, 0.0, 0.1, 0.2}};  // behind
-  scene.know(scene.boxes.front(), 1, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 1);
   EXPECT_EQ(decide(scene, 0.1).verdict, Verdict::kFullSpeed);
 }
 
@@ -859,8 +932,8 @@ SafetyScene random_scene(Random& random) {
                            random.uniform(0.03, 0.3)});
     const double what = random.uniform();
     const auto id = static_cast<std::uint64_t>(i + 1);
-    if (what < 0.5) scene.know(scene.boxes.back(), id, ChainState::kKnown);
-    if (what > 0.7) scene.know(scene.boxes.back(), id, ChainState::kNew);
+    if (what < 0.5) scene.know(scene.boxes.back(), id);
+    if (what > 0.7) scene.know(scene.boxes.back(), id, Motion::kStanding);
   }
   return scene;
 }
@@ -993,19 +1066,19 @@ TEST(SafetyAreas, PolygonsGrowWithSpeedAndShrinkToKnownChains) {
     before_m2 = now_m2;
   }
   scene.boxes = {{{0.6, 0.6}, 0.0, 0.2, 0.1}};
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.know(scene.boxes.front(), 3);
   const SafetyDecision updated = decide(scene, SafetyPolicy::kUpdated);
   const SafetyDecision conservative = decide(scene, SafetyPolicy::kConservative);
   EXPECT_LT(area(updated.warning_world_m), area(conservative.warning_world_m));
-  for (const ChainVertex& vertex : scene.polygons.chains.front().vertices) {
+  for (const ChainVertex& vertex : std::get<PolylineShape>(scene.map.features.front().shape).vertices) {
     const BoostPoint p(vertex.p_world_m.x(), vertex.p_world_m.y());
     EXPECT_FALSE(boost::geometry::within(p, boost_polygon(updated.warning_world_m)));
     EXPECT_TRUE(boost::geometry::within(p, boost_polygon(conservative.warning_world_m)));
   }
   // Never below the hard floor, in whose way a chain may stand.
   scene.boxes = {{{0.6, 0.2}, 0.0, 0.2, 0.1}};
-  scene.polygons.chains.clear();
-  scene.know(scene.boxes.front(), 3, ChainState::kKnown);
+  scene.map.features.clear();
+  scene.know(scene.boxes.front(), 3);
   const BoostPolygon shrunk = boost_polygon(decide(scene, SafetyPolicy::kUpdated).protective_world_m);
   for (double x_m = -0.2; x_m < 0.4; x_m += 0.05) {
     for (const double y_m : {-0.2, 0.0, 0.2}) {

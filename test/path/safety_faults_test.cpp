@@ -42,14 +42,15 @@ struct Cell {
   const char* fault;
   Does does;
   const char* text;
+  bool of_objects = false;  ///< the fault is in the objects of the map alone
 };
 
 /// Messages and clocks of one scan. None: it does not come.
 struct Messages {
-  std::optional<std::int64_t> scan_ns, objects_ns, polygons_ns, covariance_ns, odometry_ns, transform_ns, verdict_ns;
+  std::optional<std::int64_t> scan_ns, map_ns, objects_ns, covariance_ns, odometry_ns, transform_ns, verdict_ns;
   std::vector<float> ranges_m;
-  Objects objects;
-  Polygons polygons;
+  Map map;
+  std::optional<Feature> person;  ///< of the map
   Eigen::Matrix3d covariance = 1e-4 * Eigen::Matrix3d::Identity();
   double speed_m_s = 0.0;
   Pose2 T_world_base;
@@ -63,7 +64,7 @@ class Drive {
                     {{5.0, -1.3}, 0.0, 9.0, 0.1},
                     {{14.1, -0.3}, 0.0, 0.1, 1.2},
                     {{3.5, 0.6}, 0.0, 0.2, 0.05}};  // the person, in the reach of the wall
-    for (std::size_t i = 0; i < 3; ++i) scene_.know(scene_.boxes[i], i + 1, ChainState::kWall);
+    for (std::size_t i = 0; i < 3; ++i) scene_.know(scene_.boxes[i], i + 1);
     SafetyParams params;
     params.policy = SafetyPolicy::kIgnoreKnown;
     areas_.emplace(scene_.path, VehicleParams(), params);
@@ -83,7 +84,8 @@ class Drive {
       scene_.T_world_base = scene_.T_world_base * Pose2{{0.04 * speed_m_s_, 0.0}, 0.0};
       speeds_m_s.push_back(speed_m_s_);
       const bool is_beside = std::abs(scene_.T_world_base.translation_m.x() - 3.5) < 0.5;
-      if (is_beside && !(in("objects") && is("empty"))) fastest_beside_m_s_ = std::max(fastest_beside_m_s_, speed_m_s_);
+      if (is_beside && !(cell_.of_objects && is("empty")))
+        fastest_beside_m_s_ = std::max(fastest_beside_m_s_, speed_m_s_);
     }
     return speeds_m_s;
   }
@@ -98,19 +100,15 @@ class Drive {
   Messages good() {
     Messages m;
     const std::int64_t now_ns = scene_.stamp_ns;
-    m.scan_ns = m.objects_ns = m.polygons_ns = m.covariance_ns = m.odometry_ns = m.transform_ns = m.verdict_ns = now_ns;
+    m.scan_ns = m.map_ns = m.objects_ns = m.covariance_ns = m.odometry_ns = m.transform_ns = m.verdict_ns = now_ns;
     for (const Point& point : scene_.points().points) {
       m.ranges_m.push_back(point.state == BeamState::kHit ? static_cast<float>(point.range_m + 0.005 * random_.normal())
                                                           : std::numeric_limits<float>::infinity());
     }
-    m.polygons = scene_.polygons;
-    Object person;
-    person.id = 9;
-    person.ellipse_world = {{3.5, 0.6}, 0.0, 0.25, 0.1};
-    person.object_class = ObjectClass::kPerson;
-    person.last_seen_ns = now_ns;
-    person.beams = 20;
-    if (is_there_) m.objects.objects = {person};
+    m.map = scene_.map;
+    SafetyScene with_person = scene_;
+    m.person = with_person.add(9, EllipseShape{{{3.5, 0.6}, 0.0, 0.25, 0.1}, {}});
+    m.person->object_class = ObjectClass::kPerson;
     m.speed_m_s = speed_m_s_;
     m.T_world_base = scene_.T_world_base;
     if (scan_ == kFault - 1) frozen_ = m;
@@ -119,8 +117,7 @@ class Drive {
 
   std::optional<std::int64_t>& stamp_of(Messages& m) const {
     if (in("scan")) return m.scan_ns;
-    if (in("objects")) return m.objects_ns;
-    if (in("polygons")) return m.polygons_ns;
+    if (in("map")) return cell_.of_objects ? m.objects_ns : m.map_ns;
     if (in("pose covariance")) return m.covariance_ns;
     if (in("odometry")) return m.odometry_ns;
     if (in("TF")) return m.transform_ns;
@@ -142,8 +139,8 @@ class Drive {
 
   void freeze(Messages& m) const {
     if (in("scan")) m.ranges_m = frozen_.ranges_m;
-    if (in("objects")) m.objects = frozen_.objects;
-    if (in("polygons")) m.polygons = frozen_.polygons;
+    if (in("map")) m.map = frozen_.map;
+    if (in("map")) m.person = frozen_.person;
     if (in("pose covariance")) m.covariance = frozen_.covariance;
     if (in("odometry")) m.speed_m_s = frozen_.speed_m_s;
     if (in("TF")) m.T_world_base = frozen_.T_world_base;
@@ -152,16 +149,18 @@ class Drive {
 
   void empty(Messages& m) {
     if (in("scan")) m.ranges_m.clear();
-    if (in("objects")) m.objects.objects.clear();
-    if (in("polygons")) m.polygons.chains.clear();
+    if (in("map")) m.person.reset();
+    if (in("map") && !cell_.of_objects) m.map.features.clear();
   }
 
   void contradict(Messages& m) const {
     if (in("scan")) std::fill(m.ranges_m.begin(), m.ranges_m.end(), 15.0F);
-    if (in("objects"))
-      m.objects.objects.front().ellipse_world.center_m = {scene_.T_world_base.translation_m.x() + 0.8, 0.0};
-    // A known wall where the scan sees through, which would explain who stands there.
-    if (in("polygons")) m.polygons.chains.front().vertices = {{{-4.0, 0.45}, 0.003}, {{14.0, 0.45}, 0.003}};
+    if (cell_.of_objects) {
+      m.person->shape = EllipseShape{{{scene_.T_world_base.translation_m.x() + 0.8, 0.0}, 0.0, 0.25, 0.1}, {}};
+    } else if (in("map")) {
+      // A known wall where the scan sees through, which would explain who stands there.
+      m.map.features.front().shape = PolylineShape{{{{-4.0, 0.45}, 0.003}, {{14.0, 0.45}, 0.003}}, false};
+    }
     if (in("pose covariance")) m.covariance(0, 1) = m.covariance(1, 0) = 2e-4;
     if (in("odometry")) m.speed_m_s = 0.0;
     if (in("TF")) m.T_world_base.translation_m.y() += 0.7;
@@ -171,8 +170,7 @@ class Drive {
   void fill(Messages& m, double value) const {
     if (in("scan")) std::fill(m.ranges_m.begin(), m.ranges_m.end(), static_cast<float>(value));
     // Maps and transforms with such numbers are refused when they are converted (ros/convert_test).
-    if (in("objects")) m.objects_ns.reset();
-    if (in("polygons")) m.polygons_ns.reset();
+    if (in("map")) m.map_ns.reset();
     if (in("TF")) m.transform_ns.reset();
     if (in("pose covariance")) m.covariance.diagonal().setConstant(value);
     if (in("odometry")) m.speed_m_s = value;
@@ -196,14 +194,7 @@ class Drive {
 
   void step(const Messages& m) {
     const std::int64_t now_ns = scene_.stamp_ns;
-    if (m.objects_ns) {
-      objects_ = m.objects;
-      objects_.stamp_ns = *m.objects_ns;
-    }
-    if (m.polygons_ns) {
-      polygons_ = m.polygons;
-      polygons_.stamp_ns = *m.polygons_ns;
-    }
+    if (m.map_ns) take_map(m);
     const bool has_source = !(in("pose covariance") && is("never came"));
     if (has_source) poses_.expect();
     if (m.covariance_ns) poses_.add(*m.covariance_ns, {m.T_world_base.translation_m, m.covariance});
@@ -217,7 +208,7 @@ class Drive {
       state.covariance_world = pose                  ? pose->covariance_world
                                : poses_.has_source() ? Eigen::Matrix3d(Eigen::Matrix3d::Constant(kNan))
                                                      : Eigen::Matrix3d(4e-4 * Eigen::Matrix3d::Identity());
-      decision_ = areas_->update(points_of(m), state, polygons_, objects_, m.ranges_m);
+      decision_ = areas_->update(points_of(m), state, map_, m.ranges_m);
       if (m.verdict_ns) {
         allowed_ = {decision_->allowed_speed_m_s, decision_->may_turn};
         allowed_ns_ = *m.verdict_ns - now_ns + *m.scan_ns;
@@ -235,16 +226,28 @@ class Drive {
         (may_drive ? following_->update(now_ns, T_world_base_, allowed_) : following_->brake(now_ns)).command.speed_m_s;
   }
 
+  /// A map that its objects did not come to has those of before.
+  void take_map(const Messages& m) {
+    const std::int64_t objects_stamp_ns = map_.objects_stamp_ns;
+    map_ = m.map;
+    map_.stamp_ns = *m.map_ns;
+    map_.objects_stamp_ns = objects_stamp_ns;
+    if (m.objects_ns) {
+      map_.objects_stamp_ns = cell_.of_objects ? *m.objects_ns : *m.map_ns;
+      person_ = m.person;
+    }
+    if (person_) map_.features.push_back(*person_);
+  }
+
   Cell cell_;
   SafetyScene scene_;
   std::optional<SafetyAreas> areas_;
   std::optional<PathFollowing> following_;
   Random random_{7};
   int scan_ = 0;
-  bool is_there_ = true;
   Messages frozen_;
-  Objects objects_;
-  Polygons polygons_;
+  Map map_;
+  std::optional<Feature> person_;  ///< of that map
   PoseCovariances poses_{SafetyParams().max_pose_age_s};
   VehicleState odometry_{{}, Eigen::Matrix3d::Zero(), kNan, {}};
   std::optional<SafetyDecision> decision_;
@@ -255,8 +258,8 @@ class Drive {
 };
 
 constexpr const char* kNoVerdict = "no verdict: the vehicle stands after path/timeout_s";
-constexpr const char* kNoObjects = "conservative after safety/max_objects_age_s, and said";
-constexpr const char* kNoPolygons = "conservative after safety/max_polygons_age_s, all hits are unknown, and said";
+constexpr const char* kNoMap = "conservative after safety/max_map_age_s, all hits are unknown, and said";
+constexpr const char* kNoObjects = "without its objects: conservative after safety/max_map_age_s, and said";
 constexpr const char* kNoCovariance = "a stop by the pose, and said";
 constexpr const char* kNoSpeed = "it counts as driving at its greatest speed, and is as careful as before";
 
@@ -275,34 +278,28 @@ const Cell kCells[] = {
     {"scan", "empty", Does::kStands, "a stop: all is hidden"},
     {"scan", "contradicts another input", Does::kStands, "a stop: scan and map contradict each other"},
     {"scan", "restarted", Does::kGoesOn, "the vehicle stands meanwhile, and goes on"},
-    {"objects", "never came", Does::kConservative, kNoObjects},
-    {"objects", "stopped", Does::kConservative, kNoObjects},
-    {"objects", "killed", Does::kConservative, kNoObjects},
-    {"objects", "wrong frame", Does::kConservative, kNoObjects},
-    {"objects", "frozen", Does::kConservative, kNoObjects},
-    {"objects", "late by 1 s", Does::kGoesOn, "movers are taken along by their velocities"},
-    {"objects", "2 s ahead", Does::kConservative, kNoObjects},
-    {"objects", "back by 1 h", Does::kConservative, kNoObjects},
-    {"objects", "NaN", Does::kConservative, "refused: conservative after safety/max_objects_age_s"},
-    {"objects", "inf", Does::kConservative, "refused: conservative after safety/max_objects_age_s"},
-    {"objects", "-1", Does::kConservative, "refused: conservative after safety/max_objects_age_s"},
-    {"objects", "empty", Does::kGoesOn, "nobody stands there: hits on known chains are the chains"},
-    {"objects", "contradicts another input", Does::kStands, "what moves on the map counts, seen or not"},
-    {"objects", "restarted", Does::kGoesOn, "conservative meanwhile"},
-    {"polygons", "never came", Does::kConservative, kNoPolygons},
-    {"polygons", "stopped", Does::kConservative, kNoPolygons},
-    {"polygons", "killed", Does::kConservative, kNoPolygons},
-    {"polygons", "wrong frame", Does::kConservative, kNoPolygons},
-    {"polygons", "frozen", Does::kConservative, "chains that the map no longer sees explain nothing"},
-    {"polygons", "late by 1 s", Does::kGoesOn, "used, as the walls stand"},
-    {"polygons", "2 s ahead", Does::kConservative, kNoPolygons},
-    {"polygons", "back by 1 h", Does::kConservative, kNoPolygons},
-    {"polygons", "NaN", Does::kConservative, "refused: conservative after safety/max_polygons_age_s"},
-    {"polygons", "inf", Does::kConservative, "refused: conservative after safety/max_polygons_age_s"},
-    {"polygons", "-1", Does::kConservative, "refused: conservative after safety/max_polygons_age_s"},
-    {"polygons", "empty", Does::kConservative, "all hits are unknown"},
-    {"polygons", "contradicts another input", Does::kStands, "a stop: scan and map contradict each other"},
-    {"polygons", "restarted", Does::kGoesOn, "conservative meanwhile"},
+    {"map", "never came", Does::kConservative, kNoMap},
+    {"map", "stopped", Does::kConservative, kNoMap},
+    {"map", "killed", Does::kConservative, kNoMap},
+    {"map", "wrong frame", Does::kConservative, kNoMap},
+    {"map", "frozen", Does::kConservative, "what the map no longer sees explains nothing"},
+    {"map", "late by 1 s", Does::kGoesOn, "used, as the walls stand; movers are taken along by their velocities"},
+    {"map", "2 s ahead", Does::kConservative, kNoMap},
+    {"map", "back by 1 h", Does::kConservative, kNoMap},
+    {"map", "NaN", Does::kConservative, "refused: conservative after safety/max_map_age_s"},
+    {"map", "inf", Does::kConservative, "refused: conservative after safety/max_map_age_s"},
+    {"map", "-1", Does::kConservative, "refused: conservative after safety/max_map_age_s"},
+    {"map", "empty", Does::kConservative, "all hits are unknown"},
+    {"map", "contradicts another input", Does::kStands, "a stop: scan and map contradict each other"},
+    {"map", "restarted", Does::kGoesOn, "conservative meanwhile"},
+    {"map", "never came", Does::kConservative, kNoObjects, true},
+    {"map", "stopped", Does::kConservative, kNoObjects, true},
+    {"map", "late by 1 s", Does::kGoesOn, "used, as the walls stand; movers are taken along by their velocities", true},
+    {"map", "2 s ahead", Does::kConservative, kNoObjects, true},
+    {"map", "back by 1 h", Does::kConservative, kNoObjects, true},
+    {"map", "empty", Does::kGoesOn, "without its objects nobody stands there: hits on known chains are the chains",
+     true},
+    {"map", "contradicts another input", Does::kStands, "what moves on the map counts, seen or not", true},
     {"pose covariance", "never came", Does::kGoesOn, "the default, where pose never had a publisher, and said"},
     {"pose covariance", "stopped", Does::kStands, kNoCovariance},
     {"pose covariance", "killed", Does::kStands, kNoCovariance},

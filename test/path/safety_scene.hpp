@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <variant>
 #include <vector>
 
 #include <Eigen/Core>
@@ -10,8 +11,7 @@
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/box.hpp"
-#include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/path/path.hpp"
 #include "situation_awareness/points/points.hpp"
 
@@ -25,10 +25,9 @@ struct SafetyScene {
   std::vector<Box> boxes;
   std::vector<Box> far_off = {{{3.0, 14.0}, 0.0, 9.0, 0.1}};  ///< what shows that the scanner sees, beyond all areas
   std::vector<Eigen::Vector2d> lone_hits;                     ///< each on the beam that is next to it
-  Polygons polygons;                                          ///< as fresh as the scan, as are the objects
-  Objects objects;
+  Map map;                                                    ///< as fresh as the scan
 
-  SafetyScene() { polygons.stamp_ns = objects.stamp_ns = stamp_ns; }
+  SafetyScene() { map.stamp_ns = map.objects_stamp_ns = stamp_ns; }
 
   static SafetyScene straight() {
     SafetyScene scene;
@@ -37,24 +36,31 @@ struct SafetyScene {
   }
 
   /// Puts the outline of a box on the map, for 10 s.
-  void know(const Box& box, std::uint64_t id, ChainState state) {
-    Chain chain;
-    chain.id = id;
-    chain.closed = true;
-    for (const Eigen::Vector2d& corner : corners(box)) chain.vertices.push_back({corner, 0.003});
-    chain.first_seen_ns = stamp_ns - 10'000'000'000;
-    chain.last_seen_ns = stamp_ns;
-    chain.p_exists = 0.99;
-    chain.state = state;
-    polygons.chains.push_back(chain);
+  Feature& know(const Box& box, FeatureId id, Motion motion = Motion::kFixed) {
+    PolylineShape outline;
+    outline.closed = true;
+    for (const Eigen::Vector2d& corner : corners(box)) outline.vertices.push_back({corner, 0.003});
+    return add(id, outline, motion);
   }
 
-  /// Later, with maps that see all that they saw.
+  /// Puts something on the map, for 10 s.
+  Feature& add(FeatureId id, const FeatureShape& shape, Motion motion = Motion::kStanding) {
+    Feature& feature = map.features.emplace_back();
+    feature.id = id;
+    feature.p_exists = 0.99;
+    feature.motion = motion;
+    feature.first_seen_ns = stamp_ns - 10'000'000'000;
+    feature.last_seen_ns = stamp_ns;
+    feature.seen_by.scan = true;
+    feature.shape = shape;
+    return feature;
+  }
+
+  /// Later, with a map that sees all that it saw.
   void advance(std::int64_t period_ns) {
     stamp_ns += period_ns;
-    polygons.stamp_ns = objects.stamp_ns = stamp_ns;
-    for (Chain& chain : polygons.chains) chain.last_seen_ns = stamp_ns;
-    for (Object& object : objects.objects) object.last_seen_ns = stamp_ns;
+    map.stamp_ns = map.objects_stamp_ns = stamp_ns;
+    for (Feature& feature : map.features) feature.last_seen_ns = stamp_ns;
   }
 
   SafetyScene moved(const Pose2& T) const {
@@ -64,9 +70,7 @@ struct SafetyScene {
     for (Box& box : result.boxes) box = T * box;
     for (Box& box : result.far_off) box = T * box;
     for (Eigen::Vector2d& hit : result.lone_hits) hit = T * hit;
-    for (Chain& chain : result.polygons.chains) {
-      for (ChainVertex& vertex : chain.vertices) vertex.p_world_m = T * vertex.p_world_m;
-    }
+    for (Feature& feature : result.map.features) move(feature, T, 0.0);
     return result;
   }
 

@@ -1074,9 +1074,9 @@ TEST(ConvertSafety, VerdictsAllowWhatWasDecided) {
   decision.distance_m = 0.7;
   decision.allowed_speed_m_s = 0.25;
   decision.may_turn = true;
-  decision.missing = {SafetyInput::kPolygons, SafetyInput::kSpeed};
+  decision.missing = {SafetyInput::kMap, SafetyInput::kSpeed};
   SafetyVerdict msg = safety_to_msg(decision, 0.3, "map");
-  EXPECT_EQ(msg.missing, (std::vector<std::uint8_t>{SafetyVerdict::POLYGONS, SafetyVerdict::SPEED}));
+  EXPECT_EQ(msg.missing, (std::vector<std::uint8_t>{SafetyVerdict::MAP, SafetyVerdict::SPEED}));
   EXPECT_EQ(msg.verdict, SafetyVerdict::SLOW);
   EXPECT_EQ(msg.kind, SafetyVerdict::CHAIN);
   EXPECT_EQ(msg.id, 17U);

@@ -14,13 +14,13 @@ from nav_msgs.msg import Path
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from ros_support import Latest, wait_until  # noqa: E402
-from situation_awareness.msg import PolygonArray, SafetyVerdict, Transit  # noqa: E402
+from situation_awareness.msg import MapFeature, MapUpdate, SafetyVerdict, Transit  # noqa: E402
 
 
 class CorridorTest(unittest.TestCase):
     def test_the_vehicle_arrives(self):
         transits, truths = Latest("transit", Transit), Latest("true_pose", PoseStamped)
-        poses, maps = Latest("pose", PoseWithCovarianceStamped), Latest("polygons", PolygonArray)
+        poses, maps = Latest("pose", PoseWithCovarianceStamped), Latest("semantic_map", MapUpdate)
         commands, verdicts, paths = Latest("cmd_vel", Twist), Latest("safety", SafetyVerdict), Latest("path", Path)
         wait_until(lambda: transits.messages and transits.messages[-1].docked, 200.0, "the end of the transit")
 
@@ -38,8 +38,9 @@ class CorridorTest(unittest.TestCase):
         self.assertTrue(any(verdict.verdict == SafetyVerdict.SLOW for verdict in verdicts.messages))
         self.assertLess(transits.messages[-1].duration_s, 90.0)
 
-        # Of each wall, box and post at the way there is a chain.
-        chains = [[(p.x, p.y) for p in polygon.vertices] for polygon in maps.messages[-1].polygons]
+        # Of each wall, box and post at the way there is a polyline.
+        chains = [[(p.x, p.y) for p in feature.outline] for feature in maps.messages[-1].changed
+                  if feature.kind == MapFeature.POLYLINE]
         edges = [(a, b) for chain in chains for a, b in zip(chain[:-1], chain[1:])]
         for x, y in ((8.0, -1.6), (12.0, 1.6), (5.6, 2.0), (5.4, -1.2), (3.2, 1.16), (6.4, -1.24)):
             self.assertLess(min(distance(x, y, a, b) for a, b in edges), 0.04, (x, y))

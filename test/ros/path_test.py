@@ -17,7 +17,7 @@ import numpy as np
 import rosnode
 import rospy
 import rostest
-from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Twist
+from geometry_msgs.msg import PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry, Path
 from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import LaserScan
@@ -27,9 +27,9 @@ from visualization_msgs.msg import MarkerArray
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from fault_record import cell, fault  # noqa: E402
+from mission_faults import map_update, outline_feature  # noqa: E402
 from ros_support import Diagnostics, Latest, pid_of, run_beside, scan_msg, transform_msg, wait_until  # noqa: E402
-from situation_awareness.msg import (MappedObjectArray, MappedPolygon, PathError, PolygonArray,  # noqa: E402
-                                     SafetyVerdict)
+from situation_awareness.msg import MapFeature, MapUpdate, PathError, SafetyVerdict  # noqa: E402
 
 LASER_X_M = 0.1
 WALLS = (((-2, -1.6), (6, -1.6)), ((-2, 1.6), (6, 1.6)), ((-2, -1.6), (-2, 1.6)), ((6, -1.6), (6, 1.6)))
@@ -54,7 +54,7 @@ def cast(edges, x, y, azimuths):
 
 
 class Vehicle:
-    """Does as cmd_vel says; publishes scan, odom, TF and maps in real time. What it does not publish can be chosen."""
+    """Does as cmd_vel says; publishes scan, odom, TF and a map in real time. What it does not publish can be chosen."""
 
     def __init__(self):
         self.x, self.y, self.yaw = 0.0, 0.0, 0.0
@@ -62,16 +62,16 @@ class Vehicle:
         self.watchdog_s, self.told_at = math.inf, time.monotonic()  # of the base
         self.edges = list(WALLS)
         self.with_scan = self.with_tf = self.with_objects = True
-        self.chains = []  # of polygons: edges, id and state of each
+        self.chains = []  # on the map: edges, id and motion of each; None: no map
         self.is_blind = False
         self.range = None  # of all beams
         self.poses, self.variance, self.pose_frame = None, 1e-4, "map"
         self.commands = []
+        self.objects_stamp = rospy.Time()
         self.scans = rospy.Publisher("scan", LaserScan, queue_size=10)
         self.tf = rospy.Publisher("/tf", TFMessage, queue_size=100)
         self.odometry = rospy.Publisher("odom", Odometry, queue_size=100)
-        self.objects = rospy.Publisher("objects", MappedObjectArray, queue_size=10)
-        self.polygons = rospy.Publisher("polygons", PolygonArray, queue_size=10)
+        self.maps = rospy.Publisher("semantic_map/updates", MapUpdate, queue_size=10)
         self.subscriber = rospy.Subscriber("cmd_vel", Twist, self.command, queue_size=10)
         self.lock = threading.Lock()  # of its pose
         run_beside(self.run)
@@ -118,7 +118,7 @@ class Vehicle:
             pose.pose.covariance = [self.variance if k in (0, 7, 35) else 0.0 for k in range(36)]
             self.poses.publish(pose)
         if count % 2 == 0:
-            self.publish_maps(stamp)
+            self.publish_map(stamp)
         if self.with_scan and count % 2 == 0:
             scan = scan_msg(stamp, [], frame="laser")
             azimuths = self.yaw + scan.angle_min + scan.angle_increment * np.arange(541)
@@ -130,32 +130,24 @@ class Vehicle:
             scan.angle_max = scan.angle_min + 540 * scan.angle_increment
             self.scans.publish(scan)
 
-    def publish_maps(self, stamp):
+    def publish_map(self, stamp):
+        if self.chains is None:
+            return
         if self.with_objects:
-            objects = MappedObjectArray()
-            objects.header.stamp, objects.header.frame_id = stamp, "map"
-            self.objects.publish(objects)
-        if self.chains is not None:
-            polygons = PolygonArray()
-            polygons.header.stamp, polygons.header.frame_id = stamp, "map"
-            polygons.polygons = [polygons_msg(*chain).polygons[0] for chain in self.chains]
-            self.polygons.publish(polygons)
+            self.objects_stamp = stamp
+        msg = map_update(stamp, stamp.to_nsec(), [known_outline(stamp, *chain) for chain in self.chains])
+        msg.objects_stamp = self.objects_stamp
+        self.maps.publish(msg)
 
     def stands(self):
         return self.speed == 0.0 and self.turn_rate == 0.0
 
 
-def polygons_msg(edges, ident=1, state=MappedPolygon.KNOWN):
-    msg = PolygonArray()
-    msg.header.stamp = rospy.Time.now()
-    msg.header.frame_id = "map"
-    polygon = MappedPolygon(id=ident, closed=True, p_exists=0.99, state=state)
-    polygon.vertices = [Point(x, y, 0) for (x, y), _ in edges]
-    polygon.sigma_m = [0.005] * len(polygon.vertices)
-    polygon.first_seen = msg.header.stamp - rospy.Duration(5.0)
-    polygon.last_seen = msg.header.stamp
-    msg.polygons = [polygon]
-    return msg
+def known_outline(stamp, edges, ident=1, motion=MapFeature.FIXED):
+    outline = outline_feature(ident, [first for first, _ in edges], sigma=0.005, closed=True)
+    outline.motion, outline.seen_by, outline.p_exists = motion, MapFeature.SCAN, 0.99
+    outline.first_seen, outline.last_seen = stamp - rospy.Duration(5.0), stamp
+    return outline
 
 
 class PathTest(unittest.TestCase):
@@ -175,7 +167,7 @@ class PathTest(unittest.TestCase):
         cls.stop = rospy.ServiceProxy("path_following/stop", Trigger)
         cls.vehicle = Vehicle()
         wait_until(lambda: cls.verdicts.messages, 30.0, "a verdict")
-        wait_until(lambda: cls.vehicle.polygons.get_num_connections() > 0 and cls.safety.get_num_connections() > 1, 30.0,
+        wait_until(lambda: cls.vehicle.maps.get_num_connections() > 0 and cls.safety.get_num_connections() > 1, 30.0,
                    "subscribers")
 
     def latest(self):
@@ -234,7 +226,7 @@ class PathTest(unittest.TestCase):
         self.vehicle.edges += edges
         wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT and self.latest().allowed_speed_m_s < 0.3,
                    5.0, "slow")
-        self.vehicle.chains = [(edges, 7, MappedPolygon.NEW)]
+        self.vehicle.chains = [(edges, 7, MapFeature.STANDING)]
         wait_until(lambda: self.latest().kind == SafetyVerdict.CHAIN and self.latest().id == 7, 5.0, "the new chain")
         self.vehicle.chains = [(edges, 7)]
         wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the speed beside the walls, which are on no map")
@@ -310,31 +302,32 @@ class PathTest(unittest.TestCase):
         time.sleep(1.0)
         self.assertTrue(self.vehicle.stands())
 
-    @fault("maps stopped", "no objects, then no polygons, for 2 s", "conservative, said in verdict and diagnostics; "
-           "without polygons all hits are unknown; then as before", times=2)
-    def test_3b_without_fresh_maps_it_is_conservative(self):
+    @fault("map stopped", "a map without its objects, then no map, for 2 s", "conservative, said in verdict and "
+           "diagnostics; without a map all hits are unknown; then as before", times=2)
+    def test_3b_without_a_fresh_map_it_is_conservative(self):
         self.settle(1.0)
         edges = box(1.4, 0.85, 0.2)
         self.vehicle.edges += edges
         self.vehicle.chains = [(edges, 7)]
         wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "a known box beside the way")
         self.vehicle.with_objects = False
-        wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.OBJECTS], 5.0, "what is missing")
+        wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.MAP], 5.0, "what is missing")
         self.assertEqual(self.latest().policy, SafetyVerdict.CONSERVATIVE)
+        self.assertEqual(self.latest().kind, SafetyVerdict.CHAIN)
         self.assertLessEqual(self.latest().allowed_speed_m_s, 0.15)
-        wait_until(lambda: "without objects" in self.diagnostics.summary("safety_areas"), 5.0, "a warning")
+        wait_until(lambda: "without map" in self.diagnostics.summary("safety_areas"), 5.0, "a warning")
         self.vehicle.with_objects, self.vehicle.chains = True, None
-        wait_until(lambda: list(self.latest().missing) == [SafetyVerdict.POLYGONS], 5.0, "what is missing")
         wait_until(lambda: self.latest().kind == SafetyVerdict.UNKNOWN_HIT, 5.0, "an unknown hit")
+        self.assertEqual(list(self.latest().missing), [SafetyVerdict.MAP])
         self.assertEqual(self.latest().policy, SafetyVerdict.CONSERVATIVE)
         self.vehicle.chains = [(edges, 7)]
-        wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the maps again")
+        wait_until(lambda: self.latest().allowed_speed_m_s > 0.35, 5.0, "the map again")
 
     @fault("scanner sees nothing", "no beam has a return, between walls of the map", "it stops: a contradiction, also when "
            "the map has forgotten the walls; then it goes on")
     def test_4c_a_scan_that_contradicts_the_map_stops_it(self):
         self.settle()
-        self.vehicle.chains = [([edge, edge[::-1]], 10 + i, MappedPolygon.WALL) for i, edge in enumerate(WALLS)]
+        self.vehicle.chains = [([edge, edge[::-1]], 10 + i) for i, edge in enumerate(WALLS)]
         self.drive()
         self.vehicle.range = math.inf
         try:
@@ -350,19 +343,18 @@ class PathTest(unittest.TestCase):
             self.vehicle.range = None
         wait_until(lambda: self.vehicle.speed > 0.2, 10.0, "it to go on")
 
-    @fault("map, speed or pose that cannot be used", "polygons with NaN or in another frame, a speed of NaN, a pose "
+    @fault("map, speed or pose that cannot be used", "a map with NaN or in another frame, a speed of NaN, a pose "
            "with a variance of NaN, inf, -1 or 0, in another frame, or no more", "counted by reason; once there is a "
            "covariance of the pose, it stops where none can be used", times=9)
     def test_7_bad_maps_and_odometry_are_counted(self):
         self.settle()
         before = self.diagnostics.count("safety_areas", "dropped: bad map")
-        bad = polygons_msg(box(1, 1, 0.2))
-        bad.polygons[0].vertices[0].x = math.nan
-        self.vehicle.chains = None
-        self.vehicle.polygons.publish(bad)
-        elsewhere = polygons_msg(box(1, 1, 0.2))
-        elsewhere.header.frame_id = "moon"
-        self.vehicle.polygons.publish(elsewhere)
+        self.vehicle.chains, now = None, rospy.Time.now()
+        bad = map_update(now, now.to_nsec(), [known_outline(now, box(1, 1, 0.2))])
+        bad.changed[0].outline[0].x = math.nan
+        self.vehicle.maps.publish(bad)
+        elsewhere = [known_outline(now, box(1, 1, 0.2))]
+        self.vehicle.maps.publish(map_update(now, now.to_nsec(), elsewhere, frame="moon"))
         wait_until(lambda: self.diagnostics.count("safety_areas", "dropped: bad map") == before + 2, 5.0, "bad maps")
         odometry = Odometry()
         odometry.twist.twist.linear.x = math.nan

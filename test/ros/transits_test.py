@@ -16,8 +16,9 @@ from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from sensor_msgs.msg import LaserScan
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
+from mission_faults import map_update, outline_feature  # noqa: E402
 from ros_support import Latest, refusal_of_node, wait_until  # noqa: E402
-from situation_awareness.msg import MappedPolygon, PolygonArray, Transit  # noqa: E402
+from situation_awareness.msg import MapUpdate, Transit  # noqa: E402
 
 DOCKS = ((1.6, 0.0), (13.6, 0.0))
 STALE_S = 0.3  # of simulated time: an older pose steers no more
@@ -36,8 +37,8 @@ class Vehicle:
         self.transit = None
         self.commands = rospy.Publisher("cmd_vel", Twist, queue_size=1)
         self.estimates = rospy.Publisher("pose", PoseWithCovarianceStamped, queue_size=50)
-        self.maps = rospy.Publisher("polygons", PolygonArray, queue_size=5)
-        self.wrong_maps = rospy.Publisher("wrong/polygons", PolygonArray, queue_size=5)
+        self.maps = rospy.Publisher("semantic_map/updates", MapUpdate, queue_size=5)
+        self.wrong_maps = rospy.Publisher("wrong/updates", MapUpdate, queue_size=5)
         self.subscribers = [rospy.Subscriber("transit", Transit, self.on_transit, queue_size=10),
                             rospy.Subscriber("true_pose", PoseStamped, self.on_pose, queue_size=1)]
 
@@ -78,24 +79,14 @@ class Vehicle:
         covariance[35] = SIGMA_RAD**2
         estimate.pose.covariance = covariance
         self.estimates.publish(estimate)
-        self.maps.publish(self.map(message.header, 0.0))
-        self.wrong_maps.publish(self.map(message.header, 0.2))
+        self.maps.publish(self.map(message.header.stamp, 0.0))
+        self.wrong_maps.publish(self.map(message.header.stamp, 0.2))
 
-    def map(self, header, shift_m):
-        polygons = PolygonArray()
-        polygons.header = header
-        for outline in self.transit.outlines:
-            if not outline.is_there or outline.can_move:
-                continue
-            polygon = MappedPolygon()
-            polygon.id = len(polygons.polygons) + 1
-            polygon.closed = True
-            polygon.first_seen = polygon.last_seen = header.stamp
-            polygon.p_exists = 0.99
-            polygon.sigma_m = [0.01] * len(outline.vertices)
-            polygon.vertices = [type(p)(p.x, p.y + shift_m, 0.0) for p in outline.vertices]
-            polygons.polygons.append(polygon)
-        return polygons
+    def map(self, stamp, shift_m):
+        stands = [outline for outline in self.transit.outlines if outline.is_there and not outline.can_move]
+        return map_update(stamp, stamp.to_nsec(), [
+            outline_feature(1 + i, [(p.x, p.y + shift_m) for p in outline.vertices], sigma=0.01, closed=True)
+            for i, outline in enumerate(stands)])
 
 
 class TransitsTest(unittest.TestCase):
@@ -110,7 +101,7 @@ class TransitsTest(unittest.TestCase):
         listener = tf2_ros.TransformListener(tf)
         poses = Latest("true_pose", PoseStamped)
         vehicle = Vehicle()
-        right, wrong = self.evaluator("right"), self.evaluator("wrong", "polygons:=wrong/polygons")
+        right, wrong = self.evaluator("right"), self.evaluator("wrong", "semantic_map/updates:=wrong/updates")
         wait_until(lambda: vehicle.wrong_maps.get_num_connections() > 0 and vehicle.maps.get_num_connections() > 0
                    and poses.messages, 60.0, "the evaluators")
         threading.Thread(target=vehicle.drive, daemon=True).start()

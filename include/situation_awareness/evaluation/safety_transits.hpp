@@ -9,7 +9,7 @@
 #include <Eigen/Core>
 
 #include "situation_awareness/common/random.hpp"
-#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
 #include "situation_awareness/points/points.hpp"
@@ -49,10 +49,10 @@ enum class TransitFault : std::uint8_t {
   kLateScan,         ///< by 1 s
   kNoReturn,         ///< no beam has a return
   kNanScan,          ///< no beam says anything
-  kNoObjects,        ///< no more maps of objects, or none ever
-  kFrozenObjects,    ///< the same map with new stamps
-  kNoPolygons,       ///< no more maps of polygons, or none ever
-  kWrongPolygons,    ///< a known chain along the way of who crosses
+  kNoObjects,        ///< a map whose objects are no more brought up to date, or never were
+  kFrozenMap,        ///< the same map with new stamps
+  kNoMap,            ///< no more maps
+  kWrongMap,         ///< a known chain along the way of who crosses
   kNoCovariance,     ///< no more of them
   kNanCovariance,    ///< all of it
   kInfCovariance,    ///< the variances

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/path/spline_path.hpp"
 
@@ -17,12 +18,13 @@ struct LocalMap {
   std::vector<Chain> chains;  ///< their `p_world_m` are places in the segment's frame
 };
 
-/// The local maps of all segments, by their index; a chain is in those of all segments to which it comes as near as
-/// `reach_m`.
-std::vector<LocalMap> local_maps(const SplinePath& path, const Polygons& polygons, double reach_m);
+/// The local maps of all segments, by their index. A polyline of the map, or a boundary as lines, is a chain in those of
+/// all segments to which it comes as near as `reach_m`; its state is by its extent, motion and probability.
+std::vector<LocalMap> local_maps(const SplinePath& path, const Map& map, double reach_m);
 
-/// The chains of local maps in the world, each once. With another path they are where its segments are.
-Polygons polygons_of(const std::vector<LocalMap>& maps, const SplinePath& path);
+/// The chains of local maps in the world, each once, as a map without a stamp: it is not known that they are still
+/// there. With another path they are where its segments are.
+Map map_of(const std::vector<LocalMap>& maps, const SplinePath& path);
 
 /// Throws std::invalid_argument naming `source`, the place and its bound, unless segments are those of the path, by
 /// increasing index, chains have ids > 0, each once in a map, and at least two vertices, places are within 1e6 m,

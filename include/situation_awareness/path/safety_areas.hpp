@@ -12,8 +12,7 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
-#include "situation_awareness/map/objects/objects.hpp"
-#include "situation_awareness/map/polygons/polygons.hpp"
+#include "situation_awareness/map/map.hpp"
 #include "situation_awareness/path/chain_view.hpp"
 #include "situation_awareness/path/path.hpp"
 #include "situation_awareness/path/scanner_watch.hpp"
@@ -59,13 +58,12 @@ void read_yaml_text(const std::string& yaml, SafetyPolicy& policy);
 
 /// What the areas decide by, beside the scan and its pose.
 enum class SafetyInput : std::uint8_t {
-  kObjects,     ///< without the map of objects nobody knows who stands at a wall
-  kPolygons,    ///< without that of polygons all hits are unknown
-  kCovariance,  ///< of the pose
-  kSpeed,       ///< without it the vehicle counts as driving at its greatest speed
+  kMap = 0,         ///< without it all hits are unknown; without its objects nobody knows who stands at a wall
+  kCovariance = 2,  ///< of the pose
+  kSpeed = 3,       ///< without it the vehicle counts as driving at its greatest speed
 };
 
-/// "objects", "polygons", "covariance of the pose", "speed".
+/// "map", "covariance of the pose", "speed".
 const char* name_of(SafetyInput input);
 
 /// Parameters of the safety areas.
@@ -85,8 +83,7 @@ struct SafetyParams {
   double standing_s = 2.0;
   double memory_s = 3.0;
   int min_hits = 2;
-  double max_objects_age_s = 1.0;
-  double max_polygons_age_s = 1.0;
+  double max_map_age_s = 1.0;
   double max_pose_age_s = 0.5;
   double max_speed_age_s = 0.5;
   double turn_memory_s = 10.0;
@@ -119,17 +116,16 @@ struct SafetyParams {
     visit("explain_m", self.explain_m, Bounds{0.0, 1.0}, "m",
           "a hit is on a chain or an object that is so near, and nearer than sigmas of both");
     visit("min_p_exists", self.min_p_exists, Bounds{0.0, 1.0}, "",
-          "a chain is known from this probability of existence on, an object counts from it on");
+          "an outline is known from this probability of existence on, and from 0.75 on; an object counts from it on");
     visit("standing_s", self.standing_s, Bounds{0.0, 1000.0}, "s",
           "what is on a map for so long and does not move is a standing thing, which the vehicle may pass slowly");
     visit("memory_s", self.memory_s, Bounds{0.0, 1000.0}, "s",
           "what counted and is out of view since counts for so long");
     visit("min_hits", self.min_hits, Bounds{1, 100}, "",
           "an unknown hit counts, outside the hard floor, with so many unknown ones near it, itself included");
-    visit("max_objects_age_s", self.max_objects_age_s, Bounds{0.05, 10.0}, "s",
-          "a map of objects that is older than this, or as far ahead of the scan, is none: the policy is conservative");
-    visit("max_polygons_age_s", self.max_polygons_age_s, Bounds{0.05, 10.0}, "s",
-          "the same of the map of polygons; a chain that was last seen before that explains no hit");
+    visit("max_map_age_s", self.max_map_age_s, Bounds{0.05, 10.0}, "s",
+          "a map that is older than this, or as far ahead of the scan, or whose objects are, is none: the policy is "
+          "conservative; an outline that was last seen before that explains no hit");
     visit("max_pose_age_s", self.max_pose_age_s, Bounds{0.05, 10.0}, "s",
           "a covariance of the pose that is older than this, or as far ahead of the scan, is none: the vehicle stops");
     visit("max_speed_age_s", self.max_speed_age_s, Bounds{0.05, 10.0}, "s",
@@ -163,8 +159,8 @@ struct SafetyDecision {
   enum class Kind : std::uint8_t {
     kNone,
     kUnknownHit,
-    kChain,
-    kObject,
+    kChain,   ///< an outline of the map: a polyline or a boundary
+    kObject,  ///< an ellipse or a box, or what may move whatever its shape, or a target
     kHidden,
     kPose,
     kContradiction,  ///< the scan sees through what is on the map or was seen just before, or no scan saw anything yet
@@ -174,7 +170,7 @@ struct SafetyDecision {
   std::int64_t stamp_ns = 0;
   Verdict verdict = Verdict::kStop;
   Kind kind = Kind::kPose;  ///< of what decides
-  std::uint64_t id = 0;     ///< of the chain or object that does
+  FeatureId id = 0;         ///< of the feature that does
   Eigen::Vector2d place_world_m = Eigen::Vector2d::Zero();
   double distance_m = std::numeric_limits<double>::infinity();  ///< along the way
   double allowed_speed_m_s = 0.0;
@@ -199,24 +195,27 @@ const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "ch
 /// Decides how fast a vehicle may drive along its path: the greatest speed at which nothing that counts is in the
 /// areas.
 ///
-/// - Hits are unknown, unless a chain or an object explains them. What is unknown, what moves and persons may move at
+/// - Hits are unknown, unless a feature of the map explains them. What is unknown, what moves and persons may move at
 ///   mover_speed_m_s to wherever they like; the vehicle stands before they get to it, if it brakes.
-/// - Standing things (new chains, objects that do not move, and known chains where they count) are passed at
-///   slow_speed_m_s in the warning area; the vehicle stops before the protective area reaches them.
+/// - Polylines that are fixed, certain, no person's and seen by no camera, which sees things that drive off, are known
+///   chains.
+/// - Standing things (other polylines and boundaries, which may lead over gaps that no scan saw, objects that do not
+///   move, and known chains where they count) are passed at slow_speed_m_s in the warning area; the vehicle stops before
+///   the protective area reaches them. Targets of images are such things, and explain no hit.
 /// - A hidden place is not free: the vehicle can stop before the first place of its way that the scan does not see.
 ///   What may step out of a hidden place beside the way is not guessed: someone who runs out from behind a known chain
 ///   may be touched if the scan sees them for less time than the vehicle needs to stand. What counted and got out of
 ///   view still counts, for memory_s.
-/// - What is missing is not taken for "nothing there": without maps of objects and of polygons as fresh as the scan the
-///   policy is conservative, whatever the parameter says. A chain explains hits if the map saw it with the latest
-///   scans, and the scan at hand does not see through it nearby. A chain that explains nothing, of a stale map or a
-///   file, is still in the way of the footprint where the scanner does not look.
+/// - What is missing is not taken for "nothing there": without a map as fresh as the scan, objects included, the policy
+///   is conservative, whatever the parameter says. An outline explains hits if the map saw it with the latest scans, and
+///   the scan at hand does not see through it nearby. One that explains nothing, of a stale map or a file, is still in
+///   the way of the footprint where the scanner does not look.
 /// - A pose that stands still while the measured speed says that the vehicle moves is none, until it moves.
 /// - A scan that contradicts the map or the scan before, or repeats it, is a stop, as are all scans before the first
 ///   that shows that the scanner sees (path/scanner_watch.hpp).
 ///
-/// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the chains, and to the
-/// product of those alone that are within the areas.
+/// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the map, and to the product
+/// of those alone that are within the areas.
 class SafetyAreas {
  public:
   /// Throws std::invalid_argument naming `source`, or field and bound.
@@ -231,11 +230,11 @@ class SafetyAreas {
   /// Whether one has shown it of the quarter ahead: a twentieth of the beams there had a return.
   bool scanner_has_seen_ahead() const { return blind_.has_seen_ahead(); }
 
-  /// Areas of the scan `points`, by the latest maps, which are fresh or not by their stamps; 0: there is none. The
-  /// result is valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it
-  /// repeats itself; empty: this is not looked for.
-  const SafetyDecision& update(const Points& points, const VehicleState& vehicle, const Polygons& polygons,
-                               const Objects& objects, const std::vector<float>& ranges_m = {});
+  /// Areas of the scan `points`, by the latest map, which is fresh or not by its stamps; 0: there is none. The result is
+  /// valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it repeats
+  /// itself; empty: this is not looked for.
+  const SafetyDecision& update(const Points& points, const VehicleState& vehicle, const Map& map,
+                               const std::vector<float>& ranges_m = {});
 
   /// Forgets the hits of earlier scans, what they saw free, and where on the path the vehicle was; not that the scanner
   /// was found to be blind.
@@ -260,27 +259,37 @@ class SafetyAreas {
     Eigen::Vector2d p_world_m;
     Weight weight = Weight::kMayMove;
     SafetyDecision::Kind kind = SafetyDecision::Kind::kUnknownHit;
-    std::uint64_t id = 0;
+    FeatureId id = 0;
     int point = -1;  ///< index of the hit in the scan; -1: none
+  };
+
+  /// What stands, as a line: a polyline of the map, or a boundary.
+  struct Outline {
+    const Feature* feature;
+    const ChainVertex* vertices;  ///< null, until all are found: those of a boundary
+    std::size_t first, count;     ///< of these in lines_
+    bool closed;
+    bool may_move;  ///< a person's
   };
 
   struct Edge {
     Eigen::Vector2d from_m, to_m;
     double reach_m;  ///< a hit on it is so near
     Weight weight;
-    std::uint64_t id;
+    FeatureId id;
     bool explains;
+    bool may_move;
   };
 
   struct SeenThrough {
     Eigen::Vector2d p_world_m;
-    std::uint64_t id;
+    FeatureId id;
   };
 
   struct Mover {
     Ellipse ellipse;
     Weight weight;
-    std::uint64_t id;
+    FeatureId id;
   };
 
   struct Remembered {
@@ -315,16 +324,21 @@ class SafetyAreas {
   };
 
   bool is_fresh(std::int64_t stamp_ns, double max_age_s) const;
-  bool are_fresh(const Objects& objects) const;
+  bool is_fresh(const Map& map) const;
+  bool is_known(const Outline& outline) const;
   double known_speed_m_s(const VehicleState& vehicle);
   bool pose_stands_still(const VehicleState& vehicle, bool speed_is_known);
   bool take_covariance(const Eigen::Matrix3d& covariance_world);
   bool place_on_path(const VehicleState& vehicle);
   void set_full_speed();
   void make_way(const VehicleState& vehicle);
-  void gather_edges(const Polygons& polygons);
-  void gather_movers(const Objects& objects, std::int64_t stamp_ns);
-  void view_chains(const Points& points, const Polygons& polygons);
+  void find_outlines(const Map& map);
+  void gather_edges(const Map& map);
+  void gather_movers(const Map& map);
+  void gather_mover(const Feature& feature, Ellipse ellipse, const BodyState& body, double age_s);
+  void gather_target(const Feature& feature, const FootprintShape& target);
+  void gather_rim(const Ellipse& ellipse, Weight weight, FeatureId id);
+  void view_chains(const Points& points, const Map& map);
   void gather_things(const Points& points);
   void gather_unseen_chains(const Points& points);
   void explain(Thing& thing) const;
@@ -370,6 +384,10 @@ class SafetyAreas {
   Pose2 T_world_base_;
   std::vector<Step> steps_;
   Eigen::Vector2d low_m_, high_m_;  ///< corners of a box about the warning area
+  std::vector<Outline> outlines_;
+  Splinegon boundary_;                  ///< for its memory, as
+  std::vector<SplinegonPoint> points_;  ///< along it
+  std::vector<ChainVertex> lines_;      ///< of all boundaries
   std::vector<Edge> edges_;
   std::vector<Mover> movers_;
   std::vector<Thing> things_;

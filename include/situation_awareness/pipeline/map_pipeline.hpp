@@ -25,7 +25,8 @@
 
 namespace situation_awareness {
 
-/// Parameters of the pipeline to one map; cfg/map.yaml mirrors them and those of the objects.
+/// Parameters of the pipeline to one map; cfg/map.yaml mirrors them and those of the objects, beside those of a vehicle
+/// that drives by it.
 struct MapPipelineParams {
   SplinegonPipelineParams layers;
   MoverParams movers;

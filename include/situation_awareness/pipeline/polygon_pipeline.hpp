@@ -12,9 +12,6 @@
 #include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
-#include "situation_awareness/path/path_following.hpp"
-#include "situation_awareness/path/safety_areas.hpp"
-#include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
@@ -41,9 +38,6 @@ struct PolygonPipelineParams {
   PolygonMapParams polygons;
   MoverParams movers;
   ChainStateParams chain_states;  ///< of the live map alone
-  VehicleParams vehicle;          ///< these of a vehicle that drives by it
-  SafetyParams safety;
-  PathFollowingParams path;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -55,9 +49,6 @@ struct PolygonPipelineParams {
     visit("polygons", self.polygons);
     visit("movers", self.movers);
     visit("chain_states", self.chain_states);
-    visit("vehicle", self.vehicle);
-    visit("safety", self.safety);
-    visit("path", self.path);
   }
 };
 

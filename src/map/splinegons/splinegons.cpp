@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/vectors.hpp"
@@ -211,8 +212,9 @@ bool contains(const Splinegon& splinegon, const Eigen::Vector2d& p_world_m) {
   return inside && splinegon.closed;
 }
 
-std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m) {
-  std::vector<SplinegonPoint> points;
+std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m, std::vector<SplinegonPoint> memory) {
+  std::vector<SplinegonPoint> points = std::move(memory);
+  points.clear();
   for (std::size_t arc = 0; arc < arcs_of(splinegon); ++arc) {
     const Way way = way_of(splinegon, arc);
     const double steps = std::max(std::ceil(way.length_m / spacing_m), 1.0);

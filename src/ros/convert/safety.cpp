@@ -26,8 +26,7 @@ static_assert(static_cast<int>(SafetyDecision::Kind::kUnknownHit) == SafetyVerdi
               static_cast<int>(SafetyDecision::Kind::kPose) == SafetyVerdict::POSE &&
               static_cast<int>(SafetyDecision::Kind::kContradiction) == SafetyVerdict::CONTRADICTION &&
               static_cast<int>(SafetyDecision::Kind::kFrozenScan) == SafetyVerdict::FROZEN_SCAN);
-static_assert(static_cast<int>(SafetyInput::kObjects) == SafetyVerdict::OBJECTS &&
-              static_cast<int>(SafetyInput::kPolygons) == SafetyVerdict::POLYGONS &&
+static_assert(static_cast<int>(SafetyInput::kMap) == SafetyVerdict::MAP &&
               static_cast<int>(SafetyInput::kCovariance) == SafetyVerdict::COVARIANCE &&
               static_cast<int>(SafetyInput::kSpeed) == SafetyVerdict::SPEED);
 static_assert(static_cast<int>(SafetyPolicy::kConservative) == SafetyVerdict::CONSERVATIVE &&

@@ -48,7 +48,7 @@ class PathFollowingStage {
   PathFollowingStage(Context& context, const PathNodeletParams& params)
       : context_(context),
         params_(params),
-        following_(load_path(params.path_file), params.pipeline.vehicle, params.pipeline.path, params.path_file),
+        following_(load_path(params.path_file), params.vehicle, params.path, params.path_file),
         command_(context.node().advertise<geometry_msgs::Twist>("cmd_vel", 10)),
         error_(context.node().advertise<PathError>("path_error", 20)),
         path_(context.node().advertise<nav_msgs::Path>("path", 1, /*latch=*/true)),

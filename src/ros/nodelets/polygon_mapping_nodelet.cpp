@@ -37,7 +37,7 @@ class PolygonMappingStage {
         publisher_(context, params.nodelet),
         services_(context, world_frame_, map_, [this](const Polygons& polygons) { publisher_.publish(polygons); }),
         input_(context, {world_frame_, params.scan_pose.pose_timeout_s,
-                         static_cast<std::size_t>(params.nodelet.queue_size), params.pipeline.safety.max_pose_age_s}) {
+                         static_cast<std::size_t>(params.nodelet.queue_size), params.max_pose_age_s}) {
     polyline_params_.validate();
     map_.trust_stamps();  // segmentation has judged them
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });

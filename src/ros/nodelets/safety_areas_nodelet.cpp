@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// scan, TF world -> base and lidar, odom, pose, polygons, objects  ->  safety, safety_areas (for display)
+// scan, TF world -> base and lidar, odom, pose, semantic_map/updates  ->  safety, safety_areas (for display)
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -16,7 +16,6 @@
 #include <nav_msgs/Odometry.h>
 #include <ros/service_server.h>
 #include <sensor_msgs/LaserScan.h>
-#include <situation_awareness/PolygonArray.h>
 #include <std_srvs/Trigger.h>
 #include <tf2_ros/buffer.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -28,15 +27,14 @@
 #include "situation_awareness/path/spline_path.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/safety.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
-#include "situation_awareness/ros/map_subscriber.hpp"
 #include "situation_awareness/ros/markers/safety_markers.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
 #include "situation_awareness/ros/pose_covariance_input.hpp"
 #include "situation_awareness/ros/posed_input.hpp"
+#include "situation_awareness/ros/semantic_map_input.hpp"
 #include "situation_awareness/ros/stage_nodelet.hpp"
 #include "situation_awareness/ros/transform_input.hpp"
 #include "situation_awareness/scan/range_limiter.hpp"
@@ -54,17 +52,17 @@ class SafetyAreasStage {
       : context_(context),
         params_(params),
         path_(load_path(params.path_file), params.path_file),
-        areas_(load_path(params.path_file), params.pipeline.vehicle, params.pipeline.safety, params.path_file),
-        poses_(params.pipeline.safety.max_pose_age_s),
+        areas_(load_path(params.path_file), params.vehicle, params.safety, params.path_file),
+        poses_(params.safety.max_pose_age_s),
         publisher_(context.node().advertise<SafetyVerdict>("safety", 20)),
         markers_(context.node().advertise<visualization_msgs::MarkerArray>("safety_areas", 5)),
-        objects_(context, params.nodelet.world_frame),
+        map_(context, params.nodelet.world_frame),
         transform_input_(tf_, context.node()),
         input_(
             context, params.nodelet, params.reset_time_jump_s, 0.0,
             {scan_msg_defect, [this](const sensor_msgs::LaserScan& msg) { return taken(msg, params_.nodelet.deskew); },
              [this] { restart(); }}) {
-    params_.pipeline.scan.validate();
+    params_.scan.validate();
     load_local_maps_of_path();
     context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
     context.when_made([this] {
@@ -73,7 +71,6 @@ class SafetyAreasStage {
       if (!params_.local_maps_file.empty()) {
         save_ = context_.private_node().advertiseService("save_local_maps", &SafetyAreasStage::save, this);
       }
-      polygons_subscriber_ = context_.node().subscribe("polygons", 5, &SafetyAreasStage::take_polygons, this);
     });
   }
 
@@ -90,11 +87,10 @@ class SafetyAreasStage {
     } catch (const std::invalid_argument& error) {
       return context_.drop(drop_reason::kBadTransform, error.what());
     }
-    limited_ = limit_range(scan, posed.T_world_sensor, params_.pipeline.scan, std::move(limited_));
+    limited_ = limit_range(scan, posed.T_world_sensor, params_.scan, std::move(limited_));
     points_ = project_horizontally(limited_, posed.T_world_sensor, posed.T_world_sensor_end, std::move(points_));
-    objects_.receive();
-    const SafetyDecision& decision = areas_.update(points_, vehicle_at(posed.T_world_sensor * T_sensor_base), polygons_,
-                                                   objects_.latest(), posed.msg->ranges);
+    const SafetyDecision& decision =
+        areas_.update(points_, vehicle_at(posed.T_world_sensor * T_sensor_base), map(), posed.msg->ranges);
     for (const SafetyInput input : decision.missing) {
       context_.diagnostics().counted({{std::string("scans without ") + name_of(input), 1}});
     }
@@ -142,16 +138,8 @@ class SafetyAreasStage {
     context_.diagnostics().counted({{"pose not used", 1}});
   }
 
-  void take_polygons(const PolygonArray& msg) {
-    try {
-      if (tf2_frame(msg.header.frame_id) != params_.nodelet.world_frame) {
-        throw std::invalid_argument("polygons in the frame " + msg.header.frame_id);
-      }
-      polygons_ = polygons_from_msg(msg);
-    } catch (const std::exception& error) {
-      context_.drop(drop_reason::kBadMap, error.what());
-    }
-  }
+  /// The latest one, or what the transit begins with.
+  const Map& map() const { return map_.map() != nullptr ? *map_.map() : first_map_; }
 
   /// What the transit begins with, if there was one before: nothing turns into it, and it explains no hit.
   void load_local_maps_of_path() {
@@ -160,13 +148,12 @@ class SafetyAreasStage {
       ROS_INFO_STREAM(context_.name() << ": there is no " << params_.local_maps_file << " yet");
       return;
     }
-    polygons_ = polygons_of(load_local_maps(params_.local_maps_file, path_.segments()), path_);
-    polygons_.stamp_ns = 0;  // it is not known that they are still there
+    first_map_ = map_of(load_local_maps(params_.local_maps_file, path_.segments()), path_);
   }
 
   bool save(std_srvs::Trigger::Request& /*request*/, std_srvs::Trigger::Response& response) {
     try {
-      save_local_maps(local_maps(path_, polygons_, params_.local_map_reach_m), params_.local_maps_file);
+      save_local_maps(local_maps(path_, map(), params_.local_map_reach_m), params_.local_maps_file);
       response.success = 1;
       response.message = "saved to " + params_.local_maps_file;
       ROS_INFO_STREAM(context_.name() << ": local maps " << response.message);
@@ -180,8 +167,7 @@ class SafetyAreasStage {
 
   void restart() {
     areas_.reset();
-    objects_.clear();
-    polygons_ = {};
+    first_map_ = {};
     poses_.restart();
     speed_m_s_ = std::numeric_limits<double>::quiet_NaN();
   }
@@ -196,7 +182,8 @@ class SafetyAreasStage {
          {SafetyDecision::Verdict::kFullSpeed, SafetyDecision::Verdict::kSlow, SafetyDecision::Verdict::kStop}) {
       status.add(std::string("verdict: ") + name_of(verdict), verdicts_[static_cast<std::size_t>(verdict)]);
     }
-    status.add("chains", polygons_.chains.size());
+    status.add("features", map().features.size());
+    status.add("updates of the map", map_.taken());
     if (decision_ == nullptr) return;
     status.add("verdict", name_of(decision_->verdict));
     status.add("kind", name_of(decision_->kind));
@@ -233,15 +220,15 @@ class SafetyAreasStage {
   PoseCovariances poses_;
   Scan limited_;
   Points points_;
-  Polygons polygons_;
+  Map first_map_;
   double speed_m_s_ = std::numeric_limits<double>::quiet_NaN();  ///< NaN: not known
   std::int64_t speed_stamp_ns_ = 0;
   std::array<std::uint64_t, 3> verdicts_{};
   const SafetyDecision* decision_ = nullptr;
   ros::Publisher publisher_, markers_;
-  ros::Subscriber odometry_, pose_, polygons_subscriber_;
+  ros::Subscriber odometry_, pose_;
   ros::ServiceServer save_;
-  MapSubscriber objects_;
+  SemanticMapInput map_;
   tf2_ros::Buffer tf_;
   TransformInput transform_input_;
   Input input_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Compares `pose` and `polygons` with the truth of vehicle_simulator, transit by transit, and prints a table; the exit
-// code tells whether the bounds were met.
+// Compares `pose` and the map of `semantic_map/updates` with the truth of vehicle_simulator, transit by transit, and
+// prints a table; the exit code tells whether the bounds were met.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -18,13 +18,14 @@
 #include <tf2_ros/buffer.h>
 #include <tf2_ros/transform_listener.h>
 
-#include "situation_awareness/PolygonArray.h"
+#include "situation_awareness/MapUpdate.h"
 #include "situation_awareness/Transit.h"
 #include "situation_awareness/common/time.hpp"
 #include "situation_awareness/evaluation/transit_evaluation.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/map_replica.hpp"
+#include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
@@ -36,6 +37,7 @@ namespace {
 constexpr double kLastMap_s = 1.0;        ///< after the end of a transit: the map of its last scan has come
 constexpr std::size_t kEveryScan = 5;     ///< so many scans per one that marks what was seen
 constexpr std::size_t kMaxWaiting = 500;  ///< messages without their counterpart
+constexpr double kSpacing_m = 0.1;        ///< of the places along a boundary
 
 struct TransitEvaluatorParams {
   bool localization = true;
@@ -84,6 +86,28 @@ std::vector<TransitThing> things_of(const Transit& transit) {
   return things;
 }
 
+/// The lines of all that stands, as chains.
+Polygons standing_of(const Map& map) {
+  MapLayers layers = layers_of(map);
+  Polygons lines = std::move(layers.polygons);
+  for (const Splinegon& boundary : layers.boundaries.boundaries) {
+    Chain& chain = lines.chains.emplace_back();
+    chain.id = boundary.id;
+    chain.closed = boundary.closed;
+    for (const SplinegonPoint& point : sampled(boundary, kSpacing_m)) {
+      chain.vertices.push_back({point.p_world_m, point.sigma_m});
+    }
+  }
+  for (const Object& object : layers.objects.objects) {
+    if (object.p_moving >= 0.5 || object.object_class == ObjectClass::kPerson) continue;
+    Chain& chain = lines.chains.emplace_back();
+    chain.id = object.id;
+    chain.closed = true;
+    for (const Eigen::Vector2d& p_world_m : outline_world(object)) chain.vertices.push_back({p_world_m, 0.0});
+  }
+  return lines;
+}
+
 class TransitEvaluator {
  public:
   TransitEvaluator(const ros::NodeHandle& node, const TransitEvaluatorParams& params)
@@ -92,7 +116,7 @@ class TransitEvaluator {
     true_pose_ = node_.subscribe("true_pose", 500, &TransitEvaluator::on_true_pose, this);
     scan_ = node_.subscribe("scan", 500, &TransitEvaluator::on_scan, this);
     pose_ = node_.subscribe("pose", 500, &TransitEvaluator::on_pose, this);
-    polygons_ = node_.subscribe("polygons", 20, &TransitEvaluator::on_polygons, this);
+    updates_ = node_.subscribe("semantic_map/updates", 20, &TransitEvaluator::on_update, this);
     watch_ = node_.createTimer(ros::Duration(1.0), [this](const ros::TimerEvent&) { watch(); });
   }
 
@@ -158,7 +182,6 @@ class TransitEvaluator {
     truths_.clear();
     scans_.clear();
     poses_.clear();
-    map_.reset();
   } catch (const std::exception& error) {
     ROS_ERROR_STREAM("transit_evaluator: transit " << msg->number << ": " << error.what());
   }
@@ -180,8 +203,12 @@ class TransitEvaluator {
     compare();
   }
 
-  void on_polygons(const PolygonArrayConstPtr& msg) {
-    if (msg->header.stamp >= begin_) map_ = msg;
+  void on_update(const MapUpdateConstPtr& msg) {
+    try {
+      map_.apply(map_delta_from_msg(*msg));
+    } catch (const std::exception& error) {
+      ROS_ERROR_STREAM_THROTTLE(5.0, "transit_evaluator: the map is not used: " << error.what());
+    }
   }
 
   /// The true pose at a time, nothing while it is not known yet.
@@ -229,12 +256,8 @@ class TransitEvaluator {
   }
 
   void end(double duration_s, bool is_last) {
-    try {
-      scores_.push_back(evaluation_.end(duration_s, map_ ? polygons_from_msg(*map_) : Polygons{}));
-    } catch (const std::exception& error) {
-      ROS_ERROR_STREAM("transit_evaluator: the map is not used: " << error.what());
-      scores_.push_back(evaluation_.end(duration_s, {}));
-    }
+    const bool is_of_transit = map_.has_map() && map_.map().stamp_ns >= to_nanoseconds(begin_);
+    scores_.push_back(evaluation_.end(duration_s, is_of_transit ? standing_of(map_.map()) : Polygons{}));
     finished_ = is_last;
     if (is_last) ros::shutdown();
   }
@@ -258,10 +281,10 @@ class TransitEvaluator {
   std::size_t received_scans_ = 0;
   std::deque<sensor_msgs::LaserScanConstPtr> scans_;
   std::deque<geometry_msgs::PoseWithCovarianceStampedConstPtr> poses_;
-  PolygonArrayConstPtr map_;
+  MapReplica map_;
   tf2_ros::Buffer tf_;
   tf2_ros::TransformListener tf_listener_;
-  ros::Subscriber transit_, true_pose_, scan_, pose_, polygons_;
+  ros::Subscriber transit_, true_pose_, scan_, pose_, updates_;
   ros::Timer watch_, end_;
 };
 

@@ -15,6 +15,9 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/geometry/box.hpp"
 #include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/path/path_following.hpp"
+#include "situation_awareness/path/safety_areas.hpp"
+#include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
 #include "situation_awareness/pipeline/map_pipeline.hpp"
@@ -299,13 +302,16 @@ class Output {
 
 // --- from the bag to the map ----------------------------------------------------------------------------------------
 
-/// Of all kinds and sources of the pose; each uses its own.
+/// Of all kinds and sources of the pose, and of a vehicle that drives by the map; each uses its own.
 struct BagParams {
   MapPipelineParams map;
   ReflectorDetectionParams reflectors;
   ReflectorLocalizationParams localization;
   GpsInsParams gps_ins;
   GridPipelineParams grid;
+  VehicleParams vehicle;
+  SafetyParams safety;
+  PathFollowingParams path;
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -314,6 +320,9 @@ struct BagParams {
     visit("localization", self.localization);
     visit("gps_ins", self.gps_ins);
     visit("grid", self.grid);
+    visit("vehicle", self.vehicle);
+    visit("safety", self.safety);
+    visit("path", self.path);
   }
 };
 

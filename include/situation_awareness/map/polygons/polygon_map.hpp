@@ -63,7 +63,7 @@ struct PolygonMapParams {
           "maximum distance of the elements from the chain's edges, in addition to twice their standard deviations");
     visit("refresh_s", self.refresh_s, Bounds{0.0, 0.5}, "s",
           "chains are made anew after so long, and at once where something comes beside them, goes, or is doubted; 0: "
-          "with each scan. Less than the safety areas' `max_polygons_age_s`");
+          "with each scan. Less than the safety areas' `max_map_age_s`");
   }
 
   /// Throws std::invalid_argument naming field and bound.

@@ -73,7 +73,9 @@ double distance_m(const Splinegon& splinegon, const Eigen::Vector2d& p_world_m);
 bool contains(const Splinegon& splinegon, const Eigen::Vector2d& p_world_m);
 
 /// Points in order, no further apart than `spacing_m` > 0 along the boundary, among them all vertices, each once.
-std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m);
+/// `memory`: a result no longer needed, whose memory this one reuses.
+std::vector<SplinegonPoint> sampled(const Splinegon& splinegon, double spacing_m,
+                                    std::vector<SplinegonPoint> memory = {});
 
 /// The boundary does not meet itself, its arcs taken for polygons that are off by 0.1 mm at most.
 bool is_simple(const Splinegon& splinegon);

@@ -4,13 +4,16 @@
 #include <string>
 #include <vector>
 
-#include "situation_awareness/pipeline/polygon_pipeline.hpp"
+#include "situation_awareness/path/path_following.hpp"
+#include "situation_awareness/path/safety_areas.hpp"
+#include "situation_awareness/path/vehicle.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/scan/range_limiter.hpp"
 
 namespace situation_awareness {
 
-/// Parameters of the nodelets safety_areas and path_following (cfg/polygons.yaml, which serves all stages on the way to
-/// the map of polygons), of which they use the sections `scan`, `vehicle`, `safety` and `path`, and their own.
+/// Parameters of the nodelets safety_areas and path_following (cfg/map.yaml, which serves all stages on the way to the
+/// one map, too).
 struct PathNodeletParams {
   NodeletParams nodelet;
   std::string path_file;
@@ -22,7 +25,10 @@ struct PathNodeletParams {
   double pose_sigma_m = 0.02;
   double pose_sigma_rad = 0.01;
   double reset_time_jump_s = 1.0;
-  PolygonPipelineParams pipeline;
+  RangeLimiterParams scan;
+  VehicleParams vehicle;
+  SafetyParams safety;
+  PathFollowingParams path;
   std::vector<UnknownKey> unknown;
 
   template <class Self, class Visit>
@@ -37,7 +43,7 @@ struct PathNodeletParams {
           "be "
           "set by hand");
     visit("local_maps_file", self.local_maps_file,
-          "YAML file of the chains beside each segment of the path, by which safety_areas starts until polygons come, "
+          "YAML file of the chains beside each segment of the path, by which safety_areas starts until a map comes, "
           "and which its service save_local_maps writes; empty: none");
     visit("local_map_reach_m", self.local_map_reach_m, Bounds{0.1, 100.0}, "m",
           "chains as near to a segment as this are on its local map");
@@ -46,7 +52,10 @@ struct PathNodeletParams {
     visit("pose_sigma_rad", self.pose_sigma_rad, Bounds{0.0, 3.0}, "rad", "the same of its yaw");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "a stamp that goes back by more than this is a restart");
-    PolygonPipelineParams::fields(self.pipeline, visit);
+    visit("scan", self.scan);
+    visit("vehicle", self.vehicle);
+    visit("safety", self.safety);
+    visit("path", self.path);
   }
 };
 

@@ -14,6 +14,7 @@ namespace situation_awareness {
 struct PolygonNodeletParams {
   NodeletParams nodelet;
   ScanPoseParams scan_pose;
+  double max_pose_age_s = 0.5;
   double reset_time_jump_s = 1.0;
   PolygonPipelineParams pipeline;
   std::vector<UnknownKey> unknown;
@@ -22,6 +23,8 @@ struct PolygonNodeletParams {
   static void fields(Self& self, Visit&& visit) {
     NodeletParams::fields(self.nodelet, visit);
     ScanPoseParams::fields(self.scan_pose, visit);
+    visit("max_pose_age_s", self.max_pose_age_s, Bounds{0.05, 10.0}, "s",
+          "how far from the stamp of a scan that of the message on `pose` may be whose covariance is its own");
     visit("reset_time_jump_s", self.reset_time_jump_s, Bounds{0.0, 1e6}, "s",
           "a stamp that goes back by more than this begins a new map");
     PolygonPipelineParams::fields(self.pipeline, visit);
