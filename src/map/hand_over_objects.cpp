@@ -64,8 +64,8 @@ bool are_same(const Object& a, const Object& b) {
   return are_same_as_chain(a, b) && a.shape == b.shape && numbers(a) == numbers(b) && a.covariance == b.covariance;
 }
 
-/// Until when a map of objects says what is there: one that has hits on what it has not seen for a while is an older one
-/// that is repeated with new stamps.
+/// Until when a map of objects says what is there: one that has hits on what it has not seen for a while is an older
+/// one that is repeated with new stamps.
 std::int64_t seen_until_ns(const Objects& objects) {
   std::int64_t until_ns = objects.stamp_ns;
   for (const Object& object : objects.objects) {
@@ -328,8 +328,7 @@ SemanticMap::As SemanticMap::as_what(const ObjectEntry& object, Handle& chain) c
 /// come to a chain that has stood for long.
 bool SemanticMap::may_be_part_of(const ObjectEntry& object, const ChainEntry& chain) const {
   if (object.latest.object_class == ObjectClass::kPerson) return false;
-  const bool has_just_come =
-      !object.has_moved && seconds_between(object.latest.first_seen_ns, stamp_ns_) < kJustCame_s;
+  const bool has_just_come = !object.has_moved && seconds_between(object.latest.first_seen_ns, stamp_ns_) < kJustCame_s;
   return object.as == As::kPartOfChain || !has_just_come || !has_stood_long(chain.latest);
 }
 

@@ -18,8 +18,8 @@ struct LocalMap {
   std::vector<Chain> chains;  ///< their `p_world_m` are places in the segment's frame
 };
 
-/// The local maps of all segments, by their index. A polyline of the map, or a boundary as lines, is a chain in those of
-/// all segments to which it comes as near as `reach_m`; its state is by its extent, motion and probability.
+/// The local maps of all segments, by their index. A polyline of the map, or a boundary as lines, is a chain in those
+/// of all segments to which it comes as near as `reach_m`; its state is by its extent, motion and probability.
 std::vector<LocalMap> local_maps(const SplinePath& path, const Map& map, double reach_m);
 
 /// The chains of local maps in the world, each once, as a map without a stamp: it is not known that they are still

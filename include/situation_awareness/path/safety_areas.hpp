@@ -200,22 +200,22 @@ const char* name_of(SafetyDecision::Kind kind);  ///< "none", "unknown hit", "ch
 /// - Polylines that are fixed, certain, no person's and seen by no camera, which sees things that drive off, are known
 ///   chains.
 /// - Standing things (other polylines and boundaries, which may lead over gaps that no scan saw, objects that do not
-///   move, and known chains where they count) are passed at slow_speed_m_s in the warning area; the vehicle stops before
-///   the protective area reaches them. Targets of images are such things, and explain no hit.
+///   move, and known chains where they count) are passed at slow_speed_m_s in the warning area; the vehicle stops
+///   before the protective area reaches them. Targets of images are such things, and explain no hit.
 /// - A hidden place is not free: the vehicle can stop before the first place of its way that the scan does not see.
 ///   What may step out of a hidden place beside the way is not guessed: someone who runs out from behind a known chain
 ///   may be touched if the scan sees them for less time than the vehicle needs to stand. What counted and got out of
 ///   view still counts, for memory_s.
 /// - What is missing is not taken for "nothing there": without a map as fresh as the scan, objects included, the policy
-///   is conservative, whatever the parameter says. An outline explains hits if the map saw it with the latest scans, and
-///   the scan at hand does not see through it nearby. One that explains nothing, of a stale map or a file, is still in
-///   the way of the footprint where the scanner does not look.
+///   is conservative, whatever the parameter says. An outline explains hits if the map saw it with the latest scans,
+///   and the scan at hand does not see through it nearby. One that explains nothing, of a stale map or a file, is still
+///   in the way of the footprint where the scanner does not look.
 /// - A pose that stands still while the measured speed says that the vehicle moves is none, until it moves.
 /// - A scan that contradicts the map or the scan before, or repeats it, is a stop, as are all scans before the first
 ///   that shows that the scanner sees (path/scanner_watch.hpp).
 ///
-/// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the map, and to the product
-/// of those alone that are within the areas.
+/// No allocation after warm-up. The cost is in proportion to the hits and to the vertices of the map, and to the
+/// product of those alone that are within the areas.
 class SafetyAreas {
  public:
   /// Throws std::invalid_argument naming `source`, or field and bound.
@@ -230,8 +230,8 @@ class SafetyAreas {
   /// Whether one has shown it of the quarter ahead: a twentieth of the beams there had a return.
   bool scanner_has_seen_ahead() const { return blind_.has_seen_ahead(); }
 
-  /// Areas of the scan `points`, by the latest map, which is fresh or not by its stamps; 0: there is none. The result is
-  /// valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it repeats
+  /// Areas of the scan `points`, by the latest map, which is fresh or not by its stamps; 0: there is none. The result
+  /// is valid until the next call. `ranges_m`: of the beams as the driver gave them, by which it is found if it repeats
   /// itself; empty: this is not looked for.
   const SafetyDecision& update(const Points& points, const VehicleState& vehicle, const Map& map,
                                const std::vector<float>& ranges_m = {});
