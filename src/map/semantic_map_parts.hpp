@@ -16,8 +16,10 @@ inline bool is_moving(const Object& object) { return object.p_moving > 0.5; }
 /// s. What stands for so long, and was never seen to move, is fixed.
 constexpr double kFixed_s = 60.0;
 
+/// Whether it has stood so long, or since before the present transit, by which its layer knows it.
 inline bool has_stood_long(const Chain& chain) {
-  return seconds_between(chain.first_seen_ns, chain.last_seen_ns) >= kFixed_s;
+  return chain.state == ChainState::kWall || chain.state == ChainState::kKnown ||
+         seconds_between(chain.first_seen_ns, chain.last_seen_ns) >= kFixed_s;
 }
 
 /// In a list by ascending handle; null if it is not there.

@@ -56,12 +56,13 @@ class Scene {
                                           [&](const Object& object) { return object.id == handle; }),
                            objects_.objects.end());
   }
-  void chain(std::uint64_t handle, const std::vector<Eigen::Vector2d>& points_m) {
+  void chain(std::uint64_t handle, const std::vector<Eigen::Vector2d>& points_m, ChainState state = ChainState::kNew) {
     Chain& chain = chains_[handle];
     if (chain.id == 0) chain.first_seen_ns = stamp_ns_;
     chain.id = handle;
     chain.last_seen_ns = stamp_ns_;
     chain.p_exists = 0.99;
+    chain.state = state;
     chain.vertices.clear();
     for (const Eigen::Vector2d& p_m : points_m) chain.vertices.push_back({p_m, 0.01});
     changed_.insert(handle);
@@ -809,6 +810,17 @@ TEST(SemanticMap, WhatWasThereBeforeKeepsItsId) {
 }
 
 // What stood is seen through if beams pass where it was, and else not seen any more.
+// Its layer knows it from the transit before.
+TEST(SemanticMap, WhatStoodBeforeThePresentTransitIsFixed) {
+  Scene scene;
+  scene.chain(3, {{0.0, 9.0}, {20.0, 9.0}});
+  scene.scan();
+  EXPECT_EQ(scene.map().features.at(0).motion, Motion::kStanding);
+  scene.chain(3, {{0.0, 9.0}, {20.0, 9.0}}, ChainState::kWall);
+  scene.scan();
+  EXPECT_EQ(scene.map().features.at(0).motion, Motion::kFixed);
+}
+
 TEST(SemanticMap, TellsWhatIsNotThereFromWhatIsNotSeen) {
   for (const bool passes : {true, false}) {
     Scene scene;
