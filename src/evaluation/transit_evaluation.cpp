@@ -219,7 +219,7 @@ std::vector<double> TransitEvaluation::distances_to(const std::vector<Eigen::Vec
   return distances;
 }
 
-void TransitEvaluation::score_map(const Polygons& map, TransitScore& score) const {
+void TransitEvaluation::score_distances(const Polygons& map, TransitScore& score) const {
   std::vector<Eigen::Vector2d> places_m;
   std::vector<double> lengths_m;
   for (const Chain& chain : map.chains) {
@@ -243,9 +243,10 @@ void TransitEvaluation::score_map(const Polygons& map, TransitScore& score) cons
   }
   score.mean_distance_m = sum / length_m;
   score.sigma_distance_m = std::sqrt(std::max(0.0, squares / length_m - score.mean_distance_m * score.mean_distance_m));
+}
 
-  // The other way round: the distance of each bin from the nearest chain.
-  std::vector<double> chain_m(bins_.size(), kFar);
+/// The other way round: the distance of each bin from the nearest chain, if that is less than what it was.
+void TransitEvaluation::find_bins(const Polygons& map, std::vector<double>& chain_m) const {
   for (const Chain& chain : map.chains) {
     const std::size_t edges = chain.vertices.size() - (chain.closed ? 0 : 1);
     for (std::size_t k = 0; k < edges && chain.vertices.size() > 1; ++k) {
@@ -256,7 +257,6 @@ void TransitEvaluation::score_map(const Polygons& map, TransitScore& score) cons
       }
     }
   }
-  score_things(chain_m, score);
 }
 
 void TransitEvaluation::score_things(const std::vector<double>& chain_m, TransitScore& score) const {
@@ -301,12 +301,16 @@ void TransitEvaluation::score_things(const std::vector<double>& chain_m, Transit
   score.coverage = covered_m / seen_m;
 }
 
-TransitScore TransitEvaluation::end(double duration_s, const Polygons& map) {
+TransitScore TransitEvaluation::end(double duration_s, const Polygons& map, const Polygons& bodies) {
   TransitScore score;
   score.transit = transit_;
   score.duration_s = duration_s;
   score.stops = moves_ ? stops_ : std::max(0, stops_ - 1);
-  score_map(map, score);
+  score_distances(map, score);
+  std::vector<double> chain_m(bins_.size(), kFar);
+  find_bins(map, chain_m);
+  find_bins(bodies, chain_m);
+  score_things(chain_m, score);
   score.poses = poses_;
   score.position_rms_m = std::sqrt(position_sum_m2_ / poses_);
   score.position_max_m = position_max_m_;

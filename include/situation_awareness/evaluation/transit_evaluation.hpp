@@ -67,8 +67,9 @@ class TransitEvaluation {
   /// `covariance` of x, y and yaw in the world.
   void add_pose(const Pose2& estimate, const Eigen::Matrix3d& covariance, const Pose2& truth);
 
-  /// `map` is that after the last scan.
-  TransitScore end(double duration_s, const Polygons& map);
+  /// `map` is that after the last scan, and `bodies` the outlines of what stands and is no chain on it: they say what
+  /// was found, but their distances do not count, as their hidden sides are estimates.
+  TransitScore end(double duration_s, const Polygons& map, const Polygons& bodies = {});
 
  private:
   struct Bin {
@@ -87,7 +88,8 @@ class TransitEvaluation {
   template <class Accepts>
   int nearest(const Eigen::Vector2d& p_m, const Accepts& accepts) const;
   bool counts_as_truth(const Bin& bin) const;
-  void score_map(const Polygons& map, TransitScore& score) const;
+  void score_distances(const Polygons& map, TransitScore& score) const;
+  void find_bins(const Polygons& map, std::vector<double>& chain_m) const;
   void score_things(const std::vector<double>& chain_m, TransitScore& score) const;
   std::vector<double> distances_to(const std::vector<Eigen::Vector2d>& places_m) const;
 

@@ -86,26 +86,31 @@ std::vector<TransitThing> things_of(const Transit& transit) {
   return things;
 }
 
-/// The lines of all that stands, as chains.
-Polygons standing_of(const Map& map) {
-  MapLayers layers = layers_of(map);
-  Polygons lines = std::move(layers.polygons);
+/// Polylines and boundaries.
+Polygons chains_of(MapLayers& layers) {
+  Polygons chains = std::move(layers.polygons);
   for (const Splinegon& boundary : layers.boundaries.boundaries) {
-    Chain& chain = lines.chains.emplace_back();
+    Chain& chain = chains.chains.emplace_back();
     chain.id = boundary.id;
     chain.closed = boundary.closed;
     for (const SplinegonPoint& point : sampled(boundary, kSpacing_m)) {
       chain.vertices.push_back({point.p_world_m, point.sigma_m});
     }
   }
+  return chains;
+}
+
+/// The outlines of standing bodies.
+Polygons bodies_of(const MapLayers& layers) {
+  Polygons outlines;
   for (const Object& object : layers.objects.objects) {
     if (object.p_moving >= 0.5 || object.object_class == ObjectClass::kPerson) continue;
-    Chain& chain = lines.chains.emplace_back();
+    Chain& chain = outlines.chains.emplace_back();
     chain.id = object.id;
     chain.closed = true;
     for (const Eigen::Vector2d& p_world_m : outline_world(object)) chain.vertices.push_back({p_world_m, 0.0});
   }
-  return lines;
+  return outlines;
 }
 
 class TransitEvaluator {
@@ -257,7 +262,9 @@ class TransitEvaluator {
 
   void end(double duration_s, bool is_last) {
     const bool is_of_transit = map_.has_map() && map_.map().stamp_ns >= to_nanoseconds(begin_);
-    scores_.push_back(evaluation_.end(duration_s, is_of_transit ? standing_of(map_.map()) : Polygons{}));
+    MapLayers layers = is_of_transit ? layers_of(map_.map()) : MapLayers{};
+    const Polygons bodies = bodies_of(layers);
+    scores_.push_back(evaluation_.end(duration_s, chains_of(layers), bodies));
     finished_ = is_last;
     if (is_last) ros::shutdown();
   }
