@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <string>
 
 #include <gtest/gtest.h>
@@ -130,7 +131,12 @@ TEST_F(LabelCamera, HasTheColoursThatACameraSees) {
     EXPECT_TRUE(without.rgb.empty());
     EXPECT_EQ(with.objects, without.objects) << t;
     EXPECT_EQ(with.classes, without.classes) << t;
-    EXPECT_EQ(with.rgb, view.at(t, world_.robot_at(t).T_world_robot).rgb) << t;
+    // Mesa 25 of Debian 13 may round a colour in another way in each of two contexts; Mesa 22 of Debian 12 does not.
+    const Picture seen = view.at(t, world_.robot_at(t).T_world_robot);
+    ASSERT_EQ(with.rgb.size(), seen.rgb.size());
+    int most = 0;
+    for (std::size_t k = 0; k < seen.rgb.size(); ++k) most = std::max(most, std::abs(with.rgb[k] - seen.rgb[k]));
+    EXPECT_LE(most, 1) << t;
   }
 }
 
