@@ -17,13 +17,14 @@
 #include "situation_awareness/common/params_yaml.hpp"
 #include "situation_awareness/common/yaml_defect.hpp"
 #include "situation_awareness/geometry/simplify.hpp"
-#include "situation_awareness/map/polygons/chain_state.hpp"
 
 namespace situation_awareness {
 namespace {
 
 constexpr double kReachStep_m = 0.1;   // between the places of a segment whose distance counts
 constexpr double kArcSpacing_m = 0.1;  // of the lines that a boundary is cut into
+// Less certain outlines are doubted, and what is larger is a wall, as the states of the map of polygons have it.
+constexpr double kDoubted_p = 0.75, kWallExtent_m = 1.6;
 constexpr double kMostPlace_m = 1e6;
 constexpr double kMostSigma_m = 100.0;
 constexpr std::size_t kMostVertices = 1'000'000;  // of all maps, which YAML may repeat by aliases
@@ -73,11 +74,11 @@ Chain chain_of_feature(const Feature& feature) {
   chain.first_seen_ns = feature.first_seen_ns;
   chain.last_seen_ns = feature.last_seen_ns;
   chain.p_exists = feature.p_exists;
-  const ChainStateParams params;
-  chain.state = feature.p_exists < params.doubted_p                            ? ChainState::kDoubted
-                : feature.motion != Motion::kFixed                             ? ChainState::kNew
-                : extent_m(chain, params.wall_extent_m) > params.wall_extent_m ? ChainState::kWall
-                                                                               : ChainState::kKnown;
+  const bool is_large = box_around(feature.shape).diagonal().norm() > kWallExtent_m;
+  chain.state = feature.p_exists < kDoubted_p      ? ChainState::kDoubted
+                : feature.motion != Motion::kFixed ? ChainState::kNew
+                : is_large                         ? ChainState::kWall
+                                                   : ChainState::kKnown;
   return chain;
 }
 
