@@ -325,7 +325,7 @@ void add_object(const Object& object, Feature& feature) {
   }
 }
 
-/// That with an id; null if it is not there.
+/// Finds the feature with an id; null if none of these has it.
 template <class Features>
 auto feature_in(Features& features, FeatureId id) {
   const auto place =
@@ -418,7 +418,8 @@ void SemanticMap::tell_absences() {
               last_.end());
 }
 
-/// Of the least certain part of what a chain is on the map as: of a boundary that of all its chains.
+/// Returns the probability of existence of the least certain part of what a chain is on the map as: of a boundary that
+/// of its least certain chain.
 double SemanticMap::least_p_exists(const ChainEntry& chain) const {
   double p = chain.latest.p_exists;
   if (chain.of_boundary == 0) return p;

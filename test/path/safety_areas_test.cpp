@@ -269,7 +269,7 @@ TEST(SafetyAreas, HitsOnArcsAreOnTheirBoundary) {
   EXPECT_EQ(decision.allowed_speed_m_s, SafetyParams().slow_speed_m_s);
 }
 
-// Who has stood still for a while is on the map as a line, and may walk on.
+// A person who has stood still for a while is on the map as a line, and may walk on.
 TEST(SafetyAreas, APersonThatIsALineMayMoveAlsoAtAWall) {
   SafetyScene scene = SafetyScene::straight();
   scene.boxes = {{{3.0, 0.65}, 0.0, 5.0, 0.1}, {{0.7, 0.53}, 0.0, 0.2, 0.05}};

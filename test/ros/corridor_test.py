@@ -38,7 +38,7 @@ class CorridorTest(unittest.TestCase):
         self.assertTrue(any(verdict.verdict == SafetyVerdict.SLOW for verdict in verdicts.messages))
         self.assertLess(transits.messages[-1].duration_s, 90.0)
 
-        # Of each wall, box and post at the way there is a polyline.
+        # The map has a polyline of each wall, box and post at the way.
         chains = [[(p.x, p.y) for p in feature.outline] for feature in maps.messages[-1].changed
                   if feature.kind == MapFeature.POLYLINE]
         edges = [(a, b) for chain in chains for a, b in zip(chain[:-1], chain[1:])]

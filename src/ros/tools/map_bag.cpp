@@ -302,7 +302,8 @@ class Output {
 
 // --- from the bag to the map ----------------------------------------------------------------------------------------
 
-/// Of all kinds and sources of the pose, and of a vehicle that drives by the map; each uses its own.
+/// The file may have the parameters of all kinds and sources of the pose, and of a vehicle that drives by the map; each
+/// program uses its own.
 struct BagParams {
   MapPipelineParams map;
   ReflectorDetectionParams reflectors;
