@@ -93,13 +93,10 @@ void SemanticMap::take_boundaries(const BoundaryChanges& changes) {
 void SemanticMap::draw(BoundaryEntry& boundary) {
   unsettle_near(boundary.outline);
   boundary.outline.closed = boundary.latest.closed;
-  boundary.outline.vertices.clear();
+  boundary.outline.vertices = lines_along(boundary.latest, kSampled_m);
+  std::reverse(boundary.outline.vertices.begin(), boundary.outline.vertices.end());
   boundary.box_world_m.setEmpty();
-  const std::vector<SplinegonPoint> points = sampled(boundary.latest, kSampled_m);
-  std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
-    boundary.outline.vertices.push_back({point.p_world_m, point.sigma_m});
-    boundary.box_world_m.extend(point.p_world_m);
-  });
+  for (const ChainVertex& vertex : boundary.outline.vertices) boundary.box_world_m.extend(vertex.p_world_m);
   boundary.length_m = length_of(boundary.outline);
   unsettle_near(boundary.outline);
 }

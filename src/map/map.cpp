@@ -93,12 +93,9 @@ struct PointsAlong {
     return evenly(points, shape.closed);
   }
   Points operator()(const ArcShape& shape) const {
-    Splinegon splinegon;
-    splinegon.closed = shape.closed;
-    splinegon.vertices = shape.vertices;
     constexpr double kSpacing_m = 0.5;
     Points points;
-    for (const SplinegonPoint& point : sampled(splinegon, kSpacing_m)) points.push_back(point.p_world_m);
+    for (const SplinegonPoint& point : sampled(splinegon_of(shape), kSpacing_m)) points.push_back(point.p_world_m);
     return evenly(points, shape.closed);
   }
   Points operator()(const FootprintShape& /*shape*/) const { return {}; }
@@ -205,6 +202,21 @@ const char* kind_of(const FeatureShape& shape) {
 const char* name_of(GoneReason reason) {
   constexpr std::array<const char*, 4> kNames = {"left", "seen through", "merged", "forgotten"};
   return kNames[static_cast<std::size_t>(reason)];
+}
+
+Splinegon splinegon_of(const ArcShape& shape) {
+  Splinegon splinegon;
+  splinegon.closed = shape.closed;
+  splinegon.vertices = shape.vertices;
+  return splinegon;
+}
+
+std::vector<ChainVertex> lines_along(const Splinegon& boundary, double spacing_m) {
+  const std::vector<SplinegonPoint> points = sampled(boundary, spacing_m);
+  std::vector<ChainVertex> vertices;
+  vertices.reserve(points.size());
+  for (const SplinegonPoint& point : points) vertices.push_back({point.p_world_m, point.sigma_m});
+  return vertices;
 }
 
 }  // namespace situation_awareness

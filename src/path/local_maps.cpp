@@ -63,12 +63,8 @@ Chain chain_of_feature(const Feature& feature) {
     chain.closed = lines->closed;
     chain.vertices = lines->vertices;
   } else if (const auto* const arcs = std::get_if<ArcShape>(&feature.shape)) {
-    Splinegon boundary;
-    boundary.closed = chain.closed = arcs->closed;
-    boundary.vertices = arcs->vertices;
-    for (const SplinegonPoint& point : sampled(boundary, kArcSpacing_m)) {
-      chain.vertices.push_back({point.p_world_m, point.sigma_m});
-    }
+    chain.closed = arcs->closed;
+    chain.vertices = lines_along(splinegon_of(*arcs), kArcSpacing_m);
   }
   chain.id = feature.id;
   chain.first_seen_ns = feature.first_seen_ns;

@@ -74,6 +74,12 @@ struct FootprintShape {
   double area_m2 = 0.0;
 };
 
+/// A boundary as its layer has it, without its id, times and covariances.
+Splinegon splinegon_of(const ArcShape& shape);
+
+/// Vertices no further apart than `spacing_m` > 0 along a boundary, in its order: the free side is to the right.
+std::vector<ChainVertex> lines_along(const Splinegon& boundary, double spacing_m);
+
 using FeatureShape = std::variant<EllipseShape, BoxShape, PolylineShape, ArcShape, FootprintShape>;
 
 /// "ellipse", "box", "polyline", "boundary", "target".

@@ -93,9 +93,7 @@ Polygons chains_of(MapLayers& layers) {
     Chain& chain = chains.chains.emplace_back();
     chain.id = boundary.id;
     chain.closed = boundary.closed;
-    for (const SplinegonPoint& point : sampled(boundary, kSpacing_m)) {
-      chain.vertices.push_back({point.p_world_m, point.sigma_m});
-    }
+    chain.vertices = lines_along(boundary, kSpacing_m);
   }
   return chains;
 }

@@ -66,11 +66,8 @@ Chain chain_of(const Splinegon& splinegon) {
   chain.closed = splinegon.closed;
   chain.p_exists = 1.0;
   chain.state = ChainState::kWall;
-  const std::vector<SplinegonPoint> points = sampled(splinegon, kBoundarySpacing_m);
-  chain.vertices.reserve(points.size());
-  std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
-    chain.vertices.push_back({point.p_world_m, point.sigma_m});
-  });
+  chain.vertices = lines_along(splinegon, kBoundarySpacing_m);
+  std::reverse(chain.vertices.begin(), chain.vertices.end());
   return chain;
 }
 

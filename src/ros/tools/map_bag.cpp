@@ -185,9 +185,6 @@ struct AddShape {
   }
 
   void operator()(const ArcShape& shape) const {
-    Splinegon splinegon;
-    splinegon.closed = shape.closed;
-    splinegon.vertices = shape.vertices;
     Json& outline = element["outline"] = Json::array();
     Json sigma = Json::array();
     for (const SplinegonVertex& vertex : shape.vertices) {
@@ -198,7 +195,7 @@ struct AddShape {
     element["sigma_m"] = std::move(sigma);
     constexpr double kSpacing_m = 0.2;
     std::vector<Eigen::Vector2d> points_m;
-    for (const SplinegonPoint& point : sampled(splinegon, kSpacing_m)) points_m.push_back(point.p_world_m);
+    for (const SplinegonPoint& point : sampled(splinegon_of(shape), kSpacing_m)) points_m.push_back(point.p_world_m);
     add_place(middle_of(points_m, shape.closed), element);
   }
 
