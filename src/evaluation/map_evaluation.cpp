@@ -63,8 +63,8 @@ std::vector<int> MapEvaluation::match(const std::vector<Target>& targets, const 
     for (std::size_t j = 0; j < map.objects.size(); ++j) {
       const Eigen::Vector2d& center_m = map.objects[j].ellipse_world.center_m;
       const double distance_m = (targets[i].reference->ellipse_world.center_m - center_m).norm();
-      const bool on_body =
-          targets[i].parts.size() > 1 && within_reach(targets[i].parts, center_m, params_.body_margin_m);
+      const bool is_extended = targets[i].parts.size() > 1 || targets[i].reference->shape == Shape::kBox;
+      const bool on_body = is_extended && within_reach(targets[i].parts, center_m, params_.body_margin_m);
       if (distance_m <= params_.max_match_distance_m || on_body) {
         candidates.push_back({static_cast<int>(i), static_cast<int>(j),
                               std::min(distance_m, params_.max_match_distance_m) - cost_alone_m});
@@ -111,14 +111,15 @@ HiddenTime MapEvaluation::hidden_time(const Hiding& hiding, std::int64_t end_ns,
   return time;
 }
 
-void MapEvaluation::update_hidden_time(ObjectTally& tally, const Target& target, const Object* element,
-                                       const Objects& map) const {
+void MapEvaluation::update_hidden_time(ObjectTally& tally, const Target& target, std::uint64_t id, const Objects& map,
+                                       const MapOutlines& outlines) const {
   if (target.beams == 0) {
     if (!tally.hiding && tally.element_id != 0) tally.hiding = Hiding{stamp_ns_, kNever, kNever, std::nullopt};
     if (!tally.hiding) return;
     tally.hiding->to_ns = tally.hiding->visible_again_ns = kNever;  // a glimpse does not end it
     const bool on_map = std::any_of(map.objects.begin(), map.objects.end(),
-                                    [&](const Object& object) { return object.id == tally.element_id; });
+                                    [&](const Object& object) { return object.id == tally.element_id; }) ||
+                        std::count(outlines.ids.begin(), outlines.ids.end(), tally.element_id) > 0;
     if (!on_map && !tally.hiding->deleted_after_s) {
       tally.hiding->deleted_after_s = seconds_between(tally.hiding->from_ns, stamp_ns_);
     }
@@ -134,8 +135,8 @@ void MapEvaluation::update_hidden_time(ObjectTally& tally, const Target& target,
   if (target.beams < params_.visible_beams) return;
   if (hiding.visible_again_ns == kNever) hiding.visible_again_ns = stamp_ns_;
   const bool in_time = seconds_between(hiding.visible_again_ns, stamp_ns_) <= params_.recognition_s;
-  if (in_time && element == nullptr) return;
-  tally.hidden.push_back(hidden_time(hiding, stamp_ns_, in_time && element->id == tally.element_id));
+  if (in_time && id == 0) return;
+  tally.hidden.push_back(hidden_time(hiding, stamp_ns_, in_time && id == tally.element_id));
   tally.hiding.reset();
 }
 
@@ -163,7 +164,8 @@ bool MapEvaluation::is_on_fixture(const Object& element) const {
   });
 }
 
-ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts) {
+ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts,
+                             const MapOutlines& outlines) {
   ++scans_;
   stamp_ns_ = truth.stamp_ns;
   const std::vector<Target> targets = targets_of(truth);
@@ -185,32 +187,41 @@ ScanScore MapEvaluation::add(const Objects& truth, const Objects& map, const std
     tally.moves = tally.moves || !object.velocity_world_m_s.isZero(0.0);
     const Object* const element = element_of[i] >= 0 ? &map.objects[static_cast<std::size_t>(element_of[i])] : nullptr;
     if (element != nullptr) on_truth[static_cast<std::size_t>(element_of[i])] = true;
-    update_hidden_time(tally, targets[i], element, map);
+    const OutlineOnBody outline =
+        element == nullptr && !outlines.of_bodies.empty() ? outlines.of_bodies.at(i) : OutlineOnBody{};
+    const std::uint64_t id = element != nullptr ? element->id : outline.id;
+    update_hidden_time(tally, targets[i], id, map, outlines);
     if (targets[i].beams < params_.visible_beams) {
       if (element != nullptr) on_hidden[static_cast<std::size_t>(element_of[i])] = true;
       tally.unmapped_since_ns = kNever;
       continue;
     }
-    truths_m.push_back(object.ellipse_world.center_m);
+    if (outline.id == 0) truths_m.push_back(object.ellipse_world.center_m);
     ++tally.visible_scans;
     if (tally.unmapped_since_ns != kNever) {
       tally.max_delay_s = std::max(tally.max_delay_s, seconds_between(tally.unmapped_since_ns, stamp_ns_));
     }
-    if (element == nullptr) {
+    if (id == 0) {
       ++scan.missed;
       if (tally.unmapped_since_ns == kNever) tally.unmapped_since_ns = stamp_ns_;
       continue;
     }
     tally.unmapped_since_ns = kNever;
+    if (tally.element_id != 0 && tally.element_id != id) ++tally.id_switches;
+    tally.element_id = id;
+    if (element == nullptr) {
+      ++tally.outline_scans;
+      tally.outline_sse_m2 += outline.rms_m * outline.rms_m;
+      continue;
+    }
     ++tally.mapped_scans;
-    if (tally.element_id != 0 && tally.element_id != element->id) ++tally.id_switches;
-    tally.element_id = element->id;
     compare(tally, object, *element);
   }
 
   std::map<std::uint64_t, std::int64_t> false_since;
   for (std::size_t j = 0; j < map.objects.size(); ++j) {
-    if (!on_truth[j] && is_on_fixture(map.objects[j])) {
+    const bool is_told = !outlines.on_fixtures.empty() && outlines.on_fixtures.at(j);
+    if (!on_truth[j] && (is_told || is_on_fixture(map.objects[j]))) {
       ++on_fixtures_;
       continue;
     }
@@ -256,7 +267,7 @@ MapScore MapEvaluation::score() const {
   score.false_per_scan = ratio(static_cast<double>(false_elements_), scans_);
   score.on_fixtures_per_scan = ratio(static_cast<double>(on_fixtures_), scans_);
   score.gospa_m = ratio(gospa_sum_m_, scans_);
-  long visible = 0;
+  long visible = 0, outlines = 0;
   Sums all, standing, moving;
   for (const auto& [id, tally] : objects_) {
     ObjectScore object;
@@ -264,6 +275,8 @@ MapScore MapEvaluation::score() const {
     object.moves = tally.moves;
     object.visible_scans = tally.visible_scans;
     object.mapped_scans = tally.mapped_scans;
+    object.outline_scans = tally.outline_scans;
+    object.outline_rms_m = std::sqrt(ratio(tally.outline_sse_m2, tally.outline_scans));
     object.max_delay_s = tally.max_delay_s;
     object.id_switches = tally.id_switches;
     object.hidden = tally.hidden;
@@ -286,6 +299,7 @@ MapScore MapEvaluation::score() const {
 
     score.max_delay_s = std::max(score.max_delay_s, tally.max_delay_s);
     visible += tally.visible_scans;
+    outlines += tally.outline_scans;
     const bool is_one_ellipse = !has_parts_.at(id);
     for (Sums* const sums : {&all, tally.moves ? &moving : &standing}) {
       sums->scans += tally.mapped_scans;
@@ -309,7 +323,7 @@ MapScore MapEvaluation::score() const {
     if (bodies_[i].parts.size() < 2) continue;
     score.bodies.push_back({bodies_[i].name, body_tallies_[i].scans_apart, body_tallies_[i].scans_one});
   }
-  score.recall = ratio(all.scans, static_cast<double>(visible));
+  score.recall = ratio(static_cast<double>(all.scans + outlines), static_cast<double>(visible));
   score.standing = standing.score();
   score.moving = moving.score();
   score.center_rmse_m = all.score().center_rmse_m;

@@ -41,20 +41,35 @@ struct EllipseErrors {
   double rx_m = 0.0, ry_m = 0.0, tx_m = 0.0, ty_m = 0.0, psi_rad = 0.0;
 };
 
+/// What has a body on a map where that is no element but an outline: a polyline or a boundary.
+struct OutlineOnBody {
+  std::uint64_t id = 0;  ///< 0: nothing
+  double rms_m = 0.0;    ///< distance from the body's outline
+};
+
+/// The outlines of a map beside its elements.
+struct MapOutlines {
+  std::vector<std::uint64_t> ids;        ///< of all
+  std::vector<OutlineOnBody> of_bodies;  ///< one for each object, or body of several; empty: none
+  std::vector<bool> on_fixtures;  ///< for each element of the map, whether it is on what is a fixture; empty: none is
+};
+
 /// Result for one true object, or a body of several. A body's centre, velocity and shape are its first part's.
 struct ObjectScore {
   std::uint64_t truth_id = 0;  ///< of a body: its first part's
   bool moves = false;          ///< its velocity was not zero in some scan
   int visible_scans = 0;       ///< scans in which it was visible
   int mapped_scans = 0;        ///< of those, with an element of the map on it
+  int outline_scans = 0;       ///< of those, without an element but with an outline on it
   double max_delay_s = 0.0;    ///< longest time visible without being on the map
   double center_rmse_m = 0.0;  ///< over mapped_scans, as all errors
   double velocity_rmse_m_s = 0.0;
   double radius_mae_m = 0.0;       ///< both radii, each sorted
+  double outline_rms_m = 0.0;      ///< over outline_scans
   EllipseErrors mean_square;       ///< of each error; m^2, rad^2
   EllipseErrors max_absolute;      ///< of each error
   double psi_sigma_rms_rad = 0.0;  ///< root mean square of the map's own standard deviation of psi
-  int id_switches = 0;             ///< changes of its element, after any time
+  int id_switches = 0;             ///< changes of its element, or outline, after any time
   std::vector<HiddenTime> hidden;
 };
 
@@ -109,8 +124,9 @@ struct ScanScore {
 /// Compares map and truth scan by scan: elements are matched one to one with true objects at the least total distance.
 /// A visible object counts for recall, delay and errors; an element on a hidden object, or on one hit by few beams, is
 /// neither correct nor false, and GOSPA ignores both. The parts of a body are one object, on which an element may be
-/// anywhere; a second one there is false. A fixture is a box of the room, such as a cabinet: an element within
-/// body_margin_m of it is on something real that is no object of the truth, and neither correct nor false.
+/// anywhere; a second one there is false. So is an element anywhere on a box of the truth. A fixture is a box of the
+/// room, such as a cabinet: an element within body_margin_m of it is on something real that is no object of the truth,
+/// and neither correct nor false. An object that has no element but an outline is on the map.
 class MapEvaluation {
  public:
   /// `bodies`: objects that are one body, as indices of the truth's objects; without it each object is its own.
@@ -120,8 +136,10 @@ class MapEvaluation {
 
   /// Truth and map at the same stamp; stamps increase, and the truth's objects keep their order. `Object::beams` of the
   /// truth counts the beams that hit it. `separate_parts`, one number per body, counts the parts that are separate
-  /// segments in this scan (`separate_parts()`); without it bodies are not evaluated.
-  ScanScore add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts = {});
+  /// segments in this scan (`separate_parts()`); without it bodies are not evaluated. Ids of elements and outlines are
+  /// of one source.
+  ScanScore add(const Objects& truth, const Objects& map, const std::vector<int>& separate_parts = {},
+                const MapOutlines& outlines = {});
 
   MapScore score() const;
 
@@ -141,6 +159,8 @@ class MapEvaluation {
     bool moves = false;
     int visible_scans = 0;
     int mapped_scans = 0;
+    int outline_scans = 0;
+    double outline_sse_m2 = 0.0;
     int id_switches = 0;
     std::uint64_t element_id = 0;
     std::int64_t unmapped_since_ns = kNever;
@@ -169,7 +189,9 @@ class MapEvaluation {
   bool is_on_fixture(const Object& element) const;
   std::vector<int> match(const std::vector<Target>& targets, const Objects& map) const;
   void compare(ObjectTally& tally, const Object& truth, const Object& element) const;
-  void update_hidden_time(ObjectTally& tally, const Target& target, const Object* element, const Objects& map) const;
+  /// `id`: of the element or outline on it, 0: none.
+  void update_hidden_time(ObjectTally& tally, const Target& target, std::uint64_t id, const Objects& map,
+                          const MapOutlines& outlines) const;
   HiddenTime hidden_time(const Hiding& hiding, std::int64_t end_ns, std::optional<bool> same_id) const;
   void evaluate_bodies(const std::vector<Target>& targets, const Objects& map, const std::vector<int>& separate_parts);
 
