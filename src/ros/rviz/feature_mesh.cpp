@@ -26,7 +26,6 @@ constexpr Color kTargetColor{0.85F, 0.1F, 0.1F};
 constexpr Color kTargetRegionColor{1.0F, 0.6F, 0.2F};
 constexpr double kRadius99 = 3.0349;  ///< sqrt of the 99 % quantile of chi-square with two degrees of freedom
 constexpr int kTargetPoints = 32;
-constexpr double kFeatureLine_m = 0.08;
 constexpr double kLargestFilled_m = 6.0;  ///< a car
 
 /// The largest standard deviation that a shape has of a place.
@@ -130,13 +129,13 @@ std::size_t size_of(const DrawableMap& map) {
          map.targets.targets.size();
 }
 
-void draw(const DrawableMap& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh) {
+void draw(const DrawableMap& map, const MapHistory& history, const FeatureStyle& style, MapMesh& mesh) {
   clear(mesh);
   for (const GridTarget& target : map.targets.targets) add(target, mesh);
   PolygonStyle lines;
   static_cast<MapStyle&>(lines) = style;
   lines.uncertainty = style.covariance;
-  lines.line_m = kFeatureLine_m;
+  lines.line_m = style.line_m;
   const bool by_id = style.coloring == ObjectStyle::kId;
   for (const Chain& chain : map.boundaries.chains) {
     add(chain, by_id ? color_of(chain.id) : kBoundaryColor, map.boundaries.height_world_m, lines, mesh);

@@ -62,6 +62,7 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
                      "Height of the bodies in m; the map's plane cuts them in the middle.");
     history_ =
         number("History", style.history_s, 600.0, "How many seconds of its path trail behind an element; 0: none.");
+    text_size_ = number("Text size", style.text_size_m, 100.0, "Height of the ids' letters in m.");
     ids_ = new rviz::BoolProperty("IDs", true, "Write each element's id, and its label if it has one.", this);
     drawing_.emplace(*this);  // its properties come last
     for (int i = 0; i < this->numChildren(); ++i) {
@@ -74,7 +75,7 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
     stale_ = false;
     const MapStyle look = style();
     drawing_->draw(map_, paths_, look, mesh_);
-    scene_->show(mesh_, ids_->getBool() ? Drawing::labels_of(map_, look) : std::vector<MapLabel>());
+    scene_->show(mesh_, ids_->getBool() ? Drawing::labels_of(map_, look) : std::vector<MapLabel>(), look.text_size_m);
     this->queueRender();
   }
 
@@ -117,13 +118,15 @@ class MapDisplay : public rviz::MessageFilterDisplay<typename Drawing::Message> 
   }
 
   MapStyle style() const {
-    return {color_->getOptionInt(), alpha_->getFloat(), height_->getFloat(), history_->getFloat()};
+    return {color_->getOptionInt(), alpha_->getFloat(), height_->getFloat(), history_->getFloat(),
+            text_size_->getFloat()};
   }
 
   rviz::EnumProperty* color_;
   rviz::FloatProperty* alpha_;
   rviz::FloatProperty* height_;
   rviz::FloatProperty* history_;
+  rviz::FloatProperty* text_size_;
   rviz::BoolProperty* ids_;
   std::optional<Drawing> drawing_;
 

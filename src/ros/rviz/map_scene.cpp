@@ -72,13 +72,13 @@ void MapScene::place(const Ogre::Vector3& position, const Ogre::Quaternion& orie
   node_.setOrientation(orientation);
 }
 
-void MapScene::show(const MapMesh& mesh, const std::vector<MapLabel>& labels) {
+void MapScene::show(const MapMesh& mesh, const std::vector<MapLabel>& labels, double text_size_m) {
   fill(*solid_, mesh.solid, material_ + "solid");
   fill(*translucent_, mesh.translucent, material_ + "translucent");
   while (texts_.size() < labels.size()) {
     Text text{
         std::make_unique<rviz::MovableText>(labels[texts_.size()].text, "Liberation Sans",
-                                            static_cast<float>(kLabelHeight_m), Ogre::ColourValue(0.05F, 0.05F, 0.05F)),
+                                            static_cast<float>(text_size_m), Ogre::ColourValue(0.05F, 0.05F, 0.05F)),
         node_.createChildSceneNode()};
     text.text->setTextAlignment(rviz::MovableText::H_CENTER, rviz::MovableText::V_CENTER);
     text.node->attachObject(text.text.get());
@@ -89,6 +89,7 @@ void MapScene::show(const MapMesh& mesh, const std::vector<MapLabel>& labels) {
     if (i >= labels.size()) continue;
     const auto& [text, position_m] = labels[i];
     if (texts_[i].text->getCaption() != text) texts_[i].text->setCaption(text);
+    texts_[i].text->setCharacterHeight(static_cast<float>(text_size_m));
     texts_[i].node->setPosition(position_m.x(), position_m.y(), position_m.z());
   }
 }

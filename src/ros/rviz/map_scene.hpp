@@ -34,7 +34,8 @@ class MapScene {
   /// Pose of the map's frame in the fixed frame.
   void place(const Ogre::Vector3& position, const Ogre::Quaternion& orientation);
 
-  void show(const MapMesh& mesh, const std::vector<MapLabel>& labels);
+  /// `text_size_m`: of the labels.
+  void show(const MapMesh& mesh, const std::vector<MapLabel>& labels, double text_size_m);
 
  private:
   struct Text {

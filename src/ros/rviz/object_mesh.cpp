@@ -150,7 +150,7 @@ std::vector<MapLabel> labels_of(const DrawableObjects& map, const MapStyle& styl
   for (std::size_t i = 0; i < map.names.size(); ++i) {
     const Ellipse& ellipse = map.objects.objects[i].ellipse_world;
     const double aside_m =
-        ellipse.ry_m < 0.6 * kLabelHeight_m ? -half_width_m(ellipse, {0.0, 1.0}) - kLabelHeight_m : 0.0;
+        ellipse.ry_m < 0.6 * style.text_size_m ? -half_width_m(ellipse, {0.0, 1.0}) - style.text_size_m : 0.0;
     const Eigen::Vector2d place_m = ellipse.center_m + Eigen::Vector2d(0.0, aside_m);
     labels.push_back({map.names[i], Eigen::Vector3d(place_m.x(), place_m.y(), z_m).cast<float>()});
   }

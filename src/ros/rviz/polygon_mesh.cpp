@@ -80,7 +80,7 @@ std::vector<MapLabel> labels_of(const Polygons& map, const MapStyle& style) {
     const Eigen::Vector2d& from_m = chain.vertices[middle].p_world_m;
     const Eigen::Vector2d way_m = chain.vertices[middle + 1].p_world_m - from_m;
     const Eigen::Vector2d free_side = Eigen::Vector2d(-way_m.y(), way_m.x()).stableNormalized();
-    const Eigen::Vector2d place_m = from_m + 0.5 * way_m + 0.6 * kLabelHeight_m * free_side;
+    const Eigen::Vector2d place_m = from_m + 0.5 * way_m + 0.6 * style.text_size_m * free_side;
     labels.push_back(
         {label_text(chain.id, ""), Eigen::Vector3d(place_m.x(), place_m.y(), top_of(map, style) + 0.2).cast<float>()});
   }

@@ -26,7 +26,7 @@ class SemanticMapDrawing {
       "boundaries of large obstacles teal.";
 
   explicit SemanticMapDrawing(rviz::Property& parent) {
-    const ObjectStyle style;
+    const FeatureStyle style;
     parent.subProp("Color")->setValue(kColorings[ObjectStyle::kClassOrMotion]);
     velocity_ = new rviz::BoolProperty("Velocity", style.velocity,
                                        "An arrow over the way a body will go in 1 s, if it moves.", &parent);
@@ -34,6 +34,9 @@ class SemanticMapDrawing {
         "Uncertainty", true,
         "The ellipse in which the centre of a body lies with 95 %, and two standard deviations to both sides of lines.",
         &parent);
+    line_ = new rviz::FloatProperty("Line width", static_cast<float>(style.line_m), "Of walls, in m.", &parent);
+    line_->setMin(0.0F);
+    line_->setMax(10.0F);
   }
 
   /// Throws where an update was missed; a whole map comes within 2 s then.
@@ -51,13 +54,15 @@ class SemanticMapDrawing {
     return situation_awareness::labels_of(map, style);
   }
   void draw(const DrawableMap& map, const MapHistory& history, const MapStyle& style, MapMesh& mesh) const {
-    situation_awareness::draw(map, history, {style, velocity_->getBool(), uncertainty_->getBool()}, mesh);
+    situation_awareness::draw(map, history, {{style, velocity_->getBool(), uncertainty_->getBool()}, line_->getFloat()},
+                              mesh);
   }
 
  private:
   MapReplica replica_;
   rviz::BoolProperty* velocity_;
   rviz::BoolProperty* uncertainty_;
+  rviz::FloatProperty* line_;
 };
 
 using SemanticMapDisplay = MapDisplay<SemanticMapDrawing>;

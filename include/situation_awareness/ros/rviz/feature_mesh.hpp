@@ -25,11 +25,15 @@ DrawableMap drawable_map(const Map& map);
 /// Number of features.
 std::size_t size_of(const DrawableMap& map);
 
+struct FeatureStyle : ObjectStyle {
+  double line_m = 0.08;  ///< width of lines on top of walls
+};
+
 /// Draws the map: bodies as draw() of objects, with the colour of their class, or of their motion where the class is
 /// not known, or of their id; walls dark grey, what stands blue and boundaries of large obstacles teal, as draw() of
 /// polygons, and filled where they are closed and small; on the ground the targets of images, each a disc of its area
 /// in the region in which its centre lies with 99 %. `mesh` is the previous one: its memory is reused.
-void draw(const DrawableMap& map, const MapHistory& history, const ObjectStyle& style, MapMesh& mesh);
+void draw(const DrawableMap& map, const MapHistory& history, const FeatureStyle& style, MapMesh& mesh);
 
 /// The positions of the objects; no other feature has a path.
 std::vector<MapPosition> positions_of(const DrawableMap& map);

@@ -24,6 +24,7 @@ struct MapStyle {
   double alpha = 0.6;  ///< of the bodies
   double body_height_m = 0.3;
   double history_s = 5.0;
+  double text_size_m = kLabelHeight_m;
 };
 
 struct Vertex {
