@@ -33,12 +33,16 @@ class SimTest(unittest.TestCase):
                                  "_max_center_rmse_m:=0.0"], capture_output=True, text=True, timeout=60, check=False)
         self.assertEqual(strict.returncode, 1, strict.stdout + strict.stderr)
         self.assertIn("NOT MET", strict.stdout)
+        # Of so short a time nothing is asked but that most of what is seen is on the map.
         lenient = subprocess.run(["rosrun", "situation_awareness", "map_evaluator", "__name:=lenient",
-                                  "_world:=demo", "_duration_s:=3.0", "_max_center_rmse_m:=10", "_max_delay_s:=10",
-                                  "_max_false_s:=10"],
+                                  "_world:=demo", "_duration_s:=3.0", "_min_recall:=0.5", "_max_delay_s:=10",
+                                  "_max_false_s:=10", "_max_center_rmse_m:=10", "_max_velocity_rmse_m_s:=10",
+                                  "_min_on_map:=0.5", "_max_outline_rms_m:=10", "_max_features_per_thing:=10",
+                                  "_max_unexplained:=0.5"],
                                  capture_output=True, text=True, timeout=60, check=False)
         self.assertEqual(lenient.returncode, 0, lenient.stdout + lenient.stderr)
-        self.assertIn("pillar", lenient.stdout)
+        for words in ("pillar", "walls", "features per thing", "bodies: 61 scans"):
+            self.assertIn(words, lenient.stdout)
 
     def test_3_nodes_refuse_what_they_do_not_know(self):
         for program, argument, facts in (("simulator", "_rate:=-1", ("rate", "-1", "[0, 100]")),
