@@ -17,33 +17,25 @@ add_message_files(DIRECTORY msg FILES
   MapUpdate.msg
   MappedObject.msg
   MappedObjectArray.msg
-  MappedPolygon.msg
-  MappedSplinegon.msg
   MappedTarget.msg
   MissionStatus.msg
   PathError.msg
-  PolygonArray.msg
   SafetyVerdict.msg
   ScoutStatus.msg
   SegmentArray.msg
   SegmentPoint.msg
-  SplinegonArray.msg
   TargetArray.msg
   ThingOutline.msg
   Transit.msg)
 add_service_files(DIRECTORY srv FILES
   GetObjects.srv
-  GetPolygons.srv
-  GetSplinegons.srv
+  LoadMap.srv
   LoadObjects.srv
-  LoadPolygons.srv
-  LoadSplinegons.srv
   PlanDubins.srv
   Relocate.srv
   SaveGrid.srv
-  SaveObjects.srv
-  SavePolygons.srv
-  SaveSplinegons.srv)
+  SaveMap.srv
+  SaveObjects.srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
 
 if(SITUATION_AWARENESS_SIM)

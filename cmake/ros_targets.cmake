@@ -12,13 +12,11 @@ add_library(${PROJECT_NAME}_ros
   src/ros/convert/navigation_sensors.cpp
   src/ros/convert/objects.cpp
   src/ros/convert/odometry.cpp
-  src/ros/convert/polygons.cpp
   src/ros/convert/poses.cpp
   src/ros/convert/safety.cpp
   src/ros/convert/scan.cpp
   src/ros/convert/scouting.cpp
   src/ros/convert/segments.cpp
-  src/ros/convert/splinegons.cpp
   src/ros/gps_ins_input.cpp
   src/ros/gps_ins_report.cpp
   src/ros/inertial_input.cpp
@@ -58,15 +56,14 @@ add_library(${PROJECT_NAME}_ros
   src/ros/params/package.cpp
   src/ros/params/param_reader.cpp
   src/ros/params/path_nodelet_params.cpp
-  src/ros/params/polygon_nodelet_params.cpp
   src/ros/params/scout_nodelet_params.cpp
   src/ros/params/shared_file.cpp
-  src/ros/params/splinegon_nodelet_params.cpp
   src/ros/receipt.cpp
   src/ros/reflector_report.cpp
   src/ros/scan_check.cpp
   src/ros/scans_on_base.cpp
   src/ros/semantic_map_input.cpp
+  src/ros/services.cpp
   src/ros/simulation.cpp
   src/ros/stage_context.cpp
   src/ros/stage_diagnostics.cpp
@@ -98,14 +95,12 @@ add_library(${PROJECT_NAME}_nodelets
   src/ros/nodelets/inertial_semantic_map_nodelet.cpp
   src/ros/nodelets/mapping_nodelet.cpp
   src/ros/nodelets/path_following_nodelet.cpp
-  src/ros/nodelets/polygon_mapping_nodelet.cpp
   src/ros/nodelets/reflector_localization_nodelet.cpp
   src/ros/nodelets/safety_areas_nodelet.cpp
   src/ros/nodelets/scout_nodelet.cpp
   src/ros/nodelets/segmentation_nodelet.cpp
   src/ros/nodelets/semantic_map_nodelet.cpp
-  src/ros/nodelets/slicing_nodelet.cpp
-  src/ros/nodelets/splinegon_mapping_nodelet.cpp)
+  src/ros/nodelets/slicing_nodelet.cpp)
 situation_awareness_target(${PROJECT_NAME}_nodelets)
 target_link_libraries(${PROJECT_NAME}_nodelets PRIVATE ${PROJECT_NAME}_ros)
 target_precompile_headers(${PROJECT_NAME}_nodelets REUSE_FROM ${PROJECT_NAME}_ros)

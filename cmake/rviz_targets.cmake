@@ -24,7 +24,6 @@ add_library(${PROJECT_NAME}_rviz
   src/ros/rviz/object_map_display.cpp
   src/ros/rviz/knob_form.cpp
   src/ros/rviz/map_scene.cpp
-  src/ros/rviz/polygon_map_display.cpp
   src/ros/rviz/semantic_map_display.cpp
   src/ros/rviz/service_caller.cpp
   src/ros/rviz/status_panel.cpp)

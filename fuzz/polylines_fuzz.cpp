@@ -7,7 +7,8 @@
 
 #include "draw_polylines.hpp"
 #include "input.hpp"
-#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
+#include "map/polygons/guarded_map.hpp"
+#include "situation_awareness/polylines/polyline_extraction.hpp"
 #include "support/covariance.hpp"
 
 namespace situation_awareness::fuzz {
@@ -62,8 +63,7 @@ class Ids {
 void run(Input input) {
   const auto polyline_params = draw_params<PolylineParams>(input);
   const auto params = draw_params<PolygonMapParams>(input);
-  const auto states = draw_params<ChainStateParams>(input);
-  TimedPolygonMap map(params, states, 1.0);
+  GuardedMap map(params);
   Ids ids;
   std::int64_t stamp_ns = 1'000'000'000;
   Polylines polylines;

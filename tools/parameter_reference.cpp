@@ -16,9 +16,7 @@
 #include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
-#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
-#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -36,19 +34,16 @@ constexpr const char* kIntroduction =
 
 Each nodelet reads the same private parameters, so that one file and one line of a launch file serve all. The sections
 `scan`, `segments`, `detections` and `objects` make a YAML file of the form of [cfg/objects.yaml](../cfg/objects.yaml);
-`scan`, `segments` and those after [the map of polygons](#the-map-of-polygons) one of the form of
-[cfg/polygons.yaml](../cfg/polygons.yaml), which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has
-`scan`, `segments`, `polylines`, `polygons`, `gps_ins` and those after
-[the boundaries of large obstacles](#the-boundaries-of-large-obstacles), [cfg/grid.yaml](../cfg/grid.yaml) those after
+`scan`, `segments` and those from `reflectors` to `movers` one of the form of [cfg/polygons.yaml](../cfg/polygons.yaml),
+which may have all. [cfg/splinegons.yaml](../cfg/splinegons.yaml) has `scan`, `segments`, `polylines`, `polygons`,
+`gps_ins`, `alignment`, `boundaries` and `splinegons`, [cfg/grid.yaml](../cfg/grid.yaml) those after
 [the semantic grid](#the-semantic-grid). Omitted parameters keep their defaults:
 
     roslaunch situation_awareness map.launch config:=/path/to/my.yaml
     roslaunch situation_awareness objects.launch config:=/path/to/my.yaml
-    roslaunch situation_awareness polygons.launch config:=/path/to/my.yaml
-    roslaunch situation_awareness splinegons.launch config:=/path/to/my.yaml
     roslaunch situation_awareness grid.launch config:=/path/to/my.yaml dem:=/path/to/dem.tif
 
-[cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of `objects.launch` and, where it has them, of `polygons.launch`, of the same names.
+[cfg/map.yaml](../cfg/map.yaml) may have the sections of all but the grid. The first section are arguments of `objects.launch` of the same names.
 `objects_bag`, `polygons_bag`, `splinegons_bag` and `grid_bag` take the same files by `--config`; `map_bag` takes one
 that may have the sections of all, and those of [cfg/grid.yaml](../cfg/grid.yaml) within a section `grid`. A value out of its bounds, or of
 another type, is refused with a message that names it. Parameters marked *live* can be changed while the nodelets run
@@ -111,14 +106,13 @@ void print_sections(const std::vector<Parameter>& parameters, const std::vector<
 void print_all() {
   std::fputs(kIntroduction, stdout);
   ObjectNodeletParams object_params;
-  PolygonNodeletParams polygon_params;
+  PolygonPipelineParams polygon_params;
   LocalizationNodeletParams localization_params;
   PathNodeletParams path_params;
   GpsInsNodeletParams gps_ins_params;
   const std::vector<Parameter> of_objects = parameters_of(object_params);
   const std::vector<Parameter> of_polygons = parameters_of(polygon_params);
   print_sections(of_objects, {});
-  print_section(of_polygons, "", "The map of polygons", of_objects);
   print_sections(of_polygons, of_objects);
   print_section(parameters_of(localization_params), "", "reflector_localization", of_objects);
   const std::vector<Parameter> of_path = parameters_of(path_params);
@@ -127,9 +121,8 @@ void print_all() {
   const std::vector<Parameter> of_gps_ins = parameters_of(gps_ins_params);
   print_section(of_gps_ins, "", "The nodelet gps_ins", of_objects);
   print_sections(of_gps_ins, of_objects);
-  SplinegonNodeletParams splinegon_params;
+  SplinegonPipelineParams splinegon_params;
   const std::vector<Parameter> of_splinegons = parameters_of(splinegon_params);
-  print_section(of_splinegons, "", "The boundaries of large obstacles", of_objects);
   std::vector<Parameter> before = of_polygons;
   before.insert(before.end(), of_gps_ins.begin(), of_gps_ins.end());
   print_sections(of_splinegons, before);

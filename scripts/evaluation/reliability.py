@@ -22,8 +22,8 @@ WARM_UP_HOURS = 1.0
 MAX_GROWTH_BYTES = 5_000_000
 LEFT_OUT_TIMES = 200  # of the fault that is not part of a day
 # Those that say what a fault does (test/ros/fault_record.py, test/support/fault_cell.hpp).
-TESTS = ("^ros/(faults|master_restart|mission_processes|gps_ins|reflector_localization|polygon_mapping|path|path_crash|"
-         "path_processes|circumnavigate|grid_mapping|scout|splinegon_mapping|wrong_stamps)_test$|^ros/inertial_navigation_gtest$|"
+TESTS = ("^ros/(faults|master_restart|mission_processes|gps_ins|reflector_localization|semantic_map|path|path_crash|"
+         "path_processes|circumnavigate|grid_mapping|scout|inertial_semantic_map|wrong_stamps)_test$|^ros/inertial_navigation_gtest$|"
          "^(path/(safety_faults|circumnavigation|scouting)|pipeline/wrong_stamp)_test$")
 
 
@@ -217,7 +217,7 @@ one, too.
 """
 TESTED = """
 Faults that cannot be part of a day, and those of localisation (`reflector_localization_test`), of the pose by GPS and INS
-(`gps_ins_test`), of the map of polygons (`polygon_mapping_test`), of safety areas and path following (`path_test`), of the
+(`gps_ins_test`), of the one map (`semantic_map_test`), of safety areas and path following (`path_test`), of the
 mission around unknown obstacles (`circumnavigate_test`), of the semantic grid (`grid_mapping_test`) and of scouting
 (`scout_test`); each has a test that runs in CI.
 """

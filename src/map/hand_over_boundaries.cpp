@@ -65,6 +65,15 @@ void SemanticMap::take_boundaries(const BoundaryChanges& changes) {
     BoundaryEntry* const boundary = current(of.boundary);
     if (chain != nullptr && boundary != nullptr) boundary->numbers_of_chains += 2 * chain->latest.vertices.size();
   }
+  for (const ChainOfBoundary& of : *changes.chains) {
+    const bool was_one =
+        std::find(saved_boundaries_.begin(), saved_boundaries_.end(), of.chain) != saved_boundaries_.end();
+    BoundaryEntry* const boundary = was_one ? current(of.boundary) : nullptr;
+    if (boundary == nullptr) continue;
+    boundary->is_boundary = true;
+    draw(*boundary);
+  }
+  saved_boundaries_.clear();
   for (BoundaryEntry& boundary : boundaries_) {
     if (boundary.update == updates_) judge(boundary);
   }

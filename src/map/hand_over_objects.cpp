@@ -125,10 +125,11 @@ FeatureId SemanticMap::id_of_parked(const Object& object) const {
   return was != parked_.end() ? was->id : 0;
 }
 
-/// The id of an object that its layer did not list before: that of what had parked there, or that of the chain that it
-/// was until now, or a new one.
+/// The id of an object that its layer did not list before: that of what had parked there, or is there by a file, or
+/// that of the chain that it was until now, or a new one.
 FeatureId SemanticMap::id_of_new(const Object& object) {
   if (const FeatureId parked = id_of_parked(object)) return parked;
+  if (const FeatureId saved = id_of_saved(object)) return saved;
   find_covers(object);
   for (const Cover& cover : covers_) {
     const ChainEntry& chain = *find_chain(cover.chain);

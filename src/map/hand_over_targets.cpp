@@ -48,7 +48,8 @@ void SemanticMap::take_targets(const GridTargets& targets) {
     TargetEntry* known = find_target(target.id);
     if (known == nullptr) {
       known = &add_at_handle(targets_, target.id);
-      known->id = ids_->next();
+      const FeatureId saved = id_of_saved(target);
+      known->id = saved != 0 ? saved : ids_->next();
       known->first_seen_ns = targets.stamp_ns;
       owners_[known->id].target = known->handle;
     }

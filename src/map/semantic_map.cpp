@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <utility>
+#include <vector>
 
 #include "chain_cover.hpp"
 #include "semantic_map_parts.hpp"
@@ -41,6 +43,8 @@ const MapDelta& SemanticMap::update(const LayerUpdates& layers) {
   if (layers.height_world_m) height_world_m_ = *layers.height_world_m;
   if (layers.sight) sights_.add(layers.stamp_ns, layers.sight->T_world_level, *layers.sight->free_space);
   touched_.clear();
+  std::swap(touched_, touch_saved_);
+  if (layers.sight && !saved_.empty()) look_through_saved();
   if (layers.polygons != nullptr) {
     take_chains(*layers.polygons);
     settle_overlaps();
@@ -71,6 +75,10 @@ void SemanticMap::begin_anew() {
   joined_.clear();
   sights_.clear();
   last_.clear();
+  saved_.clear();
+  touch_saved_.clear();
+  saved_ids_.clear();
+  saved_boundaries_.clear();
   on_map_ = 0;
   objects_stamp_ns_ = 0;
   is_new_ = true;
@@ -176,6 +184,11 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     } else {
       known = &add_at_handle(chains_, chain->id);
       new_.push_back(chain->id);
+      if (const auto saved = saved_ids_.find(chain->id); saved != saved_ids_.end()) {
+        known->id = saved->second;
+        owners_[known->id].chain = known->handle;
+        saved_ids_.erase(saved);
+      }
     }
     if (known->latest.p_exists != chain->p_exists) touch_boundary(known->of_boundary);
     known->latest = *chain;
@@ -187,6 +200,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     changed_world_m_.extend(known->box_world_m);
     place(*known);
     unsettle_near(known->latest);
+    if (!saved_.empty()) take_saved_of(*known);
     touched_.push_back(known->id);
     look_at_traces(*known);
   }
@@ -350,7 +364,11 @@ bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) c
   const TargetEntry* const target = find_target(owner.target);
   const bool is_chain = chain != nullptr && is_shown(*chain),
              is_object = object != nullptr && object->as == As::kItself;
-  if (!is_chain && !is_object && target == nullptr) return false;
+  if (!is_chain && !is_object && target == nullptr) {
+    const Feature* const saved = find_saved(id);
+    if (saved != nullptr) feature = *saved;
+    return saved != nullptr;
+  }
   feature.id = id;
   feature.first_seen_ns = std::numeric_limits<std::int64_t>::max();
   feature.seen_by.scan = is_chain || is_object;
@@ -362,12 +380,15 @@ bool SemanticMap::shape_of(FeatureId id, const Owner& owner, Feature& feature) c
   // What a larger thing has its id of is only a part of that.
   if (object != nullptr && object->as != As::kPartOfChain) add_object(object->latest, feature);
   if (!is_chain) return true;
+  if (object == nullptr && owner.object_class != ObjectClass::kUnknown) {
+    add_class(owner.object_class, owner.p_class, feature);
+  }
   const Chain& latest = chain->latest;
   feature.p_exists = least_p_exists(*chain);
   seen_between(latest.first_seen_ns, latest.last_seen_ns, feature);
-  const bool has_moved = object != nullptr && object->has_moved;
+  const bool has_moved = object != nullptr ? object->has_moved : owner.has_moved;
   // What an object or a target was before its chain was drawn says nothing of how long that has stood.
-  feature.motion = has_stood_long(latest) && !has_moved ? Motion::kFixed : Motion::kStanding;
+  feature.motion = (has_stood_long(latest) || owner.is_fixed) && !has_moved ? Motion::kFixed : Motion::kStanding;
   if (const BoundaryEntry* const boundary = find_boundary(chain->of_boundary)) {
     seen_between(boundary->latest.first_seen_ns, boundary->latest.last_seen_ns, feature);
     feature.shape = ArcShape{boundary->latest.vertices, boundary->latest.closed};
@@ -407,8 +428,13 @@ void SemanticMap::tell_absences() {
   });
   if (end != delta_.gone.end()) {
     delta_.gone.erase(end, delta_.gone.end());
-    std::sort(delta_.changed.begin(), delta_.changed.end(),
-              [](const Feature& a, const Feature& b) { return a.id < b.id; });
+    // Those that leave are behind the others, each part by ascending id.
+    std::vector<Feature> all;
+    all.reserve(delta_.changed.size());
+    const auto is_before = [](const Feature& a, const Feature& b) { return a.id < b.id; };
+    const auto leaving = std::is_sorted_until(delta_.changed.begin(), delta_.changed.end(), is_before);
+    std::merge(delta_.changed.begin(), leaving, leaving, delta_.changed.end(), std::back_inserter(all), is_before);
+    delta_.changed = std::move(all);
   }
   last_.erase(std::remove_if(last_.begin(), last_.end(),
                              [this](const Feature& last) {

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
+#include <variant>
 
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -28,6 +29,19 @@ std::optional<ObjectPipelineParams> objects_of(const ObjectPipelineParams& objec
 StandingThings standing_of(const MapKinds& kinds) {
   if (kinds.boundaries) return StandingThings::kBoundaries;
   return kinds.polygons ? StandingThings::kChains : StandingThings::kNone;
+}
+
+/// Moves all times by the same, if the map is not of before a time.
+void shift_before(std::int64_t stamp_ns, Map& map) {
+  if (map.stamp_ns < stamp_ns) return;
+  const std::int64_t earlier_ns = map.stamp_ns - (stamp_ns - 1);
+  map.stamp_ns -= earlier_ns;
+  for (Feature& feature : map.features) {
+    feature.first_seen_ns -= earlier_ns;
+    feature.last_seen_ns -= earlier_ns;
+    if (feature.last_absent_ns) *feature.last_absent_ns -= earlier_ns;
+    if (feature.first_absent_ns) *feature.first_absent_ns -= earlier_ns;
+  }
 }
 
 }  // namespace
@@ -69,12 +83,14 @@ MapPipeline::MapPipeline(const MapPipelineParams& params, const std::optional<Ob
 const MapDelta& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,
                                      const Eigen::Isometry3d& T_world_lidar_end,
                                      const Eigen::Matrix3d& pose_covariance) {
+  resume_before(scan.stamp_ns);
   layers_.process(scan, T_world_lidar, T_world_lidar_end, pose_covariance);
   return tell(scan.stamp_ns, T_world_lidar.translation().z(), own_objects(), own_sight());
 }
 
 const MapDelta& MapPipeline::process(const Segments& segments, const Objects* objects,
                                      const Eigen::Matrix3d& pose_covariance) {
+  resume_before(segments.stamp_ns);
   layers_.process(segments, objects, pose_covariance);
   return tell(segments.stamp_ns, segments.height_world_m, kinds_.objects ? objects : nullptr,
               SightOfScan{segments.T_world_level, &segments.free_space});
@@ -82,10 +98,17 @@ const MapDelta& MapPipeline::process(const Segments& segments, const Objects* ob
 
 const MapDelta& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& T_odom_lidar,
                                      const Eigen::Isometry3d& T_odom_lidar_end, const InertialPlacement& placement) {
+  resume_before(scan.stamp_ns);
   layers_.process(scan, T_odom_lidar, T_odom_lidar_end, placement);
   const std::optional<SightOfScan> sight =
       layers_.alignment().has_begun() ? std::optional(own_sight()) : std::nullopt;  // else it is in the frame of odom
   delta_ = tell(scan.stamp_ns, T_odom_lidar.translation().z(), own_objects(), sight);
+  place_in_world();
+  return delta_;
+}
+
+/// Moves the features of delta_ from the frame of the layers to the world: all of the map's, where it has moved there.
+void MapPipeline::place_in_world() {
   for (const Feature& feature : delta_.changed) {
     const Eigen::AlignedBox2d box = box_around(feature.shape);
     reach_m_ = std::max({reach_m_, box.min().norm(), box.max().norm()});
@@ -97,7 +120,6 @@ const MapDelta& MapPipeline::process(const Scan& scan, const Eigen::Isometry3d& 
     delta_.changed = all_.features;
   }
   for (Feature& feature : delta_.changed) move(feature, *T_world_map_, variance_m2_);
-  return delta_;
 }
 
 /// Whether the map is known to be elsewhere in the world than all features were told to be.
@@ -145,6 +167,7 @@ const Objects* MapPipeline::own_objects() const {
 }
 
 const MapDelta& MapPipeline::take(const GridTargets& targets) {
+  resume_before(targets.stamp_ns);
   LayerUpdates layers;
   layers.stamp_ns = targets.stamp_ns;
   layers.targets = &targets;
@@ -156,6 +179,74 @@ void MapPipeline::begin_anew() {
   map_.begin_anew();
   T_world_map_.reset();
   variance_m2_ = reach_m_ = 0.0;
+  resumed_.reset();
+}
+
+SavedMap MapPipeline::saved() const { return {"", ids_.upcoming(), map()}; }
+
+const MapDelta& MapPipeline::resume(const SavedMap& saved) {
+  Map standing = saved.map;
+  standing.features.erase(std::remove_if(standing.features.begin(), standing.features.end(),
+                                         [](const Feature& feature) { return feature.motion == Motion::kMoving; }),
+                          standing.features.end());
+  if (has_map()) shift_before(map_.stamp_ns() + 1, standing);
+  ids_.resume(saved.next_id);
+  const MapDelta& result = restore(standing, has_map() ? map_.stamp_ns() : standing.stamp_ns);
+  resumed_ = std::move(standing);
+  return result;
+}
+
+/// Moves the times of a saved map that was just resumed to before the first scan after it: it may be of another clock.
+void MapPipeline::resume_before(std::int64_t stamp_ns) {
+  if (!resumed_) return;
+  Map saved = std::move(*resumed_);
+  resumed_.reset();
+  if (saved.stamp_ns < stamp_ns) return;
+  shift_before(stamp_ns, saved);
+  restore(saved, saved.stamp_ns);
+}
+
+/// Makes a map the one of now, at a time, and tells all of it.
+const MapDelta& MapPipeline::restore(const Map& saved, std::int64_t stamp_ns) {
+  // Chains are what polylines and boundaries go on as, where they are mapped.
+  Polygons chains;
+  chains.stamp_ns = saved.stamp_ns;
+  chains.height_world_m = saved.height_world_m;
+  std::vector<FeatureOfChain> features_of_chains;
+  double elements = 0.0;
+  const double spacing_m = layers_.chain_spacing_m();
+  for (const Feature& feature : saved.features) {
+    const auto* const lines = kinds_.polygons ? std::get_if<PolylineShape>(&feature.shape) : nullptr;
+    const auto* const arcs = kinds_.polygons || kinds_.boundaries ? std::get_if<ArcShape>(&feature.shape) : nullptr;
+    if (lines == nullptr && arcs == nullptr) continue;
+    Chain& chain = chains.chains.emplace_back();
+    chain.first_seen_ns = feature.first_seen_ns;
+    chain.last_seen_ns = feature.last_seen_ns;
+    chain.p_exists = feature.p_exists;
+    chain.closed = lines != nullptr ? lines->closed : arcs->closed;
+    if (lines != nullptr) {
+      chain.vertices = lines->vertices;
+    } else {
+      elements += length_m(splinegon_of(*arcs)) / spacing_m;
+      if (!(elements <= static_cast<double>(polygon_bounds::kMaxElements))) {
+        throw std::invalid_argument("its boundaries are too long: they would be more than " +
+                                    std::to_string(polygon_bounds::kMaxElements) + " elements");
+      }
+      chain.vertices = lines_along(splinegon_of(*arcs), spacing_m);
+      std::reverse(chain.vertices.begin(), chain.vertices.end());
+    }
+    features_of_chains.push_back({feature.id, 0, arcs != nullptr});
+  }
+  std::uint64_t chain = layers_.resume(chains);
+  for (FeatureOfChain& of : features_of_chains) of.chain = chain++;
+  Map in_map = saved;
+  for (Feature& feature : in_map.features) move(feature, inverse(layers_.T_world_map()), 0.0);
+  map_.resume(in_map, features_of_chains);
+  const MapDelta& told = tell(stamp_ns, saved.height_world_m, nullptr, std::nullopt);
+  if (!T_world_map_) return told;
+  delta_ = told;
+  place_in_world();
+  return delta_;
 }
 
 Map MapPipeline::map(Map memory) const {

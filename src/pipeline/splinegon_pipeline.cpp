@@ -13,7 +13,6 @@
 #include "situation_awareness/geometry/angles.hpp"
 #include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/polygons/map_snapshot.hpp"
-#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/points/horizontal_projection.hpp"
 
 namespace situation_awareness {
@@ -44,8 +43,6 @@ constexpr double kFromMiddle_m = 10.0;
 
 /// Of elements on boundaries that were loaded, at least: a file may say 0.
 constexpr double kLeastLoadedSigma_m = 1e-3;
-/// That such a boundary exists.
-constexpr double kLoadedProbability = 0.99;
 
 }  // namespace
 
@@ -243,39 +240,36 @@ void SplinegonPipeline::reset() {
   first_scans_.clear();
   begins_ = passes_ = 0;
   polygons_.chains.clear();
+  update_.reasons.reset();
   boundaries_.clear();
   fit_boundaries(0);
 }
 
-void SplinegonPipeline::resume(const Splinegons& splinegons) {
+std::uint64_t SplinegonPipeline::resume(const Polygons& chains) {
   const Pose2 T_map_world = inverse(alignment_.T_world_map());
-  Polygons polygons;
-  polygons.stamp_ns = splinegons.stamp_ns;
-  double elements = 0.0;
-  for (const Splinegon& splinegon : splinegons.boundaries) elements += length_m(splinegon) / params_.polygons.spacing_m;
-  if (!(elements <= static_cast<double>(polygon_bounds::kMaxElements))) {
-    throw std::invalid_argument("the boundaries are too long for a map: they would be more than " +
-                                std::to_string(polygon_bounds::kMaxElements) + " elements");
+  const std::uint64_t first_id = chains_.snapshot().next_id;
+  Polygons placed = chains;
+  std::uint64_t next_id = first_id;
+  for (Chain& chain : placed.chains) {
+    chain.id = next_id++;
+    move_vertices(chain.vertices, T_map_world, 0.0);
+    for (ChainVertex& vertex : chain.vertices) vertex.sigma_m = std::max(vertex.sigma_m, kLeastLoadedSigma_m);
   }
-  for (const Splinegon& splinegon : splinegons.boundaries) {
-    Chain& chain = polygons.chains.emplace_back();
-    chain.id = splinegon.id;
-    chain.closed = splinegon.closed;
-    chain.first_seen_ns = splinegon.first_seen_ns;
-    chain.last_seen_ns = splinegon.last_seen_ns;
-    chain.p_exists = kLoadedProbability;
-    const std::vector<SplinegonPoint> points = sampled(splinegon, params_.polygons.spacing_m);
-    std::for_each(points.rbegin(), points.rend(), [&](const SplinegonPoint& point) {
-      chain.vertices.push_back({T_map_world * point.p_world_m, std::max(point.sigma_m, kLeastLoadedSigma_m)});
-    });
-  }
-  PolygonMapSnapshot snapshot = snapshot_of_chains(polygons, params_.polygons.spacing_m);
-  snapshot.next_id = std::max(snapshot.next_id, chains_.snapshot().next_id);
+  PolygonMapSnapshot snapshot = snapshot_of_chains(placed, params_.polygons.spacing_m);
+  snapshot.next_id = next_id;
   chains_.restore(snapshot);
-  polygons_ = chains_.polygons(std::move(polygons_));
+  movers_.reset();
+  if (objects_) objects_->map().reset();
+  latest_ = nullptr;
+  chains_.update_chains();
+  polygons_ = chains_.latest_polygons(std::move(polygons_));
+  tell_all_chains();
+  are_taken_ = true;
+  if (standing_ != StandingThings::kBoundaries) return first_id;
   take_boundaries();
   boundaries_.move();
-  fit_boundaries(splinegons.stamp_ns);
+  fit_boundaries(chains.stamp_ns);
+  return first_id;
 }
 
 }  // namespace situation_awareness

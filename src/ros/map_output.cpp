@@ -4,10 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <stdexcept>
 #include <string>
 #include <utility>
 
-#include <ros/console.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -15,6 +15,9 @@
 #include <boost/uuid/random_generator.hpp>
 #include <boost/uuid/uuid_io.hpp>
 
+#include "situation_awareness/LoadMap.h"
+#include "situation_awareness/SaveMap.h"
+#include "situation_awareness/map/saved_map.hpp"
 #include "situation_awareness/ros/convert/map.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 
@@ -43,28 +46,55 @@ MapOutput::MapOutput(StageContextBase& context, const NodeletParams& params, Map
                                                              [this](const ros::SingleSubscriberPublisher& subscriber) {
                                                                if (pipeline_.has_map()) subscriber.publish(whole());
                                                              })),
-      markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("semantic_map_markers", 5)) {
+      markers_publisher_(context.node().advertise<visualization_msgs::MarkerArray>("semantic_map_markers", 5)),
+      services_(context) {
   count({});
   context.diagnostics().on_report([this](StageDiagnostics::Status& status) { report(status); });
-  context.when_made([this] {
-    servers_.push_back(context_.node().advertiseService<std_srvs::TriggerRequest, std_srvs::TriggerResponse>(
-        "semantic_map/reset", [this](std_srvs::TriggerRequest& /*request*/, std_srvs::TriggerResponse& response) {
-          response.success = 1;
-          response.message = "the map begins anew: " + std::to_string(pipeline_.size()) + " features forgotten";
-          begin_anew();
-          ROS_INFO_STREAM(context_.name() << ": " << response.message);
-          return true;
-        }));
-    servers_.push_back(context_.node().advertiseService<std_srvs::SetBoolRequest, std_srvs::SetBoolResponse>(
-        "semantic_map/pause", [this](std_srvs::SetBoolRequest& request, std_srvs::SetBoolResponse& response) {
-          paused_ = request.data != 0;
-          context_.diagnostics().pause(paused_);
-          response.success = 1;
-          response.message = paused_ ? "the map is paused" : "the map goes on";
-          ROS_INFO_STREAM(context_.name() << ": " << response.message);
-          return true;
-        }));
+  context.when_made([this] { advertise(); });
+}
+
+void MapOutput::advertise() {
+  ros::NodeHandle& node = context_.node();
+  services_.add<std_srvs::Trigger>(node, "semantic_map/reset",
+                                   [this](const auto& /*request*/, auto& response) { response.message = reset(); });
+  services_.add<std_srvs::SetBool>(node, "semantic_map/pause", [this](const auto& request, auto& response) {
+    response.message = pause(request.data != 0);
   });
+  services_.add<SaveMap>(node, "semantic_map/save_map",
+                         [this](const auto& request, auto& response) { response.message = save(request.file); });
+  services_.add<LoadMap>(node, "semantic_map/load_map",
+                         [this](const auto& request, auto& response) { response.message = load(request.file); });
+}
+
+std::string MapOutput::reset() {
+  const std::string forgotten = count_of(pipeline_.size(), "feature");
+  begin_anew();
+  return "the map begins anew: " + forgotten + " forgotten";
+}
+
+std::string MapOutput::pause(bool paused) {
+  paused_ = paused;
+  context_.diagnostics().pause(paused);
+  return paused ? "the map is paused" : "the map goes on";
+}
+
+std::string MapOutput::save(const std::string& file) const {
+  check_absolute(file);
+  if (!pipeline_.has_map()) throw std::runtime_error("there is no map yet");
+  SavedMap saved = pipeline_.saved();
+  saved.world_frame = world_frame_;
+  save_features(file, saved);
+  return count_of(saved.map.features.size(), "feature") + " saved in " + file;
+}
+
+std::string MapOutput::load(const std::string& file) {
+  check_absolute(file);
+  const SavedMap saved = load_features(file, world_frame_);
+  const MapDelta& delta = pipeline_.resume(saved);
+  uuid_ = new_uuid();
+  const std::size_t loaded = delta.changed.size();
+  publish(delta);
+  return count_of(loaded, "feature") + " loaded from " + file;
 }
 
 bool MapOutput::passes_over() {

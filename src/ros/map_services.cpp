@@ -19,14 +19,6 @@ std::string seconds_text(double seconds) {
 
 }  // namespace
 
-std::string count_of(std::size_t elements) {
-  return std::to_string(elements) + (elements == 1 ? " element" : " elements");
-}
-
-void check_absolute(const std::string& file) {
-  if (file.empty() || file.front() != '/') throw std::invalid_argument("'" + file + "' is no absolute path");
-}
-
 void check_predictable(std::int64_t latest_ns, std::int64_t stamp_ns) {
   const double later_s = seconds_between(latest_ns, stamp_ns);
   if (later_s < 0.0) {

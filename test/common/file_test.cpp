@@ -25,11 +25,9 @@
 #include "situation_awareness/map/grid/geotiff.hpp"
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
-#include "situation_awareness/map/polygons/geojson.hpp"
-#include "situation_awareness/map/polygons/map_file.hpp"
-#include "situation_awareness/map/splinegons/geojson.hpp"
+#include "situation_awareness/map/saved_map.hpp"
 #include "situation_awareness/path/local_maps.hpp"
-#include "situation_awareness/pipeline/timed_splinegon_map.hpp"
+#include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "situation_awareness/pose/reflector_map.hpp"
 #include "support/refusal.hpp"
 
@@ -157,19 +155,14 @@ Chain some_chain() {
   return chain;
 }
 
-Polygons some_polygons() {
-  Polygons polygons;
-  polygons.chains = {some_chain()};
-  return polygons;
-}
-
-Splinegons some_splinegons(double end_m = 2.0) {
-  Splinegon open;
-  open.id = 1;
-  open.vertices = {{{0.0, 0.0}, 0.0, 0.02, false}, {{1.0, 0.0}, 0.0, 0.02, false}, {{end_m, 0.0}, 0.0, 0.02, false}};
-  Splinegons splinegons;
-  splinegons.boundaries = {open};
-  return splinegons;
+/// A map of a wall.
+SavedMap some_map() {
+  SavedMap saved;
+  saved.world_frame = "odom";
+  Feature& wall = saved.map.features.emplace_back();
+  wall.id = 1;
+  wall.shape = PolylineShape{some_chain().vertices, false};
+  return saved;
 }
 
 std::vector<Format> formats() {
@@ -181,17 +174,8 @@ std::vector<Format> formats() {
          save_map(path, snapshot);
        },
        [](const std::string& path) { load_map(path); }},
-      {"polygons",
-       [](const std::string& path) {
-         PolygonMapSnapshot snapshot;
-         snapshot.world_frame = "odom";
-         save_polygon_map(path, snapshot);
-       },
-       [](const std::string& path) { load_polygon_map(path); }},
-      {"chains", [](const std::string& path) { save_geojson(path, some_polygons(), "odom"); },
-       [](const std::string& path) { load_geojson(path, "odom"); }},
-      {"boundaries", [](const std::string& path) { save_geojson(path, some_splinegons(), "odom"); },
-       [](const std::string& path) { load_splinegons_geojson(path, "odom"); }},
+      {"features", [](const std::string& path) { save_features(path, some_map()); },
+       [](const std::string& path) { load_features(path, "odom"); }},
       {"grid",
        [](const std::string& path) {
          SemanticGrid grid;
@@ -276,11 +260,14 @@ void write_sparse_tiff(const std::string& path, int edge, int bands) {
 }
 
 TEST_F(FileTest, AFileOfFewBytesTakesLittleMemory) {
-  const std::string begin = R"({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": )";
-  const std::string line = begin + R"({"type": "LineString", "coordinates": [[-9e5, 0], [9e5, 0]]}}]})";
-  ASSERT_LT(line.size(), 162U);
-  const std::string arc = begin + R"({"type": "LineString", "coordinates": [[0, 0], [1e3, 1], [2e3, 0]]},)" +
-                          R"("properties": {"bulge": [900, 900, 0]}}]})";
+  const std::string begin =
+      R"({"format": "situation_awareness features", "version": 1, "world_frame": "odom", "stamp": 0, "height": 0,)"
+      R"("next_id": 1, "features": [{"kind": )";
+  const std::string line = begin + R"("polyline", "outline": [[-9e5, 0], [9e5, 0]]}]})";
+  const std::string arc = begin + R"("boundary", "outline": [[0, 0, 900], [1e3, 1, 900], [2e3, 0, 0]]}]})";
+  const auto resume = [](const std::string& text) {
+    MapPipeline({}, {false, true, true, false}).resume(map_from_json(text, "text", "odom"));
+  };
   write_sparse_tiff(file("dem.tif"), 16000, 1);
   write_sparse_tiff(file("grid.tif"), 16000, 2);
   std::string vertices, aliases;
@@ -291,18 +278,9 @@ TEST_F(FileTest, AFileOfFewBytesTakesLittleMemory) {
       "last_seen_ns: 0, vertices: [" +
       vertices + "]}" + aliases + "]\n";
   const std::vector<std::pair<std::string, std::function<void()>>> reads = {
-      {"boundary of a line",
-       [&] {
-         const Splinegons read = splinegons_from_geojson(line, "line", "odom");
-         TimedSplinegonMap(SplinegonPipelineParams{}, 1.0).resume({"odom", 0, read.boundaries});
-       }},
-      {"boundary of an arc",
-       [&] {
-         const Splinegons read = splinegons_from_geojson(arc, "arc", "odom");
-         TimedSplinegonMap(SplinegonPipelineParams{}, 1.0).resume({"odom", 0, read.boundaries});
-       }},
-      {"chain", [&] { snapshot_of_chains(polygons_from_geojson(line, "chain", "odom"), 1e-4); }},
-      {"deep", [&] { polygons_from_geojson(std::string(10'000'000, '['), "deep", "odom"); }},
+      {"line", [&] { resume(line); }},
+      {"arc", [&] { resume(arc); }},
+      {"deep", [&] { map_from_json(std::string(10'000'000, '['), "deep", "odom"); }},
       {"elevation", [&] { Elevation::load(file("dem.tif")); }},
       {"grid", [&] { load_geotiff(file("grid.tif")); }},
       {"aliases", [&] { read_local_maps(maps, 1, "maps"); }},

@@ -118,8 +118,18 @@ class Scene {
     follow(map_.update(layers));
     targets_.targets.clear();
   }
+  /// Goes on from a map that was saved in another program, 100 s later by its clock, by a new map of the layers.
+  void resume(const Map& saved, const std::vector<FeatureOfChain>& chains) {
+    forget();
+    ids_.resume(1000);
+    stamp_ns_ = saved.stamp_ns + 100'000'000'000;
+    map_.resume(saved, chains);
+  }
   void begin_anew() {
     map_.begin_anew();
+    forget();
+  }
+  void forget() {
     objects_.objects.clear();
     chains_.clear();
     changed_.clear();
@@ -1170,6 +1180,123 @@ TEST(SemanticMap, TellsByWhichScanItsObjectsAreKnown) {
   scene.scan();
   EXPECT_EQ(scene.map().objects_stamp_ns, latest_ns);
   EXPECT_EQ(scene.map().stamp_ns, scene.stamp_ns());
+}
+
+/// A standing feature of another program's map.
+Feature saved_feature(FeatureId id, const FeatureShape& shape) {
+  Feature feature;
+  feature.id = id;
+  feature.motion = Motion::kStanding;
+  feature.first_seen_ns = 900'000'000'000;
+  feature.last_seen_ns = 990'000'000'000;
+  feature.seen_by.scan = true;
+  feature.shape = shape;
+  return feature;
+}
+
+Map saved_map(const std::vector<Feature>& features) {
+  Map map;
+  map.stamp_ns = 1'000'000'000'000;
+  map.features = features;
+  return map;
+}
+
+TEST(SemanticMap, WhatALayerSeesWhereAFileHasAThingIsThat) {
+  Scene scene;
+  Feature car = saved_feature(7, BoxShape{{{3.0, 2.0}, 0.0, 2.0, 0.9}, {}});
+  car.object_class = ObjectClass::kVehicle;
+  car.p_class = 0.8;
+  scene.resume(saved_map({car, saved_feature(8, BoxShape{{{30.0, 2.0}, 0.0, 2.0, 0.9}, {}})}), {});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 box", "8 box"}));
+  EXPECT_EQ(scene.last(7).object_class, ObjectClass::kVehicle);
+  EXPECT_TRUE(scene.last(7).seen_by.file);
+  scene.box(5, {3.1, 2.1});
+  scene.scan(2.0);
+  EXPECT_EQ(scene.features(), Features({"7 box", "8 box"}));
+  EXPECT_FALSE(scene.last(7).seen_by.file) << "its layer has it now";
+  EXPECT_NEAR(std::get<BoxShape>(scene.last(7).shape).box_world.center_m.x(), 3.1, 1e-9);
+  scene.box(6, {-3.0, 2.0});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 box", "8 box", "1000 box"}));
+  EXPECT_TRUE(scene.gone().empty());
+}
+
+TEST(SemanticMap, AChainWhereAFileHasAThingIsThat) {
+  Scene scene;
+  scene.with_objects = false;
+  scene.resume(saved_map({saved_feature(7, BoxShape{{{3.0, 2.0}, 0.0, 2.0, 0.9}, {}}),
+                          saved_feature(8, EllipseShape{{{0.0, 5.1}, 0.0, 0.2, 0.2}, {}})}),
+               {});
+  scene.chain(4, {{5.0, 1.1}, {1.0, 1.1}});
+  scene.chain(5, {{9.0, 5.0}, {-9.0, 5.0}});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 polyline", "1000 polyline"}));
+  ASSERT_EQ(scene.gone().size(), 0U) << "the ellipse was not told before";
+}
+
+TEST(SemanticMap, AChainOfAFileKeepsWhatTheFileSays) {
+  Scene scene;
+  Feature wall = saved_feature(7, PolylineShape{{{{5.0, 1.0}, 0.01}, {{1.0, 1.0}, 0.01}}, false});
+  wall.motion = Motion::kFixed;
+  wall.last_seen_ns = wall.first_seen_ns;
+  wall.last_absent_ns = 800'000'000'000;
+  Feature car = saved_feature(8, PolylineShape{{{{5.0, -1.0}, 0.01}, {{1.0, -1.0}, 0.01}}, false});
+  car.object_class = ObjectClass::kVehicle;
+  car.p_class = 0.8;
+  scene.resume(saved_map({wall, car}), {{7, 3, false}, {8, 4, false}});
+  scene.chain(3, {{5.0, 1.0}, {1.0, 1.0}});
+  scene.chain(4, {{5.0, -1.0}, {1.0, -1.0}});
+  scene.scan(70.0);
+  scene.chain(4, {{5.0, -1.0}, {1.0, -1.0}});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 polyline", "8 polyline"}));
+  EXPECT_EQ(scene.last(7).motion, Motion::kFixed);
+  EXPECT_EQ(scene.last(7).last_absent_ns, wall.last_absent_ns);
+  EXPECT_EQ(scene.last(8).motion, Motion::kStanding) << "it had moved";
+  EXPECT_EQ(scene.last(8).object_class, ObjectClass::kVehicle);
+}
+
+TEST(SemanticMap, WhatBeamsPassThatAFileHasIsGone) {
+  Scene scene;
+  std::vector<Feature> features;
+  for (FeatureId id = 1; id <= 40; ++id) {
+    const double angle_rad = 0.15 * static_cast<double>(id);
+    const Eigen::Vector2d at_m = (id == 9 ? 3.0 : 8.0) * Eigen::Vector2d(std::cos(angle_rad), std::sin(angle_rad));
+    features.push_back(saved_feature(id, EllipseShape{{at_m, 0.0, 0.3, 0.3}, {}}));
+  }
+  scene.resume(saved_map(features), {});
+  scene.scan();
+  EXPECT_EQ(scene.features().size(), 40U);
+  scene.see(5.0);
+  scene.scan(3.0);
+  ASSERT_EQ(scene.gone().size(), 1U);
+  EXPECT_EQ(scene.gone()[0].id, 9U);
+  EXPECT_EQ(scene.gone()[0].reason, GoneReason::kSeenThrough);
+  EXPECT_TRUE(scene.last(9).first_absent_ns) << "it is told when it was not there any more";
+  EXPECT_EQ(scene.features().size(), 39U);
+}
+
+TEST(SemanticMap, ABoundaryOfAFileIsOneAtOnce) {
+  Scene scene;
+  scene.resume(saved_map({saved_feature(7, ArcShape{{}, true})}), {{7, 3, true}});
+  std::vector<Eigen::Vector2d> circle;
+  for (int k = 0; k < 40; ++k) circle.emplace_back(6.0 * std::cos(-0.157 * k), 6.0 * std::sin(-0.157 * k));
+  scene.chain(3, circle);
+  scene.boundary(1, {0.0, 0.0}, 6.0, {3});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 boundary"}));
+}
+
+TEST(SemanticMap, ATargetOfAFileIsTheOneThatACameraSees) {
+  Scene scene;
+  scene.resume(saved_map({saved_feature(7, FootprintShape{{3.0, 2.0, 0.0}, 0.04 * Eigen::Matrix2d::Identity(), 7.0})}),
+               {});
+  scene.scan();
+  EXPECT_EQ(scene.features(), Features({"7 target"}));
+  scene.target(1, {3.4, 2.2});
+  scene.image();
+  EXPECT_EQ(scene.features(), Features({"7 target"}));
 }
 
 TEST(IdSource, GivesNoneTwice) {

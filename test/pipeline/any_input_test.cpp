@@ -11,6 +11,7 @@
 
 #include <gtest/gtest.h>
 
+#include "map/polygons/guarded_map.hpp"
 #include "map/polygons/room_polylines.hpp"
 #include "pose/reflector_drive.hpp"
 #include "situation_awareness/common/random.hpp"
@@ -18,7 +19,6 @@
 #include "situation_awareness/estimation/gating.hpp"
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
-#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/path/obstacles.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
 #include "support/covariance.hpp"
@@ -197,8 +197,7 @@ class PolygonStage {
  public:
   static constexpr double kPeriod_s = 0.04;
 
-  explicit PolygonStage(std::uint64_t seed)
-      : room_(seed, kBegin_ns), map_(PolygonMapParams{}, ChainStateParams{}, 1.0) {}
+  explicit PolygonStage(std::uint64_t seed) : room_(seed, kBegin_ns), map_(PolygonMapParams{}) {}
 
   void give_good() {
     latest_ = room_.next();
@@ -235,7 +234,8 @@ class PolygonStage {
     map_.update(odd, covariance);
   }
   void expect_sound() {
-    for (const Chain& chain : map_.polygons().chains) {
+    const Polygons polygons = map_.polygons();
+    for (const Chain& chain : polygons.chains) {
       for (const ChainVertex& vertex : chain.vertices) {
         EXPECT_TRUE(vertex.p_world_m.allFinite());
         EXPECT_TRUE(std::isfinite(vertex.sigma_m) && vertex.sigma_m > 0.0);
@@ -243,12 +243,12 @@ class PolygonStage {
     }
     const std::int64_t scan = (latest_.stamp_ns - kBegin_ns) / RoomPolylines::kPeriod_ns;
     if (scan % 8 == 0) {
-      EXPECT_NO_THROW(map_.snapshot().validate()) << "what is saved can be loaded";
+      EXPECT_NO_THROW(map_.map().snapshot().validate()) << "what is saved can be loaded";
     }
   }
-  void expect_good() const {
+  void expect_good() {
     // What was mapped behind the walls, by wrong poses, is hidden: nothing can tell that it is not there.
-    const std::vector<Chain>& chains = map_.polygons().chains;
+    const std::vector<Chain> chains = map_.polygons().chains;
     ASSERT_EQ(std::count_if(chains.begin(), chains.end(), is_in_sight), 1);
     const Chain& room = *std::find_if(chains.begin(), chains.end(), is_in_sight);
     EXPECT_TRUE(room.closed);
@@ -274,7 +274,7 @@ class PolygonStage {
 
   RoomPolylines room_;
   Polylines latest_;
-  TimedPolygonMap map_;
+  GuardedMap map_;
 };
 
 /// Images of four cars, from a camera that goes around them.

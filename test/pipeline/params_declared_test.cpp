@@ -43,7 +43,6 @@ TEST(ParamsStructs, DeclareAllTheirMembers) {
   EXPECT_EQ(declared_size<GpsInsParams>(), aggregate_size<GpsInsParams>());
   EXPECT_EQ(declared_size<InertialNoiseParams>(), aggregate_size<InertialNoiseParams>());
   EXPECT_EQ(declared_size<OdometryTrackParams>(), aggregate_size<OdometryTrackParams>());
-  EXPECT_EQ(declared_size<ChainStateParams>(), aggregate_size<ChainStateParams>());
   EXPECT_EQ(declared_size<MoverParams>(), aggregate_size<MoverParams>());
   EXPECT_EQ(declared_size<PolylineParams>(), aggregate_size<PolylineParams>());
   EXPECT_EQ(declared_size<PolygonMapParams>(), aggregate_size<PolygonMapParams>());

@@ -14,17 +14,18 @@
 
 #include <gtest/gtest.h>
 
+#include "map/polygons/guarded_map.hpp"
 #include "map/polygons/room_polylines.hpp"
 #include "pose/reflector_drive.hpp"
 #include "situation_awareness/common/random.hpp"
 #include "situation_awareness/evaluation/grid_scenes.hpp"
 #include "situation_awareness/geometry/angles.hpp"
+#include "situation_awareness/map/feature_json.hpp"
+#include "situation_awareness/map/map_fields.hpp"
 #include "situation_awareness/map/objects/map_file.hpp"
 #include "situation_awareness/map/objects/object_map.hpp"
-#include "situation_awareness/map/polygons/map_file.hpp"
-#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 #include "situation_awareness/pipeline/grid_pipeline.hpp"
-#include "situation_awareness/pipeline/timed_splinegon_map.hpp"
+#include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "support/fault_cell.hpp"
 #include "support/grid_ground.hpp"
 #include "support/lively_scene.hpp"
@@ -76,32 +77,31 @@ Outcome polygons(const WrongStamp& wrong) {
     for (int i = 0; i < 120; ++i) polylines.push_back(room.next());
     return polylines;
   }();
-  TimedPolygonMap map(PolygonMapParams{}, ChainStateParams{}, kJump_s);
+  GuardedMap map(PolygonMapParams{}, kJump_s);
   Outcome outcome;
   for (int i = 0; i < static_cast<int>(all.size()); ++i) {
     if (wrong.leaves_out("scan", i)) continue;
     Polylines polylines = all[static_cast<std::size_t>(i)];
     polylines.stamp_ns = wrong("scan", i, polylines.stamp_ns);
-    map.update(polylines, Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal());
-    outcome.refused += map.stamp_ns() != polylines.stamp_ns;
+    outcome.refused += !map.update(polylines, Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal());
   }
-  PolygonMapSnapshot snapshot = map.snapshot();
-  snapshot.world_frame = "map";
-  outcome.state = polygon_map_to_yaml(snapshot);
+  WriteFields(outcome.state)("elements", map.map().snapshot().elements);
   return outcome;
 }
 
 /// A vehicle flies around a round tower.
-Outcome splinegons(const WrongStamp& wrong) {
+Outcome one_map(const WrongStamp& wrong) {
   constexpr double kTower_m = 6.0, kDistance_m = 14.0;
-  SplinegonPipelineParams params;
+  MapPipelineParams map_params;
+  SplinegonPipelineParams& params = map_params.layers;
   params.polylines.max_offset_m = 0.1;
   params.polygons.spacing_m = 0.15;
   params.polygons.gate_m = 0.3;
   params.polygons.max_gap_m = 1.0;
   params.polygons.pass_margin_m = 0.2;
   params.polygons.max_pose_sigma_m = 10.0;
-  TimedSplinegonMap map(params, kJump_s);
+  StampOrder order(kJump_s);
+  MapPipeline map(map_params, {false, true, true, false});
   Outcome outcome;
   for (int i = 0; i < 100; ++i) {
     if (wrong.leaves_out("scan", i)) continue;
@@ -122,20 +122,15 @@ Outcome splinegons(const WrongStamp& wrong) {
       const double range_m = hits ? along_m - std::sqrt(kTower_m * kTower_m - aside_2) : INFINITY;
       scan.beams.push_back(beam_from_range(static_cast<float>(range_m), 0.1F, 30.0F));
     }
-    const auto verdict = map.process(scan, T, T, Eigen::Matrix3d(Eigen::Vector3d(1e-4, 1e-4, 1e-6).asDiagonal()));
+    const StampOrder::Verdict verdict = order.judge(scan.stamp_ns);
     outcome.refused += verdict == StampOrder::Verdict::kRefused;
+    if (verdict == StampOrder::Verdict::kRefused) continue;
+    if (verdict == StampOrder::Verdict::kRestart) map.begin_anew();
+    map.process(scan, T, T, Eigen::Matrix3d(Eigen::Vector3d(1e-4, 1e-4, 1e-6).asDiagonal()));
   }
-  std::ostringstream state;
-  state << map.stamp_ns() << '\n';
-  for (const Splinegon& splinegon : map.splinegons().boundaries) {
-    state << splinegon.id << ' ' << splinegon.closed << ' ' << splinegon.first_seen_ns << ' ' << splinegon.last_seen_ns
-          << ' ';
-    for (const SplinegonVertex& vertex : splinegon.vertices) {
-      state << exact(vertex.p_world_m.x()) << exact(vertex.p_world_m.y()) << exact(vertex.bulge)
-            << exact(vertex.sigma_m);
-    }
-  }
-  outcome.state = state.str();
+  Json features = Json::array();
+  for (const Feature& feature : map.map().features) add_feature(features, feature);
+  outcome.state = features.dump();
   return outcome;
 }
 
@@ -235,7 +230,7 @@ TEST_P(WrongStampTest, OneIsAsIfItHadNotCome) {
 INSTANTIATE_TEST_SUITE_P(Stages, WrongStampTest,
                          ::testing::Values(Case{"objects", "scan", 160, objects},
                                            Case{"polygons", "scan", 120, polygons},
-                                           Case{"splinegons", "scan", 100, splinegons}, Case{"grid", "image", 40, grid},
+                                           Case{"one map", "scan", 100, one_map}, Case{"grid", "image", 40, grid},
                                            Case{"reflector localisation", "scan", 150, reflector_localisation},
                                            Case{"reflector localisation", "odometry", 300, reflector_localisation}));
 

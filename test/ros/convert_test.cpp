@@ -20,12 +20,10 @@
 #include "situation_awareness/ros/convert/navigation_sensors.hpp"
 #include "situation_awareness/ros/convert/objects.hpp"
 #include "situation_awareness/ros/convert/odometry.hpp"
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/convert/poses.hpp"
 #include "situation_awareness/ros/convert/safety.hpp"
 #include "situation_awareness/ros/convert/scan.hpp"
 #include "situation_awareness/ros/convert/segments.hpp"
-#include "situation_awareness/ros/convert/splinegons.hpp"
 #include "situation_awareness/ros/convert/time.hpp"
 #include "situation_awareness/ros/markers/colors.hpp"
 #include "situation_awareness/ros/scan_check.hpp"
@@ -729,141 +727,11 @@ TEST(ConvertObjects, TimesBeforeTheClocksZeroAreZero) {
   EXPECT_TRUE(msg.objects[0].last_seen.isZero());
 }
 
-Polygons some_polygons() {
-  Polygons polygons;
-  polygons.stamp_ns = kStamp_ns;
-  polygons.height_world_m = 0.25;
-  const std::vector<ChainVertex> vertices{{{-3.0, 4.0}, 0.011}, {{1.1, 4.125}, 0.004}, {{1.2, -0.5}, 0.02}};
-  for (const ChainState state : {ChainState::kWall, ChainState::kKnown, ChainState::kNew, ChainState::kDoubted}) {
-    const auto n = static_cast<std::uint64_t>(state);
-    polygons.chains.push_back({18'000'000'000'000'000'000ULL + n, n % 2 == 1, vertices,
-                               kStamp_ns - static_cast<std::int64_t>(n), kStamp_ns, 0.75, state});
-  }
-  return polygons;
-}
-
-TEST(ConvertPolygons, SurviveTheRoundTripExactly) {
-  const Polygons polygons = some_polygons();
-  const PolygonArray msg = polygons_to_msg(polygons, "map");
-  EXPECT_EQ(msg.header.frame_id, "map");
-  ASSERT_EQ(msg.polygons.size(), 4U);
-  EXPECT_EQ(msg.polygons[0].vertices[0].z, 0.25);
-  const Polygons back = polygons_from_msg(msg);
-  EXPECT_EQ(back.stamp_ns, kStamp_ns);
-  EXPECT_EQ(back.height_world_m, 0.25);
-  ASSERT_EQ(back.chains.size(), 4U);
-  for (std::size_t i = 0; i < 4; ++i) {
-    const Chain& chain = back.chains[i];
-    const Chain& before = polygons.chains[i];
-    EXPECT_EQ(chain.id, before.id);
-    EXPECT_EQ(chain.closed, before.closed);
-    ASSERT_EQ(chain.vertices.size(), 3U);
-    for (std::size_t k = 0; k < 3; ++k) {
-      EXPECT_EQ(chain.vertices[k].p_world_m, before.vertices[k].p_world_m);
-      EXPECT_EQ(chain.vertices[k].sigma_m, before.vertices[k].sigma_m);
-    }
-    EXPECT_EQ(chain.first_seen_ns, before.first_seen_ns);
-    EXPECT_EQ(chain.last_seen_ns, before.last_seen_ns);
-    EXPECT_EQ(chain.p_exists, 0.75);
-    EXPECT_EQ(chain.state, before.state);
-  }
-}
-
-TEST(ConvertPolygons, RefuseWhatIsNoChain) {
-  const PolygonArray good = polygons_to_msg(some_polygons(), "map");
-  EXPECT_NO_THROW(polygons_from_msg(good));
-  const double nan = std::nan("");
-  const std::vector<std::function<void(MappedPolygon&)>> faults{
-      [](MappedPolygon& p) { p.id = 0; },
-      [&](MappedPolygon& p) { p.id = good.polygons[0].id; },
-      [](MappedPolygon& p) { p.vertices.resize(1), p.sigma_m.resize(1); },
-      [](MappedPolygon& p) { p.sigma_m.pop_back(); },
-      [](MappedPolygon& p) { p.state = 4; },
-      [](MappedPolygon& p) { p.p_exists = 1.01; },
-      [&](MappedPolygon& p) { p.p_exists = nan; },
-      [&](MappedPolygon& p) { p.vertices[1].y = nan; },
-      [](MappedPolygon& p) { p.sigma_m[1] = 0.0; },
-      [&](MappedPolygon& p) { p.sigma_m[1] = nan; }};
-  for (const auto& spoil : faults) {
-    PolygonArray msg = good;
-    spoil(msg.polygons[1]);
-    EXPECT_THROW(polygons_from_msg(msg), std::invalid_argument);
-  }
-}
-
-TEST(ConvertPolygons, TimesBeforeTheClocksZeroAreZero) {
-  Polygons polygons = some_polygons();
-  polygons.chains[0].first_seen_ns = -3'600'000'000'000;
-  EXPECT_TRUE(polygons_to_msg(polygons, "map").polygons[0].first_seen.isZero());
-}
-
-Splinegons some_splinegons() {
-  Splinegons splinegons;
-  splinegons.stamp_ns = kStamp_ns;
-  splinegons.height_world_m = 15.25;
-  const std::vector<SplinegonVertex> vertices{{{-3.0, 4.0}, 0.125, 0.011, true},
-                                              {{-4.0, -1.1}, -0.3, 0.02, false},
-                                              {{1.1, -4.125}, 0.0, 0.0, false},
-                                              {{1.2, -0.5}, 0.4, 0.02, true}};
-  splinegons.boundaries.push_back({18'000'000'000'000'000'000ULL, true, vertices, kStamp_ns - 7, kStamp_ns});
-  splinegons.boundaries.push_back({3, false, {vertices.begin(), vertices.begin() + 3}, kStamp_ns - 5, kStamp_ns - 1});
-  return splinegons;
-}
-
-TEST(ConvertSplinegons, SurviveTheRoundTripExactly) {
-  const Splinegons splinegons = some_splinegons();
-  const SplinegonArray msg = splinegons_to_msg(splinegons, "map");
-  EXPECT_EQ(msg.header.frame_id, "map");
-  ASSERT_EQ(msg.splinegons.size(), 2U);
-  EXPECT_EQ(msg.splinegons[0].vertices[0].z, 15.25);
-  const Splinegons back = splinegons_from_msg(msg);
-  EXPECT_EQ(back.stamp_ns, kStamp_ns);
-  EXPECT_EQ(back.height_world_m, 15.25);
-  ASSERT_EQ(back.boundaries.size(), 2U);
-  for (std::size_t i = 0; i < 2; ++i) {
-    const Splinegon& boundary = back.boundaries[i];
-    const Splinegon& before = splinegons.boundaries[i];
-    EXPECT_EQ(boundary.id, before.id);
-    EXPECT_EQ(boundary.closed, before.closed);
-    ASSERT_EQ(boundary.vertices.size(), before.vertices.size());
-    for (std::size_t k = 0; k < before.vertices.size(); ++k) {
-      EXPECT_EQ(boundary.vertices[k].p_world_m, before.vertices[k].p_world_m);
-      EXPECT_EQ(boundary.vertices[k].bulge, before.vertices[k].bulge);
-      EXPECT_EQ(boundary.vertices[k].sigma_m, before.vertices[k].sigma_m);
-      EXPECT_EQ(boundary.vertices[k].corner, before.vertices[k].corner);
-    }
-    EXPECT_EQ(boundary.first_seen_ns, before.first_seen_ns);
-    EXPECT_EQ(boundary.last_seen_ns, before.last_seen_ns);
-  }
-}
-
-TEST(ConvertSplinegons, RefuseWhatIsNoBoundary) {
-  const SplinegonArray good = splinegons_to_msg(some_splinegons(), "map");
-  EXPECT_NO_THROW(splinegons_from_msg(good));
-  const double nan = std::nan("");
-  const std::vector<std::function<void(MappedSplinegon&)>> faults{
-      [](MappedSplinegon& s) { s.id = 0; },
-      [&](MappedSplinegon& s) { s.id = good.splinegons[0].id; },
-      [](MappedSplinegon& s) { s.closed = 1; },
-      [](MappedSplinegon& s) { s.vertices.pop_back(), s.bulge.pop_back(), s.sigma_m.pop_back(), s.corner.pop_back(); },
-      [](MappedSplinegon& s) { s.bulge.pop_back(); },
-      [](MappedSplinegon& s) { s.sigma_m.push_back(0.1); },
-      [](MappedSplinegon& s) { s.corner.clear(); },
-      [&](MappedSplinegon& s) { s.vertices[1].y = nan; },
-      [&](MappedSplinegon& s) { s.bulge[1] = nan; },
-      [](MappedSplinegon& s) { s.sigma_m[1] = -0.1; },
-      [&](MappedSplinegon& s) { s.sigma_m[1] = nan; }};
-  for (const auto& spoil : faults) {
-    SplinegonArray msg = good;
-    spoil(msg.splinegons[1]);
-    EXPECT_THROW(splinegons_from_msg(msg), std::invalid_argument);
-  }
-}
-
-TEST(ConvertSplinegons, TimesBeforeTheClocksZeroAreZero) {
-  Splinegons splinegons = some_splinegons();
-  splinegons.boundaries[0].first_seen_ns = -3'600'000'000'000;
-  EXPECT_TRUE(splinegons_to_msg(splinegons, "map").splinegons[0].first_seen.isZero());
+std::vector<SplinegonVertex> some_arcs() {
+  return {{{-3.0, 4.0}, 0.125, 0.011, true},
+          {{-4.0, -1.1}, -0.3, 0.02, false},
+          {{1.1, -4.125}, 0.0, 0.0, false},
+          {{1.2, -0.5}, 0.4, 0.02, true}};
 }
 
 BodyState some_body() {
@@ -885,8 +753,7 @@ MapDelta some_delta() {
   delta.height_world_m = 0.25;
   const std::vector<FeatureShape> shapes{
       EllipseShape{{{1.1, -2.2}, 0.3, 0.5, 0.25}, some_body()}, BoxShape{{{7.0, 2.5}, -1.2, 2.25, 0.9}, some_body()},
-      PolylineShape{{{{0.1, 0.2}, 0.01}, {{3.3, 0.4}, 0.02}}, false},
-      ArcShape{some_splinegons().boundaries[0].vertices, true},
+      PolylineShape{{{{0.1, 0.2}, 0.01}, {{3.3, 0.4}, 0.02}}, false}, ArcShape{some_arcs(), true},
       FootprintShape{{12.5, -3.25, 408.125}, (Eigen::Matrix2d() << 0.04, 0.01, 0.01, 0.09).finished(), 7.5}};
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     Feature& feature = delta.changed.emplace_back();

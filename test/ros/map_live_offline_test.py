@@ -16,8 +16,8 @@ sys.path.insert(0, str(HERE.parent))
 sys.path.insert(0, str(HERE.parents[2] / "scripts" / "evaluation"))
 import splinegon_worlds  # noqa: E402
 from live_offline import BY_IMU, BY_TF, lines_of, play_in_step  # noqa: E402
-from ros_support import Diagnostics, Latest, wait_until  # noqa: E402
-from situation_awareness.msg import MapFeature, MapUpdate  # noqa: E402
+from ros_support import Diagnostics, MapFollower, wait_until  # noqa: E402
+from situation_awareness.msg import MapFeature  # noqa: E402
 
 DEMO = HERE.parents[1] / "golden" / "demo.bag"
 SCANS = 180
@@ -41,27 +41,6 @@ def line_of(feature):
         line.update(closed=True, x=feature.center.x, y=feature.center.y, vx=feature.twist.x, vy=feature.twist.y,
                     wz=feature.twist.z, covariance=list(feature.covariance))
     return line
-
-
-class Follower(Latest):
-    """The features by id of who follows the updates."""
-
-    def __init__(self, topic):
-        self.features, self.map, self.version, self.missed = {}, None, None, 0
-        super().__init__(topic, MapUpdate)
-
-    def receive(self, message):
-        if message.full:
-            self.features = {}
-        elif self.map is None:
-            return  # it was under way when this subscriber came
-        elif (message.map, message.base) != (self.map, self.version):
-            self.missed += 1
-        for gone in message.gone:
-            self.features.pop(gone.id, None)
-        self.features.update({feature.id: feature for feature in message.changed})
-        self.map, self.version = message.map, message.version
-        super().receive(message)
 
 
 class MapLiveOfflineTest(unittest.TestCase):
@@ -90,7 +69,7 @@ class MapLiveOfflineTest(unittest.TestCase):
     def compare(self, namespace, bag, arguments, by):
         """The follower after SCANS scans, each of which was compared, its kinds, and the rest of the play."""
         lines = lines_of("map_bag", bag, self.folder / "out.jsonl", "--full-every", "0", *arguments)
-        maps = Follower(f"/{namespace}/semantic_map/updates")
+        maps = MapFollower(f"/{namespace}/semantic_map/updates")
         compared, kinds = 0, set()
         play = play_in_step(bag, namespace, maps, lines, by, None if by is BY_TF else lambda: self.diagnostics.count(
             f"{namespace}/inertial_semantic_map", "fixes received"))
@@ -122,7 +101,7 @@ class MapLiveOfflineTest(unittest.TestCase):
         # Who comes later begins with the whole map, whichever topic it takes. One process has one connection for a topic.
         maps.subscriber.unregister()
         for topic in ("semantic_map", "semantic_map/updates"):
-            late = Follower(f"/by_tf/{topic}")
+            late = MapFollower(f"/by_tf/{topic}")
             wait_until(lambda: late.messages, 10.0, topic)
             self.assertTrue(late.messages[0].full)
             self.assertEqual(late.map, maps.map)

@@ -11,9 +11,7 @@
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/param_reader.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
-#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
-#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 #include "support/aggregate_size.hpp"
 #include "support/refusal.hpp"
 
@@ -151,7 +149,7 @@ TEST(NodeletParams, OfEachKindDoNotWarnOfThoseOfTheOthers) {
     ASSERT_EQ(unknown.size(), 1U);
     EXPECT_EQ(unknown[0].path, "polygons.removal");
   };
-  expect_one(read_polygon_nodelet_params(reader).unknown);
+  expect_one(read_map_nodelet_params(reader).unknown);
   expect_one(read_localization_nodelet_params(reader).unknown);
   EXPECT_TRUE(read_path_nodelet_params(reader).unknown.empty()) << "it has no such section";
 }
@@ -162,7 +160,7 @@ TEST(GpsInsNodeletParams, ShareAFileWithOtherStages) {
   tree["polygons"]["removal_s"] = 1.2;
   tree["scan"]["max_range_m"] = 7.0;
   EXPECT_TRUE(read_gps_ins_nodelet_params(ParamReader(tree, "here")).unknown.empty());
-  EXPECT_TRUE(read_polygon_nodelet_params(ParamReader(tree, "here")).unknown.empty());
+  EXPECT_TRUE(read_map_nodelet_params(ParamReader(tree, "here")).unknown.empty());
   tree["gps_ins"]["max_delay"] = 2.0;
   const auto unknown = read_gps_ins_nodelet_params(ParamReader(tree, "here")).unknown;
   ASSERT_EQ(unknown.size(), 1U);
@@ -197,8 +195,6 @@ TEST(NodeletParams, OfEachKindDeclareAllTheirMembers) {
             aggregate_size<GpsInsNodeletParams>() - 2 + declared_size<NodeletParams>());
   const std::size_t others = 3;  // as above
   const std::size_t shared = declared_size<NodeletParams>() + declared_size<PolygonPipelineParams>();
-  EXPECT_EQ(declared_size<PolygonNodeletParams>(),
-            aggregate_size<PolygonNodeletParams>() - others - 1 + shared + declared_size<ScanPoseParams>());
   EXPECT_EQ(declared_size<LocalizationNodeletParams>(), aggregate_size<LocalizationNodeletParams>() - others + shared);
   EXPECT_EQ(declared_size<PathNodeletParams>(),
             aggregate_size<PathNodeletParams>() - 2 + declared_size<NodeletParams>());
@@ -230,13 +226,6 @@ TEST(NodeletParams, AreReadWithThoseOfAnyKindOfMap) {
   EXPECT_EQ(params.unknown[0].path, "detections");
 }
 
-TEST(SplinegonNodeletParams, DeclareAllTheirMembers) {
-  const std::size_t others = 4;  // what was unknown; and the three whose fields are declared in their places
-  EXPECT_EQ(declared_size<SplinegonNodeletParams>(),
-            aggregate_size<SplinegonNodeletParams>() - others + declared_size<NodeletParams>() +
-                declared_size<InertialParams>() + declared_size<SplinegonPipelineParams>());
-}
-
 TEST(CircumnavigateNodeletParams, DeclareAllTheirMembers) {
   // What was unknown, and the nodelet's, which are declared in its place.
   EXPECT_EQ(declared_size<CircumnavigateNodeletParams>(),
@@ -261,25 +250,6 @@ TEST(CircumnavigateNodeletParams, PlacesAreReadBackExactly) {
   EXPECT_EQ(read.places[1].yaw_rad, 0.3);
   EXPECT_THROW(read_yaml_text("[[1]]", read), std::invalid_argument);
   EXPECT_THROW(read_yaml_text("places", read), std::invalid_argument);
-}
-
-TEST(SplinegonNodeletParams, AreReadAndRefused) {
-  const auto read = [](const char* name, const XmlRpcValue& value) {
-    XmlRpcValue tree;
-    tree[name] = value;
-    tree["gps_ins"]["max_yaw_sigma_rad"] = 0.2;  // of another stage
-    const SplinegonNodeletParams params = read_splinegon_nodelet_params(ParamReader(tree, "here"));
-    EXPECT_TRUE(params.unknown.empty());
-    return params;
-  };
-  EXPECT_EQ(read("base_frame", "/base").inertial.base_frame, "base");
-  EXPECT_EQ(read("localization", "tf").localization, "tf");
-  const auto refused = [&](const char* name, const XmlRpcValue& value) {
-    return refusal_of([&] { read(name, value); });
-  };
-  EXPECT_TRUE(names(refused("localization", "slam"), {"here", "localization", "slam", "gps", "tf"}));
-  EXPECT_TRUE(names(refused("base_frame", ""), {"here", "base_frame", "empty"}));
-  EXPECT_TRUE(names(refused("pose_sigma_m", -1.0), {"here", "pose_sigma_m", "-1"}));
 }
 
 TEST(MapNodeletParams, DeclareAllTheirMembers) {

@@ -11,6 +11,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TransformStamped
 from sensor_msgs.msg import LaserScan
+from situation_awareness.msg import MapUpdate
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker
 
@@ -159,6 +160,27 @@ class Latest:
 
     def stamps(self):
         return [message.header.stamp for message in list(self.messages)]
+
+
+class MapFollower(Latest):
+    """The features by id of who follows the updates."""
+
+    def __init__(self, topic="semantic_map/updates"):
+        self.features, self.map, self.version, self.missed = {}, None, None, 0
+        super().__init__(topic, MapUpdate)
+
+    def receive(self, message):
+        if message.full:
+            self.features = {}
+        elif self.map is None:
+            return  # it was under way when this subscriber came
+        elif (message.map, message.base) != (self.map, self.version):
+            self.missed += 1
+        for gone in message.gone:
+            self.features.pop(gone.id, None)
+        self.features.update({feature.id: feature for feature in message.changed})
+        self.map, self.version = message.map, message.version
+        super().receive(message)
 
 
 class Diagnostics:

@@ -57,6 +57,13 @@ struct SightOfScan {
   const FreeSpace* free_space = nullptr;
 };
 
+/// The chain of its layer by which a feature of a saved map goes on, alone or as a boundary.
+struct FeatureOfChain {
+  FeatureId feature = 0;
+  std::uint64_t chain = 0;
+  bool is_boundary = false;
+};
+
 /// What the layers have after a scan or an image. A layer that is null has not changed.
 struct LayerUpdates {
   std::int64_t stamp_ns = 0;
@@ -84,6 +91,12 @@ class SemanticMap {
   /// update is full.
   void begin_anew();
 
+  /// Continues from a map that was saved, as another map whose next update is full: its features keep their ids. Those
+  /// with a chain are what that chain is once it is told; the others are on the map as they are until a layer has
+  /// something where they are, or beams pass there. Features and chains are by ascending feature; no stamp of the saved
+  /// map is after the next update.
+  void resume(const Map& saved, const std::vector<FeatureOfChain>& chains);
+
   /// The whole map. `memory`: a result no longer needed, whose memory this one reuses.
   Map map(Map memory = {}) const;
 
@@ -92,7 +105,8 @@ class SemanticMap {
   /// Whether there was an update since the map began.
   bool has_begun() const { return !is_new_; }
 
-  /// The number of the map and the version of the latest update, as MapDelta tells them.
+  /// The stamp of the latest update, the number of the map and its version, as MapDelta tells them.
+  std::int64_t stamp_ns() const { return stamp_ns_; }
   std::uint64_t number() const { return maps_; }
   std::uint64_t version() const { return delta_.version; }
 
@@ -199,10 +213,18 @@ class SemanticMap {
   struct Owner {
     Handle object = 0, chain = 0, target = 0;
     bool is_on_map = false;
-    bool is_leaving = false;                       ///< it is on the map for one more update, as what it was last
-    GoneReason reason = GoneReason::kSeenThrough;  ///< if it is part of no other one
-    FeatureId into = 0;                            ///< of which it is a part
-    std::optional<std::int64_t> last_absent_ns;    ///< Feature
+    bool is_leaving = false;                           ///< it is on the map for one more update, as what it was last
+    GoneReason reason = GoneReason::kSeenThrough;      ///< if it is part of no other one
+    FeatureId into = 0;                                ///< of which it is a part
+    std::optional<std::int64_t> last_absent_ns;        ///< Feature
+    ObjectClass object_class = ObjectClass::kUnknown;  ///< that a file says it is
+    double p_class = 0.0;                              ///< of that
+    bool is_fixed = false, has_moved = false;          ///< as a file says
+  };
+  /// A feature of a file that no layer has yet.
+  struct Saved {
+    Feature feature;
+    std::optional<Object> body;  ///< the same as an object, if it is an ellipse or a box
   };
   /// How much of a chain is on an object.
   struct Cover {
@@ -211,6 +233,12 @@ class SemanticMap {
     bool is_of_object = false;
   };
 
+  const Feature* find_saved(FeatureId id) const;
+  void forget_saved(FeatureId id);
+  FeatureId id_of_saved(const Object& object);
+  FeatureId id_of_saved(const GridTarget& target);
+  void take_saved_of(ChainEntry& chain);
+  void look_through_saved();
   void take_chains(const PolygonChanges& changes);
   void drop_chain(Handle handle);
   ChainEntry* longest_of(Handle boundary, Handle but);
@@ -320,6 +348,11 @@ class SemanticMap {
   std::vector<Overlap> others_;          ///< chains beside one, and how much of it each covers
   std::vector<Cover> covers_;
   std::vector<Trace> traces_;
+  std::vector<Saved> saved_;                         ///< by ascending id
+  std::size_t next_saved_ = 0;                       ///< of these, that is looked through next
+  std::vector<FeatureId> touch_saved_;               ///< those that the next update tells
+  std::unordered_map<Handle, FeatureId> saved_ids_;  ///< of chains that were not told yet
+  std::vector<Handle> saved_boundaries_;             ///< chains whose boundary was one in the file
   FreeSpaceMemory sights_;
   std::vector<Feature> last_;  ///< of features that a layer may have lost with this update, and those that are leaving
   MapDelta delta_;

@@ -15,6 +15,7 @@
 #include "situation_awareness/map/id_source.hpp"
 #include "situation_awareness/map/map.hpp"
 #include "situation_awareness/map/objects/objects.hpp"
+#include "situation_awareness/map/saved_map.hpp"
 #include "situation_awareness/map/semantic_map.hpp"
 #include "situation_awareness/pipeline/moving_objects.hpp"
 #include "situation_awareness/pipeline/object_pipeline.hpp"
@@ -87,6 +88,14 @@ class MapPipeline {
   /// Another map, of another time. Ids are not used again.
   void begin_anew();
 
+  /// The map as it is to be saved; `world_frame` is left empty.
+  SavedMap saved() const;
+
+  /// Continues from what stands on a saved map, as another map: under its ids, at the places that it says, whatever
+  /// time it is of. What moves is somewhere else meanwhile. By GPS it may be off by its error then and now. The result
+  /// is the whole map. Throws std::invalid_argument if it is too large; nothing has changed then.
+  const MapDelta& resume(const SavedMap& saved);
+
   /// Whether there was an update since the map began.
   bool has_map() const { return map_.has_begun(); }
   /// The whole map in the world. `memory`: as for limit_range.
@@ -104,6 +113,9 @@ class MapPipeline {
               const MapKinds& kinds, std::uint64_t robot);
   const MapDelta& tell(std::int64_t stamp_ns, double height_world_m, const Objects* objects,
                        const std::optional<SightOfScan>& sight);
+  void resume_before(std::int64_t stamp_ns);
+  const MapDelta& restore(const Map& saved, std::int64_t stamp_ns);
+  void place_in_world();
   SightOfScan own_sight() const;
   const Objects* own_objects() const;
   bool is_elsewhere() const;
@@ -118,6 +130,7 @@ class MapPipeline {
   double reach_m_ = 0.0;              ///< of the features from the origin of the map, at most
   MapDelta delta_;                    ///< in the world, by inertial navigation
   Map all_;
+  std::optional<Map> resumed_;  ///< the saved map, until the first scan or image after it
 };
 
 }  // namespace situation_awareness

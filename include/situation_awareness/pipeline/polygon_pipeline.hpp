@@ -9,7 +9,6 @@
 
 #include "situation_awareness/common/params.hpp"
 #include "situation_awareness/geometry/pose2.hpp"
-#include "situation_awareness/map/polygons/chain_state.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
 #include "situation_awareness/map/polygons/polygons.hpp"
 #include "situation_awareness/pipeline/localization_pipeline.hpp"
@@ -37,7 +36,6 @@ struct PolygonPipelineParams {
   PolylineParams polylines;
   PolygonMapParams polygons;
   MoverParams movers;
-  ChainStateParams chain_states;  ///< of the live map alone
 
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
@@ -48,7 +46,6 @@ struct PolygonPipelineParams {
     visit("polylines", self.polylines);
     visit("polygons", self.polygons);
     visit("movers", self.movers);
-    visit("chain_states", self.chain_states);
   }
 };
 

@@ -97,6 +97,10 @@ class SplinegonPipeline {
   const ChainChanges& chain_changes() const { return changes_; }
   const Chain* chain(std::uint64_t id) const { return chains_.chain(id); }
   const ObstacleBoundaries& boundaries() const { return boundaries_; }
+  /// What the latest scan did to the chains, and why it was not used.
+  const PolygonMapUpdate& chain_update() const { return update_; }
+  /// Between the elements of chains.
+  double chain_spacing_m() const { return params_.polygons.spacing_m; }
   /// Of a place of the map in the world, in any direction.
   double common_variance_m2() const { return common_variance_m2_; }
 
@@ -114,10 +118,11 @@ class SplinegonPipeline {
   /// Forgets all boundaries. Their ids are not used again.
   void reset();
 
-  /// Continues from these boundaries in the place of its own: elements are put on them. They are where they say in the
-  /// world as it is known now: by GPS they may be off by its error then and now. Throws std::invalid_argument if they
-  /// are too many for a map.
-  void resume(const Splinegons& splinegons);
+  /// Continues from these chains in the place of its own, and without what moves: elements are put on them. They are
+  /// where they say in the world as it is known now: by GPS they may be off by its error then and now. Returns the id
+  /// of the first; those of the others follow in their order. Throws std::invalid_argument if they are too many for a
+  /// map.
+  std::uint64_t resume(const Polygons& chains);
 
  private:
   void take_polylines(const Scan& scan, const Eigen::Isometry3d& T_world_lidar,

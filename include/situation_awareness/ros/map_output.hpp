@@ -8,7 +8,6 @@
 #include <vector>
 
 #include <ros/publisher.h>
-#include <ros/service_server.h>
 #include <ros/single_subscriber_publisher.h>
 
 #include "situation_awareness/MapUpdate.h"
@@ -18,15 +17,16 @@
 #include "situation_awareness/pipeline/map_pipeline.hpp"
 #include "situation_awareness/ros/markers/map_markers.hpp"
 #include "situation_awareness/ros/params/nodelet_params.hpp"
+#include "situation_awareness/ros/services.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 
 namespace situation_awareness {
 
 /// The one map at the ROS boundary, of the nodelet that keeps it (docs/ros.md, "The one map"): the topics semantic_map
 /// (whole, latched, once a second), semantic_map/updates (what has changed) and semantic_map_markers (for display), and
-/// the services semantic_map/reset and semantic_map/pause. The map has a UUID of its own, and another one when it
-/// begins anew. All calls are on the callback queue of its stage, without a lock; `context` and `pipeline` must outlive
-/// it.
+/// the services semantic_map/reset, pause, save_map and load_map. The map has a UUID of its own, and another one when
+/// it begins anew. All calls are on the callback queue of its stage, without a lock; `context` and `pipeline` must
+/// outlive it.
 class MapOutput {
  public:
   /// Publishes a message, with its latency.
@@ -46,7 +46,12 @@ class MapOutput {
   void publish(const MapDelta& delta);
 
  private:
+  void advertise();
   void begin_anew();
+  std::string reset();
+  std::string pause(bool paused);
+  std::string save(const std::string& file) const;
+  std::string load(const std::string& file);
   MapUpdate whole() const;
   void count(const std::vector<Feature>& features);
   void report(StageDiagnostics::Status& status) const;
@@ -61,7 +66,7 @@ class MapOutput {
   RateLimit whole_limit_, repair_limit_;
   MapMarkers markers_;
   ros::Publisher whole_publisher_, updates_publisher_, markers_publisher_;
-  std::vector<ros::ServiceServer> servers_;
+  Services services_;
 };
 
 }  // namespace situation_awareness

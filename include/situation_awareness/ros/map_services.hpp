@@ -3,19 +3,16 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <exception>
 #include <functional>
 #include <stdexcept>
 #include <string>
 #include <utility>
-#include <vector>
 
-#include <ros/console.h>
-#include <ros/service_server.h>
 #include <std_srvs/SetBool.h>
 #include <std_srvs/Trigger.h>
 
 #include "situation_awareness/ros/convert/time.hpp"
+#include "situation_awareness/ros/services.hpp"
 #include "situation_awareness/ros/stage_context.hpp"
 
 namespace situation_awareness {
@@ -44,7 +41,7 @@ class MapServices {
   using Publish = std::function<void(const typename Kind::Value&)>;
 
   MapServices(StageContextBase& context, const std::string& world_frame, Map& map, Publish publish)
-      : context_(context), world_frame_(world_frame), map_(map), publish_(std::move(publish)) {
+      : context_(context), world_frame_(world_frame), map_(map), publish_(std::move(publish)), services_(context) {
     context_.when_made([this] { advertise(); });
   }
   MapServices(const MapServices&) = delete;
@@ -59,23 +56,21 @@ class MapServices {
  private:
   void advertise() {
     const std::string kind = Kind::kName;
-    serve<std_srvs::Trigger>(context_.private_node(), "reset",
-                             [this](const auto& /*request*/, auto& response) { response.message = reset(); });
-    serve<std_srvs::SetBool>(context_.private_node(), "pause", [this](const auto& request, auto& response) {
+    services_.add<std_srvs::Trigger>(context_.private_node(), "reset",
+                                     [this](const auto& /*request*/, auto& response) { response.message = reset(); });
+    services_.add<std_srvs::SetBool>(context_.private_node(), "pause", [this](const auto& request, auto& response) {
       response.message = pause(request.data != 0);
     });
-    serve<typename Kind::Get>(context_.node(), "get_" + kind, [this](const auto& request, auto& response) {
+    services_.add<typename Kind::Get>(context_.node(), "get_" + kind, [this](const auto& request, auto& response) {
       Kind::map_of(response) = map_at(request.stamp);
     });
-    serve<typename Kind::Save>(context_.private_node(), "save_" + kind,
-                               [this](const auto& request, auto& response) { response.message = save(request.file); });
-    serve<typename Kind::Load>(context_.private_node(), "load_" + kind,
-                               [this](const auto& request, auto& response) { response.message = load(request.file); });
+    services_.add<typename Kind::Save>(
+        context_.private_node(), "save_" + kind,
+        [this](const auto& request, auto& response) { response.message = save(request.file); });
+    services_.add<typename Kind::Load>(
+        context_.private_node(), "load_" + kind,
+        [this](const auto& request, auto& response) { response.message = load(request.file); });
   }
-
-  /// Responds with the result of `act`, or with the reason of its exception; nothing escapes.
-  template <class Service, class Act>
-  void serve(ros::NodeHandle& node, const std::string& name, Act act);
 
   std::string reset();
   std::string pause(bool paused);
@@ -88,43 +83,17 @@ class MapServices {
   Map& map_;
   Publish publish_;
   bool paused_ = false;
-  std::vector<ros::ServiceServer> servers_;
+  Services services_;
 };
 
 // --- implementation -------------------------------------------------------------------------------------------------
 
 namespace detail {
 
-/// "1 element", "2 elements"
-std::string count_of(std::size_t elements);
-
-/// Throws std::invalid_argument if it is none.
-void check_absolute(const std::string& file);
-
 /// Throws std::runtime_error if a map of `latest_ns` cannot be predicted to that time.
 void check_predictable(std::int64_t latest_ns, std::int64_t stamp_ns);
 
 }  // namespace detail
-
-template <class Kind>
-template <class Service, class Act>
-void MapServices<Kind>::serve(ros::NodeHandle& node, const std::string& name, Act act) {
-  using Request = typename Service::Request;
-  using Response = typename Service::Response;
-  const boost::function<bool(Request&, Response&)> answer = [this, act](Request& request, Response& response) {
-    try {
-      act(request, response);
-      response.success = true;
-      if (!response.message.empty()) ROS_INFO_STREAM(context_.name() << ": " << response.message);
-    } catch (const std::exception& error) {
-      response = {};
-      response.message = error.what();
-      ROS_WARN_STREAM(context_.name() << ": refused: " << response.message);
-    }
-    return true;
-  };
-  servers_.push_back(node.advertiseService<Request, Response>(name, answer));
-}
 
 template <class Kind>
 std::string MapServices<Kind>::reset() {
@@ -133,7 +102,7 @@ std::string MapServices<Kind>::reset() {
   map_.reset();
   // The other stages and all displays must clear theirs, too.
   if (latest_ns != Map::kNoStamp) publish_(map_.at(latest_ns));
-  return "the map was reset: " + detail::count_of(elements) + " forgotten";
+  return "the map was reset: " + count_of(elements, "element") + " forgotten";
 }
 
 template <class Kind>
@@ -155,17 +124,17 @@ typename Kind::Message MapServices<Kind>::map_at(const ros::Time& stamp) const {
 
 template <class Kind>
 std::string MapServices<Kind>::save(const std::string& file) {
-  detail::check_absolute(file);
+  check_absolute(file);
   if (map_.stamp_ns() == Map::kNoStamp) throw std::runtime_error("there is no map yet");
   auto snapshot = map_.snapshot();
   snapshot.world_frame = world_frame_;
   Kind::save(file, snapshot);
-  return detail::count_of(snapshot.elements.size()) + " saved in " + file;
+  return count_of(snapshot.elements.size(), "element") + " saved in " + file;
 }
 
 template <class Kind>
 std::string MapServices<Kind>::load(const std::string& file) {
-  detail::check_absolute(file);
+  check_absolute(file);
   const auto snapshot = Kind::load(file, world_frame_);
   try {
     map_.resume(snapshot);
@@ -173,7 +142,7 @@ std::string MapServices<Kind>::load(const std::string& file) {
     throw std::invalid_argument(file + ": " + error.what());
   }
   publish_(map_.at(map_.stamp_ns()));
-  return detail::count_of(snapshot.elements.size()) + " loaded from " + file;
+  return count_of(snapshot.elements.size(), "element") + " loaded from " + file;
 }
 
 }  // namespace situation_awareness

@@ -3,12 +3,9 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
-#include <string_view>
-#include <system_error>
 #include <type_traits>
 #include <utility>
 
@@ -23,35 +20,6 @@ constexpr float kMaxAzimuth_rad = 100.0F;
 constexpr std::size_t kMaxBeams = 200'000;
 /// Hits of the elements of chains: as many as make a well-known one.
 constexpr int kHitsOfChain = 100;
-
-template <class Number>
-std::string row_text(const std::vector<Number>& values) {
-  if (values.empty()) return "''";
-  std::string text;
-  for (const Number value : values) {
-    if (!text.empty()) text += ' ';
-    text += detail::field_text(value);
-  }
-  return text;
-}
-
-template <class Number>
-void read_row(const std::string& text, std::vector<Number>& values) {
-  values.clear();
-  const char* at = text.data();
-  const char* const end = at + text.size();
-  while (at != end) {
-    Number value{};
-    const auto [stop, error] = std::from_chars(at, end, value);
-    if (error != std::errc() || (stop != end && (*stop != ' ' || stop + 1 == end))) {
-      throw std::invalid_argument("must be numbers with single spaces between them");
-    }
-    values.push_back(value);
-    at = stop == end ? end : stop + 1;
-  }
-}
-
-constexpr std::string_view kBetweenChains = " / ";
 
 /// A place for the state of one element, whatever the types of its integers are.
 class PackedState {
@@ -171,45 +139,6 @@ bool is_free_space(const std::vector<float>& azimuth_rad, const std::vector<floa
          std::all_of(range_m.begin(), range_m.end(), [](float r) { return r >= 0.0F; });
 }
 
-std::string yaml_text(const FloatRow& row) { return row_text(row.values); }
-std::string yaml_text(const PlaceRow& row) { return row_text(row.values); }
-std::string yaml_text(const ChainRows& rows) {
-  if (rows.values.empty()) return "''";
-  std::string text;
-  for (const ChainPlaces& chain : rows.values) {
-    if (!text.empty()) text += kBetweenChains;
-    text += detail::field_text(chain.id) + (chain.closed ? " 1" : " 0") + (chain.loop ? " 1 " : " 0 ") +
-            detail::field_text(chain.begun_at);
-    for (const std::int32_t place : chain.elements) text += ' ' + detail::field_text(place);
-  }
-  return text;
-}
-void read_yaml_text(const std::string& text, FloatRow& row) { read_row(text, row.values); }
-void read_yaml_text(const std::string& text, PlaceRow& row) { read_row(text, row.values); }
-void read_yaml_text(const std::string& text, ChainRows& rows) {
-  rows.values.clear();
-  std::vector<std::int64_t> numbers;
-  for (std::size_t begin = 0; !text.empty() && begin <= text.size();) {
-    const std::size_t end = std::min(text.find(kBetweenChains, begin), text.size());
-    read_row(text.substr(begin, end - begin), numbers);
-    begin = end + kBetweenChains.size();
-    const auto is_place = [](std::int64_t place) { return place >= 0 && place < polygon_bounds::kMaxPlace; };
-    const auto is_flag = [](std::int64_t number) { return number == 0 || number == 1; };
-    if (numbers.size() < 5 || numbers[0] < 0 || !is_flag(numbers[1]) || !is_flag(numbers[2]) ||
-        !std::all_of(numbers.begin() + 3, numbers.end(), is_place)) {
-      throw std::invalid_argument("must be an id, 0 or 1 twice, and places of each chain");
-    }
-    ChainPlaces& chain = rows.values.emplace_back();
-    chain.id = static_cast<std::uint64_t>(numbers[0]);
-    chain.closed = numbers[1] == 1;
-    chain.loop = numbers[2] == 1;
-    chain.begun_at = static_cast<std::int32_t>(numbers[3]);
-    for (auto place = numbers.begin() + 4; place != numbers.end(); ++place) {
-      chain.elements.push_back(static_cast<std::int32_t>(*place));
-    }
-  }
-}
-
 void PolygonMapSnapshot::validate() const {
   const CheckFields check;
   fields(*this, check);
@@ -259,21 +188,6 @@ void PolygonMapSnapshot::validate() const {
     }
   }
   check_chains(*this, std::move(confirmed), check);
-}
-
-void PolygonMapSnapshot::shift_time(std::int64_t later_ns) {
-  stamp_ns += later_ns;
-  if (joined_at_ns != kNoStamp) joined_at_ns += later_ns;
-  polygons.stamp_ns += later_ns;
-  for (PolygonMapWatch& watch : watches) watch.stamp_ns += later_ns;
-  for (PolygonMapElement& element : elements) {
-    element.first_seen_ns += later_ns;
-    element.last_seen_ns += later_ns;
-  }
-  for (Chain& chain : polygons.chains) {
-    chain.first_seen_ns += later_ns;
-    chain.last_seen_ns += later_ns;
-  }
 }
 
 PolygonMapSnapshot PolygonMap::snapshot() const {
@@ -337,7 +251,6 @@ PolygonMapSnapshot snapshot_of_chains(const Polygons& polygons, double spacing_m
   PolygonMapSnapshot result;
   result.stamp_ns = polygons.stamp_ns;
   result.height_world_m = polygons.height_world_m;
-  result.polygons = polygons;
   for (const Chain& chain : polygons.chains) {
     result.next_id = std::max(result.next_id, chain.id + 1);
     const std::size_t edges = chain.closed ? chain.vertices.size() : chain.vertices.size() - 1;

@@ -47,6 +47,7 @@ class InertialSemanticMapStage {
     if (!defect.empty()) return context_.drop(defect);
     if (!output_.is_next(order_.judge(scan.stamp_ns))) return false;
     output_.publish(pipeline_.process(scan, posed.T_odom_lidar, posed.T_odom_lidar_end, posed.placement));
+    context_.diagnostics().counted(pipeline_.layers().chain_update().reasons);
     states_.add(pipeline_.points());
     return true;
   }

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <exception>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include <pluginlib/class_list_macros.hpp>
@@ -62,9 +63,14 @@ class SemanticMapStage {
     if (!output_.is_next(order_.judge(segments.stamp_ns))) return false;
     ++(covaried.base ? with_covariance_ : without_covariance_);
     if (kinds_.objects) ++(covaried.objects ? with_objects_ : without_objects_);
-    output_.publish(pipeline_.process(
-        segments, kinds_.objects && covaried.objects ? &*covaried.objects : nullptr,
-        covaried.base ? covariance_at(segments.T_world_level.translation_m, *covaried.base) : pose_covariance_));
+    try {
+      output_.publish(pipeline_.process(
+          segments, kinds_.objects && covaried.objects ? &*covaried.objects : nullptr,
+          covaried.base ? covariance_at(segments.T_world_level.translation_m, *covaried.base) : pose_covariance_));
+    } catch (const std::invalid_argument& error) {
+      return context_.drop(drop_reason::kBadMessage, error.what());
+    }
+    context_.diagnostics().counted(pipeline_.layers().chain_update().reasons);
     return true;
   }
 

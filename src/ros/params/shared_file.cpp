@@ -13,9 +13,7 @@
 #include "situation_awareness/ros/params/map_nodelet_params.hpp"
 #include "situation_awareness/ros/params/object_nodelet_params.hpp"
 #include "situation_awareness/ros/params/path_nodelet_params.hpp"
-#include "situation_awareness/ros/params/polygon_nodelet_params.hpp"
 #include "situation_awareness/ros/params/scout_nodelet_params.hpp"
-#include "situation_awareness/ros/params/splinegon_nodelet_params.hpp"
 
 namespace situation_awareness {
 namespace {
@@ -41,11 +39,9 @@ void forget_known_to(const ParamReader& reader, std::vector<UnknownKey>& unknown
 
 void forget_keys_of_other_stages(const ParamReader& reader, std::vector<UnknownKey>& unknown) {
   forget_known_to<ObjectNodeletParams>(reader, unknown);
-  forget_known_to<PolygonNodeletParams>(reader, unknown);
   forget_known_to<LocalizationNodeletParams>(reader, unknown);
   forget_known_to<PathNodeletParams>(reader, unknown);
   forget_known_to<GpsInsNodeletParams>(reader, unknown);
-  forget_known_to<SplinegonNodeletParams>(reader, unknown);
   forget_known_to<CircumnavigateNodeletParams>(reader, unknown);
   forget_known_to<GridNodeletParams>(reader, unknown);
   forget_known_to<MapNodeletParams>(reader, unknown);

@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "situation_awareness/ros/rviz/polygon_mesh.hpp"
 
-#include <cmath>
 #include <cstddef>
-#include <stdexcept>
-#include <string>
 
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 
 namespace situation_awareness {
 namespace {
-
-constexpr double kFarthest_m = 1e5;  ///< a float has steps of 8 mm there
-constexpr double kLargestSigma_m = 1e3;
 
 double top_of(const Polygons& map, const MapStyle& style) { return map.height_world_m + 0.5 * style.body_height_m; }
 
@@ -36,29 +29,6 @@ Polyline beside(const Chain& chain, const Polyline& line, double sigmas) {
 }
 
 }  // namespace
-
-Polygons drawable_polygons(const PolygonArray& msg) {
-  Polygons polygons = polygons_from_msg(msg);
-  for (const Chain& chain : polygons.chains) {
-    for (const ChainVertex& vertex : chain.vertices) {
-      const std::string name = "chain " + std::to_string(chain.id);
-      if (vertex.p_world_m.cwiseAbs().maxCoeff() > kFarthest_m) {
-        throw std::invalid_argument(name + ": a vertex is beyond 100 km");
-      }
-      if (vertex.sigma_m > kLargestSigma_m) throw std::invalid_argument(name + ": a sigma_m is above 1 km");
-    }
-  }
-  if (std::abs(polygons.height_world_m) > kFarthest_m) throw std::invalid_argument("the map's height is beyond 100 km");
-  return polygons;
-}
-
-void draw(const Polygons& map, const PolygonStyle& style, MapMesh& mesh) {
-  clear(mesh);
-  for (const Chain& chain : map.chains) {
-    add(chain, style.coloring == PolygonStyle::kId ? color_of(chain.id) : color_of(chain.state), map.height_world_m,
-        style, mesh);
-  }
-}
 
 void add(const Chain& chain, const Color& color, double height_m, const PolygonStyle& style, MapMesh& mesh) {
   const double top = height_m + 0.5 * style.body_height_m;

@@ -23,21 +23,19 @@
 #include <std_srvs/Trigger.h>
 #include <pluginlib/class_list_macros.hpp>
 
-#include "situation_awareness/LoadObjects.h"
-#include "situation_awareness/SaveObjects.h"
+#include "situation_awareness/LoadMap.h"
+#include "situation_awareness/SaveMap.h"
 
 namespace situation_awareness {
 namespace {
 
 constexpr int kSpinPeriod_ms = 50;
 constexpr int kShowPeriod_ms = 500;
-// Another kind of map has services of the same fields, and so of the same checksum: these types call them, too.
-using SaveMap = SaveObjects;
-using LoadMap = LoadObjects;
-/// The one map, whatever stage keeps it. It has no file.
+/// The one map, whatever stage keeps it. The map of objects has services of the same fields, and so of the same
+/// checksum.
 constexpr const char* kOneMap = "semantic_map";
 
-const char* const kMapFiles = "Maps (*.yaml);;All files (*)";
+const char* const kMapFiles = "Maps (*.json *.yaml);;All files (*)";
 
 enum StageColumn { kStage, kState, kRate, kLatency };
 
@@ -89,8 +87,7 @@ StatusPanel::StatusPanel(QWidget* parent) : rviz::Panel(parent) {
   auto* header = new QFormLayout;
   namespace_field_ = add_field(*header, "namespace", "Namespace", "", "that of rviz; or /robot1");
   stages_field_ = add_field(*header, "stage_names", "Stages", "segmentation detection mapping", "along the data path");
-  map_field_ = add_field(*header, "map", "Map", "objects",
-                         "objects, polygons or splinegons, of the last stage; or semantic_map");
+  map_field_ = add_field(*header, "map", "Map", "objects", "objects, of the last stage; or semantic_map");
 
   answer_ = new QLabel;
   answer_->setObjectName("answer");
@@ -179,10 +176,13 @@ QWidget* StatusPanel::make_buttons() {
 
 bool StatusPanel::shows_one_map() const { return map_field_->text().trimmed() == kOneMap; }
 
+std::string StatusPanel::kind_of_map() const {
+  return shows_one_map() ? "map" : map_field_->text().trimmed().toStdString();
+}
+
 void StatusPanel::enable_buttons() {
   const bool idle = !caller_.busy();
-  for (QPushButton* button : {reset_, pause_}) button->setEnabled(idle);
-  for (QPushButton* button : {save_, load_}) button->setEnabled(idle && !shows_one_map());
+  for (QPushButton* button : {reset_, pause_, save_, load_}) button->setEnabled(idle);
 }
 
 QWidget* StatusPanel::make_knobs() {
@@ -352,14 +352,15 @@ void StatusPanel::toggle_pause() {
 }
 
 void StatusPanel::save_map() {
-  QFileDialog dialog(this, "Save the map on the host of the node", "map.yaml", kMapFiles);
+  const QString suffix = shows_one_map() ? "json" : "yaml";
+  QFileDialog dialog(this, "Save the map on the host of the node", "map." + suffix, kMapFiles);
   dialog.setAcceptMode(QFileDialog::AcceptSave);
-  dialog.setDefaultSuffix("yaml");
+  dialog.setDefaultSuffix(suffix);
   dialog.setOption(QFileDialog::DontUseNativeDialog);
   if (dialog.exec() != QDialog::Accepted) return;
   SaveMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<SaveMap>("save_" + map_field_->text().trimmed().toStdString(), request);
+  call_map<SaveMap>("save_" + kind_of_map(), request);
 }
 
 void StatusPanel::load_map() {
@@ -370,7 +371,7 @@ void StatusPanel::load_map() {
   if (dialog.exec() != QDialog::Accepted) return;
   LoadMap::Request request;
   request.file = dialog.selectedFiles().front().toStdString();
-  call_map<LoadMap>("load_" + map_field_->text().trimmed().toStdString(), request);
+  call_map<LoadMap>("load_" + kind_of_map(), request);
 }
 
 }  // namespace situation_awareness

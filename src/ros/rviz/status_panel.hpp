@@ -68,6 +68,7 @@ class StatusPanel : public rviz::Panel {
   void show_pause(const StageStatus& mapping);
   void show_answer(bool good, const QString& text);
   bool shows_one_map() const;
+  std::string kind_of_map() const;
   void enable_buttons();
 
   void reset_map();

@@ -1,20 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // From a recorded bag to one map of all that is around, without a roscore, as fast as possible.
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <utility>
-#include <variant>
 #include <vector>
 
 #include "command_line.hpp"
 #include "situation_awareness/common/sha256.hpp"
 #include "situation_awareness/common/time.hpp"
-#include "situation_awareness/geometry/angles.hpp"
-#include "situation_awareness/geometry/box.hpp"
-#include "situation_awareness/geometry/ellipse.hpp"
+#include "situation_awareness/map/feature_json.hpp"
+#include "situation_awareness/map/saved_map.hpp"
 #include "situation_awareness/path/path_following.hpp"
 #include "situation_awareness/path/safety_areas.hpp"
 #include "situation_awareness/path/vehicle.hpp"
@@ -68,7 +65,7 @@ constexpr double kTfSigma_rad = 0.01;
 
 struct Options {
   BagOptions bag;
-  std::string scan_topic = "/scan", lidar_frame, pose = "tf", out;
+  std::string scan_topic = "/scan", lidar_frame, pose = "tf", out, load_map, save_map;
   std::vector<std::string> kinds = {"objects", "polygons", "splinegons"};
   ReflectorOptions reflectors;
   NavigationOptions navigation;
@@ -85,6 +82,8 @@ void add_options(CommandLine& app, Options& options) {
     return app.add_option(name, value, what).type_name(type);
   };
   text("--out", options.out, "FILE", "output file of the lines").required();
+  text("--load-map", options.load_map, "FILE", "start from this map (docs/map_file.md)");
+  text("--save-map", options.save_map, "FILE", "output file of the map after the last update");
   app.add_option("--kinds", options.kinds, "what is mapped; grid: the targets of a camera's images, with --dem")
       .type_name("KIND,...")
       .check(one_of({"objects", "polygons", "splinegons", "grid"}))
@@ -105,6 +104,7 @@ void add_options(CommandLine& app, Options& options) {
   app.callback([&options] {
     check_reflector_options(options.reflectors, options.pose == "reflectors");
     check_origin(options.navigation);
+    if (options.save_map == options.out) throw CommandLineError("--save-map and --out are the same file");
     if (options.has("grid") && options.images.dem.empty()) throw option_required("--dem");
     if (options.has("grid") && options.pose != "tf") {
       throw CommandLineError("images are mapped with --pose tf: their poses are those of /tf");
@@ -113,127 +113,6 @@ void add_options(CommandLine& app, Options& options) {
 }
 
 // --- lines ----------------------------------------------------------------------------------------------------------
-
-double seconds(std::int64_t stamp_ns) { return 1e-9 * static_cast<double>(stamp_ns); }
-
-void add_point(Json& outline, const Eigen::Vector2d& p_m) {
-  outline.push_back(list_of(2, [&](int i) { return p_m(i); }));
-}
-
-/// Its centroid: of the area of a closed outline, else of the line.
-Eigen::Vector2d middle_of(const std::vector<Eigen::Vector2d>& points_m, bool closed) {
-  const std::size_t n = points_m.size();
-  double area_m2 = 0.0, length_m = 0.0;
-  Eigen::Vector2d of_area = Eigen::Vector2d::Zero(), of_line = Eigen::Vector2d::Zero();
-  for (std::size_t k = 0; k + (closed ? 0 : 1) < n; ++k) {
-    const Eigen::Vector2d from_m = points_m[k] - points_m[0], to_m = points_m[(k + 1) % n] - points_m[0];
-    const double cross_m2 = from_m.x() * to_m.y() - from_m.y() * to_m.x(), edge_m = (to_m - from_m).norm();
-    area_m2 += 0.5 * cross_m2;
-    of_area += cross_m2 / 6.0 * (from_m + to_m);
-    length_m += edge_m;
-    of_line += 0.5 * edge_m * (from_m + to_m);
-  }
-  if (closed && std::abs(area_m2) > 1e-9) return points_m[0] + of_area / area_m2;
-  return length_m > 0.0 ? Eigen::Vector2d(points_m[0] + of_line / length_m) : points_m[0];
-}
-
-void add_place(const Eigen::Vector2d& p_m, Json& element) {
-  element["x"] = finite(p_m.x());
-  element["y"] = finite(p_m.y());
-}
-
-/// Members of a feature that its shape decides.
-struct AddShape {
-  Json& element;
-
-  void operator()(const EllipseShape& shape) const { add_body(shape.ellipse_world, Shape::kEllipse, {}, shape.body); }
-  void operator()(const BoxShape& shape) const {
-    add_body(moment_equal_ellipse(shape.box_world), Shape::kBox, shape.box_world, shape.body);
-  }
-  void add_body(const Ellipse& ellipse, Shape kind, const Box& box, const BodyState& body) const {
-    Object object;
-    object.shape = kind;
-    object.ellipse_world = ellipse;
-    object.box_world = box;
-    Json& outline = element["outline"] = Json::array();
-    for (const Eigen::Vector2d& p_world_m : outline_world(object)) add_point(outline, p_world_m);
-    element["closed"] = true;
-    const auto P = body.covariance.block<2, 2>(object_error::kPosition, object_error::kPosition);
-    element["sigma_m"] = finite(std::sqrt(std::max(0.5 * P.trace(), 0.0)));
-    add_place(ellipse.center_m, element);
-    element["psi"] = finite(ellipse.psi_rad);
-    element["rx"] = finite(ellipse.rx_m);
-    element["ry"] = finite(ellipse.ry_m);
-    element["vx"] = finite(body.velocity_world_m_s.x());
-    element["vy"] = finite(body.velocity_world_m_s.y());
-    element["wz"] = finite(body.angular_velocity_rad_s);
-    element["covariance"] = list_of(64, [&](int i) { return body.covariance(i / 8, i % 8); });
-  }
-
-  void operator()(const PolylineShape& shape) const {
-    std::vector<Eigen::Vector2d> points_m;
-    Json& outline = element["outline"] = Json::array();
-    Json sigma = Json::array();
-    for (const ChainVertex& vertex : shape.vertices) {
-      points_m.push_back(vertex.p_world_m);
-      add_point(outline, vertex.p_world_m);
-      sigma.push_back(finite(vertex.sigma_m));
-    }
-    element["closed"] = shape.closed;
-    element["sigma_m"] = std::move(sigma);
-    add_place(middle_of(points_m, shape.closed), element);
-  }
-
-  void operator()(const ArcShape& shape) const {
-    Json& outline = element["outline"] = Json::array();
-    Json sigma = Json::array();
-    for (const SplinegonVertex& vertex : shape.vertices) {
-      outline.push_back(list_of(3, [&](int i) { return i < 2 ? vertex.p_world_m(i) : vertex.bulge; }));
-      sigma.push_back(finite(vertex.sigma_m));
-    }
-    element["closed"] = shape.closed;
-    element["sigma_m"] = std::move(sigma);
-    constexpr double kSpacing_m = 0.2;
-    std::vector<Eigen::Vector2d> points_m;
-    for (const SplinegonPoint& point : sampled(splinegon_of(shape), kSpacing_m)) points_m.push_back(point.p_world_m);
-    add_place(middle_of(points_m, shape.closed), element);
-  }
-
-  /// The outline is the circle of its area, of two arcs.
-  void operator()(const FootprintShape& shape) const {
-    const Eigen::Vector2d p_m = shape.p_world_m.head<2>();
-    const double radius_m = std::sqrt(shape.area_m2 / kPi);
-    Json& outline = element["outline"] = Json::array();
-    for (const double side : {-1.0, 1.0}) {
-      outline.push_back(Json::array({finite(p_m.x() + side * radius_m), finite(p_m.y()), 1.0}));
-    }
-    element["closed"] = true;
-    element["sigma_m"] = finite(std::sqrt(std::max(0.5 * shape.covariance_m2.trace(), 0.0)));
-    add_place(p_m, element);
-    element["area_m2"] = finite(shape.area_m2);
-    element["z"] = finite(shape.p_world_m.z());
-  }
-};
-
-void add_feature(Json& list, const Feature& feature) {
-  Json& element = add_object(list, 26);
-  element["id"] = feature.id;
-  element["kind"] = kind_of(feature.shape);
-  element["class"] = name_of(feature.object_class);
-  element["p_class"] = finite(feature.p_class);
-  element["p_exists"] = finite(feature.p_exists);
-  element["p_moving"] = finite(feature.p_moving);
-  element["motion"] = name_of(feature.motion);
-  element["first_seen"] = seconds(feature.first_seen_ns);
-  element["last_seen"] = seconds(feature.last_seen_ns);
-  if (feature.last_absent_ns) element["last_absent"] = seconds(*feature.last_absent_ns);
-  if (feature.first_absent_ns) element["first_absent"] = seconds(*feature.first_absent_ns);
-  Json& seen_by = element["seen_by"] = Json::array();
-  if (feature.seen_by.scan) seen_by.push_back("scan");
-  if (feature.seen_by.cloud) seen_by.push_back("cloud");
-  if (feature.seen_by.camera) seen_by.push_back("camera");
-  std::visit(AddShape{element}, feature.shape);
-}
 
 /// The name of the n-th map of a recording: the same each time that it is played.
 std::string uuid_of(std::int64_t first_stamp_ns, std::uint64_t n) {
@@ -342,15 +221,36 @@ Params read_params(const Options& options) {
   return params;
 }
 
-MapPipeline pipeline_of(const Options& options, const Params& params) {
-  return {params.bag.map, params.objects, {options.has("objects"), options.has("polygons"), options.has("splinegons")}};
-}
+/// The map of a run: that of a file at first, and in a file in the end.
+class BagMap {
+ public:
+  BagMap(const Options& options, const Params& params)
+      : options_(options),
+        pipeline_(params.bag.map, params.objects,
+                  {options.has("objects"), options.has("polygons"), options.has("splinegons")}) {
+    if (!options.load_map.empty()) pipeline_.resume(load_features(options.load_map, options.bag.world_frame));
+  }
+
+  MapPipeline& pipeline() { return pipeline_; }
+
+  void save() const {
+    if (options_.save_map.empty()) return;
+    SavedMap saved = pipeline_.saved();
+    saved.world_frame = options_.bag.world_frame;
+    save_features(options_.save_map, saved);
+  }
+
+ private:
+  const Options& options_;
+  MapPipeline pipeline_;
+};
 
 void map_by_tf(const Options& options, const Params& params) {
   const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   BagPlayer player(options.bag, kResetTimeJump_s, {frames.base});
   Output out(options);
-  MapPipeline pipeline = pipeline_of(options, params);
+  BagMap map(options, params);
+  MapPipeline& pipeline = map.pipeline();
   PointStates states;
   Pose pose;
   pose.covariance.diagonal() << kTfSigma_m * kTfSigma_m, kTfSigma_m * kTfSigma_m, kTfSigma_rad * kTfSigma_rad;
@@ -381,13 +281,15 @@ void map_by_tf(const Options& options, const Params& params) {
   if (images) images->print_summary();
   player.check_mapped(options.has_scans() ? states.why_no_hit() : images->pipeline().why_nothing());
   out.finish();
+  map.save();
 }
 
 void map_by_reflectors(const Options& options, const Params& params) {
   const OdometryFrames frames = odometry_frames(options.bag, options.reflectors.odometry);
   LocalizationPipeline localization(load_reflector_map(options.reflectors.reflectors), params.bag.reflectors,
                                     params.bag.localization);
-  MapPipeline pipeline = pipeline_of(options, params);
+  BagMap map(options, params);
+  MapPipeline& pipeline = map.pipeline();
   BagPlayer player = player_by_odometry(options.bag, kResetTimeJump_s, frames);
   Output out(options);
   PointStates states;
@@ -412,6 +314,7 @@ void map_by_reflectors(const Options& options, const Params& params) {
   const std::string why_unknown = bag_localization.why_unknown();
   player.check_mapped(why_unknown.empty() ? states.why_no_hit() : why_unknown);
   out.finish();
+  map.save();
 }
 
 void map_by_gps(const Options& options, const Params& params) {
@@ -419,7 +322,8 @@ void map_by_gps(const Options& options, const Params& params) {
       options.reflectors.odometry.frames.base.empty() ? "base_link" : options.reflectors.odometry.frames.base;
   BagPlayer player(with_backlog(options.bag), kResetTimeJump_s, {base_frame, true});
   Output out(options);
-  MapPipeline pipeline = pipeline_of(options, params);
+  BagMap map(options, params);
+  MapPipeline& pipeline = map.pipeline();
   player.on_restart([&pipeline] { pipeline.begin_anew(); });
   BagNavigation bag_navigation(kName, player, options.bag, options.navigation, base_frame, params.bag.gps_ins);
   PointStates states;
@@ -440,6 +344,7 @@ void map_by_gps(const Options& options, const Params& params) {
   bag_navigation.print_summary();
   player.check_mapped(bag_navigation.why_nothing(states.why_no_hit()));
   out.finish();
+  map.save();
 }
 
 int map_bag(const Options& options) {

@@ -7,19 +7,18 @@
 
 #include <gtest/gtest.h>
 
+#include "map/polygons/guarded_map.hpp"
 #include "map/polygons/room_polylines.hpp"
-#include "situation_awareness/map/polygons/timed_polygon_map.hpp"
 
 namespace situation_awareness::map_polygons_allocation_test {
 namespace {
 
-// Of what an update, the chains and their states need, while the same scans come again.
+// Of what an update and the chains need, while the same scans come again.
 TEST(Allocation, NoneForTheMapOfPolygonsAfterWarmUp) {
   RoomPolylines room(1);
   for (int i = 0; i < 6; ++i) room.add_box({{-2.0 + 0.8 * i, 1.2}, 0.1 * i, 0.15, 0.1});
   std::vector<Polylines> scans = room.next(100);
-  TimedPolygonMap map(PolygonMapParams{}, ChainStateParams{}, 1.0);
-  PolygonMapUpdate update;
+  GuardedMap map(PolygonMapParams{});
   const Eigen::Matrix3d covariance = Eigen::Vector3d(1e-6, 1e-6, 1e-7).asDiagonal();
   std::int64_t asked = 0;
   std::int64_t stamp_ns = 1'000'000'000'000;
@@ -28,11 +27,11 @@ TEST(Allocation, NoneForTheMapOfPolygonsAfterWarmUp) {
     for (Polylines& scan : scans) {
       scan.stamp_ns = stamp_ns += RoomPolylines::kPeriod_ns;
       const std::int64_t before = allocations().count;
-      update = map.update(scan, covariance, std::move(update));
+      map.update(scan, covariance);
       asked += allocations().count - before;
     }
   }
-  EXPECT_GT(map.size(), 3U);
+  EXPECT_GT(map.polygons().chains.size(), 3U);
   EXPECT_EQ(asked, 0);
 }
 

@@ -28,6 +28,7 @@
 
 #include "panel_fixture.hpp"
 #include "situation_awareness/LoadObjects.h"
+#include "situation_awareness/SaveMap.h"
 #include "situation_awareness/SaveObjects.h"
 
 namespace situation_awareness {
@@ -287,9 +288,10 @@ TEST_F(PanelTest, UsesItsNamespaceAndSavesItInTheConfig) {
   EXPECT_NE(answer(), "") << "no name";
 }
 
-// The services of the one map have its name, whichever stage keeps it; there is no file of it.
-TEST_F(PanelTest, ResetsTheOneMap) {
+// The services of the one map have its name, whichever stage keeps it.
+TEST_F(PanelTest, CallsTheServicesOfTheOneMap) {
   std::atomic<int> reset = 0;
+  std::string saved;
   ros::NodeHandle node;
   const boost::function<bool(std_srvs::TriggerRequest&, std_srvs::TriggerResponse&)> serve =
       [&reset](std_srvs::TriggerRequest&, std_srvs::TriggerResponse& response) {
@@ -299,16 +301,25 @@ TEST_F(PanelTest, ResetsTheOneMap) {
         return true;
       };
   const ros::ServiceServer server = node.advertiseService("semantic_map/reset", serve);
+  const boost::function<bool(SaveMapRequest&, SaveMapResponse&)> save = [&saved](SaveMapRequest& request,
+                                                                                 SaveMapResponse& response) {
+    response.success = true;
+    response.message = "saved";
+    saved = request.file;
+    return true;
+  };
+  const ros::ServiceServer save_server = node.advertiseService("semantic_map/save_map", save);
   rviz::Config config;
   config.mapSetValue("Stages", "gps_ins inertial_semantic_map");
   config.mapSetValue("Map", "semantic_map");
   panel_->load(config);
-  for (const char* name : {"save", "load"}) EXPECT_FALSE(part<QPushButton>(name).isEnabled()) << name;
   click("reset");
   ASSERT_TRUE(until([this] { return answer() == "semantic_map/reset: the map begins anew"; })) << answer();
   EXPECT_EQ(reset, 1);
-  ASSERT_TRUE(until([this] { return part<QPushButton>("reset").isEnabled(); }));
-  for (const char* name : {"save", "load"}) EXPECT_FALSE(part<QPushButton>(name).isEnabled()) << name;
+  ASSERT_TRUE(until([this] { return part<QPushButton>("save").isEnabled(); }));
+  choose("save", "/tmp/situation_awareness_panel_test_map");
+  ASSERT_TRUE(until([this] { return answer() == "semantic_map/save_map: saved"; })) << answer();
+  EXPECT_EQ(saved, "/tmp/situation_awareness_panel_test_map.json");
 }
 
 TEST_F(PanelTest, ShowsTheStagesOfAnotherMap) {

@@ -3,14 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <stdexcept>
 #include <vector>
 
 #include <gtest/gtest.h>
 #include <Eigen/Geometry>
 
-#include "situation_awareness/ros/convert/polygons.hpp"
 #include "situation_awareness/ros/markers/polygon_markers.hpp"
 
 namespace situation_awareness::polygon_mesh_test {
@@ -31,6 +28,11 @@ Polygons some_chains() {
                              1.0,
                              ChainState::kNew});
   return polygons;
+}
+
+void draw(const Polygons& map, const PolygonStyle& style, MapMesh& mesh) {
+  clear(mesh);
+  for (const Chain& chain : map.chains) add(chain, color_of(chain.state), map.height_world_m, style, mesh);
 }
 
 double area_of(const Mesh& mesh) {
@@ -95,21 +97,6 @@ TEST(PolygonMesh, LabelsAreIdsOnTheFreeSide) {
   EXPECT_NEAR(labels[0].position_m.x(), 0.0F, 1e-6);
   EXPECT_EQ(labels[1].text, "5");
   EXPECT_GT(labels[1].position_m.y(), 1.0F) << "outside";
-}
-
-TEST(PolygonMesh, WhatCannotBeDrawnIsRefused) {
-  const PolygonArray good = polygons_to_msg(some_chains(), "map");
-  EXPECT_EQ(drawable_polygons(good).chains.size(), 2U);
-  const std::vector<std::function<void(PolygonArray&)>> faults{
-      [](PolygonArray& msg) { msg.polygons[1].vertices[0].x = 2e5; },
-      [](PolygonArray& msg) { msg.polygons[1].sigma_m[0] = 2e3; },
-      [](PolygonArray& msg) { msg.polygons[0].vertices[0].z = 1e6; },
-      [](PolygonArray& msg) { msg.polygons[0].vertices[0].y = std::nan(""); }};
-  for (const auto& spoil : faults) {
-    PolygonArray msg = good;
-    spoil(msg);
-    EXPECT_THROW(drawable_polygons(msg), std::invalid_argument);
-  }
 }
 
 }  // namespace

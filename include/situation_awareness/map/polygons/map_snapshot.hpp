@@ -33,7 +33,6 @@ constexpr std::size_t kMaxElements = 300'000;  ///< of a map: no more are made; 
 constexpr std::int64_t kMaxPlace = 1 << 24;    ///< elements of the map, removed ones included
 }  // namespace polygon_bounds
 
-/// Numbers as one text in a map file, separated by spaces, each the shortest that is read back exactly.
 struct FloatRow {
   std::vector<float> values;
 };
@@ -48,16 +47,9 @@ struct ChainPlaces {
   std::int32_t begun_at = 0;  ///< place of the element by which it is listed
   std::vector<std::int32_t> elements;
 };
-/// As a text: the id, closed and loop as 0 or 1, begun_at, and the places of each, with " / " between them.
 struct ChainRows {
   std::vector<ChainPlaces> values;
 };
-std::string yaml_text(const FloatRow& row);
-std::string yaml_text(const PlaceRow& row);
-std::string yaml_text(const ChainRows& rows);
-void read_yaml_text(const std::string& text, FloatRow& row);
-void read_yaml_text(const std::string& text, PlaceRow& row);
-void read_yaml_text(const std::string& text, ChainRows& rows);
 
 /// An element of a boundary, as PolygonMap keeps it.
 struct PolygonMapElement {
@@ -130,7 +122,6 @@ struct PolygonMapSnapshot {
   static constexpr std::size_t kMaxWatches = 64;
   static constexpr std::size_t kMaxJoints = 100'000;
 
-  std::string world_frame;           ///< for users of the snapshot: the map itself has no names of frames
   std::int64_t stamp_ns = kNoStamp;  ///< of the latest update
   double step_s = 0.0;               ///< time for which scans were added since the chains were made
   double height_world_m = 0.0;       ///< of the scans, for users of the snapshot
@@ -148,13 +139,11 @@ struct PolygonMapSnapshot {
   PlaceRow renamed;     ///< the same of those that got the id of another chain in the latest update
   PlaceRow lines;  ///< of elements that follow each other along a line, from right to left, each with a -1 behind it
   std::vector<PolygonMapElement> elements;  ///< in an order in which they can be inserted into the map's grid
-  Polygons polygons;                        ///< that they make, for users of the snapshot; in no map file
 
   /// Every field but elements and polygons.
   template <class Self, class Visit>
   static void fields(Self& self, Visit&& visit) {
     using namespace polygon_bounds;
-    visit("world_frame", self.world_frame);
     visit("stamp_ns", self.stamp_ns, kNoStamp, kEnd_ns);
     visit("step_s", self.step_s, kDuration_s);
     visit("height_world_m", self.height_world_m, kPosition_m);
@@ -176,11 +165,8 @@ struct PolygonMapSnapshot {
   /// out of bounds, a normal that is no unit vector, places that are not each of one element or free, a chain that is
   /// not below `next_id`, joints that are not in ascending order, chains that are not of elements on the map, each of
   /// one at most, or have the same id, a stamp after the latest update, free space that is not one range for each of
-  /// ascending azimuths. `world_frame` may be empty.
+  /// ascending azimuths.
   void validate() const;
-
-  /// Moves all times by the same.
-  void shift_time(std::int64_t later_ns);
 };
 
 /// A map of these chains: elements `spacing_m` apart along their edges, linked and confirmed, as certain as the chains

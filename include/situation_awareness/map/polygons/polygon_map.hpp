@@ -70,6 +70,9 @@ struct PolygonMapParams {
   void validate() const { check_bounds(*this, "polygons"); }
 };
 
+/// Whether all numbers are finite and of a place within 1000 km of the world's origin.
+bool can_be_mapped(const Polylines& polylines, const Eigen::Matrix3d& pose_covariance);
+
 /// What an update did.
 struct PolygonMapUpdate {
   int fused = 0;    ///< hits on known elements

@@ -16,7 +16,7 @@ struct ChainVertex {
   double sigma_m = 0.0;
 };
 
-/// What a chain is to who drives past it (map/polygons/chain_state.hpp).
+/// What a chain is to who drives past it.
 enum class ChainState : std::uint8_t {
   kWall,     ///< larger than an object, and there for long
   kKnown,    ///< there since before the present transit, or for long
