@@ -94,13 +94,13 @@ FeatureId SemanticMap::id_of_saved(const GridTarget& target) {
   return id;
 }
 
-/// What a file has where a chain is now is that chain, or a part of it.
+/// What a file has where a chain is that it has not is that chain, or a part of it.
 void SemanticMap::take_saved_of(ChainEntry& chain) {
   for (std::size_t k = 0; k < saved_.size();) {
     const Saved& saved = saved_[k];
-    const bool is_near =
-        saved.body && with_chains_ && box_around(*saved.body, kBesideSaved_m).intersects(chain.box_world_m);
-    const double on_m = is_near ? length_on(*saved.body, chain.latest, margin_of(*saved.body, kBesideSaved_m)) : 0.0;
+    const double margin_m = saved.body ? margin_of(*saved.body, params_.margin_m) : 0.0;
+    const bool is_near = saved.body && with_chains_ && box_around(*saved.body, margin_m).intersects(chain.box_world_m);
+    const double on_m = is_near ? length_on(*saved.body, chain.latest, margin_m) : 0.0;
     const bool is_of_it = on_m > 0.0 && on_m >= kIsOfSaved * chain.length_m;
     if (!is_of_it && (on_m <= 0.0 || on_m < kCoversSaved * lesser_width_of(*saved.body))) {
       ++k;

@@ -186,6 +186,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
       new_.push_back(chain->id);
       if (const auto saved = saved_ids_.find(chain->id); saved != saved_ids_.end()) {
         known->id = saved->second;
+        known->is_saved = true;
         owners_[known->id].chain = known->handle;
         saved_ids_.erase(saved);
       }
@@ -200,7 +201,7 @@ void SemanticMap::take_chains(const PolygonChanges& changes) {
     changed_world_m_.extend(known->box_world_m);
     place(*known);
     unsettle_near(known->latest);
-    if (!saved_.empty()) take_saved_of(*known);
+    if (!saved_.empty() && !known->is_saved) take_saved_of(*known);
     touched_.push_back(known->id);
     look_at_traces(*known);
   }

@@ -1235,6 +1235,19 @@ TEST(SemanticMap, AChainWhereAFileHasAThingIsThat) {
   ASSERT_EQ(scene.gone().size(), 0U) << "the ellipse was not told before";
 }
 
+TEST(SemanticMap, WhatAFileHasBesideAWallOfItStays) {
+  Scene scene;
+  const Feature wall = saved_feature(7, PolylineShape{{{{5.0, 1.0}, 0.01}, {{-5.0, 1.0}, 0.01}}, false});
+  const Feature crate = saved_feature(8, BoxShape{{{0.0, 0.55}, 0.0, 0.4, 0.4}, {}});
+  scene.with_objects = false;
+  scene.resume(saved_map({wall, crate}), {{7, 3, false}});
+  for (const double end_m : {-5.0, -5.1, -5.2}) {
+    scene.chain(3, {{5.0, 1.0}, {end_m, 1.0}});
+    scene.scan();
+    EXPECT_EQ(scene.features(), Features({"7 polyline", "8 box"}));
+  }
+}
+
 TEST(SemanticMap, AChainOfAFileKeepsWhatTheFileSays) {
   Scene scene;
   Feature wall = saved_feature(7, PolylineShape{{{{5.0, 1.0}, 0.01}, {{1.0, 1.0}, 0.01}}, false});

@@ -148,6 +148,7 @@ class SemanticMap {
     FeatureId left_with = 0;            ///< the id that it had and with which an object drove off from it
     Handle beside = 0;                  ///< the chain that shows its surface, if it does not itself
     double begin_m = 0.0, end_m = 0.0;  ///< along it, what it shows
+    bool is_saved = false;              ///< it is of a file, beside what else that has there
     Handle of_boundary = 0;             ///< of which it is a part, if that is on the map
     std::uint64_t boundary_update = 0;  ///< number of the latest update of boundaries that listed it
     double length_m = 0.0;
