@@ -30,7 +30,7 @@ SHIFTS_S = (-3600.0, -5.0, -0.2, 0.2, 2.0, 5.0, 3600.0)
 STAMPED = {
     "objects": ("scan",),
     "polygons": ("scan",),
-    "splinegons": ("scan",),
+    "one map": ("scan",),
     "grid": ("image",),
     "reflector localisation": ("scan", "odometry"),
     "GPS/INS": ("imu", "fix"),
