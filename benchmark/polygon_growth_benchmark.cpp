@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "make_chains.hpp"
 #include "map/polygons/room_polylines.hpp"
 #include "measures.hpp"
 #include "situation_awareness/map/polygons/polygon_map.hpp"
@@ -20,16 +21,6 @@ namespace situation_awareness {
 namespace {
 
 const Eigen::Matrix3d kCovariance = Eigen::Vector3d(9e-6, 9e-6, 1e-6).asDiagonal();
-
-/// Makes the chains that a scan changed. A map of an older build has one way, that makes all chains anew.
-template <class Map>
-auto make_chains(Map& map, Polygons& /*memory*/, int /*preferred*/) -> decltype(map.update_due_chains(), void()) {
-  map.update_due_chains();
-}
-template <class Map>
-void make_chains(Map& map, Polygons& memory, long /*older*/) {
-  memory = map.polygons(std::move(memory));
-}
 
 /// A live map and what its updates cost.
 class TimedMap {
@@ -89,7 +80,6 @@ void street(benchmark::State& state) {
     const double kilobytes = static_cast<double>(memory().heap_bytes - before_bytes) / 1024.0;
     state.counters["growth"] = km_us.back() / km_us.front();
     state.counters["kib_per_km"] = kilobytes / static_cast<double>(km_us.size());
-    state.counters["chains"] = static_cast<double>(map.map().size());
     state.counters["elements"] = static_cast<double>(map.map().elements());
   }
 }
