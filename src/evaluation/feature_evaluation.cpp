@@ -213,6 +213,7 @@ std::vector<FeatureEvaluation::Line> FeatureEvaluation::lines_of(const Map& map,
   };
   const auto add_chain = [&add](FeatureId id, bool closed, const std::vector<ChainVertex>& vertices) {
     std::vector<Eigen::Vector2d> points;
+    points.reserve(vertices.size());
     for (const ChainVertex& vertex : vertices) points.push_back(vertex.p_world_m);
     add(id, false, closed, std::move(points));
   };
