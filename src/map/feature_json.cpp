@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "situation_awareness/common/params.hpp"
+#include "json_members.hpp"
 #include "situation_awareness/estimation/covariance.hpp"
 #include "situation_awareness/geometry/angles.hpp"
 
@@ -21,8 +21,6 @@ constexpr Bounds kPosition_m{-1e6, 1e6}, kSize_m{1e-3, 1e4}, kSigma_m{0.0, 1e3},
 constexpr Bounds kArea_m2{1e-6, 1e8}, kCovariance{-1e9, 1e9};
 /// An arc is less than a circle.
 constexpr Bounds kBulge{-1e3, 1e3};
-/// Stamps are of ROS, or of a time long before that.
-constexpr Bounds kTime_s{-2e9, 4'294'967'295.0};
 constexpr std::size_t kMaxVertices = 400'000;
 /// The standard deviation of an outline that is drawn by hand.
 constexpr double kDrawnSigma_m = 0.02;
@@ -129,104 +127,56 @@ struct AddShape {
 
 // --- reading --------------------------------------------------------------------------------------------------------
 
-/// The members of an object, each by its name, or what takes its place where it is missing.
-class Members {
- public:
-  Members(const Json& object, std::string place) : object_(object), place_(std::move(place)) {
-    if (!object.is_object()) throw std::invalid_argument(place_ + "is no object");
+FeatureId id_of(const JsonMembers& members) {
+  const Json* const value = members.find("id");
+  if (value == nullptr) return 0;
+  constexpr FeatureId kEnd = FeatureId{1} << 53;
+  if (!value->is_number_unsigned() || value->get<FeatureId>() == 0 || value->get<FeatureId>() >= kEnd) {
+    members.refuse("id", "is no whole number in [1, 2^53)");
   }
+  return value->get<FeatureId>();
+}
 
-  [[noreturn]] void refuse(const std::string& name, const std::string& defect) const {
-    throw std::invalid_argument(place_ + name + ' ' + defect);
-  }
+/// The one of `values` whose name a member is.
+template <class Value, std::size_t N>
+Value one_of(const JsonMembers& members, const char* name, const std::array<Value, N>& values, Value otherwise) {
+  const Json* const text = members.find(name);
+  if (text == nullptr) return otherwise;
+  const auto value =
+      std::find_if(values.begin(), values.end(), [&](Value candidate) { return *text == name_of(candidate); });
+  if (value == values.end()) members.refuse(name, "= " + text->dump() + " is unknown");
+  return *value;
+}
 
-  /// Null if it is missing.
-  const Json* find(const char* name) const {
-    const auto found = object_.find(name);
-    return found != object_.end() ? &*found : nullptr;
+/// Calls visit(point, sigma_m) with each vertex of the outline, a list of at least `fewest` numbers.
+template <class Visit>
+void for_each_vertex(const JsonMembers& members, std::size_t fewest, const Visit& visit) {
+  const Json* const points = members.find("outline");
+  if (points == nullptr || !points->is_array() || points->size() > kMaxVertices) {
+    members.refuse("outline", "is no list of vertices, or too long");
   }
+  const Json* const sigma = members.find("sigma_m");
+  const bool has_each = sigma != nullptr && sigma->is_array();
+  if (has_each && sigma->size() != points->size()) members.refuse("sigma_m", "has not one value for each vertex");
+  for (std::size_t k = 0; k < points->size(); ++k) {
+    const Json& point = (*points)[k];
+    if (!point.is_array() || point.size() < fewest) members.refuse("outline", "has a vertex without its numbers");
+    const double sigma_m =
+        sigma == nullptr ? kDrawnSigma_m : members.number(has_each ? (*sigma)[k] : *sigma, "sigma_m", kSigma_m);
+    visit(point, sigma_m);
+  }
+}
 
-  double number(const Json& value, const char* name, Bounds bounds) const {
-    if (!value.is_number()) refuse(name, "is no number");
-    const auto number = value.get<double>();
-    if (!(number >= bounds.low && number <= bounds.high)) refuse(name, "is out of bounds");
-    return number;
-  }
-  double number(const char* name, Bounds bounds) const {
-    const Json* const value = find(name);
-    if (value == nullptr) refuse(name, "is missing");
-    return number(*value, name, bounds);
-  }
-  double number(const char* name, Bounds bounds, double otherwise) const {
-    return find(name) != nullptr ? number(name, bounds) : otherwise;
-  }
+Eigen::Vector2d place_of(const JsonMembers& members, const Json& point) {
+  return {members.number(point[0], "outline", kPosition_m), members.number(point[1], "outline", kPosition_m)};
+}
 
-  std::int64_t stamp_ns(const char* name, std::int64_t otherwise_ns) const {
-    return find(name) != nullptr ? std::llround(1e9 * number(name, kTime_s)) : otherwise_ns;
-  }
-
-  bool flag(const char* name) const {
-    const Json* const value = find(name);
-    if (value == nullptr) return false;
-    if (!value->is_boolean()) refuse(name, "is neither true nor false");
-    return value->get<bool>();
-  }
-
-  FeatureId id() const {
-    const Json* const value = find("id");
-    if (value == nullptr) return 0;
-    constexpr FeatureId kEnd = FeatureId{1} << 53;
-    if (!value->is_number_unsigned() || value->get<FeatureId>() == 0 || value->get<FeatureId>() >= kEnd) {
-      refuse("id", "is no whole number in [1, 2^53)");
-    }
-    return value->get<FeatureId>();
-  }
-
-  /// One of `names`: the value with its name.
-  template <class Value, std::size_t N>
-  Value one_of(const char* name, const std::array<Value, N>& values, Value otherwise) const {
-    const Json* const text = find(name);
-    if (text == nullptr) return otherwise;
-    const auto value =
-        std::find_if(values.begin(), values.end(), [&](Value candidate) { return *text == name_of(candidate); });
-    if (value == values.end()) refuse(name, "= " + text->dump() + " is unknown");
-    return *value;
-  }
-
-  /// Calls visit(point, sigma_m) with each vertex of the outline, a list of at least `fewest` numbers.
-  template <class Visit>
-  void outline(std::size_t fewest, const Visit& visit) const {
-    const Json* const points = find("outline");
-    if (points == nullptr || !points->is_array() || points->size() > kMaxVertices) {
-      refuse("outline", "is no list of vertices, or too long");
-    }
-    const Json* const sigma = find("sigma_m");
-    const bool has_each = sigma != nullptr && sigma->is_array();
-    if (has_each && sigma->size() != points->size()) refuse("sigma_m", "has not one value for each vertex");
-    for (std::size_t k = 0; k < points->size(); ++k) {
-      const Json& point = (*points)[k];
-      if (!point.is_array() || point.size() < fewest) refuse("outline", "has a vertex without its numbers");
-      const double sigma_m =
-          sigma == nullptr ? kDrawnSigma_m : number(has_each ? (*sigma)[k] : *sigma, "sigma_m", kSigma_m);
-      visit(point, sigma_m);
-    }
-  }
-
-  Eigen::Vector2d place(const Json& point) const {
-    return {number(point[0], "outline", kPosition_m), number(point[1], "outline", kPosition_m)};
-  }
-
- private:
-  const Json& object_;
-  std::string place_;
-};
-
-void read_sights(const Members& members, std::int64_t stamp_ns, Feature& feature) {
+void read_sights(const JsonMembers& members, std::int64_t stamp_ns, Feature& feature) {
   feature.first_seen_ns = members.stamp_ns("first_seen", stamp_ns);
   feature.last_seen_ns = members.stamp_ns("last_seen", stamp_ns);
   if (feature.first_seen_ns > feature.last_seen_ns) members.refuse("first_seen", "is after last_seen");
-  if (members.find("last_absent") != nullptr) feature.last_absent_ns = members.stamp_ns("last_absent", 0);
-  if (members.find("first_absent") != nullptr) feature.first_absent_ns = members.stamp_ns("first_absent", 0);
+  if (members.find("last_absent") != nullptr) feature.last_absent_ns = members.stamp_ns("last_absent");
+  if (members.find("first_absent") != nullptr) feature.first_absent_ns = members.stamp_ns("first_absent");
   const Json* const seen_by = members.find("seen_by");
   if (seen_by == nullptr) {
     feature.seen_by.file = true;
@@ -240,7 +190,7 @@ void read_sights(const Members& members, std::int64_t stamp_ns, Feature& feature
   }
 }
 
-BodyState body_of(const Members& members) {
+BodyState body_of(const JsonMembers& members) {
   BodyState body;
   body.velocity_world_m_s = {members.number("vx", kSpeed, 0.0), members.number("vy", kSpeed, 0.0)};
   body.angular_velocity_rad_s = members.number("wz", kSpeed, 0.0);
@@ -260,7 +210,7 @@ BodyState body_of(const Members& members) {
   return body;
 }
 
-Ellipse ellipse_of(const Members& members) {
+Ellipse ellipse_of(const JsonMembers& members) {
   Ellipse ellipse;
   ellipse.center_m = {members.number("x", kPosition_m), members.number("y", kPosition_m)};
   ellipse.psi_rad = members.number("psi", Bounds{-2.0 * kPi, 2.0 * kPi}, 0.0);
@@ -270,23 +220,23 @@ Ellipse ellipse_of(const Members& members) {
   return ellipse;
 }
 
-PolylineShape polyline_of(const Members& members) {
+PolylineShape polyline_of(const JsonMembers& members) {
   PolylineShape shape;
   shape.closed = members.flag("closed");
-  members.outline(2, [&](const Json& point, double sigma_m) {
-    shape.vertices.push_back({members.place(point), sigma_m});
+  for_each_vertex(members, 2, [&](const Json& point, double sigma_m) {
+    shape.vertices.push_back({place_of(members, point), sigma_m});
   });
   if (shape.vertices.size() < (shape.closed ? 3U : 2U)) members.refuse("outline", "has too few vertices");
   return shape;
 }
 
-/// Main vertices and joints alternate.
-ArcShape arcs_of(const Members& members) {
+/// Reads an outline whose main vertices and joints alternate.
+ArcShape arcs_of(const JsonMembers& members) {
   ArcShape shape;
   shape.closed = members.flag("closed");
-  members.outline(3, [&](const Json& point, double sigma_m) {
+  for_each_vertex(members, 3, [&](const Json& point, double sigma_m) {
     SplinegonVertex vertex;
-    vertex.p_world_m = members.place(point);
+    vertex.p_world_m = place_of(members, point);
     vertex.bulge = members.number(point[2], "outline", kBulge);
     vertex.sigma_m = sigma_m;
     if (!shape.vertices.empty() && shape.vertices.back().p_world_m == vertex.p_world_m) {
@@ -302,7 +252,7 @@ ArcShape arcs_of(const Members& members) {
   return shape;
 }
 
-FootprintShape footprint_of(const Members& members) {
+FootprintShape footprint_of(const JsonMembers& members) {
   FootprintShape shape;
   shape.p_world_m = {members.number("x", kPosition_m), members.number("y", kPosition_m),
                      members.number("z", kPosition_m, 0.0)};
@@ -312,15 +262,14 @@ FootprintShape footprint_of(const Members& members) {
   return shape;
 }
 
-FeatureShape shape_of(const Members& members) {
-  const Json* const kind = members.find("kind");
-  if (kind == nullptr) members.refuse("kind", "is missing");
-  if (*kind == "ellipse") return EllipseShape{ellipse_of(members), body_of(members)};
-  if (*kind == "box") return BoxShape{moment_equal_box(ellipse_of(members)), body_of(members)};
-  if (*kind == "polyline") return polyline_of(members);
-  if (*kind == "boundary") return arcs_of(members);
-  if (*kind == "target") return footprint_of(members);
-  members.refuse("kind", "= " + kind->dump() + " is unknown");
+FeatureShape shape_of(const JsonMembers& members) {
+  const Json& kind = members.at("kind");
+  if (kind == "ellipse") return EllipseShape{ellipse_of(members), body_of(members)};
+  if (kind == "box") return BoxShape{moment_equal_box(ellipse_of(members)), body_of(members)};
+  if (kind == "polyline") return polyline_of(members);
+  if (kind == "boundary") return arcs_of(members);
+  if (kind == "target") return footprint_of(members);
+  members.refuse("kind", "= " + kind.dump() + " is unknown");
 }
 
 }  // namespace
@@ -347,17 +296,18 @@ void add_feature(Json& list, const Feature& feature) {
 }
 
 Feature feature_from_json(const Json& object, std::int64_t stamp_ns, const std::string& place) {
-  const Members members(object, place);
+  const JsonMembers members(object, place);
   Feature feature;
-  feature.id = members.id();
-  feature.object_class = members.one_of(
-      "class", std::array{ObjectClass::kUnknown, ObjectClass::kPerson, ObjectClass::kVehicle, ObjectClass::kPole},
-      ObjectClass::kUnknown);
+  feature.id = id_of(members);
+  feature.object_class =
+      one_of(members, "class",
+             std::array{ObjectClass::kUnknown, ObjectClass::kPerson, ObjectClass::kVehicle, ObjectClass::kPole},
+             ObjectClass::kUnknown);
   feature.p_class = members.number("p_class", kUnit, 0.0);
   feature.p_exists = members.number("p_exists", kUnit, 1.0);
   feature.p_moving = members.number("p_moving", kUnit, 0.0);
   feature.motion =
-      members.one_of("motion", std::array{Motion::kMoving, Motion::kStanding, Motion::kFixed}, Motion::kFixed);
+      one_of(members, "motion", std::array{Motion::kMoving, Motion::kStanding, Motion::kFixed}, Motion::kFixed);
   read_sights(members, stamp_ns, feature);
   feature.shape = shape_of(members);
   return feature;

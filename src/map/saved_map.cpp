@@ -2,13 +2,13 @@
 #include "situation_awareness/map/saved_map.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <map>
 #include <stdexcept>
 #include <utility>
 
+#include "json_members.hpp"
 #include "situation_awareness/common/file.hpp"
 #include "situation_awareness/map/feature_json.hpp"
 
@@ -18,22 +18,6 @@ namespace {
 constexpr const char* kFormat = "situation_awareness features";
 constexpr int kVersion = 1;
 constexpr std::size_t kMaxFeatures = 300'000;
-/// The end of the time of ROS.
-constexpr double kLatest_s = 4'294'967'295.0;
-
-const Json& member_of(const Json& object, const char* name) {
-  const auto found = object.find(name);
-  if (found == object.end()) throw std::invalid_argument(std::string(name) + " is missing");
-  return *found;
-}
-
-double number_of(const Json& object, const char* name, double low, double high) {
-  const Json& value = member_of(object, name);
-  const double number = value.is_number() ? value.get<double>() : std::nan("");
-  if (!(number >= low && number <= high))
-    throw std::invalid_argument(std::string(name) + " is no number in its bounds");
-  return number;
-}
 
 /// Gives ids to those that have none, and orders all by them.
 void give_ids(SavedMap& saved) {
@@ -51,26 +35,28 @@ void give_ids(SavedMap& saved) {
 }
 
 SavedMap saved_map_of(const Json& object, const std::string& world_frame) {
-  if (!object.is_object() || object.value("format", Json()) != kFormat) {
-    throw std::invalid_argument("is no map: format is not '" + std::string(kFormat) + "'");
+  const JsonMembers members(object, "");
+  if (members.at("format") != kFormat) {
+    members.refuse("format", "is not '" + std::string(kFormat) + "': no map");
   }
-  if (member_of(object, "version") != kVersion) {
-    throw std::invalid_argument("version = " + object["version"].dump() + " is unknown, known is " +
-                                std::to_string(kVersion));
+  const Json& version = members.at("version");
+  if (version != kVersion) {
+    members.refuse("version", "= " + version.dump() + " is unknown, known is " + std::to_string(kVersion));
   }
   SavedMap saved;
-  const Json& frame = member_of(object, "world_frame");
-  if (!frame.is_string()) throw std::invalid_argument("world_frame is no text");
+  const Json& frame = members.at("world_frame");
+  if (!frame.is_string()) members.refuse("world_frame", "is no text");
   saved.world_frame = frame.get<std::string>();
   if (!world_frame.empty() && saved.world_frame != world_frame) {
-    throw std::invalid_argument("world_frame = " + saved.world_frame + " is not the wanted one, " + world_frame);
+    members.refuse("world_frame", "= " + saved.world_frame + " is not the wanted one, " + world_frame);
   }
-  saved.map.stamp_ns = std::llround(1e9 * number_of(object, "stamp", 0.0, kLatest_s));
-  saved.map.height_world_m = number_of(object, "height", -1e6, 1e6);
-  saved.next_id = static_cast<FeatureId>(number_of(object, "next_id", 1.0, 9.0e15));
-  const Json& features = member_of(object, "features");
+  saved.map.stamp_ns = members.stamp_ns("stamp");
+  if (saved.map.stamp_ns < 0) members.refuse("stamp", "is out of bounds");
+  saved.map.height_world_m = members.number("height", {-1e6, 1e6});
+  saved.next_id = static_cast<FeatureId>(members.number("next_id", {1.0, 9.0e15}));
+  const Json& features = members.at("features");
   if (!features.is_array() || features.size() > kMaxFeatures) {
-    throw std::invalid_argument("features are no list, or too many");
+    members.refuse("features", "are no list, or too many");
   }
   for (std::size_t i = 0; i < features.size(); ++i) {
     const std::string place = "features[" + std::to_string(i) + "]: ";
