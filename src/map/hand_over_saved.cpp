@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <variant>
+#include <vector>
 
 #include "chain_cover.hpp"
 #include "semantic_map_parts.hpp"
@@ -62,36 +63,30 @@ const Feature* SemanticMap::find_saved(FeatureId id) const {
   return saved != saved_.end() && saved->feature.id == id ? &saved->feature : nullptr;
 }
 
-void SemanticMap::forget_saved(FeatureId id) {
-  saved_.erase(
-      std::remove_if(saved_.begin(), saved_.end(), [id](const Saved& saved) { return saved.feature.id == id; }),
-      saved_.end());
+/// Takes a feature of the file off those that no layer has seen yet, and returns its id; 0 for the end of them.
+FeatureId SemanticMap::take_saved(std::vector<Saved>::const_iterator saved) {
+  if (saved == saved_.end()) return 0;
+  const FeatureId id = saved->feature.id;
+  saved_.erase(saved);
+  return id;
 }
 
 /// The id of what a file has where a new object is; 0 if there is none.
 FeatureId SemanticMap::id_of_saved(const Object& object) {
-  const auto was = std::find_if(saved_.begin(), saved_.end(), [&](const Saved& saved) {
+  return take_saved(std::find_if(saved_.begin(), saved_.end(), [&](const Saved& saved) {
     return saved.body && may_be_same(saved.body->object_class, object.object_class) &&
            (covers(*saved.body, object.ellipse_world.center_m, margin_of(object, kBesideSaved_m)) ||
             covers(object, saved.body->ellipse_world.center_m, margin_of(object, kBesideSaved_m)));
-  });
-  if (was == saved_.end()) return 0;
-  const FeatureId id = was->feature.id;
-  saved_.erase(was);
-  return id;
+  }));
 }
 
-/// The same of a new target.
+/// The id of what a file has where a new target is; 0 if there is none.
 FeatureId SemanticMap::id_of_saved(const GridTarget& target) {
-  const auto was = std::find_if(saved_.begin(), saved_.end(), [&](const Saved& saved) {
+  return take_saved(std::find_if(saved_.begin(), saved_.end(), [&](const Saved& saved) {
     const auto* const footprint = std::get_if<FootprintShape>(&saved.feature.shape);
     const Eigen::Vector2d p_world_m = target.p_world_m.head<2>();
     return footprint != nullptr && box_around(saved.feature.shape).contains(p_world_m);
-  });
-  if (was == saved_.end()) return 0;
-  const FeatureId id = was->feature.id;
-  saved_.erase(was);
-  return id;
+  }));
 }
 
 /// What a file has where a chain is that it has not is that chain, or a part of it.
@@ -106,8 +101,7 @@ void SemanticMap::take_saved_of(ChainEntry& chain) {
       ++k;
       continue;
     }
-    const FeatureId id = saved.feature.id;
-    saved_.erase(saved_.begin() + static_cast<std::ptrdiff_t>(k));
+    const FeatureId id = take_saved(saved_.begin() + static_cast<std::ptrdiff_t>(k));
     touched_.push_back(id);
     if (is_of_it && chain.id == 0) {
       own(chain, id);
@@ -131,7 +125,7 @@ void SemanticMap::look_through_saved() {
     remember_last(id);
     owners_[id].reason = GoneReason::kSeenThrough;
     touched_.push_back(id);
-    forget_saved(id);
+    take_saved(saved_.begin() + static_cast<std::ptrdiff_t>(next_saved_));
   }
 }
 

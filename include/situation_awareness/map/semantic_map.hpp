@@ -235,7 +235,7 @@ class SemanticMap {
   };
 
   const Feature* find_saved(FeatureId id) const;
-  void forget_saved(FeatureId id);
+  FeatureId take_saved(std::vector<Saved>::const_iterator saved);
   FeatureId id_of_saved(const Object& object);
   FeatureId id_of_saved(const GridTarget& target);
   void take_saved_of(ChainEntry& chain);
