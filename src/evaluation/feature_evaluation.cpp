@@ -39,7 +39,7 @@ double distance_m(const Eigen::Vector2d& p, const std::vector<Eigen::Vector2d>& 
   return least_m;
 }
 
-/// The same of several closed ones.
+/// Distance of a point from the nearest of several closed outlines; infinity if they have no edge.
 double distance_m(const Eigen::Vector2d& p, const std::vector<std::vector<Eigen::Vector2d>>& outlines) {
   double least_m = kFar_m;
   for (const auto& outline : outlines) least_m = std::min(least_m, distance_m(p, outline, true));

@@ -166,8 +166,8 @@ TEST(FeatureEvaluation, ABodyThatBecomesAPolylineStaysOnTheMap) {
 }
 
 TEST(FeatureEvaluation, ABodyWithHalfOfItOnTheMapIsOnIt) {
-  // Of the 10 places at y = -0.45 to 0.45 7 are within 10 cm of a line that ends at 0.06, and 4 of one that ends at
-  // -0.24.
+  // The side is looked at in 10 places, at y = -0.45 to 0.45: 7 are within 10 cm of a line that ends at 0.06, and 4 are
+  // within 10 cm of one that ends at -0.24.
   for (const double end_m : {0.06, -0.24}) {
     const FeatureScore score =
         score_of({crate_at(3.0)}, hits_on_crate(3.0), {line_feature(4, {{3.0, end_m}, {3.0, -0.5}})});
@@ -176,7 +176,7 @@ TEST(FeatureEvaluation, ABodyWithHalfOfItOnTheMapIsOnIt) {
 }
 
 TEST(FeatureEvaluation, ABoxOfWhichTooLittleIsKnownIsOnTheBodyAndItsOutlineCounts) {
-  // Of a box of 1 m a tenth: 0.45 m off its middle, where its side is.
+  // The map has a tenth of a box of 1 m, 0.45 m off the middle of the box, where its side is.
   const FeatureScore score =
       score_of({crate_at(3.0)}, hits_on_crate(3.0), {box_feature(4, {{3.05, 0.0}, 0.0, 0.05, 0.5})});
   EXPECT_EQ(score.bodies.recall, 1.0);

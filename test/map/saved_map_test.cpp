@@ -21,7 +21,7 @@
 namespace situation_awareness::saved_map_test {
 namespace {
 
-/// Of which no digit is lost in seconds.
+/// This stamp loses no digit when it is written in seconds.
 constexpr std::int64_t kStamp_ns = 64'500'000'000;
 
 BodyState some_body(Random& random) {

@@ -58,7 +58,7 @@ double range_to_wall(const Eigen::Vector2d& from_m, const Eigen::Vector2d& u) {
   return along_m > 0.0 && std::abs(from_m.y() + along_m * u.y()) < kHalfWall_m ? along_m : INFINITY;
 }
 
-/// Of a vehicle that flies around a tower, and past a wall while that is there.
+/// The scan of a vehicle that flies around a tower, and past a wall while that is there.
 Scan scan_at(int i, std::int64_t stamp_ns, bool with_wall) {
   constexpr int kBeams = 721;
   const Eigen::Isometry3d T = pose_at(i);

@@ -28,8 +28,8 @@ struct SceneOutline {
 struct SceneThing {
   std::string name;
   std::vector<SceneOutline> outlines;  ///< at each time as many, of as many points
-  /// Of a body, whose centre and velocity count beside its outlines: for each outline its ellipse, or the one of equal
-  /// moments with Shape::kBox, its velocity and its id. Of all else, such as a building: none.
+  /// A body, whose centre and velocity count beside its outlines, has for each outline an object: the ellipse, or the
+  /// one of equal moments with Shape::kBox, the velocity and the id. All else, such as a building, has none.
   std::vector<Object> parts;
 };
 

@@ -13,7 +13,7 @@
 namespace situation_awareness::map_polygons_allocation_test {
 namespace {
 
-// Of what an update and the chains need, while the same scans come again.
+// An update and its chains allocate nothing while the same scans come again.
 TEST(Allocation, NoneForTheMapOfPolygonsAfterWarmUp) {
   RoomPolylines room(1);
   for (int i = 0; i < 6; ++i) room.add_box({{-2.0 + 0.8 * i, 1.2}, 0.1 * i, 0.15, 0.1});
